@@ -1,1 +1,25 @@
-//! (being written)
+//! Views, pictures of radiance, their files, tone mapping and comparison measures.
+//!
+//! - [`View`]: a perspective view as Radiance has it; [`ViewSpec`] is what a person or a file said of one.
+//! - [`Picture`]: linear radiance per pixel, row 0 at the top; reads and writes `.hdr`, `.pfm` and `.exr`, writes `.png`.
+//! - [`ToneMap`]: radiance to display bytes, with an automatic exposure.
+//! - [`compare()`] and [`bias_interval`]: how far a picture is from a reference.
+//!
+//! What always holds: a [`View`] can be seen through (finite, not degenerate); a picture that was read has radiance
+//! with the file's exposure divided out, and never more than [`MAX_PIXELS`] pixels.
+
+mod compare;
+mod error;
+mod files;
+mod picture;
+mod tonemap;
+mod view;
+mod view_spec;
+
+pub use compare::{BIAS_Z, CompareError, Measures, bias_interval, compare};
+pub use error::PictureError;
+pub use files::Format;
+pub use picture::{MAX_PIXELS, MAX_SIDE, Picture, luminance};
+pub use tonemap::ToneMap;
+pub use view::{DEFAULT_VH, View, ViewError, ViewParams};
+pub use view_spec::{ViewKind, ViewSpec};

@@ -1,1 +1,35 @@
-//! (being written)
+//! Sections, beams, ray coordinates, the sample codec, and sampling in a beam: pure mathematics, without input or
+//! output.
+//!
+//! A *section* is a parallelepiped whose six walls are gridded into cells; a *beam* is all rays from one cell to
+//! another; a *sample* is one stored ray of 10 bytes (Larson & Simmons 1999, §2.1). Everything is `f64`, and every
+//! function is a function of its arguments alone: no clocks, no global state, no threads.
+//!
+//! What always holds:
+//! - A [`Section`] is valid by construction, and its beams are numbered densely from 0.
+//! - [`Section::line`] of [`Section::ray`] gives back the same cells and coordinates, for each of the 256⁴ of a beam.
+//! - Which rays a beam's sample numbers stand for depends only on (section, beam, sample number, viewpoint).
+
+mod cells;
+pub mod distance;
+mod hash;
+mod importance;
+mod line;
+mod order;
+mod polygon;
+mod proximity;
+pub mod rgbe;
+mod sample;
+mod sampler;
+mod section;
+mod sobol;
+
+pub use cells::{BeamId, CellIndex, CellPair, RayCoords};
+pub use glam::DVec3;
+pub use hash::seed;
+pub use importance::ImportanceTable;
+pub use line::LineHit;
+pub use order::BeamOrder;
+pub use sample::{Sample, SampleKind};
+pub use sampler::{BeamSampler, Viewpoint};
+pub use section::{MAX_GRID, Section, SectionError, SectionRay, SectionSpec, ViewClass, ray_eye_distance};

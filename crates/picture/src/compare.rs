@@ -1,0 +1,289 @@
+//! How far a picture is from a reference: the measures of the project, and how sure its bias is.
+//!
+//! The formulas are those of the reference data's `compare.py`, in f64, with numpy's percentile and median. Luminance is
+//! 0.2126R + 0.7152G + 0.0722B here (Rec. 709 weights, relative), not the candelas of [`luminance`](crate::luminance).
+
+use crate::picture::Picture;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Weights of the channels in a relative luminance (Rec. 709).
+const REC709: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Pixels brighter than this times the reference's median are left out of the bias: a lamp in view would hide the rest.
+const LAMP: f64 = 20.0;
+
+/// Side, in pixels, of the blocks of [`Measures::worst_block`].
+const BLOCK: usize = 16;
+
+/// Half width of a two-sided 99 % interval in standard errors of a normal distribution.
+pub const BIAS_Z: f64 = 2.575_829_303_548_901;
+
+/// Why two pictures cannot be compared.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CompareError {
+    /// The sizes differ.
+    #[error("sizes differ: {}x{} against the reference's {}x{}", picture.0, picture.1, reference.0, reference.1)]
+    Sizes {
+        /// Size of the picture.
+        picture: (u32, u32),
+        /// Size of the reference.
+        reference: (u32, u32),
+    },
+    /// A picture has no pixels, or not as many as its size says.
+    #[error("the {0} has no pixels, or not as many as its size says")]
+    Pixels(&'static str),
+    /// A pixel is infinite or not a number: no measure of it would mean anything.
+    #[error("the {which} has no finite value at column {column}, row {row} (from the top)")]
+    NotFinite {
+        /// Which of the pictures.
+        which: &'static str,
+        /// Column, from 0.
+        column: u32,
+        /// Row from the top, from 0.
+        row: u32,
+    },
+    /// A standard error is negative.
+    #[error("the {which} is negative at column {column}, row {row} (from the top)")]
+    NegativeError {
+        /// Which of the pictures.
+        which: &'static str,
+        /// Column, from 0.
+        column: u32,
+        /// Row from the top, from 0.
+        row: u32,
+    },
+}
+
+/// The measures of a picture against a reference; all 0 (and `psnr_disp` 120) for equal pictures.
+///
+/// A measure that a pair of pictures does not have (a bias against black) is NaN, which JSON has as `null`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Measures {
+    /// Mean of (a-r)²/(r² + 0.01·mean(r)²) over pixels and channels, each at most 10⁴.
+    pub relmse: f64,
+    /// The same without that cap, without the worst 0.1 % of pixels: *the* relMSE of this project.
+    pub relmse_trim: f64,
+    /// Root mean square of the difference of log₁₀ luminance.
+    pub log_rmse: f64,
+    /// PSNR in dB of the picture as displayed: clipped at the reference's 95th percentile, gamma 2.2.
+    pub psnr_disp: f64,
+    /// Relative error of the mean luminance over pixels no brighter than 20 × the reference's median.
+    pub bias: f64,
+    /// Relative error of the mean luminance over all pixels.
+    pub bias_all: f64,
+    /// Largest relative error of the mean luminance of a 16×16 block of lit pixels.
+    pub worst_block: f64,
+    /// Share of pixels off by more than 0.1 decades.
+    pub bad: f64,
+}
+
+/// Prints as `compare.py` does: `relmse=0.0123 … bad=0.4`, five significant digits.
+impl fmt::Display for Measures {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Measures { relmse, relmse_trim, log_rmse, psnr_disp, bias, bias_all, worst_block, bad } = *self;
+        let named = [
+            ("relmse", relmse),
+            ("relmse_trim", relmse_trim),
+            ("log_rmse", log_rmse),
+            ("psnr_disp", psnr_disp),
+            ("bias", bias),
+            ("bias_all", bias_all),
+            ("worst_block", worst_block),
+            ("bad", bad),
+        ];
+        for (index, (name, value)) in named.into_iter().enumerate() {
+            let gap = if index == 0 { "" } else { " " };
+            write!(f, "{gap}{name}={}", general(value))?;
+        }
+        Ok(())
+    }
+}
+
+/// The measures of `picture` against `reference`.
+///
+/// # Errors
+/// Sizes that differ, pixels that are not finite.
+pub fn compare(picture: &Picture, reference: &Picture) -> Result<Measures, CompareError> {
+    check(picture, "picture", reference)?;
+    check(reference, "reference", reference)?;
+    let (la, lr) = (luminances(picture), luminances(reference));
+    let pixels = lr.len();
+    let mean_rgb = mean(reference.pixels.as_flattened().iter().map(|value| f64::from(*value)));
+    let floor = 1e-2 * mean_rgb * mean_rgb + 1e-12;
+    let mut capped = 0.0;
+    let mut relative: Vec<f64> = Vec::with_capacity(pixels);
+    for (a, r) in picture.pixels.iter().zip(&reference.pixels) {
+        let channels = [0, 1, 2].map(|c| {
+            let (a, r) = (f64::from(a[c]), f64::from(r[c]));
+            (a - r) * (a - r) / (r * r + floor)
+        });
+        capped += channels.iter().map(|x| x.min(1e4)).sum::<f64>();
+        relative.push(channels.iter().sum::<f64>() / 3.0);
+    }
+    relative.sort_unstable_by(f64::total_cmp);
+    let kept = (0.999 * f64::from(reference.height) * f64::from(reference.width)) as usize;
+
+    let epsilon = 1e-3 * mean(lr.iter().copied());
+    let logs: Vec<f64> = la.iter().zip(&lr).map(|(a, r)| (a + epsilon).log10() - (r + epsilon).log10()).collect();
+
+    let mut sorted = lr.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let dim = dim_pixels(&lr, &sorted);
+    let white = percentile(&sorted, 95.0) + 1e-9;
+    let shown = |value: f32| (f64::from(value) / white).clamp(0.0, 1.0).powf(1.0 / 2.2);
+    // compare.py clips each channel at the luminance's percentile.
+    let both = picture.pixels.as_flattened().iter().zip(reference.pixels.as_flattened());
+    let display = mean(both.map(|(a, r)| (shown(*a) - shown(*r)).powi(2)));
+
+    Ok(Measures {
+        relmse: capped / (3 * pixels) as f64,
+        relmse_trim: mean(relative[..kept].iter().copied()),
+        log_rmse: mean(logs.iter().map(|x| x * x)).sqrt(),
+        psnr_disp: -10.0 * (display + 1e-12).log10(),
+        bias: masked_mean(&la, &dim) / masked_mean(&lr, &dim) - 1.0,
+        bias_all: mean(la.iter().copied()) / mean(lr.iter().copied()) - 1.0,
+        worst_block: worst_block(&la, &lr, &dim, reference.width as usize),
+        bad: mean(logs.iter().map(|x| f64::from(u8::from(x.abs() > 0.1)))),
+    })
+}
+
+/// The bias of `picture` as [`Measures::bias`] has it, and the half width of its 99 % confidence interval.
+///
+/// `picture_error` and `reference_error` hold the standard error of every pixel and channel; None counts as exact. Pixels
+/// are taken to be independent of each other, as those of a path tracer are; the channels of a pixel as fully correlated
+/// (the error of a luminance is the weighted *sum* of theirs), which is the widest that they can make it. The interval of the
+/// ratio is that of its linearisation, good while the reference's mean is known to a few per cent.
+///
+/// # Errors
+/// As [`compare()`]; standard errors that are negative, or of another size.
+pub fn bias_interval(
+    picture: &Picture,
+    picture_error: Option<&Picture>,
+    reference: &Picture,
+    reference_error: Option<&Picture>,
+) -> Result<(f64, f64), CompareError> {
+    check(picture, "picture", reference)?;
+    check(reference, "reference", reference)?;
+    let (la, lr) = (luminances(picture), luminances(reference));
+    let mut sorted = lr.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let dim = dim_pixels(&lr, &sorted);
+    let (mean_a, mean_r) = (masked_mean(&la, &dim), masked_mean(&lr, &dim));
+    let variance = |error: Option<&Picture>, which: &'static str| -> Result<f64, CompareError> {
+        let Some(error) = error else { return Ok(0.0) };
+        check(error, which, reference)?;
+        if let Some(at) = error.pixels.iter().position(|rgb| rgb.iter().any(|value| *value < 0.0)) {
+            let (column, row) = place(error, at);
+            return Err(CompareError::NegativeError { which, column, row });
+        }
+        let squares = luminances(error).iter().zip(&dim).filter(|(_, dim)| **dim).map(|(e, _)| e * e).sum::<f64>();
+        let count = dim.iter().filter(|dim| **dim).count() as f64;
+        Ok(squares / (count * count))
+    };
+    let ratio = mean_a / mean_r;
+    let of_picture = variance(picture_error, "picture's standard error")?;
+    let of_reference = variance(reference_error, "reference's standard error")?;
+    let deviation = (of_picture + ratio * ratio * of_reference).sqrt() / mean_r;
+    Ok((ratio - 1.0, BIAS_Z * deviation))
+}
+
+fn check(picture: &Picture, which: &'static str, reference: &Picture) -> Result<(), CompareError> {
+    if picture.pixels.is_empty() || picture.pixels.len() != picture.width as usize * picture.height as usize {
+        return Err(CompareError::Pixels(which));
+    }
+    if picture.size() != reference.size() {
+        return Err(CompareError::Sizes { picture: picture.size(), reference: reference.size() });
+    }
+    match picture.pixels.iter().position(|rgb| !rgb.iter().all(|value| value.is_finite())) {
+        Some(at) => {
+            let (column, row) = place(picture, at);
+            Err(CompareError::NotFinite { which, column, row })
+        }
+        None => Ok(()),
+    }
+}
+
+fn place(picture: &Picture, at: usize) -> (u32, u32) {
+    ((at % picture.width as usize) as u32, (at / picture.width as usize) as u32)
+}
+
+fn luminances(picture: &Picture) -> Vec<f64> {
+    let weighted = |rgb: &[f32; 3]| (0..3).map(|c| f64::from(rgb[c]) * REC709[c]).sum();
+    picture.pixels.iter().map(weighted).collect()
+}
+
+/// Which pixels of the reference are no lamps.
+fn dim_pixels(lr: &[f64], sorted: &[f64]) -> Vec<bool> {
+    let limit = LAMP * percentile(sorted, 50.0).max(1e-12);
+    lr.iter().map(|l| *l <= limit).collect()
+}
+
+/// NaN without values, as numpy has it.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0u64), |(sum, count), value| (sum + value, count + 1));
+    sum / count as f64
+}
+
+fn masked_mean(values: &[f64], mask: &[bool]) -> f64 {
+    mean(values.iter().zip(mask).filter(|(_, kept)| **kept).map(|(value, _)| *value))
+}
+
+/// numpy's default percentile: linear between the two nearest ranks. Its median is the 50th. NaN without values.
+fn percentile(sorted: &[f64], percent: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let rank = percent / 100.0 * last as f64;
+    let below = (rank as usize).min(last);
+    let (low, high) = (sorted[below], sorted[(below + 1).min(last)]);
+    low + (high - low) * (rank - below as f64)
+}
+
+/// Only whole blocks, with at least half their pixels lit, whose reference is above 5 % of the mean.
+fn worst_block(la: &[f64], lr: &[f64], dim: &[bool], width: usize) -> f64 {
+    let floor = 0.05 * masked_mean(lr, dim);
+    let height = lr.len() / width;
+    let mut worst = 0.0f64;
+    for top in (0..(height + 1).saturating_sub(BLOCK)).step_by(BLOCK) {
+        for left in (0..(width + 1).saturating_sub(BLOCK)).step_by(BLOCK) {
+            let (mut a, mut r, mut count) = (0.0, 0.0, 0usize);
+            for row in top..top + BLOCK {
+                for at in row * width + left..row * width + left + BLOCK {
+                    if dim[at] {
+                        (a, r, count) = (a + la[at], r + lr[at], count + 1);
+                    }
+                }
+            }
+            if count >= BLOCK * BLOCK / 2 && r / count as f64 > floor {
+                worst = worst.max((a / r - 1.0).abs());
+            }
+        }
+    }
+    worst
+}
+
+/// C's `%.5g`.
+fn general(value: f64) -> String {
+    if !value.is_finite() {
+        return if value.is_nan() {
+            "nan"
+        } else if value > 0.0 {
+            "inf"
+        } else {
+            "-inf"
+        }
+        .to_owned();
+    }
+    let scientific = format!("{value:.4e}");
+    let Some((mantissa, exponent)) = scientific.split_once('e') else { return scientific };
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    let trimmed = |text: &str| {
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text.to_owned() }
+    };
+    if (-4..5).contains(&exponent) {
+        trimmed(&format!("{value:.*}", (4 - exponent) as usize))
+    } else {
+        let sign = if exponent < 0 { '-' } else { '+' };
+        format!("{}e{sign}{:02}", trimmed(mantissa), exponent.abs())
+    }
+}

@@ -1,0 +1,151 @@
+//! Files of pictures: which format, whole files only, and every error with the file's name.
+//!
+//! Invariants: memory is taken only for a size within [`MAX_PIXELS`] and, where the format allows to tell, for pixels
+//! that are there; a file that is written appears whole or not at all.
+
+mod hdr;
+mod hdr_pixels;
+mod openexr;
+mod pfm;
+
+use crate::error::PictureError;
+use crate::picture::{MAX_PIXELS, Picture};
+use crate::tonemap::ToneMap;
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Most bytes that a file of [`MAX_PIXELS`] pixels has: 16 a pixel, and room for headers.
+const MAX_FILE_BYTES: u64 = MAX_PIXELS * 16 + (1 << 20);
+
+/// A file format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Format {
+    /// Radiance RGBE, `.hdr` and `.pic`: within 0.4 % of the largest channel.
+    Hdr,
+    /// Portable float map, `.pfm`: exact.
+    Pfm,
+    /// OpenEXR with 32-bit floats, `.exr`: exact.
+    Exr,
+    /// Tone mapped, 8 bits, `.png`: written only.
+    Png,
+}
+
+impl Format {
+    /// The format that a path's extension names, in any case.
+    pub fn of_path(path: &Path) -> Option<Format> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "hdr" | "pic" => Some(Format::Hdr),
+            "pfm" => Some(Format::Pfm),
+            "exr" => Some(Format::Exr),
+            "png" => Some(Format::Png),
+            _ => None,
+        }
+    }
+
+    /// The format that the first bytes of a file belong to.
+    pub fn of_bytes(bytes: &[u8]) -> Option<Format> {
+        match bytes {
+            [b'#', b'?', ..] => Some(Format::Hdr),
+            [b'P', b'F' | b'f', ..] => Some(Format::Pfm),
+            [0x76, 0x2f, 0x31, 0x01, ..] => Some(Format::Exr),
+            [0x89, b'P', b'N', b'G', ..] => Some(Format::Png),
+            _ => None,
+        }
+    }
+}
+
+pub(crate) fn read(path: &Path) -> Result<Picture, PictureError> {
+    let result = read_bytes(path).and_then(|bytes| {
+        // Pictures of before 1991 have no `#?`: Radiance's extension is trusted for them alone.
+        let by_name = Format::of_path(path).filter(|format| *format == Format::Hdr);
+        decode(&bytes, Format::of_bytes(&bytes).or(by_name).ok_or(PictureError::UnknownFormat)?)
+    });
+    result.map_err(|error| named(path, error))
+}
+
+pub(crate) fn decode(bytes: &[u8], format: Format) -> Result<Picture, PictureError> {
+    match format {
+        Format::Hdr => hdr::decode(bytes),
+        Format::Pfm => pfm::decode(bytes),
+        Format::Exr => openexr::decode(bytes),
+        Format::Png => Err(PictureError::PngIsNotRadiance),
+    }
+}
+
+pub(crate) fn write(picture: &Picture, path: &Path) -> Result<(), PictureError> {
+    let written = Format::of_path(path)
+        .ok_or_else(|| PictureError::UnknownExtension(path.extension().unwrap_or_default().display().to_string()))
+        .and_then(|format| encode(picture, format))
+        .and_then(|bytes| write_whole(path, &bytes));
+    written.map_err(|error| named(path, error))
+}
+
+pub(crate) fn encode(picture: &Picture, format: Format) -> Result<Vec<u8>, PictureError> {
+    picture.check()?;
+    match format {
+        Format::Hdr => Ok(hdr::encode(picture)),
+        Format::Pfm => Ok(pfm::encode(picture)),
+        Format::Exr => openexr::encode(picture),
+        Format::Png => encode_png(picture),
+    }
+}
+
+fn encode_png(picture: &Picture) -> Result<Vec<u8>, PictureError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, picture.width, picture.height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    let failed = |error: png::EncodingError| PictureError::Png(error.to_string());
+    let mut writer = encoder.write_header().map_err(failed)?;
+    writer.write_image_data(&ToneMap::auto(picture).apply(picture)).map_err(failed)?;
+    writer.finish().map_err(failed)?;
+    Ok(bytes)
+}
+
+fn read_bytes(path: &Path) -> Result<Vec<u8>, PictureError> {
+    let file = File::open(path)?;
+    let stated = file.metadata()?.len();
+    if stated > MAX_FILE_BYTES {
+        return Err(PictureError::TooLong(stated));
+    }
+    // A pipe states no length, and a file may grow: the bound holds for what comes, too.
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(PictureError::TooLong(bytes.len() as u64));
+    }
+    Ok(bytes)
+}
+
+/// Writes beside `path`, flushes, and moves into place.
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PictureError> {
+    let temporary = temporary_beside(path);
+    let written = File::create_new(&temporary).and_then(|mut file| {
+        file.write_all(bytes)?;
+        file.sync_all()
+    });
+    let moved = written.and_then(|()| fs::rename(&temporary, path));
+    if moved.is_err() {
+        // The first error is the one to report; a file that was never made cannot be removed either.
+        let _ = fs::remove_file(&temporary);
+    }
+    Ok(moved?)
+}
+
+/// A name in the same folder that no other process and no other thread uses.
+fn temporary_beside(path: &Path) -> PathBuf {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    let mut name = OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".{}-{}.tmp", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed)));
+    path.with_file_name(name)
+}
+
+fn named(path: &Path, error: PictureError) -> PictureError {
+    PictureError::File { path: path.to_owned(), error: Box::new(error) }
+}

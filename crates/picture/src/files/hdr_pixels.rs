@@ -1,0 +1,126 @@
+//! The scanlines of a Radiance picture: flat, old runs (1 1 1 count) and new ones (channel by channel).
+//!
+//! Invariant: a reader takes what it is given and no more, and fills exactly one row or fails.
+
+use crate::error::PictureError;
+
+/// Longest run and longest literal of the newer encoding (Radiance color.c).
+const MAX_RUN: usize = 127;
+const MAX_LITERAL: usize = 128;
+
+/// Shortest run worth its two bytes (Radiance color.c, MINRUN).
+const MIN_RUN: usize = 4;
+
+/// What is wrong with a row.
+pub(super) enum Fault {
+    Truncated,
+    Encoding(&'static str),
+}
+
+impl Fault {
+    pub(super) fn at(self, row: u32, rows: u32) -> PictureError {
+        match self {
+            Fault::Truncated => PictureError::Truncated { row, rows },
+            Fault::Encoding(what) => PictureError::Encoding { row, what },
+        }
+    }
+}
+
+/// Reads one row; `rle` says that its width allows the newer encoding.
+pub(super) fn read_row(rest: &mut &[u8], row: &mut [[u8; 4]], rle: bool) -> Result<(), Fault> {
+    match rest {
+        // A length of 2^15 and more cannot be: Radiance takes these four bytes as a pixel then.
+        [2, 2, high, low, ..] if rle && *high < 128 => {
+            if usize::from(*high) << 8 | usize::from(*low) != row.len() {
+                return Err(Fault::Encoding("its length is not the picture's width"));
+            }
+            *rest = &rest[4..];
+            (0..4).try_for_each(|channel| read_channel(rest, row, channel))
+        }
+        _ => read_old(rest, row),
+    }
+}
+
+fn read_channel(rest: &mut &[u8], row: &mut [[u8; 4]], channel: usize) -> Result<(), Fault> {
+    let mut at = 0;
+    while at < row.len() {
+        let code = usize::from(take::<1>(rest)?[0]);
+        let count = if code > MAX_LITERAL { code - MAX_LITERAL } else { code };
+        let target = row.get_mut(at..at + count).ok_or(Fault::Encoding("a run goes past its end"))?;
+        if code > MAX_LITERAL {
+            let [value] = take::<1>(rest)?;
+            target.iter_mut().for_each(|pixel| pixel[channel] = value);
+        } else {
+            let (values, after) = rest.split_at_checked(count).ok_or(Fault::Truncated)?;
+            target.iter_mut().zip(values).for_each(|(pixel, value)| pixel[channel] = *value);
+            *rest = after;
+        }
+        at += count;
+    }
+    Ok(())
+}
+
+/// Flat pixels, in which 1 1 1 n repeats the last one n times, and following ones count 256 times as much each.
+fn read_old(rest: &mut &[u8], row: &mut [[u8; 4]]) -> Result<(), Fault> {
+    let (mut at, mut shift) = (0, 0);
+    while at < row.len() {
+        let pixel = take::<4>(rest)?;
+        if pixel[..3] != [1, 1, 1] {
+            row[at] = pixel;
+            (at, shift) = (at + 1, 0);
+            continue;
+        }
+        let last = *at.checked_sub(1).and_then(|last| row.get(last)).ok_or(Fault::Encoding("it begins with a run"))?;
+        if shift > 16 {
+            return Err(Fault::Encoding("a run is longer than any row"));
+        }
+        // Radiance cuts a run at the end of the row, and so do we.
+        let end = row.len().min(at + (usize::from(pixel[3]) << shift));
+        row[at..end].fill(last);
+        (at, shift) = (end, shift + 8);
+    }
+    Ok(())
+}
+
+fn take<const N: usize>(rest: &mut &[u8]) -> Result<[u8; N], Fault> {
+    let (bytes, after) = rest.split_first_chunk::<N>().ok_or(Fault::Truncated)?;
+    *rest = after;
+    Ok(*bytes)
+}
+
+/// Appends one row, in the newer encoding if `rle` (its length must then be less than 2^15).
+pub(super) fn write_row(bytes: &mut Vec<u8>, row: &[[u8; 4]], rle: bool) {
+    if !rle {
+        // No pixel of ours reads as a run: the largest mantissa is never below 128, but for black.
+        bytes.extend_from_slice(row.as_flattened());
+        return;
+    }
+    bytes.extend_from_slice(&[2, 2, (row.len() >> 8) as u8, row.len() as u8]);
+    for channel in 0..4 {
+        write_channel(bytes, row, channel);
+    }
+}
+
+fn write_channel(bytes: &mut Vec<u8>, row: &[[u8; 4]], channel: usize) {
+    let run_at = |at: usize| row[at..].iter().take(MAX_RUN).take_while(|p| p[channel] == row[at][channel]).count();
+    let mut at = 0;
+    while at < row.len() {
+        let run = run_at(at);
+        if run >= MIN_RUN {
+            bytes.extend_from_slice(&[(MAX_LITERAL + run) as u8, row[at][channel]]);
+            at += run;
+            continue;
+        }
+        let start = at;
+        while at < row.len() && at - start < MAX_LITERAL && run_at_least(row, at, channel) < MIN_RUN {
+            at += 1;
+        }
+        bytes.push((at - start) as u8);
+        bytes.extend(row[start..at].iter().map(|pixel| pixel[channel]));
+    }
+}
+
+/// Length of the run that begins at `at`, counted no further than [`MIN_RUN`]: a literal asks this at every byte.
+fn run_at_least(row: &[[u8; 4]], at: usize, channel: usize) -> usize {
+    row[at..].iter().take(MIN_RUN).take_while(|pixel| pixel[channel] == row[at][channel]).count()
+}

@@ -1,0 +1,230 @@
+//! What a person, a script or a Radiance file says of a view: any part of it, later words over earlier ones.
+//!
+//! One parser serves `--vp 1,2,3`, `view -vp 1 2 3 -vh 60`, `.vf` files and `VIEW=` lines. Every number in a
+//! [`ViewSpec`] is finite; whether they make a view is decided by [`ViewSpec::resolve`].
+
+use crate::view::{View, ViewError};
+use glam::DVec3;
+
+/// How directions are laid out in a picture. Radiance's `l`, `c`, `a`, `h` and `s` are refused by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ViewKind {
+    /// Perspective, Radiance's `-vtv`.
+    Perspective,
+}
+
+/// Parts of a view; what is None was not said.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ViewSpec {
+    /// `-vtv`.
+    pub kind: Option<ViewKind>,
+    /// `-vp`: eye.
+    pub vp: Option<DVec3>,
+    /// `-vd`: direction; its length (Radiance's focus distance) is not used.
+    pub vd: Option<DVec3>,
+    /// `-vu`: up.
+    pub vu: Option<DVec3>,
+    /// `-vh`: full horizontal angle, degrees.
+    pub vh: Option<f64>,
+    /// `-vv`: full vertical angle, degrees.
+    pub vv: Option<f64>,
+    /// `-vo`: fore clipping distance; only 0 is supported.
+    pub vo: Option<f64>,
+    /// `-va`: aft clipping distance; only 0 (none) is supported.
+    pub va: Option<f64>,
+    /// `-vs`: shift; only 0 is supported.
+    pub vs: Option<f64>,
+    /// `-vl`: lift; only 0 is supported.
+    pub vl: Option<f64>,
+}
+
+/// Longest text that is searched for a view: a view file has one line, and 1 MiB of picture header is no header.
+const MAX_TEXT: usize = 1 << 20;
+
+/// First words of lines that hold a view: programs that write their options into a picture's header.
+const PROGRAMS: [&str; 8] = ["rview", "rvu", "rpict", "rpiece", "rholo", "rhpict", "rtpict", "view"];
+
+impl ViewSpec {
+    /// Applies one option: its name with or without dashes, and its numbers parted by commas or spaces, as in
+    /// `apply_option("--vp", "1,2,3")`.
+    ///
+    /// # Errors
+    /// An unknown option, a wrong number of numbers, a number that is not finite, a view type other than `v`.
+    pub fn apply_option(&mut self, option: &str, value: &str) -> Result<(), ViewError> {
+        let name = option.trim_start_matches('-');
+        let shown = || format!("--{name}");
+        let words: Vec<&str> = value.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty()).collect();
+        if name == "vt" {
+            return self.set_kind(value.trim());
+        }
+        let wanted = arity(name).ok_or_else(|| ViewError::UnknownOption(option.to_owned()))?;
+        if words.len() != wanted {
+            return Err(ViewError::Count { option: shown(), wanted, found: words.len() });
+        }
+        self.set(name, &shown(), &words)
+    }
+
+    /// Applies a line of options such as `-vp 12.5 .5 5 -vd .7 .7 0 -vh 60`, where every word must be one or belong
+    /// to one.
+    ///
+    /// # Errors
+    /// As [`ViewSpec::apply_option`]; the options before the wrong one have then been applied.
+    pub fn apply_line(&mut self, line: &str) -> Result<(), ViewError> {
+        self.apply_words(line, true)
+    }
+
+    /// This view with everything that `later` says put over it.
+    #[must_use]
+    pub fn overridden_by(&self, later: &ViewSpec) -> ViewSpec {
+        ViewSpec {
+            kind: later.kind.or(self.kind),
+            vp: later.vp.or(self.vp),
+            vd: later.vd.or(self.vd),
+            vu: later.vu.or(self.vu),
+            vh: later.vh.or(self.vh),
+            vv: later.vv.or(self.vv),
+            vo: later.vo.or(self.vo),
+            va: later.va.or(self.va),
+            vs: later.vs.or(self.vs),
+            vl: later.vl.or(self.vl),
+        }
+    }
+
+    /// The view and the size of its picture, as [`View::resolve`]; `-vu` is +z when not given, as in Radiance.
+    ///
+    /// # Errors
+    /// As [`View::resolve`]; a missing `-vp` or `-vd`; shifts and clipping planes other than 0.
+    pub fn resolve(&self, max_size: (u32, u32)) -> Result<(View, (u32, u32)), ViewError> {
+        for (option, value) in [("-vo", self.vo), ("-va", self.va), ("-vs", self.vs), ("-vl", self.vl)] {
+            if let Some(value) = value.filter(|value| *value != 0.0) {
+                return Err(ViewError::UnsupportedOption { option, value });
+            }
+        }
+        let vp = self.vp.ok_or(ViewError::Missing("-vp"))?;
+        let vd = self.vd.ok_or(ViewError::Missing("-vd"))?;
+        View::resolve(vp, vd, self.vu.unwrap_or(DVec3::Z), self.vh, self.vv, max_size)
+    }
+
+    /// Applies one line of a Radiance header or view file if it holds a view; says whether it did.
+    ///
+    /// As in Radiance, only a line that begins with `VIEW=` or the name of a program that takes a view counts (so one
+    /// that is indented, of an original picture, does not), and words that are no view options are passed over.
+    pub(crate) fn apply_header_line(&mut self, line: &str) -> Result<bool, ViewError> {
+        let rest = match line.strip_prefix("VIEW=") {
+            Some(rest) => rest,
+            None => {
+                let (program, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+                let name = program.rsplit(['/', '\\']).next().unwrap_or(program);
+                if !PROGRAMS.contains(&name.trim_end_matches(".exe")) {
+                    return Ok(false);
+                }
+                rest
+            }
+        };
+        let mut changed = *self;
+        changed.apply_words(rest, false)?;
+        // A program's line without any view option (`rpict -ab 2 scene.oct`) is no view.
+        let is_view = rest.split_whitespace().any(|word| option_name(word).is_some());
+        *self = changed;
+        Ok(is_view)
+    }
+
+    fn apply_words(&mut self, line: &str, strict: bool) -> Result<(), ViewError> {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let mut at = 0;
+        while let Some(&word) = words.get(at) {
+            at += 1;
+            let Some(name) = option_name(word) else {
+                if strict {
+                    return Err(ViewError::UnknownOption(word.to_owned()));
+                }
+                continue;
+            };
+            if let Some(kind) = name.strip_prefix("vt") {
+                self.set_kind(kind)?;
+                continue;
+            }
+            let wanted = arity(name).unwrap_or(0);
+            let found = words[at..].iter().take(wanted).take_while(|word| option_name(word).is_none()).count();
+            if found < wanted {
+                return Err(ViewError::Count { option: word.to_owned(), wanted, found });
+            }
+            self.set(name, word, &words[at..at + wanted])?;
+            at += wanted;
+        }
+        Ok(())
+    }
+
+    fn set_kind(&mut self, kind: &str) -> Result<(), ViewError> {
+        if kind != "v" {
+            return Err(ViewError::UnsupportedKind(kind.to_owned()));
+        }
+        self.kind = Some(ViewKind::Perspective);
+        Ok(())
+    }
+
+    /// Sets the option `name` from exactly as many words as it takes.
+    fn set(&mut self, name: &str, shown: &str, words: &[&str]) -> Result<(), ViewError> {
+        let mut numbers = [0.0; 3];
+        for (number, &word) in numbers.iter_mut().zip(words) {
+            let parsed: Option<f64> = word.parse().ok();
+            *number = parsed
+                .filter(|x| x.is_finite())
+                .ok_or_else(|| ViewError::Number { option: shown.to_owned(), word: word.to_owned() })?;
+        }
+        let (vector, scalar) = (Some(DVec3::from_array(numbers)), Some(numbers[0]));
+        match name {
+            "vp" => self.vp = vector,
+            "vd" => self.vd = vector,
+            "vu" => self.vu = vector,
+            "vh" => self.vh = scalar,
+            "vv" => self.vv = scalar,
+            "vo" => self.vo = scalar,
+            "va" => self.va = scalar,
+            "vs" => self.vs = scalar,
+            "vl" => self.vl = scalar,
+            _ => return Err(ViewError::UnknownOption(shown.to_owned())),
+        }
+        Ok(())
+    }
+}
+
+impl View {
+    /// The view of a Radiance view file, such as `rview -vtv -vp 0 0 0 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45`; a line that
+    /// begins with the options themselves will do. Later lines override earlier ones.
+    ///
+    /// # Errors
+    /// No view in the text, or one with an error (the line is named).
+    pub fn parse_vf(text: &str) -> Result<ViewSpec, ViewError> {
+        if text.len() > MAX_TEXT {
+            return Err(ViewError::NoView);
+        }
+        let (mut spec, mut found) = (ViewSpec::default(), false);
+        for (index, line) in text.lines().enumerate() {
+            let line = line.trim();
+            let applied = if option_name(line.split_whitespace().next().unwrap_or("")).is_some() {
+                spec.apply_line(line).map(|()| true)
+            } else {
+                spec.apply_header_line(line)
+            };
+            found |= applied.map_err(|error| ViewError::Line { line: index + 1, error: Box::new(error) })?;
+        }
+        if found { Ok(spec) } else { Err(ViewError::NoView) }
+    }
+}
+
+/// The name of a view option without its dash (`vp`, `vtv`), or None for other words, negative numbers among them.
+fn option_name(word: &str) -> Option<&str> {
+    let name = word.strip_prefix('-')?;
+    (arity(name).is_some() || (name.starts_with("vt") && name.len() <= 3)).then_some(name)
+}
+
+/// How many numbers an option takes.
+fn arity(name: &str) -> Option<usize> {
+    match name {
+        "vp" | "vd" | "vu" => Some(3),
+        "vh" | "vv" | "vo" | "va" | "vs" | "vl" => Some(1),
+        _ => None,
+    }
+}
