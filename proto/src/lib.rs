@@ -1,1 +1,24 @@
-//! (being written)
+//! The wire protocol: what holoserver, rtworker and holoview say to each other, byte by byte as in `SPEC.md`.
+//!
+//! Pure encoding and decoding; sockets are `holo-net`'s business. What always holds:
+//! - nothing that came from outside is trusted: every count is checked against the payload's length and a named limit
+//!   before memory is taken for it, and a payload with bytes left over is refused;
+//! - control messages are bincode with fixed-size little-endian integers ([`control`]); beams, packets and samples are
+//!   plain-old-data arrays ([`bulk`]), because they are all of the traffic;
+//! - the first message of either side ([`hello`]) has a layout of its own that no later version changes, so that two
+//!   programs of different versions can always tell each other so.
+
+pub mod bulk;
+pub mod control;
+mod error;
+pub mod frame;
+pub mod hello;
+
+pub use error::ProtoError;
+
+/// The version of everything after the hello. Raised by any change to a message's bytes.
+pub const PROTOCOL_VERSION: u16 = 1;
+
+/// Rays in one packet: what fitted the original's 512-byte packets (Larson & Simmons 1999, §2.2, footnote 4), and still
+/// a good unit of work: one beam's set-up is shared and a lost packet costs little.
+pub const MAX_RAYS_PER_PACKET: usize = 21;

@@ -1,1 +1,91 @@
-//! (being written)
+//! The bundled scenes: a Cornell box and a furnished interior, made by this program from nothing.
+//!
+//! Always: a scene is the same byte for byte each time that it is made; it is closed but for its windows; lights shine
+//! on the counter-clockwise side of their faces, into the rooms.
+
+mod building;
+mod config;
+mod cornell;
+mod furniture;
+mod garden;
+mod material;
+mod mesh;
+mod obj;
+mod random;
+mod rooms;
+mod shapes;
+#[cfg(test)]
+mod tests;
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A scene that this crate makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bundled {
+    /// The Cornell box: 32 triangles, one lamp, units of 100 mm, +Y up.
+    Cornell,
+    /// A flat of five rooms and a hallway with some 200,000 triangles and 80 lamps, metres, +Z up.
+    Interior,
+}
+
+/// Where [`write()`] put a scene.
+#[derive(Clone, Debug)]
+pub struct Written {
+    /// The OBJ file; its MTL file is beside it.
+    pub obj: PathBuf,
+    /// What `holodeck --config` reads.
+    pub config: PathBuf,
+}
+
+impl Bundled {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Cornell, Self::Interior];
+
+    /// Its name, which its files are called by.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cornell => "cornell",
+            Self::Interior => "interior",
+        }
+    }
+
+    /// The scene of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|scene| scene.name() == name)
+    }
+}
+
+/// Writes NAME.obj, NAME.mtl and NAME.toml into `dir`, which is made if need be.
+///
+/// # Errors
+/// Those of the file system.
+pub fn write(scene: Bundled, dir: &Path) -> io::Result<Written> {
+    fs::create_dir_all(dir)?;
+    let path = |extension: &str| dir.join(format!("{}.{extension}", scene.name()));
+    let (obj, mtl) = obj_and_mtl(scene);
+    fs::write(path("mtl"), mtl)?;
+    fs::write(path("toml"), config(scene))?;
+    fs::write(path("obj"), obj)?;
+    Ok(Written { obj: path("obj"), config: path("toml") })
+}
+
+/// The texts of the OBJ file and of the MTL file that it names.
+pub fn obj_and_mtl(scene: Bundled) -> (String, String) {
+    match scene {
+        Bundled::Cornell => (cornell::obj(), cornell::MTL.to_owned()),
+        Bundled::Interior => {
+            let library = material::ALL.iter().map(|material| material.to_string()).collect::<Vec<_>>().join("\n");
+            (obj::write(&rooms::interior(), "interior.mtl"), library)
+        }
+    }
+}
+
+/// The text of the configuration: scene, up axis, unit, sections and views; the first view is the one to begin with.
+pub fn config(scene: Bundled) -> String {
+    match scene {
+        Bundled::Cornell => cornell::CONFIG.to_owned(),
+        Bundled::Interior => config::interior(),
+    }
+}

@@ -1,1 +1,17 @@
-//! (being written)
+//! The display process without its process: which beams a view wants, and what picture their samples make.
+//!
+//! [`select_beams`] turns a view into wanted beams (Larson & Simmons 1999, §2.4.2); the server answers with samples; a
+//! driver turns samples into pixels. [`Quadtree`] is the driver of §2.4.3, with leaves that know surfaces and noise.
+//!
+//! What always holds:
+//! - No input or output, no clock, no randomness but what the caller seeds: the same calls give the same bits.
+//! - A picture at rest does not depend on the order in which samples arrived, nor on how they were batched.
+//! - A pixel that no section covers is never invented: it stays 0 and is counted.
+
+mod camera;
+mod candidates;
+mod quadtree;
+mod select;
+
+pub use quadtree::{Frame, LeafSize, Quadtree, QuadtreeParams};
+pub use select::{Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint_radius};

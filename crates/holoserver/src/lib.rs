@@ -1,1 +1,186 @@
-//! (being written)
+//! The holodeck server: one file, any number of workers that trace for it and displays that look at it (Larson &
+//! Simmons 1999, §2.2).
+//!
+//! Three modes, which are not settings but what the company makes of it: with a worker and no display it fills the file
+//! in batch order, with a display it answers the display's view first from the file and then by tracing, and without
+//! workers it only shows. Anyone may come and go at any time.
+
+mod allotment;
+mod batch;
+mod coordinator;
+mod holodeck;
+mod listen;
+mod progress;
+mod recall;
+mod wishes;
+mod workers;
+
+use std::{net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
+
+use anyhow::{Context, Result};
+use clap::Args;
+pub use coordinator::Goal;
+pub use holodeck::{About, Holodeck};
+use holo_net::Shutdown;
+use serde::Serialize;
+use tokio::net::TcpListener;
+
+use coordinator::{Coordinator, Event};
+use progress::Progress;
+
+/// Options of `holoserver`.
+#[derive(Args, Clone, Debug)]
+pub struct Config {
+    /// The holodeck to serve
+    #[arg(value_name = "FILE.holo")]
+    pub file: PathBuf,
+    /// Where to listen; port 0 takes any free port. The address is printed
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7070")]
+    pub listen: String,
+    /// Memory for beams kept at hand, MiB
+    #[arg(long, value_name = "MIB", default_value_t = 256)]
+    pub cache: u64,
+    /// Fill the file in batch order whenever no display wants anything
+    #[arg(long)]
+    pub fill: bool,
+    /// End after so long, such as 30s, 10m or 8h
+    #[arg(long, value_name = "TIME", value_parser = parse_time)]
+    pub time: Option<Duration>,
+    /// End once so many samples have been added, such as 20M
+    #[arg(long, value_name = "N", value_parser = parse_count)]
+    pub samples: Option<u64>,
+    /// Only show: open the file without writing to it, and take no workers
+    #[arg(long, conflicts_with_all = ["fill", "time", "samples"])]
+    pub display_only: bool,
+    /// Print a summary as JSON at the end
+    #[arg(long)]
+    pub json: bool,
+    /// Say less
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// End when standard input ends (set by the program that starts this one)
+    #[arg(long, hide = true)]
+    pub with_parent: bool,
+}
+
+impl Config {
+    /// Serves `file` with the defaults, on any free port.
+    pub fn new(file: PathBuf) -> Config {
+        Config {
+            file,
+            listen: "127.0.0.1:0".into(),
+            cache: 256,
+            fill: false,
+            time: None,
+            samples: None,
+            display_only: false,
+            json: false,
+            quiet: true,
+            with_parent: false,
+        }
+    }
+}
+
+/// A time such as `30s`, `10m`, `8h`, or plain seconds.
+///
+/// # Errors
+/// A text for people, if it is none.
+pub fn parse_time(text: &str) -> Result<Duration, String> {
+    let (number, factor) = match text.char_indices().next_back() {
+        Some((at, 's')) => (&text[..at], 1.0),
+        Some((at, 'm')) => (&text[..at], 60.0),
+        Some((at, 'h')) => (&text[..at], 3600.0),
+        _ => (text, 1.0),
+    };
+    let seconds = number.parse::<f64>().ok().filter(|seconds| *seconds >= 0.0);
+    let time = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds * factor).ok());
+    time.ok_or_else(|| format!("`{text}` is not a time; write 30s, 10m or 8h"))
+}
+
+/// A count such as `500k`, `20M`, `1.5G`, or a plain number.
+///
+/// # Errors
+/// A text for people, if it is none.
+pub fn parse_count(text: &str) -> Result<u64, String> {
+    let (number, factor) = match text.char_indices().next_back() {
+        Some((at, 'k')) => (&text[..at], 1e3),
+        Some((at, 'M')) => (&text[..at], 1e6),
+        Some((at, 'G')) => (&text[..at], 1e9),
+        _ => (text, 1.0),
+    };
+    let count = number.parse::<f64>().ok().map(|count| count * factor);
+    let count = count.filter(|count| (0.0..1e18).contains(count));
+    count.map(|count| count as u64).ok_or_else(|| format!("`{text}` is not a count; write 500k, 20M or 1G"))
+}
+
+/// What a server did.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Summary {
+    /// Samples added.
+    pub added: u64,
+    /// Samples in the file at the end.
+    pub samples: u64,
+    /// The file's length, bytes.
+    pub file_bytes: u64,
+    /// How long it ran.
+    pub seconds: f64,
+}
+
+/// Serves a holodeck until its goal is reached or `shutdown` is triggered. `ready` is told the address once
+/// connections are taken.
+///
+/// # Errors
+/// If the file cannot be opened or written, or the address not be listened at.
+pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(SocketAddr)) -> Result<Summary> {
+    let address = holo_net::loopback(&config.listen)?;
+    let cache = config.cache << 20;
+    let path = config.file.clone();
+    let open = move || match config.display_only {
+        true => Holodeck::open_read_only(&path, cache),
+        false => Holodeck::open(&path, cache),
+    };
+    let holodeck = Arc::new(tokio::task::spawn_blocking(open).await??);
+    for damage in &holodeck.file.report().damage {
+        eprintln!("{}: {damage}", config.file.display());
+    }
+    let listener = TcpListener::bind(address).await.with_context(|| format!("listening at {address}"))?;
+    ready(listener.local_addr()?);
+
+    let (events, receiver) = std::sync::mpsc::channel();
+    let goal = Goal { time: config.time, samples: config.samples };
+    let report = config.fill || config.time.is_some() || config.samples.is_some();
+    let progress = Progress::new(holodeck.file.stats().samples, report, config.quiet);
+    let coordinator = Coordinator::new(Arc::clone(&holodeck), events.clone(), config.fill, goal, progress);
+    let listening = tokio::spawn(listen::listen(listener, Arc::clone(&holodeck), events.clone()));
+    let watching = tokio::spawn(async move {
+        shutdown.wait().await;
+        // If the coordinator is gone there is nothing to end.
+        let _ = events.send(Event::Shutdown);
+    });
+    let started = std::time::Instant::now();
+    // Not one of the runtime's threads: it may wait for the disk when memory for samples runs out.
+    let added = tokio::task::spawn_blocking(move || coordinator.run(&receiver)).await?;
+    listening.abort();
+    watching.abort();
+    // Let the farewells leave.
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    let stats = holodeck.file.stats();
+    let seconds = started.elapsed().as_secs_f64();
+    Ok(Summary { added: added?, samples: stats.samples, file_bytes: stats.file_bytes, seconds })
+}
+
+/// The whole program: [`run`] until a signal, with the address printed on standard output.
+///
+/// # Errors
+/// As [`run`].
+pub async fn run_until_signal(config: Config) -> Result<()> {
+    let shutdown = Shutdown::new();
+    shutdown.on_signals(config.with_parent)?;
+    let json = config.json;
+    // The first line on standard output, for people and for programs that start this one on any free port.
+    let summary = run(config, shutdown, |address| println!("listening on {address}")).await?;
+    if json {
+        println!("{}", serde_json::to_string(&summary)?);
+    }
+    Ok(())
+}

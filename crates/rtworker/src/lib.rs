@@ -1,1 +1,113 @@
-//! (being written)
+//! The sample generator: one process that traces packets for a holoserver on all its cores (Larson & Simmons 1999, §2.3).
+//!
+//! What always holds:
+//! - one copy of the scene serves all threads, and it comes from the server: no shared disk is needed;
+//! - which rays a packet holds follows from the packet alone, so a packet traced again holds the same rays;
+//! - pings are answered while a scene loads and while every core traces.
+
+mod cache;
+mod pool;
+mod session;
+
+use std::{net::SocketAddr, path::PathBuf, time::Duration};
+
+use anyhow::{Context, Result};
+use clap::Args;
+use holo_net::{NetError, Shutdown};
+
+/// Options of `rtworker`.
+#[derive(Args, Clone, Debug)]
+pub struct Config {
+    /// The holoserver's address
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7070")]
+    pub connect: String,
+    /// Threads that trace [default: one per core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<u16>,
+    /// Give way to other programs by this much (0 to 19)
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(i32).range(0..=19))]
+    pub nice: i32,
+    /// Go on trying to reach the server for so long, at the start and after a lost connection
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
+    pub retry: f64,
+    /// Where scenes received are kept [default: holodeck/scenes in the user's cache folder]
+    #[arg(long, value_name = "DIR")]
+    pub scene_cache: Option<PathBuf>,
+    /// Say less
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// End when standard input ends (set by the program that starts this one)
+    #[arg(long, hide = true)]
+    pub with_parent: bool,
+}
+
+/// How long to wait between two attempts to reach the server.
+const RETRY_EVERY: Duration = Duration::from_millis(250);
+
+/// Traces for a server until the server says goodbye, or `shutdown` is triggered.
+///
+/// # Errors
+/// If the server cannot be reached for `config.retry` seconds, refuses, breaks the protocol, or its scene cannot be
+/// traced.
+pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
+    let address = holo_net::loopback(&config.connect)?;
+    if config.nice > 0 {
+        // Only politeness: where it is not allowed, tracing goes on all the same.
+        let _ = rustix::process::nice(config.nice);
+    }
+    let mut worker = session::Worker::new(&config);
+    loop {
+        let lost = tokio::select! {
+            ended = serve(&mut worker, &config, address) => match ended {
+                Ok(reason) => {
+                    say(&config, &format!("leaving: {reason}"));
+                    return Ok(());
+                }
+                Err(error) => error,
+            },
+            () = shutdown.wait() => return Ok(()),
+        };
+        match lost.downcast_ref::<NetError>() {
+            Some(NetError::Closed | NetError::Silent | NetError::Io(_)) => {
+                say(&config, &format!("lost the server ({lost}); trying to reach it again"));
+            }
+            _ => return Err(lost.context(format!("working for {address}"))),
+        }
+    }
+}
+
+async fn serve(worker: &mut session::Worker, config: &Config, address: SocketAddr) -> Result<String> {
+    let deadline = tokio::time::Instant::now() + Duration::try_from_secs_f64(config.retry).unwrap_or_default();
+    let connection = loop {
+        match session::connect(address).await {
+            Ok(connection) => break connection,
+            Err(NetError::Io(_) | NetError::Closed) if tokio::time::Instant::now() < deadline => {
+                tokio::time::sleep(RETRY_EVERY).await;
+            }
+            // Not a connection lost but one never made: the caller must not try for ever.
+            Err(NetError::Io(error)) => {
+                return Err(anyhow::Error::msg(error.to_string()))
+                    .with_context(|| format!("no holoserver answers at {address} (is it running?)"));
+            }
+            Err(error) => return Err(error.into()),
+        }
+    };
+    say(config, &format!("connected to {address}"));
+    worker.session(connection).await
+}
+
+fn say(config: &Config, text: &str) {
+    if !config.quiet {
+        eprintln!("rtworker: {text}");
+    }
+}
+
+/// The whole program: [`run`] until a signal.
+///
+/// # Errors
+/// As [`run`].
+pub async fn run_until_signal(config: Config) -> Result<()> {
+    let shutdown = Shutdown::new();
+    shutdown.on_signals(config.with_parent)?;
+    run(config, shutdown).await
+}

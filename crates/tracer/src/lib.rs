@@ -1,1 +1,175 @@
-//! (being written)
+//! Engines: a ray in, its radiance and the distance to the first surface out. Knows no beams and no sockets.
+//!
+//! The engine `path` is an unbiased path tracer ("The Rendering Equation", Kajiya 1986) with next-event estimation. What
+//! materials mean is said at [`holo_scene::Bsdf`]; the conventions are those of Mitsuba 3's `diffuse`, `conductor`,
+//! `roughconductor`, `thindielectric`, `dielectric` and `roughdielectric`.
+//!
+//! Always true:
+//! - A [`Traced`] is a function of (scene, settings, ray, seed): not of threads, processor or order.
+//! - Radiance is finite and not negative. A path whose estimate is not finite counts as 0 and is counted
+//!   ([`Tracer::nonfinite_paths`]).
+//! - Rays travel in f32 relative to the scene's origin; rays from far away are brought near it in f64 first.
+//! - A [`Tracer`] may be shared by any number of threads.
+
+mod bsdf;
+#[cfg(test)]
+mod bsdf_tests;
+mod coat;
+#[cfg(test)]
+mod direct_tests;
+mod fresnel;
+mod geometry;
+mod lights;
+mod microfacet;
+mod path;
+mod sampler;
+
+pub use sampler::Sampler;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::{DVec3, Vec3};
+use holo_raycast::{BuildError, Raycaster};
+use holo_scene::Scene;
+use serde::{Deserialize, Serialize};
+
+use path::{Direct, PathEngine, Start};
+
+/// Most paths per sample: beyond, one call would take seconds, and a worker could not be stopped.
+pub const MAX_PATHS: u32 = 1 << 16;
+
+/// What a tracer is to do, beside the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Limit of indirect light: how often light may be scattered by surfaces other than mirrors and glass after the first
+    /// such surface. `None`: without limit; `Some(0)`: direct light only. Mirror reflection and smooth transmission do not count.
+    pub bounces: Option<u32>,
+    /// Paths averaged into one [`Traced`]: 1 to [`MAX_PATHS`].
+    pub paths: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { bounces: None, paths: 1 }
+    }
+}
+
+/// Why a tracer cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum TracerError {
+    /// [`Settings::paths`] is 0 or above [`MAX_PATHS`].
+    #[error("`paths` must be 1 to {MAX_PATHS}, found {0}")]
+    Paths(u32),
+    /// The scene cannot be traced.
+    #[error("the scene cannot be traced: {0}")]
+    Scene(#[from] BuildError),
+}
+
+/// One sample: what a ray carries back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Traced {
+    /// Radiance towards the ray's origin, linear RGB, W·sr⁻¹·m⁻².
+    pub radiance: [f32; 3],
+    /// World distance to the first surface, glass included; infinity if there is none.
+    pub distance: f64,
+}
+
+/// Traces rays through one scene.
+#[derive(Debug)]
+pub struct Tracer {
+    raycaster: Arc<Raycaster>,
+    engine: PathEngine,
+    settings: Settings,
+    nonfinite: AtomicU64,
+}
+
+impl Tracer {
+    /// Prepares a scene: builds its hierarchy and its table of lights.
+    ///
+    /// # Errors
+    /// Settings out of range, or a scene that cannot be traced.
+    pub fn new(scene: Arc<Scene>, settings: Settings) -> Result<Self, TracerError> {
+        Self::with_raycaster(Arc::new(Raycaster::build(scene)?), settings)
+    }
+
+    /// As [`new`](Self::new) with a hierarchy that exists already.
+    ///
+    /// # Errors
+    /// Settings out of range.
+    pub fn with_raycaster(raycaster: Arc<Raycaster>, settings: Settings) -> Result<Self, TracerError> {
+        Self::with_direct(raycaster, settings, Direct::Both)
+    }
+
+    fn with_direct(raycaster: Arc<Raycaster>, settings: Settings, direct: Direct) -> Result<Self, TracerError> {
+        if !(1..=MAX_PATHS).contains(&settings.paths) {
+            return Err(TracerError::Paths(settings.paths));
+        }
+        let engine = PathEngine::new(raycaster.scene(), settings.bounces, direct);
+        Ok(Self { raycaster, engine, settings, nonfinite: AtomicU64::new(0) })
+    }
+
+    /// The scene that is traced.
+    #[must_use]
+    pub fn scene(&self) -> &Arc<Scene> {
+        self.raycaster.scene()
+    }
+
+    /// The hierarchy, for other uses of the same scene.
+    #[must_use]
+    pub fn raycaster(&self) -> &Arc<Raycaster> {
+        &self.raycaster
+    }
+
+    /// What was asked for.
+    #[must_use]
+    pub fn settings(&self) -> Settings {
+        self.settings
+    }
+
+    /// Estimates the radiance that arrives at `origin` against `direction` (world, unit length), as the mean of
+    /// `settings.paths` paths.
+    ///
+    /// Seeds of samples should differ; any will do. A ray that is not finite or has no direction sees black.
+    #[must_use]
+    pub fn trace(&self, origin: DVec3, direction: DVec3, seed: u64) -> Traced {
+        self.trace_paths(origin, direction, seed, 0..u64::from(self.settings.paths))
+    }
+
+    /// The estimate of path number `path` of a sample alone: [`trace`](Self::trace) is the mean of paths 0 to `paths - 1`.
+    #[must_use]
+    pub fn trace_path(&self, origin: DVec3, direction: DVec3, seed: u64, path: u64) -> Traced {
+        self.trace_paths(origin, direction, seed, path..path.saturating_add(1))
+    }
+
+    /// The mean of a range of path numbers of a sample, so that more paths can be added to earlier ones.
+    #[must_use]
+    pub fn trace_paths(&self, origin: DVec3, direction: DVec3, seed: u64, paths: std::ops::Range<u64>) -> Traced {
+        let direction = direction.normalize_or_zero();
+        if !origin.is_finite() || direction == DVec3::ZERO {
+            return Traced { radiance: [0.0; 3], distance: f64::INFINITY };
+        }
+        let (hit, distance) = path::first_hit(&self.raycaster, origin, direction);
+        if hit.is_none() {
+            return Traced { radiance: self.engine.sky().to_array(), distance };
+        }
+        let start = Start { hit, direction: direction.as_vec3() };
+        let count = paths.end.saturating_sub(paths.start).max(1);
+        let mut sum = Vec3::ZERO;
+        for path in paths {
+            let radiance = self.engine.radiance(&self.raycaster, start, &mut Sampler::new(seed, path));
+            if radiance.is_finite() {
+                sum += radiance;
+            } else {
+                self.nonfinite.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        Traced { radiance: (sum / count as f32).min(Vec3::MAX).to_array(), distance }
+    }
+
+    /// How many paths so far were dropped because their estimate was not finite. Anything but 0 deserves a look at the scene.
+    #[must_use]
+    pub fn nonfinite_paths(&self) -> u64 {
+        self.nonfinite.load(Ordering::Relaxed)
+    }
+}

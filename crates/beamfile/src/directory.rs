@@ -1,0 +1,219 @@
+//! Where each beam's samples lie in the file, and how many there are.
+//!
+//! Invariant: an extent is listed only after its block is on disk. Counts run ahead of that: they include what is
+//! still in memory. The directory costs 24 bytes an extent and about 70 a beam.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry as MapEntry;
+use std::sync::Arc;
+
+use crate::format::{BlockHeader, CHUNK_BYTES, Class, Entry};
+use crate::hash::BeamMap;
+use crate::types::{BeamKey, SectionStats};
+use crate::{Error, Result};
+
+/// Ends a list of extents.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// A block on disk.
+#[derive(Debug)]
+pub(crate) struct Block {
+    pub header: BlockHeader,
+    /// Where it begins in the file.
+    pub offset: u64,
+    /// Checksums of its payload's chunks.
+    pub crcs: Box<[u32]>,
+    /// The blob that it is a part of.
+    pub blob: Option<Box<str>>,
+}
+
+impl Block {
+    /// Bytes of the file that chunk `chunk` takes: first and one past the last.
+    pub fn chunk_range(&self, chunk: u32) -> (u64, u64) {
+        let payload = self.offset + self.header.payload_offset();
+        let begin = (u64::from(chunk) * u64::from(CHUNK_BYTES)).min(u64::from(self.header.payload_bytes));
+        let end = (begin + u64::from(CHUNK_BYTES)).min(u64::from(self.header.payload_bytes));
+        (payload + begin, payload + end)
+    }
+}
+
+/// One run of samples in one block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    pub block: u32,
+    /// In samples, from the beginning of the payload.
+    pub at: u32,
+    pub first: u32,
+    pub count: u32,
+    pub class: u32,
+    /// The beam's next extent in file order.
+    next: u32,
+}
+
+const _: () = assert!(size_of::<Extent>() == 24);
+
+/// What is kept for every beam that has samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beam {
+    head: u32,
+    tail: u32,
+    /// Grows with every change: tells whether a cached copy is still right.
+    pub version: u32,
+    /// Next free sample number of each kind.
+    pub next: [u32; 3],
+    /// Distinct sample numbers.
+    pub samples: u64,
+}
+
+#[derive(Debug, Default)]
+pub(crate) struct Directory {
+    pub beams: BeamMap<Beam>,
+    pub blocks: Vec<Arc<Block>>,
+    pub sections: Vec<SectionStats>,
+    extents: Vec<Extent>,
+    classes: Vec<Class>,
+    class_ids: HashMap<Class, u32>,
+    last_class: Option<(Class, u32)>,
+}
+
+impl Directory {
+    pub fn new(sections: usize) -> Self {
+        Self { sections: vec![SectionStats::default(); sections], ..Self::default() }
+    }
+
+    pub fn extents(&self) -> u64 {
+        self.extents.len() as u64
+    }
+
+    pub fn class(&self, id: u32) -> Class {
+        self.classes[id as usize]
+    }
+
+    /// The number that stands for `class`. One run of appends has one class, so the last one is tried first.
+    pub fn class_id(&mut self, class: Class) -> u32 {
+        if let Some((last, id)) = self.last_class
+            && last == class
+        {
+            return id;
+        }
+        let new = self.classes.len() as u32;
+        let id = *self.class_ids.entry(class).or_insert(new);
+        if id == new {
+            self.classes.push(class);
+        }
+        self.last_class = Some((class, id));
+        id
+    }
+
+    /// The beam's extents on disk, in file order.
+    pub fn extents_of(&self, key: BeamKey) -> impl Iterator<Item = &Extent> {
+        let mut at = self.beams.get(&key).map_or(NONE, |beam| beam.head);
+        std::iter::from_fn(move || {
+            let extent = self.extents.get(at as usize)?;
+            at = extent.next;
+            Some(extent)
+        })
+    }
+
+    /// Counts samples that were appended. `older` gives the numbers that the beam has already, and is asked for only
+    /// when the new ones may be among them.
+    pub fn account(
+        &mut self,
+        key: BeamKey,
+        kind: u8,
+        first: u32,
+        count: u32,
+        older: impl FnOnce(&Self) -> Vec<(u32, u32)>,
+    ) {
+        let known = match self.beams.get_mut(&key) {
+            // New numbers, as almost always: one look-up is enough.
+            Some(beam) if first >= beam.next[usize::from(kind)] => {
+                beam.samples += u64::from(count);
+                beam.version = beam.version.wrapping_add(1);
+                beam.next[usize::from(kind)] = first + count;
+                self.sections[usize::from(key.section)].samples += u64::from(count);
+                return;
+            }
+            Some(_) => covered(older(self), first, first + count),
+            None => 0,
+        };
+        let section = &mut self.sections[usize::from(key.section)];
+        let beam = match self.beams.entry(key) {
+            MapEntry::Occupied(entry) => entry.into_mut(),
+            MapEntry::Vacant(entry) => {
+                section.nonempty_beams += 1;
+                entry.insert(Beam { head: NONE, tail: NONE, version: 0, next: [0; 3], samples: 0 })
+            }
+        };
+        let new = u64::from(count - known);
+        section.samples += new;
+        beam.samples += new;
+        beam.version = beam.version.wrapping_add(1);
+        let next = &mut beam.next[usize::from(kind)];
+        *next = (*next).max(first + count);
+    }
+
+    /// The sample numbers of `kind` that the beam's extents on disk have: first and one past the last.
+    pub fn numbers_of(&self, key: BeamKey, kind: u8) -> impl Iterator<Item = (u32, u32)> {
+        self.extents_of(key).filter(move |e| self.class(e.class).kind == kind).map(|e| (e.first, e.first + e.count))
+    }
+
+    /// Lists a block that is on disk; gives the number that stands for it.
+    pub fn add_block(&mut self, block: Arc<Block>) -> Result<u32> {
+        let id = self.blocks.len() as u32;
+        if id == NONE {
+            return Err(Error::DirectoryFull);
+        }
+        self.blocks.push(block);
+        Ok(id)
+    }
+
+    /// Lists an extent that begins `at` samples into the payload of `block`. Its samples must have been counted.
+    pub fn add_extent(&mut self, block: u32, at: u32, entry: &Entry) -> Result<()> {
+        let new = self.extents.len() as u32;
+        if new == NONE {
+            return Err(Error::DirectoryFull);
+        }
+        let class = self.class_id(entry.class);
+        self.extents.push(Extent { block, at, first: entry.first, count: entry.count, class, next: NONE });
+        if let Some(beam) = self.beams.get_mut(&entry.key) {
+            match self.extents.get_mut(beam.tail as usize) {
+                Some(last) => last.next = new,
+                None => beam.head = new,
+            }
+            beam.tail = new;
+        }
+        Ok(())
+    }
+}
+
+/// How many of the numbers from `begin` to before `end` lie in at least one of `ranges`.
+fn covered(mut ranges: Vec<(u32, u32)>, begin: u32, end: u32) -> u32 {
+    ranges.sort_unstable();
+    let (mut at, mut total) = (begin, 0);
+    for (from, to) in ranges {
+        let (from, to) = (from.max(at), to.min(end));
+        if from < to {
+            total += to - from;
+            at = to;
+        }
+    }
+    total
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn covered_numbers_are_counted_once(
+            ranges in prop::collection::vec((0u32..60, 1u32..20), 0..12), begin in 0u32..60, length in 1u32..30,
+        ) {
+            let ranges: Vec<_> = ranges.into_iter().map(|(first, count)| (first, first + count)).collect();
+            let model = (begin..begin + length).filter(|n| ranges.iter().any(|r| (r.0..r.1).contains(n))).count();
+            prop_assert_eq!(covered(ranges, begin, begin + length) as usize, model);
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! The one error type of the crate.
+
+use std::io;
+use std::path::PathBuf;
+
+use holo_section::BeamId;
+
+/// What can go wrong with a holodeck file. Damage inside a file is no error: it is left out and named
+/// ([`crate::Damage`]).
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused.
+    #[error("{path}: {doing}: {source}")]
+    Io {
+        /// The holodeck file.
+        path: PathBuf,
+        /// What was being done.
+        doing: &'static str,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// Another process writes this file.
+    #[error("{path}: another process is writing this holodeck; close it first, or open the file read-only")]
+    Locked {
+        /// The holodeck file.
+        path: PathBuf,
+    },
+    /// No intact header: not a holodeck, or both copies of the header are damaged.
+    #[error("{path}: not a holodeck file, or both copies of its header are damaged ({bytes} bytes long)")]
+    NoHeader {
+        /// The file.
+        path: PathBuf,
+        /// Its length.
+        bytes: u64,
+    },
+    /// A holodeck of a format that this program does not know.
+    #[error("{path}: holodeck format {found}; this program reads format {known}")]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        found: u32,
+        /// Ours.
+        known: u32,
+    },
+    /// The file was made for other sections than the caller has.
+    #[error("{path}: made for sections of {found:?} beams, but {wanted:?} were expected")]
+    Layout {
+        /// The file.
+        path: PathBuf,
+        /// Beam counts in the file.
+        found: Vec<u64>,
+        /// Beam counts that the caller gave.
+        wanted: Vec<u64>,
+    },
+    /// A file needs between one section and [`crate::format::MAX_SECTIONS`].
+    #[error("a holodeck has 1 to {max} sections, not {0}", max = crate::format::MAX_SECTIONS)]
+    SectionCount(usize),
+    /// No such beam in this holodeck.
+    #[error("section {section} has no beam {beam:?}")]
+    NoSuchBeam {
+        /// The section asked for.
+        section: u16,
+        /// The beam asked for.
+        beam: BeamId,
+    },
+    /// Sample numbers end at 2³² - 1.
+    #[error("sample numbers {first} and {count} more do not fit in 32 bits")]
+    SampleNumbers {
+        /// First sample number.
+        first: u32,
+        /// Number of samples.
+        count: usize,
+    },
+    /// The file was opened read-only.
+    #[error("{path}: opened read-only")]
+    ReadOnly {
+        /// The holodeck file.
+        path: PathBuf,
+    },
+    /// Samples could not be written, are kept in memory, and will be tried again.
+    #[error("{path}: cannot write, {pending} bytes of samples are kept in memory and will be tried again: {reason}")]
+    NotWritten {
+        /// The holodeck file.
+        path: PathBuf,
+        /// Bytes waiting.
+        pending: u64,
+        /// Why the last attempt failed.
+        reason: String,
+    },
+    /// The writer thread is gone; nothing more can be written through this handle.
+    #[error("{path}: the file's writer has stopped")]
+    WriterStopped {
+        /// The holodeck file.
+        path: PathBuf,
+    },
+    /// A blob is longer than [`crate::format::MAX_BLOB_BYTES`].
+    #[error("blob {name}: {bytes} bytes are more than {max}", max = crate::format::MAX_BLOB_BYTES)]
+    BlobSize {
+        /// The blob's name.
+        name: String,
+        /// Its length.
+        bytes: u64,
+    },
+    /// A blob's name has 1 to [`crate::format::MAX_BLOB_NAME`] bytes.
+    #[error("a blob's name has 1 to {max} bytes, not {0}", max = crate::format::MAX_BLOB_NAME)]
+    BlobName(usize),
+    /// A blob's bytes do not match their checksum.
+    #[error("{path}: blob {name} is damaged at byte {offset} of the file")]
+    BlobDamaged {
+        /// The holodeck file.
+        path: PathBuf,
+        /// The blob's name.
+        name: String,
+        /// Where in the file.
+        offset: u64,
+    },
+    /// The directory holds 2³² - 1 extents or blocks at most.
+    #[error("the holodeck has as many extents as a directory can hold; run `holodeck optimize`")]
+    DirectoryFull,
+}

@@ -1,0 +1,134 @@
+//! Reads planned beams from the file: in file order, neighbours in one go, each chunk compared with its checksum
+//! before a sample of it is used.
+
+use std::io;
+use std::sync::Arc;
+
+use bytemuck::Zeroable;
+use holo_section::Sample;
+
+use crate::directory::Block;
+use crate::format::{CHUNK_SAMPLES, SAMPLE_BYTES};
+use crate::snapshot::{Place, Plan};
+use crate::storage::Storage;
+use crate::types::{BeamSamples, ExtentMeta};
+
+/// Reading this much for nothing costs less than another seek.
+const MAX_GAP: u64 = 64 << 10;
+/// One read is at most this long (unless one extent is longer), so that the first beams come soon.
+const MAX_SPAN: u64 = 4 << 20;
+
+/// Chunks that do not match their checksums: (block, chunk).
+pub(crate) type BadChunks = Vec<(u32, u32)>;
+
+/// Samples on disk that a beam wants.
+struct Piece<'a> {
+    plan: usize,
+    /// Where in the beam's samples they go.
+    to: usize,
+    id: u32,
+    block: &'a Arc<Block>,
+    at: u32,
+    count: u32,
+    /// Bytes of the file: the chunks that they lie in.
+    begin: u64,
+    end: u64,
+}
+
+/// The beams in the order of the plans; or the chunks among what they want that are damaged.
+pub(crate) fn load(storage: &dyn Storage, plans: &[Plan]) -> io::Result<Result<Vec<Arc<BeamSamples>>, BadChunks>> {
+    let mut beams: Vec<Vec<Sample>> = Vec::with_capacity(plans.len());
+    let mut pieces: Vec<Piece> = Vec::new();
+    for (index, plan) in plans.iter().enumerate() {
+        let mut samples = vec![Sample::zeroed(); plan.samples() as usize];
+        let mut to = 0;
+        for run in &plan.runs {
+            let length = run.count as usize;
+            match &run.place {
+                Place::Copied(from) => samples[to..to + length].copy_from_slice(from),
+                Place::Frozen { batch, at } => {
+                    samples[to..to + length].copy_from_slice(batch.samples(*at, run.count));
+                }
+                Place::Disk { id, block, at } => {
+                    let (begin, _) = block.chunk_range(at / CHUNK_SAMPLES);
+                    let (_, end) = block.chunk_range((at + run.count - 1) / CHUNK_SAMPLES);
+                    pieces.push(Piece { plan: index, to, id: *id, block, at: *at, count: run.count, begin, end });
+                }
+            }
+            to += length;
+        }
+        beams.push(samples);
+    }
+    pieces.sort_unstable_by_key(|piece| (piece.begin, piece.at));
+
+    let mut bad = BadChunks::new();
+    let mut buffer = Vec::new();
+    let mut rest = pieces.as_slice();
+    while let Some(first) = rest.first() {
+        let (mut end, mut together) = (first.end, 1);
+        for piece in &rest[1..] {
+            let longer = end.max(piece.end);
+            if piece.begin > end + MAX_GAP || longer - first.begin > MAX_SPAN {
+                break;
+            }
+            end = longer;
+            together += 1;
+        }
+        let (span, others) = rest.split_at(together);
+        rest = others;
+        buffer.resize((end - first.begin) as usize, 0);
+        storage.read_exact_at(&mut buffer, first.begin)?;
+        check(span, &buffer, first.begin, &mut bad);
+        if bad.is_empty() {
+            for piece in span {
+                let (payload, _) = piece.block.chunk_range(0);
+                let from = (payload + u64::from(piece.at) * u64::from(SAMPLE_BYTES) - first.begin) as usize;
+                let bytes = &buffer[from..from + piece.count as usize * size_of::<Sample>()];
+                let to = &mut beams[piece.plan][piece.to..piece.to + piece.count as usize];
+                bytemuck::cast_slice_mut::<Sample, u8>(to).copy_from_slice(bytes);
+            }
+        }
+    }
+    if !bad.is_empty() {
+        return Ok(Err(bad));
+    }
+    let whole =
+        plans.iter().zip(beams).map(|(plan, samples)| Arc::new(BeamSamples { extents: extents(plan), samples }));
+    Ok(Ok(whole.collect()))
+}
+
+/// Compares every chunk of the pieces with its checksum once. Pieces are in file order.
+fn check(span: &[Piece], buffer: &[u8], origin: u64, bad: &mut BadChunks) {
+    let mut checked = None;
+    for piece in span {
+        for chunk in piece.at / CHUNK_SAMPLES..=(piece.at + piece.count - 1) / CHUNK_SAMPLES {
+            if checked >= Some((piece.block.offset, chunk)) {
+                continue;
+            }
+            checked = Some((piece.block.offset, chunk));
+            let (begin, end) = piece.block.chunk_range(chunk);
+            let bytes = &buffer[(begin - origin) as usize..(end - origin) as usize];
+            if piece.block.crcs.get(chunk as usize) != Some(&crc32fast::hash(bytes)) {
+                bad.push((piece.id, chunk));
+            }
+        }
+    }
+}
+
+/// The runs of a plan, those that continue each other joined.
+fn extents(plan: &Plan) -> Vec<ExtentMeta> {
+    let mut extents: Vec<ExtentMeta> = Vec::with_capacity(plan.runs.len());
+    for run in &plan.runs {
+        let meta = run.meta(plan.key);
+        match extents.last_mut() {
+            Some(last)
+                if ExtentMeta { first: meta.first, count: meta.count, ..*last } == meta
+                    && last.first + last.count == meta.first =>
+            {
+                last.count += meta.count;
+            }
+            _ => extents.push(meta),
+        }
+    }
+    extents
+}

@@ -1,0 +1,213 @@
+//! Creating and opening: header, lock, recovery.
+//!
+//! Invariant: nothing is cut off but a block that was never completed, and only by the writer.
+
+use std::collections::hash_map::RandomState;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::hash::{BuildHasher, Hasher};
+use std::io;
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use crate::file::BeamFile;
+use crate::format::{FIRST_BLOCK, FORMAT, FileHeader, HEADER_COPY_BYTES, HeaderCopy, MAX_SECTIONS, aligned};
+use crate::scan::{ScanEnd, Tail, scan};
+use crate::snapshot::State;
+use crate::storage::Storage;
+use crate::types::{Damage, DamageKind, OpenReport};
+use crate::verify::bad_chunks;
+use crate::writer::Appender;
+use crate::{Error, Result};
+
+/// A file that was opened, before threads share it.
+pub(crate) struct Opened {
+    pub header: FileHeader,
+    pub state: State,
+    pub appender: Appender,
+    pub report: OpenReport,
+}
+
+fn io_error(path: &Path, doing: &'static str) -> impl Fn(io::Error) -> Error {
+    move |source| Error::Io { path: path.to_owned(), doing, source }
+}
+
+/// Opens the file itself, and takes the writer's lock unless it is only to be read.
+pub(crate) fn file(path: &Path, options: &OpenOptions, lock: bool) -> Result<File> {
+    let file = options.open(path).map_err(io_error(path, "opening"))?;
+    if lock {
+        file.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => Error::Locked { path: path.to_owned() },
+            TryLockError::Error(source) => Error::Io { path: path.to_owned(), doing: "locking", source },
+        })?;
+    }
+    Ok(file)
+}
+
+/// Writes the header of a new file.
+pub(crate) fn create(storage: &dyn Storage, path: &Path, layout: &[u64]) -> Result<Opened> {
+    if !(1..=MAX_SECTIONS).contains(&layout.len()) {
+        return Err(Error::SectionCount(layout.len()));
+    }
+    let header = FileHeader { file_id: random_id(), layout: layout.to_vec() };
+    let copies = header.encode().repeat(2);
+    storage
+        .write_all_at(&copies, 0)
+        .and_then(|()| storage.sync_data())
+        .map_err(io_error(path, "writing the header of a new holodeck"))?;
+    Ok(Opened {
+        state: State::new(layout.len()),
+        header,
+        appender: Appender { at: FIRST_BLOCK, sequence: 0 },
+        report: OpenReport::default(),
+    })
+}
+
+/// Different for every file, so that a block of another file is never taken for one of this.
+fn random_id() -> u64 {
+    let mut hasher = RandomState::new().build_hasher();
+    hasher.write_u32(std::process::id());
+    hasher.write_u128(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos()));
+    hasher.finish()
+}
+
+/// Reads the header and every block's table, repairs the header's second copy and cuts off a torn tail if `writable`.
+pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result<Opened> {
+    let mut damage = Vec::new();
+    let header = read_header(storage, path, &mut damage)?;
+    if writable && !damage.is_empty() {
+        let good = header.encode();
+        let repair = |damage: &Damage| storage.write_all_at(&good, damage.offset);
+        damage
+            .iter()
+            .try_for_each(repair)
+            .and_then(|()| storage.sync_data())
+            .map_err(io_error(path, "repairing a copy of the header"))?;
+    }
+
+    let mut state = State::new(header.layout.len());
+    let mut samples = 0;
+    let end = scan(storage, &header, FIRST_BLOCK, 0, &mut damage, &mut |block, table| {
+        if block.blob.is_none() {
+            samples += u64::from(block.header.payload_bytes / crate::format::SAMPLE_BYTES);
+        }
+        state.found(block, table)
+    })
+    .map_err(|error| at_path(error, path))?;
+
+    // After a power failure the last block may have its length and not its bytes.
+    if let Some(last) = state.directory.blocks.last() {
+        let id = state.directory.blocks.len() as u32 - 1;
+        let bad = bad_chunks(storage, last).map_err(io_error(path, "reading the last block"))?;
+        state.mark_bad(&bad.into_iter().map(|chunk| (id, chunk)).collect::<Vec<_>>());
+    }
+    damage.append(&mut state.damage);
+    let appender = end_of_file(storage, path, writable, &end, &mut damage)?;
+    state.damage = damage.clone();
+    let report = OpenReport {
+        blocks: state.directory.blocks.len() as u64,
+        extents: state.directory.extents(),
+        samples,
+        damage,
+        unfinished_blobs: state.blobs.unfinished(),
+    };
+    Ok(Opened { header, state, appender, report })
+}
+
+pub(crate) fn at_path(error: Error, path: &Path) -> Error {
+    match error {
+        Error::Io { doing, source, .. } => Error::Io { path: path.to_owned(), doing, source },
+        other => other,
+    }
+}
+
+fn end_of_file(
+    storage: &dyn Storage,
+    path: &Path,
+    writable: bool,
+    end: &ScanEnd,
+    damage: &mut Vec<Damage>,
+) -> Result<Appender> {
+    let mut at = end.resume;
+    match &end.tail {
+        Tail::Clean => {}
+        Tail::Torn(torn) => {
+            damage.push(torn.clone());
+            if writable {
+                storage.set_len(torn.offset).map_err(io_error(path, "cutting off an incomplete block"))?;
+            }
+        }
+        Tail::Damaged(lost) => {
+            damage.push(lost.clone());
+            if writable {
+                at = aligned(end.length);
+            }
+        }
+    }
+    Ok(Appender { at, sequence: end.sequence })
+}
+
+/// The header, from whichever copy is intact; damaged copies are added to `damage`.
+pub(crate) fn read_header(storage: &dyn Storage, path: &Path, damage: &mut Vec<Damage>) -> Result<FileHeader> {
+    let length = storage.length().map_err(io_error(path, "reading its length"))?;
+    let mut intact = None;
+    let mut other_format = None;
+    for copy in 0..2u8 {
+        let offset = u64::from(copy) * HEADER_COPY_BYTES as u64;
+        let bytes = length.saturating_sub(offset).min(HEADER_COPY_BYTES as u64);
+        let mut buffer = vec![0; bytes as usize];
+        storage.read_exact_at(&mut buffer, offset).map_err(io_error(path, "reading its header"))?;
+        match FileHeader::decode(&buffer) {
+            HeaderCopy::Intact(header) => intact = intact.or(Some(header)),
+            HeaderCopy::OtherFormat(found) => other_format = Some(found),
+            HeaderCopy::Damaged => {
+                damage.push(Damage { offset, bytes: HEADER_COPY_BYTES as u64, what: DamageKind::HeaderCopy(copy) });
+            }
+        }
+    }
+    match (intact, other_format) {
+        (Some(header), _) => Ok(header),
+        (None, Some(found)) => Err(Error::Version { path: path.to_owned(), found, known: FORMAT }),
+        (None, None) => Err(Error::NoHeader { path: path.to_owned(), bytes: length }),
+    }
+}
+
+impl BeamFile {
+    /// For a file opened read-only: takes in the blocks that its writer completed since. Gives their number.
+    ///
+    /// # Errors
+    /// If the disk cannot be read.
+    pub fn refresh(&self) -> Result<u64> {
+        if !self.shared.read_only {
+            return Ok(0);
+        }
+        let mut appender = self.shared.appender();
+        let mut found = Vec::new();
+        let mut damage = Vec::new();
+        let end = scan(
+            &*self.shared.storage,
+            &self.shared.header,
+            appender.at,
+            appender.sequence,
+            &mut damage,
+            &mut |block, table| -> Result<()> {
+                found.push((block, table));
+                Ok(())
+            },
+        )
+        .map_err(|error| at_path(error, &self.shared.path))?;
+        // What could not be read at the end of the file before may be a block now.
+        if let Tail::Damaged(tail) = &end.tail {
+            damage.push(tail.clone());
+        }
+        let new = found.len() as u64;
+        let mut state = self.shared.state();
+        state.damage.retain(|old| old.offset < appender.at);
+        for (block, table) in found {
+            state.found(block, table)?;
+        }
+        state.damage.append(&mut damage);
+        appender.at = end.resume;
+        appender.sequence = end.sequence;
+        Ok(new)
+    }
+}

@@ -1,0 +1,128 @@
+//! Finds the blocks of a file, also after damage.
+//!
+//! Invariant: what the scan passes on has an intact header, an intact table, and a payload that lies within the file.
+//! Payloads themselves are not read: that is left to whoever wants them.
+
+use std::io;
+
+use crate::directory::Block;
+use crate::format::{
+    BLOCK_ALIGNMENT, BLOCK_HEADER_BYTES, BLOCK_MAGIC, BlockHeader, FileHeader, Table, aligned, decode_table,
+};
+use crate::storage::Storage;
+use crate::types::{Damage, DamageKind};
+
+/// Bytes looked through at a time for the next block after damage.
+const SEARCH_BYTES: u64 = 1 << 20;
+
+/// What the end of the file is.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Tail {
+    /// The file ends with a block.
+    Clean,
+    /// A block that was never completed: nothing in it can be used.
+    Torn(Damage),
+    /// Bytes that are no block, and that nobody should throw away.
+    Damaged(Damage),
+}
+
+#[derive(Debug)]
+pub(crate) struct ScanEnd {
+    /// First byte that is not part of a block or of damage before one: where a later scan goes on.
+    pub resume: u64,
+    /// Sequence number of the last block.
+    pub sequence: u64,
+    pub length: u64,
+    pub tail: Tail,
+}
+
+/// Calls `found` for every block from `from` on whose sequence number is beyond `sequence`, in file order.
+pub(crate) fn scan<E: From<io::Error>>(
+    storage: &dyn Storage,
+    file: &FileHeader,
+    from: u64,
+    mut sequence: u64,
+    damage: &mut Vec<Damage>,
+    found: &mut dyn FnMut(Block, Table) -> Result<(), E>,
+) -> Result<ScanEnd, E> {
+    let length = storage.length()?;
+    let mut at = from;
+    let tail = loop {
+        let rest = length.saturating_sub(at);
+        if rest == 0 {
+            break Tail::Clean;
+        }
+        let torn = Damage { offset: at, bytes: rest, what: DamageKind::TornTail };
+        if rest < BLOCK_HEADER_BYTES as u64 {
+            break Tail::Torn(torn);
+        }
+        let mut bytes = [0; BLOCK_HEADER_BYTES];
+        storage.read_exact_at(&mut bytes, at)?;
+        let Some(header) = header_after(&bytes, file, sequence) else {
+            let Some(next) = find_block(storage, file, sequence, at + BLOCK_ALIGNMENT, length)? else {
+                let unwritten = bytes == [0; BLOCK_HEADER_BYTES];
+                break if unwritten {
+                    Tail::Torn(torn)
+                } else {
+                    Tail::Damaged(Damage { what: DamageKind::BlockHeader, ..torn })
+                };
+            };
+            damage.push(Damage { offset: at, bytes: next - at, what: DamageKind::BlockHeader });
+            at = next;
+            continue;
+        };
+        if header.block_bytes() > rest {
+            break Tail::Torn(torn);
+        }
+        sequence = header.sequence;
+        let mut table = vec![0; header.table_bytes as usize];
+        storage.read_exact_at(&mut table, at + BLOCK_HEADER_BYTES as u64)?;
+        match decode_table(&header, &table, file) {
+            Some((table, crcs)) => {
+                let blob = match &table {
+                    Table::Blob(part) => Some(part.name.as_str().into()),
+                    Table::Samples(_) => None,
+                };
+                found(Block { header, offset: at, crcs, blob }, table)?;
+            }
+            None => {
+                damage.push(Damage { offset: at, bytes: header.block_bytes(), what: DamageKind::BlockTable(sequence) })
+            }
+        }
+        at += header.block_bytes();
+    };
+    Ok(ScanEnd { resume: at, sequence, length, tail })
+}
+
+fn header_after(bytes: &[u8], file: &FileHeader, sequence: u64) -> Option<BlockHeader> {
+    BlockHeader::decode(bytes, file.file_id).filter(|header| header.sequence > sequence)
+}
+
+/// The first place from `from` on that has an intact block header.
+fn find_block(
+    storage: &dyn Storage,
+    file: &FileHeader,
+    sequence: u64,
+    from: u64,
+    length: u64,
+) -> io::Result<Option<u64>> {
+    let header_bytes = BLOCK_HEADER_BYTES as u64;
+    let mut window = Vec::new();
+    let mut at = aligned(from);
+    while at + header_bytes <= length {
+        // Windows overlap, so that a header across a boundary is seen whole.
+        let bytes = (length - at).min(SEARCH_BYTES + header_bytes);
+        window.resize(bytes as usize, 0);
+        storage.read_exact_at(&mut window, at)?;
+        for (offset, candidate) in (0..)
+            .step_by(BLOCK_ALIGNMENT as usize)
+            .zip(window.windows(BLOCK_HEADER_BYTES).step_by(BLOCK_ALIGNMENT as usize))
+        {
+            if candidate.first_chunk() == Some(&BLOCK_MAGIC) && header_after(candidate, file, sequence).is_some() {
+                return Ok(Some(at + offset));
+            }
+        }
+        at += SEARCH_BYTES;
+    }
+    Ok(None)
+}

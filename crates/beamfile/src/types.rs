@@ -1,0 +1,169 @@
+//! What callers give to a [`crate::BeamFile`] and get from it.
+
+use std::fmt;
+
+use holo_section::{BeamId, Sample, SampleKind};
+
+/// Which beam of which section. Ordered as beams are in a block: by section, then by beam.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct BeamKey {
+    /// Index of the section in the file.
+    pub section: u16,
+    /// The beam within its section.
+    pub beam: BeamId,
+}
+
+/// What is known of a run of samples of one beam with consecutive sample numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExtentMeta {
+    /// The beam.
+    pub key: BeamKey,
+    /// Sample number of the first sample; the others follow one by one.
+    pub first: u32,
+    /// Number of samples. Set by reads; appends take it from the samples given and ignore this.
+    pub count: u32,
+    /// How the rays were chosen. Sample numbers of different kinds are independent.
+    pub kind: SampleKind,
+    /// Paths that were averaged into each sample.
+    pub paths: u16,
+    /// Settings with which they were computed: the caller's own number.
+    pub settings: u32,
+    /// Generation of the scene: the caller's own number.
+    pub generation: u32,
+}
+
+/// The next free sample number of each kind in one beam: the highest number stored, plus one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// For [`SampleKind::Uniform`].
+    pub uniform: u32,
+    /// For [`SampleKind::ViewpointLimited`].
+    pub limited: u32,
+    /// For [`SampleKind::SingleRay`].
+    pub single: u32,
+}
+
+/// How to open or create a file.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Memory for beams that were read, in bytes; 0 keeps none.
+    pub cache_bytes: u64,
+    /// Number of beams in each section. Written by `create`; `open` compares it with the file unless it is empty.
+    pub layout: Vec<u64>,
+}
+
+/// All samples of one beam, in the order (kind, sample number), each number once.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BeamSamples {
+    /// The runs that `samples` consists of, in order; their counts add up to its length.
+    pub extents: Vec<ExtentMeta>,
+    /// The samples of all runs, one run after the other.
+    pub samples: Vec<Sample>,
+}
+
+impl BeamSamples {
+    /// Each run with its samples.
+    pub fn runs(&self) -> impl Iterator<Item = (&ExtentMeta, &[Sample])> {
+        let mut rest = self.samples.as_slice();
+        self.extents.iter().map(move |meta| {
+            let (run, tail) = rest.split_at((meta.count as usize).min(rest.len()));
+            rest = tail;
+            (meta, run)
+        })
+    }
+}
+
+/// A part of the file that cannot be used and was left out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Damage {
+    /// First byte of it in the file.
+    pub offset: u64,
+    /// Length in bytes.
+    pub bytes: u64,
+    /// What is there, or should be.
+    pub what: DamageKind,
+}
+
+/// What a damaged part of the file is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DamageKind {
+    /// One copy of the file's header; the other one is used.
+    HeaderCopy(u8),
+    /// The header of a block, hence the whole block (or several).
+    BlockHeader,
+    /// The extent table of the block with this sequence number, hence the whole block.
+    BlockTable(u64),
+    /// Samples of extents.
+    Samples,
+    /// A part of a blob.
+    Blob(String),
+    /// A block at the end of the file that was never completed (or, beside a writer, not yet).
+    TornTail,
+}
+
+impl fmt::Display for Damage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Damage { offset, bytes, what } = self;
+        match what {
+            DamageKind::HeaderCopy(copy) => write!(f, "offset {offset}: copy {copy} of the file header is damaged"),
+            DamageKind::BlockHeader => write!(f, "offset {offset}: damaged block header, {bytes} bytes left out"),
+            DamageKind::BlockTable(sequence) => {
+                write!(f, "offset {offset}: damaged table of block {sequence}, {bytes} bytes left out")
+            }
+            DamageKind::Samples => write!(f, "offset {offset}: damaged samples, {bytes} bytes left out"),
+            DamageKind::Blob(name) => write!(f, "offset {offset}: {bytes} damaged bytes of blob {name}"),
+            DamageKind::TornTail => {
+                write!(f, "offset {offset}: {bytes} bytes of a block that is not complete, left out")
+            }
+        }
+    }
+}
+
+/// What opening a file found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct OpenReport {
+    /// Whole blocks.
+    pub blocks: u64,
+    /// Extents in them.
+    pub extents: u64,
+    /// Samples in them, superseded ones included.
+    pub samples: u64,
+    /// What was damaged and left out, in file order.
+    pub damage: Vec<Damage>,
+    /// Names of blobs of which not every part is there (interrupted, or in a damaged block).
+    pub unfinished_blobs: Vec<String>,
+}
+
+/// How full one section is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SectionStats {
+    /// Beams that hold a sample.
+    pub nonempty_beams: u64,
+    /// Samples, each sample number once.
+    pub samples: u64,
+}
+
+/// Figures of an open file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// Length of the file.
+    pub file_bytes: u64,
+    /// Samples, each sample number once; those not yet on disk included.
+    pub samples: u64,
+    /// The same by section.
+    pub sections: Vec<SectionStats>,
+    /// Extents on disk.
+    pub extents: u64,
+    /// Memory that cached beams take.
+    pub cache_bytes: u64,
+    /// Reads that found their beam in memory.
+    pub cache_hits: u64,
+    /// Reads that did not.
+    pub cache_misses: u64,
+    /// Memory that samples not yet on disk take.
+    pub pending_bytes: u64,
+    /// Damaged parts found so far, at opening and since.
+    pub damage: u64,
+    /// Why the last write failed, until one succeeds.
+    pub last_error: Option<String>,
+}

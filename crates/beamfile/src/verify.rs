@@ -1,0 +1,68 @@
+//! Compares what is on disk with its checksums.
+
+use std::io;
+
+use crate::directory::Block;
+use crate::file::BeamFile;
+use crate::format::{BLOCK_HEADER_BYTES, BlockHeader, CHUNK_BYTES, FileHeader, decode_table};
+use crate::storage::Storage;
+use crate::types::{Damage, DamageKind};
+use crate::{Result, open};
+
+/// Chunks read at a time: about one mebibyte.
+const CHUNKS_TOGETHER: usize = 256;
+
+/// Chunks of the block's payload that do not match their checksums.
+pub(crate) fn bad_chunks(storage: &dyn Storage, block: &Block) -> io::Result<Vec<u32>> {
+    let mut bad = Vec::new();
+    let mut buffer = Vec::new();
+    for (group, crcs) in block.crcs.chunks(CHUNKS_TOGETHER).enumerate() {
+        let first = (group * CHUNKS_TOGETHER) as u32;
+        let (begin, _) = block.chunk_range(first);
+        let (_, end) = block.chunk_range(first + crcs.len() as u32 - 1);
+        buffer.resize((end - begin) as usize, 0);
+        storage.read_exact_at(&mut buffer, begin)?;
+        let found = buffer.chunks(CHUNK_BYTES as usize).map(crc32fast::hash);
+        let compared = (first..).zip(crcs.iter().zip(found));
+        bad.extend(compared.filter(|(_, (want, have))| *want != have).map(|(chunk, _)| chunk));
+    }
+    Ok(bad)
+}
+
+/// Damage of the block's header or table since it was read.
+pub(crate) fn block_damage(storage: &dyn Storage, file: &FileHeader, block: &Block) -> io::Result<Option<Damage>> {
+    let bytes = block.header.block_bytes();
+    let mut head = [0; BLOCK_HEADER_BYTES];
+    storage.read_exact_at(&mut head, block.offset)?;
+    if BlockHeader::decode(&head, file.file_id) != Some(block.header) {
+        return Ok(Some(Damage { offset: block.offset, bytes, what: DamageKind::BlockHeader }));
+    }
+    let mut table = vec![0; block.header.table_bytes as usize];
+    storage.read_exact_at(&mut table, block.offset + BLOCK_HEADER_BYTES as u64)?;
+    let sound = decode_table(&block.header, &table, file).is_some();
+    let what = DamageKind::BlockTable(block.header.sequence);
+    Ok((!sound).then_some(Damage { offset: block.offset, bytes, what }))
+}
+
+impl BeamFile {
+    /// Reads the whole file and compares it with its checksums; gives every damaged part in file order, also those that
+    /// were known. What has not been written yet is not looked at, nor is a torn tail, which opening reports.
+    ///
+    /// # Errors
+    /// If the disk cannot be read.
+    pub fn verify(&self) -> Result<Vec<Damage>> {
+        let failed = |error| self.shared.io("verifying", error);
+        let mut damage = Vec::new();
+        open::read_header(&*self.shared.storage, &self.shared.path, &mut damage)?;
+        let blocks = self.shared.state().directory.blocks.clone();
+        for (id, block) in (0..).zip(&blocks) {
+            damage.extend(block_damage(&*self.shared.storage, &self.shared.header, block).map_err(failed)?);
+            let bad = bad_chunks(&*self.shared.storage, block).map_err(failed)?;
+            self.shared.state().mark_bad(&bad.into_iter().map(|chunk| (id, chunk)).collect::<Vec<_>>());
+        }
+        let left_out = |d: &&Damage| !matches!(d.what, DamageKind::HeaderCopy(_) | DamageKind::TornTail);
+        damage.extend(self.shared.state().damage.iter().filter(left_out).cloned());
+        damage.sort_by_key(|d| (d.offset, d.bytes));
+        Ok(damage)
+    }
+}

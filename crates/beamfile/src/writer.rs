@@ -1,0 +1,159 @@
+//! Writes blocks: the end of the file, and the thread that brings samples there.
+//!
+//! Invariant: a block's header is written after its body, and nothing is forgotten before the disk has said that it has
+//! it. After a failed write the file is cut off where the block began, and the same samples are tried again.
+
+use std::sync::{Arc, MutexGuard};
+use std::time::{Duration, Instant};
+
+use crate::Result;
+use crate::batch::{Batch, Body};
+use crate::directory::Block;
+use crate::file::Shared;
+use crate::format::{BLOCK_HEADER_BYTES, BlockHeader, CHUNK_BYTES, Entry, aligned};
+use crate::snapshot::State;
+use crate::storage::Storage;
+
+/// Samples wait at most this long before they are written: writing and a slow disk still fit in the promised second.
+pub(crate) const WRITE_INTERVAL: Duration = Duration::from_millis(400);
+/// Pause after a failed write.
+const RETRY_INTERVAL: Duration = Duration::from_millis(500);
+
+/// Extents listed under one lock: well below a millisecond.
+const EXTENTS_TOGETHER: usize = 1024;
+
+/// The end of the file.
+pub(crate) struct Appender {
+    pub at: u64,
+    pub sequence: u64,
+}
+
+impl Appender {
+    /// Appends one block; it is on the disk itself when this returns.
+    pub fn write(&mut self, storage: &dyn Storage, file_id: u64, body: &Body) -> std::io::Result<Block> {
+        let header = BlockHeader {
+            file_id,
+            sequence: self.sequence + 1,
+            kind: body.kind,
+            entries: body.entries,
+            table_bytes: body.table.len() as u32,
+            table_crc: crc32fast::hash(&body.table),
+            payload_bytes: body.payload.len() as u32,
+        };
+        let mut rest = Vec::with_capacity(header.block_bytes() as usize - BLOCK_HEADER_BYTES);
+        rest.extend_from_slice(&body.table);
+        rest.resize(header.payload_offset() as usize - BLOCK_HEADER_BYTES, 0);
+        let crcs_at = body.table.len() - 4 * body.payload.len().div_ceil(CHUNK_BYTES as usize);
+        let crcs =
+            body.table[crcs_at..].chunks_exact(4).map(|crc| u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]));
+        let block = Block { header, offset: self.at, crcs: crcs.collect(), blob: None };
+        rest.extend_from_slice(&body.payload);
+        rest.resize(header.block_bytes() as usize - BLOCK_HEADER_BYTES, 0);
+
+        let written = storage
+            .write_all_at(&rest, self.at + BLOCK_HEADER_BYTES as u64)
+            .and_then(|()| storage.write_all_at(&header.encode(), self.at))
+            .and_then(|()| storage.sync_data());
+        if let Err(error) = written {
+            // Only tidiness: what stays there is overwritten by the next attempt, or found incomplete.
+            let _ = storage.set_len(self.at);
+            return Err(error);
+        }
+        debug_assert_eq!(self.at, aligned(self.at));
+        self.at += header.block_bytes();
+        self.sequence += 1;
+        Ok(block)
+    }
+}
+
+/// Tells those who wait for the writer when it ends, however it ends.
+struct Gone<'a>(&'a Shared);
+
+impl Drop for Gone<'_> {
+    fn drop(&mut self) {
+        self.0.state().writer_gone = true;
+        self.0.progress.notify_all();
+    }
+}
+
+/// The writer thread: runs until it is told to stop and nothing is left, or what is left cannot be written.
+pub(crate) fn run(shared: &Arc<Shared>) {
+    let _gone = Gone(shared);
+    let mut failed_at: Option<Instant> = None;
+    while let Some(batch) = next_batch(shared, failed_at) {
+        let (entries, body) = batch.body();
+        let written = shared.appender().write(&*shared.storage, shared.header.file_id, &body);
+        let result: Result<()> = match written {
+            Ok(block) => list(shared, block, &entries),
+            Err(error) => Err(shared.io("writing samples", error)),
+        };
+        let mut state = shared.state();
+        match result {
+            Ok(()) => {
+                let done = state.batch_written();
+                drop(state);
+                drop(batch);
+                let spare = done.and_then(Arc::into_inner).map(Batch::emptied);
+                state = shared.state();
+                state.spare = spare;
+                state.last_error = None;
+                failed_at = None;
+            }
+            Err(error) => {
+                state.last_error = Some(error.to_string());
+                state.failures += 1;
+                failed_at = Some(Instant::now());
+                if state.stop {
+                    return;
+                }
+            }
+        }
+        shared.progress.notify_all();
+    }
+}
+
+/// Lists a block's extents, some at a time, so that appends and reads need not wait for all of them.
+fn list(shared: &Shared, block: Block, entries: &[Entry]) -> Result<()> {
+    let id = shared.state().directory.add_block(Arc::new(block))?;
+    let mut at = 0;
+    for some in entries.chunks(EXTENTS_TOGETHER) {
+        let mut state = shared.state();
+        for entry in some {
+            state.directory.add_extent(id, at, entry)?;
+            at += entry.count;
+        }
+    }
+    Ok(())
+}
+
+/// Waits for something to write.
+fn next_batch(shared: &Shared, failed_at: Option<Instant>) -> Option<Arc<Batch>> {
+    let mut state: MutexGuard<State> = shared.state();
+    loop {
+        if state.stop {
+            state.freeze();
+        }
+        let now = Instant::now();
+        let retry = failed_at.map(|at| at + RETRY_INTERVAL).filter(|&at| at > now && !state.hurry && !state.stop);
+        let due = state.active_since.map(|since| since + WRITE_INTERVAL);
+        if due.is_some_and(|due| due <= now) && state.frozen.is_empty() {
+            state.freeze();
+        }
+        if retry.is_none() {
+            if let Some(batch) = state.frozen.front() {
+                let batch = Arc::clone(batch);
+                state.hurry = false;
+                return Some(batch);
+            }
+            state.hurry = false;
+        }
+        if state.stop && state.frozen.is_empty() {
+            return None;
+        }
+        let until = retry.or(due);
+        state = match until {
+            Some(at) => shared.wait(&shared.wake, state, at.saturating_duration_since(now)),
+            None => shared.wait(&shared.wake, state, Duration::from_secs(3600)),
+        };
+    }
+}

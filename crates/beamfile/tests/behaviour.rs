@@ -1,0 +1,242 @@
+//! What callers rely on: cache, readers beside the writer, superseding, order, errors.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod common;
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use common::{key, kind, meta, options, sample, samples};
+use holo_beamfile::{BeamFile, BeamSamples, Counts, Error, ExtentMeta, Options};
+use holo_section::SampleKind;
+
+fn fresh() -> (tempfile::TempDir, std::path::PathBuf, BeamFile) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("test.holo");
+    let file = BeamFile::create(&path, options()).unwrap();
+    (folder, path, file)
+}
+
+#[test]
+fn a_file_can_be_shared_between_threads() {
+    fn shared<T: Send + Sync>() {}
+    shared::<BeamFile>();
+}
+
+#[test]
+fn samples_are_on_disk_within_a_second_without_a_flush() {
+    let (_folder, path, file) = fresh();
+    let reader = BeamFile::open_read_only(&path, 0).unwrap();
+    let meta = meta(key(0, 4), 0);
+    file.append(meta, &samples(&meta, 21, 0)).unwrap();
+    let start = Instant::now();
+    while reader.count(meta.key) == 0 {
+        assert!(start.elapsed() < Duration::from_secs(1));
+        std::thread::sleep(Duration::from_millis(10));
+        reader.refresh().unwrap();
+    }
+    assert_eq!(reader.read(meta.key).unwrap().samples, samples(&meta, 21, 0));
+}
+
+#[test]
+fn packets_that_continue_each_other_become_one_extent() {
+    let (_folder, _, file) = fresh();
+    for packet in 0..50 {
+        for beam in 0..4 {
+            let meta = meta(key(0, beam), packet * 21);
+            file.append(meta, &samples(&meta, 21, 0)).unwrap();
+        }
+    }
+    file.flush().unwrap();
+    assert_eq!(file.stats().extents, 4);
+    assert_eq!(file.read(key(0, 2)).unwrap().extents.len(), 1);
+}
+
+#[test]
+fn superseding_samples_replace_only_their_numbers_and_a_late_copy_changes_nothing() {
+    let (_folder, path, file) = fresh();
+    let rough = meta(key(0, 7), 0);
+    let better = ExtentMeta { first: 10, paths: 16, generation: 1, ..rough };
+    let other_kind = ExtentMeta { first: 0, kind: SampleKind::SingleRay, ..rough };
+    file.append(rough, &samples(&rough, 40, 1)).unwrap();
+    file.append(other_kind, &samples(&other_kind, 3, 1)).unwrap();
+    file.supersede(better, &samples(&better, 20, 2)).unwrap();
+    // The same packet computed a second time, as after a worker's death: it comes late and is no better.
+    file.append(rough, &samples(&rough, 40, 3)).unwrap();
+    let check = |file: &BeamFile| {
+        let read = file.read(rough.key).unwrap();
+        let runs: Vec<_> = read.runs().map(|(m, s)| (m.kind as u8, m.first, m.count, m.paths, s.to_vec())).collect();
+        let expect = |meta: &ExtentMeta, first, count, tag| {
+            let meta = ExtentMeta { first, ..*meta };
+            (meta.kind as u8, first, count, meta.paths, samples(&meta, count, tag))
+        };
+        let uniform = [expect(&rough, 0, 10, 1), expect(&better, 10, 20, 2), expect(&rough, 30, 10, 1)];
+        assert_eq!(runs[..3], uniform);
+        assert_eq!(runs[3..], [expect(&other_kind, 0, 3, 1)]);
+        assert_eq!(file.count(rough.key), 43);
+        assert_eq!(file.counts(rough.key), Counts { uniform: 40, limited: 0, single: 3 });
+    };
+    check(&file);
+    file.flush().unwrap();
+    check(&file);
+    drop(file);
+    check(&BeamFile::open(&path, options()).unwrap());
+}
+
+#[test]
+fn the_cache_stays_within_its_budget_and_keeps_what_was_used_last() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("test.holo");
+    let budget = 50_000;
+    let file = BeamFile::create(&path, Options { cache_bytes: budget, layout: vec![1000] }).unwrap();
+    for beam in 0..200 {
+        let meta = meta(key(0, beam), 0);
+        file.append(meta, &samples(&meta, 100 + beam as u32, 0)).unwrap();
+    }
+    file.flush().unwrap();
+    for i in 0..2000u64 {
+        file.read(key(0, i * 7919 % 200)).unwrap();
+        file.read(key(0, 3)).unwrap();
+        assert!(file.stats().cache_bytes <= budget);
+    }
+    let stats = file.stats();
+    assert!(stats.cache_bytes > budget / 2, "it is used");
+    assert_eq!(stats.cache_hits + stats.cache_misses, 4000);
+    assert!(stats.cache_hits >= 1999, "a beam read all the time stays: {} hits", stats.cache_hits);
+    let meta = meta(key(0, 3), 5000);
+    file.append(meta, &samples(&meta, 5, 9)).unwrap();
+    assert_eq!(file.read(key(0, 3)).unwrap().samples.len(), 108, "new samples are seen at once");
+
+    let huge = self::meta(key(0, 999), 0);
+    file.append(huge, &samples(&huge, 6000, 0)).unwrap();
+    assert_eq!(file.read(huge.key).unwrap().samples.len(), 6000, "larger than the cache, and read all the same");
+    assert!(file.stats().cache_bytes <= budget);
+}
+
+#[test]
+fn read_many_gives_cached_beams_first_then_file_order_and_stops_when_told() {
+    let (_folder, _, file) = fresh();
+    // Each beam in a block of its own, so that file order is not beam order.
+    let order = [9, 2, 30, 4, 11, 0];
+    for beam in order {
+        let meta = meta(key(0, beam), 0);
+        file.append(meta, &samples(&meta, 21, 0)).unwrap();
+        file.flush().unwrap();
+    }
+    file.read(key(0, 11)).unwrap();
+    let keys: Vec<_> = (0..40).map(|beam| key(0, beam)).filter(|k| order.contains(&k.beam.0)).collect();
+    let mut got = Vec::new();
+    let mut collect = |beam: holo_beamfile::BeamKey, samples: Arc<BeamSamples>| {
+        assert_eq!(samples.samples.len(), 21);
+        got.push(beam.beam.0);
+        ControlFlow::Continue(())
+    };
+    file.read_many(&keys, &mut collect).unwrap();
+    assert_eq!(got, [11, 9, 2, 30, 4, 0]);
+
+    let mut calls = 0;
+    file.read_many(&keys, &mut |_, _| {
+        calls += 1;
+        if calls == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })
+    .unwrap();
+    assert_eq!(calls, 2);
+}
+
+#[test]
+fn readers_beside_the_writer_see_whole_blocks_and_never_a_wrong_sample() {
+    let (_folder, path, file) = fresh();
+    let file = Arc::new(file);
+    let done = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let other_process_like = scope.spawn(|| {
+            let reader = BeamFile::open_read_only(&path, 10_000).unwrap();
+            let mut last = 0;
+            while !done.load(Ordering::SeqCst) {
+                reader.refresh().unwrap();
+                last = check_prefixes(&reader, last);
+            }
+            reader.refresh().unwrap();
+            assert!(reader.damage().is_empty(), "{:?}", reader.damage());
+            check_prefixes(&reader, last)
+        });
+        let same_handle = scope.spawn(|| {
+            let mut last = 0;
+            while !done.load(Ordering::SeqCst) {
+                last = check_prefixes(&file, last);
+            }
+        });
+        for packet in 0..3000 {
+            for beam in 0..6 {
+                let meta = ExtentMeta { kind: kind(1), ..meta(key(0, beam), packet * 21) };
+                file.append(meta, &samples(&meta, 21, 0)).unwrap();
+            }
+            if packet % 150 == 0 {
+                file.flush().unwrap();
+            }
+        }
+        file.flush().unwrap();
+        done.store(true, Ordering::SeqCst);
+        assert_eq!(other_process_like.join().unwrap(), 3000 * 21);
+        same_handle.join().unwrap();
+    });
+}
+
+/// Every beam holds a prefix of its sequence, no shorter than before.
+fn check_prefixes(file: &BeamFile, at_least: usize) -> usize {
+    let mut shortest = usize::MAX;
+    for beam in 0..6 {
+        let key = key(0, beam);
+        let read = file.read(key).unwrap();
+        assert!(read.samples.len() >= at_least);
+        shortest = shortest.min(read.samples.len());
+        for (number, found) in (0..).zip(&read.samples).step_by(97) {
+            assert_eq!(*found, sample(key, kind(1), number, 0));
+        }
+    }
+    shortest
+}
+
+#[test]
+fn wrong_use_is_refused_and_changes_nothing() {
+    let (_folder, path, file) = fresh();
+    let good = meta(key(0, 0), 0);
+    let one = samples(&good, 1, 0);
+    assert!(matches!(file.append(meta(key(0, 40), 0), &one), Err(Error::NoSuchBeam { .. })));
+    assert!(matches!(file.append(meta(key(2, 0), 0), &one), Err(Error::NoSuchBeam { .. })));
+    assert!(matches!(file.read(key(1, 12)), Err(Error::NoSuchBeam { .. })));
+    assert!(matches!(file.append(meta(key(0, 0), u32::MAX), &one), Err(Error::SampleNumbers { .. })));
+    file.append(good, &[]).unwrap();
+    assert!(matches!(file.put_blob("", &[]), Err(Error::BlobName(0))));
+    assert!(matches!(file.put_blob(&"x".repeat(256), &[]), Err(Error::BlobName(256))));
+    assert_eq!(file.blob("none").unwrap(), None);
+    file.flush().unwrap();
+    assert_eq!(file.stats().samples, 0);
+    drop(file);
+
+    let other = Options { cache_bytes: 0, layout: vec![40, 13] };
+    assert!(matches!(BeamFile::open(&path, other), Err(Error::Layout { .. })));
+    let reader = BeamFile::open_read_only(&path, 0).unwrap();
+    assert!(matches!(reader.append(good, &one), Err(Error::ReadOnly { .. })));
+    assert!(matches!(reader.put_blob("scene", &[]), Err(Error::ReadOnly { .. })));
+    let folder = tempfile::tempdir().unwrap();
+    let none = Options { cache_bytes: 0, layout: vec![] };
+    assert!(matches!(BeamFile::create(folder.path().join("none.holo"), none), Err(Error::SectionCount(0))));
+}
+
+#[test]
+fn a_long_append_and_the_last_sample_number_are_kept() {
+    let (_folder, path, file) = fresh();
+    let long = meta(key(0, 1), 0);
+    let many = samples(&long, (1 << 20) + 12_345, 0);
+    file.append(long, &many).unwrap();
+    let last = meta(key(0, 2), u32::MAX - 1);
+    file.append(last, &many[..1]).unwrap();
+    file.close().unwrap();
+    let file = BeamFile::open(&path, options()).unwrap();
+    assert_eq!(file.read(long.key).unwrap().samples, many);
+    assert_eq!(file.read(last.key).unwrap().extents[0].first, u32::MAX - 1);
+    assert_eq!(file.counts(last.key).uniform, u32::MAX);
+}

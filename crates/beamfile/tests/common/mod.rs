@@ -1,0 +1,111 @@
+//! What the tests share: samples that tell where they belong, and a model of the file in memory.
+#![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::collections::BTreeMap;
+
+use holo_beamfile::{BeamFile, BeamKey, ExtentMeta, Options};
+use holo_section::{BeamId, Sample, SampleKind};
+
+/// Beams of the two sections that test files have.
+pub const LAYOUT: [u64; 2] = [40, 12];
+
+pub fn options() -> Options {
+    Options { cache_bytes: 1 << 20, layout: LAYOUT.to_vec() }
+}
+
+pub fn key(section: u16, beam: u64) -> BeamKey {
+    BeamKey { section, beam: BeamId(beam) }
+}
+
+pub fn kind(code: u8) -> SampleKind {
+    match code {
+        0 => SampleKind::Uniform,
+        1 => SampleKind::ViewpointLimited,
+        _ => SampleKind::SingleRay,
+    }
+}
+
+pub fn meta(key: BeamKey, first: u32) -> ExtentMeta {
+    ExtentMeta { key, first, count: 0, kind: SampleKind::Uniform, paths: 1, settings: 7, generation: 0 }
+}
+
+/// Ten bytes that no other (beam, kind, number, tag) has, as far as a test can tell.
+pub fn sample(key: BeamKey, kind: SampleKind, number: u32, tag: u32) -> Sample {
+    let seed = [u64::from(key.section), key.beam.0, kind as u64, u64::from(number), u64::from(tag)];
+    let mixed = seed.iter().fold(0x9e37_79b9_7f4a_7c15u64, |h, &x| {
+        let h = (h ^ x).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        h ^ (h >> 29)
+    });
+    let mut bytes = [0; 10];
+    bytes[..8].copy_from_slice(&mixed.to_le_bytes());
+    bytes[8..].copy_from_slice(&(number as u16).to_le_bytes());
+    bytemuck::pod_read_unaligned(&bytes)
+}
+
+pub fn samples(meta: &ExtentMeta, count: u32, tag: u32) -> Vec<Sample> {
+    (meta.first..meta.first + count).map(|n| sample(meta.key, meta.kind, n, tag)).collect()
+}
+
+/// What one sample number must give.
+pub type Truth = (Vec<u8>, u16, u32, u32);
+
+/// The file as it ought to be: by beam, then by (kind, number).
+#[derive(Clone, Default)]
+pub struct Model(pub BTreeMap<BeamKey, BTreeMap<(u8, u32), Truth>>);
+
+impl Model {
+    pub fn put(&mut self, meta: &ExtentMeta, samples: &[Sample], supersedes: bool) {
+        for (number, sample) in (meta.first..).zip(samples) {
+            let truth = (bytemuck::bytes_of(sample).to_vec(), meta.paths, meta.settings, meta.generation);
+            let numbers = self.0.entry(meta.key).or_default();
+            let old = numbers.entry((meta.kind as u8, number)).or_insert_with(|| truth.clone());
+            if supersedes {
+                *old = truth;
+            }
+        }
+    }
+
+    pub fn len(&self) -> usize {
+        self.0.values().map(BTreeMap::len).sum()
+    }
+}
+
+/// Everything that a file gives, by `read`.
+pub fn contents(file: &BeamFile) -> Model {
+    let mut model = Model::default();
+    for (section, &beams) in (0..).zip(&LAYOUT) {
+        for beam in 0..beams {
+            let key = key(section, beam);
+            let read = file.read(key).unwrap();
+            assert_eq!(read.samples.len() as u64, read.extents.iter().map(|e| u64::from(e.count)).sum::<u64>());
+            let mut last = None;
+            for (meta, samples) in read.runs() {
+                assert_eq!(meta.key, key);
+                assert!(last < Some((meta.kind as u8, meta.first)), "runs are in the order (kind, number)");
+                last = Some((meta.kind as u8, meta.first + meta.count - 1));
+                model.put(meta, samples, false);
+            }
+        }
+    }
+    model
+}
+
+/// The file gives exactly what the model has.
+pub fn assert_same(file: &BeamFile, model: &Model) {
+    let found = contents(file);
+    assert!(found.0 == model.0, "found {} samples of {}", found.len(), model.len());
+}
+
+/// Nothing that the file gives differs from the model; gives the numbers that are missing.
+pub fn missing(file: &BeamFile, model: &Model) -> Vec<(BeamKey, u8, u32)> {
+    let found = contents(file);
+    for (key, numbers) in &found.0 {
+        for (number, truth) in numbers {
+            let right = model.0.get(key).and_then(|beam| beam.get(number));
+            assert_eq!(Some(truth), right, "{key:?} {number:?}: a wrong sample was given without a word");
+        }
+    }
+    let has = |key: &BeamKey, number: &(u8, u32)| found.0.get(key).is_some_and(|beam| beam.contains_key(number));
+    let all = model.0.iter().flat_map(|(key, beam)| beam.keys().map(move |number| (key, number)));
+    all.filter(|(key, number)| !has(key, number)).map(|(key, number)| (*key, number.0, number.1)).collect()
+}

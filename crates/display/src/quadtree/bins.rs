@@ -1,0 +1,227 @@
+//! Exact sums of samples, by pixel and depth bin.
+//!
+//! Invariants:
+//! - Every sum is an integer sum (saturating where it could overflow, which integers ≥ 0 do in any order), so the same
+//!   samples give the same bits whatever their order and batches.
+//! - A pixel keeps its [`BINS_KEPT`] nearest bins and the sums of those are complete: at the time a sample arrives, its
+//!   bin is refused only if [`BINS_KEPT`] nearer bins are already known, and evicted only when that many are. Known bins
+//!   never go away but for nearer ones, so a bin once refused or evicted is not among the nearest at the end; and a bin
+//!   that is among the nearest at the end was never refused nor evicted.
+//! - Memory is at most [`BINS_KEPT`] × (`Sums` + 6 bytes) a pixel, and grows only with the bins really met.
+
+/// Nearest depth bins kept for each pixel. A pixel rarely sees more than two surfaces.
+pub(crate) const BINS_KEPT: usize = 4;
+/// Bin of samples that hit nothing: beyond every other, adjacent to none.
+pub(crate) const FAR: u16 = u16::MAX - 1;
+/// No bin.
+const NONE: u16 = u16::MAX;
+/// Bits cut from a squared distance as f32: 4 of its mantissa stay, so 16 bins to each doubling of the square, 32 to each
+/// doubling of the distance; the widest bin is 3.1 %, the narrowest 1.6 %.
+const BIN_SHIFT: u32 = 19;
+/// Fraction bits of the colour sums.
+const COLOUR_FRACTION: i32 = 48;
+/// Exponents above this are taken as this (radiances above 4e12), so that one sample cannot overflow its sum.
+const MAX_EXPONENT: u8 = 170;
+/// Fraction bits of luminance, for its second moment, and its upper bound.
+const LUMINANCE_SCALE: f32 = 1_048_576.0;
+const LUMINANCE_MAX: f32 = (1_u64 << 50) as f32;
+/// Fraction bits of compressed luminance, and its upper bound.
+const COMPRESSED_SCALE: f32 = 4096.0;
+const COMPRESSED_MAX: f32 = (1_u64 << 26) as f32;
+
+/// Logarithmic depth bin of a squared distance from the eye.
+pub(crate) fn depth_bin(distance_squared: f64) -> u16 {
+    // Positive floats sort as their bits do, and the bits are a logarithm good enough for bins.
+    ((distance_squared as f32).to_bits() >> BIN_SHIFT) as u16
+}
+
+/// Distance at the middle of a bin; infinity for [`FAR`].
+pub(crate) fn bin_distance(bin: u16) -> f32 {
+    if bin >= FAR { f32::INFINITY } else { f32::from_bits((u32::from(bin) << BIN_SHIFT) | 1 << (BIN_SHIFT - 1)).sqrt() }
+}
+
+/// Luminance in the domain in which leaves are compared: its fourth root.
+///
+/// A root rather than a logarithm: black samples are common, and a root does not ask what scale the scene has. The fourth
+/// brings a lamp a thousand times brighter than its surroundings down to six times.
+pub(crate) fn compress(luminance: f32) -> f32 {
+    luminance.max(0.0).sqrt().sqrt()
+}
+
+/// Luminance of linear RGB in the scene's radiance unit (without Radiance's 179 lm/W).
+pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
+    0.265 * rgb[0] + 0.670 * rgb[1] + 0.065 * rgb[2]
+}
+
+/// A sample's colour, ready to be added.
+#[derive(Clone, Copy)]
+pub(crate) struct Colour {
+    fixed: [u128; 3],
+    luminance_squared: u128,
+    compressed: u64,
+}
+
+impl Colour {
+    /// RGBE bytes: c·2^(e−136) each, which fixed point holds exactly from 2⁻⁴⁸ up.
+    pub fn from_rgbe(rgbe: [u8; 4]) -> Self {
+        let [r, g, b, exponent] = rgbe;
+        if exponent == 0 {
+            return Self { fixed: [0; 3], luminance_squared: 0, compressed: 0 };
+        }
+        let exponent = exponent.min(MAX_EXPONENT);
+        let shift = i32::from(exponent) - 136 + COLOUR_FRACTION;
+        let fix = |c: u8| {
+            if shift >= 0 {
+                u128::from(c) << shift
+            } else {
+                u128::from(c).checked_shr(shift.unsigned_abs()).unwrap_or(0)
+            }
+        };
+        // 2^(e-136): normal for e ≥ 10, and what is smaller is 0 in every fixed point here.
+        let scale = f32::from_bits(u32::from(exponent.saturating_sub(9)) << 23);
+        let luminance = luminance([f32::from(r), f32::from(g), f32::from(b)]) * scale;
+        let squared_root = (luminance * LUMINANCE_SCALE).min(LUMINANCE_MAX) as u64;
+        let compressed = (compress(luminance) * COMPRESSED_SCALE).min(COMPRESSED_MAX) as u64;
+        Self {
+            fixed: [fix(r), fix(g), fix(b)],
+            luminance_squared: u128::from(squared_root) * u128::from(squared_root),
+            compressed,
+        }
+    }
+}
+
+/// Sums over the samples of one depth bin of one pixel.
+#[derive(Clone, Copy, Default, Debug, PartialEq)]
+pub(crate) struct Sums {
+    weight: u64,
+    weight_squared: u64,
+    rgb: [u128; 3],
+    luminance_squared: u128,
+    compressed: u64,
+    compressed_squared: u128,
+    pub count: u32,
+    /// Samples whose ray passes so near the eye that they are samples of this very pixel.
+    pub near: u32,
+}
+
+impl Sums {
+    fn add(&mut self, colour: &Colour, weight: u32, near: bool) {
+        let (wide, weight) = (u128::from(weight), u64::from(weight));
+        self.weight = self.weight.saturating_add(weight);
+        self.weight_squared = self.weight_squared.saturating_add(weight * weight);
+        for (sum, value) in self.rgb.iter_mut().zip(colour.fixed) {
+            *sum = sum.saturating_add(value.saturating_mul(wide));
+        }
+        self.luminance_squared = self.luminance_squared.saturating_add(colour.luminance_squared * wide);
+        self.compressed = self.compressed.saturating_add(colour.compressed * weight);
+        let compressed = u128::from(colour.compressed);
+        self.compressed_squared = self.compressed_squared.saturating_add(compressed * compressed * wide);
+        self.count = self.count.saturating_add(1);
+        self.near = self.near.saturating_add(u32::from(near));
+    }
+
+    /// Adds another bin's sums: two bins of one surface.
+    pub fn join(&mut self, other: &Self) {
+        self.weight = self.weight.saturating_add(other.weight);
+        self.weight_squared = self.weight_squared.saturating_add(other.weight_squared);
+        for (sum, value) in self.rgb.iter_mut().zip(other.rgb) {
+            *sum = sum.saturating_add(value);
+        }
+        self.luminance_squared = self.luminance_squared.saturating_add(other.luminance_squared);
+        self.compressed = self.compressed.saturating_add(other.compressed);
+        self.compressed_squared = self.compressed_squared.saturating_add(other.compressed_squared);
+        self.count = self.count.saturating_add(other.count);
+        self.near = self.near.saturating_add(other.near);
+    }
+
+    pub fn weight(&self) -> f64 {
+        self.weight as f64
+    }
+
+    pub fn weight_squared(&self) -> f64 {
+        self.weight_squared as f64
+    }
+
+    /// Weighted mean colour. The sums must not be empty.
+    pub fn mean(&self) -> [f64; 3] {
+        let scale = 1.0 / (self.weight() * (1_u64 << COLOUR_FRACTION) as f64);
+        self.rgb.map(|sum| float(sum) * scale)
+    }
+
+    /// Weighted mean of luminance squared.
+    pub fn mean_luminance_squared(&self) -> f64 {
+        float(self.luminance_squared) / (self.weight() * f64::from(LUMINANCE_SCALE).powi(2))
+    }
+
+    /// Weighted means of compressed luminance and of its square.
+    pub fn mean_compressed(&self) -> (f64, f64) {
+        let scale = f64::from(COMPRESSED_SCALE);
+        (
+            self.compressed as f64 / (self.weight() * scale),
+            float(self.compressed_squared) / (self.weight() * scale * scale),
+        )
+    }
+}
+
+/// A wide integer as a float, within two roundings; the language's own conversion is a call that takes several times as long.
+fn float(wide: u128) -> f64 {
+    (wide >> 64) as u64 as f64 * 18_446_744_073_709_551_616.0 + wide as u64 as f64
+}
+
+/// The bins of one pixel, nearest first: their keys, and where their sums are.
+#[derive(Clone, Copy)]
+struct Slots {
+    bins: [u16; BINS_KEPT],
+    places: [u32; BINS_KEPT],
+}
+
+const EMPTY: Slots = Slots { bins: [NONE; BINS_KEPT], places: [0; BINS_KEPT] };
+
+/// The bins of all pixels.
+#[derive(Clone)]
+pub(crate) struct PixelBins {
+    slots: Vec<Slots>,
+    /// Most pixels see one surface: sums lie here in order of first use, not four to each pixel.
+    sums: Vec<Sums>,
+}
+
+impl PixelBins {
+    pub fn new(pixels: usize) -> Self {
+        Self { slots: vec![EMPTY; pixels], sums: Vec::new() }
+    }
+
+    pub fn clear(&mut self) {
+        self.slots.fill(EMPTY);
+        self.sums.clear();
+    }
+
+    pub fn add(&mut self, pixel: usize, bin: u16, colour: &Colour, weight: u32, near: bool) {
+        let slots = &mut self.slots[pixel];
+        let rank = slots.bins.iter().position(|&kept| bin <= kept).unwrap_or(BINS_KEPT);
+        if rank == BINS_KEPT {
+            return;
+        }
+        if slots.bins[rank] != bin {
+            let last = BINS_KEPT - 1;
+            let place = if slots.bins[last] == NONE {
+                self.sums.push(Sums::default());
+                (self.sums.len() - 1) as u32
+            } else {
+                self.sums[slots.places[last] as usize] = Sums::default();
+                slots.places[last]
+            };
+            slots.bins.copy_within(rank..last, rank + 1);
+            slots.places.copy_within(rank..last, rank + 1);
+            slots.bins[rank] = bin;
+            slots.places[rank] = place;
+        }
+        self.sums[slots.places[rank] as usize].add(colour, weight, near);
+    }
+
+    /// The kept bins of a pixel, nearest first, with their sums.
+    pub fn of(&self, pixel: usize) -> impl Iterator<Item = (u16, &Sums)> {
+        let slots = &self.slots[pixel];
+        let kept = slots.bins.iter().take_while(|&&bin| bin != NONE).count();
+        (0..kept).map(move |rank| (slots.bins[rank], &self.sums[slots.places[rank] as usize]))
+    }
+}

@@ -1,0 +1,238 @@
+//! Which leaf a pixel's surface is averaged over: variance against bias, by the samples themselves.
+//!
+//! Lepski's rule (Lepski 1991; as intersection of confidence intervals, Katkovnik 1999): from the finest leaf upwards,
+//! a coarser one is taken as long as its confidence interval meets those of all finer ones. Where the picture is flat the
+//! intervals go on meeting and noise is averaged; where it is not, they part once the samples can tell. Samples without
+//! noise have intervals of no width and stay in their pixels; as samples grow every interval shrinks, so every pixel that
+//! is not flat ends with its own mean.
+//!
+//! Invariant: only samples of one surface are averaged: bins connected to the pixel's own.
+
+use crate::quadtree::bins::luminance;
+use crate::quadtree::surface::{Deviation, Level, Surface, gap_allowed};
+use crate::quadtree::{LeafSize, QuadtreeParams};
+use std::cell::Cell;
+
+/// Half-width of an interval of mean compressed luminance, in standard errors.
+const KAPPA: f32 = 2.2;
+/// Half-width of an interval of a mean channel, in standard errors: plain radiance has heavy tails, and the compressed
+/// luminance tells most edges. This one sees differences of hue, and means that differ though most samples do not.
+const KAPPA_LINEAR: f32 = 4.0;
+/// Intervals are wider by 1 + FEW_SAMPLES · (relative variance + PLAIN_TAIL) / n, for n samples: as long as n is not well
+/// above the relative variance of one, the mean is far from normal (n has to outgrow the square of the skewness).
+const FEW_SAMPLES: f32 = 4.0;
+const PLAIN_TAIL: f32 = 0.2;
+// Tried, as error over that of the best fixed size, with samples of one path, of 64, and without noise, 0.1 to 64 a pixel
+// (tests/leaf_size.rs prints such a table): without FEW_SAMPLES 1.0 to 1.1 clean but 2.4 to 17 with one path, whose bright
+// samples stay alone in their pixels; with 1 in place of the relative variance 1.1 to 1.5 clean and 1.2 to 2.7 with one path;
+// noise by mean variance instead of mean deviation 1.5 to 2.1 clean; the last accepted leaf alone, instead of the soft
+// step, up to 1.6 with exponential noise, where it now is 1.3.
+/// Degrees of freedom wanted of an estimate of noise: with 12 of them an estimate goes up and down with the pixel's own
+/// mean, which darkened pictures of one-path samples by 3 to 6 %.
+const NOISE_FREEDOM: f32 = 256.0;
+/// RGBE keeps a colour to about this part of its largest channel: differences below are not the picture's.
+const QUANTUM: f32 = 0.004;
+/// A half-width below this part of the mean compressed luminance (2.4 % of luminance, a standard error of 1.1 %) is not seen:
+/// no larger leaf is tried.
+const UNSEEN: f32 = 0.006;
+
+/// Weighted mean over neighbouring leaves of one level, of one surface.
+#[derive(Clone, Copy, Debug)]
+struct Blend {
+    mean: [f32; 3],
+    compressed: f32,
+    /// Standard error for samples of unit deviation: √Σw² / Σw.
+    error: f32,
+}
+
+/// What is known of the noise of samples.
+#[derive(Clone, Copy)]
+struct Noise {
+    /// Half-widths of intervals for a standard error of 1: of compressed luminance, and of the channels.
+    half_widths: [f32; 4],
+    /// Variance of luminance over its mean squared.
+    relative_variance: f32,
+}
+
+/// Running intersection of intervals, one for each thing compared.
+struct Intersection {
+    low: [f32; 4],
+    high: [f32; 4],
+}
+
+impl Intersection {
+    fn everything() -> Self {
+        Self { low: [f32::NEG_INFINITY; 4], high: [f32::INFINITY; 4] }
+    }
+
+    /// Narrows it by another interval: the share of that interval's width that is common to all, 0 if nothing is.
+    fn narrow(&mut self, middle: [f32; 4], half: [f32; 4]) -> f32 {
+        let mut share = 1.0_f32;
+        for i in 0..4 {
+            self.low[i] = self.low[i].max(middle[i] - half[i]);
+            self.high[i] = self.high[i].min(middle[i] + half[i]);
+            let left = self.high[i] - self.low[i];
+            share = share.min(if half[i] > 0.0 {
+                0.5 * left / half[i]
+            } else if left >= 0.0 {
+                1.0
+            } else {
+                0.0
+            });
+        }
+        share.max(0.0)
+    }
+}
+
+/// Reads colours from a pyramid.
+pub(crate) struct Reader<'a> {
+    pub levels: &'a [Level],
+    params: &'a QuadtreeParams,
+    last_noise: Cell<Option<KnownNoise>>,
+}
+
+/// The noise found last, and of what: pixels side by side mostly ask for the same, and climbing the levels is a good part of
+/// a drawing's time. Pixels are read in a fixed order, so this changes no picture by chance.
+#[derive(Clone, Copy)]
+struct KnownNoise {
+    level: usize,
+    column: usize,
+    row: usize,
+    bins: (u16, u16),
+    noise: Noise,
+}
+
+impl<'a> Reader<'a> {
+    pub fn new(levels: &'a [Level], params: &'a QuadtreeParams) -> Self {
+        Self { levels, params, last_noise: Cell::new(None) }
+    }
+
+    /// Colour at a pixel of the surface that has `bins` in the pixel's leaf of level `start`.
+    pub fn colour(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> [f32; 3] {
+        if let LeafSize::Fixed(level) = self.params.leaf {
+            let level = start.max(usize::from(level)).min(self.levels.len() - 1);
+            return self.blend(column, row, level, bins).map_or([0.0; 3], |blend| blend.mean);
+        }
+        let noise = self.noise(column, row, start, bins);
+        let few_samples = FEW_SAMPLES * (noise.relative_variance + PLAIN_TAIL);
+        let mut common = Intersection::everything();
+        let mut best = [0.0; 3];
+        for level in start..self.levels.len() {
+            let Some(blend) = self.blend(column, row, level, bins) else { break };
+            let width = blend.error * (1.0 + few_samples * blend.error * blend.error);
+            let half = noise.half_widths.map(|half| half * width);
+            let [r, g, b] = blend.mean;
+            let share = common.narrow([blend.compressed, r, g, b], half);
+            if share == 0.0 {
+                break;
+            }
+            for (best, mean) in best.iter_mut().zip(blend.mean) {
+                *best += share * (mean - *best);
+            }
+            if half[0] < UNSEEN * blend.compressed {
+                break;
+            }
+        }
+        best
+    }
+
+    /// Noise of the surface around a pixel: from the smallest leaf that has samples enough.
+    fn noise(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Noise {
+        if let Some(known) = self.last_noise.get().filter(|known| {
+            known.level >= start
+                && (known.column, known.row) == (column >> known.level, row >> known.level)
+                && (known.bins.0..=known.bins.1).contains(&bins.0)
+        }) {
+            return known.noise;
+        }
+        let mut found_at = (start, bins);
+        let mut deviation = Deviation { luminance: 0.0, compressed: 0.0, freedom: -1.0 };
+        let mut mean = [0.0; 3];
+        let mut compressed = 0.0;
+        for (number, level) in self.levels.iter().enumerate().skip(start) {
+            let Some(own) = own_surface(level.leaf(column >> number, row >> number), bins) else { break };
+            let found = own.deviation();
+            if found.freedom > deviation.freedom {
+                (deviation, mean, compressed) = (found, own.mean, own.compressed);
+                found_at = (number, own.bins);
+            }
+            if deviation.freedom >= NOISE_FREEDOM {
+                break;
+            }
+        }
+        let brightest = mean[0].max(mean[1]).max(mean[2]);
+        // Noise is mostly brightness: a channel's share of it is its share of the colour.
+        let relative = deviation.luminance / luminance(mean).max(f32::MIN_POSITIVE);
+        let channel = |mean: f32| KAPPA_LINEAR * (relative * mean).max(QUANTUM * brightest);
+        let noise = Noise {
+            half_widths: [
+                KAPPA * deviation.compressed.max(0.25 * QUANTUM * compressed),
+                channel(mean[0]),
+                channel(mean[1]),
+                channel(mean[2]),
+            ],
+            relative_variance: relative * relative,
+        };
+        let (level, bins) = found_at;
+        self.last_noise.set(Some(KnownNoise { level, column: column >> level, row: row >> level, bins, noise }));
+        noise
+    }
+
+    /// Mean of one surface around a pixel at one level, leaves weighted bilinearly by the nearness of their middles.
+    ///
+    /// Bilinear weights centre the mean on the pixel: a gradient is then not biased, and no blocks show.
+    fn blend(&self, column: usize, row: usize, level: usize, bins: (u16, u16)) -> Option<Blend> {
+        let leaves = &self.levels[level];
+        let own = own_surface(leaves.leaf(column >> level, row >> level), bins)?;
+        if level == 0 {
+            return Some(Blend {
+                mean: own.mean,
+                compressed: own.compressed,
+                error: own.weight_squared.sqrt() / own.weight,
+            });
+        }
+        let gap = gap_allowed(level);
+        let (near, far) = (own.bins.0.saturating_sub(gap), own.bins.1.saturating_add(gap));
+        let (columns, column_weights) = neighbours(column, level, leaves.width);
+        let (rows, row_weights) = neighbours(row, level, leaves.height);
+        let (mut weight, mut weight_squared, mut compressed) = (0.0_f32, 0.0_f32, 0.0_f32);
+        let mut sum = [0.0_f32; 3];
+        for (&leaf_row, row_weight) in rows.iter().zip(row_weights) {
+            for (&leaf_column, column_weight) in columns.iter().zip(column_weights) {
+                let share = row_weight * column_weight;
+                for surface in leaves.leaf(leaf_column, leaf_row) {
+                    if surface.bins.1 < near || surface.bins.0 > far {
+                        continue;
+                    }
+                    let part = share * surface.weight;
+                    weight += part;
+                    weight_squared += share * share * surface.weight_squared;
+                    compressed += part * surface.compressed;
+                    for (sum, mean) in sum.iter_mut().zip(surface.mean) {
+                        *sum += part * mean;
+                    }
+                }
+            }
+        }
+        let scale = weight.recip();
+        Some(Blend {
+            mean: sum.map(|channel| channel * scale),
+            compressed: compressed * scale,
+            error: weight_squared.sqrt() * scale,
+        })
+    }
+}
+
+/// The surface of a leaf that holds a surface of one of its pixels.
+pub(crate) fn own_surface(leaf: &[Surface], bins: (u16, u16)) -> Option<&Surface> {
+    leaf.iter().find(|surface| surface.bins.0 <= bins.0 && bins.0 <= surface.bins.1)
+}
+
+/// The two leaves whose middles a pixel's middle lies between, along one direction, and their bilinear weights.
+fn neighbours(pixel: usize, level: usize, leaves: usize) -> ([usize; 2], [f32; 2]) {
+    let own = pixel >> level;
+    let size = 1_usize << level;
+    let offset = (2 * (pixel & (size - 1)) + 1) as f32 / (2 * size) as f32 - 0.5;
+    let other = if offset < 0.0 { own.saturating_sub(1) } else { (own + 1).min(leaves - 1) };
+    ([own, other], [1.0 - offset.abs(), offset.abs()])
+}

@@ -1,0 +1,233 @@
+//! The quadtree driver (Larson & Simmons 1999, §2.4.3), with leaves that know surfaces and noise.
+//!
+//! Samples are reprojected by their stored distance and summed by pixel and depth. A picture is drawn from leaves of the
+//! quadtree over those sums: each pixel takes the mean of its own surface over the leaf that its samples ask for; an empty
+//! leaf takes what its siblings have (the mean of its parent), as in the paper.
+//!
+//! What always holds:
+//! - The picture is a function of the set of samples: their order and batches change no bit of it.
+//! - No mean is taken across a jump in depth.
+//! - As samples grow, every pixel tends to the mean of its own samples: the box filter.
+//! - A pixel whose middle no section covers is 0, whatever its neighbours are.
+
+mod bins;
+mod leaf;
+mod reproject;
+mod surface;
+
+use crate::camera::Camera;
+use crate::candidates::is_covered;
+use bins::{BINS_KEPT, Colour, PixelBins, bin_distance};
+use holo_picture::{Picture, View};
+use holo_section::{BeamId, Sample, Section};
+use leaf::{Reader, own_surface};
+use reproject::{BeamProjector, DistanceTable, PlacedSection};
+use std::sync::Arc;
+use surface::{Level, Surface, pyramid};
+
+/// Paths a sample counts for at most: enough that more are not told apart, few enough that sums cannot overflow.
+const MAX_PATHS: u16 = 1024;
+/// Share of a leaf's samples that its nearest surface needs to be what an empty pixel of the leaf shows.
+const SEEN_SHARE: f32 = 0.25;
+
+/// How large the leaves are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeafSize {
+    /// By the samples: as large as noise asks and the picture allows.
+    Adaptive,
+    /// 2^n pixels a side everywhere (larger where empty): 0 shows each pixel's own samples. For comparison.
+    Fixed(u8),
+}
+
+/// Settings of a [`Quadtree`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuadtreeParams {
+    /// How near to the eye, in scene units, a ray must pass to count as a sample of the pixel itself, which decides
+    /// silhouettes. None: the pixel's footprint at the sample.
+    pub viewpoint_radius: Option<f64>,
+    /// How large the leaves are.
+    pub leaf: LeafSize,
+    /// Largest leaf: 2^n pixels a side.
+    pub max_level: u8,
+}
+
+impl Default for QuadtreeParams {
+    fn default() -> Self {
+        Self { viewpoint_radius: None, leaf: LeafSize::Adaptive, max_level: 8 }
+    }
+}
+
+/// A picture drawn from samples, and what is known of it.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Linear radiance, row 0 at the top; 0 where nothing is known.
+    pub picture: Picture,
+    /// Distance from the eye in scene units (to the depth bin, within 1.6 %) for each pixel as in `picture`: infinite
+    /// where nothing was hit, 0 where nothing is known.
+    pub depth: Vec<f32>,
+    /// Pixels that no section covers: they are 0.
+    pub uncovered_pixels: u64,
+    /// Covered pixels without samples of their own: filled from larger leaves, or 0 if there is nothing at all.
+    pub empty_pixels: u64,
+    /// Samples that the picture was made of.
+    pub samples_used: u64,
+}
+
+/// The quadtree driver: samples in, pictures out.
+pub struct Quadtree {
+    sections: Arc<[Section]>,
+    placed: Vec<PlacedSection>,
+    view: View,
+    camera: Camera,
+    size: (u32, u32),
+    params: QuadtreeParams,
+    distances: DistanceTable,
+    bins: PixelBins,
+    covered: Vec<bool>,
+    uncovered_pixels: u64,
+}
+
+impl Quadtree {
+    /// An empty picture of `size` pixels, as from [`View::resolve`], which bounds it: memory is in proportion.
+    pub fn new(sections: Arc<[Section]>, view: View, size: (u32, u32), params: QuadtreeParams) -> Self {
+        let pixels = size.0 as usize * size.1 as usize;
+        let mut quadtree = Self {
+            placed: Vec::new(),
+            camera: Camera::new(&view, size),
+            distances: DistanceTable::new(),
+            bins: PixelBins::new(pixels),
+            covered: Vec::new(),
+            uncovered_pixels: 0,
+            sections,
+            view,
+            size,
+            params,
+        };
+        quadtree.place();
+        quadtree
+    }
+
+    /// Forgets all samples and takes another view of the same size.
+    pub fn reset(&mut self, view: View) {
+        self.view = view;
+        self.camera = Camera::new(&view, self.size);
+        self.bins.clear();
+        self.place();
+    }
+
+    /// The view shown.
+    pub fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// The radius of [`QuadtreeParams::viewpoint_radius`], for samples still to come.
+    pub fn set_viewpoint_radius(&mut self, radius: Option<f64>) {
+        self.params.viewpoint_radius = radius;
+    }
+
+    /// Adds samples of one beam, each the mean of `paths` paths.
+    ///
+    /// Samples of an unknown section or beam are left out: a driver has no use for them, and nothing depends on them.
+    pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+        let Some((known, placed)) = self.sections.get(usize::from(section)).zip(self.placed.get(usize::from(section)))
+        else {
+            return;
+        };
+        let Some(pair) = known.cells(beam) else { return };
+        let radius = self.params.viewpoint_radius;
+        let projector = BeamProjector::new(placed, pair, &self.camera, self.size, radius, &self.distances);
+        let paths = u32::from(paths.clamp(1, MAX_PATHS));
+        let width = self.size.0 as usize;
+        for sample in samples {
+            if let Some(landing) = projector.land(sample) {
+                let colour = Colour::from_rgbe(sample.rgbe);
+                let pixel = landing.row * width + landing.column;
+                self.bins.add(pixel, landing.bin, &colour, landing.weight * paths, landing.near);
+            }
+        }
+    }
+
+    /// The picture of all samples so far.
+    pub fn draw(&self) -> Frame {
+        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
+        let levels = pyramid(&self.bins, width, height, usize::from(self.params.max_level));
+        let reader = Reader::new(&levels, &self.params);
+        let mut frame = Frame {
+            picture: Picture::new(self.size.0, self.size.1),
+            depth: vec![0.0; width * height],
+            uncovered_pixels: self.uncovered_pixels,
+            empty_pixels: 0,
+            samples_used: 0,
+        };
+        frame.picture.view = Some(self.view);
+        for row in 0..height {
+            for column in 0..width {
+                let pixel = row * width + column;
+                if !self.covered[pixel] {
+                    continue;
+                }
+                let own = levels[0].leaf(column, row);
+                frame.samples_used += own.iter().map(|surface| u64::from(surface.count)).sum::<u64>();
+                frame.empty_pixels += u64::from(own.is_empty());
+                let shown = if own.is_empty() { fill(&reader, column, row) } else { mix(&reader, column, row, own) };
+                if let Some((colour, nearest)) = shown {
+                    frame.picture.pixels[pixel] = colour;
+                    frame.depth[pixel] = bin_distance(nearest);
+                }
+            }
+        }
+        frame
+    }
+
+    /// Works out all that depends on the view but on no sample.
+    fn place(&mut self) {
+        self.placed = self.sections.iter().map(|section| PlacedSection::new(section, &self.camera)).collect();
+        let (width, height) = self.size;
+        let mut hint = 0;
+        self.covered.clear();
+        for row in 0..height {
+            let y = 1.0 - (f64::from(row) + 0.5) / f64::from(height);
+            for column in 0..width {
+                let (eye, direction) = self.view.ray((f64::from(column) + 0.5) / f64::from(width), y);
+                self.covered.push(is_covered(&self.sections, eye, direction, &mut hint));
+            }
+        }
+        self.uncovered_pixels = self.covered.iter().filter(|&&covered| !covered).count() as u64;
+    }
+}
+
+/// Colour and nearest bin of a pixel with samples of its own.
+///
+/// Samples that pass the eye within the viewpoint radius are samples of this very pixel: their shares are the surfaces'
+/// coverage, which is what makes a silhouette smooth. With none of them the nearest surface is what is seen: whatever lies
+/// behind was seen past its edge.
+fn mix(reader: &Reader, column: usize, row: usize, own: &[Surface]) -> Option<([f32; 3], u16)> {
+    let near: f32 = own.iter().map(|surface| surface.near).sum();
+    let front = own.first()?;
+    if near == 0.0 {
+        return Some((reader.colour(column, row, 0, front.bins), front.bins.0));
+    }
+    let mut colour = [0.0; 3];
+    let mut nearest = None;
+    for surface in own.iter().filter(|surface| surface.near > 0.0) {
+        let coverage = surface.near / near;
+        for (sum, part) in colour.iter_mut().zip(reader.colour(column, row, 0, surface.bins)) {
+            *sum += coverage * part;
+        }
+        nearest = nearest.or(Some(surface.bins.0));
+    }
+    nearest.map(|bin| (colour, bin))
+}
+
+/// Colour and nearest bin of a pixel without samples: those of the smallest leaf around it that has any.
+fn fill(reader: &Reader, column: usize, row: usize) -> Option<([f32; 3], u16)> {
+    reader.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
+        let leaf = leaves.leaf(column >> level, row >> level);
+        let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
+        let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
+        let bins = own_surface(leaf, seen.bins)?.bins;
+        Some((reader.colour(column, row, level, bins), bins.0))
+    })
+}
+
+const _: () = assert!(BINS_KEPT >= 2, "what is behind a silhouette needs a bin");

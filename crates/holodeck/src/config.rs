@@ -1,0 +1,105 @@
+//! The configuration file: `--config holodeck.toml`. Options on the command line override it.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use holo_proto::control::Engine;
+use serde::Deserialize;
+
+/// A holodeck's description. Every key is optional; an unknown one is an error, since it would be a misspelt one.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// The scene, relative to this file.
+    pub scene: Option<PathBuf>,
+    /// Up axis.
+    pub up: Option<[f64; 3]>,
+    /// Metres per scene unit.
+    pub unit: Option<f64>,
+    /// Radiance of the sky.
+    pub sky: Option<[f32; 3]>,
+    /// Whether lights shine from both sides.
+    pub two_sided_lights: Option<bool>,
+    /// Sections.
+    pub section: Vec<Section>,
+    /// Views by name; the first is where a display begins.
+    pub view: Vec<View>,
+    /// `auto`, `on` or `off`.
+    pub obstructions: Option<crate::scene_args::Obstructions>,
+    /// What traces.
+    pub engine: Option<Engine>,
+    /// Limit of indirect light.
+    pub bounces: Option<u32>,
+    /// Paths averaged into one sample.
+    pub paths_per_sample: Option<u16>,
+    /// Threads that trace.
+    pub threads: Option<u16>,
+    /// Memory for beams kept at hand, MiB.
+    pub cache: Option<u64>,
+    /// How long to fill, such as "8h".
+    pub time: Option<String>,
+    /// Seed of the random numbers.
+    pub seed: Option<u64>,
+}
+
+/// One section.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Section {
+    /// For people.
+    #[serde(default)]
+    pub name: Option<String>,
+    /// A corner.
+    pub origin: [f64; 3],
+    /// The three edges from it.
+    pub axes: [[f64; 3]; 3],
+    /// Cells along each axis.
+    pub grid: Option<[u32; 3]>,
+    /// One to look into.
+    #[serde(default)]
+    pub exterior: bool,
+}
+
+/// One view.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct View {
+    /// What `--view` takes.
+    pub name: String,
+    /// Eye.
+    pub vp: [f64; 3],
+    /// Direction.
+    pub vd: [f64; 3],
+    /// Up in the picture.
+    pub vu: Option<[f64; 3]>,
+    /// Horizontal angle, degrees.
+    pub vh: Option<f64>,
+    /// Vertical angle, degrees.
+    pub vv: Option<f64>,
+}
+
+impl View {
+    /// As Radiance view options.
+    pub fn to_options(&self) -> String {
+        let triple = |name: &str, v: [f64; 3]| format!("-{name} {} {} {}", v[0], v[1], v[2]);
+        let mut words = vec!["-vtv".to_owned(), triple("vp", self.vp), triple("vd", self.vd)];
+        words.extend(self.vu.map(|vu| triple("vu", vu)));
+        words.extend(self.vh.map(|vh| format!("-vh {vh}")));
+        words.extend(self.vv.map(|vv| format!("-vv {vv}")));
+        words.join(" ")
+    }
+}
+
+impl Config {
+    /// Reads a configuration; paths in it become relative to where it lies.
+    ///
+    /// # Errors
+    /// If it cannot be read or a key is unknown or of the wrong type, with the file and the line.
+    pub fn read(path: &Path) -> Result<Config> {
+        let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        let mut config: Config = toml::from_str(&text).with_context(|| path.display().to_string())?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        config.scene = config.scene.map(|scene| folder.join(scene));
+        Ok(config)
+    }
+}

@@ -1,0 +1,102 @@
+//! `holodeck fill`: trace a scene into a file with nobody looking.
+
+use std::{ffi::OsString, path::PathBuf, time::Duration};
+
+use anyhow::Result;
+use holo_net::Shutdown;
+
+use crate::{
+    prepare,
+    processes::Server,
+    scene_args::{SceneArgs, Usage},
+};
+
+/// Trace a scene into a holodeck without anybody looking; called again, it goes on.
+///
+/// Example: holodeck fill room.obj -o room.holo --time 30m
+#[derive(clap::Args)]
+pub struct Args {
+    /// The scene
+    #[arg(value_name = "SCENE.obj")]
+    scene: Option<PathBuf>,
+    /// The holodeck
+    #[arg(short, value_name = "FILE.holo")]
+    output: PathBuf,
+    /// Stop after so long, such as 30s, 10m or 8h
+    #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time)]
+    time: Option<Duration>,
+    /// Stop once so many samples have been added, such as 20M
+    #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
+    samples: Option<u64>,
+    #[command(flatten)]
+    scene_args: SceneArgs,
+    /// Threads that trace [default: one per core]
+    #[arg(long, value_name = "N")]
+    threads: Option<u16>,
+    /// Memory for beams kept at hand, MiB [default: 256]
+    #[arg(long, value_name = "MIB")]
+    cache: Option<u64>,
+    /// Print a summary as JSON at the end
+    #[arg(long)]
+    json: bool,
+    /// Say less
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// See [`Args`].
+pub async fn run(args: Args) -> Result<()> {
+    let config = args.scene_args.resolve(args.scene.as_ref())?;
+    let configured = config.time.as_deref().map(holo_server::parse_time).transpose().map_err(Usage)?;
+    let time = args.time.or(configured.filter(|_| args.samples.is_none()));
+    if time.is_none() && args.samples.is_none() {
+        return Err(Usage("how long? Say --time 30m or --samples 20M".into()).into());
+    }
+    // Only made, checked and closed here: the server is the one who writes.
+    drop(prepare::make(&args.output, &config)?);
+    let mut arguments: Vec<OsString> = vec![args.output.clone().into(), "--fill".into(), "--json".into()];
+    if let Some(time) = time {
+        arguments.extend(["--time".into(), time.as_secs_f64().to_string().into()]);
+    }
+    if let Some(samples) = args.samples {
+        arguments.extend(["--samples".into(), samples.to_string().into()]);
+    }
+    if let Some(cache) = args.cache.or(config.cache) {
+        arguments.extend(["--cache".into(), cache.to_string().into()]);
+    }
+    if args.quiet {
+        arguments.push("--quiet".into());
+    }
+    let shutdown = Shutdown::new();
+    shutdown.on_signals(false)?;
+    let mut server = Server::start(arguments).await?;
+    let mut worker = server.worker(args.threads.or(config.threads), true)?;
+    tokio::select! {
+        ended = server.process.wait() => ended?,
+        // Ctrl-C: the server stores everything and says what it has.
+        () = shutdown.wait() => server.process.end().await?,
+        // A worker leaves when the server says goodbye; alone, it has failed, and nothing would ever be traced.
+        ended = worker.wait() => match ended {
+            Ok(()) => server.process.wait().await?,
+            Err(error) => {
+                server.process.end().await?;
+                return Err(error);
+            }
+        },
+    }
+    worker.end().await?;
+    let lines = server.output.await?;
+    let last = lines.last().map(String::as_str).unwrap_or_default();
+    if args.json {
+        println!("{last}");
+    } else if let Ok(summary) = serde_json::from_str::<serde_json::Value>(last) {
+        println!(
+            "{}: {} samples added, {} in all, {} bytes",
+            args.output.display(),
+            summary["added"],
+            summary["samples"],
+            summary["file_bytes"]
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,165 @@
+//! `holodeck info` and `verify`: what a file holds, and whether it is whole.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use holo_proto::control::RenderSettings;
+use holo_section::ViewClass;
+use holo_server::Holodeck;
+use indicatif::{HumanBytes, HumanCount};
+use serde::Serialize;
+
+use crate::prepare::SMALL_CACHE;
+
+/// What a holodeck holds.
+///
+/// Example: holodeck info room.holo --json
+#[derive(clap::Args)]
+pub struct InfoArgs {
+    /// The holodeck
+    #[arg(value_name = "FILE.holo")]
+    file: PathBuf,
+    /// Report as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Read a whole holodeck and check every checksum.
+///
+/// Example: holodeck verify room.holo
+#[derive(clap::Args)]
+pub struct VerifyArgs {
+    /// The holodeck
+    #[arg(value_name = "FILE.holo")]
+    file: PathBuf,
+    /// Report as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Info {
+    file: PathBuf,
+    bytes: u64,
+    samples: u64,
+    extents: u64,
+    sections: Vec<SectionInfo>,
+    settings: RenderSettings,
+    scene: SceneInfo,
+    views: Vec<(String, String)>,
+    up: [f64; 3],
+    unit: f64,
+    damage: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct SectionInfo {
+    grid: [u32; 3],
+    beams: u64,
+    nonempty: u64,
+    samples: u64,
+    origin: [f64; 3],
+    axes: [[f64; 3]; 3],
+    class: ViewClass,
+    obstructions: bool,
+}
+
+#[derive(Serialize)]
+struct SceneInfo {
+    source: String,
+    hash: String,
+    bytes: u64,
+}
+
+fn collect(file: &PathBuf) -> Result<Info> {
+    let holodeck = Holodeck::open_read_only(file, SMALL_CACHE)?;
+    let stats = holodeck.file.stats();
+    let about = &holodeck.about;
+    let sections = holodeck.sections.iter().zip(&stats.sections).map(|(section, stats)| SectionInfo {
+        grid: section.spec().grid,
+        beams: section.beam_count(),
+        nonempty: stats.nonempty_beams,
+        samples: stats.samples,
+        origin: section.spec().origin,
+        axes: section.spec().axes,
+        class: section.spec().class.clone(),
+        obstructions: section.spec().obstructions,
+    });
+    Ok(Info {
+        file: file.clone(),
+        bytes: stats.file_bytes,
+        samples: stats.samples,
+        extents: stats.extents,
+        sections: sections.collect(),
+        settings: about.settings,
+        scene: SceneInfo {
+            source: about.source.clone(),
+            hash: about.scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
+            bytes: about.scene.bytes,
+        },
+        views: about.views.clone(),
+        up: about.up,
+        unit: about.unit,
+        damage: holodeck.file.report().damage.iter().map(ToString::to_string).collect(),
+    })
+}
+
+/// See [`InfoArgs`].
+pub fn info(args: &InfoArgs) -> Result<()> {
+    let info = collect(&args.file)?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&info)?);
+        return Ok(());
+    }
+    println!("{}: {}, {} samples", args.file.display(), HumanBytes(info.bytes), HumanCount(info.samples));
+    println!("scene: {}", info.scene.source);
+    let bounces = info.settings.bounces.map_or("no limit of bounces".to_owned(), |n| format!("{n} bounces"));
+    println!("engine: {:?}, {bounces}, {} paths per sample", info.settings.engine, info.settings.paths_per_sample);
+    for (index, section) in info.sections.iter().enumerate() {
+        let [w, d, h] = section.grid;
+        let obstructions = if section.obstructions { "on" } else { "off" };
+        println!(
+            "section {index}: {:?}, grid {w}x{d}x{h}, obstructions {obstructions}, {} of {} beams hold {} samples",
+            section.class,
+            HumanCount(section.nonempty),
+            HumanCount(section.beams),
+            HumanCount(section.samples)
+        );
+    }
+    for (name, options) in &info.views {
+        println!("view {name}: {options}");
+    }
+    for damage in &info.damage {
+        println!("damaged: {damage}");
+    }
+    Ok(())
+}
+
+/// See [`VerifyArgs`].
+pub fn verify(args: &VerifyArgs) -> Result<()> {
+    let holodeck = Holodeck::open_read_only(&args.file, SMALL_CACHE)?;
+    let mut damage: Vec<String> = holodeck.file.report().damage.iter().map(ToString::to_string).collect();
+    for found in holodeck.file.verify()? {
+        let found = found.to_string();
+        if !damage.contains(&found) {
+            damage.push(found);
+        }
+    }
+    if let Err(error) = holodeck.packed_scene() {
+        damage.push(format!("{error:#}"));
+    }
+    if args.json {
+        println!("{}", serde_json::json!({ "file": args.file, "damage": damage }));
+    } else {
+        for damage in &damage {
+            println!("{damage}");
+        }
+    }
+    if damage.is_empty() {
+        if !args.json {
+            println!("{}: whole", args.file.display());
+        }
+        return Ok(());
+    }
+    bail!("{}: {} damaged places; everything else can be used", args.file.display(), damage.len());
+}

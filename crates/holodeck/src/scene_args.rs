@@ -1,0 +1,185 @@
+//! Options that say what is traced: the scene, its sections, the engine.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, ensure};
+use clap::{Args, ValueEnum};
+use holo_proto::control::{Engine, RenderSettings};
+use serde::Deserialize;
+
+use crate::config::{self, Config};
+
+/// The program was called wrongly: exit status 2.
+#[derive(Debug)]
+pub struct Usage(pub String);
+
+impl std::fmt::Display for Usage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Usage {}
+
+/// Whether rays begin at the entry wall, so that what stands inside a section is seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Obstructions {
+    /// On for sections with geometry inside
+    #[default]
+    Auto,
+    /// Rays begin at the entry wall
+    On,
+    /// Rays of interior sections begin at the exit wall
+    Off,
+}
+
+/// What is traced.
+#[derive(Args, Clone, Debug, Default)]
+pub struct SceneArgs {
+    /// Read scene, sections, views and settings from here; options override it
+    #[arg(long, value_name = "FILE.toml")]
+    pub config: Option<PathBuf>,
+    /// A section: origin, three axes and, if wanted, the grid. May be repeated [default: the scene's bounds, shrunk]
+    #[arg(long, value_name = "\"OX,OY,OZ AX,AY,AZ BX,BY,BZ CX,CY,CZ [NX,NY,NZ]\"", value_parser = parse_section, allow_hyphen_values = true)]
+    pub section: Vec<config::Section>,
+    /// The sections are to be looked into, not out of
+    #[arg(long)]
+    pub exterior: bool,
+    /// Whether what stands inside sections is seen [default: auto]
+    #[arg(long, value_enum)]
+    pub obstructions: Option<Obstructions>,
+    /// Radiance of a sky around the scene
+    #[arg(long, value_name = "R,G,B", value_parser = parse_colour)]
+    pub sky: Option<[f32; 3]>,
+    /// Lights shine from both sides
+    #[arg(long)]
+    pub two_sided_lights: bool,
+    /// What traces [default: path]
+    #[arg(long, value_parser = parse_engine)]
+    pub engine: Option<Engine>,
+    /// Limit of indirect light; 0 is direct light only [default: no limit]
+    #[arg(long, value_name = "N")]
+    pub bounces: Option<u32>,
+    /// Paths averaged into one sample [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub paths_per_sample: Option<u16>,
+    /// Seed of the random numbers [default: 0]
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+}
+
+impl SceneArgs {
+    /// The configuration file with these options over it.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is wrong.
+    pub fn resolve(&self, scene: Option<&PathBuf>) -> Result<Config> {
+        let mut config = self.config.as_deref().map(Config::read).transpose()?.unwrap_or_default();
+        config.scene = scene.cloned().or(config.scene);
+        if !self.section.is_empty() {
+            config.section.clone_from(&self.section);
+        }
+        for section in &mut config.section {
+            section.exterior |= self.exterior;
+        }
+        config.sky = self.sky.or(config.sky);
+        config.two_sided_lights = self.two_sided_lights.then_some(true).or(config.two_sided_lights);
+        config.obstructions = self.obstructions.or(config.obstructions);
+        config.engine = self.engine.or(config.engine);
+        config.bounces = self.bounces.or(config.bounces);
+        config.paths_per_sample = self.paths_per_sample.or(config.paths_per_sample);
+        config.seed = self.seed.or(config.seed);
+        Ok(config)
+    }
+}
+
+/// What samples hold, by the configuration.
+pub fn settings(config: &Config) -> RenderSettings {
+    RenderSettings {
+        engine: config.engine.unwrap_or(Engine::Path),
+        bounces: config.bounces,
+        paths_per_sample: config.paths_per_sample.unwrap_or(1).max(1),
+        seed: config.seed.unwrap_or(0),
+    }
+}
+
+fn parse_engine(text: &str) -> Result<Engine, String> {
+    match text {
+        "path" => Ok(Engine::Path),
+        other => Err(format!("`{other}` is not an engine; there is `path`")),
+    }
+}
+
+fn numbers(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|word| word.trim().parse().ok()).collect();
+    let finite = numbers.iter().all(|number: &f64| number.is_finite());
+    let triple: Option<[f64; 3]> = numbers.try_into().ok().filter(|_| finite && text.split(',').count() == 3);
+    triple.ok_or_else(|| format!("`{text}` is not three numbers with commas between"))
+}
+
+fn parse_colour(text: &str) -> Result<[f32; 3], String> {
+    let colour = numbers(text)?.map(|channel| channel as f32);
+    let plausible = colour.iter().all(|channel| channel.is_finite() && *channel >= 0.0);
+    plausible.then_some(colour).ok_or_else(|| format!("`{text}`: radiance cannot be negative or infinite"))
+}
+
+fn parse_section(text: &str) -> Result<config::Section, String> {
+    let parts: Vec<[f64; 3]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
+    let (origin, axes, grid) = match parts[..] {
+        [origin, a, b, c] => (origin, [a, b, c], None),
+        [origin, a, b, c, grid] => (origin, [a, b, c], Some(grid)),
+        _ => return Err(format!("`{text}` has {} groups; a section is an origin, three axes and perhaps a grid", parts.len())),
+    };
+    let grid = grid.map(|grid| {
+        let whole = grid.iter().all(|n| n.fract() == 0.0 && (1.0..=1e6).contains(n));
+        whole.then(|| grid.map(|n| n as u32)).ok_or_else(|| format!("the grid in `{text}` is not three counts"))
+    });
+    Ok(config::Section { name: None, origin, axes, grid: grid.transpose()?, exterior: false })
+}
+
+/// Checks what only a scene file can have.
+pub fn scene_path(config: &Config) -> Result<&PathBuf> {
+    let path = config.scene.as_ref();
+    path.ok_or_else(|| Usage("no scene: name an .obj file, or a configuration with a `scene`".into()).into())
+}
+
+/// A number of metres per unit and an up axis that can be used.
+pub fn check_units(config: &Config) -> Result<()> {
+    ensure!(config.unit.is_none_or(|unit| unit.is_finite() && unit > 0.0), "`unit` must be a positive number of metres");
+    let usable = |up: [f64; 3]| up.iter().all(|x| x.is_finite()) && up.iter().any(|&x| x != 0.0);
+    ensure!(config.up.is_none_or(usable), "`up` must be a direction");
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sections_are_read_as_the_manual_words_them() {
+        let section = parse_section("0.6,0.6,-4 4.3,0,0 0,4.2,0 0,0,5 8,9,10").unwrap();
+        assert_eq!(section.origin, [0.6, 0.6, -4.0]);
+        assert_eq!(section.axes, [[4.3, 0.0, 0.0], [0.0, 4.2, 0.0], [0.0, 0.0, 5.0]]);
+        assert_eq!(section.grid, Some([8, 9, 10]));
+        assert_eq!(parse_section("0,0,0 1,0,0 0,1,0 0,0,1").unwrap().grid, None);
+        for bad in ["", "1,2,3", "0,0,0 1,0,0 0,1,0 0,0,x", "0,0,0 1,0,0 0,1,0 0,0,1 8,8,0.5", "0,0,0 1,0 0,1,0 0,0,1"] {
+            assert!(parse_section(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn options_override_the_configuration() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("holodeck.toml");
+        std::fs::write(&path, "scene = \"a b.obj\"\nbounces = 3\nsky = [1, 2, 3]\n[[section]]\norigin = [0, 0, 0]\naxes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n").unwrap();
+        let args = SceneArgs { config: Some(path.clone()), bounces: Some(0), exterior: true, ..SceneArgs::default() };
+        let config = args.resolve(None).unwrap();
+        assert_eq!(config.scene, Some(folder.path().join("a b.obj")), "relative to the configuration");
+        assert_eq!((config.bounces, config.sky), (Some(0), Some([1.0, 2.0, 3.0])));
+        assert!(config.section[0].exterior);
+        std::fs::write(&path, "bouncs = 3\n").unwrap();
+        let error = format!("{:#}", args.resolve(None).unwrap_err());
+        assert!(error.contains("holodeck.toml") && error.contains("bouncs"), "{error}");
+    }
+}

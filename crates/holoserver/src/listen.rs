@@ -1,0 +1,89 @@
+//! Connections: taken or refused, then turned into events for the coordinator.
+
+use std::sync::{
+    Arc,
+    atomic::{AtomicU64, AtomicUsize, Ordering},
+    mpsc::Sender,
+};
+
+use holo_net::{Message, NetError, Outbox};
+use holo_proto::{
+    control::Control,
+    frame::Kind,
+    hello::{Answer, Role},
+};
+use tokio::net::{TcpListener, TcpStream};
+
+use crate::{coordinator::Event, holodeck::Holodeck};
+
+/// Connections at a time. A render farm's workers and a few displays; each costs at most a bulk message's memory.
+const MAX_CONNECTIONS: usize = 256;
+
+/// A connection's number, never used twice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ConnectionId(u64);
+
+static NEXT: AtomicU64 = AtomicU64::new(1);
+
+/// Takes connections until the task is dropped.
+pub async fn listen(listener: TcpListener, holodeck: Arc<Holodeck>, events: Sender<Event>) {
+    let open = Arc::new(AtomicUsize::new(0));
+    loop {
+        let Ok((stream, _)) = listener.accept().await else {
+            // Out of file descriptors, say: it passes when somebody leaves.
+            tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+            continue;
+        };
+        let (holodeck, events, open) = (Arc::clone(&holodeck), events.clone(), Arc::clone(&open));
+        tokio::spawn(async move {
+            let others = open.fetch_add(1, Ordering::Relaxed);
+            serve(stream, &holodeck, &events, others).await;
+            open.fetch_sub(1, Ordering::Relaxed);
+        });
+    }
+}
+
+async fn serve(stream: TcpStream, holodeck: &Holodeck, events: &Sender<Event>, others: usize) {
+    // Whoever does not finish the handshake has been told why, or was no one.
+    let Ok((mut inbox, outbox, hello)) = holo_net::accept(stream).await else { return };
+    if let Some(reason) = refusal(holodeck, hello.role, others) {
+        holo_net::refuse(&outbox, &reason);
+        outbox.drained().await;
+        return;
+    }
+    if greet(&outbox, holodeck).is_err() {
+        return;
+    }
+    let id = ConnectionId(NEXT.fetch_add(1, Ordering::Relaxed));
+    let joined = Event::Joined { id, role: hello.role, name: hello.name, outbox };
+    if events.send(joined).is_err() {
+        return;
+    }
+    let reason = loop {
+        match inbox.next().await {
+            // Whatever arrives proves that the other side lives; a pong does nothing else.
+            Ok(Message::Control(Control::Pong(_))) => {}
+            Ok(message) => {
+                if events.send(Event::Message { id, message }).is_err() {
+                    return;
+                }
+            }
+            Err(NetError::Closed) => break None,
+            Err(error) => break Some(error.to_string()),
+        }
+    };
+    // If the coordinator is gone, so is the process.
+    let _ = events.send(Event::Left { id, reason });
+}
+
+fn refusal(holodeck: &Holodeck, role: Role, others: usize) -> Option<String> {
+    if others >= MAX_CONNECTIONS {
+        return Some(format!("{MAX_CONNECTIONS} processes are connected already"));
+    }
+    (role == Role::Worker && !holodeck.writable).then(|| "this holodeck is only shown; nothing is traced".to_owned())
+}
+
+fn greet(outbox: &Outbox, holodeck: &Holodeck) -> Result<(), holo_proto::ProtoError> {
+    outbox.send(Kind::Answer, &Answer::Accepted.encode())?;
+    outbox.control(&Control::Welcome(Box::new(holodeck.welcome())))
+}

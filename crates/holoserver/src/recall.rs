@@ -1,0 +1,122 @@
+//! Sending a view's stored samples to its display: in file order, as fast as the display takes them.
+
+use std::{
+    ops::ControlFlow,
+    sync::{
+        Arc,
+        atomic::{AtomicU32, Ordering},
+    },
+    thread,
+    time::Duration,
+};
+
+use anyhow::{Context, Result};
+use holo_net::{Outbox, SCENE_CHUNK_BYTES};
+use holo_proto::{
+    bulk::{BlobChunk, MAX_RUN, Run, Samples, Source},
+    frame::Kind,
+};
+
+use crate::{allotment::BeamKey, holodeck::Holodeck};
+
+/// Samples in one message: large enough that messages cost nothing, small enough that the first is seen soon.
+const SAMPLES_PER_MESSAGE: usize = 16_384;
+
+/// Bytes that wait for a display at the most before reading pauses.
+const QUEUE_BYTES: usize = 8 << 20;
+
+/// How long to wait before a full queue is looked at again.
+const PAUSE: Duration = Duration::from_millis(1);
+
+/// A display's stored samples for one view.
+pub struct Recall {
+    pub holodeck: Arc<Holodeck>,
+    pub outbox: Outbox,
+    pub view: u32,
+    pub keys: Vec<BeamKey>,
+    /// The display's newest view: reading for an older one ends.
+    pub newest: Arc<AtomicU32>,
+}
+
+impl Recall {
+    /// Reads and sends on a thread of its own, then calls `done` with the view's number, or an error's text. A view
+    /// that is no longer the newest ends without either.
+    pub fn start(self, done: impl FnOnce(u32, Result<(), String>) + Send + 'static) -> std::io::Result<()> {
+        thread::Builder::new().name("recall".into()).spawn(move || {
+            let result = self.send_all().map_err(|error| format!("{error:#}"));
+            if self.is_wanted() {
+                done(self.view, result);
+            }
+        })?;
+        Ok(())
+    }
+
+    fn is_wanted(&self) -> bool {
+        self.newest.load(Ordering::Acquire) == self.view && !self.outbox.is_closed()
+    }
+
+    fn send_all(&self) -> Result<()> {
+        if !self.holodeck.writable {
+            self.holodeck.file.refresh().context("looking for what another process has added")?;
+        }
+        let mut message = self.empty();
+        let mut broken = Ok(());
+        self.holodeck.file.read_many(&self.keys, &mut |key, beam| {
+            for (meta, samples) in beam.runs() {
+                let mut first = meta.first;
+                for part in samples.chunks(MAX_RUN as usize) {
+                    let count = part.len() as u32;
+                    message.runs.push(Run {
+                        section: key.section,
+                        beam: key.beam,
+                        kind: meta.kind,
+                        first,
+                        count,
+                        paths: meta.paths,
+                    });
+                    message.samples.extend_from_slice(part);
+                    first += count;
+                    if message.samples.len() >= SAMPLES_PER_MESSAGE {
+                        broken = self.send(&std::mem::replace(&mut message, self.empty()));
+                    }
+                }
+            }
+            if broken.is_err() || !self.is_wanted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })?;
+        broken?;
+        self.send(&message)
+    }
+
+    fn empty(&self) -> Samples {
+        Samples { view: self.view, source: Source::Stored, runs: Vec::new(), samples: Vec::new() }
+    }
+
+    fn send(&self, message: &Samples) -> Result<()> {
+        if message.samples.is_empty() {
+            return Ok(());
+        }
+        while self.outbox.queued_bytes() > QUEUE_BYTES && self.is_wanted() {
+            thread::sleep(PAUSE);
+        }
+        Ok(self.outbox.send(Kind::Samples, &message.encode())?)
+    }
+}
+
+/// Sends the packed scene in pieces, on a thread of its own.
+pub fn send_scene(holodeck: Arc<Holodeck>, outbox: Outbox) -> std::io::Result<()> {
+    thread::Builder::new().name("scene".into()).spawn(move || {
+        let Ok(packed) = holodeck.packed_scene() else { return };
+        let mut offset = 0;
+        for piece in packed.chunks(SCENE_CHUNK_BYTES) {
+            while outbox.queued_bytes() > QUEUE_BYTES && !outbox.is_closed() {
+                thread::sleep(PAUSE);
+            }
+            let chunk = BlobChunk { offset, bytes: piece.to_vec() };
+            if outbox.send(Kind::BlobChunk, &chunk.encode()).is_err() {
+                return;
+            }
+            offset += piece.len() as u64;
+        }
+    })?;
+    Ok(())
+}

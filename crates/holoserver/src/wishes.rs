@@ -1,0 +1,133 @@
+//! What a display wants traced: its view's beams, least filled and most wanted first (Larson & Simmons 1999, §2.2).
+
+use std::{cmp::Reverse, collections::BinaryHeap};
+
+use holo_proto::MAX_RAYS_PER_PACKET;
+use holo_section::Viewpoint;
+use rustc_hash::FxHashMap;
+
+use crate::allotment::BeamKey;
+
+/// Rays per pixel after which a beam is left alone: a view that somebody forgot must not fill the disk. A picture of
+/// 640×480 pixels reaches it at 3 GB.
+const MAX_RAYS_PER_PIXEL: f64 = 1024.0;
+
+/// A display's present view.
+pub struct Wishes {
+    /// The display's number for the view.
+    pub view: u32,
+    /// Near which point rays must pass.
+    pub viewpoint: Viewpoint,
+    beams: Vec<Wish>,
+    index: FxHashMap<BeamKey, u32>,
+    queue: BinaryHeap<Reverse<(Ratio, u32)>>,
+}
+
+struct Wish {
+    key: BeamKey,
+    /// Pixels of the view that the beam serves.
+    weight: f32,
+    /// Rays stored or under way.
+    computed: u64,
+}
+
+/// Computed over wanted, totally ordered.
+#[derive(Clone, Copy, PartialEq)]
+struct Ratio(f64);
+
+impl Eq for Ratio {}
+
+impl PartialOrd for Ratio {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Ratio {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+impl Wishes {
+    /// A view's beams with their weights and how many rays each has already.
+    pub fn new(view: u32, viewpoint: Viewpoint, beams: impl IntoIterator<Item = (BeamKey, f32, u64)>) -> Wishes {
+        let beams: Vec<Wish> =
+            beams.into_iter().map(|(key, weight, computed)| Wish { key, weight, computed }).collect();
+        let index = beams.iter().zip(0..).map(|(wish, index)| (wish.key, index)).collect();
+        let queue = beams.iter().zip(0..).map(|(wish, index)| Reverse((wish.ratio(), index))).collect();
+        Wishes { view, viewpoint, beams, index, queue }
+    }
+
+    /// Whether the view crosses this beam.
+    pub fn contains(&self, key: BeamKey) -> bool {
+        self.index.contains_key(&key)
+    }
+
+    /// The view's beams.
+    pub fn keys(&self) -> Vec<BeamKey> {
+        self.beams.iter().map(|wish| wish.key).collect()
+    }
+
+    /// The most urgent beam and how many rays to give it next; `None` once every beam has all it may get.
+    pub fn next(&mut self) -> Option<(BeamKey, u8)> {
+        let Reverse((_, index)) = self.queue.pop()?;
+        let wish = &mut self.beams[index as usize];
+        // A ray for every second pixel at first, so that every beam of the view gets its turn soon; then ever more.
+        let count = (f64::from(wish.weight) / 2.0).max(wish.computed as f64 / 4.0);
+        let count = count.clamp(1.0, MAX_RAYS_PER_PACKET as f64) as u8;
+        wish.computed += u64::from(count);
+        if wish.ratio().0 < MAX_RAYS_PER_PIXEL {
+            self.queue.push(Reverse((wish.ratio(), index)));
+        }
+        Some((wish.key, count))
+    }
+}
+
+impl Wish {
+    fn ratio(&self) -> Ratio {
+        Ratio(self.computed as f64 / f64::from(self.weight))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_section::BeamId;
+
+    use super::*;
+
+    fn key(beam: u64) -> BeamKey {
+        BeamKey { section: 0, beam: BeamId(beam) }
+    }
+
+    #[test]
+    fn the_least_filled_beams_come_first_and_all_end_in_proportion_to_their_weights() {
+        let weights = [1.0, 4.0, 16.0, 64.0];
+        let stored = [500, 0, 0, 10];
+        let beams = (0..4).map(|i| (key(i as u64), weights[i], stored[i]));
+        let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
+        let mut rays = stored;
+        assert!((1..=2).contains(&wishes.next().unwrap().0.beam.0), "an empty beam comes before one with rays");
+        let mut wishes =
+            Wishes::new(1, wishes.viewpoint, (0..4).map(|i| (key(i as u64), weights[i], stored[i])));
+        for _ in 0..3000 {
+            let (key, count) = wishes.next().unwrap();
+            rays[key.beam.0 as usize] += u64::from(count);
+        }
+        let ratios: Vec<f64> = rays.iter().zip(weights).map(|(&n, w)| n as f64 / f64::from(w)).collect();
+        let (low, high) = ratios.iter().fold((f64::MAX, 0.0f64), |(l, h), &x| (l.min(x), h.max(x)));
+        // The beam of weight 1 moves in steps of 21.
+        assert!(high - low <= 21.0 + 1e-9, "{ratios:?}");
+    }
+
+    #[test]
+    fn a_forgotten_view_ends_by_itself() {
+        let beams = [(key(0), 2.0, 0), (key(1), 1.0, 5000)];
+        let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
+        let mut rays = 0;
+        while let Some((_, count)) = wishes.next() {
+            rays += u64::from(count);
+        }
+        assert!((2048..2048 + 3 * 21).contains(&rays), "{rays}");
+    }
+}

@@ -1,0 +1,122 @@
+//! Workers and what each has been given.
+
+use std::{collections::HashMap, time::Duration};
+
+use holo_net::Outbox;
+use holo_proto::bulk::{Packet, Traced, Work};
+use holo_section::Viewpoint;
+use thiserror::Error;
+
+use crate::listen::ConnectionId;
+
+/// Work that a worker is given ahead: long enough that it never waits for the server, short enough that a new view is
+/// traced at once (the paper allowed five seconds, §2.2).
+const AHEAD: Duration = Duration::from_millis(150);
+
+/// Rays given ahead to a worker whose speed is not known yet, per thread.
+const FIRST_RAYS_PER_THREAD: f64 = 400.0;
+
+/// Rays given ahead at the most, whatever a worker says of its speed: what is lost with it.
+const MAX_RAYS_AHEAD: f64 = 1e6;
+
+/// A packet given out, with what is needed to give it to another.
+#[derive(Clone, Copy, Debug)]
+pub struct Assignment {
+    /// The packet; its `viewpoint` field is set when it is sent.
+    pub packet: Packet,
+    /// The viewpoint that limits it.
+    pub viewpoint: Option<Viewpoint>,
+    /// The display whose view it serves, if any.
+    pub display: Option<ConnectionId>,
+}
+
+/// Why a worker's results were not taken.
+#[derive(Debug, Error)]
+pub enum ResultsError {
+    #[error("it sent results for a packet that it was not given")]
+    Unknown,
+    #[error("it sent {found} samples for a packet of {asked} rays")]
+    Count { found: u32, asked: u8 },
+}
+
+/// One connected worker.
+pub struct Worker {
+    pub outbox: Outbox,
+    /// Its name, for people.
+    pub name: String,
+    threads: f64,
+    seconds_per_ray: Option<f64>,
+    rays_ahead: f64,
+    assigned: HashMap<u64, Assignment>,
+}
+
+impl Worker {
+    /// Connected, not ready yet.
+    pub fn new(outbox: Outbox, name: String) -> Worker {
+        Worker { outbox, name, threads: 0.0, seconds_per_ray: None, rays_ahead: 0.0, assigned: HashMap::new() }
+    }
+
+    /// It has loaded the scene.
+    pub fn ready(&mut self, threads: u16) {
+        self.threads = f64::from(threads.max(1));
+    }
+
+    /// Rays that it should be given now; zero while it has enough, so that work goes out in good-sized messages.
+    pub fn hunger(&self) -> f64 {
+        let ahead = match self.seconds_per_ray {
+            Some(seconds) => (AHEAD.as_secs_f64() * self.threads / seconds).max(self.threads * 84.0),
+            None => self.threads * FIRST_RAYS_PER_THREAD,
+        };
+        let ahead = ahead.min(MAX_RAYS_AHEAD);
+        if self.threads == 0.0 || self.rays_ahead > 0.7 * ahead { 0.0 } else { ahead - self.rays_ahead }
+    }
+
+    /// Gives it packets.
+    pub fn assign(&mut self, assignments: Vec<Assignment>) {
+        let mut work = Work::default();
+        for mut assignment in assignments {
+            assignment.packet.viewpoint = assignment.viewpoint.map(|viewpoint| {
+                let known = work.viewpoints.iter().position(|&other| other == viewpoint);
+                known.unwrap_or_else(|| {
+                    work.viewpoints.push(viewpoint);
+                    work.viewpoints.len() - 1
+                }) as u16
+            });
+            work.packets.push(assignment.packet);
+            self.rays_ahead += f64::from(assignment.packet.count);
+            self.assigned.insert(assignment.packet.id, assignment);
+        }
+        // A message holds what a worker's hunger allows, which is far below a frame's limit.
+        let _ = self.outbox.send(holo_proto::frame::Kind::Work, &work.encode());
+    }
+
+    /// Takes a packet's results off the list, once.
+    pub fn finish(&mut self, traced: &Traced) -> Result<Assignment, ResultsError> {
+        let assignment = self.assigned.remove(&traced.id).ok_or(ResultsError::Unknown)?;
+        let asked = assignment.packet.count;
+        if u32::from(asked) != traced.count {
+            return Err(ResultsError::Count { found: traced.count, asked });
+        }
+        self.rays_ahead -= f64::from(asked);
+        // Smoothed over some hundred rays: beams differ much in what a ray costs.
+        let seconds = f64::from(traced.nanoseconds.max(1)) * 1e-9 / f64::from(asked);
+        let share = 0.005 * f64::from(asked);
+        self.seconds_per_ray = Some(self.seconds_per_ray.map_or(seconds, |mean| mean + share * (seconds - mean)));
+        Ok(assignment)
+    }
+
+    /// What it was given and has not done.
+    pub fn into_assignments(self) -> impl Iterator<Item = Assignment> {
+        self.assigned.into_values()
+    }
+
+    /// Packets that it has not done.
+    pub fn assignments(&self) -> impl Iterator<Item = &Assignment> {
+        self.assigned.values()
+    }
+
+    /// Whether it has anything to do.
+    pub fn is_idle(&self) -> bool {
+        self.assigned.is_empty()
+    }
+}

@@ -1,0 +1,312 @@
+//! One session: a view, the samples that arrive for it, and pictures when the script says so.
+
+use std::{
+    net::SocketAddr,
+    path::PathBuf,
+    sync::{Arc, mpsc},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result, bail};
+use glam::DVec3;
+use holo_display::{Quadtree, QuadtreeParams, SelectOptions, Selection, select_beams, viewpoint_radius};
+use holo_net::{Inbox, Message, NetError, Outbox, Shutdown};
+use holo_picture::{View, ViewSpec};
+use holo_proto::{
+    bulk::{Samples, Source, ViewRequest, Wanted},
+    control::{Control, Welcome},
+    frame::Kind,
+    hello::Role,
+};
+use holo_section::{Section, Viewpoint};
+
+use crate::{
+    Config, Driver, PictureReport, default_view,
+    received::Received,
+    script::{Command, Next, Script, Step},
+};
+
+/// The nearest visible surface, as a share of the section's diagonal, before anything is known of the scene. Too near
+/// costs nothing but rays that are of less use to neighbouring views.
+const GUESSED_DISTANCE: f64 = 0.05;
+
+/// When the nearest visible surface is looked up in the picture, after the view was asked for.
+const REFINE_AFTER: Duration = Duration::from_millis(300);
+
+/// Share of the pixels that may be nearer than the "nearest" surface: a lamp's edge must not decide for the room.
+const NEARER_PIXELS: f64 = 0.01;
+
+/// How often a typed script is looked at.
+const TYPED_TICK: Duration = Duration::from_millis(20);
+
+/// How long the server may take to settle: it gives hanging workers up after some seconds.
+const SETTLE_TIME: Duration = Duration::from_secs(60);
+
+/// Connects and follows the script; see [`crate::run`].
+pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: Shutdown) -> Result<()> {
+    let name = format!("holoview {}", std::process::id());
+    let connection = holo_net::connect(address, Role::Display, &name).await;
+    let (inbox, outbox, welcome) = connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
+    let sections = welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
+    let sections = sections.context("the server's sections")?;
+    let (sender, messages) = mpsc::channel();
+    let reader = tokio::spawn(read(inbox, outbox.clone(), sender.clone()));
+    let ended = tokio::spawn(async move {
+        shutdown.wait().await;
+        // If the session is over there is no one to tell.
+        let _ = sender.send(Incoming::Stop);
+    });
+    // Drawing takes the processor for a while; sockets must not wait for it.
+    let session = tokio::task::spawn_blocking(move || {
+        let mut session = Session { config, welcome, sections, outbox, messages, shown: None, view_number: 0 };
+        session.follow(script)
+    });
+    let result = session.await?;
+    reader.abort();
+    ended.abort();
+    result
+}
+
+enum Incoming {
+    Message(Message),
+    Lost(NetError),
+    Stop,
+}
+
+async fn read(mut inbox: Inbox, outbox: Outbox, messages: mpsc::Sender<Incoming>) {
+    loop {
+        let incoming = match inbox.next().await {
+            Ok(Message::Control(Control::Ping(number))) => {
+                if outbox.control(&Control::Pong(number)).is_err() {
+                    return;
+                }
+                continue;
+            }
+            Ok(message) => Incoming::Message(message),
+            Err(error) => Incoming::Lost(error),
+        };
+        let over = matches!(incoming, Incoming::Lost(_));
+        if messages.send(incoming).is_err() || over {
+            return;
+        }
+    }
+}
+
+/// A view and what has arrived for it.
+struct Shown {
+    view: View,
+    size: (u32, u32),
+    wanted: Vec<Wanted>,
+    driver: Quadtree,
+    received: Received,
+    since: Instant,
+    stored: u64,
+    traced: u64,
+    first_samples: Option<f64>,
+    refined: bool,
+}
+
+struct Session {
+    config: Config,
+    welcome: Welcome,
+    sections: Arc<[Section]>,
+    outbox: Outbox,
+    messages: mpsc::Receiver<Incoming>,
+    shown: Option<Shown>,
+    view_number: u32,
+}
+
+/// What made a wait end.
+#[derive(PartialEq)]
+enum Waited {
+    TimeUp,
+    Settled,
+    Stop,
+}
+
+impl Session {
+    fn follow(&mut self, mut script: Script) -> Result<()> {
+        let start = Instant::now();
+        let named = self.welcome.views.clone();
+        let mut base = ViewSpec { vu: Some(DVec3::from_array(self.welcome.up)), ..ViewSpec::default() };
+        if let Some((_, first)) = named.first() {
+            base.apply_line(first).context("the holodeck's own view")?;
+        } else if let Some(section) = self.sections.first() {
+            base = default_view(section, DVec3::from_array(self.welcome.up));
+        }
+        let said = self.config.view.spec(&named)?;
+        let mut spec = base.overridden_by(&said);
+        // A script's first view stands for the options' one: nothing is asked for that nobody looks at.
+        let mut pending = script.next()?;
+        if !matches!(&pending, Next::Step(Step { command: Command::View(_), seconds }) if seconds.unwrap_or(0.0) == 0.0)
+        {
+            self.show(spec)?;
+        }
+        loop {
+            let step = match pending {
+                Next::Step(step) => step,
+                Next::End => break,
+                Next::NotYet => {
+                    if self.wait(Instant::now() + TYPED_TICK, false)? == Waited::Stop {
+                        return Ok(());
+                    }
+                    pending = script.next()?;
+                    continue;
+                }
+            };
+            let since = self.shown.as_ref().map_or(start, |shown| shown.since);
+            if let Some(seconds) = step.seconds
+                && self.wait(since + Duration::from_secs_f64(seconds), false)? == Waited::Stop
+            {
+                break;
+            }
+            match step.command {
+                Command::View(change) => {
+                    spec = spec.overridden_by(&change);
+                    self.show(spec)?;
+                }
+                Command::Picture(path) => self.picture(path)?,
+                Command::Quit => break,
+            }
+            pending = script.next()?;
+        }
+        self.end()
+    }
+
+    /// Asks for a view.
+    fn show(&mut self, spec: ViewSpec) -> Result<()> {
+        let (view, size) = spec.resolve(self.config.view.size)?;
+        let Selection { beams, covered } = select_beams(&self.sections, &view, size, &SelectOptions::default());
+        if covered.covered_rays == 0 {
+            bail!("no section of the holodeck covers anything of this view ({})", view.to_vf_options());
+        }
+        let wanted = beams
+            .iter()
+            .map(|beam| Wanted { beam: beam.beam.0, weight: beam.weight, section: beam.section, reserved: 0 })
+            .collect();
+        let Driver::Quadtree = self.config.driver;
+        let driver = Quadtree::new(Arc::clone(&self.sections), view, size, QuadtreeParams::default());
+        self.view_number += 1;
+        let diagonal = self.sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
+        self.shown = Some(Shown {
+            view,
+            size,
+            wanted,
+            driver,
+            received: Received::default(),
+            since: Instant::now(),
+            stored: 0,
+            traced: 0,
+            first_samples: None,
+            refined: false,
+        });
+        self.request(GUESSED_DISTANCE * diagonal)
+    }
+
+    /// Sends the view, with a viewpoint for the nearest visible surface at `distance`.
+    fn request(&self, distance: f64) -> Result<()> {
+        let Some(shown) = &self.shown else { return Ok(()) };
+        let radius = viewpoint_radius(&shown.view, shown.size, distance, 1.0);
+        let eye = shown.view.vp.to_array();
+        let viewpoint = Viewpoint { eye, radius };
+        let request = ViewRequest { view: self.view_number, viewpoint, beams: shown.wanted.clone() };
+        Ok(self.outbox.send(Kind::View, &request.encode())?)
+    }
+
+    /// Takes samples until `deadline`, or until the server has settled if that is waited for.
+    fn wait(&mut self, deadline: Instant, for_settled: bool) -> Result<Waited> {
+        loop {
+            let refine = self.shown.as_ref().filter(|shown| !shown.refined).map(|shown| shown.since + REFINE_AFTER);
+            let until = refine.map_or(deadline, |refine| refine.min(deadline));
+            let left = until.saturating_duration_since(Instant::now());
+            match self.messages.recv_timeout(left) {
+                Ok(Incoming::Message(Message::Samples(samples))) => self.insert(&samples),
+                Ok(Incoming::Message(Message::Control(Control::Settled { view })))
+                    if for_settled && view == self.view_number =>
+                {
+                    return Ok(Waited::Settled);
+                }
+                Ok(Incoming::Message(Message::Control(Control::Bye { reason }))) => {
+                    bail!("the server ended the session: {reason}")
+                }
+                Ok(Incoming::Message(Message::Control(_))) => {}
+                Ok(Incoming::Message(_)) => bail!("the server sent a message that is not for a display"),
+                Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
+                Ok(Incoming::Stop) => return Ok(Waited::Stop),
+                Err(mpsc::RecvTimeoutError::Timeout) if Instant::now() >= deadline => return Ok(Waited::TimeUp),
+                Err(mpsc::RecvTimeoutError::Timeout) => self.refine()?,
+                Err(mpsc::RecvTimeoutError::Disconnected) => bail!("lost the server"),
+            }
+        }
+    }
+
+    /// Puts the viewpoint's radius right, once there is a picture to see the nearest surface in.
+    fn refine(&mut self) -> Result<()> {
+        let Some(shown) = &mut self.shown else { return Ok(()) };
+        shown.refined = true;
+        let mut depths = shown.driver.draw().depth;
+        depths.retain(|&depth| depth > 0.0 && depth.is_finite());
+        if depths.is_empty() {
+            return Ok(());
+        }
+        let at = (depths.len() as f64 * NEARER_PIXELS) as usize;
+        let (_, &mut nearest, _) = depths.select_nth_unstable_by(at, f32::total_cmp);
+        self.request(f64::from(nearest))
+    }
+
+    fn insert(&mut self, message: &Samples) {
+        let Some(shown) = self.shown.as_mut().filter(|_| message.view == self.view_number) else { return };
+        shown.first_samples.get_or_insert_with(|| shown.since.elapsed().as_secs_f64());
+        for (run, samples) in message.iter() {
+            for fresh in shown.received.add(run) {
+                let count = fresh.len() as u64;
+                shown.driver.insert(run.section, run.beam, run.paths, &samples[fresh]);
+                match message.source {
+                    Source::Stored => shown.stored += count,
+                    Source::Traced => shown.traced += count,
+                }
+            }
+        }
+    }
+
+    fn picture(&self, path: PathBuf) -> Result<()> {
+        let Some(shown) = &self.shown else { bail!("there is no view to take a picture of") };
+        let frame = shown.driver.draw();
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        }
+        frame.picture.write(&path).with_context(|| format!("writing {}", path.display()))?;
+        let report = PictureReport {
+            picture: path,
+            seconds: shown.since.elapsed().as_secs_f64(),
+            samples: frame.samples_used,
+            stored: shown.stored,
+            traced: shown.traced,
+            beams: shown.wanted.len(),
+            uncovered_pixels: frame.uncovered_pixels,
+            empty_pixels: frame.empty_pixels,
+            first_samples: shown.first_samples,
+        };
+        if self.config.json {
+            println!("{}", serde_json::to_string(&report)?);
+        } else if !self.config.quiet {
+            println!("{report}");
+        }
+        Ok(())
+    }
+
+    /// Lets everything under way arrive and be stored, and writes the last picture: a replay gives the same.
+    fn end(&mut self) -> Result<()> {
+        if self.shown.is_none() {
+            return Ok(());
+        }
+        self.outbox.control(&Control::Settle { view: self.view_number })?;
+        if self.wait(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
+            bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
+        }
+        match self.config.output.clone() {
+            Some(path) => self.picture(path),
+            None => Ok(()),
+        }
+    }
+}

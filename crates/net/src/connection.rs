@@ -1,0 +1,179 @@
+//! The two halves of a connection: frames in, frames out.
+
+use std::sync::{
+    Arc,
+    atomic::{AtomicUsize, Ordering},
+};
+
+use holo_proto::{
+    ProtoError,
+    bulk::{BlobChunk, Results, Samples, ViewRequest, Work},
+    control::Control,
+    frame::{self, HEADER_BYTES, Header, Kind},
+};
+use tokio::{
+    io::{AsyncReadExt, AsyncWriteExt, BufReader, BufWriter},
+    net::{
+        TcpStream,
+        tcp::{OwnedReadHalf, OwnedWriteHalf},
+    },
+    sync::mpsc,
+    time::timeout,
+};
+
+use crate::{NetError, SILENCE};
+
+/// Anything that may arrive after the handshake, parsed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Message {
+    /// A control message.
+    Control(Control),
+    /// Packets for a worker.
+    Work(Work),
+    /// Traced packets.
+    Results(Results),
+    /// A display's view.
+    View(ViewRequest),
+    /// Samples for a display.
+    Samples(Samples),
+    /// A piece of the scene.
+    BlobChunk(BlobChunk),
+}
+
+impl Message {
+    fn decode(kind: Kind, payload: &[u8]) -> Result<Message, ProtoError> {
+        Ok(match kind {
+            Kind::Hello | Kind::Answer => return Err(ProtoError::Kind(kind as u8)),
+            Kind::Control => Message::Control(Control::decode(payload)?),
+            Kind::Work => Message::Work(Work::decode(payload)?),
+            Kind::Results => Message::Results(Results::decode(payload)?),
+            Kind::View => Message::View(ViewRequest::decode(payload)?),
+            Kind::Samples => Message::Samples(Samples::decode(payload)?),
+            Kind::BlobChunk => Message::BlobChunk(BlobChunk::decode(payload)?),
+        })
+    }
+}
+
+/// The receiving half.
+#[derive(Debug)]
+pub struct Inbox {
+    reader: BufReader<OwnedReadHalf>,
+}
+
+impl Inbox {
+    /// The next message. Not to be dropped half-way (`select!`): a frame read in part would be lost.
+    ///
+    /// # Errors
+    /// [`NetError::Closed`], [`NetError::Silent`], [`NetError::Io`], or [`NetError::Proto`]; the connection is then over.
+    pub async fn next(&mut self) -> Result<Message, NetError> {
+        let (kind, payload) = timeout(SILENCE, self.frame()).await.map_err(|_| NetError::Silent)??;
+        Ok(Message::decode(kind, &payload)?)
+    }
+
+    pub(crate) async fn frame(&mut self) -> Result<(Kind, Vec<u8>), NetError> {
+        let header = self.header().await?;
+        let mut payload = vec![0; header.length as usize];
+        self.reader.read_exact(&mut payload).await.map_err(closed)?;
+        Ok((header.kind, payload))
+    }
+
+    /// Reads a frame that must be of this kind: during the handshake nothing else, and nothing longer, is read.
+    pub(crate) async fn frame_of(&mut self, kind: Kind) -> Result<Vec<u8>, NetError> {
+        let header = self.header().await?;
+        if header.kind != kind {
+            return Err(ProtoError::NotHolodeck.into());
+        }
+        let mut payload = vec![0; header.length as usize];
+        self.reader.read_exact(&mut payload).await.map_err(closed)?;
+        Ok(payload)
+    }
+
+    async fn header(&mut self) -> Result<Header, NetError> {
+        let mut bytes = [0; HEADER_BYTES];
+        self.reader.read_exact(&mut bytes).await.map_err(closed)?;
+        Ok(Header::parse(bytes)?)
+    }
+}
+
+fn closed(error: std::io::Error) -> NetError {
+    if error.kind() == std::io::ErrorKind::UnexpectedEof { NetError::Closed } else { NetError::Io(error) }
+}
+
+/// The sending half: a queue in front of a task that writes. Cheap to clone; the connection closes when the last clone
+/// is gone and everything queued is written, or when the other side is.
+#[derive(Clone, Debug)]
+pub struct Outbox {
+    queue: mpsc::UnboundedSender<Vec<u8>>,
+    queued: Arc<AtomicUsize>,
+}
+
+impl Outbox {
+    /// Queues a frame. A frame to a side that has gone is dropped: the receiving half tells of the end.
+    ///
+    /// # Errors
+    /// [`ProtoError::TooLong`] if the payload must be split.
+    pub fn send(&self, kind: Kind, payload: &[u8]) -> Result<(), ProtoError> {
+        let frame = frame::encode(kind, payload)?;
+        let bytes = frame.len();
+        self.queued.fetch_add(bytes, Ordering::Relaxed);
+        if self.queue.send(frame).is_err() {
+            self.queued.fetch_sub(bytes, Ordering::Relaxed);
+        }
+        Ok(())
+    }
+
+    /// Queues a control message.
+    ///
+    /// # Errors
+    /// As [`Control::encode`].
+    pub fn control(&self, message: &Control) -> Result<(), ProtoError> {
+        self.send(Kind::Control, &message.encode()?)
+    }
+
+    /// Bytes queued and not yet handed to the operating system.
+    pub fn queued_bytes(&self) -> usize {
+        self.queued.load(Ordering::Relaxed)
+    }
+
+    /// True once nothing sent can arrive any more.
+    pub fn is_closed(&self) -> bool {
+        self.queue.is_closed()
+    }
+
+    /// Waits until everything queued so far is with the operating system, or the connection is gone.
+    pub async fn drained(&self) {
+        while self.queued_bytes() > 0 && !self.queue.is_closed() {
+            tokio::time::sleep(std::time::Duration::from_millis(2)).await;
+        }
+    }
+}
+
+/// Splits a stream into its halves and starts the task that writes.
+pub(crate) fn split(stream: TcpStream) -> (Inbox, Outbox) {
+    // Packets are small and somebody waits for each: Nagle's delay would show. If it cannot be set, all still works.
+    let _ = stream.set_nodelay(true);
+    let (read, write) = stream.into_split();
+    let (queue, frames) = mpsc::unbounded_channel();
+    let queued = Arc::new(AtomicUsize::new(0));
+    tokio::spawn(write_frames(write, frames, Arc::clone(&queued)));
+    (Inbox { reader: BufReader::with_capacity(1 << 16, read) }, Outbox { queue, queued })
+}
+
+async fn write_frames(write: OwnedWriteHalf, mut frames: mpsc::UnboundedReceiver<Vec<u8>>, queued: Arc<AtomicUsize>) {
+    let mut writer = BufWriter::with_capacity(1 << 16, write);
+    while let Some(frame) = frames.recv().await {
+        let mut next = Some(frame);
+        // Everything that waits goes out together; then flush, since somebody waits for it.
+        while let Some(frame) = next {
+            if writer.write_all(&frame).await.is_err() {
+                return;
+            }
+            queued.fetch_sub(frame.len(), Ordering::Relaxed);
+            next = frames.try_recv().ok();
+        }
+        if writer.flush().await.is_err() {
+            return;
+        }
+    }
+    let _ = writer.shutdown().await;
+}

@@ -1,0 +1,39 @@
+//! What can go wrong on a connection.
+
+use std::{io, net::SocketAddr};
+
+use holo_proto::ProtoError;
+use thiserror::Error;
+
+/// Why a connection could not be made or has ended.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum NetError {
+    /// The address does not parse or resolve.
+    #[error("`{0}` is not an address; write HOST:PORT, such as 127.0.0.1:7070")]
+    Address(String),
+    /// Only loopback may be used so far.
+    #[error("{0} is not a loopback address: connections are not encrypted yet, so only this machine may be served (use 127.0.0.1:PORT, and a secure tunnel between machines)")]
+    NotLoopback(SocketAddr),
+    /// The operating system's word.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+    /// The other side broke the protocol.
+    #[error("protocol error: {0}")]
+    Proto(#[from] ProtoError),
+    /// The server does not take us.
+    #[error("the server refused: {0}")]
+    Refused(String),
+    /// The other side closed the connection.
+    #[error("the connection was closed by the other side")]
+    Closed,
+    /// Nothing came for [`crate::SILENCE`].
+    #[error("the other side has been silent for {} seconds", crate::SILENCE.as_secs())]
+    Silent,
+    /// The handshake did not finish.
+    #[error("no answer within {} seconds; is this a holoserver's port?", crate::HANDSHAKE_TIME.as_secs())]
+    Handshake,
+    /// The scene that arrived is not the one announced.
+    #[error("the scene received does not have the announced {0}")]
+    Scene(&'static str),
+}

@@ -1,0 +1,68 @@
+//! One way for every process to be asked to end.
+
+use std::sync::Arc;
+
+use tokio::sync::watch;
+
+/// A request to end, shared by all parts of a process: once triggered it stays so.
+#[derive(Clone, Debug)]
+pub struct Shutdown {
+    sender: Arc<watch::Sender<bool>>,
+}
+
+impl Default for Shutdown {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Shutdown {
+    /// Not yet triggered.
+    pub fn new() -> Shutdown {
+        Shutdown { sender: Arc::new(watch::Sender::new(false)) }
+    }
+
+    /// Asks everyone to end.
+    pub fn trigger(&self) {
+        self.sender.send_replace(true);
+    }
+
+    /// Whether it was triggered.
+    pub fn is_triggered(&self) -> bool {
+        *self.sender.borrow()
+    }
+
+    /// Waits until it is triggered.
+    pub async fn wait(&self) {
+        // The sender lives as long as `self`, so this cannot fail.
+        let _ = self.sender.subscribe().wait_for(|&triggered| triggered).await;
+    }
+
+    /// Triggers on Ctrl-C and on SIGTERM, and, where `with_parent` is set, when standard input ends: a process that
+    /// another one started leaves with it, even if that one was killed.
+    ///
+    /// Must be called within a tokio runtime.
+    ///
+    /// # Errors
+    /// The operating system's, if signals cannot be received.
+    pub fn on_signals(&self, with_parent: bool) -> std::io::Result<()> {
+        use tokio::signal::unix::{SignalKind, signal};
+        for kind in [SignalKind::interrupt(), SignalKind::terminate()] {
+            let mut signals = signal(kind)?;
+            let shutdown = self.clone();
+            tokio::spawn(async move {
+                signals.recv().await;
+                shutdown.trigger();
+            });
+        }
+        if with_parent {
+            let shutdown = self.clone();
+            // A thread, not a task: reading standard input cannot be cancelled and must not hold up the runtime's end.
+            std::thread::spawn(move || {
+                let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
+                shutdown.trigger();
+            });
+        }
+        Ok(())
+    }
+}

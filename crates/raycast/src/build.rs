@@ -1,0 +1,297 @@
+//! Builds the hierarchy: obvhs makes a binary tree, which is then collapsed to eight children a node.
+//!
+//! Always true: every triangle is in a leaf; every box holds its triangles with a margin of [`PAD`] times the scene's
+//! reach; a traversal needs at most [`LARGE_STACK`] stack entries, by replacing a tree that is too deep with a balanced one.
+
+use glam::{Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::{Bvh2, node::Bvh2Node, reinsertion::ReinsertionOptimizer};
+use obvhs::ploc::PlocBuilder;
+use obvhs::splits::split_aabbs_preset;
+use obvhs::triangle::Triangle;
+
+use crate::dispatch::LARGE_STACK;
+use crate::node::{Block, Hierarchy, LANES, LEAF, Node, WIDTH};
+use crate::raycaster::{Facet, Quality};
+
+/// Widening of boxes, as a share of the greatest coordinate.
+///
+/// The triangle test sees vertices that are rounded when the ray's origin is subtracted and again when they are sheared: at
+/// most 5 · 2⁻²⁴ of the distance, which is within 3 reaches. Without padding, edge rays leak.
+const PAD: f32 = 1.0 / (1 << 20) as f32;
+
+/// Hierarchy over facets, none of whose coordinates exceeds `reach`.
+pub(crate) fn hierarchy(facets: &[Facet], reach: f32, quality: Quality) -> Hierarchy {
+    if facets.is_empty() {
+        return Hierarchy::default();
+    }
+    // The least normal number: a scene whose every vertex is 0 still needs boxes that are not empty.
+    let pad = (reach * PAD).max(f32::MIN_POSITIVE);
+    let tree = Tree::from_obvhs(&binary(facets, quality));
+    let hierarchy = collapse(&tree, facets, pad);
+    if hierarchy.stack_need <= LARGE_STACK {
+        return hierarchy;
+    }
+    collapse(&Tree::balanced(facets), facets, pad)
+}
+
+fn bounds(facet: &Facet) -> Aabb {
+    let [a, b, c] = facet.vertices.map(Vec3A::from);
+    Aabb::new(a.min(b).min(c), a.max(b).max(c))
+}
+
+/// obvhs' own steps, without its collapse and its check of the whole tree in debug builds.
+fn binary(facets: &[Facet], quality: Quality) -> Bvh2 {
+    let params = match quality {
+        Quality::Fast => BvhBuildParams::fast_build(),
+        Quality::Fine => BvhBuildParams::slow_build(),
+    };
+    let mut boxes: Vec<Aabb> = facets.iter().map(bounds).collect();
+    let mut indices: Vec<u32> = (0..facets.len() as u32).collect();
+    if params.pre_split {
+        let triangles: Vec<Triangle> = facets
+            .iter()
+            .map(|f| {
+                let [v0, v1, v2] = f.vertices.map(Vec3A::from);
+                Triangle { v0, v1, v2 }
+            })
+            .collect();
+        let (sum, largest) = boxes.iter().fold((0.0, 0.0_f32), |(sum, largest), b| {
+            let area = b.half_area();
+            (sum + f64::from(area), largest.max(area))
+        });
+        let mean = (sum / boxes.len() as f64) as f32;
+        split_aabbs_preset(&mut boxes, &mut indices, &triangles, mean, largest);
+    }
+    let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
+        params.ploc_search_distance,
+        &boxes,
+        indices,
+        params.sort_precision,
+        params.search_depth_threshold,
+    );
+    bvh.uses_spatial_splits = params.pre_split;
+    ReinsertionOptimizer::default().run(&mut bvh, params.reinsertion_batch_ratio, None);
+    bvh
+}
+
+/// A binary tree, children after their parents.
+struct Tree {
+    nodes: Vec<TreeNode>,
+}
+
+#[derive(Clone, Copy)]
+struct TreeNode {
+    min: Vec3,
+    max: Vec3,
+    /// `Ok`: first of two neighbouring children; `Err`: a triangle.
+    content: Result<u32, u32>,
+    /// Triangle references in the subtree.
+    references: u32,
+}
+
+impl TreeNode {
+    fn new(bounds: Aabb, content: Result<u32, u32>) -> Self {
+        Self { min: bounds.min.into(), max: bounds.max.into(), content, references: 1 }
+    }
+
+    fn half_area(&self) -> f32 {
+        let d = self.max - self.min;
+        d.x * d.y + d.y * d.z + d.z * d.x
+    }
+}
+
+impl Tree {
+    fn from_obvhs(bvh: &Bvh2) -> Self {
+        let convert = |node: &Bvh2Node, first: u32| {
+            let content =
+                if node.is_leaf() { Err(bvh.primitive_indices[node.first_index as usize]) } else { Ok(first) };
+            TreeNode::new(*node.aabb(), content)
+        };
+        // Renumbered on the way, since reinsertion leaves no particular order.
+        let mut sources = vec![0_usize];
+        let mut nodes = Vec::with_capacity(bvh.nodes.len());
+        while let Some(&source) = sources.get(nodes.len()) {
+            let node = &bvh.nodes[source];
+            nodes.push(convert(node, sources.len() as u32));
+            if !node.is_leaf() {
+                sources.extend([node.first_index as usize, node.first_index as usize + 1]);
+            }
+        }
+        Self::counted(nodes)
+    }
+
+    /// Halves by number along the widest axis of the centres: never deeper than log₂ of the number of triangles.
+    fn balanced(facets: &[Facet]) -> Self {
+        let boxes: Vec<Aabb> = facets.iter().map(bounds).collect();
+        let mut order: Vec<u32> = (0..facets.len() as u32).collect();
+        let mut ranges = std::iter::once(0..facets.len()).collect::<Vec<_>>();
+        let mut nodes = Vec::with_capacity(2 * facets.len());
+        while let Some(range) = ranges.get(nodes.len()).cloned() {
+            let mut whole = Aabb::empty();
+            let mut centres = Aabb::empty();
+            for &i in &order[range.clone()] {
+                whole = whole.union(&boxes[i as usize]);
+                centres.extend(boxes[i as usize].center());
+            }
+            if range.len() == 1 {
+                nodes.push(TreeNode::new(whole, Err(order[range.start])));
+                continue;
+            }
+            let axis = centres.largest_axis();
+            let half = range.len() / 2;
+            let key = |i: &u32| boxes[*i as usize].center_axis(axis);
+            order[range.clone()].select_nth_unstable_by(half, |a, b| key(a).total_cmp(&key(b)));
+            nodes.push(TreeNode::new(whole, Ok(ranges.len() as u32)));
+            let middle = range.start + half;
+            ranges.extend([range.start..middle, middle..range.end]);
+        }
+        Self::counted(nodes)
+    }
+
+    fn counted(mut nodes: Vec<TreeNode>) -> Self {
+        for i in (0..nodes.len()).rev() {
+            if let Ok(first) = nodes[i].content {
+                let first = first as usize;
+                nodes[i].references = nodes[first].references.saturating_add(nodes[first + 1].references);
+            }
+        }
+        Self { nodes }
+    }
+
+    /// The triangles of a subtree, each once: a split triangle may be there twice.
+    fn triangles(&self, root: u32) -> Vec<u32> {
+        let mut pending = vec![root];
+        let mut found = Vec::with_capacity(LANES);
+        while let Some(node) = pending.pop() {
+            match self.nodes[node as usize].content {
+                Ok(first) => pending.extend([first + 1, first]),
+                Err(triangle) if found.contains(&triangle) => {}
+                Err(triangle) => found.push(triangle),
+            }
+        }
+        found
+    }
+
+    /// Up to eight subtrees that make up this one: the child of the greatest area is opened first.
+    fn children(&self, root: u32) -> Vec<u32> {
+        let mut children = vec![root];
+        while children.len() < WIDTH {
+            let widest = (0..children.len())
+                .filter(|&i| self.nodes[children[i] as usize].references as usize > LANES)
+                .max_by(|&i, &j| {
+                    let area = |i: usize| self.nodes[children[i] as usize].half_area();
+                    area(i).total_cmp(&area(j))
+                });
+            let Some(widest) = widest else { break };
+            let Ok(first) = self.nodes[children[widest] as usize].content else { break };
+            children[widest] = first;
+            children.push(first + 1);
+        }
+        children
+    }
+}
+
+fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
+    let mut hierarchy = Hierarchy { nodes: vec![Node::EMPTY], blocks: Vec::new(), stack_need: 0 };
+    // Depth first, so that a subtree is together in memory.
+    let mut pending = vec![(0_u32, 0_usize, 1_usize)];
+    while let Some((root, index, depth)) = pending.pop() {
+        hierarchy.stack_need = hierarchy.stack_need.max(depth * (WIDTH - 1) + 1);
+        for (slot, child) in tree.children(root).into_iter().enumerate() {
+            let source = &tree.nodes[child as usize];
+            let reference = if source.references as usize <= LANES {
+                hierarchy.blocks.push(block(&tree.triangles(child), facets));
+                LEAF | (hierarchy.blocks.len() - 1) as u32
+            } else {
+                hierarchy.nodes.push(Node::EMPTY);
+                let node = hierarchy.nodes.len() - 1;
+                pending.push((child, node, depth + 1));
+                node as u32
+            };
+            let node = &mut hierarchy.nodes[index];
+            node.children[slot] = reference;
+            for axis in 0..3 {
+                node.bounds[axis][slot] = source.min[axis] - pad;
+                node.bounds[axis + 3][slot] = source.max[axis] + pad;
+            }
+        }
+    }
+    hierarchy
+}
+
+fn block(triangles: &[u32], facets: &[Facet]) -> Block {
+    let mut block = Block::EMPTY;
+    for (lane, &triangle) in triangles.iter().enumerate() {
+        block.ids[lane] = triangle;
+        for (vertex, position) in facets[triangle as usize].vertices.iter().enumerate() {
+            for axis in 0..3 {
+                block.vertices[vertex][axis][lane] = position[axis];
+            }
+        }
+    }
+    block
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Facets whose centres crowd ever nearer to one point: agglomeration makes a chain of them.
+    fn chain(count: usize) -> Vec<Facet> {
+        let facet = |i: usize| {
+            let x = 0.8_f32.powi(i as i32);
+            let vertices = [Vec3::new(x, 0.0, 0.0), Vec3::new(x, x, 0.0), Vec3::new(x, 0.0, x)];
+            Facet { vertices, normal: Vec3::X }
+        };
+        (0..count).map(facet).collect()
+    }
+
+    fn references(hierarchy: &Hierarchy) -> Vec<u32> {
+        let mut ids: Vec<u32> = hierarchy.blocks.iter().flat_map(|b| b.ids).filter(|&id| id != u32::MAX).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        ids
+    }
+
+    #[test]
+    fn every_triangle_is_in_a_leaf_and_inside_the_boxes_above_it() {
+        let facets = chain(300);
+        for tree in [Tree::from_obvhs(&binary(&facets, Quality::Fine)), Tree::balanced(&facets)] {
+            let h = collapse(&tree, &facets, 1e-6);
+            assert_eq!(references(&h), (0..300).collect::<Vec<_>>());
+            // Split triangles reach out of their boxes; these are small enough for none to be split.
+            let mut pending = vec![(0_u32, Vec3::NEG_INFINITY, Vec3::INFINITY)];
+            while let Some((node, low, high)) = pending.pop() {
+                let node = &h.nodes[node as usize];
+                for slot in (0..WIDTH).filter(|&s| node.bounds[0][s].is_finite()) {
+                    let at = |row: usize| Vec3::from_array([0, 1, 2].map(|axis| node.bounds[row + axis][slot]));
+                    let (min, max) = (at(0), at(3));
+                    assert!(min.cmpge(low).all() && max.cmple(high).all());
+                    let child = node.children[slot];
+                    if child & LEAF == 0 {
+                        pending.push((child, min, max));
+                        continue;
+                    }
+                    let ids = h.blocks[(child & !LEAF) as usize].ids;
+                    for vertex in ids.iter().filter(|&&i| i != u32::MAX).flat_map(|&i| facets[i as usize].vertices) {
+                        assert!(vertex.cmpge(min).all() && vertex.cmple(max).all());
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_balanced_tree_never_needs_more_stack_than_there_is() {
+        let facets = chain(3000);
+        let h = collapse(&Tree::balanced(&facets), &facets, 1e-6);
+        assert_eq!(references(&h).len(), 3000);
+        // 3000 / 4 leaves, a node opens at least two levels of a balanced tree.
+        assert!(h.stack_need <= (WIDTH - 1) * 12 + 1, "{}", h.stack_need);
+        let unbalanced = collapse(&Tree::from_obvhs(&binary(&facets, Quality::Fine)), &facets, 1e-6);
+        let built = hierarchy(&facets, 1.0, Quality::Fine);
+        assert!(built.stack_need <= LARGE_STACK && built.stack_need <= unbalanced.stack_need.max(h.stack_need));
+    }
+}

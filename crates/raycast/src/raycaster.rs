@@ -1,0 +1,331 @@
+//! The raycaster: a scene, its hierarchy, and queries.
+
+use std::fmt;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use holo_scene::Scene;
+
+use crate::build;
+use crate::dispatch::Isa;
+use crate::kernel::Query;
+use crate::node::Hierarchy;
+use crate::surface::{SurfacePoint, interpolate, spawn};
+use crate::triangle::Prepared;
+use crate::{Hit, NO_TRIANGLE, Ray};
+
+/// Most triangles of a scene: spatial splits may name each one several times, and references have 31 bits.
+pub const MAX_TRIANGLES: usize = 1 << 27;
+
+/// Greatest coordinate relative to the scene's origin: the triangle test multiplies three of them in f32.
+pub const MAX_COORDINATE: f32 = 1e12;
+
+/// Why a hierarchy cannot be built.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BuildError {
+    /// More than [`MAX_TRIANGLES`].
+    TooManyTriangles(usize),
+    /// A triangle names a vertex that is not there.
+    Index {
+        /// Which triangle.
+        triangle: usize,
+    },
+    /// A vertex is not finite or beyond [`MAX_COORDINATE`].
+    Coordinate {
+        /// Which triangle.
+        triangle: usize,
+    },
+}
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooManyTriangles(found) => write!(f, "{found} triangles; at most {MAX_TRIANGLES} can be traced"),
+            Self::Index { triangle } => write!(f, "triangle {triangle} names a vertex that does not exist"),
+            Self::Coordinate { triangle } => write!(f, "triangle {triangle} has a vertex too far out to be traced"),
+        }
+    }
+}
+
+impl std::error::Error for BuildError {}
+
+/// How much time to spend on building.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// About a third of the time of `Fine`, for scenes being edited.
+    Fast,
+    /// Best tracing.
+    #[default]
+    Fine,
+}
+
+/// Vertices and normal of a triangle, together since they are used together: one cache line.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Facet {
+    pub vertices: [Vec3; 3],
+    pub normal: Vec3,
+}
+
+/// Answers ray queries on one scene. Share it between threads with an `Arc`.
+#[derive(Debug)]
+pub struct Raycaster {
+    scene: Arc<Scene>,
+    facets: Vec<Facet>,
+    hierarchy: Hierarchy,
+    isa: Isa,
+    /// Half the size of the cube around the scene's origin that holds all vertices.
+    reach: f32,
+}
+
+impl Raycaster {
+    /// Builds the hierarchy with [`Quality::Fine`].
+    ///
+    /// # Errors
+    /// Too many triangles, or a scene that is not valid.
+    pub fn build(scene: Arc<Scene>) -> Result<Self, BuildError> {
+        Self::build_with(scene, Quality::Fine)
+    }
+
+    /// Builds the hierarchy.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn build_with(scene: Arc<Scene>, quality: Quality) -> Result<Self, BuildError> {
+        let facets = facets(&scene.positions, &scene.triangles)?;
+        let reach = facets.iter().flat_map(|f| f.vertices).fold(0.0, |reach: f32, v| reach.max(v.abs().max_element()));
+        let hierarchy = build::hierarchy(&facets, reach, quality);
+        Ok(Self { scene, facets, hierarchy, isa: Isa::detect(), reach })
+    }
+
+    /// The scene that was built from.
+    #[must_use]
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// The first surface along the ray, from either side.
+    #[must_use]
+    #[inline]
+    pub fn nearest(&self, ray: &Ray) -> Option<Hit> {
+        self.query::<false>(ray, [NO_TRIANGLE; 2])
+    }
+
+    /// The first surface along a ray that leaves triangle `from`, which cannot be met again.
+    #[must_use]
+    #[inline]
+    pub fn nearest_from(&self, ray: &Ray, from: u32) -> Option<Hit> {
+        self.query::<false>(ray, [from, NO_TRIANGLE])
+    }
+
+    /// Whether anything lies on the ray between `t_min` and `t_max`.
+    #[must_use]
+    #[inline]
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        self.query::<true>(ray, [NO_TRIANGLE; 2]).is_some()
+    }
+
+    /// Whether anything lies on a ray that leaves triangle `from`, which itself does not count.
+    #[must_use]
+    #[inline]
+    pub fn occluded_from(&self, ray: &Ray, from: u32) -> bool {
+        self.query::<true>(ray, [from, NO_TRIANGLE]).is_some()
+    }
+
+    /// Whether anything lies between two points on surfaces; neither's own triangle counts.
+    ///
+    /// The segment ends before the error bound of either point.
+    #[must_use]
+    #[inline]
+    pub fn blocked(&self, from: &SurfacePoint, to: &SurfacePoint) -> bool {
+        let towards = to.point - from.point;
+        let start = spawn(from.point, from.error, from.normal, towards);
+        let end = spawn(to.point, to.error, to.normal, -towards);
+        let ray = Ray { origin: start, direction: end - start, t_min: 0.0, t_max: 1.0 };
+        self.query::<true>(&ray, [from.triangle, to.triangle]).is_some()
+    }
+
+    /// Unit normal on the side from which the triangle's vertices run counter-clockwise; 0 for a triangle without area.
+    ///
+    /// # Panics
+    /// If the scene has no such triangle.
+    #[must_use]
+    #[inline]
+    pub fn geometric_normal(&self, triangle: u32) -> Vec3 {
+        self.facets[triangle as usize].normal
+    }
+
+    /// The three vertices of a triangle.
+    ///
+    /// # Panics
+    /// If the scene has no such triangle.
+    #[must_use]
+    #[inline]
+    pub fn vertices(&self, triangle: u32) -> [Vec3; 3] {
+        self.facets[triangle as usize].vertices
+    }
+
+    /// The point of a hit from its barycentrics, and a bound on its error by axis.
+    ///
+    /// # Panics
+    /// If the scene has no such triangle.
+    #[must_use]
+    #[inline]
+    pub fn surface_point(&self, hit: &Hit) -> (Vec3, Vec3) {
+        interpolate(self.facets[hit.triangle as usize].vertices, hit.u, hit.v)
+    }
+
+    /// Point, error bound and normal at barycentrics `u`, `v` of a triangle.
+    ///
+    /// # Panics
+    /// If the scene has no such triangle.
+    #[must_use]
+    #[inline]
+    pub fn surface(&self, triangle: u32, u: f32, v: f32) -> SurfacePoint {
+        let facet = &self.facets[triangle as usize];
+        let (point, error) = interpolate(facet.vertices, u, v);
+        SurfacePoint { point, error, normal: facet.normal, triangle }
+    }
+
+    /// A world ray in f64 as one in the scene's f32 coordinates, and how far along the world ray that one begins.
+    ///
+    /// An eye far away would lose its precision in f32: the ray is moved, in f64, to where it comes near the scene. `None`
+    /// if it never does, or is not finite. `direction` is unit.
+    #[must_use]
+    pub fn localize(&self, origin: DVec3, direction: DVec3) -> Option<(Ray, f64)> {
+        let local = origin - self.scene.origin;
+        if !local.is_finite() || !direction.is_finite() {
+            return None;
+        }
+        let skipped = self.approach(local, direction)?;
+        Some((Ray::new((local + direction * skipped).as_vec3(), direction.as_vec3()), skipped))
+    }
+
+    /// How far to go along a ray until it is within twice the scene's reach; 0 if it is already. `None` if it never is.
+    fn approach(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
+        let limit = f64::from(self.reach) * 2.0;
+        if origin.abs().max_element() <= limit {
+            return Some(0.0);
+        }
+        // Aim at the cube of 1.5 times the reach, so that rounding leaves a margin on both sides.
+        let (mut first, mut last) = (0.0_f64, f64::INFINITY);
+        for axis in 0..3 {
+            let (o, d) = (origin[axis], direction[axis]);
+            let bound = limit * 0.75;
+            if d == 0.0 {
+                if o.abs() > bound {
+                    return None;
+                }
+                continue;
+            }
+            let (t0, t1) = ((-bound - o) / d, (bound - o) / d);
+            first = first.max(t0.min(t1));
+            last = last.min(t0.max(t1));
+        }
+        (first <= last && first.is_finite()).then_some(first)
+    }
+
+    #[inline]
+    fn query<const ANY: bool>(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
+        if ray.origin.abs().max_element() > 2.0 * self.reach {
+            return self.query_from_afar::<ANY>(ray, skip);
+        }
+        self.query_near::<ANY>(ray, skip)
+    }
+
+    #[inline]
+    fn query_near<const ANY: bool>(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
+        let prepared = Prepared::new(ray.origin, ray.direction)?;
+        let t_min = ray.t_min.max(0.0);
+        if ray.t_min.is_nan() || ray.t_max.is_nan() || t_min >= ray.t_max {
+            return None;
+        }
+        self.isa.trace::<ANY>(&self.hierarchy, &Query { ray: prepared, t_min, t_max: ray.t_max, skip })
+    }
+
+    /// Boxes are padded for origins near the scene: others are moved there first, in f64.
+    #[cold]
+    fn query_from_afar<const ANY: bool>(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
+        let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+        let length = direction.length();
+        if !origin.is_finite() || !direction.is_finite() || length == 0.0 {
+            return None;
+        }
+        let skipped = self.approach(origin, direction)?;
+        let shift = |t: f32| (f64::from(t) - skipped) as f32;
+        let near = Ray {
+            origin: (origin + direction * skipped).as_vec3(),
+            direction: ray.direction,
+            t_min: shift(ray.t_min),
+            t_max: shift(ray.t_max),
+        };
+        self.query_near::<ANY>(&near, skip).map(|hit| Hit { t: (f64::from(hit.t) + skipped) as f32, ..hit })
+    }
+
+    #[cfg(test)]
+    pub(crate) fn with_portable_code(mut self) -> Self {
+        self.isa = Isa::Portable;
+        self
+    }
+}
+
+fn facets(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Vec<Facet>, BuildError> {
+    if triangles.len() > MAX_TRIANGLES {
+        return Err(BuildError::TooManyTriangles(triangles.len()));
+    }
+    let facet = |(triangle, indices): (usize, &[u32; 3])| {
+        let mut vertices = [Vec3::ZERO; 3];
+        for (vertex, &index) in vertices.iter_mut().zip(indices) {
+            *vertex = Vec3::from(*positions.get(index as usize).ok_or(BuildError::Index { triangle })?);
+            if !vertex.is_finite() || vertex.abs().max_element() > MAX_COORDINATE {
+                return Err(BuildError::Coordinate { triangle });
+            }
+        }
+        // f64: the normal of a sliver is the difference of nearly equal products.
+        let [a, b, c] = vertices.map(|v| v.as_dvec3());
+        let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
+        Ok(Facet { vertices, normal })
+    };
+    triangles.iter().enumerate().map(facet).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use holo_scene::Material;
+
+    #[test]
+    fn portable_and_vector_code_give_the_same_bits() {
+        let mut state = 7_u64;
+        let mut unit = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1 << 24) as f32 - 0.5
+        };
+        let mut point = || Vec3::new(unit(), unit(), unit());
+        let corners: Vec<[f32; 3]> = (0..2000)
+            .flat_map(|_| {
+                let a = point();
+                [a, a + point() * 0.3, a + point() * 0.3]
+            })
+            .map(|p| p.to_array())
+            .collect();
+        let triangles: Vec<[u32; 3]> = (0..2000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let scene = Scene::new(DVec3::ZERO, corners, triangles, vec![0; 2000], vec![Material::grey("m")], [0.0; 3])
+            .expect("valid");
+        let scene = Arc::new(scene);
+        let vector = Raycaster::build(scene.clone()).expect("built");
+        let portable = Raycaster::build(scene).expect("built").with_portable_code();
+        let mut hits = 0;
+        for _ in 0..100_000 {
+            let origin = point() * 2.0;
+            let ray = Ray::new(origin, (point() - origin).normalize());
+            let (a, b) = (vector.nearest(&ray), portable.nearest(&ray));
+            assert_eq!(
+                a.map(|h| (h.t.to_bits(), h.triangle, h.u.to_bits())),
+                b.map(|h| (h.t.to_bits(), h.triangle, h.u.to_bits()))
+            );
+            assert_eq!(vector.occluded(&ray), portable.occluded(&ray));
+            hits += usize::from(a.is_some());
+        }
+        assert!(hits > 20_000, "{hits}");
+    }
+}

@@ -1,0 +1,50 @@
+//! Points on surfaces with a bound on their rounding, and rays that start there without meeting their own surface.
+//!
+//! Always true: the exact point on the triangle lies within `error` of the stated point in every axis, and a spawned
+//! origin lies on the side of the plane that its direction goes to (Pharr, Jakob, Humphreys 2023, §6.8.5 and §6.8.6). No
+//! distance here is tuned to a scene's size.
+
+use glam::Vec3;
+
+/// A bound on the relative error of n roundings (Higham 2002, §3.1).
+const fn gamma(n: f32) -> f32 {
+    let unit = 0.5 * f32::EPSILON;
+    n * unit / (1.0 - n * unit)
+}
+
+/// A point on a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Relative to the scene's origin.
+    pub point: Vec3,
+    /// Bound on the rounding of `point`, by axis.
+    pub error: Vec3,
+    /// Unit geometric normal, counter-clockwise side.
+    pub normal: Vec3,
+    /// Index into `scene.triangles`.
+    pub triangle: u32,
+}
+
+/// `a + u (b - a) + v (c - a)` and a bound on its error.
+#[inline]
+pub(crate) fn interpolate([a, b, c]: [Vec3; 3], u: f32, v: f32) -> (Vec3, Vec3) {
+    // Any rounding of u and v stays in the plane: this form, unlike (1-u-v) a + u b + v c, has no weights that must add
+    // up to 1, so that only its own arithmetic counts.
+    let (p, q) = ((b - a) * u, (c - a) * v);
+    let point = a + (p + q);
+    let error = (p.abs() + q.abs()) * gamma(5.0) + a.abs() * gamma(2.0);
+    (point, error)
+}
+
+/// Origin for a ray that leaves `point` (known within `error`) towards `direction`, on the right side of its plane.
+///
+/// Shapes: all relative to the scene's origin; `normal` unit, either side. (Pharr et al. 2023, §6.8.6.)
+#[must_use]
+#[inline]
+pub fn spawn(point: Vec3, error: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
+    let distance = normal.abs().dot(error);
+    let offset = if direction.dot(normal) < 0.0 { normal * -distance } else { normal * distance };
+    let moved = point + offset;
+    // The sum was rounded: one more step outwards, without the branches of `next_up`, which took 9 % of a path's time.
+    moved + (moved.abs() * f32::EPSILON).copysign(offset)
+}

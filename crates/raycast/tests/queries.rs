@@ -1,0 +1,238 @@
+//! Queries agree with brute force in f64, and every bit pattern is an acceptable ray.
+
+mod common;
+
+use std::sync::Arc;
+
+use common::{Mesh, Random};
+use glam::{DVec3, Vec3};
+use holo_raycast::{BuildError, Quality, Ray, Raycaster, SurfacePoint};
+use holo_scene::{Material, Scene};
+use proptest::prelude::*;
+
+/// Nearest hit in f64 (Möller and Trumbore 1997) and how far inside the triangle it is (least barycentric weight).
+fn brute_force(mesh: &Mesh, ray: &Ray) -> Option<(f64, u32, f64)> {
+    let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let mut best: Option<(f64, u32, f64)> = None;
+    for (id, t) in mesh.triangles.iter().enumerate() {
+        let [a, b, c] = t.map(|i| mesh.vertex(i).as_dvec3());
+        let (e1, e2) = (b - a, c - a);
+        let p = d.cross(e2);
+        let det = e1.dot(p);
+        if det == 0.0 {
+            continue;
+        }
+        let s = o - a;
+        let q = s.cross(e1);
+        let (u, v, t) = (s.dot(p) / det, d.dot(q) / det, e2.dot(q) / det);
+        let margin = u.min(v).min(1.0 - u - v);
+        if margin >= 0.0
+            && t > f64::from(ray.t_min)
+            && t < f64::from(ray.t_max)
+            && best.is_none_or(|(nearest, _, _)| t < nearest)
+        {
+            best = Some((t, id as u32, margin));
+        }
+    }
+    best
+}
+
+/// Compares many rays with brute force; rays within rounding of an edge or of a second surface may differ.
+fn agree(mesh: &Mesh, raycaster: &Raycaster, rays: usize, random: &mut Random) {
+    let mut compared = 0;
+    for _ in 0..rays {
+        let mut ray = Ray::new(random.cube() * 1.5, random.direction());
+        if random.below(4) == 0 {
+            ray.t_max = random.unit() * 2.0;
+        }
+        let found = raycaster.nearest(&ray);
+        assert_eq!(found.is_some(), raycaster.occluded(&ray));
+        match (brute_force(mesh, &ray), found) {
+            (None, None) => compared += 1,
+            (Some((t, id, margin)), Some(hit)) if hit.triangle == id => {
+                // Edge functions have rounding of 1e-7 of the products; a triangle seen at a slant divides by a small area.
+                let slant = f64::from(raycaster.geometric_normal(id).dot(ray.direction).abs());
+                assert!((f64::from(hit.t) - t).abs() < 1e-5 / slant.max(1e-4), "{hit:?} against {t} margin {margin}");
+                compared += 1;
+            }
+            (expected, found) => {
+                let margin = expected.map_or(0.0, |(_, _, margin)| margin);
+                let at_limit = expected.is_some_and(|(t, _, _)| (t - f64::from(ray.t_max)).abs() < 1e-5);
+                let tie =
+                    matches!((expected, found), (Some((t, _, _)), Some(hit)) if (t - f64::from(hit.t)).abs() < 1e-5);
+                assert!(margin < 1e-3 || tie || at_limit, "{ray:?}: {expected:?} against {found:?}");
+            }
+        }
+    }
+    assert!(compared * 1000 > rays * 995, "only {compared} of {rays} rays were comparable");
+}
+
+#[test]
+fn nearest_and_occluded_agree_with_brute_force() {
+    let mut random = Random(11);
+    for (count, size) in [(1, 1.0), (2, 1.0), (5, 0.8), (40, 0.5), (400, 0.3), (1500, 0.05)] {
+        let mesh = Mesh::soup(count, size, &mut random);
+        for quality in [Quality::Fine, Quality::Fast] {
+            let raycaster = Raycaster::build_with(mesh.scene(), quality).expect("a scene");
+            agree(&mesh, &raycaster, 3_000, &mut random);
+        }
+    }
+}
+
+#[test]
+fn large_triangles_among_small_ones_are_found() {
+    // Spatial splits cut the large ones into several boxes.
+    let mut random = Random(12);
+    let mut mesh = Mesh::soup(800, 0.02, &mut random);
+    for _ in 0..20 {
+        mesh.push([random.cube() * 3.0, random.cube() * 3.0, random.cube() * 3.0]);
+    }
+    agree(&mesh, &mesh.raycaster(), 10_000, &mut random);
+}
+
+#[test]
+fn an_empty_scene_hits_nothing() {
+    let raycaster = Mesh::default().raycaster();
+    assert_eq!(raycaster.nearest(&Ray::new(Vec3::ZERO, Vec3::X)), None);
+    assert!(!raycaster.occluded(&Ray::new(Vec3::ONE, Vec3::X)));
+    assert!(raycaster.localize(DVec3::ZERO, DVec3::X).is_some());
+}
+
+#[test]
+fn a_single_triangle_is_hit_from_both_sides_with_its_barycentrics() {
+    let mut mesh = Mesh::default();
+    mesh.push([Vec3::ZERO, Vec3::X, Vec3::Y]);
+    let raycaster = mesh.raycaster();
+    assert_eq!(raycaster.geometric_normal(0), Vec3::Z);
+    for z in [1.0, -1.0] {
+        let hit = raycaster.nearest(&Ray::new(Vec3::new(0.25, 0.5, z), Vec3::Z * -z)).expect("a hit");
+        assert_eq!((hit.t, hit.triangle, hit.u, hit.v), (1.0, 0, 0.25, 0.5));
+        assert_eq!(raycaster.surface_point(&hit).0, Vec3::new(0.25, 0.5, 0.0));
+    }
+}
+
+#[test]
+fn near_hits_and_limits_count_exactly() {
+    let mut mesh = Mesh::default();
+    mesh.push([Vec3::new(-1.0, -1.0, 0.0), Vec3::new(3.0, -1.0, 0.0), Vec3::new(-1.0, 3.0, 0.0)]);
+    let raycaster = mesh.raycaster();
+    for height in [1e-3_f32, 1e-6, 1e-9, 1e-20] {
+        let hit = raycaster.nearest(&Ray::new(Vec3::new(0.1, 0.2, height), -Vec3::Z)).expect("a near hit");
+        assert_eq!(hit.t, height);
+    }
+    let ray = |t_min, t_max| Ray { origin: Vec3::Z, direction: -Vec3::Z, t_min, t_max };
+    assert!(raycaster.occluded(&ray(0.0, 1.0_f32.next_up())));
+    assert!(!raycaster.occluded(&ray(0.0, 1.0)));
+    assert!(raycaster.occluded(&ray(1.0_f32.next_down(), 2.0)));
+    assert!(!raycaster.occluded(&ray(1.0, 2.0)));
+}
+
+#[test]
+fn an_origin_far_away_finds_the_same_surface() {
+    let mesh = Mesh::sphere(4, Vec3::ZERO, 1.0);
+    let raycaster = mesh.raycaster();
+    let mut random = Random(13);
+    for distance in [10.0, 1e3, 1e7] {
+        for _ in 0..1000 {
+            let direction = random.direction().as_dvec3();
+            let start = -direction * distance;
+            let (ray, skipped) = raycaster.localize(start, direction).expect("towards the scene");
+            let hit = raycaster.nearest(&ray).expect("the sphere's front");
+            let t = f64::from(hit.t) + skipped;
+            // A chord of a facet is at most 1 - cos(edge/2) inside the sphere: edges of level 4 are below 0.15.
+            assert!((distance - t - 1.0).abs() < 0.006, "{distance}: {t}");
+            assert_eq!(raycaster.localize(start, -direction), None);
+        }
+        let far = Ray::new(Vec3::X * distance as f32, -Vec3::X);
+        assert!(raycaster.nearest(&far).is_some() && raycaster.occluded(&far));
+        assert!(!raycaster.occluded(&Ray { t_max: distance as f32 * 0.5, ..far }));
+        assert!(!raycaster.occluded(&Ray { direction: Vec3::X, ..far }));
+    }
+}
+
+#[test]
+fn surface_points_are_within_their_stated_error() {
+    let mut random = Random(14);
+    let mesh = Mesh::soup(300, 1.0, &mut random);
+    let raycaster = mesh.raycaster();
+    for _ in 0..100_000 {
+        let triangle = random.below(300) as u32;
+        let (u, v) = (random.unit(), random.unit());
+        let SurfacePoint { point, error, .. } = raycaster.surface(triangle, u, v);
+        let [a, b, c] = raycaster.vertices(triangle).map(|p| p.as_dvec3());
+        let exact = a + (b - a) * f64::from(u) + (c - a) * f64::from(v);
+        assert!((point.as_dvec3() - exact).abs().cmple(error.as_dvec3()).all());
+        // A bound that is generous by more than a few times hides contact shadows.
+        assert!(error.max_element() < 3e-6);
+    }
+}
+
+#[test]
+fn shadows_reach_from_surface_to_surface_without_either_in_the_way() {
+    // Two parallel walls and, between them, a blocker that covers half of the lines.
+    let mut mesh = Mesh::default();
+    let wall = |z: f32| [Vec3::new(-1.0, -1.0, z), Vec3::new(1.0, -1.0, z), Vec3::new(-1.0, 1.0, z)];
+    mesh.push(wall(0.0));
+    mesh.push(wall(1.0));
+    let open = mesh.raycaster();
+    mesh.push(wall(0.5).map(|p| p * Vec3::new(2.0, 2.0, 1.0)));
+    let closed = mesh.raycaster();
+    let mut random = Random(15);
+    for _ in 0..10_000 {
+        let mut point = |raycaster: &Raycaster, wall| {
+            let (u, v) = (random.unit() * 0.5, random.unit() * 0.5);
+            raycaster.surface(wall, u, v)
+        };
+        let (from, to) = (point(&open, 0), point(&open, 1));
+        assert!(!open.blocked(&from, &to) && !open.blocked(&to, &from));
+        assert!(closed.blocked(&from, &to) && closed.blocked(&to, &from));
+    }
+}
+
+#[test]
+fn what_cannot_be_traced_is_refused_by_name() {
+    let scene = Scene::new(
+        DVec3::ZERO,
+        vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        vec![[0, 1, 2]],
+        vec![0],
+        vec![Material::grey("m")],
+        [0.0; 3],
+    )
+    .expect("valid");
+    let mut out_of_range = scene.clone();
+    out_of_range.triangles[0][2] = 3;
+    assert_eq!(Raycaster::build(Arc::new(out_of_range)).err(), Some(BuildError::Index { triangle: 0 }));
+    let mut not_finite = scene;
+    not_finite.positions[1][0] = f32::NAN;
+    assert_eq!(Raycaster::build(Arc::new(not_finite)).err(), Some(BuildError::Coordinate { triangle: 0 }));
+}
+
+fn any_float() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        any::<u32>().prop_map(f32::from_bits),
+        Just(0.0),
+        Just(-0.0),
+        Just(f32::NAN),
+        Just(f32::INFINITY),
+        Just(f32::NEG_INFINITY),
+        -2.0_f32..2.0
+    ]
+}
+
+proptest! {
+    #[test]
+    fn any_bit_pattern_is_an_acceptable_ray(f in prop::array::uniform8(any_float())) {
+        thread_local! { static SCENE: Raycaster = Mesh::soup(100, 1.0, &mut Random(16)).raycaster(); }
+        let ray = Ray { origin: Vec3::new(f[0], f[1], f[2]), direction: Vec3::new(f[3], f[4], f[5]), t_min: f[6], t_max: f[7] };
+        SCENE.with(|raycaster| {
+            let hit = raycaster.nearest(&ray);
+            prop_assert_eq!(hit.is_some(), raycaster.occluded(&ray));
+            if let Some(hit) = hit {
+                prop_assert!(ray.origin.is_finite() && ray.direction.is_finite() && ray.direction != Vec3::ZERO);
+                prop_assert!(hit.triangle < 100 && hit.t.is_finite() && hit.u.is_finite() && hit.v.is_finite());
+            }
+            Ok(())
+        })?;
+    }
+}

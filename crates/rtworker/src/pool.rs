@@ -1,0 +1,159 @@
+//! Threads that trace packets: a queue in, results out.
+
+use std::{
+    collections::VecDeque,
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    thread::JoinHandle,
+    time::Instant,
+};
+
+use holo_proto::bulk::{Packet, Traced};
+use holo_section::{BeamSampler, Sample, SampleKind, Section, Viewpoint};
+use holo_tracer::Tracer;
+use tokio::sync::mpsc;
+
+/// Packets that a thread takes at a time: few, so that the threads end together, but more than one, so that they
+/// seldom meet at the queue.
+const TAKE: usize = 4;
+
+/// A packet with the viewpoint that it refers to.
+#[derive(Clone, Copy, Debug)]
+pub struct Job {
+    /// What to trace. Its beam is known to exist.
+    pub packet: Packet,
+    /// Near which point the rays must pass.
+    pub viewpoint: Option<Viewpoint>,
+    /// The holodeck's seed.
+    pub seed: u64,
+}
+
+/// A packet traced.
+#[derive(Debug)]
+pub struct Done {
+    /// What goes on the wire.
+    pub traced: Traced,
+    /// The samples, in the order of their numbers.
+    pub samples: Vec<Sample>,
+}
+
+#[derive(Default)]
+struct Queue {
+    jobs: VecDeque<Job>,
+    closed: bool,
+}
+
+#[derive(Default)]
+struct Shared {
+    queue: Mutex<Queue>,
+    more: Condvar,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        // The queue is only pushed to and popped from: a thread that panicked elsewhere leaves it whole.
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The threads of one session. Dropped, it forgets what is queued and waits for what is being traced.
+pub struct Pool {
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Pool {
+    /// Starts `threads` threads that send what they have traced to `done`.
+    ///
+    /// # Errors
+    /// If the operating system gives no thread.
+    pub fn start(
+        threads: u16,
+        tracer: &Arc<Tracer>,
+        sections: &Arc<[Section]>,
+        done: &mpsc::UnboundedSender<Done>,
+    ) -> std::io::Result<Pool> {
+        let mut pool = Pool { shared: Arc::default(), threads: Vec::new() };
+        for index in 0..threads {
+            let (shared, tracer, sections) = (Arc::clone(&pool.shared), Arc::clone(tracer), Arc::clone(sections));
+            let done = done.clone();
+            let thread = std::thread::Builder::new()
+                .name(format!("trace-{index}"))
+                .spawn(move || work(&shared, &tracer, &sections, &done))?;
+            pool.threads.push(thread);
+        }
+        Ok(pool)
+    }
+
+    /// Queues packets, after those that are there.
+    pub fn push(&self, jobs: impl IntoIterator<Item = Job>) {
+        self.shared.lock().jobs.extend(jobs);
+        self.shared.more.notify_all();
+    }
+}
+
+impl Drop for Pool {
+    fn drop(&mut self) {
+        {
+            let mut queue = self.shared.lock();
+            queue.jobs.clear();
+            queue.closed = true;
+        }
+        self.shared.more.notify_all();
+        for thread in self.threads.drain(..) {
+            // A thread that panicked has said so on standard error.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn work(shared: &Shared, tracer: &Tracer, sections: &[Section], done: &mpsc::UnboundedSender<Done>) {
+    let mut jobs: Vec<Job> = Vec::with_capacity(TAKE);
+    loop {
+        {
+            let mut queue = shared.lock();
+            while queue.jobs.is_empty() {
+                if queue.closed {
+                    return;
+                }
+                queue = shared.more.wait(queue).unwrap_or_else(PoisonError::into_inner);
+            }
+            let take = queue.jobs.len().min(TAKE);
+            jobs.extend(queue.jobs.drain(..take));
+        }
+        for job in jobs.drain(..) {
+            if let Some(result) = trace(&job, tracer, sections)
+                && done.send(result).is_err()
+            {
+                return;
+            }
+        }
+    }
+}
+
+fn trace(job: &Job, tracer: &Tracer, sections: &[Section]) -> Option<Done> {
+    let start = Instant::now();
+    let Packet { section: index, beam, first, count, paths, .. } = job.packet;
+    let section = sections.get(usize::from(index))?;
+    let sampler = section.beam_sampler(index, beam, job.viewpoint.as_ref())?;
+    // Samples of both kinds have the same numbers; their random numbers must not be the same.
+    let kind = if job.viewpoint.is_some() { SampleKind::ViewpointLimited } else { SampleKind::Uniform };
+    let salt = job.seed ^ ((kind as u64) << 56);
+    let samples = (first..first + u32::from(count))
+        .map(|number| {
+            let seed = holo_section::seed(index, beam, number) ^ salt;
+            sample(tracer, section, &sampler, seed, number, paths)
+        })
+        .collect();
+    let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
+    Some(Done { traced: Traced { id: job.packet.id, count: u32::from(count), nanoseconds }, samples })
+}
+
+/// Traces one sample: the ray that its number says, from the wall where the section lets rays begin.
+fn sample(tracer: &Tracer, section: &Section, sampler: &BeamSampler, seed: u64, number: u32, paths: u16) -> Sample {
+    let coords = sampler.coords(number);
+    let ray = sampler.ray(coords);
+    let skipped = section.trace_start(&ray);
+    let traced = tracer.trace_paths(ray.origin + ray.direction * skipped, ray.direction, seed, 0..u64::from(paths));
+    // The distance counts from the entry point, wherever the ray was begun.
+    Sample::encode(coords, traced.radiance, skipped + traced.distance, section.diagonal(), seed as u32)
+}

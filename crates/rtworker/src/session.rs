@@ -1,0 +1,227 @@
+//! One connection to a server: fetch the scene, then trace what comes.
+
+use std::{net::SocketAddr, sync::Arc, time::Duration};
+
+use anyhow::{Context, Result, bail, ensure};
+use holo_net::{Inbox, Message, NetError, Outbox, SceneReceiver};
+use holo_proto::{
+    bulk::{Results, Work},
+    control::{Control, Engine, RenderSettings, SceneInfo, Welcome},
+    frame::Kind,
+    hello::Role,
+};
+use holo_scene::Scene;
+use holo_section::Section;
+use holo_tracer::{Settings, Tracer};
+use tokio::sync::mpsc;
+
+use crate::{
+    Config,
+    cache::{SceneCache, unpack},
+    pool::{Done, Job, Pool},
+};
+
+/// Packets put into one message at the most: 5,000 samples, some milliseconds of work.
+const MAX_RESULTS: usize = 256;
+
+/// How long finished packets wait for company before they are sent, unless there are many.
+const GATHER: Duration = Duration::from_millis(1);
+
+/// A connection that the server has taken.
+pub type Connection = (Inbox, Outbox, Welcome);
+
+/// Connects as a worker.
+pub async fn connect(address: SocketAddr) -> Result<Connection, NetError> {
+    let name = format!("rtworker {}", std::process::id());
+    holo_net::connect(address, Role::Worker, &name).await
+}
+
+/// What is kept from one connection to the next.
+pub struct Worker {
+    threads: u16,
+    cache: Arc<SceneCache>,
+    loaded: Option<(SceneInfo, RenderSettings, Arc<Tracer>)>,
+}
+
+impl Worker {
+    pub fn new(config: &Config) -> Worker {
+        let cores = std::thread::available_parallelism().map_or(1, |n| u16::try_from(n.get()).unwrap_or(u16::MAX));
+        let cache = Arc::new(SceneCache::new(config.scene_cache.clone()));
+        Worker { threads: config.threads.unwrap_or(cores).max(1), cache, loaded: None }
+    }
+
+    /// Works until the server says goodbye; gives its reason.
+    pub async fn session(&mut self, (inbox, outbox, welcome): Connection) -> Result<String> {
+        let sections = welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
+        let sections = sections.context("the server's sections")?;
+        let (sender, mut messages) = mpsc::unbounded_channel();
+        let reader = tokio::spawn(read(inbox, outbox.clone(), sender));
+        let ended = self.serve(&mut messages, &outbox, &welcome, sections).await;
+        reader.abort();
+        if let Err(error) = &ended
+            && error.downcast_ref::<NetError>().is_none()
+        {
+            outbox.control(&Control::Failed { reason: format!("{error:#}") })?;
+            outbox.drained().await;
+        }
+        ended
+    }
+
+    async fn serve(
+        &mut self,
+        messages: &mut Messages,
+        outbox: &Outbox,
+        welcome: &Welcome,
+        sections: Arc<[Section]>,
+    ) -> Result<String> {
+        let tracer = self.tracer(messages, outbox, welcome).await?;
+        let (done, results) = mpsc::unbounded_channel();
+        let pool = Pool::start(self.threads, &tracer, &sections, &done).context("starting threads")?;
+        let sender = tokio::spawn(send_results(results, outbox.clone()));
+        outbox.control(&Control::Ready { threads: self.threads })?;
+        let ended = loop {
+            match next(messages).await {
+                Ok(Message::Work(work)) => match jobs(&work, &sections, welcome.settings.seed) {
+                    Ok(jobs) => pool.push(jobs),
+                    Err(error) => break Err(error),
+                },
+                Ok(Message::Control(Control::Bye { reason })) => break Ok(reason),
+                Ok(Message::Control(_) | Message::BlobChunk(_)) => {}
+                Ok(other) => break Err(unexpected(&other)),
+                Err(error) => break Err(error),
+            }
+        };
+        // Waiting for the threads must not hold up the runtime.
+        tokio::task::spawn_blocking(move || drop(pool)).await?;
+        sender.abort();
+        ended
+    }
+
+    /// The tracer for the server's scene and settings: kept from before, or from the scene cache, or fetched.
+    async fn tracer(&mut self, messages: &mut Messages, outbox: &Outbox, welcome: &Welcome) -> Result<Arc<Tracer>> {
+        let (info, settings) = (welcome.scene, welcome.settings);
+        if let Some((scene, same, tracer)) = &self.loaded
+            && (*scene, *same) == (info, settings)
+        {
+            return Ok(Arc::clone(tracer));
+        }
+        self.loaded = None;
+        let cache = Arc::clone(&self.cache);
+        let cached = tokio::task::spawn_blocking(move || cache.get(&info)).await?;
+        let scene = match cached {
+            Some(scene) => scene,
+            None => {
+                outbox.control(&Control::SceneWanted)?;
+                let packed = fetch(messages, &info).await?;
+                let cache = Arc::clone(&self.cache);
+                tokio::task::spawn_blocking(move || -> Result<Scene> {
+                    let scene = unpack(&packed, &info)?;
+                    cache.put(&info, &packed);
+                    Ok(scene)
+                })
+                .await??
+            }
+        };
+        let tracer = tokio::task::spawn_blocking(move || build(scene, settings)).await??;
+        let tracer = Arc::new(tracer);
+        self.loaded = Some((info, settings, Arc::clone(&tracer)));
+        Ok(tracer)
+    }
+}
+
+fn build(scene: Scene, settings: RenderSettings) -> Result<Tracer> {
+    let settings = match settings.engine {
+        Engine::Path => Settings { bounces: settings.bounces, paths: u32::from(settings.paths_per_sample) },
+    };
+    Tracer::new(Arc::new(scene), settings).context("preparing the scene for tracing")
+}
+
+type Messages = mpsc::UnboundedReceiver<Result<Message, NetError>>;
+
+/// Reads messages and answers pings at once, whatever the rest of the process does.
+async fn read(mut inbox: Inbox, outbox: Outbox, messages: mpsc::UnboundedSender<Result<Message, NetError>>) {
+    loop {
+        let message = inbox.next().await;
+        if let Ok(Message::Control(Control::Ping(number))) = message {
+            if outbox.control(&Control::Pong(number)).is_err() {
+                return;
+            }
+            continue;
+        }
+        let over = message.is_err();
+        if messages.send(message).is_err() || over {
+            return;
+        }
+    }
+}
+
+async fn next(messages: &mut Messages) -> Result<Message> {
+    Ok(messages.recv().await.unwrap_or(Err(NetError::Closed))?)
+}
+
+async fn fetch(messages: &mut Messages, info: &SceneInfo) -> Result<Vec<u8>> {
+    let mut receiver = SceneReceiver::new(info)?;
+    loop {
+        match next(messages).await? {
+            Message::BlobChunk(chunk) => {
+                if receiver.take(&chunk)? {
+                    return Ok(receiver.into_bytes());
+                }
+            }
+            Message::Control(Control::Bye { reason }) => bail!("the server left: {reason}"),
+            Message::Control(_) => {}
+            other => return Err(unexpected(&other)),
+        }
+    }
+}
+
+fn unexpected(message: &Message) -> anyhow::Error {
+    let name = match message {
+        Message::Control(_) => "control",
+        Message::Work(_) => "work",
+        Message::Results(_) => "results",
+        Message::View(_) => "view",
+        Message::Samples(_) => "samples",
+        Message::BlobChunk(_) => "scene",
+    };
+    anyhow::anyhow!("the server sent a {name} message, which workers do not take")
+}
+
+/// Checks that every packet's beam exists, once, so that the threads need not.
+fn jobs(work: &Work, sections: &[Section], seed: u64) -> Result<Vec<Job>> {
+    work.packets
+        .iter()
+        .map(|packet| {
+            let section = sections.get(usize::from(packet.section));
+            let known = section.is_some_and(|section| packet.beam.0 < section.beam_count());
+            ensure!(known, "the server asked for beam {} of section {}", packet.beam.0, packet.section);
+            let viewpoint = packet.viewpoint.and_then(|index| work.viewpoints.get(usize::from(index))).copied();
+            Ok(Job { packet: *packet, viewpoint, seed })
+        })
+        .collect()
+}
+
+/// Sends finished packets, many to a message when they come fast, at once when they come slowly.
+async fn send_results(mut results: mpsc::UnboundedReceiver<Done>, outbox: Outbox) {
+    let mut batch = Vec::with_capacity(MAX_RESULTS);
+    while results.recv_many(&mut batch, MAX_RESULTS).await > 0 {
+        if batch.len() < MAX_RESULTS / 4 {
+            tokio::time::sleep(GATHER).await;
+            while let Ok(done) = results.try_recv() {
+                batch.push(done);
+                if batch.len() >= MAX_RESULTS {
+                    break;
+                }
+            }
+        }
+        let mut message = Results::default();
+        for done in batch.drain(..) {
+            message.packets.push(done.traced);
+            message.samples.extend_from_slice(&done.samples);
+        }
+        // 256 packets of 21 samples are far below a frame's limit.
+        if outbox.send(Kind::Results, &message.encode()).is_err() {
+            return;
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Where the triangles of an OBJ file come from: the line and the material of each.
+//!
+//! Invariant: runs are in the order of their triangles, and each holds at least one face.
+
+/// Faces of one material and one number of corners on consecutive lines, as most are.
+struct Run {
+    /// The first triangle of the first face.
+    triangle: u32,
+    triangles_per_face: u32,
+    /// The line of the first face.
+    line: usize,
+    material: u32,
+}
+
+/// The line and the material of every triangle.
+#[derive(Default)]
+pub(crate) struct Faces {
+    runs: Vec<Run>,
+    triangles: usize,
+}
+
+impl Faces {
+    /// Triangles in all faces.
+    pub(crate) fn triangles(&self) -> usize {
+        self.triangles
+    }
+
+    /// One more face, of at least one triangle; there are at most [`crate::limits::MAX_TRIANGLES`].
+    pub(crate) fn push(&mut self, triangles: usize, line: usize, material: u32) {
+        let continues = |run: &Run| {
+            let faces = (self.triangles - run.triangle as usize) / run.triangles_per_face as usize;
+            run.triangles_per_face as usize == triangles && run.material == material && run.line + faces == line
+        };
+        if !self.runs.last().is_some_and(continues) {
+            let (triangle, triangles_per_face) = (self.triangles as u32, triangles as u32);
+            self.runs.push(Run { triangle, triangles_per_face, line, material });
+        }
+        self.triangles += triangles;
+    }
+
+    /// The line of a triangle's face.
+    pub(crate) fn line(&self, triangle: usize) -> usize {
+        let after = self.runs.partition_point(|run| run.triangle as usize <= triangle);
+        let run = &self.runs[after - 1];
+        run.line + (triangle - run.triangle as usize) / run.triangles_per_face as usize
+    }
+
+    /// The material of each triangle.
+    pub(crate) fn material_ids(&self) -> Vec<u32> {
+        let mut ids = Vec::with_capacity(self.triangles);
+        let ends = self.runs.iter().skip(1).map(|run| run.triangle as usize).chain([self.triangles]);
+        for (run, end) in self.runs.iter().zip(ends) {
+            ids.resize(end, run.material);
+        }
+        ids
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn faces_alike_on_consecutive_lines_are_kept_as_one() {
+        let mut faces = Faces::default();
+        (10..1010).for_each(|line| faces.push(2, line, 7));
+        assert_eq!((faces.runs.len(), faces.triangles(), faces.line(1999)), (1, 2000, 1009));
+    }
+
+    proptest! {
+        #[test]
+        fn lines_and_materials_are_those_of_a_list(pushed in prop::collection::vec((1usize..4, 1usize..3, 0u32..2), 0..60)) {
+            let (mut faces, mut lines, mut ids, mut line) = (Faces::default(), Vec::new(), Vec::new(), 0);
+            for (triangles, step, material) in pushed {
+                line += step;
+                faces.push(triangles, line, material);
+                lines.extend(std::iter::repeat_n(line, triangles));
+                ids.extend(std::iter::repeat_n(material, triangles));
+            }
+            prop_assert_eq!((0..faces.triangles()).map(|t| faces.line(t)).collect::<Vec<_>>(), lines);
+            prop_assert_eq!(faces.material_ids(), ids);
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! From an OBJ file and its MTL files to a scene.
+//!
+//! What is wrong in a way that nobody can guess around is an error with its line; what is left out or replaced is a
+//! warning. A missing MTL file or material gives grey diffuse 0.5.
+
+use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES, MAX_OBJ_BYTES, MAX_WARNINGS};
+use crate::mtl::{MtlMaterial, parse_mtl};
+use crate::obj::{ObjFile, parse_obj};
+use crate::text::{excerpt, name_without_comment, read_text};
+use crate::{Material, Rgb, Scene, SceneError, Warning};
+use serde::{Deserialize, Serialize};
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+/// What a file cannot say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LoadOptions {
+    /// Radiance from infinity, the same from all directions, W·sr⁻¹·m⁻².
+    pub sky: Rgb,
+    /// Surfaces with `Ke` emit on both sides.
+    pub two_sided_lights: bool,
+}
+
+/// A scene from a file, and what of the file is not in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loaded {
+    /// The scene, with at least one triangle. Its materials are those that triangles have, in order of first use.
+    pub scene: Scene,
+    /// What was ignored or replaced.
+    pub warnings: Vec<Warning>,
+}
+
+/// Reads a scene from an OBJ file and the MTL files that it names (relative to its folder).
+///
+/// Polygons become triangles with the same winding, concave ones too. Normals, texture coordinates, lines and points
+/// are ignored with a warning; so are triangles without area. What materials mean is the table of [`crate::mtl`];
+/// in short: `illum` 3 mirror or rough metal, 4 thin pane, 7 solid dielectric, 2 with `Ks` a coat, else
+/// diffuse `Kd`; `Ke` is one-sided radiance.
+///
+/// # Errors
+/// A file that cannot be read (except MTL files), a malformed number, a face without three corners or with a vertex
+/// that is not there, each with its line; a file without triangles; options whose sky is not plausible; more of
+/// anything than [`crate::limits`].
+pub fn load_obj(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
+    let mut warnings = Warnings::default();
+    let obj = parse_obj(path, &read_text(path, MAX_OBJ_BYTES)?, &mut warnings)?;
+    if obj.triangles.is_empty() {
+        return Err(SceneError::Empty { path: path.to_owned() });
+    }
+    let materials = materials(path, &obj, options, &mut warnings)?;
+    let (scene, left_out) =
+        Scene::from_world(&obj.positions, &obj.triangles, &obj.faces.material_ids(), materials, options.sky)?;
+    if let Some(&first) = left_out.first() {
+        let text = format!("triangles without area are left out ({} in the file)", left_out.len());
+        warnings.push(path, Some(obj.faces.line(first)), text);
+    }
+    if scene.triangles.is_empty() {
+        return Err(SceneError::Empty { path: path.to_owned() });
+    }
+    Ok(Loaded { scene, warnings: warnings.finish(path) })
+}
+
+/// The materials of `obj.uses`, in that order.
+fn materials(
+    path: &Path,
+    obj: &ObjFile,
+    options: &LoadOptions,
+    warnings: &mut Warnings,
+) -> Result<Vec<Material>, SceneError> {
+    let (library, any_file) = read_libraries(path, obj, warnings)?;
+    let by_name = index(&library, warnings);
+    let mut undefined = Vec::new();
+    let mut materials = Vec::with_capacity(obj.uses.len());
+    for wanted in &obj.uses {
+        let Some(name) = wanted.name.as_deref() else {
+            let text = "faces before any `usemtl`; grey diffuse 0.5 is taken".to_owned();
+            warnings.push(path, Some(wanted.line), text);
+            materials.push(Material::grey("default"));
+            continue;
+        };
+        let found = by_name.get(name).or_else(|| by_name.get(name_without_comment(name)));
+        materials.push(match found {
+            Some(&id) => library[id].resolve(options.two_sided_lights, warnings),
+            None => {
+                undefined.push(wanted);
+                Material::grey(name)
+            }
+        });
+    }
+    if any_file {
+        for wanted in undefined {
+            let name = excerpt(wanted.name.as_deref().unwrap_or_default());
+            let text = format!("no MTL file has a material `{name}`; grey diffuse 0.5 is taken");
+            warnings.push(path, Some(wanted.line), text);
+        }
+    } else if let Some(first) = undefined.first() {
+        // One message instead of one for each material: the reason is the same.
+        let text = format!("no MTL file was read; grey diffuse 0.5 is taken for all materials ({})", undefined.len());
+        warnings.push(path, Some(first.line), text);
+    }
+    Ok(materials)
+}
+
+/// Materials by name, whole and without what looks like a comment. The last of several counts.
+fn index<'a>(library: &'a [MtlMaterial], warnings: &mut Warnings) -> HashMap<&'a str, usize> {
+    let mut by_name = HashMap::new();
+    for (id, material) in library.iter().enumerate() {
+        if let Some(earlier) = by_name.insert(material.name.as_str(), id) {
+            let earlier: &MtlMaterial = &library[earlier];
+            let (name, line) = (excerpt(&material.name), earlier.line);
+            let text = format!("material `{name}` again; this one counts, not {}:{line}", earlier.path.display());
+            warnings.push(&material.path, Some(material.line), text);
+        }
+    }
+    for (id, material) in library.iter().enumerate() {
+        by_name.entry(name_without_comment(&material.name)).or_insert(id);
+    }
+    by_name
+}
+
+/// All materials of all MTL files, and whether there was any file.
+fn read_libraries(
+    obj_path: &Path,
+    obj: &ObjFile,
+    warnings: &mut Warnings,
+) -> Result<(Vec<MtlMaterial>, bool), SceneError> {
+    let folder = obj_path.parent().unwrap_or(Path::new(""));
+    let mut library = Vec::new();
+    let mut seen = HashSet::new();
+    let mut any_file = false;
+    for (line, names) in &obj.libraries {
+        for path in library_paths(folder, names) {
+            if !seen.insert(path.clone()) {
+                continue;
+            }
+            match read_library(&path) {
+                Ok(text) => {
+                    any_file = true;
+                    library.extend(parse_mtl(&path, &text, warnings)?);
+                    if library.len() > MAX_MATERIALS {
+                        let (path, line) = (obj_path.to_owned(), *line);
+                        let (what, limit) = ("materials in MTL files", MAX_MATERIALS);
+                        return Err(SceneError::FileLimit { path, line, what, limit });
+                    }
+                }
+                Err(error @ SceneError::FileTooLarge { .. }) => return Err(error),
+                Err(error) => warnings.push(obj_path, Some(*line), format!("`mtllib` cannot be read: {error}")),
+            }
+        }
+    }
+    Ok((library, any_file))
+}
+
+/// The text of an MTL file. Reading a pipe or a device that a file happens to name might never end.
+fn read_library(path: &Path) -> Result<String, SceneError> {
+    if path.exists() && !path.is_file() {
+        let source = std::io::Error::new(std::io::ErrorKind::InvalidInput, "not a file");
+        return Err(SceneError::Io { path: path.to_owned(), source });
+    }
+    read_text(path, MAX_MTL_BYTES)
+}
+
+/// The files that a `mtllib` line names. Blanks separate names in the format, yet are common within names: the whole
+/// is one name if such a file exists or if no part of it is one.
+fn library_paths(folder: &Path, names: &str) -> Vec<PathBuf> {
+    let names = name_without_comment(names).trim_matches('"');
+    let file = |name: &str| {
+        let as_written = folder.join(name);
+        // Written on Windows: its separator is an ordinary character elsewhere.
+        if as_written.exists() { as_written } else { folder.join(name.replace('\\', "/")) }
+    };
+    let whole = file(names);
+    let parts: Vec<PathBuf> = names.split_ascii_whitespace().map(file).collect();
+    if whole.exists() || !parts.iter().any(|part| part.exists()) { vec![whole] } else { parts }
+}
+
+/// Collects warnings, [`MAX_WARNINGS`] at most.
+#[derive(Default)]
+pub(crate) struct Warnings {
+    listed: Vec<Warning>,
+    more: usize,
+}
+
+impl Warnings {
+    pub(crate) fn push(&mut self, path: &Path, line: Option<usize>, text: String) {
+        if self.listed.len() < MAX_WARNINGS {
+            self.listed.push(Warning { path: path.to_owned(), line, text });
+        } else {
+            self.more += 1;
+        }
+    }
+
+    fn finish(mut self, path: &Path) -> Vec<Warning> {
+        if self.more > 0 {
+            let text = format!("{} more warnings", self.more);
+            self.listed.push(Warning { path: path.to_owned(), line: None, text });
+        }
+        self.listed
+    }
+}

@@ -1,0 +1,336 @@
+//! MTL text into materials.
+//!
+//! | `illum` | surface |
+//! | --- | --- |
+//! | 3 | mirror of colour `Ks` if `Ns` ≥ 999 or absent; else a GGX conductor, alpha = √(2/(`Ns`+2)), no Fresnel. Without `Ks`: diffuse, with a warning |
+//! | 4 | thin pane of index `Ni` (1.5 if absent) and transmission `Tf` (1 if absent); `Kd`, `Ks`, `d` do not count |
+//! | 7 | solid dielectric of `Ni`, `Tf`; smooth if `Ns` ≥ 999 or absent, else rough with alpha as above |
+//! | 2 | with `Ks` above zero: diffuse `Kd` under a coat of colour `Ks`, index `Ni` (1.5 if absent or, with a warning, ≤ 1), alpha as above (absent `Ns` = 0, the broadest highlight) |
+//! | else | diffuse `Kd` |
+//!
+//! - **`d` and `Tr` = 1 - `d`** (`d` counts if both are there) count only where `illum` is absent, 6 or 9: there `d` below
+//!   0.5 makes a thin pane of transmission `Tf`, else (1 - `d`)·`Kd` (`Kd` zero or absent: white); from 0.5 on it is
+//!   opaque, since no surface here is half of each. Both with a warning. With other `illum`, except 4 and 7, `d` is ignored with a warning.
+//! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a warning.
+//! - **`Kd` absent** is 0.5, with a warning where it matters, but 0 for a lamp (`Ke` above zero).
+//! - **Implausible values** are clamped with a warning. What is not a finite number is an error.
+//! - **`Ke`** is radiance, on the counter-clockwise side. `Ka` and `sharpness` mean nothing here. Textures and unknown
+//!   statements are ignored with a warning. Keywords may be in any case.
+
+use crate::limits::{MAX_IOR, MAX_MATERIALS, MAX_NAME_BYTES, MAX_RADIANCE, MIN_IOR};
+use crate::load::Warnings;
+use crate::text::{excerpt, keyword, logical_lines, number, without_comment};
+use crate::{Bsdf, Material, Rgb, SceneError};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// A value, and the line that says it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Said<T> {
+    value: T,
+    line: usize,
+}
+
+/// What an MTL file says of one material, before it is made sense of.
+#[derive(Debug, Default)]
+pub(crate) struct MtlMaterial {
+    pub name: String,
+    pub path: PathBuf,
+    pub line: usize,
+    kd: Option<Said<[f64; 3]>>,
+    ks: Option<Said<[f64; 3]>>,
+    ke: Option<Said<[f64; 3]>>,
+    tf: Option<Said<[f64; 3]>>,
+    ns: Option<Said<f64>>,
+    ni: Option<Said<f64>>,
+    d: Option<Said<f64>>,
+    tr: Option<Said<f64>>,
+    illum: Option<Said<i64>>,
+}
+
+/// From this `Ns` on a highlight is a mirror image.
+const MIRROR_NS: f64 = 999.0;
+/// Different unknown statements that are worth naming in one file.
+const MAX_UNKNOWN: usize = 32;
+const DEFAULT_IOR: f64 = 1.5;
+const GREY: f64 = 0.5;
+
+/// Reads MTL text; `path` is for messages.
+pub(crate) fn parse_mtl(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<MtlMaterial>, SceneError> {
+    let mut materials: Vec<MtlMaterial> = Vec::new();
+    let mut unknown = HashSet::new();
+    for (line, content) in logical_lines(text) {
+        let (keyword, rest) = keyword(&content);
+        let statement = Statement { path, line, keyword, values: without_comment(rest) };
+        let lower = keyword.to_ascii_lowercase();
+        if lower == "newmtl" {
+            if materials.len() == MAX_MATERIALS {
+                return Err(statement.limit("materials", MAX_MATERIALS));
+            }
+            if rest.len() > MAX_NAME_BYTES {
+                return Err(statement.limit("bytes in a name", MAX_NAME_BYTES));
+            }
+            let (name, path) = (rest.to_owned(), path.to_owned());
+            materials.push(MtlMaterial { name, path, line, ..MtlMaterial::default() });
+            continue;
+        }
+        let known = ["kd", "ks", "ke", "tf", "ns", "ni", "d", "tr", "illum"].contains(&lower.as_str());
+        match (materials.last_mut(), known) {
+            (Some(material), true) => material.set(&lower, &statement, warnings)?,
+            (None, true) => {
+                let keyword = keyword.to_owned();
+                return Err(SceneError::BeforeNewmtl { path: path.to_owned(), line, keyword });
+            }
+            (_, false) if ["ka", "sharpness"].contains(&lower.as_str()) => {}
+            (_, false) if is_texture(&lower) => {
+                let text = format!("`{}` is ignored: there are no textures", excerpt(&content));
+                warnings.push(path, Some(line), text);
+            }
+            (_, false) => {
+                if unknown.len() < MAX_UNKNOWN && unknown.insert(lower) {
+                    let text = format!("`{}` is not known and ignored (said once)", excerpt(keyword));
+                    warnings.push(path, Some(line), text);
+                }
+            }
+        }
+    }
+    Ok(materials)
+}
+
+fn is_texture(keyword: &str) -> bool {
+    keyword.starts_with("map_") || ["bump", "disp", "decal", "refl", "norm"].contains(&keyword)
+}
+
+/// One line that sets a property.
+struct Statement<'a> {
+    path: &'a Path,
+    line: usize,
+    keyword: &'a str,
+    values: &'a str,
+}
+
+impl Statement<'_> {
+    fn count(&self, expected: &'static str, found: usize) -> SceneError {
+        let (path, keyword) = (self.path.to_owned(), self.keyword.to_owned());
+        SceneError::Count { path, line: self.line, keyword, expected, found }
+    }
+
+    fn bad_value(&self, expected: &'static str, found: &str) -> SceneError {
+        let (path, keyword) = (self.path.to_owned(), self.keyword.to_owned());
+        SceneError::Value { path, line: self.line, keyword, expected, found: excerpt(found) }
+    }
+
+    fn limit(&self, what: &'static str, limit: usize) -> SceneError {
+        SceneError::FileLimit { path: self.path.to_owned(), line: self.line, what, limit }
+    }
+
+    fn number(&self) -> Result<Said<f64>, SceneError> {
+        let mut tokens = self.values.split_ascii_whitespace();
+        let (first, more) = (tokens.next(), tokens.count());
+        let Some(token) = first.filter(|_| more == 0) else {
+            let found = if first.is_some() { 1 + more } else { 0 };
+            return Err(self.count("one number", found));
+        };
+        let value = number(token).ok_or_else(|| self.bad_value("a finite number", token))?;
+        Ok(Said { value, line: self.line })
+    }
+
+    /// Three numbers, or one that stands for three; `None` for kinds of colour that are not known, which is warned of.
+    fn colour(&self, warnings: &mut Warnings) -> Result<Option<Said<[f64; 3]>>, SceneError> {
+        let mut values = [0.0; 3];
+        let mut found = 0;
+        for token in self.values.split_ascii_whitespace() {
+            if found == 0 && (token == "spectral" || token == "xyz") {
+                let text = format!("`{} {token}` is ignored: only RGB colours are known", self.keyword);
+                warnings.push(self.path, Some(self.line), text);
+                return Ok(None);
+            }
+            let value = number(token).ok_or_else(|| self.bad_value("finite numbers", token))?;
+            if found < 3 {
+                values[found] = value;
+            }
+            found += 1;
+        }
+        let value = match found {
+            1 => [values[0]; 3],
+            3 => values,
+            _ => return Err(self.count("three numbers", found)),
+        };
+        Ok(Some(Said { value, line: self.line }))
+    }
+}
+
+impl MtlMaterial {
+    fn set(&mut self, lower: &str, statement: &Statement, warnings: &mut Warnings) -> Result<(), SceneError> {
+        match lower {
+            "kd" => self.kd = statement.colour(warnings)?,
+            "ks" => self.ks = statement.colour(warnings)?,
+            "ke" => self.ke = statement.colour(warnings)?,
+            "tf" => self.tf = statement.colour(warnings)?,
+            "ns" => self.ns = Some(statement.number()?),
+            "ni" => self.ni = Some(statement.number()?),
+            "tr" => self.tr = Some(statement.number()?),
+            "d" => {
+                // `-halo` lets the edge differ from the middle: there is no such surface here.
+                let values = statement.values.strip_prefix("-halo").map_or(statement.values, str::trim_ascii_start);
+                self.d = Some(Statement { values, ..*statement }.number()?);
+            }
+            _ => {
+                let Said { value, line } = statement.number()?;
+                if value.fract() != 0.0 || value.abs() > 1e6 {
+                    return Err(statement.bad_value("an integer", statement.values));
+                }
+                self.illum = Some(Said { value: value as i64, line });
+            }
+        }
+        Ok(())
+    }
+
+    /// The material as a scene has it (the table of this module).
+    pub(crate) fn resolve(&self, two_sided_lights: bool, warnings: &mut Warnings) -> Material {
+        let mut say = |line: usize, text: String| warnings.push(&self.path, Some(line), text);
+        let emission = self.ke.map_or([0.0; 3], |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut say));
+        let emits = emission.iter().any(|&e| e > 0.0);
+        let bsdf = self.bsdf(emits, &mut say);
+        Material { name: self.name.clone(), bsdf, emission, two_sided_emission: emits && two_sided_lights }
+    }
+
+    fn bsdf(&self, emits: bool, say: &mut impl FnMut(usize, String)) -> Bsdf {
+        let illum = self.illum.map(|illum| illum.value);
+        let illum_line = self.illum.map_or(self.line, |illum| illum.line);
+        let shines = self.ks.is_some_and(|ks| ks.value.iter().any(|&c| c > 0.0));
+        match (illum, self.ks) {
+            (Some(3), Some(ks)) => {
+                let ks = clamped("Ks", ks, 1.0, say);
+                self.ignore_opacity(say);
+                match self.ns.filter(|ns| ns.value < MIRROR_NS) {
+                    None => Bsdf::Mirror { ks },
+                    Some(ns) => Bsdf::Conductor { ks, alpha: alpha(ns, say) },
+                }
+            }
+            (Some(4), _) => Bsdf::ThinGlass { ior: self.ior(say), transmittance: self.transmittance(say) },
+            (Some(7), _) => {
+                let rough = self.ns.filter(|ns| ns.value < MIRROR_NS);
+                let alpha = rough.map_or(0.0, |ns| alpha(ns, say));
+                Bsdf::Dielectric { ior: self.ior(say), transmittance: self.transmittance(say), alpha }
+            }
+            (Some(2), Some(ks)) if shines => {
+                self.ignore_opacity(say);
+                let ns = self.ns.unwrap_or(Said { value: 0.0, line: self.line });
+                Bsdf::Coated {
+                    kd: self.kd(emits, say),
+                    ks: clamped("Ks", ks, 1.0, say),
+                    ior: self.coat_ior(say),
+                    alpha: alpha(ns, say),
+                }
+            }
+            (None | Some(6) | Some(9), _) => self.see_through(say).unwrap_or_else(|| {
+                if illum.is_some() {
+                    say(illum_line, format!("{}: `illum` of this kind is taken as diffuse", self.called()));
+                } else if shines {
+                    say(self.line, format!("{}: `Ks` is ignored without `illum`", self.called()));
+                }
+                Bsdf::Diffuse { kd: self.kd(emits, say) }
+            }),
+            _ => {
+                self.ignore_opacity(say);
+                match illum {
+                    Some(3) => {
+                        say(illum_line, format!("{}: `illum 3` without `Ks` is taken as diffuse", self.called()))
+                    }
+                    Some(0..=2) => {}
+                    _ => say(illum_line, format!("{}: `illum` of this kind is taken as diffuse", self.called())),
+                }
+                Bsdf::Diffuse { kd: self.kd(emits, say) }
+            }
+        }
+    }
+
+    fn called(&self) -> String {
+        format!("material `{}`", excerpt(&self.name))
+    }
+
+    /// What `d` or `Tr` say, if the material is not opaque by it.
+    fn opacity(&self) -> Option<Said<f64>> {
+        let from_tr = self.tr.map(|tr| Said { value: 1.0 - tr.value, line: tr.line });
+        self.d.or(from_tr).filter(|d| d.value < 1.0)
+    }
+
+    fn ignore_opacity(&self, say: &mut impl FnMut(usize, String)) {
+        if let Some(d) = self.opacity() {
+            say(d.line, format!("{}: `d` and `Tr` are ignored with this `illum`: it is opaque", self.called()));
+        }
+    }
+
+    /// A material that only `d` or `Tr` calls transparent.
+    fn see_through(&self, say: &mut impl FnMut(usize, String)) -> Option<Bsdf> {
+        let d = self.opacity()?;
+        if d.value >= 0.5 {
+            say(d.line, format!("{}: it is taken as opaque, since `d` is not below 0.5", self.called()));
+            return None;
+        }
+        say(d.line, format!("{}: it is taken as a thin pane, since `d` is below 0.5", self.called()));
+        let white = Said { value: [1.0; 3], line: d.line };
+        let tint = self.kd.filter(|kd| kd.value.iter().any(|&c| c > 0.0)).unwrap_or(white);
+        let clear = (1.0 - d.value).min(1.0) as f32;
+        let transmittance = match self.tf {
+            Some(_) => self.transmittance(say),
+            None => clamped("Kd", tint, 1.0, say).map(|c| c * clear),
+        };
+        Some(Bsdf::ThinGlass { ior: self.ior(say), transmittance })
+    }
+
+    fn kd(&self, emits: bool, say: &mut impl FnMut(usize, String)) -> Rgb {
+        match self.kd {
+            Some(kd) => clamped("Kd", kd, 1.0, say),
+            None if emits => [0.0; 3],
+            None => {
+                say(self.line, format!("{}: it has no RGB `Kd`; grey {GREY} is taken", self.called()));
+                [GREY as f32; 3]
+            }
+        }
+    }
+
+    fn transmittance(&self, say: &mut impl FnMut(usize, String)) -> Rgb {
+        self.tf.map_or([1.0; 3], |tf| clamped("Tf", tf, 1.0, say))
+    }
+
+    fn ior(&self, say: &mut impl FnMut(usize, String)) -> f32 {
+        let ni = self.ni.unwrap_or(Said { value: DEFAULT_IOR, line: self.line });
+        let within = ni.value.clamp(f64::from(MIN_IOR), f64::from(MAX_IOR));
+        if within != ni.value {
+            say(ni.line, format!("`Ni` {} is impossible; {within} is taken", ni.value));
+        }
+        (within as f32).clamp(MIN_IOR, MAX_IOR)
+    }
+
+    /// Exporters write `Ni 1` as a default. Taken at its word, the coat would not be there at all.
+    fn coat_ior(&self, say: &mut impl FnMut(usize, String)) -> f32 {
+        match self.ni.filter(|ni| ni.value <= 1.0) {
+            Some(ni) => {
+                let text = format!("`Ni` {} would make a coat invisible; {DEFAULT_IOR} is taken", ni.value);
+                say(ni.line, text);
+                DEFAULT_IOR as f32
+            }
+            None => self.ior(say),
+        }
+    }
+}
+
+/// GGX roughness from a Phong exponent.
+fn alpha(ns: Said<f64>, say: &mut impl FnMut(usize, String)) -> f32 {
+    if ns.value < 0.0 {
+        say(ns.line, format!("`Ns` {} is impossible; 0 is taken", ns.value));
+    }
+    ((2.0 / (ns.value.max(0.0) + 2.0)).sqrt() as f32).clamp(f32::MIN_POSITIVE, 1.0)
+}
+
+fn clamped(keyword: &str, said: Said<[f64; 3]>, most: f64, say: &mut impl FnMut(usize, String)) -> Rgb {
+    let clamped = said.value.map(|c| c.clamp(0.0, most));
+    if clamped != said.value {
+        let [r, g, b] = said.value;
+        say(said.line, format!("`{keyword} {r} {g} {b}` is implausible; it is clamped to [0, {most}]"));
+    }
+    // Rounding to f32 must not go beyond the limit again.
+    clamped.map(|c| (c as f32).min(most as f32) + 0.0)
+}

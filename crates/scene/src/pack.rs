@@ -1,0 +1,276 @@
+//! The packed scene: what workers are sent and a holodeck file embeds.
+//!
+//! All numbers are little-endian, nothing is aligned beyond what is said, floats are IEEE 754.
+//!
+//! ```text
+//! offset          bytes  what
+//! 0               8      magic "holoscn\n" (the newline shows transfers that translate line ends)
+//! 8               4      version, u32: 1
+//! 12              4      zero
+//! 16              8      P, number of positions, u64
+//! 24              8      T, number of triangles, u64
+//! 32              8      M, number of materials, u64
+//! 40              8      B, bytes of all materials, u64
+//! 48              24     origin, 3 × f64
+//! 72              12     sky, 3 × f32
+//! 84              4      zero
+//! 88              12·P   positions, 3 × f32 each, relative to the origin
+//! 88 + 12P        12·T   triangles, 3 × u32 each
+//! 88 + 12P + 12T  4·T    material ids, u32 each
+//! 88 + 12P + 16T  B      materials, one after another; then the end
+//!
+//! a material:
+//! 0               4      n, bytes of its name, u32
+//! 4               1      kind, u8
+//! 5               1      flags, u8: bit 0 emits on both sides, the others zero
+//! 6               2      zero
+//! 8               12     emission, 3 × f32
+//! 20              4·k    the kind's parameters, f32 each
+//! 20 + 4k         n      name, UTF-8
+//!
+//! kind            k      parameters
+//! 0 diffuse       3      kd
+//! 1 mirror        3      ks
+//! 2 conductor     4      ks, alpha
+//! 3 thin glass    4      ior, transmittance
+//! 4 dielectric    5      ior, transmittance, alpha
+//! 5 coated        8      kd, ks, ior, alpha
+//! ```
+//!
+//! A scene has exactly one packing. Damage is found by the content hash, not here: what `unpack` promises of any bytes
+//! is a valid scene or an error.
+
+use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
+use crate::{Bsdf, Material, PackedError, Rgb, Scene, SceneError};
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+/// First bytes of a packed scene.
+pub const MAGIC: [u8; 8] = *b"holoscn\n";
+
+/// The version of the format that this program writes and reads.
+pub const VERSION: u32 = 1;
+
+/// Bytes of a packed scene before its arrays.
+pub const HEADER_BYTES: usize = 88;
+
+/// The header as it lies in memory and in the file: bytes only, so that alignment and byte order cannot matter.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Header {
+    magic: [u8; 8],
+    version: [u8; 4],
+    reserved: [u8; 4],
+    positions: [u8; 8],
+    triangles: [u8; 8],
+    materials: [u8; 8],
+    material_bytes: [u8; 8],
+    origin: [[u8; 8]; 3],
+    sky: [[u8; 4]; 3],
+    padding: [u8; 4],
+}
+const _: () = assert!(size_of::<Header>() == HEADER_BYTES);
+
+/// A material's bytes before its parameters and name.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct MaterialHeader {
+    name_bytes: [u8; 4],
+    kind: u8,
+    flags: u8,
+    reserved: [u8; 2],
+    emission: [[u8; 4]; 3],
+}
+const _: () = assert!(size_of::<MaterialHeader>() == 20);
+
+/// The bytes of three 32-bit words.
+type Words3 = [[u8; 4]; 3];
+
+const TWO_SIDED: u8 = 1;
+
+impl Scene {
+    /// The scene as bytes (format: [`crate::pack`]), 12 per position, 16 per triangle, and a little.
+    pub fn pack(&self) -> Vec<u8> {
+        let mut materials = Vec::new();
+        for material in &self.materials {
+            pack_material(material, &mut materials);
+        }
+        let header = Header {
+            magic: MAGIC,
+            version: VERSION.to_le_bytes(),
+            reserved: [0; 4],
+            positions: (self.positions.len() as u64).to_le_bytes(),
+            triangles: (self.triangles.len() as u64).to_le_bytes(),
+            materials: (self.materials.len() as u64).to_le_bytes(),
+            material_bytes: (materials.len() as u64).to_le_bytes(),
+            origin: self.origin.to_array().map(f64::to_le_bytes),
+            sky: self.sky.map(f32::to_le_bytes),
+            padding: [0; 4],
+        };
+        let arrays = 12 * self.positions.len() + 16 * self.triangles.len();
+        let mut packed = Vec::with_capacity(HEADER_BYTES + arrays + materials.len());
+        packed.extend_from_slice(bytemuck::bytes_of(&header));
+        self.positions.iter().for_each(|p| packed.extend_from_slice(bytemuck::bytes_of(&p.map(f32::to_le_bytes))));
+        self.triangles.iter().for_each(|t| packed.extend_from_slice(bytemuck::bytes_of(&t.map(u32::to_le_bytes))));
+        self.material_ids.iter().for_each(|id| packed.extend_from_slice(&id.to_le_bytes()));
+        packed.extend_from_slice(&materials);
+        packed
+    }
+
+    /// The scene of some packed bytes, all of which are checked.
+    ///
+    /// # Errors
+    /// [`SceneError::Packed`] if the bytes are malformed, [`SceneError::Limit`] if they announce too much (before any
+    /// memory is taken), otherwise as [`Scene::new`].
+    pub fn unpack(packed: &[u8]) -> Result<Scene, SceneError> {
+        let too_short = PackedError::Length { expected: HEADER_BYTES as u64, found: packed.len() as u64 };
+        if !packed.starts_with(&MAGIC[..packed.len().min(MAGIC.len())]) {
+            return Err(PackedError::Magic.into());
+        }
+        let (header, rest) = split::<Header>(packed).ok_or(too_short)?;
+        if u32::from_le_bytes(header.version) != VERSION {
+            return Err(PackedError::Version(u32::from_le_bytes(header.version)).into());
+        }
+        if header.reserved != [0; 4] || header.padding != [0; 4] {
+            return Err(PackedError::Reserved.into());
+        }
+        let positions = bounded("positions", header.positions, MAX_POSITIONS)?;
+        let triangles = bounded("triangles", header.triangles, MAX_TRIANGLES)?;
+        let materials = bounded("materials", header.materials, MAX_MATERIALS)?;
+        let longest = size_of::<MaterialHeader>() + 8 * 4 + MAX_NAME_BYTES;
+        let material_bytes = bounded("bytes of materials", header.material_bytes, MAX_MATERIALS * longest)?;
+
+        // At most 12·2²⁸ + 16·2²⁸ + 2²⁷: fits into u64, and into usize once it equals a length.
+        let expected = 12 * positions as u64 + 16 * triangles as u64 + material_bytes as u64;
+        if rest.len() as u64 != expected {
+            let (expected, found) = (expected + HEADER_BYTES as u64, packed.len() as u64);
+            return Err(PackedError::Length { expected, found }.into());
+        }
+        let (position_bytes, rest) = rest.split_at(12 * positions);
+        let (triangle_bytes, rest) = rest.split_at(12 * triangles);
+        let (id_bytes, material_bytes) = rest.split_at(4 * triangles);
+        Scene::new(
+            DVec3::from_array(header.origin.map(f64::from_le_bytes)),
+            bytemuck::cast_slice::<u8, Words3>(position_bytes).iter().map(|p| p.map(f32::from_le_bytes)).collect(),
+            bytemuck::cast_slice::<u8, Words3>(triangle_bytes).iter().map(|t| t.map(u32::from_le_bytes)).collect(),
+            bytemuck::cast_slice::<u8, [u8; 4]>(id_bytes).iter().map(|id| u32::from_le_bytes(*id)).collect(),
+            unpack_materials(material_bytes, materials)?,
+            header.sky.map(f32::from_le_bytes),
+        )
+    }
+
+    /// The BLAKE3 hash of a packed scene: its name among processes.
+    pub fn content_hash(packed: &[u8]) -> [u8; 32] {
+        *blake3::hash(packed).as_bytes()
+    }
+}
+
+fn bounded(what: &'static str, count: [u8; 8], limit: usize) -> Result<usize, SceneError> {
+    let count = u64::from_le_bytes(count);
+    usize::try_from(count).ok().filter(|&n| n <= limit).ok_or(SceneError::Limit { what, count, limit: limit as u64 })
+}
+
+/// The plain-old-data value at the beginning of `bytes`, and what follows it.
+fn split<T: Pod>(bytes: &[u8]) -> Option<(T, &[u8])> {
+    let (head, rest) = bytes.split_at_checked(size_of::<T>())?;
+    Some((bytemuck::pod_read_unaligned(head), rest))
+}
+
+fn pack_material(material: &Material, out: &mut Vec<u8>) {
+    let mut parameters = Vec::with_capacity(8);
+    let kind = match material.bsdf {
+        Bsdf::Diffuse { kd } => {
+            parameters.extend(kd);
+            0
+        }
+        Bsdf::Mirror { ks } => {
+            parameters.extend(ks);
+            1
+        }
+        Bsdf::Conductor { ks, alpha } => {
+            parameters.extend(ks.into_iter().chain([alpha]));
+            2
+        }
+        Bsdf::ThinGlass { ior, transmittance } => {
+            parameters.extend([ior].into_iter().chain(transmittance));
+            3
+        }
+        Bsdf::Dielectric { ior, transmittance, alpha } => {
+            parameters.extend([ior].into_iter().chain(transmittance).chain([alpha]));
+            4
+        }
+        Bsdf::Coated { kd, ks, ior, alpha } => {
+            parameters.extend(kd.into_iter().chain(ks).chain([ior, alpha]));
+            5
+        }
+    };
+    let header = MaterialHeader {
+        name_bytes: (material.name.len() as u32).to_le_bytes(),
+        kind,
+        flags: if material.two_sided_emission { TWO_SIDED } else { 0 },
+        reserved: [0; 2],
+        emission: material.emission.map(f32::to_le_bytes),
+    };
+    out.extend_from_slice(bytemuck::bytes_of(&header));
+    parameters.iter().for_each(|p: &f32| out.extend_from_slice(&p.to_le_bytes()));
+    out.extend_from_slice(material.name.as_bytes());
+}
+
+fn unpack_materials(mut bytes: &[u8], count: usize) -> Result<Vec<Material>, SceneError> {
+    // A material takes at least 32 bytes: an announced count that the bytes cannot hold takes no memory.
+    let mut materials = Vec::with_capacity(count.min(bytes.len() / 32));
+    for id in 0..count {
+        let (material, rest) = unpack_material(bytes).ok_or(PackedError::Material(id))?;
+        materials.push(material);
+        bytes = rest;
+    }
+    if !bytes.is_empty() {
+        return Err(PackedError::Material(count).into());
+    }
+    Ok(materials)
+}
+
+fn unpack_material(bytes: &[u8]) -> Option<(Material, &[u8])> {
+    let (header, mut rest) = split::<MaterialHeader>(bytes)?;
+    if header.flags & !TWO_SIDED != 0 || header.reserved != [0; 2] {
+        return None;
+    }
+    let bsdf = match header.kind {
+        0 => Bsdf::Diffuse { kd: colour(&mut rest)? },
+        1 => Bsdf::Mirror { ks: colour(&mut rest)? },
+        2 => Bsdf::Conductor { ks: colour(&mut rest)?, alpha: number(&mut rest)? },
+        3 => Bsdf::ThinGlass { ior: number(&mut rest)?, transmittance: colour(&mut rest)? },
+        4 => Bsdf::Dielectric { ior: number(&mut rest)?, transmittance: colour(&mut rest)?, alpha: number(&mut rest)? },
+        5 => Bsdf::Coated {
+            kd: colour(&mut rest)?,
+            ks: colour(&mut rest)?,
+            ior: number(&mut rest)?,
+            alpha: number(&mut rest)?,
+        },
+        _ => return None,
+    };
+    let name_bytes = u32::from_le_bytes(header.name_bytes) as usize;
+    if name_bytes > MAX_NAME_BYTES {
+        return None;
+    }
+    let (name, rest) = rest.split_at_checked(name_bytes)?;
+    let material = Material {
+        name: str::from_utf8(name).ok()?.to_owned(),
+        bsdf,
+        emission: header.emission.map(f32::from_le_bytes),
+        two_sided_emission: header.flags & TWO_SIDED != 0,
+    };
+    Some((material, rest))
+}
+
+fn number(bytes: &mut &[u8]) -> Option<f32> {
+    let (number, rest) = split::<[u8; 4]>(bytes)?;
+    *bytes = rest;
+    Some(f32::from_le_bytes(number))
+}
+
+fn colour(bytes: &mut &[u8]) -> Option<Rgb> {
+    let (colour, rest) = split::<Words3>(bytes)?;
+    *bytes = rest;
+    Some(colour.map(f32::from_le_bytes))
+}

@@ -1,0 +1,284 @@
+//! The scene itself: arrays of positions, triangles and materials, and questions about them.
+//!
+//! A [`Scene`] that exists is valid: [`Scene::new`] and [`Scene::from_world`] are the only ways to make one.
+
+use crate::inside::OpenBox;
+use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
+use crate::material::is_radiance;
+use crate::{Bsdf, Material, Rgb, SceneError};
+use glam::{DVec3, Vec3};
+use serde::Serialize;
+
+/// Triangles with materials, around an origin.
+///
+/// Fields may be read freely; what is made by changing them is checked again only when it is packed and unpacked.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Scene {
+    /// World coordinates of what `positions` call zero: the centre of the bounds, if the scene came from a file.
+    pub origin: DVec3,
+    /// Corners of triangles, relative to `origin`, in scene units.
+    pub positions: Vec<[f32; 3]>,
+    /// Three indices into `positions` each, counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// For each triangle, an index into `materials`.
+    pub material_ids: Vec<u32>,
+    /// What surfaces are made of.
+    pub materials: Vec<Material>,
+    /// Radiance that comes from infinity, from every direction, W·sr⁻¹·m⁻².
+    pub sky: Rgb,
+}
+
+/// What a scene uses. A material that no triangle has does not count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct Features {
+    /// Some surface is [`Bsdf::Diffuse`].
+    pub diffuse: bool,
+    /// Some surface is [`Bsdf::Mirror`].
+    pub mirror: bool,
+    /// Some surface is [`Bsdf::Conductor`].
+    pub conductor: bool,
+    /// Some surface is [`Bsdf::ThinGlass`].
+    pub thin_glass: bool,
+    /// Some surface is [`Bsdf::Dielectric`] with `alpha` 0.
+    pub dielectric: bool,
+    /// Some surface is [`Bsdf::Dielectric`] with `alpha` above 0.
+    pub rough_dielectric: bool,
+    /// Some surface is [`Bsdf::Coated`].
+    pub coated: bool,
+    /// How many triangles emit light.
+    pub emitters: usize,
+    /// Some of them emit on both sides.
+    pub two_sided_emission: bool,
+    /// The sky is not black.
+    pub sky: bool,
+}
+
+impl Scene {
+    /// A scene of these parts; `positions` are relative to `origin`. A scene without triangles is allowed.
+    ///
+    /// # Errors
+    /// Whatever is out of range, not finite or not plausible, a triangle without area, or too many of anything
+    /// ([`crate::limits`]).
+    pub fn new(
+        origin: DVec3,
+        positions: Vec<[f32; 3]>,
+        triangles: Vec<[u32; 3]>,
+        material_ids: Vec<u32>,
+        materials: Vec<Material>,
+        sky: Rgb,
+    ) -> Result<Scene, SceneError> {
+        let scene = Scene { origin, positions, triangles, material_ids, materials, sky };
+        scene.validate()?;
+        Ok(scene)
+    }
+
+    /// A scene of positions in world coordinates: they are recentred on their bounds, positions that no triangle uses
+    /// and triangles without area are left out. Returns the scene and which triangles were left out, in order.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn from_world(
+        positions: &[DVec3],
+        triangles: &[[u32; 3]],
+        material_ids: &[u32],
+        materials: Vec<Material>,
+        sky: Rgb,
+    ) -> Result<(Scene, Vec<usize>), SceneError> {
+        check_limit("positions", positions.len(), MAX_POSITIONS)?;
+        check_limit("triangles", triangles.len(), MAX_TRIANGLES)?;
+        if triangles.len() != material_ids.len() {
+            return Err(SceneError::MaterialIdCount { triangles: triangles.len(), material_ids: material_ids.len() });
+        }
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for (id, triangle) in triangles.iter().enumerate() {
+            for &corner in triangle {
+                let count = positions.len();
+                let &position = positions.get(corner as usize).ok_or(SceneError::PositionIndex {
+                    triangle: id,
+                    index: corner,
+                    count,
+                })?;
+                if !(position.abs().max_element() <= MAX_COORDINATE && position.is_finite()) {
+                    return Err(SceneError::Position(corner as usize));
+                }
+                low = low.min(position);
+                high = high.max(position);
+            }
+        }
+        let origin = if triangles.is_empty() { DVec3::ZERO } else { low + (high - low) * 0.5 };
+
+        const UNUSED: u32 = u32::MAX;
+        let mut renumbered = vec![UNUSED; positions.len()];
+        let mut kept_positions: Vec<[f32; 3]> = Vec::new();
+        let mut kept_triangles = Vec::with_capacity(triangles.len());
+        let mut kept_ids = Vec::with_capacity(triangles.len());
+        let mut left_out = Vec::new();
+        for (id, (triangle, &material)) in triangles.iter().zip(material_ids).enumerate() {
+            let relative = triangle.map(|corner| (positions[corner as usize] - origin).as_vec3());
+            if doubled_area_normal(relative).is_none() {
+                left_out.push(id);
+                continue;
+            }
+            let mut corners = [0; 3];
+            for k in 0..3 {
+                let number = &mut renumbered[triangle[k] as usize];
+                if *number == UNUSED {
+                    *number = kept_positions.len() as u32;
+                    kept_positions.push(relative[k].to_array());
+                }
+                corners[k] = *number;
+            }
+            kept_triangles.push(corners);
+            kept_ids.push(material);
+        }
+        let scene = Scene::new(origin, kept_positions, kept_triangles, kept_ids, materials, sky)?;
+        Ok((scene, left_out))
+    }
+
+    fn validate(&self) -> Result<(), SceneError> {
+        check_limit("positions", self.positions.len(), MAX_POSITIONS)?;
+        check_limit("triangles", self.triangles.len(), MAX_TRIANGLES)?;
+        check_limit("materials", self.materials.len(), MAX_MATERIALS)?;
+        if !self.origin.to_array().iter().all(|c| c.abs() <= MAX_COORDINATE) {
+            return Err(SceneError::Origin);
+        }
+        let within = |c: &f32| f64::from(c.abs()) <= MAX_COORDINATE;
+        if let Some(bad) = self.positions.iter().position(|p| !p.iter().all(within)) {
+            return Err(SceneError::Position(bad));
+        }
+        let (triangles, material_ids) = (self.triangles.len(), self.material_ids.len());
+        if triangles != material_ids {
+            return Err(SceneError::MaterialIdCount { triangles, material_ids });
+        }
+        for (id, (triangle, &material)) in self.triangles.iter().zip(&self.material_ids).enumerate() {
+            let count = self.positions.len();
+            if let Some(&index) = triangle.iter().find(|&&i| i as usize >= count) {
+                return Err(SceneError::PositionIndex { triangle: id, index, count });
+            }
+            let count = self.materials.len();
+            if material as usize >= count {
+                return Err(SceneError::MaterialIndex { triangle: id, index: material, count });
+            }
+            if doubled_area_normal(self.corners(id as u32)).is_none() {
+                return Err(SceneError::NoArea(id));
+            }
+        }
+        self.materials.iter().try_for_each(Material::validate)?;
+        if !is_radiance(self.sky) {
+            return Err(SceneError::Sky);
+        }
+        Ok(())
+    }
+
+    /// The corners of a triangle, relative to the origin.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.triangles[triangle as usize].map(|corner| Vec3::from_array(self.positions[corner as usize]))
+    }
+
+    /// The unit normal of a triangle, on the side from which its corners run counter-clockwise.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    pub fn normal(&self, triangle: u32) -> Vec3 {
+        // Zero only for a triangle that a valid scene does not have.
+        doubled_area_normal(self.corners(triangle)).map_or(Vec3::ZERO, |n| n.normalize_or_zero().as_vec3())
+    }
+
+    /// The area of a triangle in square scene units: above zero.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    pub fn area(&self, triangle: u32) -> f64 {
+        doubled_area_normal(self.corners(triangle)).map_or(0.0, |n| 0.5 * n.length())
+    }
+
+    /// The material of a triangle.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    pub fn material(&self, triangle: u32) -> &Material {
+        &self.materials[self.material_ids[triangle as usize] as usize]
+    }
+
+    /// Lowest and highest world coordinates of the triangles; the origin twice if there are none.
+    pub fn bounds(&self) -> (DVec3, DVec3) {
+        if self.triangles.is_empty() {
+            return (self.origin, self.origin);
+        }
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for &corner in self.triangles.as_flattened() {
+            let position = Vec3::from_array(self.positions[corner as usize]);
+            low = low.min(position);
+            high = high.max(position);
+        }
+        (self.origin + low.as_dvec3(), self.origin + high.as_dvec3())
+    }
+
+    /// The triangles that emit light, in ascending order.
+    pub fn emitters(&self) -> impl Iterator<Item = u32> + '_ {
+        let emits: Vec<bool> = self.materials.iter().map(Material::emits).collect();
+        (0u32..).zip(&self.material_ids).filter(move |&(_, &m)| emits[m as usize]).map(|(triangle, _)| triangle)
+    }
+
+    /// Which kinds of surfaces and lights there are.
+    pub fn features(&self) -> Features {
+        let mut triangles_of = vec![0usize; self.materials.len()];
+        for &material in &self.material_ids {
+            triangles_of[material as usize] += 1;
+        }
+        let mut features = Features { sky: self.sky.iter().any(|&c| c > 0.0), ..Features::default() };
+        for (material, &count) in self.materials.iter().zip(&triangles_of).filter(|(_, count)| **count > 0) {
+            match material.bsdf {
+                Bsdf::Diffuse { .. } => features.diffuse = true,
+                Bsdf::Mirror { .. } => features.mirror = true,
+                Bsdf::Conductor { .. } => features.conductor = true,
+                Bsdf::ThinGlass { .. } => features.thin_glass = true,
+                Bsdf::Dielectric { alpha, .. } if alpha > 0.0 => features.rough_dielectric = true,
+                Bsdf::Dielectric { .. } => features.dielectric = true,
+                Bsdf::Coated { .. } => features.coated = true,
+            }
+            if material.emits() {
+                features.emitters += count;
+                features.two_sided_emission |= material.two_sided_emission;
+            }
+        }
+        features
+    }
+
+    /// Whether any triangle meets the interior of a parallelepiped (world `origin` and three edges `axes`).
+    ///
+    /// What only touches its faces does not count, nor what comes inside by no more than the rounding of stored
+    /// positions (2⁻²⁴ of the largest coordinate): a section that fits a room exactly has nothing inside. One without
+    /// volume has no interior.
+    pub fn geometry_inside(&self, origin: DVec3, axes: [DVec3; 3]) -> bool {
+        let extent = self.positions.iter().flatten().fold(0.0f32, |most, c| most.max(c.abs()));
+        // Half a unit in the last place: what rounding to f32 may have moved a coordinate by.
+        let rounding = f64::from(extent) * f64::from(f32::EPSILON) * 0.5;
+        let Some(open_box) = OpenBox::new(origin - self.origin, axes, rounding) else {
+            return false;
+        };
+        (0..self.triangles.len() as u32).any(|t| open_box.meets(self.corners(t).map(Vec3::as_dvec3)))
+    }
+}
+
+fn check_limit(what: &'static str, count: usize, limit: usize) -> Result<(), SceneError> {
+    if count > limit {
+        return Err(SceneError::Limit { what, count: count as u64, limit: limit as u64 });
+    }
+    Ok(())
+}
+
+/// The normal of a triangle, as long as twice its area; `None` if that is zero within the rounding of `f64`.
+fn doubled_area_normal([a, b, c]: [Vec3; 3]) -> Option<DVec3> {
+    let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
+    let (ab, ac) = (b - a, c - a);
+    let normal = ab.cross(ac);
+    // Each component is a difference of two products: it errs by less than 4 half units of |ab|·|ac|.
+    let rounding = 2.0 * f64::EPSILON * ab.length() * ac.length();
+    (normal.length() > rounding).then_some(normal)
+}

@@ -1,0 +1,51 @@
+//! Scenes from text, for tests.
+
+#![allow(dead_code, clippy::unwrap_used)]
+
+use holo_scene::{LoadOptions, Loaded, SceneError, Warning, load_obj};
+use std::path::{Path, PathBuf};
+
+/// Loads `s.obj` with this text beside `s.mtl` with that one, from a folder of its own.
+pub fn load_with(obj: impl AsRef<[u8]>, mtl: &str, options: &LoadOptions) -> Result<Loaded, SceneError> {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("s.mtl"), mtl).unwrap();
+    load_in(folder.path(), obj, options)
+}
+
+/// The same without an MTL file and with default options.
+pub fn load(obj: impl AsRef<[u8]>) -> Result<Loaded, SceneError> {
+    load_in(tempfile::tempdir().unwrap().path(), obj, &LoadOptions::default())
+}
+
+/// Writes and loads `s.obj` in a folder.
+pub fn load_in(folder: &Path, obj: impl AsRef<[u8]>, options: &LoadOptions) -> Result<Loaded, SceneError> {
+    let path = folder.join("s.obj");
+    std::fs::write(&path, obj).unwrap();
+    load_obj(&path, options)
+}
+
+/// The messages of warnings, with only the name of the file.
+pub fn messages(loaded: &Loaded) -> Vec<String> {
+    let short = |warning: &Warning| {
+        let name = warning.path.file_name().unwrap().to_string_lossy();
+        warning.to_string().replacen(&warning.path.display().to_string(), &name, 1)
+    };
+    loaded.warnings.iter().map(short).collect()
+}
+
+/// The message of an error, with only the name of the file.
+pub fn error(result: Result<Loaded, SceneError>) -> String {
+    let shown = result.unwrap_err().to_string();
+    let at = ["s.obj", "s.mtl"].iter().filter_map(|name| shown.find(name)).min().unwrap();
+    shown[at..].to_owned()
+}
+
+/// The folder of optional data beside the project, if it is there; says that the test is skipped if not.
+pub fn shared() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
+    if folder.join("scenes").is_dir() {
+        return Some(folder);
+    }
+    println!("skipped: no ../shared/scenes beside the project");
+    None
+}

@@ -1,0 +1,215 @@
+//! MTL files: what each material becomes.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{error, load_with, messages};
+use holo_scene::{Bsdf, LoadOptions, Loaded, Material, SceneError};
+
+fn try_load(mtl: &str) -> Result<Loaded, SceneError> {
+    let obj = "mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
+    load_with(obj, mtl, &LoadOptions::default())
+}
+
+/// The material `m` with these statements, and warnings.
+fn material(statements: &str) -> (Material, Vec<String>) {
+    let loaded = try_load(&format!("newmtl m\n{statements}\n")).unwrap();
+    (loaded.scene.materials[0].clone(), messages(&loaded))
+}
+
+/// Its scattering, there being no warning.
+fn bsdf(statements: &str) -> Bsdf {
+    let (material, warnings) = material(statements);
+    assert!(warnings.is_empty(), "{statements}: {warnings:?}");
+    material.bsdf
+}
+
+const KD: [f32; 3] = [0.1, 0.2, 0.3];
+const KS: [f32; 3] = [0.4, 0.5, 0.6];
+
+#[test]
+fn illumination_models_are_the_surfaces_of_the_table() {
+    let alpha = |ns: f64| (2.0 / (ns + 2.0)).sqrt() as f32;
+    let cases = [
+        ("Kd .1 .2 .3", Bsdf::Diffuse { kd: KD }),
+        ("kd .1 .2 .3\nILLUM 1", Bsdf::Diffuse { kd: KD }),
+        ("Kd .1 .2 .3\nKs .4 .5 .6\nillum 1\nNs 5", Bsdf::Diffuse { kd: KD }),
+        ("Kd .1 .2 .3\nKs 0 0 0\nillum 2", Bsdf::Diffuse { kd: KD }),
+        ("Kd 0.8", Bsdf::Diffuse { kd: [0.8; 3] }),
+        ("Ks .4 .5 .6\nillum 3\nNs 4998", Bsdf::Mirror { ks: KS }),
+        ("Ks .4 .5 .6\nillum 3\nNs 999", Bsdf::Mirror { ks: KS }),
+        ("Ks .4 .5 .6\nillum 3", Bsdf::Mirror { ks: KS }),
+        ("Ks 0 0 0\nillum 3", Bsdf::Mirror { ks: [0.0; 3] }),
+        ("Ks .4 .5 .6\nillum 3\nNs 98", Bsdf::Conductor { ks: KS, alpha: alpha(98.0) }),
+        ("Ks .4 .5 .6\nillum 3\nNs 0", Bsdf::Conductor { ks: KS, alpha: 1.0 }),
+        ("Ks 1 1 1\nTf .4 .5 .6\nNi 1.52\nd 0\nillum 4", Bsdf::ThinGlass { ior: 1.52, transmittance: KS }),
+        ("illum 4", Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] }),
+        ("illum 7\nNi 1.33", Bsdf::Dielectric { ior: 1.33, transmittance: [1.0; 3], alpha: 0.0 }),
+        ("illum 7\nNs 1000\nTf 0.5", Bsdf::Dielectric { ior: 1.5, transmittance: [0.5; 3], alpha: 0.0 }),
+        ("illum 7\nNs 30", Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: alpha(30.0) }),
+        (
+            "Kd .1 .2 .3\nKs .4 .5 .6\nillum 2\nNs 198\nNi 1.4\nd 1",
+            Bsdf::Coated { kd: KD, ks: KS, ior: 1.4, alpha: alpha(198.0) },
+        ),
+        ("Kd .1 .2 .3\nKs .4 .5 .6\nillum 2", Bsdf::Coated { kd: KD, ks: KS, ior: 1.5, alpha: 1.0 }),
+    ];
+    for (statements, expected) in cases {
+        assert_eq!(bsdf(statements), expected, "{statements}");
+    }
+}
+
+#[test]
+fn emission_is_one_sided_unless_asked_and_lamps_need_no_albedo() {
+    let obj = "mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\nusemtl w\nf 3 2 1\n";
+    let mtl = "newmtl m\nKe 17 12 4\nnewmtl w\nKd 0.5\n";
+    for two_sided_lights in [false, true] {
+        let options = LoadOptions { two_sided_lights, sky: [0.0, 1.0, 2.0] };
+        let loaded = load_with(obj, mtl, &options).unwrap();
+        let scene = loaded.scene;
+        assert_eq!(loaded.warnings, []);
+        assert_eq!(scene.materials[0].emission, [17.0, 12.0, 4.0]);
+        assert_eq!(scene.materials[0].bsdf, Bsdf::Diffuse { kd: [0.0; 3] });
+        assert_eq!(scene.materials[0].two_sided_emission, two_sided_lights);
+        assert!(!scene.materials[1].two_sided_emission);
+        assert_eq!((scene.emitters().collect::<Vec<_>>(), scene.sky), (vec![0], [0.0, 1.0, 2.0]));
+    }
+}
+
+#[test]
+fn impossible_skies_are_refused() {
+    let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    for bad in [-1.0, f32::NAN, f32::INFINITY, 1e30] {
+        let options = LoadOptions { sky: [0.0, bad, 0.0], ..LoadOptions::default() };
+        assert!(matches!(load_with(obj, "", &options), Err(SceneError::Sky)));
+    }
+}
+
+#[test]
+fn implausible_values_are_clamped_with_a_warning() {
+    let cases = [
+        (
+            "Kd 1.5 0.5 -1",
+            Bsdf::Diffuse { kd: [1.0, 0.5, 0.0] },
+            "`Kd 1.5 0.5 -1` is implausible; it is clamped to [0, 1]",
+        ),
+        ("Ks 2\nillum 3\nNs 9999", Bsdf::Mirror { ks: [1.0; 3] }, "`Ks 2 2 2` is implausible; it is clamped to [0, 1]"),
+        (
+            "Ni 40\nillum 4",
+            Bsdf::ThinGlass { ior: 10.0, transmittance: [1.0; 3] },
+            "`Ni` 40 is impossible; 10 is taken",
+        ),
+        ("Ks 1\nNs -5\nillum 3", Bsdf::Conductor { ks: [1.0; 3], alpha: 1.0 }, "`Ns` -5 is impossible; 0 is taken"),
+        (
+            "Kd 1\nKs 1\nNi 1\nNs 0\nillum 2",
+            Bsdf::Coated { kd: [1.0; 3], ks: [1.0; 3], ior: 1.5, alpha: 1.0 },
+            "`Ni` 1 would make a coat invisible; 1.5 is taken",
+        ),
+    ];
+    for (statements, expected, warning) in cases {
+        let (material, warnings) = material(statements);
+        assert_eq!(material.bsdf, expected);
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
+        assert!(warnings[0].ends_with(warning), "{warnings:?}");
+    }
+    let (lamp, warnings) = material("Ke -1 2 1e30");
+    assert_eq!((lamp.emission, warnings.len()), ([0.0, 2.0, 1e20], 1));
+}
+
+#[test]
+fn opacity_counts_only_where_no_illumination_model_says_otherwise() {
+    let pane = |transmittance| Bsdf::ThinGlass { ior: 1.5, transmittance };
+    let half = Bsdf::Diffuse { kd: [0.5; 3] };
+    let cases = [
+        (
+            "Kd .5\nd 0.25",
+            pane([0.375; 3]),
+            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
+        ),
+        (
+            "Kd .5\nTr 0.75",
+            pane([0.375; 3]),
+            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
+        ),
+        (
+            "Kd .5\nd -halo 0\nillum 9",
+            pane([0.5; 3]),
+            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
+        ),
+        (
+            "Kd 0 0 0\nd 0.25",
+            pane([0.75; 3]),
+            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
+        ),
+        (
+            "Kd .5\nd 0\nTf 1 0 0\nillum 6",
+            pane([1.0, 0.0, 0.0]),
+            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
+        ),
+        ("Kd .5\nd 0.5", half, "s.mtl:3: material `m`: it is taken as opaque, since `d` is not below 0.5"),
+        (
+            "Kd .5\nd 0.1\nillum 1",
+            half,
+            "s.mtl:3: material `m`: `d` and `Tr` are ignored with this `illum`: it is opaque",
+        ),
+        (
+            "Kd .5\nTr 0.9\nillum 2",
+            half,
+            "s.mtl:3: material `m`: `d` and `Tr` are ignored with this `illum`: it is opaque",
+        ),
+    ];
+    for (statements, expected, warning) in cases {
+        let (material, warnings) = material(statements);
+        assert_eq!(material.bsdf, expected, "{statements}");
+        assert_eq!(warnings, [warning], "{statements}");
+    }
+    // Exporters that write both mean `d`.
+    assert_eq!(bsdf("Kd .5\nd 1\nTr 1"), half);
+}
+
+#[test]
+fn what_cannot_be_shown_is_warned_of_with_its_line() {
+    let cases = [
+        (
+            "Kd 1 1 1\nmap_Kd -s 1 1 1 my wood.png",
+            "s.mtl:3: `map_Kd -s 1 1 1 my wood.png` is ignored: there are no textures",
+        ),
+        ("Kd 1 1 1\nbump b.png", "s.mtl:3: `bump b.png` is ignored: there are no textures"),
+        ("Kd 1 1 1\nPr 0.5\nPr 0.6", "s.mtl:3: `Pr` is not known and ignored (said once)"),
+        ("Kd 1 1 1\nKd spectral f.rfl 1", "s.mtl:3: `Kd spectral` is ignored: only RGB colours are known"),
+        ("Kd .5\nillum 5", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
+        ("Kd .5\nillum 3", "s.mtl:3: material `m`: `illum 3` without `Ks` is taken as diffuse"),
+        ("Kd .5\nKs 1", "s.mtl:1: material `m`: `Ks` is ignored without `illum`"),
+        ("illum 1", "s.mtl:1: material `m`: it has no RGB `Kd`; grey 0.5 is taken"),
+    ];
+    for (statements, warning) in cases {
+        let (_, warnings) = material(statements);
+        assert_eq!(warnings[0], warning, "{statements}");
+    }
+}
+
+#[test]
+fn malformed_values_are_errors_with_their_line() {
+    let cases = [
+        ("Kd 1 2", "s.mtl:2: `Kd` takes three numbers, found 2"),
+        ("Kd", "s.mtl:2: `Kd` takes three numbers, found 0"),
+        ("Kd 1 nan 1", "s.mtl:2: `Kd` takes finite numbers, found `nan`"),
+        ("Ke inf 0 0", "s.mtl:2: `Ke` takes finite numbers, found `inf`"),
+        ("Ns", "s.mtl:2: `Ns` takes one number, found 0"),
+        ("Ni 1 2", "s.mtl:2: `Ni` takes one number, found 2"),
+        ("d x", "s.mtl:2: `d` takes a finite number, found `x`"),
+        ("illum 1.5", "s.mtl:2: `illum` takes an integer, found `1.5`"),
+    ];
+    for (statements, expected) in cases {
+        assert_eq!(error(try_load(&format!("newmtl m\n{statements}\n"))), expected);
+    }
+    assert_eq!(error(try_load("Kd 1 1 1\n")), "s.mtl:1: `Kd` comes before any `newmtl`");
+}
+
+#[test]
+fn the_last_of_two_materials_of_one_name_counts() {
+    let loaded = try_load("newmtl m\nKd 0.1\nnewmtl m\nKd 0.2\n").unwrap();
+    assert_eq!(loaded.scene.materials[0].bsdf, Bsdf::Diffuse { kd: [0.2; 3] });
+    assert_eq!(loaded.warnings.len(), 1);
+    assert_eq!(loaded.warnings[0].line, Some(3));
+}

@@ -1,0 +1,284 @@
+//! OBJ files: what is read exactly, what is refused with its line, what is only warned of.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{error, load, load_in, load_with, messages};
+use glam::DVec3;
+use holo_scene::{LoadOptions, Scene, SceneError};
+use proptest::prelude::*;
+
+const SQUARE: &str = "v 0 0 0\nv 2 0 0\nv 2 4 0\nv 0 4 0\n";
+
+/// World coordinates of the corners of all triangles.
+fn world(scene: &Scene) -> Vec<[DVec3; 3]> {
+    let corner = |p: glam::Vec3| p.as_dvec3() + scene.origin;
+    (0..scene.triangles.len() as u32).map(|t| scene.corners(t).map(corner)).collect()
+}
+
+#[test]
+fn a_square_is_two_triangles_around_its_centre() {
+    let scene = load(format!("{SQUARE}f 1 2 3 4\n")).unwrap().scene;
+    assert_eq!(scene.origin, DVec3::new(1.0, 2.0, 0.0));
+    assert_eq!(scene.positions, [[-1.0, -2.0, 0.0], [1.0, -2.0, 0.0], [1.0, 2.0, 0.0], [-1.0, 2.0, 0.0]]);
+    assert_eq!(scene.triangles, [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(scene.bounds(), (DVec3::ZERO, DVec3::new(2.0, 4.0, 0.0)));
+    assert_eq!((scene.area(0), scene.normal(1)), (4.0, glam::Vec3::Z));
+}
+
+#[test]
+fn corners_may_be_written_in_every_way_of_the_format() {
+    let plain = load(format!("{SQUARE}f 1 2 3 4\n")).unwrap().scene;
+    for face in
+        ["f 1/1 2/2 3/3 4/4", "f 1//1 2//1 3//9 4//1", "f 1/1/1 2/2/1 3/3/1 4/4/1", "f -4 -3 -2 -1", "fo 1 2 3 4"]
+    {
+        assert_eq!(load(format!("{SQUARE}{face}\n")).unwrap().scene, plain, "{face}");
+    }
+}
+
+#[test]
+fn negative_indices_count_from_the_latest_vertex_at_that_line() {
+    let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 5\nv 1 0 5\nv 0 1 5\nf -3 -2 -1\n";
+    let triangles = world(&load(obj).unwrap().scene);
+    assert_eq!(triangles[0][0], DVec3::ZERO);
+    assert_eq!(triangles[1][0], DVec3::new(0.0, 0.0, 5.0));
+}
+
+#[test]
+fn blanks_line_ends_comments_continuations_and_the_byte_order_mark_do_not_matter() {
+    let plain = load(format!("{SQUARE}f 1 2 3 4\n")).unwrap();
+    let odd = "\u{feff}# made by hand C:\\\r\n\r\nv  0\t0 0 \r\nv 2 0 0 # right\r\n\tv 2 4 0\r\nv 0 4 0 1.0\r\nf 1 2 \\\r\n  3 4 \r\n";
+    assert_eq!(load(odd).unwrap().scene, plain.scene);
+    assert_eq!(load(odd.replace("\r\n", "\r")).unwrap().scene, plain.scene);
+    // Lines are counted as an editor does.
+    assert_eq!(load(odd).unwrap().warnings[0].line, Some(7));
+}
+
+#[test]
+fn bytes_that_are_not_utf8_are_allowed_in_comments() {
+    let obj = [b"# caf\xe9\n".as_slice(), SQUARE.as_bytes(), b"f 1 2 3\n"].concat();
+    assert_eq!(load(obj).unwrap().scene.triangles.len(), 1);
+}
+
+#[test]
+fn a_concave_polygon_is_covered_once() {
+    let obj = "v 0 0 0\nv 2 1 0\nv 0 2 0\nv 0.5 1 0\nf 1 2 3 4\n";
+    let scene = load(obj).unwrap().scene;
+    assert_eq!(scene.triangles.len(), 2);
+    assert_eq!(scene.area(0) + scene.area(1), 1.5);
+    assert!((0..2).all(|t| scene.normal(t) == glam::Vec3::Z));
+}
+
+#[test]
+fn errors_name_the_line_and_what_was_found() {
+    let cases = [
+        ("v 1 2\n", "s.obj:1: `v` takes three numbers, found 2"),
+        ("v 1 2 3 4 5\n", "s.obj:1: `v` takes three numbers, found 5"),
+        ("\nv 1 2 x\n", "s.obj:2: `v` takes finite numbers of at most 1e12, found `x`"),
+        ("v 1 2 nan\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `nan`"),
+        ("v 1 -inf 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `-inf`"),
+        ("v 1 1e999 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1e999`"),
+        ("v 1 1e13 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1e13`"),
+        ("v 1,5 2 3\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1,5`"),
+        ("v 0 0 0\nv 1 0 0\n#\nf 1 2\n", "s.obj:4: `f` takes at least three corners, found 2"),
+        ("f\n", "s.obj:1: `f` takes at least three corners, found 0"),
+        ("v 0 0 0\nf 1 0 1\n", "s.obj:2: `f` names vertex 0, but 1 are defined before this line (the first is 1)"),
+        ("v 0 0 0\nf 1 1 2\n", "s.obj:2: `f` names vertex 2, but 1 are defined before this line (the first is 1)"),
+        ("v 0 0 0\nf 1 1 -2\n", "s.obj:2: `f` names vertex -2, but 1 are defined before this line (the first is 1)"),
+        (
+            "v 0 0 0\nf 1 1 -9223372036854775808\n",
+            "s.obj:2: `f` names vertex -9223372036854775808, but 1 are defined before this line (the first is 1)",
+        ),
+        ("v 0 0 0\nf 1 1 1.5\n", "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1.5`"),
+        ("v 0 0 0\nf 1 1 1/x\n", "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1/x`"),
+        ("v 0 0 0\nf 1 1 1/1/1/1\n", "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1/1/1/1`"),
+        (
+            "v 0 0 0\nf 1 1 99999999999999999999\n",
+            "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `99999999999999999999`",
+        ),
+        ("mtllib\n", "s.obj:1: `mtllib` takes the name of a file, found 0"),
+        ("", "s.obj: no triangle with an area in it"),
+        ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "s.obj: no triangle with an area in it"),
+    ];
+    for (obj, expected) in cases {
+        assert_eq!(error(load(obj)), expected, "{obj:?}");
+    }
+}
+
+#[test]
+fn a_missing_file_and_a_folder_are_errors_with_their_path() {
+    let folder = tempfile::tempdir().unwrap();
+    for path in [folder.path().join("no.obj"), folder.path().to_owned()] {
+        let error = holo_scene::load_obj(&path, &LoadOptions::default()).unwrap_err();
+        assert!(matches!(error, SceneError::Io { .. }), "{error}");
+        assert!(error.to_string().starts_with(&*path.to_string_lossy()), "{error}");
+    }
+}
+
+#[test]
+fn what_is_left_out_is_said_once_with_its_first_line() {
+    let obj = format!(
+        "{SQUARE}vn 0 0 1\nvn 0 0 1\nvt 0 0\nusemtl a\nf 1 2 3\nf 1 1 2\nf 2 2 2\nl 1 2\np 1\ncurv 1 2\ncurv 3\nv 9 9 9 2\n\
+         v 1 2 3 0.5 0.5 0.5\ng a\no b\ns off\n"
+    );
+    let loaded = load(obj).unwrap();
+    assert_eq!(loaded.scene.triangles.len(), 1);
+    let expected = [
+        "s.obj:5: `vn` is ignored: surfaces are faceted, as modelled (2 lines)",
+        "s.obj:7: `vt` is ignored: there are no textures",
+        "s.obj:12: lines and points (`l`, `p`) are ignored (2 lines)",
+        "s.obj:14: `curv` is not known and ignored (2 lines)",
+        "s.obj:16: the weight of `v` is ignored",
+        "s.obj:17: colours of vertices are ignored",
+        "s.obj:8: no MTL file was read; grey diffuse 0.5 is taken for all materials (1)",
+        "s.obj:10: triangles without area are left out (2 in the file)",
+    ];
+    assert_eq!(messages(&loaded), expected);
+}
+
+#[test]
+fn vertices_that_no_face_uses_move_nothing() {
+    let scene = load(format!("v 1e9 0 0\n{SQUARE}f 2 3 4\n")).unwrap().scene;
+    assert_eq!((scene.origin, scene.positions.len()), (DVec3::new(1.0, 2.0, 0.0), 3));
+}
+
+#[test]
+fn a_building_at_map_coordinates_loses_nothing() {
+    // A hundredth of a unit at 5e6 is far below the precision of f32 there (0.5).
+    let obj = "v 5000000.01 4000000.02 0\nv 5000000.51 4000000.02 0\nv 5000000.01 4000000.27 0\nf 1 2 3\n";
+    let scene = load(obj).unwrap().scene;
+    let corners = world(&scene)[0];
+    let expected = [[5000000.01, 4000000.02], [5000000.51, 4000000.02], [5000000.01, 4000000.27]];
+    for (corner, [x, y]) in corners.into_iter().zip(expected) {
+        // Half a unit of f32 at the largest relative coordinate, 0.25, and one of f64 at 5e6.
+        assert!((corner - DVec3::new(x, y, 0.0)).abs().max_element() <= 2f64.powi(-26) + 1e-9, "{corner}");
+    }
+}
+
+#[test]
+fn materials_are_found_whatever_the_name_of_their_file_and_their_own() {
+    let mtl = "newmtl Material #25\nKd 0.1 0.2 0.3\nnewmtl red # the wall\nKd 0.9 0 0\n";
+    let names = [
+        ("my file.mtl", "mtllib my file.mtl"),
+        ("my file.mtl", "mtllib \"my file.mtl\""),
+        ("sub/b.mtl", "mtllib sub\\b.mtl"),
+        ("b.mtl", "mtllib a.mtl b.mtl"),
+        ("b.mtl", "mtllib b.mtl # written by hand"),
+    ];
+    for (file, statement) in names {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("sub")).unwrap();
+        std::fs::write(folder.path().join(file), mtl).unwrap();
+        let obj = format!("usemtl red\n{SQUARE}f 1 2 3\nusemtl Material #25\nf 1 3 4\n{statement}\n");
+        let loaded = load_in(folder.path(), obj, &LoadOptions::default()).unwrap();
+        let bsdfs: Vec<_> = loaded.scene.materials.iter().map(|m| m.bsdf).collect();
+        let kd = |kd| holo_scene::Bsdf::Diffuse { kd };
+        assert_eq!(bsdfs, [kd([0.9, 0.0, 0.0]), kd([0.1, 0.2, 0.3])], "{statement}");
+        assert_eq!(loaded.warnings.len(), usize::from(statement.contains("a.mtl")), "{:?}", loaded.warnings);
+    }
+}
+
+#[test]
+fn faces_share_a_material_by_name_and_unknown_ones_are_grey() {
+    let obj = format!(
+        "{SQUARE}mtllib s.mtl\nf 1 2 3\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\nusemtl a\nf 2 3 4\nusemtl unused\n"
+    );
+    let loaded = load_with(obj, "newmtl a\nKd 0.25 0.5 0.75\n", &LoadOptions::default()).unwrap();
+    assert_eq!(loaded.scene.material_ids, [0, 1, 2, 1]);
+    let names: Vec<_> = loaded.scene.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!(names, ["default", "a", "b"]);
+    assert_eq!(loaded.scene.materials[2].bsdf, holo_scene::Bsdf::Diffuse { kd: [0.5; 3] });
+    let expected = [
+        "s.obj:6: faces before any `usemtl`; grey diffuse 0.5 is taken",
+        "s.obj:9: no MTL file has a material `b`; grey diffuse 0.5 is taken",
+    ];
+    assert_eq!(messages(&loaded), expected);
+}
+
+#[test]
+fn a_missing_mtl_file_and_one_that_is_no_file_are_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("folder")).unwrap();
+    let obj = format!("mtllib no.mtl\nmtllib folder\nmtllib no.mtl\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n");
+    let loaded = load_in(folder.path(), obj, &LoadOptions::default()).unwrap();
+    assert!(loaded.scene.materials.iter().all(|m| m.bsdf == holo_scene::Bsdf::Diffuse { kd: [0.5; 3] }));
+    let warnings = messages(&loaded);
+    assert_eq!(warnings.len(), 3, "{warnings:?}");
+    assert!(warnings[0].starts_with("s.obj:1: `mtllib` cannot be read: ") && warnings[0].contains("no.mtl: "));
+    assert!(warnings[1].starts_with("s.obj:2: ") && warnings[1].ends_with("folder: not a file"));
+    assert_eq!(warnings[2], "s.obj:8: no MTL file was read; grey diffuse 0.5 is taken for all materials (2)");
+}
+
+#[test]
+fn warnings_of_hostile_files_are_bounded() {
+    let mut obj = format!("{SQUARE}mtllib s.mtl\n");
+    (0..5000).for_each(|k| obj += &format!("usemtl m{k}\nf 1 2 3\nkeyword{k}\n"));
+    let loaded = load_with(obj, "", &LoadOptions::default()).unwrap();
+    assert_eq!(loaded.warnings.len(), holo_scene::limits::MAX_WARNINGS + 1);
+    assert!(messages(&loaded).last().unwrap().ends_with("more warnings"));
+}
+
+#[test]
+fn a_name_that_is_too_long_is_refused() {
+    let long = "x".repeat(2000);
+    assert_eq!(error(load(format!("usemtl {long}\n"))), "s.obj:1: more than 1024 bytes in a name");
+    let mtl = format!("newmtl {long}\n");
+    let obj = format!("mtllib s.mtl\n{SQUARE}f 1 2 3\n");
+    assert_eq!(error(load_with(obj, &mtl, &LoadOptions::default())), "s.mtl:1: more than 1024 bytes in a name");
+}
+
+/// Triangles as `tobj` reads them.
+fn by_tobj(text: &str) -> Vec<[DVec3; 3]> {
+    let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
+    let none = |_: &std::path::Path| Ok((Vec::new(), Default::default()));
+    let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, none).unwrap();
+    let corner = |mesh: &tobj::Mesh, k: u32| DVec3::from_slice(&mesh.positions[3 * k as usize..][..3]);
+    let triangles = |mesh: &tobj::Mesh| -> Vec<[DVec3; 3]> {
+        mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(|k| corner(mesh, k))).collect()
+    };
+    models.iter().flat_map(|model| triangles(&model.mesh)).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn the_triangles_are_those_of_another_parser(
+        points in prop::collection::vec(prop::array::uniform3(-100.0..100.0f64), 5..20),
+        faces in prop::collection::vec((prop::collection::vec(0usize..20, 3), any::<bool>(), any::<bool>()), 1..30),
+    ) {
+        let mut obj = String::new();
+        points.iter().for_each(|[x, y, z]| obj += &format!("v {x} {y} {z:e}\n"));
+        let mut any_face = false;
+        for (corners, negative, group) in faces {
+            let corners: Vec<usize> = corners.iter().map(|k| k % points.len()).collect();
+            if corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0] {
+                continue;
+            }
+            any_face = true;
+            if group {
+                obj += "g another\n";
+            }
+            let written = |&k: &usize| if negative { k as i64 - points.len() as i64 } else { k as i64 + 1 };
+            obj += &format!("f {} {}//1 {}\n", written(&corners[0]), written(&corners[1]), written(&corners[2]));
+        }
+        prop_assume!(any_face);
+        let ours = world(&load(&obj).unwrap().scene);
+        let theirs = by_tobj(&obj.replace("//1", ""));
+        prop_assert_eq!(ours.len(), theirs.len());
+        for (a, b) in ours.iter().flatten().zip(theirs.iter().flatten()) {
+            // Relative coordinates are at most 100: half a unit of f32 there.
+            prop_assert!((*a - *b).abs().max_element() <= 100.0 * 2f64.powi(-24) * 1.001, "{} {}", a, b);
+        }
+    }
+
+    /// Whatever the text, there is a valid scene or an error.
+    #[test]
+    fn no_text_panics(obj in "((v|f|l|usemtl|mtllib s.mtl|vn|#|\\\\|q)?[ \t/0-9.eE+\\-na#\\\\\r]{0,20}\n){0,30}", mtl in "((newmtl|Kd|Ks|Ns|d|Tr|Ni|illum|map_Kd|Tf|Ke)? ?[ 0-9.eE+\\-na#]{0,12}\n){0,30}") {
+        let obj = format!("mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl\nf 1 2 3\n{obj}");
+        if let Ok(loaded) = load_with(obj, &mtl, &LoadOptions::default()) {
+            prop_assert_eq!(&Scene::unpack(&loaded.scene.pack()).unwrap(), &loaded.scene);
+        }
+    }
+}

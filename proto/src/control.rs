@@ -1,0 +1,159 @@
+//! Control messages: few, small, bincode. The only module that touches bincode (see `deny.toml` for why that matters).
+
+use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
+use holo_section::SectionSpec;
+use serde::{Deserialize, Serialize};
+
+use crate::{ProtoError, frame::MAX_CONTROL_BYTES};
+
+/// Sections in one holodeck: the original's 128 would do; a large building's rooms fit here.
+pub const MAX_SECTIONS: usize = 1024;
+
+/// What computes a ray's radiance and distance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Engine {
+    /// Unbiased path tracing.
+    Path,
+}
+
+/// Everything that decides what a sample's radiance is, besides the scene itself. Kept in the file: a holodeck is
+/// judged against a picture rendered with its own settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RenderSettings {
+    /// What traces.
+    pub engine: Engine,
+    /// Limit of indirect light: 0 is direct light only, `None` no limit. Specular chains do not count.
+    pub bounces: Option<u32>,
+    /// Paths averaged into one sample.
+    pub paths_per_sample: u16,
+    /// Makes the random numbers of two files different.
+    pub seed: u64,
+}
+
+/// The packed scene, by content: fetched once, cached by its hash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SceneInfo {
+    /// BLAKE3 of the packed scene.
+    pub hash: [u8; 32],
+    /// Its length.
+    pub bytes: u64,
+}
+
+/// What a holodeck is: sent to whoever is taken.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Welcome {
+    /// The server's name and version, for people.
+    pub software: String,
+    /// The sections, in the order of their numbers.
+    pub sections: Vec<SectionSpec>,
+    /// What samples hold.
+    pub settings: RenderSettings,
+    /// The scene.
+    pub scene: SceneInfo,
+    /// The scene's up axis, for views that do not say.
+    pub up: [f64; 3],
+    /// Named views as Radiance options; a display begins with the first.
+    pub views: Vec<(String, String)>,
+    /// Samples in the file.
+    pub samples: u64,
+    /// False if the file is only shown: nothing is traced.
+    pub tracing: bool,
+}
+
+/// How the server fares, about twice a second.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// Samples in the file and in memory.
+    pub samples: u64,
+    /// Samples arriving from workers, per second, over the last few seconds.
+    pub samples_per_second: f64,
+    /// Workers connected.
+    pub workers: u32,
+    /// Displays connected.
+    pub displays: u32,
+}
+
+/// A control message, either way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Control {
+    /// Server: the holodeck, right after the answer.
+    Welcome(Box<Welcome>),
+    /// Server: how it fares.
+    Status(Status),
+    /// Server to display: every stored sample of this view's beams has been sent.
+    StoredSent {
+        /// The view's number, as the display gave it.
+        view: u32,
+    },
+    /// Server to display: tracing for this view has stopped; every one of its samples is sent and flushed to disk.
+    Settled {
+        /// The view's number.
+        view: u32,
+    },
+    /// Server: the session is over; leave.
+    Bye {
+        /// Why, for people.
+        reason: String,
+    },
+    /// Either way: are you there? Answered at once with `Pong` of the same number.
+    Ping(u64),
+    /// The answer to a `Ping`.
+    Pong(u64),
+    /// Worker or display: send the packed scene.
+    SceneWanted,
+    /// Worker: scene loaded, packets may come.
+    Ready {
+        /// Threads that trace.
+        threads: u16,
+    },
+    /// Worker: cannot go on.
+    Failed {
+        /// Why, for people.
+        reason: String,
+    },
+    /// Display: stop tracing for this view, send what is under way, flush, then say `Settled`.
+    Settle {
+        /// The view's number.
+        view: u32,
+    },
+}
+
+type Wire = Configuration<LittleEndian, Fixint, Limit<{ MAX_CONTROL_BYTES as usize }>>;
+
+fn wire() -> Wire {
+    bincode::config::standard().with_fixed_int_encoding().with_limit::<{ MAX_CONTROL_BYTES as usize }>()
+}
+
+impl Control {
+    /// The payload of a control frame.
+    ///
+    /// # Errors
+    /// [`ProtoError::Control`] if the message is larger than a control message may be.
+    pub fn encode(&self) -> Result<Vec<u8>, ProtoError> {
+        bincode::serde::encode_to_vec(self, wire()).map_err(|error| ProtoError::Control(error.to_string()))
+    }
+
+    /// Parses the payload of a control frame.
+    ///
+    /// # Errors
+    /// [`ProtoError::Control`], [`ProtoError::Trailing`], or a limit exceeded.
+    pub fn decode(bytes: &[u8]) -> Result<Control, ProtoError> {
+        let (message, used) = bincode::serde::decode_from_slice::<Control, _>(bytes, wire())
+            .map_err(|error| ProtoError::Control(error.to_string()))?;
+        if used != bytes.len() {
+            return Err(ProtoError::Trailing(bytes.len() - used));
+        }
+        if let Control::Welcome(welcome) = &message {
+            let found = welcome.sections.len();
+            if found > MAX_SECTIONS {
+                return Err(ProtoError::TooMany {
+                    what: "sections",
+                    found: found as u64,
+                    limit: MAX_SECTIONS as u64,
+                });
+            }
+        }
+        Ok(message)
+    }
+}

@@ -1,0 +1,113 @@
+//! Frames: the 8-byte header in front of every payload, and how long each kind may be.
+
+use crate::ProtoError;
+
+/// Bytes of a frame header: `u32` payload length, `u8` kind, three zero bytes.
+pub const HEADER_BYTES: usize = 8;
+
+/// Longest control message: settings, 128 sections and texts fit many times over.
+pub const MAX_CONTROL_BYTES: u64 = 1 << 20;
+/// Longest bulk message: half a million wanted beams, or 1.6 million samples.
+pub const MAX_BULK_BYTES: u64 = 16 << 20;
+/// Longest hello, either way. Small, because it is read from whoever connects.
+pub const MAX_HELLO_BYTES: u64 = 4096;
+
+/// What a frame carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Kind {
+    /// [`crate::hello::Hello`], the first frame from whoever connects.
+    Hello = 1,
+    /// [`crate::hello::Answer`], the first frame back.
+    Answer = 2,
+    /// [`crate::control::Control`], either way.
+    Control = 3,
+    /// [`crate::bulk::Work`], server to worker.
+    Work = 4,
+    /// [`crate::bulk::Results`], worker to server.
+    Results = 5,
+    /// [`crate::bulk::ViewRequest`], display to server.
+    View = 6,
+    /// [`crate::bulk::Samples`], server to display.
+    Samples = 7,
+    /// [`crate::bulk::BlobChunk`], server to worker or display: a piece of the packed scene.
+    BlobChunk = 8,
+}
+
+impl Kind {
+    /// The kind with this number.
+    pub fn from_byte(byte: u8) -> Result<Kind, ProtoError> {
+        [
+            Kind::Hello,
+            Kind::Answer,
+            Kind::Control,
+            Kind::Work,
+            Kind::Results,
+            Kind::View,
+            Kind::Samples,
+            Kind::BlobChunk,
+        ]
+        .into_iter()
+        .find(|&kind| kind as u8 == byte)
+        .ok_or(ProtoError::Kind(byte))
+    }
+
+    /// The longest payload of this kind, bytes.
+    pub fn max_bytes(self) -> u64 {
+        match self {
+            Kind::Hello | Kind::Answer => MAX_HELLO_BYTES,
+            Kind::Control => MAX_CONTROL_BYTES,
+            Kind::Work | Kind::Results | Kind::View | Kind::Samples | Kind::BlobChunk => MAX_BULK_BYTES,
+        }
+    }
+}
+
+/// A frame's header, parsed and bounded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Header {
+    /// What follows.
+    pub kind: Kind,
+    /// Payload bytes that follow, at most `kind.max_bytes()`.
+    pub length: u32,
+}
+
+impl Header {
+    /// Parses the 8 bytes in front of a payload.
+    ///
+    /// # Errors
+    /// [`ProtoError::Kind`], [`ProtoError::TooLong`], or [`ProtoError::Trailing`] for non-zero reserved bytes.
+    pub fn parse(bytes: [u8; HEADER_BYTES]) -> Result<Header, ProtoError> {
+        let [l0, l1, l2, l3, kind, reserved @ ..] = bytes;
+        let kind = Kind::from_byte(kind)?;
+        let length = u32::from_le_bytes([l0, l1, l2, l3]);
+        if u64::from(length) > kind.max_bytes() {
+            return Err(ProtoError::TooLong { kind, length: u64::from(length), limit: kind.max_bytes() });
+        }
+        if reserved != [0; 3] {
+            return Err(ProtoError::Trailing(3));
+        }
+        Ok(Header { kind, length })
+    }
+
+    /// The header's bytes.
+    pub fn to_bytes(self) -> [u8; HEADER_BYTES] {
+        let [l0, l1, l2, l3] = self.length.to_le_bytes();
+        [l0, l1, l2, l3, self.kind as u8, 0, 0, 0]
+    }
+}
+
+/// A whole frame: header and payload in one buffer, ready to write.
+///
+/// # Errors
+/// [`ProtoError::TooLong`] where the payload is longer than its kind allows: the sender must split it.
+pub fn encode(kind: Kind, payload: &[u8]) -> Result<Vec<u8>, ProtoError> {
+    let too_long = ProtoError::TooLong { kind, length: payload.len() as u64, limit: kind.max_bytes() };
+    if payload.len() as u64 > kind.max_bytes() {
+        return Err(too_long);
+    }
+    let length = u32::try_from(payload.len()).map_err(|_| too_long)?;
+    let mut frame = Vec::with_capacity(HEADER_BYTES + payload.len());
+    frame.extend_from_slice(&Header { kind, length }.to_bytes());
+    frame.extend_from_slice(payload);
+    Ok(frame)
+}

@@ -1,0 +1,146 @@
+//! The handshake: who connects, and whether it is taken. Its layout never changes, whatever the protocol's version.
+
+use crate::{PROTOCOL_VERSION, ProtoError};
+
+/// The first bytes of a hello and of its answer.
+pub const MAGIC: [u8; 8] = *b"HOLODECK";
+/// Longest name or reason, bytes: a line of text.
+pub const MAX_TEXT_BYTES: usize = 512;
+
+/// What a process that connects wants to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Role {
+    /// Traces packets: `rtworker`.
+    Worker = 1,
+    /// Shows pictures: `holoview`.
+    Display = 2,
+}
+
+/// First message from whoever connects.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Hello {
+    /// Protocol version spoken, [`PROTOCOL_VERSION`].
+    pub version: u16,
+    /// What it wants to be.
+    pub role: Role,
+    /// A name for people: host and process.
+    pub name: String,
+}
+
+/// The server's answer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// Taken; a [`crate::control::Control::Welcome`] follows.
+    Accepted,
+    /// Not taken, and why, for people. The connection is then closed.
+    Refused(String),
+}
+
+fn put_text(out: &mut Vec<u8>, text: &str) {
+    let mut end = text.len().min(MAX_TEXT_BYTES);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    // At most 512: fits u16.
+    out.extend_from_slice(&(end as u16).to_le_bytes());
+    out.extend_from_slice(&text.as_bytes()[..end]);
+}
+
+fn take_text(bytes: &[u8]) -> Result<String, ProtoError> {
+    let (length, text) = bytes.split_first_chunk::<2>().ok_or(ProtoError::Truncated {
+        what: "text",
+        needed: 2,
+        found: bytes.len() as u64,
+    })?;
+    let length = usize::from(u16::from_le_bytes(*length));
+    if length > MAX_TEXT_BYTES {
+        return Err(ProtoError::TooMany { what: "text bytes", found: length as u64, limit: MAX_TEXT_BYTES as u64 });
+    }
+    if text.len() < length {
+        return Err(ProtoError::Truncated { what: "text", needed: length as u64, found: text.len() as u64 });
+    }
+    // What follows the text is for later versions to add to: it is ignored, so that the hello can grow.
+    Ok(String::from_utf8_lossy(&text[..length]).into_owned())
+}
+
+fn take_magic(bytes: &[u8]) -> Result<(u16, u8, &[u8]), ProtoError> {
+    let (magic, rest) = bytes.split_first_chunk::<8>().ok_or(ProtoError::NotHolodeck)?;
+    if *magic != MAGIC {
+        return Err(ProtoError::NotHolodeck);
+    }
+    match rest {
+        [v0, v1, byte, 0, text @ ..] => Ok((u16::from_le_bytes([*v0, *v1]), *byte, text)),
+        _ => Err(ProtoError::NotHolodeck),
+    }
+}
+
+impl Hello {
+    /// A hello in this program's version.
+    pub fn new(role: Role, name: impl Into<String>) -> Hello {
+        Hello { version: PROTOCOL_VERSION, role, name: name.into() }
+    }
+
+    /// The hello's bytes: magic 8, version `u16`, role `u8`, 0, name length `u16`, name.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut out = MAGIC.to_vec();
+        out.extend_from_slice(&self.version.to_le_bytes());
+        out.extend_from_slice(&[self.role as u8, 0]);
+        put_text(&mut out, &self.name);
+        out
+    }
+
+    /// Parses a hello of any version; whether it is ours is for the caller to say with [`Hello::check_version`].
+    ///
+    /// # Errors
+    /// [`ProtoError::NotHolodeck`], [`ProtoError::Role`], or a bad name.
+    pub fn decode(bytes: &[u8]) -> Result<Hello, ProtoError> {
+        let (version, role, text) = take_magic(bytes)?;
+        let role = match role {
+            1 => Role::Worker,
+            2 => Role::Display,
+            other => return Err(ProtoError::Role(other)),
+        };
+        Ok(Hello { version, role, name: take_text(text)? })
+    }
+
+    /// Whether this side can talk to it.
+    ///
+    /// # Errors
+    /// [`ProtoError::Version`].
+    pub fn check_version(&self) -> Result<(), ProtoError> {
+        check_version(self.version)
+    }
+}
+
+fn check_version(theirs: u16) -> Result<(), ProtoError> {
+    if theirs == PROTOCOL_VERSION { Ok(()) } else { Err(ProtoError::Version { ours: PROTOCOL_VERSION, theirs }) }
+}
+
+impl Answer {
+    /// The answer's bytes: magic 8, version `u16`, 0 refused or 1 accepted, 0, reason length `u16`, reason.
+    pub fn encode(&self) -> Vec<u8> {
+        let (accepted, reason) = match self {
+            Answer::Accepted => (1, ""),
+            Answer::Refused(reason) => (0, reason.as_str()),
+        };
+        let mut out = MAGIC.to_vec();
+        out.extend_from_slice(&PROTOCOL_VERSION.to_le_bytes());
+        out.extend_from_slice(&[accepted, 0]);
+        put_text(&mut out, reason);
+        out
+    }
+
+    /// Parses an answer; an acceptance by a server of another version is an error.
+    ///
+    /// # Errors
+    /// [`ProtoError::NotHolodeck`], [`ProtoError::Version`], or a bad text.
+    pub fn decode(bytes: &[u8]) -> Result<Answer, ProtoError> {
+        let (version, accepted, text) = take_magic(bytes)?;
+        let reason = take_text(text)?;
+        match accepted {
+            0 => Ok(Answer::Refused(reason)),
+            _ => check_version(version).map(|()| Answer::Accepted),
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! Writes the bundled scenes to files.
+
+use holo_scenes::{Bundled, write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const HELP: &str = "\
+Writes the bundled scenes: NAME.obj, NAME.mtl and NAME.toml each.
+
+Usage: holo-scenes [cornell|interior|all] [--out DIR]
+
+Options:
+  --out DIR   where to write, made if need be [default: the current directory]
+  --help      this text
+
+Example:
+  holo-scenes interior --out /tmp/scenes
+";
+
+fn main() -> ExitCode {
+    match parse(std::env::args().skip(1)) {
+        Ok(None) => {
+            print!("{HELP}");
+            ExitCode::SUCCESS
+        }
+        Ok(Some((scenes, dir))) => {
+            for scene in scenes {
+                match write(scene, &dir) {
+                    Ok(written) => println!("{}", written.obj.display()),
+                    Err(error) => {
+                        eprintln!("holo-scenes: cannot write {} into {}: {error}", scene.name(), dir.display());
+                        return ExitCode::FAILURE;
+                    }
+                }
+            }
+            ExitCode::SUCCESS
+        }
+        Err(message) => {
+            eprintln!("holo-scenes: {message}\n\n{HELP}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// What to write and where; nothing if help was asked for.
+fn parse(mut words: impl Iterator<Item = String>) -> Result<Option<(Vec<Bundled>, PathBuf)>, String> {
+    let mut scenes = Vec::new();
+    let mut dir = PathBuf::from(".");
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--help" | "-h" => return Ok(None),
+            "--out" => dir = words.next().ok_or("`--out` takes a directory")?.into(),
+            "all" => scenes.extend(Bundled::ALL),
+            name => scenes.push(Bundled::named(name).ok_or_else(|| format!("there is no scene `{name}`"))?),
+        }
+    }
+    if scenes.is_empty() {
+        scenes.extend(Bundled::ALL);
+    }
+    Ok(Some((scenes, dir)))
+}

@@ -1,0 +1,239 @@
+//! Behaviours of the scenes as wholes, by their own geometry.
+
+use crate::building::ROOMS;
+use crate::config::{SECTIONS, VIEWS};
+use crate::material::{ALL, Material};
+use crate::rooms::{Object, SHELL, interior};
+use crate::{Bundled, config, cornell, obj_and_mtl, write};
+use glam::DVec3;
+use holo_scene::{LoadOptions, load_obj};
+use std::collections::HashMap;
+use std::sync::LazyLock;
+
+type Triangle = [DVec3; 3];
+
+static INTERIOR: LazyLock<Vec<Object>> = LazyLock::new(interior);
+
+fn triangles() -> impl Iterator<Item = (Triangle, &'static Material)> {
+    INTERIOR.iter().flat_map(|object| object.mesh.triangles())
+}
+
+fn shell() -> Vec<Triangle> {
+    INTERIOR.iter().filter(|o| o.name == SHELL).flat_map(|o| o.mesh.triangles().map(|(t, _)| t)).collect()
+}
+
+/// Distance along a ray to a triangle (Möller and Trumbore 1997).
+fn meets([a, b, c]: Triangle, origin: DVec3, direction: DVec3) -> Option<f64> {
+    let (u, v, from) = (b - a, c - a, origin - a);
+    let p = direction.cross(v);
+    let determinant = u.dot(p);
+    let (s, q) = (from.dot(p) / determinant, from.cross(u));
+    let t = direction.dot(q) / determinant;
+    let distance = v.dot(q) / determinant;
+    (s >= 0.0 && t >= 0.0 && s + t <= 1.0 && distance > 0.0).then_some(distance)
+}
+
+/// The lights as fixtures: triangles that touch, found by the corners that they share.
+fn fixtures() -> Vec<Vec<Triangle>> {
+    let lit: Vec<Triangle> = triangles().filter(|(_, material)| material.is_light()).map(|(t, _)| t).collect();
+    let mut parent: Vec<usize> = (0..lit.len()).collect();
+    fn root(parent: &mut [usize], mut i: usize) -> usize {
+        while parent[i] != i {
+            parent[i] = parent[parent[i]];
+            i = parent[i];
+        }
+        i
+    }
+    let mut owner: HashMap<[i64; 3], usize> = HashMap::new();
+    for (i, corners) in lit.iter().enumerate() {
+        for corner in corners {
+            let key = (*corner * 1e5).round().to_array().map(|c| c as i64);
+            let first = *owner.entry(key).or_insert(i);
+            let (a, b) = (root(&mut parent, first), root(&mut parent, i));
+            parent[a] = b;
+        }
+    }
+    let mut groups: HashMap<usize, Vec<Triangle>> = HashMap::new();
+    for (i, triangle) in lit.iter().enumerate() {
+        groups.entry(root(&mut parent, i)).or_default().push(*triangle);
+    }
+    groups.into_values().collect()
+}
+
+#[test]
+fn a_scene_is_the_same_byte_for_byte_each_time() {
+    for scene in Bundled::ALL {
+        assert!(obj_and_mtl(scene) == obj_and_mtl(scene));
+        assert_eq!(config(scene), config(scene));
+    }
+}
+
+#[test]
+fn the_interior_is_large_finite_and_within_its_garden() {
+    let mut count = 0;
+    for (triangle, _) in triangles() {
+        count += 1;
+        for p in triangle {
+            assert!(p.is_finite());
+            assert!(
+                p.cmpge(DVec3::new(-16.0, -18.0, -0.53)).all() && p.cmple(DVec3::new(28.0, 28.0, 6.0)).all(),
+                "{p}"
+            );
+        }
+    }
+    assert!((100_000..300_000).contains(&count), "{count} triangles");
+}
+
+#[test]
+fn furniture_stays_inside_the_house() {
+    let (low, high) = (DVec3::new(0.0, 0.0, -1e-9), DVec3::new(11.15, 10.7, 2.7 + 1e-9));
+    for object in INTERIOR.iter().filter(|o| ![SHELL, "garden"].contains(&o.name)) {
+        for p in &object.mesh.points {
+            // Wall linings, and legs that end on the floor, may lie in the surface but not beyond the outer walls.
+            let slack = DVec3::new(1e-6, 1e-6, 0.021);
+            assert!(p.cmpge(low - slack).all() && p.cmple(high + slack).all(), "{} at {p}", object.name);
+        }
+    }
+}
+
+#[test]
+fn there_are_many_lights_of_different_sizes() {
+    let mut areas: Vec<f64> = fixtures()
+        .iter()
+        .map(|fixture| fixture.iter().map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum())
+        .collect();
+    areas.sort_by(f64::total_cmp);
+    assert!(areas.len() >= 40, "{} fixtures", areas.len());
+    assert!(areas[areas.len() - 1] > 100.0 * areas[0], "{areas:?}");
+}
+
+/// Closed fixtures (globes, rods) have their light outside; flat and open ones look into a room, not into a solid.
+#[test]
+fn lights_shine_into_the_rooms() {
+    let all: Vec<Triangle> = triangles().map(|(t, _)| t).collect();
+    for fixture in fixtures() {
+        let middle = fixture.iter().flatten().sum::<DVec3>() / (3.0 * fixture.len() as f64);
+        // Three of each fixture: a ray against everything takes a millisecond.
+        for [a, b, c] in [0, fixture.len() / 2, fixture.len() - 1].map(|i| fixture[i]) {
+            let normal = (b - a).cross(c - a).normalize();
+            let from = (a * 0.4 + b * 0.35 + c * 0.25) + normal * 1e-4;
+            let inside = ROOMS.iter().any(|room| {
+                (room.x.0..room.x.1).contains(&from.x)
+                    && (room.y.0..room.y.1).contains(&from.y)
+                    && (0.0..2.7).contains(&from.z)
+            });
+            assert!(inside, "the light at {middle} shines from {from}, outside every room");
+            let free = all.iter().filter_map(|&t| meets(t, from, normal)).fold(f64::INFINITY, f64::min);
+            assert!(free > 0.02, "the light at {middle} is covered at {free} m along {normal}");
+            // From a solid's inside, the way along the normal would end at its far side, seen from within.
+            let behind = fixture.iter().filter_map(|&t| meets(t, from, normal)).count();
+            assert_eq!(behind, 0, "the light at {middle} looks into itself");
+        }
+    }
+}
+
+/// The house is convex: a ray that slipped between two of its parts would meet nothing more.
+#[test]
+fn no_light_leaks_between_walls() {
+    let shell = shell();
+    let random = &mut crate::random::Random::new(1);
+    for room in ROOMS {
+        let from = DVec3::new((room.x.0 + room.x.1) / 2.0, (room.y.0 + room.y.1) / 2.0, 1.3);
+        for _ in 0..300 {
+            let z = random.range(-1.0, 1.0);
+            let (sin, cos) = random.range(0.0, std::f64::consts::TAU).sin_cos();
+            let ring = (1.0 - z * z).sqrt();
+            let direction = DVec3::new(ring * cos, ring * sin, z);
+            let nearest = shell.iter().filter_map(|&t| meets(t, from, direction)).fold(f64::INFINITY, f64::min);
+            assert!(nearest.is_finite(), "{}: a way out along {direction}", room.name);
+            let end = from + direction * nearest;
+            assert!((-0.021..=2.7 + 1e-9).contains(&end.z), "{}: {end}", room.name);
+        }
+    }
+}
+
+#[test]
+fn every_section_lies_in_its_room_clear_of_walls_and_every_eye_in_a_section() {
+    let walls = shell();
+    for section in &SECTIONS {
+        let low = DVec3::from(section.origin);
+        let high = low + DVec3::from(section.size);
+        let room = ROOMS.iter().find(|room| room.name == section.name).expect("sections are named as rooms");
+        assert!(low.x > room.x.0 && high.x < room.x.1 && low.y > room.y.0 && high.y < room.y.1, "{}", section.name);
+        assert!(low.z >= 0.9 && high.z < 2.7, "{}", section.name);
+        // Walls are boxes along the axes: a triangle's own box is exact.
+        for [a, b, c] in &walls {
+            let apart = a.max(*b).max(*c).cmplt(low).any() || a.min(*b).min(*c).cmpgt(high).any();
+            assert!(apart, "{} meets a wall at {a}", section.name);
+        }
+    }
+    for view in &VIEWS {
+        let eye = DVec3::from(view.vp);
+        let within = SECTIONS.iter().any(|s| {
+            let low = DVec3::from(s.origin);
+            eye.cmpgt(low).all() && eye.cmplt(low + DVec3::from(s.size)).all()
+        });
+        assert!(within, "{} looks from outside every section", view.name);
+        assert!(DVec3::from(view.vd).length() > 0.5 && (30.0..100.0).contains(&view.vh));
+    }
+    assert_eq!(SECTIONS.len(), ROOMS.len());
+}
+
+#[test]
+fn the_interior_loads_without_a_warning_and_its_sections_are_empty() {
+    let dir = tempfile::tempdir().unwrap();
+    let written = write(Bundled::Interior, dir.path()).unwrap();
+    let loaded = load_obj(&written.obj, &LoadOptions::default()).unwrap();
+    assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
+    // As many as the mesh has, but for slivers that rounding to 10 µm flattens.
+    let made = triangles().count();
+    let read = loaded.scene.triangles.len();
+    assert!(read <= made && read > made - made / 500, "{read} of {made}");
+    assert_eq!(loaded.scene.materials.len(), ALL.len(), "a material is defined but not used");
+    for section in &SECTIONS {
+        let [w, d, h] = section.size;
+        let axes = [DVec3::X * w, DVec3::Y * d, DVec3::Z * h];
+        assert!(!loaded.scene.geometry_inside(DVec3::from(section.origin), axes), "{} is not empty", section.name);
+    }
+}
+
+#[test]
+fn cornell_loads_and_has_the_published_measurements() {
+    let dir = tempfile::tempdir().unwrap();
+    let written = write(Bundled::Cornell, dir.path()).unwrap();
+    let loaded = load_obj(&written.obj, &LoadOptions::default()).unwrap();
+    assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
+    assert_eq!(loaded.scene.triangles.len(), 32);
+    let (low, high) = loaded.scene.bounds();
+    assert!((low - DVec3::ZERO).length() < 1e-6 && (high - DVec3::new(5.56, 5.488, 5.592)).length() < 1e-6);
+    // The published box: a lamp of 130 mm × 105 mm that looks down, blocks of 165 mm and 330 mm, in whole millimetres.
+    let area = |[a, b, _, d]: [[f64; 3]; 4]| {
+        let [a, b, d] = [a, b, d].map(DVec3::from);
+        (b - a).cross(d - a)
+    };
+    let lamp = cornell::QUADS.iter().find(|quad| quad.0 == "light").unwrap();
+    assert!((area(lamp.1) - DVec3::new(0.0, -130.0 * 105.0, 0.0)).length() < 1e-6);
+    for (first, height) in [(6, 165.0), (11, 330.0)] {
+        let top = cornell::QUADS[first].1;
+        assert!(top.iter().all(|corner| corner[1] == height));
+        for (i, side) in cornell::QUADS[first + 1..first + 5].iter().enumerate() {
+            let feet = side.1.iter().filter(|corner| corner[1] == 0.0).count();
+            assert_eq!(feet, 2, "side {i}");
+            assert!(side.1.iter().all(|c| top.iter().any(|t| t[0] == c[0] && t[2] == c[2])), "side {i}");
+        }
+    }
+}
+
+/// The file of the same box that others measured with, number for number.
+#[test]
+fn cornell_equals_the_shared_one() {
+    let shared = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes/cornell/cornell.obj");
+    let Ok(theirs) = std::fs::read_to_string(shared) else {
+        println!("skipped: ../shared/scenes is not there");
+        return;
+    };
+    let numbers = |text: &str| -> Vec<String> {
+        text.lines().filter(|l| ["v ", "f ", "us"].iter().any(|k| l.starts_with(k))).map(str::to_owned).collect()
+    };
+    assert_eq!(numbers(&cornell::obj()), numbers(&theirs));
+}
