@@ -52,7 +52,7 @@ pub const SKY: [f64; 3] = [0.28, 0.42, 0.72];
 /// The interior's file.
 pub fn interior() -> String {
     let mut text = format!(
-        "# A flat of five rooms and a hallway, for `holodeck --config`.\n\
+        "# A house of five rooms and a hallway, for `holodeck --config`.\n\
          scene = \"interior.obj\"\nup = [0, 0, 1]\nunit = 1.0\nsky = {SKY:?}\ntwo_sided_lights = false\n"
     );
     for Section { name, origin, size: [w, d, h] } in SECTIONS {

@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 pub enum Bundled {
     /// The Cornell box: 32 triangles, one lamp, units of 100 mm, +Y up.
     Cornell,
-    /// A flat of five rooms and a hallway with some 200,000 triangles and 80 lamps, metres, +Z up.
+    /// A house of five rooms and a hallway with some 300,000 triangles and 90 lamps, metres, +Z up.
     Interior,
 }
 
