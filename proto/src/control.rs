@@ -74,6 +74,24 @@ pub struct Status {
     pub displays: u32,
 }
 
+impl Status {
+    /// How it goes, in words, such as `1.2 M samples, 350 k/s, 2 workers`.
+    pub fn words(&self) -> String {
+        let workers = if self.workers == 1 { "1 worker".to_owned() } else { format!("{} workers", self.workers) };
+        format!("{} samples, {}/s, {workers}", short(self.samples as f64), short(self.samples_per_second))
+    }
+}
+
+/// A count with three figures and a unit.
+fn short(count: f64) -> String {
+    match count {
+        _ if count >= 1e9 => format!("{:.2} G", count / 1e9),
+        _ if count >= 1e6 => format!("{:.2} M", count / 1e6),
+        _ if count >= 1e3 => format!("{:.1} k", count / 1e3),
+        _ => format!("{count:.0}"),
+    }
+}
+
 /// A control message, either way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Control {

@@ -210,3 +210,43 @@ fn surfaces_behind_the_eye_are_dropped() {
     assert_eq!(draw(2.9), 0);
     assert_eq!(draw(3.1), 1);
 }
+
+/// A disc and a thin bar close to the eye, before a wall eight times as far.
+fn near_disc(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
+    let to_disc = (2.5 - origin.x) / direction.x;
+    let point = origin + direction * to_disc;
+    let met = point.y * point.y + point.z * point.z < 0.16 || (point.y - 0.55).abs() < 0.02;
+    if to_disc > 0.0 && met { ([1.0, 0.8, 0.1], to_disc) } else { disc(origin, direction) }
+}
+
+#[test]
+fn batch_samples_that_looked_behind_a_near_edge_do_not_spoil_it() {
+    for grid in [4, 8, 16] {
+        let section = section([-1.0; 3], [2.0; 3], [grid; 3], ViewClass::Interior, true);
+        let seen = view([0.1, 0.2, -0.1], [6.0, 0.0, 0.0], 40.0, SIZE);
+        let reference = truth(near_disc, &seen, SIZE, 8);
+        let mut last = f64::INFINITY;
+        for density in [0.1, 0.4, 1.6, 6.4] {
+            let count = (f64::from(SIZE.0 * SIZE.1) * density) as usize;
+            let stored = batch_samples(near_disc, &section, &seen, SIZE, count, 3, clean);
+            let frame = quadtree(&section, &seen, SIZE, QuadtreeParams::default(), &stored).draw();
+            let error = relative_error(&frame, &reference);
+            println!(
+                "{grid}³, {density} batch samples a pixel: error {error:.4}, bias {:+.3}",
+                bias(&frame, &reference)
+            );
+            assert!(error < 0.85 * last, "{grid}³, {density} a pixel: {error} after {last}");
+            last = error;
+        }
+        assert!(last < 0.1, "{last}");
+    }
+}
+
+#[test]
+fn one_sample_fills_all_that_is_covered() {
+    let (section, seen) = (room_section(4), room_view((300, 200)));
+    let stored = near_samples(room, &section, &seen, 1, 5, clean);
+    let frame = quadtree(&section, &seen, (300, 200), QuadtreeParams::default(), &stored).draw();
+    assert!(frame.picture.pixels.iter().all(|pixel| *pixel == stored[0].1.rgb()));
+    assert_eq!((frame.samples_used, frame.empty_pixels, frame.uncovered_pixels), (1, 300 * 200 - 1, 0));
+}

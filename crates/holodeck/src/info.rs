@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
+use holo_progress::{HumanBytes, HumanCount};
 use holo_proto::control::RenderSettings;
 use holo_section::ViewClass;
 use holo_server::Holodeck;
-use indicatif::{HumanBytes, HumanCount};
 use serde::Serialize;
 
 use crate::prepare::SMALL_CACHE;

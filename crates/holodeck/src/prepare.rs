@@ -25,10 +25,8 @@ const SHRINK: f64 = 0.05;
 /// If there is no scene or it cannot be loaded.
 pub fn load(config: &Config) -> Result<Scene> {
     let path = scene_path(config)?;
-    let options = LoadOptions {
-        sky: config.sky.unwrap_or([0.0; 3]),
-        two_sided_lights: config.two_sided_lights.unwrap_or(false),
-    };
+    let options =
+        LoadOptions { sky: config.sky.unwrap_or([0.0; 3]), two_sided_lights: config.two_sided_lights.unwrap_or(false) };
     let loaded = holo_scene::load_obj(path, &options)?;
     for warning in &loaded.warnings {
         eprintln!("{warning}");
@@ -72,9 +70,11 @@ fn sections(config: &Config, scene: &Scene) -> Result<Vec<SectionSpec>> {
         true => vec![default_section(scene)?],
         false => config.section.clone(),
     };
-    given.iter().enumerate().map(|(index, section)| {
-        spec(config, scene, section, index).with_context(|| format!("section {index}"))
-    }).collect()
+    given
+        .iter()
+        .enumerate()
+        .map(|(index, section)| spec(config, scene, section, index).with_context(|| format!("section {index}")))
+        .collect()
 }
 
 fn spec(config: &Config, scene: &Scene, section: &config::Section, index: usize) -> Result<SectionSpec> {

@@ -1,7 +1,6 @@
 //! `holodeck render`: a picture straight from the tracer, the truth that holodecks are judged against.
 
 use std::{
-    io::IsTerminal,
     path::PathBuf,
     sync::{
         Arc, Mutex, PoisonError,
@@ -13,9 +12,9 @@ use std::{
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
 use holo_picture::{Picture, View, ViewSpec};
+use holo_progress::Meter;
 use holo_tracer::{Settings, Tracer};
 use holo_view::ViewArgs;
-use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
     prepare,
@@ -81,7 +80,8 @@ pub async fn run(args: Args) -> Result<()> {
     let threads = args.threads.or(config.threads).map_or_else(cores, usize::from).max(1);
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
-    let job = Job { tracer, view, size, seed: settings.seed, spp: args.spp, time: args.time, threads, quiet: args.quiet };
+    let job =
+        Job { tracer, view, size, seed: settings.seed, spp: args.spp, time: args.time, threads, quiet: args.quiet };
     let rendered = tokio::task::spawn_blocking(move || job.run(&shutdown)).await?;
     rendered.write(&args)
 }
@@ -123,7 +123,7 @@ impl Job {
         let pixels = self.size.0 as usize * self.size.1 as usize;
         let sums = Mutex::new(vec![Sums::default(); pixels]);
         let start = Instant::now();
-        let bar = self.bar();
+        let mut meter = Meter::new(self.quiet);
         let mut spp = 0;
         while self.spp.is_none_or(|wanted| spp < wanted) && !shutdown.is_triggered() {
             // With a time to keep, the pass that would overrun it is left out.
@@ -142,11 +142,9 @@ impl Job {
             };
             let seconds = start.elapsed().as_secs_f64();
             let rate = pixels as f64 * f64::from(spp) / seconds / 1e6;
-            bar.set_position((share.min(1.0) * 1000.0) as u64);
-            let left = seconds * (1.0 - share).max(0.0) / share.max(1e-9);
-            bar.set_message(format!("{spp} paths per pixel, {rate:.2} M/s, {left:.0} s left"));
+            meter.show(share, &format!("{spp} paths per pixel, {rate:.2} M/s"));
         }
-        bar.finish_and_clear();
+        meter.finish();
         Rendered {
             view: self.view,
             size: self.size,
@@ -155,15 +153,6 @@ impl Job {
             seconds: start.elapsed().as_secs_f64(),
             nonfinite: self.tracer.nonfinite_paths(),
         }
-    }
-
-    fn bar(&self) -> ProgressBar {
-        if self.quiet || !std::io::stderr().is_terminal() {
-            return ProgressBar::hidden();
-        }
-        // Only a fixed template is parsed, so the fallback is never seen.
-        let style = ProgressStyle::with_template("[{elapsed_precise}] {bar:30} {msg}");
-        ProgressBar::new(1000).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
     }
 
     fn pass(&self, sums: &Mutex<Vec<Sums>>, first: u32, count: u32) {

@@ -129,7 +129,12 @@ fn parse_section(text: &str) -> Result<config::Section, String> {
     let (origin, axes, grid) = match parts[..] {
         [origin, a, b, c] => (origin, [a, b, c], None),
         [origin, a, b, c, grid] => (origin, [a, b, c], Some(grid)),
-        _ => return Err(format!("`{text}` has {} groups; a section is an origin, three axes and perhaps a grid", parts.len())),
+        _ => {
+            return Err(format!(
+                "`{text}` has {} groups; a section is an origin, three axes and perhaps a grid",
+                parts.len()
+            ));
+        }
     };
     let grid = grid.map(|grid| {
         let whole = grid.iter().all(|n| n.fract() == 0.0 && (1.0..=1e6).contains(n));
@@ -146,7 +151,10 @@ pub fn scene_path(config: &Config) -> Result<&PathBuf> {
 
 /// A number of metres per unit and an up axis that can be used.
 pub fn check_units(config: &Config) -> Result<()> {
-    ensure!(config.unit.is_none_or(|unit| unit.is_finite() && unit > 0.0), "`unit` must be a positive number of metres");
+    ensure!(
+        config.unit.is_none_or(|unit| unit.is_finite() && unit > 0.0),
+        "`unit` must be a positive number of metres"
+    );
     let usable = |up: [f64; 3]| up.iter().all(|x| x.is_finite()) && up.iter().any(|&x| x != 0.0);
     ensure!(config.up.is_none_or(usable), "`up` must be a direction");
     Ok(())
@@ -163,7 +171,8 @@ mod tests {
         assert_eq!(section.axes, [[4.3, 0.0, 0.0], [0.0, 4.2, 0.0], [0.0, 0.0, 5.0]]);
         assert_eq!(section.grid, Some([8, 9, 10]));
         assert_eq!(parse_section("0,0,0 1,0,0 0,1,0 0,0,1").unwrap().grid, None);
-        for bad in ["", "1,2,3", "0,0,0 1,0,0 0,1,0 0,0,x", "0,0,0 1,0,0 0,1,0 0,0,1 8,8,0.5", "0,0,0 1,0 0,1,0 0,0,1"] {
+        for bad in ["", "1,2,3", "0,0,0 1,0,0 0,1,0 0,0,x", "0,0,0 1,0,0 0,1,0 0,0,1 8,8,0.5", "0,0,0 1,0 0,1,0 0,0,1"]
+        {
             assert!(parse_section(bad).is_err(), "{bad}");
         }
     }

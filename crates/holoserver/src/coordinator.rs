@@ -209,7 +209,7 @@ impl Coordinator {
                 let _ = display.outbox.control(&Control::Status(status));
             }
             let error = self.holodeck.file.stats().last_error;
-            self.progress.show(status.workers, self.started.elapsed(), &self.goal, error.as_deref());
+            self.progress.show(&status, self.started.elapsed(), &self.goal, error.as_deref());
         }
     }
 

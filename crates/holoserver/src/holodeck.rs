@@ -46,10 +46,7 @@ impl About {
             format: FORMAT,
             sections,
             settings,
-            scene: SceneInfo {
-                hash: holo_scene::Scene::content_hash(packed_scene),
-                bytes: packed_scene.len() as u64,
-            },
+            scene: SceneInfo { hash: holo_scene::Scene::content_hash(packed_scene), bytes: packed_scene.len() as u64 },
             source,
             up: [0.0, 0.0, 1.0],
             unit: 1.0,

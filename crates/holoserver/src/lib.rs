@@ -20,8 +20,8 @@ use std::{net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
 use anyhow::{Context, Result};
 use clap::Args;
 pub use coordinator::Goal;
-pub use holodeck::{About, Holodeck};
 use holo_net::Shutdown;
+pub use holodeck::{About, Holodeck};
 use serde::Serialize;
 use tokio::net::TcpListener;
 
@@ -148,8 +148,7 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(SocketAd
 
     let (events, receiver) = std::sync::mpsc::channel();
     let goal = Goal { time: config.time, samples: config.samples };
-    let report = config.fill || config.time.is_some() || config.samples.is_some();
-    let progress = Progress::new(holodeck.file.stats().samples, report, config.quiet);
+    let progress = Progress::new(holodeck.file.stats().samples, config.quiet);
     let coordinator = Coordinator::new(Arc::clone(&holodeck), events.clone(), config.fill, goal, progress);
     let listening = tokio::spawn(listen::listen(listener, Arc::clone(&holodeck), events.clone()));
     let watching = tokio::spawn(async move {

@@ -108,8 +108,7 @@ mod tests {
         let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
         let mut rays = stored;
         assert!((1..=2).contains(&wishes.next().unwrap().0.beam.0), "an empty beam comes before one with rays");
-        let mut wishes =
-            Wishes::new(1, wishes.viewpoint, (0..4).map(|i| (key(i as u64), weights[i], stored[i])));
+        let mut wishes = Wishes::new(1, wishes.viewpoint, (0..4).map(|i| (key(i as u64), weights[i], stored[i])));
         for _ in 0..3000 {
             let (key, count) = wishes.next().unwrap();
             rays[key.beam.0 as usize] += u64::from(count);

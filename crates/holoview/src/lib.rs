@@ -68,8 +68,7 @@ impl ViewArgs {
             let view = holo_picture::View::parse_vf(&text).with_context(|| path.display().to_string())?;
             spec = spec.overridden_by(&view);
         }
-        for (name, value) in
-            [("vp", &self.vp), ("vd", &self.vd), ("vu", &self.vu), ("vh", &self.vh), ("vv", &self.vv)]
+        for (name, value) in [("vp", &self.vp), ("vd", &self.vd), ("vu", &self.vu), ("vh", &self.vh), ("vv", &self.vv)]
         {
             if let Some(value) = value {
                 spec.apply_option(name, value)?;

@@ -12,7 +12,7 @@ use holo_picture::ViewSpec;
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
     /// Look from elsewhere; what is not said stays.
-    View(ViewSpec),
+    View(Box<ViewSpec>),
     /// Write the picture as it is.
     Picture(PathBuf),
     /// End.
@@ -77,8 +77,21 @@ impl Script {
         Script::Typed(receiver)
     }
 
+    /// How long all of it takes, seconds, as far as it is known.
+    pub fn duration(&self) -> f64 {
+        let Script::Steps(steps) = self else { return 0.0 };
+        let (mut before, mut since_view) = (0.0, 0.0f64);
+        for step in steps.as_slice() {
+            since_view = since_view.max(step.seconds.unwrap_or(0.0));
+            if matches!(step.command, Command::View(_)) {
+                before += std::mem::take(&mut since_view);
+            }
+        }
+        before + since_view
+    }
+
     /// The next step, if it is known by now.
-    pub fn next(&mut self) -> Result<Next> {
+    pub fn next_step(&mut self) -> Result<Next> {
         match self {
             Script::Steps(steps) => Ok(steps.next().map_or(Next::End, Next::Step)),
             Script::Typed(steps) => match steps.try_recv() {
@@ -128,7 +141,7 @@ fn parse_line(line: &str) -> Result<Option<Step>> {
         "view" => {
             let mut spec = ViewSpec::default();
             spec.apply_line(rest)?;
-            Command::View(spec)
+            Command::View(Box::new(spec))
         }
         "picture" if !rest.is_empty() => Command::Picture(rest.into()),
         "picture" => bail!("`picture` takes the name of a file, such as `picture a.pfm`"),
@@ -166,9 +179,12 @@ mod tests {
         let steps = parse(text, "walk.txt").unwrap();
         assert_eq!(steps.len(), 4);
         let view = View::parse_vf("rview -vp 12.5 .5 5 -vd .7 .7 0 -vu 0 0 1 -vh 60").unwrap();
-        assert_eq!(steps[0], Step { seconds: Some(0.0), command: Command::View(view) });
+        assert_eq!(steps[0], Step { seconds: Some(0.0), command: Command::View(Box::new(view)) });
         assert_eq!(steps[1], Step { seconds: Some(0.1), command: Command::Picture("a b.pfm".into()) });
         assert_eq!(steps[3], Step { seconds: Some(10.0), command: Command::Quit });
+        assert_eq!(Script::Steps(steps.into_iter()).duration(), 10.0);
+        let twice = parse("1 picture a.pfm\n2 view -vh 50\n3 picture b.pfm\n4 quit", "walk.txt").unwrap();
+        assert_eq!(Script::Steps(twice.into_iter()).duration(), 6.0);
         assert_eq!(parse_line("quit").unwrap(), Some(Step { seconds: None, command: Command::Quit }));
     }
 

@@ -12,6 +12,7 @@ use glam::DVec3;
 use holo_display::{Quadtree, QuadtreeParams, SelectOptions, Selection, select_beams, viewpoint_radius};
 use holo_net::{Inbox, Message, NetError, Outbox, Shutdown};
 use holo_picture::{View, ViewSpec};
+use holo_progress::Meter;
 use holo_proto::{
     bulk::{Samples, Source, ViewRequest, Wanted},
     control::{Control, Welcome},
@@ -58,7 +59,19 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
     });
     // Drawing takes the processor for a while; sockets must not wait for it.
     let session = tokio::task::spawn_blocking(move || {
-        let mut session = Session { config, welcome, sections, outbox, messages, shown: None, view_number: 0 };
+        let meter = Meter::new(config.quiet || config.json);
+        let mut session = Session {
+            config,
+            welcome,
+            sections,
+            outbox,
+            messages,
+            shown: None,
+            view_number: 0,
+            meter,
+            start: Instant::now(),
+            duration: script.duration(),
+        };
         session.follow(script)
     });
     let result = session.await?;
@@ -114,6 +127,9 @@ struct Session {
     messages: mpsc::Receiver<Incoming>,
     shown: Option<Shown>,
     view_number: u32,
+    meter: Meter,
+    start: Instant,
+    duration: f64,
 }
 
 /// What made a wait end.
@@ -126,7 +142,6 @@ enum Waited {
 
 impl Session {
     fn follow(&mut self, mut script: Script) -> Result<()> {
-        let start = Instant::now();
         let named = self.welcome.views.clone();
         let mut base = ViewSpec { vu: Some(DVec3::from_array(self.welcome.up)), ..ViewSpec::default() };
         if let Some((_, first)) = named.first() {
@@ -137,7 +152,7 @@ impl Session {
         let said = self.config.view.spec(&named)?;
         let mut spec = base.overridden_by(&said);
         // A script's first view stands for the options' one: nothing is asked for that nobody looks at.
-        let mut pending = script.next()?;
+        let mut pending = script.next_step()?;
         if !matches!(&pending, Next::Step(Step { command: Command::View(_), seconds }) if seconds.unwrap_or(0.0) == 0.0)
         {
             self.show(spec)?;
@@ -150,11 +165,11 @@ impl Session {
                     if self.wait(Instant::now() + TYPED_TICK, false)? == Waited::Stop {
                         return Ok(());
                     }
-                    pending = script.next()?;
+                    pending = script.next_step()?;
                     continue;
                 }
             };
-            let since = self.shown.as_ref().map_or(start, |shown| shown.since);
+            let since = self.shown.as_ref().map_or(self.start, |shown| shown.since);
             if let Some(seconds) = step.seconds
                 && self.wait(since + Duration::from_secs_f64(seconds), false)? == Waited::Stop
             {
@@ -168,7 +183,7 @@ impl Session {
                 Command::Picture(path) => self.picture(path)?,
                 Command::Quit => break,
             }
-            pending = script.next()?;
+            pending = script.next_step()?;
         }
         self.end()
     }
@@ -228,6 +243,10 @@ impl Session {
                 }
                 Ok(Incoming::Message(Message::Control(Control::Bye { reason }))) => {
                     bail!("the server ended the session: {reason}")
+                }
+                Ok(Incoming::Message(Message::Control(Control::Status(status)))) if self.duration > 0.0 => {
+                    let share = self.start.elapsed().as_secs_f64() / self.duration;
+                    self.meter.show(share, &status.words());
                 }
                 Ok(Incoming::Message(Message::Control(_))) => {}
                 Ok(Incoming::Message(_)) => bail!("the server sent a message that is not for a display"),
@@ -289,8 +308,8 @@ impl Session {
         };
         if self.config.json {
             println!("{}", serde_json::to_string(&report)?);
-        } else if !self.config.quiet {
-            println!("{report}");
+        } else {
+            self.meter.say(&report.to_string());
         }
         Ok(())
     }
@@ -304,9 +323,7 @@ impl Session {
         if self.wait(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
             bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
         }
-        match self.config.output.clone() {
-            Some(path) => self.picture(path),
-            None => Ok(()),
-        }
+        self.meter.finish();
+        self.config.output.clone().map_or(Ok(()), |path| self.picture(path))
     }
 }

@@ -135,7 +135,7 @@ fn inside_exactly(e: &Edges, i: usize) -> bool {
 /// Where on a triangle that it meets the ray does so, in f64.
 ///
 /// In f32 a sliver seen at a grazing angle puts the hit off by whole units along the ray: of 300,000 rays that left a
-/// wall of slivers at 0.06 to 60 degrees, 124 met the neighbour of the triangle that they started on. The plane may be met
+/// wall of slivers at 0.06 to 45 degrees, 124 met the neighbour of the triangle that they started on. The plane may be met
 /// outside the triangle by the rounding of the inside test: weights and distance are clamped to those of the triangle.
 #[inline(always)]
 #[allow(clippy::manual_clamp, reason = "clamp keeps a NaN")]

@@ -174,6 +174,8 @@ fn shadows_reach_from_surface_to_surface_without_either_in_the_way() {
     let wall = |z: f32| [Vec3::new(-1.0, -1.0, z), Vec3::new(1.0, -1.0, z), Vec3::new(-1.0, 1.0, z)];
     mesh.push(wall(0.0));
     mesh.push(wall(1.0));
+    // Just beyond the far wall: in the way of a segment that goes on past its end.
+    mesh.push(wall(1.0 + 1e-5));
     let open = mesh.raycaster();
     mesh.push(wall(0.5).map(|p| p * Vec3::new(2.0, 2.0, 1.0)));
     let closed = mesh.raycaster();

@@ -50,6 +50,28 @@ fn no_ray_leaves_a_box_of_slivers() {
 }
 
 #[test]
+fn rays_nearly_along_an_axis_do_not_leak_between_the_boxes_of_a_grid() {
+    // Such a ray is nearly parallel to the faces where boxes meet: their slabs have no slack of their own, and only the
+    // padding stands for the rounding of the triangle test.
+    let mesh = Mesh::sliver_box(Vec3::new(1.1, 0.9, 1.3), 50, 50);
+    let raycaster = mesh.raycaster();
+    let mut random = Random(7);
+    let mut leaks = 0;
+    for _ in 0..400_000 {
+        let t = mesh.triangles[random.below(mesh.triangles.len())];
+        let target = mesh.vertex(t[0]).lerp(mesh.vertex(t[1 + random.below(2)]), random.unit());
+        let axis = random.below(3);
+        let mut towards = random.cube() * 10.0_f32.powf(-1.0 - 6.0 * random.unit());
+        towards[axis] = target[axis].signum();
+        let origin = target - towards * random.unit();
+        if (origin.abs().cmplt(Vec3::new(1.0999, 0.8999, 1.2999))).all() {
+            leaks += usize::from(raycaster.nearest(&Ray::new(origin, towards.normalize())).is_none());
+        }
+    }
+    assert_eq!(leaks, 0);
+}
+
+#[test]
 fn axis_parallel_rays_along_grid_lines_do_not_leak() {
     // Origins on the planes of the grid, directions along axes with zeros of both signs: every ray runs along edges or
     // through vertices of both end faces.

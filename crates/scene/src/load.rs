@@ -1,10 +1,12 @@
 //! From an OBJ file and its MTL files to a scene.
 //!
+//! `tobj` parses them, out of text that was checked and made plain line by line.
 //! What is wrong in a way that nobody can guess around is an error with its line; what is left out or replaced is a
 //! warning. A missing MTL file or material gives grey diffuse 0.5.
 
 use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES, MAX_OBJ_BYTES, MAX_WARNINGS};
-use crate::mtl::{MtlMaterial, parse_mtl};
+use crate::mtl::MtlMaterial;
+use crate::mtl_text::parse_mtl;
 use crate::obj::{ObjFile, parse_obj};
 use crate::text::{excerpt, name_without_comment, read_text};
 use crate::{Material, Rgb, Scene, SceneError, Warning};

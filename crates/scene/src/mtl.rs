@@ -1,4 +1,4 @@
-//! MTL text into materials.
+//! What MTL files say, made into materials.
 //!
 //! | `illum` | surface |
 //! | --- | --- |
@@ -13,179 +13,47 @@
 //!   opaque, since no surface here is half of each. Both with a warning. With other `illum`, except 4 and 7, `d` is ignored with a warning.
 //! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a warning.
 //! - **`Kd` absent** is 0.5, with a warning where it matters, but 0 for a lamp (`Ke` above zero).
-//! - **Implausible values** are clamped with a warning. What is not a finite number is an error.
+//! - **Implausible values** are clamped with a warning. What is not a finite number is an error; so is a
+//!   wrong count of them.
 //! - **`Ke`** is radiance, on the counter-clockwise side. `Ka` and `sharpness` mean nothing here. Textures and unknown
 //!   statements are ignored with a warning. Keywords may be in any case.
 
-use crate::limits::{MAX_IOR, MAX_MATERIALS, MAX_NAME_BYTES, MAX_RADIANCE, MIN_IOR};
+use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
 use crate::load::Warnings;
-use crate::text::{excerpt, keyword, logical_lines, number, without_comment};
-use crate::{Bsdf, Material, Rgb, SceneError};
-use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use crate::text::excerpt;
+use crate::{Bsdf, Material, Rgb};
+use std::path::PathBuf;
 
 /// A value, and the line that says it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Said<T> {
-    value: T,
-    line: usize,
+pub(crate) struct Said<T> {
+    pub value: T,
+    pub line: usize,
 }
 
 /// What an MTL file says of one material, before it is made sense of.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct MtlMaterial {
     pub name: String,
     pub path: PathBuf,
     pub line: usize,
-    kd: Option<Said<[f64; 3]>>,
-    ks: Option<Said<[f64; 3]>>,
-    ke: Option<Said<[f64; 3]>>,
-    tf: Option<Said<[f64; 3]>>,
-    ns: Option<Said<f64>>,
-    ni: Option<Said<f64>>,
-    d: Option<Said<f64>>,
-    tr: Option<Said<f64>>,
-    illum: Option<Said<i64>>,
+    pub kd: Option<Said<[f64; 3]>>,
+    pub ks: Option<Said<[f64; 3]>>,
+    pub ke: Option<Said<[f64; 3]>>,
+    pub tf: Option<Said<[f64; 3]>>,
+    pub ns: Option<Said<f64>>,
+    pub ni: Option<Said<f64>>,
+    pub d: Option<Said<f64>>,
+    pub tr: Option<Said<f64>>,
+    pub illum: Option<Said<u8>>,
 }
 
 /// From this `Ns` on a highlight is a mirror image.
 const MIRROR_NS: f64 = 999.0;
-/// Different unknown statements that are worth naming in one file.
-const MAX_UNKNOWN: usize = 32;
 const DEFAULT_IOR: f64 = 1.5;
 const GREY: f64 = 0.5;
 
-/// Reads MTL text; `path` is for messages.
-pub(crate) fn parse_mtl(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<MtlMaterial>, SceneError> {
-    let mut materials: Vec<MtlMaterial> = Vec::new();
-    let mut unknown = HashSet::new();
-    for (line, content) in logical_lines(text) {
-        let (keyword, rest) = keyword(&content);
-        let statement = Statement { path, line, keyword, values: without_comment(rest) };
-        let lower = keyword.to_ascii_lowercase();
-        if lower == "newmtl" {
-            if materials.len() == MAX_MATERIALS {
-                return Err(statement.limit("materials", MAX_MATERIALS));
-            }
-            if rest.len() > MAX_NAME_BYTES {
-                return Err(statement.limit("bytes in a name", MAX_NAME_BYTES));
-            }
-            let (name, path) = (rest.to_owned(), path.to_owned());
-            materials.push(MtlMaterial { name, path, line, ..MtlMaterial::default() });
-            continue;
-        }
-        let known = ["kd", "ks", "ke", "tf", "ns", "ni", "d", "tr", "illum"].contains(&lower.as_str());
-        match (materials.last_mut(), known) {
-            (Some(material), true) => material.set(&lower, &statement, warnings)?,
-            (None, true) => {
-                let keyword = keyword.to_owned();
-                return Err(SceneError::BeforeNewmtl { path: path.to_owned(), line, keyword });
-            }
-            (_, false) if ["ka", "sharpness"].contains(&lower.as_str()) => {}
-            (_, false) if is_texture(&lower) => {
-                let text = format!("`{}` is ignored: there are no textures", excerpt(&content));
-                warnings.push(path, Some(line), text);
-            }
-            (_, false) => {
-                if unknown.len() < MAX_UNKNOWN && unknown.insert(lower) {
-                    let text = format!("`{}` is not known and ignored (said once)", excerpt(keyword));
-                    warnings.push(path, Some(line), text);
-                }
-            }
-        }
-    }
-    Ok(materials)
-}
-
-fn is_texture(keyword: &str) -> bool {
-    keyword.starts_with("map_") || ["bump", "disp", "decal", "refl", "norm"].contains(&keyword)
-}
-
-/// One line that sets a property.
-struct Statement<'a> {
-    path: &'a Path,
-    line: usize,
-    keyword: &'a str,
-    values: &'a str,
-}
-
-impl Statement<'_> {
-    fn count(&self, expected: &'static str, found: usize) -> SceneError {
-        let (path, keyword) = (self.path.to_owned(), self.keyword.to_owned());
-        SceneError::Count { path, line: self.line, keyword, expected, found }
-    }
-
-    fn bad_value(&self, expected: &'static str, found: &str) -> SceneError {
-        let (path, keyword) = (self.path.to_owned(), self.keyword.to_owned());
-        SceneError::Value { path, line: self.line, keyword, expected, found: excerpt(found) }
-    }
-
-    fn limit(&self, what: &'static str, limit: usize) -> SceneError {
-        SceneError::FileLimit { path: self.path.to_owned(), line: self.line, what, limit }
-    }
-
-    fn number(&self) -> Result<Said<f64>, SceneError> {
-        let mut tokens = self.values.split_ascii_whitespace();
-        let (first, more) = (tokens.next(), tokens.count());
-        let Some(token) = first.filter(|_| more == 0) else {
-            let found = if first.is_some() { 1 + more } else { 0 };
-            return Err(self.count("one number", found));
-        };
-        let value = number(token).ok_or_else(|| self.bad_value("a finite number", token))?;
-        Ok(Said { value, line: self.line })
-    }
-
-    /// Three numbers, or one that stands for three; `None` for kinds of colour that are not known, which is warned of.
-    fn colour(&self, warnings: &mut Warnings) -> Result<Option<Said<[f64; 3]>>, SceneError> {
-        let mut values = [0.0; 3];
-        let mut found = 0;
-        for token in self.values.split_ascii_whitespace() {
-            if found == 0 && (token == "spectral" || token == "xyz") {
-                let text = format!("`{} {token}` is ignored: only RGB colours are known", self.keyword);
-                warnings.push(self.path, Some(self.line), text);
-                return Ok(None);
-            }
-            let value = number(token).ok_or_else(|| self.bad_value("finite numbers", token))?;
-            if found < 3 {
-                values[found] = value;
-            }
-            found += 1;
-        }
-        let value = match found {
-            1 => [values[0]; 3],
-            3 => values,
-            _ => return Err(self.count("three numbers", found)),
-        };
-        Ok(Some(Said { value, line: self.line }))
-    }
-}
-
 impl MtlMaterial {
-    fn set(&mut self, lower: &str, statement: &Statement, warnings: &mut Warnings) -> Result<(), SceneError> {
-        match lower {
-            "kd" => self.kd = statement.colour(warnings)?,
-            "ks" => self.ks = statement.colour(warnings)?,
-            "ke" => self.ke = statement.colour(warnings)?,
-            "tf" => self.tf = statement.colour(warnings)?,
-            "ns" => self.ns = Some(statement.number()?),
-            "ni" => self.ni = Some(statement.number()?),
-            "tr" => self.tr = Some(statement.number()?),
-            "d" => {
-                // `-halo` lets the edge differ from the middle: there is no such surface here.
-                let values = statement.values.strip_prefix("-halo").map_or(statement.values, str::trim_ascii_start);
-                self.d = Some(Statement { values, ..*statement }.number()?);
-            }
-            _ => {
-                let Said { value, line } = statement.number()?;
-                if value.fract() != 0.0 || value.abs() > 1e6 {
-                    return Err(statement.bad_value("an integer", statement.values));
-                }
-                self.illum = Some(Said { value: value as i64, line });
-            }
-        }
-        Ok(())
-    }
-
     /// The material as a scene has it (the table of this module).
     pub(crate) fn resolve(&self, two_sided_lights: bool, warnings: &mut Warnings) -> Material {
         let mut say = |line: usize, text: String| warnings.push(&self.path, Some(line), text);

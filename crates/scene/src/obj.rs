@@ -5,16 +5,16 @@
 //! only fans, which are wrong for concave ones.
 
 use crate::SceneError;
-use crate::clean::{CROSSED, CleanObj, MaterialUse};
 use crate::faces::Faces;
 use crate::load::Warnings;
+use crate::obj_text::{CROSSED, CleanObj, MaterialUse};
 use crate::polygon::triangulate;
 use glam::DVec3;
 use std::path::Path;
 
 /// What an OBJ file says.
 pub(crate) struct ObjFile {
-    /// Those that faces use; each once, or once for each [`crate::clean::FACES_AT_ONCE`] faces.
+    /// Those that faces use; each once, or once for each [`crate::obj_text::FACES_AT_ONCE`] faces.
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
     /// For each triangle, the line of its face, and an index into `uses`.

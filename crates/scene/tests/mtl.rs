@@ -37,6 +37,8 @@ fn illumination_models_are_the_surfaces_of_the_table() {
         ("Kd .1 .2 .3\nKs .4 .5 .6\nillum 1\nNs 5", Bsdf::Diffuse { kd: KD }),
         ("Kd .1 .2 .3\nKs 0 0 0\nillum 2", Bsdf::Diffuse { kd: KD }),
         ("Kd 0.8", Bsdf::Diffuse { kd: [0.8; 3] }),
+        ("Kd\t1e-1  +.2 \\\n 0.30 # warm", Bsdf::Diffuse { kd: KD }),
+        ("Kd 1 1 1\nKd .1 .2 .3\nillum 1.0", Bsdf::Diffuse { kd: KD }),
         ("Ks .4 .5 .6\nillum 3\nNs 4998", Bsdf::Mirror { ks: KS }),
         ("Ks .4 .5 .6\nillum 3\nNs 999", Bsdf::Mirror { ks: KS }),
         ("Ks .4 .5 .6\nillum 3", Bsdf::Mirror { ks: KS }),
@@ -177,6 +179,8 @@ fn what_cannot_be_shown_is_warned_of_with_its_line() {
         ("Kd 1 1 1\nbump b.png", "s.mtl:3: `bump b.png` is ignored: there are no textures"),
         ("Kd 1 1 1\nPr 0.5\nPr 0.6", "s.mtl:3: `Pr` is not known and ignored (said once)"),
         ("Kd 1 1 1\nKd spectral f.rfl 1", "s.mtl:3: `Kd spectral` is ignored: only RGB colours are known"),
+        ("Kd .5\nillum 300", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
+        ("Kd .5\nillum -4", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
         ("Kd .5\nillum 5", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
         ("Kd .5\nillum 3", "s.mtl:3: material `m`: `illum 3` without `Ks` is taken as diffuse"),
         ("Kd .5\nKs 1", "s.mtl:1: material `m`: `Ks` is ignored without `illum`"),
@@ -198,6 +202,8 @@ fn malformed_values_are_errors_with_their_line() {
         ("Ns", "s.mtl:2: `Ns` takes one number, found 0"),
         ("Ni 1 2", "s.mtl:2: `Ni` takes one number, found 2"),
         ("d x", "s.mtl:2: `d` takes a finite number, found `x`"),
+        ("Tf 1 1 nan", "s.mtl:2: `Tf` takes finite numbers, found `nan`"),
+        ("Tr inf", "s.mtl:2: `Tr` takes a finite number, found `inf`"),
         ("illum 1.5", "s.mtl:2: `illum` takes an integer, found `1.5`"),
     ];
     for (statements, expected) in cases {

@@ -71,6 +71,39 @@ fn a_concave_polygon_is_covered_once() {
 }
 
 #[test]
+fn what_is_wrong_with_a_polygon_is_said_with_its_line() {
+    let bow = "v 0 0 0\nv 3 3 0\nv 3 0 0\nv 0 2 0\nv 1 -4 0\nv -2 1 0\nv 4 1 0\n";
+    let obj = format!("{bow}f 1 2 3\nf 1 3 2 7\n\nf 1 2 \\\n 3 4 5 6 7\nf 1 2 3\nf 4 4 5\n");
+    let warnings = messages(&load(obj).unwrap());
+    assert_eq!(warnings[0], "s.obj:11: a polygon crosses itself or is very long: its triangles may overlap");
+    assert_eq!(warnings[2], "s.obj:14: triangles without area are left out (1 in the file)");
+}
+
+#[test]
+fn more_faces_than_are_parsed_at_once_keep_their_corners_and_materials() {
+    // Faces are parsed 2²⁰ at a time; vertices are shared among as many.
+    const AT_ONCE: usize = 1 << 20;
+    let faces = |n: usize, face: &str| face.repeat(n);
+    let obj = format!(
+        "{SQUARE}usemtl a\n{}f 1 2 3 4\n{}usemtl b\n{}",
+        faces(AT_ONCE - 2, "f 1 2 3\n"),
+        faces(10, "f -1 -2 -3\n"),
+        faces(10, "f 1 2 4\n")
+    );
+    let scene = load(obj).unwrap().scene;
+    let corners = world(&scene);
+    let [p, q, r, s] = [[0.0, 0.0], [2.0, 0.0], [2.0, 4.0], [0.0, 4.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+    let expected = [(AT_ONCE - 1, [p, q, r], 0), (1, [p, r, s], 0), (10, [s, r, q], 0), (10, [p, q, s], 1)];
+    let mut at = 0;
+    for (n, triangle, material) in expected {
+        assert!(corners[at..at + n].iter().all(|&found| found == triangle), "{triangle:?}");
+        assert!(scene.material_ids[at..at + n].iter().all(|&found| found == material), "{triangle:?}");
+        at += n;
+    }
+    assert_eq!((corners.len(), scene.positions.len()), (at, 8));
+}
+
+#[test]
 fn errors_name_the_line_and_what_was_found() {
     let cases = [
         ("v 1 2\n", "s.obj:1: `v` takes three numbers, found 2"),
@@ -80,6 +113,10 @@ fn errors_name_the_line_and_what_was_found() {
         ("v 1 -inf 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `-inf`"),
         ("v 1 1e999 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1e999`"),
         ("v 1 1e13 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1e13`"),
+        ("v 1 2 1000000000001\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1000000000001`"),
+        ("v 1 . 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `.`"),
+        ("v 1 --1 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `--1`"),
+        ("v 1 2 3 nan\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `nan`"),
         ("v 1,5 2 3\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1,5`"),
         ("v 0 0 0\nv 1 0 0\n#\nf 1 2\n", "s.obj:4: `f` takes at least three corners, found 2"),
         ("f\n", "s.obj:1: `f` takes at least three corners, found 0"),
@@ -228,49 +265,49 @@ fn a_name_that_is_too_long_is_refused() {
     assert_eq!(error(load_with(obj, &mtl, &LoadOptions::default())), "s.mtl:1: more than 1024 bytes in a name");
 }
 
-/// Triangles as `tobj` reads them.
-fn by_tobj(text: &str) -> Vec<[DVec3; 3]> {
-    let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
-    let none = |_: &std::path::Path| Ok((Vec::new(), Default::default()));
-    let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, none).unwrap();
-    let corner = |mesh: &tobj::Mesh, k: u32| DVec3::from_slice(&mesh.positions[3 * k as usize..][..3]);
-    let triangles = |mesh: &tobj::Mesh| -> Vec<[DVec3; 3]> {
-        mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(|k| corner(mesh, k))).collect()
-    };
-    models.iter().flat_map(|model| triangles(&model.mesh)).collect()
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
+    /// Files in all the ways of the format, of which the generator knows what they say.
     #[test]
-    fn the_triangles_are_those_of_another_parser(
+    fn the_triangles_and_materials_are_those_that_were_written(
         points in prop::collection::vec(prop::array::uniform3(-100.0..100.0f64), 5..20),
-        faces in prop::collection::vec((prop::collection::vec(0usize..20, 3), any::<bool>(), any::<bool>()), 1..30),
+        faces in prop::collection::vec((prop::collection::vec(0usize..20, 3), any::<[bool; 3]>(), 0usize..4), 1..30),
     ) {
         let mut obj = String::new();
-        points.iter().for_each(|[x, y, z]| obj += &format!("v {x} {y} {z:e}\n"));
-        let mut any_face = false;
-        for (corners, negative, group) in faces {
+        let (mut triangles, mut names) = (Vec::new(), Vec::new());
+        points.iter().for_each(|[x, y, z]| obj += &format!("v {x} {y}\t{z:e} # {x}\r\n"));
+        let mut count = points.len();
+        for (corners, [negative, group, vertex], material) in faces {
             let corners: Vec<usize> = corners.iter().map(|k| k % points.len()).collect();
             if corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0] {
                 continue;
             }
-            any_face = true;
             if group {
                 obj += "g another\n";
             }
-            let written = |&k: &usize| if negative { k as i64 - points.len() as i64 } else { k as i64 + 1 };
-            obj += &format!("f {} {}//1 {}\n", written(&corners[0]), written(&corners[1]), written(&corners[2]));
+            if vertex {
+                obj += "v 1e3 -.5 7. \\\n  1\nvn 0 0 1\n";
+                count += 1;
+            }
+            let written = |k: usize| if negative { k as i64 - count as i64 } else { k as i64 + 1 };
+            let [a, b, c] = [0, 1, 2].map(|k| written(corners[k]));
+            obj += &format!("usemtl m{material}\nf {a} {b}//1 {c}/2 # f 1\n");
+            triangles.push([0, 1, 2].map(|k| DVec3::from_array(points[corners[k]])));
+            names.push(format!("m{material}"));
         }
-        prop_assume!(any_face);
-        let ours = world(&load(&obj).unwrap().scene);
-        let theirs = by_tobj(&obj.replace("//1", ""));
-        prop_assert_eq!(ours.len(), theirs.len());
-        for (a, b) in ours.iter().flatten().zip(theirs.iter().flatten()) {
+        prop_assume!(!triangles.is_empty());
+        let scene = load(&obj).unwrap().scene;
+        prop_assert_eq!(scene.triangles.len(), triangles.len());
+        for (a, b) in world(&scene).iter().flatten().zip(triangles.iter().flatten()) {
             // Relative coordinates are at most 100: half a unit of f32 there.
             prop_assert!((*a - *b).abs().max_element() <= 100.0 * 2f64.powi(-24) * 1.001, "{} {}", a, b);
         }
+        let read: Vec<_> = scene.material_ids.iter().map(|&id| &scene.materials[id as usize].name).collect();
+        prop_assert_eq!(read, names.iter().collect::<Vec<_>>());
+        // Every point that is used is there once, whatever groups and materials use it.
+        let used: std::collections::HashSet<_> = triangles.iter().flatten().map(|p| p.to_array().map(f64::to_bits)).collect();
+        prop_assert_eq!(scene.positions.len(), used.len());
     }
 
     /// Whatever the text, there is a valid scene or an error.

@@ -17,7 +17,7 @@ mod surface;
 
 use crate::camera::Camera;
 use crate::candidates::is_covered;
-use bins::{BINS_KEPT, Colour, PixelBins, bin_distance};
+use bins::{BINS_AN_OCTAVE, BINS_KEPT, Colour, NEAR_CLASSES, PixelBins, bin_distance};
 use holo_picture::{Picture, View};
 use holo_section::{BeamId, Sample, Section};
 use leaf::{Reader, own_surface};
@@ -29,6 +29,12 @@ use surface::{Level, Surface, pyramid};
 const MAX_PATHS: u16 = 1024;
 /// Share of a leaf's samples that its nearest surface needs to be what an empty pixel of the leaf shows.
 const SEEN_SHARE: f32 = 0.25;
+
+/// Depth bins between a surface and one that hides it: a fifth of the distance.
+const CLEARLY_IN_FRONT: u16 = 8;
+
+/// Samples a pixel from which a surface without one is not there: with 2 expected, one pixel in seven has none.
+const MANY_A_PIXEL: u32 = 2;
 
 /// How large the leaves are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,17 +49,17 @@ pub enum LeafSize {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuadtreeParams {
     /// How near to the eye, in scene units, a ray must pass to count as a sample of the pixel itself, which decides
-    /// silhouettes. None: the pixel's footprint at the sample.
+    /// silhouettes. None: the pixel's footprint at the nearest surface that the pixel knows.
     pub viewpoint_radius: Option<f64>,
     /// How large the leaves are.
     pub leaf: LeafSize,
-    /// Largest leaf: 2^n pixels a side.
+    /// Largest leaf: 2^n pixels a side. The whole picture if it is smaller, as by default: then any sample fills it.
     pub max_level: u8,
 }
 
 impl Default for QuadtreeParams {
     fn default() -> Self {
-        Self { viewpoint_radius: None, leaf: LeafSize::Adaptive, max_level: 8 }
+        Self { viewpoint_radius: None, leaf: LeafSize::Adaptive, max_level: 16 }
     }
 }
 
@@ -152,6 +158,8 @@ impl Quadtree {
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
         let levels = pyramid(&self.bins, width, height, usize::from(self.params.max_level));
         let reader = Reader::new(&levels, &self.params);
+        // A radius that was given is that of the nearest surface already.
+        let ask_nearer = self.params.viewpoint_radius.is_none();
         let mut frame = Frame {
             picture: Picture::new(self.size.0, self.size.1),
             depth: vec![0.0; width * height],
@@ -169,7 +177,11 @@ impl Quadtree {
                 let own = levels[0].leaf(column, row);
                 frame.samples_used += own.iter().map(|surface| u64::from(surface.count)).sum::<u64>();
                 frame.empty_pixels += u64::from(own.is_empty());
-                let shown = if own.is_empty() { fill(&reader, column, row) } else { mix(&reader, column, row, own) };
+                let shown = if own.is_empty() {
+                    fill(&reader, column, row)
+                } else {
+                    mix(&reader, column, row, own, ask_nearer)
+                };
                 if let Some((colour, nearest)) = shown {
                     frame.picture.pixels[pixel] = colour;
                     frame.depth[pixel] = bin_distance(nearest);
@@ -198,25 +210,63 @@ impl Quadtree {
 
 /// Colour and nearest bin of a pixel with samples of its own.
 ///
-/// Samples that pass the eye within the viewpoint radius are samples of this very pixel: their shares are the surfaces'
-/// coverage, which is what makes a silhouette smooth. With none of them the nearest surface is what is seen: whatever lies
-/// behind was seen past its edge.
-fn mix(reader: &Reader, column: usize, row: usize, own: &[Surface]) -> Option<([f32; 3], u16)> {
-    let near: f32 = own.iter().map(|surface| surface.near).sum();
+/// Samples that pass near the eye are samples of this very pixel: their shares are the surfaces' coverage, which is what
+/// makes a silhouette smooth. With none of them the nearest surface is what is seen: whatever lies behind was seen past its
+/// edge.
+fn mix(reader: &Reader, column: usize, row: usize, own: &[Surface], ask_nearer: bool) -> Option<([f32; 3], u16)> {
     let front = own.first()?;
-    if near == 0.0 {
-        return Some((reader.colour(column, row, 0, front.bins), front.bins.0));
+    let near = |surface: &Surface| near_count(surface, front, ask_nearer);
+    let all: f32 = own.iter().map(near).sum();
+    let alone = || Some((reader.colour(column, row, 0, front.bins), front.bins.0));
+    if all == 0.0 {
+        return covering(reader, column, row, front).or_else(alone);
+    }
+    if own.len() == 1 {
+        return alone();
     }
     let mut colour = [0.0; 3];
     let mut nearest = None;
-    for surface in own.iter().filter(|surface| surface.near > 0.0) {
-        let coverage = surface.near / near;
+    for surface in own.iter().filter(|surface| near(surface) > 0.0) {
+        let coverage = near(surface) / all;
         for (sum, part) in colour.iter_mut().zip(reader.colour(column, row, 0, surface.bins)) {
             *sum += coverage * part;
         }
         nearest = nearest.or(Some(surface.bins.0));
     }
     nearest.map(|bin| (colour, bin))
+}
+
+/// Colour and nearest bin of a surface that hides a pixel's front surface, though the pixel has no sample of it.
+///
+/// Where samples are few, those of a far surface show through between those of a near one, having looked past its edge (the
+/// paper's Figure 6). A surface in front that most samples of the 4 × 4 or 2 × 2 pixels around are of is taken to go on
+/// here, unless it has so many samples that it would have had one here. Only for pixels with no sample near the eye: those
+/// see for themselves. On a disc before a wall eight times as far, batch samples of a 4³ grid, this took a tenth (0.4 a
+/// pixel) to four tenths (1 to 3 a pixel) off the error; a third instead of a half made some worse. On a ball before a near
+/// wall, 16³ grid, it costs 0.1 to 0.4 dB.
+fn covering(reader: &Reader, column: usize, row: usize, front: &Surface) -> Option<([f32; 3], u16)> {
+    [2, 1].into_iter().find_map(|level| {
+        let leaf = reader.levels.get(level)?.leaf(column >> level, row >> level);
+        let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
+        let hides = |surface: &&Surface| {
+            surface.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0
+                && surface.count as f32 >= 0.5 * all
+                && surface.count <= MANY_A_PIXEL << (2 * level)
+        };
+        let hiding = leaf.iter().find(hides)?;
+        Some((reader.colour(column, row, level, hiding.bins), hiding.bins.0))
+    })
+}
+
+/// Samples of a surface that pass so near the eye that they see past the front surface what the eye sees.
+///
+/// Within the footprint of a pixel at their own distance is not near enough: with `front` at an eighth of the distance they
+/// would look behind it by seven pixels (batch pictures then got worse with more samples). The radius is halved for each
+/// whole doubling from the front to the surface, which keeps that below a pixel and a half.
+fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
+    let behind = surface.bins.0.saturating_sub(front.bins.0);
+    let halvings = if ask_nearer { usize::from(behind / BINS_AN_OCTAVE) } else { 0 };
+    surface.near.iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum()
 }
 
 /// Colour and nearest bin of a pixel without samples: those of the smallest leaf around it that has any.

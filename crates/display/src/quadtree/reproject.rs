@@ -4,7 +4,7 @@
 //! in double precision, before anything is subtracted, so sections far from the origin lose nothing.
 
 use crate::camera::Camera;
-use crate::quadtree::bins::{FAR, depth_bin};
+use crate::quadtree::bins::{FAR, NEAR_CLASSES, depth_bin};
 use glam::DVec3;
 use holo_section::{CellIndex, CellPair, Sample, Section, distance};
 
@@ -12,6 +12,9 @@ use holo_section::{CellIndex, CellPair, Sample, Section, distance};
 const STEPS: f64 = 256.0;
 /// Weight of a ray that passes within its own footprint of the eye.
 const FULL_WEIGHT: u32 = 64;
+/// What hit nothing counts as so many diagonals of the section away when its nearness is judged: the nearest class is then
+/// within the footprint at one diagonal.
+const FAR_DIAGONALS: f64 = 8.0;
 /// Weight that every ray has at least.
 const LEAST_WEIGHT: u32 = 8;
 
@@ -68,8 +71,8 @@ pub(crate) struct Landing {
     pub bin: u16,
     /// 8 to 64, by nearness of the ray to the eye.
     pub weight: u32,
-    /// Whether the ray passes the eye within the viewpoint radius.
-    pub near: bool,
+    /// How near the eye the ray passes, as [`bins::Sums::near`](crate::quadtree::bins::Sums::near) counts it; None: not near.
+    pub near: Option<usize>,
 }
 
 /// A beam's set-up for reprojection.
@@ -138,9 +141,21 @@ impl<'a> BeamProjector<'a> {
             row: y as usize,
             bin: if hits { depth_bin(distance_squared) } else { FAR },
             weight: nearness_weight(miss_squared / footprint_squared),
-            near: miss_squared <= self.radius_squared.unwrap_or(footprint_squared),
+            near: near_class(match self.radius_squared {
+                Some(radius_squared) => miss_squared / radius_squared,
+                None if hits => miss_squared / footprint_squared,
+                None => miss_squared / (FAR_DIAGONALS * self.diagonal).powi(2) / self.pixel_width_squared,
+            }),
         })
     }
+}
+
+/// Class of nearness of a ray that misses the eye by r radii, given r²: class n within 1/2ⁿ of the radius.
+fn near_class(miss_in_radii_squared: f64) -> Option<usize> {
+    [1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0, 1.0]
+        .iter()
+        .position(|&bound| miss_in_radii_squared <= bound)
+        .map(|class| NEAR_CLASSES - 1 - class)
 }
 
 /// Weight of a ray that misses the eye by r footprints, given r².
@@ -151,11 +166,44 @@ impl<'a> BeamProjector<'a> {
 /// samples. With this law it is as noisy as 57 %.
 fn nearness_weight(miss_in_footprints_squared: f64) -> u32 {
     // The exponent is the logarithm of r² to base 2; r² doubles while 1/√r falls by 2^(1/4).
-    const FALL: [u32; 13] = [64, 54, 45, 38, 32, 27, 23, 19, 16, 13, 11, 10, 8];
+    const FALL: [u32; 12] = [59, 49, 42, 35, 29, 25, 21, 17, 15, 12, 10, 9];
     let bits = (miss_in_footprints_squared as f32).to_bits();
-    let doublings = (bits >> 23).saturating_sub(126) as usize;
+    let doublings = (bits >> 23).saturating_sub(127) as usize;
     if miss_in_footprints_squared <= 1.0 {
         return FULL_WEIGHT;
     }
     FALL.get(doublings).copied().unwrap_or(LEAST_WEIGHT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weight_falls_with_the_root_of_the_miss() {
+        assert_eq!(nearness_weight(0.0), FULL_WEIGHT);
+        assert_eq!(nearness_weight(1.0), FULL_WEIGHT);
+        let mut last = FULL_WEIGHT;
+        for step in 1..200 {
+            let miss = 1.05_f64.powi(step);
+            let weight = nearness_weight(miss * miss);
+            assert!(weight <= last && weight >= LEAST_WEIGHT);
+            // Steps are of a doubling of r²: within 2^(1/8) of the law, and whole numbers.
+            let expected = (64.0 / miss.sqrt()).max(8.0);
+            assert!((f64::from(weight) / expected).log2().abs() < 0.2, "{miss}: {weight} {expected}");
+            last = weight;
+        }
+        assert_eq!(nearness_weight(f64::INFINITY), LEAST_WEIGHT);
+        assert_eq!(nearness_weight(f64::NAN), LEAST_WEIGHT);
+    }
+
+    #[test]
+    fn classes_of_nearness_halve() {
+        let class = |miss: f64| near_class(miss * miss);
+        assert_eq!(
+            [class(1.01), class(0.9), class(0.4), class(0.2), class(0.1), class(0.0)],
+            [None, Some(0), Some(1), Some(2), Some(3), Some(3)]
+        );
+        assert_eq!(near_class(f64::NAN), None);
+    }
 }

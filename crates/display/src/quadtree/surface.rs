@@ -5,7 +5,7 @@
 //!
 //! Invariant: the surfaces of a leaf are disjoint in depth, and each surface of a child lies within one of its parent.
 
-use crate::quadtree::bins::{FAR, PixelBins, Sums, luminance};
+use crate::quadtree::bins::{FAR, NEAR_CLASSES, PixelBins, Sums, luminance};
 
 /// Degrees of freedom that an estimate of noise from finer leaves needs before a leaf's own spread is not used for it.
 const ENOUGH_FREEDOM: f32 = 6.0;
@@ -16,8 +16,8 @@ pub(crate) struct Surface {
     /// First and last depth bin.
     pub bins: (u16, u16),
     pub count: u32,
-    /// Samples that pass the eye within the viewpoint radius.
-    pub near: f32,
+    /// Samples that pass near the eye, as [`Sums::near`] has them; of a single pixel only.
+    pub near: [u32; NEAR_CLASSES],
     pub weight: f32,
     pub weight_squared: f32,
     pub mean: [f32; 3],
@@ -78,7 +78,7 @@ impl Surface {
         let mut surface = Self {
             bins,
             count: sums.count,
-            near: sums.near as f32,
+            near: sums.near,
             weight: weight as f32,
             weight_squared: weight_squared as f32,
             mean,
@@ -107,7 +107,6 @@ impl Surface {
         self.weight = weight;
         self.weight_squared += other.weight_squared;
         self.count = self.count.saturating_add(other.count);
-        self.near += other.near;
         self.bins = (self.bins.0.min(other.bins.0), self.bins.1.max(other.bins.1));
         self.within = self.within.plus(other.within);
     }

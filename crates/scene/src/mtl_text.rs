@@ -1,0 +1,202 @@
+//! MTL text, checked and made plain for `tobj` to parse.
+//!
+//! `tobj` panics at a colour of one number, gives up the file at `Kd spectral`, an `illum` beyond 255 or a material
+//! without name, takes NaN, knows one case of each keyword, and tells no lines. It gets only [`COLOURS`] of three
+//! finite numbers and [`NUMBERS`] of one, in the words of the file, and materials named by their numbers; lines and
+//! names are remembered here.
+
+use crate::SceneError;
+use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES};
+use crate::load::Warnings;
+use crate::mtl::{MtlMaterial, Said};
+use crate::text::{excerpt, keyword, logical_lines, number, without_comment};
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
+
+/// Colours, each as `tobj` spells it.
+const COLOURS: [&str; 4] = ["Kd", "Ks", "Ke", "Tf"];
+/// Single numbers, `illum` among them.
+const NUMBERS: [&str; 5] = ["Ns", "Ni", "d", "Tr", "illum"];
+/// Different unknown statements that are worth naming in one file.
+const MAX_UNKNOWN: usize = 32;
+
+/// Reads MTL text; `path` is for messages.
+pub(crate) fn parse_mtl(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<MtlMaterial>, SceneError> {
+    let mut clean = CleanMtl { path, clean: String::new(), headers: Vec::new(), unknown: HashSet::new() };
+    for (line, content) in logical_lines(text) {
+        clean.statement(line, &content, warnings)?;
+    }
+    let parsed = tobj::load_mtl_buf(&mut clean.clean.as_bytes());
+    let (materials, _) = parsed.map_err(|source| SceneError::Parser { path: path.to_owned(), source })?;
+    Ok(clean.headers.into_iter().zip(materials).map(|(header, material)| header.with(path, material)).collect())
+}
+
+/// What `tobj` does not tell of a material.
+struct Header {
+    name: String,
+    line: usize,
+    /// For each statement its line, the last if there are several.
+    lines: HashMap<&'static str, usize>,
+}
+
+/// The clean text of an MTL file, and what is not in it.
+struct CleanMtl<'a> {
+    path: &'a Path,
+    clean: String,
+    headers: Vec<Header>,
+    unknown: HashSet<String>,
+}
+
+impl CleanMtl<'_> {
+    /// Checks a statement, and writes to `clean` what is to be parsed.
+    fn statement(&mut self, line: usize, content: &str, warnings: &mut Warnings) -> Result<(), SceneError> {
+        let (keyword, rest) = keyword(content);
+        let statement = Statement { path: self.path, line, keyword, values: without_comment(rest) };
+        let lower = keyword.to_ascii_lowercase();
+        let same = |known: &&&str| known.eq_ignore_ascii_case(keyword);
+        let colour = COLOURS.iter().find(same);
+        if let Some(property) = colour.or(NUMBERS.iter().find(same)) {
+            let Some(header) = self.headers.last_mut() else {
+                let keyword = keyword.to_owned();
+                return Err(SceneError::BeforeNewmtl { path: self.path.to_owned(), line, keyword });
+            };
+            let values = match *property {
+                _ if colour.is_some() => statement.colour(warnings)?,
+                "illum" => Some(statement.illum()?),
+                "d" => Some(statement.without_halo().number()?.to_owned()),
+                _ => Some(statement.number()?.to_owned()),
+            };
+            if let Some(values) = values {
+                header.lines.insert(property, line);
+                self.clean.extend([property, " ", &values, "\n"]);
+            }
+        } else if lower == "newmtl" {
+            if self.headers.len() == MAX_MATERIALS {
+                return Err(statement.limit("materials", MAX_MATERIALS));
+            }
+            if rest.len() > MAX_NAME_BYTES {
+                return Err(statement.limit("bytes in a name", MAX_NAME_BYTES));
+            }
+            self.clean.extend(["newmtl ", &self.headers.len().to_string(), "\n"]);
+            self.headers.push(Header { name: rest.to_owned(), line, lines: HashMap::new() });
+        } else if is_texture(&lower) {
+            let text = format!("`{}` is ignored: there are no textures", excerpt(content));
+            warnings.push(self.path, Some(line), text);
+        } else if !["ka", "sharpness"].contains(&lower.as_str())
+            && self.unknown.len() < MAX_UNKNOWN
+            && self.unknown.insert(lower)
+        {
+            let text = format!("`{}` is not known and ignored (said once)", excerpt(keyword));
+            warnings.push(self.path, Some(line), text);
+        }
+        Ok(())
+    }
+}
+
+fn is_texture(keyword: &str) -> bool {
+    keyword.starts_with("map_") || ["bump", "disp", "decal", "refl", "norm"].contains(&keyword)
+}
+
+/// One line that sets a property.
+#[derive(Clone, Copy)]
+struct Statement<'a> {
+    path: &'a Path,
+    line: usize,
+    keyword: &'a str,
+    values: &'a str,
+}
+
+impl<'a> Statement<'a> {
+    fn count(&self, expected: &'static str, found: usize) -> SceneError {
+        let (path, keyword) = (self.path.to_owned(), self.keyword.to_owned());
+        SceneError::Count { path, line: self.line, keyword, expected, found }
+    }
+
+    fn bad_value(&self, expected: &'static str, found: &str) -> SceneError {
+        let (path, keyword) = (self.path.to_owned(), self.keyword.to_owned());
+        SceneError::Value { path, line: self.line, keyword, expected, found: excerpt(found) }
+    }
+
+    fn limit(&self, what: &'static str, limit: usize) -> SceneError {
+        SceneError::FileLimit { path: self.path.to_owned(), line: self.line, what, limit }
+    }
+
+    /// `-halo` lets the edge differ from the middle: there is no such surface here.
+    fn without_halo(self) -> Self {
+        let values = self.values.strip_prefix("-halo").map_or(self.values, str::trim_ascii_start);
+        Statement { values, ..self }
+    }
+
+    /// The only value: a finite number.
+    fn number(&self) -> Result<&'a str, SceneError> {
+        let mut tokens = self.values.split_ascii_whitespace();
+        let (first, more) = (tokens.next(), tokens.count());
+        let Some(token) = first.filter(|_| more == 0) else {
+            let found = if first.is_some() { 1 + more } else { 0 };
+            return Err(self.count("one number", found));
+        };
+        number(token).map(|_| token).ok_or_else(|| self.bad_value("a finite number", token))
+    }
+
+    /// An integer; `tobj` knows 0 to 255, and of the others only this matters, that they are not known here either.
+    fn illum(&self) -> Result<String, SceneError> {
+        let illum = number(self.number()?).filter(|value| value.fract() == 0.0 && value.abs() <= 1e6);
+        let illum = illum.ok_or_else(|| self.bad_value("an integer", self.values))?;
+        let unknown = f64::from(u8::MAX);
+        Ok(if (0.0..unknown).contains(&illum) { illum.abs() } else { unknown }.to_string())
+    }
+
+    /// Three numbers, also if one stands for three; `None` for kinds of colour that are not known, which is warned of.
+    fn colour(&self, warnings: &mut Warnings) -> Result<Option<String>, SceneError> {
+        let mut found = 0;
+        for token in self.values.split_ascii_whitespace() {
+            if found == 0 && (token == "spectral" || token == "xyz") {
+                let text = format!("`{} {token}` is ignored: only RGB colours are known", self.keyword);
+                warnings.push(self.path, Some(self.line), text);
+                return Ok(None);
+            }
+            number(token).ok_or_else(|| self.bad_value("finite numbers", token))?;
+            found += 1;
+        }
+        match found {
+            1 => Ok(Some([self.values; 3].join(" "))),
+            3 => Ok(Some(self.values.to_owned())),
+            _ => Err(self.count("three numbers", found)),
+        }
+    }
+}
+
+impl Header {
+    /// The whole material.
+    fn with(self, path: &Path, parsed: tobj::Material) -> MtlMaterial {
+        // What `tobj` has no field for it gives as text: that of the clean text.
+        let text = |property| parsed.unknown_param.get(property).map(String::as_str);
+        let tf = text("Tf").and_then(numbers);
+        let tr = text("Tr").and_then(numbers).map(|[tr]| tr);
+        MtlMaterial {
+            kd: self.said("Kd", parsed.diffuse),
+            ks: self.said("Ks", parsed.specular),
+            ke: self.said("Ke", parsed.emissive),
+            tf: self.said("Tf", tf),
+            ns: self.said("Ns", parsed.shininess),
+            ni: self.said("Ni", parsed.optical_density),
+            d: self.said("d", parsed.dissolve),
+            tr: self.said("Tr", tr),
+            illum: self.said("illum", parsed.illumination_model),
+            name: self.name,
+            path: path.to_owned(),
+            line: self.line,
+        }
+    }
+
+    fn said<T>(&self, property: &str, value: Option<T>) -> Option<Said<T>> {
+        let line = self.lines.get(property).copied().unwrap_or(self.line);
+        value.map(|value| Said { value, line })
+    }
+}
+
+/// `N` numbers of a text that has as many.
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let numbers: Option<Vec<f64>> = text.split_ascii_whitespace().map(number).collect();
+    numbers?.try_into().ok()
+}
