@@ -1,6 +1,6 @@
 //! `holodeck info` and `verify`: what a file holds, and whether it is whole.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use holo_progress::{HumanBytes, HumanCount};
@@ -71,7 +71,7 @@ struct SceneInfo {
     bytes: u64,
 }
 
-fn collect(file: &PathBuf) -> Result<Info> {
+fn collect(file: &Path) -> Result<Info> {
     let holodeck = Holodeck::open_read_only(file, SMALL_CACHE)?;
     let stats = holodeck.file.stats();
     let about = &holodeck.about;
@@ -82,11 +82,11 @@ fn collect(file: &PathBuf) -> Result<Info> {
         samples: stats.samples,
         origin: section.spec().origin,
         axes: section.spec().axes,
-        class: section.spec().class.clone(),
+        class: section.spec().class,
         obstructions: section.spec().obstructions,
     });
     Ok(Info {
-        file: file.clone(),
+        file: file.to_owned(),
         bytes: stats.file_bytes,
         samples: stats.samples,
         extents: stats.extents,
