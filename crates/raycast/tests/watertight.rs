@@ -51,8 +51,7 @@ fn no_ray_leaves_a_box_of_slivers() {
 
 #[test]
 fn rays_nearly_along_an_axis_do_not_leak_between_the_boxes_of_a_grid() {
-    // Such a ray is nearly parallel to the faces where boxes meet: their slabs have no slack of their own, and only the
-    // padding stands for the rounding of the triangle test.
+    // Such a ray is nearly parallel to the faces where boxes meet, and the slabs of a flat face's boxes have no depth.
     let mesh = Mesh::sliver_box(Vec3::new(1.1, 0.9, 1.3), 50, 50);
     let raycaster = mesh.raycaster();
     let mut random = Random(7);

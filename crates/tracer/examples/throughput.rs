@@ -1,4 +1,5 @@
-//! Paths per second of the path engine on a view of a scene, with one thread and with two.
+//! Paths per second of the path engine on a view of a scene, with one thread and with two; and per second that the
+//! threads ran, where the system tells (Linux), since other programs take their share of the first.
 //!
 //! `cargo run --release -p holo-tracer --example throughput -- SCENE.obj VP VD VH` (vectors as `x,y,z`), for example
 //! `... cornell.obj 2.78,2.73,-2 0,0,1 60`.
@@ -18,6 +19,12 @@ fn vector(text: &str) -> Result<DVec3, Box<dyn Error>> {
     Ok(DVec3::from_array(parts.try_into().map_err(|_| "three numbers, as x,y,z")?))
 }
 
+/// Seconds that this thread has run.
+fn ran() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let [path, eye, towards, angle] = args.as_slice() else {
@@ -33,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for threads in [1, 2] {
         let next = AtomicU64::new(0);
         let start = Instant::now();
-        let sum: f64 = std::thread::scope(|scope| {
+        let (sum, busy) = std::thread::scope(|scope| {
             let work = || {
                 let mut sum = 0.0;
                 while start.elapsed() < TIME {
@@ -44,14 +51,21 @@ fn main() -> Result<(), Box<dyn Error>> {
                         sum += f64::from(tracer.trace(eye, direction.normalize(), i).radiance[1]);
                     }
                 }
-                sum
+                (sum, ran().unwrap_or(f64::NAN))
             };
             let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-            workers.into_iter().filter_map(|w| w.join().ok()).sum()
+            workers
+                .into_iter()
+                .filter_map(|w| w.join().ok())
+                .fold((0.0, 0.0), |(s, b), (sum, busy)| (s + sum, b + busy))
         });
         let paths = next.load(Ordering::Relaxed) as f64;
         let rate = paths / start.elapsed().as_secs_f64() / 1e6;
-        println!("{threads} threads: {rate:.3} M paths/s, mean green {:.4}", sum / paths);
+        println!(
+            "{threads} threads: {rate:.3} M paths/s, {:.3} M in a thread's second, mean green {:.4}",
+            paths / busy / 1e6,
+            sum / paths
+        );
     }
     println!("{} paths were not finite", tracer.nonfinite_paths());
     Ok(())

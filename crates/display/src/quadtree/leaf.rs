@@ -122,7 +122,9 @@ impl<'a> Reader<'a> {
             let width = blend.error * (1.0 + few_samples * blend.error * blend.error);
             let half = noise.half_widths.map(|half| half * width);
             let [r, g, b] = blend.mean;
-            let share = common.narrow([blend.compressed, r, g, b], half);
+            let common_share = common.narrow([blend.compressed, r, g, b], half);
+            // The finest leaf as a whole: the difference of its bounds is rounded.
+            let share = if level == start { 1.0 } else { common_share };
             if share == 0.0 {
                 break;
             }

@@ -53,7 +53,7 @@ impl PlacedSection {
     /// The cell's point for coordinates (0, 0), and a step of each coordinate. A point lies in the middle of its step.
     fn cell(&self, cell: CellIndex) -> (DVec3, DVec3, DVec3) {
         let axis = usize::from(cell.wall >> 1);
-        let (first, second) = [(1, 2), (0, 2), (0, 1)][axis];
+        let (first, second) = [(1, 2), (2, 0), (0, 1)][axis];
         let corner = self.origin
             + self.axes[axis] * f64::from(cell.wall & 1)
             + self.cells[first] * f64::from(cell.u)
