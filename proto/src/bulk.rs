@@ -23,7 +23,7 @@ pub struct Packet {
     pub count: u8,
     /// Paths averaged into each sample, at least 1.
     pub paths: u16,
-    /// Index into [`Work::viewpoints`]; `None`: uniform in the beam.
+    /// Index into [`Work::viewpoints`], less than 65535; `None`: uniform in the beam.
     pub viewpoint: Option<u16>,
 }
 

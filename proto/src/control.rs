@@ -4,7 +4,11 @@ use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
 use holo_section::SectionSpec;
 use serde::{Deserialize, Serialize};
 
-use crate::{ProtoError, frame::MAX_CONTROL_BYTES};
+use crate::{
+    ProtoError,
+    frame::{Kind, MAX_CONTROL_BYTES},
+    printable,
+};
 
 /// Sections in one holodeck: the original's 128 would do; a large building's rooms fit here.
 pub const MAX_SECTIONS: usize = 1024;
@@ -147,31 +151,57 @@ impl Control {
     /// The payload of a control frame.
     ///
     /// # Errors
-    /// [`ProtoError::Control`] if the message is larger than a control message may be.
+    /// [`ProtoError::TooLong`] if the message is larger than a control message may be.
     pub fn encode(&self) -> Result<Vec<u8>, ProtoError> {
-        bincode::serde::encode_to_vec(self, wire()).map_err(|error| ProtoError::Control(error.to_string()))
+        let bytes = bincode::serde::encode_to_vec(self, wire()).map_err(|e| ProtoError::Control(e.to_string()))?;
+        // bincode's limit holds for decoding only.
+        let length = bytes.len() as u64;
+        if length > MAX_CONTROL_BYTES {
+            return Err(ProtoError::TooLong { kind: Kind::Control, length, limit: MAX_CONTROL_BYTES });
+        }
+        Ok(bytes)
     }
 
-    /// Parses the payload of a control frame.
+    /// Parses the payload of a control frame. Control characters in texts become spaces. Whether sections are valid is
+    /// for whoever makes them.
     ///
     /// # Errors
-    /// [`ProtoError::Control`], [`ProtoError::Trailing`], or a limit exceeded.
+    /// [`ProtoError::Control`], [`ProtoError::Trailing`], [`ProtoError::TooMany`] sections, or [`ProtoError::Number`].
     pub fn decode(bytes: &[u8]) -> Result<Control, ProtoError> {
-        let (message, used) = bincode::serde::decode_from_slice::<Control, _>(bytes, wire())
+        let (mut message, used) = bincode::serde::decode_from_slice::<Control, _>(bytes, wire())
             .map_err(|error| ProtoError::Control(error.to_string()))?;
         if used != bytes.len() {
             return Err(ProtoError::Trailing(bytes.len() - used));
         }
-        if let Control::Welcome(welcome) = &message {
-            let found = welcome.sections.len();
-            if found > MAX_SECTIONS {
-                return Err(ProtoError::TooMany {
-                    what: "sections",
-                    found: found as u64,
-                    limit: MAX_SECTIONS as u64,
-                });
-            }
+        match &mut message {
+            Control::Welcome(welcome) => welcome.check()?,
+            Control::Bye { reason } | Control::Failed { reason } => *reason = printable(reason),
+            _ => {}
         }
         Ok(message)
+    }
+}
+
+impl Welcome {
+    fn check(&mut self) -> Result<(), ProtoError> {
+        let found = self.sections.len();
+        if found > MAX_SECTIONS {
+            let (found, limit) = (found as u64, MAX_SECTIONS as u64);
+            return Err(ProtoError::TooMany { what: "sections", found, limit });
+        }
+        if found == 0 {
+            return Err(ProtoError::Number("the number of sections"));
+        }
+        if !self.up.iter().all(|x| x.is_finite()) || self.up == [0.0; 3] {
+            return Err(ProtoError::Number("the up axis"));
+        }
+        if self.settings.paths_per_sample == 0 {
+            return Err(ProtoError::Number("the number of paths per sample"));
+        }
+        let texts = self.views.iter_mut().flat_map(|(name, options)| [name, options]);
+        for text in texts.chain([&mut self.software]) {
+            *text = printable(text);
+        }
+        Ok(())
     }
 }

@@ -7,7 +7,7 @@ pub const HEADER_BYTES: usize = 8;
 
 /// Longest control message: settings, 128 sections and texts fit many times over.
 pub const MAX_CONTROL_BYTES: u64 = 1 << 20;
-/// Longest bulk message: half a million wanted beams, or 1.6 million samples.
+/// Longest bulk message: a million wanted beams, or 1.6 million samples.
 pub const MAX_BULK_BYTES: u64 = 16 << 20;
 /// Longest hello, either way. Small, because it is read from whoever connects.
 pub const MAX_HELLO_BYTES: u64 = 4096;

@@ -24,7 +24,7 @@ pub struct Hello {
     pub version: u16,
     /// What it wants to be.
     pub role: Role,
-    /// A name for people: host and process.
+    /// A name for people: host and process. Control characters arrive as spaces, as in all texts.
     pub name: String,
 }
 
@@ -61,7 +61,7 @@ fn take_text(bytes: &[u8]) -> Result<String, ProtoError> {
         return Err(ProtoError::Truncated { what: "text", needed: length as u64, found: text.len() as u64 });
     }
     // What follows the text is for later versions to add to: it is ignored, so that the hello can grow.
-    Ok(String::from_utf8_lossy(&text[..length]).into_owned())
+    Ok(crate::printable(&String::from_utf8_lossy(&text[..length])))
 }
 
 fn take_magic(bytes: &[u8]) -> Result<(u16, u8, &[u8]), ProtoError> {
@@ -140,7 +140,11 @@ impl Answer {
         let reason = take_text(text)?;
         match accepted {
             0 => Ok(Answer::Refused(reason)),
-            _ => check_version(version).map(|()| Answer::Accepted),
+            _ => {
+                // Other answers are for later versions to define: of ours there is none.
+                check_version(version)?;
+                if accepted == 1 { Ok(Answer::Accepted) } else { Err(ProtoError::NotHolodeck) }
+            }
         }
     }
 }

@@ -8,6 +8,9 @@
 //! - the first message of either side ([`hello`]) has a layout of its own that no later version changes, so that two
 //!   programs of different versions can always tell each other so.
 
+#[cfg(target_endian = "big")]
+compile_error!("bulk messages and samples are little-endian plain-old-data arrays: no big-endian machine is supported");
+
 pub mod bulk;
 pub mod control;
 mod error;
@@ -15,6 +18,11 @@ pub mod frame;
 pub mod hello;
 
 pub use error::ProtoError;
+
+/// A text from outside, for people: nothing in it may steer the terminal that it is printed on.
+pub(crate) fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
 
 /// The version of everything after the hello. Raised by any change to a message's bytes.
 pub const PROTOCOL_VERSION: u16 = 1;

@@ -1,1 +1,42 @@
-//! (being written)
+//! Whole-system tests: the built `holodeck` program is run as a person runs it, in processes of its own.
+//!
+//! This library is what the tests under `tests/` share. What always holds:
+//! - every process started here is killed by its id and waited for when its [`Process`] is dropped, and ends by itself
+//!   if the test's own process is gone;
+//! - every wait has a limit, and a test that passes one fails with what the process has said;
+//! - nothing outside a test's temporary folder is read or written, the user's cache of scenes included.
+
+// A library for tests alone: what goes wrong in it is a failed test.
+#![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used)]
+
+pub mod analytic;
+mod files;
+mod place;
+mod process;
+mod program;
+
+pub use files::{Stored, stored};
+pub use place::{CORNELL_SMALL_SECTION, Place, Server, listen_address};
+pub use process::{Ended, Process};
+pub use program::{cargo, program, workspace};
+
+use std::time::{Duration, Instant};
+
+/// The limit of waits that nothing but a defect makes long. Two cores may be shared with other programs: it is long.
+pub const LIMIT: Duration = Duration::from_secs(40);
+
+/// Waits until `condition` gives a value.
+///
+/// # Panics
+/// After [`LIMIT`], saying `what` was waited for.
+#[track_caller]
+pub fn wait_until<T>(what: &str, mut condition: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(value) = condition() {
+            return value;
+        }
+        assert!(start.elapsed() < LIMIT, "waited {LIMIT:?} in vain: {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}

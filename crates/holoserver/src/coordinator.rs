@@ -51,6 +51,10 @@ const LAST_PACKETS: Duration = Duration::from_secs(3);
 /// Bytes that wait for a display at the most; above, nothing more is traced for it until it reads.
 const DISPLAY_QUEUE_BYTES: usize = 32 << 20;
 
+/// Samples that wait for a failing disk at the most, bytes; above, nothing more is traced until it takes them. What is
+/// under way then still fits in the memory that the beam file allows itself.
+const STALLED_BYTES: u64 = 64 << 20;
+
 /// Beams that batch filling looks at before it sees to its events again, if none wants a ray.
 const BATCH_LOOKS: usize = 20_000;
 
@@ -106,6 +110,8 @@ pub struct Coordinator {
     progress: Progress,
     last_status: Instant,
     last_ping: Instant,
+    /// The disk fails and much waits for it.
+    stalled: bool,
 }
 
 impl Coordinator {
@@ -131,6 +137,7 @@ impl Coordinator {
             progress,
             last_status: now,
             last_ping: now,
+            stalled: false,
         }
     }
 
@@ -208,8 +215,9 @@ impl Coordinator {
             for display in self.displays.values() {
                 let _ = display.outbox.control(&Control::Status(status));
             }
-            let error = self.holodeck.file.stats().last_error;
-            self.progress.show(&status, self.started.elapsed(), &self.goal, error.as_deref());
+            let stats = self.holodeck.file.stats();
+            self.stalled = stats.last_error.is_some() && stats.pending_bytes > STALLED_BYTES;
+            self.progress.show(&status, self.started.elapsed(), &self.goal, stats.last_error.as_deref());
         }
     }
 
@@ -315,7 +323,15 @@ impl Coordinator {
             let assignment = worker.finish(traced)?;
             let (samples, after) = rest.split_at(traced.count as usize);
             rest = after;
-            self.store(&assignment.packet, samples)?;
+            match self.store(&assignment.packet, samples) {
+                Ok(()) => {}
+                Err(holo_beamfile::Error::NotWritten { .. }) => {
+                    // No memory left for what a full disk does not take: it is traced again when there is room.
+                    self.again.push_back(assignment);
+                    continue;
+                }
+                Err(error) => return Err(error.into()),
+            }
             self.forward(&assignment.packet, samples, &mut outgoing);
         }
         for (id, message) in outgoing {
@@ -327,7 +343,7 @@ impl Coordinator {
         Ok(())
     }
 
-    fn store(&mut self, packet: &Packet, samples: &[Sample]) -> Result<()> {
+    fn store(&mut self, packet: &Packet, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
         let meta = ExtentMeta {
             key: BeamKey { section: packet.section, beam: packet.beam },
             first: packet.first,
@@ -457,6 +473,9 @@ impl Coordinator {
 
     /// Gives work to every worker that has too little.
     fn deal(&mut self) {
+        if self.stalled {
+            return;
+        }
         let hungry: Vec<_> = self.workers.iter().map(|(&id, worker)| (id, worker.hunger())).collect();
         for (id, hunger) in hungry {
             let mut rays = 0.0;

@@ -1,8 +1,11 @@
 //! The two halves of a connection: frames in, frames out.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicUsize, Ordering},
+use std::{
+    io,
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
 };
 
 use holo_proto::{
@@ -66,37 +69,45 @@ impl Inbox {
     /// # Errors
     /// [`NetError::Closed`], [`NetError::Silent`], [`NetError::Io`], or [`NetError::Proto`]; the connection is then over.
     pub async fn next(&mut self) -> Result<Message, NetError> {
-        let (kind, payload) = timeout(SILENCE, self.frame()).await.map_err(|_| NetError::Silent)??;
-        Ok(Message::decode(kind, &payload)?)
-    }
-
-    pub(crate) async fn frame(&mut self) -> Result<(Kind, Vec<u8>), NetError> {
         let header = self.header().await?;
-        let mut payload = vec![0; header.length as usize];
-        self.reader.read_exact(&mut payload).await.map_err(closed)?;
-        Ok((header.kind, payload))
+        let payload = self.payload(header).await?;
+        Ok(Message::decode(header.kind, &payload)?)
     }
 
     /// Reads a frame that must be of this kind: during the handshake nothing else, and nothing longer, is read.
     pub(crate) async fn frame_of(&mut self, kind: Kind) -> Result<Vec<u8>, NetError> {
-        let header = self.header().await?;
-        if header.kind != kind {
-            return Err(ProtoError::NotHolodeck.into());
+        match self.header().await {
+            Ok(header) if header.kind == kind => self.payload(header).await,
+            // A browser, say: its first bytes are no frame.
+            Ok(_) | Err(NetError::Proto(ProtoError::Kind(_))) => Err(ProtoError::NotHolodeck.into()),
+            Err(error) => Err(error),
         }
-        let mut payload = vec![0; header.length as usize];
-        self.reader.read_exact(&mut payload).await.map_err(closed)?;
-        Ok(payload)
     }
 
     async fn header(&mut self) -> Result<Header, NetError> {
         let mut bytes = [0; HEADER_BYTES];
-        self.reader.read_exact(&mut bytes).await.map_err(closed)?;
+        self.fill(&mut bytes).await?;
         Ok(Header::parse(bytes)?)
     }
-}
 
-fn closed(error: std::io::Error) -> NetError {
-    if error.kind() == std::io::ErrorKind::UnexpectedEof { NetError::Closed } else { NetError::Io(error) }
+    async fn payload(&mut self, header: Header) -> Result<Vec<u8>, NetError> {
+        let mut payload = vec![0; header.length as usize];
+        self.fill(&mut payload).await?;
+        Ok(payload)
+    }
+
+    /// Reads as many bytes as there is room for. A long message on a slow line is not silence: every piece that arrives
+    /// counts as a sign of life.
+    async fn fill(&mut self, mut room: &mut [u8]) -> Result<(), NetError> {
+        while !room.is_empty() {
+            let read = timeout(SILENCE, self.reader.read(room)).await.map_err(|_| NetError::Silent)??;
+            if read == 0 {
+                return Err(NetError::Closed);
+            }
+            room = &mut std::mem::take(&mut room)[read..];
+        }
+        Ok(())
+    }
 }
 
 /// The sending half: a queue in front of a task that writes. Cheap to clone; the connection closes when the last clone
@@ -155,25 +166,64 @@ pub(crate) fn split(stream: TcpStream) -> (Inbox, Outbox) {
     let (read, write) = stream.into_split();
     let (queue, frames) = mpsc::unbounded_channel();
     let queued = Arc::new(AtomicUsize::new(0));
-    tokio::spawn(write_frames(write, frames, Arc::clone(&queued)));
+    let writer = Writer { stream: BufWriter::with_capacity(1 << 16, write), in_hand: 0, queued: Arc::clone(&queued) };
+    tokio::spawn(writer.run(frames));
     (Inbox { reader: BufReader::with_capacity(1 << 16, read) }, Outbox { queue, queued })
 }
 
-async fn write_frames(write: OwnedWriteHalf, mut frames: mpsc::UnboundedReceiver<Vec<u8>>, queued: Arc<AtomicUsize>) {
-    let mut writer = BufWriter::with_capacity(1 << 16, write);
-    while let Some(frame) = frames.recv().await {
-        let mut next = Some(frame);
-        // Everything that waits goes out together; then flush, since somebody waits for it.
-        while let Some(frame) = next {
-            if writer.write_all(&frame).await.is_err() {
-                return;
-            }
-            queued.fetch_sub(frame.len(), Ordering::Relaxed);
-            next = frames.try_recv().ok();
+/// The task that writes. It ends with the last [`Outbox`], when the other side is gone, or when the other side has taken
+/// nothing for [`SILENCE`]: a process that hangs must not hold its connection's memory for ever.
+struct Writer {
+    stream: BufWriter<OwnedWriteHalf>,
+    /// Bytes taken off the queue, counted in `queued` and not yet with the operating system.
+    in_hand: usize,
+    queued: Arc<AtomicUsize>,
+}
+
+impl Writer {
+    async fn run(mut self, mut frames: mpsc::UnboundedReceiver<Vec<u8>>) {
+        if self.write_all(&mut frames).await.is_ok() {
+            let _ = timeout(SILENCE, self.stream.shutdown()).await;
         }
-        if writer.flush().await.is_err() {
-            return;
+        // What cannot be sent any more is not queued either.
+        frames.close();
+        while let Some(frame) = frames.recv().await {
+            self.in_hand += frame.len();
         }
+        self.queued.fetch_sub(self.in_hand, Ordering::Relaxed);
     }
-    let _ = writer.shutdown().await;
+
+    async fn write_all(&mut self, frames: &mut mpsc::UnboundedReceiver<Vec<u8>>) -> io::Result<()> {
+        while let Some(frame) = frames.recv().await {
+            let mut next = Some(frame);
+            // Everything that waits goes out together; then flush, since somebody waits for it.
+            while let Some(frame) = next {
+                self.in_hand += frame.len();
+                self.write(&frame).await?;
+                next = frames.try_recv().ok();
+            }
+            timeout(SILENCE, self.stream.flush()).await??;
+            self.count();
+        }
+        Ok(())
+    }
+
+    async fn write(&mut self, mut rest: &[u8]) -> io::Result<()> {
+        while !rest.is_empty() {
+            let written = timeout(SILENCE, self.stream.write(rest)).await??;
+            if written == 0 {
+                return Err(io::ErrorKind::WriteZero.into());
+            }
+            rest = &rest[written..];
+        }
+        self.count();
+        Ok(())
+    }
+
+    /// Takes what the operating system has by now off the count.
+    fn count(&mut self) {
+        let left = self.stream.buffer().len();
+        self.queued.fetch_sub(self.in_hand.saturating_sub(left), Ordering::Relaxed);
+        self.in_hand = self.in_hand.min(left);
+    }
 }

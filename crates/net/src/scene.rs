@@ -21,10 +21,13 @@ impl SceneReceiver {
     /// Ready for the scene announced.
     ///
     /// # Errors
-    /// [`NetError::Scene`] if it is larger than any scene may be.
+    /// [`NetError::Scene`] if it is larger than any scene may be, or empty: no piece of it would ever come.
     pub fn new(info: &SceneInfo) -> Result<SceneReceiver, NetError> {
         if info.bytes > MAX_SCENE_BYTES {
             return Err(NetError::Scene("size: it is too large"));
+        }
+        if info.bytes == 0 {
+            return Err(NetError::Scene("size: it is empty"));
         }
         Ok(SceneReceiver { bytes: Vec::new(), expected: info.bytes })
     }
@@ -32,10 +35,10 @@ impl SceneReceiver {
     /// Takes the next piece; true once all is there.
     ///
     /// # Errors
-    /// [`NetError::Scene`] for a piece out of order or past the announced size.
+    /// [`NetError::Scene`] for a piece that is empty, out of order, or past the announced size.
     pub fn take(&mut self, chunk: &BlobChunk) -> Result<bool, NetError> {
         let have = self.bytes.len() as u64;
-        if chunk.offset != have || have + chunk.bytes.len() as u64 > self.expected {
+        if chunk.bytes.is_empty() || chunk.offset != have || have + chunk.bytes.len() as u64 > self.expected {
             return Err(NetError::Scene("order and size"));
         }
         self.bytes.extend_from_slice(&chunk.bytes);

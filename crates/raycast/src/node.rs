@@ -1,7 +1,7 @@
 //! Memory layout of the hierarchy: nodes of eight children, leaves of four triangles, both as structures of arrays.
 //!
 //! Always true: an unused child has an empty box that no ray enters; an unused lane of a leaf holds NaN, which no ray hits.
-//! Measured on the cabin against four children a node: 8 is 10 to 20 % faster with AVX2, since a node is then one test.
+//! Four children a node were tried on the cabin: 4.4 to 5.3 M rays/s and core for either, no difference beyond the noise.
 
 use bytemuck::Zeroable;
 

@@ -1,0 +1,142 @@
+//! Arbitrary messages.
+
+use holo_proto::{bulk::*, control::*};
+use holo_section::{BeamId, RayCoords, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint};
+use proptest::{collection::vec, prelude::*};
+
+fn finite() -> impl Strategy<Value = f64> {
+    prop::num::f64::NORMAL | prop::num::f64::ZERO | prop::num::f64::SUBNORMAL
+}
+
+pub fn sample() -> impl Strategy<Value = Sample> {
+    (any::<[u8; 4]>(), any::<[u8; 4]>(), any::<u16>())
+        .prop_map(|(coords, rgbe, distance)| Sample::from_codes(RayCoords(coords), rgbe, distance))
+}
+
+pub fn viewpoint() -> impl Strategy<Value = Viewpoint> {
+    ([finite(), finite(), finite()], finite()).prop_map(|(eye, radius)| Viewpoint { eye, radius: radius.abs() })
+}
+
+pub fn work() -> impl Strategy<Value = Work> {
+    vec(viewpoint(), 0..4).prop_flat_map(|viewpoints| {
+        let known = viewpoints.len() as u16;
+        let packet = (any::<u64>(), any::<u16>(), any::<u64>(), 0..u32::MAX - 21, 1..=21u8, 1..=u16::MAX, 0..=known)
+            .prop_map(move |(id, section, beam, first, count, paths, viewpoint)| Packet {
+                id,
+                section,
+                beam: BeamId(beam),
+                first,
+                count,
+                paths,
+                viewpoint: (viewpoint < known).then_some(viewpoint),
+            });
+        vec(packet, 0..20).prop_map(move |packets| Work { viewpoints: viewpoints.clone(), packets })
+    })
+}
+
+pub fn results() -> impl Strategy<Value = Results> {
+    let packet = (any::<u64>(), any::<u32>(), vec(sample(), 1..=21));
+    vec(packet, 0..12).prop_map(|packets| Results {
+        packets: packets
+            .iter()
+            .map(|(id, nanoseconds, samples)| Traced { id: *id, count: samples.len() as u32, nanoseconds: *nanoseconds })
+            .collect(),
+        samples: packets.into_iter().flat_map(|(_, _, samples)| samples).collect(),
+    })
+}
+
+pub fn view() -> impl Strategy<Value = ViewRequest> {
+    let wanted = (any::<u64>(), prop::num::f32::POSITIVE | prop::num::f32::NORMAL, any::<u16>())
+        .prop_filter("finite", |(_, weight, _)| weight.is_finite() && *weight != 0.0)
+        .prop_map(|(beam, weight, section)| Wanted { beam, weight: weight.abs(), section, reserved: 0 });
+    (any::<u32>(), viewpoint(), vec(wanted, 0..30)).prop_map(|(view, viewpoint, beams)| ViewRequest {
+        view,
+        viewpoint,
+        beams,
+    })
+}
+
+pub fn samples() -> impl Strategy<Value = Samples> {
+    let kind =
+        prop_oneof![Just(SampleKind::Uniform), Just(SampleKind::ViewpointLimited), Just(SampleKind::SingleRay)];
+    let run = (any::<u16>(), any::<u64>(), kind, 0..u32::MAX - 50, 1..=u16::MAX, vec(sample(), 1..50));
+    let source = prop_oneof![Just(Source::Stored), Just(Source::Traced)];
+    (any::<u32>(), source, vec(run, 0..8)).prop_map(|(view, source, runs)| Samples {
+        view,
+        source,
+        runs: runs
+            .iter()
+            .map(|(section, beam, kind, first, paths, samples)| Run {
+                section: *section,
+                beam: BeamId(*beam),
+                kind: *kind,
+                first: *first,
+                count: samples.len() as u32,
+                paths: *paths,
+            })
+            .collect(),
+        samples: runs.into_iter().flat_map(|(.., samples)| samples).collect(),
+    })
+}
+
+pub fn chunk() -> impl Strategy<Value = BlobChunk> {
+    (any::<u64>(), vec(any::<u8>(), 0..200)).prop_map(|(offset, bytes)| BlobChunk { offset, bytes })
+}
+
+/// Text as it may be printed: what decoders leave as it is.
+fn text() -> impl Strategy<Value = String> {
+    "\\PC{0,40}".prop_map(|text| text.replace(char::is_control, " "))
+}
+
+fn section() -> impl Strategy<Value = SectionSpec> {
+    let numbers = || [finite(), finite(), finite()];
+    (numbers(), [numbers(), numbers(), numbers()], any::<[u32; 3]>(), any::<bool>(), any::<bool>()).prop_map(
+        |(origin, axes, grid, interior, obstructions)| SectionSpec {
+            origin,
+            axes,
+            grid,
+            class: if interior { ViewClass::Interior } else { ViewClass::Exterior },
+            obstructions,
+        },
+    )
+}
+
+fn welcome() -> impl Strategy<Value = Control> {
+    let settings = (any::<Option<u32>>(), 1..=u16::MAX, any::<u64>()).prop_map(|(bounces, paths_per_sample, seed)| {
+        RenderSettings { engine: Engine::Path, bounces, paths_per_sample, seed }
+    });
+    let scene = (any::<[u8; 32]>(), any::<u64>()).prop_map(|(hash, bytes)| SceneInfo { hash, bytes });
+    let up = [finite(), finite(), finite()].prop_filter("an axis", |up| *up != [0.0; 3]);
+    (text(), vec(section(), 1..6), settings, scene, up, vec((text(), text()), 0..5), any::<u64>(), any::<bool>())
+        .prop_map(|(software, sections, settings, scene, up, views, samples, tracing)| {
+            Control::Welcome(Box::new(Welcome {
+                software,
+                sections,
+                settings,
+                scene,
+                up,
+                views,
+                samples,
+                tracing,
+            }))
+        })
+}
+
+pub fn control() -> impl Strategy<Value = Control> {
+    let status = (any::<u64>(), finite(), any::<u32>(), any::<u32>()).prop_map(|(samples, rate, workers, displays)| {
+        Control::Status(Status { samples, samples_per_second: rate, workers, displays })
+    });
+    prop_oneof![
+        welcome(),
+        status,
+        any::<u32>().prop_map(|view| Control::StoredSent { view }),
+        any::<u32>().prop_map(|view| Control::Settled { view }),
+        text().prop_map(|reason| Control::Bye { reason }),
+        any::<u64>().prop_map(Control::Ping),
+        any::<u64>().prop_map(Control::Pong),
+        Just(Control::SceneWanted),
+        any::<u16>().prop_map(|threads| Control::Ready { threads }),
+        text().prop_map(|reason| Control::Failed { reason }),
+        any::<u32>().prop_map(|view| Control::Settle { view }),
+    ]
+}

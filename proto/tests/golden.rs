@@ -1,0 +1,290 @@
+//! The bytes of every message, as written down in `golden/`: a change of any of them is a change of the protocol, and
+//! must raise its version.
+
+use std::{collections::BTreeSet, fs, path::PathBuf};
+
+use holo_proto::{
+    ProtoError,
+    bulk::*,
+    control::*,
+    frame::{self, HEADER_BYTES, Header, Kind},
+    hello::{Answer, Hello, Role},
+};
+use holo_section::{BeamId, RayCoords, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint};
+
+fn folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden")
+}
+
+/// The frame in a file: hexadecimal bytes, and comments from `#` to the end of the line.
+fn golden(name: &str) -> Vec<u8> {
+    let text = fs::read_to_string(folder().join(name).with_extension("hex")).unwrap();
+    let digits = text.lines().flat_map(|line| line.split('#').next().unwrap_or("").split_whitespace());
+    digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Any {
+    Hello(Hello),
+    Answer(Answer),
+    Control(Control),
+    Work(Work),
+    Results(Results),
+    View(ViewRequest),
+    Samples(Samples),
+    BlobChunk(BlobChunk),
+}
+
+impl Any {
+    fn frame(&self) -> Vec<u8> {
+        let (kind, payload) = match self {
+            Any::Hello(message) => (Kind::Hello, message.encode()),
+            Any::Answer(message) => (Kind::Answer, message.encode()),
+            Any::Control(message) => (Kind::Control, message.encode().unwrap()),
+            Any::Work(message) => (Kind::Work, message.encode()),
+            Any::Results(message) => (Kind::Results, message.encode()),
+            Any::View(message) => (Kind::View, message.encode()),
+            Any::Samples(message) => (Kind::Samples, message.encode()),
+            Any::BlobChunk(message) => (Kind::BlobChunk, message.encode()),
+        };
+        frame::encode(kind, &payload).unwrap()
+    }
+
+    fn decode(frame: &[u8]) -> Result<Any, ProtoError> {
+        let (header, payload) = frame.split_first_chunk::<HEADER_BYTES>().unwrap();
+        let header = Header::parse(*header)?;
+        assert_eq!(header.length as usize, payload.len(), "the length is the payload's");
+        Ok(match header.kind {
+            Kind::Hello => Any::Hello(Hello::decode(payload)?),
+            Kind::Answer => Any::Answer(Answer::decode(payload)?),
+            Kind::Control => Any::Control(Control::decode(payload)?),
+            Kind::Work => Any::Work(Work::decode(payload)?),
+            Kind::Results => Any::Results(Results::decode(payload)?),
+            Kind::View => Any::View(ViewRequest::decode(payload)?),
+            Kind::Samples => Any::Samples(Samples::decode(payload)?),
+            Kind::BlobChunk => Any::BlobChunk(BlobChunk::decode(payload)?),
+        })
+    }
+}
+
+fn hello(role: Role, name: &str) -> Any {
+    Any::Hello(Hello { version: 1, role, name: name.into() })
+}
+
+fn room() -> SectionSpec {
+    SectionSpec {
+        origin: [1.0, -2.0, 0.5],
+        axes: [[4.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.25, 0.0, 2.5]],
+        grid: [8, 6, 5],
+        class: ViewClass::Interior,
+        obstructions: true,
+    }
+}
+
+fn cube() -> SectionSpec {
+    SectionSpec {
+        origin: [0.0; 3],
+        axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        grid: [1, 2, 64],
+        class: ViewClass::Exterior,
+        obstructions: false,
+    }
+}
+
+fn welcome() -> Any {
+    Any::Control(Control::Welcome(Box::new(Welcome {
+        software: "holoserver 0.1.0".into(),
+        sections: vec![room(), cube()],
+        settings: RenderSettings {
+            engine: Engine::Path,
+            bounces: Some(3),
+            paths_per_sample: 16,
+            seed: 0x0123_4567_89ab_cdef,
+        },
+        scene: SceneInfo { hash: std::array::from_fn(|i| i as u8), bytes: 1_234_567 },
+        up: [0.0, 0.0, 1.0],
+        views: vec![("front".into(), "-vp 1 2 3 -vh 60".into()), (String::new(), String::new())],
+        samples: 20_000_000_000,
+        tracing: true,
+    })))
+}
+
+fn welcome_shown() -> Any {
+    Any::Control(Control::Welcome(Box::new(Welcome {
+        software: String::new(),
+        sections: vec![cube()],
+        settings: RenderSettings { engine: Engine::Path, bounces: None, paths_per_sample: 1, seed: 0 },
+        scene: SceneInfo { hash: [0xff; 32], bytes: 88 },
+        up: [0.0, 1.0, 0.0],
+        views: Vec::new(),
+        samples: 0,
+        tracing: false,
+    })))
+}
+
+fn work() -> Any {
+    let packet = Packet {
+        id: 1,
+        section: 0,
+        beam: BeamId(0x01_0203_0405),
+        first: 0,
+        count: 21,
+        paths: 1,
+        viewpoint: None,
+    };
+    Any::Work(Work {
+        viewpoints: vec![
+            Viewpoint { eye: [1.0, 2.0, 3.0], radius: 0.01 },
+            Viewpoint { eye: [-1.5, 0.0, 1e6], radius: 0.0 },
+        ],
+        packets: vec![
+            packet,
+            Packet { id: 2, section: 3, beam: BeamId(6), first: 21, count: 1, paths: 16, viewpoint: Some(0) },
+            Packet {
+                id: 1 << 63,
+                section: 1023,
+                beam: BeamId(7),
+                first: 0xffff_fff0,
+                count: 15,
+                paths: u16::MAX,
+                viewpoint: Some(1),
+            },
+        ],
+    })
+}
+
+fn samples() -> Vec<Sample> {
+    vec![
+        Sample::from_codes(RayCoords([1, 2, 3, 4]), [128, 64, 32, 129], 0x0506),
+        Sample::from_codes(RayCoords([0, 255, 127, 128]), [0; 4], 65535),
+        Sample::from_codes(RayCoords([9; 4]), [10, 20, 30, 140], 2047),
+    ]
+}
+
+fn stored() -> Any {
+    let uniform = Run {
+        section: 0,
+        beam: BeamId(0x01_0203_0405),
+        kind: SampleKind::Uniform,
+        first: 40,
+        count: 2,
+        paths: 16,
+    };
+    let single = Run { section: 1023, beam: BeamId(9), kind: SampleKind::SingleRay, first: 0, count: 1, paths: 1 };
+    Any::Samples(Samples { view: 7, source: Source::Stored, runs: vec![uniform, single], samples: samples() })
+}
+
+fn traced() -> Any {
+    let kind = SampleKind::ViewpointLimited;
+    let run = Run { section: 3, beam: BeamId(6), kind, first: 21, count: 3, paths: u16::MAX };
+    Any::Samples(Samples { view: 8, source: Source::Traced, runs: vec![run], samples: samples() })
+}
+
+fn cases() -> Vec<(&'static str, Any)> {
+    let number = 0x1122_3344_5566_7788;
+    vec![
+        ("hello-worker", hello(Role::Worker, "rtworker 42")),
+        ("hello-display", hello(Role::Display, "holoview – 7")),
+        ("answer-accepted", Any::Answer(Answer::Accepted)),
+        ("answer-refused", Any::Answer(Answer::Refused("full".into()))),
+        ("control-welcome", welcome()),
+        ("control-welcome-shown", welcome_shown()),
+        (
+            "control-status",
+            Any::Control(Control::Status(Status {
+                samples: 123_456,
+                samples_per_second: 1500.5,
+                workers: 2,
+                displays: 1,
+            })),
+        ),
+        ("control-stored-sent", Any::Control(Control::StoredSent { view: 7 })),
+        ("control-settled", Any::Control(Control::Settled { view: 7 })),
+        ("control-bye", Any::Control(Control::Bye { reason: "over".into() })),
+        ("control-ping", Any::Control(Control::Ping(number))),
+        ("control-pong", Any::Control(Control::Pong(number))),
+        ("control-scene-wanted", Any::Control(Control::SceneWanted)),
+        ("control-ready", Any::Control(Control::Ready { threads: 258 })),
+        ("control-failed", Any::Control(Control::Failed { reason: "no memory".into() })),
+        ("control-settle", Any::Control(Control::Settle { view: 7 })),
+        ("work", work()),
+        ("work-empty", Any::Work(Work::default())),
+        (
+            "results",
+            Any::Results(Results {
+                packets: vec![
+                    Traced { id: 1, count: 2, nanoseconds: 1000 },
+                    Traced { id: 1 << 63, count: 1, nanoseconds: u32::MAX },
+                ],
+                samples: samples(),
+            }),
+        ),
+        (
+            "view",
+            Any::View(ViewRequest {
+                view: 7,
+                viewpoint: Viewpoint { eye: [0.5, -0.25, 1.75], radius: 0.001 },
+                beams: vec![
+                    Wanted { beam: 0x01_0203_0405, weight: 12.5, section: 0, reserved: 0 },
+                    Wanted { beam: 9, weight: 0.125, section: 1023, reserved: 0 },
+                ],
+            }),
+        ),
+        ("samples-stored", stored()),
+        ("samples-traced", traced()),
+        ("blob-chunk", Any::BlobChunk(BlobChunk { offset: 1 << 32, bytes: b"holoscn\n".to_vec() })),
+    ]
+}
+
+#[test]
+fn every_message_has_exactly_the_bytes_written_down() {
+    for (name, message) in cases() {
+        assert_eq!(message.frame(), golden(name), "{name}: encoded");
+        assert_eq!(Any::decode(&golden(name)), Ok(message), "{name}: decoded");
+    }
+}
+
+#[test]
+fn every_file_is_of_a_message_and_begins_with_a_comment() {
+    let names: BTreeSet<_> = cases().into_iter().map(|(name, _)| format!("{name}.hex")).collect();
+    let files: BTreeSet<_> =
+        fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    assert_eq!(names, files);
+    for file in files {
+        assert!(fs::read_to_string(folder().join(&file)).unwrap().starts_with("# "), "{file}");
+    }
+}
+
+#[test]
+fn every_kind_and_every_control_message_is_written_down() {
+    let kinds: BTreeSet<u8> = cases().iter().map(|(_, message)| message.frame()[4]).collect();
+    let known: BTreeSet<u8> = (0..=u8::MAX).filter(|&byte| Kind::from_byte(byte).is_ok()).collect();
+    assert_eq!(kinds, known);
+    // A variant number is a message's first four bytes; of the next number there is none.
+    let controls: BTreeSet<u8> =
+        cases().iter().map(|(_, message)| message.frame()).filter(|f| f[4] == 3).map(|f| f[8]).collect();
+    assert_eq!(controls, (0..=10).collect());
+    let mut next = vec![0; 64];
+    next[0] = 11;
+    let error = Control::decode(&next).unwrap_err().to_string();
+    assert!(error.contains("11"), "{error}");
+}
+
+#[test]
+fn a_message_cut_anywhere_or_with_a_byte_more_is_refused() {
+    for (name, message) in cases() {
+        let payload = &golden(name)[HEADER_BYTES..];
+        let decode = |payload: &[u8]| Any::decode(&frame::encode(Kind::from_byte(golden(name)[4])?, payload)?);
+        // Pieces of the scene are as long as they are, and hellos and answers may grow in later versions.
+        let (shortest, may_grow) = match message {
+            Any::BlobChunk(_) => (8, true),
+            Any::Hello(_) | Any::Answer(_) => (payload.len(), true),
+            _ => (payload.len(), false),
+        };
+        for length in 0..shortest {
+            assert!(decode(&payload[..length]).is_err(), "{name}: {length} of {} bytes", payload.len());
+        }
+        let longer = decode(&[payload, &[0]].concat());
+        assert_eq!(longer.is_ok(), may_grow, "{name}: {longer:?}");
+    }
+}

@@ -1,0 +1,186 @@
+//! A room of which every pixel is known, and a worker that answers for it instead of a tracer.
+//!
+//! The room is a box that is looked at from inside, with another box in it if wanted. Red grows along x, green along y,
+//! blue along z, and every wall has a brightness of its own: a wall, an axis, a channel or a unit that is mistaken for
+//! another changes the picture.
+
+use std::{net::SocketAddr, time::Duration};
+
+use holo_net::{Inbox, Message, NetError, Outbox};
+use holo_picture::{Picture, View};
+use holo_proto::{
+    bulk::{Results, Traced, Work},
+    control::Control,
+    frame::Kind,
+    hello::Role,
+};
+use holo_section::{DVec3, Sample, Section};
+
+/// Brightness of the twelve walls: the room's (low x, high x, low y …), then the object's.
+const BRIGHTNESS: [f64; 12] = [1.0, 0.6, 0.4, 1.5, 0.25, 2.2, 3.5, 5.0, 0.16, 7.5, 0.1, 11.0];
+
+/// A box of walls around everything, and perhaps one in it.
+#[derive(Clone, Copy, Debug)]
+pub struct World {
+    /// Low and high corner of the room.
+    pub room: [DVec3; 2],
+    /// Low and high corner of what stands in it.
+    pub object: Option<[DVec3; 2]>,
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// From the ray's origin, in its direction's lengths.
+    pub distance: f64,
+    /// Number of the wall, see [`BRIGHTNESS`].
+    pub wall: usize,
+    /// Its radiance there.
+    pub rgb: [f64; 3],
+}
+
+impl World {
+    /// The nearest wall from a point in the room along a direction.
+    pub fn hit(&self, origin: DVec3, direction: DVec3) -> Hit {
+        let [leave, wall] = slabs(self.room, origin, direction)[1];
+        let mut nearest = (leave, wall as usize);
+        if let Some(object) = self.object {
+            let [[enter, wall], [leave, _]] = slabs(object, origin, direction);
+            if enter > 0.0 && enter < leave {
+                nearest = (enter, 6 + wall as usize);
+            }
+        }
+        let (distance, wall) = nearest;
+        let place = (origin + direction * distance - self.room[0]) / (self.room[1] - self.room[0]);
+        let rgb = place.to_array().map(|share| BRIGHTNESS[wall] * (0.3 + share));
+        Hit { distance, wall, rgb }
+    }
+
+    /// The sample that a tracer should give for one ray of a section.
+    fn sample(&self, section: &Section, ray: &holo_section::SectionRay, coords: holo_section::RayCoords) -> Sample {
+        let start = section.trace_start(ray);
+        let hit = self.hit(ray.origin + ray.direction * start, ray.direction);
+        let dither = (coords.0[0] as u32) << 24 | (coords.0[3] as u32) << 16 | 0x5aa5;
+        let rgb = hit.rgb.map(|x| x as f32);
+        Sample::encode(coords, rgb, start + hit.distance, section.diagonal(), dither.wrapping_mul(0x9e37_79b9))
+    }
+
+    fn answer(&self, sections: &[Section], work: &Work) -> Results {
+        let mut results = Results::default();
+        for packet in &work.packets {
+            let viewpoint = packet.viewpoint.map(|index| &work.viewpoints[usize::from(index)]);
+            let section = &sections[usize::from(packet.section)];
+            let sampler = section.beam_sampler(packet.section, packet.beam, viewpoint).expect("the beam exists");
+            for number in packet.first..packet.first + u32::from(packet.count) {
+                let coords = sampler.coords(number);
+                results.samples.push(self.sample(section, &sampler.ray(coords), coords));
+            }
+            let count = u32::from(packet.count);
+            results.packets.push(Traced { id: packet.id, count, nanoseconds: 2_000 * count });
+        }
+        results
+    }
+}
+
+/// Where a line enters and leaves a box, each with its wall (2·axis + side).
+fn slabs([low, high]: [DVec3; 2], origin: DVec3, direction: DVec3) -> [[f64; 2]; 2] {
+    let (mut enter, mut leave) = ([f64::NEG_INFINITY, 0.0], [f64::INFINITY, 0.0]);
+    for axis in 0..3 {
+        let at = |wall: DVec3| (wall[axis] - origin[axis]) / direction[axis];
+        let sides = [[at(low), 2.0 * axis as f64], [at(high), 2.0 * axis as f64 + 1.0]];
+        let [near, far] = if direction[axis] > 0.0 { sides } else { [sides[1], sides[0]] };
+        if near[0] > enter[0] {
+            enter = near;
+        }
+        if far[0] < leave[0] {
+            leave = far;
+        }
+    }
+    [enter, leave]
+}
+
+/// Joins a server as a worker that knows `world`, until the server says goodbye or goes.
+pub async fn work(address: SocketAddr, world: World) {
+    let (mut inbox, outbox, welcome) = join(address, Role::Worker).await;
+    let sections: Vec<Section> = welcome.iter().cloned().map(|spec| Section::new(spec).expect("valid")).collect();
+    outbox.control(&Control::Ready { threads: 1 }).expect("it fits");
+    loop {
+        match inbox.next().await {
+            Ok(Message::Work(work)) => {
+                let results = world.answer(&sections, &work);
+                outbox.send(Kind::Results, &results.encode()).expect("it fits");
+            }
+            Ok(Message::Control(Control::Ping(number))) => outbox.control(&Control::Pong(number)).expect("it fits"),
+            Ok(Message::Control(Control::Bye { .. })) | Err(NetError::Closed | NetError::Io(_)) => return,
+            Ok(_) => {}
+            Err(error) => panic!("{error}"),
+        }
+    }
+}
+
+/// Connects in a role; gives the sections too.
+pub async fn join(address: SocketAddr, role: Role) -> (Inbox, Outbox, Vec<holo_section::SectionSpec>) {
+    let joined = tokio::time::timeout(Duration::from_secs(10), holo_net::connect(address, role, "a test"));
+    let (inbox, outbox, welcome) = joined.await.expect("in time").expect("the server takes us");
+    (inbox, outbox, welcome.sections)
+}
+
+/// How a picture compares with the room.
+#[derive(Debug)]
+pub struct Verdict {
+    /// Pixels compared: covered, and far enough from edges.
+    pub compared: usize,
+    /// Of these, those whose colour is not to be found within two pixels.
+    pub wrong: usize,
+    /// Mean relative error over what was compared.
+    pub mean_error: f64,
+    /// Covered pixels.
+    pub covered: usize,
+    /// Pixels that no section covers and that are not exactly 0.
+    pub invented: usize,
+}
+
+/// Compares a picture with what is to be seen: a pixel must show a colour that the same wall has within two pixels of it,
+/// give or take the 0.8 % that RGBE rounds the smallest of three like channels by, at most twice.
+///
+/// Pixels with an edge, or the border of what the sections cover, within three pixels are left out: what is shown there
+/// depends on how samples are spread.
+pub fn compare(world: &World, sections: &[Section], view: &View, picture: &Picture) -> Verdict {
+    let size @ (width, height) = picture.size();
+    let at = |column: u32, row: u32| {
+        let (x, y) = View::pixel_centre(size, column, row);
+        let (eye, direction) = view.ray(x, y);
+        let covered = sections.iter().any(|section| section.line(eye, direction).is_some());
+        (covered, world.hit(eye, direction))
+    };
+    let expected: Vec<(bool, Hit)> = (0..height).flat_map(|row| (0..width).map(move |column| at(column, row))).collect();
+    let get = |column: u32, row: u32| expected[(row * width + column) as usize];
+    let mut verdict = Verdict { compared: 0, wrong: 0, mean_error: 0.0, covered: 0, invented: 0 };
+    for row in 0..height {
+        for column in 0..width {
+            let (covered, hit) = get(column, row);
+            let rgb = picture.get(column, row).expect("inside").map(f64::from);
+            verdict.covered += usize::from(covered);
+            verdict.invented += usize::from(!covered && rgb != [0.0; 3]);
+            let around = |reach: u32| {
+                let columns = column.saturating_sub(reach)..=(column + reach).min(width - 1);
+                columns.flat_map(move |c| (row.saturating_sub(reach)..=(row + reach).min(height - 1)).map(move |r| (c, r)))
+            };
+            let plain = around(3).all(|(c, r)| get(c, r).0 && get(c, r).1.wall == hit.wall);
+            if !plain {
+                continue;
+            }
+            verdict.compared += 1;
+            let wrong = (0..3).any(|channel| {
+                let near = around(2).map(|(c, r)| (get(c, r).1.rgb[channel] - hit.rgb[channel]).abs());
+                let allowed = near.fold(0.0, f64::max) + 0.016 * hit.rgb[channel];
+                (rgb[channel] - hit.rgb[channel]).abs() > allowed
+            });
+            verdict.wrong += usize::from(wrong);
+            verdict.mean_error +=
+                (0..3).map(|channel| rgb[channel] / hit.rgb[channel] - 1.0).sum::<f64>() / 3.0;
+        }
+    }
+    verdict.mean_error /= verdict.compared.max(1) as f64;
+    verdict
+}

@@ -1,0 +1,66 @@
+//! What a holodeck file holds, read apart from the program under test.
+
+use std::{collections::BTreeMap, path::Path};
+
+use holo_beamfile::{BeamFile, BeamKey};
+use holo_section::{Sample, SampleKind};
+
+/// The samples of a file, by beam and kind, in the order of their numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stored {
+    /// Every sample.
+    pub beams: BTreeMap<(BeamKey, SampleKind), Vec<(u32, Sample)>>,
+}
+
+impl Stored {
+    /// How many samples there are.
+    pub fn count(&self) -> u64 {
+        self.beams.values().map(|samples| samples.len() as u64).sum()
+    }
+
+    /// Checks that the numbers of every beam and kind are 0, 1, 2 … without a gap: that nothing given out was lost, and
+    /// nothing done twice.
+    #[track_caller]
+    pub fn assert_no_gaps(&self) {
+        for ((key, kind), samples) in &self.beams {
+            for (expected, &(number, _)) in (0..).zip(samples) {
+                assert_eq!(number, expected, "a gap in {kind:?} of {key:?}");
+            }
+        }
+    }
+
+    /// Checks that everything in `earlier` is still here, unchanged.
+    #[track_caller]
+    pub fn assert_contains(&self, earlier: &Stored) {
+        for (name, samples) in &earlier.beams {
+            let mine = self.beams.get(name).unwrap_or_else(|| panic!("{name:?} is gone"));
+            let mine: BTreeMap<u32, Sample> = mine.iter().copied().collect();
+            for (number, sample) in samples {
+                assert_eq!(mine.get(number), Some(sample), "sample {number} of {name:?}");
+            }
+        }
+    }
+}
+
+/// Every sample of a file, all checksums compared.
+///
+/// # Panics
+/// If it cannot be opened, or its own statistics do not agree with what is read.
+#[track_caller]
+pub fn stored(path: &Path) -> Stored {
+    let file = BeamFile::open_read_only(path, 1 << 20).unwrap_or_else(|error| panic!("{error}"));
+    let mut keys = Vec::new();
+    file.for_each_beam(&mut |key, count| keys.push((key, count)));
+    let mut beams: BTreeMap<_, Vec<_>> = BTreeMap::new();
+    for (key, count) in keys {
+        let beam = file.read(key).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(beam.samples.len() as u64, count, "{key:?}");
+        for (meta, samples) in beam.runs() {
+            let numbered = (meta.first..).zip(samples.iter().copied());
+            beams.entry((key, meta.kind)).or_default().extend(numbered);
+        }
+    }
+    let stored = Stored { beams };
+    assert_eq!(stored.count(), file.stats().samples);
+    stored
+}

@@ -1,0 +1,119 @@
+//! A temporary folder with a bundled scene, and the program run in it.
+
+use std::{ffi::OsString, net::SocketAddr, path::PathBuf};
+
+use holo_scenes::Bundled;
+use tempfile::TempDir;
+
+use crate::{
+    process::{Ended, Process},
+    program::program,
+};
+
+/// The section before the Cornell box on a coarse grid: 7,680 beams, so that a second's samples fill every one of them.
+pub const CORNELL_SMALL_SECTION: &str = "0.6,0.6,-4 4.3,0,0 0,4.2,0 0,0,5 4,4,4";
+
+/// A test's own folder.
+pub struct Place {
+    folder: TempDir,
+}
+
+impl Default for Place {
+    fn default() -> Place {
+        Place::new()
+    }
+}
+
+impl Place {
+    /// An empty folder but for the bundled Cornell box.
+    pub fn new() -> Place {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        holo_scenes::write(Bundled::Cornell, folder.path()).expect("the scene can be written");
+        Place { folder }
+    }
+
+    /// A path in it.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// A path in it, as text for an argument.
+    pub fn text(&self, name: &str) -> String {
+        self.path(name).to_str().expect("temporary folders have plain names").to_owned()
+    }
+
+    /// Writes a file into it.
+    pub fn write(&self, name: &str, content: &str) -> String {
+        std::fs::write(self.path(name), content).expect("files can be written");
+        self.text(name)
+    }
+
+    /// The bundled scene's configuration.
+    pub fn cornell(&self) -> String {
+        self.text("cornell.toml")
+    }
+
+    /// Starts the program with these words; `{}` in a word stands for this folder.
+    pub fn start(&self, words: &[&str]) -> Process {
+        let folder = self.folder.path().to_str().expect("temporary folders have plain names");
+        let words: Vec<OsString> = words.iter().map(|word| word.replace("{}", folder).into()).collect();
+        Process::start(program().to_owned(), &words, &[("XDG_CACHE_HOME", self.path("cache"))])
+    }
+
+    /// Runs the program with these words until it ends.
+    #[track_caller]
+    pub fn run(&self, words: &[&str]) -> Ended {
+        self.start(words).wait()
+    }
+
+    /// Makes a holodeck of the bundled box on the coarse grid, with about so many samples in it.
+    #[track_caller]
+    pub fn fill_small(&self, file: &str, samples: &str) -> Ended {
+        let file = self.text(file);
+        let section = CORNELL_SMALL_SECTION;
+        let words =
+            ["fill", "--config", "{}/cornell.toml", "--section", section, "-o", &file, "--samples", samples, "--json"];
+        self.run(&words).ok()
+    }
+
+    /// Starts a server on any free port.
+    #[track_caller]
+    pub fn server(&self, file: &str, words: &[&str]) -> Server {
+        let file = self.text(file);
+        let mut all = vec!["holoserver", &file, "--listen", "127.0.0.1:0", "--with-parent"];
+        all.extend(words);
+        let mut process = self.start(&all);
+        let address = listen_address(&mut process);
+        Server { process, address }
+    }
+
+    /// Starts a worker with one thread.
+    pub fn worker(&self, address: SocketAddr, words: &[&str]) -> Process {
+        let address = address.to_string();
+        let mut all = vec!["rtworker", "--connect", &address, "--threads", "1", "--with-parent"];
+        all.extend(words);
+        self.start(&all)
+    }
+
+    /// Starts a headless viewer.
+    pub fn viewer(&self, address: SocketAddr, words: &[&str]) -> Process {
+        let address = address.to_string();
+        let mut all = vec!["holoview", "--connect", &address, "--with-parent"];
+        all.extend(words);
+        self.start(&all)
+    }
+}
+
+/// A server started by hand.
+pub struct Server {
+    /// The process.
+    pub process: Process,
+    /// Where it listens.
+    pub address: SocketAddr,
+}
+
+/// Where a server that was just started listens.
+#[track_caller]
+pub fn listen_address(process: &mut Process) -> SocketAddr {
+    process.wait_for_line("listening on ").parse().expect("the server prints its address")
+}

@@ -1,0 +1,15 @@
+//! The program as a whole, in processes of its own.
+
+// Helpers beside the tests fail them in the same way.
+#![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used)]
+
+mod analytic;
+mod coming_and_going;
+mod display_only;
+mod fill;
+mod hostile;
+mod interrupted;
+mod processes;
+mod samples;
+mod session;
+mod usage;
