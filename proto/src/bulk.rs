@@ -418,7 +418,11 @@ fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
         other => return Err(ProtoError::SampleKind(other)),
     };
     if raw.count == 0 || raw.count > MAX_RUN {
-        return Err(ProtoError::TooMany { what: "samples in a run", found: u64::from(raw.count), limit: u64::from(MAX_RUN) });
+        return Err(ProtoError::TooMany {
+            what: "samples in a run",
+            found: u64::from(raw.count),
+            limit: u64::from(MAX_RUN),
+        });
     }
     if raw.paths == 0 {
         return Err(ProtoError::Number("a run's number of paths"));
@@ -426,14 +430,7 @@ fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
     if raw.first.checked_add(raw.count).is_none() {
         return Err(ProtoError::Number("a run's first sample number"));
     }
-    Ok(Run {
-        section: raw.section,
-        beam: BeamId(raw.beam),
-        kind,
-        first: raw.first,
-        count: raw.count,
-        paths: raw.paths,
-    })
+    Ok(Run { section: raw.section, beam: BeamId(raw.beam), kind, first: raw.first, count: raw.count, paths: raw.paths })
 }
 
 impl BlobChunk {

@@ -10,7 +10,9 @@ pub enum ProtoError {
     #[error("the other side does not speak the Holodeck protocol")]
     NotHolodeck,
     /// The two programs are of different versions.
-    #[error("the other side speaks protocol version {theirs}, this program speaks {ours}; run the same release on both machines")]
+    #[error(
+        "the other side speaks protocol version {theirs}, this program speaks {ours}; run the same release on both machines"
+    )]
     Version {
         /// What this program speaks.
         ours: u16,

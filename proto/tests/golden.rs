@@ -1,5 +1,6 @@
 //! The bytes of every message, as written down in `golden/`: a change of any of them is a change of the protocol, and
 //! must raise its version.
+#![allow(clippy::unwrap_used)]
 
 use std::{collections::BTreeSet, fs, path::PathBuf};
 
@@ -123,15 +124,8 @@ fn welcome_shown() -> Any {
 }
 
 fn work() -> Any {
-    let packet = Packet {
-        id: 1,
-        section: 0,
-        beam: BeamId(0x01_0203_0405),
-        first: 0,
-        count: 21,
-        paths: 1,
-        viewpoint: None,
-    };
+    let packet =
+        Packet { id: 1, section: 0, beam: BeamId(0x01_0203_0405), first: 0, count: 21, paths: 1, viewpoint: None };
     Any::Work(Work {
         viewpoints: vec![
             Viewpoint { eye: [1.0, 2.0, 3.0], radius: 0.01 },
@@ -162,14 +156,8 @@ fn samples() -> Vec<Sample> {
 }
 
 fn stored() -> Any {
-    let uniform = Run {
-        section: 0,
-        beam: BeamId(0x01_0203_0405),
-        kind: SampleKind::Uniform,
-        first: 40,
-        count: 2,
-        paths: 16,
-    };
+    let uniform =
+        Run { section: 0, beam: BeamId(0x01_0203_0405), kind: SampleKind::Uniform, first: 40, count: 2, paths: 16 };
     let single = Run { section: 1023, beam: BeamId(9), kind: SampleKind::SingleRay, first: 0, count: 1, paths: 1 };
     Any::Samples(Samples { view: 7, source: Source::Stored, runs: vec![uniform, single], samples: samples() })
 }

@@ -203,7 +203,7 @@ impl Writer {
                 next = frames.try_recv().ok();
             }
             timeout(SILENCE, self.stream.flush()).await??;
-            self.count();
+            self.count(0);
         }
         Ok(())
     }
@@ -215,14 +215,14 @@ impl Writer {
                 return Err(io::ErrorKind::WriteZero.into());
             }
             rest = &rest[written..];
+            self.count(rest.len());
         }
-        self.count();
         Ok(())
     }
 
-    /// Takes what the operating system has by now off the count.
-    fn count(&mut self) {
-        let left = self.stream.buffer().len();
+    /// Takes what the operating system has by now off the count; `of_this_frame` bytes are not even in the buffer.
+    fn count(&mut self, of_this_frame: usize) {
+        let left = self.stream.buffer().len() + of_this_frame;
         self.queued.fetch_sub(self.in_hand.saturating_sub(left), Ordering::Relaxed);
         self.in_hand = self.in_hand.min(left);
     }

@@ -13,7 +13,9 @@ pub enum NetError {
     #[error("`{0}` is not an address; write HOST:PORT, such as 127.0.0.1:7070")]
     Address(String),
     /// Only loopback may be used so far.
-    #[error("{0} is not a loopback address: connections are not encrypted yet, so only this machine may be served (use 127.0.0.1:PORT, and a secure tunnel between machines)")]
+    #[error(
+        "{0} is not a loopback address: connections are not encrypted yet, so only this machine may be served (use 127.0.0.1:PORT, and a secure tunnel between machines)"
+    )]
     NotLoopback(SocketAddr),
     /// The operating system's word.
     #[error("{0}")]

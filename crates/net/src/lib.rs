@@ -4,8 +4,9 @@
 //! - a frame's length is checked against its kind before memory is taken for it, and before the handshake nothing
 //!   longer than a hello is read;
 //! - a connection on which nothing arrives for [`SILENCE`] is given up: the server pings everyone, so silence means that
-//!   the other side hangs or has vanished;
-//! - sending never blocks: frames queue in an [`Outbox`] whose [`Outbox::queued_bytes`] its owner watches;
+//!   the other side hangs or has vanished; so is one that takes nothing of what is sent for as long;
+//! - sending never blocks: frames queue in an [`Outbox`] whose [`Outbox::queued_bytes`] its owner watches, and which is 0
+//!   again once everything is with the operating system or the connection is gone;
 //! - addresses other than loopback are refused until connections are encrypted and authenticated.
 
 mod address;

@@ -39,7 +39,11 @@ pub fn results() -> impl Strategy<Value = Results> {
     vec(packet, 0..12).prop_map(|packets| Results {
         packets: packets
             .iter()
-            .map(|(id, nanoseconds, samples)| Traced { id: *id, count: samples.len() as u32, nanoseconds: *nanoseconds })
+            .map(|(id, nanoseconds, samples)| Traced {
+                id: *id,
+                count: samples.len() as u32,
+                nanoseconds: *nanoseconds,
+            })
             .collect(),
         samples: packets.into_iter().flat_map(|(_, _, samples)| samples).collect(),
     })
@@ -57,8 +61,7 @@ pub fn view() -> impl Strategy<Value = ViewRequest> {
 }
 
 pub fn samples() -> impl Strategy<Value = Samples> {
-    let kind =
-        prop_oneof![Just(SampleKind::Uniform), Just(SampleKind::ViewpointLimited), Just(SampleKind::SingleRay)];
+    let kind = prop_oneof![Just(SampleKind::Uniform), Just(SampleKind::ViewpointLimited), Just(SampleKind::SingleRay)];
     let run = (any::<u16>(), any::<u64>(), kind, 0..u32::MAX - 50, 1..=u16::MAX, vec(sample(), 1..50));
     let source = prop_oneof![Just(Source::Stored), Just(Source::Traced)];
     (any::<u32>(), source, vec(run, 0..8)).prop_map(|(view, source, runs)| Samples {
@@ -109,16 +112,7 @@ fn welcome() -> impl Strategy<Value = Control> {
     let up = [finite(), finite(), finite()].prop_filter("an axis", |up| *up != [0.0; 3]);
     (text(), vec(section(), 1..6), settings, scene, up, vec((text(), text()), 0..5), any::<u64>(), any::<bool>())
         .prop_map(|(software, sections, settings, scene, up, views, samples, tracing)| {
-            Control::Welcome(Box::new(Welcome {
-                software,
-                sections,
-                settings,
-                scene,
-                up,
-                views,
-                samples,
-                tracing,
-            }))
+            Control::Welcome(Box::new(Welcome { software, sections, settings, scene, up, views, samples, tracing }))
         })
 }
 
