@@ -43,6 +43,9 @@ class Bar:
     wanted: str
     met: bool
 
+    def verdict(self) -> str:
+        return "yes" if self.met else "**no**"
+
 
 @dataclass
 class Plot:
@@ -69,7 +72,8 @@ class Part:
     @staticmethod
     def of_json(found: dict[str, Any]) -> "Part":
         nested = {"tables": Table, "bars": Bar, "plots": Plot}
-        return Part(**{key: [nested[key](**x) for x in value] if key in nested else value for key, value in found.items()})
+        made = {key: [nested[key](**item) for item in found.get(key, ())] for key in nested}
+        return Part(**{**found, **made})
 
     def markdown(self) -> list[str]:
         lines = [f"## {self.title}", ""]
@@ -79,8 +83,6 @@ class Part:
             lines += table.markdown()
         for plot in self.plots:
             lines += [f"![{plot.caption}]({plot.file})", ""]
-        if self.bars:
-            lines += bars_markdown([("", bar) for bar in self.bars])
         for skipped in self.skipped:
             lines += [f"*Skipped: {skipped}*", ""]
         return lines
@@ -91,17 +93,6 @@ def shown(figure: Figure, spec: str) -> str:
     if figure is None:
         return "–"
     return figure if isinstance(figure, str) else format(figure, spec)
-
-
-def bars_markdown(bars: list[tuple[str, Bar]]) -> list[str]:
-    """Bars as a table, each under the title of its part if that is given."""
-    titled = any(title for title, _ in bars)
-    lines = ["| " + ("measurement | " if titled else "") + "bar | wanted | found | met |"]
-    lines.append("|" + " --- |" * (5 if titled else 4))
-    for title, bar in bars:
-        first = f"{title} | " if titled else ""
-        lines.append(f"| {first}{bar.what} | {bar.wanted} | {bar.figure} | {'yes' if bar.met else '**no**'} |")
-    return [*lines, ""]
 
 
 class Document:
@@ -115,11 +106,12 @@ class Document:
         if self._json.exists():
             found = json.loads(self._json.read_text(encoding="utf-8"))
             if found.get("format") != FORMAT:
-                raise SystemExit(f"{self._json} has another format than {FORMAT}: remove it and measure everything again")
+                raise SystemExit(f"{self._json}: another format than {FORMAT}; remove it and measure everything again")
             self._parts = {name: Part.of_json(part) for name, part in found["measurements"].items() if name in order}
 
     def replace(self, name: str, part: Part) -> bool:
-        """Puts a part in place of the old one and writes everything. Figures stay if all of the new part was skipped."""
+        """Puts a part in place of the old one and writes everything. Figures stay if all of the new part was "
+        "skipped."""
         if not part.tables and name in self._parts:
             return False
         self._parts[name] = part
@@ -134,19 +126,27 @@ class Document:
         lines = [
             "# Benchmarks",
             "",
-            "Made by `./scripts/bench` out of [benchmarks.json](benchmarks.json), which has the figures in full. `./scripts/bench NAME` "
+            "Made by `./scripts/bench` out of [benchmarks.json](benchmarks.json), which has the figures in full. "
+            "`./scripts/bench NAME` "
             "measures one part again; `--list` names them.",
             "",
-            "**relMSE** is the mean of (picture − reference)² / (reference² + 0.01·mean²), without the worst 0.1 % of pixels. "
-            "**PSNR** is of the picture as displayed: clipped at the reference's 95th percentile, gamma 2.2. **Bias** is the "
+            "**relMSE** is the mean of (picture − reference)² / (reference² + 0.01·mean²), without the worst 0.1 % of "
+            "pixels. "
+            "**PSNR** is of the picture as displayed: clipped at the reference's 95th percentile, gamma 2.2. **Bias** "
+            "is the "
             "relative error of the mean luminance over pixels no brighter than 20 times the reference's median. "
-            "**The original** is Radiance 6.1 (rholo, rhpict), measured on another day on a 2-core machine of the same kind: "
+            "**The original** is Radiance 6.1 (rholo, rhpict), measured on another day on a 2-core machine of the "
+            "same kind: "
             "ratios to it are not exact.",
             "",
         ]
         bars = [(part.title, bar) for part in self._parts.values() for bar in part.bars]
         if bars:
-            lines += ["## At a glance", "", *bars_markdown(bars)]
+            lines += ["## At a glance", ""]
+            lines += ["| measurement | bar | wanted | found | met |", "|" + " --- |" * 5]
+            for title, bar in bars:
+                lines.append(f"| {title} | {bar.what} | {bar.wanted} | {bar.figure} | {bar.verdict()} |")
+            lines.append("")
         lines += ["## Machine", "", *self._conditions()]
         for part in self._parts.values():
             lines += part.markdown()

@@ -7,8 +7,10 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 WIDTH, HEIGHT = 640, 380
-LEFT, RIGHT, TOP, BOTTOM = 64, 24, 44, 48
+LEFT, RIGHT, TOP, BOTTOM = 64, 24, 60, 48
 COLOURS = ("#1f6feb", "#d1662b", "#2f8f5b", "#8250df")
+# Width of a name in the legend.
+LEGEND = 140
 INK, FAINT = "#24292f", "#d8dee4"
 
 Series = dict[str, list[tuple[float, float]]]
@@ -44,7 +46,8 @@ def error_over_seconds(path: Path, title: str, series: Series) -> None:
     across = Axis([x for x, _ in points], LEFT, WIDTH - RIGHT)
     up = Axis([y for _, y in points], HEIGHT - BOTTOM, TOP)
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="12">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}"',
+        'font-family="sans-serif" font-size="12">',
         f'<rect width="{WIDTH}" height="{HEIGHT}" rx="6" fill="white"/>',
         _text(LEFT, 24, title, 'font-size="14" font-weight="600"'),
         *_grid(across, up),
@@ -77,11 +80,10 @@ def _line(number: int, name: str, points: list[tuple[float, float]], across: Axi
     path = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in placed)
     parts = [f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="2" stroke-linejoin="round"/>']
     parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" fill="{colour}"/>' for x, y in placed]
-    # Errors fall from the upper left: the upper right is free for the legend.
-    y = TOP + 18 + 20 * number
-    parts.append(f'<rect x="{WIDTH - RIGHT - 212}" y="{y - 10}" width="206" height="18" fill="white" opacity="0.85"/>')
-    parts.append(f'<circle cx="{WIDTH - RIGHT - 202}" cy="{y - 1}" r="4" fill="{colour}"/>')
-    parts.append(_text(WIDTH - RIGHT - 192, y + 3, name, ""))
+    # The legend lies between title and plot, where no line can pass.
+    x = LEFT + LEGEND * number
+    parts.append(f'<circle cx="{x + 4}" cy="44" r="4" fill="{colour}"/>')
+    parts.append(_text(x + 14, 48, name, ""))
     return parts
 
 

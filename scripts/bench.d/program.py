@@ -32,7 +32,10 @@ class Finished:
     seconds: float
 
     def json(self) -> dict[str, Any]:
-        return json.loads(self.stdout)
+        try:
+            return json.loads(self.stdout)
+        except ValueError as error:
+            raise Failed(f"not JSON ({error}): {self.stdout[:200]}") from error
 
 
 def run(command: Sequence[str | Path], folder: Path | None = None) -> Finished:
@@ -183,7 +186,7 @@ def _commit(root: Path) -> str:
     commit = _said(["git", "rev-parse", "--short=12", "HEAD"], root)
     # The document itself changes while it is being made.
     changed = _said(["git", "status", "--porcelain", "--", ".", ":!docs"], root)
-    return f"{commit} with changes" if changed else commit
+    return f"{commit} with changes" if changed else commit or "unknown"
 
 
 def _said(command: list[str], folder: Path) -> str:

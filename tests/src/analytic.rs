@@ -86,6 +86,13 @@ impl World {
 fn slabs([low, high]: [DVec3; 2], origin: DVec3, direction: DVec3) -> [[f64; 2]; 2] {
     let (mut enter, mut leave) = ([f64::NEG_INFINITY, 0.0], [f64::INFINITY, 0.0]);
     for axis in 0..3 {
+        // Along these two walls, it meets the box only between them.
+        if direction[axis] == 0.0 {
+            if !(low[axis]..high[axis]).contains(&origin[axis]) {
+                return [[f64::INFINITY, 0.0], [f64::NEG_INFINITY, 0.0]];
+            }
+            continue;
+        }
         let at = |wall: DVec3| (wall[axis] - origin[axis]) / direction[axis];
         let sides = [[at(low), 2.0 * axis as f64], [at(high), 2.0 * axis as f64 + 1.0]];
         let [near, far] = if direction[axis] > 0.0 { sides } else { [sides[1], sides[0]] };
@@ -130,8 +137,8 @@ pub async fn join(address: SocketAddr, role: Role) -> (Inbox, Outbox, Vec<holo_s
 pub struct Verdict {
     /// Pixels compared: covered, and far enough from edges.
     pub compared: usize,
-    /// Of these, those whose colour is not to be found within two pixels.
-    pub wrong: usize,
+    /// Of these, those whose colour is not to be found within two pixels: column, row, shown, expected.
+    pub wrong: Vec<(u32, u32, [f64; 3], [f64; 3])>,
     /// Mean relative error over what was compared.
     pub mean_error: f64,
     /// Covered pixels.
@@ -153,9 +160,10 @@ pub fn compare(world: &World, sections: &[Section], view: &View, picture: &Pictu
         let covered = sections.iter().any(|section| section.line(eye, direction).is_some());
         (covered, world.hit(eye, direction))
     };
-    let expected: Vec<(bool, Hit)> = (0..height).flat_map(|row| (0..width).map(move |column| at(column, row))).collect();
+    let expected: Vec<(bool, Hit)> =
+        (0..height).flat_map(|row| (0..width).map(move |column| at(column, row))).collect();
     let get = |column: u32, row: u32| expected[(row * width + column) as usize];
-    let mut verdict = Verdict { compared: 0, wrong: 0, mean_error: 0.0, covered: 0, invented: 0 };
+    let mut verdict = Verdict { compared: 0, wrong: Vec::new(), mean_error: 0.0, covered: 0, invented: 0 };
     for row in 0..height {
         for column in 0..width {
             let (covered, hit) = get(column, row);
@@ -164,7 +172,8 @@ pub fn compare(world: &World, sections: &[Section], view: &View, picture: &Pictu
             verdict.invented += usize::from(!covered && rgb != [0.0; 3]);
             let around = |reach: u32| {
                 let columns = column.saturating_sub(reach)..=(column + reach).min(width - 1);
-                columns.flat_map(move |c| (row.saturating_sub(reach)..=(row + reach).min(height - 1)).map(move |r| (c, r)))
+                columns
+                    .flat_map(move |c| (row.saturating_sub(reach)..=(row + reach).min(height - 1)).map(move |r| (c, r)))
             };
             let plain = around(3).all(|(c, r)| get(c, r).0 && get(c, r).1.wall == hit.wall);
             if !plain {
@@ -176,9 +185,10 @@ pub fn compare(world: &World, sections: &[Section], view: &View, picture: &Pictu
                 let allowed = near.fold(0.0, f64::max) + 0.016 * hit.rgb[channel];
                 (rgb[channel] - hit.rgb[channel]).abs() > allowed
             });
-            verdict.wrong += usize::from(wrong);
-            verdict.mean_error +=
-                (0..3).map(|channel| rgb[channel] / hit.rgb[channel] - 1.0).sum::<f64>() / 3.0;
+            if wrong {
+                verdict.wrong.push((column, row, rgb, hit.rgb));
+            }
+            verdict.mean_error += (0..3).map(|channel| rgb[channel] / hit.rgb[channel] - 1.0).sum::<f64>() / 3.0;
         }
     }
     verdict.mean_error /= verdict.compared.max(1) as f64;

@@ -66,14 +66,18 @@ impl Place {
         self.start(words).wait()
     }
 
-    /// Makes a holodeck of the bundled box on the coarse grid, with about so many samples in it.
+    /// Makes a holodeck of the bundled box on the coarse grid, or goes on with it, with about so many samples more.
     #[track_caller]
     pub fn fill_small(&self, file: &str, samples: &str) -> Ended {
+        self.fill_small_with(file, samples, &[])
+    }
+
+    /// The same, with more words.
+    #[track_caller]
+    pub fn fill_small_with(&self, file: &str, samples: &str, words: &[&str]) -> Ended {
         let file = self.text(file);
-        let section = CORNELL_SMALL_SECTION;
-        let words =
-            ["fill", "--config", "{}/cornell.toml", "--section", section, "-o", &file, "--samples", samples, "--json"];
-        self.run(&words).ok()
+        let fill = ["fill", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "-o", &file];
+        self.run(&[&fill[..], &["--samples", samples, "--json"], words].concat()).ok()
     }
 
     /// Starts a server on any free port.

@@ -55,6 +55,9 @@ const DISPLAY_QUEUE_BYTES: usize = 32 << 20;
 /// under way then still fits in the memory that the beam file allows itself.
 const STALLED_BYTES: u64 = 64 << 20;
 
+/// Packets in one message to a worker: half a megabyte, far below a frame's limit.
+const PACKETS_PER_MESSAGE: usize = 16_384;
+
 /// Beams that batch filling looks at before it sees to its events again, if none wants a ray.
 const BATCH_LOOKS: usize = 20_000;
 
@@ -67,6 +70,8 @@ pub enum Event {
     Message { id: ConnectionId, message: Message },
     /// It is gone; with a reason unless it closed its connection.
     Left { id: ConnectionId, reason: Option<String> },
+    /// It broke the protocol.
+    Broke { id: ConnectionId, reason: String },
     /// A view's stored samples are all sent.
     Recalled { id: ConnectionId, view: u32, result: Result<(), String> },
     /// Everything stored before is on disk, for a display that settles.
@@ -239,10 +244,11 @@ impl Coordinator {
                     if error.downcast_ref::<holo_beamfile::Error>().is_some() {
                         return Err(error);
                     }
-                    self.leave(id, Some(format!("{error:#}")));
+                    self.expel(id, format!("{error:#}"));
                 }
             }
             Event::Left { id, reason } => self.leave(id, reason),
+            Event::Broke { id, reason } => self.expel(id, reason),
             Event::Recalled { id, view, result } => self.recalled(id, view, result),
             Event::Flushed { id, view } => {
                 if let Some(display) = self.displays.get(&id) {
@@ -291,9 +297,18 @@ impl Coordinator {
         worker.or_else(|| self.displays.get(&id).map(|display| &display.outbox))
     }
 
+    /// Ends the connection of whoever broke the rules, and tells it why.
+    fn expel(&mut self, id: ConnectionId, reason: String) {
+        if let Some(outbox) = self.outbox(id) {
+            // A reason longer than a control message is none for people; the connection ends all the same.
+            let _ = outbox.control(&Control::Bye { reason: reason.clone() });
+        }
+        self.leave(id, Some(reason));
+    }
+
     fn leave(&mut self, id: ConnectionId, reason: Option<String>) {
+        let reason = reason.unwrap_or_else(|| "it closed its connection".into());
         if let Some(worker) = self.workers.remove(&id) {
-            let reason = reason.unwrap_or_else(|| "it closed its connection".into());
             self.progress.say(&format!("{} left: {reason}", worker.name));
             self.again.extend(worker.into_assignments());
             // What was traced for a view that is no longer looked at need not be traced again.
@@ -301,7 +316,7 @@ impl Coordinator {
         }
         if let Some(display) = self.displays.remove(&id) {
             display.newest.store(u32::MAX, Ordering::Release);
-            self.progress.say("a display left");
+            self.progress.say(&format!("a display left: {reason}"));
             self.forget_stale();
         }
         self.try_settle();
@@ -316,8 +331,25 @@ impl Coordinator {
 
     /// A worker's results: stored, then sent to every display that looks at their beams.
     fn results(&mut self, id: ConnectionId, results: &Results) -> Result<()> {
+        let mut outgoing = BTreeMap::new();
+        let taken = self.take_results(id, results, &mut outgoing);
+        // Even if a packet was refused: those before it are stored, so displays get them.
+        for (id, message) in outgoing {
+            if let Some(display) = self.displays.get(&id) {
+                display.outbox.send(Kind::Samples, &message.encode())?;
+            }
+        }
+        self.try_settle();
+        taken
+    }
+
+    fn take_results(
+        &mut self,
+        id: ConnectionId,
+        results: &Results,
+        outgoing: &mut BTreeMap<ConnectionId, Samples>,
+    ) -> Result<()> {
         let mut rest = results.samples.as_slice();
-        let mut outgoing: BTreeMap<ConnectionId, Samples> = BTreeMap::new();
         for traced in &results.packets {
             let Some(worker) = self.workers.get_mut(&id) else { return Ok(()) };
             let assignment = worker.finish(traced)?;
@@ -332,14 +364,8 @@ impl Coordinator {
                 }
                 Err(error) => return Err(error.into()),
             }
-            self.forward(&assignment.packet, samples, &mut outgoing);
+            self.forward(&assignment.packet, samples, outgoing);
         }
-        for (id, message) in outgoing {
-            if let Some(display) = self.displays.get(&id) {
-                display.outbox.send(Kind::Samples, &message.encode())?;
-            }
-        }
-        self.try_settle();
         Ok(())
     }
 
@@ -388,6 +414,9 @@ impl Coordinator {
             sections.get(usize::from(wanted.section)).is_some_and(|section| wanted.beam < section.beam_count())
         });
         ensure!(known, "it asked for beams that do not exist");
+        let in_order = request.beams.is_sorted_by_key(|wanted| (wanted.section, wanted.beam))
+            && request.beams.windows(2).all(|pair| (pair[0].section, pair[0].beam) != (pair[1].section, pair[1].beam));
+        ensure!(in_order, "it asked for a beam twice, or not in order");
         let Some(display) = self.displays.get_mut(&id) else { return Ok(()) };
         if let Some(wishes) = display.wishes.as_mut().filter(|wishes| wishes.view == request.view) {
             wishes.viewpoint = request.viewpoint;
@@ -480,7 +509,7 @@ impl Coordinator {
         for (id, hunger) in hungry {
             let mut rays = 0.0;
             let mut assignments = Vec::new();
-            while rays < hunger {
+            while rays < hunger && assignments.len() < PACKETS_PER_MESSAGE {
                 let Some(assignment) = self.next_assignment() else { break };
                 rays += f64::from(assignment.packet.count);
                 assignments.push(assignment);

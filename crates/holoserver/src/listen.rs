@@ -69,6 +69,11 @@ async fn serve(stream: TcpStream, holodeck: &Holodeck, events: &Sender<Event>, o
                 }
             }
             Err(NetError::Closed) => break None,
+            Err(NetError::Proto(error)) => {
+                // If the coordinator is gone, so is the process.
+                let _ = events.send(Event::Broke { id, reason: error.to_string() });
+                return;
+            }
             Err(error) => break Some(error.to_string()),
         }
     };

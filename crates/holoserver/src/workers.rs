@@ -92,11 +92,13 @@ impl Worker {
 
     /// Takes a packet's results off the list, once.
     pub fn finish(&mut self, traced: &Traced) -> Result<Assignment, ResultsError> {
-        let assignment = self.assigned.remove(&traced.id).ok_or(ResultsError::Unknown)?;
+        let assignment = *self.assigned.get(&traced.id).ok_or(ResultsError::Unknown)?;
         let asked = assignment.packet.count;
         if u32::from(asked) != traced.count {
+            // Still on the list: somebody else traces it.
             return Err(ResultsError::Count { found: traced.count, asked });
         }
+        self.assigned.remove(&traced.id);
         self.rays_ahead -= f64::from(asked);
         // Smoothed over some hundred rays: beams differ much in what a ray costs.
         let seconds = f64::from(traced.nanoseconds.max(1)) * 1e-9 / f64::from(asked);

@@ -4,6 +4,9 @@ use std::sync::Arc;
 
 use tokio::sync::watch;
 
+/// What shells show for a process that was interrupted.
+const INTERRUPTED: i32 = 130;
+
 /// A request to end, shared by all parts of a process: once triggered it stays so.
 #[derive(Clone, Debug)]
 pub struct Shutdown {
@@ -39,7 +42,8 @@ impl Shutdown {
     }
 
     /// Triggers on Ctrl-C and on SIGTERM, and, where `with_parent` is set, when standard input ends: a process that
-    /// another one started leaves with it, even if that one was killed.
+    /// another one started leaves with it, even if that one was killed. A second Ctrl-C or SIGTERM ends the process where
+    /// it stands, with status 130: an orderly end may wait for a disk that hangs.
     ///
     /// Must be called within a tokio runtime.
     ///
@@ -53,6 +57,8 @@ impl Shutdown {
             tokio::spawn(async move {
                 signals.recv().await;
                 shutdown.trigger();
+                signals.recv().await;
+                std::process::exit(INTERRUPTED);
             });
         }
         if with_parent {

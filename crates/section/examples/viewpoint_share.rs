@@ -59,10 +59,8 @@ struct Share {
 }
 
 fn share(section: &Section, eye: DVec3, radius: f64) -> Share {
-    let beams: BTreeSet<BeamId> = (0..RAYS)
-        .filter_map(|number| section.line(eye, direction(number)))
-        .map(|hit| section.beam(hit.pair))
-        .collect();
+    let beams: BTreeSet<BeamId> =
+        (0..RAYS).filter_map(|number| section.line(eye, direction(number))).map(|hit| section.beam(hit.pair)).collect();
     let viewpoint = Viewpoint { eye: eye.to_array(), radius };
     let mut share = Share { beams: beams.len(), near: 0, rays: 0, uniform: 0 };
     for sampler in beams.iter().filter_map(|&beam| section.beam_sampler(0, beam, Some(&viewpoint))) {

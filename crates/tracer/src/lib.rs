@@ -11,15 +11,19 @@
 //! - Rays travel in f32 relative to the scene's origin; rays from far away are brought near it in f64 first.
 //! - A [`Tracer`] may be shared by any number of threads.
 
+mod albedo;
 mod bsdf;
 #[cfg(test)]
 mod bsdf_tests;
 mod coat;
+mod conductor;
 #[cfg(test)]
 mod direct_tests;
 mod fresnel;
 mod geometry;
+mod interface;
 mod lights;
+mod medium;
 mod microfacet;
 mod path;
 mod sampler;
@@ -153,7 +157,8 @@ impl Tracer {
         if hit.is_none() {
             return Traced { radiance: self.engine.sky().to_array(), distance };
         }
-        let start = Start { hit, direction: direction.as_vec3() };
+        let inside = self.engine.inside(&self.raycaster, origin);
+        let start = Start { hit, direction: direction.as_vec3(), inside };
         let count = paths.end.saturating_sub(paths.start).max(1);
         let mut sum = Vec3::ZERO;
         for path in paths {

@@ -1,13 +1,13 @@
 //! The isotropic GGX distribution of microfacet normals (Walter et al. 2007, §5.2), sampled by visible normals.
 //!
-//! Shadowing and masking are Smith's, separable (G = G₁G₁) and not height-correlated, since the pictures that this engine
-//! is judged against are made so (Mitsuba 3, `microfacet.h`). Directions are local, normals point up (z > 0).
+//! Shadowing and masking are Smith's: height-correlated where light stays on one side (Heitz 2014, eq. 99), separable
+//! where it goes through, since heights on the two sides are not the same (Walter et al. 2007, eq. 23).
+//!
+//! Always true: directions are local, normals point up (z > 0), and a sampled normal is one that `wo` sees.
 
-use std::f32::consts::PI;
+use std::f32::consts::{PI, TAU};
 
 use glam::Vec3;
-
-use crate::geometry::disc;
 
 /// Least roughness: below it f32 half vectors are coarser than the lobe.
 const MIN_ALPHA: f32 = 1e-4;
@@ -23,6 +23,10 @@ impl Ggx {
         Self { alpha: alpha.max(MIN_ALPHA) }
     }
 
+    pub(crate) fn alpha(self) -> f32 {
+        self.alpha
+    }
+
     /// Density of normals: its projection integrates to 1.
     #[inline]
     pub(crate) fn distribution(self, m: Vec3) -> f32 {
@@ -35,33 +39,41 @@ impl Ggx {
         1.0 / (PI * a2 * q * q)
     }
 
-    /// Share of the facets of normal `m` that `v` sees, either side.
+    /// Smith's Λ: facets hidden over facets seen, of all that face `v`, either side.
     #[inline]
-    pub(crate) fn masking(self, v: Vec3, m: Vec3) -> f32 {
-        if v.dot(m) * v.z <= 0.0 {
-            return 0.0;
-        }
+    fn lambda(self, v: Vec3) -> f32 {
         let tan2 = (v.x * v.x + v.y * v.y) / (v.z * v.z);
-        2.0 / (1.0 + (1.0 + self.alpha * self.alpha * tan2).sqrt())
+        0.5 * ((1.0 + self.alpha * self.alpha * tan2).sqrt() - 1.0)
     }
 
-    /// A normal that `wo` (z > 0) sees (Heitz 2018, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4)).
+    /// Share of the facets that face `v` that it sees, either side.
     #[inline]
-    pub(crate) fn sample(self, wo: Vec3, u: [f32; 2]) -> Vec3 {
-        let v = Vec3::new(self.alpha * wo.x, self.alpha * wo.y, wo.z).normalize();
-        let length2 = v.x * v.x + v.y * v.y;
-        let t1 = if length2 > 0.0 { Vec3::new(-v.y, v.x, 0.0) / length2.sqrt() } else { Vec3::X };
-        let t2 = v.cross(t1);
-        let [p1, p2] = disc(u);
-        let s = 0.5 * (1.0 + v.z);
-        let p2 = (1.0 - s) * (1.0 - p1 * p1).max(0.0).sqrt() + s * p2;
-        let n = t1 * p1 + t2 * p2 + v * (1.0 - p1 * p1 - p2 * p2).max(0.0).sqrt();
-        Vec3::new(self.alpha * n.x, self.alpha * n.y, n.z.max(1e-6)).normalize()
+    pub(crate) fn masking(self, v: Vec3) -> f32 {
+        1.0 / (1.0 + self.lambda(v))
+    }
+
+    /// Share of the facets seen by `wo` that `wi`, on the same side, sees too.
+    #[inline]
+    pub(crate) fn shadowing(self, wo: Vec3, wi: Vec3) -> f32 {
+        let seen = 1.0 + self.lambda(wo);
+        seen / (seen + self.lambda(wi))
+    }
+
+    /// A normal that `wo` (z > 0) sees (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps", CGF 42(8)).
+    #[inline]
+    pub(crate) fn sample(self, wo: Vec3, [u, v]: [f32; 2]) -> Vec3 {
+        let stretched = Vec3::new(self.alpha * wo.x, self.alpha * wo.y, wo.z).normalize();
+        let z = (1.0 - v) * (1.0 + stretched.z) - stretched.z;
+        let sine = (1.0 - z * z).max(0.0).sqrt();
+        let (sin, cos) = (TAU * u).sin_cos();
+        let h = Vec3::new(sine * cos, sine * sin, z) + stretched;
+        // Rounding may leave z at 0 where the two are opposite.
+        Vec3::new(self.alpha * h.x, self.alpha * h.y, h.z.max(1e-7)).normalize()
     }
 
     /// Density of [`sample`](Self::sample) per solid angle of normals.
     #[inline]
     pub(crate) fn pdf(self, wo: Vec3, m: Vec3) -> f32 {
-        self.distribution(m) * self.masking(wo, m) * wo.dot(m).max(0.0) / wo.z
+        self.distribution(m) * self.masking(wo) * wo.dot(m).max(0.0) / wo.z
     }
 }

@@ -10,11 +10,12 @@
 
 use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, SurfacePoint, spawn};
-use holo_scene::Scene;
+use holo_scene::{Bsdf, Scene};
 
 use crate::bsdf::Scatter;
 use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf};
 use crate::lights::Lights;
+use crate::medium::{Crossing, Inside, Nesting};
 use crate::sampler::Sampler;
 
 /// Scatterings before roulette begins.
@@ -48,6 +49,7 @@ struct Surface {
 pub(crate) struct PathEngine {
     surfaces: Vec<Surface>,
     lights: Lights,
+    nesting: Option<Nesting>,
     sky: Vec3,
     bounces: u32,
     direct: Direct,
@@ -58,6 +60,8 @@ pub(crate) struct PathEngine {
 pub(crate) struct Start {
     pub hit: Option<Hit>,
     pub direction: Vec3,
+    /// What the eye is inside of.
+    pub inside: Inside,
 }
 
 /// The scattering that a ray left from, for weighing the light that it finds.
@@ -71,11 +75,19 @@ struct Left {
 
 impl PathEngine {
     pub(crate) fn new(scene: &Scene, bounces: Option<u32>, direct: Direct) -> Self {
+        let mut used = vec![false; scene.materials.len()];
+        scene.material_ids.iter().for_each(|&m| used[m as usize] = true);
         let surfaces = scene
             .materials
             .iter()
-            .map(|m| Surface {
-                scatter: Scatter::new(&m.bsdf),
+            .zip(used)
+            .map(|(m, used)| Surface {
+                scatter: match m.bsdf {
+                    // Solids scatter by what is on both sides: `nesting`.
+                    Bsdf::Dielectric { .. } => Scatter::Black,
+                    _ if !used => Scatter::Black,
+                    bsdf => Scatter::new(&bsdf),
+                },
                 emission: m.emission.into(),
                 emits: m.emits(),
                 two_sided: m.two_sided_emission,
@@ -84,10 +96,16 @@ impl PathEngine {
         Self {
             surfaces,
             lights: Lights::new(scene),
+            nesting: Nesting::new(scene),
             sky: scene.sky.into(),
             bounces: bounces.unwrap_or(u32::MAX),
             direct,
         }
+    }
+
+    /// What an eye is inside of (world coordinates).
+    pub(crate) fn inside(&self, raycaster: &Raycaster, eye: DVec3) -> Inside {
+        self.nesting.as_ref().map_or_else(Inside::default, |nesting| nesting.at(raycaster, eye))
     }
 
     /// Radiance from infinity.
@@ -103,7 +121,7 @@ impl PathEngine {
         let mut eta2 = 1.0;
         let mut scatterings = 0;
         let mut left = Left { pdf: None, sky_pdf: 0.0 };
-        let Start { mut hit, mut direction } = start;
+        let Start { mut hit, mut direction, mut inside } = start;
         for depth in 0..MAX_DEPTH {
             let Some(found) = hit else {
                 radiance += throughput * self.sky * self.weight(left.pdf, left.sky_pdf);
@@ -112,6 +130,15 @@ impl PathEngine {
             let point = raycaster.surface(found.triangle, found.u, found.v);
             let material = scene.material_ids[found.triangle as usize];
             let surface = &self.surfaces[material as usize];
+            let crossing = self.nesting.as_ref().and_then(|n| n.cross(raycaster, &point, material, direction, &inside));
+            let (scatter, beyond) = match &crossing {
+                None => (&surface.scatter, inside),
+                Some(Crossing::Boundary { scatter, beyond }) => (scatter, *beyond),
+                Some(Crossing::Opaque(touching)) => {
+                    hit = Some(Hit { t: found.t, ..*touching });
+                    continue;
+                }
+            };
             let cosine = -direction.dot(point.normal);
             let front = cosine > 0.0;
             if surface.emits && (front || surface.two_sided) {
@@ -123,16 +150,19 @@ impl PathEngine {
             if wo.z <= 0.0 {
                 break;
             }
-            if !surface.scatter.is_delta() {
-                if matches!(surface.scatter, Scatter::Black) || scatterings > self.bounces {
+            if !scatter.is_delta() {
+                if matches!(scatter, Scatter::Black) || scatterings > self.bounces {
                     break;
                 }
                 scatterings += 1;
                 if self.direct != Direct::Materials {
-                    radiance += throughput * self.lit(raycaster, surface, &point, &frame, wo, front, sampler);
+                    radiance += throughput * self.lit(raycaster, scatter, &point, &frame, wo, front, sampler);
                 }
             }
-            let Some(sampled) = surface.scatter.sample(wo, front, sampler) else { break };
+            let Some(sampled) = scatter.sample(wo, front, sampler) else { break };
+            if sampled.wi.z < 0.0 {
+                inside = beyond;
+            }
             throughput *= sampled.weight;
             eta2 *= sampled.eta2;
             if depth >= ROULETTE_DEPTH {
@@ -148,7 +178,7 @@ impl PathEngine {
             }
             left = Left {
                 pdf: sampled.pdf,
-                sky_pdf: if sampled.pdf.is_some() { self.sky_pdf(&surface.scatter, sampled.wi) } else { 0.0 },
+                sky_pdf: if sampled.pdf.is_some() { self.sky_pdf(scatter, sampled.wi) } else { 0.0 },
             };
             direction = frame.to_world(sampled.wi);
             let ray = Ray::new(spawn(point.point, point.error, point.normal, direction), direction);
@@ -180,7 +210,7 @@ impl PathEngine {
     fn lit(
         &self,
         raycaster: &Raycaster,
-        surface: &Surface,
+        scatter: &Scatter,
         point: &SurfacePoint,
         frame: &Frame,
         wo: Vec3,
@@ -192,11 +222,11 @@ impl PathEngine {
         }
         if self.lights.sky > 0.0 && sampler.one() < self.lights.sky {
             let mut wi = cosine_hemisphere(sampler.two());
-            if surface.scatter.transmits() && sampler.one() < 0.5 {
+            if scatter.transmits() && sampler.one() < 0.5 {
                 wi.z = -wi.z;
             }
-            let (value, pdf) = surface.scatter.evaluate(wo, wi, front);
-            let light_pdf = self.sky_pdf(&surface.scatter, wi);
+            let (value, pdf) = scatter.evaluate(wo, wi, front);
+            let light_pdf = self.sky_pdf(scatter, wi);
             if value == Vec3::ZERO || light_pdf <= 0.0 {
                 return Vec3::ZERO;
             }
@@ -220,7 +250,7 @@ impl PathEngine {
         if !(cosine > 0.0 || emitter.two_sided && cosine < 0.0) {
             return Vec3::ZERO;
         }
-        let (value, pdf) = surface.scatter.evaluate(wo, frame.to_local(direction), front);
+        let (value, pdf) = scatter.evaluate(wo, frame.to_local(direction), front);
         if value == Vec3::ZERO || raycaster.blocked(point, &light) {
             return Vec3::ZERO;
         }
