@@ -1,0 +1,120 @@
+"""What measurements share: the programs, the scenes, and files already made.
+
+What always holds: a file or session is made once in a run, by the first measurement that asks for it.
+"""
+
+from __future__ import annotations
+
+import filecmp
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from program import Cargo, Session, run, session
+from scenes import Case, Reference, Scenes
+
+# Seconds after a view is asked for at which its picture is taken.
+PICTURES_AT = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
+QUICK_PICTURES_AT = (0.1, 0.5, 2.0)
+
+
+@dataclass
+class Walk:
+    """An interactive session: pictures of a view over time, the last one, and its replay."""
+
+    session: Session
+    asked: tuple[float, ...]
+    pictures: list[Path]
+    identical_replay: bool
+    file: Path
+
+
+class Bench:
+    """What measurements share: programs, scenes, files already made, and how long to take."""
+
+    def __init__(self, root: Path, work: Path, plots: Path, quick: bool) -> None:
+        self.work = work
+        self.plots = plots
+        self.quick = quick
+        self.cargo = Cargo(root)
+        self.shared = root.parent / "shared"
+        self.scenes = Scenes(self.cargo, self.shared, work)
+        self._fills: dict[str, tuple[Path, dict[str, float]]] = {}
+        self._walks: dict[str, Walk] = {}
+        self._references: dict[str, Reference] = {}
+
+    @cached_property
+    def holodeck(self) -> Path:
+        """The program, built on first use."""
+        return self.cargo.build("holodeck")
+
+    @property
+    def pictures_at(self) -> tuple[float, ...]:
+        return QUICK_PICTURES_AT if self.quick else PICTURES_AT
+
+    def seconds(self, full: float) -> float:
+        return full / 10 if self.quick else full
+
+    def paths(self, full: int) -> int:
+        return max(full // 10, 2) if self.quick else full
+
+    def render(self, case: Case, name: str, *options: str | Path, size: str = "") -> tuple[Path, dict[str, float]]:
+        """A picture of the case's view straight from the tracer, and what `render --json` says."""
+        path = self.work / f"{case.name}-{name}.pfm"
+        command = [self.holodeck, "render", *case.scene, *case.view.options(), "--size", size or case.size]
+        return path, run([*command, *options, "--json", "--quiet", "-o", path]).json()
+
+    def reference(self, case: Case) -> Reference:
+        """The independent reference, or a long render of our own."""
+        if case.reference:
+            return case.reference
+        if case.name not in self._references:
+            error = self.work / f"{case.name}-reference-se.pfm"
+            picture, _ = self.render(case, "reference", "--spp", str(self.paths(2048)), "--seed", "1", "--se", error)
+            self._references[case.name] = Reference(picture, error)
+        return self._references[case.name]
+
+    def fill(self, name: str, case: Case, seconds: float, *options: str) -> tuple[Path, dict[str, float]]:
+        """A file filled in batch, made once for all measurements, and what `fill --json` says."""
+        if name not in self._fills:
+            path = self.work / f"{name}.holo"
+            time = f"{self.seconds(seconds)}s"
+            command = [self.holodeck, "fill", *case.scene, *options, "-o", path, "--time", time, "--json", "--quiet"]
+            self._fills[name] = path, run(command).json()
+        return self._fills[name]
+
+    def cornell_direct(self) -> tuple[Path, dict[str, float]]:
+        return self.fill("cornell-direct", self.scenes.cornell(), 10, "--bounces", "0")
+
+    def room_filled(self) -> tuple[Path, dict[str, float]]:
+        return self.fill("room", self.scenes.room(), 40)
+
+    def picture(self, file: Path, options: list[str], size: str, name: str) -> tuple[Path, dict[str, float], float]:
+        """A picture from a file, what `picture --json` says, and the seconds of the whole program."""
+        path = self.work / f"{name}.pfm"
+        ended = run([self.holodeck, "picture", file, *options, "--size", size, "--json", "-o", path])
+        return path, ended.json(), ended.seconds
+
+    def walk(self, case: Case, moving: bool) -> Walk:
+        """A session at the case's view, from an empty file; `moving`: after a while at another view."""
+        name = f"{case.name}-{'moved' if moving else 'start'}"
+        if name not in self._walks:
+            self._walks[name] = self._walk(case, name, moving)
+        return self._walks[name]
+
+    def _walk(self, case: Case, name: str, moving: bool) -> Walk:
+        asked = self.pictures_at
+        pictures = [self.work / f"{name}-{seconds}.pfm" for seconds in asked]
+        lines = [f"0 view {case.view.line()}"]
+        if moving:
+            lines = [f"0 view {case.before.line()}", f"{self.seconds(5)} view {case.view.line()}"]
+        lines += [f"{seconds} picture {path}" for seconds, path in zip(asked, pictures)]
+        script = self.work / f"{name}.txt"
+        script.write_text("\n".join([*lines, "quit", ""]), encoding="utf-8")
+        file, last, again = (self.work / f"{name}{end}" for end in (".holo", "-last.pfm", "-replay.pfm"))
+        common = ["--headless", "--size", case.size, "--json"]
+        found = session(
+            [self.holodeck, "view", *case.scene, *common, "--script", script, "--keep", file, "-o", last]
+        )
+        run([self.holodeck, "replay", file, *common, *case.view.options(), "-o", again])
+        return Walk(found, asked, pictures, filecmp.cmp(last, again, shallow=False), file)
