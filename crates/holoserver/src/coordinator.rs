@@ -505,13 +505,18 @@ impl Coordinator {
         if self.stalled {
             return;
         }
+        // What is under way counts for the goal: it is reached, not overrun by what fast workers are given ahead.
+        let under_way: f64 = self.workers.values().map(Worker::rays_ahead).sum();
+        let so_far = self.progress.added() as f64 + under_way;
+        let mut left = self.goal.samples.map_or(f64::INFINITY, |goal| goal as f64 - so_far);
         let hungry: Vec<_> = self.workers.iter().map(|(&id, worker)| (id, worker.hunger())).collect();
         for (id, hunger) in hungry {
             let mut rays = 0.0;
             let mut assignments = Vec::new();
-            while rays < hunger && assignments.len() < PACKETS_PER_MESSAGE {
+            while rays < hunger && left > 0.0 && assignments.len() < PACKETS_PER_MESSAGE {
                 let Some(assignment) = self.next_assignment() else { break };
                 rays += f64::from(assignment.packet.count);
+                left -= f64::from(assignment.packet.count);
                 assignments.push(assignment);
             }
             if let Some(worker) = self.workers.get_mut(&id).filter(|_| !assignments.is_empty()) {

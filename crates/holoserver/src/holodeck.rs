@@ -33,6 +33,8 @@ pub struct About {
     pub source: String,
     /// The scene's up axis.
     pub up: [f64; 3],
+    /// Radiance of rays that meet nothing.
+    pub sky: [f32; 3],
     /// Metres per scene unit.
     pub unit: f64,
     /// Named views, as Radiance view options; the first is where a display begins.
@@ -49,6 +51,7 @@ impl About {
             scene: SceneInfo { hash: holo_scene::Scene::content_hash(packed_scene), bytes: packed_scene.len() as u64 },
             source,
             up: [0.0, 0.0, 1.0],
+            sky: [0.0; 3],
             unit: 1.0,
             views: Vec::new(),
         }
@@ -140,6 +143,8 @@ impl Holodeck {
             views: self.about.views.clone(),
             samples: self.file.stats().samples,
             tracing: self.writable,
+            sky: self.about.sky,
+            skip_unseen: false,
         }
     }
 }

@@ -71,6 +71,11 @@ impl Worker {
         if self.threads == 0.0 || self.rays_ahead > 0.7 * ahead { 0.0 } else { ahead - self.rays_ahead }
     }
 
+    /// Rays that it was given and has not done.
+    pub fn rays_ahead(&self) -> f64 {
+        self.rays_ahead
+    }
+
     /// Gives it packets.
     pub fn assign(&mut self, assignments: Vec<Assignment>) {
         let mut work = Work::default();

@@ -1,0 +1,59 @@
+//! Files that are only shown.
+
+use holo_tests::{CORNELL_SMALL_SECTION, Place, stored};
+use rustix::process::Signal;
+
+const VIEW: [&str; 6] = ["--vp", "2.78,2.73,-2", "--size", "48x48", "--json", "-o"];
+
+#[test]
+fn a_file_that_is_only_shown_takes_no_workers_and_any_number_of_readers() {
+    let place = Place::new();
+    place.fill_small("a.holo", "50k");
+    let before = std::fs::read(place.path("a.holo")).unwrap();
+    let one = place.server("a.holo", &["--display-only"]);
+    let two = place.server("a.holo", &["--display-only"]);
+    place.worker(one.address, &[]).wait().failed(1, &["refused", "only shown"]);
+    for (server, name) in [(&one, "one.pfm"), (&two, "two.pfm")] {
+        let output = place.text(name);
+        let report = place.viewer(server.address, &[&VIEW[..], &[&output]].concat()).wait().ok().json();
+        assert!(report["stored"].as_u64().unwrap() > 0, "{report}");
+        assert_eq!(report["traced"], 0);
+    }
+    let read = |name: &str| std::fs::read(place.path(name)).unwrap();
+    assert!(read("one.pfm") == read("two.pfm"), "two readers show different pictures");
+    one.process.end(Signal::INT).ok();
+    two.process.end(Signal::TERM).ok();
+    assert!(read("a.holo") == before, "the file has changed");
+}
+
+#[test]
+fn a_file_is_read_while_another_process_fills_it() {
+    let place = Place::new();
+    place.fill_small("a.holo", "10k");
+    let earlier = stored(&place.path("a.holo")).count();
+    let writer = place.server("a.holo", &["--fill", "--json"]);
+    let _worker = place.worker(writer.address, &[]);
+    let reader = place.server("a.holo", &["--display-only"]);
+    let output = place.text("a.pfm");
+    // The reader sees more and more of what the writer adds.
+    let mut last = 0;
+    holo_tests::wait_until("a reader to see what the writer adds", || {
+        let report = place.viewer(reader.address, &[&VIEW[..], &[&output]].concat()).wait().ok().json();
+        let samples = report["stored"].as_u64().unwrap();
+        assert!(samples >= last, "{samples} after {last}");
+        let grown = last > 0 && samples > last;
+        last = samples;
+        grown.then_some(())
+    });
+    // A second writer is refused, and nothing happens to the first.
+    let file = place.text("a.holo");
+    let words = ["holoserver", &file, "--listen", "127.0.0.1:0", "--with-parent"];
+    place.run(&words).failed(1, &["a.holo"]);
+    let fill = ["fill", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "-o", &file];
+    place.run(&[&fill[..], &["--samples", "1k"]].concat()).failed(1, &["a.holo"]);
+    let summary = writer.process.end(Signal::INT).ok().json();
+    let after = stored(&place.path("a.holo"));
+    assert_eq!(summary["samples"], after.count());
+    assert!(after.count() > earlier);
+    after.assert_no_gaps();
+}

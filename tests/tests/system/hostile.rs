@@ -1,0 +1,212 @@
+//! Clients that break the rules: each is dropped with a reason, and the others go on.
+
+use std::{
+    io::{Read, Write},
+    net::{SocketAddr, TcpStream},
+    time::Duration,
+};
+
+use holo_net::{Inbox, Message, Outbox};
+use holo_proto::{
+    bulk::{Results, Traced, ViewRequest, Wanted, Work},
+    control::Control,
+    frame::{self, Kind},
+    hello::{Answer, Hello, Role},
+};
+use holo_section::{Sample, Viewpoint};
+use holo_tests::{LIMIT, Place, Server, analytic::join, stored};
+use rustix::process::Signal;
+
+/// Sends bytes; gives what comes back until the server closes the connection.
+fn answer(address: SocketAddr, bytes: &[u8]) -> Vec<u8> {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(LIMIT)).unwrap();
+    stream.write_all(bytes).unwrap();
+    let mut back = Vec::new();
+    match stream.read_to_end(&mut back) {
+        Ok(_) => back,
+        // What was not read before the end makes it a reset.
+        Err(error) if error.kind() == std::io::ErrorKind::ConnectionReset => back,
+        Err(error) => panic!("the connection was not closed: {error}"),
+    }
+}
+
+fn refusal(bytes: &[u8]) -> String {
+    match Answer::decode(&bytes[frame::HEADER_BYTES..]).unwrap() {
+        Answer::Refused(reason) => reason,
+        Answer::Accepted => panic!("it was taken"),
+    }
+}
+
+/// A server that fills with a worker of its own, which hostile clients must not disturb.
+fn busy(place: &Place) -> (Server, holo_tests::Process) {
+    place.fill_small("a.holo", "1k");
+    let server = place.server("a.holo", &["--fill", "--json"]);
+    let worker = place.worker(server.address, &[]);
+    server.process.wait_for_error("joined");
+    (server, worker)
+}
+
+/// The server still shows, its worker still traces, and every sample is there once.
+fn went_on(place: &Place, mut server: Server, mut worker: holo_tests::Process) {
+    assert!(server.process.is_running() && worker.is_running(), "{}", server.process.stderr());
+    let output = place.text("a.pfm");
+    let viewer = place.viewer(server.address, &["--time", "2", "--size", "32x32", "-o", &output, "--json"]);
+    let report = viewer.wait().ok().json();
+    assert!(report["traced"].as_u64().unwrap() > 0, "{report}");
+    let ended = server.process.end(Signal::TERM).ok();
+    assert!(!ended.stderr.contains("panicked"), "{}", ended.stderr);
+    worker.wait().ok();
+    let stored = stored(&place.path("a.holo"));
+    assert_eq!(ended.json()["samples"], stored.count());
+    stored.assert_no_gaps();
+}
+
+#[test]
+fn who_does_not_speak_the_protocol_is_dropped() {
+    let place = Place::new();
+    let (server, worker) = busy(&place);
+    let address = server.address;
+    assert_eq!(answer(address, b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"), b"", "a browser");
+    assert_eq!(answer(address, &[0xff; 4096]), b"", "noise");
+    // A hello that claims to be longer than any: refused by its header, before its bytes are read or kept.
+    assert_eq!(answer(address, &[0xff, 0xff, 0xff, 0x7f, Kind::Hello as u8, 0, 0, 0]), b"");
+    // Another frame than a hello, however correct.
+    assert_eq!(answer(address, &frame::encode(Kind::Work, &Work::default().encode()).unwrap()), b"");
+    let mut hello = Hello::new(Role::Display, "a visitor");
+    hello.version += 7;
+    let reason = refusal(&answer(address, &frame::encode(Kind::Hello, &hello.encode()).unwrap()));
+    assert!(reason.contains("version 8, this program speaks 1"), "{reason}");
+    let mut bytes = Hello::new(Role::Display, "a visitor").encode();
+    bytes[10] = 9;
+    let reason = refusal(&answer(address, &frame::encode(Kind::Hello, &bytes).unwrap()));
+    assert!(reason.contains("role 9"), "{reason}");
+    // Who says nothing at all is not waited for long; meanwhile others are served.
+    let silent = TcpStream::connect(address).unwrap();
+    silent.set_read_timeout(Some(LIMIT)).unwrap();
+    let closed = std::thread::spawn(move || (&silent).read(&mut [0]).unwrap());
+    went_on_while(&place, address);
+    assert_eq!(closed.join().unwrap(), 0, "the silent one's connection is closed");
+    went_on(&place, server, worker);
+}
+
+fn went_on_while(place: &Place, address: SocketAddr) {
+    let output = place.text("meanwhile.pfm");
+    place.viewer(address, &["--time", "0.1", "--size", "16x16", "-o", &output]).wait().ok();
+}
+
+/// Waits until the server ends a connection, and gives the reason it gave, if any.
+async fn dropped((mut inbox, outbox): (Inbox, Outbox)) -> Option<String> {
+    let mut reason = None;
+    loop {
+        match tokio::time::timeout(LIMIT, inbox.next()).await.expect("the connection is ended") {
+            Ok(Message::Control(Control::Bye { reason: said })) => reason = Some(said),
+            Ok(Message::Control(Control::Ping(number))) => outbox.control(&Control::Pong(number)).unwrap(),
+            Ok(_) => {}
+            Err(_) => return reason,
+        }
+    }
+}
+
+async fn next_work(inbox: &mut Inbox) -> Work {
+    loop {
+        if let Message::Work(work) = tokio::time::timeout(LIMIT, inbox.next()).await.unwrap().unwrap() {
+            return work;
+        }
+    }
+}
+
+#[test]
+fn displays_that_break_the_rules_are_dropped() {
+    let place = Place::new();
+    let (server, worker) = busy(&place);
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    runtime.block_on(async {
+        let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
+        let view = |section, beam, weight| {
+            ViewRequest { view: 1, viewpoint, beams: vec![Wanted { beam, weight, section, reserved: 0 }] }.encode()
+        };
+        let bad = [
+            (Kind::View, view(0, 7_680, 1.0), "beams that do not exist"),
+            (Kind::View, view(1, 0, 1.0), "beams that do not exist"),
+            (Kind::View, view(0, u64::MAX, 1.0), "beams that do not exist"),
+            (Kind::View, view(0, 0, f32::NAN), "weight"),
+            (Kind::View, view(0, 0, 1.0)[..45].to_vec(), "beam list"),
+            (Kind::Results, Results::default().encode(), "not for a server"),
+            (Kind::Control, Control::Ready { threads: 3 }.encode().unwrap(), "not for a server"),
+            (Kind::Control, vec![0xee; 40], "malformed control message"),
+        ];
+        for (kind, payload, reason) in bad {
+            let (inbox, outbox, _) = join(server.address, Role::Display).await;
+            outbox.send(kind, &payload).unwrap();
+            let said = dropped((inbox, outbox)).await;
+            assert!(said.as_ref().is_some_and(|said| said.contains(reason)), "`{reason}`: {said:?}");
+            server.process.wait_for_error(reason);
+        }
+    });
+    went_on(&place, server, worker);
+}
+
+#[test]
+fn frames_that_are_too_long_are_not_even_read() {
+    let place = Place::new();
+    let (server, worker) = busy(&place);
+    let mut bytes = frame::encode(Kind::Hello, &Hello::new(Role::Display, "a giant").encode()).unwrap();
+    bytes.extend([0xff, 0xff, 0xff, 0xff, Kind::View as u8, 0, 0, 0]);
+    // The answer, the welcome, and then the end instead of a wait for four gigabytes.
+    assert!(!answer(server.address, &bytes).is_empty());
+    server.process.wait_for_error("more than the 16777216 allowed");
+    went_on(&place, server, worker);
+}
+
+/// Another number of rays than asked for, but one that a packet may have: by `change`, or the other way.
+fn more_or_less(asked: u8, change: i32) -> u32 {
+    let asked = i32::from(asked);
+    let changed = if (1..=21).contains(&(asked + change)) { asked + change } else { asked - change };
+    u32::try_from(changed).unwrap()
+}
+
+#[test]
+fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
+    let place = Place::new();
+    let (server, worker) = busy(&place);
+    let sample = Sample::from_codes([0; 4].into(), [200, 200, 200, 200], 7);
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    runtime.block_on(async {
+        type Cheat = fn(&Work) -> (u64, u32);
+        let cheats: [(Cheat, &str); 3] = [
+            (|_| (u64::MAX, 1), "a packet that it was not given"),
+            (|work| (work.packets[0].id, more_or_less(work.packets[0].count, 1)), "samples for a packet of"),
+            (|work| (work.packets[1].id, more_or_less(work.packets[1].count, -1)), "samples for a packet of"),
+        ];
+        for (cheat, reason) in cheats {
+            let (mut inbox, outbox, _) = join(server.address, Role::Worker).await;
+            outbox.control(&Control::Ready { threads: 1 }).unwrap();
+            let work = next_work(&mut inbox).await;
+            let (id, count) = cheat(&work);
+            let results = Results {
+                packets: vec![Traced { id, count, nanoseconds: 1000 }],
+                samples: vec![sample; count as usize],
+                unseen: Vec::new(),
+            };
+            outbox.send(Kind::Results, &results.encode()).unwrap();
+            let said = dropped((inbox, outbox)).await;
+            assert!(said.as_ref().is_some_and(|said| said.contains(reason)), "`{reason}`: {said:?}");
+            server.process.wait_for_error(reason);
+        }
+        // The same packet twice: the first time it is taken.
+        let (mut inbox, outbox, _) = join(server.address, Role::Worker).await;
+        outbox.control(&Control::Ready { threads: 1 }).unwrap();
+        let packet = next_work(&mut inbox).await.packets[0];
+        let count = u32::from(packet.count);
+        let traced = Traced { id: packet.id, count, nanoseconds: 1000 };
+        let results = Results { packets: vec![traced], samples: vec![sample; count as usize], unseen: vec![] }.encode();
+        outbox.send(Kind::Results, &results).unwrap();
+        outbox.send(Kind::Results, &results).unwrap();
+        let said = dropped((inbox, outbox)).await;
+        assert!(said.is_some_and(|said| said.contains("a packet that it was not given")));
+    });
+    // Batch order comes to the packets given back before anything else; give the true worker the time.
+    std::thread::sleep(Duration::from_millis(500));
+    went_on(&place, server, worker);
+}

@@ -1,0 +1,102 @@
+//! What people are told when they err, and what pictures say of themselves.
+
+use holo_picture::{Picture, ViewSpec};
+use holo_section::Section;
+use holo_tests::Place;
+
+#[test]
+fn wrong_usage_ends_with_status_2() {
+    let place = Place::new();
+    let cases: [(&[&str], &[&str]); 9] = [
+        (&["fil"], &["fil", "Usage"]),
+        (&["fill", "{}/cornell.obj"], &["-o"]),
+        (&["fill", "{}/cornell.obj", "-o", "{}/a.holo"], &["how long", "--time", "--samples"]),
+        (&["fill", "-o", "{}/a.holo", "--samples", "1k"], &["no scene"]),
+        (&["fill", "{}/cornell.obj", "-o", "{}/a.holo", "--time", "soon"], &["soon", "30s"]),
+        (&["fill", "{}/cornell.obj", "-o", "{}/a.holo", "--samples", "1k", "--section", "1,2,3"], &["section"]),
+        (&["render", "{}/cornell.obj", "-o", "{}/a.pfm"], &["--spp"]),
+        (&["picture", "{}/a.holo", "-o", "{}/a.pfm", "--size", "0x7"], &["--size"]),
+        (&["view", "{}/cornell.obj"], &["--headless"]),
+    ];
+    for (words, said) in cases {
+        place.run(words).failed(2, said);
+    }
+    assert!(!place.path("a.holo").exists(), "a command that was refused has made a file");
+}
+
+#[test]
+fn failures_end_with_status_1_and_name_the_file() {
+    let place = Place::new();
+    place.write("text.holo", "this is not a holodeck");
+    place.write("broken.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
+    place.write("wrong.toml", "scene = \"cornell.obj\"\nbouncs = 3\n");
+    let view = ["--vp", "1,1,1", "--vd", "0,0,1"];
+    place.run(&["info", "{}/none.holo"]).failed(1, &["none.holo"]);
+    place.run(&["info", "{}/text.holo"]).failed(1, &["text.holo"]);
+    place.run(&["verify", "{}/text.holo"]).failed(1, &["text.holo"]);
+    place.run(&["holoserver", "{}/text.holo", "--listen", "127.0.0.1:0", "--with-parent"]).failed(1, &["text.holo"]);
+    place.run(&[&["picture", "{}/none.holo", "-o", "{}/a.pfm"], &view[..]].concat()).failed(1, &["none.holo"]);
+    let fill = |scene: &str| place.run(&["fill", scene, "-o", "{}/new.holo", "--samples", "1k"]);
+    fill("{}/none.obj").failed(1, &["none.obj"]);
+    fill("{}/broken.obj").failed(1, &["broken.obj:4"]);
+    place
+        .run(&["fill", "--config", "{}/wrong.toml", "-o", "{}/new.holo", "--samples", "1k"])
+        .failed(1, &["wrong.toml", "bouncs"]);
+    assert!(!place.path("new.holo").exists(), "a fill that failed has made a file");
+    place.fill_small("a.holo", "1k");
+    let picture = |words: &[&str]| place.run(&[&["picture", "{}/a.holo", "--size", "16x16"], words].concat());
+    picture(&["-o", "{}/a.gif"]).failed(1, &["a.gif"]);
+    picture(&["-o", "{}/cornell.obj/a.pfm"]).failed(1, &["cornell.obj"]);
+    picture(&["-o", "{}/a.pfm", "--view", "nowhere"]).failed(1, &["nowhere", "front", "left"]);
+    picture(&["-o", "{}/a.pfm", "--vp", "100,100,100", "--vd", "1,0,0"]).failed(1, &["no section"]);
+    let file = place.text("a.holo");
+    place.run(&["holoserver", &file, "--listen", "192.0.2.1:0", "--with-parent"]).failed(1, &["192.0.2.1", "loopback"]);
+}
+
+#[test]
+fn a_scripts_mistakes_are_named_by_file_and_line() {
+    let place = Place::new();
+    place.fill_small("a.holo", "1k");
+    for (script, line, said) in [
+        ("0 view -vp 1 2\n", 1, "-vp"),
+        ("# a walk\n\n0.1 picture\n", 3, "takes the name"),
+        ("0 view -vh 50\n1 jump\n", 2, "jump"),
+    ] {
+        let path = place.write("walk.txt", script);
+        let ended = place.run(&["replay", "{}/a.holo", "--headless", "--script", &path]);
+        ended.failed(1, &[&format!("walk.txt:{line}"), said]);
+    }
+    place.run(&["replay", "{}/a.holo", "--headless", "--script", "{}/none.txt"]).failed(1, &["none.txt"]);
+}
+
+#[test]
+fn pixels_that_no_section_covers_are_black_and_counted() {
+    let place = Place::new();
+    place.fill_small("a.holo", "60k");
+    // From before the section, to its side: half of the picture misses it.
+    let view = "-vp 0.6 2.7 -8 -vd 0 0 1 -vu 0 1 0 -vh 50";
+    let words = ["--vp", "0.6,2.7,-8", "--vd", "0,0,1", "--vh", "50", "--size", "80x60"];
+    let picture = ["picture", "{}/a.holo", "-o", "{}/a.pfm", "--json"];
+    let report = place.run(&[&picture[..], &words].concat()).ok().json();
+    let picture = Picture::read(place.path("a.pfm")).unwrap();
+    let holodeck = holo_server::Holodeck::open_read_only(&place.path("a.holo"), 0).unwrap();
+    let sections: &[Section] = &holodeck.sections;
+    let mut spec = ViewSpec::default();
+    spec.apply_line(view).unwrap();
+    let (view, size) = spec.resolve((80, 60)).unwrap();
+    let mut uncovered = 0u64;
+    for row in 0..60 {
+        for column in 0..80 {
+            let (x, y) = holo_picture::View::pixel_centre(size, column, row);
+            let (eye, direction) = view.ray(x, y);
+            if sections.iter().all(|section| section.line(eye, direction).is_none()) {
+                uncovered += 1;
+                assert_eq!(picture.get(column, row), Some([0.0; 3]), "column {column}, row {row}");
+            }
+        }
+    }
+    assert!((1000..4000).contains(&uncovered), "{uncovered}: the view should be covered in part");
+    assert_eq!(report["uncovered_pixels"], uncovered);
+    let lit = picture.pixels.iter().filter(|rgb| rgb[0] > 0.0).count();
+    assert!(lit > 400, "{lit} pixels are lit");
+}
