@@ -33,6 +33,7 @@ class Bench:
     """What measurements share: programs, scenes, files already made, and how long to take."""
 
     def __init__(self, root: Path, work: Path, plots: Path, quick: bool) -> None:
+        self.root = root
         self.work = work
         self.plots = plots
         self.quick = quick

@@ -16,6 +16,7 @@ from document import Bar, Figure, Part, Table
 from harness import Bench
 from interactive import interactive
 from program import Failed, compare, median_of, run
+from rivals import rivals
 from scenes import Case
 
 # Half width of the 99 % interval of the bias that a render has to reach.
@@ -275,4 +276,5 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "viewpoint-share": viewpoint_share,
     "beamfile": beamfile,
     "throughput": throughput,
+    "rivals": rivals,
 }

@@ -93,7 +93,7 @@ class Scenes:
         obj = self._shared / "scenes/cornell/cornell.obj"
         title = "Cornell box"
         if not obj.exists():
-            obj, title = self._bundle() / "cornell.obj", "bundled Cornell box"
+            obj, title = self.bundle() / "cornell.obj", "bundled Cornell box"
         reference = self._reference("cornell")
         scene = (str(obj), CORNELL_SECTION)
         return Case("cornell", title, scene, CORNELL_VIEW, CORNELL_BEFORE, "256x256", reference)
@@ -105,7 +105,7 @@ class Scenes:
             scene = (str(obj), *CABIN_SECTIONS)
             reference = self._reference("cabin")
             return Case("cabin", "cabin, living room", scene, CABIN_LIVING, CABIN_BEDROOM, "320x240", reference)
-        scene = ("--config", str(self._bundle() / "interior.toml"))
+        scene = ("--config", str(self.bundle() / "interior.toml"))
         title = "bundled interior, living room"
         return Case("interior", title, scene, INTERIOR_LIVING, INTERIOR_BEDROOM, "320x240", None)
 
@@ -123,7 +123,8 @@ class Scenes:
         reference = Reference(folder / f"{name}.pfm", folder / f"{name}_se.pfm")
         return reference if reference.picture.exists() and reference.standard_error.exists() else None
 
-    def _bundle(self) -> Path:
+    def bundle(self) -> Path:
+        """The folder of the bundled scenes, made on first use."""
         if not self._bundled.exists():
             run([self._cargo.build("holo-scenes"), "all", "--out", self._bundled])
         return self._bundled
