@@ -7,13 +7,15 @@
 //! what is transmitted into a solid carries radiance, so it is divided by the square of the relative index (Walter et al.
 //! 2007, §5.1; the convention of Mitsuba 3's `dielectric` in radiance mode).
 
+use std::collections::HashMap;
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
 use glam::Vec3;
 use holo_scene::Bsdf;
 
-use crate::coat::Coat;
+use crate::albedo::Table;
+use crate::coat::{Coat, Layer};
 use crate::conductor::Conductor;
 use crate::fresnel::{dielectric, pane, refract};
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
@@ -52,6 +54,17 @@ pub(crate) enum Scatter {
     Coated(Box<Coat>),
 }
 
+/// Tables made so far, each some ten milliseconds' work, by the bits of roughness and index.
+#[derive(Debug, Default)]
+pub(crate) struct Tables {
+    losses: HashMap<[u32; 2], Arc<Table>>,
+    layers: HashMap<[u32; 2], Arc<Layer>>,
+}
+
+fn shared<T>(made: &mut HashMap<[u32; 2], Arc<T>>, key: [f32; 2], make: impl FnOnce() -> T) -> Arc<T> {
+    made.entry(key.map(f32::to_bits)).or_insert_with(|| Arc::new(make())).clone()
+}
+
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sampled {
@@ -71,19 +84,25 @@ impl Sampled {
 }
 
 impl Scatter {
-    pub(crate) fn new(bsdf: &Bsdf) -> Self {
+    /// `tables` keeps what materials may share.
+    pub(crate) fn new(bsdf: &Bsdf, tables: &mut Tables) -> Self {
         match *bsdf {
             Bsdf::Diffuse { kd } if kd == [0.0; 3] => Self::Black,
             Bsdf::Mirror { ks } | Bsdf::Conductor { ks, .. } if ks == [0.0; 3] => Self::Black,
             Bsdf::Diffuse { kd } => Self::Diffuse(kd.into()),
             Bsdf::Mirror { ks } => Self::Mirror(ks.into()),
-            Bsdf::Conductor { ks, alpha } => Self::Conductor(Box::new(Conductor::new(ks.into(), Ggx::new(alpha)))),
+            Bsdf::Conductor { ks, alpha } => {
+                let ggx = Ggx::new(alpha);
+                let loss = shared(&mut tables.losses, [alpha, 0.0], || Conductor::loss(ggx));
+                Self::Conductor(Box::new(Conductor::new(ks.into(), ggx, loss)))
+            }
             Bsdf::ThinGlass { ior, transmittance } => Self::Pane { ior, transmittance: transmittance.into() },
             Bsdf::Dielectric { ior, transmittance, alpha } => {
                 Self::dielectric(ior, transmittance.into(), alpha, |ggx| Arc::new(Interface::new(ggx, ior)))
             }
             Bsdf::Coated { kd, ks, ior, alpha } => {
-                Self::Coated(Box::new(Coat::new(kd.into(), ks.into(), ior, Ggx::new(alpha))))
+                let layer = shared(&mut tables.layers, [alpha, ior], || Layer::new(ior, Ggx::new(alpha)));
+                Self::Coated(Box::new(Coat::new(kd.into(), ks.into(), layer)))
             }
         }
     }

@@ -11,6 +11,7 @@
 //! tabulated for the very lobe that is sampled and not taken from the smooth surface's Fresnel term.
 
 use std::f32::consts::FRAC_1_PI;
+use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -21,29 +22,41 @@ use crate::interface::Interface;
 use crate::microfacet::Ggx;
 use crate::sampler::Sampler;
 
+/// What coats of one index and roughness share.
+#[derive(Clone, Debug)]
+pub(crate) struct Layer {
+    interface: Interface,
+    /// Share reflected by a coat of colour 1, by cosine.
+    reflected: Table,
+}
+
+impl Layer {
+    pub(crate) fn new(ior: f32, ggx: Ggx) -> Self {
+        let interface = Interface::new(ggx, ior);
+        let reflected = interface.reflectance();
+        Self { interface, reflected }
+    }
+}
+
 /// A coated diffuse surface.
 #[derive(Clone, Debug)]
 pub(crate) struct Coat {
     kd: Vec3,
     ks: Vec3,
-    interface: Interface,
-    /// Share reflected by a coat of colour 1, by cosine.
-    reflected: Table,
+    layer: Arc<Layer>,
     /// kd / (π (1 - ks Ē)).
     base: Vec3,
 }
 
 impl Coat {
-    pub(crate) fn new(kd: Vec3, ks: Vec3, ior: f32, ggx: Ggx) -> Self {
-        let interface = Interface::new(ggx, ior);
-        let reflected = interface.reflectance();
-        let below = (Vec3::ONE - ks * reflected.mean).max(Vec3::splat(1e-3));
-        Self { kd, ks, interface, base: kd * FRAC_1_PI / below, reflected }
+    pub(crate) fn new(kd: Vec3, ks: Vec3, layer: Arc<Layer>) -> Self {
+        let below = (Vec3::ONE - ks * layer.reflected.mean).max(Vec3::splat(1e-3));
+        Self { kd, ks, base: kd * FRAC_1_PI / below, layer }
     }
 
     /// What the coat lets through, by cosine.
     fn through(&self, cosine: f32) -> Vec3 {
-        Vec3::ONE - self.ks * self.reflected.at(cosine)
+        Vec3::ONE - self.ks * self.layer.reflected.at(cosine)
     }
 
     /// Probability of sampling the coat rather than the base: what each is expected to return.
@@ -60,14 +73,14 @@ impl Coat {
             return (Vec3::ZERO, 0.0);
         }
         let probability = self.coat_probability(wo);
-        let (coat, coat_pdf) = self.interface.evaluate_reflection(wo, wi);
+        let (coat, coat_pdf) = self.layer.interface.evaluate_reflection(wo, wi);
         let base = self.base * self.through(wo.z) * self.through(wi.z) * wi.z;
         (self.ks * coat + base, probability * coat_pdf + (1.0 - probability) * cosine_pdf(wi.z))
     }
 
     pub(crate) fn sample(&self, wo: Vec3, sampler: &mut Sampler) -> Option<Sampled> {
         let wi = if sampler.one() < self.coat_probability(wo) {
-            self.interface.sample_reflection(wo, sampler)
+            self.layer.interface.sample_reflection(wo, sampler)
         } else {
             cosine_hemisphere(sampler.two())
         };

@@ -2,7 +2,9 @@
 //!
 //! The engine `path` is an unbiased path tracer ("The Rendering Equation", Kajiya 1986) with next-event estimation. What
 //! materials mean is said at [`holo_scene::Bsdf`]; the conventions are those of Mitsuba 3's `diffuse`, `conductor`,
-//! `roughconductor`, `thindielectric`, `dielectric` and `roughdielectric`.
+//! `roughconductor`, `thindielectric`, `dielectric` and `roughdielectric`, but that light which meets
+//! several facets of a rough surface is not lost, and that indices of refraction hold between the solids that really meet:
+//! bubbles in glass, water in a glass (module `medium`).
 //!
 //! Always true:
 //! - A [`Traced`] is a function of (scene, settings, ray, seed): not of threads, processor or order.
@@ -19,6 +21,8 @@ mod coat;
 mod conductor;
 #[cfg(test)]
 mod direct_tests;
+#[cfg(test)]
+mod energy_tests;
 mod fresnel;
 mod geometry;
 mod interface;

@@ -12,10 +12,10 @@ use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::{Bsdf, Scene};
 
-use crate::bsdf::Scatter;
+use crate::bsdf::{Scatter, Tables};
 use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf};
 use crate::lights::Lights;
-use crate::medium::{Crossing, Inside, Nesting};
+use crate::medium::{Crossing, Inside, Nesting, TOUCH};
 use crate::sampler::Sampler;
 
 /// Scatterings before roulette begins.
@@ -77,6 +77,7 @@ impl PathEngine {
     pub(crate) fn new(scene: &Scene, bounces: Option<u32>, direct: Direct) -> Self {
         let mut used = vec![false; scene.materials.len()];
         scene.material_ids.iter().for_each(|&m| used[m as usize] = true);
+        let mut tables = Tables::default();
         let surfaces = scene
             .materials
             .iter()
@@ -86,7 +87,7 @@ impl PathEngine {
                     // Solids scatter by what is on both sides: `nesting`.
                     Bsdf::Dielectric { .. } => Scatter::Black,
                     _ if !used => Scatter::Black,
-                    bsdf => Scatter::new(&bsdf),
+                    bsdf => Scatter::new(&bsdf, &mut tables),
                 },
                 emission: m.emission.into(),
                 emits: m.emits(),
@@ -132,8 +133,8 @@ impl PathEngine {
             let surface = &self.surfaces[material as usize];
             let crossing = self.nesting.as_ref().and_then(|n| n.cross(raycaster, &point, material, direction, &inside));
             let (scatter, beyond) = match &crossing {
-                None => (&surface.scatter, inside),
-                Some(Crossing::Boundary { scatter, beyond }) => (scatter, *beyond),
+                None => (&surface.scatter, None),
+                Some(Crossing::Boundary { scatter, beyond }) => (scatter, Some(beyond)),
                 Some(Crossing::Opaque(touching)) => {
                     hit = Some(Hit { t: found.t, ..*touching });
                     continue;
@@ -160,8 +161,8 @@ impl PathEngine {
                 }
             }
             let Some(sampled) = scatter.sample(wo, front, sampler) else { break };
-            if sampled.wi.z < 0.0 {
-                inside = beyond;
+            if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
+                inside = *beyond;
             }
             throughput *= sampled.weight;
             eta2 *= sampled.eta2;
@@ -181,7 +182,9 @@ impl PathEngine {
                 sky_pdf: if sampled.pdf.is_some() { self.sky_pdf(scatter, sampled.wi) } else { 0.0 },
             };
             direction = frame.to_world(sampled.wi);
-            let ray = Ray::new(spawn(point.point, point.error, point.normal, direction), direction);
+            // What touches a boundary was crossed with it.
+            let error = if crossing.is_some() { point.error * TOUCH } else { point.error };
+            let ray = Ray::new(spawn(point.point, error, point.normal, direction), direction);
             hit = raycaster.nearest_from(&ray, found.triangle);
         }
         radiance

@@ -12,7 +12,7 @@ use holo_tracer::{Settings, Tracer};
 pub const BLACK: Bsdf = Bsdf::Diffuse { kd: [0.0; 3] };
 
 /// A scene under construction, in world coordinates.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Model {
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,

@@ -1,0 +1,89 @@
+//! A rough metal of one reflectance at all angles, with light that meets several facets accounted for.
+//!
+//! Light that meets one facet reflects as GGX; what that loses, L(wo), is given back as F L(wo) L(wi) / (π L̄), F being the
+//! reflectance after several facets (Kulla and Conty 2017; Hill 2018): ks² (1 - L̄) / (1 - ks L̄).
+//!
+//! Always true: it is reciprocal, and reflects all that arrives if `ks` is 1.
+
+use std::f32::consts::FRAC_1_PI;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::albedo::{Table, over_normals};
+use crate::bsdf::{Sampled, reflect};
+use crate::geometry::{cosine_hemisphere, cosine_pdf};
+use crate::interface::reflection;
+use crate::microfacet::Ggx;
+use crate::sampler::Sampler;
+
+/// A rough metal.
+#[derive(Clone, Debug)]
+pub(crate) struct Conductor {
+    ks: Vec3,
+    ggx: Ggx,
+    loss: Arc<Table>,
+    /// What comes back of light that meets several facets, over π L̄.
+    several: Vec3,
+}
+
+impl Conductor {
+    /// What light that meets one facet of a white metal loses, by cosine.
+    pub(crate) fn loss(ggx: Ggx) -> Table {
+        Table::new(ggx, |cosine| {
+            over_normals(ggx, cosine, |wo, m| {
+                let wi = reflect(wo, m);
+                if wi.z > 0.0 { 1.0 - ggx.shadowing(wo, wi) } else { 1.0 }
+            })
+        })
+    }
+
+    /// `loss` is that of the same roughness.
+    pub(crate) fn new(ks: Vec3, ggx: Ggx, loss: Arc<Table>) -> Self {
+        let reflectance = ks * ks * (1.0 - loss.mean) / (Vec3::ONE - ks * loss.mean);
+        // A polished metal loses nothing, to f32.
+        let several = if loss.mean > 1e-8 { reflectance * FRAC_1_PI / loss.mean } else { Vec3::ZERO };
+        Self { ks, ggx, loss, several }
+    }
+
+    /// Probability of sampling the wide lobe: its share.
+    #[inline]
+    fn probability(&self, wo: Vec3) -> f32 {
+        self.loss.at(wo.z).clamp(0.0, 0.99)
+    }
+
+    /// Value with cosine, and density.
+    #[inline]
+    pub(crate) fn evaluate(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        if wi.z <= 0.0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        self.with_several(reflection(self.ggx, wo, wi), wo, wi)
+    }
+
+    #[inline]
+    fn with_several(&self, (value, pdf): (f32, f32), wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        let several = self.several * (self.loss.at(wo.z) * self.loss.at(wi.z) * wi.z);
+        let probability = self.probability(wo);
+        (self.ks * value + several, (1.0 - probability) * pdf + probability * cosine_pdf(wi.z))
+    }
+
+    #[inline]
+    pub(crate) fn sample(&self, wo: Vec3, sampler: &mut Sampler) -> Option<Sampled> {
+        let (wi, (value, pdf));
+        if sampler.one() < self.probability(wo) {
+            wi = cosine_hemisphere(sampler.two());
+            (value, pdf) = self.evaluate(wo, wi);
+        } else {
+            let m = self.ggx.sample(wo, sampler.two());
+            wi = reflect(wo, m);
+            if wi.z <= 0.0 {
+                return None;
+            }
+            // From the facet that was sampled: a half vector found again is less exact.
+            let seen = self.ggx.pdf(wo, m) / (4.0 * wo.dot(m));
+            (value, pdf) = self.with_several((seen * self.ggx.shadowing(wo, wi), seen), wo, wi);
+        }
+        (pdf > 0.0).then(|| Sampled { wi, weight: value / pdf, pdf: Some(pdf), eta2: 1.0 })
+    }
+}
