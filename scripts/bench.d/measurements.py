@@ -18,6 +18,7 @@ from interactive import interactive
 from program import Failed, compare, median_of, run
 from rivals import rivals
 from scenes import Case
+from skips import skips
 
 # Half width of the 99 % interval of the bias that a render has to reach.
 BIAS_BAR = 0.005
@@ -273,6 +274,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "fill-cabin": fill_cabin,
     "interactive": interactive,
     "replay": replay,
+    "skips": skips,
     "viewpoint-share": viewpoint_share,
     "beamfile": beamfile,
     "throughput": throughput,

@@ -20,15 +20,17 @@ use crate::raycaster::{Facet, Quality};
 /// The triangle test sees vertices that are rounded when the ray's origin is subtracted and again when they are sheared: at
 /// most 5 · 2⁻²⁴ of the distance, which is within 3 reaches; and spatial splits end boxes at points that were interpolated
 /// in f32. The stretch in the box test covers the first as well; neither alone is argued to cover both.
-const PAD: f32 = 1.0 / (1 << 20) as f32;
+const PAD: f32 = 1.0 / (1 << 19) as f32;
+
+/// Least widening: a scene whose every vertex is 0 still needs boxes that are not empty, and coarser than [`Node`]'s least step.
+const LEAST_PAD: f32 = 1e-25;
 
 /// Hierarchy over facets, none of whose coordinates exceeds `reach`.
 pub(crate) fn hierarchy(facets: &[Facet], reach: f32, quality: Quality) -> Hierarchy {
     if facets.is_empty() {
         return Hierarchy::default();
     }
-    // The least normal number: a scene whose every vertex is 0 still needs boxes that are not empty.
-    let pad = (reach * PAD).max(f32::MIN_POSITIVE);
+    let pad = (reach * PAD).max(LEAST_PAD);
     let tree = Tree::from_obvhs(&binary(facets, quality));
     let hierarchy = collapse(&tree, facets, pad);
     if hierarchy.stack_need <= LARGE_STACK {
@@ -199,7 +201,8 @@ fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
     // Depth first, so that a subtree is together in memory.
     let mut pending = vec![(0_u32, 0_usize, 1_usize)];
     while let Some((root, index, depth)) = pending.pop() {
-        hierarchy.stack_need = hierarchy.stack_need.max(depth * (WIDTH - 1) + 1);
+        hierarchy.stack_need = hierarchy.stack_need.max(depth * (WIDTH - 1) + WIDTH);
+        let mut boxes = Vec::with_capacity(WIDTH);
         for (slot, child) in tree.children(root).into_iter().enumerate() {
             let source = &tree.nodes[child as usize];
             let reference = if source.references as usize <= LANES {
@@ -211,13 +214,10 @@ fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
                 pending.push((child, node, depth + 1));
                 node as u32
             };
-            let node = &mut hierarchy.nodes[index];
-            node.children[slot] = reference;
-            for axis in 0..3 {
-                node.bounds[axis][slot] = source.min[axis] - pad;
-                node.bounds[axis + 3][slot] = source.max[axis] + pad;
-            }
+            hierarchy.nodes[index].children[slot] = reference;
+            boxes.push(((source.min - pad).to_array(), (source.max + pad).to_array()));
         }
+        hierarchy.nodes[index].set_boxes(&boxes);
     }
     hierarchy
 }
@@ -225,12 +225,7 @@ fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
 fn block(triangles: &[u32], facets: &[Facet]) -> Block {
     let mut block = Block::EMPTY;
     for (lane, &triangle) in triangles.iter().enumerate() {
-        block.ids[lane] = triangle;
-        for (vertex, position) in facets[triangle as usize].vertices.iter().enumerate() {
-            for axis in 0..3 {
-                block.vertices[vertex][axis][lane] = position[axis];
-            }
-        }
+        block.set(lane, triangle, facets[triangle as usize].vertices.map(|v| v.to_array()));
     }
     block
 }
@@ -238,6 +233,7 @@ fn block(triangles: &[u32], facets: &[Facet]) -> Block {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     /// Facets whose centres crowd ever nearer to one point: agglomeration makes a chain of them.
     fn chain(count: usize) -> Vec<Facet> {
@@ -250,7 +246,8 @@ mod tests {
     }
 
     fn references(hierarchy: &Hierarchy) -> Vec<u32> {
-        let mut ids: Vec<u32> = hierarchy.blocks.iter().flat_map(|b| b.ids).filter(|&id| id != u32::MAX).collect();
+        let mut ids: Vec<u32> =
+            hierarchy.blocks.iter().flat_map(|b| (0..LANES).filter_map(|lane| b.used(lane))).collect();
         ids.sort_unstable();
         ids.dedup();
         ids
@@ -263,20 +260,21 @@ mod tests {
             let h = collapse(&tree, &facets, 1e-6);
             assert_eq!(references(&h), (0..300).collect::<Vec<_>>());
             // Split triangles reach out of their boxes; these are small enough for none to be split.
-            let mut pending = vec![(0_u32, Vec3::NEG_INFINITY, Vec3::INFINITY)];
+            let mut pending = vec![(0_u32, DVec3::NEG_INFINITY, DVec3::INFINITY)];
             while let Some((node, low, high)) = pending.pop() {
                 let node = &h.nodes[node as usize];
-                for slot in (0..WIDTH).filter(|&s| node.bounds[0][s].is_finite()) {
-                    let at = |row: usize| Vec3::from_array([0, 1, 2].map(|axis| node.bounds[row + axis][slot]));
-                    let (min, max) = (at(0), at(3));
-                    assert!(min.cmpge(low).all() && max.cmple(high).all());
+                for (slot, (min, max)) in (0..WIDTH).filter_map(|slot| Some((slot, node.child_box(slot)?))) {
+                    // Boxes are rounded outwards to a grid of 255 steps of their parent.
+                    let slack = Vec3::from(node.step).as_dvec3();
+                    assert!((min + slack).cmpge(low).all() && (max - slack).cmple(high).all());
                     let child = node.children[slot];
                     if child & LEAF == 0 {
                         pending.push((child, min, max));
                         continue;
                     }
-                    let ids = h.blocks[(child & !LEAF) as usize].ids;
-                    for vertex in ids.iter().filter(|&&i| i != u32::MAX).flat_map(|&i| facets[i as usize].vertices) {
+                    let block = &h.blocks[(child & !LEAF) as usize];
+                    let ids = (0..LANES).filter_map(|lane| block.used(lane));
+                    for vertex in ids.flat_map(|i| facets[i as usize].vertices.map(|v| v.as_dvec3())) {
                         assert!(vertex.cmpge(min).all() && vertex.cmple(max).all());
                     }
                 }

@@ -5,11 +5,9 @@
 //! triangle test.
 
 use crate::node::{Hierarchy, LEAF, WIDTH};
-use crate::triangle::{LaneHit, Prepared, intersect};
+use crate::simd::{STRETCH, Simd, parts};
+use crate::triangle::{Prepared, intersect};
 use crate::{Hit, NO_TRIANGLE};
-
-/// 1 + 2 γ₃ in f32.
-const STRETCH: f32 = 1.0 + 6.0 * f32::EPSILON;
 
 /// What one query asks.
 #[derive(Clone, Copy, Debug)]
@@ -21,97 +19,77 @@ pub(crate) struct Query {
     pub skip: [u32; 2],
 }
 
-#[derive(Clone, Copy)]
-struct Entry {
-    child: u32,
-    near: f32,
+impl Query {
+    /// Fills arrays.
+    pub(crate) const NONE: Self = Self { ray: Prepared::NONE, t_min: 0.0, t_max: 0.0, skip: [NO_TRIANGLE; 2] };
+
+    /// What is known before anything was met.
+    #[inline(always)]
+    pub(crate) fn nothing(&self) -> Hit {
+        Hit { t: self.t_max, triangle: NO_TRIANGLE, u: 0.0, v: 0.0 }
+    }
 }
 
-/// Distances at which the ray enters the eight boxes, and a bit per box that it enters before `t_max`.
+/// Nearest hit below `root` that is nearer than `best`, or with `ANY` some hit.
 #[inline(always)]
-fn enter(bounds: &[[f32; WIDTH]; 6], query: &Query, t_max: f32) -> ([f32; WIDTH], u32) {
-    let ray = &query.ray;
-    let [ox, oy, oz] = ray.origin;
-    let [ix, iy, iz] = ray.inverse;
-    let [nx, ny, nz] = ray.near;
-    // `near` is 0..6 by construction; the remainder tells the compiler, which then leaves out the bounds checks.
-    let row = |i: usize| &bounds[i % 6];
-    let (near_x, far_x) = (row(nx), row(nx + 3));
-    let (near_y, far_y) = (row(ny), row(ny + 3));
-    let (near_z, far_z) = (row(nz), row(nz + 3));
-    let max = |a: f32, b: f32| if a > b { a } else { b };
-    let min = |a: f32, b: f32| if a < b { a } else { b };
-    let mut near = [0.0; WIDTH];
-    let mut hit = [0_u32; WIDTH];
-    for i in 0..WIDTH {
-        let first = max(max((near_x[i] - ox) * ix, (near_y[i] - oy) * iy), max((near_z[i] - oz) * iz, query.t_min));
-        let last = min(min((far_x[i] - ox) * ix, (far_y[i] - oy) * iy), (far_z[i] - oz) * iz) * STRETCH;
-        near[i] = first;
-        hit[i] = u32::from(first <= min(last, t_max)) << i;
-    }
-    (near, hit.iter().fold(0, |mask, bit| mask | bit))
+pub(crate) fn traverse<S: Simd, const STACK: usize, const ANY: bool>(
+    simd: S,
+    hierarchy: &Hierarchy,
+    query: &Query,
+    root: u32,
+    best: &mut Hit,
+) {
+    let mut stack = [0_u64; STACK];
+    let (mut current, mut top) = (root, 0);
+    while advance::<S, ANY>(simd, hierarchy, query, &mut current, &mut top, &mut stack, best) {}
 }
 
-/// Nearest hit, or with `ANY` some hit.
+/// Visits `current` and names what to visit next; whether there is anything. With `ANY`, not after a hit.
 #[inline(always)]
-pub(crate) fn traverse<const STACK: usize, const ANY: bool>(hierarchy: &Hierarchy, query: &Query) -> Option<Hit> {
-    if hierarchy.nodes.is_empty() {
-        return None;
-    }
-    let mut stack = [Entry { child: 0, near: 0.0 }; STACK];
-    let mut top = 0;
-    let mut current = Entry { child: 0, near: query.t_min };
-    let mut best = LaneHit { t: query.t_max, id: NO_TRIANGLE, u: 0.0, v: 0.0 };
-    loop {
-        if current.near <= best.t {
-            if current.child & LEAF != 0 {
-                let block = &hierarchy.blocks[(current.child & !LEAF) as usize];
-                intersect(block, &query.ray, query.t_min, best.t, |hit| {
-                    if !query.skip.contains(&hit.id) {
-                        best = hit;
-                    }
-                    best.t
-                });
-                if ANY && best.id != NO_TRIANGLE {
-                    break;
-                }
-            } else {
-                let node = &hierarchy.nodes[current.child as usize];
-                let (near, mut mask) = enter(&node.bounds, query, best.t);
-                if mask != 0 {
-                    let first = mask.trailing_zeros() as usize;
-                    mask &= mask - 1;
-                    current = Entry { child: node.children[first], near: near[first] };
-                    let base = top;
-                    while mask != 0 {
-                        let next = mask.trailing_zeros() as usize;
-                        mask &= mask - 1;
-                        let mut entry = Entry { child: node.children[next], near: near[next] };
-                        if !ANY {
-                            if entry.near < current.near {
-                                std::mem::swap(&mut entry, &mut current);
-                            }
-                            // Insertion sort, farthest at the bottom: two or three entries as a rule.
-                            let mut at = top;
-                            while at > base && stack[at - 1].near < entry.near {
-                                stack[at] = stack[at - 1];
-                                at -= 1;
-                            }
-                            stack[at] = entry;
-                        } else {
-                            stack[top] = entry;
-                        }
-                        top += 1;
-                    }
-                    continue;
+pub(crate) fn advance<S: Simd, const ANY: bool>(
+    simd: S,
+    hierarchy: &Hierarchy,
+    query: &Query,
+    current: &mut u32,
+    top: &mut usize,
+    stack: &mut [u64],
+    best: &mut Hit,
+) -> bool {
+    if *current & LEAF != 0 {
+        let block = &hierarchy.blocks[(*current & !LEAF) as usize];
+        intersect(simd, block, &query.ray, query.t_min, query.skip, best);
+        if ANY && best.triangle != NO_TRIANGLE {
+            return false;
+        }
+    } else {
+        let node = &hierarchy.nodes[*current as usize];
+        let (near, mask) = simd.enter(node, &query.ray, query.t_min, best.t);
+        if mask & mask.wrapping_sub(1) != 0 {
+            if let Some(free) = stack.get_mut(*top..).and_then(|s| s.first_chunk_mut::<WIDTH>()) {
+                if ANY {
+                    simd.stack::<false>(&node.children, &near, mask, free);
+                } else {
+                    simd.stack::<true>(&node.children, &near, mask, free);
                 }
             }
+            *top += mask.count_ones() as usize - 1;
+            *current = parts(stack[*top]).0;
+            return true;
         }
-        if top == 0 {
-            break;
+        if mask != 0 {
+            *current = node.children[mask.trailing_zeros() as usize % WIDTH];
+            return true;
         }
-        top -= 1;
-        current = stack[top];
     }
-    (best.id != NO_TRIANGLE).then_some(Hit { t: best.t, triangle: best.id, u: best.u, v: best.v })
+    // Stretched: a hit at the same distance must be found in whichever order boxes are visited.
+    let limit = best.t * STRETCH;
+    while *top > 0 {
+        *top -= 1;
+        let (child, near) = parts(stack[*top]);
+        if near <= limit {
+            *current = child;
+            return true;
+        }
+    }
+    false
 }

@@ -1,12 +1,13 @@
 //! Rays against a scene: the nearest hit, whether anything is in the way, and the surface that a ray meets.
 //!
 //! A [`Raycaster`] is an 8-wide bounding volume hierarchy over the triangles of a [`Scene`](holo_scene::Scene), traced one ray at a
-//! time. Coordinates are the scene's f32 coordinates, relative to `scene.origin`.
+//! time, or the rays of a beam together. Coordinates are the scene's f32 coordinates, relative to `scene.origin`.
 //!
 //! Always true:
 //! - A closed mesh does not leak: adjacent triangles are tested with exactly opposite edge functions (Woop, Benthin,
 //!   Wald 2013), and boxes are wide enough for every rounding in that test.
-//! - Results do not depend on the processor: the vector and the portable code round alike.
+//! - Results do not depend on the processor, nor on whether rays are traced alone or together: triangles are tested with the same
+//!   roundings everywhere, boxes are conservative, and of triangles at the same distance the one of least index counts.
 //! - Any bit pattern is an acceptable ray. One with a NaN, an infinite or zero direction, or an infinite origin hits nothing.
 //! - Both sides of a triangle are hit.
 //! - A query neither allocates nor panics nor runs longer than the hierarchy has nodes.
@@ -15,17 +16,26 @@ mod build;
 mod dispatch;
 mod kernel;
 mod node;
+mod packet;
 mod raycaster;
+mod shaft;
+mod simd;
 mod surface;
 mod triangle;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 pub use raycaster::{BuildError, MAX_COORDINATE, MAX_TRIANGLES, Quality, Raycaster};
+pub use shaft::Shaft;
 pub use surface::{SurfacePoint, spawn};
 
 use glam::Vec3;
 
 /// No triangle: what to skip in [`Raycaster::nearest_from`] if nothing is to be skipped.
 pub const NO_TRIANGLE: u32 = u32::MAX;
+
+/// Most rays that [`Raycaster::nearest_many`] traces together: a packet's (Larson & Simmons 1999, §2.1).
+pub const MAX_TOGETHER: usize = 21;
 
 /// A half line or segment, in coordinates relative to the scene's origin.
 #[derive(Clone, Copy, Debug, PartialEq)]

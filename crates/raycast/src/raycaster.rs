@@ -10,9 +10,10 @@ use crate::build;
 use crate::dispatch::Isa;
 use crate::kernel::Query;
 use crate::node::Hierarchy;
-use crate::surface::{SurfacePoint, interpolate, spawn};
+use crate::simd::RAYS;
+use crate::surface::{SurfacePoint, edge_margin, interpolate, keep_off_edges, spawn};
 use crate::triangle::Prepared;
-use crate::{Hit, NO_TRIANGLE, Ray};
+use crate::{Hit, MAX_TOGETHER, NO_TRIANGLE, Ray};
 
 /// Most triangles of a scene: spatial splits may name each one several times, and references have 31 bits.
 pub const MAX_TRIANGLES: usize = 1 << 27;
@@ -64,6 +65,8 @@ pub enum Quality {
 pub(crate) struct Facet {
     pub vertices: [Vec3; 3],
     pub normal: Vec3,
+    /// Least barycentric of a stated surface point: see [`edge_margin`].
+    pub margin: f32,
 }
 
 /// Answers ray queries on one scene. Share it between threads with an `Arc`.
@@ -107,28 +110,59 @@ impl Raycaster {
     #[must_use]
     #[inline]
     pub fn nearest(&self, ray: &Ray) -> Option<Hit> {
-        self.query::<false>(ray, [NO_TRIANGLE; 2])
+        self.query(ray, [NO_TRIANGLE; 2])
     }
 
     /// The first surface along a ray that leaves triangle `from`, which cannot be met again.
     #[must_use]
     #[inline]
     pub fn nearest_from(&self, ray: &Ray, from: u32) -> Option<Hit> {
-        self.query::<false>(ray, [from, NO_TRIANGLE])
+        self.query(ray, [from, NO_TRIANGLE])
+    }
+
+    /// The first surface along each of many rays: the same as [`nearest`](Self::nearest) of each, bit for bit.
+    ///
+    /// Rays are traced [`MAX_TOGETHER`] at a time, which is faster if those go much the same way, as the rays of a beam do. As many are
+    /// traced as the shorter of the two slices has.
+    pub fn nearest_many(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        for (rays, hits) in rays.chunks(MAX_TOGETHER).zip(hits.chunks_mut(MAX_TOGETHER)) {
+            self.nearest_together(rays, hits);
+        }
+    }
+
+    fn nearest_together(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        let nothing = Hit { t: 0.0, triangle: NO_TRIANGLE, u: 0.0, v: 0.0 };
+        let mut queries = [Query::NONE; MAX_TOGETHER];
+        let mut best = [nothing; RAYS];
+        let mut slots = [0; MAX_TOGETHER];
+        let mut count = 0;
+        for (slot, (ray, hit)) in rays.iter().zip(hits.iter_mut()).enumerate() {
+            *hit = None;
+            if self.is_far(ray) {
+                *hit = self.nearest(ray);
+            } else if let Some(query) = prepare(ray, [NO_TRIANGLE; 2]) {
+                (queries[count], best[count], slots[count]) = (query, query.nothing(), slot);
+                count += 1;
+            }
+        }
+        self.isa.trace_many(&self.hierarchy, &queries[..count], &mut best);
+        for (slot, best) in slots[..count].iter().zip(best) {
+            hits[*slot] = (best.triangle != NO_TRIANGLE).then_some(best);
+        }
     }
 
     /// Whether anything lies on the ray between `t_min` and `t_max`.
     #[must_use]
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.query::<true>(ray, [NO_TRIANGLE; 2]).is_some()
+        self.any(ray, [NO_TRIANGLE; 2])
     }
 
     /// Whether anything lies on a ray that leaves triangle `from`, which itself does not count.
     #[must_use]
     #[inline]
     pub fn occluded_from(&self, ray: &Ray, from: u32) -> bool {
-        self.query::<true>(ray, [from, NO_TRIANGLE]).is_some()
+        self.any(ray, [from, NO_TRIANGLE])
     }
 
     /// Whether anything lies between two points on surfaces; neither's own triangle counts.
@@ -141,7 +175,7 @@ impl Raycaster {
         let start = spawn(from.point, from.error, from.normal, towards);
         let end = spawn(to.point, to.error, to.normal, -towards);
         let ray = Ray { origin: start, direction: end - start, t_min: 0.0, t_max: 1.0 };
-        self.query::<true>(&ray, [from.triangle, to.triangle]).is_some()
+        self.any(&ray, [from.triangle, to.triangle])
     }
 
     /// Unit normal on the side from which the triangle's vertices run counter-clockwise; 0 for a triangle without area.
@@ -174,7 +208,8 @@ impl Raycaster {
         interpolate(self.facets[hit.triangle as usize].vertices, hit.u, hit.v)
     }
 
-    /// Point, error bound and normal at barycentrics `u`, `v` of a triangle.
+    /// Point, error bound and normal at barycentrics `u`, `v` of a triangle. A point within rounding of an edge is moved off
+    /// it, by some times its rounding: a ray that starts beyond the neighbouring face has leaked.
     ///
     /// # Panics
     /// If the scene has no such triangle.
@@ -182,6 +217,7 @@ impl Raycaster {
     #[inline]
     pub fn surface(&self, triangle: u32, u: f32, v: f32) -> SurfacePoint {
         let facet = &self.facets[triangle as usize];
+        let (u, v) = keep_off_edges(u, v, facet.margin);
         let (point, error) = interpolate(facet.vertices, u, v);
         SurfacePoint { point, error, normal: facet.normal, triangle }
     }
@@ -225,47 +261,55 @@ impl Raycaster {
     }
 
     #[inline]
-    fn query<const ANY: bool>(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
-        if ray.origin.abs().max_element() > 2.0 * self.reach {
-            return self.query_from_afar::<ANY>(ray, skip);
+    fn query(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
+        if self.is_far(ray) {
+            let (near, skipped) = self.brought_near(ray)?;
+            let hit = self.isa.trace(&self.hierarchy, &prepare(&near, skip)?)?;
+            return Some(Hit { t: (f64::from(hit.t) + skipped) as f32, ..hit });
         }
-        self.query_near::<ANY>(ray, skip)
+        self.isa.trace(&self.hierarchy, &prepare(ray, skip)?)
     }
 
     #[inline]
-    fn query_near<const ANY: bool>(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
-        let prepared = Prepared::new(ray.origin, ray.direction)?;
-        let t_min = ray.t_min.max(0.0);
-        if ray.t_min.is_nan() || ray.t_max.is_nan() || t_min >= ray.t_max {
-            return None;
-        }
-        self.isa.trace::<ANY>(&self.hierarchy, &Query { ray: prepared, t_min, t_max: ray.t_max, skip })
+    fn any(&self, ray: &Ray, skip: [u32; 2]) -> bool {
+        let any = |ray: &Ray| prepare(ray, skip).is_some_and(|query| self.isa.any(&self.hierarchy, &query));
+        if self.is_far(ray) { self.brought_near(ray).is_some_and(|(near, _)| any(&near)) } else { any(ray) }
     }
 
-    /// Boxes are padded for origins near the scene: others are moved there first, in f64.
+    #[inline]
+    fn is_far(&self, ray: &Ray) -> bool {
+        ray.origin.abs().max_element() > 2.0 * self.reach
+    }
+
+    /// The same ray from near the scene, and by how much of `t` it was moved, in f64: boxes are padded for origins near the scene.
     #[cold]
-    fn query_from_afar<const ANY: bool>(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
+    fn brought_near(&self, ray: &Ray) -> Option<(Ray, f64)> {
         let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
-        let length = direction.length();
-        if !origin.is_finite() || !direction.is_finite() || length == 0.0 {
+        if !origin.is_finite() || !direction.is_finite() || direction.length() == 0.0 {
             return None;
         }
         let skipped = self.approach(origin, direction)?;
         let shift = |t: f32| (f64::from(t) - skipped) as f32;
-        let near = Ray {
-            origin: (origin + direction * skipped).as_vec3(),
-            direction: ray.direction,
-            t_min: shift(ray.t_min),
-            t_max: shift(ray.t_max),
-        };
-        self.query_near::<ANY>(&near, skip).map(|hit| Hit { t: (f64::from(hit.t) + skipped) as f32, ..hit })
+        let origin = (origin + direction * skipped).as_vec3();
+        Some((Ray { origin, direction: ray.direction, t_min: shift(ray.t_min), t_max: shift(ray.t_max) }, skipped))
     }
 
-    #[cfg(test)]
-    pub(crate) fn with_portable_code(mut self) -> Self {
-        self.isa = Isa::Portable;
-        self
+    /// What is traced, and half the size of the cube around the scene's origin that holds all vertices.
+    pub(crate) fn hierarchy(&self) -> (&Hierarchy, f32) {
+        (&self.hierarchy, self.reach)
     }
+}
+
+/// What a ray asks; `None` if it cannot hit anything.
+#[inline(always)]
+fn prepare(ray: &Ray, skip: [u32; 2]) -> Option<Query> {
+    let prepared = Prepared::new(ray.origin, ray.direction)?;
+    // The sum turns -0 into 0: entries of the stack are sorted by their bits.
+    let t_min = ray.t_min.max(0.0) + 0.0;
+    if ray.t_min.is_nan() || ray.t_max.is_nan() || t_min >= ray.t_max {
+        return None;
+    }
+    Some(Query { ray: prepared, t_min, t_max: ray.t_max, skip })
 }
 
 fn facets(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Vec<Facet>, BuildError> {
@@ -283,7 +327,7 @@ fn facets(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Vec<Facet>, 
         // f64: the normal of a sliver is the difference of nearly equal products.
         let [a, b, c] = vertices.map(|v| v.as_dvec3());
         let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
-        Ok(Facet { vertices, normal })
+        Ok(Facet { vertices, normal, margin: edge_margin(vertices) })
     };
     triangles.iter().enumerate().map(facet).collect()
 }
@@ -294,7 +338,7 @@ mod tests {
     use holo_scene::Material;
 
     #[test]
-    fn portable_and_vector_code_give_the_same_bits() {
+    fn every_kind_of_processor_gives_the_same_bits() {
         let mut state = 7_u64;
         let mut unit = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -311,21 +355,30 @@ mod tests {
         let triangles: Vec<[u32; 3]> = (0..2000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let scene = Scene::new(DVec3::ZERO, corners, triangles, vec![0; 2000], vec![Material::grey("m")], [0.0; 3])
             .expect("valid");
-        let scene = Arc::new(scene);
-        let vector = Raycaster::build(scene.clone()).expect("built");
-        let portable = Raycaster::build(scene).expect("built").with_portable_code();
-        let mut hits = 0;
-        for _ in 0..100_000 {
-            let origin = point() * 2.0;
-            let ray = Ray::new(origin, (point() - origin).normalize());
-            let (a, b) = (vector.nearest(&ray), portable.nearest(&ray));
-            assert_eq!(
-                a.map(|h| (h.t.to_bits(), h.triangle, h.u.to_bits())),
-                b.map(|h| (h.t.to_bits(), h.triangle, h.u.to_bits()))
-            );
-            assert_eq!(vector.occluded(&ray), portable.occluded(&ray));
-            hits += usize::from(a.is_some());
+        let mut raycaster = Raycaster::build(Arc::new(scene)).expect("built");
+        // 21 rays of a beam in turn, then 21 in all directions.
+        let mut rays = Vec::new();
+        for i in 0..4_000 {
+            let (from, to) = (point() * 2.0, point());
+            let spread = if i % 2 == 0 { 0.05 } else { 1.0 };
+            rays.extend((0..MAX_TOGETHER).map(|_| {
+                let from = from + point() * spread;
+                Ray::new(from, (to + point() * spread - from).normalize())
+            }));
         }
+        let bits = |h: Option<Hit>| h.map(|h| (h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits()));
+        let mut answers = Vec::new();
+        for isa in Isa::all() {
+            raycaster.isa = isa;
+            let mut together = vec![None; rays.len()];
+            raycaster.nearest_many(&rays, &mut together);
+            let found: Vec<_> =
+                rays.iter().map(|ray| (bits(raycaster.nearest(ray)), raycaster.occluded(ray))).collect();
+            assert!(together.into_iter().map(bits).eq(found.iter().map(|(hit, _)| *hit)), "{isa:?}");
+            answers.push(found);
+        }
+        assert!(answers.iter().all(|found| *found == answers[0]));
+        let hits = answers[0].iter().flat_map(|(hit, _)| hit).count();
         assert!(hits > 20_000, "{hits}");
     }
 }

@@ -36,6 +36,33 @@ pub(crate) fn interpolate([a, b, c]: [Vec3; 3], u: f32, v: f32) -> (Vec3, Vec3) 
     (point, error)
 }
 
+/// Times its rounding that a point is kept off its triangle's edges. A start between two faces that meet at 7° is then still
+/// within both.
+const OFF_EDGES: f32 = 16.0;
+
+/// Least barycentric that keeps points of this triangle off its edges by [`OFF_EDGES`] roundings; at most 1/8, for slivers
+/// narrower than that.
+pub(crate) fn edge_margin([a, b, c]: [Vec3; 3]) -> f32 {
+    let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
+    let longest = (b - a).length().max((c - b).length()).max((a - c).length());
+    // The least height is that on the longest edge.
+    let height = (b - a).as_dvec3().cross((c - a).as_dvec3()).length() / f64::from(longest);
+    let margin = f64::from(OFF_EDGES * gamma(8.0) * reach) / height;
+    if margin < 0.125 { margin as f32 } else { 0.125 }
+}
+
+/// Barycentrics moved off the edges, where they are nearer than `margin`.
+#[inline]
+pub(crate) fn keep_off_edges(u: f32, v: f32, margin: f32) -> (f32, f32) {
+    let w = 1.0 - u - v;
+    if u.min(v).min(w) >= margin {
+        return (u, v);
+    }
+    let (u, v, w) = (u.max(margin), v.max(margin), w.max(margin));
+    let sum = u + v + w;
+    (u / sum, v / sum)
+}
+
 /// Origin for a ray that leaves `point` (known within `error`) towards `direction`, on the right side of its plane.
 ///
 /// Shapes: all relative to the scene's origin; `normal` unit, either side. (Pharr et al. 2023, §6.8.6.)

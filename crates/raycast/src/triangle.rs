@@ -5,21 +5,26 @@
 //! triangles that share an edge get edge functions that are exact negatives, so no ray passes between them. Fused
 //! multiply-add would break that; Rust never contracts on its own.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
-use crate::node::{Block, LANES};
+use crate::node::Block;
+use crate::simd::Simd;
+use crate::{Hit, NO_TRIANGLE};
 
 /// A ray, transformed once for all tests.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prepared {
     pub origin: [f32; 3],
-    /// Finite and not 0 in any axis, so that a slab test never makes a NaN.
+    /// Finite and not 0 in any axis, and small enough for its product with any coordinate to be finite.
     pub inverse: [f32; 3],
-    /// Row of `Node::bounds` that the ray meets first, by axis; the other one is 3 away.
-    pub near: [usize; 3],
+    /// 1 for an axis along which the direction is negative: the first row of `Node::bounds` to use.
+    pub reversed: [usize; 3],
     /// The other two axes and, last, the one along which the direction is greatest.
-    axes: [usize; 3],
-    shear: [f32; 2],
+    pub axes: [usize; 3],
+    /// The origin along `axes`.
+    pub sheared_origin: [f32; 3],
+    /// Slopes of the direction along the first two of `axes` against the last.
+    pub shear: [f32; 2],
     direction: [f32; 3],
 }
 
@@ -27,6 +32,17 @@ pub(crate) struct Prepared {
 const LENGTH_SQUARED: std::ops::Range<f32> = 1e-24..1e24;
 
 impl Prepared {
+    /// Fills arrays.
+    pub(crate) const NONE: Self = Self {
+        origin: [0.0; 3],
+        inverse: [0.0; 3],
+        reversed: [0; 3],
+        axes: [0; 3],
+        sheared_origin: [0.0; 3],
+        shear: [0.0; 2],
+        direction: [0.0; 3],
+    };
+
     /// `None` if the ray cannot hit anything: not finite, or a direction of no usable length.
     #[inline(always)]
     pub(crate) fn new(origin: Vec3, direction: Vec3) -> Option<Self> {
@@ -44,86 +60,60 @@ impl Prepared {
             [0, 1, 2]
         };
         let z = d[axes[2]];
-        // 1e-30 moves the ray by nothing that f32 can tell, and 0 * 1e30 is 0 where 0 * inf is NaN.
-        let inverse = d.map(|c| if c.abs() < 1e-30 { 1e30_f32.copysign(c) } else { 1.0 / c });
-        let near = [0, 1, 2].map(|i| if inverse[i] < 0.0 { i + 3 } else { i });
+        // For boxes only. A slope of 1e-12 moves the ray, over all of the scene, by far less than boxes are padded; directions are
+        // longer than 1e-12, so that inverses stay below 2e24.
+        let least = z.abs() * 1e-12;
+        let inverse = d.map(|c| 1.0 / c.abs().max(least).copysign(c));
+        let reversed = inverse.map(|i| usize::from(i < 0.0));
         let shear = [d[axes[0]] / z, d[axes[1]] / z];
-        Some(Self { origin: origin.to_array(), inverse, near, axes, shear, direction: d })
+        let origin = origin.to_array();
+        Some(Self { origin, inverse, reversed, axes, sheared_origin: axes.map(|k| origin[k]), shear, direction: d })
     }
 }
 
-/// A hit in a block.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct LaneHit {
-    pub t: f32,
-    pub id: u32,
-    pub u: f32,
-    pub v: f32,
-}
+/// Nearest hit so far; no triangle, and `t` the end of the ray, if there is none.
+pub(crate) type Nearest = Hit;
 
-/// Edge functions (weights of the first, second and third vertex, unscaled) of four triangles.
-struct Edges {
-    u: [f32; LANES],
-    v: [f32; LANES],
-    w: [f32; LANES],
-    /// Vertices in the plane across the ray: vertex, axis, lane.
-    p: [[[f32; LANES]; 2]; 3],
-}
-
+/// Replaces `best` by the nearest triangle of the block that the ray meets at `t_min < t < best.t`, and is not to be skipped.
+///
+/// At equal distances the triangle of least index counts: so a result does not depend on the order of traversal.
 #[inline(always)]
-fn edges(block: &Block, ray: &Prepared) -> Edges {
-    let [kx, ky, kz] = ray.axes;
-    let [sx, sy] = ray.shear;
-    let (ox, oy, oz) = (ray.origin[kx], ray.origin[ky], ray.origin[kz]);
-    let mut p = [[[0.0; LANES]; 2]; 3];
-    for (sheared, vertex) in p.iter_mut().zip(&block.vertices) {
-        let (vx, vy, vz) = (&vertex[kx], &vertex[ky], &vertex[kz]);
-        for i in 0..LANES {
-            let z = vz[i] - oz;
-            sheared[0][i] = (vx[i] - ox) - sx * z;
-            sheared[1][i] = (vy[i] - oy) - sy * z;
-        }
-    }
-    let [a, b, c] = &p;
-    let (mut u, mut v, mut w) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-    for i in 0..LANES {
-        u[i] = c[0][i] * b[1][i] - c[1][i] * b[0][i];
-        v[i] = a[0][i] * c[1][i] - a[1][i] * c[0][i];
-        w[i] = b[0][i] * a[1][i] - b[1][i] * a[0][i];
-    }
-    Edges { u, v, w, p }
-}
-
-/// Calls `found` for every triangle of the block that the ray meets at `t_min < t < t_max`; `found` returns the new `t_max`.
-#[inline(always)]
-pub(crate) fn intersect(block: &Block, ray: &Prepared, t_min: f32, t_max: f32, mut found: impl FnMut(LaneHit) -> f32) {
-    let e = edges(block, ray);
-    let mut inside = [false; LANES];
-    let mut on_edge = [false; LANES];
-    for i in 0..LANES {
-        let (u, v, w) = (e.u[i], e.v[i], e.w[i]);
-        inside[i] = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
-        on_edge[i] = (u == 0.0) | (v == 0.0) | (w == 0.0);
-    }
-    if inside == [false; LANES] && on_edge == [false; LANES] {
-        return;
-    }
-    let mut limit = t_max;
-    for i in 0..LANES {
-        if !(if on_edge[i] { inside_exactly(&e, i) } else { inside[i] }) {
+pub(crate) fn intersect<S: Simd>(
+    simd: S,
+    block: &Block,
+    ray: &Prepared,
+    t_min: f32,
+    skip: [u32; 2],
+    best: &mut Nearest,
+) {
+    let straddled = simd.straddled(block, ray);
+    let mut candidates = straddled.inside | straddled.on_edge;
+    while candidates != 0 {
+        let lane = candidates.trailing_zeros() as usize;
+        candidates &= candidates - 1;
+        if straddled.on_edge >> lane & 1 != 0 && !inside_exactly(block, ray, lane) {
             continue;
         }
-        let hit = locate(block, ray, i);
-        if hit.t > t_min && hit.t < limit {
-            limit = found(hit);
+        let hit = locate(block, ray, lane);
+        let nearer =
+            hit.t < best.t || (hit.t == best.t && best.triangle != NO_TRIANGLE && hit.triangle < best.triangle);
+        if nearer && hit.t > t_min && !skip.contains(&hit.triangle) {
+            *best = hit;
         }
     }
 }
 
 /// The inside test in f64, where the products of f32 are exact. An edge-on triangle is not met.
 #[cold]
-fn inside_exactly(e: &Edges, i: usize) -> bool {
-    let [a, b, c] = e.p.map(|vertex| vertex.map(|axis| f64::from(axis[i])));
+fn inside_exactly(block: &Block, ray: &Prepared, lane: usize) -> bool {
+    let [kx, ky, kz] = ray.axes;
+    let [ox, oy, oz] = ray.sheared_origin;
+    let [a, b, c] = block.triangle(lane).map(|vertex| {
+        let z = vertex[kz % 3] - oz;
+        let x = (vertex[kx % 3] - ox) - ray.shear[0] * z;
+        let y = (vertex[ky % 3] - oy) - ray.shear[1] * z;
+        [f64::from(x), f64::from(y)]
+    });
     let u = c[0] * b[1] - c[1] * b[0];
     let v = a[0] * c[1] - a[1] * c[0];
     let w = b[0] * a[1] - b[1] * a[0];
@@ -139,10 +129,10 @@ fn inside_exactly(e: &Edges, i: usize) -> bool {
 /// outside the triangle by the rounding of the inside test: weights and distance are clamped to those of the triangle.
 #[inline(always)]
 #[allow(clippy::manual_clamp, reason = "clamp keeps a NaN")]
-fn locate(block: &Block, ray: &Prepared, i: usize) -> LaneHit {
+fn locate(block: &Block, ray: &Prepared, lane: usize) -> Hit {
     let origin = Vec3::from_array(ray.origin).as_dvec3();
     let direction = Vec3::from_array(ray.direction).as_dvec3();
-    let [a, b, c] = block.vertices.map(|v| DVec3::new(v[0][i].into(), v[1][i].into(), v[2][i].into()) - origin);
+    let [a, b, c] = block.triangle(lane).map(|v| Vec3::from_array(v).as_dvec3() - origin);
     let (e1, e2) = (b - a, c - a);
     let p = direction.cross(e2);
     let q = e1.cross(a);
@@ -153,5 +143,5 @@ fn locate(block: &Block, ray: &Prepared, i: usize) -> LaneHit {
     let (ta, tb, tc) = (a.dot(direction), b.dot(direction), c.dot(direction));
     let length_squared = direction.length_squared();
     let t = (e2.dot(q) * scale).max(ta.min(tb).min(tc) / length_squared).min(ta.max(tb).max(tc) / length_squared);
-    LaneHit { t: t as f32, id: block.ids[i], u: u as f32, v: v as f32 }
+    Hit { t: t as f32, triangle: block.id(lane), u: u as f32, v: v as f32 }
 }

@@ -210,6 +210,73 @@ fn what_cannot_be_traced_is_refused_by_name() {
     assert_eq!(Raycaster::build(Arc::new(not_finite)).err(), Some(BuildError::Coordinate { triangle: 0 }));
 }
 
+/// What one ray finds, as bits.
+fn bits(hit: Option<holo_raycast::Hit>) -> Option<[u32; 4]> {
+    hit.map(|h| [h.triangle, h.t.to_bits(), h.u.to_bits(), h.v.to_bits()])
+}
+
+#[test]
+fn rays_traced_together_find_what_each_finds_alone() {
+    let mut random = Random(17);
+    let mut doubled = Mesh::sphere(4, Vec3::ZERO, 1.0);
+    // Every triangle twice, and coplanar ones: equal distances must be decided alike.
+    doubled.triangles.extend(doubled.triangles.clone());
+    let meshes = [
+        Mesh::soup(1, 1.0, &mut random),
+        Mesh::soup(30_000, 0.05, &mut random),
+        Mesh::sliver_box(Vec3::ONE, 3, 300),
+        doubled,
+    ];
+    let mut hits = 0;
+    for mesh in &meshes {
+        let raycaster = mesh.raycaster();
+        for beam in 0..3_000 {
+            // From one small square to another, sometimes not coherent at all, with rays that hit nothing or are no rays.
+            let (from, to) = (random.cube() * 1.5, random.cube());
+            let spread = [0.0, 1e-3, 0.1, 1.0][beam % 4];
+            let mut rays: Vec<Ray> = (0..random.below(50))
+                .map(|_| {
+                    let from = from + random.cube() * spread;
+                    Ray::new(from, (to + random.cube() * spread - from).normalize_or(Vec3::Z))
+                })
+                .collect();
+            for ray in &mut rays {
+                match random.below(20) {
+                    0 => ray.t_max = random.unit(),
+                    1 => ray.t_min = random.unit(),
+                    2 => ray.origin.x = f32::NAN,
+                    3 => ray.origin = ray.direction * -1e4,
+                    4 => ray.direction = Vec3::ZERO,
+                    _ => {}
+                }
+            }
+            // What was in the array before does not count.
+            let mut together = vec![Some(holo_raycast::Hit { t: 1.0, triangle: 0, u: 0.0, v: 0.0 }); rays.len()];
+            raycaster.nearest_many(&rays, &mut together);
+            for (ray, together) in rays.iter().zip(together) {
+                let alone = raycaster.nearest(ray);
+                assert_eq!(bits(together), bits(alone), "{ray:?}");
+                hits += usize::from(alone.is_some());
+            }
+        }
+    }
+    assert!(hits > 50_000, "{hits}");
+}
+
+#[test]
+fn of_triangles_at_the_same_distance_the_first_counts() {
+    let mut random = Random(18);
+    let mut mesh = Mesh::soup(2_000, 0.2, &mut random);
+    let copies = mesh.triangles.clone();
+    mesh.triangles.extend(copies);
+    let raycaster = mesh.raycaster();
+    for _ in 0..100_000 {
+        if let Some(hit) = raycaster.nearest(&Ray::new(random.cube(), random.direction())) {
+            assert!(hit.triangle < 2_000);
+        }
+    }
+}
+
 fn any_float() -> impl Strategy<Value = f32> {
     prop_oneof![
         any::<u32>().prop_map(f32::from_bits),

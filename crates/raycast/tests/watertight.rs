@@ -137,6 +137,38 @@ fn light_stays_in_closed_meshes_over_hundreds_of_thousands_of_bounces() {
 }
 
 #[test]
+fn a_ray_that_starts_within_rounding_of_an_edge_stays_inside() {
+    // Far off the origin, where a point's rounding is largest, against coarse meshes, whose edges are sharp.
+    let middle = Vec3::new(300.0, -41.0, 7.0);
+    let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, 0.7, 1.1);
+    let mut tetrahedron = Mesh::default();
+    let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+    let [a, b, c, d] = corners.map(|p| turn * Vec3::from(p) + middle);
+    for face in [[a, b, c], [a, d, b], [a, c, d], [b, d, c]] {
+        tetrahedron.push(face);
+    }
+    let mut random = Random(11);
+    let mut escapes = 0;
+    for mesh in [Mesh::sphere(2, middle, 1.0), tetrahedron] {
+        let raycaster = mesh.raycaster();
+        for _ in 0..200_000 {
+            let triangle = random.below(mesh.triangles.len()) as u32;
+            let (near, along) = (random.unit() * 1e-6, random.unit());
+            let (u, v) = [(near, along), (along, near), (1.0 - along - near, along)][random.below(3)];
+            let (u, v) = (u.max(0.0), v.min(1.0 - u.max(0.0)));
+            let surface = raycaster.surface(triangle, u, v);
+            let to_middle = middle - surface.point;
+            let inwards = if surface.normal.dot(to_middle) < 0.0 { -surface.normal } else { surface.normal };
+            let direction = random.direction();
+            let direction = if direction.dot(inwards) < 0.0 { -direction } else { direction };
+            let start = spawn(surface.point, surface.error, surface.normal, direction);
+            escapes += usize::from(raycaster.nearest_from(&Ray::new(start, direction), triangle).is_none());
+        }
+    }
+    assert_eq!(escapes, 0);
+}
+
+#[test]
 fn a_spawned_ray_does_not_meet_its_own_plane() {
     // A wall of slivers, left at all angles down to grazing: nothing may be found in front of the wall. The skipped
     // triangle cannot hide a fault, since the neighbours lie in the same plane.

@@ -19,6 +19,7 @@ mod bsdf;
 mod bsdf_tests;
 mod coat;
 mod conductor;
+mod direct;
 #[cfg(test)]
 mod direct_tests;
 #[cfg(test)]
@@ -46,6 +47,15 @@ use path::{Direct, PathEngine, Start};
 
 /// Most paths per sample: beyond, one call would take seconds, and a worker could not be stopped.
 pub const MAX_PATHS: u32 = 1 << 16;
+
+/// Samples of the lights of a path, at its first surface that is not a mirror or glass, unless said otherwise.
+///
+/// Error squared times processor time with 1, 2 and 4 of them: cabin's living room 0.097, 0.081, 0.088; its bedroom 0.30, 0.28,
+/// 0.34; the Cornell box, whose error is of indirect light, is 7 % worse with 2 than with 1.
+pub const DEFAULT_LIGHT_SAMPLES: u32 = 2;
+
+/// Most light samples of a path.
+pub const MAX_LIGHT_SAMPLES: u32 = 256;
 
 /// What a tracer is to do, beside the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,15 +116,28 @@ impl Tracer {
     /// # Errors
     /// Settings out of range.
     pub fn with_raycaster(raycaster: Arc<Raycaster>, settings: Settings) -> Result<Self, TracerError> {
-        Self::with_direct(raycaster, settings, Direct::Both)
+        Self::with_direct(raycaster, settings, Direct::Both, DEFAULT_LIGHT_SAMPLES)
     }
 
-    fn with_direct(raycaster: Arc<Raycaster>, settings: Settings, direct: Direct) -> Result<Self, TracerError> {
+    fn with_direct(
+        raycaster: Arc<Raycaster>,
+        settings: Settings,
+        direct: Direct,
+        light_samples: u32,
+    ) -> Result<Self, TracerError> {
         if !(1..=MAX_PATHS).contains(&settings.paths) {
             return Err(TracerError::Paths(settings.paths));
         }
-        let engine = PathEngine::new(raycaster.scene(), settings.bounces, direct);
+        let engine = PathEngine::new(raycaster.scene(), settings.bounces, direct, light_samples);
         Ok(Self { raycaster, engine, settings, nonfinite: AtomicU64::new(0) })
+    }
+
+    /// As this one, with this many samples of the lights at a path's first surface that is not a mirror or glass, at least
+    /// 1 and at most [`MAX_LIGHT_SAMPLES`]. Powers of two are stratified best.
+    #[must_use]
+    pub fn with_light_samples(mut self, samples: u32) -> Self {
+        self.engine.light_samples = samples.clamp(1, MAX_LIGHT_SAMPLES);
+        self
     }
 
     /// The scene that is traced.

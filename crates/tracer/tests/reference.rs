@@ -1,5 +1,8 @@
 //! Pictures agree with an independent path tracer's: blocks of pixels, by z-tests with both sides' standard errors.
 //!
+//! The cabin's reference is 0.4 % too bright where its flood lamps shine: its renderer loses the shadow of their housings'
+//! rims (`housing.rs` tests that ours does not). That is below what the paths traced here can tell.
+//!
 //! The scenes and pictures are in `../shared` beside the project; where that is absent the tests say so and are skipped.
 
 #![allow(clippy::expect_used, reason = "a test fails by it")]
@@ -45,6 +48,8 @@ struct View {
     /// Every how manieth pixel is traced, in both directions, and with how many paths.
     stride: usize,
     paths: u64,
+    /// Paths per pixel of the reference.
+    reference_paths: f64,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -99,8 +104,11 @@ fn compare(scene: &str, picture: &str, bounces: Option<u32>, view: &View) {
             for c in 0..3 {
                 let mean = sum[c] / n;
                 block[c].difference += mean - f64::from(reference.pixels[i][c]);
-                block[c].variance +=
-                    (squares[c] / n - mean * mean) / (n - 1.0) + f64::from(errors.pixels[i][c]).powi(2);
+                let own = (squares[c] / n - mean * mean) / (n - 1.0);
+                let error = f64::from(errors.pixels[i][c]).powi(2);
+                // A lamp in a mirror comes as few bright paths, which a block of ours may not have met at all: then its
+                // own spread says too little, and that of as many of the reference's paths is taken.
+                block[c].variance += own.max(error * view.reference_paths / n) + error;
                 block[c].pixels += 1.0;
             }
         }
@@ -125,8 +133,14 @@ fn compare(scene: &str, picture: &str, bounces: Option<u32>, view: &View) {
     }
 }
 
-const CORNELL: View =
-    View { eye: [2.78, 2.73, -2.0], towards: [0.0, 0.0, 1.0], up: [0.0, 1.0, 0.0], stride: 2, paths: 32 };
+const CORNELL: View = View {
+    eye: [2.78, 2.73, -2.0],
+    towards: [0.0, 0.0, 1.0],
+    up: [0.0, 1.0, 0.0],
+    stride: 2,
+    paths: 32,
+    reference_paths: 4096.0,
+};
 
 #[test]
 fn cornell_box_with_all_its_light() {
@@ -135,11 +149,18 @@ fn cornell_box_with_all_its_light() {
 
 #[test]
 fn cornell_box_with_direct_light() {
-    compare("cornell", "cornell_direct", Some(0), &CORNELL);
+    compare("cornell", "cornell_direct", Some(0), &View { reference_paths: 1024.0, ..CORNELL });
 }
 
 #[test]
 fn cabin_living_room_with_mirrors_and_windows() {
-    let view = View { eye: [12.5, 0.5, 5.0], towards: [1.0, 1.0, 0.0], up: [0.0, 0.0, 1.0], stride: 2, paths: 32 };
+    let view = View {
+        eye: [12.5, 0.5, 5.0],
+        towards: [1.0, 1.0, 0.0],
+        up: [0.0, 0.0, 1.0],
+        stride: 2,
+        paths: 32,
+        reference_paths: 2048.0,
+    };
     compare("cabin", "cabin", None, &view);
 }

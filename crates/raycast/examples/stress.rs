@@ -1,0 +1,25 @@
+//! Rays where ray tracers break, against meshes that are closed: counts those that find no surface (leaks) and those with a result that is
+//! no number. Exits with 1 if there are any.
+//!
+//! `cargo run --release -p holo-raycast --example stress -- [RAYS]` (a million; 100000000 takes minutes)
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+#[path = "../tests/common/stress.rs"]
+mod stress;
+
+use std::error::Error;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let rays: u64 = std::env::args().nth(1).map_or(Ok(1_000_000), |count| count.parse())?;
+    let mut bad = 0;
+    for (name, counts) in stress::run(rays) {
+        println!("{name:44} {:10} rays  {} leaks  {} not a number", counts.rays, counts.leaks, counts.not_a_number);
+        bad += counts.leaks + counts.not_a_number;
+    }
+    println!("{bad} in all");
+    if bad > 0 {
+        std::process::exit(1);
+    }
+    Ok(())
+}

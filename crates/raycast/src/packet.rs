@@ -1,0 +1,185 @@
+//! The rays of a beam together: a node is fetched once for all rays that enter it, and its children are asked for in advance.
+//!
+//! Always true: each ray's result is the same, bit for bit, as if it were traced alone: it meets the same boxes and triangles by the
+//! same tests, in another order, on which results do not depend.
+//!
+//! Measured, 21 rays between two cells of a 16 x 16 grid, against one by one: 2.0 times the rays a second on 960 triangles, 1.8 on the
+//! cabin, 1.7 on 10⁶ triangles. There, rays taking turns, so that memory arrives meanwhile, made 1.4 into 1.7. Rays in all directions
+//! gain 10 to 20 % on 10⁶ triangles and lose 5 to 25 % on smaller scenes: trace those alone.
+
+use crate::Hit;
+use crate::kernel::{Query, advance};
+use crate::node::{Hierarchy, LEAF, WIDTH};
+use crate::simd::{Near, RAYS, RayBytes, STRETCH, Simd, entry, parts};
+use crate::triangle::intersect;
+
+/// Stack of subtrees and the rays that enter them.
+#[derive(Clone, Copy)]
+struct Pending {
+    child: u32,
+    /// A bit per ray.
+    rays: u32,
+    /// Least distance at which any of them enters.
+    near: f32,
+}
+
+/// Farthest distances that still matter, one per ray.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct Limits(pub [f32; RAYS]);
+
+/// Subtrees that at most so many rays enter are traversed by each ray for itself: testing a box for many at once no longer pays.
+const FEW: u32 = 4;
+/// Rays that are traversed by turns, so that one's memory arrives while others compute.
+const AT_ONCE: usize = 8;
+
+/// One ray on its own.
+#[derive(Clone, Copy)]
+struct Lane {
+    ray: usize,
+    current: u32,
+    top: usize,
+}
+
+/// Rays on their own, by turns.
+struct Few<const STACK: usize> {
+    lanes: [Lane; AT_ONCE],
+    count: usize,
+    stacks: [[u64; STACK]; AT_ONCE],
+}
+
+impl<const STACK: usize> Few<STACK> {
+    #[inline(always)]
+    fn add(&mut self, mut rays: u32, child: u32) {
+        while rays != 0 {
+            self.lanes[self.count % AT_ONCE] =
+                Lane { ray: rays.trailing_zeros() as usize % RAYS, current: child, top: 0 };
+            self.count += 1;
+            rays &= rays - 1;
+        }
+    }
+
+    #[inline(always)]
+    fn run<S: Simd>(&mut self, simd: S, hierarchy: &Hierarchy, queries: &[Query], best: &mut [Hit; RAYS]) {
+        let mut active = (1_u32 << self.count) - 1;
+        while active != 0 {
+            let mut turn = active;
+            while turn != 0 {
+                let i = turn.trailing_zeros() as usize % AT_ONCE;
+                turn &= turn - 1;
+                let Lane { ray, current, top } = &mut self.lanes[i];
+                let ray = *ray % RAYS;
+                if advance::<S, false>(
+                    simd,
+                    hierarchy,
+                    &queries[ray],
+                    current,
+                    top,
+                    &mut self.stacks[i],
+                    &mut best[ray],
+                ) {
+                    prefetch(simd, hierarchy, *current);
+                } else {
+                    active &= !(1 << i);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn prefetch<S: Simd>(simd: S, hierarchy: &Hierarchy, child: u32) {
+    if child & LEAF != 0 {
+        simd.prefetch_block(&hierarchy.blocks[(child & !LEAF) as usize]);
+    } else {
+        simd.prefetch_node(&hierarchy.nodes[child as usize]);
+    }
+}
+
+/// Nearest hits of at most [`RAYS`] queries; `best` has [`Query::nothing`] of each.
+#[inline(always)]
+pub(crate) fn traverse_many<S: Simd, const STACK: usize>(
+    simd: S,
+    hierarchy: &Hierarchy,
+    queries: &[Query],
+    best: &mut [Hit; RAYS],
+) {
+    const SLOTS: [u32; WIDTH] = [0, 1, 2, 3, 4, 5, 6, 7];
+    let count = queries.len().min(RAYS);
+    let mut limits = Limits([f32::NEG_INFINITY; RAYS]);
+    for (limit, best) in limits.0[..count].iter_mut().zip(best.iter()) {
+        *limit = best.t * STRETCH;
+    }
+    let mut stack = [Pending { child: 0, rays: 0, near: 0.0 }; STACK];
+    stack[0].rays = ((1_u64 << count) - 1) as u32;
+    let mut top = 1;
+    let mut few =
+        Few::<STACK> { lanes: [Lane { ray: 0, current: 0, top: 0 }; AT_ONCE], count: 0, stacks: [[0; STACK]; AT_ONCE] };
+    while top > 0 {
+        top -= 1;
+        let Pending { child, rays, near } = stack[top];
+        let mut rays = rays & simd.at_least(&limits, near);
+        if rays == 0 {
+            continue;
+        }
+        if child & LEAF != 0 {
+            let block = &hierarchy.blocks[(child & !LEAF) as usize];
+            while rays != 0 {
+                let ray = rays.trailing_zeros() as usize % RAYS;
+                rays &= rays - 1;
+                let query = &queries[ray];
+                intersect(simd, block, &query.ray, query.t_min, query.skip, &mut best[ray]);
+                limits.0[ray] = best[ray].t * STRETCH;
+            }
+            continue;
+        }
+        if rays.count_ones() <= FEW {
+            few.count = 0;
+            few.add(rays, child);
+            // Further subtrees of few rays, as long as they are of other rays.
+            let mut taken = rays;
+            while top > 0 {
+                let Pending { child, rays, near } = stack[top - 1];
+                let rays = rays & simd.at_least(&limits, near);
+                let room = few.count + rays.count_ones() as usize <= AT_ONCE;
+                if child & LEAF != 0 || rays & taken != 0 || rays.count_ones() > FEW || !room {
+                    break;
+                }
+                few.add(rays, child);
+                taken |= rays;
+                top -= 1;
+            }
+            few.run(simd, hierarchy, queries, best);
+            while taken != 0 {
+                let ray = taken.trailing_zeros() as usize % RAYS;
+                taken &= taken - 1;
+                limits.0[ray] = best[ray].t * STRETCH;
+            }
+            continue;
+        }
+        let node = &hierarchy.nodes[child as usize];
+        let mut least = Near([f32::INFINITY; WIDTH]);
+        let mut masks = RayBytes([0; RAYS]);
+        let mut any = 0;
+        while rays != 0 {
+            let ray = rays.trailing_zeros() as usize % RAYS;
+            rays &= rays - 1;
+            let query = &queries[ray];
+            let (near, mask) = simd.enter(node, &query.ray, query.t_min, best[ray].t);
+            simd.least(&mut least, &near, mask);
+            masks.0[ray] = mask as u8;
+            any |= mask;
+        }
+        let entered = simd.transpose(&masks);
+        let mut order = [entry(0, 0.0); WIDTH];
+        simd.stack::<true>(&SLOTS, &least, any, &mut order);
+        for &next in &order[..any.count_ones() as usize] {
+            let (slot, near) = parts(next);
+            let slot = slot as usize % WIDTH;
+            let child = node.children[slot];
+            prefetch(simd, hierarchy, child);
+            stack[top] = Pending { child, rays: entered[slot], near };
+            top += 1;
+        }
+    }
+}

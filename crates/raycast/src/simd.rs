@@ -1,0 +1,184 @@
+//! What is done on many boxes or triangles at once, for each kind of processor.
+//!
+//! Always true: [`Simd::straddled`] gives the same bits everywhere. [`Simd::enter`] need not: it is conservative in any rounding, and which
+//! boxes are entered beyond those that must be does not change a result.
+
+use crate::node::{Block, LANES, Node, WIDTH};
+use crate::packet::Limits;
+use crate::triangle::Prepared;
+
+/// Rays of a packet, rounded up to a register of masks.
+pub(crate) const RAYS: usize = 32;
+
+/// 1 + 2 γ₃ in f32.
+pub(crate) const STRETCH: f32 = 1.0 + 6.0 * f32::EPSILON;
+
+/// A row of eight distances.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+pub(crate) struct Near(pub [f32; WIDTH]);
+
+/// One byte per ray of a packet.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+pub(crate) struct RayBytes(pub [u8; RAYS]);
+
+/// Which of a block's triangles a ray may meet, a bit per lane.
+#[derive(Clone, Copy)]
+pub(crate) struct Straddled {
+    /// All edge functions have one sign or are 0.
+    pub inside: u32,
+    /// Some edge function is 0: whether the ray meets it takes more digits to tell.
+    pub on_edge: u32,
+}
+
+/// A child and the distance of its box, not negative: sorted as an integer, it is sorted by distance.
+#[inline(always)]
+pub(crate) fn entry(child: u32, near: f32) -> u64 {
+    u64::from(near.to_bits()) << 32 | u64::from(child)
+}
+
+/// The two parts of an [`entry`].
+#[inline(always)]
+pub(crate) fn parts(entry: u64) -> (u32, f32) {
+    (entry as u32, f32::from_bits((entry >> 32) as u32))
+}
+
+/// [`Simd::stack`] one by one: two or three children as a rule.
+#[inline(always)]
+pub(crate) fn stack_scalar<const SORTED: bool>(
+    children: &[u32; WIDTH],
+    near: &Near,
+    mut mask: u32,
+    stack: &mut [u64; WIDTH],
+) {
+    let mut count = 0;
+    while mask != 0 {
+        let next = mask.trailing_zeros() as usize % WIDTH;
+        mask &= mask - 1;
+        let new = entry(children[next], near.0[next]);
+        let mut at = count;
+        while SORTED && at > 0 && stack[(at - 1) % WIDTH] < new {
+            stack[at % WIDTH] = stack[(at - 1) % WIDTH];
+            at -= 1;
+        }
+        stack[at % WIDTH] = new;
+        count += 1;
+    }
+}
+
+/// A processor's way to do it.
+pub(crate) trait Simd: Copy {
+    /// Distances at which the ray enters the eight boxes, and a bit per box that it enters between `t_min` and `t_max`.
+    fn enter(self, node: &Node, ray: &Prepared, t_min: f32, t_max: f32) -> (Near, u32);
+
+    /// The signs of the edge functions of four triangles.
+    fn straddled(self, block: &Block, ray: &Prepared) -> Straddled;
+
+    /// Puts the children in `mask`, with their distances, at the start of `stack`: farthest first if `SORTED`. The rest is undefined.
+    fn stack<const SORTED: bool>(self, children: &[u32; WIDTH], near: &Near, mask: u32, stack: &mut [u64; WIDTH]);
+
+    /// The lesser of each of the distances that are in `mask`.
+    fn least(self, so_far: &mut Near, near: &Near, mask: u32);
+
+    /// A bit per ray whose limit is not below `near`.
+    fn at_least(self, limits: &Limits, near: f32) -> u32;
+
+    /// From a bit per child for each ray, a bit per ray for each child.
+    fn transpose(self, masks: &RayBytes) -> [u32; WIDTH];
+
+    /// Asks for memory that will be needed soon.
+    fn prefetch_node(self, node: &Node);
+    /// Asks for memory that will be needed soon.
+    fn prefetch_block(self, block: &Block);
+}
+
+/// Any processor.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Portable;
+
+impl Simd for Portable {
+    #[inline(always)]
+    fn enter(self, node: &Node, ray: &Prepared, t_min: f32, t_max: f32) -> (Near, u32) {
+        let max = |a: f32, b: f32| if a > b { a } else { b };
+        let min = |a: f32, b: f32| if a < b { a } else { b };
+        let mut near = [t_min; WIDTH];
+        let mut far = [t_max; WIDTH];
+        for axis in 0..3 {
+            let base = (node.origin[axis] - ray.origin[axis]) * ray.inverse[axis];
+            let step = node.step[axis] * ray.inverse[axis];
+            let first = ray.reversed[axis] & 1;
+            let (nearer, farther) = (&node.bounds[axis][first], &node.bounds[axis][first + 1]);
+            for i in 0..WIDTH {
+                near[i] = max(near[i], f32::from(nearer[i]) * step + base);
+                far[i] = min(far[i], f32::from(farther[i]) * step + base);
+            }
+        }
+        let mut mask = 0;
+        for i in 0..WIDTH {
+            mask |= u32::from(near[i] <= far[i] * STRETCH) << i;
+        }
+        (Near(near), mask)
+    }
+
+    #[inline(always)]
+    fn straddled(self, block: &Block, ray: &Prepared) -> Straddled {
+        let [kx, ky, kz] = ray.axes;
+        let (rx, ry, rz) = (&block.vertices[kx % 3], &block.vertices[ky % 3], &block.vertices[kz % 3]);
+        let (ox, oy, oz) = (ray.sheared_origin[0], ray.sheared_origin[1], ray.sheared_origin[2]);
+        let mut p = [[[0.0; LANES]; 2]; 3];
+        for (vertex, sheared) in p.iter_mut().enumerate() {
+            for i in 0..LANES {
+                let z = rz[vertex][i] - oz;
+                sheared[0][i] = (rx[vertex][i] - ox) - ray.shear[0] * z;
+                sheared[1][i] = (ry[vertex][i] - oy) - ray.shear[1] * z;
+            }
+        }
+        let [a, b, c] = &p;
+        let (mut inside, mut on_edge) = (0, 0);
+        for i in 0..LANES {
+            let u = c[0][i] * b[1][i] - c[1][i] * b[0][i];
+            let v = a[0][i] * c[1][i] - a[1][i] * c[0][i];
+            let w = b[0][i] * a[1][i] - b[1][i] * a[0][i];
+            let same = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
+            inside |= u32::from(same) << i;
+            on_edge |= u32::from((u == 0.0) | (v == 0.0) | (w == 0.0)) << i;
+        }
+        Straddled { inside, on_edge }
+    }
+
+    #[inline(always)]
+    fn stack<const SORTED: bool>(self, children: &[u32; WIDTH], near: &Near, mask: u32, stack: &mut [u64; WIDTH]) {
+        stack_scalar::<SORTED>(children, near, mask, stack);
+    }
+
+    #[inline(always)]
+    fn least(self, so_far: &mut Near, near: &Near, mask: u32) {
+        for i in 0..WIDTH {
+            if mask >> i & 1 != 0 && near.0[i] < so_far.0[i] {
+                so_far.0[i] = near.0[i];
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn at_least(self, limits: &Limits, near: f32) -> u32 {
+        limits.0.iter().enumerate().fold(0, |bits, (ray, &limit)| bits | u32::from(limit >= near) << ray)
+    }
+
+    #[inline(always)]
+    fn transpose(self, masks: &RayBytes) -> [u32; WIDTH] {
+        let mut turned = [0; WIDTH];
+        for (child, turned) in turned.iter_mut().enumerate() {
+            for (ray, mask) in masks.0.iter().enumerate() {
+                *turned |= u32::from(mask >> child & 1) << ray;
+            }
+        }
+        turned
+    }
+
+    #[inline(always)]
+    fn prefetch_node(self, _: &Node) {}
+    #[inline(always)]
+    fn prefetch_block(self, _: &Block) {}
+}

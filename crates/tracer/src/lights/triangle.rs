@@ -1,0 +1,234 @@
+//! Points on one emitting triangle as seen from a point: by solid angle where it is large, by area where it is small.
+//!
+//! Sampling by solid angle is that of Arvo 1995, "Stratified Sampling of Spherical Triangles", in the form of Peters 2021, "BRDF
+//! Importance Sampling for Polygonal Lights", §4.1, that has no angles but the solid one.
+//!
+//! Always true: which of the two it is depends on the point and the triangle alone, and so does the density; f32 does for
+//! both, since a solid angle is only used where the triple product that it comes from has not cancelled.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::Vec3;
+
+/// Solid angles above which they are sampled, in steradians. Below, an area is nearly as even, and cheaper.
+const LEAST: f32 = 0.03;
+/// Solid angles up to which they are sampled: nearer to 2π the point lies in the triangle, for f32.
+const MOST: f32 = 6.22;
+
+/// How to sample a triangle from a point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Way {
+    Area,
+    SolidAngle,
+}
+
+/// A triangle as seen from a point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Aim {
+    pub way: Way,
+    /// Steradians by the one way, area by the other.
+    pub size: f32,
+    /// Corners relative to the point.
+    corners: [Vec3; 3],
+    directions: [Vec3; 3],
+    parameters: [f32; 3],
+}
+
+impl Aim {
+    /// From `point`, at a triangle of these corners.
+    #[inline]
+    pub(crate) fn new(point: Vec3, corners: [Vec3; 3]) -> Self {
+        // Before the point is taken away: what that rounds off is much of a small triangle's area.
+        let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let (a, b, c) = (corners[0] - point, corners[1] - point, corners[2] - point);
+        let corners = [a, b, c];
+        let lengths2 = [a.length_squared(), b.length_squared(), c.length_squared()];
+        let doubled = across.length();
+        let mut aim = Self { way: Way::Area, size: 0.5 * doubled, corners, directions: corners, parameters: [0.0; 3] };
+        // Of nearly equal distances, far away: the solid angle is surely small, and a root for each corner is saved.
+        let farthest = lengths2[0].max(lengths2[1]).max(lengths2[2]);
+        if doubled < 0.25 * LEAST * farthest && lengths2[0].min(lengths2[1]).min(lengths2[2]) > 0.5 * farthest {
+            return aim;
+        }
+        let directions = [a / lengths2[0].sqrt(), b / lengths2[1].sqrt(), c / lengths2[2].sqrt()];
+        // Fanned around the second corner, as there.
+        let [v1, v0, v2] = directions;
+        let volume = (v1 - v0).cross(v2 - v0).dot(v0).abs();
+        let (dot01, dot02, dot12) = (v0.dot(v1), v1.dot(v2), v0.dot(v2));
+        let (sums, one) = (dot02 + dot12, 1.0 + dot01);
+        let mut angle = 2.0 * (volume / (one + sums)).atan();
+        if angle < 0.0 {
+            angle += TAU;
+        }
+        if angle > LEAST && angle < MOST {
+            aim = Self { way: Way::SolidAngle, size: angle, directions, parameters: [volume, sums, one], ..aim };
+        }
+        aim
+    }
+
+    /// Barycentrics of a point of the triangle (weights of the second and third corner), from two uniform numbers.
+    #[inline]
+    pub(crate) fn sample(&self, [x, y]: [f32; 2]) -> (f32, f32) {
+        match self.way {
+            Way::Area => crate::geometry::triangle([x, y]),
+            Way::SolidAngle => self.project(self.direction(x, y)),
+        }
+    }
+
+    #[inline]
+    fn direction(&self, x: f32, y: f32) -> Vec3 {
+        let [v0, v1, v2] = self.directions;
+        let [volume, sums, one] = self.parameters;
+        // A third corner such that the part towards the first has share x of the solid angle.
+        let (sin, cos) = (0.5 * self.size * x).sin_cos();
+        let offset = v0 * (volume * cos - sums * sin) + v2 * (one * sin);
+        let third = offset * (2.0 * v0.dot(offset) / offset.length_squared()) - v0;
+        // On the arc from the second to that corner.
+        let end = v1.dot(third);
+        let along = 1.0 + (end - 1.0) * y;
+        let across = 1.0 - end * end;
+        let share = if across > 0.0 { ((1.0 - along * along).max(0.0) / across).sqrt() } else { y };
+        v1 * (along - share * end) + third * share
+    }
+
+    /// Where a direction meets the triangle's plane, as the nearest barycentrics in the triangle.
+    #[inline]
+    #[allow(clippy::manual_clamp, reason = "clamp keeps a NaN")]
+    fn project(&self, direction: Vec3) -> (f32, f32) {
+        let [a, b, c] = self.corners;
+        let (e1, e2) = (b - a, c - a);
+        let p = direction.cross(e2);
+        let q = e1.cross(a);
+        let scale = 1.0 / e1.dot(p);
+        let u = (-a.dot(p) * scale).max(0.0).min(1.0);
+        let v = (direction.dot(q) * scale).max(0.0).min(1.0 - u);
+        (u, v)
+    }
+
+    /// Density per solid angle of the direction to a point on the triangle at squared distance `distance2`, the absolute cosine at
+    /// the triangle being `cosine`.
+    #[inline]
+    pub(crate) fn density(&self, distance2: f32, cosine: f32) -> f32 {
+        match self.way {
+            Way::Area => distance2 / (cosine * self.size),
+            Way::SolidAngle => 1.0 / self.size,
+        }
+    }
+}
+
+const _: () = assert!(MOST < 2.0 * PI);
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::sampler::Sampler;
+
+    /// Van Oosterom and Strackee 1983, in f64.
+    fn solid_angle(corners: [DVec3; 3]) -> f64 {
+        let [a, b, c] = corners;
+        let (la, lb, lc) = (a.length(), b.length(), c.length());
+        2.0 * a.cross(b).dot(c).abs().atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
+    }
+
+    /// Triangles as seen from 0: tiny, middling, slivers, at grazing angles, and up to nearly half of all directions.
+    fn triangles() -> Vec<[DVec3; 3]> {
+        let at = |z: f64, x: f64, size: f64| {
+            [[x - size, -size, z], [x + size, -0.7 * size, z], [x, size, z]].map(DVec3::from_array)
+        };
+        vec![
+            at(1.0, 0.0, 1e-4),
+            at(1.0, 0.3, 0.05),
+            at(1.0, 0.0, 0.2),
+            at(1.0, 0.5, 1.0),
+            at(1.0, -2.0, 3.0),
+            at(0.05, 0.0, 1.0),
+            at(0.003, 0.0, 1.0),
+            at(1e-5, 0.0, 1.0),
+            at(0.02, 4.0, 3.0),
+            [[1.0, -3.0, 0.2], [1.0, 3.0, 0.2], [1.0, 3.0, 0.25]].map(DVec3::from_array),
+            at(1e6, 0.0, 2e6),
+        ]
+    }
+
+    #[test]
+    fn points_are_spread_by_solid_angle_or_by_area() {
+        let mut ways = [0; 2];
+        for corners in triangles() {
+            let aim = Aim::new(Vec3::ZERO, corners.map(|c| c.as_vec3()));
+            ways[aim.way as usize] += 1;
+            let whole = solid_angle(corners);
+            if let Way::SolidAngle = aim.way {
+                assert!((f64::from(aim.size) / whole - 1.0).abs() < 1e-3, "{corners:?}: {} {whole}", aim.size);
+            }
+            let [a, b, c] = corners;
+            let n = 200_000;
+            let mut counts = [0_u32; 16];
+            let mut s = Sampler::new(11, 0);
+            for _ in 0..n {
+                let (u, v) = aim.sample(s.two());
+                assert!(u >= 0.0 && v >= 0.0 && u + v <= 1.0 + 1e-6, "{u} {v}");
+                // The 4-by-4 subdivision: row j has 7 - 2j triangles.
+                let (i, j) = (((u * 4.0) as usize).min(3), ((v * 4.0) as usize).min(3));
+                let i = i.min(3 - j);
+                let upper = usize::from(u * 4.0 - i as f32 + v * 4.0 - j as f32 > 1.0 && i + j < 3);
+                counts[(0..j).map(|r| 7 - 2 * r).sum::<usize>() + 2 * i + upper] += 1;
+            }
+            let mut chi2 = 0.0;
+            for j in 0..4 {
+                for k in 0..7 - 2 * j {
+                    let (i, upper) = (k / 2, k % 2);
+                    let corner = |x: usize, y: usize| a + (b - a) * (x as f64 / 4.0) + (c - a) * (y as f64 / 4.0);
+                    let part = if upper == 1 {
+                        [corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)]
+                    } else {
+                        [corner(i, j), corner(i + 1, j), corner(i, j + 1)]
+                    };
+                    let share = match aim.way {
+                        Way::Area => 1.0 / 16.0,
+                        Way::SolidAngle => solid_angle(part) / whole,
+                    };
+                    let expected = share * f64::from(n);
+                    let count = counts[(0..j).map(|r| 7 - 2 * r).sum::<usize>() + k];
+                    // Parts that are hardly ever met say nothing.
+                    if expected > 5.0 {
+                        chi2 += (f64::from(count) - expected).powi(2) / expected;
+                    }
+                }
+            }
+            // At most 15 degrees: 44.3 is exceeded with probability 1e-4; 11 triangles.
+            assert!(chi2 < 44.3, "{corners:?} {:?}: {chi2} {counts:?}", aim.way);
+        }
+        assert!(ways[0] >= 2 && ways[1] >= 6, "{ways:?}");
+    }
+
+    #[test]
+    fn the_density_s_inverse_has_the_solid_angle_as_its_mean() {
+        for corners in triangles() {
+            let aim = Aim::new(Vec3::ZERO, corners.map(|c| c.as_vec3()));
+            let [a, b, c] = corners;
+            let normal = (b - a).cross(c - a).normalize();
+            let (mut sum, mut squares, n) = (0.0, 0.0, 100_000);
+            let mut s = Sampler::new(12, 0);
+            for _ in 0..n {
+                let (u, v) = aim.sample(s.two());
+                let p = a + (b - a) * f64::from(u) + (c - a) * f64::from(v);
+                let x = 1.0 / f64::from(aim.density(p.length_squared() as f32, p.normalize().dot(normal).abs() as f32));
+                sum += x;
+                squares += x * x;
+            }
+            let mean = sum / f64::from(n);
+            let error = ((squares / f64::from(n) - mean * mean).max(0.0) / f64::from(n)).sqrt();
+            let whole = solid_angle(corners);
+            // By area from close above the triangle the variance is beyond any number of samples.
+            if whole < f64::from(MOST) {
+                assert!(
+                    (mean - whole).abs() < 4.5 * error + 1e-3 * whole,
+                    "{corners:?} {:?}: {mean} ± {error}, {whole}",
+                    aim.way
+                );
+            }
+        }
+    }
+}
