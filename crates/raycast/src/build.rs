@@ -240,7 +240,7 @@ mod tests {
         let facet = |i: usize| {
             let x = 0.8_f32.powi(i as i32);
             let vertices = [Vec3::new(x, 0.0, 0.0), Vec3::new(x, x, 0.0), Vec3::new(x, 0.0, x)];
-            Facet { vertices, normal: Vec3::X }
+            Facet { vertices, normal: Vec3::X, margin: 0.0 }
         };
         (0..count).map(facet).collect()
     }
