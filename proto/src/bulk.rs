@@ -36,13 +36,15 @@ pub struct Work {
     pub packets: Vec<Packet>,
 }
 
-/// Worker to server: traced packets.
+/// Worker to server: what became of packets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Results {
-    /// The packets done, in the order of their samples.
+    /// The packets traced, in the order of their samples.
     pub packets: Vec<Traced>,
-    /// Samples of all packets, one after the other.
+    /// Samples of all packets traced, one after the other.
     pub samples: Vec<Sample>,
+    /// Names of packets that were not traced because no ray of their beam can meet anything.
+    pub unseen: Vec<u64>,
 }
 
 /// One packet of a [`Results`]. 16 bytes.
@@ -125,6 +127,15 @@ pub struct Samples {
     pub samples: Vec<Sample>,
 }
 
+/// Server to display: beams of a view of which no ray meets anything. They show the sky, and nothing is traced in them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unseen {
+    /// The view that they belong to.
+    pub view: u32,
+    /// The beams: section number, beam in the section.
+    pub beams: Vec<(u16, BeamId)>,
+}
+
 /// A piece of the packed scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlobChunk {
@@ -140,6 +151,24 @@ struct Counts {
     first: u32,
     second: u32,
 }
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct ResultCounts {
+    packets: u32,
+    samples: u32,
+    unseen: u32,
+}
+const _: () = assert!(size_of::<ResultCounts>() == 12);
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct RawUnseen {
+    beam: u64,
+    section: u16,
+    reserved: [u8; 6],
+}
+const _: () = assert!(size_of::<RawUnseen>() == 16);
 
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
@@ -298,31 +327,35 @@ fn expect_total(what: &'static str, said: u64, found: u32) -> Result<(), ProtoEr
 }
 
 impl Results {
-    /// The payload of a results frame: counts of packets and samples, packets, samples.
+    /// The payload of a results frame: counts of packets, samples and unseen packets, then the lists of each.
     pub fn encode(&self) -> Vec<u8> {
-        let mut out = Vec::with_capacity(8 + self.packets.len() * 16 + self.samples.len() * 10);
-        put(&mut out, &Counts { first: self.packets.len() as u32, second: self.samples.len() as u32 });
+        let bytes = 12 + self.packets.len() * 16 + self.samples.len() * 10 + self.unseen.len() * 8;
+        let mut out = Vec::with_capacity(bytes);
+        let counts = [self.packets.len(), self.samples.len(), self.unseen.len()].map(|count| count as u32);
+        put(&mut out, &ResultCounts { packets: counts[0], samples: counts[1], unseen: counts[2] });
         out.extend_from_slice(bytemuck::cast_slice(&self.packets));
         out.extend_from_slice(bytemuck::cast_slice(&self.samples));
+        out.extend_from_slice(bytemuck::cast_slice(&self.unseen));
         out
     }
 
-    /// Parses a results frame: every packet has 1 to 21 samples and all are there.
+    /// Parses a results frame: every packet traced has 1 to 21 samples and all are there.
     ///
     /// # Errors
     /// Any [`ProtoError`] about counts.
     pub fn decode(bytes: &[u8]) -> Result<Results, ProtoError> {
         let mut reader = Reader(bytes);
-        let counts: Counts = reader.one("results message")?;
-        let packets = reader.many::<Traced>("traced packet list", u64::from(counts.first))?;
-        let samples = reader.many::<Sample>("sample list", u64::from(counts.second))?;
+        let counts: ResultCounts = reader.one("results message")?;
+        let packets = reader.many::<Traced>("traced packet list", u64::from(counts.packets))?;
+        let samples = reader.many::<Sample>("sample list", u64::from(counts.samples))?;
+        let unseen = reader.many::<u64>("unseen packet list", u64::from(counts.unseen))?;
         reader.end()?;
         if let Some(bad) = packets.iter().find(|packet| !(1..=MAX_RAYS_PER_PACKET as u32).contains(&packet.count)) {
             return Err(ProtoError::RayCount(bad.count));
         }
         let said = packets.iter().map(|packet| u64::from(packet.count)).sum();
-        expect_total("sample list", said, counts.second)?;
-        Ok(Results { packets, samples })
+        expect_total("sample list", said, counts.samples)?;
+        Ok(Results { packets, samples, unseen })
     }
 }
 
@@ -431,6 +464,31 @@ fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
         return Err(ProtoError::Number("a run's first sample number"));
     }
     Ok(Run { section: raw.section, beam: BeamId(raw.beam), kind, first: raw.first, count: raw.count, paths: raw.paths })
+}
+
+impl Unseen {
+    /// The payload of an unseen frame: view number and beam count, beams.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(8 + self.beams.len() * 16);
+        put(&mut out, &Counts { first: self.view, second: self.beams.len() as u32 });
+        for &(section, beam) in &self.beams {
+            put(&mut out, &RawUnseen { beam: beam.0, section, reserved: [0; 6] });
+        }
+        out
+    }
+
+    /// Parses an unseen frame. Whether a beam exists is for whoever knows the sections.
+    ///
+    /// # Errors
+    /// Any [`ProtoError`] about counts.
+    pub fn decode(bytes: &[u8]) -> Result<Unseen, ProtoError> {
+        let mut reader = Reader(bytes);
+        let counts: Counts = reader.one("unseen message")?;
+        let beams = reader.many::<RawUnseen>("unseen beam list", u64::from(counts.second))?;
+        reader.end()?;
+        let beams = beams.into_iter().map(|raw| (raw.section, BeamId(raw.beam))).collect();
+        Ok(Unseen { view: counts.first, beams })
+    }
 }
 
 impl BlobChunk {

@@ -63,6 +63,10 @@ pub struct Welcome {
     pub samples: u64,
     /// False if the file is only shown: nothing is traced.
     pub tracing: bool,
+    /// Radiance of rays that meet nothing.
+    pub sky: [f32; 3],
+    /// Whether workers are to look for beams that meet nothing, and not trace them.
+    pub skip_unseen: bool,
 }
 
 /// How the server fares, about twice a second.
@@ -197,6 +201,9 @@ impl Welcome {
         }
         if self.settings.paths_per_sample == 0 {
             return Err(ProtoError::Number("the number of paths per sample"));
+        }
+        if !self.sky.iter().all(|radiance| radiance.is_finite() && *radiance >= 0.0) {
+            return Err(ProtoError::Number("the sky's radiance"));
         }
         let texts = self.views.iter_mut().flat_map(|(name, options)| [name, options]);
         for text in texts.chain([&mut self.software]) {

@@ -32,6 +32,8 @@ pub enum Kind {
     Samples = 7,
     /// [`crate::bulk::BlobChunk`], server to worker or display: a piece of the packed scene.
     BlobChunk = 8,
+    /// [`crate::bulk::Unseen`], server to display.
+    Unseen = 9,
 }
 
 impl Kind {
@@ -46,6 +48,7 @@ impl Kind {
             Kind::View,
             Kind::Samples,
             Kind::BlobChunk,
+            Kind::Unseen,
         ]
         .into_iter()
         .find(|&kind| kind as u8 == byte)
@@ -57,7 +60,7 @@ impl Kind {
         match self {
             Kind::Hello | Kind::Answer => MAX_HELLO_BYTES,
             Kind::Control => MAX_CONTROL_BYTES,
-            Kind::Work | Kind::Results | Kind::View | Kind::Samples | Kind::BlobChunk => MAX_BULK_BYTES,
+            Kind::Work | Kind::Results | Kind::View | Kind::Samples | Kind::BlobChunk | Kind::Unseen => MAX_BULK_BYTES,
         }
     }
 }

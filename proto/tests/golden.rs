@@ -34,6 +34,7 @@ enum Any {
     View(ViewRequest),
     Samples(Samples),
     BlobChunk(BlobChunk),
+    Unseen(Unseen),
 }
 
 impl Any {
@@ -47,6 +48,7 @@ impl Any {
             Any::View(message) => (Kind::View, message.encode()),
             Any::Samples(message) => (Kind::Samples, message.encode()),
             Any::BlobChunk(message) => (Kind::BlobChunk, message.encode()),
+            Any::Unseen(message) => (Kind::Unseen, message.encode()),
         };
         frame::encode(kind, &payload).unwrap()
     }
@@ -64,6 +66,7 @@ impl Any {
             Kind::View => Any::View(ViewRequest::decode(payload)?),
             Kind::Samples => Any::Samples(Samples::decode(payload)?),
             Kind::BlobChunk => Any::BlobChunk(BlobChunk::decode(payload)?),
+            Kind::Unseen => Any::Unseen(Unseen::decode(payload)?),
         })
     }
 }
@@ -107,6 +110,8 @@ fn welcome() -> Any {
         views: vec![("front".into(), "-vp 1 2 3 -vh 60".into()), (String::new(), String::new())],
         samples: 20_000_000_000,
         tracing: true,
+        sky: [0.25, 0.5, 1.0],
+        skip_unseen: true,
     })))
 }
 
@@ -120,6 +125,8 @@ fn welcome_shown() -> Any {
         views: Vec::new(),
         samples: 0,
         tracing: false,
+        sky: [0.0; 3],
+        skip_unseen: false,
     })))
 }
 
@@ -205,6 +212,7 @@ fn cases() -> Vec<(&'static str, Any)> {
                     Traced { id: 1 << 63, count: 1, nanoseconds: u32::MAX },
                 ],
                 samples: samples(),
+                unseen: vec![2, 0x0102_0304_0506_0708],
             }),
         ),
         (
@@ -220,6 +228,7 @@ fn cases() -> Vec<(&'static str, Any)> {
         ),
         ("samples-stored", stored()),
         ("samples-traced", traced()),
+        ("unseen", Any::Unseen(Unseen { view: 7, beams: vec![(0, BeamId(0x01_0203_0405)), (1023, BeamId(9))] })),
         ("blob-chunk", Any::BlobChunk(BlobChunk { offset: 1 << 32, bytes: b"holoscn\n".to_vec() })),
     ]
 }

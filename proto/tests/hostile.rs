@@ -38,6 +38,9 @@ fn decode_all(bytes: &[u8]) {
         );
         assert_eq!(Samples::decode(&message.encode()), Ok(message));
     }
+    if let Ok(message) = Unseen::decode(bytes) {
+        assert_eq!(Unseen::decode(&message.encode()), Ok(message));
+    }
     if let Ok(message) = BlobChunk::decode(bytes) {
         assert_eq!(message.encode(), bytes);
     }
@@ -57,6 +60,7 @@ fn any_payload() -> impl Strategy<Value = Vec<u8>> {
         common::results().prop_map(|message| message.encode()),
         common::view().prop_map(|message| message.encode()),
         common::samples().prop_map(|message| message.encode()),
+        common::unseen().prop_map(|message| message.encode()),
         hello,
     ]
 }
@@ -67,13 +71,15 @@ proptest! {
     #[test]
     fn what_is_encoded_decodes_to_the_same(
         control in common::control(), work in common::work(), results in common::results(),
-        view in common::view(), samples in common::samples(), chunk in common::chunk(),
+        view in common::view(), samples in common::samples(), unseen in common::unseen(),
+        chunk in common::chunk(),
     ) {
         prop_assert_eq!(Control::decode(&control.encode().unwrap()), Ok(control));
         prop_assert_eq!(Work::decode(&work.encode()), Ok(work));
         prop_assert_eq!(Results::decode(&results.encode()), Ok(results));
         prop_assert_eq!(ViewRequest::decode(&view.encode()), Ok(view));
         prop_assert_eq!(Samples::decode(&samples.encode()), Ok(samples));
+        prop_assert_eq!(Unseen::decode(&unseen.encode()), Ok(unseen));
         prop_assert_eq!(BlobChunk::decode(&chunk.encode()), Ok(chunk));
     }
 
@@ -116,7 +122,7 @@ proptest! {
                 prop_assert!(u64::from(length) <= header.kind.max_bytes());
                 prop_assert_eq!(header.to_bytes(), bytes);
             }
-            Err(ProtoError::Kind(found)) => prop_assert!(found == kind && !(1..=8).contains(&kind)),
+            Err(ProtoError::Kind(found)) => prop_assert!(found == kind && !(1..=9).contains(&kind)),
             Err(ProtoError::TooLong { kind, limit, .. }) => prop_assert!(u64::from(length) > limit && limit == kind.max_bytes()),
             Err(ProtoError::Trailing(_)) => prop_assert!(bytes[5..] != [0; 3]),
             Err(other) => prop_assert!(false, "{other}"),
@@ -142,7 +148,7 @@ proptest! {
 
 #[test]
 fn each_kind_of_frame_has_its_limit_at_both_ends() {
-    for kind in (1..=8).map(|byte| Kind::from_byte(byte).unwrap()) {
+    for kind in (1..=9).map(|byte| Kind::from_byte(byte).unwrap()) {
         let limit = kind.max_bytes();
         let header = Header { kind, length: limit as u32 };
         assert_eq!(Header::parse(header.to_bytes()), Ok(header));
@@ -279,7 +285,7 @@ fn wrong_numbers_in_bulk_messages_are_named() {
 
     // Packets that say more samples, or fewer, than follow.
     let results = |counts_of: [u32; 2]| {
-        let mut bytes = counts(2, 3);
+        let mut bytes = [counts(2, 3), vec![0; 4]].concat();
         for count in counts_of {
             bytes.extend([0; 8]);
             bytes.extend([count.to_le_bytes(), [0; 4]].concat());
@@ -312,4 +318,7 @@ fn a_welcome_that_nothing_can_be_done_with_is_refused() {
     assert!(matches!(with(&|w| w.up = [0.0; 3]), Err(ProtoError::Number(_))));
     assert!(matches!(with(&|w| w.up[1] = f64::NAN), Err(ProtoError::Number(_))));
     assert!(matches!(with(&|w| w.settings.paths_per_sample = 0), Err(ProtoError::Number(_))));
+    for bad in [-1.0, f32::NAN, f32::INFINITY] {
+        assert!(matches!(with(&|w| w.sky[2] = bad), Err(ProtoError::Number(_))));
+    }
 }

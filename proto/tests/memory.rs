@@ -6,7 +6,7 @@ use std::{
 };
 
 use holo_proto::{
-    bulk::{BlobChunk, Results, Samples, ViewRequest, Work},
+    bulk::{BlobChunk, Results, Samples, Unseen, ViewRequest, Work},
     control::Control,
     frame::MAX_CONTROL_BYTES,
     hello::{Answer, Hello, MAGIC},
@@ -67,6 +67,7 @@ fn bulk_messages_that_claim_more_than_they_bring_take_no_memory() {
                 let _ = Results::decode(&payload);
                 let _ = ViewRequest::decode(&payload);
                 let _ = Samples::decode(&payload);
+                let _ = Unseen::decode(&payload);
                 let _ = Hello::decode(&payload);
                 let _ = Answer::decode(&payload);
             });

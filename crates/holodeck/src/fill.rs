@@ -36,6 +36,9 @@ pub struct Args {
     /// Memory for beams kept at hand, MiB [default: 256]
     #[arg(long, value_name = "MIB")]
     cache: Option<u64>,
+    /// Trace beams of which no ray can meet anything, too: for comparison
+    #[arg(long)]
+    no_skip_unseen: bool,
     /// Print a summary as JSON at the end
     #[arg(long)]
     json: bool,
@@ -63,6 +66,9 @@ pub async fn run(args: Args) -> Result<()> {
     }
     if let Some(cache) = args.cache.or(config.cache) {
         arguments.extend(["--cache".into(), cache.to_string().into()]);
+    }
+    if args.no_skip_unseen {
+        arguments.push("--no-skip-unseen".into());
     }
     if args.quiet {
         arguments.push("--quiet".into());

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use holo_progress::{HumanBytes, HumanCount};
 use holo_proto::control::RenderSettings;
-use holo_section::ViewClass;
-use holo_server::Holodeck;
+use holo_section::{ImportanceTable, Section, ViewClass};
+use holo_server::{Holodeck, UnseenBeams};
 use serde::Serialize;
 
 use crate::prepare::SMALL_CACHE;
@@ -57,6 +57,10 @@ struct SectionInfo {
     grid: [u32; 3],
     beams: u64,
     nonempty: u64,
+    /// Beams known to see nothing, which are not traced.
+    unseen: u64,
+    /// Their share of the section's importance: of what would be traced in them.
+    unseen_share: f64,
     samples: u64,
     origin: [f64; 3],
     axes: [[f64; 3]; 3],
@@ -75,16 +79,21 @@ fn collect(file: &Path) -> Result<Info> {
     let holodeck = Holodeck::open_read_only(file, SMALL_CACHE)?;
     let stats = holodeck.file.stats();
     let about = &holodeck.about;
-    let sections = holodeck.sections.iter().zip(&stats.sections).map(|(section, stats)| SectionInfo {
-        grid: section.spec().grid,
-        beams: section.beam_count(),
-        nonempty: stats.nonempty_beams,
-        samples: stats.samples,
-        origin: section.spec().origin,
-        axes: section.spec().axes,
-        class: section.spec().class,
-        obstructions: section.spec().obstructions,
-    });
+    let unseen = holodeck.unseen();
+    let shares = unseen_shares(&holodeck.sections, &unseen);
+    let sections =
+        holodeck.sections.iter().zip(&stats.sections).enumerate().map(|(index, (section, stats))| SectionInfo {
+            grid: section.spec().grid,
+            beams: section.beam_count(),
+            nonempty: stats.nonempty_beams,
+            unseen: unseen.count_in(index),
+            unseen_share: shares[index],
+            samples: stats.samples,
+            origin: section.spec().origin,
+            axes: section.spec().axes,
+            class: section.spec().class,
+            obstructions: section.spec().obstructions,
+        });
     Ok(Info {
         file: file.to_owned(),
         bytes: stats.file_bytes,
@@ -100,8 +109,27 @@ fn collect(file: &Path) -> Result<Info> {
         views: about.views.clone(),
         up: about.up,
         unit: about.unit,
-        damage: holodeck.file.report().damage.iter().map(ToString::to_string).collect(),
+        damage: damage(&holodeck),
     })
+}
+
+/// The unseen beams' share of each section's importance.
+fn unseen_shares(sections: &[Section], unseen: &UnseenBeams) -> Vec<f64> {
+    let tables: Vec<_> = sections.iter().map(ImportanceTable::new).collect();
+    let mut shares = vec![0.0; sections.len()];
+    for key in unseen.iter() {
+        let section = usize::from(key.section);
+        if let Some(pair) = sections.get(section).and_then(|section| section.cells(key.beam)) {
+            shares[section] += tables[section].of(pair) / tables[section].total();
+        }
+    }
+    shares
+}
+
+/// What was wrong with the file at opening.
+fn damage(holodeck: &Holodeck) -> Vec<String> {
+    let damage = holodeck.file.report().damage.iter().map(ToString::to_string);
+    damage.chain(holodeck.warnings.iter().cloned()).collect()
 }
 
 /// See [`InfoArgs`].
@@ -119,11 +147,12 @@ pub fn info(args: &InfoArgs) -> Result<()> {
         let [w, d, h] = section.grid;
         let obstructions = if section.obstructions { "on" } else { "off" };
         println!(
-            "section {index}: {:?}, grid {w}x{d}x{h}, obstructions {obstructions}, {} of {} beams hold {} samples",
+            "section {index}: {:?}, grid {w}x{d}x{h}, obstructions {obstructions}, {} of {} beams hold {} samples, {} see nothing",
             section.class,
             HumanCount(section.nonempty),
             HumanCount(section.beams),
-            HumanCount(section.samples)
+            HumanCount(section.samples),
+            HumanCount(section.unseen)
         );
     }
     for (name, options) in &info.views {
@@ -138,7 +167,7 @@ pub fn info(args: &InfoArgs) -> Result<()> {
 /// See [`VerifyArgs`].
 pub fn verify(args: &VerifyArgs) -> Result<()> {
     let holodeck = Holodeck::open_read_only(&args.file, SMALL_CACHE)?;
-    let mut damage: Vec<String> = holodeck.file.report().damage.iter().map(ToString::to_string).collect();
+    let mut damage = damage(&holodeck);
     for found in holodeck.file.verify()? {
         let found = found.to_string();
         if !damage.contains(&found) {

@@ -46,6 +46,7 @@ pub fn make(path: &Path, config: &Config) -> Result<Holodeck> {
     let source = scene_path(config)?.display().to_string();
     let mut about = About::new(sections, settings(config), &packed, source);
     about.up = config.up.unwrap_or(about.up);
+    about.sky = scene.sky;
     about.unit = config.unit.unwrap_or(about.unit);
     about.views = config.view.iter().map(|view| (view.name.clone(), view.to_options())).collect();
     if !path.exists() {

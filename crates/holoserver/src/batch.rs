@@ -4,10 +4,13 @@
 //! sections once, in an evenly spread order, and brings every beam up to its share of the sweep's total; the next
 //! sweep's total is larger by [`GROWTH`]. So at any moment the ratio of computed to wanted rays differs between any two
 //! beams by no more than that factor and one packet, and stopping is good at any time. Nothing is kept per beam.
+//!
+//! Beams that see nothing have no part in this: whoever asks passes over them. A sweep's total is kept as rays for each
+//! unit of importance, so that it is the same for the others, whenever such beams become known.
 
 use holo_section::{BeamOrder, ImportanceTable, Section};
 
-use crate::allotment::BeamKey;
+use crate::{allotment::BeamKey, unseen::UnseenBeams};
 
 /// How much larger each sweep's total is. Smaller is more even, larger makes fuller packets.
 const GROWTH: f64 = 1.5;
@@ -16,13 +19,16 @@ const GROWTH: f64 = 1.5;
 /// its entry in the file's directory would cost more than its rays.
 const MIN_PACKET: f64 = 4.0;
 
+/// Unseen beams whose importance is looked up at the start, at the most: of more, an even part stands for all.
+const IMPORTANCES: u64 = 1 << 20;
+
 /// The order in which a holodeck is filled.
 pub struct BatchOrder {
     sections: Vec<SectionOrder>,
     beams: u64,
-    importance: f64,
     order: BeamOrder,
-    sweep_total: f64,
+    /// Samples that a beam of importance 1 has at the end of this sweep.
+    density: f64,
     next: u64,
 }
 
@@ -33,8 +39,8 @@ struct SectionOrder {
 }
 
 impl BatchOrder {
-    /// The order for a file that holds `stored` samples already.
-    pub fn new(sections: &[Section], stored: u64) -> BatchOrder {
+    /// The order for a file that holds `stored` samples already, in beams other than those that see nothing.
+    pub fn new(sections: &[Section], stored: u64, unseen: &UnseenBeams) -> BatchOrder {
         let mut beams = 0;
         let sections: Vec<_> = sections
             .iter()
@@ -44,18 +50,34 @@ impl BatchOrder {
                 SectionOrder { section: section.clone(), first, table: ImportanceTable::new(section) }
             })
             .collect();
-        let importance = sections.iter().map(|section| section.table.total()).sum();
-        // From here the first sweep adds something everywhere, whatever the file holds.
-        let sweep_total = (stored as f64 * GROWTH).max(beams as f64);
-        BatchOrder { sections, beams, importance, order: BeamOrder::new(beams, 0), sweep_total, next: 0 }
+        let order = BeamOrder::new(beams, 0);
+        let mut order = BatchOrder { sections, beams, order, density: 0.0, next: 0 };
+        let seen = beams - unseen.count().min(beams);
+        if seen > 0 {
+            // From here the first sweep adds something everywhere, whatever the file holds.
+            order.density = (stored as f64 * GROWTH).max(seen as f64) / order.importance_seen(unseen);
+        }
+        order
+    }
+
+    fn importance_seen(&self, unseen: &UnseenBeams) -> f64 {
+        let total: f64 = self.sections.iter().map(|section| section.table.total()).sum();
+        let every = (unseen.count() / IMPORTANCES + 1) as usize;
+        let of = |key: BeamKey| {
+            let SectionOrder { section, table, .. } = self.sections.get(usize::from(key.section))?;
+            Some(table.of(section.cells(key.beam)?))
+        };
+        let part: f64 = unseen.iter().step_by(every).filter_map(of).sum();
+        // What rounding or chance leaves of nothing must not make a density without bounds.
+        (total - part * every as f64).max(total / self.beams as f64)
     }
 
     /// The next beam to look at and how many samples it should have by the end of this sweep.
     pub fn next(&mut self) -> (BeamKey, u64) {
         if self.next == self.beams {
-            self.sweep_total *= GROWTH;
+            self.density *= GROWTH;
             self.next = 0;
-            self.order = BeamOrder::new(self.beams, self.sweep_total.to_bits());
+            self.order = BeamOrder::new(self.beams, self.density.to_bits());
         }
         let index = self.order.at(self.next).0;
         self.next += 1;
@@ -64,7 +86,7 @@ impl BatchOrder {
         let beam = holo_section::BeamId(index - first);
         let key = BeamKey { section: number as u16, beam };
         let Some(pair) = section.cells(beam) else { return (key, 0) };
-        let wanted = self.sweep_total * table.of(pair) / self.importance;
+        let wanted = self.density * table.of(pair);
         (key, round_to_packets(wanted, holo_section::seed(key.section, beam, u32::MAX)))
     }
 }
@@ -90,16 +112,35 @@ mod tests {
             .unwrap()
     }
 
-    /// Fills as the server does, and checks the stored share of each importance decile at every power of two.
-    #[test]
-    fn the_file_is_filled_in_proportion_to_importance_whenever_it_is_stopped() {
+    /// Fills as the server does, and checks the stored share of each importance decile at every power of two. Beams of
+    /// which `is_unseen` holds are found out when they first get a packet.
+    fn fill_and_check(is_unseen: impl Fn(BeamKey) -> bool) {
         let sections = [section([4.0, 3.0, 2.0], [4, 3, 2]), section([2.0, 2.0, 2.0], [2, 2, 2])];
-        let mut order = BatchOrder::new(&sections, 0);
-        let total: f64 = order.importance;
+        let mut importances: Vec<(BeamKey, f64)> = Vec::new();
+        for (number, section) in sections.iter().enumerate() {
+            let table = ImportanceTable::new(section);
+            importances.extend((0..section.beam_count()).map(|beam| {
+                let beam = holo_section::BeamId(beam);
+                (BeamKey { section: number as u16, beam }, table.of(section.cells(beam).unwrap()))
+            }));
+        }
+        importances.retain(|(key, _)| !is_unseen(*key));
+        let total: f64 = importances.iter().map(|(_, importance)| importance).sum();
+        let mut unseen = UnseenBeams::default();
+        let mut order = BatchOrder::new(&sections, 0, &unseen);
         let mut stored: HashMap<BeamKey, u64> = HashMap::new();
         let (mut samples, mut check) = (0u64, 8 * order.beams);
         while samples < 200 * order.beams {
             let (key, wanted) = order.next();
+            if unseen.contains(key) {
+                continue;
+            }
+            if is_unseen(key) {
+                if wanted > 0 {
+                    unseen.insert(key);
+                }
+                continue;
+            }
             let have = stored.entry(key).or_default();
             samples += wanted.saturating_sub(*have);
             *have = (*have).max(wanted);
@@ -107,16 +148,12 @@ mod tests {
                 continue;
             }
             check *= 2;
-            let mut deciles: Vec<(f64, f64)> = Vec::new();
-            for (number, section) in sections.iter().enumerate() {
-                let table = ImportanceTable::new(section);
-                for beam in 0..section.beam_count() {
-                    let beam = holo_section::BeamId(beam);
-                    let key = BeamKey { section: number as u16, beam };
-                    let wanted = samples as f64 * table.of(section.cells(beam).unwrap()) / total;
-                    deciles.push((wanted, stored.get(&key).copied().unwrap_or(0) as f64));
-                }
-            }
+            let mut deciles: Vec<(f64, f64)> = importances
+                .iter()
+                .map(|(key, importance)| {
+                    (samples as f64 * importance / total, stored.get(key).copied().unwrap_or(0) as f64)
+                })
+                .collect();
             deciles.sort_by(|a, b| a.0.total_cmp(&b.0));
             for decile in deciles.chunks(deciles.len() / 10) {
                 let (wanted, have) = decile.iter().fold((0.0, 0.0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
@@ -131,16 +168,52 @@ mod tests {
     }
 
     #[test]
+    fn the_file_is_filled_in_proportion_to_importance_whenever_it_is_stopped() {
+        fill_and_check(|_| false);
+    }
+
+    #[test]
+    fn beams_that_see_nothing_change_nothing_for_the_others() {
+        // All but one in three, found on the way: by number, and the larger section's only.
+        fill_and_check(|key| key.beam.0 % 3 != 0);
+        fill_and_check(|key| key.section == 0);
+    }
+
+    #[test]
+    fn a_file_filled_before_goes_on_from_where_it_is_whatever_cannot_be_seen() {
+        let sections = [section([1.0; 3], [3, 3, 3])];
+        let mut unseen = UnseenBeams::default();
+        for beam in (0..sections[0].beam_count()).filter(|beam| beam % 5 != 0) {
+            unseen.insert(BeamKey { section: 0, beam: holo_section::BeamId(beam) });
+        }
+        let mut order = BatchOrder::new(&sections, 1_000_000, &unseen);
+        let seen = (0..order.beams).map(|_| order.next()).filter(|(key, _)| !unseen.contains(*key));
+        let wanted: u64 = seen.map(|(_, wanted)| wanted).sum();
+        assert!((1_400_000..1_600_000).contains(&wanted), "{wanted}");
+    }
+
+    #[test]
+    fn where_nothing_can_be_seen_nothing_is_wanted() {
+        let sections = [section([1.0; 3], [2, 2, 2])];
+        let mut unseen = UnseenBeams::default();
+        for beam in 0..sections[0].beam_count() {
+            unseen.insert(BeamKey { section: 0, beam: holo_section::BeamId(beam) });
+        }
+        let mut order = BatchOrder::new(&sections, 0, &unseen);
+        assert!((0..3 * order.beams).all(|_| order.next().1 <= MIN_PACKET as u64));
+    }
+
+    #[test]
     fn a_file_filled_before_goes_on_from_where_it_is() {
         let sections = [section([1.0; 3], [3, 3, 3])];
-        let mut order = BatchOrder::new(&sections, 1_000_000);
+        let mut order = BatchOrder::new(&sections, 1_000_000, &UnseenBeams::default());
         let wanted: u64 = (0..order.beams).map(|_| order.next().1).sum();
         assert!((1_400_000..1_600_000).contains(&wanted), "{wanted}");
     }
 
     #[test]
     fn huge_grids_cost_no_memory_and_no_time() {
-        let mut order = BatchOrder::new(&[section([1.0; 3], [64, 64, 64])], 0);
+        let mut order = BatchOrder::new(&[section([1.0; 3], [64, 64, 64])], 0, &UnseenBeams::default());
         assert_eq!(order.beams, 30 * 64u64.pow(4));
         let wanted: u64 = (0..100_000).map(|_| order.next().1).sum();
         assert!((50_000..200_000).contains(&wanted), "{wanted}");

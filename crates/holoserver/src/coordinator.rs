@@ -4,19 +4,22 @@
 //! back, and frames to others are queued. What always holds:
 //! - every packet given out is either with exactly one connected worker, or waiting to be given out again;
 //! - a packet's samples are stored once, whoever traces it and however often;
-//! - a display gets every sample of its view's beams, stored or traced, from whatever cause they were traced.
+//! - a display gets every sample of its view's beams, stored or traced, from whatever cause they were traced, and is told
+//!   which of them see nothing;
+//! - a beam known to see nothing is given to no worker.
 
 use std::{
-    collections::{BTreeMap, VecDeque},
+    collections::{BTreeMap, BTreeSet, VecDeque},
     sync::{
         Arc,
         atomic::{AtomicU32, Ordering},
         mpsc::{Receiver, RecvTimeoutError, Sender},
     },
+    thread::JoinHandle,
     time::{Duration, Instant},
 };
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use holo_beamfile::ExtentMeta;
 use holo_net::{Message, Outbox, PING_EVERY};
 use holo_proto::{
@@ -34,9 +37,9 @@ use crate::{
     holodeck::Holodeck,
     listen::ConnectionId,
     progress::Progress,
-    recall::{Recall, send_scene},
+    recall::{Recall, send_scene, tell_unseen},
     wishes::Wishes,
-    workers::{Assignment, Worker},
+    workers::{Assignment, ResultsError, Worker},
 };
 
 /// How often displays are told how the server fares.
@@ -54,6 +57,12 @@ const DISPLAY_QUEUE_BYTES: usize = 32 << 20;
 /// Samples that wait for a failing disk at the most, bytes; above, nothing more is traced until it takes them. What is
 /// under way then still fits in the memory that the beam file allows itself.
 const STALLED_BYTES: u64 = 64 << 20;
+
+/// How often newly found unseen beams are written to the file, at the most. After a crash they are found again.
+const SAVE_UNSEEN_EVERY: Duration = Duration::from_secs(5);
+
+/// Bytes that samples have added to the file for each byte of a list of unseen beams written: old lists stay in it.
+const SAMPLES_PER_UNSEEN_BYTE: u64 = 32;
 
 /// Packets in one message to a worker: half a megabyte, far below a frame's limit.
 const PACKETS_PER_MESSAGE: usize = 16_384;
@@ -115,6 +124,9 @@ pub struct Coordinator {
     progress: Progress,
     last_status: Instant,
     last_ping: Instant,
+    /// When unseen beams were last written, and how many samples had been added then.
+    last_save: (Instant, u64),
+    saving: Option<JoinHandle<()>>,
     /// The disk fails and much waits for it.
     stalled: bool,
 }
@@ -123,7 +135,8 @@ impl Coordinator {
     /// A server's state at its start. With `fill`, beams are traced in batch order whenever no display wants anything.
     pub fn new(holodeck: Arc<Holodeck>, events: Sender<Event>, fill: bool, goal: Goal, progress: Progress) -> Self {
         let stored = holodeck.file.stats().samples;
-        let batch = (fill && holodeck.writable).then(|| BatchOrder::new(&holodeck.sections, stored));
+        let batch =
+            (fill && holodeck.writable).then(|| BatchOrder::new(&holodeck.sections, stored, &holodeck.unseen()));
         let now = Instant::now();
         Coordinator {
             holodeck,
@@ -142,6 +155,8 @@ impl Coordinator {
             progress,
             last_status: now,
             last_ping: now,
+            last_save: (now, 0),
+            saving: None,
             stalled: false,
         }
     }
@@ -177,7 +192,13 @@ impl Coordinator {
         self.finish()
     }
 
-    fn finish(self) -> Result<u64> {
+    fn finish(mut self) -> Result<u64> {
+        if let Some(saving) = self.saving.take() {
+            // A thread that panicked has said so on standard error.
+            let _ = saving.join();
+        }
+        // Unseen beams that a failing disk does not take are found again.
+        let _ = self.holodeck.save_unseen();
         let flushed = self.holodeck.writable.then(|| self.holodeck.file.flush()).transpose();
         let bye = Control::Bye { reason: "the session is over".into() };
         for outbox in self.outboxes() {
@@ -196,9 +217,19 @@ impl Coordinator {
         // Packets under way are finished: stop dealing a little before the time is up.
         let time_up = self.goal.time.is_some_and(|time| self.started.elapsed() + Duration::from_millis(100) >= time);
         let enough = self.goal.samples.is_some_and(|samples| self.progress.added() >= samples);
-        if self.ending.is_none() && (time_up || enough) {
+        let hopeless = self.goal.samples.is_some() && self.sees_nothing();
+        if hopeless && self.ending.is_none() {
+            self.progress.say("no ray of any section meets anything: there is nothing to trace");
+        }
+        if self.ending.is_none() && (time_up || enough || hopeless) {
             self.ending = Some(Instant::now());
         }
+    }
+
+    /// Whether not a single beam sees anything.
+    fn sees_nothing(&self) -> bool {
+        let unseen = self.holodeck.unseen();
+        self.holodeck.sections.iter().enumerate().all(|(at, section)| unseen.count_in(at) == section.beam_count())
     }
 
     fn tick(&mut self) {
@@ -223,6 +254,24 @@ impl Coordinator {
             let stats = self.holodeck.file.stats();
             self.stalled = stats.last_error.is_some() && stats.pending_bytes > STALLED_BYTES;
             self.progress.show(&status, self.started.elapsed(), &self.goal, stats.last_error.as_deref());
+            self.save_unseen(now);
+        }
+    }
+
+    /// Starts writing newly found unseen beams if it is time.
+    fn save_unseen(&mut self, now: Instant) {
+        let (since, added) = self.last_save;
+        let bytes = (self.progress.added() - added) * size_of::<Sample>() as u64;
+        let due = now - since >= SAVE_UNSEEN_EVERY
+            && bytes >= SAMPLES_PER_UNSEEN_BYTE * self.holodeck.unseen().encoded_bytes()
+            && self.saving.as_ref().is_none_or(JoinHandle::is_finished);
+        if due && self.holodeck.writable {
+            self.last_save = (now, self.progress.added());
+            let holodeck = Arc::clone(&self.holodeck);
+            self.saving = Some(std::thread::spawn(move || {
+                // A disk that fails is named in the file's statistics; unseen beams are found again.
+                let _ = holodeck.save_unseen();
+            }));
         }
     }
 
@@ -332,7 +381,7 @@ impl Coordinator {
     /// A worker's results: stored, then sent to every display that looks at their beams.
     fn results(&mut self, id: ConnectionId, results: &Results) -> Result<()> {
         let mut outgoing = BTreeMap::new();
-        let taken = self.take_results(id, results, &mut outgoing);
+        let taken = self.take_results(id, results, &mut outgoing).and_then(|()| self.take_unseen(id, &results.unseen));
         // Even if a packet was refused: those before it are stored, so displays get them.
         for (id, message) in outgoing {
             if let Some(display) = self.displays.get(&id) {
@@ -367,6 +416,36 @@ impl Coordinator {
             self.forward(&assignment.packet, samples, outgoing);
         }
         Ok(())
+    }
+
+    /// Packets that a worker did not trace since their beams see nothing: remembered, and told to whoever looks at them.
+    fn take_unseen(&mut self, id: ConnectionId, packets: &[u64]) -> Result<()> {
+        let mut outgoing: BTreeMap<ConnectionId, BTreeSet<_>> = BTreeMap::new();
+        let taken = packets.iter().try_for_each(|&packet| {
+            let key = self.finish_unseen(id, packet)?;
+            self.holodeck.unseen_mut().insert(key);
+            for (&display, looking) in &self.displays {
+                if looking.wishes.as_ref().is_some_and(|wishes| wishes.contains(key)) {
+                    // Several packets of one beam may have been under way.
+                    outgoing.entry(display).or_default().insert((key.section, key.beam));
+                }
+            }
+            Ok(())
+        });
+        // Even if a packet was refused, as with samples.
+        for (id, beams) in outgoing {
+            if let Some((display, view)) = self.displays.get(&id).and_then(|d| Some((d, d.wishes.as_ref()?.view))) {
+                tell_unseen(&display.outbox, view, &Vec::from_iter(beams))?;
+            }
+        }
+        taken
+    }
+
+    fn finish_unseen(&mut self, id: ConnectionId, packet: u64) -> Result<BeamKey> {
+        ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
+        let worker = self.workers.get_mut(&id).context("it has left")?;
+        let packet = worker.finish_unseen(packet)?.packet;
+        Ok(BeamKey { section: packet.section, beam: packet.beam })
     }
 
     fn store(&mut self, packet: &Packet, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
@@ -494,6 +573,7 @@ impl Coordinator {
             // Flushing waits for the disk, and the coordinator waits for no one.
             std::thread::spawn(move || {
                 // A disk that fails is named in the file's statistics, and at the end.
+                let _ = holodeck.save_unseen();
                 let _ = holodeck.writable.then(|| holodeck.file.flush());
                 let _ = events.send(Event::Flushed { id, view });
             });
@@ -541,16 +621,18 @@ impl Coordinator {
             later.chain(self.displays.keys().filter(|id| !after(id))).copied().collect()
         };
         for id in ids {
+            let unseen = self.holodeck.unseen();
             let Some(display) = self.displays.get_mut(&id) else { continue };
             if display.settling || display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES {
                 continue;
             }
             let Some(wishes) = display.wishes.as_mut() else { continue };
             let viewpoint = wishes.viewpoint;
-            while let Some((key, count)) = wishes.next() {
+            while let Some((key, count)) = wishes.next(|key| unseen.contains(key)) {
                 let kind = SampleKind::ViewpointLimited;
                 let Some(first) = self.allotment.take(&self.holodeck.file, key, kind, count) else { continue };
                 self.last_served = Some(id);
+                drop(unseen);
                 return Some(self.assignment(key, first, count, Some(viewpoint), Some(id)));
             }
         }
@@ -559,11 +641,15 @@ impl Coordinator {
 
     fn next_in_batch(&mut self) -> Option<Assignment> {
         let batch = self.batch.as_mut()?;
+        let unseen = self.holodeck.unseen();
         for _ in 0..BATCH_LOOKS {
             let (key, wanted) = match self.batch_rest.take() {
                 Some(rest) => rest,
                 None => batch.next(),
             };
+            if unseen.contains(key) {
+                continue;
+            }
             let file = &self.holodeck.file;
             let have = u64::from(self.allotment.taken(file, key, SampleKind::Uniform))
                 + u64::from(self.allotment.taken(file, key, SampleKind::ViewpointLimited));
@@ -573,6 +659,7 @@ impl Coordinator {
             let count = (wanted - have).min(MAX_RAYS_PER_PACKET as u64) as u8;
             let Some(first) = self.allotment.take(file, key, SampleKind::Uniform, count) else { continue };
             self.batch_rest = Some((key, wanted));
+            drop(unseen);
             return Some(self.assignment(key, first, count, None, None));
         }
         None

@@ -2,7 +2,7 @@
 
 use std::{
     path::Path,
-    sync::{Arc, OnceLock},
+    sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard},
 };
 
 use anyhow::{Context, Result, ensure};
@@ -11,10 +11,14 @@ use holo_proto::control::{MAX_SECTIONS, RenderSettings, SceneInfo, Welcome};
 use holo_section::{Section, SectionSpec};
 use serde::{Deserialize, Serialize};
 
+use crate::unseen::UnseenBeams;
+
 /// Name of the blob that holds [`About`], as JSON for people and other programs to read.
 const ABOUT: &str = "holodeck";
 /// Name of the blob that holds the packed scene.
 const SCENE: &str = "scene";
+/// Name of the blob that holds the beams known to see nothing.
+const UNSEEN: &str = "unseen";
 /// Version of [`About`].
 const FORMAT: u32 = 1;
 
@@ -68,7 +72,14 @@ pub struct Holodeck {
     pub file: Arc<BeamFile>,
     /// False if it was opened to be shown only.
     pub writable: bool,
+    /// Whether beams that see nothing are recognised and not traced.
+    pub skip_unseen: bool,
+    /// What was wrong with the file and could be done without, for people.
+    pub warnings: Vec<String>,
     scene: OnceLock<Arc<[u8]>>,
+    unseen: RwLock<UnseenBeams>,
+    /// Unseen beams in the file. Locked while they are written.
+    unseen_saved: Mutex<u64>,
 }
 
 impl Holodeck {
@@ -84,8 +95,21 @@ impl Holodeck {
         file.put_blob(SCENE, packed_scene)?;
         file.put_blob(ABOUT, serde_json::to_string_pretty(&about)?.as_bytes())?;
         file.flush()?;
-        let file = Arc::new(file);
-        Ok(Holodeck { about, sections, file, writable: true, scene: OnceLock::new() })
+        Ok(Self::new(about, sections, file, true))
+    }
+
+    fn new(about: About, sections: Arc<[Section]>, file: BeamFile, writable: bool) -> Holodeck {
+        Holodeck {
+            about,
+            sections,
+            file: Arc::new(file),
+            writable,
+            skip_unseen: true,
+            warnings: Vec::new(),
+            scene: OnceLock::new(),
+            unseen: RwLock::default(),
+            unseen_saved: Mutex::default(),
+        }
     }
 
     /// Opens a file to add to it.
@@ -113,7 +137,67 @@ impl Holodeck {
             .with_context(|| format!("{}: the description of its sections is damaged", path.display()))?;
         ensure!(about.format == FORMAT, "{}: format {} is not known here", path.display(), about.format);
         let sections = sections(&about)?;
-        Ok(Holodeck { about, sections, file: Arc::new(file), writable, scene: OnceLock::new() })
+        let mut holodeck = Self::new(about, sections, file, writable);
+        // They are recognised again: no reason not to open the file.
+        if let Err(error) = holodeck.load_unseen() {
+            holodeck.warnings.push(format!("the list of beams that see nothing cannot be used: {error:#}"));
+        }
+        Ok(holodeck)
+    }
+
+    /// Does without knowledge of what cannot be seen: every beam is traced, for comparison.
+    pub fn without_skipping(mut self) -> Holodeck {
+        self.skip_unseen = false;
+        *self.unseen_mut() = UnseenBeams::default();
+        self
+    }
+
+    fn load_unseen(&self) -> Result<()> {
+        if let Some(bytes) = self.file.blob(UNSEEN)?.filter(|_| self.skip_unseen) {
+            let unseen = UnseenBeams::decode(&bytes, &self.sections)?;
+            *self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner) = unseen.count();
+            *self.unseen_mut() = unseen;
+        }
+        Ok(())
+    }
+
+    /// For a file that is only shown: takes in what another process has added.
+    ///
+    /// # Errors
+    /// If the disk cannot be read.
+    pub fn refresh(&self) -> Result<()> {
+        if !self.writable && self.file.refresh()? > 0 {
+            // Damaged, what was known before is still true.
+            let _ = self.load_unseen();
+        }
+        Ok(())
+    }
+
+    /// Beams known to see nothing.
+    pub fn unseen(&self) -> RwLockReadGuard<'_, UnseenBeams> {
+        self.unseen.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn unseen_mut(&self) -> RwLockWriteGuard<'_, UnseenBeams> {
+        self.unseen.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes the beams known to see nothing, if there are more than the file has. Waits for the disk.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn save_unseen(&self) -> Result<()> {
+        let mut saved = self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner);
+        let (count, bytes) = {
+            let unseen = self.unseen();
+            if !self.writable || unseen.count() <= *saved {
+                return Ok(());
+            }
+            (unseen.count(), unseen.encode())
+        };
+        self.file.put_blob(UNSEEN, &bytes)?;
+        *saved = count;
+        Ok(())
     }
 
     /// The packed scene, read once.
@@ -144,7 +228,7 @@ impl Holodeck {
             samples: self.file.stats().samples,
             tracing: self.writable,
             sky: self.about.sky,
-            skip_unseen: false,
+            skip_unseen: self.skip_unseen,
         }
     }
 }

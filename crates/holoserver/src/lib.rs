@@ -12,6 +12,7 @@ mod holodeck;
 mod listen;
 mod progress;
 mod recall;
+mod unseen;
 mod wishes;
 mod workers;
 
@@ -27,6 +28,7 @@ use tokio::net::TcpListener;
 
 use coordinator::{Coordinator, Event};
 use progress::Progress;
+pub use unseen::UnseenBeams;
 
 /// Options of `holoserver`.
 #[derive(Args, Clone, Debug)]
@@ -52,6 +54,9 @@ pub struct Config {
     /// Only show: open the file without writing to it, and take no workers
     #[arg(long, conflicts_with_all = ["fill", "time", "samples"])]
     pub display_only: bool,
+    /// Trace beams of which no ray can meet anything, too: for comparison
+    #[arg(long)]
+    pub no_skip_unseen: bool,
     /// Print a summary as JSON at the end
     #[arg(long)]
     pub json: bool,
@@ -74,6 +79,7 @@ impl Config {
             time: None,
             samples: None,
             display_only: false,
+            no_skip_unseen: false,
             json: false,
             quiet: true,
             with_parent: false,
@@ -135,13 +141,19 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(SocketAd
     let address = holo_net::loopback(&config.listen)?;
     let cache = config.cache << 20;
     let path = config.file.clone();
-    let open = move || match config.display_only {
-        true => Holodeck::open_read_only(&path, cache),
-        false => Holodeck::open(&path, cache),
+    let open = move || {
+        let holodeck = match config.display_only {
+            true => Holodeck::open_read_only(&path, cache),
+            false => Holodeck::open(&path, cache),
+        };
+        if config.no_skip_unseen { holodeck.map(Holodeck::without_skipping) } else { holodeck }
     };
     let holodeck = Arc::new(tokio::task::spawn_blocking(open).await??);
     for damage in &holodeck.file.report().damage {
         eprintln!("{}: {damage}", config.file.display());
+    }
+    for warning in &holodeck.warnings {
+        eprintln!("{}: {warning}", config.file.display());
     }
     let listener = TcpListener::bind(address).await.with_context(|| format!("listening at {address}"))?;
     ready(listener.local_addr()?);

@@ -13,14 +13,19 @@ use std::{
 use anyhow::{Context, Result};
 use holo_net::{Outbox, SCENE_CHUNK_BYTES};
 use holo_proto::{
-    bulk::{BlobChunk, MAX_RUN, Run, Samples, Source},
+    ProtoError,
+    bulk::{BlobChunk, MAX_RUN, Run, Samples, Source, Unseen},
     frame::Kind,
 };
+use holo_section::BeamId;
 
 use crate::{allotment::BeamKey, holodeck::Holodeck};
 
 /// Samples in one message: large enough that messages cost nothing, small enough that the first is seen soon.
 const SAMPLES_PER_MESSAGE: usize = 16_384;
+
+/// Beams in one message: a megabyte.
+const UNSEEN_PER_MESSAGE: usize = 65_536;
 
 /// Bytes that wait for a display at the most before reading pauses.
 const QUEUE_BYTES: usize = 8 << 20;
@@ -56,9 +61,8 @@ impl Recall {
     }
 
     fn send_all(&self) -> Result<()> {
-        if !self.holodeck.writable {
-            self.holodeck.file.refresh().context("looking for what another process has added")?;
-        }
+        self.holodeck.refresh().context("looking for what another process has added")?;
+        self.send_unseen()?;
         let mut message = self.empty();
         let mut broken = Ok(());
         self.holodeck.file.read_many(&self.keys, &mut |key, beam| {
@@ -87,6 +91,15 @@ impl Recall {
         self.send(&message)
     }
 
+    /// Those found from now on the coordinator tells of.
+    fn send_unseen(&self) -> Result<()> {
+        let beams: Vec<_> = {
+            let unseen = self.holodeck.unseen();
+            self.keys.iter().filter(|key| unseen.contains(**key)).map(|key| (key.section, key.beam)).collect()
+        };
+        Ok(tell_unseen(&self.outbox, self.view, &beams)?)
+    }
+
     fn empty(&self) -> Samples {
         Samples { view: self.view, source: Source::Stored, runs: Vec::new(), samples: Vec::new() }
     }
@@ -100,6 +113,13 @@ impl Recall {
         }
         Ok(self.outbox.send(Kind::Samples, &message.encode())?)
     }
+}
+
+/// Tells a display which of its view's beams see nothing.
+pub fn tell_unseen(outbox: &Outbox, view: u32, beams: &[(u16, BeamId)]) -> Result<(), ProtoError> {
+    beams
+        .chunks(UNSEEN_PER_MESSAGE)
+        .try_for_each(|part| outbox.send(Kind::Unseen, &Unseen { view, beams: part.to_vec() }.encode()))
 }
 
 /// Sends the packed scene in pieces, on a thread of its own.

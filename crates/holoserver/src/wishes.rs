@@ -69,9 +69,15 @@ impl Wishes {
         self.beams.iter().map(|wish| wish.key).collect()
     }
 
-    /// The most urgent beam and how many rays to give it next; `None` once every beam has all it may get.
-    pub fn next(&mut self) -> Option<(BeamKey, u8)> {
-        let Reverse((_, index)) = self.queue.pop()?;
+    /// The most urgent beam and how many rays to give it next; `None` once every beam has all it may get. Beams of which
+    /// `is_unseen` holds get none, ever.
+    pub fn next(&mut self, is_unseen: impl Fn(BeamKey) -> bool) -> Option<(BeamKey, u8)> {
+        let index = loop {
+            let Reverse((_, index)) = self.queue.pop()?;
+            if !is_unseen(self.beams[index as usize].key) {
+                break index;
+            }
+        };
         let wish = &mut self.beams[index as usize];
         // A ray for every second pixel at first, so that every beam of the view gets its turn soon; then ever more.
         let count = (f64::from(wish.weight) / 2.0).max(wish.computed as f64 / 4.0);
@@ -107,10 +113,13 @@ mod tests {
         let beams = (0..4).map(|i| (key(i as u64), weights[i], stored[i]));
         let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
         let mut rays = stored;
-        assert!((1..=2).contains(&wishes.next().unwrap().0.beam.0), "an empty beam comes before one with rays");
+        assert!(
+            (1..=2).contains(&wishes.next(|_| false).unwrap().0.beam.0),
+            "an empty beam comes before one with rays"
+        );
         let mut wishes = Wishes::new(1, wishes.viewpoint, (0..4).map(|i| (key(i as u64), weights[i], stored[i])));
         for _ in 0..3000 {
-            let (key, count) = wishes.next().unwrap();
+            let (key, count) = wishes.next(|_| false).unwrap();
             rays[key.beam.0 as usize] += u64::from(count);
         }
         let ratios: Vec<f64> = rays.iter().zip(weights).map(|(&n, w)| n as f64 / f64::from(w)).collect();
@@ -120,11 +129,28 @@ mod tests {
     }
 
     #[test]
+    fn beams_that_see_nothing_get_no_rays_however_urgent_they_are() {
+        let beams = (0..4).map(|i| (key(i), if i == 2 { 6400.0 } else { 100.0 }, 0));
+        let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
+        let mut rays = [0u64; 4];
+        for step in 0..200 {
+            // Beam 2 from the beginning, beam 0 found on the way.
+            let is_unseen = |beam: BeamKey| beam.beam.0 == 2 || (beam.beam.0 == 0 && step >= 50);
+            let before = rays[0];
+            let (key, count) = wishes.next(is_unseen).unwrap();
+            rays[key.beam.0 as usize] += u64::from(count);
+            assert!(step < 50 || rays[0] == before);
+        }
+        assert!(rays[2] == 0 && rays[0] > 0 && rays[1] > rays[0] && rays[3] > rays[0], "{rays:?}");
+        assert!(wishes.contains(key(2)), "its samples, if the file has any, are still the view's");
+    }
+
+    #[test]
     fn a_forgotten_view_ends_by_itself() {
         let beams = [(key(0), 2.0, 0), (key(1), 1.0, 5000)];
         let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
         let mut rays = 0;
-        while let Some((_, count)) = wishes.next() {
+        while let Some((_, count)) = wishes.next(|_| false) {
             rays += u64::from(count);
         }
         assert!((2048..2048 + 3 * 21).contains(&rays), "{rays}");

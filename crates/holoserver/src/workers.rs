@@ -37,6 +37,8 @@ pub enum ResultsError {
     Unknown,
     #[error("it sent {found} samples for a packet of {asked} rays")]
     Count { found: u32, asked: u8 },
+    #[error("it calls a beam unseen, and was not asked to look")]
+    NotAsked,
 }
 
 /// One connected worker.
@@ -109,6 +111,13 @@ impl Worker {
         let seconds = f64::from(traced.nanoseconds.max(1)) * 1e-9 / f64::from(asked);
         let share = 0.005 * f64::from(asked);
         self.seconds_per_ray = Some(self.seconds_per_ray.map_or(seconds, |mean| mean + share * (seconds - mean)));
+        Ok(assignment)
+    }
+
+    /// Takes a packet off the list that it did not trace, since its beam sees nothing. Says nothing of its speed.
+    pub fn finish_unseen(&mut self, id: u64) -> Result<Assignment, ResultsError> {
+        let assignment = self.assigned.remove(&id).ok_or(ResultsError::Unknown)?;
+        self.rays_ahead -= f64::from(assignment.packet.count);
         Ok(assignment)
     }
 

@@ -148,6 +148,8 @@ pub struct PictureReport {
     pub uncovered_pixels: u64,
     /// Covered pixels filled from their neighbours.
     pub empty_pixels: u64,
+    /// Pixels that show the sky because no ray of their beam can meet anything.
+    pub unseen_pixels: u64,
     /// Seconds until the first samples were here; none yet if absent.
     pub first_samples: Option<f64>,
 }

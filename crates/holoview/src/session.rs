@@ -14,7 +14,7 @@ use holo_net::{Inbox, Message, NetError, Outbox, Shutdown};
 use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::{
-    bulk::{Samples, Source, ViewRequest, Wanted},
+    bulk::{Samples, Source, Unseen, ViewRequest, Wanted},
     control::{Control, Welcome},
     frame::Kind,
     hello::Role,
@@ -200,7 +200,8 @@ impl Session {
             .map(|beam| Wanted { beam: beam.beam.0, weight: beam.weight, section: beam.section, reserved: 0 })
             .collect();
         let Driver::Quadtree = self.config.driver;
-        let driver = Quadtree::new(Arc::clone(&self.sections), view, size, QuadtreeParams::default());
+        let params = QuadtreeParams { sky: self.welcome.sky, ..QuadtreeParams::default() };
+        let driver = Quadtree::new(Arc::clone(&self.sections), view, size, params);
         self.view_number += 1;
         let diagonal = self.sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         self.shown = Some(Shown {
@@ -236,6 +237,7 @@ impl Session {
             let left = until.saturating_duration_since(Instant::now());
             match self.messages.recv_timeout(left) {
                 Ok(Incoming::Message(Message::Samples(samples))) => self.insert(&samples),
+                Ok(Incoming::Message(Message::Unseen(unseen))) => self.insert_unseen(&unseen),
                 Ok(Incoming::Message(Message::Control(Control::Settled { view })))
                     if for_settled && view == self.view_number =>
                 {
@@ -288,6 +290,12 @@ impl Session {
         }
     }
 
+    fn insert_unseen(&mut self, message: &Unseen) {
+        if let Some(shown) = self.shown.as_mut().filter(|_| message.view == self.view_number) {
+            message.beams.iter().for_each(|&(section, beam)| shown.driver.insert_unseen(section, beam));
+        }
+    }
+
     fn picture(&self, path: PathBuf) -> Result<()> {
         let Some(shown) = &self.shown else { bail!("there is no view to take a picture of") };
         let frame = shown.driver.draw();
@@ -304,6 +312,7 @@ impl Session {
             beams: shown.wanted.len(),
             uncovered_pixels: frame.uncovered_pixels,
             empty_pixels: frame.empty_pixels,
+            unseen_pixels: frame.unseen_pixels,
             first_samples: shown.first_samples,
         };
         if self.config.json {

@@ -10,7 +10,7 @@ use std::{
 
 use holo_proto::{
     ProtoError,
-    bulk::{BlobChunk, Results, Samples, ViewRequest, Work},
+    bulk::{BlobChunk, Results, Samples, Unseen, ViewRequest, Work},
     control::Control,
     frame::{self, HEADER_BYTES, Header, Kind},
 };
@@ -41,6 +41,8 @@ pub enum Message {
     Samples(Samples),
     /// A piece of the scene.
     BlobChunk(BlobChunk),
+    /// Beams that meet nothing, for a display.
+    Unseen(Unseen),
 }
 
 impl Message {
@@ -53,6 +55,7 @@ impl Message {
             Kind::View => Message::View(ViewRequest::decode(payload)?),
             Kind::Samples => Message::Samples(Samples::decode(payload)?),
             Kind::BlobChunk => Message::BlobChunk(BlobChunk::decode(payload)?),
+            Kind::Unseen => Message::Unseen(Unseen::decode(payload)?),
         })
     }
 }

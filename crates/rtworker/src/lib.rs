@@ -8,6 +8,7 @@
 mod cache;
 mod pool;
 mod session;
+mod unseen;
 
 use std::{net::SocketAddr, path::PathBuf, time::Duration};
 

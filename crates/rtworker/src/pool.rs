@@ -12,6 +12,8 @@ use holo_section::{BeamSampler, Sample, SampleKind, Section, Viewpoint};
 use holo_tracer::Tracer;
 use tokio::sync::mpsc;
 
+use crate::unseen::Answers;
+
 /// Packets that a thread takes at a time: few, so that the threads end together, but more than one, so that they
 /// seldom meet at the queue.
 const TAKE: usize = 4;
@@ -27,13 +29,23 @@ pub struct Job {
     pub seed: u64,
 }
 
-/// A packet traced.
+/// A packet done.
 #[derive(Debug)]
-pub struct Done {
-    /// What goes on the wire.
-    pub traced: Traced,
-    /// The samples, in the order of their numbers.
-    pub samples: Vec<Sample>,
+pub enum Done {
+    /// Traced: what goes on the wire, and the samples in the order of their numbers.
+    Traced(Traced, Vec<Sample>),
+    /// Not traced, since no ray of its beam meets anything: the packet's name.
+    Unseen(u64),
+}
+
+/// What all threads of a session trace.
+pub struct Task {
+    /// The engine, and the scene.
+    pub tracer: Arc<Tracer>,
+    /// The sections that beams belong to.
+    pub sections: Arc<[Section]>,
+    /// What is known of beams that see nothing; `None`: every beam is traced.
+    pub unseen: Option<Answers>,
 }
 
 #[derive(Default)]
@@ -66,19 +78,14 @@ impl Pool {
     ///
     /// # Errors
     /// If the operating system gives no thread.
-    pub fn start(
-        threads: u16,
-        tracer: &Arc<Tracer>,
-        sections: &Arc<[Section]>,
-        done: &mpsc::UnboundedSender<Done>,
-    ) -> std::io::Result<Pool> {
+    pub fn start(threads: u16, task: &Arc<Task>, done: &mpsc::UnboundedSender<Done>) -> std::io::Result<Pool> {
         let mut pool = Pool { shared: Arc::default(), threads: Vec::new() };
         for index in 0..threads {
-            let (shared, tracer, sections) = (Arc::clone(&pool.shared), Arc::clone(tracer), Arc::clone(sections));
+            let (shared, task) = (Arc::clone(&pool.shared), Arc::clone(task));
             let done = done.clone();
             let thread = std::thread::Builder::new()
                 .name(format!("trace-{index}"))
-                .spawn(move || work(&shared, &tracer, &sections, &done))?;
+                .spawn(move || work(&shared, &task, &done))?;
             pool.threads.push(thread);
         }
         Ok(pool)
@@ -106,7 +113,7 @@ impl Drop for Pool {
     }
 }
 
-fn work(shared: &Shared, tracer: &Tracer, sections: &[Section], done: &mpsc::UnboundedSender<Done>) {
+fn work(shared: &Shared, task: &Task, done: &mpsc::UnboundedSender<Done>) {
     let mut jobs: Vec<Job> = Vec::with_capacity(TAKE);
     loop {
         {
@@ -121,7 +128,7 @@ fn work(shared: &Shared, tracer: &Tracer, sections: &[Section], done: &mpsc::Unb
             jobs.extend(queue.jobs.drain(..take));
         }
         for job in jobs.drain(..) {
-            if let Some(result) = trace(&job, tracer, sections)
+            if let Some(result) = trace(&job, task)
                 && done.send(result).is_err()
             {
                 return;
@@ -130,10 +137,14 @@ fn work(shared: &Shared, tracer: &Tracer, sections: &[Section], done: &mpsc::Unb
     }
 }
 
-fn trace(job: &Job, tracer: &Tracer, sections: &[Section]) -> Option<Done> {
+fn trace(job: &Job, task: &Task) -> Option<Done> {
     let start = Instant::now();
     let Packet { section: index, beam, first, count, paths, .. } = job.packet;
-    let section = sections.get(usize::from(index))?;
+    let section = task.sections.get(usize::from(index))?;
+    let raycaster = task.tracer.raycaster();
+    if task.unseen.as_ref().is_some_and(|unseen| unseen.is_unseen(raycaster, section, index, beam)) {
+        return Some(Done::Unseen(job.packet.id));
+    }
     let sampler = section.beam_sampler(index, beam, job.viewpoint.as_ref())?;
     // Samples of both kinds have the same numbers; their random numbers must not be the same.
     let kind = if job.viewpoint.is_some() { SampleKind::ViewpointLimited } else { SampleKind::Uniform };
@@ -141,11 +152,11 @@ fn trace(job: &Job, tracer: &Tracer, sections: &[Section]) -> Option<Done> {
     let samples = (first..first + u32::from(count))
         .map(|number| {
             let seed = holo_section::seed(index, beam, number) ^ salt;
-            sample(tracer, section, &sampler, seed, number, paths)
+            sample(&task.tracer, section, &sampler, seed, number, paths)
         })
         .collect();
     let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
-    Some(Done { traced: Traced { id: job.packet.id, count: u32::from(count), nanoseconds }, samples })
+    Some(Done::Traced(Traced { id: job.packet.id, count: u32::from(count), nanoseconds }, samples))
 }
 
 /// Traces one sample: the ray that its number says, from the wall where the section lets rays begin.

@@ -18,7 +18,8 @@ use tokio::sync::mpsc;
 use crate::{
     Config,
     cache::{SceneCache, unpack},
-    pool::{Done, Job, Pool},
+    pool::{Done, Job, Pool, Task},
+    unseen::Answers,
 };
 
 /// Packets put into one message at the most: 5,000 samples, some milliseconds of work.
@@ -76,7 +77,9 @@ impl Worker {
     ) -> Result<String> {
         let tracer = self.tracer(messages, outbox, welcome).await?;
         let (done, results) = mpsc::unbounded_channel();
-        let pool = Pool::start(self.threads, &tracer, &sections, &done).context("starting threads")?;
+        let unseen = welcome.skip_unseen.then(Answers::new);
+        let task = Arc::new(Task { tracer, sections: Arc::clone(&sections), unseen });
+        let pool = Pool::start(self.threads, &task, &done).context("starting threads")?;
         let sender = tokio::spawn(send_results(results, outbox.clone()));
         outbox.control(&Control::Ready { threads: self.threads })?;
         let ended = loop {
@@ -183,6 +186,7 @@ fn unexpected(message: &Message) -> anyhow::Error {
         Message::View(_) => "view",
         Message::Samples(_) => "samples",
         Message::BlobChunk(_) => "scene",
+        Message::Unseen(_) => "unseen beams",
     };
     anyhow::anyhow!("the server sent a {name} message, which workers do not take")
 }
@@ -216,8 +220,13 @@ async fn send_results(mut results: mpsc::UnboundedReceiver<Done>, outbox: Outbox
         }
         let mut message = Results::default();
         for done in batch.drain(..) {
-            message.packets.push(done.traced);
-            message.samples.extend_from_slice(&done.samples);
+            match done {
+                Done::Traced(traced, samples) => {
+                    message.packets.push(traced);
+                    message.samples.extend_from_slice(&samples);
+                }
+                Done::Unseen(id) => message.unseen.push(id),
+            }
         }
         // 256 packets of 21 samples are far below a frame's limit.
         if outbox.send(Kind::Results, &message.encode()).is_err() {

@@ -36,7 +36,8 @@ pub fn work() -> impl Strategy<Value = Work> {
 
 pub fn results() -> impl Strategy<Value = Results> {
     let packet = (any::<u64>(), any::<u32>(), vec(sample(), 1..=21));
-    vec(packet, 0..12).prop_map(|packets| Results {
+    (vec(packet, 0..12), vec(any::<u64>(), 0..12)).prop_map(|(packets, unseen)| Results {
+        unseen,
         packets: packets
             .iter()
             .map(|(id, nanoseconds, samples)| Traced {
@@ -82,6 +83,11 @@ pub fn samples() -> impl Strategy<Value = Samples> {
     })
 }
 
+pub fn unseen() -> impl Strategy<Value = Unseen> {
+    let beam = (any::<u16>(), any::<u64>().prop_map(BeamId));
+    (any::<u32>(), vec(beam, 0..30)).prop_map(|(view, beams)| Unseen { view, beams })
+}
+
 pub fn chunk() -> impl Strategy<Value = BlobChunk> {
     (any::<u64>(), vec(any::<u8>(), 0..200)).prop_map(|(offset, bytes)| BlobChunk { offset, bytes })
 }
@@ -110,10 +116,25 @@ fn welcome() -> impl Strategy<Value = Control> {
     });
     let scene = (any::<[u8; 32]>(), any::<u64>()).prop_map(|(hash, bytes)| SceneInfo { hash, bytes });
     let up = [finite(), finite(), finite()].prop_filter("an axis", |up| *up != [0.0; 3]);
-    (text(), vec(section(), 1..6), settings, scene, up, vec((text(), text()), 0..5), any::<u64>(), any::<bool>())
-        .prop_map(|(software, sections, settings, scene, up, views, samples, tracing)| {
-            Control::Welcome(Box::new(Welcome { software, sections, settings, scene, up, views, samples, tracing }))
-        })
+    let radiance = || any::<u32>().prop_map(|bits| bits as f32 * 1e-6);
+    let sky = ([radiance(), radiance(), radiance()], any::<bool>());
+    let views = vec((text(), text()), 0..5);
+    (text(), vec(section(), 1..6), settings, scene, up, views, any::<u64>(), any::<bool>(), sky).prop_map(
+        |(software, sections, settings, scene, up, views, samples, tracing, (sky, skip_unseen))| {
+            Control::Welcome(Box::new(Welcome {
+                software,
+                sections,
+                settings,
+                scene,
+                up,
+                views,
+                samples,
+                tracing,
+                sky,
+                skip_unseen,
+            }))
+        },
+    )
 }
 
 pub fn control() -> impl Strategy<Value = Control> {

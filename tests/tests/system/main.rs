@@ -12,4 +12,5 @@ mod interrupted;
 mod processes;
 mod samples;
 mod session;
+mod unseen;
 mod usage;

@@ -9,6 +9,7 @@
 //! - No mean is taken across a jump in depth.
 //! - As samples grow, every pixel tends to the mean of its own samples: the box filter.
 //! - A pixel whose middle no section covers is 0, whatever its neighbours are.
+//! - A pixel whose middle's best beam sees nothing is the sky, exactly: it is known, with or without samples.
 
 mod bins;
 mod leaf;
@@ -16,12 +17,14 @@ mod reproject;
 mod surface;
 
 use crate::camera::Camera;
-use crate::candidates::is_covered;
+use crate::candidates::{candidates, is_covered};
 use bins::{BINS_AN_OCTAVE, BINS_KEPT, Colour, NEAR_CLASSES, PixelBins, bin_distance};
+use glam::DVec3;
 use holo_picture::{Picture, View};
 use holo_section::{BeamId, Sample, Section};
 use leaf::{Reader, own_surface};
 use reproject::{BeamProjector, DistanceTable, PlacedSection};
+use std::collections::HashSet;
 use std::sync::Arc;
 use surface::{Level, Surface, pyramid};
 
@@ -55,11 +58,13 @@ pub struct QuadtreeParams {
     pub leaf: LeafSize,
     /// Largest leaf: 2^n pixels a side. The whole picture if it is smaller, as by default: then any sample fills it.
     pub max_level: u8,
+    /// Radiance of rays that meet nothing: what unseen beams show.
+    pub sky: [f32; 3],
 }
 
 impl Default for QuadtreeParams {
     fn default() -> Self {
-        Self { viewpoint_radius: None, leaf: LeafSize::Adaptive, max_level: 16 }
+        Self { viewpoint_radius: None, leaf: LeafSize::Adaptive, max_level: 16, sky: [0.0; 3] }
     }
 }
 
@@ -75,6 +80,8 @@ pub struct Frame {
     pub uncovered_pixels: u64,
     /// Covered pixels without samples of their own: filled from larger leaves, or 0 if there is nothing at all.
     pub empty_pixels: u64,
+    /// Pixels that show the sky because their beam sees nothing; neither empty nor made of samples.
+    pub unseen_pixels: u64,
     /// Samples that the picture was made of.
     pub samples_used: u64,
 }
@@ -91,6 +98,9 @@ pub struct Quadtree {
     bins: PixelBins,
     covered: Vec<bool>,
     uncovered_pixels: u64,
+    unseen: HashSet<(u16, BeamId)>,
+    /// Best beam of every pixel's middle; empty while no unseen beam is known, since a scene may have none.
+    best: Vec<Option<(u16, BeamId)>>,
 }
 
 impl Quadtree {
@@ -104,6 +114,8 @@ impl Quadtree {
             bins: PixelBins::new(pixels),
             covered: Vec::new(),
             uncovered_pixels: 0,
+            unseen: HashSet::new(),
+            best: Vec::new(),
             sections,
             view,
             size,
@@ -113,11 +125,12 @@ impl Quadtree {
         quadtree
     }
 
-    /// Forgets all samples and takes another view of the same size.
+    /// Forgets all samples and unseen beams and takes another view of the same size.
     pub fn reset(&mut self, view: View) {
         self.view = view;
         self.camera = Camera::new(&view, self.size);
         self.bins.clear();
+        self.unseen.clear();
         self.place();
     }
 
@@ -153,6 +166,18 @@ impl Quadtree {
         }
     }
 
+    /// Takes in that no ray of a beam meets anything: pixels that it serves best show the sky.
+    ///
+    /// Unknown sections and beams are left out, as in [`insert`](Self::insert).
+    pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+        if self.best.is_empty() {
+            self.best = self.best_beams();
+        }
+        if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count()) {
+            self.unseen.insert((section, beam));
+        }
+    }
+
     /// The picture of all samples so far.
     pub fn draw(&self) -> Frame {
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
@@ -165,14 +190,28 @@ impl Quadtree {
             depth: vec![0.0; width * height],
             uncovered_pixels: self.uncovered_pixels,
             empty_pixels: 0,
+            unseen_pixels: 0,
             samples_used: 0,
         };
         frame.picture.view = Some(self.view);
+        // Neighbouring pixels mostly have the same beam.
+        let mut last = (None, false);
         for row in 0..height {
             for column in 0..width {
                 let pixel = row * width + column;
                 if !self.covered[pixel] {
                     continue;
+                }
+                if let Some(best) = self.best.get(pixel) {
+                    if last.0 != *best {
+                        last = (*best, best.is_some_and(|best| self.unseen.contains(&best)));
+                    }
+                    if last.1 {
+                        frame.unseen_pixels += 1;
+                        frame.picture.pixels[pixel] = self.params.sky;
+                        frame.depth[pixel] = f32::INFINITY;
+                        continue;
+                    }
                 }
                 let own = levels[0].leaf(column, row);
                 frame.samples_used += own.iter().map(|surface| u64::from(surface.count)).sum::<u64>();
@@ -194,17 +233,29 @@ impl Quadtree {
     /// Works out all that depends on the view but on no sample.
     fn place(&mut self) {
         self.placed = self.sections.iter().map(|section| PlacedSection::new(section, &self.camera)).collect();
-        let (width, height) = self.size;
         let mut hint = 0;
-        self.covered.clear();
-        for row in 0..height {
-            let y = 1.0 - (f64::from(row) + 0.5) / f64::from(height);
-            for column in 0..width {
-                let (eye, direction) = self.view.ray((f64::from(column) + 0.5) / f64::from(width), y);
-                self.covered.push(is_covered(&self.sections, eye, direction, &mut hint));
-            }
-        }
+        self.covered = self.middles().map(|(eye, along)| is_covered(&self.sections, eye, along, &mut hint)).collect();
         self.uncovered_pixels = self.covered.iter().filter(|&&covered| !covered).count() as u64;
+        self.best.clear();
+    }
+
+    /// The best beam for the middle of every pixel, by the rule of beam selection.
+    fn best_beams(&self) -> Vec<Option<(u16, BeamId)>> {
+        let mut found = Vec::new();
+        let best = |(eye, along)| {
+            candidates(&self.sections, eye, along, &mut found);
+            found.first().map(|best| (best.section, best.beam))
+        };
+        self.middles().map(best).collect()
+    }
+
+    /// The view rays of the pixels' middles, row by row.
+    fn middles(&self) -> impl Iterator<Item = (DVec3, DVec3)> {
+        let (width, height) = self.size;
+        (0..height).flat_map(move |row| {
+            let y = 1.0 - (f64::from(row) + 0.5) / f64::from(height);
+            (0..width).map(move |column| self.view.ray((f64::from(column) + 0.5) / f64::from(width), y))
+        })
     }
 }
 
