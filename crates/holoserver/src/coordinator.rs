@@ -8,8 +8,12 @@
 //!   which of them see nothing;
 //! - a beam known to see nothing is given to no worker.
 
+mod dealing;
+mod results;
+mod views;
+
 use std::{
-    collections::{BTreeMap, BTreeSet, VecDeque},
+    collections::{BTreeMap, VecDeque},
     sync::{
         Arc,
         atomic::{AtomicU32, Ordering},
@@ -19,17 +23,13 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyhow::{Context, Result, bail, ensure};
-use holo_beamfile::ExtentMeta;
+use anyhow::{Result, bail};
 use holo_net::{Message, Outbox, PING_EVERY};
 use holo_proto::{
-    MAX_RAYS_PER_PACKET,
-    bulk::{Packet, Results, Run, Samples, Source, ViewRequest},
     control::{Control, Status},
-    frame::Kind,
     hello::Role,
 };
-use holo_section::{Sample, SampleKind, Viewpoint};
+use holo_section::Sample;
 
 use crate::{
     allotment::{Allotment, BeamKey},
@@ -37,9 +37,9 @@ use crate::{
     holodeck::Holodeck,
     listen::ConnectionId,
     progress::Progress,
-    recall::{Recall, send_scene, tell_unseen},
+    recall::send_scene,
     wishes::Wishes,
-    workers::{Assignment, ResultsError, Worker},
+    workers::{Assignment, Worker},
 };
 
 /// How often displays are told how the server fares.
@@ -51,9 +51,6 @@ const TICK: Duration = Duration::from_millis(20);
 /// How long packets under way are waited for at the end; whoever takes longer hangs.
 const LAST_PACKETS: Duration = Duration::from_secs(3);
 
-/// Bytes that wait for a display at the most; above, nothing more is traced for it until it reads.
-const DISPLAY_QUEUE_BYTES: usize = 32 << 20;
-
 /// Samples that wait for a failing disk at the most, bytes; above, nothing more is traced until it takes them. What is
 /// under way then still fits in the memory that the beam file allows itself.
 const STALLED_BYTES: u64 = 64 << 20;
@@ -63,12 +60,6 @@ const SAVE_UNSEEN_EVERY: Duration = Duration::from_secs(5);
 
 /// Bytes that samples have added to the file for each byte of a list of unseen beams written: old lists stay in it.
 const SAMPLES_PER_UNSEEN_BYTE: u64 = 32;
-
-/// Packets in one message to a worker: half a megabyte, far below a frame's limit.
-const PACKETS_PER_MESSAGE: usize = 16_384;
-
-/// Beams that batch filling looks at before it sees to its events again, if none wants a ray.
-const BATCH_LOOKS: usize = 20_000;
 
 /// Something that has happened.
 #[derive(Debug)]
@@ -370,317 +361,4 @@ impl Coordinator {
         }
         self.try_settle();
     }
-
-    fn forget_stale(&mut self) {
-        let displays = &self.displays;
-        self.again.retain(|assignment| {
-            assignment.display.is_none_or(|id| displays.get(&id).is_some_and(|display| !display.settling))
-        });
-    }
-
-    /// A worker's results: stored, then sent to every display that looks at their beams.
-    fn results(&mut self, id: ConnectionId, results: &Results) -> Result<()> {
-        let mut outgoing = BTreeMap::new();
-        let taken = self.take_results(id, results, &mut outgoing).and_then(|()| self.take_unseen(id, &results.unseen));
-        // Even if a packet was refused: those before it are stored, so displays get them.
-        for (id, message) in outgoing {
-            if let Some(display) = self.displays.get(&id) {
-                display.outbox.send(Kind::Samples, &message.encode())?;
-            }
-        }
-        self.try_settle();
-        taken
-    }
-
-    fn take_results(
-        &mut self,
-        id: ConnectionId,
-        results: &Results,
-        outgoing: &mut BTreeMap<ConnectionId, Samples>,
-    ) -> Result<()> {
-        let mut rest = results.samples.as_slice();
-        for traced in &results.packets {
-            let Some(worker) = self.workers.get_mut(&id) else { return Ok(()) };
-            let assignment = worker.finish(traced)?;
-            let (samples, after) = rest.split_at(traced.count as usize);
-            rest = after;
-            match self.store(&assignment.packet, samples) {
-                Ok(()) => {}
-                Err(holo_beamfile::Error::NotWritten { .. }) => {
-                    // No memory left for what a full disk does not take: it is traced again when there is room.
-                    self.again.push_back(assignment);
-                    continue;
-                }
-                Err(error) => return Err(error.into()),
-            }
-            self.forward(&assignment.packet, samples, outgoing);
-        }
-        Ok(())
-    }
-
-    /// Packets that a worker did not trace since their beams see nothing: remembered, and told to whoever looks at them.
-    fn take_unseen(&mut self, id: ConnectionId, packets: &[u64]) -> Result<()> {
-        let mut outgoing: BTreeMap<ConnectionId, BTreeSet<_>> = BTreeMap::new();
-        let taken = packets.iter().try_for_each(|&packet| {
-            let key = self.finish_unseen(id, packet)?;
-            self.holodeck.unseen_mut().insert(key);
-            for (&display, looking) in &self.displays {
-                if looking.wishes.as_ref().is_some_and(|wishes| wishes.contains(key)) {
-                    // Several packets of one beam may have been under way.
-                    outgoing.entry(display).or_default().insert((key.section, key.beam));
-                }
-            }
-            Ok(())
-        });
-        // Even if a packet was refused, as with samples.
-        for (id, beams) in outgoing {
-            if let Some((display, view)) = self.displays.get(&id).and_then(|d| Some((d, d.wishes.as_ref()?.view))) {
-                tell_unseen(&display.outbox, view, &Vec::from_iter(beams))?;
-            }
-        }
-        taken
-    }
-
-    fn finish_unseen(&mut self, id: ConnectionId, packet: u64) -> Result<BeamKey> {
-        ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
-        let worker = self.workers.get_mut(&id).context("it has left")?;
-        let packet = worker.finish_unseen(packet)?.packet;
-        Ok(BeamKey { section: packet.section, beam: packet.beam })
-    }
-
-    fn store(&mut self, packet: &Packet, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
-        let meta = ExtentMeta {
-            key: BeamKey { section: packet.section, beam: packet.beam },
-            first: packet.first,
-            count: samples.len() as u32,
-            kind: kind(packet),
-            paths: packet.paths,
-            settings: 0,
-            generation: 0,
-        };
-        self.holodeck.file.append(meta, samples)?;
-        self.progress.add(samples.len() as u64);
-        Ok(())
-    }
-
-    fn forward(&self, packet: &Packet, samples: &[Sample], outgoing: &mut BTreeMap<ConnectionId, Samples>) {
-        let key = BeamKey { section: packet.section, beam: packet.beam };
-        for (&id, display) in &self.displays {
-            let Some(wishes) = display.wishes.as_ref().filter(|wishes| wishes.contains(key)) else { continue };
-            let message = outgoing.entry(id).or_insert_with(|| Samples {
-                view: wishes.view,
-                source: Source::Traced,
-                runs: Vec::new(),
-                samples: Vec::new(),
-            });
-            message.runs.push(Run {
-                section: packet.section,
-                beam: packet.beam,
-                kind: kind(packet),
-                first: packet.first,
-                count: samples.len() as u32,
-                paths: packet.paths,
-            });
-            message.samples.extend_from_slice(samples);
-        }
-    }
-
-    /// A display's view: recall what is stored, and from now on trace for it. The same view again only moves the
-    /// viewpoint's radius.
-    fn view(&mut self, id: ConnectionId, request: ViewRequest) -> Result<()> {
-        let sections = &self.holodeck.sections;
-        let known = request.beams.iter().all(|wanted| {
-            sections.get(usize::from(wanted.section)).is_some_and(|section| wanted.beam < section.beam_count())
-        });
-        ensure!(known, "it asked for beams that do not exist");
-        let in_order = request.beams.is_sorted_by_key(|wanted| (wanted.section, wanted.beam))
-            && request.beams.windows(2).all(|pair| (pair[0].section, pair[0].beam) != (pair[1].section, pair[1].beam));
-        ensure!(in_order, "it asked for a beam twice, or not in order");
-        let Some(display) = self.displays.get_mut(&id) else { return Ok(()) };
-        if let Some(wishes) = display.wishes.as_mut().filter(|wishes| wishes.view == request.view) {
-            wishes.viewpoint = request.viewpoint;
-            return Ok(());
-        }
-        let file = &self.holodeck.file;
-        let beams = request.beams.iter().map(|wanted| {
-            let key = BeamKey { section: wanted.section, beam: holo_section::BeamId(wanted.beam) };
-            (key, wanted.weight, file.count(key))
-        });
-        let wishes = Wishes::new(request.view, request.viewpoint, beams);
-        display.newest.store(request.view, Ordering::Release);
-        let recall = Recall {
-            holodeck: Arc::clone(&self.holodeck),
-            outbox: display.outbox.clone(),
-            view: request.view,
-            keys: wishes.keys(),
-            newest: Arc::clone(&display.newest),
-        };
-        display.wishes = Some(wishes);
-        display.recalling = true;
-        display.settling = false;
-        let events = self.events.clone();
-        recall.start(move |view, result| {
-            // If the coordinator is gone, so is the process.
-            let _ = events.send(Event::Recalled { id, view, result });
-        })?;
-        // Packets for the display's former view are no longer urgent; what is under way arrives and is stored.
-        self.again.retain(|assignment| assignment.display != Some(id));
-        Ok(())
-    }
-
-    fn recalled(&mut self, id: ConnectionId, view: u32, result: Result<(), String>) {
-        let Some(display) = self.displays.get_mut(&id) else { return };
-        if display.wishes.as_ref().is_none_or(|wishes| wishes.view != view) {
-            return;
-        }
-        display.recalling = false;
-        if let Err(error) = result {
-            self.progress.say(&format!("reading stored samples failed: {error}"));
-        }
-        let _ = display.outbox.control(&Control::StoredSent { view });
-        self.try_settle();
-    }
-
-    fn settle(&mut self, id: ConnectionId, view: u32) {
-        if let Some(display) = self.displays.get_mut(&id) {
-            display.settling = display.wishes.as_ref().is_some_and(|wishes| wishes.view == view);
-            if !display.settling {
-                // No such view: nothing is under way for it.
-                let _ = display.outbox.control(&Control::Settled { view });
-            }
-        }
-        self.forget_stale();
-        self.try_settle();
-    }
-
-    /// Tells displays that wait for it that nothing of their view is under way any more.
-    fn try_settle(&mut self) {
-        for (&id, display) in &mut self.displays {
-            let Some(wishes) = display.wishes.as_ref().filter(|_| display.settling && !display.recalling) else {
-                continue;
-            };
-            let under_way = self.workers.values().any(|worker| {
-                worker.assignments().any(|assignment| {
-                    wishes.contains(BeamKey { section: assignment.packet.section, beam: assignment.packet.beam })
-                })
-            });
-            if under_way {
-                continue;
-            }
-            let (view, events, holodeck) = (wishes.view, self.events.clone(), Arc::clone(&self.holodeck));
-            display.settling = false;
-            display.wishes = None;
-            // Flushing waits for the disk, and the coordinator waits for no one.
-            std::thread::spawn(move || {
-                // A disk that fails is named in the file's statistics, and at the end.
-                let _ = holodeck.save_unseen();
-                let _ = holodeck.writable.then(|| holodeck.file.flush());
-                let _ = events.send(Event::Flushed { id, view });
-            });
-        }
-    }
-
-    /// Gives work to every worker that has too little.
-    fn deal(&mut self) {
-        if self.stalled {
-            return;
-        }
-        // What is under way counts for the goal: it is reached, not overrun by what fast workers are given ahead.
-        let under_way: f64 = self.workers.values().map(Worker::rays_ahead).sum();
-        let so_far = self.progress.added() as f64 + under_way;
-        let mut left = self.goal.samples.map_or(f64::INFINITY, |goal| goal as f64 - so_far);
-        let hungry: Vec<_> = self.workers.iter().map(|(&id, worker)| (id, worker.hunger())).collect();
-        for (id, hunger) in hungry {
-            let mut rays = 0.0;
-            let mut assignments = Vec::new();
-            while rays < hunger && left > 0.0 && assignments.len() < PACKETS_PER_MESSAGE {
-                let Some(assignment) = self.next_assignment() else { break };
-                rays += f64::from(assignment.packet.count);
-                left -= f64::from(assignment.packet.count);
-                assignments.push(assignment);
-            }
-            if let Some(worker) = self.workers.get_mut(&id).filter(|_| !assignments.is_empty()) {
-                worker.assign(assignments);
-            }
-        }
-    }
-
-    /// The most urgent packet: lost ones, then displays in turn, then batch order.
-    fn next_assignment(&mut self) -> Option<Assignment> {
-        if let Some(assignment) = self.again.pop_front() {
-            return Some(assignment);
-        }
-        self.next_for_displays().or_else(|| self.next_in_batch())
-    }
-
-    fn next_for_displays(&mut self) -> Option<Assignment> {
-        // In turn: from the one after the last served, around to it.
-        let after = |id: &&ConnectionId| self.last_served.is_some_and(|last| **id > last);
-        let ids: Vec<ConnectionId> = {
-            let later = self.displays.keys().filter(after);
-            later.chain(self.displays.keys().filter(|id| !after(id))).copied().collect()
-        };
-        for id in ids {
-            let unseen = self.holodeck.unseen();
-            let Some(display) = self.displays.get_mut(&id) else { continue };
-            if display.settling || display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES {
-                continue;
-            }
-            let Some(wishes) = display.wishes.as_mut() else { continue };
-            let viewpoint = wishes.viewpoint;
-            while let Some((key, count)) = wishes.next(|key| unseen.contains(key)) {
-                let kind = SampleKind::ViewpointLimited;
-                let Some(first) = self.allotment.take(&self.holodeck.file, key, kind, count) else { continue };
-                self.last_served = Some(id);
-                drop(unseen);
-                return Some(self.assignment(key, first, count, Some(viewpoint), Some(id)));
-            }
-        }
-        None
-    }
-
-    fn next_in_batch(&mut self) -> Option<Assignment> {
-        let batch = self.batch.as_mut()?;
-        let unseen = self.holodeck.unseen();
-        for _ in 0..BATCH_LOOKS {
-            let (key, wanted) = match self.batch_rest.take() {
-                Some(rest) => rest,
-                None => batch.next(),
-            };
-            if unseen.contains(key) {
-                continue;
-            }
-            let file = &self.holodeck.file;
-            let have = u64::from(self.allotment.taken(file, key, SampleKind::Uniform))
-                + u64::from(self.allotment.taken(file, key, SampleKind::ViewpointLimited));
-            if have >= wanted {
-                continue;
-            }
-            let count = (wanted - have).min(MAX_RAYS_PER_PACKET as u64) as u8;
-            let Some(first) = self.allotment.take(file, key, SampleKind::Uniform, count) else { continue };
-            self.batch_rest = Some((key, wanted));
-            drop(unseen);
-            return Some(self.assignment(key, first, count, None, None));
-        }
-        None
-    }
-
-    fn assignment(
-        &mut self,
-        key: BeamKey,
-        first: u32,
-        count: u8,
-        viewpoint: Option<Viewpoint>,
-        display: Option<ConnectionId>,
-    ) -> Assignment {
-        self.next_packet += 1;
-        let paths = self.holodeck.about.settings.paths_per_sample;
-        let packet =
-            Packet { id: self.next_packet, section: key.section, beam: key.beam, first, count, paths, viewpoint: None };
-        Assignment { packet, viewpoint, display }
-    }
-}
-
-fn kind(packet: &Packet) -> SampleKind {
-    if packet.viewpoint.is_some() { SampleKind::ViewpointLimited } else { SampleKind::Uniform }
 }

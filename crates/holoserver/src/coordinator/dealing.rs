@@ -1,0 +1,122 @@
+//! Who traces what next: lost packets, then what displays wish, in turn, then batch order.
+
+use holo_proto::{MAX_RAYS_PER_PACKET, bulk::Packet};
+use holo_section::{SampleKind, Viewpoint};
+
+use super::Coordinator;
+use crate::{
+    allotment::BeamKey,
+    listen::ConnectionId,
+    workers::{Assignment, Worker},
+};
+
+/// Bytes that wait for a display at the most; above, nothing more is traced for it until it reads.
+const DISPLAY_QUEUE_BYTES: usize = 32 << 20;
+
+/// Packets in one message to a worker: half a megabyte, far below a frame's limit.
+const PACKETS_PER_MESSAGE: usize = 16_384;
+
+/// Beams that batch filling looks at before it sees to its events again, if none wants a ray.
+const BATCH_LOOKS: usize = 20_000;
+
+impl Coordinator {
+    /// Gives work to every worker that has too little.
+    pub(super) fn deal(&mut self) {
+        if self.stalled {
+            return;
+        }
+        // What is under way counts for the goal: it is reached, not overrun by what fast workers are given ahead.
+        let under_way: f64 = self.workers.values().map(Worker::rays_ahead).sum();
+        let so_far = self.progress.added() as f64 + under_way;
+        let mut left = self.goal.samples.map_or(f64::INFINITY, |goal| goal as f64 - so_far);
+        let hungry: Vec<_> = self.workers.iter().map(|(&id, worker)| (id, worker.hunger())).collect();
+        for (id, hunger) in hungry {
+            let mut rays = 0.0;
+            let mut assignments = Vec::new();
+            while rays < hunger && left > 0.0 && assignments.len() < PACKETS_PER_MESSAGE {
+                let Some(assignment) = self.next_assignment() else { break };
+                rays += f64::from(assignment.packet.count);
+                left -= f64::from(assignment.packet.count);
+                assignments.push(assignment);
+            }
+            if let Some(worker) = self.workers.get_mut(&id).filter(|_| !assignments.is_empty()) {
+                worker.assign(assignments);
+            }
+        }
+    }
+
+    /// The most urgent packet: lost ones, then displays in turn, then batch order.
+    fn next_assignment(&mut self) -> Option<Assignment> {
+        if let Some(assignment) = self.again.pop_front() {
+            return Some(assignment);
+        }
+        self.next_for_displays().or_else(|| self.next_in_batch())
+    }
+
+    fn next_for_displays(&mut self) -> Option<Assignment> {
+        // In turn: from the one after the last served, around to it.
+        let after = |id: &&ConnectionId| self.last_served.is_some_and(|last| **id > last);
+        let ids: Vec<ConnectionId> = {
+            let later = self.displays.keys().filter(after);
+            later.chain(self.displays.keys().filter(|id| !after(id))).copied().collect()
+        };
+        for id in ids {
+            let unseen = self.holodeck.unseen();
+            let Some(display) = self.displays.get_mut(&id) else { continue };
+            if display.settling || display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES {
+                continue;
+            }
+            let Some(wishes) = display.wishes.as_mut() else { continue };
+            let viewpoint = wishes.viewpoint;
+            while let Some((key, count)) = wishes.next(|key| unseen.contains(key)) {
+                let kind = SampleKind::ViewpointLimited;
+                let Some(first) = self.allotment.take(&self.holodeck.file, key, kind, count) else { continue };
+                self.last_served = Some(id);
+                drop(unseen);
+                return Some(self.assignment(key, first, count, Some(viewpoint), Some(id)));
+            }
+        }
+        None
+    }
+
+    fn next_in_batch(&mut self) -> Option<Assignment> {
+        let batch = self.batch.as_mut()?;
+        let unseen = self.holodeck.unseen();
+        for _ in 0..BATCH_LOOKS {
+            let (key, wanted) = match self.batch_rest.take() {
+                Some(rest) => rest,
+                None => batch.next(),
+            };
+            if unseen.contains(key) {
+                continue;
+            }
+            let file = &self.holodeck.file;
+            let have = u64::from(self.allotment.taken(file, key, SampleKind::Uniform))
+                + u64::from(self.allotment.taken(file, key, SampleKind::ViewpointLimited));
+            if have >= wanted {
+                continue;
+            }
+            let count = (wanted - have).min(MAX_RAYS_PER_PACKET as u64) as u8;
+            let Some(first) = self.allotment.take(file, key, SampleKind::Uniform, count) else { continue };
+            self.batch_rest = Some((key, wanted));
+            drop(unseen);
+            return Some(self.assignment(key, first, count, None, None));
+        }
+        None
+    }
+
+    fn assignment(
+        &mut self,
+        key: BeamKey,
+        first: u32,
+        count: u8,
+        viewpoint: Option<Viewpoint>,
+        display: Option<ConnectionId>,
+    ) -> Assignment {
+        self.next_packet += 1;
+        let paths = self.holodeck.about.settings.paths_per_sample;
+        let packet =
+            Packet { id: self.next_packet, section: key.section, beam: key.beam, first, count, paths, viewpoint: None };
+        Assignment { packet, viewpoint, display }
+    }
+}

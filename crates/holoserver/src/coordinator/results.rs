@@ -1,0 +1,127 @@
+//! What workers send back: stored once, and passed on to whoever looks at it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use anyhow::{Context, Result, ensure};
+use holo_beamfile::ExtentMeta;
+use holo_proto::{
+    bulk::{Packet, Results, Run, Samples, Source},
+    frame::Kind,
+};
+use holo_section::{Sample, SampleKind};
+
+use super::Coordinator;
+use crate::{allotment::BeamKey, listen::ConnectionId, recall::tell_unseen, workers::ResultsError};
+
+impl Coordinator {
+    /// A worker's results: stored, then sent to every display that looks at their beams.
+    pub(super) fn results(&mut self, id: ConnectionId, results: &Results) -> Result<()> {
+        let mut outgoing = BTreeMap::new();
+        let taken = self.take_results(id, results, &mut outgoing).and_then(|()| self.take_unseen(id, &results.unseen));
+        // Even if a packet was refused: those before it are stored, so displays get them.
+        for (id, message) in outgoing {
+            if let Some(display) = self.displays.get(&id) {
+                display.outbox.send(Kind::Samples, &message.encode())?;
+            }
+        }
+        self.try_settle();
+        taken
+    }
+
+    fn take_results(
+        &mut self,
+        id: ConnectionId,
+        results: &Results,
+        outgoing: &mut BTreeMap<ConnectionId, Samples>,
+    ) -> Result<()> {
+        let mut rest = results.samples.as_slice();
+        for traced in &results.packets {
+            let Some(worker) = self.workers.get_mut(&id) else { return Ok(()) };
+            let assignment = worker.finish(traced)?;
+            let (samples, after) = rest.split_at(traced.count as usize);
+            rest = after;
+            match self.store(&assignment.packet, samples) {
+                Ok(()) => {}
+                Err(holo_beamfile::Error::NotWritten { .. }) => {
+                    // No memory left for what a full disk does not take: it is traced again when there is room.
+                    self.again.push_back(assignment);
+                    continue;
+                }
+                Err(error) => return Err(error.into()),
+            }
+            self.forward(&assignment.packet, samples, outgoing);
+        }
+        Ok(())
+    }
+
+    /// Packets that a worker did not trace since their beams see nothing: remembered, and told to whoever looks at them.
+    fn take_unseen(&mut self, id: ConnectionId, packets: &[u64]) -> Result<()> {
+        let mut outgoing: BTreeMap<ConnectionId, BTreeSet<_>> = BTreeMap::new();
+        let taken = packets.iter().try_for_each(|&packet| {
+            let key = self.finish_unseen(id, packet)?;
+            self.holodeck.unseen_mut().insert(key);
+            for (&display, looking) in &self.displays {
+                if looking.wishes.as_ref().is_some_and(|wishes| wishes.contains(key)) {
+                    // Several packets of one beam may have been under way.
+                    outgoing.entry(display).or_default().insert((key.section, key.beam));
+                }
+            }
+            Ok(())
+        });
+        // Even if a packet was refused, as with samples.
+        for (id, beams) in outgoing {
+            if let Some((display, view)) = self.displays.get(&id).and_then(|d| Some((d, d.wishes.as_ref()?.view))) {
+                tell_unseen(&display.outbox, view, &Vec::from_iter(beams))?;
+            }
+        }
+        taken
+    }
+
+    fn finish_unseen(&mut self, id: ConnectionId, packet: u64) -> Result<BeamKey> {
+        ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
+        let worker = self.workers.get_mut(&id).context("it has left")?;
+        let packet = worker.finish_unseen(packet)?.packet;
+        Ok(BeamKey { section: packet.section, beam: packet.beam })
+    }
+
+    fn store(&mut self, packet: &Packet, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
+        let meta = ExtentMeta {
+            key: BeamKey { section: packet.section, beam: packet.beam },
+            first: packet.first,
+            count: samples.len() as u32,
+            kind: kind(packet),
+            paths: packet.paths,
+            settings: 0,
+            generation: 0,
+        };
+        self.holodeck.file.append(meta, samples)?;
+        self.progress.add(samples.len() as u64);
+        Ok(())
+    }
+
+    fn forward(&self, packet: &Packet, samples: &[Sample], outgoing: &mut BTreeMap<ConnectionId, Samples>) {
+        let key = BeamKey { section: packet.section, beam: packet.beam };
+        for (&id, display) in &self.displays {
+            let Some(wishes) = display.wishes.as_ref().filter(|wishes| wishes.contains(key)) else { continue };
+            let message = outgoing.entry(id).or_insert_with(|| Samples {
+                view: wishes.view,
+                source: Source::Traced,
+                runs: Vec::new(),
+                samples: Vec::new(),
+            });
+            message.runs.push(Run {
+                section: packet.section,
+                beam: packet.beam,
+                kind: kind(packet),
+                first: packet.first,
+                count: samples.len() as u32,
+                paths: packet.paths,
+            });
+            message.samples.extend_from_slice(samples);
+        }
+    }
+}
+
+fn kind(packet: &Packet) -> SampleKind {
+    if packet.viewpoint.is_some() { SampleKind::ViewpointLimited } else { SampleKind::Uniform }
+}

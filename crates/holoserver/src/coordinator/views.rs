@@ -1,0 +1,113 @@
+//! What displays ask for: a view from its beginning, recalled and wished for, to its settling.
+
+use std::sync::{Arc, atomic::Ordering};
+
+use anyhow::{Result, ensure};
+use holo_proto::{bulk::ViewRequest, control::Control};
+
+use super::{Coordinator, Event};
+use crate::{allotment::BeamKey, listen::ConnectionId, recall::Recall, wishes::Wishes};
+
+impl Coordinator {
+    /// A display's view: recall what is stored, and from now on trace for it. The same view again only moves the
+    /// viewpoint's radius.
+    pub(super) fn view(&mut self, id: ConnectionId, request: ViewRequest) -> Result<()> {
+        let sections = &self.holodeck.sections;
+        let known = request.beams.iter().all(|wanted| {
+            sections.get(usize::from(wanted.section)).is_some_and(|section| wanted.beam < section.beam_count())
+        });
+        ensure!(known, "it asked for beams that do not exist");
+        let in_order = request.beams.is_sorted_by_key(|wanted| (wanted.section, wanted.beam))
+            && request.beams.windows(2).all(|pair| (pair[0].section, pair[0].beam) != (pair[1].section, pair[1].beam));
+        ensure!(in_order, "it asked for a beam twice, or not in order");
+        let Some(display) = self.displays.get_mut(&id) else { return Ok(()) };
+        if let Some(wishes) = display.wishes.as_mut().filter(|wishes| wishes.view == request.view) {
+            wishes.viewpoint = request.viewpoint;
+            return Ok(());
+        }
+        let file = &self.holodeck.file;
+        let beams = request.beams.iter().map(|wanted| {
+            let key = BeamKey { section: wanted.section, beam: holo_section::BeamId(wanted.beam) };
+            (key, wanted.weight, file.count(key))
+        });
+        let wishes = Wishes::new(request.view, request.viewpoint, beams);
+        display.newest.store(request.view, Ordering::Release);
+        let recall = Recall {
+            holodeck: Arc::clone(&self.holodeck),
+            outbox: display.outbox.clone(),
+            view: request.view,
+            keys: wishes.keys(),
+            newest: Arc::clone(&display.newest),
+        };
+        display.wishes = Some(wishes);
+        display.recalling = true;
+        display.settling = false;
+        let events = self.events.clone();
+        recall.start(move |view, result| {
+            // If the coordinator is gone, so is the process.
+            let _ = events.send(Event::Recalled { id, view, result });
+        })?;
+        // Packets for the display's former view are no longer urgent; what is under way arrives and is stored.
+        self.again.retain(|assignment| assignment.display != Some(id));
+        Ok(())
+    }
+
+    pub(super) fn recalled(&mut self, id: ConnectionId, view: u32, result: Result<(), String>) {
+        let Some(display) = self.displays.get_mut(&id) else { return };
+        if display.wishes.as_ref().is_none_or(|wishes| wishes.view != view) {
+            return;
+        }
+        display.recalling = false;
+        if let Err(error) = result {
+            self.progress.say(&format!("reading stored samples failed: {error}"));
+        }
+        let _ = display.outbox.control(&Control::StoredSent { view });
+        self.try_settle();
+    }
+
+    pub(super) fn settle(&mut self, id: ConnectionId, view: u32) {
+        if let Some(display) = self.displays.get_mut(&id) {
+            display.settling = display.wishes.as_ref().is_some_and(|wishes| wishes.view == view);
+            if !display.settling {
+                // No such view: nothing is under way for it.
+                let _ = display.outbox.control(&Control::Settled { view });
+            }
+        }
+        self.forget_stale();
+        self.try_settle();
+    }
+
+    /// Tells displays that wait for it that nothing of their view is under way any more.
+    pub(super) fn try_settle(&mut self) {
+        for (&id, display) in &mut self.displays {
+            let Some(wishes) = display.wishes.as_ref().filter(|_| display.settling && !display.recalling) else {
+                continue;
+            };
+            let under_way = self.workers.values().any(|worker| {
+                worker.assignments().any(|assignment| {
+                    wishes.contains(BeamKey { section: assignment.packet.section, beam: assignment.packet.beam })
+                })
+            });
+            if under_way {
+                continue;
+            }
+            let (view, events, holodeck) = (wishes.view, self.events.clone(), Arc::clone(&self.holodeck));
+            display.settling = false;
+            display.wishes = None;
+            // Flushing waits for the disk, and the coordinator waits for no one.
+            std::thread::spawn(move || {
+                // A disk that fails is named in the file's statistics, and at the end.
+                let _ = holodeck.save_unseen();
+                let _ = holodeck.writable.then(|| holodeck.file.flush());
+                let _ = events.send(Event::Flushed { id, view });
+            });
+        }
+    }
+
+    pub(super) fn forget_stale(&mut self) {
+        let displays = &self.displays;
+        self.again.retain(|assignment| {
+            assignment.display.is_none_or(|id| displays.get(&id).is_some_and(|display| !display.settling))
+        });
+    }
+}
