@@ -40,7 +40,7 @@ pub struct Args {
     /// As many paths as fit into so long, such as 60s
     #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time, conflicts_with = "spp")]
     time: Option<Duration>,
-    /// Also write every pixel's standard error here
+    /// Also write every pixel's standard error here (as of independent paths; stratified ones err less)
     #[arg(long, value_name = "FILE")]
     se: Option<PathBuf>,
     #[command(flatten)]

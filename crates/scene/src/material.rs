@@ -53,7 +53,7 @@ pub enum Bsdf {
     },
     /// The boundary of a solid, the inside being on the clockwise side.
     Dielectric {
-        /// Index of refraction inside, relative to outside.
+        /// Index of refraction inside, relative to air; if below 1, relative to what the solid lies in.
         ior: f32,
         /// Colour of what goes through the boundary; reflection is uncoloured.
         transmittance: Rgb,
