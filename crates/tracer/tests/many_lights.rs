@@ -97,7 +97,8 @@ fn a_point_in_an_emitter_s_plane_gets_nothing_from_it() {
     model.polygon(&[[50.0, -1.0, 0.0], [52.0, -1.0, 0.0], [52.0, 1.0, 0.0], [50.0, 1.0, 0.0]], light);
     model.polygon(&[[3.0, 0.0, 0.0], [5.0, 0.0, 0.0], [5.0, 0.0, 2.0], [3.0, 0.0, 2.0]], light);
     let tracer = model.tracer(Some(0));
-    for x in [49.9, 30.0, 0.0] {
+    // Not 0: there the floor's diagonal runs, and points within rounding of an edge are moved off it, out of the plane.
+    for x in [49.9, 30.0, 1.0] {
         let point = DVec3::new(x, 0.0, 0.0);
         let eye = point + DVec3::new(0.0, -0.4, 1.0);
         assert_eq!(estimate(&tracer, eye, point - eye, 5_000).mean, [0.0; 3], "{x}");
