@@ -10,15 +10,30 @@ use holo_section::SampleKind;
 #[derive(Default)]
 pub struct Allotment {
     next: HashMap<(BeamKey, SampleKind), u32>,
+    returned: HashMap<(BeamKey, SampleKind), Vec<(u32, u8)>>,
 }
 
 impl Allotment {
-    /// The first of `count` fresh numbers of a beam; fewer than `count` may be left at the very end of the numbers.
-    pub fn take(&mut self, file: &BeamFile, key: BeamKey, kind: SampleKind, count: u8) -> Option<u32> {
+    /// The first of up to `count` fresh numbers of a beam, and how many. `None` at the very end of the numbers.
+    pub fn take(&mut self, file: &BeamFile, key: BeamKey, kind: SampleKind, count: u8) -> Option<(u32, u8)> {
+        if let Some(ranges) = self.returned.get_mut(&(key, kind)) {
+            let range = ranges.pop();
+            if ranges.is_empty() {
+                self.returned.remove(&(key, kind));
+            }
+            if range.is_some() {
+                return range;
+            }
+        }
         let next = self.next.entry((key, kind)).or_insert_with(|| stored(file, key, kind));
         let first = *next;
         *next = first.checked_add(u32::from(count))?;
-        Some(first)
+        Some((first, count))
+    }
+
+    /// Takes back numbers that were given out and will not be traced: they are the beam's next.
+    pub fn give_back(&mut self, key: BeamKey, kind: SampleKind, first: u32, count: u8) {
+        self.returned.entry((key, kind)).or_default().push((first, count));
     }
 
     /// Numbers given out so far, stored or under way.

@@ -170,13 +170,14 @@ impl Coordinator {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             self.check_goal();
+            self.deal();
             if let Some(since) = self.ending {
-                let done = self.workers.values().all(Worker::is_idle);
+                // What lost workers had is traced again first, if there is anybody to do it.
+                let left = !self.again.is_empty() && !self.workers.is_empty();
+                let done = !left && self.workers.values().all(Worker::is_idle);
                 if done || since.elapsed() > LAST_PACKETS {
                     break;
                 }
-            } else {
-                self.deal();
             }
             self.tick();
         }

@@ -28,7 +28,8 @@ impl Coordinator {
         // What is under way counts for the goal: it is reached, not overrun by what fast workers are given ahead.
         let under_way: f64 = self.workers.values().map(Worker::rays_ahead).sum();
         let so_far = self.progress.added() as f64 + under_way;
-        let mut left = self.goal.samples.map_or(f64::INFINITY, |goal| goal as f64 - so_far);
+        let goal = self.goal.samples.filter(|_| self.ending.is_none());
+        let mut left = goal.map_or(f64::INFINITY, |goal| goal as f64 - so_far);
         let hungry: Vec<_> = self.workers.iter().map(|(&id, worker)| (id, worker.hunger())).collect();
         for (id, hunger) in hungry {
             let mut rays = 0.0;
@@ -45,10 +46,13 @@ impl Coordinator {
         }
     }
 
-    /// The most urgent packet: lost ones, then displays in turn, then batch order.
+    /// The most urgent packet: lost ones, then displays in turn, then batch order. At the end, lost ones only.
     fn next_assignment(&mut self) -> Option<Assignment> {
         if let Some(assignment) = self.again.pop_front() {
             return Some(assignment);
+        }
+        if self.ending.is_some() {
+            return None;
         }
         self.next_for_displays().or_else(|| self.next_in_batch())
     }
@@ -70,7 +74,7 @@ impl Coordinator {
             let viewpoint = wishes.viewpoint;
             while let Some((key, count)) = wishes.next(|key| unseen.contains(key)) {
                 let kind = SampleKind::ViewpointLimited;
-                let Some(first) = self.allotment.take(&self.holodeck.file, key, kind, count) else { continue };
+                let Some((first, count)) = self.allotment.take(&self.holodeck.file, key, kind, count) else { continue };
                 self.last_served = Some(id);
                 drop(unseen);
                 return Some(self.assignment(key, first, count, Some(viewpoint), Some(id)));
@@ -97,7 +101,7 @@ impl Coordinator {
                 continue;
             }
             let count = (wanted - have).min(MAX_RAYS_PER_PACKET as u64) as u8;
-            let Some(first) = self.allotment.take(file, key, SampleKind::Uniform, count) else { continue };
+            let Some((first, count)) = self.allotment.take(file, key, SampleKind::Uniform, count) else { continue };
             self.batch_rest = Some((key, wanted));
             drop(unseen);
             return Some(self.assignment(key, first, count, None, None));

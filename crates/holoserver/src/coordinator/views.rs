@@ -4,9 +4,10 @@ use std::sync::{Arc, atomic::Ordering};
 
 use anyhow::{Result, ensure};
 use holo_proto::{bulk::ViewRequest, control::Control};
+use holo_section::SampleKind;
 
 use super::{Coordinator, Event};
-use crate::{allotment::BeamKey, listen::ConnectionId, recall::Recall, wishes::Wishes};
+use crate::{allotment::BeamKey, listen::ConnectionId, recall::Recall, wishes::Wishes, workers::Assignment};
 
 impl Coordinator {
     /// A display's view: recall what is stored, and from now on trace for it. The same view again only moves the
@@ -48,7 +49,7 @@ impl Coordinator {
             let _ = events.send(Event::Recalled { id, view, result });
         })?;
         // Packets for the display's former view are no longer urgent; what is under way arrives and is stored.
-        self.again.retain(|assignment| assignment.display != Some(id));
+        self.forget(|assignment| assignment.display == Some(id));
         Ok(())
     }
 
@@ -104,10 +105,20 @@ impl Coordinator {
         }
     }
 
+    /// Forgets lost packets for displays that have left or settle.
     pub(super) fn forget_stale(&mut self) {
-        let displays = &self.displays;
-        self.again.retain(|assignment| {
-            assignment.display.is_none_or(|id| displays.get(&id).is_some_and(|display| !display.settling))
-        });
+        let wanted: Vec<_> = self.displays.iter().filter(|(_, display)| !display.settling).map(|(&id, _)| id).collect();
+        self.forget(|assignment| assignment.display.is_some_and(|id| !wanted.contains(&id)));
+    }
+
+    /// Does not trace some lost packets again; their sample numbers are given to later packets.
+    fn forget(&mut self, stale: impl Fn(&Assignment) -> bool) {
+        let (stale, kept) = std::mem::take(&mut self.again).into_iter().partition(stale);
+        self.again = kept;
+        for Assignment { packet, viewpoint, .. } in Vec::from(stale) {
+            let kind = if viewpoint.is_some() { SampleKind::ViewpointLimited } else { SampleKind::Uniform };
+            let key = BeamKey { section: packet.section, beam: packet.beam };
+            self.allotment.give_back(key, kind, packet.first, packet.count);
+        }
     }
 }
