@@ -41,7 +41,8 @@ fn refusal(bytes: &[u8]) -> String {
 /// A server that fills with a worker of its own, which hostile clients must not disturb.
 fn busy(place: &Place) -> (Server, holo_tests::Process) {
     place.fill_small("a.holo", "1k");
-    let server = place.server("a.holo", &["--fill", "--json"]);
+    // Beams that see nothing are traced, too: a cheat's samples in one of them would stand there alone.
+    let server = place.server("a.holo", &["--fill", "--json", "--no-skip-unseen"]);
     let worker = place.worker(server.address, &[]);
     server.process.wait_for_error("joined");
     (server, worker)
