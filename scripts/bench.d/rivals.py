@@ -35,12 +35,11 @@ def rivals(bench: Bench) -> Part:
             f"Mitsuba {MITSUBA} `llvm_ad_rgb`, `path`, unlimited depth, on all cores, in the same run as `render`. *Cost* is relMSE × "
             "seconds at the largest number of paths: what a given error costs, since relMSE falls as 1/paths. The truth is "
             "the reference where there is one, else a long render of our own with another seed.",
-            "Mitsuba ends its shadow rays a thousandth of their length before the light, so that what stands closer to a "
-            "lamp than that casts no shadow: the cabin's flood lamps, sunk into their housings, are 0.4 to 0.9 % too "
-            "bright in it and in the references. At three points of a floor under such a lamp, with nothing but its housing "
-            "around, an exhaustive computation in double precision gives 0.058438, 0.046352 and 0.060469 (± 4e-5); our "
-            "tracer 0.058444, 0.046378 and 0.060473; Mitsuba 0.058666, 0.046504 and 0.060994. The second table "
-            "therefore compares the two in the cabin with the flood lamps off.",
+            "Mitsuba ends its shadow rays a thousandth of their length before the light, so that what stands "
+            "closer to a lamp than that casts no shadow: the cabin's flood lamps, sunk into their housings, are "
+            "too bright in it and in the references. (`crates/tracer/tests/housing.rs` holds our tracer against "
+            "double precision under such a lamp.) The last table therefore compares the two in the cabin with the "
+            "flood lamps off.",
         ],
     )
     mitsuba = Mitsuba(bench)
