@@ -19,11 +19,13 @@ pub const MAX_SECTIONS: usize = 1024;
 pub enum Engine {
     /// Unbiased path tracing.
     Path,
+    /// Indirect light shared among all workers, within a stated error.
+    Cached,
 }
 
 /// Everything that decides what a sample's radiance is, besides the scene itself. Kept in the file: a holodeck is
 /// judged against a picture rendered with its own settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RenderSettings {
     /// What traces.
     pub engine: Engine,
@@ -31,8 +33,16 @@ pub struct RenderSettings {
     pub bounces: Option<u32>,
     /// Paths averaged into one sample.
     pub paths_per_sample: u16,
+    /// Relative error of indirect light that the engine `cached` aims at; of no meaning to others.
+    /// Files from before it was kept are of those.
+    #[serde(default = "any_accuracy")]
+    pub accuracy: f32,
     /// Makes the random numbers of two files different.
     pub seed: u64,
+}
+
+fn any_accuracy() -> f32 {
+    1.0
 }
 
 /// The packed scene, by content: fetched once, cached by its hash.
@@ -198,6 +208,10 @@ impl Welcome {
         }
         if !self.up.iter().all(|x| x.is_finite()) || self.up == [0.0; 3] {
             return Err(ProtoError::Number("the up axis"));
+        }
+        let accuracy = self.settings.accuracy;
+        if !(accuracy > 0.0 && accuracy <= 1.0) {
+            return Err(ProtoError::Number("the accuracy of indirect light"));
         }
         if self.settings.paths_per_sample == 0 {
             return Err(ProtoError::Number("the number of paths per sample"));

@@ -318,6 +318,9 @@ fn a_welcome_that_nothing_can_be_done_with_is_refused() {
     assert!(matches!(with(&|w| w.up = [0.0; 3]), Err(ProtoError::Number(_))));
     assert!(matches!(with(&|w| w.up[1] = f64::NAN), Err(ProtoError::Number(_))));
     assert!(matches!(with(&|w| w.settings.paths_per_sample = 0), Err(ProtoError::Number(_))));
+    for bad in [-1.0, 0.0, 1.5, f32::NAN] {
+        assert!(matches!(with(&|w| w.settings.accuracy = bad), Err(ProtoError::Number(_))));
+    }
     for bad in [-1.0, f32::NAN, f32::INFINITY] {
         assert!(matches!(with(&|w| w.sky[2] = bad), Err(ProtoError::Number(_))));
     }

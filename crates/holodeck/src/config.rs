@@ -32,6 +32,8 @@ pub struct Config {
     pub bounces: Option<u32>,
     /// Paths averaged into one sample.
     pub paths_per_sample: Option<u16>,
+    /// Relative error of indirect light that the engine `cached` aims at.
+    pub accuracy: Option<f32>,
     /// Threads that trace.
     pub threads: Option<u16>,
     /// Memory for beams kept at hand, MiB.

@@ -13,6 +13,7 @@ use anyhow::{Context, Result};
 use holo_net::Shutdown;
 use holo_picture::{Picture, View, ViewSpec};
 use holo_progress::Meter;
+use holo_proto::control::Engine;
 use holo_tracer::{Settings, Tracer};
 use holo_view::ViewArgs;
 
@@ -77,6 +78,10 @@ pub async fn run(args: Args) -> Result<()> {
     let scene = prepare::load(&config)?;
     let settings = settings(&config);
     let tracer = Tracer::new(Arc::new(scene), Settings { bounces: settings.bounces, ..Settings::default() })?;
+    let tracer = match settings.engine {
+        Engine::Path => tracer,
+        Engine::Cached => tracer.with_cache(settings.accuracy),
+    };
     let threads = args.threads.or(config.threads).map_or_else(cores, usize::from).max(1);
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;

@@ -64,6 +64,9 @@ pub struct SceneArgs {
     /// Paths averaged into one sample [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub paths_per_sample: Option<u16>,
+    /// Relative error of indirect light that `--engine cached` aims at [default: 0.03]
+    #[arg(long, value_name = "SHARE", value_parser = parse_accuracy)]
+    pub accuracy: Option<f32>,
     /// Seed of the random numbers [default: 0]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
@@ -89,6 +92,7 @@ impl SceneArgs {
         config.engine = self.engine.or(config.engine);
         config.bounces = self.bounces.or(config.bounces);
         config.paths_per_sample = self.paths_per_sample.or(config.paths_per_sample);
+        config.accuracy = self.accuracy.or(config.accuracy);
         config.seed = self.seed.or(config.seed);
         Ok(config)
     }
@@ -100,6 +104,7 @@ pub fn settings(config: &Config) -> RenderSettings {
         engine: config.engine.unwrap_or(Engine::Path),
         bounces: config.bounces,
         paths_per_sample: config.paths_per_sample.unwrap_or(1).max(1),
+        accuracy: config.accuracy.unwrap_or(holo_tracer::DEFAULT_ACCURACY),
         seed: config.seed.unwrap_or(0),
     }
 }
@@ -107,8 +112,15 @@ pub fn settings(config: &Config) -> RenderSettings {
 fn parse_engine(text: &str) -> Result<Engine, String> {
     match text {
         "path" => Ok(Engine::Path),
-        other => Err(format!("`{other}` is not an engine; there is `path`")),
+        "cached" => Ok(Engine::Cached),
+        other => Err(format!("`{other}` is not an engine; there are `path` and `cached`")),
     }
+}
+
+fn parse_accuracy(text: &str) -> Result<f32, String> {
+    let range = holo_tracer::ACCURACIES;
+    let accuracy = text.parse().ok().filter(|accuracy| range.contains(accuracy));
+    accuracy.ok_or_else(|| format!("an accuracy is a number from {} to {}", range.start(), range.end()))
 }
 
 fn numbers(text: &str) -> Result<[f64; 3], String> {

@@ -133,10 +133,13 @@ impl Worker {
 }
 
 fn build(scene: Scene, settings: RenderSettings) -> Result<Tracer> {
-    let settings = match settings.engine {
-        Engine::Path => Settings { bounces: settings.bounces, paths: u32::from(settings.paths_per_sample) },
-    };
-    Tracer::new(Arc::new(scene), settings).context("preparing the scene for tracing")
+    let paths = u32::from(settings.paths_per_sample);
+    let tracer = Tracer::new(Arc::new(scene), Settings { bounces: settings.bounces, paths })
+        .context("preparing the scene for tracing")?;
+    Ok(match settings.engine {
+        Engine::Path => tracer,
+        Engine::Cached => tracer.with_cache(settings.accuracy),
+    })
 }
 
 type Messages = mpsc::UnboundedReceiver<Result<Message, NetError>>;

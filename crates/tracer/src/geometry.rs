@@ -7,8 +7,8 @@ use glam::Vec3;
 /// A right-handed orthonormal frame whose third axis is a given normal.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
-    s: Vec3,
-    t: Vec3,
+    pub s: Vec3,
+    pub t: Vec3,
     pub n: Vec3,
 }
 

@@ -17,6 +17,7 @@ mod albedo;
 mod bsdf;
 #[cfg(test)]
 mod bsdf_tests;
+mod cached;
 mod coat;
 mod conductor;
 mod direct;
@@ -33,16 +34,19 @@ mod microfacet;
 mod path;
 mod sampler;
 
+pub use cached::{ACCURACIES, DEFAULT_ACCURACY};
 pub use sampler::Sampler;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DVec3, Vec3};
+use holo_light::Store;
 use holo_raycast::{BuildError, Raycaster};
 use holo_scene::Scene;
 use serde::{Deserialize, Serialize};
 
+use cached::Cached;
 use path::{Direct, PathEngine, Start};
 
 /// Most paths per sample: beyond, one call would take seconds, and a worker could not be stopped.
@@ -98,6 +102,7 @@ pub struct Traced {
 pub struct Tracer {
     raycaster: Arc<Raycaster>,
     engine: PathEngine,
+    cached: Option<Cached>,
     settings: Settings,
     nonfinite: AtomicU64,
 }
@@ -129,7 +134,7 @@ impl Tracer {
             return Err(TracerError::Paths(settings.paths));
         }
         let engine = PathEngine::new(raycaster.scene(), settings.bounces, direct, light_samples);
-        Ok(Self { raycaster, engine, settings, nonfinite: AtomicU64::new(0) })
+        Ok(Self { raycaster, engine, cached: None, settings, nonfinite: AtomicU64::new(0) })
     }
 
     /// As this one, with this many samples of the lights at a path's first surface that is not a mirror or glass, at least
@@ -138,6 +143,20 @@ impl Tracer {
     pub fn with_light_samples(mut self, samples: u32) -> Self {
         self.engine.light_samples = samples.clamp(1, MAX_LIGHT_SAMPLES);
         self
+    }
+
+    /// As this one, with the engine `cached`: indirect light within a relative error of `accuracy`, which is brought within
+    /// [`ACCURACIES`].
+    #[must_use]
+    pub fn with_cache(mut self, accuracy: f32) -> Self {
+        self.cached = Some(Cached::new(&self.raycaster, accuracy));
+        self
+    }
+
+    /// The indirect light found so far, if the engine is `cached`.
+    #[must_use]
+    pub fn light(&self) -> Option<&Arc<Store>> {
+        self.cached.as_ref().map(Cached::store)
     }
 
     /// The scene that is traced.
@@ -189,7 +208,11 @@ impl Tracer {
         let count = paths.end.saturating_sub(paths.start).max(1);
         let mut sum = Vec3::ZERO;
         for path in paths {
-            let radiance = self.engine.radiance(&self.raycaster, start, &mut Sampler::new(seed, path));
+            let mut sampler = Sampler::new(seed, path);
+            let radiance = match &self.cached {
+                None => self.engine.radiance(&self.raycaster, start, &mut sampler),
+                Some(cached) => cached.radiance(&self.engine, &self.raycaster, start, &mut sampler),
+            };
             if radiance.is_finite() {
                 sum += radiance;
             } else {

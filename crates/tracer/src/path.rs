@@ -26,9 +26,9 @@ const ROULETTE_SCATTERINGS: u32 = 3;
 /// Surfaces before roulette begins for all paths: mirrors and glass take little.
 const ROULETTE_DEPTH: u32 = 5;
 /// Chance of going on that roulette never exceeds.
-const ROULETTE_CEILING: f32 = 0.95;
+pub(crate) const ROULETTE_CEILING: f32 = 0.95;
 /// Scatterings of a path at most.
-const MAX_DEPTH: u32 = 1024;
+pub(crate) const MAX_DEPTH: u32 = 1024;
 
 /// How direct light is found. Both are unbiased alone where no material is a delta; tests compare them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,20 +43,20 @@ pub(crate) enum Direct {
 /// What the engine needs of a material.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
-    scatter: Scatter,
+    pub scatter: Scatter,
     pub emission: Vec3,
-    emits: bool,
+    pub emits: bool,
     pub two_sided: bool,
 }
 
 /// The path engine of one scene.
 #[derive(Debug)]
 pub(crate) struct PathEngine {
-    surfaces: Vec<Surface>,
-    lights: Lights,
-    nesting: Option<Nesting>,
-    sky: Vec3,
-    bounces: u32,
+    pub surfaces: Vec<Surface>,
+    pub lights: Lights,
+    pub nesting: Option<Nesting>,
+    pub sky: Vec3,
+    pub bounces: u32,
     direct: Direct,
     /// Samples of the lights at the first surface that is not a mirror or glass.
     pub light_samples: u32,

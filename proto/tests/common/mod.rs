@@ -111,8 +111,14 @@ fn section() -> impl Strategy<Value = SectionSpec> {
 }
 
 fn welcome() -> impl Strategy<Value = Control> {
-    let settings = (any::<Option<u32>>(), 1..=u16::MAX, any::<u64>()).prop_map(|(bounces, paths_per_sample, seed)| {
-        RenderSettings { engine: Engine::Path, bounces, paths_per_sample, seed }
+    let engine = any::<bool>().prop_map(|cached| if cached { Engine::Cached } else { Engine::Path });
+    let numbers = (any::<Option<u32>>(), 1..=u16::MAX, 1e-6..=1.0_f32, any::<u64>());
+    let settings = (engine, numbers).prop_map(|(engine, (bounces, paths_per_sample, accuracy, seed))| RenderSettings {
+        engine,
+        bounces,
+        paths_per_sample,
+        accuracy,
+        seed,
     });
     let scene = (any::<[u8; 32]>(), any::<u64>()).prop_map(|(hash, bytes)| SceneInfo { hash, bytes });
     let up = [finite(), finite(), finite()].prop_filter("an axis", |up| *up != [0.0; 3]);

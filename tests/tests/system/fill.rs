@@ -40,9 +40,11 @@ fn info_says_what_the_file_holds() {
     assert_eq!(section["origin"], serde_json::json!([0.6, 0.6, -4.0]));
     assert_eq!(info["samples"], stored.count());
     assert_eq!(info["bytes"].as_u64(), Some(std::fs::metadata(place.path("a.holo")).unwrap().len()));
+    let accuracy = info["settings"]["accuracy"].as_f64().unwrap();
+    assert_eq!(accuracy as f32, 0.03);
     assert_eq!(
         info["settings"],
-        serde_json::json!({"engine": "path", "bounces": null, "paths_per_sample": 1, "seed": 0})
+        serde_json::json!({"engine": "path", "bounces": null, "paths_per_sample": 1, "accuracy": accuracy, "seed": 0})
     );
     assert_eq!(info["views"][0][0], "front");
     assert_eq!(info["up"], serde_json::json!([0.0, 1.0, 0.0]));

@@ -1,0 +1,129 @@
+//! Gathering: rays over the hemisphere above a point, and what follows from them.
+//!
+//! Always true: the rays are stratified in rings of equal projected solid angle and sectors, so that the mean radiance times π
+//! is an unbiased estimate of the irradiance; gradients are those of Ward and Heckbert (1992, equations 2 and 3).
+
+use std::f32::consts::{PI, TAU};
+
+use glam::Vec3;
+
+use crate::record::Record;
+
+/// What one ray brought back.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Arrival {
+    /// Radiance that arrives along it.
+    pub radiance: Vec3,
+    /// Distance to the first surface; infinity if there is none.
+    pub distance: f32,
+}
+
+/// The rays of one record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hemisphere {
+    rings: u32,
+    sectors: u32,
+}
+
+impl Hemisphere {
+    /// About `rays` rays, at least 12 and at most 65,536, in strata about as wide as they are high.
+    #[must_use]
+    pub fn new(rays: u32) -> Self {
+        let rings = (rays.clamp(12, 1 << 16) as f32 / PI).sqrt().round().max(2.0) as u32;
+        Self { rings, sectors: (rings as f32 * PI).round() as u32 }
+    }
+
+    /// How many rays there are.
+    #[must_use]
+    pub fn rays(self) -> u32 {
+        self.rings * self.sectors
+    }
+
+    /// Unit direction of ray `index`, at `u` in its stratum: +z is the normal.
+    #[must_use]
+    #[inline]
+    pub fn direction(self, index: u32, u: [f32; 2]) -> Vec3 {
+        let (ring, sector) = (index / self.sectors, index % self.sectors);
+        let sine2 = (ring as f32 + u[0]) / self.rings as f32;
+        let (sin, cos) = (TAU * (sector as f32 + u[1]) / self.sectors as f32).sin_cos();
+        let sine = sine2.sqrt();
+        Vec3::new(sine * cos, sine * sin, (1.0 - sine2).max(0.0).sqrt())
+    }
+
+    /// The record of these arrivals, in the order of the rays. `x`, `y` and `normal` are the axes of [`direction`](Self::direction).
+    /// Its radius is the harmonic mean of the distances, for the caller to bound; its point and id are left 0.
+    #[must_use]
+    pub fn record(self, arrivals: &[Arrival], [x, y, normal]: [Vec3; 3]) -> Record {
+        debug_assert_eq!(arrivals.len(), self.rays() as usize);
+        let (rings, sectors) = (self.rings as usize, self.sectors as usize);
+        let at = |j: usize, k: usize| &arrivals[j * sectors + k];
+        let count = arrivals.len() as f32;
+        let (mut sum, mut squares, mut inverse, mut nearest) = (Vec3::ZERO, 0.0, 0.0, f32::INFINITY);
+        for arrival in arrivals {
+            sum += arrival.radiance;
+            let l = luminance(arrival.radiance);
+            squares += l * l;
+            inverse += 1.0 / arrival.distance;
+            nearest = nearest.min(arrival.distance);
+        }
+        let mean = luminance(sum) / count;
+        let variance = (squares / count - mean * mean).max(0.0) / (count - 1.0);
+        let mut shift = [Vec3::ZERO; 3];
+        let mut turn = [Vec3::ZERO; 3];
+        let add = |to: &mut [Vec3; 3], along: Vec3, by: Vec3| {
+            (0..3).for_each(|c| to[c] += along * by[c]);
+        };
+        for k in 0..sectors {
+            let before = (k + sectors - 1) % sectors;
+            let axis = |angle: f32| x * angle.cos() + y * angle.sin();
+            let step = TAU / sectors as f32;
+            let outwards = axis(step * (k as f32 + 0.5));
+            let around = axis(step * (k as f32 + 0.5) + 0.5 * PI);
+            let across = axis(step * k as f32 + 0.5 * PI);
+            let (mut radial, mut tangential, mut turning) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
+            for j in 0..rings {
+                let here = at(j, k);
+                let below2 = j as f32 / rings as f32;
+                let above = ((j + 1) as f32 / rings as f32).sqrt();
+                if j > 0 {
+                    let inner = at(j - 1, k);
+                    let near = here.distance.min(inner.distance);
+                    radial += (here.radiance - inner.radiance) * (below2.sqrt() * (1.0 - below2) / near);
+                }
+                let beside = at(j, before);
+                let near = here.distance.min(beside.distance);
+                tangential += (here.radiance - beside.radiance) * ((above - below2.sqrt()) / near);
+                turning += here.radiance * mean_tangent(j as f32 / rings as f32, (j + 1) as f32 / rings as f32);
+            }
+            add(&mut shift, outwards, radial * step);
+            add(&mut shift, across, tangential);
+            add(&mut turn, around, turning * (PI / count));
+        }
+        let irradiance = sum * (PI / count);
+        Record {
+            point: [0.0; 3],
+            radius: if inverse > 0.0 { count / inverse } else { f32::INFINITY },
+            normal: normal.to_array(),
+            nearest,
+            irradiance: irradiance.to_array(),
+            error: if mean > 0.0 { variance.sqrt() / mean } else { 0.0 },
+            shift: shift.map(|v| v.to_array()),
+            turn: turn.map(|v| v.to_array()),
+            rays: self.rays(),
+            flags: 0,
+            id: 0,
+        }
+    }
+}
+
+/// Mean tangent of the angle from the normal over a ring, given the squares of the sines at its borders: by the integral, since it
+/// has no bound at the rim.
+fn mean_tangent(low: f32, high: f32) -> f32 {
+    let integral = |sine2: f32| sine2.sqrt().asin() - (sine2 * (1.0 - sine2)).max(0.0).sqrt();
+    (integral(high.min(1.0)) - integral(low)) / (high - low)
+}
+
+/// Relative weights of the channels in what a person sees (Radiance's).
+pub(crate) fn luminance(c: Vec3) -> f32 {
+    c.dot(Vec3::new(0.265, 0.670, 0.065))
+}

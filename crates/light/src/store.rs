@@ -1,0 +1,254 @@
+//! The store: records by where they are, read by many threads while others add to it.
+//!
+//! Always true:
+//! - Readers never wait. Writers wait for each other only.
+//! - A record is in at most once: merging the same records again, in whatever order, changes nothing.
+//! - Radii only ever shrink. What is given for a point comes from records in sight of it.
+//! - Memory is bounded by [`MAX_RECORDS`].
+
+use std::collections::HashSet;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+
+use glam::{IVec3, Vec3};
+use holo_raycast::{NO_TRIANGLE, Ray, Raycaster, SurfacePoint};
+
+use crate::record::Record;
+
+/// Most records of a store: 150 MB.
+pub const MAX_RECORDS: usize = 1 << 20;
+
+/// Records in one allocation.
+const CHUNK: usize = 1 << 12;
+/// Entries of the table of cells: a power of two.
+const HEADS: usize = 1 << 18;
+/// Entries of cells' lists in one allocation.
+const NODES: usize = 1 << 14;
+/// A record lies in at most so many cells.
+const CELLS: usize = 8;
+/// Levels of the grid: each has cells twice as wide as the one before.
+const LEVELS: usize = 24;
+/// No entry.
+const NONE: u32 = u32::MAX;
+/// Cosine between normals beyond which a record is of no use: about 12 degrees.
+const LEAST_COSINE: f32 = 0.978;
+
+#[derive(Debug, Default)]
+struct Slot {
+    record: OnceLock<Record>,
+    /// Bits of the radius as it is now.
+    radius: AtomicU32,
+}
+
+#[derive(Debug, Default)]
+struct Writer {
+    ids: HashSet<u64>,
+    nodes: u32,
+}
+
+/// Irradiance records of one scene.
+#[derive(Debug)]
+pub struct Store {
+    slots: Box<[OnceLock<Box<[Slot]>>]>,
+    count: AtomicU32,
+    heads: Box<[AtomicU32]>,
+    /// Record in the low half, next entry in the high.
+    nodes: Box<[OnceLock<Box<[AtomicU64]>>]>,
+    /// Which levels have records.
+    levels: AtomicU32,
+    /// Width of the cells of level 0.
+    width: f32,
+    writer: Mutex<Writer>,
+}
+
+/// What a store knows about a point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Found {
+    /// Irradiance by indirect light, W·m⁻² per channel.
+    pub irradiance: Vec3,
+    /// Sum of the weights of the records used: each counts for 1 where it was made and 0 from its radius on.
+    pub weight: f32,
+    /// How many records were used.
+    pub records: u32,
+}
+
+impl Store {
+    /// An empty store for records whose radii are at least `least`.
+    #[must_use]
+    pub fn new(least: f32) -> Self {
+        Self {
+            slots: (0..MAX_RECORDS / CHUNK).map(|_| OnceLock::new()).collect(),
+            count: AtomicU32::new(0),
+            heads: (0..HEADS).map(|_| AtomicU32::new(NONE)).collect(),
+            nodes: (0..MAX_RECORDS * CELLS / NODES).map(|_| OnceLock::new()).collect(),
+            levels: AtomicU32::new(0),
+            width: 2.0 * least,
+            writer: Mutex::default(),
+        }
+    }
+
+    /// How many records there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.count.load(Ordering::Acquire) as usize
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Whether no more can be added.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.len() == MAX_RECORDS
+    }
+
+    /// Record number `index` in the order in which they came, with its radius as it is now.
+    #[must_use]
+    pub fn get(&self, index: usize) -> Option<Record> {
+        let slot = self.slots.get(index / CHUNK)?.get()?.get(index % CHUNK)?;
+        let radius = f32::from_bits(slot.radius.load(Ordering::Relaxed));
+        slot.record.get().map(|record| Record { radius, ..*record })
+    }
+
+    /// Adds a record, after its radius and those of its neighbours were made to agree: no radius is greater than another's by
+    /// more than the distance between the two, so that what one record saw nearby is known to those around it (Křivánek et al. 2006,
+    /// "Making Radiance and Irradiance Caching Practical"). `false` if it is not valid, there already, or the store is full.
+    pub fn insert(&self, mut record: Record) -> bool {
+        if !record.is_valid() {
+            return false;
+        }
+        let mut writer = lock(&self.writer);
+        let index = self.count.load(Ordering::Relaxed);
+        if index as usize == MAX_RECORDS || !writer.ids.insert(record.id) {
+            return false;
+        }
+        let (point, normal) = (Vec3::from(record.point), Vec3::from(record.normal));
+        self.around(point, |slot, other, radius| {
+            let distance = point.distance(Vec3::from(other.point));
+            if normal.dot(Vec3::from(other.normal)) > LEAST_COSINE && distance < radius {
+                record.radius = record.radius.min(radius + distance);
+                slot.radius.fetch_min((record.radius + distance).to_bits(), Ordering::Relaxed);
+            }
+        });
+        record.radius = record.radius.max(0.5 * self.width);
+        let chunk = self.slots[index as usize / CHUNK].get_or_init(|| (0..CHUNK).map(|_| Slot::default()).collect());
+        let slot = &chunk[index as usize % CHUNK];
+        slot.radius.store(record.radius.to_bits(), Ordering::Relaxed);
+        let _ = slot.record.set(record);
+        self.count.store(index + 1, Ordering::Release);
+        let level = self.level(record.radius);
+        let (low, high) = (self.cell(point - record.radius, level), self.cell(point + record.radius, level));
+        for x in low.x..=high.x {
+            for y in low.y..=high.y {
+                for z in low.z..=high.z {
+                    self.link(&mut writer, IVec3::new(x, y, z), level, index);
+                }
+            }
+        }
+        self.levels.fetch_or(1 << level, Ordering::Release);
+        true
+    }
+
+    fn link(&self, writer: &mut Writer, cell: IVec3, level: usize, index: u32) {
+        let node = writer.nodes;
+        let Some(chunk) = self.nodes.get(node as usize / NODES) else { return };
+        let chunk = chunk.get_or_init(|| (0..NODES).map(|_| AtomicU64::new(0)).collect());
+        let head = &self.heads[hash(cell, level)];
+        let next = head.load(Ordering::Relaxed);
+        chunk[node as usize % NODES].store(u64::from(next) << 32 | u64::from(index), Ordering::Release);
+        head.store(node, Ordering::Release);
+        writer.nodes += 1;
+    }
+
+    /// Indirect light at a point, on the side of `normal`, from the records that may be used there: `None` without any.
+    ///
+    /// Radii count `reach` times: 1 for what is seen, more where less exactness will do.
+    #[must_use]
+    pub fn irradiance(&self, raycaster: &Raycaster, surface: &SurfacePoint, normal: Vec3, reach: f32) -> Option<Found> {
+        let mut found = Found::default();
+        let point = surface.point;
+        self.around(point, |_, record, radius| {
+            let offset = point - Vec3::from(record.point);
+            let distance = offset.length();
+            let radius = radius * reach;
+            let other = Vec3::from(record.normal);
+            let cosine = normal.dot(other);
+            if distance >= radius || cosine < LEAST_COSINE {
+                return;
+            }
+            // Before or behind the record's plane is another surface, or a step.
+            if offset.dot(other).abs().max(offset.dot(normal).abs()) > 0.1 * radius {
+                return;
+            }
+            let turned = ((1.0 - cosine).max(0.0) / (1.0 - LEAST_COSINE)).sqrt();
+            let weight = 1.0 - (distance / radius).max(turned);
+            if weight <= 0.0 || distance > 0.5 * record.nearest && hidden(raycaster, surface, normal, record) {
+                return;
+            }
+            found.irradiance += record.extrapolate(point, normal) * weight;
+            found.weight += weight;
+            found.records += 1;
+        });
+        (found.weight > 0.0).then(|| Found { irradiance: found.irradiance / found.weight, ..found })
+    }
+
+    /// Calls `visit` with all records in whose cells a point lies.
+    #[inline]
+    fn around(&self, point: Vec3, mut visit: impl FnMut(&Slot, &Record, f32)) {
+        let mut levels = self.levels.load(Ordering::Acquire);
+        while levels != 0 {
+            let level = levels.trailing_zeros() as usize;
+            levels &= levels - 1;
+            let mut node = self.heads[hash(self.cell(point, level), level)].load(Ordering::Acquire);
+            while node != NONE {
+                let Some(chunk) = self.nodes[node as usize / NODES].get() else { break };
+                let entry = chunk[node as usize % NODES].load(Ordering::Acquire);
+                let (index, next) = (entry as u32 as usize, (entry >> 32) as u32);
+                let slot = self.slots[index / CHUNK].get().map(|chunk| &chunk[index % CHUNK]);
+                if let Some((slot, record)) = slot.and_then(|slot| Some((slot, slot.record.get()?))) {
+                    visit(slot, record, f32::from_bits(slot.radius.load(Ordering::Relaxed)));
+                }
+                node = next;
+            }
+        }
+    }
+
+    /// The least level whose cells are at least a diameter wide.
+    fn level(&self, radius: f32) -> usize {
+        let ratio = 2.0 * radius / self.width;
+        (ratio.log2().ceil().max(0.0) as usize).min(LEVELS - 1)
+    }
+
+    #[inline]
+    fn cell(&self, point: Vec3, level: usize) -> IVec3 {
+        (point / (self.width * (1_u32 << level) as f32)).floor().as_ivec3()
+    }
+}
+
+/// Whether something stands between a point and a record. Both ends are lifted off the surface, by more the farther they are
+/// apart, for surfaces are not quite flat.
+fn hidden(raycaster: &Raycaster, surface: &SurfacePoint, normal: Vec3, record: &Record) -> bool {
+    let other = Vec3::from(record.point);
+    let lift = 0.05 * surface.point.distance(other) + 4.0 * surface.error.max_element();
+    let origin = surface.point + normal * lift;
+    let direction = other + Vec3::from(record.normal) * lift - origin;
+    raycaster.occluded_from(&Ray { origin, direction, t_min: 0.0, t_max: 1.0 }, NO_TRIANGLE)
+}
+
+#[inline]
+fn hash(cell: IVec3, level: usize) -> usize {
+    let mut h = (cell.x as u32).wrapping_mul(0x8DA6_B343)
+        ^ (cell.y as u32).wrapping_mul(0xD816_3841)
+        ^ (cell.z as u32).wrapping_mul(0xCB1A_B31F)
+        ^ (level as u32).wrapping_mul(0x9E37_79B9);
+    h ^= h >> 15;
+    h = h.wrapping_mul(0x2C1B_3C6D);
+    ((h ^ (h >> 13)) as usize) & (HEADS - 1)
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,214 @@
+//! Records against closed forms, and a store against what it promises.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot set up its scene has failed")]
+
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use holo_light::{Arrival, Hemisphere, Record, Store};
+use holo_raycast::{Raycaster, SurfacePoint};
+use holo_scene::{Bsdf, Material, Scene};
+use proptest::prelude::*;
+
+const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
+
+/// The record of a radiance that is a function of direction, at given distances; strata are met in their middle.
+fn gathered(rays: u32, light: impl Fn(Vec3) -> (f32, f32)) -> Record {
+    let hemisphere = Hemisphere::new(rays);
+    let arrivals: Vec<Arrival> = (0..hemisphere.rays())
+        .map(|index| {
+            let (radiance, distance) = light(hemisphere.direction(index, [0.5, 0.5]));
+            Arrival { radiance: Vec3::splat(radiance), distance }
+        })
+        .collect();
+    hemisphere.record(&arrivals, AXES)
+}
+
+#[test]
+fn rays_lie_in_strata_of_equal_flux_and_even_light_is_found_exactly() {
+    let hemisphere = Hemisphere::new(400);
+    // 64 places in every stratum: the mean cosine under a cosine's density is 2/3, and what the midpoints of this many
+    // squares of sines leave of its integral is below 1e-4.
+    let places = (0..64).map(|i| [(i as f32 + 0.5) / 64.0, 0.5]);
+    let cosines = places.map(|u| (0..hemisphere.rays()).map(|i| hemisphere.direction(i, u).z).sum::<f32>());
+    assert!((cosines.sum::<f32>() / (64 * hemisphere.rays()) as f32 - 2.0 / 3.0).abs() < 1e-3);
+    let record = gathered(400, |_| (3.0, 2.0));
+    for c in 0..3 {
+        assert!((record.irradiance[c] - 3.0 * PI).abs() < 1e-4);
+        assert!(Vec3::from(record.shift[c]).length() < 1e-4, "even light has no gradient");
+    }
+    assert!((record.radius - 2.0).abs() < 1e-5 && record.nearest == 2.0 && record.error < 1e-3);
+}
+
+#[test]
+fn turning_gradients_are_those_of_a_sloping_sky() {
+    // A sky of 1 + x: turned by a towards x, the cosine's derivative is sin θ cos φ, and ∫ sin θ cos φ (1 + sin θ cos φ) dω = 2π/3.
+    let record = gathered(4096, |d| (1.0 + d.x, 1.0));
+    assert!((record.irradiance[0] - PI).abs() < 1e-3);
+    // Turned towards +x: the old normal × the new one is z × x = y.
+    let turn = Vec3::from(record.turn[0]);
+    assert!((turn.y - 2.0 * PI / 3.0).abs() < 0.02 * PI && turn.x.abs() < 1e-3, "{turn}");
+}
+
+#[test]
+fn steps_follow_the_light_of_a_half_bright_ceiling() {
+    // A ceiling at height 1 that shines where x > 0. E(x) = π/2 (1 + x/√(1+x²)), by the strip's closed form: slope π/2 at 0.
+    let record = gathered(16_384, |d| (f32::from(d.x > 0.0), 1.0 / d.z));
+    let shift = Vec3::from(record.shift[0]);
+    // The bright half's border is not one of sectors, but off by up to half a sector: 0.014 of π/2.
+    assert!((shift.x - 0.5 * PI).abs() < 0.05 * PI && shift.y.abs() < 0.03, "{shift}");
+    let at = |x: f32| record.extrapolate(Vec3::new(x, 0.0, 0.0), Vec3::Z).x;
+    let exact = |x: f32| 0.5 * PI * (1.0 + x / x.hypot(1.0));
+    for x in [-0.2, -0.1, 0.1, 0.2] {
+        // What a straight line leaves of it is of third order here, beside the gradient's own error.
+        assert!((at(x) - exact(x)).abs() < 0.05 * PI * x.abs() + x.abs().powi(3) * PI, "{x}");
+    }
+}
+
+/// A floor, and a wall of no thickness that stands on it at x = 0.
+fn walled() -> Raycaster {
+    let corners = [
+        [-10.0, -10.0, 0.0],
+        [10.0, -10.0, 0.0],
+        [10.0, 10.0, 0.0],
+        [-10.0, 10.0, 0.0],
+        [0.0, -10.0, 0.0],
+        [0.0, 10.0, 0.0],
+        [0.0, 10.0, 5.0],
+        [0.0, -10.0, 5.0],
+    ]
+    .map(DVec3::from_array);
+    let grey = Material {
+        name: "grey".into(),
+        bsdf: Bsdf::Diffuse { kd: [0.5; 3] },
+        emission: [0.0; 3],
+        two_sided_emission: false,
+    };
+    let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    let (scene, _) = Scene::from_world(&corners, &triangles, &[0; 4], vec![grey], [0.0; 3]).unwrap();
+    Raycaster::build(Arc::new(scene)).unwrap()
+}
+
+fn local(raycaster: &Raycaster, x: f64, y: f64) -> SurfacePoint {
+    let from = DVec3::new(x, y, 3.0);
+    let (ray, _) = raycaster.localize(from, DVec3::NEG_Z).unwrap();
+    let hit = raycaster.nearest(&ray).unwrap();
+    raycaster.surface(hit.triangle, hit.u, hit.v)
+}
+
+fn record(point: Vec3, light: f32, radius: f32, id: u64) -> Record {
+    Record {
+        point: point.to_array(),
+        radius,
+        normal: [0.0, 0.0, 1.0],
+        nearest: 0.01,
+        irradiance: [light; 3],
+        error: 0.0,
+        shift: [[0.0; 3]; 3],
+        turn: [[0.0; 3]; 3],
+        rays: 1,
+        flags: 0,
+        id,
+    }
+}
+
+#[test]
+fn no_light_comes_through_a_wall_without_thickness() {
+    let raycaster = walled();
+    let store = Store::new(0.01);
+    assert!(store.insert(record(local(&raycaster, 0.5, 0.0).point, 7.0, 2.0, 1)));
+    let beside = store.irradiance(&raycaster, &local(&raycaster, 0.1, 0.1), Vec3::Z, 1.0);
+    assert_eq!(beside.map(|found| found.irradiance), Some(Vec3::splat(7.0)));
+    for x in [-0.01, -0.1, -0.5, -1.0] {
+        assert_eq!(store.irradiance(&raycaster, &local(&raycaster, x, 0.1), Vec3::Z, 1.0), None, "{x}");
+    }
+    // Nor to the other side of the floor.
+    let point = local(&raycaster, 0.5, 0.0);
+    assert_eq!(store.irradiance(&raycaster, &point, Vec3::NEG_Z, 1.0), None);
+}
+
+#[test]
+fn what_is_not_a_record_is_not_taken() {
+    let store = Store::new(0.01);
+    let good = record(Vec3::ZERO, 1.0, 1.0, 1);
+    let bad: [fn(&mut Record); 7] = [
+        |r| r.point[0] = f32::NAN,
+        |r| r.radius = 0.0,
+        |r| r.radius = f32::INFINITY,
+        |r| r.normal = [0.0; 3],
+        |r| r.irradiance[2] = -1.0,
+        |r| r.irradiance[1] = f32::INFINITY,
+        |r| r.shift[1][1] = f32::NAN,
+    ];
+    for spoil in bad {
+        let mut record = good;
+        spoil(&mut record);
+        assert!(!store.insert(record), "{record:?}");
+    }
+    assert!(store.insert(good));
+    assert!(!store.insert(good), "the same again");
+    assert_eq!(store.len(), 1);
+}
+
+#[test]
+fn readers_see_whole_records_while_others_add_to_them() {
+    let raycaster = walled();
+    let store = Store::new(0.01);
+    std::thread::scope(|scope| {
+        for writer in 0..2_u64 {
+            let (store, raycaster) = (&store, &raycaster);
+            scope.spawn(move || {
+                for i in 0..500 {
+                    let x = 1.0 + 0.01 * (i % 100) as f64;
+                    store.insert(record(local(raycaster, x, 0.02 * i as f64 / 10.0).point, 4.0, 0.5, writer << 32 | i));
+                }
+            });
+        }
+        for _ in 0..2 {
+            let (store, raycaster) = (&store, &raycaster);
+            scope.spawn(move || {
+                let point = local(raycaster, 1.5, 0.3);
+                for _ in 0..2000 {
+                    if let Some(found) = store.irradiance(raycaster, &point, Vec3::Z, 1.0) {
+                        assert!((found.irradiance - Vec3::splat(4.0)).abs().max_element() < 1e-4);
+                    }
+                }
+            });
+        }
+    });
+    assert_eq!(store.len(), 1000);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// The set of records does not depend on order or repetition, and what is found is within what they hold.
+    #[test]
+    fn merging_is_idempotent_and_interpolation_stays_within_its_records(
+        lights in prop::collection::vec((0.2_f64..3.0, -1.0_f64..1.0, 0.0_f32..10.0, 0.05_f32..2.0), 1..40),
+        at in (0.2_f64..3.0, -1.0_f64..1.0),
+    ) {
+        let raycaster = walled();
+        let records: Vec<Record> = lights
+            .iter()
+            .zip(0..)
+            .map(|(&(x, y, light, radius), id)| record(local(&raycaster, x, y).point, light, radius, id))
+            .collect();
+        let (forwards, backwards) = (Store::new(0.01), Store::new(0.01));
+        for record in records.iter().chain(&records) {
+            forwards.insert(*record);
+        }
+        records.iter().rev().for_each(|record| { backwards.insert(*record); });
+        prop_assert_eq!(forwards.len(), records.len());
+        prop_assert_eq!(backwards.len(), records.len());
+        let point = local(&raycaster, at.0, at.1);
+        for store in [&forwards, &backwards] {
+            if let Some(found) = store.irradiance(&raycaster, &point, Vec3::Z, 1.0) {
+                let (low, high) = lights.iter().fold((f32::INFINITY, 0.0_f32), |(l, h), r| (l.min(r.2), h.max(r.2)));
+                prop_assert!(found.irradiance.x >= low * 0.9999 && found.irradiance.x <= high * 1.0001);
+                prop_assert!(found.records as usize <= records.len() && found.weight > 0.0);
+            }
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! The engine `cached` against closed forms and the path engine: within its accuracy, and without light through walls.
+
+mod common;
+
+use common::{BLACK, Model, estimate};
+use glam::DVec3;
+use holo_scene::Bsdf;
+
+const GREY: Bsdf = Bsdf::Diffuse { kd: [0.5; 3] };
+
+/// A closed box whose walls all shine a little and reflect half: the same radiance everywhere, Le / (1 - ρ).
+#[test]
+fn a_furnace_is_as_bright_as_it_must_be_at_any_accuracy() {
+    let mut model = Model::default();
+    let wall = model.material(GREY, [1.0, 2.0, 0.5]);
+    model.cuboid([-1.0, -2.0, -1.5], [1.0, 2.0, 1.5], false, wall);
+    for accuracy in [0.02, 0.05, 0.2] {
+        let tracer = model.tracer(None).with_cache(accuracy);
+        for direction in [[0.3, 0.2, 1.0], [1.0, -0.4, 0.1], [-0.2, 1.0, -0.6]] {
+            let found = estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(direction), 64);
+            for (found, le) in found.mean.into_iter().zip([1.0, 2.0, 0.5]) {
+                // Half of the light is indirect, and a record's standard error is twice the accuracy.
+                let error = found / (2.0 * le) - 1.0;
+                assert!(error.abs() < 4.5 * f64::from(accuracy), "{accuracy}: {error}");
+            }
+        }
+    }
+}
+
+/// A room whose lamp shines upwards only: most of it has nothing but indirect light.
+fn room() -> Model {
+    let mut model = Model::default();
+    let white = model.material(Bsdf::Diffuse { kd: [0.7, 0.6, 0.5] }, [0.0; 3]);
+    let lamp = model.material(BLACK, [20.0; 3]);
+    model.cuboid([-2.0, -3.0, 0.0], [2.0, 3.0, 2.5], false, white);
+    model.cuboid([0.4, -1.0, 0.0], [1.2, 0.5, 0.8], true, white);
+    let square = [[-0.3, -0.3, 1.5], [0.3, -0.3, 1.5], [0.3, 0.3, 1.5], [-0.3, 0.3, 1.5]];
+    model.polygon(&square, lamp);
+    model
+}
+
+#[test]
+fn a_room_lit_from_above_only_is_within_the_accuracy_of_paths() {
+    let accuracy = 0.02;
+    let model = room();
+    let (path, cached) = (model.tracer(None), model.tracer(None).with_cache(accuracy));
+    let eye = DVec3::new(-1.5, -2.5, 1.2);
+    let (mut sum, mut squares, mut noise, mut count) = (0.0, 0.0, 0.0, 0.0);
+    for y in 0..6 {
+        for x in 0..8 {
+            let towards = DVec3::new(0.3 + 0.2 * f64::from(x), 0.9, 0.5 - 0.2 * f64::from(y));
+            let truth = estimate(&path, eye, towards, 4096);
+            let found = estimate(&cached, eye, towards, 32);
+            if truth.mean == [0.0; 3] {
+                // The lamp's dark side.
+                assert_eq!(found.mean, [0.0; 3]);
+                continue;
+            }
+            let error = found.mean[1] / truth.mean[1] - 1.0;
+            sum += error;
+            squares += error * error;
+            noise += (truth.error[1].powi(2) + found.error[1].powi(2)) / truth.mean[1].powi(2);
+            count += 1.0;
+        }
+    }
+    // Records err by twice the accuracy at most, for so many rays as they may have. There are some 40 of them: their mean, of
+    // standard error 2/√40 accuracies, is 0.
+    let (mean, rms) = (sum / count, (squares / count).sqrt());
+    let accuracy = f64::from(accuracy);
+    assert!(rms < 3.0 * accuracy + (noise / count).sqrt(), "errors of {rms}");
+    assert!(mean.abs() < 4.5 * (2.0 * accuracy / 40.0_f64.sqrt()), "mean error {mean}");
+}
+
+#[test]
+fn a_dark_room_beside_a_bright_one_stays_dark() {
+    let mut model = room();
+    // The wall at y = 3 has no thickness, and floor and ceiling go on beyond it.
+    model.polygon(&[[-2.0, 3.0, 0.0], [2.0, 3.0, 0.0], [2.0, 6.0, 0.0], [-2.0, 6.0, 0.0]], 0);
+    model.polygon(&[[-2.0, 3.0, 2.5], [-2.0, 6.0, 2.5], [2.0, 6.0, 2.5], [2.0, 3.0, 2.5]], 0);
+    let tracer = model.tracer(None).with_cache(0.05);
+    // First the bright room, so that there are records all along the wall.
+    for i in 0..2000 {
+        let at = DVec3::new(-1.9 + 3.8 * f64::from(i % 50) / 50.0, 2.0 + f64::from(i / 50) / 41.0, 1.0);
+        let traced = tracer.trace(at, DVec3::NEG_Z, u64::from(i as u32));
+        assert!(traced.radiance[0] > 0.0);
+    }
+    for i in 0..200 {
+        let at = DVec3::new(-1.9 + 0.019 * f64::from(i), 3.001 + 0.002 * f64::from(i), 1.0);
+        assert_eq!(tracer.trace(at, DVec3::NEG_Z, i as u64).radiance, [0.0; 3], "light through the wall at {at}");
+    }
+}
+
+#[test]
+fn direct_light_alone_needs_no_records() {
+    let tracer = room().tracer(Some(0)).with_cache(0.05);
+    let truth = room().tracer(Some(0));
+    let (eye, towards) = (DVec3::new(-1.5, -2.5, 1.2), DVec3::new(0.8, 1.0, 0.6));
+    let (found, exact) = (estimate(&tracer, eye, towards, 4096), estimate(&truth, eye, towards, 4096));
+    for c in 0..3 {
+        let z = (found.mean[c] - exact.mean[c]) / found.error[c].hypot(exact.error[c]);
+        assert!(z.abs() < 4.5, "{z}");
+    }
+    assert!(tracer.light().is_some_and(|light| light.is_empty()));
+}
+
+#[test]
+fn one_bounce_is_one_bounce() {
+    let (path, cached) = (room().tracer(Some(1)), room().tracer(Some(1)).with_cache(0.02));
+    let (eye, towards) = (DVec3::new(-1.5, -2.5, 1.2), DVec3::new(0.8, 1.0, -0.6));
+    let (found, truth) = (estimate(&cached, eye, towards, 64), estimate(&path, eye, towards, 20_000));
+    for c in 0..3 {
+        let noise = found.error[c].hypot(truth.error[c]);
+        assert!((found.mean[c] - truth.mean[c]).abs() < 0.06 * truth.mean[c] + 4.5 * noise, "{found:?} {truth:?}");
+    }
+    // All light is more than that.
+    let all = estimate(&room().tracer(None), eye, towards, 4096);
+    assert!(all.mean[0] > 1.1 * truth.mean[0]);
+}
