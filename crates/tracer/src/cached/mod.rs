@@ -49,6 +49,9 @@ const REACH: f32 = 2.0;
 /// Greatest radius over the scene's size, over the same.
 const GREATEST: f32 = 0.3;
 
+/// Greatest radius over the least: along edges, where radii shrink to nothing, records would be without number.
+const SPREAD: f32 = 16.0;
+
 /// A record is made where the weights of those there add up to less.
 const LEAST_WEIGHT: f32 = 0.3;
 
@@ -82,7 +85,7 @@ impl Cached {
         let size = extent(raycaster);
         let reach = REACH * accuracy.sqrt();
         let quality = Quality { error: ERROR * accuracy, reach, greatest: size * GREATEST * reach };
-        let store = Arc::new(Store::new(quality.greatest / 64.0));
+        let store = Arc::new(Store::new(quality.greatest / SPREAD));
         Self { store, quality, salt: RandomState::new().hash_one(0), made: AtomicU64::new(0) }
     }
 
