@@ -131,6 +131,12 @@ impl Scatter {
         matches!(self, Self::Mirror(_) | Self::Pane { .. } | Self::Clear { .. } | Self::Smooth { .. })
     }
 
+    /// Whether light is scattered from all directions of a side, so that samples may be aimed.
+    #[inline]
+    pub(crate) fn is_wide(&self) -> bool {
+        matches!(self, Self::Diffuse(_) | Self::Coated(_))
+    }
+
     /// Whether light from behind can be scattered to `wo` with a density.
     #[inline]
     pub(crate) fn transmits(&self) -> bool {
@@ -156,6 +162,13 @@ impl Scatter {
                 (Vec3::ZERO, 0.0)
             }
         }
+    }
+
+    /// A direction that was chosen otherwise, as [`sample`](Self::sample) would have returned it. `None` if it could not.
+    #[inline]
+    pub(crate) fn towards(&self, wo: Vec3, wi: Vec3, front: bool) -> Option<Sampled> {
+        let (value, pdf) = self.evaluate(wo, wi, front);
+        (pdf > 0.0 && !self.transmits()).then(|| Sampled { wi, weight: value / pdf, pdf: Some(pdf), eta2: 1.0 })
     }
 
     /// Chooses where the light that goes to `wo` came from. `None` if it is absorbed.

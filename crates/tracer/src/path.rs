@@ -8,6 +8,8 @@
 //! - From the third scattering or the sixth surface on, paths end by roulette with their throughput, at least with probability 0.05 each, so
 //!   chains of perfect mirrors end too. The hard limit of [`MAX_DEPTH`] is beyond 0.95^1000, about 5e-23 of the paths.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, spawn};
 use holo_scene::{Bsdf, Scene};
@@ -18,6 +20,7 @@ use crate::geometry::Frame;
 use crate::lights::Lights;
 use crate::medium::{Crossing, Inside, Nesting, TOUCH};
 use crate::sampler::{Purpose, Sampler};
+use crate::secondary::{Choice, Secondary};
 
 /// At which scattering by surfaces other than mirrors and glass roulette begins. Error squared times time with 2, 3, 4, 6: Cornell box
 /// 0.072, 0.069, 0.064, 0.064; cabin's living room 0.080, 0.081, 0.088, 0.121; its bedroom 0.14, 0.28, 0.35, 0.48, where 2 is luck with few
@@ -54,6 +57,7 @@ pub(crate) struct Surface {
 pub(crate) struct PathEngine {
     pub surfaces: Vec<Surface>,
     pub lights: Lights,
+    pub secondary: Option<Secondary>,
     pub nesting: Option<Nesting>,
     pub sky: Vec3,
     pub bounces: u32,
@@ -72,11 +76,12 @@ pub(crate) struct Start {
 }
 
 impl PathEngine {
-    pub(crate) fn new(scene: &Scene, bounces: Option<u32>, direct: Direct, light_samples: u32) -> Self {
+    pub(crate) fn new(raycaster: &Arc<Raycaster>, bounces: Option<u32>, direct: Direct, light_samples: u32) -> Self {
+        let scene: &Scene = raycaster.scene();
         let mut used = vec![false; scene.materials.len()];
         scene.material_ids.iter().for_each(|&m| used[m as usize] = true);
         let mut tables = Tables::default();
-        let surfaces = scene
+        let surfaces: Vec<Surface> = scene
             .materials
             .iter()
             .zip(used)
@@ -92,9 +97,11 @@ impl PathEngine {
                 two_sided: m.two_sided_emission,
             })
             .collect();
+        let lights = Lights::new(scene).with_cells(raycaster);
         Self {
+            secondary: Secondary::find(raycaster, &surfaces, &lights),
             surfaces,
-            lights: Lights::new(scene),
+            lights,
             nesting: Nesting::new(scene),
             sky: scene.sky.into(),
             bounces: bounces.unwrap_or(u32::MAX),
@@ -119,6 +126,8 @@ impl PathEngine {
         let mut radiance = Vec3::ZERO;
         let mut throughput = Vec3::ONE;
         let mut eta2 = 1.0;
+        // By how much aimed samples have lowered the throughput.
+        let mut aimed_by = 1.0;
         let mut scatterings = 0;
         // `None` where light sampling could not have found the same light.
         let mut left: Option<Left> = None;
@@ -171,16 +180,33 @@ impl PathEngine {
                     lighting = Some((seen, count));
                 }
             }
-            sampler.turn(depth, Purpose::Scatter);
-            let Some(sampled) = scatter.sample(wo, front, sampler) else { break };
+            let sources = self.secondary.as_ref().filter(|_| scatter.is_wide());
+            let aimed = sources.and_then(|sources| sources.aimed(&point, frame.n));
+            let choice = aimed.as_ref().map_or(Choice::Material, |aimed| {
+                sampler.turn(depth, Purpose::Aim);
+                aimed.choose(raycaster, sampler)
+            });
+            let sampled = match &choice {
+                Choice::Material => {
+                    sampler.turn(depth, Purpose::Scatter);
+                    scatter.sample(wo, front, sampler)
+                }
+                Choice::Source(target) if target.triangle != found.triangle => {
+                    let direction = (target.point - point.point).normalize_or_zero();
+                    scatter.towards(wo, frame.to_local(direction), front)
+                }
+                Choice::Source(_) | Choice::Nothing => None,
+            };
+            let Some(sampled) = sampled else { break };
             if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
                 inside = *beyond;
             }
             throughput *= sampled.weight;
             eta2 *= sampled.eta2;
             if scatterings >= ROULETTE_SCATTERINGS || depth >= ROULETTE_DEPTH {
-                // Radiance is greater inside glass: without eta2, paths would be ended for having gone in.
-                let survival = (throughput.max_element() * eta2).min(ROULETTE_CEILING);
+                // Radiance is greater inside glass: without eta2, paths would be ended for having gone in. What samples are aimed at is
+                // brighter too: the few that roulette left would be as bright as if none had been aimed.
+                let survival = (throughput.max_element() * eta2 * aimed_by).min(ROULETTE_CEILING);
                 sampler.turn(depth, Purpose::Roulette);
                 if sampler.one() >= survival {
                     break;
@@ -197,6 +223,13 @@ impl PathEngine {
             let error = if crossing.is_some() { point.error * TOUCH } else { point.error };
             let ray = Ray::new(spawn(point.point, error, point.normal, direction), direction);
             hit = raycaster.nearest_from(&ray, found.triangle);
+            if let (Some(aimed), Some(pdf)) = (&aimed, sampled.pdf) {
+                let Some(found) = aimed.weight(raycaster, pdf, &choice, hit.as_ref()) else { break };
+                throughput *= found.weight;
+                if found.on_source {
+                    aimed_by /= found.weight;
+                }
+            }
         }
         radiance
     }

@@ -8,6 +8,7 @@
 //! | [`Purpose::Light`] | one pair for each light sample: along the light tree (and what is left of it, across the light), and across the light. Light sample j of n has point n·path + j, so that the samples of one path are stratified among each other, and those of all paths too |
 //! | [`Purpose::Scatter`] | lobe and direction, in the order in which the material asks |
 //! | [`Purpose::Roulette`] | whether the path goes on |
+//! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source, which one, and where on it |
 //!
 //! Always true: the numbers are a function of (seed, path, vertex, purpose, count) alone; a path that is cut off earlier
 //! has the same numbers up to there. Any aligned block of 2^k paths of one seed has one point in each of its 2^k
@@ -23,6 +24,7 @@ pub(crate) enum Purpose {
     Scatter = 0,
     Light = 1,
     Roulette = 2,
+    Aim = 3,
 }
 
 /// Draws the numbers of one path.

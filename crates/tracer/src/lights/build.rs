@@ -6,6 +6,7 @@
 
 use glam::Vec3;
 
+use super::Source;
 use super::cone::Cone;
 use super::node::{Bound, Child, Node, WIDTH};
 
@@ -30,6 +31,7 @@ pub(crate) struct Emitter {
     plane: f32,
     two_sided: bool,
     power: f64,
+    source: Source,
 }
 
 impl Emitter {
@@ -37,6 +39,9 @@ impl Emitter {
         let [a, b, c] = corners;
         let center = (a + b + c) / 3.0;
         let reach = corners.iter().fold(0.0_f32, |m, v| m.max(v.abs().max_element()));
+        let across = (b - a).as_dvec3().cross((c - a).as_dvec3());
+        let radiance = (2.0 * power / across.length()) as f32;
+        let side = if two_sided { 0.0 } else { across.dot(normal.as_dvec3()).signum() as f32 };
         let plane = corners.iter().fold(f32::INFINITY, |m, v| m.min(v.dot(normal))) - SLACK * reach;
         Self {
             low: a.min(b).min(c),
@@ -47,7 +52,13 @@ impl Emitter {
             plane: if two_sided { f32::NEG_INFINITY } else { plane },
             two_sided,
             power,
+            source: Source { radiance, side },
         }
+    }
+
+    /// What a single one sends out.
+    pub(crate) fn source(&self) -> Source {
+        self.source
     }
 
     fn union(self, other: Self) -> Self {
@@ -66,6 +77,7 @@ impl Emitter {
             plane: if flat { self.plane.min(other.plane) } else { f32::NEG_INFINITY },
             two_sided: self.two_sided || other.two_sided,
             power: self.power + other.power,
+            source: self.source,
         }
     }
 

@@ -9,25 +9,41 @@
 //! what is computed in it is a ratio that both use alike. Cost grows with the logarithm of the number of lights.
 
 mod build;
+mod cells;
 mod cone;
 mod node;
 mod triangle;
 
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::Vec3;
+use holo_raycast::Raycaster;
 use holo_scene::Scene;
 
-use build::Emitter;
+pub(crate) use build::Emitter;
+use cells::{Cell, Cells};
 use node::{Child, Node, WIDTH};
 pub(crate) use triangle::Aim;
 
 /// Share of the sky and of the emitters, at least, where there are both: which of them a vertex sees is unknown.
 const LEAST_SHARE: f32 = 0.1;
 
+/// The same of the sky where a cell knows more.
+const LEAST_SKY_OF_CELL: f32 = 0.02;
+
 /// Radiance-weighted luminance as in Radiance's photopic weights.
 pub(crate) fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.265 * r + 0.670 * g + 0.065 * b
+}
+
+/// What an emitter sends out.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Source {
+    /// Luminance, in the unit of the tree's powers.
+    radiance: f32,
+    /// Of its triangle's normal: 1 or -1 for the side that shines, 0 for both.
+    side: f32,
 }
 
 /// What to sample: a tree over emitting triangles, and the sky.
@@ -38,6 +54,8 @@ pub(crate) struct Lights {
     nodes: Vec<Node>,
     /// Where each of `triangles` is.
     places: Vec<Child>,
+    sources: Vec<Source>,
+    cells: Option<Cells>,
     /// Irradiance of a surface that sees all of the sky, as luminance, in the unit of the tree's powers.
     sky: f32,
 }
@@ -50,8 +68,16 @@ pub(crate) struct Seen {
     normal: Vec3,
     /// Probability of choosing the sky.
     pub sky: f32,
-    root: [f32; WIDTH],
-    total: f32,
+    first: Weights,
+    /// Number of the cell that decides in place of the root.
+    cell: Option<u32>,
+}
+
+/// Importances of the root's children, or of a cell's clusters.
+#[derive(Clone, Copy, Debug, Default)]
+struct Weights {
+    rows: [[f32; WIDTH]; 2],
+    totals: [f32; 2],
 }
 
 /// A light that was chosen, and what is left of the random number: uniform in [0, 1).
@@ -59,6 +85,41 @@ pub(crate) struct Seen {
 pub(crate) enum Chosen {
     Sky { rest: f32 },
     Triangle { triangle: u32, probability: f32, rest: f32 },
+}
+
+impl Weights {
+    #[inline]
+    fn set(&mut self, row: usize, importances: [f32; WIDTH]) {
+        self.totals[row] = importances.iter().sum();
+        self.rows[row] = importances;
+    }
+
+    #[inline]
+    fn total(&self) -> f32 {
+        self.totals[0] + self.totals[1]
+    }
+
+    /// Probability of a place; 0 beyond the last, and if there is nothing at all.
+    #[inline]
+    fn share(&self, place: usize) -> f32 {
+        let total = self.total();
+        let importance = self.rows.get(place / WIDTH).map_or(0.0, |row| row[place % WIDTH]);
+        if total > 0.0 { importance / total } else { 0.0 }
+    }
+
+    /// A place by importance; the number becomes uniform again. There must be something.
+    #[inline]
+    fn pick(&self, uniform: &mut f64) -> usize {
+        if self.totals[1] == 0.0 {
+            return pick(&self.rows[0], self.totals[0], uniform);
+        }
+        let first = f64::from(self.totals[0]) / f64::from(self.total());
+        let second = *uniform >= first;
+        *uniform = if second { (*uniform - first) / (1.0 - first) } else { *uniform / first };
+        *uniform = uniform.clamp(0.0, ONE_BELOW);
+        let row = usize::from(second);
+        row * WIDTH + pick(&self.rows[row], self.totals[row], uniform)
+    }
 }
 
 impl Lights {
@@ -76,13 +137,26 @@ impl Lights {
                 Emitter::new(scene.corners(t), scene.normal(t), power, scene.materials[material(t)].two_sided_emission)
             })
             .collect();
+        let sky = (f64::from(PI * luminance(scene.sky)) / if unit > 0.0 { unit } else { 1.0 }) as f32;
+        Self { sky, ..Self::over(triangles, emitters) }
+    }
+
+    /// Only these triangles (ascending), one emitter for each.
+    pub(crate) fn over(triangles: Vec<u32>, emitters: Vec<Emitter>) -> Self {
+        let sources = emitters.iter().map(Emitter::source).collect();
         let (nodes, places) = build::tree(emitters);
-        Self {
-            triangles,
-            nodes,
-            places,
-            sky: (f64::from(PI * luminance(scene.sky)) / if unit > 0.0 { unit } else { 1.0 }) as f32,
-        }
+        Self { triangles, nodes, places, sources, cells: None, sky: 0.0 }
+    }
+
+    /// As this one, with choices among many by what parts of the scene really get.
+    pub(crate) fn with_cells(mut self, raycaster: &Arc<Raycaster>) -> Self {
+        self.cells = Cells::new(&self, raycaster);
+        self
+    }
+
+    /// The triangles, ascending.
+    pub(crate) fn triangles(&self) -> &[u32] {
+        &self.triangles
     }
 
     /// Whether there is anything to sample.
@@ -90,23 +164,61 @@ impl Lights {
         self.sky > 0.0 || !self.nodes.is_empty()
     }
 
+    /// Whether there is nothing to choose: a quad or triangle.
+    pub(crate) fn is_one(&self) -> bool {
+        self.sky == 0.0 && self.triangles.len() <= 2
+    }
+
     /// The lights as seen from `point`, by a surface that light reaches only on the side of `normal`, or from everywhere if
     /// that is 0.
     #[inline]
     pub(crate) fn seen(&self, point: Vec3, normal: Vec3) -> Seen {
+        let mut seen = Seen { point, normal, sky: 0.0, first: Weights::default(), cell: None };
         let Some(root) = self.nodes.first() else {
-            return Seen { point, normal, sky: if self.sky > 0.0 { 1.0 } else { 0.0 }, root: [0.0; WIDTH], total: 0.0 };
+            seen.sky = if self.sky > 0.0 { 1.0 } else { 0.0 };
+            return seen;
         };
-        let root = root.importances(point, normal);
-        let total = root.iter().sum::<f32>();
-        let sky = if self.sky == 0.0 {
-            0.0
-        } else if total == 0.0 {
-            1.0
+        if let Some((cells, number)) = self.cells.as_ref().and_then(|cells| Some((cells, cells.find(point, normal)?))) {
+            let cell = cells.get(self, number);
+            seen.sky = self.sky_share(cell.sky, cell.total, LEAST_SKY_OF_CELL);
+            for (i, node) in cell.seen.iter().enumerate().take(2) {
+                seen.first.set(i, node.importances(point, normal));
+            }
+            seen.cell = Some(number);
         } else {
-            (self.sky / (self.sky + total)).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE)
-        };
-        Seen { point, normal, sky, root, total }
+            seen.first.set(0, root.importances(point, normal));
+            let total = seen.first.total();
+            seen.sky = if total == 0.0 && self.sky > 0.0 { 1.0 } else { self.sky_share(self.sky, total, LEAST_SHARE) };
+        }
+        seen
+    }
+
+    /// Whether triangles are worth choosing among for such a surface, as far as is known without weighing them.
+    #[inline]
+    pub(crate) fn reaches(&self, point: Vec3, normal: Vec3) -> bool {
+        match self.cells.as_ref().and_then(|cells| Some(cells.get(self, cells.find(point, normal)?))) {
+            Some(cell) => !cell.seen.is_empty(),
+            None => self.seen(point, normal).first.total() > 0.0,
+        }
+    }
+
+    /// Probability of choosing the sky where it brings `sky` and the emitters `total`.
+    #[inline]
+    fn sky_share(&self, sky: f32, total: f32, least: f32) -> f32 {
+        if self.sky == 0.0 {
+            0.0
+        } else if sky + total > 0.0 {
+            (sky / (sky + total)).clamp(least, 1.0 - LEAST_SHARE)
+        } else {
+            0.5
+        }
+    }
+
+    /// The cell that decides, if one does.
+    #[inline]
+    fn cell(&self, seen: &Seen) -> Option<(&Cells, &Cell)> {
+        let cells = self.cells.as_ref()?;
+        Some((cells, cells.get(self, seen.cell?)))
     }
 
     /// A light by a uniform number in [0, 1). `None` if the descent ends where nothing can arrive from.
@@ -117,36 +229,33 @@ impl Lights {
             return Some(Chosen::Sky { rest: below_one(uniform / sky) });
         }
         let mut rest = (uniform - sky) / (1.0 - sky);
-        let mut probability = 1.0 - seen.sky;
-        let (mut importances, mut total) = (seen.root, seen.total);
-        let mut node = self.nodes.first()?;
-        loop {
-            if total <= 0.0 {
-                return None;
-            }
-            let i = pick(&importances, total, &mut rest);
-            probability *= importances[i] / total;
-            match node.child(i) {
-                Ok(next) => {
-                    node = self.nodes.get(next)?;
-                    importances = node.importances(seen.point, seen.normal);
-                    total = importances.iter().sum();
-                }
-                Err(emitter) => {
-                    let triangle = self.triangles[emitter];
-                    return Some(Chosen::Triangle { triangle, probability, rest: below_one(rest) });
-                }
-            }
-        }
+        let probability = 1.0 - seen.sky;
+        let (emitter, probability) = if let Some((cells, cell)) = self.cell(seen) {
+            let (cluster, share) = cells.pick(cell, &seen.first, &mut rest);
+            descend(&self.nodes, cluster, seen.point, seen.normal, probability * share, &mut rest)?
+        } else if seen.first.total() > 0.0 {
+            let slot = seen.first.pick(&mut rest);
+            let probability = probability * seen.first.share(slot);
+            let from = Child { node: 0, slot: slot as u32 };
+            descend(&self.nodes, from, seen.point, seen.normal, probability, &mut rest)?
+        } else {
+            return None;
+        };
+        Some(Chosen::Triangle { triangle: self.triangles[emitter], probability, rest: below_one(rest) })
     }
 
     /// Probability with which [`choose`](Self::choose) gives a triangle.
     #[inline]
     pub(crate) fn probability(&self, seen: &Seen, triangle: u32) -> f32 {
         let Ok(emitter) = self.triangles.binary_search(&triangle) else { return 0.0 };
-        let mut place = self.places[emitter];
         let mut probability = 1.0 - seen.sky;
-        while place.node != 0 {
+        let mut end = None;
+        if let Some((cells, cell)) = self.cell(seen) {
+            let (cluster, share) = cells.share(cell, &seen.first, emitter);
+            (probability, end) = (probability * share, Some(cluster));
+        }
+        let mut place = self.places[emitter];
+        while Some(place) != end && (end.is_some() || place.node != 0) {
             let node = &self.nodes[place.node as usize];
             let importances = node.importances(seen.point, seen.normal);
             let total: f32 = importances.iter().sum();
@@ -156,7 +265,37 @@ impl Lights {
             probability *= importances[place.slot as usize] / total;
             place = node.parent;
         }
-        if seen.total > 0.0 { probability * (seen.root[place.slot as usize] / seen.total) } else { 0.0 }
+        if end.is_some() { probability } else { probability * seen.first.share(place.slot as usize) }
+    }
+}
+
+/// An emitter below `from` by importance, and its probability times that of `from`. `None` if the descent ends where nothing can
+/// arrive from.
+#[inline]
+fn descend(
+    nodes: &[Node],
+    from: Child,
+    point: Vec3,
+    normal: Vec3,
+    mut probability: f32,
+    rest: &mut f64,
+) -> Option<(usize, f32)> {
+    let mut place = nodes.get(from.node as usize)?.child(from.slot as usize);
+    loop {
+        match place {
+            Err(emitter) => return Some((emitter, probability)),
+            Ok(next) => {
+                let node = nodes.get(next)?;
+                let importances = node.importances(point, normal);
+                let total: f32 = importances.iter().sum();
+                if total <= 0.0 {
+                    return None;
+                }
+                let slot = pick(&importances, total, rest);
+                probability *= importances[slot] / total;
+                place = node.child(slot);
+            }
+        }
     }
 }
 

@@ -4,7 +4,7 @@
 //! Always true: an importance is 0 for an unused child, for a child wholly below the surface's horizon, and for one none of
 //! whose emitters turns its front to the point; it is finite and not negative.
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
 /// Children of a node. Binary trees weigh two at every of three times as many levels, one after the other.
 pub(crate) const WIDTH: usize = 8;
@@ -102,6 +102,52 @@ impl Node {
         if child & LEAF == 0 { Ok(child as usize) } else { Err((child & !LEAF) as usize) }
     }
 
+    /// How many children there are.
+    pub(crate) fn used(&self) -> usize {
+        self.used as usize
+    }
+
+    /// Luminance times area of a child.
+    pub(crate) fn power(&self, slot: usize) -> f32 {
+        self.power[slot]
+    }
+
+    /// A sphere around a child.
+    pub(crate) fn sphere(&self, slot: usize) -> (Vec3, f32) {
+        (Vec3::from(self.center.map(|row| row[slot])), self.radius2[slot].sqrt())
+    }
+
+    /// Of a sphere around a child.
+    pub(crate) fn radius2(&self, slot: usize) -> f32 {
+        self.radius2[slot]
+    }
+
+    /// Fills a slot with another node's child; `name` takes the place of an emitter.
+    pub(crate) fn copy(&mut self, slot: usize, from: &Self, which: usize, name: usize) {
+        for axis in 0..3 {
+            self.center[axis][slot] = from.center[axis][which];
+            self.half[axis][slot] = from.half[axis][which];
+            self.axis[axis][slot] = from.axis[axis][which];
+        }
+        self.used = self.used.max(slot as u32 + 1);
+        self.radius2[slot] = from.radius2[which];
+        (self.sin[slot], self.cos[slot]) = (from.sin[which], from.cos[which]);
+        self.plane[slot] = from.plane[which];
+        self.power[slot] = from.power[which];
+        self.two_sided[slot] = from.two_sided[which];
+        self.children[slot] = name as u32 | LEAF;
+    }
+
+    /// Multiplies a child's power.
+    pub(crate) fn scale(&mut self, slot: usize, by: f32) {
+        self.power[slot] *= by;
+    }
+
+    /// Power times the square of a child's size.
+    pub(crate) fn extent(&self, slot: usize) -> f32 {
+        self.power[slot] * self.radius2[slot]
+    }
+
     /// What each child may bring to a point, about as irradiance: power, over distance squared, by the greatest cosine at the
     /// emitters and about the greatest at the surface.
     ///
@@ -111,46 +157,66 @@ impl Node {
     /// Inside a child's sphere the distance is its radius: the square law would favour the child without reason (Pharr et al. 2023,
     /// §12.6.3). A `normal` of 0 is a surface that is lit from everywhere.
     #[inline]
+    #[allow(unsafe_code)]
     pub(crate) fn importances(&self, p: Vec3, normal: Vec3) -> [f32; WIDTH] {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has AVX2.
+            return unsafe { self.importances_avx2(p, normal) };
+        }
+        self.weigh(p, normal)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn importances_avx2(&self, p: Vec3, normal: Vec3) -> [f32; WIDTH] {
+        self.weigh(p, normal)
+    }
+
+    /// [`importances`](Self::importances) in loops that become vectors as wide as the caller's; the same bits in each.
+    #[inline(always)]
+    fn weigh(&self, p: Vec3, normal: Vec3) -> [f32; WIDTH] {
         let mut importances = [0.0; WIDTH];
-        let (ax, ay, az) = (Vec4::splat(normal.x.abs()), Vec4::splat(normal.y.abs()), Vec4::splat(normal.z.abs()));
-        let (nx, ny, nz) = (Vec4::splat(normal.x), Vec4::splat(normal.y), Vec4::splat(normal.z));
-        let open = Vec4::splat(if normal == Vec3::ZERO { 1.0 } else { 0.0 });
-        let (zero, one, least) = (Vec4::ZERO, Vec4::ONE, Vec4::splat(LEAST));
-        for first in [0, 4] {
-            if first >= self.used as usize {
-                break;
-            }
-            let four = |row: &[f32; WIDTH]| Vec4::from_slice(&row[first..first + 4]);
-            let dx = four(&self.center[0]) - Vec4::splat(p.x);
-            let dy = four(&self.center[1]) - Vec4::splat(p.y);
-            let dz = four(&self.center[2]) - Vec4::splat(p.z);
+        let above = normal.abs();
+        let open = if normal == Vec3::ZERO { 1.0 } else { 0.0 };
+        for (i, importance) in importances.iter_mut().enumerate() {
+            let (dx, dy, dz) = (self.center[0][i] - p.x, self.center[1][i] - p.y, self.center[2][i] - p.z);
             let d2 = dx * dx + dy * dy + dz * dz;
-            let r2 = four(&self.radius2);
-            let near2 = d2.max(r2).max(least);
-            let inverse = one / d2.max(least).sqrt();
+            let r2 = self.radius2[i];
+            let near2 = larger(larger(d2, r2), LEAST);
+            let inverse = 1.0 / larger(d2, LEAST).sqrt();
             // Emitters: the angle at them, less that of the cone, less that of the sphere as seen from the point.
-            let (wx, wy, wz) = (four(&self.axis[0]), four(&self.axis[1]), four(&self.axis[2]));
+            let (wx, wy, wz) = (self.axis[0][i], self.axis[1][i], self.axis[2][i]);
             let towards = -(dx * wx + dy * wy + dz * wz) * inverse;
-            let cos_w = towards.max(-towards * four(&self.two_sided)).min(one);
-            let sin_w = (one - cos_w * cos_w).max(zero).sqrt();
-            let (cos_o, sin_o) = (four(&self.cos), four(&self.sin));
-            let within = cos_w.cmpge(cos_o);
-            let cos_x = Vec4::select(within, one, cos_w * cos_o + sin_w * sin_o);
-            let sin_x = Vec4::select(within, zero, sin_w * cos_o - cos_w * sin_o);
-            let sin2_b = (r2 * inverse * inverse).min(one);
-            let (cos_b, sin_b) = ((one - sin2_b).sqrt(), sin2_b.sqrt());
-            let reached = cos_x.cmpge(cos_b) | d2.cmple(r2);
-            let emitted = Vec4::select(reached, one, (cos_x * cos_b + sin_x * sin_b).max(zero));
-            let along = wx * Vec4::splat(p.x) + wy * Vec4::splat(p.y) + wz * Vec4::splat(p.z);
-            let front = Vec4::select(along.cmpgt(four(&self.plane)), emitted, zero);
+            let cos_w = smaller(larger(towards, -towards * self.two_sided[i]), 1.0);
+            let sin_w = larger(1.0 - cos_w * cos_w, 0.0).sqrt();
+            let (cos_o, sin_o) = (self.cos[i], self.sin[i]);
+            let within = cos_w >= cos_o;
+            let cos_x = if within { 1.0 } else { cos_w * cos_o + sin_w * sin_o };
+            let sin_x = if within { 0.0 } else { sin_w * cos_o - cos_w * sin_o };
+            let sin2_b = smaller(r2 * inverse * inverse, 1.0);
+            let (cos_b, sin_b) = ((1.0 - sin2_b).sqrt(), sin2_b.sqrt());
+            let reached = (cos_x >= cos_b) | (d2 <= r2);
+            let emitted = if reached { 1.0 } else { larger(cos_x * cos_b + sin_x * sin_b, 0.0) };
+            let along = wx * p.x + wy * p.y + wz * p.z;
+            let front = if along > self.plane[i] { emitted } else { 0.0 };
             // Surface: the highest point of the box.
-            let above = ax * four(&self.half[0]) + ay * four(&self.half[1]) + az * four(&self.half[2]);
-            let height = nx * dx + ny * dy + nz * dz + above;
-            let cosine = (height.max(zero) / near2.sqrt()).min(one).max(open);
-            let importance = four(&self.power) / near2 * front * cosine;
-            importances[first..first + 4].copy_from_slice(&importance.to_array());
+            let above = above.x * self.half[0][i] + above.y * self.half[1][i] + above.z * self.half[2][i];
+            let height = normal.x * dx + normal.y * dy + normal.z * dz + above;
+            let cosine = larger(smaller(larger(height, 0.0) / near2.sqrt(), 1.0), open);
+            *importance = self.power[i] / near2 * front * cosine;
         }
         importances
     }
+}
+
+/// `f32::max` takes three instructions where neither is a NaN.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }

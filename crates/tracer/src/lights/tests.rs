@@ -48,17 +48,21 @@ fn vertices() -> Vec<(Vec3, Vec3)> {
 #[test]
 fn choosing_follows_the_probabilities_and_they_add_up() {
     for (count, sky) in [(1, 0.0), (2, 0.3), (9, 0.0), (3000, 0.0), (3000, 2.0)] {
-        let scene = scene(count, sky);
-        let lights = Lights::new(&scene);
+        let scene = Arc::new(scene(count, sky));
+        let plain = Lights::new(&scene);
+        // By cells where there are many.
+        let celled = Lights::new(&scene).with_cells(&Arc::new(Raycaster::build(scene.clone()).expect("built")));
+        assert_eq!(celled.cells.is_some(), count > 8);
         let mut s = Sampler::new(7, 0);
-        for (point, normal) in vertices() {
+        let cases = vertices().into_iter().flat_map(|v| [(v, &plain), (v, &celled)]);
+        for ((point, normal), lights) in cases {
             let seen = lights.seen(point, normal);
             let probabilities: Vec<f64> = (0..count as u32).map(|t| f64::from(lights.probability(&seen, t))).collect();
             let emitters: f64 = probabilities.iter().sum();
             // What is left ends where nothing arrives from: bounds of a group may promise what none of it keeps.
             let lost = 1.0 - emitters - f64::from(seen.sky);
             assert!(lost > -1e-4, "{count} {point} {normal}: {lost}");
-            let n = 60_000;
+            let n = 40_000;
             // Chosen emitters, then the sky, then nothing.
             let mut counts = vec![0_u32; count + 2];
             for _ in 0..n {
@@ -92,7 +96,7 @@ fn choosing_follows_the_probabilities_and_they_add_up() {
                 cells += 1.0;
             }
             if cells > 1.0 {
-                // Wilson and Hilferty 1931. 120 tests at 4.5 sigma: by chance once in 2,400 sets of seeds.
+                // Wilson and Hilferty 1931. 240 tests at 4.5 sigma: by chance once in 1,200 sets of seeds.
                 let v = 2.0 / (9.0 * (cells - 1.0));
                 let z = ((chi2 / (cells - 1.0)).cbrt() - (1.0 - v)) / v.sqrt();
                 assert!(z < 4.5, "{count} {sky} {point} {normal}: chi² {chi2} of {cells}");
@@ -162,4 +166,78 @@ fn choices_follow_what_lights_bring() {
     }
     println!("relative variance of one sample: {tree:.2} by the tree, {table:.2} by power");
     assert!(tree < 0.25 * table, "{tree} {table}");
+}
+
+/// Two rooms, one side of a wall each: a lamp of eight small triangles in the first, fifty of them in the second.
+fn rooms() -> Arc<Raycaster> {
+    let (mut positions, mut triangles, mut ids) = (Vec::new(), Vec::new(), Vec::new());
+    let mut add = |corners: [[f64; 3]; 3], id: u32| {
+        let base = positions.len() as u32;
+        positions.extend(corners.map(DVec3::from_array));
+        triangles.push([base, base + 1, base + 2]);
+        ids.push(id);
+    };
+    // The wall at x = 0, reaching far beyond the lamps.
+    add([[0.0, -60.0, -60.0], [0.0, 60.0, -60.0], [0.0, 0.0, 90.0]], 0);
+    // A floor in both rooms.
+    for x in [-10.0, 0.0] {
+        add([[x, -5.0, 0.0], [x + 10.0, -5.0, 0.0], [x, 5.0, 0.0]], 0);
+        add([[x + 10.0, -5.0, 0.0], [x + 10.0, 5.0, 0.0], [x, 5.0, 0.0]], 0);
+    }
+    let centers =
+        std::iter::once([-6.0, 1.0]).chain((0..50).map(|i| [0.5 + f64::from(i % 10), f64::from(i / 10) - 2.5]));
+    for [x, y] in centers {
+        for k in 0..8 {
+            // Faces down.
+            let x = x + 0.02 * f64::from(k);
+            add([[x, y, 3.0], [x, y + 0.02, 3.0], [x + 0.02, y, 3.0]], 1);
+        }
+    }
+    let material = |emission| Material { emission, ..Material::grey("m") };
+    let materials = vec![material([0.0; 3]), material([1.0; 3])];
+    let scene = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).expect("a valid scene").0;
+    Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
+}
+
+#[test]
+fn lights_behind_a_wall_are_seldom_chosen_but_can_be() {
+    let raycaster = rooms();
+    let scene = raycaster.scene();
+    let (plain, celled) = (Lights::new(scene), Lights::new(scene).with_cells(&raycaster));
+    for (x, y) in [(-0.3, 0.1), (-2.0, 2.2), (-1.1, -4.0)] {
+        let point = (DVec3::new(x, y, 0.0) - scene.origin).as_vec3();
+        let visible = |lights: &Lights| {
+            let seen = lights.seen(point, Vec3::Z);
+            (5..13).map(|t| lights.probability(&seen, t)).sum::<f32>()
+        };
+        assert!(visible(&plain) < 0.25, "{}", visible(&plain));
+        // All but the share that is left for what no probe saw, of which some falls to these too.
+        assert!(visible(&celled) > 0.88, "{}", visible(&celled));
+        let seen = celled.seen(point, Vec3::Z);
+        assert!((13..413).all(|t| celled.probability(&seen, t) > 0.0));
+    }
+}
+
+#[test]
+fn what_a_cell_holds_does_not_depend_on_who_came_first() {
+    let raycaster = rooms();
+    let lights = [0, 1].map(|_| Lights::new(raycaster.scene()).with_cells(&raycaster));
+    let mut s = Sampler::new(8, 0);
+    let points: Vec<Vec3> =
+        (0..300).map(|_| Vec3::new(s.one() - 0.5, s.one() - 0.5, 0.0) * Vec3::new(20.0, 10.0, 1.0)).collect();
+    let of = |lights: &Lights, point: &Vec3| {
+        let seen = lights.seen(*point, Vec3::Z);
+        (5..413).map(|t| lights.probability(&seen, t).to_bits()).collect::<Vec<_>>()
+    };
+    let forth: Vec<_> = points.iter().map(|p| of(&lights[0], p)).collect();
+    let mut back: Vec<_> = std::thread::scope(|scope| {
+        let both = points.chunks(150).map(|half| {
+            let lights = &lights[1];
+            scope.spawn(move || half.iter().rev().map(|p| of(lights, p)).collect::<Vec<_>>())
+        });
+        let both: Vec<_> = both.collect();
+        both.into_iter().map(|thread| thread.join().expect("a thread")).rev().flatten().collect()
+    });
+    back.reverse();
+    assert_eq!(forth, back);
 }

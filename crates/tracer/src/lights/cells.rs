@@ -1,0 +1,381 @@
+//! Which lights a part of the scene really gets light from: by cells of space and the way that a surface faces, estimated with
+//! shadow rays when a path first comes there.
+//!
+//! The tree's importances know nothing of walls: of ninety lamps in six rooms most are behind some, and of a group that reaches to
+//! the vertex they see only its middle. A cell therefore chooses among some tens of subtrees ([`CLUSTERS`]) by what
+//! probes on its surfaces got from each; within a subtree the importances decide.
+//!
+//! Always true: what a cell holds is a function of the scene and the cell, whichever thread makes it, and when; every cluster has a
+//! share ([`UNSEEN`]) even where no probe saw it.
+
+use std::sync::{Arc, OnceLock};
+
+use glam::{IVec3, Vec3};
+use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
+
+use super::node::{Child, Node, WIDTH};
+use super::{Lights, Source, Weights, descend};
+use crate::geometry::{Frame, cosine_hemisphere};
+use crate::lights::Aim;
+use crate::sampler::{Purpose, Sampler};
+
+/// Subtrees that a cell chooses among, at most.
+const CLUSTERS: usize = 64;
+/// Cells in space at most; each comes in seven kinds, by the axis that a surface faces.
+const MOST_CELLS: f32 = 8_192.0;
+const FACINGS: usize = 7;
+/// Places in a cell that look for the lights.
+const PROBES: usize = 4;
+/// Shadow rays of a cell, about.
+const LOOKS: usize = 128;
+/// Nodes of clusters that are weighed for every vertex.
+const SEEN_NODES: usize = 2;
+/// Attempts at finding them on surfaces.
+const ATTEMPTS: usize = 16;
+/// Rays per probe that look for the sky.
+const SKY_RAYS: usize = 4;
+/// Share of the samples that goes by what would arrive if nothing were in the way.
+const UNSEEN: f32 = 0.1;
+/// Clusters nearer than so many sides of a cell are not the same for all of it: probes may not have seen what others do.
+const NEAR: f32 = 1.5;
+/// Such ones count at least so much of their importance.
+const LEAST_NEAR: f32 = 0.5;
+/// And by power alone.
+const BLIND: f32 = 0.01;
+/// Cosine that every light counts at least: a cell's surfaces do not all face as its probes do.
+const LEAST_COSINE: f32 = 0.1;
+/// How much larger than the box of the emitters the grid is, in each direction, of the box's greatest side.
+const MARGIN: f32 = 0.25;
+
+/// What a cell's surfaces get.
+#[derive(Debug)]
+pub(super) struct Cell {
+    /// From all emitters, about as irradiance, in the unit of the tree's powers.
+    pub total: f32,
+    /// From the sky.
+    pub sky: f32,
+    /// Sums of the clusters' shares up to and with each, wherever in the cell.
+    sums: Box<[f32]>,
+    /// The clusters that probes saw, their power as far as they did: weighed anew for every vertex.
+    pub seen: Box<[Node]>,
+    /// By place in them, the cluster, and by cluster its place.
+    seen_clusters: [u8; SEEN_NODES * WIDTH],
+    seen_as: Box<[u8]>,
+}
+
+/// All cells.
+#[derive(Debug)]
+pub(super) struct Cells {
+    raycaster: Arc<Raycaster>,
+    low: Vec3,
+    side: f32,
+    size: IVec3,
+    clusters: Vec<Child>,
+    /// By emitter.
+    cluster_of: Vec<u16>,
+    cells: Box<[OnceLock<Cell>]>,
+}
+
+impl Cell {
+    /// A cluster by a uniform number, which becomes uniform again.
+    #[inline]
+    fn pick(&self, seen: &Weights, uniform: &mut f64) -> usize {
+        if seen.total() > 0.0 {
+            let blind = f64::from(UNSEEN);
+            if *uniform >= blind {
+                *uniform = ((*uniform - blind) / (1.0 - blind)).min(super::ONE_BELOW);
+                return usize::from(self.seen_clusters[seen.pick(uniform)]);
+            }
+            *uniform /= blind;
+        }
+        let i = self.sums.partition_point(|&sum| f64::from(sum) <= *uniform).min(self.sums.len() - 1);
+        *uniform = ((*uniform - f64::from(self.before(i))) / f64::from(self.share(i))).clamp(0.0, super::ONE_BELOW);
+        i
+    }
+
+    #[inline]
+    fn before(&self, i: usize) -> f32 {
+        if i == 0 { 0.0 } else { self.sums[i - 1] }
+    }
+
+    #[inline]
+    fn share(&self, i: usize) -> f32 {
+        self.sums[i] - self.before(i)
+    }
+
+    /// Probability of a cluster.
+    #[inline]
+    fn probability(&self, seen: &Weights, i: usize) -> f32 {
+        if seen.total() > 0.0 {
+            UNSEEN * self.share(i) + (1.0 - UNSEEN) * seen.share(usize::from(self.seen_as[i]))
+        } else {
+            self.share(i)
+        }
+    }
+}
+
+impl Cells {
+    /// `None` if the tree is too small to need them.
+    pub(super) fn new(lights: &Lights, raycaster: &Arc<Raycaster>) -> Option<Self> {
+        if lights.nodes.len() < 2 {
+            return None;
+        }
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for corner in lights.triangles.iter().flat_map(|&t| raycaster.vertices(t)) {
+            (low, high) = (low.min(corner), high.max(corner));
+        }
+        let margin = (high - low).max_element() * MARGIN;
+        let (low, extent) = (low - margin, high - low + 2.0 * margin);
+        let side = (extent.x * extent.y * extent.z / MOST_CELLS).cbrt();
+        if !(side > 0.0 && side.is_finite()) {
+            return None;
+        }
+        let size = (extent / side).ceil().as_ivec3().max(IVec3::ONE);
+        let clusters = cut(&lights.nodes, side * side);
+        let mut cluster_of = vec![0; lights.triangles.len()];
+        for (emitter, cluster_of) in cluster_of.iter_mut().enumerate() {
+            let mut place = lights.places[emitter];
+            loop {
+                if let Some(i) = clusters.iter().position(|&c| c == place) {
+                    *cluster_of = i as u16;
+                    break;
+                }
+                if place.node == 0 {
+                    break;
+                }
+                place = lights.nodes[place.node as usize].parent;
+            }
+        }
+        let count = size.x as usize * size.y as usize * size.z as usize * FACINGS;
+        let cells = (0..count).map(|_| OnceLock::new()).collect();
+        Some(Self { raycaster: raycaster.clone(), low, side, size, clusters, cluster_of, cells })
+    }
+
+    /// The number of the cell of a point and normal; `None` outside of the grid.
+    #[inline]
+    pub(super) fn find(&self, point: Vec3, normal: Vec3) -> Option<u32> {
+        let at = ((point - self.low) / self.side).floor();
+        // A NaN is outside too.
+        if !(at.cmpge(Vec3::ZERO).all() && at.cmplt(self.size.as_vec3()).all()) {
+            return None;
+        }
+        let at = at.as_ivec3();
+        let cell = (at.z * self.size.y + at.y) * self.size.x + at.x;
+        Some(cell as u32 * FACINGS as u32 + facing(normal))
+    }
+
+    #[inline]
+    pub(super) fn get(&self, lights: &Lights, number: u32) -> &Cell {
+        self.cells[number as usize].get_or_init(|| self.probe(lights, number))
+    }
+
+    /// A subtree or emitter, and its probability.
+    #[inline]
+    pub(super) fn pick(&self, cell: &Cell, seen: &Weights, uniform: &mut f64) -> (Child, f32) {
+        let i = cell.pick(seen, uniform);
+        (self.clusters[i], cell.probability(seen, i))
+    }
+
+    /// The cluster of an emitter and its probability.
+    #[inline]
+    pub(super) fn share(&self, cell: &Cell, seen: &Weights, emitter: usize) -> (Child, f32) {
+        let i = usize::from(self.cluster_of[emitter]);
+        (self.clusters[i], cell.probability(seen, i))
+    }
+
+    /// Looks from a few places of the cell at all clusters.
+    #[cold]
+    fn probe(&self, lights: &Lights, number: u32) -> Cell {
+        let (cell, facing) = (number / FACINGS as u32, number % FACINGS as u32);
+        let (x, y) = (self.size.x as u32, self.size.y as u32);
+        let corner = Vec3::new((cell % x) as f32, (cell / x % y) as f32, (cell / x / y) as f32);
+        let mut sampler = Sampler::new(SEED, u64::from(number));
+        let probes = self.probes(corner, facing, &mut sampler);
+        let mut seen = vec![0.0_f32; self.clusters.len()];
+        let mut open = vec![0.0_f32; self.clusters.len()];
+        let mut sky = 0;
+        let repeats = (LOOKS / (PROBES * self.clusters.len())).clamp(1, 8);
+        for (k, probe) in probes.iter().enumerate() {
+            sampler.turn((1 + k) as u32, Purpose::Light);
+            for (i, &cluster) in self.clusters.iter().enumerate() {
+                for _ in 0..repeats {
+                    let (value, visible) = self.look(lights, probe, facing, cluster, &mut sampler);
+                    open[i] += value;
+                    seen[i] += if visible { value } else { 0.0 };
+                }
+            }
+            if lights.sky > 0.0 {
+                sampler.turn((1 + k) as u32, Purpose::Scatter);
+                let frame = Frame::new(if facing == EVERYWHERE { Vec3::Z } else { probe.normal });
+                for _ in 0..SKY_RAYS {
+                    let direction = frame.to_world(cosine_hemisphere(sampler.two()));
+                    let origin = spawn(probe.point, probe.error, probe.normal, direction);
+                    sky += u32::from(!self.raycaster.occluded_from(&Ray::new(origin, direction), probe.triangle));
+                }
+            }
+        }
+        let power = |c: &Child| lights.nodes[c.node as usize].power(c.slot as usize);
+        let all_power: f32 = self.clusters.iter().map(power).sum();
+        let (all_seen, all_open): (f32, f32) = (seen.iter().sum(), open.iter().sum());
+        let share = |i: usize| {
+            let by_power = power(&self.clusters[i]) / all_power;
+            let by_open = if all_open > 0.0 { open[i] / all_open } else { by_power };
+            BLIND * by_power + (1.0 - BLIND) * by_open
+        };
+        let center = self.low + (corner + 0.5) * self.side;
+        let near: Vec<bool> = self
+            .clusters
+            .iter()
+            .map(|c| {
+                let (middle, radius) = lights.nodes[c.node as usize].sphere(c.slot as usize);
+                middle.distance(center) < radius + NEAR * self.side
+            })
+            .collect();
+        let mut order: Vec<usize> = (0..seen.len()).filter(|&i| seen[i] > 0.0 || near[i]).collect();
+        order.sort_by(|&a, &b| near[b].cmp(&near[a]).then(seen[b].total_cmp(&seen[a])));
+        order.truncate(SEEN_NODES * WIDTH);
+        let mut nodes = vec![Node::new(Child::default()); order.len().div_ceil(WIDTH)];
+        let mut seen_clusters = [0; SEEN_NODES * WIDTH];
+        let mut seen_as = vec![u8::MAX; seen.len()].into_boxed_slice();
+        for (place, &i) in order.iter().enumerate() {
+            let Child { node, slot } = self.clusters[i];
+            nodes[place / WIDTH].copy(place % WIDTH, &lights.nodes[node as usize], slot as usize, i);
+            seen_as[i] = place as u8;
+            seen_clusters[place] = i as u8;
+        }
+        // So that their importances are, for the probes, what really arrived.
+        let mut expected = [0.0_f32; SEEN_NODES * WIDTH];
+        for probe in &probes {
+            let normal = if facing == EVERYWHERE { Vec3::ZERO } else { probe.normal };
+            for (node, expected) in nodes.iter().zip(expected.chunks_mut(WIDTH)) {
+                expected.iter_mut().zip(node.importances(probe.point, normal)).for_each(|(sum, x)| *sum += x);
+            }
+        }
+        for (place, &i) in order.iter().enumerate() {
+            let least = if near[i] { LEAST_NEAR } else { 0.0 };
+            let share = if expected[place] > 0.0 { seen[i] / (repeats as f32 * expected[place]) } else { 0.0 };
+            let share = if share.is_finite() { share } else { 1.0 };
+            nodes[place / WIDTH].scale(place % WIDTH, share.max(least));
+        }
+        let mut sum = 0.0;
+        let mut sums: Box<[f32]> = (0..self.clusters.len())
+            .map(|i| {
+                sum += share(i);
+                sum
+            })
+            .collect();
+        if sum > 0.0 && sum.is_finite() {
+            sums.iter_mut().for_each(|s| *s /= sum);
+        } else {
+            // Beyond the range of f32: evenly.
+            let count = sums.len() as f32;
+            sums.iter_mut().zip(1_u8..).for_each(|(s, i)| *s = f32::from(i) / count);
+        }
+        let sky = lights.sky * sky as f32 / (PROBES * SKY_RAYS) as f32;
+        Cell { total: all_seen / (PROBES * repeats) as f32, sky, sums, seen: nodes.into(), seen_clusters, seen_as }
+    }
+
+    /// Points on surfaces of the cell that face its way, or anywhere in it.
+    fn probes(&self, corner: Vec3, facing: u32, sampler: &mut Sampler) -> [SurfacePoint; PROBES] {
+        let axis = axis(facing);
+        let nowhere =
+            |point| SurfacePoint { point, error: Vec3::ZERO, normal: axis, triangle: holo_raycast::NO_TRIANGLE };
+        let mut probes = [nowhere(Vec3::ZERO); PROBES];
+        let mut count = 0;
+        sampler.turn(0, Purpose::Light);
+        for attempt in 0..ATTEMPTS {
+            let [x, y] = sampler.two();
+            let place = self.low + (corner + Vec3::new(x, y, sampler.one())) * self.side;
+            let mut found = nowhere(place);
+            let mut on_surface = false;
+            if facing != EVERYWHERE {
+                let down = Ray { t_max: self.side, ..Ray::new(place, -axis) };
+                if let Some(hit) = self.raycaster.nearest(&down) {
+                    found = self.raycaster.surface(hit.triangle, hit.u, hit.v);
+                    if found.normal.dot(axis) < 0.0 {
+                        found.normal = -found.normal;
+                    }
+                    on_surface = true;
+                }
+            }
+            // The last attempts are taken as they come.
+            if on_surface || ATTEMPTS - attempt <= PROBES - count {
+                probes[count] = found;
+                count += 1;
+                if count == PROBES {
+                    break;
+                }
+            }
+        }
+        probes
+    }
+
+    /// One sample of what a cluster brings to a probe, and whether nothing is in the way.
+    fn look(
+        &self,
+        lights: &Lights,
+        probe: &SurfacePoint,
+        facing: u32,
+        cluster: Child,
+        sampler: &mut Sampler,
+    ) -> (f32, bool) {
+        let (first, second) = sampler.pairs(1).at(0);
+        let mut rest = first;
+        let Some((emitter, probability)) = descend(&lights.nodes, cluster, probe.point, Vec3::ZERO, 1.0, &mut rest)
+        else {
+            return (0.0, false);
+        };
+        let triangle = lights.triangles[emitter];
+        let aim = Aim::new(probe.point, self.raycaster.vertices(triangle));
+        let (u, v) = aim.sample([super::below_one(rest), second]);
+        let light = self.raycaster.surface(triangle, u, v);
+        let towards = light.point - probe.point;
+        let distance2 = towards.length_squared();
+        let cosine = -towards.dot(light.normal) / distance2.sqrt();
+        let Source { radiance, side } = lights.sources[emitter];
+        let shining = if side == 0.0 { cosine.abs() } else { cosine * side };
+        if !(distance2 > 0.0 && shining > 0.0) || triangle == probe.triangle {
+            return (0.0, false);
+        }
+        let arriving = if facing == EVERYWHERE { 1.0 } else { towards.dot(probe.normal) / distance2.sqrt() };
+        let value = radiance * arriving.max(LEAST_COSINE) / (probability * aim.density(distance2, shining));
+        if value.is_finite() { (value, !self.raycaster.blocked(probe, &light)) } else { (0.0, false) }
+    }
+}
+
+/// Of the cells' numbers: any will do.
+const SEED: u64 = 0xCE11;
+/// The facing of vertices that light reaches from all sides.
+const EVERYWHERE: u32 = 6;
+
+#[inline]
+fn facing(normal: Vec3) -> u32 {
+    if normal == Vec3::ZERO {
+        return EVERYWHERE;
+    }
+    let size = normal.abs();
+    let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + u32::from(size.z > size.y) };
+    2 * axis + u32::from(normal[axis as usize] < 0.0)
+}
+
+fn axis(facing: u32) -> Vec3 {
+    let sign = if facing % 2 == 1 { -1.0 } else { 1.0 };
+    [Vec3::X, Vec3::Y, Vec3::Z].get(facing as usize / 2).map_or(Vec3::Z, |axis| *axis * sign)
+}
+
+/// Subtrees that hold every emitter once: the largest, weighed by power, are divided.
+fn cut(nodes: &[Node], least_radius2: f32) -> Vec<Child> {
+    let slots = |node: usize| (0..nodes[node].used()).map(move |slot| Child { node: node as u32, slot: slot as u32 });
+    let mut clusters: Vec<Child> = slots(0).collect();
+    loop {
+        let extent = |c: &Child| nodes[c.node as usize].extent(c.slot as usize);
+        let divisible = clusters.iter().enumerate().filter_map(|(i, c)| {
+            let next = nodes[c.node as usize].child(c.slot as usize).ok()?;
+            let large = nodes[c.node as usize].radius2(c.slot as usize) > least_radius2;
+            (large && clusters.len() - 1 + nodes[next].used() <= CLUSTERS).then_some((i, next, extent(c)))
+        });
+        let Some((i, next, _)) = divisible.max_by(|a, b| a.2.total_cmp(&b.2)) else { return clusters };
+        clusters.swap_remove(i);
+        clusters.extend(slots(next));
+    }
+}

@@ -1,0 +1,79 @@
+//! Aiming at secondary sources changes the error and not the expectation.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use holo_raycast::Raycaster;
+use holo_scene::{Bsdf, Material, Scene};
+
+use crate::path::{Direct, PathEngine, Start, first_hit};
+use crate::sampler::Sampler;
+
+/// A floor that sees a lamp only by way of a small plate above it.
+fn scene(floor: Bsdf, plate: Bsdf) -> Arc<Raycaster> {
+    let quad = |z: f64, h: f64| [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
+    let positions = [quad(0.0, 8.0), quad(1.0, 0.05), quad(1.2, 0.2)].concat();
+    let triangles: Vec<[u32; 3]> =
+        (0..3).flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]]).collect();
+    let material = |bsdf, emission| Material { bsdf, emission, ..Material::grey("m") };
+    let black = Bsdf::Diffuse { kd: [0.0; 3] };
+    let materials = vec![material(floor, [0.0; 3]), material(black, [50.0; 3]), material(plate, [0.0; 3])];
+    let scene = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1, 2, 2], materials, [0.0; 3]).expect("valid").0;
+    Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
+}
+
+/// Mean and variance of a path's green.
+fn estimate(engine: &PathEngine, raycaster: &Raycaster, paths: u64) -> (f64, f64) {
+    let direction = DVec3::new(-0.6, 0.1, -1.0).normalize();
+    let eye = DVec3::new(1.4, 0.2, 0.7);
+    let (hit, _) = first_hit(raycaster, eye, direction);
+    let start = Start { hit, direction: direction.as_vec3(), inside: engine.inside(raycaster, eye) };
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for seed in 0..paths {
+        let x = f64::from(engine.radiance(raycaster, start, &mut Sampler::new(seed, 0)).y);
+        sum += x;
+        squares += x * x;
+    }
+    let mean = sum / paths as f64;
+    (mean, (squares / paths as f64 - mean * mean).max(0.0))
+}
+
+#[test]
+fn aimed_and_plain_samples_have_one_expectation_and_aimed_ones_err_less() {
+    let mut seen = Vec::new();
+    for floor in [Bsdf::Diffuse { kd: [0.7; 3] }, Bsdf::Coated { kd: [0.5; 3], ks: [1.0; 3], ior: 1.5, alpha: 0.3 }] {
+        for plate in [
+            Bsdf::Diffuse { kd: [0.8; 3] },
+            Bsdf::Mirror { ks: [0.9; 3] },
+            Bsdf::Conductor { ks: [0.9; 3], alpha: 0.2 },
+        ] {
+            let raycaster = scene(floor, plate);
+            let mut engine = PathEngine::new(&raycaster, None, Direct::Both, 1);
+            assert!(engine.secondary.is_some(), "{plate:?}");
+            let n = 200_000;
+            let aimed = estimate(&engine, &raycaster, n);
+            engine.secondary = None;
+            let plain = estimate(&engine, &raycaster, n);
+            // 6 comparisons at 4.5 sigma: by chance once in 25,000 sets of seeds.
+            let error = ((aimed.1 + plain.1) / n as f64).sqrt();
+            assert!((aimed.0 - plain.0).abs() < 4.5 * error, "{floor:?} {plate:?}: {aimed:?} {plain:?}");
+            assert!(aimed.0 > 0.0 && error < 0.1 * aimed.0, "{floor:?} {plate:?}: {aimed:?} {plain:?}");
+            seen.push(plain.1 / aimed.1);
+        }
+    }
+    println!("variance of plain paths over that of aimed ones: {seen:.1?}");
+    assert!(seen.iter().all(|&gain| gain > 2.0), "{seen:?}");
+}
+
+#[test]
+fn a_scene_whose_light_is_spread_has_none() {
+    // The plate as large as the floor.
+    let quad = |z: f64, h: f64| [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
+    let positions = [quad(0.0, 4.0), quad(1.9, 0.5), quad(2.0, 4.0)].concat();
+    let triangles: Vec<[u32; 3]> =
+        (0..3).flat_map(|q| [[4 * q, 4 * q + 2, 4 * q + 1], [4 * q, 4 * q + 3, 4 * q + 2]]).collect();
+    let materials = vec![Material::grey("wall"), Material { emission: [5.0; 3], ..Material::grey("lamp") }];
+    let scene = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1, 0, 0], materials, [0.0; 3]).expect("valid").0;
+    let raycaster = Arc::new(Raycaster::build(Arc::new(scene)).expect("built"));
+    assert!(PathEngine::new(&raycaster, None, Direct::Both, 1).secondary.is_none());
+}
