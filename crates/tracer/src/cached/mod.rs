@@ -124,8 +124,10 @@ impl Cached {
         let wanted = (pilot.error / self.quality.error).powi(2) * pilot.rays as f32;
         let rays = (wanted as u32).clamp(PILOT_RAYS, MOST_RAYS);
         let mut record = self.gather(engine, raycaster, point, normal, inside, rays);
-        // What is noisy still is averaged with more neighbours.
-        record.radius *= (self.quality.error / record.error).clamp(0.25, 1.0);
+        // Nor must its radius know its light: records that are too bright would count for less of the surface than those that are
+        // too dark. What is noisy still is averaged with more neighbours.
+        let error = pilot.error * (pilot.rays as f32 / record.rays as f32).sqrt();
+        record.radius = record.radius.min(gradient_limit(&pilot)) * (self.quality.error / error).clamp(0.25, 1.0);
         self.store.insert(record);
         let made = Vec3::from(record.irradiance);
         // The new record has weight 1.
@@ -170,7 +172,7 @@ impl Cached {
         let mut record = hemisphere.record(&arrivals, [frame.s, frame.t, normal]);
         record.point = point.point.to_array();
         record.id = id;
-        record.radius = (record.radius * self.quality.reach).min(gradient_limit(&record)).min(self.quality.greatest);
+        record.radius = (record.radius * self.quality.reach).min(self.quality.greatest);
         record
     }
 }
