@@ -28,7 +28,7 @@ pub struct Record {
     pub turn: [[f32; 3]; 3],
     /// Rays that were traced for it.
     pub rays: u32,
-    /// 0; for later.
+    /// 0 if it is as exact as was asked for, 1 if it is coarse: for the rays of other records.
     pub flags: u32,
     /// Unique among all records of a scene: what makes merging idempotent.
     pub id: u64,

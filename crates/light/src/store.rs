@@ -160,6 +160,7 @@ impl Store {
                 record.radius = record.radius.min(radius + distance);
                 slot.radius.fetch_min((record.radius + distance).to_bits(), Ordering::Relaxed);
             }
+            true
         });
         record.radius = record.radius.max(0.5 * self.width);
         let chunk = self.slots[index as usize / CHUNK].get_or_init(|| (0..CHUNK).map(|_| Slot::default()).collect());
@@ -194,14 +195,16 @@ impl Store {
 
     /// Indirect light at a point, on the side of `normal`, from the records that may be used there: `None` without any.
     ///
-    /// Radii count `reach` times: 1 for what is seen, more where less exactness will do. `hidden` tells whether something stands
-    /// between the point and a record; it is asked last.
+    /// Radii count `reach` times: 1 for what is seen, more where less exactness will do. No more records are looked for once the
+    /// weights of those found add up to `enough`. `hidden` tells whether something stands between the point and a record; it is
+    /// asked last.
     #[must_use]
     pub fn irradiance(
         &self,
         point: Vec3,
         normal: Vec3,
         reach: f32,
+        enough: f32,
         mut hidden: impl FnMut(&Record) -> bool,
     ) -> Option<Found> {
         let mut found = Found::default();
@@ -212,27 +215,28 @@ impl Store {
             let other = Vec3::from(record.normal);
             let cosine = normal.dot(other);
             if distance >= radius || cosine < LEAST_COSINE {
-                return;
+                return true;
             }
             // Before or behind the record's plane is another surface, or a step.
             if offset.dot(other).abs().max(offset.dot(normal).abs()) > 0.1 * radius {
-                return;
+                return true;
             }
             let turned = ((1.0 - cosine).max(0.0) / (1.0 - LEAST_COSINE)).sqrt();
             let weight = 1.0 - (distance / radius).max(turned);
             if weight <= 0.0 || distance > 0.5 * record.nearest && hidden(record) {
-                return;
+                return true;
             }
             found.irradiance += record.extrapolate(point, normal) * weight;
             found.weight += weight;
             found.records += 1;
+            found.weight < enough
         });
         (found.weight > 0.0).then(|| Found { irradiance: found.irradiance / found.weight, ..found })
     }
 
-    /// Calls `visit` with all records in whose cells a point lies.
+    /// Calls `visit` with the records in whose cells a point lies, the newest of a size first, until it says that it has seen enough.
     #[inline]
-    fn around(&self, point: Vec3, mut visit: impl FnMut(&Slot, &Record, f32)) {
+    fn around(&self, point: Vec3, mut visit: impl FnMut(&Slot, &Record, f32) -> bool) {
         let mut levels = self.levels.load(Ordering::Acquire);
         while levels != 0 {
             let level = levels.trailing_zeros() as usize;
@@ -243,8 +247,10 @@ impl Store {
                 let entry = chunk[node as usize % NODES].load(Ordering::Acquire);
                 let (index, next) = (entry as u32 as usize, (entry >> 32) as u32);
                 let slot = self.slots[index / CHUNK].get().map(|chunk| &chunk[index % CHUNK]);
-                if let Some((slot, record)) = slot.and_then(|slot| Some((slot, slot.record.get()?))) {
-                    visit(slot, record, f32::from_bits(slot.radius.load(Ordering::Relaxed)));
+                if let Some((slot, record)) = slot.and_then(|slot| Some((slot, slot.record.get()?)))
+                    && !visit(slot, record, f32::from_bits(slot.radius.load(Ordering::Relaxed)))
+                {
+                    return;
                 }
                 node = next;
             }

@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_light::{Arrival, Found, Hemisphere, Record, Store};
+use holo_light::{Arrival, Found, Hemisphere, Record, Source, Store};
 use holo_raycast::{Raycaster, SurfacePoint};
 use holo_scene::{Bsdf, Material, Scene};
 use proptest::prelude::*;
@@ -66,6 +66,65 @@ fn steps_follow_the_light_of_a_half_bright_ceiling() {
     }
 }
 
+/// A small flat source: its light at the origin and beside it, on a surface turned by a little, to first order.
+#[test]
+fn a_small_source_brings_its_own_gradients() {
+    let (at, normal) = (Vec3::new(0.4, -0.7, 1.1), Vec3::new(-0.5, 0.3, -1.0).normalize());
+    let exact = |point: Vec3, up: Vec3| {
+        let w = at - point;
+        2.0 * up.dot(w) * -normal.dot(w) / w.length_squared().powi(2)
+    };
+    let part = 0.25 * exact(Vec3::ZERO, Vec3::Z);
+    let source = Source { irradiance: Vec3::new(part, 2.0 * part, 0.0), towards: at, normal: Some(normal) };
+    let mut record = gathered(1000, |_| (0.0, 1.0));
+    record.add(&[source; 4]);
+    assert!((record.irradiance[0] - 4.0 * part).abs() < 1e-6 && record.error < 1e-3, "{record:?}");
+    let h = 1e-2;
+    for step in [Vec3::X, Vec3::Y, Vec3::new(-0.6, 0.8, 0.0)] {
+        let slope = (exact(step * h, Vec3::Z) - exact(-step * h, Vec3::Z)) / (2.0 * h);
+        let told = (record.extrapolate(step * h, Vec3::Z) - record.extrapolate(-step * h, Vec3::Z)) / (2.0 * h);
+        assert!((told.x - slope).abs() < 2e-3 * 4.0 * part, "{step}: {told} {slope}");
+        assert!((told.y - 2.0 * slope).abs() < 4e-3 * 4.0 * part && told.z == 0.0, "{step}: {told}");
+        let (one, other) = ((Vec3::Z + step * h).normalize(), (Vec3::Z - step * h).normalize());
+        let turned = record.extrapolate(Vec3::ZERO, one).x - record.extrapolate(Vec3::ZERO, other).x;
+        let exact = exact(Vec3::ZERO, one) - exact(Vec3::ZERO, other);
+        assert!((turned - exact).abs() < 2e-3 * h * 4.0 * part, "{step}: {turned} {exact}");
+    }
+    // What a mirror shows does not move with the mirror: light without gradients. And sources that differ are uncertain.
+    let mut record = gathered(1000, |_| (0.0, 1.0));
+    record.add(&[Source { normal: None, ..source }, Source::default()]);
+    assert_eq!(record.shift, [[0.0; 3]; 3]);
+    assert!((record.error - 1.0).abs() < 1e-5, "{}", record.error);
+}
+
+/// The spread of records of one place, each with its own random numbers, is what they say that it is, or less.
+#[test]
+fn a_record_knows_its_error() {
+    let mut state = 1_u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1 << 24) as f32
+    };
+    // Noise in every ray, of mean 1 and relative standard deviation 1/√3, over a slope that strata take out.
+    let hemisphere = Hemisphere::new(300);
+    let records: Vec<Record> = (0..400)
+        .map(|_| {
+            let ray = |index| {
+                let light = hemisphere.direction(index, [0.5; 2]).x + 2.0 + 2.0 * (random() - 0.5) * 2.0;
+                Arrival { radiance: Vec3::splat(light), distance: 1.0 }
+            };
+            let arrivals: Vec<Arrival> = (0..hemisphere.rays()).map(ray).collect();
+            hemisphere.record(&arrivals, AXES)
+        })
+        .collect();
+    let count = records.len() as f32;
+    let mean = records.iter().map(|r| r.irradiance[0]).sum::<f32>() / count;
+    let spread = (records.iter().map(|r| (r.irradiance[0] - mean).powi(2)).sum::<f32>() / (count - 1.0)).sqrt() / mean;
+    let said = records.iter().map(|r| r.error).sum::<f32>() / count;
+    // 4 standard errors of a standard deviation by 400 values, and what the slope leaves within strata.
+    assert!(said > spread * 0.86 && said < spread * 1.2, "{said} {spread}");
+}
+
 /// A floor, and a wall of no thickness that stands on it at x = 0.
 fn walled() -> Raycaster {
     let corners = [
@@ -92,7 +151,7 @@ fn walled() -> Raycaster {
 
 /// What the store tells of a point on its upper side or on the other.
 fn told(store: &Store, raycaster: &Raycaster, point: &SurfacePoint, normal: Vec3) -> Option<Found> {
-    store.irradiance(point.point, normal, 1.0, |record| {
+    store.irradiance(point.point, normal, 1.0, f32::INFINITY, |record| {
         raycaster.parted(point, normal, record.point.into(), record.normal.into())
     })
 }

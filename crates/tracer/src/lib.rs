@@ -212,7 +212,7 @@ impl Tracer {
             return Traced { radiance: self.engine.sky().to_array(), distance };
         }
         let inside = self.engine.inside(&self.raycaster, origin);
-        let start = Start { hit, direction: direction.as_vec3(), inside };
+        let start = Start::eye(hit, direction.as_vec3(), inside);
         let count = paths.end.saturating_sub(paths.start).max(1);
         let mut sum = Vec3::ZERO;
         for path in paths {

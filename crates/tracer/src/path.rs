@@ -11,7 +11,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, spawn};
+use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::{Bsdf, Scene};
 
 use crate::bsdf::{Scatter, Tables};
@@ -29,15 +29,14 @@ const ROULETTE_SCATTERINGS: u32 = 3;
 /// Surfaces before roulette begins for all paths: mirrors and glass take little.
 const ROULETTE_DEPTH: u32 = 5;
 /// Chance of going on that roulette never exceeds.
-pub(crate) const ROULETTE_CEILING: f32 = 0.95;
+const ROULETTE_CEILING: f32 = 0.95;
 /// Scatterings of a path at most.
-pub(crate) const MAX_DEPTH: u32 = 1024;
+const MAX_DEPTH: u32 = 1024;
 
-/// How direct light is found. Both are unbiased alone where no material is a delta; tests compare them.
+/// How direct light is found. Each is unbiased alone where no material is a delta; tests compare them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Direct {
     Both,
-    #[cfg_attr(not(test), allow(dead_code, reason = "only for comparison"))]
     Lights,
     #[cfg_attr(not(test), allow(dead_code, reason = "only for comparison"))]
     Materials,
@@ -66,13 +65,81 @@ pub(crate) struct PathEngine {
     pub light_samples: u32,
 }
 
-/// A first hit, shared by all paths of a sample.
+/// Where a path goes on from: a first hit, shared by all paths of a sample, or a ray that leaves a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Start {
     pub hit: Option<Hit>,
     pub direction: Vec3,
-    /// What the eye is inside of.
+    /// What the ray is inside of.
     pub inside: Inside,
+    pub arrived: Arrived,
+    /// Surfaces that the path has left, all of them wide.
+    pub depth: u32,
+}
+
+impl Start {
+    /// An eye's ray.
+    pub(crate) fn eye(hit: Option<Hit>, direction: Vec3, inside: Inside) -> Self {
+        Self { hit, direction, inside, arrived: Arrived::Alone, depth: 0 }
+    }
+}
+
+/// How light counts that a ray meets.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Arrived {
+    /// Nothing else finds it.
+    Alone,
+    /// Light samples could have found it too.
+    Weighed(Left),
+    /// It is counted elsewhere.
+    Excluded,
+}
+
+impl Arrived {
+    #[inline]
+    fn weight(&self, direct: Direct, density: impl FnOnce(&Left) -> f32) -> f32 {
+        match self {
+            Self::Alone => 1.0,
+            Self::Weighed(left) => direct.material_weight(left.pdf, density(left)),
+            Self::Excluded => 0.0,
+        }
+    }
+}
+
+/// A vertex at which a path may end.
+pub(crate) struct Met<'a> {
+    pub raycaster: &'a Raycaster,
+    pub point: &'a SurfacePoint,
+    /// On the side that the path has come to.
+    pub normal: Vec3,
+    pub scatter: &'a Scatter,
+    pub inside: &'a Inside,
+    /// Surfaces so far that are neither mirrors nor glass, this one included.
+    pub scatterings: u32,
+}
+
+/// What ends paths before light does.
+pub(crate) trait Ending {
+    /// Radiance that a vertex sends on of light that came by other surfaces, where that is known.
+    fn indirect(&self, met: &Met) -> Option<Vec3>;
+
+    /// Samples of the lights at a vertex, and whether the path ends there.
+    fn light_samples(&self, engine: &PathEngine, scatterings: u32, ends: bool) -> u32;
+}
+
+/// Paths that only light, roulette or absorption end.
+pub(crate) struct Never;
+
+impl Ending for Never {
+    #[inline]
+    fn indirect(&self, _: &Met) -> Option<Vec3> {
+        None
+    }
+
+    #[inline]
+    fn light_samples(&self, engine: &PathEngine, scatterings: u32, _: bool) -> u32 {
+        if scatterings == 1 { engine.light_samples } else { 1 }
+    }
 }
 
 impl PathEngine {
@@ -121,20 +188,30 @@ impl PathEngine {
     }
 
     /// One estimate of the radiance that arrives against `start.direction`.
+    #[inline]
     pub(crate) fn radiance(&self, raycaster: &Raycaster, start: Start, sampler: &mut Sampler) -> Vec3 {
+        self.follow(raycaster, start, &Never, sampler)
+    }
+
+    /// The same, by paths that may end before.
+    pub(crate) fn follow(
+        &self,
+        raycaster: &Raycaster,
+        start: Start,
+        ending: &impl Ending,
+        sampler: &mut Sampler,
+    ) -> Vec3 {
         let scene = raycaster.scene();
         let mut radiance = Vec3::ZERO;
         let mut throughput = Vec3::ONE;
         let mut eta2 = 1.0;
         // By how much aimed samples have lowered the throughput.
         let mut aimed_by = 1.0;
-        let mut scatterings = 0;
-        // `None` where light sampling could not have found the same light.
-        let mut left: Option<Left> = None;
-        let Start { mut hit, mut direction, mut inside } = start;
-        for depth in 0..MAX_DEPTH {
+        let Start { mut hit, mut direction, mut inside, mut arrived, depth: first } = start;
+        let mut scatterings = first;
+        for depth in first..MAX_DEPTH {
             let Some(found) = hit else {
-                let weight = left.map_or(1.0, |left| self.direct.material_weight(left.pdf, left.sky_density()));
+                let weight = arrived.weight(self.direct, Left::sky_density);
                 radiance += throughput * self.sky * weight;
                 break;
             };
@@ -153,10 +230,8 @@ impl PathEngine {
             let cosine = -direction.dot(point.normal);
             let front = cosine > 0.0;
             if surface.emits && (front || surface.two_sided) {
-                let weight = left.map_or(1.0, |left| {
-                    let density = left.emitter_density(&self.lights, raycaster, &point, cosine.abs());
-                    self.direct.material_weight(left.pdf, density)
-                });
+                let weight = arrived
+                    .weight(self.direct, |left| left.emitter_density(&self.lights, raycaster, &point, cosine.abs()));
                 radiance += throughput * surface.emission * weight;
             }
             let frame = Frame::new(if front { point.normal } else { -point.normal });
@@ -170,14 +245,22 @@ impl PathEngine {
                     break;
                 }
                 scatterings += 1;
-                if self.direct != Direct::Materials && self.lights.any() {
-                    let count = if scatterings == 1 { self.light_samples } else { 1 };
+                let normal = frame.n;
+                let met = Met { raycaster, point: &point, normal, scatter, inside: &inside, scatterings };
+                let indirect = ending.indirect(&met);
+                let direct = if indirect.is_some() { Direct::Lights } else { self.direct };
+                if direct != Direct::Materials && self.lights.any() {
+                    let count = ending.light_samples(self, scatterings, indirect.is_some());
                     let seen = direct::seen(&self.lights, scatter, &point, frame.n);
                     let surfaces = &self.surfaces;
                     let vertex = Vertex { raycaster, surfaces, scatter, point: &point, frame: &frame, wo, front };
                     sampler.turn(depth, Purpose::Light);
-                    radiance += throughput * vertex.lit(&self.lights, &seen, self.sky, count, self.direct, sampler);
+                    radiance += throughput * vertex.lit(&self.lights, &seen, self.sky, count, direct, sampler);
                     lighting = Some((seen, count));
+                }
+                if let Some(indirect) = indirect {
+                    radiance += throughput * indirect;
+                    break;
                 }
             }
             let sources = self.secondary.as_ref().filter(|_| scatter.is_wide());
@@ -216,8 +299,11 @@ impl PathEngine {
             if throughput == Vec3::ZERO {
                 break;
             }
-            left =
-                sampled.pdf.zip(lighting).map(|(pdf, (seen, count))| Left::new(pdf, seen, scatter, sampled.wi, count));
+            // Light sampling could not have found what a mirror shows.
+            arrived = match sampled.pdf.zip(lighting) {
+                Some((pdf, (seen, count))) => Arrived::Weighed(Left::new(pdf, seen, scatter, sampled.wi, count)),
+                None => Arrived::Alone,
+            };
             direction = frame.to_world(sampled.wi);
             // What touches a boundary was crossed with it.
             let error = if crossing.is_some() { point.error * TOUCH } else { point.error };

@@ -87,10 +87,17 @@ impl Aimed<'_> {
         if first >= f64::from(SHARE) {
             return Choice::Material;
         }
-        let chosen = self.sources.tree.choose(&self.seen(), first / f64::from(SHARE));
-        let Some(Chosen::Triangle { triangle, rest, .. }) = chosen else { return Choice::Nothing };
+        self.target(raycaster, first / f64::from(SHARE), second).map_or(Choice::Nothing, Choice::Source)
+    }
+
+    /// A point on a source by two uniform numbers; `None` if what seemed to be there from farther up the tree is not.
+    #[inline]
+    pub(crate) fn target(&self, raycaster: &Raycaster, first: f64, second: f32) -> Option<SurfacePoint> {
+        let Chosen::Triangle { triangle, rest, .. } = self.sources.tree.choose(&self.seen(), first)? else {
+            return None;
+        };
         let (u, v) = Aim::new(self.point, raycaster.vertices(triangle)).sample([rest, second]);
-        Choice::Source(raycaster.surface(triangle, u, v))
+        Some(raycaster.surface(triangle, u, v))
     }
 
     /// For a sample whose direction the material chooses with density `pdf`: aimed at `target` or not, and what it met. `None` if
@@ -114,7 +121,7 @@ impl Aimed<'_> {
 
     /// Density of aimed samples, per solid angle, towards a point that was met; 0 if that is on no source.
     #[inline]
-    fn density(&self, raycaster: &Raycaster, met: &Hit) -> f32 {
+    pub(crate) fn density(&self, raycaster: &Raycaster, met: &Hit) -> f32 {
         if self.sources.members[met.triangle as usize / 64] >> (met.triangle % 64) & 1 == 0 {
             return 0.0;
         }

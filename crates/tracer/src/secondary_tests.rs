@@ -27,7 +27,7 @@ fn estimate(engine: &PathEngine, raycaster: &Raycaster, paths: u64) -> (f64, f64
     let direction = DVec3::new(-0.6, 0.1, -1.0).normalize();
     let eye = DVec3::new(1.4, 0.2, 0.7);
     let (hit, _) = first_hit(raycaster, eye, direction);
-    let start = Start { hit, direction: direction.as_vec3(), inside: engine.inside(raycaster, eye) };
+    let start = Start::eye(hit, direction.as_vec3(), engine.inside(raycaster, eye));
     let (mut sum, mut squares) = (0.0, 0.0);
     for seed in 0..paths {
         let x = f64::from(engine.radiance(raycaster, start, &mut Sampler::new(seed, 0)).y);

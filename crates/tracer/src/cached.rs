@@ -1,0 +1,316 @@
+//! The engine `cached`: direct light sampled, light chains of mirrors, glass and gloss traced, and indirect light on diffuse surfaces
+//! interpolated from records that all threads and all workers share ([`holo_light`]).
+//!
+//! A record's rays end in records too; where there are none, coarse ones are made, whose own rays go on as paths. So first samples
+//! are as good as later ones, but dearer. Where small surfaces beside lamps send on much light (`secondary`), some rays are aimed at them.
+//!
+//! Always true:
+//! - what is traced does not depend on the cache but within the engine's accuracy;
+//! - how many rays a record has, and how far it reaches, do not depend on the light that these rays bring: its expectation, and that
+//!   of what is interpolated, is that of paths, but for what gradients leave over a radius.
+
+use std::f32::consts::FRAC_1_PI;
+use std::hash::{BuildHasher, RandomState};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::Vec3;
+use holo_light::{Arrival, Found, Hemisphere, Record, Source, Store};
+use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
+
+use crate::bsdf::Scatter;
+use crate::geometry::Frame;
+use crate::medium::Inside;
+use crate::path::{Arrived, Ending, Met, PathEngine, Start};
+use crate::sampler::{Purpose, Sampler, mix};
+use crate::secondary::Aimed;
+
+/// Relative error of indirect light that is aimed at unless said otherwise.
+pub const DEFAULT_ACCURACY: f32 = 0.03;
+
+/// Least and greatest accuracy that can be asked for.
+pub const ACCURACIES: std::ops::RangeInclusive<f32> = 0.002..=0.5;
+
+/// Samples of the lights at a first diffuse surface: with clean indirect light, direct light is what is left of the noise.
+const LIGHT_SAMPLES: u32 = 8;
+
+/// Rays that tell how many a record needs.
+const PILOT_RAYS: u32 = 64;
+
+/// Rays of a record at most.
+const MOST_RAYS: u32 = 1 << 12;
+
+/// Standard error of a record over the accuracy: what is seen is the mean of several, and their strata make them better than
+/// they know.
+const ERROR: f32 = 2.0;
+
+/// Radius of a record over the harmonic mean distance, over the root of the accuracy: what gradients leave grows with the square
+/// of the distance.
+const REACH: f32 = 2.0;
+
+/// Greatest radius over the scene's size, over the same.
+const GREATEST: f32 = 0.3;
+
+/// Greatest radius over the least: along edges, where radii shrink to nothing, records would be without number.
+const SPREAD: f32 = 16.0;
+
+/// Rays aimed at sources of indirect light, over those over the hemisphere.
+const AIMED: f32 = 0.2;
+
+/// Rays of a coarse record: what lies behind the eye is seen by thousands of rays, but by none that is looked at.
+const COARSE_RAYS: u32 = 128;
+
+/// [`Record::flags`]: for what is looked at, or for the rays of other records only.
+const EXACT: u32 = 0;
+const COARSE: u32 = 1;
+
+/// A record is made where the weights of those there add up to less.
+const LEAST_WEIGHT: f32 = 0.3;
+
+/// Where the weights of records add up to so much, no more are looked for.
+const ENOUGH: f32 = 4.0;
+
+/// How much farther records reach for the rays of other records: what they see is averaged over a hemisphere.
+const RECORDS_REACH: f32 = 2.0;
+
+/// What follows from the accuracy.
+#[derive(Clone, Copy, Debug)]
+struct Quality {
+    /// Relative standard error of a record.
+    error: f32,
+    /// Radius of a record over the harmonic mean distance of what it sees.
+    reach: f32,
+    /// Radius at most.
+    greatest: f32,
+}
+
+/// The cache of one scene, and what makes its records.
+#[derive(Debug)]
+pub(crate) struct Cached {
+    store: Arc<Store>,
+    quality: Quality,
+    /// Records' names: this engine's own, and how many it has made.
+    salt: u64,
+    made: AtomicU64,
+}
+
+impl Cached {
+    pub(crate) fn new(raycaster: &Raycaster, accuracy: f32) -> Self {
+        let accuracy = accuracy.clamp(*ACCURACIES.start(), *ACCURACIES.end());
+        let size = extent(raycaster);
+        let reach = REACH * accuracy.sqrt();
+        let quality = Quality { error: ERROR * accuracy, reach, greatest: size * GREATEST * reach };
+        let store = Arc::new(Store::new(quality.greatest / SPREAD));
+        Self { store, quality, salt: RandomState::new().hash_one(0), made: AtomicU64::new(0) }
+    }
+
+    pub(crate) fn store(&self) -> &Arc<Store> {
+        &self.store
+    }
+
+    /// One estimate of the radiance that arrives against a first hit.
+    pub(crate) fn radiance(
+        &self,
+        engine: &PathEngine,
+        raycaster: &Raycaster,
+        start: Start,
+        sampler: &mut Sampler,
+    ) -> Vec3 {
+        engine.follow(raycaster, start, &Light { cached: self, engine, role: Role::Eye }, sampler)
+    }
+
+    /// Irradiance by indirect light at a point that an eye sees; a record is made if there is none near enough.
+    fn irradiance(&self, engine: &PathEngine, met: &Met) -> Vec3 {
+        let found = self.known(met, EXACT);
+        if let Some(found) = found.filter(|found| found.weight >= LEAST_WEIGHT) {
+            return found.irradiance;
+        }
+        // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
+        let pilot = self.gather(engine, met, PILOT_RAYS, EXACT);
+        let wanted = (pilot.error / self.quality.error).powi(2) * pilot.rays as f32;
+        let rays = (wanted as u32).clamp(PILOT_RAYS, MOST_RAYS);
+        let mut record = self.gather(engine, met, rays, EXACT);
+        // Nor must its radius know its light: records that are too bright would count for less of the surface than those that are
+        // too dark. What is noisy still is averaged with more neighbours.
+        let error = pilot.error * (pilot.rays as f32 / record.rays as f32).sqrt();
+        record.radius = record.radius.min(gradient_limit(&pilot)) * (self.quality.error / error).clamp(0.25, 1.0);
+        self.store.insert(record);
+        let made = Vec3::from(record.irradiance);
+        // The new record has weight 1.
+        found.map_or(made, |found| (found.irradiance * found.weight + made) / (found.weight + 1.0))
+    }
+
+    /// Irradiance by indirect light, as far as there are records in sight that go to the point: exact ones, or for the rays of records
+    /// any.
+    fn known(&self, met: &Met, coarse: u32) -> Option<Found> {
+        let &Met { raycaster, point, normal, .. } = met;
+        let (reach, enough) = if coarse == EXACT { (1.0, ENOUGH) } else { (RECORDS_REACH, LEAST_WEIGHT) };
+        self.store.irradiance(point.point, normal, reach, enough, |record| {
+            record.flags > coarse || raycaster.parted(point, normal, record.point.into(), record.normal.into())
+        })
+    }
+
+    /// Irradiance by indirect light at a point that a record's ray meets; a coarse record is made if there is none at all near.
+    fn coarse(&self, engine: &PathEngine, met: &Met) -> Vec3 {
+        let record = self.gather(engine, met, COARSE_RAYS, COARSE);
+        self.store.insert(record);
+        record.irradiance.into()
+    }
+
+    /// Traces a record's rays: over the hemisphere, and at the sources of indirect light that there are (one sample of both kinds
+    /// together, Veach 1997, §9.2.4, balance heuristic).
+    #[cold]
+    fn gather(&self, engine: &PathEngine, met: &Met, rays: u32, coarse: u32) -> Record {
+        let &Met { raycaster, point, normal, inside, .. } = met;
+        let number = self.made.fetch_add(1, Ordering::Relaxed);
+        let id = mix(self.salt.wrapping_add(mix(number)));
+        let frame = Frame::new(normal);
+        let hemisphere = Hemisphere::new(rays);
+        let aimed = engine.secondary.as_ref().and_then(|sources| sources.aimed(point, normal));
+        let targets = if aimed.is_some() { (hemisphere.rays() as f32 * AIMED) as u32 } else { 0 };
+        let light = Light { cached: self, engine, role: if coarse == EXACT { Role::Record } else { Role::Coarse } };
+        let gathering =
+            Gathering { light, raycaster, point, normal, inside, aimed, counts: [hemisphere.rays(), targets] };
+        let arrivals: Vec<Arrival> = (0..hemisphere.rays())
+            .map(|index| {
+                let mut sampler = Sampler::new(id, u64::from(index));
+                sampler.turn(0, Purpose::Scatter);
+                let direction = frame.to_world(hemisphere.direction(index, sampler.two()));
+                gathering.arrival(direction, &mut sampler)
+            })
+            .collect();
+        let mut record = hemisphere.record(&arrivals, [frame.s, frame.t, normal]);
+        record.point = point.point.to_array();
+        record.id = id;
+        record.flags = coarse;
+        let sources: Vec<Source> = (0..targets)
+            .map(|index| {
+                let mut sampler = Sampler::new(id, u64::from(hemisphere.rays() + index));
+                gathering.source(index, &mut sampler).unwrap_or_default()
+            })
+            .collect();
+        record.add(&sources);
+        record.radius = (record.radius * self.quality.reach).min(self.quality.greatest);
+        record
+    }
+}
+
+/// For whom light is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    /// A sample that someone looks at.
+    Eye,
+    /// A record.
+    Record,
+    /// A coarse record.
+    Coarse,
+}
+
+/// Paths that end in the cache.
+struct Light<'a> {
+    cached: &'a Cached,
+    engine: &'a PathEngine,
+    role: Role,
+}
+
+impl Ending for Light<'_> {
+    #[inline]
+    fn indirect(&self, met: &Met) -> Option<Vec3> {
+        let Scatter::Diffuse(kd) = met.scatter else { return None };
+        let bounces = self.engine.bounces;
+        let irradiance = if met.scatterings > bounces {
+            Vec3::ZERO
+        } else if bounces != u32::MAX && met.scatterings > 1 {
+            // Records hold all light but what comes straight: of no use where only some more of it may be counted.
+            return None;
+        } else if self.role == Role::Eye {
+            self.cached.irradiance(self.engine, met)
+        } else {
+            match self.cached.known(met, COARSE) {
+                Some(found) => found.irradiance,
+                None if self.role == Role::Record && met.scatterings == 2 => self.cached.coarse(self.engine, met),
+                None => return None,
+            }
+        };
+        Some(*kd * irradiance * FRAC_1_PI)
+    }
+
+    #[inline]
+    fn light_samples(&self, engine: &PathEngine, _: u32, ends: bool) -> u32 {
+        if self.role == Role::Eye && ends { engine.light_samples.max(LIGHT_SAMPLES) } else { 1 }
+    }
+}
+
+/// A record's rays.
+struct Gathering<'a> {
+    light: Light<'a>,
+    raycaster: &'a Raycaster,
+    point: &'a SurfacePoint,
+    normal: Vec3,
+    inside: &'a Inside,
+    aimed: Option<Aimed<'a>>,
+    /// Rays over the hemisphere, and rays aimed.
+    counts: [u32; 2],
+}
+
+impl Gathering<'_> {
+    fn nearest(&self, direction: Vec3) -> Option<Hit> {
+        let ray = Ray::new(spawn(self.point.point, self.point.error, self.point.normal, direction), direction);
+        self.raycaster.nearest_from(&ray, self.point.triangle)
+    }
+
+    /// Radiance along a ray, without what comes straight from lamps and sky.
+    fn radiance(&self, hit: Option<Hit>, direction: Vec3, sampler: &mut Sampler) -> Vec3 {
+        let start = Start { hit, direction, inside: *self.inside, arrived: Arrived::Excluded, depth: 1 };
+        let radiance = self.light.engine.follow(self.raycaster, start, &self.light, sampler);
+        if radiance.is_finite() { radiance } else { Vec3::ZERO }
+    }
+
+    /// Expected number of rays per solid angle towards a point, of both kinds.
+    fn density(&self, hit: Option<&Hit>, cosine: f32) -> f32 {
+        let aimed = self.aimed.as_ref().zip(hit).map_or(0.0, |(aimed, hit)| aimed.density(self.raycaster, hit));
+        self.counts[0] as f32 * cosine * FRAC_1_PI + self.counts[1] as f32 * aimed
+    }
+
+    fn arrival(&self, direction: Vec3, sampler: &mut Sampler) -> Arrival {
+        let hit = self.nearest(direction);
+        let distance = hit.map_or(f32::INFINITY, |hit| hit.t.max(f32::MIN_POSITIVE));
+        let cosine = direction.dot(self.normal).max(0.0);
+        let share = self.counts[0] as f32 * cosine * FRAC_1_PI / self.density(hit.as_ref(), cosine);
+        let radiance = self.radiance(hit, direction, sampler);
+        Arrival { radiance: if share.is_finite() { radiance * share } else { Vec3::ZERO }, distance }
+    }
+
+    fn source(&self, index: u32, sampler: &mut Sampler) -> Option<Source> {
+        sampler.turn(0, Purpose::Aim);
+        let (first, second) = sampler.pairs(1).at(0);
+        let stratified = (f64::from(index) + first) / f64::from(self.counts[1]);
+        let target = self.aimed.as_ref()?.target(self.raycaster, stratified, second)?;
+        let towards = target.point - self.point.point;
+        let direction = towards.try_normalize()?;
+        let cosine = direction.dot(self.normal);
+        let hit = self.nearest(direction).filter(|hit| cosine > 0.0 && hit.triangle == target.triangle)?;
+        let radiance = self.radiance(Some(hit), direction, sampler);
+        let irradiance = radiance * (cosine / self.density(Some(&hit), cosine));
+        let material = self.raycaster.scene().material_ids[target.triangle as usize] as usize;
+        let diffuse = self.light.engine.surfaces[material].scatter.is_wide();
+        let normal = diffuse.then_some(target.normal);
+        irradiance.is_finite().then_some(Source { irradiance, towards, normal })
+    }
+}
+
+/// As far as the light changes by its own size.
+fn gradient_limit(record: &Record) -> f32 {
+    let steepest = record.shift.iter().map(|g| Vec3::from(*g).length()).fold(0.0, f32::max);
+    let light = record.irradiance.iter().copied().fold(0.0, f32::max);
+    if steepest > 0.0 { 0.5 * light / steepest } else { f32::INFINITY }
+}
+
+/// The longest side of the scene's bounds.
+fn extent(raycaster: &Raycaster) -> f32 {
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for &vertex in &raycaster.scene().positions {
+        (low, high) = (low.min(vertex.into()), high.max(vertex.into()));
+    }
+    (high - low).max_element().max(f32::MIN_POSITIVE)
+}
