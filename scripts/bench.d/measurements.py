@@ -12,6 +12,7 @@ import re
 from pathlib import Path
 from typing import Callable
 
+from cached import cached
 from document import Bar, Figure, Part, Table
 from harness import Bench
 from interactive import interactive
@@ -19,6 +20,7 @@ from program import Failed, compare, median_of, run
 from rivals import rivals
 from scenes import Case
 from skips import skips
+from whole import whole
 
 # Half width of the 99 % interval of the bias that a render has to reach.
 BIAS_BAR = 0.005
@@ -278,6 +280,8 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "fill-cornell-direct": fill_cornell_direct,
     "fill-cabin": fill_cabin,
     "interactive": interactive,
+    "whole": whole,
+    "cached": cached,
     "replay": replay,
     "skips": skips,
     "viewpoint-share": viewpoint_share,

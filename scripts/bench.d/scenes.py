@@ -76,6 +76,14 @@ CABIN_SECTIONS = (
 )
 CABIN_LIVING = View("12.5,0.5,5", "0.707107,0.707107,0", "0,0,1", 60, 46.826)
 CABIN_BEDROOM = View("9,9,5", "-0.8,-0.6,-0.1", "0,0,1", 60, 46.826)
+# In the order in which a visitor moves through them.
+CABIN_VIEWS = {
+    "living": CABIN_LIVING,
+    "living2": View("15,9,5", "0.986588,0.0507496,-0.155139", "0,0,1", 60, 46.826),
+    "bedroom": CABIN_BEDROOM,
+    "bath": View("8,14.5,5", "-0.894427,0.447214,0", "0,0,1", 60, 46.826),
+    "coatrack": View("22,12,5", "0.563075,0.755671,-0.334526", "0,0,1", 40, 30.53),
+}
 
 INTERIOR_LIVING = View("0.8,0.75,1.55", "0.76,0.62,-0.07", "0,0,1", 60, 46.826)
 INTERIOR_BEDROOM = View("3.9,7.3,1.55", "-0.76,0.6,-0.2", "0,0,1", 60, 46.826)
@@ -94,7 +102,7 @@ class Scenes:
         title = "Cornell box"
         if not obj.exists():
             obj, title = self.bundle() / "cornell.obj", "bundled Cornell box"
-        reference = self._reference("cornell")
+        reference = self.reference("cornell")
         scene = (str(obj), CORNELL_SECTION)
         return Case("cornell", title, scene, CORNELL_VIEW, CORNELL_BEFORE, "256x256", reference)
 
@@ -103,7 +111,7 @@ class Scenes:
         obj = self._shared / "scenes/cabin/cabin.obj"
         if obj.exists():
             scene = (str(obj), *CABIN_SECTIONS)
-            reference = self._reference("cabin")
+            reference = self.reference("cabin")
             return Case("cabin", "cabin, living room", scene, CABIN_LIVING, CABIN_BEDROOM, "320x240", reference)
         scene = ("--config", str(self.bundle() / "interior.toml"))
         title = "bundled interior, living room"
@@ -112,13 +120,14 @@ class Scenes:
     def referenced(self) -> list[Case]:
         """All that have an independent reference."""
         cases = [self.cornell(), self.room()]
-        bedroom = self._reference("cabin_bed")
+        bedroom = self.reference("cabin_bed")
         if cases[1].name == "cabin" and bedroom:
             scene = cases[1].scene
             cases.append(Case("cabin_bed", "cabin, bedroom", scene, CABIN_BEDROOM, CABIN_LIVING, "320x240", bedroom))
         return [case for case in cases if case.reference]
 
-    def _reference(self, name: str) -> Reference | None:
+    def reference(self, name: str) -> Reference | None:
+        """An independent picture, if it is there."""
         folder = self._shared / "reference"
         reference = Reference(folder / f"{name}.pfm", folder / f"{name}_se.pfm")
         return reference if reference.picture.exists() and reference.standard_error.exists() else None

@@ -48,6 +48,8 @@ struct Info {
     scene: SceneInfo,
     /// Records of indirect light.
     light_records: usize,
+    /// Rays that were traced for them.
+    light_rays: u64,
     views: Vec<(String, String)>,
     up: [f64; 3],
     unit: f64,
@@ -109,6 +111,7 @@ fn collect(file: &Path) -> Result<Info> {
             bytes: about.scene.bytes,
         },
         light_records: holodeck.light().len(),
+        light_rays: holodeck.light().rays(),
         views: about.views.clone(),
         up: about.up,
         unit: about.unit,

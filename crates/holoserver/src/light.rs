@@ -40,6 +40,11 @@ impl LightRecords {
         self.records.is_empty()
     }
 
+    /// Rays that were traced for all of them.
+    pub fn rays(&self) -> u64 {
+        self.records.iter().map(|record| u64::from(record.rays)).sum()
+    }
+
     /// Adds those that are new, as far as there is room.
     pub(crate) fn merge(&mut self, maker: Option<ConnectionId>, records: &[Record]) {
         for record in records {

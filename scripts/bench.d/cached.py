@@ -1,0 +1,120 @@
+"""The engine `cached` beside `path`: seconds to an error, bias, and what many workers cost."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+from document import Bar, Part, Table
+from harness import Bench
+from program import Failed, compare, run
+from scenes import Case
+
+# Error to reach and seconds allowed over those of `path`, by scene.
+WANTED = {"cornell": (0.005, 0.15), "cabin": (0.02, 0.3)}
+# Settings tried, coarse ones first: the quickest that reaches the error counts.
+ACCURACIES = (0.2, 0.1, 0.06, 0.03)
+COUNTS = (1, 2, 3, 4, 6, 8)
+BIAS_BAR = 0.01
+BLOCK_BAR = 0.05
+# Many workers against one: CPU seconds for a sample, and rays of records.
+MANY = 8
+SHARING_BAR = 1.1
+
+
+def cached(bench: Bench) -> Part:
+    """Seconds to an error with indirect light from records, against paths; bias; and what many workers cost."""
+    part = Part(
+        "Clean samples: the engine `cached`",
+        [
+            "*Seconds to an error*: of `path`, from its error at 64 paths per pixel (relMSE falls as 1/paths); of `cached`, of the "
+            "quickest of several settings that reaches it, its cache empty at the start. *At the default accuracy*: 64 paths per "
+            "pixel; the worst of the lit 16 × 16 blocks holds what noise is left.",
+            f"*Sharing*: the same job by one worker and by {MANY}, one thread each; the rays of records are work that would be done "
+            "several times if workers did not tell each other. Preparing the scene, which every worker does once, is said apart.",
+        ],
+    )
+    seconds = Table("Seconds to an error", [["scene", ""], ["relMSE", ".3f"], ["path, s", ".2f"], ["cached, s", ".2f"], ["ratio", ".2f"], ["accuracy", "g"], ["paths", "d"]])
+    bias = Table("At the default accuracy", [["view", ""], ["seconds", ".1f"], ["relMSE", ".4f"], ["bias", "+.2%"], ["worst block", ".1%"]])
+    for case in bench.scenes.referenced():
+        if case.name in WANTED:
+            seconds.rows.append(to_error(bench, part, case))
+        truth = bench.reference(case).picture
+        picture, said = bench.render(case, "cached", "--engine", "cached", "--spp", str(bench.paths(64)))
+        found = compare(bench.holodeck, picture, truth)
+        bias.rows.append([case.title, said["seconds"], found["relmse_trim"], found["bias"], found["worst_block"]])
+        part.bars.append(Bar(f"bias, {case.title}", f"{found['bias']:+.2%}", f"≤ {BIAS_BAR:.0%}", abs(found["bias"]) <= BIAS_BAR))
+        met = found["worst_block"] <= BLOCK_BAR
+        part.bars.append(Bar(f"worst block, {case.title}", f"{found['worst_block']:.1%}", f"≤ {BLOCK_BAR:.0%}", met))
+    if not seconds.rows:
+        part.skipped.append("../shared is not there: no reference to hold errors against")
+    part.tables += [seconds, bias, sharing(bench, part)]
+    return part
+
+
+def to_error(bench: Bench, part: Part, case: Case) -> list:
+    """A row: seconds of both engines to the case's error."""
+    wanted, bar = WANTED[case.name]
+    truth = bench.reference(case).picture
+    picture, said = bench.render(case, "to-error", "--spp", str(bench.paths(64)))
+    paths_seconds = said["seconds"] * compare(bench.holodeck, picture, truth)["relmse_trim"] / wanted
+    best = None
+    for accuracy in ACCURACIES:
+        for count in COUNTS:
+            picture, said = bench.render(case, "to-error", "--engine", "cached", "--accuracy", str(accuracy), "--spp", str(count))
+            if best and said["seconds"] >= best[0]:
+                break
+            if compare(bench.holodeck, picture, truth)["relmse_trim"] <= wanted:
+                best = (said["seconds"], accuracy, count)
+                break
+    if not best:
+        part.bars.append(Bar(f"seconds to relMSE {wanted:g}, {case.title}", "never", f"≤ {bar:g} × path's", False))
+        return [case.title, wanted, paths_seconds, None, None, None, None]
+    ratio = best[0] / paths_seconds
+    part.bars.append(Bar(f"seconds to relMSE {wanted:g}, {case.title}", f"{ratio:.2f} × path's", f"≤ {bar:g} ×", ratio <= bar))
+    return [case.title, wanted, paths_seconds, best[0], ratio, best[1], best[2]]
+
+
+def sharing(bench: Bench, part: Part) -> Table:
+    table = Table(
+        "Sharing",
+        [["scene", ""], ["workers", "d"], ["samples", ",d"], ["records", ",d"], ["rays of records", ",d"],
+         ["CPU s, scene prepared", ".1f"], ["CPU s, preparing", ".1f"], ["µs a sample", ".1f"]],
+    )  # fmt: skip
+    for case, samples in ((bench.scenes.cornell(), 4_000_000), (bench.scenes.room(), 1_000_000)):
+        found = {}
+        for workers in (1, MANY):
+            prepared = cpu_of_fill(bench, case, workers, 1)[0]
+            cpu, info = cpu_of_fill(bench, case, workers, bench.paths(samples))
+            found[workers] = ((cpu - prepared) / info["samples"], info["light_rays"])
+            table.rows.append([case.title, workers, info["samples"], info["light_records"], info["light_rays"],
+                               cpu - prepared, prepared, found[workers][0] * 1e6])  # fmt: skip
+        time, rays = (many / one for many, one in zip(found[MANY], found[1]))
+        part.bars.append(Bar(f"CPU seconds per sample, {MANY} workers over one, {case.title}", f"{time:.2f} ×", f"≤ {SHARING_BAR:g} ×", time <= SHARING_BAR))
+        part.bars.append(Bar(f"rays of records, the same, {case.title}", f"{rays:.2f} ×", f"≤ {SHARING_BAR:g} ×", rays <= SHARING_BAR))
+    return table
+
+
+def cpu_of_fill(bench: Bench, case: Case, workers: int, samples: int) -> tuple[float, dict]:
+    """CPU seconds that workers of one thread take to add samples to a new file, and what `info` says of it."""
+    file: Path = bench.work / "sharing.holo"
+    file.unlink(missing_ok=True)
+    # A file without samples to speak of, then a server and workers by hand.
+    run([bench.holodeck, "fill", *case.scene, "-o", file, "--engine", "cached", "--samples", "1", "--quiet"])
+    command = [bench.holodeck, "holoserver", file, "--listen", "127.0.0.1:0", "--fill", "--samples", samples, "--quiet", "--with-parent"]
+    words = [str(word) for word in command]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
+        address = (server.stdout.readline().split() or [""])[-1]
+        worker = [str(bench.holodeck), "rtworker", "--connect", address, "--threads", "1", "--quiet"]
+        started = [subprocess.Popen(worker) for _ in range(workers)]
+        cpu = 0.0
+        for process in started:
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+            if process.returncode != 0:
+                raise Failed(f"a worker ended with status {process.returncode}")
+            cpu += usage.ru_utime + usage.ru_stime
+        server.wait()
+    return cpu, json.loads(run([bench.holodeck, "info", file, "--json"]).stdout)

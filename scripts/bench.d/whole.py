@@ -1,0 +1,115 @@
+"""The measure of the whole: views of a filled holodeck, right after they are asked for and while workers go on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from document import Bar, Part, Plot, Table
+from harness import Bench
+from plot import error_over_seconds
+from program import compare, run
+from scenes import CABIN_VIEWS, Case
+
+# Seconds after a view is asked for, and the decibels wanted of the five views then, by driver.
+ASKED = (0.1, 1.0, 10.0)
+WANTED = {"quadtree": (18, 20, 22), "voronoi": (24, 26, 29)}
+# The same of the Cornell box at first.
+CORNELL_WANTED = {"quadtree": 25, "voronoi": 30}
+# Between two views.
+STAY = 10.5
+# How far below the tracer alone, given the same seconds, a picture may be, decibels.
+BELOW_TRACER = 1.0
+
+
+def whole(bench: Bench) -> Part:
+    """Pictures of a filled file at 0.1, 1 and 10 s after each of several views is asked for, by driver."""
+    part = Part(
+        "The measure of the whole",
+        [
+            "A file filled in batch by the engine `cached` (Cornell box 20 s, the cabin's three sections 60 s), then one session "
+            "with a worker and a move to each view in turn; PSNR and relMSE of the pictures at 0.1, 1 and 10 s after the "
+            "view was asked for. *Tracer alone*: `render --engine path --time` for 1 and 10 s, its scene loaded. "
+            "Truth where there is no reference: `render --engine path --spp 512`.",
+        ],
+    )
+    for driver in WANTED:
+        part.tables.append(views(bench, part, driver))
+    return part
+
+
+def cases(bench: Bench) -> list[tuple[Case, str, tuple[Case, ...]]]:
+    """Of each scene: a case, the seconds of its fill, and its views in their order."""
+    cornell, room = bench.scenes.cornell(), bench.scenes.room()
+    rooms = (room,)
+    if room.name == "cabin":
+        known = {"living": room.reference, "bedroom": bench.scenes.reference("cabin_bed")}
+        rooms = tuple(
+            replace(room, name=f"cabin-{name}", title=f"cabin, {name}", view=view, reference=known.get(name))
+            for name, view in CABIN_VIEWS.items()
+        )
+    return [(cornell, 20, (cornell,)), (room, 60, rooms)]
+
+
+def views(bench: Bench, part: Part, driver: str) -> Table:
+    columns = [["view", ""]]
+    for seconds in ASKED:
+        columns += [[f"at {seconds:g} s, dB", ".1f"], ["relMSE", ".4f"]]
+    columns += [["tracer alone 1 s, dB", ".1f"], ["10 s, dB", ".1f"]]
+    table = Table(f"Driver `{driver}`", columns)
+    for case, seconds, looks in cases(bench):
+        filled, _ = bench.fill(f"{case.name}-cached", case, seconds, "--engine", "cached")
+        # The session adds to the file: every driver gets the same.
+        file = bench.work / f"{case.name}-{driver}.holo"
+        file.write_bytes(filled.read_bytes())
+        lines, pictures = [], {}
+        for index, look in enumerate(looks):
+            begin = bench.seconds(STAY) * index
+            lines.append(f"{begin} view {look.view.line()}")
+            for asked in ASKED:
+                picture = bench.work / f"whole-{driver}-{look.name}-{asked}.pfm"
+                pictures[look.name, asked] = picture
+                lines.append(f"{begin + bench.seconds(asked)} picture {picture}")
+        script = bench.work / f"whole-{driver}-{case.name}.txt"
+        script.write_text("\n".join([*lines, "quit", ""]), encoding="utf-8")
+        common = ["--headless", "--quiet", "--size", case.size, "--driver", driver]
+        run([bench.holodeck, "view", file, *common, "--script", script])
+        lowest = [float("inf")] * len(ASKED)
+        for look in looks:
+            row: list = [look.title]
+            truth = truth_of(bench, look)
+            found = [compare(bench.holodeck, pictures[look.name, asked], truth) for asked in ASKED]
+            lowest = [min(low, measures["psnr_disp"]) for low, measures in zip(lowest, found)]
+            for measures in found:
+                row += [measures["psnr_disp"], measures["relmse_trim"]]
+            alone = [tracer_alone(bench, look, asked) for asked in ASKED[1:]]
+            row += alone
+            table.rows.append(row)
+            if driver == "voronoi":
+                margin = min(measures["psnr_disp"] - psnr for measures, psnr in zip(found[1:], alone))
+                met = margin >= -BELOW_TRACER
+                part.bars.append(Bar(f"above the tracer alone at 1 and 10 s, {look.title}", f"{margin:+.1f} dB", f"≥ -{BELOW_TRACER:g} dB", met))
+        wanted = (CORNELL_WANTED[driver],) if case.name == "cornell" else WANTED[driver]
+        for asked, low, want in zip(ASKED, lowest, wanted):
+            part.bars.append(Bar(f"{driver}, {case.title.split(',')[0]}, worst view at {asked:g} s", f"{low:.1f} dB", f"≥ {want} dB", low >= want))
+    return table
+
+
+_truths: dict = {}
+_alone: dict = {}
+
+
+def truth_of(bench: Bench, look: Case):
+    """The reference, or a long render, made once."""
+    if look.reference:
+        return look.reference.picture
+    if look.name not in _truths:
+        _truths[look.name], _ = bench.render(look, "truth", "--spp", str(bench.paths(512)), "--seed", "99")
+    return _truths[look.name]
+
+
+def tracer_alone(bench: Bench, look: Case, seconds: float) -> float:
+    """PSNR of the path tracer's own picture, given the same seconds."""
+    if (look.name, seconds) not in _alone:
+        picture, _ = bench.render(look, f"alone-{seconds}", "--time", f"{bench.seconds(seconds)}s")
+        _alone[look.name, seconds] = compare(bench.holodeck, picture, truth_of(bench, look))["psnr_disp"]
+    return _alone[look.name, seconds]
