@@ -154,7 +154,7 @@ impl PathEngine {
             let front = cosine > 0.0;
             if surface.emits && (front || surface.two_sided) {
                 let weight = left.map_or(1.0, |left| {
-                    let density = left.emitter_density(&self.lights, raycaster, &point, cosine.abs());
+                    let density = left.emitter_density(&self.lights, raycaster, &found, cosine.abs());
                     self.direct.material_weight(left.pdf, density)
                 });
                 radiance += throughput * surface.emission * weight;

@@ -81,7 +81,7 @@ impl Cached {
             let front = cosine > 0.0;
             if surface.emits && (front || surface.two_sided) {
                 let weight =
-                    arrived.weight(|left| left.emitter_density(&engine.lights, raycaster, &point, cosine.abs()));
+                    arrived.weight(|left| left.emitter_density(&engine.lights, raycaster, &found, cosine.abs()));
                 radiance += throughput * surface.emission * weight;
             }
             let frame = Frame::new(if front { point.normal } else { -point.normal });
