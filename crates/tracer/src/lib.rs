@@ -36,6 +36,7 @@ mod sampler;
 mod secondary;
 #[cfg(test)]
 mod secondary_tests;
+mod straight;
 
 pub use cached::{ACCURACIES, DEFAULT_ACCURACY};
 pub use sampler::Sampler;
@@ -51,6 +52,7 @@ use serde::{Deserialize, Serialize};
 
 use cached::Cached;
 use path::{Direct, PathEngine, Start};
+use straight::Straight;
 
 /// Most paths per sample: beyond, one call would take seconds, and a worker could not be stopped.
 pub const MAX_PATHS: u32 = 1 << 16;
@@ -97,7 +99,8 @@ pub enum TracerError {
 pub struct Traced {
     /// Radiance towards the ray's origin, linear RGB, W·sr⁻¹·m⁻².
     pub radiance: [f32; 3],
-    /// World distance to the first surface, glass included; infinity if there is none.
+    /// World distance to the first surface, glass included; infinity if there is none. Or virtual distance:
+    /// [`Tracer::with_virtual_distance`].
     pub distance: f64,
 }
 
@@ -107,6 +110,7 @@ pub struct Tracer {
     raycaster: Arc<Raycaster>,
     engine: PathEngine,
     cached: Option<Cached>,
+    straight: Option<Straight>,
     settings: Settings,
     nonfinite: AtomicU64,
 }
@@ -142,7 +146,7 @@ impl Tracer {
             return Err(TracerError::Paths(settings.paths));
         }
         let engine = PathEngine::new(&raycaster, settings.bounces, direct, light_samples);
-        Ok(Self { raycaster, engine, cached: None, settings, nonfinite: AtomicU64::new(0) })
+        Ok(Self { raycaster, engine, cached: None, straight: None, settings, nonfinite: AtomicU64::new(0) })
     }
 
     /// As this one, with this many samples of the lights at a path's first surface that is not a mirror or glass, at least
@@ -158,6 +162,15 @@ impl Tracer {
     #[must_use]
     pub fn with_cache(mut self, accuracy: f32) -> Self {
         self.cached = Some(Cached::new(&self.raycaster, accuracy));
+        self
+    }
+
+    /// As this one, with distances to what flat mirrors show and flat glass lets through, along the straightened ray, in place of those
+    /// to mirror and glass (Larson & Simmons 1999, §2.3, `VDISTANCE`); infinity if that is the sky. Curved ones are themselves
+    /// what is seen.
+    #[must_use]
+    pub fn with_virtual_distance(mut self) -> Self {
+        self.straight = Straight::new(self.raycaster.scene());
         self
     }
 
@@ -213,6 +226,10 @@ impl Tracer {
         }
         let inside = self.engine.inside(&self.raycaster, origin);
         let start = Start { hit, direction: direction.as_vec3(), inside };
+        let distance = match &self.straight {
+            None => distance,
+            Some(straight) => straight.distance(&self.engine, &self.raycaster, start, distance),
+        };
         let count = paths.end.saturating_sub(paths.start).max(1);
         let mut sum = Vec3::ZERO;
         for path in paths {
