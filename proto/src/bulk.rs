@@ -1,6 +1,7 @@
 //! Bulk messages: packets to trace, samples traced, beams wanted. A fixed head, then arrays of plain-old-data records.
 
 use bytemuck::{Pod, Zeroable};
+pub use holo_light::Record;
 use holo_section::{BeamId, Sample, SampleKind, Viewpoint};
 
 use crate::{MAX_RAYS_PER_PACKET, ProtoError};
@@ -134,6 +135,13 @@ pub struct Unseen {
     pub view: u32,
     /// The beams: section number, beam in the section.
     pub beams: Vec<(u16, BeamId)>,
+}
+
+/// Records of indirect light that whoever gets them may not know yet. Merging them twice, or in another order, changes nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Light {
+    /// The records, all valid.
+    pub records: Vec<Record>,
 }
 
 /// A piece of the packed scene.
@@ -488,6 +496,34 @@ impl Unseen {
         reader.end()?;
         let beams = beams.into_iter().map(|raw| (raw.section, BeamId(raw.beam))).collect();
         Ok(Unseen { view: counts.first, beams })
+    }
+}
+
+impl Light {
+    /// The payload of a light frame: count and length of the records, records.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(8 + size_of_val(self.records.as_slice()));
+        put(&mut out, &Counts { first: self.records.len() as u32, second: size_of::<Record>() as u32 });
+        out.extend_from_slice(bytemuck::cast_slice(&self.records));
+        out
+    }
+
+    /// Parses a light frame.
+    ///
+    /// # Errors
+    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for a record that no tracer makes.
+    pub fn decode(bytes: &[u8]) -> Result<Light, ProtoError> {
+        let mut reader = Reader(bytes);
+        let head: Counts = reader.one("light message")?;
+        if head.second != size_of::<Record>() as u32 {
+            return Err(ProtoError::Number("the length of a light record"));
+        }
+        let records = reader.many::<Record>("light record list", u64::from(head.first))?;
+        reader.end()?;
+        if !records.iter().all(Record::is_valid) {
+            return Err(ProtoError::Number("a record of indirect light"));
+        }
+        Ok(Light { records })
     }
 }
 

@@ -153,6 +153,8 @@ pub enum Control {
         /// The view's number.
         view: u32,
     },
+    /// Worker or display: send the records of indirect light, those that there are and those that will be.
+    LightWanted,
 }
 
 type Wire = Configuration<LittleEndian, Fixint, Limit<{ MAX_CONTROL_BYTES as usize }>>;

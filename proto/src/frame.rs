@@ -34,6 +34,8 @@ pub enum Kind {
     BlobChunk = 8,
     /// [`crate::bulk::Unseen`], server to display.
     Unseen = 9,
+    /// [`crate::bulk::Light`], worker to server, and server to whoever asked for it.
+    Light = 10,
 }
 
 impl Kind {
@@ -49,6 +51,7 @@ impl Kind {
             Kind::Samples,
             Kind::BlobChunk,
             Kind::Unseen,
+            Kind::Light,
         ]
         .into_iter()
         .find(|&kind| kind as u8 == byte)
@@ -60,7 +63,9 @@ impl Kind {
         match self {
             Kind::Hello | Kind::Answer => MAX_HELLO_BYTES,
             Kind::Control => MAX_CONTROL_BYTES,
-            Kind::Work | Kind::Results | Kind::View | Kind::Samples | Kind::BlobChunk | Kind::Unseen => MAX_BULK_BYTES,
+            Kind::Work | Kind::Results | Kind::View | Kind::Samples | Kind::BlobChunk | Kind::Unseen | Kind::Light => {
+                MAX_BULK_BYTES
+            }
         }
     }
 }

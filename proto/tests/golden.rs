@@ -35,6 +35,7 @@ enum Any {
     Samples(Samples),
     BlobChunk(BlobChunk),
     Unseen(Unseen),
+    Light(Light),
 }
 
 impl Any {
@@ -49,6 +50,7 @@ impl Any {
             Any::Samples(message) => (Kind::Samples, message.encode()),
             Any::BlobChunk(message) => (Kind::BlobChunk, message.encode()),
             Any::Unseen(message) => (Kind::Unseen, message.encode()),
+            Any::Light(message) => (Kind::Light, message.encode()),
         };
         frame::encode(kind, &payload).unwrap()
     }
@@ -67,7 +69,24 @@ impl Any {
             Kind::Samples => Any::Samples(Samples::decode(payload)?),
             Kind::BlobChunk => Any::BlobChunk(BlobChunk::decode(payload)?),
             Kind::Unseen => Any::Unseen(Unseen::decode(payload)?),
+            Kind::Light => Any::Light(Light::decode(payload)?),
         })
+    }
+}
+
+fn record() -> Record {
+    Record {
+        point: [1.5, -2.0, 0.25],
+        radius: 0.5,
+        normal: [0.0, 0.0, 1.0],
+        nearest: 0.125,
+        irradiance: [3.0, 2.0, 1.0],
+        error: 0.0625,
+        shift: [[0.5, 0.25, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, -0.5]],
+        turn: [[0.0; 3], [2.0, 0.0, 0.0], [0.0, -2.0, 0.0]],
+        rays: 314,
+        flags: 0,
+        id: 0x0102_0304_0506_0708,
     }
 }
 
@@ -203,6 +222,7 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("control-ready", Any::Control(Control::Ready { threads: 258 })),
         ("control-failed", Any::Control(Control::Failed { reason: "no memory".into() })),
         ("control-settle", Any::Control(Control::Settle { view: 7 })),
+        ("control-light-wanted", Any::Control(Control::LightWanted)),
         ("work", work()),
         ("work-empty", Any::Work(Work::default())),
         (
@@ -230,6 +250,7 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("samples-stored", stored()),
         ("samples-traced", traced()),
         ("unseen", Any::Unseen(Unseen { view: 7, beams: vec![(0, BeamId(0x01_0203_0405)), (1023, BeamId(9))] })),
+        ("light", Any::Light(Light { records: vec![record()] })),
         ("blob-chunk", Any::BlobChunk(BlobChunk { offset: 1 << 32, bytes: b"holoscn\n".to_vec() })),
     ]
 }
@@ -261,11 +282,11 @@ fn every_kind_and_every_control_message_is_written_down() {
     // A variant number is a message's first four bytes; of the next number there is none.
     let controls: BTreeSet<u8> =
         cases().iter().map(|(_, message)| message.frame()).filter(|f| f[4] == 3).map(|f| f[8]).collect();
-    assert_eq!(controls, (0..=10).collect());
+    assert_eq!(controls, (0..=11).collect());
     let mut next = vec![0; 64];
-    next[0] = 11;
+    next[0] = 12;
     let error = Control::decode(&next).unwrap_err().to_string();
-    assert!(error.contains("11"), "{error}");
+    assert!(error.contains("12"), "{error}");
 }
 
 #[test]

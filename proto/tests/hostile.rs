@@ -41,6 +41,10 @@ fn decode_all(bytes: &[u8]) {
     if let Ok(message) = Unseen::decode(bytes) {
         assert_eq!(Unseen::decode(&message.encode()), Ok(message));
     }
+    if let Ok(message) = Light::decode(bytes) {
+        assert!(message.records.iter().all(Record::is_valid));
+        assert_eq!(message.encode(), bytes);
+    }
     if let Ok(message) = BlobChunk::decode(bytes) {
         assert_eq!(message.encode(), bytes);
     }
@@ -72,7 +76,7 @@ proptest! {
     fn what_is_encoded_decodes_to_the_same(
         control in common::control(), work in common::work(), results in common::results(),
         view in common::view(), samples in common::samples(), unseen in common::unseen(),
-        chunk in common::chunk(),
+        chunk in common::chunk(), light in common::light(),
     ) {
         prop_assert_eq!(Control::decode(&control.encode().unwrap()), Ok(control));
         prop_assert_eq!(Work::decode(&work.encode()), Ok(work));
@@ -80,6 +84,7 @@ proptest! {
         prop_assert_eq!(ViewRequest::decode(&view.encode()), Ok(view));
         prop_assert_eq!(Samples::decode(&samples.encode()), Ok(samples));
         prop_assert_eq!(Unseen::decode(&unseen.encode()), Ok(unseen));
+        prop_assert_eq!(Light::decode(&light.encode()), Ok(light));
         prop_assert_eq!(BlobChunk::decode(&chunk.encode()), Ok(chunk));
     }
 
@@ -108,7 +113,7 @@ proptest! {
     }
 
     #[test]
-    fn a_header_is_taken_only_if_it_says_what_it_must(bytes in any::<[u8; 8]>(), kind in 0..12u8, small in any::<bool>()) {
+    fn a_header_is_taken_only_if_it_says_what_it_must(bytes in any::<[u8; 8]>(), kind in 0..13u8, small in any::<bool>()) {
         let mut bytes = bytes;
         bytes[4] = kind;
         if small {

@@ -6,7 +6,7 @@ use std::{
 };
 
 use holo_proto::{
-    bulk::{BlobChunk, Results, Samples, Unseen, ViewRequest, Work},
+    bulk::{BlobChunk, Light, Results, Samples, Unseen, ViewRequest, Work},
     control::Control,
     frame::MAX_CONTROL_BYTES,
     hello::{Answer, Hello, MAGIC},
@@ -68,6 +68,7 @@ fn bulk_messages_that_claim_more_than_they_bring_take_no_memory() {
                 let _ = ViewRequest::decode(&payload);
                 let _ = Samples::decode(&payload);
                 let _ = Unseen::decode(&payload);
+                let _ = Light::decode(&payload);
                 let _ = Hello::decode(&payload);
                 let _ = Answer::decode(&payload);
             });
@@ -87,7 +88,7 @@ fn bulk_messages_that_claim_more_than_they_bring_take_no_memory() {
 fn control_messages_take_no_more_than_a_few_of_the_longest_whatever_they_claim() {
     // bincode believes a text's length up to its limit, and serde reserves at most 1 MiB for a list.
     let most = 4 * MAX_CONTROL_BYTES as usize;
-    for variant in 0..12u8 {
+    for variant in 0..14u8 {
         for at in 4..120 {
             for claimed in [u64::MAX, 1 << 62, 1 << 40, 1 << 32, 1 << 24, 1 << 20, 1_000_000, 500_000] {
                 let mut payload = vec![0; 200];

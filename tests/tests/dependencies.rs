@@ -15,11 +15,11 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("holo-picture", &[]),
     ("holo-progress", &[]),
     ("holo-scenes", &[]),
-    ("holo-proto", &["holo-section"]),
+    ("holo-light", &[]),
+    ("holo-proto", &["holo-section", "holo-light"]),
     ("holo-beamfile", &["holo-section"]),
     ("holo-net", &["holo-proto"]),
     ("holo-raycast", &["holo-scene"]),
-    ("holo-light", &["holo-raycast"]),
     ("holo-tracer", &["holo-light", "holo-raycast"]),
     ("holo-display", &["holo-section", "holo-picture", "holo-light", "holo-raycast"]),
 ];

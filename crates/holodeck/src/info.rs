@@ -46,6 +46,8 @@ struct Info {
     sections: Vec<SectionInfo>,
     settings: RenderSettings,
     scene: SceneInfo,
+    /// Records of indirect light.
+    light_records: usize,
     views: Vec<(String, String)>,
     up: [f64; 3],
     unit: f64,
@@ -106,6 +108,7 @@ fn collect(file: &Path) -> Result<Info> {
             hash: about.scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
             bytes: about.scene.bytes,
         },
+        light_records: holodeck.light().len(),
         views: about.views.clone(),
         up: about.up,
         unit: about.unit,
@@ -143,6 +146,9 @@ pub fn info(args: &InfoArgs) -> Result<()> {
     println!("scene: {}", info.scene.source);
     let bounces = info.settings.bounces.map_or("no limit of bounces".to_owned(), |n| format!("{n} bounces"));
     println!("engine: {:?}, {bounces}, {} paths per sample", info.settings.engine, info.settings.paths_per_sample);
+    if info.light_records > 0 {
+        println!("indirect light: {} records", HumanCount(info.light_records as u64));
+    }
     for (index, section) in info.sections.iter().enumerate() {
         let [w, d, h] = section.grid;
         let obstructions = if section.obstructions { "on" } else { "off" };

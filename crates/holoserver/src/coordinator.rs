@@ -10,6 +10,7 @@
 
 mod dealing;
 mod results;
+mod sharing;
 mod views;
 
 use std::{
@@ -55,8 +56,8 @@ const LAST_PACKETS: Duration = Duration::from_secs(3);
 /// under way then still fits in the memory that the beam file allows itself.
 const STALLED_BYTES: u64 = 64 << 20;
 
-/// How often newly found unseen beams are written to the file, at the most. After a crash they are found again.
-const SAVE_UNSEEN_EVERY: Duration = Duration::from_secs(5);
+/// How often newly found unseen beams and records of light are written to the file, at the most. After a crash they are found again.
+const SAVE_EVERY: Duration = Duration::from_secs(5);
 
 /// Bytes that samples have added to the file for each byte of a list of unseen beams written: old lists stay in it.
 const SAMPLES_PER_UNSEEN_BYTE: u64 = 32;
@@ -103,6 +104,8 @@ pub struct Coordinator {
     events: Sender<Event>,
     workers: BTreeMap<ConnectionId, Worker>,
     displays: BTreeMap<ConnectionId, Display>,
+    /// Who wants records of indirect light, and how many it has been given.
+    listeners: BTreeMap<ConnectionId, usize>,
     last_served: Option<ConnectionId>,
     again: VecDeque<Assignment>,
     allotment: Allotment,
@@ -117,6 +120,8 @@ pub struct Coordinator {
     last_ping: Instant,
     /// When unseen beams were last written, and how many samples had been added then.
     last_save: (Instant, u64),
+    /// When records of light were last written.
+    last_light: Instant,
     saving: Option<JoinHandle<()>>,
     /// The disk fails and much waits for it.
     stalled: bool,
@@ -134,6 +139,7 @@ impl Coordinator {
             events,
             workers: BTreeMap::new(),
             displays: BTreeMap::new(),
+            listeners: BTreeMap::new(),
             last_served: None,
             again: VecDeque::new(),
             allotment: Allotment::default(),
@@ -147,6 +153,7 @@ impl Coordinator {
             last_status: now,
             last_ping: now,
             last_save: (now, 0),
+            last_light: now,
             saving: None,
             stalled: false,
         }
@@ -170,6 +177,8 @@ impl Coordinator {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             self.check_goal();
+            // Before work, so that what others know is used for it.
+            self.hand_light();
             self.deal();
             if let Some(since) = self.ending {
                 // What lost workers had is traced again first, if there is anybody to do it.
@@ -189,8 +198,9 @@ impl Coordinator {
             // A thread that panicked has said so on standard error.
             let _ = saving.join();
         }
-        // Unseen beams that a failing disk does not take are found again.
+        // What a failing disk does not take is found again.
         let _ = self.holodeck.save_unseen();
+        let _ = self.holodeck.save_light();
         let flushed = self.holodeck.writable.then(|| self.holodeck.file.flush()).transpose();
         let bye = Control::Bye { reason: "the session is over".into() };
         for outbox in self.outboxes() {
@@ -246,23 +256,36 @@ impl Coordinator {
             let stats = self.holodeck.file.stats();
             self.stalled = stats.last_error.is_some() && stats.pending_bytes > STALLED_BYTES;
             self.progress.show(&status, self.started.elapsed(), &self.goal, stats.last_error.as_deref());
-            self.save_unseen(now);
+            self.save_findings(now);
         }
     }
 
-    /// Starts writing newly found unseen beams if it is time.
-    fn save_unseen(&mut self, now: Instant) {
+    /// Starts writing newly found unseen beams and records of light if it is time.
+    fn save_findings(&mut self, now: Instant) {
+        if !self.holodeck.writable || self.saving.as_ref().is_some_and(|saving| !saving.is_finished()) {
+            return;
+        }
         let (since, added) = self.last_save;
         let bytes = (self.progress.added() - added) * size_of::<Sample>() as u64;
-        let due = now - since >= SAVE_UNSEEN_EVERY
-            && bytes >= SAMPLES_PER_UNSEEN_BYTE * self.holodeck.unseen().encoded_bytes()
-            && self.saving.as_ref().is_none_or(JoinHandle::is_finished);
-        if due && self.holodeck.writable {
+        let unseen =
+            now - since >= SAVE_EVERY && bytes >= SAMPLES_PER_UNSEEN_BYTE * self.holodeck.unseen().encoded_bytes();
+        let light = now - self.last_light >= SAVE_EVERY;
+        if unseen {
             self.last_save = (now, self.progress.added());
+        }
+        if light {
+            self.last_light = now;
+        }
+        if unseen || light {
             let holodeck = Arc::clone(&self.holodeck);
             self.saving = Some(std::thread::spawn(move || {
-                // A disk that fails is named in the file's statistics; unseen beams are found again.
-                let _ = holodeck.save_unseen();
+                // A disk that fails is named in the file's statistics; what it does not take is found again.
+                if unseen {
+                    let _ = holodeck.save_unseen();
+                }
+                if light {
+                    let _ = holodeck.save_light();
+                }
             }));
         }
     }
@@ -326,6 +349,8 @@ impl Coordinator {
             }
             Message::Control(Control::Failed { reason }) if is_worker => bail!("{reason}"),
             Message::Results(results) if is_worker => self.results(id, &results)?,
+            Message::Light(light) if is_worker => self.light(id, &light)?,
+            Message::Control(Control::LightWanted) => self.light_wanted(id),
             Message::View(request) if is_display => self.view(id, request)?,
             Message::Control(Control::Settle { view }) if is_display => self.settle(id, view),
             _ => bail!("it sent a message that is not for a server"),
@@ -349,6 +374,7 @@ impl Coordinator {
 
     fn leave(&mut self, id: ConnectionId, reason: Option<String>) {
         let reason = reason.unwrap_or_else(|| "it closed its connection".into());
+        self.listeners.remove(&id);
         if let Some(worker) = self.workers.remove(&id) {
             self.progress.say(&format!("{} left: {reason}", worker.name));
             self.again.extend(worker.into_assignments());

@@ -11,7 +11,10 @@ use holo_proto::control::{MAX_SECTIONS, RenderSettings, SceneInfo, Welcome};
 use holo_section::{Section, SectionSpec};
 use serde::{Deserialize, Serialize};
 
-use crate::unseen::UnseenBeams;
+use crate::{
+    light::{LightRecords, Saved},
+    unseen::UnseenBeams,
+};
 
 /// Name of the blob that holds [`About`], as JSON for people and other programs to read.
 const ABOUT: &str = "holodeck";
@@ -80,6 +83,9 @@ pub struct Holodeck {
     unseen: RwLock<UnseenBeams>,
     /// Unseen beams in the file. Locked while they are written.
     unseen_saved: Mutex<u64>,
+    light: RwLock<LightRecords>,
+    /// Locked while records are written.
+    light_saved: Mutex<Saved>,
 }
 
 impl Holodeck {
@@ -109,6 +115,8 @@ impl Holodeck {
             scene: OnceLock::new(),
             unseen: RwLock::default(),
             unseen_saved: Mutex::default(),
+            light: RwLock::default(),
+            light_saved: Mutex::default(),
         }
     }
 
@@ -142,7 +150,15 @@ impl Holodeck {
         if let Err(error) = holodeck.load_unseen() {
             holodeck.warnings.push(format!("the list of beams that see nothing cannot be used: {error:#}"));
         }
+        holodeck.load_light();
         Ok(holodeck)
+    }
+
+    fn load_light(&mut self) {
+        let (saved, light, warnings) = Saved::load(&self.file);
+        self.light_saved = Mutex::new(saved);
+        self.light = RwLock::new(light);
+        self.warnings.extend(warnings);
     }
 
     /// Does without knowledge of what cannot be seen: every beam is traced, for comparison.
@@ -198,6 +214,28 @@ impl Holodeck {
         self.file.put_blob(UNSEEN, &bytes)?;
         *saved = count;
         Ok(())
+    }
+
+    /// Records of indirect light, of the file and of all workers.
+    pub fn light(&self) -> RwLockReadGuard<'_, LightRecords> {
+        self.light.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn light_mut(&self) -> RwLockWriteGuard<'_, LightRecords> {
+        self.light.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes the records of indirect light that the file does not have. Waits for the disk.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn save_light(&self) -> Result<()> {
+        let mut saved = self.light_saved.lock().unwrap_or_else(PoisonError::into_inner);
+        if !self.writable || self.light().len() == saved.records() {
+            return Ok(());
+        }
+        let missing = saved.missing(&self.light());
+        saved.write(&self.file, missing)
     }
 
     /// The packed scene, read once.

@@ -9,6 +9,7 @@ mod allotment;
 mod batch;
 mod coordinator;
 mod holodeck;
+mod light;
 mod listen;
 mod progress;
 mod recall;
@@ -23,6 +24,7 @@ use clap::Args;
 pub use coordinator::Goal;
 use holo_net::Shutdown;
 pub use holodeck::{About, Holodeck};
+pub use light::LightRecords;
 use serde::Serialize;
 use tokio::net::TcpListener;
 

@@ -50,17 +50,31 @@ pub struct Worker {
     seconds_per_ray: Option<f64>,
     rays_ahead: f64,
     assigned: HashMap<u64, Assignment>,
+    waits_for_light: bool,
 }
 
 impl Worker {
     /// Connected, not ready yet.
     pub fn new(outbox: Outbox, name: String) -> Worker {
-        Worker { outbox, name, threads: 0.0, seconds_per_ray: None, rays_ahead: 0.0, assigned: HashMap::new() }
+        Worker {
+            outbox,
+            name,
+            threads: 0.0,
+            seconds_per_ray: None,
+            rays_ahead: 0.0,
+            assigned: HashMap::new(),
+            waits_for_light: false,
+        }
     }
 
     /// It has loaded the scene.
     pub fn ready(&mut self, threads: u16) {
         self.threads = f64::from(threads.max(1));
+    }
+
+    /// Whether it is still to be given the light that is known: until then it gets no work, for it would do others' again.
+    pub fn wait_for_light(&mut self, waits: bool) {
+        self.waits_for_light = waits;
     }
 
     /// Rays that it should be given now; zero while it has enough, so that work goes out in good-sized messages.
@@ -70,7 +84,11 @@ impl Worker {
             None => self.threads * FIRST_RAYS_PER_THREAD,
         };
         let ahead = ahead.min(MAX_RAYS_AHEAD);
-        if self.threads == 0.0 || self.rays_ahead > 0.7 * ahead { 0.0 } else { ahead - self.rays_ahead }
+        if self.threads == 0.0 || self.waits_for_light || self.rays_ahead > 0.7 * ahead {
+            0.0
+        } else {
+            ahead - self.rays_ahead
+        }
     }
 
     /// Rays that it was given and has not done.

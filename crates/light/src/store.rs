@@ -7,11 +7,10 @@
 //! - Memory is bounded by [`MAX_RECORDS`].
 
 use std::collections::HashSet;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use glam::{IVec3, Vec3};
-use holo_raycast::{NO_TRIANGLE, Ray, Raycaster, SurfacePoint};
 
 use crate::record::Record;
 
@@ -38,6 +37,8 @@ struct Slot {
     record: OnceLock<Record>,
     /// Bits of the radius as it is now.
     radius: AtomicU32,
+    /// Whether somebody else made it.
+    received: AtomicBool,
 }
 
 #[derive(Debug, Default)]
@@ -108,7 +109,7 @@ impl Store {
     /// Record number `index` in the order in which they came, with its radius as it is now.
     #[must_use]
     pub fn get(&self, index: usize) -> Option<Record> {
-        let slot = self.slots.get(index / CHUNK)?.get()?.get(index % CHUNK)?;
+        let slot = self.slot(index)?;
         let radius = f32::from_bits(slot.radius.load(Ordering::Relaxed));
         slot.record.get().map(|record| Record { radius, ..*record })
     }
@@ -116,7 +117,34 @@ impl Store {
     /// Adds a record, after its radius and those of its neighbours were made to agree: no radius is greater than another's by
     /// more than the distance between the two, so that what one record saw nearby is known to those around it (Křivánek et al. 2006,
     /// "Making Radiance and Irradiance Caching Practical"). `false` if it is not valid, there already, or the store is full.
-    pub fn insert(&self, mut record: Record) -> bool {
+    pub fn insert(&self, record: Record) -> bool {
+        self.add(record, false)
+    }
+
+    /// As [`insert`](Self::insert), for a record that somebody else made.
+    pub fn receive(&self, record: Record) -> bool {
+        self.add(record, true)
+    }
+
+    /// At most `most` of the records from number `from` on, without those received, and the number to go on from.
+    #[must_use]
+    pub fn made_since(&self, from: usize, most: usize) -> (Vec<Record>, usize) {
+        let mut made = Vec::new();
+        let mut next = from;
+        while next < self.len() && made.len() < most {
+            if !self.slot(next).is_some_and(|slot| slot.received.load(Ordering::Relaxed)) {
+                made.extend(self.get(next));
+            }
+            next += 1;
+        }
+        (made, next)
+    }
+
+    fn slot(&self, index: usize) -> Option<&Slot> {
+        self.slots.get(index / CHUNK)?.get()?.get(index % CHUNK)
+    }
+
+    fn add(&self, mut record: Record, received: bool) -> bool {
         if !record.is_valid() {
             return false;
         }
@@ -137,6 +165,7 @@ impl Store {
         let chunk = self.slots[index as usize / CHUNK].get_or_init(|| (0..CHUNK).map(|_| Slot::default()).collect());
         let slot = &chunk[index as usize % CHUNK];
         slot.radius.store(record.radius.to_bits(), Ordering::Relaxed);
+        slot.received.store(received, Ordering::Relaxed);
         let _ = slot.record.set(record);
         self.count.store(index + 1, Ordering::Release);
         let level = self.level(record.radius);
@@ -165,11 +194,17 @@ impl Store {
 
     /// Indirect light at a point, on the side of `normal`, from the records that may be used there: `None` without any.
     ///
-    /// Radii count `reach` times: 1 for what is seen, more where less exactness will do.
+    /// Radii count `reach` times: 1 for what is seen, more where less exactness will do. `hidden` tells whether something stands
+    /// between the point and a record; it is asked last.
     #[must_use]
-    pub fn irradiance(&self, raycaster: &Raycaster, surface: &SurfacePoint, normal: Vec3, reach: f32) -> Option<Found> {
+    pub fn irradiance(
+        &self,
+        point: Vec3,
+        normal: Vec3,
+        reach: f32,
+        mut hidden: impl FnMut(&Record) -> bool,
+    ) -> Option<Found> {
         let mut found = Found::default();
-        let point = surface.point;
         self.around(point, |_, record, radius| {
             let offset = point - Vec3::from(record.point);
             let distance = offset.length();
@@ -185,7 +220,7 @@ impl Store {
             }
             let turned = ((1.0 - cosine).max(0.0) / (1.0 - LEAST_COSINE)).sqrt();
             let weight = 1.0 - (distance / radius).max(turned);
-            if weight <= 0.0 || distance > 0.5 * record.nearest && hidden(raycaster, surface, normal, record) {
+            if weight <= 0.0 || distance > 0.5 * record.nearest && hidden(record) {
                 return;
             }
             found.irradiance += record.extrapolate(point, normal) * weight;
@@ -226,16 +261,6 @@ impl Store {
     fn cell(&self, point: Vec3, level: usize) -> IVec3 {
         (point / (self.width * (1_u32 << level) as f32)).floor().as_ivec3()
     }
-}
-
-/// Whether something stands between a point and a record. Both ends are lifted off the surface, by more the farther they are
-/// apart, for surfaces are not quite flat.
-fn hidden(raycaster: &Raycaster, surface: &SurfacePoint, normal: Vec3, record: &Record) -> bool {
-    let other = Vec3::from(record.point);
-    let lift = 0.05 * surface.point.distance(other) + 4.0 * surface.error.max_element();
-    let origin = surface.point + normal * lift;
-    let direction = other + Vec3::from(record.normal) * lift - origin;
-    raycaster.occluded_from(&Ray { origin, direction, t_min: 0.0, t_max: 1.0 }, NO_TRIANGLE)
 }
 
 #[inline]

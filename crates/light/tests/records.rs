@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_light::{Arrival, Hemisphere, Record, Store};
+use holo_light::{Arrival, Found, Hemisphere, Record, Store};
 use holo_raycast::{Raycaster, SurfacePoint};
 use holo_scene::{Bsdf, Material, Scene};
 use proptest::prelude::*;
@@ -90,6 +90,13 @@ fn walled() -> Raycaster {
     Raycaster::build(Arc::new(scene)).unwrap()
 }
 
+/// What the store tells of a point on its upper side or on the other.
+fn told(store: &Store, raycaster: &Raycaster, point: &SurfacePoint, normal: Vec3) -> Option<Found> {
+    store.irradiance(point.point, normal, 1.0, |record| {
+        raycaster.parted(point, normal, record.point.into(), record.normal.into())
+    })
+}
+
 fn local(raycaster: &Raycaster, x: f64, y: f64) -> SurfacePoint {
     let from = DVec3::new(x, y, 3.0);
     let (ray, _) = raycaster.localize(from, DVec3::NEG_Z).unwrap();
@@ -118,14 +125,27 @@ fn no_light_comes_through_a_wall_without_thickness() {
     let raycaster = walled();
     let store = Store::new(0.01);
     assert!(store.insert(record(local(&raycaster, 0.5, 0.0).point, 7.0, 2.0, 1)));
-    let beside = store.irradiance(&raycaster, &local(&raycaster, 0.1, 0.1), Vec3::Z, 1.0);
+    let beside = told(&store, &raycaster, &local(&raycaster, 0.1, 0.1), Vec3::Z);
     assert_eq!(beside.map(|found| found.irradiance), Some(Vec3::splat(7.0)));
     for x in [-0.01, -0.1, -0.5, -1.0] {
-        assert_eq!(store.irradiance(&raycaster, &local(&raycaster, x, 0.1), Vec3::Z, 1.0), None, "{x}");
+        assert_eq!(told(&store, &raycaster, &local(&raycaster, x, 0.1), Vec3::Z), None, "{x}");
     }
     // Nor to the other side of the floor.
     let point = local(&raycaster, 0.5, 0.0);
-    assert_eq!(store.irradiance(&raycaster, &point, Vec3::NEG_Z, 1.0), None);
+    assert_eq!(told(&store, &raycaster, &point, Vec3::NEG_Z), None);
+}
+
+#[test]
+fn what_was_received_is_not_passed_on_as_made_here() {
+    let store = Store::new(0.01);
+    for id in 0..10 {
+        let record = record(Vec3::X * id as f32, 1.0, 0.5, id);
+        assert!(if id % 3 == 0 { store.receive(record) } else { store.insert(record) });
+    }
+    let ids = |(records, next): (Vec<Record>, usize)| (records.iter().map(|r| r.id).collect::<Vec<_>>(), next);
+    assert_eq!(ids(store.made_since(0, 3)), (vec![1, 2, 4], 5));
+    assert_eq!(ids(store.made_since(5, 100)), (vec![5, 7, 8], 10));
+    assert_eq!(ids(store.made_since(10, 100)), (vec![], 10));
 }
 
 #[test]
@@ -170,7 +190,7 @@ fn readers_see_whole_records_while_others_add_to_them() {
             scope.spawn(move || {
                 let point = local(raycaster, 1.5, 0.3);
                 for _ in 0..2000 {
-                    if let Some(found) = store.irradiance(raycaster, &point, Vec3::Z, 1.0) {
+                    if let Some(found) = told(store, raycaster, &point, Vec3::Z) {
                         assert!((found.irradiance - Vec3::splat(4.0)).abs().max_element() < 1e-4);
                     }
                 }
@@ -204,7 +224,7 @@ proptest! {
         prop_assert_eq!(backwards.len(), records.len());
         let point = local(&raycaster, at.0, at.1);
         for store in [&forwards, &backwards] {
-            if let Some(found) = store.irradiance(&raycaster, &point, Vec3::Z, 1.0) {
+            if let Some(found) = told(store, &raycaster, &point, Vec3::Z) {
                 let (low, high) = lights.iter().fold((f32::INFINITY, 0.0_f32), |(l, h), r| (l.min(r.2), h.max(r.2)));
                 prop_assert!(found.irradiance.x >= low * 0.9999 && found.irradiance.x <= high * 1.0001);
                 prop_assert!(found.records as usize <= records.len() && found.weight > 0.0);

@@ -10,7 +10,7 @@ use std::{
 
 use holo_proto::{
     ProtoError,
-    bulk::{BlobChunk, Results, Samples, Unseen, ViewRequest, Work},
+    bulk::{BlobChunk, Light, Results, Samples, Unseen, ViewRequest, Work},
     control::Control,
     frame::{self, HEADER_BYTES, Header, Kind},
 };
@@ -43,6 +43,8 @@ pub enum Message {
     BlobChunk(BlobChunk),
     /// Beams that meet nothing, for a display.
     Unseen(Unseen),
+    /// Records of indirect light.
+    Light(Light),
 }
 
 impl Message {
@@ -56,6 +58,7 @@ impl Message {
             Kind::Samples => Message::Samples(Samples::decode(payload)?),
             Kind::BlobChunk => Message::BlobChunk(BlobChunk::decode(payload)?),
             Kind::Unseen => Message::Unseen(Unseen::decode(payload)?),
+            Kind::Light => Message::Light(Light::decode(payload)?),
         })
     }
 }

@@ -178,6 +178,16 @@ impl Raycaster {
         self.any(&ray, [from.triangle, to.triangle])
     }
 
+    /// Whether anything stands between two points of surfaces that are nearly one, each seen from the side of its normal. Both ends
+    /// are lifted off the surface by a twentieth of their distance: a surface between them that is not quite flat is no obstacle.
+    #[must_use]
+    pub fn parted(&self, from: &SurfacePoint, normal: Vec3, to: Vec3, to_normal: Vec3) -> bool {
+        let lift = 0.05 * from.point.distance(to) + 4.0 * from.error.max_element();
+        let origin = from.point + normal * lift;
+        let direction = to + to_normal * lift - origin;
+        self.occluded(&Ray { origin, direction, t_min: 0.0, t_max: 1.0 })
+    }
+
     /// Unit normal on the side from which the triangle's vertices run counter-clockwise; 0 for a triangle without area.
     ///
     /// # Panics

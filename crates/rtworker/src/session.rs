@@ -3,9 +3,11 @@
 use std::{net::SocketAddr, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail, ensure};
+use holo_light::Store;
 use holo_net::{Inbox, Message, NetError, Outbox, SceneReceiver};
 use holo_proto::{
-    bulk::{Results, Work},
+    ProtoError,
+    bulk::{Light, Results, Work},
     control::{Control, Engine, RenderSettings, SceneInfo, Welcome},
     frame::Kind,
     hello::Role,
@@ -27,6 +29,12 @@ const MAX_RESULTS: usize = 256;
 
 /// How long finished packets wait for company before they are sent, unless there are many.
 const GATHER: Duration = Duration::from_millis(1);
+
+/// Records of light wait so long at the most before others are told: some are made twice meanwhile.
+const SHARE_EVERY: Duration = Duration::from_millis(5);
+
+/// Records in one message: a megabyte.
+const SHARED_RECORDS: usize = 1 << 13;
 
 /// A connection that the server has taken.
 pub type Connection = (Inbox, Outbox, Welcome);
@@ -80,7 +88,11 @@ impl Worker {
         let unseen = welcome.skip_unseen.then(Answers::new);
         let task = Arc::new(Task { tracer, sections: Arc::clone(&sections), unseen });
         let pool = Pool::start(self.threads, &task, &done).context("starting threads")?;
-        let sender = tokio::spawn(send_results(results, outbox.clone()));
+        let light = task.tracer.light().cloned();
+        let sender = tokio::spawn(send_results(results, outbox.clone(), light.clone().map(NewLight::new)));
+        if light.is_some() {
+            outbox.control(&Control::LightWanted)?;
+        }
         outbox.control(&Control::Ready { threads: self.threads })?;
         let ended = loop {
             match next(messages).await {
@@ -88,6 +100,13 @@ impl Worker {
                     Ok(jobs) => pool.push(jobs),
                     Err(error) => break Err(error),
                 },
+                Ok(Message::Light(message)) => {
+                    if let Some(store) = &light {
+                        message.records.into_iter().for_each(|record| {
+                            store.receive(record);
+                        });
+                    }
+                }
                 Ok(Message::Control(Control::Bye { reason })) => break Ok(reason),
                 Ok(Message::Control(_) | Message::BlobChunk(_)) => {}
                 Ok(other) => break Err(unexpected(&other)),
@@ -190,6 +209,7 @@ fn unexpected(message: &Message) -> anyhow::Error {
         Message::Samples(_) => "samples",
         Message::BlobChunk(_) => "scene",
         Message::Unseen(_) => "unseen beams",
+        Message::Light(_) => "light",
     };
     anyhow::anyhow!("the server sent a {name} message, which workers do not take")
 }
@@ -208,10 +228,24 @@ fn jobs(work: &Work, sections: &[Section], seed: u64) -> Result<Vec<Job>> {
         .collect()
 }
 
-/// Sends finished packets, many to a message when they come fast, at once when they come slowly.
-async fn send_results(mut results: mpsc::UnboundedReceiver<Done>, outbox: Outbox) {
+/// Sends finished packets, many to a message when they come fast, at once when they come slowly; and records of light as they
+/// are made, before the packets that they were made for.
+async fn send_results(mut results: mpsc::UnboundedReceiver<Done>, outbox: Outbox, mut light: Option<NewLight>) {
     let mut batch = Vec::with_capacity(MAX_RESULTS);
-    while results.recv_many(&mut batch, MAX_RESULTS).await > 0 {
+    loop {
+        // A packet whose light is not known yet takes long: others may use its records already.
+        let wait = if light.is_some() { SHARE_EVERY } else { Duration::MAX };
+        let received = tokio::time::timeout(wait, results.recv_many(&mut batch, MAX_RESULTS)).await;
+        if let Some(light) = &mut light
+            && light.send(&outbox).is_err()
+        {
+            return;
+        }
+        match received {
+            Err(_) => continue,
+            Ok(0) => return,
+            Ok(_) => {}
+        }
         if batch.len() < MAX_RESULTS / 4 {
             tokio::time::sleep(GATHER).await;
             while let Ok(done) = results.try_recv() {
@@ -235,5 +269,36 @@ async fn send_results(mut results: mpsc::UnboundedReceiver<Done>, outbox: Outbox
         if outbox.send(Kind::Results, &message.encode()).is_err() {
             return;
         }
+    }
+}
+
+/// Records of light that the server may not have: all that were there when the connection began, for the server may have lost
+/// them, and those made since.
+struct NewLight {
+    store: Arc<Store>,
+    before: usize,
+    next: usize,
+}
+
+impl NewLight {
+    fn new(store: Arc<Store>) -> NewLight {
+        let before = store.len();
+        NewLight { store, before, next: 0 }
+    }
+
+    fn send(&mut self, outbox: &Outbox) -> Result<(), ProtoError> {
+        while self.next < self.store.len() {
+            let (records, next) = if self.next < self.before {
+                let next = self.before.min(self.next + SHARED_RECORDS);
+                ((self.next..next).filter_map(|index| self.store.get(index)).collect(), next)
+            } else {
+                self.store.made_since(self.next, SHARED_RECORDS)
+            };
+            self.next = next;
+            if !records.is_empty() {
+                outbox.send(Kind::Light, &Light { records }.encode())?;
+            }
+        }
+        Ok(())
     }
 }

@@ -88,6 +88,31 @@ pub fn unseen() -> impl Strategy<Value = Unseen> {
     (any::<u32>(), vec(beam, 0..30)).prop_map(|(view, beams)| Unseen { view, beams })
 }
 
+/// Records of every legal number, the least and the greatest too.
+pub fn light() -> impl Strategy<Value = Light> {
+    let three = || prop::array::uniform3(any::<f32>().prop_filter("finite", |x| x.is_finite()));
+    let light = prop::array::uniform3(0.0..=f32::MAX);
+    let record = (three(), three(), light, f32::MIN_POSITIVE..=f32::MAX, any::<(u32, u64)>(), 0_usize..3);
+    let record = record.prop_map(|(point, shift, irradiance, radius, (rays, id), axis)| {
+        let mut normal = [0.0; 3];
+        normal[axis] = -1.0;
+        Record {
+            point,
+            radius,
+            normal,
+            nearest: if rays % 2 == 0 { f32::INFINITY } else { radius },
+            irradiance,
+            error: radius,
+            shift: [shift; 3],
+            turn: [shift; 3],
+            rays,
+            flags: 0,
+            id,
+        }
+    });
+    vec(record, 0..10).prop_map(|records| Light { records })
+}
+
 pub fn chunk() -> impl Strategy<Value = BlobChunk> {
     (any::<u64>(), vec(any::<u8>(), 0..200)).prop_map(|(offset, bytes)| BlobChunk { offset, bytes })
 }
@@ -159,5 +184,6 @@ pub fn control() -> impl Strategy<Value = Control> {
         any::<u16>().prop_map(|threads| Control::Ready { threads }),
         text().prop_map(|reason| Control::Failed { reason }),
         any::<u32>().prop_map(|view| Control::Settle { view }),
+        Just(Control::LightWanted),
     ]
 }

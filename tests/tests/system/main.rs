@@ -9,6 +9,7 @@ mod display_only;
 mod fill;
 mod hostile;
 mod interrupted;
+mod light;
 mod processes;
 mod samples;
 mod session;

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::Vec3;
-use holo_light::{Arrival, Hemisphere, Record, Store};
+use holo_light::{Arrival, Found, Hemisphere, Record, Store};
 use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
 
 use crate::geometry::Frame;
@@ -115,7 +115,7 @@ impl Cached {
         normal: Vec3,
         inside: &Inside,
     ) -> Vec3 {
-        let found = self.store.irradiance(raycaster, point, normal, 1.0);
+        let found = self.known(raycaster, point, normal, 1.0);
         if let Some(found) = found.filter(|found| found.weight >= LEAST_WEIGHT) {
             return found.irradiance;
         }
@@ -130,6 +130,13 @@ impl Cached {
         let made = Vec3::from(record.irradiance);
         // The new record has weight 1.
         found.map_or(made, |found| (found.irradiance * found.weight + made) / (found.weight + 1.0))
+    }
+
+    /// Irradiance by indirect light, as far as there are records in sight whose radii times `reach` go to the point.
+    fn known(&self, raycaster: &Raycaster, point: &SurfacePoint, normal: Vec3, reach: f32) -> Option<Found> {
+        self.store.irradiance(point.point, normal, reach, |record| {
+            raycaster.parted(point, normal, record.point.into(), record.normal.into())
+        })
     }
 
     /// Traces a record's rays.

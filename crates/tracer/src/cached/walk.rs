@@ -103,9 +103,7 @@ impl Cached {
                     } else if role == Role::Eye {
                         Some(self.irradiance(engine, raycaster, &point, frame.n, &inside))
                     } else {
-                        self.store
-                            .irradiance(raycaster, &point, frame.n, super::RECORDS_REACH)
-                            .map(|found| found.irradiance)
+                        self.known(raycaster, &point, frame.n, super::RECORDS_REACH).map(|found| found.irradiance)
                     };
                     light.map(|light| *kd * light * FRAC_1_PI)
                 } else {

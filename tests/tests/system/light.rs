@@ -1,0 +1,138 @@
+//! Indirect light that all workers share: told once to everybody who wants it, kept in the file, and used.
+
+use std::net::SocketAddr;
+
+use holo_net::{Inbox, Message, Outbox};
+use holo_proto::{
+    bulk::{Light, Record},
+    control::Control,
+    frame::Kind,
+    hello::Role,
+};
+use holo_tests::{LIMIT, Place};
+use rustix::process::Signal;
+
+fn records(ids: std::ops::Range<u64>) -> Vec<Record> {
+    let record = |id| Record {
+        point: [id as f32, 0.0, 0.0],
+        radius: 0.1,
+        normal: [0.0, 0.0, 1.0],
+        nearest: 1.0,
+        irradiance: [1.0, 2.0, 3.0],
+        error: 0.1,
+        shift: [[0.0; 3]; 3],
+        turn: [[0.0; 3]; 3],
+        rays: 64,
+        flags: 0,
+        id,
+    };
+    ids.map(record).collect()
+}
+
+struct Client {
+    inbox: Inbox,
+    outbox: Outbox,
+}
+
+impl Client {
+    async fn new(address: SocketAddr, role: Role) -> Client {
+        let (inbox, outbox, _) = holo_net::connect(address, role, "a visitor").await.unwrap();
+        outbox.control(&Control::LightWanted).unwrap();
+        Client { inbox, outbox }
+    }
+
+    fn tell(&self, ids: std::ops::Range<u64>) {
+        self.outbox.send(Kind::Light, &Light { records: records(ids) }.encode()).unwrap();
+    }
+
+    /// Waits until `count` records have come, then until the server has answered, and gives all records' names in order.
+    async fn told(&mut self, count: usize) -> Vec<u64> {
+        let mut ids = Vec::new();
+        if count == 0 {
+            self.outbox.control(&Control::Ping(1)).unwrap();
+        }
+        loop {
+            match tokio::time::timeout(LIMIT, self.inbox.next()).await.unwrap().unwrap() {
+                Message::Light(light) => {
+                    ids.extend(light.records.iter().map(|record| record.id));
+                    assert!(ids.len() <= count, "{} records, {count} are new", ids.len());
+                    if ids.len() == count {
+                        self.outbox.control(&Control::Ping(1)).unwrap();
+                    }
+                }
+                Message::Control(Control::Pong(1)) => break,
+                Message::Control(Control::Ping(number)) => self.outbox.control(&Control::Pong(number)).unwrap(),
+                _ => {}
+            }
+        }
+        ids.sort_unstable();
+        ids
+    }
+}
+
+#[test]
+fn what_one_worker_finds_all_others_are_told_once_and_who_comes_late_is_told_all() {
+    let place = Place::new();
+    place.fill_small_with("a.holo", "21", &["--engine", "cached"]);
+    let server = place.server("a.holo", &[]);
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let info = |place: &Place| place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json()["light_records"].as_u64();
+    let before = info(&place).unwrap();
+    let all = runtime.block_on(async {
+        let mut first = Client::new(server.address, Role::Worker).await;
+        let own = first.told(before as usize).await;
+        assert!(!own.is_empty(), "the fill has left some");
+        let mut second = Client::new(server.address, Role::Worker).await;
+        assert_eq!(second.told(own.len()).await, own);
+        first.tell(0..10_000);
+        assert_eq!(second.told(10_000).await, Vec::from_iter(0..10_000));
+        assert_eq!(first.told(0).await, [0; 0], "nobody is told what he said himself");
+        second.tell(9_900..10_003);
+        assert_eq!(first.told(3).await, [10_000, 10_001, 10_002], "what is there already is dropped");
+        let mut late = Client::new(server.address, Role::Display).await;
+        late.told(own.len() + 10_003).await
+    });
+    server.process.end(Signal::TERM).ok();
+    assert_eq!(info(&place), Some(before + 10_003), "all are in the file");
+    // Only shown, the file has them all the same.
+    let server = place.server("a.holo", &["--display-only"]);
+    let again = runtime.block_on(async { Client::new(server.address, Role::Display).await.told(all.len()).await });
+    assert_eq!(again, all);
+    server.process.end(Signal::TERM).ok();
+    place.run(&["verify", "{}/a.holo"]).ok();
+}
+
+#[test]
+fn a_holodeck_of_another_engine_takes_no_records() {
+    let place = Place::new();
+    place.fill_small("a.holo", "21");
+    let server = place.server("a.holo", &[]);
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    runtime.block_on(async {
+        let mut client = Client::new(server.address, Role::Worker).await;
+        client.tell(0..1);
+        let reason = loop {
+            match tokio::time::timeout(LIMIT, client.inbox.next()).await.unwrap() {
+                Ok(Message::Control(Control::Bye { reason })) => break reason,
+                Ok(_) => {}
+                Err(error) => panic!("{error}"),
+            }
+        };
+        assert!(reason.contains("made without"), "{reason}");
+    });
+    server.process.end(Signal::TERM).ok();
+}
+
+#[test]
+fn a_fill_that_goes_on_uses_the_light_that_is_there() {
+    let place = Place::new();
+    let records = |words: &[&str]| {
+        place.fill_small_with("a.holo", "30k", &[&["--engine", "cached"], words].concat());
+        place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json()["light_records"].as_u64().unwrap()
+    };
+    let first = records(&[]);
+    let second = records(&[]);
+    assert!(first > 100, "{first}");
+    // The same beams in the same box: new records are only for what is not covered yet.
+    assert!(second - first < first / 2, "{first}, then {second}");
+}
