@@ -181,7 +181,7 @@ mod tests {
             at(1e6, 0.0, 2e6),
         ]
         .into_iter()
-        .chain([1e-2, 1e-3, 1e-4, 1e-5, 1e-6].into_iter().flat_map(beside))
+        .chain([1e-3, 1e-5, 1e-6].into_iter().flat_map(beside))
         .collect()
     }
 
@@ -189,7 +189,7 @@ mod tests {
     fn beside(d: f64) -> Vec<[DVec3; 3]> {
         let half = [[0.0, d, -1.1], [0.0, d, 0.9], [2.0, d, 0.9]].map(DVec3::from_array);
         let other = [[0.3 * d, d, -1.1], [1.6, d, -0.2], [-0.9 * d, d, 1.3]].map(DVec3::from_array);
-        [half, other].into_iter().flat_map(|[a, b, c]| [[a, b, c], [b, c, a], [c, a, b], [b, a, c]]).collect()
+        [half, other].into_iter().flat_map(|[a, b, c]| [[a, b, c], [b, c, a], [c, b, a]]).collect()
     }
 
     #[test]
@@ -203,7 +203,7 @@ mod tests {
                 assert!((f64::from(aim.size) / whole - 1.0).abs() < 1e-3, "{corners:?}: {} {whole}", aim.size);
             }
             let [a, b, c] = corners;
-            let n = 200_000;
+            let n = 100_000;
             let mut counts = [0_u32; 16];
             let mut s = Sampler::new(11, 0);
             for _ in 0..n {
@@ -237,7 +237,7 @@ mod tests {
                     }
                 }
             }
-            // At most 15 degrees: 44.3 is exceeded with probability 1e-4; 51 triangles.
+            // At most 15 degrees: 44.3 is exceeded with probability 1e-4; 29 triangles.
             assert!(chi2 < 44.3, "{corners:?} {:?}: {chi2} {counts:?}", aim.way);
         }
         assert!(ways[0] >= 2 && ways[1] >= 6, "{ways:?}");
