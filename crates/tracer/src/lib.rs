@@ -104,6 +104,16 @@ pub struct Traced {
     pub distance: f64,
 }
 
+/// Independent means at most that [`Tracer::trace_with_variance`] makes: its estimate has a relative error of √(2/3) then, for paths
+/// whose error is normal; more would tell more, and stratify less.
+pub const REPLICATES: u32 = 4;
+
+/// What a ray meets.
+enum Met {
+    Surface { start: Start, distance: f64 },
+    Nothing(Traced),
+}
+
 /// Traces rays through one scene.
 #[derive(Debug)]
 pub struct Tracer {
@@ -216,13 +226,52 @@ impl Tracer {
     /// The mean of a range of path numbers of a sample, so that more paths can be added to earlier ones.
     #[must_use]
     pub fn trace_paths(&self, origin: DVec3, direction: DVec3, seed: u64, paths: std::ops::Range<u64>) -> Traced {
+        match self.meet(origin, direction) {
+            Met::Surface { start, distance } => Traced { radiance: self.mean(start, seed, paths).to_array(), distance },
+            Met::Nothing(traced) => traced,
+        }
+    }
+
+    /// As [`trace`](Self::trace), of other random numbers, with the variance of the result by channel, estimated from its own
+    /// paths: without bias, since they are dealt to [`REPLICATES`] means that are independent. `None` for one path, which
+    /// tells nothing. Of the engine `cached`, what its records err by is not in it.
+    ///
+    /// The paths of [`trace`](Self::trace) are stratified together, so that nothing can be said of their mean but that it errs less
+    /// than that of independent ones; here there are fewer in each stratification, and the mean varies more (in a diffuse room 1.4 to 1.6 times, for 2 to 16 paths).
+    #[must_use]
+    pub fn trace_with_variance(&self, origin: DVec3, direction: DVec3, seed: u64) -> (Traced, Option<[f64; 3]>) {
+        let count = self.settings.paths.min(REPLICATES);
+        let (start, distance) = match self.meet(origin, direction) {
+            Met::Surface { start, distance } => (start, distance),
+            Met::Nothing(traced) => return (traced, (count > 1).then_some([0.0; 3])),
+        };
+        // Unequal numbers of paths do no harm: expectations are equal, and the variance of a plain mean of independent values is estimated
+        // without bias whatever theirs are.
+        let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
+        for replicate in 0..count {
+            let share = |i: u32| u64::from(self.settings.paths) * u64::from(i) / u64::from(count);
+            let paths = 0..share(replicate + 1) - share(replicate);
+            let mean =
+                self.mean(start, sampler::mix(seed.wrapping_add(sampler::mix(u64::from(replicate)))), paths).as_dvec3();
+            sum += mean;
+            squares += mean * mean;
+        }
+        let n = f64::from(count);
+        let mean = sum / n;
+        let traced = Traced { radiance: mean.as_vec3().to_array(), distance };
+        let variance = (squares / n - mean * mean).max(DVec3::ZERO) / (n - 1.0);
+        (traced, (count > 1).then(|| variance.to_array()))
+    }
+
+    /// The first surface of a ray, or what it carries if there is none.
+    fn meet(&self, origin: DVec3, direction: DVec3) -> Met {
         let direction = direction.normalize_or_zero();
         if !origin.is_finite() || direction == DVec3::ZERO {
-            return Traced { radiance: [0.0; 3], distance: f64::INFINITY };
+            return Met::Nothing(Traced { radiance: [0.0; 3], distance: f64::INFINITY });
         }
         let (hit, distance) = path::first_hit(&self.raycaster, origin, direction);
         if hit.is_none() {
-            return Traced { radiance: self.engine.sky().to_array(), distance };
+            return Met::Nothing(Traced { radiance: self.engine.sky().to_array(), distance });
         }
         let inside = self.engine.inside(&self.raycaster, origin);
         let start = Start { hit, direction: direction.as_vec3(), inside };
@@ -230,6 +279,11 @@ impl Tracer {
             None => distance,
             Some(straight) => straight.distance(&self.engine, &self.raycaster, start, distance),
         };
+        Met::Surface { start, distance }
+    }
+
+    /// The mean of a range of path numbers.
+    fn mean(&self, start: Start, seed: u64, paths: std::ops::Range<u64>) -> Vec3 {
         let count = paths.end.saturating_sub(paths.start).max(1);
         let mut sum = Vec3::ZERO;
         for path in paths {
@@ -244,7 +298,7 @@ impl Tracer {
                 self.nonfinite.fetch_add(1, Ordering::Relaxed);
             }
         }
-        Traced { radiance: (sum / count as f32).min(Vec3::MAX).to_array(), distance }
+        (sum / count as f32).min(Vec3::MAX)
     }
 
     /// How many paths so far were dropped because their estimate was not finite. Anything but 0 deserves a look at the scene.
