@@ -94,7 +94,7 @@ class Scenes:
         title = "Cornell box"
         if not obj.exists():
             obj, title = self.bundle() / "cornell.obj", "bundled Cornell box"
-        reference = self._reference("cornell")
+        reference = self.reference("cornell")
         scene = (str(obj), CORNELL_SECTION)
         return Case("cornell", title, scene, CORNELL_VIEW, CORNELL_BEFORE, "256x256", reference)
 
@@ -103,7 +103,7 @@ class Scenes:
         obj = self._shared / "scenes/cabin/cabin.obj"
         if obj.exists():
             scene = (str(obj), *CABIN_SECTIONS)
-            reference = self._reference("cabin")
+            reference = self.reference("cabin")
             return Case("cabin", "cabin, living room", scene, CABIN_LIVING, CABIN_BEDROOM, "320x240", reference)
         scene = ("--config", str(self.bundle() / "interior.toml"))
         title = "bundled interior, living room"
@@ -112,13 +112,14 @@ class Scenes:
     def referenced(self) -> list[Case]:
         """All that have an independent reference."""
         cases = [self.cornell(), self.room()]
-        bedroom = self._reference("cabin_bed")
+        bedroom = self.reference("cabin_bed")
         if cases[1].name == "cabin" and bedroom:
             scene = cases[1].scene
             cases.append(Case("cabin_bed", "cabin, bedroom", scene, CABIN_BEDROOM, CABIN_LIVING, "320x240", bedroom))
         return [case for case in cases if case.reference]
 
-    def _reference(self, name: str) -> Reference | None:
+    def reference(self, name: str) -> Reference | None:
+        """The independent picture of this name, if it is there."""
         folder = self._shared / "reference"
         reference = Reference(folder / f"{name}.pfm", folder / f"{name}_se.pfm")
         return reference if reference.picture.exists() and reference.standard_error.exists() else None

@@ -16,6 +16,7 @@ fn room() -> Model {
     model
 }
 
+#[allow(clippy::expect_used, reason = "a test fails by it")]
 fn tracer(paths: u32) -> Tracer {
     Tracer::new(room().scene(), Settings { bounces: None, paths }).expect("a tracer")
 }
