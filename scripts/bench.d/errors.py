@@ -15,7 +15,7 @@ PATHS = (4, 16, 64, 256)
 CACHED_PATHS = (4, 16, 64)
 
 # What has no independent reference is small, since its truth has to be rendered first.
-SMALL = {"cabin": "160x120", "interior": "192x108", "cornell": "128x128"}
+SMALL = {"cabin": "96x72", "interior": "96x54", "cornell": "128x128"}
 
 # The cabin's views of ../shared/scenes that have no reference there.
 CABIN_OTHERS = {

@@ -23,7 +23,7 @@ fn glowing() -> (Model, u32) {
 
 fn expect_furnace(tracer: &Tracer, eye: DVec3) {
     for direction in DIRECTIONS {
-        expect(estimate(tracer, eye, direction, 10_000), INSIDE);
+        expect(estimate(tracer, eye, direction, 4_000), INSIDE);
     }
 }
 
