@@ -39,6 +39,10 @@ pub struct RenderSettings {
     pub accuracy: f32,
     /// Makes the random numbers of two files different.
     pub seed: u64,
+    /// Whether distances are to what flat mirrors and flat glass show, along the straightened ray, not to the mirror or glass
+    /// (Larson & Simmons 1999, §2.3, `VDISTANCE`). Files from before it was kept have plain ones.
+    #[serde(default)]
+    pub virtual_distance: bool,
 }
 
 fn any_accuracy() -> f32 {

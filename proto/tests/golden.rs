@@ -124,6 +124,7 @@ fn welcome() -> Any {
             paths_per_sample: 16,
             accuracy: 0.0625,
             seed: 0x0123_4567_89ab_cdef,
+            virtual_distance: true,
         },
         scene: SceneInfo { hash: std::array::from_fn(|i| i as u8), bytes: 1_234_567 },
         up: [0.0, 0.0, 1.0],
@@ -139,7 +140,14 @@ fn welcome_shown() -> Any {
     Any::Control(Control::Welcome(Box::new(Welcome {
         software: String::new(),
         sections: vec![cube()],
-        settings: RenderSettings { engine: Engine::Path, bounces: None, paths_per_sample: 1, accuracy: 0.5, seed: 0 },
+        settings: RenderSettings {
+            engine: Engine::Path,
+            bounces: None,
+            paths_per_sample: 1,
+            accuracy: 0.5,
+            seed: 0,
+            virtual_distance: false,
+        },
         scene: SceneInfo { hash: [0xff; 32], bytes: 88 },
         up: [0.0, 1.0, 0.0],
         views: Vec::new(),

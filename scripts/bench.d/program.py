@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import re
+import resource
 import subprocess
 import threading
 import time
@@ -30,6 +31,8 @@ class Finished:
 
     stdout: str
     seconds: float
+    # Seconds that it and the processes it started ran.
+    processor: float
 
     def json(self) -> dict[str, Any]:
         try:
@@ -38,15 +41,25 @@ class Finished:
             raise Failed(f"not JSON ({error}): {self.stdout[:200]}") from error
 
 
-def run(command: Sequence[str | Path], folder: Path | None = None) -> Finished:
-    """Runs a command to its end; `seconds` is from its start to its exit."""
+def run(command: Sequence[str | Path], folder: Path | None = None, memory: int | None = None) -> Finished:
+    """Runs a command to its end; `seconds` is from its start to its exit. `memory`: bytes that it may map at most."""
     words = [str(word) for word in command]
+    before = _children_ran()
     start = time.monotonic()
-    ended = subprocess.run(words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
+    bound = (lambda: resource.setrlimit(resource.RLIMIT_AS, (memory, memory))) if memory else None
+    ended = subprocess.run(
+        words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False, preexec_fn=bound
+    )  # fmt: skip
     seconds = time.monotonic() - start
     if ended.returncode != 0:
         raise Failed(f"`{' '.join(words)}` ended with status {ended.returncode}:\n{ended.stderr.strip()}")
-    return Finished(ended.stdout, seconds)
+    return Finished(ended.stdout, seconds, _children_ran() - before)
+
+
+def _children_ran() -> float:
+    """Processor seconds of all processes that were waited for, and of those that they waited for."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 @dataclass(frozen=True)
@@ -170,6 +183,12 @@ def conditions(root: Path) -> dict[str, str]:
         "rustc": _said(["rustc", "--version"], root).removeprefix("rustc "),
         "commit": _commit(root),
     }
+
+
+def available_memory() -> int:
+    """Bytes that programs can still take."""
+    kib = _find("/proc/meminfo", r"MemAvailable:\s*(\d+)")
+    return int(kib) * 1024 if kib else 0
 
 
 def _memory() -> str:

@@ -127,7 +127,7 @@ class Scenes:
         return [case for case in cases if case.reference]
 
     def reference(self, name: str) -> Reference | None:
-        """An independent picture, if it is there."""
+        """The independent picture of this name, if it is there."""
         folder = self._shared / "reference"
         reference = Reference(folder / f"{name}.pfm", folder / f"{name}_se.pfm")
         return reference if reference.picture.exists() and reference.standard_error.exists() else None

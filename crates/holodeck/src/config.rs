@@ -26,6 +26,8 @@ pub struct Config {
     pub view: Vec<View>,
     /// `auto`, `on` or `off`.
     pub obstructions: Option<crate::scene_args::Obstructions>,
+    /// Whether distances are to what flat mirrors and glass show.
+    pub virtual_distance: Option<bool>,
     /// What traces.
     pub engine: Option<Engine>,
     /// Limit of indirect light.

@@ -148,7 +148,11 @@ pub fn info(args: &InfoArgs) -> Result<()> {
     println!("{}: {}, {} samples", args.file.display(), HumanBytes(info.bytes), HumanCount(info.samples));
     println!("scene: {}", info.scene.source);
     let bounces = info.settings.bounces.map_or("no limit of bounces".to_owned(), |n| format!("{n} bounces"));
-    println!("engine: {:?}, {bounces}, {} paths per sample", info.settings.engine, info.settings.paths_per_sample);
+    let distances = if info.settings.virtual_distance { ", virtual distances" } else { "" };
+    println!(
+        "engine: {:?}, {bounces}, {} paths per sample{distances}",
+        info.settings.engine, info.settings.paths_per_sample
+    );
     if info.light_records > 0 {
         println!("indirect light: {} records", HumanCount(info.light_records as u64));
     }

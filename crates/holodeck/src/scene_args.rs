@@ -67,6 +67,10 @@ pub struct SceneArgs {
     /// Relative error of indirect light that `--engine cached` aims at [default: 0.03]
     #[arg(long, value_name = "SHARE", value_parser = parse_accuracy)]
     pub accuracy: Option<f32>,
+    /// Store how far away what flat mirrors and glass show seems to be, not how far the mirror is: reflections get sharper in motion, but
+    /// their edges may break up
+    #[arg(long)]
+    pub virtual_distance: bool,
     /// Seed of the random numbers [default: 0]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
@@ -93,6 +97,7 @@ impl SceneArgs {
         config.bounces = self.bounces.or(config.bounces);
         config.paths_per_sample = self.paths_per_sample.or(config.paths_per_sample);
         config.accuracy = self.accuracy.or(config.accuracy);
+        config.virtual_distance = self.virtual_distance.then_some(true).or(config.virtual_distance);
         config.seed = self.seed.or(config.seed);
         Ok(config)
     }
@@ -106,6 +111,7 @@ pub fn settings(config: &Config) -> RenderSettings {
         paths_per_sample: config.paths_per_sample.unwrap_or(1).max(1),
         accuracy: config.accuracy.unwrap_or(holo_tracer::DEFAULT_ACCURACY),
         seed: config.seed.unwrap_or(0),
+        virtual_distance: config.virtual_distance.unwrap_or(false),
     }
 }
 

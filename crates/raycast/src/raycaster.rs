@@ -218,6 +218,17 @@ impl Raycaster {
         interpolate(self.facets[hit.triangle as usize].vertices, hit.u, hit.v)
     }
 
+    /// The point at barycentrics `u`, `v` of a triangle, exact up to rounding: for distances and directions to it. Rays that start there
+    /// need [`surface`](Self::surface).
+    ///
+    /// # Panics
+    /// If the scene has no such triangle.
+    #[must_use]
+    #[inline]
+    pub fn point(&self, triangle: u32, u: f32, v: f32) -> Vec3 {
+        interpolate(self.facets[triangle as usize].vertices, u, v).0
+    }
+
     /// Point, error bound and normal at barycentrics `u`, `v` of a triangle. A point within rounding of an edge is moved off
     /// it, by some times its rounding: a ray that starts beyond the neighbouring face has leaked.
     ///

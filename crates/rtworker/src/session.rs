@@ -155,6 +155,7 @@ fn build(scene: Scene, settings: RenderSettings) -> Result<Tracer> {
     let paths = u32::from(settings.paths_per_sample);
     let tracer = Tracer::new(Arc::new(scene), Settings { bounces: settings.bounces, paths })
         .context("preparing the scene for tracing")?;
+    let tracer = if settings.virtual_distance { tracer.with_virtual_distance() } else { tracer };
     Ok(match settings.engine {
         Engine::Path => tracer,
         Engine::Cached => tracer.with_cache(settings.accuracy),

@@ -211,7 +211,7 @@ impl Scatter {
 }
 
 #[inline]
-fn mirrored(wo: Vec3) -> Vec3 {
+pub(crate) fn mirrored(wo: Vec3) -> Vec3 {
     Vec3::new(-wo.x, -wo.y, wo.z)
 }
 

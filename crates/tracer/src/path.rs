@@ -231,7 +231,7 @@ impl PathEngine {
             let front = cosine > 0.0;
             if surface.emits && (front || surface.two_sided) {
                 let weight = arrived
-                    .weight(self.direct, |left| left.emitter_density(&self.lights, raycaster, &point, cosine.abs()));
+                    .weight(self.direct, |left| left.emitter_density(&self.lights, raycaster, &found, cosine.abs()));
                 radiance += throughput * surface.emission * weight;
             }
             let frame = Frame::new(if front { point.normal } else { -point.normal });

@@ -137,14 +137,11 @@ fn section() -> impl Strategy<Value = SectionSpec> {
 
 fn welcome() -> impl Strategy<Value = Control> {
     let engine = any::<bool>().prop_map(|cached| if cached { Engine::Cached } else { Engine::Path });
-    let numbers = (any::<Option<u32>>(), 1..=u16::MAX, 1e-6..=1.0_f32, any::<u64>());
-    let settings = (engine, numbers).prop_map(|(engine, (bounces, paths_per_sample, accuracy, seed))| RenderSettings {
-        engine,
-        bounces,
-        paths_per_sample,
-        accuracy,
-        seed,
-    });
+    let numbers = (any::<Option<u32>>(), 1..=u16::MAX, 1e-6..=1.0_f32, any::<u64>(), any::<bool>());
+    let settings =
+        (engine, numbers).prop_map(|(engine, (bounces, paths_per_sample, accuracy, seed, virtual_distance))| {
+            RenderSettings { engine, bounces, paths_per_sample, accuracy, seed, virtual_distance }
+        });
     let scene = (any::<[u8; 32]>(), any::<u64>()).prop_map(|(hash, bytes)| SceneInfo { hash, bytes });
     let up = [finite(), finite(), finite()].prop_filter("an axis", |up| *up != [0.0; 3]);
     let radiance = || any::<u32>().prop_map(|bits| bits as f32 * 1e-6);

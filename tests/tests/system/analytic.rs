@@ -20,7 +20,14 @@ fn section(origin: [f64; 3], axes: [[f64; 3]; 3], grid: [u32; 3], class: ViewCla
 
 /// A file of these sections without a sample in it. What it says of its scene is never asked for.
 fn make(place: &Place, sections: Vec<SectionSpec>) {
-    let settings = RenderSettings { engine: Engine::Path, bounces: None, paths_per_sample: 1, accuracy: 0.02, seed: 0 };
+    let settings = RenderSettings {
+        engine: Engine::Path,
+        bounces: None,
+        paths_per_sample: 1,
+        accuracy: 0.02,
+        seed: 0,
+        virtual_distance: false,
+    };
     let about = About::new(sections, settings, b"known", "a known room".into());
     let file = Holodeck::create(&place.path("room.holo"), about, b"known", 0).unwrap();
     file.file.flush().unwrap();

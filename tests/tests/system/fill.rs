@@ -44,7 +44,8 @@ fn info_says_what_the_file_holds() {
     assert_eq!(accuracy as f32, 0.03);
     assert_eq!(
         info["settings"],
-        serde_json::json!({"engine": "path", "bounces": null, "paths_per_sample": 1, "accuracy": accuracy, "seed": 0})
+        serde_json::json!({"engine": "path", "bounces": null, "paths_per_sample": 1, "accuracy": accuracy, "seed": 0,
+            "virtual_distance": false})
     );
     assert_eq!(info["views"][0][0], "front");
     assert_eq!(info["up"], serde_json::json!([0.0, 1.0, 0.0]));
@@ -67,6 +68,7 @@ fn a_file_of_something_else_is_refused_and_left_as_it_is() {
     let with = |words: &[&str]| fill(&[&section, words].concat());
     with(&["--bounces", "0"]).failed(1, &["a.holo", "other settings", "name another file"]);
     with(&["--paths-per-sample", "2"]).failed(1, &["a.holo", "other settings"]);
+    with(&["--virtual-distance"]).failed(1, &["a.holo", "other settings", "virtual_distance: true"]);
     with(&["--seed", "5"]).failed(1, &["a.holo", "other settings"]);
     with(&["{}/other.obj"]).failed(1, &["a.holo", "another scene"]);
     fill(&["--section", "0.6,0.6,-4 4.3,0,0 0,4.2,0 0,0,5 4,4,5"]).failed(1, &["a.holo", "other sections"]);

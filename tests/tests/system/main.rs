@@ -15,3 +15,4 @@ mod samples;
 mod session;
 mod unseen;
 mod usage;
+mod virtual_distance;

@@ -14,6 +14,7 @@ mod cone;
 mod node;
 mod triangle;
 
+use std::collections::{HashMap, HashSet};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
@@ -122,11 +123,40 @@ impl Weights {
     }
 }
 
+/// The emitters that are not hidden by a triangle of lesser index between the same corners: of such, rays meet the first, and what no
+/// ray meets must not light.
+fn visible(scene: &Scene, mut emitters: Vec<u32>) -> Vec<u32> {
+    let between = |triangle: u32| {
+        // The sum turns -0 into 0.
+        let mut corners = scene.corners(triangle).map(|c| (c + Vec3::ZERO).to_array().map(f32::to_bits));
+        corners.sort_unstable();
+        corners
+    };
+    let first_emitters: HashMap<_, u32> = emitters.iter().rev().map(|&t| (between(t), t)).collect();
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for corner in emitters.iter().flat_map(|&t| scene.corners(t)) {
+        (low, high) = (low.min(corner), high.max(corner));
+    }
+    let last = emitters.last().copied().unwrap_or(0);
+    let hidden: HashSet<_> = (0..last)
+        // Most triangles need not be looked up: lamps are in few places.
+        .filter(|&t| scene.corners(t).iter().all(|c| c.cmpge(low).all() && c.cmple(high).all()))
+        .map(|t| (between(t), t))
+        .filter(|(corners, t)| first_emitters.get(corners).is_some_and(|first| t < first))
+        .map(|(corners, _)| corners)
+        .collect();
+    emitters.retain(|&t| {
+        let corners = between(t);
+        first_emitters.get(&corners) == Some(&t) && !hidden.contains(&corners)
+    });
+    emitters
+}
+
 impl Lights {
     pub(crate) fn new(scene: &Scene) -> Self {
         let strength: Vec<f32> = scene.materials.iter().map(|m| luminance(m.emission)).collect();
         let material = |t: u32| scene.material_ids[t as usize] as usize;
-        let triangles: Vec<u32> = scene.emitters().filter(|&t| strength[material(t)] > 0.0).collect();
+        let triangles = visible(scene, scene.emitters().filter(|&t| strength[material(t)] > 0.0).collect());
         let power = |t: u32| f64::from(strength[material(t)]) * scene.area(t);
         // As shares of the greatest, far from the ends of f32's range.
         let unit = triangles.iter().map(|&t| power(t)).fold(0.0, f64::max);

@@ -1,0 +1,154 @@
+"""What it gains to leave out what a scene lacks: the same picture of a scene without it, and with a trace of it that nobody sees."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Callable
+
+from document import Bar, Part, Table
+from harness import Bench
+from program import compare, run
+
+VIEW = ("--vp=2.78,2.73,-2", "--vd=0,0,1", "--vu=0,1,0", "--vh=60", "--size=256x256")
+# Within the short block, which has no openings.
+GLASS = """
+usemtl unseen_glass
+v 1.75 0.5 1.6
+v 1.85 0.5 1.6
+v 1.75 0.6 1.6
+v 1.75 0.5 1.7
+f -4 -2 -3
+f -4 -3 -1
+f -3 -2 -1
+f -4 -1 -2
+"""
+GLASS_MATERIAL = "\nnewmtl unseen_glass\nillum 7\nNi 1.5\nTf 1 1 1\n"
+
+# Above the blocks and below the lamp, where nothing stands.
+EMPTY_SECTION = "--section=0.5,3.5,0.5 4.5,0,0 0,1.7,0 0,0,4.6 3,2,3"
+EMPTY_VIEW = ("--vp=2.7,4.3,2.8", "--vd=-1,0,0", "--vu=0,1,0", "--vh=40", "--size=128x128")
+
+# How many times the paths of what is judged a truth has.
+TRUTH = 8
+# Relative difference of two pictures of the same random numbers.
+SAME = 1e-3
+
+
+@dataclass
+class Variant:
+    """One way to make a picture: `make` writes the picture, and gives seconds of processor time."""
+
+    picture: Path
+    error: Path
+    make: Callable[[], float]
+
+
+@dataclass
+class Skip:
+    """What is skipped, the way with the skip and that without, and what the result is held against."""
+
+    what: str
+    skipped: Variant
+    done: Variant
+    # Of a picture with many more paths; `None`: the same random numbers are used, and the two pictures are compared.
+    truth: Variant | None
+
+
+def ablations(bench: Bench) -> Part:
+    """Skips one by one: processor time with and without, and that the result is the same."""
+    rounds = 1 if bench.quick else 3
+    part = Part(
+        "What skipping gains",
+        [
+            f"Processor time of the whole program, the least of {rounds} alternate runs. *Skipped*: the scene lacks it, and nothing is "
+            "done about it. *Not skipped*: there is a trace of it that no ray meets, or so little of it that it cannot be seen (a "
+            "piece of glass within a block; a sky or a lamp of 1e-6 of the light), or, for obstructions, it is asked for. "
+            f"`render --spp {spp(bench)}` of the bundled Cornell box at 256², `fill` with a section in which nothing stands. "
+            f"Where random numbers differ, *difference* is that of the two biases against a render of {TRUTH} times as many paths, "
+            "with its 99 % interval; else that of the two pictures. (Beams that see nothing: above.)",
+        ],
+    )  # fmt: skip
+    columns = [["skipped", ""], ["skipped, s", ".2f"], ["not skipped, s", ".2f"], ["ratio", ".3f"],
+               ["difference", "+.3%"], ["± (99 %)", ".3%"]]  # fmt: skip
+    table = Table("", columns)
+    for skip in skips_to_measure(bench):
+        times = [(skip.skipped.make(), skip.done.make()) for _ in range(rounds)]
+        skipped, done = min(t[0] for t in times), min(t[1] for t in times)
+        if skip.truth:
+            skip.truth.make()
+            one, other = (against(bench, variant, skip.truth) for variant in (skip.skipped, skip.done))
+            difference, half = one[0] - other[0], math.hypot(one[1], other[1])
+        else:
+            # Rounding alone, and samples that it takes to the next code of a colour.
+            difference, half = compare(bench.holodeck, skip.skipped.picture, skip.done.picture)["bias"], SAME
+        table.rows.append([skip.what, skipped, done, skipped / done, difference, half if skip.truth else None])
+        bar = Bar(f"same result, {skip.what}", f"{difference:+.3%}", f"within ±{half:.3%}", abs(difference) <= half)
+        part.bars.append(bar)
+    part.tables.append(table)
+    return part
+
+
+def against(bench: Bench, variant: Variant, truth: Variant) -> tuple[float, float]:
+    """Bias, and half of its interval."""
+    options = ("--se", variant.error, "--reference-se", truth.error)
+    measures = compare(bench.holodeck, variant.picture, truth.picture, *options)
+    return measures["bias"], measures["bias_99"]
+
+
+def spp(bench: Bench) -> int:
+    return 16 if bench.quick else 128
+
+
+def skips_to_measure(bench: Bench) -> list[Skip]:
+    """All but the beams that see nothing."""
+    plain, glass, dark, faint = scenes(bench)
+
+    def render(name: str, obj: Path, *options: str, seed: int = 3, times: int = 1) -> Variant:
+        picture, error = bench.work / f"ablation-{name}.pfm", bench.work / f"ablation-{name}-se.pfm"
+        command = [bench.holodeck, "render", obj, *VIEW, "--spp", str(spp(bench) * times), "--seed", str(seed), *options]
+        return Variant(picture, error, lambda: run([*command, "--se", error, "--quiet", "-o", picture]).processor)
+
+    def truth(name: str, obj: Path, *options: str) -> Variant:
+        return render(name, obj, *options, seed=1, times=TRUTH)
+
+    def fill(obstructions: str) -> Variant:
+        picture, file = bench.work / f"ablation-{obstructions}.pfm", bench.work / f"ablation-{obstructions}.holo"
+        samples = "200k" if bench.quick else "5M"
+        command = [bench.holodeck, "fill", plain, EMPTY_SECTION, "--obstructions", obstructions, "--bounces", "0",
+                   "--samples", samples, "--quiet", "-o", file]  # fmt: skip
+
+        def make() -> float:
+            file.unlink(missing_ok=True)
+            seconds = run(command).processor
+            run([bench.holodeck, "picture", file, *EMPTY_VIEW, "-o", picture])
+            return seconds
+
+        return Variant(picture, picture, make)
+
+    sky = ("--sky", "0.5,0.5,0.5")
+    faint_sky = render("sky", plain, "--sky", "1e-6,1e-6,1e-6", seed=4)
+    return [
+        Skip("glass: what paths are inside of", render("no-glass", plain), render("glass", glass), None),
+        Skip("sky: samples of it", render("no-sky", plain), faint_sky, truth("box", plain)),
+        Skip("lamps: the light tree", render("dark", dark, *sky), render("faint", faint, *sky, seed=4), truth("dark-box", dark, *sky)),
+        Skip("obstructions: from entry to exit wall", fill("off"), fill("on"), None),
+    ]
+
+
+def scenes(bench: Bench) -> tuple[Path, Path, Path, Path]:
+    """The bundled Cornell box; with unseen glass; without its lamp; with next to none of it."""
+    plain = bench.scenes.bundle() / "cornell.obj"
+    text, materials = plain.read_text(encoding="utf-8"), plain.with_suffix(".mtl").read_text(encoding="utf-8")
+    found = [plain]
+    for name, faces, library in (
+        ("glass", GLASS, materials + GLASS_MATERIAL),
+        ("dark", "", materials.replace("Ke 17 12 4", "Ke 0 0 0")),
+        ("faint", "", materials.replace("Ke 17 12 4", "Ke 1e-6 1e-6 1e-6")),
+    ):
+        obj = bench.work / f"ablation-{name}.obj"
+        obj.write_text(text.replace("mtllib cornell.mtl", f"mtllib {obj.stem}.mtl") + faces, encoding="utf-8")
+        obj.with_suffix(".mtl").write_text(library, encoding="utf-8")
+        found.append(obj)
+    return found[0], found[1], found[2], found[3]
