@@ -9,9 +9,10 @@ use holo_picture::View;
 #[derive(Clone, Debug)]
 pub(crate) struct Camera {
     pub eye: DVec3,
-    right: DVec3,
-    up: DVec3,
-    forward: DVec3,
+    /// The picture's axes in the scene, unit.
+    pub right: DVec3,
+    pub up: DVec3,
+    pub forward: DVec3,
     /// Pixels per unit of x/z and of y/z.
     pub focal: (f64, f64),
     /// The picture's middle, in pixels from its left and from its top.

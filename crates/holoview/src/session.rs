@@ -9,7 +9,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{Quadtree, QuadtreeParams, SelectOptions, Selection, select_beams, viewpoint_radius};
+use holo_display::{SelectOptions, Selection, select_beams, viewpoint_radius};
 use holo_net::{Inbox, Message, NetError, Outbox, Shutdown};
 use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
@@ -22,7 +22,9 @@ use holo_proto::{
 use holo_section::{Section, Viewpoint};
 
 use crate::{
-    Config, Driver, PictureReport, default_view,
+    Config, PictureReport,
+    canvas::{Canvas, Painter},
+    default_view,
     received::Received,
     script::{Command, Next, Script, Step},
 };
@@ -37,6 +39,9 @@ const REFINE_AFTER: Duration = Duration::from_millis(300);
 /// Share of the pixels that may be nearer than the "nearest" surface: a lamp's edge must not decide for the room.
 const NEARER_PIXELS: f64 = 0.01;
 
+/// Weight of beams that are wanted for what is stored of them, not to be traced.
+const STORED_ONLY: f32 = 1e-6;
+
 /// How often a typed script is looked at.
 const TYPED_TICK: Duration = Duration::from_millis(20);
 
@@ -47,9 +52,10 @@ const SETTLE_TIME: Duration = Duration::from_secs(60);
 pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: Shutdown) -> Result<()> {
     let name = format!("holoview {}", std::process::id());
     let connection = holo_net::connect(address, Role::Display, &name).await;
-    let (inbox, outbox, welcome) = connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
+    let (mut inbox, outbox, welcome) = connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
     let sections = welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
     let sections = sections.context("the server's sections")?;
+    let painter = Painter::new(config.driver, &mut inbox, &outbox, &welcome).await?;
     let (sender, messages) = mpsc::channel();
     let reader = tokio::spawn(read(inbox, outbox.clone(), sender.clone()));
     let ended = tokio::spawn(async move {
@@ -64,6 +70,7 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
             config,
             welcome,
             sections,
+            painter,
             outbox,
             messages,
             shown: None,
@@ -110,7 +117,13 @@ struct Shown {
     view: View,
     size: (u32, u32),
     wanted: Vec<Wanted>,
-    driver: Quadtree,
+    /// Distance of the nearest visible surface, as far as it is known.
+    nearest: f64,
+    canvas: Canvas,
+    /// How far its samples have been asked for.
+    asked: Asked,
+    /// Number of its first request: samples of earlier views are dropped.
+    first_request: u32,
     received: Received,
     since: Instant,
     stored: u64,
@@ -123,6 +136,7 @@ struct Session {
     config: Config,
     welcome: Welcome,
     sections: Arc<[Section]>,
+    painter: Painter,
     outbox: Outbox,
     messages: mpsc::Receiver<Incoming>,
     shown: Option<Shown>,
@@ -130,6 +144,17 @@ struct Session {
     meter: Meter,
     start: Instant,
     duration: f64,
+}
+
+/// Which stored samples of a view have been asked for.
+#[derive(Clone, Copy, PartialEq)]
+enum Asked {
+    /// Those of the beams that it crosses.
+    Crossed,
+    /// And of beams that end on what it sees.
+    Surfaces,
+    /// All that there are.
+    All,
 }
 
 /// What made a wait end.
@@ -195,37 +220,72 @@ impl Session {
         if covered.covered_rays == 0 {
             bail!("no section of the holodeck covers anything of this view ({})", view.to_vf_options());
         }
-        let wanted = beams
+        let wanted: Vec<Wanted> = beams
             .iter()
             .map(|beam| Wanted { beam: beam.beam.0, weight: beam.weight, section: beam.section, reserved: 0 })
             .collect();
-        let Driver::Quadtree = self.config.driver;
-        let params = QuadtreeParams { sky: self.welcome.sky, ..QuadtreeParams::default() };
-        let driver = Quadtree::new(Arc::clone(&self.sections), view, size, params);
         self.view_number += 1;
+        let since = Instant::now();
         let diagonal = self.sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         self.shown = Some(Shown {
             view,
             size,
-            wanted,
-            driver,
+            wanted: wanted.clone(),
+            nearest: GUESSED_DISTANCE * diagonal,
+            canvas: self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky),
+            asked: Asked::Crossed,
+            first_request: self.view_number,
             received: Received::default(),
-            since: Instant::now(),
+            since,
             stored: 0,
             traced: 0,
             first_samples: None,
             refined: false,
         });
-        self.request(GUESSED_DISTANCE * diagonal)
+        self.request(wanted)
     }
 
-    /// Sends the view, with a viewpoint for the nearest visible surface at `distance`.
-    fn request(&self, distance: f64) -> Result<()> {
+    /// Whether nothing stored is left to ask for.
+    fn asked_all(&self) -> bool {
+        self.shown.as_ref().is_none_or(|shown| shown.asked == Asked::All)
+    }
+
+    /// Once all stored samples of the beams asked for have been sent: asks for what else is of use.
+    ///
+    /// The view's own beams come first, then all whose rays may end on what is seen. Those are for what is stored: when it
+    /// has been sent, workers turn back to the view's own.
+    fn ask_on(&mut self) -> Result<()> {
+        let Some(shown) = &mut self.shown else { return Ok(()) };
+        let also = match shown.asked {
+            Asked::Crossed => shown.canvas.surface_beams(),
+            Asked::Surfaces | Asked::All => Vec::new(),
+        };
+        let asked_more = shown.asked == Asked::Surfaces;
+        shown.asked = if also.is_empty() { Asked::All } else { Asked::Surfaces };
+        if also.is_empty() && !(asked_more && self.welcome.tracing) {
+            return Ok(());
+        }
+        let mut wanted = shown.wanted.clone();
+        wanted.extend(also.into_iter().map(|(section, beam)| Wanted {
+            beam: beam.0,
+            weight: STORED_ONLY,
+            section,
+            reserved: 0,
+        }));
+        // A stable sort: the view's own weight stands before the other's, which goes.
+        wanted.sort_by_key(|wanted| (wanted.section, wanted.beam));
+        wanted.dedup_by_key(|wanted| (wanted.section, wanted.beam));
+        self.view_number += 1;
+        self.request(wanted)
+    }
+
+    /// Sends the view, with a viewpoint for the nearest visible surface.
+    fn request(&self, beams: Vec<Wanted>) -> Result<()> {
         let Some(shown) = &self.shown else { return Ok(()) };
-        let radius = viewpoint_radius(&shown.view, shown.size, distance, 1.0);
+        let radius = viewpoint_radius(&shown.view, shown.size, shown.nearest, 1.0);
         let eye = shown.view.vp.to_array();
         let viewpoint = Viewpoint { eye, radius };
-        let request = ViewRequest { view: self.view_number, viewpoint, beams: shown.wanted.clone() };
+        let request = ViewRequest { view: self.view_number, viewpoint, beams };
         Ok(self.outbox.send(Kind::View, &request.encode())?)
     }
 
@@ -250,6 +310,12 @@ impl Session {
                     let share = self.start.elapsed().as_secs_f64() / self.duration;
                     self.meter.show(share, &status.words());
                 }
+                Ok(Incoming::Message(Message::Control(Control::StoredSent { view }))) if view == self.view_number => {
+                    self.ask_on()?;
+                    if for_settled && self.asked_all() {
+                        self.outbox.control(&Control::Settle { view: self.view_number })?;
+                    }
+                }
                 Ok(Incoming::Message(Message::Control(_))) => {}
                 Ok(Incoming::Message(_)) => bail!("the server sent a message that is not for a display"),
                 Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
@@ -265,23 +331,25 @@ impl Session {
     fn refine(&mut self) -> Result<()> {
         let Some(shown) = &mut self.shown else { return Ok(()) };
         shown.refined = true;
-        let mut depths = shown.driver.draw().depth;
+        let mut depths = shown.canvas.depth();
         depths.retain(|&depth| depth > 0.0 && depth.is_finite());
         if depths.is_empty() {
             return Ok(());
         }
         let at = (depths.len() as f64 * NEARER_PIXELS) as usize;
         let (_, &mut nearest, _) = depths.select_nth_unstable_by(at, f32::total_cmp);
-        self.request(f64::from(nearest))
+        shown.nearest = f64::from(nearest);
+        let wanted = shown.wanted.clone();
+        self.request(wanted)
     }
 
     fn insert(&mut self, message: &Samples) {
-        let Some(shown) = self.shown.as_mut().filter(|_| message.view == self.view_number) else { return };
+        let Some(shown) = self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view)) else { return };
         shown.first_samples.get_or_insert_with(|| shown.since.elapsed().as_secs_f64());
         for (run, samples) in message.iter() {
             for fresh in shown.received.add(run) {
                 let count = fresh.len() as u64;
-                shown.driver.insert(run.section, run.beam, run.paths, &samples[fresh]);
+                shown.canvas.insert(run.section, run.beam, run.paths, &samples[fresh]);
                 match message.source {
                     Source::Stored => shown.stored += count,
                     Source::Traced => shown.traced += count,
@@ -291,14 +359,14 @@ impl Session {
     }
 
     fn insert_unseen(&mut self, message: &Unseen) {
-        if let Some(shown) = self.shown.as_mut().filter(|_| message.view == self.view_number) {
-            message.beams.iter().for_each(|&(section, beam)| shown.driver.insert_unseen(section, beam));
+        if let Some(shown) = self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view)) {
+            message.beams.iter().for_each(|&(section, beam)| shown.canvas.insert_unseen(section, beam));
         }
     }
 
     fn picture(&self, path: PathBuf) -> Result<()> {
         let Some(shown) = &self.shown else { bail!("there is no view to take a picture of") };
-        let frame = shown.driver.draw();
+        let (frame, guessed_pixels) = shown.canvas.draw();
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         }
@@ -313,6 +381,8 @@ impl Session {
             uncovered_pixels: frame.uncovered_pixels,
             empty_pixels: frame.empty_pixels,
             unseen_pixels: frame.unseen_pixels,
+            guessed_pixels,
+            driver: shown.canvas.name(),
             first_samples: shown.first_samples,
         };
         if self.config.json {
@@ -328,7 +398,9 @@ impl Session {
         if self.shown.is_none() {
             return Ok(());
         }
-        self.outbox.control(&Control::Settle { view: self.view_number })?;
+        if self.asked_all() {
+            self.outbox.control(&Control::Settle { view: self.view_number })?;
+        }
         if self.wait(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
             bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
         }

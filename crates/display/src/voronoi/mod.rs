@@ -1,0 +1,184 @@
+//! The driver that knows the scene: true edges, and light from every sample that lies on what is seen (Larson & Simmons 1999,
+//! §2.4.4, the driver whose edges came from graphics hardware).
+//!
+//! A ray caster tells every pixel's surface. Samples, wherever they were looking from, go to the pixel whose surface they
+//! lie on; light is reconstructed along each surface and multiplied by its material.
+//!
+//! What always holds:
+//! - The picture is a function of the set of samples: their order and batches change no bit of it.
+//! - No light crosses from one surface to another.
+//! - As samples grow, every pixel tends to the mean of the samples of its surface within it.
+//! - A pixel whose ray meets nothing is the sky, exactly.
+
+mod beams;
+mod deposit;
+mod edges;
+mod guess;
+mod labels;
+mod reconstruct;
+mod shade;
+mod surfaces;
+mod tiles;
+
+use crate::Frame;
+use crate::camera::Camera;
+use crate::candidates::is_covered;
+use crate::quadtree::reproject::{DistanceTable, PlacedSection};
+use deposit::{Beam, Depositor, Sums};
+use guess::Guesses;
+use holo_picture::{Picture, View};
+use holo_raycast::Raycaster;
+use holo_section::{BeamId, Sample, Section};
+use shade::Shadings;
+use std::sync::Arc;
+use surfaces::{Caster, SKY, Seen, Surfaces};
+
+/// A picture, and how much of it is a guess.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// The picture and what is known of it.
+    pub frame: Frame,
+    /// Pixels of surfaces of which nothing at all is known, shown as if the eye carried a lamp.
+    pub guessed_pixels: u64,
+}
+
+/// The geometry-guided driver: samples in, pictures out.
+pub struct Voronoi {
+    sections: Arc<[Section]>,
+    placed: Vec<PlacedSection>,
+    raycaster: Arc<Raycaster>,
+    shadings: Shadings,
+    view: View,
+    camera: Camera,
+    size: (u32, u32),
+    distances: DistanceTable,
+    surfaces: Surfaces,
+    covered: Vec<bool>,
+    sums: Vec<Sums>,
+    samples: u64,
+    paths: u16,
+}
+
+impl Voronoi {
+    /// What the view sees, without light yet; `size` as from [`View::resolve`], which bounds it: memory is in proportion.
+    pub fn new(sections: Arc<[Section]>, raycaster: Arc<Raycaster>, view: View, size: (u32, u32)) -> Self {
+        let camera = Camera::new(&view, size);
+        let surfaces = Caster::new(&raycaster, &view, &camera, size).surfaces();
+        let (width, height) = (f64::from(size.0), f64::from(size.1));
+        let mut hint = 0;
+        let covered = (0..size.1)
+            .flat_map(|row| (0..size.0).map(move |column| (column, row)))
+            .map(|(column, row)| {
+                let middle = view.ray((f64::from(column) + 0.5) / width, 1.0 - (f64::from(row) + 0.5) / height);
+                is_covered(&sections, middle.0, middle.1, &mut hint)
+            })
+            .collect();
+        Self {
+            placed: sections.iter().map(|section| PlacedSection::new(section, &camera)).collect(),
+            shadings: Shadings::new(raycaster.scene()),
+            sums: vec![Sums::default(); surfaces.seen.len()],
+            distances: DistanceTable::new(),
+            sections,
+            raycaster,
+            view,
+            camera,
+            size,
+            surfaces,
+            covered,
+            samples: 0,
+            paths: 1,
+        }
+    }
+
+    /// The view shown.
+    pub fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// Distance from the eye of what each pixel sees, as [`Frame::depth`].
+    pub fn depth(&self) -> Vec<f32> {
+        let depth = |seen: &Seen| if seen.triangle == SKY { f32::INFINITY } else { seen.position.length() };
+        self.surfaces.seen.iter().map(depth).collect()
+    }
+
+    /// Adds samples of one beam, each the mean of `paths` paths. Samples of an unknown section or beam are left out.
+    pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+        let number = usize::from(section);
+        let Some((known, placed)) = self.sections.get(number).zip(self.placed.get(number)) else { return };
+        let Some(pair) = known.cells(beam) else { return };
+        let depositor = Depositor {
+            camera: &self.camera,
+            distances: &self.distances,
+            surfaces: &self.surfaces,
+            shadings: &self.shadings,
+            caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
+        };
+        self.samples += depositor.insert(&Beam { section: placed, pair, paths }, samples, &mut self.sums);
+        self.paths = self.paths.max(paths);
+    }
+
+    /// The picture of all samples so far.
+    pub fn draw(&self) -> Drawn {
+        let width = self.size.0 as usize;
+        let light = reconstruct::light(&self.sums, &self.surfaces.labels, width, self.paths);
+        let guesses = Guesses::new(&self.surfaces, &self.sums);
+        let shade = |seen: &Seen, light: Option<[f32; 3]>| -> [f32; 3] {
+            if seen.triangle == SKY {
+                return self.shadings.sky;
+            }
+            let shading = &self.shadings.materials[seen.material as usize];
+            let unit = self.shadings.unit;
+            match light.or_else(|| guesses.alike(seen)) {
+                Some(light) => [0, 1, 2].map(|channel| light[channel] * unit * shading.scale[channel]),
+                None if shading.emits => shading.emission,
+                None => {
+                    let towards = -seen.normal.dot(seen.position.normalize_or_zero());
+                    let bright = guesses.typical().unwrap_or(unit.recip()) * unit;
+                    shading.scale.map(|scale| scale * bright * (0.25 + 0.75 * towards.max(0.0)))
+                }
+            }
+        };
+        let mut picture = Picture::new(self.size.0, self.size.1);
+        picture.view = Some(self.view);
+        let mut frame = Frame {
+            depth: self.depth(),
+            picture,
+            uncovered_pixels: 0,
+            empty_pixels: 0,
+            unseen_pixels: 0,
+            samples_used: self.samples,
+        };
+        let mut guessed_pixels = 0;
+        for (pixel, seen) in self.surfaces.seen.iter().enumerate() {
+            let is_sky = seen.triangle == SKY;
+            frame.empty_pixels += u64::from(self.sums[pixel].weight == 0 && !is_sky);
+            let known = is_sky || light[pixel].is_some() || guesses.alike(seen).is_some();
+            frame.uncovered_pixels += u64::from(!self.covered[pixel]);
+            if !known {
+                if !self.covered[pixel] {
+                    continue;
+                }
+                guessed_pixels += 1;
+            }
+            let share = self.throughput(pixel);
+            let colour = shade(seen, light[pixel]);
+            frame.picture.pixels[pixel] = [0, 1, 2].map(|channel| colour[channel] * share[channel]);
+        }
+        let caster = Caster::new(&self.raycaster, &self.view, &self.camera, self.size);
+        let point = |seen: &Seen, like: Option<usize>| {
+            let light = like.and_then(|pixel| light[pixel]).or_else(|| guesses.alike(seen));
+            light.map(|light| shade(seen, Some(light)))
+        };
+        frame.picture.pixels =
+            edges::smooth(&caster, &self.surfaces, &frame.picture.pixels, self.shadings.sky, point);
+        Drawn { frame, guessed_pixels }
+    }
+
+    /// What of a pixel's light comes through the mirrors and panes before it.
+    fn throughput(&self, pixel: usize) -> [f32; 3] {
+        if self.surfaces.throughput.is_empty() {
+            return [1.0; 3];
+        }
+        self.surfaces.throughput.get(&(pixel as u32)).copied().unwrap_or([1.0; 3])
+    }
+}

@@ -1,0 +1,189 @@
+//! Light for every pixel from the sums of its surface: as wide a mean as noise asks, no wider than the light allows.
+//!
+//! Means over ever wider tents (half-widths of 1, 2, 4, ... pixels), each over pixels of one label only. A pixel takes the
+//! widest mean that lies within the confidence intervals of all narrower ones (the rule of intersecting confidence intervals:
+//! Goldenshluger & Nemirovski 1997; Katkovnik 1999), or the first that is exact enough. So noise is averaged where light is
+//! even, and a shadow's edge stays where the samples tell it from noise.
+//!
+//! What always holds:
+//! - Only pixels of the same label have a part in a pixel's light.
+//! - As samples grow, every pixel tends to the mean of its own.
+
+use super::deposit::{Sums, luminance};
+use super::shade::FULL_WEIGHT;
+use super::surfaces::NO_LABEL;
+use super::tiles::for_parts;
+
+/// Tents tried: the widest has 2⁷ pixels on each side of its middle.
+const LEVELS: usize = 8;
+
+/// Half the width of a confidence interval, in standard errors.
+const CONFIDENCE: f32 = 2.0;
+
+/// A mean with no more relative error than this is not widened: a step of an 8-bit display.
+const ENOUGH: f32 = 0.004;
+
+/// Samples that the variance of a wider mean counts for in that of a narrower one.
+const PRIOR_SAMPLES: f32 = 8.0;
+
+/// Samples that a mean needs for its confidence interval to count.
+const FEWEST: f32 = 2.0;
+
+/// Rows of one piece of work.
+const ROWS: usize = 16;
+
+/// Sums of a pixel, or of a tent around it.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C)]
+struct Cell {
+    light: [f32; 3],
+    weight: f32,
+    square: f32,
+}
+
+impl Cell {
+    fn add(&mut self, part: f32, other: &Cell) {
+        for (sum, value) in self.light.iter_mut().zip(other.light) {
+            *sum += part * value;
+        }
+        self.weight += part * other.weight;
+        self.square += part * other.square;
+    }
+
+    fn mean(&self) -> [f32; 3] {
+        self.light.map(|sum| sum / self.weight)
+    }
+
+    fn variance(&self) -> f32 {
+        let mean = luminance(self.light) / self.weight;
+        (self.square / self.weight - mean * mean).max(0.0)
+    }
+}
+
+/// How a pixel's choice stands.
+#[derive(Clone, Copy, Debug)]
+struct Choice {
+    light: [f32; 3],
+    low: f32,
+    high: f32,
+    /// Variance and number of samples of the mean before.
+    variance: f32,
+    samples: f32,
+    mean: f32,
+    open: bool,
+    known: bool,
+}
+
+/// Light of every pixel, in fixed-point steps; `None` where no sample of its surface is near enough.
+pub(crate) fn light(sums: &[Sums], labels: &[u32], width: usize, paths: u16) -> Vec<Option<[f32; 3]>> {
+    let one = (FULL_WEIGHT * u64::from(paths.max(1))) as f32;
+    let mut cells: Vec<Cell> = vec![Cell::default(); sums.len()];
+    for_parts(&mut cells, width, ROWS, |part, rows| {
+        let first = part * ROWS * width;
+        for (cell, sum) in rows.iter_mut().zip(&sums[first..]) {
+            *cell = Cell {
+                light: sum.light.map(|x| x as f32 / one),
+                weight: sum.weight as f32 / one,
+                square: sum.square as f32 / one,
+            };
+        }
+    });
+    let start = Choice {
+        light: [0.0; 3],
+        low: 0.0,
+        high: f32::INFINITY,
+        variance: 0.0,
+        samples: 0.0,
+        mean: 0.0,
+        open: true,
+        known: false,
+    };
+    let mut choices = vec![start; sums.len()];
+    let mut half = vec![Cell::default(); sums.len()];
+    for level in 0..LEVELS {
+        for_parts(&mut choices, width, ROWS, |part, rows| {
+            let first = part * ROWS * width;
+            for (choice, cell) in rows.iter_mut().zip(&cells[first..]) {
+                choice.consider(cell, level);
+            }
+        });
+        if level + 1 == LEVELS {
+            break;
+        }
+        let step = 1 << level;
+        for_parts(&mut half, width, ROWS, |part, rows| across(&cells, labels, width, step, part * ROWS, rows));
+        for_parts(&mut cells, width, ROWS, |part, rows| down(&half, labels, width, step, part * ROWS, rows));
+    }
+    choices.iter().map(|choice| choice.known.then_some(choice.light)).collect()
+}
+
+/// One pass of the tent along rows.
+fn across(from: &[Cell], labels: &[u32], width: usize, step: usize, top: usize, rows: &mut [Cell]) {
+    for (row, line) in rows.chunks_mut(width).enumerate() {
+        let start = (top + row) * width;
+        let (from, labels) = (&from[start..start + width], &labels[start..start + width]);
+        for (column, cell) in line.iter_mut().enumerate() {
+            *cell = from[column];
+            let label = labels[column];
+            if label == NO_LABEL {
+                continue;
+            }
+            if column >= step && labels[column - step] == label {
+                cell.add(0.5, &from[column - step]);
+            }
+            if column + step < width && labels[column + step] == label {
+                cell.add(0.5, &from[column + step]);
+            }
+        }
+    }
+}
+
+/// One pass of the tent along columns.
+fn down(from: &[Cell], labels: &[u32], width: usize, step: usize, top: usize, rows: &mut [Cell]) {
+    let reach = step * width;
+    for (row, line) in rows.chunks_mut(width).enumerate() {
+        let start = (top + row) * width;
+        for (column, cell) in line.iter_mut().enumerate() {
+            let pixel = start + column;
+            *cell = from[pixel];
+            let label = labels[pixel];
+            if label == NO_LABEL {
+                continue;
+            }
+            if pixel >= reach && labels[pixel - reach] == label {
+                cell.add(0.5, &from[pixel - reach]);
+            }
+            if pixel + reach < from.len() && labels[pixel + reach] == label {
+                cell.add(0.5, &from[pixel + reach]);
+            }
+        }
+    }
+}
+
+impl Choice {
+    /// Takes the next wider mean if it may be had.
+    fn consider(&mut self, cell: &Cell, level: usize) {
+        if !self.open || cell.weight <= 0.0 {
+            return;
+        }
+        // A tent's weights w have (Σw)²/Σw² = 9/4 Σw / max w.
+        let samples = cell.weight * if level == 0 { 1.0 } else { 2.25 };
+        let variance = cell.variance();
+        let mean = luminance(cell.light) / cell.weight;
+        if self.known {
+            // The interval of the mean before, whose variance few samples know badly: this one's, from more, helps.
+            let pooled =
+                (self.samples * self.variance + PRIOR_SAMPLES * variance) / (self.samples + PRIOR_SAMPLES);
+            let error = (pooled / self.samples).sqrt();
+            if self.samples >= FEWEST {
+                self.low = self.low.max(self.mean - CONFIDENCE * error);
+                self.high = self.high.min(self.mean + CONFIDENCE * error);
+                if error <= ENOUGH * self.mean || mean < self.low || mean > self.high {
+                    self.open = false;
+                    return;
+                }
+            }
+        }
+        *self = Choice { light: cell.mean(), variance, samples, mean, known: true, ..*self };
+    }
+}

@@ -1,0 +1,301 @@
+//! What every pixel sees: position, normal and material, by the display's own ray caster (Larson & Simmons 1999, §2.4.4,
+//! where the graphics hardware's depth buffer knows them).
+//!
+//! Through mirrors and thin panes the pixel's surface is the first one behind them, placed where the eye sees it: panes
+//! leave it where it is, a mirror's image lies behind the mirror. All positions are camera coordinates.
+//!
+//! What always holds:
+//! - A surface's normal faces the eye.
+//! - Pixels have the same label only if they see one connected surface, or parts of it, in the same image.
+
+use super::tiles::for_parts;
+use crate::camera::Camera;
+use glam::{DVec3, Vec3};
+use holo_picture::View;
+use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
+use holo_scene::{Bsdf, Rgb};
+use std::collections::HashMap;
+
+/// A block of pixels traced together.
+const BLOCK: (usize, usize) = (7, 3);
+const _: () = assert!(BLOCK.0 * BLOCK.1 == MAX_TOGETHER);
+
+/// Mirrors and panes that are followed at the most.
+const MAX_CHAIN: usize = 8;
+
+/// Different mirror images in one picture, the scene itself among them.
+const MAX_IMAGES: usize = 12;
+
+/// Cosine between normals that belong to one smooth surface: 8°.
+const SMOOTH: f32 = 0.99;
+
+/// No triangle: the pixel sees the sky.
+pub(crate) const SKY: u32 = u32::MAX;
+
+/// The label of pixels that see the sky.
+pub(crate) const NO_LABEL: u32 = u32::MAX;
+
+/// What a pixel, or a point of it, sees.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    /// Camera coordinates, as seen: behind the mirror for a mirror's image.
+    pub position: Vec3,
+    /// Unit, towards the eye, as seen.
+    pub normal: Vec3,
+    /// [`SKY`] for none.
+    pub triangle: u32,
+    pub material: u32,
+    /// Which [`Image`].
+    pub image: u8,
+    /// Seen through a mirror or pane: a part of its light is lost on the way.
+    pub through: bool,
+}
+
+impl Seen {
+    const NOTHING: Seen = Seen {
+        position: Vec3::ZERO,
+        normal: Vec3::ZERO,
+        triangle: SKY,
+        material: 0,
+        image: 0,
+        through: false,
+    };
+
+    /// Whether a surface seen next to this one is the same smooth one.
+    pub fn continues(&self, other: &Seen, pixel_width: f32) -> bool {
+        self.material == other.material
+            && self.image == other.image
+            && self.through == other.through
+            && self.triangle != SKY
+            && other.triangle != SKY
+            && (self.triangle == other.triangle
+                || (self.normal.dot(other.normal) > SMOOTH && {
+                    let between = other.position - self.position;
+                    let gap = between.dot(self.normal).abs().min(between.dot(other.normal).abs());
+                    // A step of half a pixel is seen; curves stay well below it.
+                    gap <= 0.5 * pixel_width * self.position.length()
+                }))
+    }
+}
+
+/// How a mirror image lies: `turn * point + shift`, camera coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Image {
+    turn: glam::Mat3,
+    shift: Vec3,
+}
+
+impl Image {
+    const ITSELF: Image = Image { turn: glam::Mat3::IDENTITY, shift: Vec3::ZERO };
+
+    /// Where a point of the scene is seen.
+    pub fn point(&self, point: Vec3) -> Vec3 {
+        self.turn * point + self.shift
+    }
+
+    /// How a direction is seen.
+    pub fn direction(&self, direction: Vec3) -> Vec3 {
+        self.turn * direction
+    }
+
+    /// Where in the scene a point and a direction of the image lie.
+    pub fn back(&self, point: Vec3, direction: Vec3) -> (Vec3, Vec3) {
+        let inverse = self.turn.transpose();
+        (inverse * (point - self.shift), inverse * direction)
+    }
+
+    /// This image, seen in a mirror of the scene at `point` with `normal`.
+    fn mirrored(&self, point: Vec3, normal: Vec3) -> Image {
+        let columns = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis - 2.0 * axis.dot(normal) * normal);
+        let mirror = glam::Mat3::from_cols(columns[0], columns[1], columns[2]);
+        let shift = 2.0 * point.dot(normal) * normal;
+        Image { turn: self.turn * mirror, shift: self.turn * shift + self.shift }
+    }
+
+    fn is_like(&self, other: &Image, reach: f32) -> bool {
+        let turns = (self.turn - other.turn).to_cols_array().iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+        turns < 1e-4 && (self.shift - other.shift).length() < 1e-4 * reach
+    }
+}
+
+/// What a view's pixels see.
+pub(crate) struct Surfaces {
+    pub size: (usize, usize),
+    pub seen: Vec<Seen>,
+    /// Which connected surface each pixel shows; [`NO_LABEL`] for the sky.
+    pub labels: Vec<u32>,
+    /// Whether something else is seen in the 3 × 3 pixels around.
+    pub edges: Vec<bool>,
+    /// The scene itself, then its mirror images.
+    pub images: Vec<Image>,
+    /// What comes through the mirrors and panes before a pixel's surface; all of it where none is listed.
+    pub throughput: HashMap<u32, Rgb>,
+    pub pixel_width: f32,
+}
+
+/// Casts rays of a view.
+pub(crate) struct Caster<'a> {
+    raycaster: &'a Raycaster,
+    view: &'a View,
+    camera: &'a Camera,
+    size: (usize, usize),
+}
+
+impl<'a> Caster<'a> {
+    pub fn new(raycaster: &'a Raycaster, view: &'a View, camera: &'a Camera, size: (u32, u32)) -> Self {
+        Self { raycaster, view, camera, size: (size.0 as usize, size.1 as usize) }
+    }
+
+    /// The ray through a point of the picture in pixels, in the scene's coordinates, and how far from the eye it begins.
+    pub fn ray(&self, column: f64, row: f64) -> Option<(Ray, f64)> {
+        let (x, y) = (column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
+        let (eye, direction) = self.view.ray(x, y);
+        self.raycaster.localize(eye, direction)
+    }
+
+    pub fn scene(&self) -> &holo_scene::Scene {
+        self.raycaster.scene()
+    }
+
+    pub fn nearest_many(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        self.raycaster.nearest_many(rays, hits);
+    }
+
+    fn vector(&self, local: Vec3) -> Vec3 {
+        self.camera.to_camera(local.as_dvec3()).as_vec3()
+    }
+
+    /// A point of the scene's coordinates as the camera has it.
+    fn point(&self, local: Vec3) -> Vec3 {
+        self.camera.to_camera(local.as_dvec3() + self.raycaster.scene().origin - self.camera.eye).as_vec3()
+    }
+
+    /// What a hit of a view ray is, whatever its material.
+    pub fn first(&self, ray: &Ray, hit: &Hit) -> Seen {
+        let scene = self.raycaster.scene();
+        let normal = self.raycaster.geometric_normal(hit.triangle);
+        let facing = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
+        Seen {
+            position: self.point(self.raycaster.surface_point(hit).0),
+            normal: self.vector(facing),
+            triangle: hit.triangle,
+            material: scene.material_ids[hit.triangle as usize],
+            image: 0,
+            through: false,
+        }
+    }
+
+    /// Follows a ray from a mirror or pane to the first surface that is neither, and what of its light comes back.
+    ///
+    /// `None` if there are too many of them, or too many images already.
+    fn follow(&self, mut ray: Ray, mut hit: Hit, images: &mut Vec<Image>) -> Option<(Seen, Rgb)> {
+        let scene = self.raycaster.scene();
+        let mut image = Image::ITSELF;
+        let mut share = [1.0_f32; 3];
+        for _ in 0..MAX_CHAIN {
+            let material = scene.material(hit.triangle);
+            let normal = self.raycaster.geometric_normal(hit.triangle);
+            let (at, error) = self.raycaster.surface_point(&hit);
+            let (colour, onward) = match material.bsdf {
+                Bsdf::Mirror { ks } => {
+                    image = image.mirrored(self.point(at), self.vector(normal));
+                    (ks, ray.direction - 2.0 * ray.direction.dot(normal) * normal)
+                }
+                Bsdf::ThinGlass { ior, transmittance } => {
+                    let passes = 1.0 - pane_reflectance(ray.direction.dot(normal).abs(), ior);
+                    (transmittance.map(|t| t * passes), ray.direction)
+                }
+                _ => {
+                    let seen = self.first(&ray, &hit);
+                    let known = images.iter().position(|known| known.is_like(&image, seen.position.length()));
+                    let number = match known {
+                        Some(number) => number,
+                        None if images.len() < MAX_IMAGES => {
+                            images.push(image);
+                            images.len() - 1
+                        }
+                        None => return None,
+                    };
+                    let (position, normal) = (image.point(seen.position), image.direction(seen.normal));
+                    return Some((Seen { position, normal, image: number as u8, through: true, ..seen }, share));
+                }
+            };
+            share = [0, 1, 2].map(|channel| share[channel] * colour[channel]);
+            ray = Ray::new(holo_raycast::spawn(at, error, normal, onward), onward);
+            match self.raycaster.nearest_from(&ray, hit.triangle) {
+                Some(next) => hit = next,
+                None => return Some((Seen { through: true, ..Seen::NOTHING }, share)),
+            }
+        }
+        None
+    }
+
+    /// What every pixel's middle sees.
+    pub fn surfaces(&self) -> Surfaces {
+        let (width, height) = self.size;
+        let mut seen = vec![(Seen::NOTHING, None); width * height];
+        for_parts(&mut seen, width, BLOCK.1, |part, rows| self.cast_rows(part * BLOCK.1, rows));
+        let mut images = vec![Image::ITSELF];
+        let mut throughput = HashMap::new();
+        for (pixel, (seen, special)) in (0_u32..).zip(seen.iter_mut()) {
+            if let Some((ray, hit)) = special
+                && let Some((behind, share)) = self.follow(*ray, *hit, &mut images)
+            {
+                *seen = behind;
+                throughput.insert(pixel, share);
+            }
+        }
+        let seen: Vec<Seen> = seen.into_iter().map(|(seen, _)| seen).collect();
+        let pixel_width = self.camera.pixel_width_squared.sqrt() as f32;
+        let labels = super::labels::connect(&seen, width, pixel_width);
+        let edges = super::labels::edges(&labels, width);
+        Surfaces { size: self.size, seen, labels, edges, images, throughput, pixel_width }
+    }
+
+    /// Some rows from `top`; pixels that begin at a mirror or pane keep their ray, to be followed in order.
+    fn cast_rows(&self, top: usize, rows: &mut [(Seen, Option<(Ray, Hit)>)]) {
+        let width = self.size.0;
+        let count = rows.len() / width.max(1);
+        let nowhere = Ray::new(Vec3::ZERO, Vec3::ZERO);
+        for left in (0..width).step_by(BLOCK.0) {
+            let across = BLOCK.0.min(width - left);
+            let mut rays = [nowhere; MAX_TOGETHER];
+            let mut hits = [None; MAX_TOGETHER];
+            let place = |slot: usize| (slot % across, slot / across);
+            let used = across * count;
+            for (slot, ray) in rays[..used].iter_mut().enumerate() {
+                let (x, y) = place(slot);
+                *ray = self.ray((left + x) as f64 + 0.5, (top + y) as f64 + 0.5).map_or(nowhere, |(ray, _)| ray);
+            }
+            self.raycaster.nearest_many(&rays[..used], &mut hits[..used]);
+            for slot in 0..used {
+                let (x, y) = place(slot);
+                let Some(hit) = hits[slot] else { continue };
+                let special = matches!(
+                    self.raycaster.scene().material(hit.triangle).bsdf,
+                    Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. }
+                );
+                rows[y * width + left + x] =
+                    (self.first(&rays[slot], &hit), special.then_some((rays[slot], hit)));
+            }
+        }
+    }
+
+    /// The scene's triangle at a point that the camera has, looking along `direction`, within `reach` on either side.
+    pub fn triangle_at(&self, point: DVec3, direction: DVec3, reach: f64) -> Option<u32> {
+        let turn = |v: DVec3| self.camera.right * v.x + self.camera.up * v.y + self.camera.forward * v.z;
+        let (at, along) = (turn(point) + self.camera.eye - self.raycaster.scene().origin, turn(direction));
+        let start = (at - along * reach).as_vec3();
+        let ray = Ray { t_max: 2.0 * reach as f32, ..Ray::new(start, along.as_vec3()) };
+        self.raycaster.nearest(&ray).map(|hit| hit.triangle)
+    }
+}
+
+/// What a thin pane reflects of unpolarised light at this cosine, all passes between its faces together.
+fn pane_reflectance(cosine: f32, ior: f32) -> f32 {
+    let inside = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).max(0.0).sqrt();
+    let parallel = (ior * cosine - inside) / (ior * cosine + inside);
+    let across = (cosine - ior * inside) / (cosine + ior * inside);
+    let once = 0.5 * (parallel * parallel + across * across);
+    2.0 * once / (1.0 + once)
+}
