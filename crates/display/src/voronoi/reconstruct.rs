@@ -18,16 +18,13 @@ use super::tiles::for_parts;
 const LEVELS: usize = 8;
 
 /// Half the width of a confidence interval, in standard errors.
-const CONFIDENCE: f32 = 2.0;
+const CONFIDENCE: f32 = 3.0;
 
 /// A mean with no more relative error than this is not widened: a step of an 8-bit display.
 const ENOUGH: f32 = 0.004;
 
-/// Samples that the variance of a wider mean counts for in that of a narrower one.
-const PRIOR_SAMPLES: f32 = 8.0;
-
-/// Samples that a mean needs for its confidence interval to count.
-const FEWEST: f32 = 2.0;
+/// Samples from which a variance is estimated at the least.
+const FEWEST: f32 = 12.0;
 
 /// Rows of one piece of work.
 const ROWS: usize = 16;
@@ -64,14 +61,10 @@ impl Cell {
 #[derive(Clone, Copy, Debug)]
 struct Choice {
     light: [f32; 3],
-    low: f32,
-    high: f32,
-    /// Variance and number of samples of the mean before.
-    variance: f32,
-    samples: f32,
-    mean: f32,
+    /// Luminance and number of samples of the means taken so far.
+    means: [(f32, f32); LEVELS],
+    taken: usize,
     open: bool,
-    known: bool,
 }
 
 /// Light of every pixel, in fixed-point steps; `None` where no sample of its surface is near enough.
@@ -88,16 +81,7 @@ pub(crate) fn light(sums: &[Sums], labels: &[u32], width: usize, paths: u16) -> 
             };
         }
     });
-    let start = Choice {
-        light: [0.0; 3],
-        low: 0.0,
-        high: f32::INFINITY,
-        variance: 0.0,
-        samples: 0.0,
-        mean: 0.0,
-        open: true,
-        known: false,
-    };
+    let start = Choice { light: [0.0; 3], means: [(0.0, 0.0); LEVELS], taken: 0, open: true };
     let mut choices = vec![start; sums.len()];
     let mut half = vec![Cell::default(); sums.len()];
     for level in 0..LEVELS {
@@ -114,7 +98,7 @@ pub(crate) fn light(sums: &[Sums], labels: &[u32], width: usize, paths: u16) -> 
         for_parts(&mut half, width, ROWS, |part, rows| across(&cells, labels, width, step, part * ROWS, rows));
         for_parts(&mut cells, width, ROWS, |part, rows| down(&half, labels, width, step, part * ROWS, rows));
     }
-    choices.iter().map(|choice| choice.known.then_some(choice.light)).collect()
+    choices.iter().map(|choice| (choice.taken > 0).then_some(choice.light)).collect()
 }
 
 /// One pass of the tent along rows.
@@ -168,22 +152,21 @@ impl Choice {
         }
         // A tent's weights w have (Σw)²/Σw² = 9/4 Σw / max w.
         let samples = cell.weight * if level == 0 { 1.0 } else { 2.25 };
-        let variance = cell.variance();
         let mean = luminance(cell.light) / cell.weight;
-        if self.known {
-            // The interval of the mean before, whose variance few samples know badly: this one's, from more, helps.
-            let pooled =
-                (self.samples * self.variance + PRIOR_SAMPLES * variance) / (self.samples + PRIOR_SAMPLES);
-            let error = (pooled / self.samples).sqrt();
-            if self.samples >= FEWEST {
-                self.low = self.low.max(self.mean - CONFIDENCE * error);
-                self.high = self.high.min(self.mean + CONFIDENCE * error);
-                if error <= ENOUGH * self.mean || mean < self.low || mean > self.high {
+        if samples >= FEWEST {
+            // The variance of the widest mean judges all: of few samples, narrow ones would think that they agree. An edge
+            // within it makes it too large, by so much that two samples on one side still tell.
+            let variance = cell.variance();
+            for &(narrower, count) in &self.means[..self.taken] {
+                let error = (variance / count).sqrt();
+                if error <= ENOUGH * narrower || (mean - narrower).abs() > CONFIDENCE * error {
                     self.open = false;
                     return;
                 }
             }
         }
-        *self = Choice { light: cell.mean(), variance, samples, mean, known: true, ..*self };
+        self.light = cell.mean();
+        self.means[self.taken] = (mean, samples);
+        self.taken += 1;
     }
 }
