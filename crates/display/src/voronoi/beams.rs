@@ -6,7 +6,7 @@
 //! Invariant: the choice is a function of the view and the sections.
 
 use super::Voronoi;
-use super::surfaces::{SKY, Surfaces};
+use super::surfaces::{SKY, Seen, Surfaces};
 use glam::DVec3;
 use holo_section::{BeamId, Section, ViewClass};
 
@@ -37,19 +37,20 @@ impl Voronoi {
 
     /// Surface points of the picture and their normals, in the scene.
     fn points(&self) -> Vec<(DVec3, DVec3)> {
-        let Surfaces { seen, images, .. } = &self.surfaces;
         let turn = |v: glam::Vec3| {
             let v = v.as_dvec3();
             self.camera.right * v.x + self.camera.up * v.y + self.camera.forward * v.z
         };
-        seen.iter()
-            .filter(|seen| seen.triangle != SKY)
-            .filter_map(|seen| {
+        let points = |Surfaces { seen, images, .. }: &Surfaces| -> Vec<(DVec3, DVec3)> {
+            let there = seen.iter().filter(|seen| seen.triangle != SKY);
+            let place = |seen: &Seen| {
                 let image = images.get(usize::from(seen.image))?;
                 let (point, normal) = image.back(seen.position, seen.normal);
                 Some((turn(point) + self.camera.eye, turn(normal)))
-            })
-            .collect()
+            };
+            there.filter_map(place).collect()
+        };
+        self.layers.iter().flat_map(|layer| points(&layer.surfaces)).collect()
     }
 }
 

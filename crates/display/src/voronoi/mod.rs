@@ -42,6 +42,12 @@ pub struct Drawn {
     pub guessed_pixels: u64,
 }
 
+/// One surface a pixel, with its samples.
+struct Layer {
+    surfaces: Surfaces,
+    sums: Vec<Sums>,
+}
+
 /// The geometry-guided driver: samples in, pictures out.
 pub struct Voronoi {
     sections: Arc<[Section]>,
@@ -52,9 +58,9 @@ pub struct Voronoi {
     camera: Camera,
     size: (u32, u32),
     distances: DistanceTable,
-    surfaces: Surfaces,
+    /// What is seen; then what is seen in panes, besides what is seen through them.
+    layers: Vec<Layer>,
     covered: Vec<bool>,
-    sums: Vec<Sums>,
     samples: u64,
     paths: u16,
 }
@@ -63,7 +69,9 @@ impl Voronoi {
     /// What the view sees, without light yet; `size` as from [`View::resolve`], which bounds it: memory is in proportion.
     pub fn new(sections: Arc<[Section]>, raycaster: Arc<Raycaster>, view: View, size: (u32, u32)) -> Self {
         let camera = Camera::new(&view, size);
-        let surfaces = Caster::new(&raycaster, &view, &camera, size).surfaces();
+        let layers = Caster::new(&raycaster, &view, &camera, size).surfaces().into_iter();
+        let layers = layers.map(|surfaces| Layer { sums: vec![Sums::default(); surfaces.seen.len()], surfaces });
+        let layers = layers.collect();
         let (width, height) = (f64::from(size.0), f64::from(size.1));
         let mut hint = 0;
         let covered = (0..size.1)
@@ -76,14 +84,13 @@ impl Voronoi {
         Self {
             placed: sections.iter().map(|section| PlacedSection::new(section, &camera)).collect(),
             shadings: Shadings::new(raycaster.scene()),
-            sums: vec![Sums::default(); surfaces.seen.len()],
             distances: DistanceTable::new(),
             sections,
             raycaster,
             view,
             camera,
             size,
-            surfaces,
+            layers,
             covered,
             samples: 0,
             paths: 1,
@@ -98,7 +105,7 @@ impl Voronoi {
     /// Distance from the eye of what each pixel sees, as [`Frame::depth`].
     pub fn depth(&self) -> Vec<f32> {
         let depth = |seen: &Seen| if seen.triangle == SKY { f32::INFINITY } else { seen.position.length() };
-        self.surfaces.seen.iter().map(depth).collect()
+        self.layers.iter().take(1).flat_map(|layer| layer.surfaces.seen.iter().map(depth)).collect()
     }
 
     /// Adds samples of one beam, each the mean of `paths` paths. Samples of an unknown section or beam are left out.
@@ -106,79 +113,109 @@ impl Voronoi {
         let number = usize::from(section);
         let Some((known, placed)) = self.sections.get(number).zip(self.placed.get(number)) else { return };
         let Some(pair) = known.cells(beam) else { return };
-        let depositor = Depositor {
-            camera: &self.camera,
-            distances: &self.distances,
-            surfaces: &self.surfaces,
-            shadings: &self.shadings,
-            caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
-        };
-        self.samples += depositor.insert(&Beam { section: placed, pair, paths }, samples, &mut self.sums);
+        for layer in &mut self.layers {
+            let depositor = Depositor {
+                camera: &self.camera,
+                distances: &self.distances,
+                surfaces: &layer.surfaces,
+                shadings: &self.shadings,
+                caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
+            };
+            self.samples += depositor.insert(&Beam { section: placed, pair, paths }, samples, &mut layer.sums);
+        }
         self.paths = self.paths.max(paths);
     }
 
     /// The picture of all samples so far.
     pub fn draw(&self) -> Drawn {
-        let width = self.size.0 as usize;
-        let light = reconstruct::light(&self.sums, &self.surfaces.labels, width, self.paths);
-        let guesses = Guesses::new(&self.surfaces, &self.sums);
-        let shade = |seen: &Seen, light: Option<[f32; 3]>| -> [f32; 3] {
-            if seen.triangle == SKY {
-                return self.shadings.sky;
-            }
-            let shading = &self.shadings.materials[seen.material as usize];
-            let unit = self.shadings.unit;
-            match light.or_else(|| guesses.alike(seen)) {
-                Some(light) => [0, 1, 2].map(|channel| light[channel] * unit * shading.scale[channel]),
-                None if shading.emits => shading.emission,
-                None => {
-                    let towards = -seen.normal.dot(seen.position.normalize_or_zero());
-                    let bright = guesses.typical().unwrap_or(unit.recip()) * unit;
-                    shading.scale.map(|scale| scale * bright * (0.25 + 0.75 * towards.max(0.0)))
-                }
-            }
-        };
         let mut picture = Picture::new(self.size.0, self.size.1);
         picture.view = Some(self.view);
         let mut frame = Frame {
             depth: self.depth(),
             picture,
-            uncovered_pixels: 0,
+            uncovered_pixels: self.covered.iter().filter(|&&covered| !covered).count() as u64,
             empty_pixels: 0,
             unseen_pixels: 0,
             samples_used: self.samples,
         };
+        let drawn: Vec<Lit> = self.layers.iter().map(|layer| Lit::new(self, layer)).collect();
         let mut guessed_pixels = 0;
-        for (pixel, seen) in self.surfaces.seen.iter().enumerate() {
-            let is_sky = seen.triangle == SKY;
-            frame.empty_pixels += u64::from(self.sums[pixel].weight == 0 && !is_sky);
-            let known = is_sky || light[pixel].is_some() || guesses.alike(seen).is_some();
-            frame.uncovered_pixels += u64::from(!self.covered[pixel]);
-            if !known {
-                if !self.covered[pixel] {
-                    continue;
+        for (number, lit) in drawn.iter().enumerate() {
+            for (pixel, colour) in frame.picture.pixels.iter_mut().enumerate() {
+                let seen = &lit.layer.surfaces.seen[pixel];
+                let Some(share) = lit.share(pixel, number > 0) else { continue };
+                let is_sky = seen.triangle == SKY;
+                frame.empty_pixels += u64::from(number == 0 && lit.layer.sums[pixel].weight == 0 && !is_sky);
+                let light = lit.light(seen, Some(pixel));
+                if light.is_none() && !is_sky {
+                    if !self.covered[pixel] {
+                        continue;
+                    }
+                    guessed_pixels += 1;
                 }
-                guessed_pixels += 1;
+                let part = lit.colour(seen, light);
+                *colour = [0, 1, 2].map(|channel| colour[channel] + part[channel] * share[channel]);
             }
-            let share = self.throughput(pixel);
-            let colour = shade(seen, light[pixel]);
-            frame.picture.pixels[pixel] = [0, 1, 2].map(|channel| colour[channel] * share[channel]);
         }
-        let caster = Caster::new(&self.raycaster, &self.view, &self.camera, self.size);
-        let point = |seen: &Seen, like: Option<usize>| {
-            let light = like.and_then(|pixel| light[pixel]).or_else(|| guesses.alike(seen));
-            light.map(|light| shade(seen, Some(light)))
-        };
-        frame.picture.pixels =
-            edges::smooth(&caster, &self.surfaces, &frame.picture.pixels, self.shadings.sky, point);
+        if let Some(lit) = drawn.first() {
+            let caster = Caster::new(&self.raycaster, &self.view, &self.camera, self.size);
+            let point = |seen: &Seen, like: Option<usize>| {
+                let light = lit.light(seen, like)?;
+                Some(lit.colour(seen, Some(light)))
+            };
+            let (surfaces, colours) = (&lit.layer.surfaces, &frame.picture.pixels);
+            frame.picture.pixels = edges::smooth(&caster, surfaces, colours, self.shadings.sky, point);
+        }
         Drawn { frame, guessed_pixels }
     }
+}
 
-    /// What of a pixel's light comes through the mirrors and panes before it.
-    fn throughput(&self, pixel: usize) -> [f32; 3] {
-        if self.surfaces.throughput.is_empty() {
-            return [1.0; 3];
+/// A layer whose light is known.
+struct Lit<'a> {
+    layer: &'a Layer,
+    shadings: &'a Shadings,
+    light: Vec<Option<[f32; 3]>>,
+    guesses: Guesses,
+}
+
+impl<'a> Lit<'a> {
+    fn new(voronoi: &'a Voronoi, layer: &'a Layer) -> Self {
+        let Layer { surfaces, sums } = layer;
+        Self {
+            layer,
+            shadings: &voronoi.shadings,
+            light: reconstruct::light(sums, &surfaces.labels, surfaces.size.0, voronoi.paths),
+            guesses: Guesses::new(surfaces, sums),
         }
-        self.surfaces.throughput.get(&(pixel as u32)).copied().unwrap_or([1.0; 3])
+    }
+
+    /// Light on a surface: that of a pixel that sees it, else what is known of such surfaces.
+    fn light(&self, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
+        pixel.and_then(|pixel| self.light[pixel]).or_else(|| self.guesses.alike(seen))
+    }
+
+    /// Radiance of a surface in this light; without any, as if the eye carried a lamp.
+    fn colour(&self, seen: &Seen, light: Option<[f32; 3]>) -> [f32; 3] {
+        if seen.triangle == SKY {
+            return self.shadings.sky;
+        }
+        let shading = &self.shadings.materials[seen.material as usize];
+        let unit = self.shadings.unit;
+        match light {
+            Some(light) => [0, 1, 2].map(|channel| light[channel] * unit * shading.scale[channel]),
+            None if shading.emits => shading.emission,
+            None => {
+                let towards = -seen.normal.dot(seen.position.normalize_or_zero());
+                let bright = self.guesses.typical().unwrap_or(unit.recip()) * unit;
+                shading.scale.map(|scale| scale * bright * (0.25 + 0.75 * towards.max(0.0)))
+            }
+        }
+    }
+
+    /// What of a pixel's light comes through the mirrors and panes before it; `None` if the layer has no such pixel.
+    fn share(&self, pixel: usize, is_sparse: bool) -> Option<[f32; 3]> {
+        let through = &self.layer.surfaces.throughput;
+        let listed = if through.is_empty() { None } else { through.get(&(pixel as u32)).copied() };
+        if is_sparse { listed } else { Some(listed.unwrap_or([1.0; 3])) }
     }
 }

@@ -57,12 +57,20 @@ impl Cell {
     }
 }
 
+/// A mean's luminance, its samples and their variance.
+#[derive(Clone, Copy, Debug, Default)]
+struct Mean {
+    value: f32,
+    samples: f32,
+    variance: f32,
+}
+
 /// How a pixel's choice stands.
 #[derive(Clone, Copy, Debug)]
 struct Choice {
     light: [f32; 3],
-    /// Luminance and number of samples of the means taken so far.
-    means: [(f32, f32); LEVELS],
+    /// The means taken so far.
+    means: [Mean; LEVELS],
     taken: usize,
     open: bool,
 }
@@ -81,7 +89,7 @@ pub(crate) fn light(sums: &[Sums], labels: &[u32], width: usize, paths: u16) -> 
             };
         }
     });
-    let start = Choice { light: [0.0; 3], means: [(0.0, 0.0); LEVELS], taken: 0, open: true };
+    let start = Choice { light: [0.0; 3], means: [Mean::default(); LEVELS], taken: 0, open: true };
     let mut choices = vec![start; sums.len()];
     let mut half = vec![Cell::default(); sums.len()];
     for level in 0..LEVELS {
@@ -152,21 +160,21 @@ impl Choice {
         }
         // A tent's weights w have (Σw)²/Σw² = 9/4 Σw / max w.
         let samples = cell.weight * if level == 0 { 1.0 } else { 2.25 };
-        let mean = luminance(cell.light) / cell.weight;
+        let mean = Mean { value: luminance(cell.light) / cell.weight, samples, variance: cell.variance() };
         if samples >= FEWEST {
-            // The variance of the widest mean judges all: of few samples, narrow ones would think that they agree. An edge
-            // within it makes it too large, by so much that two samples on one side still tell.
-            let variance = cell.variance();
-            for &(narrower, count) in &self.means[..self.taken] {
-                let error = (variance / count).sqrt();
-                if error <= ENOUGH * narrower || (mean - narrower).abs() > CONFIDENCE * error {
+            // The variance of the widest mean judges all: narrow ones, of few samples, would think that they agree. An edge
+            // within it makes it too large, by so much that two samples on one side still tell. A narrow mean with a rare
+            // bright sample knows best how little it knows.
+            for narrower in &self.means[..self.taken] {
+                let error = (mean.variance.max(narrower.variance) / narrower.samples).sqrt();
+                if error <= ENOUGH * narrower.value || (mean.value - narrower.value).abs() > CONFIDENCE * error {
                     self.open = false;
                     return;
                 }
             }
         }
         self.light = cell.mean();
-        self.means[self.taken] = (mean, samples);
+        self.means[self.taken] = mean;
         self.taken += 1;
     }
 }

@@ -185,10 +185,11 @@ impl<'a> Caster<'a> {
         }
     }
 
-    /// Follows a ray from a mirror or pane to the first surface that is neither, and what of its light comes back.
+    /// Follows a ray from a mirror or pane to the first surface that is neither, and what of its light comes back: through
+    /// all panes, or off the first one and then through the others if `off_pane`.
     ///
-    /// `None` if there are too many of them, or too many images already.
-    fn follow(&self, mut ray: Ray, mut hit: Hit, images: &mut Vec<Image>) -> Option<(Seen, Rgb)> {
+    /// `None` if there are too many of them, or too many images already, or no pane to come off.
+    fn follow(&self, mut ray: Ray, mut hit: Hit, images: &mut Vec<Image>, mut off_pane: bool) -> Option<(Seen, Rgb)> {
         let scene = self.raycaster.scene();
         let mut image = Image::ITSELF;
         let mut share = [1.0_f32; 3];
@@ -196,15 +197,22 @@ impl<'a> Caster<'a> {
             let material = scene.material(hit.triangle);
             let normal = self.raycaster.geometric_normal(hit.triangle);
             let (at, error) = self.raycaster.surface_point(&hit);
+            let mirrored = ray.direction - 2.0 * ray.direction.dot(normal) * normal;
             let (colour, onward) = match material.bsdf {
                 Bsdf::Mirror { ks } => {
                     image = image.mirrored(self.point(at), self.vector(normal));
-                    (ks, ray.direction - 2.0 * ray.direction.dot(normal) * normal)
+                    (ks, mirrored)
+                }
+                Bsdf::ThinGlass { ior, .. } if off_pane => {
+                    off_pane = false;
+                    image = image.mirrored(self.point(at), self.vector(normal));
+                    ([pane_reflectance(ray.direction.dot(normal).abs(), ior); 3], mirrored)
                 }
                 Bsdf::ThinGlass { ior, transmittance } => {
                     let passes = 1.0 - pane_reflectance(ray.direction.dot(normal).abs(), ior);
                     (transmittance.map(|t| t * passes), ray.direction)
                 }
+                _ if off_pane => return None,
                 _ => {
                     let seen = self.first(&ray, &hit);
                     let known = images.iter().position(|known| known.is_like(&image, seen.position.length()));
@@ -224,31 +232,44 @@ impl<'a> Caster<'a> {
             ray = Ray::new(holo_raycast::spawn(at, error, normal, onward), onward);
             match self.raycaster.nearest_from(&ray, hit.triangle) {
                 Some(next) => hit = next,
+                None if off_pane => return None,
                 None => return Some((Seen { through: true, ..Seen::NOTHING }, share)),
             }
         }
         None
     }
 
-    /// What every pixel's middle sees.
-    pub fn surfaces(&self) -> Surfaces {
+    /// What every pixel's middle sees; then what it sees in panes, if there are any in the picture.
+    pub fn surfaces(&self) -> Vec<Surfaces> {
         let (width, height) = self.size;
-        let mut seen = vec![(Seen::NOTHING, None); width * height];
-        for_parts(&mut seen, width, BLOCK.1, |part, rows| self.cast_rows(part * BLOCK.1, rows));
-        let mut images = vec![Image::ITSELF];
-        let mut throughput = HashMap::new();
-        for (pixel, (seen, special)) in (0_u32..).zip(seen.iter_mut()) {
-            if let Some((ray, hit)) = special
-                && let Some((behind, share)) = self.follow(*ray, *hit, &mut images)
-            {
-                *seen = behind;
-                throughput.insert(pixel, share);
+        let mut first = vec![(Seen::NOTHING, None); width * height];
+        for_parts(&mut first, width, BLOCK.1, |part, rows| self.cast_rows(part * BLOCK.1, rows));
+        let mut seen: Vec<Seen> = first.iter().map(|(seen, _)| *seen).collect();
+        let mut in_panes = vec![Seen::NOTHING; 0];
+        let (mut images, mut pane_images) = (vec![Image::ITSELF], vec![Image::ITSELF]);
+        let (mut throughput, mut pane_throughput) = (HashMap::new(), HashMap::new());
+        for (pixel, (_, special)) in first.iter().enumerate() {
+            let Some((ray, hit)) = special else { continue };
+            let Some((behind, share)) = self.follow(*ray, *hit, &mut images, false) else { continue };
+            seen[pixel] = behind;
+            throughput.insert(pixel as u32, share);
+            if let Some((reflected, share)) = self.follow(*ray, *hit, &mut pane_images, true) {
+                in_panes.resize(width * height, Seen::NOTHING);
+                in_panes[pixel] = reflected;
+                pane_throughput.insert(pixel as u32, share);
             }
         }
-        let seen: Vec<Seen> = seen.into_iter().map(|(seen, _)| seen).collect();
+        let mut layers = vec![self.layer(seen, images, throughput)];
+        if !in_panes.is_empty() {
+            layers.push(self.layer(in_panes, pane_images, pane_throughput));
+        }
+        layers
+    }
+
+    fn layer(&self, seen: Vec<Seen>, images: Vec<Image>, throughput: HashMap<u32, Rgb>) -> Surfaces {
         let pixel_width = self.camera.pixel_width_squared.sqrt() as f32;
-        let labels = super::labels::connect(&seen, width, pixel_width);
-        let edges = super::labels::edges(&labels, width);
+        let labels = super::labels::connect(&seen, self.size.0, pixel_width);
+        let edges = super::labels::edges(&labels, self.size.0);
         Surfaces { size: self.size, seen, labels, edges, images, throughput, pixel_width }
     }
 
