@@ -6,7 +6,7 @@
 //! - Sums are of integers, so the order of samples changes no bit.
 
 use super::shade::Shadings;
-use super::surfaces::{Caster, SKY, Seen, Surfaces};
+use super::surfaces::{Caster, SKY, SMOOTH, Seen, Surfaces};
 use crate::camera::Camera;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use glam::DVec3;
@@ -90,12 +90,10 @@ impl Depositor<'_> {
             let image = self.surfaces.images.get(image)?;
             (point, direction) = (image.point(point), image.direction(direction));
         }
-        let inverse_depth = point.z.recip();
-        let x = self.camera.centre.0 as f32 + self.camera.focal.0 as f32 * point.x * inverse_depth;
-        let y = self.camera.centre.1 as f32 - self.camera.focal.1 as f32 * point.y * inverse_depth;
+        let (x, y) = self.camera.pixel(point)?;
         let (width, height) = self.surfaces.size;
         // Also refuses NaN.
-        if !(point.z > 0.0 && x >= 0.0 && x < width as f32 && y >= 0.0 && y < height as f32) {
+        if !(x >= 0.0 && x < width as f32 && y >= 0.0 && y < height as f32) {
             return None;
         }
         let mut pixel = y as usize * width + x as usize;
@@ -107,7 +105,7 @@ impl Depositor<'_> {
                 && direction.dot(seen.normal) < 0.0
         };
         if self.surfaces.edges[pixel] {
-            pixel = self.own_pixel(place, (x, y), lies_on)?;
+            pixel = self.own_pixel(image, place, (x, y), lies_on)?;
         } else if !lies_on(&self.surfaces.seen[pixel]) {
             return None;
         }
@@ -133,7 +131,13 @@ impl Depositor<'_> {
     }
 
     /// Next to an edge: the nearest of the pixels around that sees the very surface that the sample lies on.
-    fn own_pixel(&self, place: &Place, at: (f32, f32), lies_on: impl Fn(&Seen) -> bool) -> Option<usize> {
+    fn own_pixel(
+        &self,
+        image: usize,
+        place: &Place,
+        at: (f32, f32),
+        lies_on: impl Fn(&Seen) -> bool,
+    ) -> Option<usize> {
         let (width, height) = self.surfaces.size;
         let (column, row) = (at.0 as usize, at.1 as usize);
         let around = |middle: usize, size: usize| middle.saturating_sub(1)..(middle + 2).min(size);
@@ -156,17 +160,15 @@ impl Depositor<'_> {
         // The ray is cast only if some pixel fits: most samples near an edge lie far behind it.
         let reach = 2.0 * place.uncertainty + f64::from(ROUNDING) * place.point.length();
         let triangle = self.caster.triangle_at(place.point, place.direction, reach)?;
-        let material = self.caster.material(triangle);
+        let image = self.surfaces.images.get(image)?;
+        let (material, normal) = (self.caster.material(triangle), image.direction(self.caster.normal(triangle)));
         fitting.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
         let all = || fitting.iter().flatten().map(|&(_, pixel)| pixel);
         let is = |pixel: &usize| self.surfaces.seen[*pixel].triangle == triangle;
-        all().find(is).or_else(|| all().find(|&pixel| self.surfaces.seen[pixel].material == material))
-    }
-}
-
-impl Caster<'_> {
-    /// Material number of a triangle.
-    pub fn material(&self, triangle: u32) -> u32 {
-        self.scene().material_ids[triangle as usize]
+        let continues = |pixel: &usize| {
+            let seen = &self.surfaces.seen[*pixel];
+            seen.material == material && seen.normal.dot(normal).abs() > SMOOTH
+        };
+        all().find(is).or_else(|| all().find(continues))
     }
 }

@@ -31,7 +31,7 @@ use holo_raycast::Raycaster;
 use holo_section::{BeamId, Sample, Section};
 use shade::Shadings;
 use std::sync::Arc;
-use surfaces::{Caster, SKY, Seen, Surfaces};
+use surfaces::{Caster, NO_IMAGE, SKY, Seen, Surfaces};
 
 /// A picture, and how much of it is a guess.
 #[derive(Clone, Debug)]
@@ -58,7 +58,7 @@ pub struct Voronoi {
     camera: Camera,
     size: (u32, u32),
     distances: DistanceTable,
-    /// What is seen; then what is seen in panes, besides what is seen through them.
+    /// As [`Caster::surfaces`] has them.
     layers: Vec<Layer>,
     covered: Vec<bool>,
     samples: u64,
@@ -140,13 +140,20 @@ impl Voronoi {
         };
         let drawn: Vec<Lit> = self.layers.iter().map(|layer| Lit::new(self, layer)).collect();
         let mut guessed_pixels = 0;
-        for (number, lit) in drawn.iter().enumerate() {
+        for (number, lit) in drawn.iter().enumerate().take(POLISHED) {
             for (pixel, colour) in frame.picture.pixels.iter_mut().enumerate() {
                 let seen = &lit.layer.surfaces.seen[pixel];
                 let Some(share) = lit.share(pixel, number > 0) else { continue };
+                if let Some(plain) = plainly(&drawn, pixel) {
+                    *colour = plain;
+                    continue;
+                }
                 let is_sky = seen.triangle == SKY;
                 frame.empty_pixels += u64::from(number == 0 && lit.layer.sums[pixel].weight == 0 && !is_sky);
-                let light = lit.light(seen, Some(pixel));
+                let light = match drawn.first().filter(|_| seen.image == NO_IMAGE) {
+                    Some(main) => main.light(seen, main.directly(&self.camera, seen)),
+                    None => lit.light(seen, Some(pixel)),
+                };
                 if light.is_none() && !is_sky {
                     if !self.covered[pixel] {
                         continue;
@@ -168,6 +175,21 @@ impl Voronoi {
         }
         Drawn { frame, guessed_pixels }
     }
+}
+
+/// The layer of mirrors and panes themselves.
+const POLISHED: usize = 2;
+
+/// What samples of the mirror or pane itself show along the eye's ray, for a pixel that looks through one at something of
+/// which there is no sample: stored rays end at panes, so what stands behind all panes has none.
+fn plainly(drawn: &[Lit], pixel: usize) -> Option<[f32; 3]> {
+    let (main, polished) = drawn.first().zip(drawn.get(POLISHED))?;
+    let behind = &main.layer.surfaces.seen[pixel];
+    if !behind.through || behind.triangle == SKY || behind.image == NO_IMAGE || main.guesses.knows(behind) {
+        return None;
+    }
+    let seen = &polished.layer.surfaces.seen[pixel];
+    polished.light[pixel].map(|light| polished.colour(seen, Some(light)))
 }
 
 /// A layer whose light is known.
@@ -192,6 +214,17 @@ impl<'a> Lit<'a> {
     /// Light on a surface: that of a pixel that sees it, else what is known of such surfaces.
     fn light(&self, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
         pixel.and_then(|pixel| self.light[pixel]).or_else(|| self.guesses.alike(seen))
+    }
+
+    /// The pixel that sees directly what is seen here in a mirror without samples of its own.
+    fn directly(&self, camera: &Camera, seen: &Seen) -> Option<usize> {
+        let surfaces = &self.layer.surfaces;
+        let (x, y) = camera.pixel(seen.position)?;
+        let (width, height) = surfaces.size;
+        let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+        let pixel = inside.then(|| y as usize * width + x as usize)?;
+        let there = &surfaces.seen[pixel];
+        (there.triangle == seen.triangle && there.image == 0).then_some(pixel)
     }
 
     /// Radiance of a surface in this light; without any, as if the eye carried a lamp.

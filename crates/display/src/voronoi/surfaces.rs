@@ -26,8 +26,15 @@ const MAX_CHAIN: usize = 8;
 /// Different mirror images in one picture, the scene itself among them.
 const MAX_IMAGES: usize = 12;
 
-/// Cosine between normals that belong to one smooth surface: 8°.
-const SMOOTH: f32 = 0.99;
+/// Pixels that must look into a triangle of a mirror for its image to get samples of its own: every sample is tried in every
+/// image. What smaller ones show has the light of where else it is seen.
+const LEAST_MIRROR: u32 = 400;
+
+/// Image of what small or curved mirrors show: [`Seen::position`] is then where it is, not where it is seen.
+pub(crate) const NO_IMAGE: u8 = u8::MAX;
+
+/// Cosine between normals that belong to one smooth surface: 2.6°. Coarser facets are lit each on its own, and are seen.
+pub(crate) const SMOOTH: f32 = 0.999;
 
 /// No triangle: the pixel sees the sky.
 pub(crate) const SKY: u32 = u32::MAX;
@@ -45,7 +52,7 @@ pub(crate) struct Seen {
     /// [`SKY`] for none.
     pub triangle: u32,
     pub material: u32,
-    /// Which [`Image`].
+    /// Which [`Image`], or [`NO_IMAGE`].
     pub image: u8,
     /// Seen through a mirror or pane: a part of its light is lost on the way.
     pub through: bool,
@@ -153,6 +160,16 @@ impl<'a> Caster<'a> {
         self.raycaster.localize(eye, direction)
     }
 
+    /// Material number of a triangle.
+    pub fn material(&self, triangle: u32) -> u32 {
+        self.scene().material_ids[triangle as usize]
+    }
+
+    /// Normal of a triangle, camera coordinates, either side.
+    pub fn normal(&self, triangle: u32) -> Vec3 {
+        self.vector(self.raycaster.geometric_normal(triangle))
+    }
+
     pub fn scene(&self) -> &holo_scene::Scene {
         self.raycaster.scene()
     }
@@ -188,10 +205,18 @@ impl<'a> Caster<'a> {
     /// Follows a ray from a mirror or pane to the first surface that is neither, and what of its light comes back: through
     /// all panes, or off the first one and then through the others if `off_pane`.
     ///
-    /// `None` if there are too many of them, or too many images already, or no pane to come off.
-    fn follow(&self, mut ray: Ray, mut hit: Hit, images: &mut Vec<Image>, mut off_pane: bool) -> Option<(Seen, Rgb)> {
+    /// `None` if there are too many of them, or no pane to come off.
+    fn follow(
+        &self,
+        mut ray: Ray,
+        mut hit: Hit,
+        images: &mut Vec<Image>,
+        mut off_pane: bool,
+        is_large: impl Fn(u32) -> bool,
+    ) -> Option<(Seen, Rgb)> {
         let scene = self.raycaster.scene();
         let mut image = Image::ITSELF;
+        let mut has_image = true;
         let mut share = [1.0_f32; 3];
         for _ in 0..MAX_CHAIN {
             let material = scene.material(hit.triangle);
@@ -201,6 +226,7 @@ impl<'a> Caster<'a> {
             let (colour, onward) = match material.bsdf {
                 Bsdf::Mirror { ks } => {
                     image = image.mirrored(self.point(at), self.vector(normal));
+                    has_image &= is_large(hit.triangle);
                     (ks, mirrored)
                 }
                 Bsdf::ThinGlass { ior, .. } if off_pane => {
@@ -218,11 +244,11 @@ impl<'a> Caster<'a> {
                     let known = images.iter().position(|known| known.is_like(&image, seen.position.length()));
                     let number = match known {
                         Some(number) => number,
-                        None if images.len() < MAX_IMAGES => {
+                        None if has_image && images.len() < MAX_IMAGES => {
                             images.push(image);
                             images.len() - 1
                         }
-                        None => return None,
+                        None => return Some((Seen { image: NO_IMAGE, through: true, ..seen }, share)),
                     };
                     let (position, normal) = (image.point(seen.position), image.direction(seen.normal));
                     return Some((Seen { position, normal, image: number as u8, through: true, ..seen }, share));
@@ -239,31 +265,40 @@ impl<'a> Caster<'a> {
         None
     }
 
-    /// What every pixel's middle sees; then what it sees in panes, if there are any in the picture.
+    /// What every pixel's middle sees. If there are mirrors or panes in the picture, then what is seen in panes besides what
+    /// is seen through them, and then the mirrors and panes themselves.
     pub fn surfaces(&self) -> Vec<Surfaces> {
         let (width, height) = self.size;
         let mut first = vec![(Seen::NOTHING, None); width * height];
         for_parts(&mut first, width, BLOCK.1, |part, rows| self.cast_rows(part * BLOCK.1, rows));
         let mut seen: Vec<Seen> = first.iter().map(|(seen, _)| *seen).collect();
-        let mut in_panes = vec![Seen::NOTHING; 0];
+        let mut in_panes = vec![Seen::NOTHING; width * height];
+        let mut polished = in_panes.clone();
         let (mut images, mut pane_images) = (vec![Image::ITSELF], vec![Image::ITSELF]);
         let (mut throughput, mut pane_throughput) = (HashMap::new(), HashMap::new());
+        let mut looking_into: HashMap<u32, u32> = HashMap::new();
+        for (_, hit) in first.iter().filter_map(|(_, special)| *special) {
+            *looking_into.entry(hit.triangle).or_default() += 1;
+        }
+        let is_large = |triangle| looking_into.get(&triangle).is_some_and(|&pixels| pixels >= LEAST_MIRROR);
         for (pixel, (_, special)) in first.iter().enumerate() {
             let Some((ray, hit)) = special else { continue };
-            let Some((behind, share)) = self.follow(*ray, *hit, &mut images, false) else { continue };
-            seen[pixel] = behind;
+            let Some((behind, share)) = self.follow(*ray, *hit, &mut images, false, is_large) else { continue };
+            polished[pixel] = std::mem::replace(&mut seen[pixel], behind);
             throughput.insert(pixel as u32, share);
-            if let Some((reflected, share)) = self.follow(*ray, *hit, &mut pane_images, true) {
-                in_panes.resize(width * height, Seen::NOTHING);
+            if let Some((reflected, share)) = self.follow(*ray, *hit, &mut pane_images, true, is_large) {
                 in_panes[pixel] = reflected;
                 pane_throughput.insert(pixel as u32, share);
             }
         }
-        let mut layers = vec![self.layer(seen, images, throughput)];
-        if !in_panes.is_empty() {
-            layers.push(self.layer(in_panes, pane_images, pane_throughput));
+        if throughput.is_empty() {
+            return vec![self.layer(seen, images, throughput)];
         }
-        layers
+        vec![
+            self.layer(seen, images, throughput),
+            self.layer(in_panes, pane_images, pane_throughput),
+            self.layer(polished, vec![Image::ITSELF], HashMap::new()),
+        ]
     }
 
     fn layer(&self, seen: Vec<Seen>, images: Vec<Image>, throughput: HashMap<u32, Rgb>) -> Surfaces {
