@@ -6,7 +6,7 @@
 //! - Sums are of integers, so the order of samples changes no bit.
 
 use super::shade::Shadings;
-use super::surfaces::{Caster, SKY, SMOOTH, Seen, Surfaces};
+use super::surfaces::{Caster, SKY, SMOOTH, Seen, Surfaces, Window};
 use crate::camera::Camera;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use glam::DVec3;
@@ -76,26 +76,27 @@ impl Depositor<'_> {
             let point = from + direction * (diagonals * beam.section.diagonal);
             let uncertainty = 2.5e-4 * beam.section.diagonal * diagonals.max(1.0);
             let place = Place { point, direction, uncertainty };
-            for image in 0..self.surfaces.images.len() {
-                used += u64::from(self.place(image, &place, sample, beam.paths, sums).is_some());
+            for window in &self.surfaces.windows {
+                used += u64::from(self.place(window, &place, sample, beam.paths, sums).is_some());
             }
         }
         used
     }
 
     /// Adds one sample to the pixel that sees it in one image.
-    fn place(&self, image: usize, place: &Place, sample: &Sample, paths: u16, sums: &mut [Sums]) -> Option<()> {
+    fn place(&self, window: &Window, place: &Place, sample: &Sample, paths: u16, sums: &mut [Sums]) -> Option<()> {
+        let image = usize::from(window.image);
         let (mut point, mut direction) = (place.point.as_vec3(), place.direction.as_vec3());
         if image > 0 {
             let image = self.surfaces.images.get(image)?;
             (point, direction) = (image.point(point), image.direction(direction));
         }
         let (x, y) = self.camera.pixel(point)?;
-        let (width, height) = self.surfaces.size;
         // Also refuses NaN.
-        if !(x >= 0.0 && x < width as f32 && y >= 0.0 && y < height as f32) {
+        if !(x >= window.low.0 && x < window.high.0 && y >= window.low.1 && y < window.high.1) {
             return None;
         }
+        let width = self.surfaces.size.0;
         let mut pixel = y as usize * width + x as usize;
         let lies_on = |seen: &Seen| {
             let tolerance = direction.dot(seen.normal).abs() * place.uncertainty as f32 + ROUNDING * point.z;

@@ -109,7 +109,7 @@ fn alike(surfaces: &Surfaces, pixel: usize, point: &Seen, polished: bool) -> Opt
                 1
             } else if seen.through {
                 continue;
-            } else if seen.triangle == point.triangle {
+            } else if seen.side() == point.side() {
                 0
             } else if point.continues(seen, surfaces.pixel_width) {
                 1

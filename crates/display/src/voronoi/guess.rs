@@ -1,4 +1,4 @@
-//! Light of surfaces that have no sample near: that of the same triangle elsewhere in the picture, else of others of the same
+//! Light of surfaces that have no sample near: that of the same side of the triangle elsewhere in the picture, else of others of the same
 //! material, turned the same way.
 //!
 //! Invariant: sums are of integers, pixel by pixel, so that no order changes a bit.
@@ -15,7 +15,7 @@ type Class = (u32, [i8; 3]);
 
 /// Mean light by classes of surfaces.
 pub(crate) struct Guesses {
-    triangles: HashMap<u32, [f32; 3]>,
+    sides: HashMap<(u32, bool), [f32; 3]>,
     classes: HashMap<Class, [f32; 3]>,
     materials: HashMap<u32, [f32; 3]>,
     typical: Option<f32>,
@@ -42,36 +42,36 @@ impl Total {
 
 impl Guesses {
     pub fn new(surfaces: &Surfaces, sums: &[Sums]) -> Guesses {
-        let mut triangles: HashMap<u32, Total> = HashMap::new();
+        let mut sides: HashMap<(u32, bool), Total> = HashMap::new();
         let mut classes: HashMap<Class, Total> = HashMap::new();
         let mut materials: HashMap<u32, Total> = HashMap::new();
         let mut all = Total::default();
         for (seen, sums) in surfaces.seen.iter().zip(sums) {
             if seen.triangle != SKY && sums.weight > 0 {
-                triangles.entry(seen.triangle).or_default().add(sums);
+                sides.entry(seen.side()).or_default().add(sums);
                 classes.entry(class(seen)).or_default().add(sums);
                 materials.entry(seen.material).or_default().add(sums);
                 all.add(sums);
             }
         }
         Guesses {
-            triangles: triangles.into_iter().map(|(triangle, total)| (triangle, total.mean())).collect(),
+            sides: sides.into_iter().map(|(side, total)| (side, total.mean())).collect(),
             classes: classes.into_iter().map(|(class, total)| (class, total.mean())).collect(),
             materials: materials.into_iter().map(|(material, total)| (material, total.mean())).collect(),
             typical: (all.weight > 0).then(|| luminance(all.mean())),
         }
     }
 
-    /// Of the same triangle, else of the same material and turned the same way, else of the same material.
+    /// Of the same side of the triangle, else of the same material and turned the same way, else of the same material.
     pub fn alike(&self, seen: &Seen) -> Option<[f32; 3]> {
-        let triangle = self.triangles.get(&seen.triangle);
-        let light = triangle.or_else(|| self.classes.get(&class(seen)));
+        let side = self.sides.get(&seen.side());
+        let light = side.or_else(|| self.classes.get(&class(seen)));
         light.or_else(|| self.materials.get(&seen.material)).copied()
     }
 
-    /// Whether there are samples of the very triangle.
+    /// Whether there are samples of the very side of its triangle.
     pub fn knows(&self, seen: &Seen) -> bool {
-        self.triangles.contains_key(&seen.triangle)
+        self.sides.contains_key(&seen.side())
     }
 
     /// Luminance of all light in the picture.

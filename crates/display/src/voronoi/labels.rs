@@ -5,11 +5,11 @@
 use super::surfaces::{NO_LABEL, SKY, Seen};
 use std::collections::HashMap;
 
-/// A label for each pixel: neighbours that continue each other have the same, and so have parts of one triangle that
+/// A label for each pixel: neighbours that continue each other have the same, and so have parts of one side of a triangle that
 /// something in front keeps apart.
 pub(crate) fn connect(seen: &[Seen], width: usize, pixel_width: f32) -> Vec<u32> {
     let mut labels: Vec<u32> = (0..seen.len() as u32).collect();
-    let mut of_triangle: HashMap<(u32, u8, bool), u32> = HashMap::new();
+    let mut of_triangle: HashMap<((u32, bool), u8, bool), u32> = HashMap::new();
     for (pixel, here) in seen.iter().enumerate() {
         if here.triangle == SKY {
             labels[pixel] = NO_LABEL;
@@ -20,13 +20,13 @@ pub(crate) fn connect(seen: &[Seen], width: usize, pixel_width: f32) -> Vec<u32>
         let mut alone = true;
         for other in [left, above].into_iter().flatten() {
             if here.continues(&seen[other], pixel_width) {
-                alone = alone && seen[other].triangle != here.triangle;
+                alone = alone && seen[other].side() != here.side();
                 join(&mut labels, pixel as u32, other as u32);
             }
         }
         // Only where a triangle begins can it be a new part of one: most pixels continue their neighbour's.
         if alone {
-            let first = *of_triangle.entry((here.triangle, here.image, here.through)).or_insert(pixel as u32);
+            let first = *of_triangle.entry((here.side(), here.image, here.through)).or_insert(pixel as u32);
             join(&mut labels, pixel as u32, first);
         }
     }

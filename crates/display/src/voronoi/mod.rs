@@ -206,7 +206,7 @@ impl<'a> Lit<'a> {
         Self {
             layer,
             shadings: &voronoi.shadings,
-            light: reconstruct::light(sums, &surfaces.labels, surfaces.size.0, voronoi.paths),
+            light: reconstruct::light(sums, &surfaces.labels, surfaces.size.0, surfaces.rows(), voronoi.paths),
             guesses: Guesses::new(surfaces, sums),
         }
     }

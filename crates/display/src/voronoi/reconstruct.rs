@@ -13,6 +13,7 @@ use super::deposit::{Sums, luminance};
 use super::shade::FULL_WEIGHT;
 use super::surfaces::NO_LABEL;
 use super::tiles::for_parts;
+use std::ops::Range;
 
 /// Tents tried: the widest has 2⁷ pixels on each side of its middle.
 const LEVELS: usize = 8;
@@ -76,7 +77,25 @@ struct Choice {
 }
 
 /// Light of every pixel, in fixed-point steps; `None` where no sample of its surface is near enough.
-pub(crate) fn light(sums: &[Sums], labels: &[u32], width: usize, paths: u16) -> Vec<Option<[f32; 3]>> {
+///
+/// Only `rows` are looked at: those with labels. Samples are means of `paths` paths.
+pub(crate) fn light(
+    sums: &[Sums],
+    labels: &[u32],
+    width: usize,
+    rows: Range<usize>,
+    paths: u16,
+) -> Vec<Option<[f32; 3]>> {
+    let mut light = vec![None; sums.len()];
+    let part = rows.start * width..rows.end * width;
+    let choices = choose(&sums[part.clone()], &labels[part.clone()], width, paths);
+    for (light, choice) in light[part].iter_mut().zip(choices) {
+        *light = (choice.taken > 0).then_some(choice.light);
+    }
+    light
+}
+
+fn choose(sums: &[Sums], labels: &[u32], width: usize, paths: u16) -> Vec<Choice> {
     let one = (FULL_WEIGHT * u64::from(paths.max(1))) as f32;
     let mut cells: Vec<Cell> = vec![Cell::default(); sums.len()];
     for_parts(&mut cells, width, ROWS, |part, rows| {
@@ -106,7 +125,7 @@ pub(crate) fn light(sums: &[Sums], labels: &[u32], width: usize, paths: u16) -> 
         for_parts(&mut half, width, ROWS, |part, rows| across(&cells, labels, width, step, part * ROWS, rows));
         for_parts(&mut cells, width, ROWS, |part, rows| down(&half, labels, width, step, part * ROWS, rows));
     }
-    choices.iter().map(|choice| (choice.taken > 0).then_some(choice.light)).collect()
+    choices
 }
 
 /// One pass of the tent along rows.

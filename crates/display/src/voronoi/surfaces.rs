@@ -52,6 +52,8 @@ pub(crate) struct Seen {
     /// [`SKY`] for none.
     pub triangle: u32,
     pub material: u32,
+    /// Whether its counter-clockwise side is seen.
+    pub front: bool,
     /// Which [`Image`], or [`NO_IMAGE`].
     pub image: u8,
     /// Seen through a mirror or pane: a part of its light is lost on the way.
@@ -64,9 +66,15 @@ impl Seen {
         normal: Vec3::ZERO,
         triangle: SKY,
         material: 0,
+        front: true,
         image: 0,
         through: false,
     };
+
+    /// The side of a triangle that it is of.
+    pub fn side(&self) -> (u32, bool) {
+        (self.triangle, self.front)
+    }
 
     /// Whether a surface seen next to this one is the same smooth one.
     pub fn continues(&self, other: &Seen, pixel_width: f32) -> bool {
@@ -75,7 +83,7 @@ impl Seen {
             && self.through == other.through
             && self.triangle != SKY
             && other.triangle != SKY
-            && (self.triangle == other.triangle
+            && (self.side() == other.side()
                 || (self.normal.dot(other.normal) > SMOOTH && {
                     let between = other.position - self.position;
                     let gap = between.dot(self.normal).abs().min(between.dot(other.normal).abs());
@@ -125,6 +133,16 @@ impl Image {
     }
 }
 
+/// The part of a picture in which an image is seen.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Window {
+    /// Which image.
+    pub image: u8,
+    /// Pixels from the left and the top; the lower bounds are within, the upper ones not.
+    pub low: (f32, f32),
+    pub high: (f32, f32),
+}
+
 /// What a view's pixels see.
 pub(crate) struct Surfaces {
     pub size: (usize, usize),
@@ -135,9 +153,20 @@ pub(crate) struct Surfaces {
     pub edges: Vec<bool>,
     /// The scene itself, then its mirror images.
     pub images: Vec<Image>,
+    /// Where in the picture each image is seen.
+    pub windows: Vec<Window>,
     /// What comes through the mirrors and panes before a pixel's surface; all of it where none is listed.
     pub throughput: HashMap<u32, Rgb>,
     pub pixel_width: f32,
+}
+
+impl Surfaces {
+    /// Rows that see anything but the sky.
+    pub fn rows(&self) -> std::ops::Range<usize> {
+        let top = self.windows.iter().map(|window| window.low.1 as usize).min().unwrap_or(0);
+        let bottom = self.windows.iter().map(|window| window.high.1 as usize).max().unwrap_or(0);
+        top..bottom
+    }
 }
 
 /// Casts rays of a view.
@@ -191,12 +220,14 @@ impl<'a> Caster<'a> {
     pub fn first(&self, ray: &Ray, hit: &Hit) -> Seen {
         let scene = self.raycaster.scene();
         let normal = self.raycaster.geometric_normal(hit.triangle);
-        let facing = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
+        let front = normal.dot(ray.direction) <= 0.0;
+        let facing = if front { normal } else { -normal };
         Seen {
             position: self.point(self.raycaster.surface_point(hit).0),
             normal: self.vector(facing),
             triangle: hit.triangle,
             material: scene.material_ids[hit.triangle as usize],
+            front,
             image: 0,
             through: false,
         }
@@ -305,7 +336,8 @@ impl<'a> Caster<'a> {
         let pixel_width = self.camera.pixel_width_squared.sqrt() as f32;
         let labels = super::labels::connect(&seen, self.size.0, pixel_width);
         let edges = super::labels::edges(&labels, self.size.0);
-        Surfaces { size: self.size, seen, labels, edges, images, throughput, pixel_width }
+        let windows = windows(&seen, self.size.0, images.len());
+        Surfaces { size: self.size, seen, labels, edges, images, windows, throughput, pixel_width }
     }
 
     /// Some rows from `top`; pixels that begin at a mirror or pane keep their ray, to be followed in order.
@@ -345,6 +377,20 @@ impl<'a> Caster<'a> {
         let ray = Ray { t_max: 2.0 * reach as f32, ..Ray::new(start, along.as_vec3()) };
         self.raycaster.nearest(&ray).map(|hit| hit.triangle)
     }
+}
+
+/// Where the images that are seen at all are seen.
+fn windows(seen: &[Seen], width: usize, images: usize) -> Vec<Window> {
+    let nowhere = |image| Window { image, low: (f32::INFINITY, f32::INFINITY), high: (0.0, 0.0) };
+    let mut windows: Vec<Window> = (0..images as u8).map(nowhere).collect();
+    for (pixel, seen) in seen.iter().enumerate().filter(|(_, seen)| seen.triangle != SKY) {
+        let Some(window) = windows.get_mut(usize::from(seen.image)) else { continue };
+        let (column, row) = ((pixel % width) as f32, (pixel / width) as f32);
+        window.low = (window.low.0.min(column), window.low.1.min(row));
+        window.high = (window.high.0.max(column + 1.0), window.high.1.max(row + 1.0));
+    }
+    windows.retain(|window| window.low.0 < window.high.0);
+    windows
 }
 
 /// What a thin pane reflects of unpolarised light at this cosine, all passes between its faces together.
