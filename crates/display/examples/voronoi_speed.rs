@@ -43,14 +43,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let section = Section::new(spec)?;
     let size = (1280, 720);
-    let view =
-        View::new(DVec3::new(12.5, 0.5, 5.0), DVec3::new(1.0, 1.0, 0.0), DVec3::Z, Some(60.0), None, size)?;
+    let view = View::new(DVec3::new(12.5, 0.5, 5.0), DVec3::new(1.0, 1.0, 0.0), DVec3::Z, Some(60.0), None, size)?;
     let mut canvas = timed("surfaces, 1280x720", 20, || {
         Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), view, size)
     });
     let beams = timed("beams of what is seen", 3, || canvas.surface_beams());
     // Rays that see what is there, all equally bright: where they land is what takes time.
-    let packets: Vec<(BeamId, Vec<Sample>)> = beams.iter().map(|&(_, beam)| (beam, rays(&section, beam, &raycaster))).collect();
+    let packets: Vec<(BeamId, Vec<Sample>)> =
+        beams.iter().map(|&(_, beam)| (beam, rays(&section, beam, &raycaster))).collect();
     let count: usize = packets.iter().map(|(_, samples)| samples.len()).sum();
     timed(&format!("insert {count} samples"), 3, || {
         packets.iter().for_each(|(beam, samples)| canvas.insert(0, *beam, 1, samples));

@@ -19,7 +19,7 @@ use holo_proto::{
     frame::Kind,
     hello::Role,
 };
-use holo_section::{Section, Viewpoint};
+use holo_section::{BeamId, Section, Viewpoint};
 
 use crate::{
     Config, PictureReport,
@@ -52,7 +52,8 @@ const SETTLE_TIME: Duration = Duration::from_secs(60);
 pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: Shutdown) -> Result<()> {
     let name = format!("holoview {}", std::process::id());
     let connection = holo_net::connect(address, Role::Display, &name).await;
-    let (mut inbox, outbox, welcome) = connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
+    let (mut inbox, outbox, welcome) =
+        connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
     let sections = welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
     let sections = sections.context("the server's sections")?;
     let painter = Painter::new(config.driver, &mut inbox, &outbox, &welcome).await?;
@@ -122,6 +123,8 @@ struct Shown {
     canvas: Canvas,
     /// How far its samples have been asked for.
     asked: Asked,
+    /// Beams that it does not cross but whose rays may end on what it sees, once they have been asked for.
+    also: Vec<(u16, BeamId)>,
     /// Number of its first request: samples of earlier views are dropped.
     first_request: u32,
     received: Received,
@@ -234,6 +237,7 @@ impl Session {
             nearest: GUESSED_DISTANCE * diagonal,
             canvas: self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky),
             asked: Asked::Crossed,
+            also: Vec::new(),
             first_request: self.view_number,
             received: Received::default(),
             since,
@@ -245,36 +249,42 @@ impl Session {
         self.request(wanted)
     }
 
-    /// Whether nothing stored is left to ask for.
-    fn asked_all(&self) -> bool {
-        self.shown.as_ref().is_none_or(|shown| shown.asked == Asked::All)
-    }
-
     /// Once all stored samples of the beams asked for have been sent: asks for what else is of use.
     ///
     /// The view's own beams come first, then all whose rays may end on what is seen. Those are for what is stored: when it
-    /// has been sent, workers turn back to the view's own.
-    fn ask_on(&mut self) -> Result<()> {
+    /// has been sent, workers turn back to the view's own, unless the session ends.
+    fn ask_on(&mut self, ending: bool) -> Result<()> {
         let Some(shown) = &mut self.shown else { return Ok(()) };
-        let also = match shown.asked {
-            Asked::Crossed => shown.canvas.surface_beams(),
-            Asked::Surfaces | Asked::All => Vec::new(),
-        };
-        let asked_more = shown.asked == Asked::Surfaces;
-        shown.asked = if also.is_empty() { Asked::All } else { Asked::Surfaces };
-        if also.is_empty() && !(asked_more && self.welcome.tracing) {
-            return Ok(());
+        match shown.asked {
+            Asked::Crossed => {
+                shown.also = shown.canvas.surface_beams();
+                shown.asked = if shown.also.is_empty() { Asked::All } else { Asked::Surfaces };
+                if shown.asked == Asked::Surfaces { self.ask_for_all() } else { Ok(()) }
+            }
+            Asked::Surfaces => {
+                shown.asked = Asked::All;
+                let wanted = shown.wanted.clone();
+                if self.welcome.tracing && !ending { self.ask_anew(wanted) } else { Ok(()) }
+            }
+            Asked::All => Ok(()),
         }
+    }
+
+    /// Asks for everything stored that is of use to the view.
+    fn ask_for_all(&mut self) -> Result<()> {
+        let Some(shown) = &self.shown else { return Ok(()) };
+        let also =
+            |&(section, beam): &(u16, BeamId)| Wanted { beam: beam.0, weight: STORED_ONLY, section, reserved: 0 };
         let mut wanted = shown.wanted.clone();
-        wanted.extend(also.into_iter().map(|(section, beam)| Wanted {
-            beam: beam.0,
-            weight: STORED_ONLY,
-            section,
-            reserved: 0,
-        }));
+        wanted.extend(shown.also.iter().map(also));
         // A stable sort: the view's own weight stands before the other's, which goes.
         wanted.sort_by_key(|wanted| (wanted.section, wanted.beam));
         wanted.dedup_by_key(|wanted| (wanted.section, wanted.beam));
+        self.ask_anew(wanted)
+    }
+
+    /// A request under a new number: what is stored of these beams is sent from the beginning.
+    fn ask_anew(&mut self, wanted: Vec<Wanted>) -> Result<()> {
         self.view_number += 1;
         self.request(wanted)
     }
@@ -311,9 +321,10 @@ impl Session {
                     self.meter.show(share, &status.words());
                 }
                 Ok(Incoming::Message(Message::Control(Control::StoredSent { view }))) if view == self.view_number => {
-                    self.ask_on()?;
-                    if for_settled && self.asked_all() {
-                        self.outbox.control(&Control::Settle { view: self.view_number })?;
+                    let before = self.asked();
+                    self.ask_on(for_settled)?;
+                    if for_settled && before != Asked::All {
+                        self.settle()?;
                     }
                 }
                 Ok(Incoming::Message(Message::Control(_))) => {}
@@ -344,7 +355,11 @@ impl Session {
     }
 
     fn insert(&mut self, message: &Samples) {
-        let Some(shown) = self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view)) else { return };
+        let Some(shown) =
+            self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view))
+        else {
+            return;
+        };
         shown.first_samples.get_or_insert_with(|| shown.since.elapsed().as_secs_f64());
         for (run, samples) in message.iter() {
             for fresh in shown.received.add(run) {
@@ -359,7 +374,9 @@ impl Session {
     }
 
     fn insert_unseen(&mut self, message: &Unseen) {
-        if let Some(shown) = self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view)) {
+        if let Some(shown) =
+            self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view))
+        {
             message.beams.iter().for_each(|&(section, beam)| shown.canvas.insert_unseen(section, beam));
         }
     }
@@ -393,14 +410,28 @@ impl Session {
         Ok(())
     }
 
+    fn asked(&self) -> Asked {
+        self.shown.as_ref().map_or(Asked::All, |shown| shown.asked)
+    }
+
+    /// Asks the server to settle, unless something is still to be asked for: then once that is.
+    fn settle(&mut self) -> Result<()> {
+        if self.asked() == Asked::All {
+            self.outbox.control(&Control::Settle { view: self.view_number })?;
+        }
+        Ok(())
+    }
+
     /// Lets everything under way arrive and be stored, and writes the last picture: a replay gives the same.
     fn end(&mut self) -> Result<()> {
         if self.shown.is_none() {
             return Ok(());
         }
-        if self.asked_all() {
-            self.outbox.control(&Control::Settle { view: self.view_number })?;
+        if self.welcome.tracing && self.shown.as_ref().is_some_and(|shown| !shown.also.is_empty()) {
+            // Samples of beams that the view does not cross may have been stored without being sent.
+            self.ask_for_all()?;
         }
+        self.settle()?;
         if self.wait(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
             bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
         }

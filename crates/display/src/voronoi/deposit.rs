@@ -132,13 +132,7 @@ impl Depositor<'_> {
     }
 
     /// Next to an edge: the nearest of the pixels around that sees the very surface that the sample lies on.
-    fn own_pixel(
-        &self,
-        image: usize,
-        place: &Place,
-        at: (f32, f32),
-        lies_on: impl Fn(&Seen) -> bool,
-    ) -> Option<usize> {
+    fn own_pixel(&self, image: usize, place: &Place, at: (f32, f32), lies_on: impl Fn(&Seen) -> bool) -> Option<usize> {
         let (width, height) = self.surfaces.size;
         let (column, row) = (at.0 as usize, at.1 as usize);
         let around = |middle: usize, size: usize| middle.saturating_sub(1)..(middle + 2).min(size);

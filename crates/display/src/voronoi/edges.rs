@@ -73,10 +73,8 @@ fn pixel_mean(
             None => Some(sky),
             Some(hit) => {
                 let point = caster.first(ray, &hit);
-                let polished = matches!(
-                    caster.scene().material(hit.triangle).bsdf,
-                    Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. }
-                );
+                let polished =
+                    matches!(caster.scene().material(hit.triangle).bsdf, Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. });
                 let like = alike(surfaces, pixel, &point, polished);
                 match like {
                     Some(like) if polished => Some(colours[like]),

@@ -68,7 +68,8 @@ const STEPS: f32 = (1_u64 << 26) as f32;
 
 impl Shadings {
     pub fn new(scene: &Scene) -> Shadings {
-        let brightest = scene.materials.iter().flat_map(|material| material.emission).chain(scene.sky).fold(0.0, f32::max);
+        let brightest =
+            scene.materials.iter().flat_map(|material| material.emission).chain(scene.sky).fold(0.0, f32::max);
         // A power of two: it scales without rounding.
         let unit = if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { STEPS.recip() };
         Shadings { materials: scene.materials.iter().map(Shading::new).collect(), sky: scene.sky, unit }

@@ -363,8 +363,7 @@ impl<'a> Caster<'a> {
                     self.raycaster.scene().material(hit.triangle).bsdf,
                     Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. }
                 );
-                rows[y * width + left + x] =
-                    (self.first(&rays[slot], &hit), special.then_some((rays[slot], hit)));
+                rows[y * width + left + x] = (self.first(&rays[slot], &hit), special.then_some((rays[slot], hit)));
             }
         }
     }
