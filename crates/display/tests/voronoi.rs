@@ -1,5 +1,7 @@
 //! What the geometry-guided driver promises, on small scenes whose light is known in closed form.
 
+#![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
+
 mod common;
 
 use common::{Random, section, view};
