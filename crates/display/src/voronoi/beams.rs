@@ -7,6 +7,7 @@
 
 use super::Voronoi;
 use super::surfaces::{SKY, Seen, Surfaces};
+use super::tiles::for_parts;
 use glam::DVec3;
 use holo_section::{BeamId, Section, ViewClass};
 
@@ -26,7 +27,13 @@ impl Voronoi {
             return found;
         }
         for (number, section) in (0_u16..).zip(self.sections.iter()) {
-            let mut beams: Vec<u64> = (0..LINES as u64).filter_map(|line| beam(section, &points, line)).collect();
+            let mut lines = vec![None; LINES];
+            for_parts(&mut lines, 1, LINES / 64, |part, lines| {
+                for (line, number) in lines.iter_mut().zip(part * (LINES / 64)..) {
+                    *line = beam(section, &points, number as u64);
+                }
+            });
+            let mut beams: Vec<u64> = lines.into_iter().flatten().collect();
             beams.sort_unstable();
             beams.dedup();
             found.extend(beams.into_iter().map(|beam| (number, BeamId(beam))));

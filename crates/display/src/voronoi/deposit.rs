@@ -9,6 +9,7 @@ use super::shade::Shadings;
 use super::surfaces::{Caster, SKY, SMOOTH, Seen, Surfaces, Window};
 use crate::camera::Camera;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
+use bytemuck::Zeroable;
 use glam::DVec3;
 use holo_section::{CellPair, Sample, distance};
 
@@ -22,7 +23,7 @@ const MOST_LIGHT: f32 = (1_u64 << 36) as f32;
 const ROUNDING: f32 = 2e-4;
 
 /// Sums over the samples of a pixel.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Zeroable)]
 pub(crate) struct Sums {
     pub light: [u64; 3],
     pub weight: u64,

@@ -32,6 +32,7 @@ use holo_section::{BeamId, Sample, Section};
 use shade::Shadings;
 use std::sync::Arc;
 use surfaces::{Caster, NO_IMAGE, SKY, Seen, Surfaces};
+use tiles::for_parts;
 
 /// A picture, and how much of it is a guess.
 #[derive(Clone, Debug)]
@@ -70,17 +71,9 @@ impl Voronoi {
     pub fn new(sections: Arc<[Section]>, raycaster: Arc<Raycaster>, view: View, size: (u32, u32)) -> Self {
         let camera = Camera::new(&view, size);
         let layers = Caster::new(&raycaster, &view, &camera, size).surfaces().into_iter();
-        let layers = layers.map(|surfaces| Layer { sums: vec![Sums::default(); surfaces.seen.len()], surfaces });
+        let layers = layers.map(|surfaces| Layer { sums: bytemuck::zeroed_vec(surfaces.seen.len()), surfaces });
         let layers = layers.collect();
-        let (width, height) = (f64::from(size.0), f64::from(size.1));
-        let mut hint = 0;
-        let covered = (0..size.1)
-            .flat_map(|row| (0..size.0).map(move |column| (column, row)))
-            .map(|(column, row)| {
-                let middle = view.ray((f64::from(column) + 0.5) / width, 1.0 - (f64::from(row) + 0.5) / height);
-                is_covered(&sections, middle.0, middle.1, &mut hint)
-            })
-            .collect();
+        let covered = covered(&sections, &view, size);
         Self {
             placed: sections.iter().map(|section| PlacedSection::new(section, &camera)).collect(),
             shadings: Shadings::new(raycaster.scene()),
@@ -177,6 +170,22 @@ impl Voronoi {
     }
 }
 
+/// Whether some section covers each pixel's middle.
+fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Vec<bool> {
+    let (width, height) = (size.0 as usize, size.1 as usize);
+    let mut covered = vec![false; width * height];
+    for_parts(&mut covered, width, 8, |part, rows| {
+        let mut hint = 0;
+        for (offset, covered) in rows.iter_mut().enumerate() {
+            let (column, row) = (offset % width, part * 8 + offset / width);
+            let x = (column as f64 + 0.5) / width as f64;
+            let (eye, along) = view.ray(x, 1.0 - (row as f64 + 0.5) / height as f64);
+            *covered = is_covered(sections, eye, along, &mut hint);
+        }
+    });
+    covered
+}
+
 /// The layer of mirrors and panes themselves.
 const POLISHED: usize = 2;
 
@@ -206,7 +215,7 @@ impl<'a> Lit<'a> {
         Self {
             layer,
             shadings: &voronoi.shadings,
-            light: reconstruct::light(sums, &surfaces.labels, surfaces.size.0, surfaces.rows(), voronoi.paths),
+            light: reconstruct::light(surfaces, sums, voronoi.paths),
             guesses: Guesses::new(surfaces, sums),
         }
     }

@@ -11,9 +11,8 @@
 
 use super::deposit::{Sums, luminance};
 use super::shade::FULL_WEIGHT;
-use super::surfaces::NO_LABEL;
+use super::surfaces::{NO_LABEL, Surfaces};
 use super::tiles::for_parts;
-use std::ops::Range;
 
 /// Tents tried: the widest has 2⁷ pixels on each side of its middle.
 const LEVELS: usize = 8;
@@ -76,41 +75,44 @@ struct Choice {
     open: bool,
 }
 
-/// Light of every pixel, in fixed-point steps; `None` where no sample of its surface is near enough.
-///
-/// Only `rows` are looked at: those with labels. Samples are means of `paths` paths.
-pub(crate) fn light(
-    sums: &[Sums],
-    labels: &[u32],
-    width: usize,
-    rows: Range<usize>,
-    paths: u16,
-) -> Vec<Option<[f32; 3]>> {
+/// Light of every pixel, in fixed-point steps; `None` where no sample of its surface is near enough. Samples are means of
+/// `paths` paths.
+pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16) -> Vec<Option<[f32; 3]>> {
     let mut light = vec![None; sums.len()];
-    let part = rows.start * width..rows.end * width;
-    let choices = choose(&sums[part.clone()], &labels[part.clone()], width, paths);
-    for (light, choice) in light[part].iter_mut().zip(choices) {
-        *light = (choice.taken > 0).then_some(choice.light);
+    let full = surfaces.size.0;
+    let (columns, rows) = surfaces.bounds();
+    let width = columns.len();
+    // Only the part that sees anything is looked at: panes mostly fill a corner of the picture.
+    let places = |row: usize| row * full + columns.start..row * full + columns.end;
+    let mut labels = vec![0; width * rows.len()];
+    for (line, row) in labels.chunks_mut(width.max(1)).zip(rows.clone()) {
+        line.copy_from_slice(&surfaces.labels[places(row)]);
+    }
+    let one = (FULL_WEIGHT * u64::from(paths.max(1))) as f32;
+    let mut cells: Vec<Cell> = vec![Cell::default(); labels.len()];
+    for_parts(&mut cells, width, ROWS, |part, lines| {
+        for (line, row) in lines.chunks_mut(width).zip(rows.start + part * ROWS..) {
+            for (cell, sum) in line.iter_mut().zip(&sums[places(row)]) {
+                cell.weight = sum.weight as f32 / one;
+                cell.light = sum.light.map(|x| x as f32 / one);
+                cell.square = sum.square as f32 / one;
+            }
+        }
+    });
+    let choices = choose(cells, &labels, width);
+    for (line, row) in choices.chunks(width.max(1)).zip(rows.clone()) {
+        for (light, choice) in light[places(row)].iter_mut().zip(line) {
+            *light = (choice.taken > 0).then_some(choice.light);
+        }
     }
     light
 }
 
-fn choose(sums: &[Sums], labels: &[u32], width: usize, paths: u16) -> Vec<Choice> {
-    let one = (FULL_WEIGHT * u64::from(paths.max(1))) as f32;
-    let mut cells: Vec<Cell> = vec![Cell::default(); sums.len()];
-    for_parts(&mut cells, width, ROWS, |part, rows| {
-        let first = part * ROWS * width;
-        for (cell, sum) in rows.iter_mut().zip(&sums[first..]) {
-            *cell = Cell {
-                light: sum.light.map(|x| x as f32 / one),
-                weight: sum.weight as f32 / one,
-                square: sum.square as f32 / one,
-            };
-        }
-    });
+/// The mean for every pixel, from the sums of each.
+fn choose(mut cells: Vec<Cell>, labels: &[u32], width: usize) -> Vec<Choice> {
     let start = Choice { light: [0.0; 3], means: [Mean::default(); LEVELS], taken: 0, open: true };
-    let mut choices = vec![start; sums.len()];
-    let mut half = vec![Cell::default(); sums.len()];
+    let mut choices = vec![start; cells.len()];
+    let mut half = vec![Cell::default(); cells.len()];
     for level in 0..LEVELS {
         for_parts(&mut choices, width, ROWS, |part, rows| {
             let first = part * ROWS * width;

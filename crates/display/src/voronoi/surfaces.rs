@@ -15,6 +15,8 @@ use holo_picture::View;
 use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
 use holo_scene::{Bsdf, Rgb};
 use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 /// A block of pixels traced together.
 const BLOCK: (usize, usize) = (7, 3);
@@ -161,11 +163,13 @@ pub(crate) struct Surfaces {
 }
 
 impl Surfaces {
-    /// Rows that see anything but the sky.
-    pub fn rows(&self) -> std::ops::Range<usize> {
-        let top = self.windows.iter().map(|window| window.low.1 as usize).min().unwrap_or(0);
-        let bottom = self.windows.iter().map(|window| window.high.1 as usize).max().unwrap_or(0);
-        top..bottom
+    /// The columns and rows that see anything but the sky.
+    pub fn bounds(&self) -> (Range<usize>, Range<usize>) {
+        let bound = |low: fn(&Window) -> f32, high: fn(&Window) -> f32| {
+            let first = self.windows.iter().map(|window| low(window) as usize).min().unwrap_or(0);
+            first..self.windows.iter().map(|window| high(window) as usize).max().unwrap_or(0)
+        };
+        (bound(|w| w.low.0, |w| w.high.0), bound(|w| w.low.1, |w| w.high.1))
     }
 }
 
@@ -300,30 +304,37 @@ impl<'a> Caster<'a> {
     /// is seen through them, and then the mirrors and panes themselves.
     pub fn surfaces(&self) -> Vec<Surfaces> {
         let (width, height) = self.size;
-        let mut first = vec![(Seen::NOTHING, None); width * height];
-        for_parts(&mut first, width, BLOCK.1, |part, rows| self.cast_rows(part * BLOCK.1, rows));
-        let mut seen: Vec<Seen> = first.iter().map(|(seen, _)| *seen).collect();
+        let mut seen = vec![Seen::NOTHING; width * height];
+        let special = Mutex::new(Vec::new());
+        for_parts(&mut seen, width, BLOCK.1, |part, rows| {
+            let found = self.cast_rows(part * BLOCK.1, rows);
+            if !found.is_empty() {
+                special.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
+            }
+        });
+        let mut special: Vec<(usize, Ray, Hit)> = special.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if special.is_empty() {
+            return vec![self.layer(seen, vec![Image::ITSELF], HashMap::new())];
+        }
+        // Threads finish in any order; images are numbered in the order of the pixels.
+        special.sort_by_key(|&(pixel, ..)| pixel);
         let mut in_panes = vec![Seen::NOTHING; width * height];
         let mut polished = in_panes.clone();
         let (mut images, mut pane_images) = (vec![Image::ITSELF], vec![Image::ITSELF]);
         let (mut throughput, mut pane_throughput) = (HashMap::new(), HashMap::new());
         let mut looking_into: HashMap<u32, u32> = HashMap::new();
-        for (_, hit) in first.iter().filter_map(|(_, special)| *special) {
+        for (_, _, hit) in &special {
             *looking_into.entry(hit.triangle).or_default() += 1;
         }
         let is_large = |triangle| looking_into.get(&triangle).is_some_and(|&pixels| pixels >= LEAST_MIRROR);
-        for (pixel, (_, special)) in first.iter().enumerate() {
-            let Some((ray, hit)) = special else { continue };
-            let Some((behind, share)) = self.follow(*ray, *hit, &mut images, false, is_large) else { continue };
+        for (pixel, ray, hit) in special {
+            let Some((behind, share)) = self.follow(ray, hit, &mut images, false, is_large) else { continue };
             polished[pixel] = std::mem::replace(&mut seen[pixel], behind);
             throughput.insert(pixel as u32, share);
-            if let Some((reflected, share)) = self.follow(*ray, *hit, &mut pane_images, true, is_large) {
+            if let Some((reflected, share)) = self.follow(ray, hit, &mut pane_images, true, is_large) {
                 in_panes[pixel] = reflected;
                 pane_throughput.insert(pixel as u32, share);
             }
-        }
-        if throughput.is_empty() {
-            return vec![self.layer(seen, images, throughput)];
         }
         vec![
             self.layer(seen, images, throughput),
@@ -340,8 +351,9 @@ impl<'a> Caster<'a> {
         Surfaces { size: self.size, seen, labels, edges, images, windows, throughput, pixel_width }
     }
 
-    /// Some rows from `top`; pixels that begin at a mirror or pane keep their ray, to be followed in order.
-    fn cast_rows(&self, top: usize, rows: &mut [(Seen, Option<(Ray, Hit)>)]) {
+    /// Some rows from `top`; gives the pixels that look at a mirror or pane.
+    fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Vec<(usize, Ray, Hit)> {
+        let mut found = Vec::new();
         let width = self.size.0;
         let count = rows.len() / width.max(1);
         let nowhere = Ray::new(Vec3::ZERO, Vec3::ZERO);
@@ -363,9 +375,14 @@ impl<'a> Caster<'a> {
                     self.raycaster.scene().material(hit.triangle).bsdf,
                     Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. }
                 );
-                rows[y * width + left + x] = (self.first(&rays[slot], &hit), special.then_some((rays[slot], hit)));
+                let pixel = y * width + left + x;
+                rows[pixel] = self.first(&rays[slot], &hit);
+                if special {
+                    found.push((top * width + pixel, rays[slot], hit));
+                }
             }
         }
+        found
     }
 
     /// The scene's triangle at a point that the camera has, looking along `direction`, within `reach` on either side.
