@@ -230,11 +230,14 @@ impl Session {
         self.view_number += 1;
         let since = Instant::now();
         let diagonal = self.sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
+        let nearest = GUESSED_DISTANCE * diagonal;
+        // Asked first: samples are under way while the driver looks at the scene.
+        self.request(&view, size, nearest, wanted.clone())?;
         self.shown = Some(Shown {
             view,
             size,
-            wanted: wanted.clone(),
-            nearest: GUESSED_DISTANCE * diagonal,
+            wanted,
+            nearest,
             canvas: self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky),
             asked: Asked::Crossed,
             also: Vec::new(),
@@ -246,7 +249,7 @@ impl Session {
             first_samples: None,
             refined: false,
         });
-        self.request(wanted)
+        if matches!(self.painter, Painter::Voronoi(_)) { self.refine() } else { Ok(()) }
     }
 
     /// Once all stored samples of the beams asked for have been sent: asks for what else is of use.
@@ -286,15 +289,17 @@ impl Session {
     /// A request under a new number: what is stored of these beams is sent from the beginning.
     fn ask_anew(&mut self, wanted: Vec<Wanted>) -> Result<()> {
         self.view_number += 1;
-        self.request(wanted)
+        self.request_shown(wanted)
     }
 
-    /// Sends the view, with a viewpoint for the nearest visible surface.
-    fn request(&self, beams: Vec<Wanted>) -> Result<()> {
-        let Some(shown) = &self.shown else { return Ok(()) };
-        let radius = viewpoint_radius(&shown.view, shown.size, shown.nearest, 1.0);
-        let eye = shown.view.vp.to_array();
-        let viewpoint = Viewpoint { eye, radius };
+    fn request_shown(&self, wanted: Vec<Wanted>) -> Result<()> {
+        self.shown.as_ref().map_or(Ok(()), |shown| self.request(&shown.view, shown.size, shown.nearest, wanted))
+    }
+
+    /// Sends a view, with a viewpoint for the nearest visible surface at `nearest`.
+    fn request(&self, view: &View, size: (u32, u32), nearest: f64, beams: Vec<Wanted>) -> Result<()> {
+        let radius = viewpoint_radius(view, size, nearest, 1.0);
+        let viewpoint = Viewpoint { eye: view.vp.to_array(), radius };
         let request = ViewRequest { view: self.view_number, viewpoint, beams };
         Ok(self.outbox.send(Kind::View, &request.encode())?)
     }
@@ -351,7 +356,7 @@ impl Session {
         let (_, &mut nearest, _) = depths.select_nth_unstable_by(at, f32::total_cmp);
         shown.nearest = f64::from(nearest);
         let wanted = shown.wanted.clone();
-        self.request(wanted)
+        self.request_shown(wanted)
     }
 
     fn insert(&mut self, message: &Samples) {

@@ -32,6 +32,7 @@ pub(crate) struct Sums {
 }
 
 /// Luminance, the scene's unit.
+#[inline]
 pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
     0.265 * rgb[0] + 0.670 * rgb[1] + 0.065 * rgb[2]
 }
