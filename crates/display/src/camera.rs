@@ -2,16 +2,17 @@
 //!
 //! Invariant: [`Camera::to_camera`] is a rotation, so distances in camera coordinates are distances in the scene.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use holo_picture::View;
 
 /// Camera coordinates: x right, y up, z forward, the eye at the origin.
 #[derive(Clone, Debug)]
 pub(crate) struct Camera {
     pub eye: DVec3,
-    right: DVec3,
-    up: DVec3,
-    forward: DVec3,
+    /// The picture's axes in the scene, unit.
+    pub right: DVec3,
+    pub up: DVec3,
+    pub forward: DVec3,
     /// Pixels per unit of x/z and of y/z.
     pub focal: (f64, f64),
     /// The picture's middle, in pixels from its left and from its top.
@@ -41,6 +42,15 @@ impl Camera {
             centre: (0.5 * width, 0.5 * height),
             pixel_width_squared: pixel_width * pixel_width,
         }
+    }
+
+    /// Where a point of camera coordinates is seen: pixels from the left and from the top. `None` behind the eye.
+    #[inline]
+    pub fn pixel(&self, point: Vec3) -> Option<(f32, f32)> {
+        let inverse_depth = point.z.recip();
+        let x = self.centre.0 as f32 + self.focal.0 as f32 * point.x * inverse_depth;
+        let y = self.centre.1 as f32 - self.focal.1 as f32 * point.y * inverse_depth;
+        (point.z > 0.0).then_some((x, y))
     }
 
     /// A vector of the scene in camera coordinates.

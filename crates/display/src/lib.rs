@@ -12,6 +12,8 @@ mod camera;
 mod candidates;
 mod quadtree;
 mod select;
+mod voronoi;
 
 pub use quadtree::{Frame, LeafSize, Quadtree, QuadtreeParams};
 pub use select::{Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint_radius};
+pub use voronoi::{Drawn, Voronoi};

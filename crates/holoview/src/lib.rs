@@ -5,6 +5,7 @@
 //! - the server and its file see only beams wanted and samples given: what a picture looks like is decided here;
 //! - a sample counts once in a picture, however often it arrives.
 
+mod canvas;
 mod default_view;
 mod received;
 mod script;
@@ -92,8 +93,12 @@ pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
 /// What turns samples into a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Driver {
-    /// Means over the leaves of a quadtree, as large as noise asks
+    /// `voronoi` if the scene can be had, else `quadtree`
     #[default]
+    Auto,
+    /// Edges from the scene itself, light from all samples on what is seen
+    Voronoi,
+    /// Means over the leaves of a quadtree, as large as noise asks; needs no scene
     Quadtree,
 }
 
@@ -150,6 +155,10 @@ pub struct PictureReport {
     pub empty_pixels: u64,
     /// Pixels that show the sky because no ray of their beam can meet anything.
     pub unseen_pixels: u64,
+    /// Pixels of whose surface nothing is known, shown as if the eye carried a lamp.
+    pub guessed_pixels: u64,
+    /// The driver that made it.
+    pub driver: &'static str,
     /// Seconds until the first samples were here; none yet if absent.
     pub first_samples: Option<f64>,
 }
@@ -167,6 +176,9 @@ impl std::fmt::Display for PictureReport {
         )?;
         if self.uncovered_pixels > 0 {
             write!(f, ", {} pixels that no section covers", self.uncovered_pixels)?;
+        }
+        if self.guessed_pixels > 0 {
+            write!(f, ", {} pixels without light known, lit from the eye", self.guessed_pixels)?;
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{Quadtree, QuadtreeParams, SelectOptions, Selection, select_beams, viewpoint_radius};
+use holo_display::{SelectOptions, Selection, select_beams, viewpoint_radius};
 use holo_net::{Inbox, Message, NetError, Outbox, Shutdown};
 use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
@@ -19,10 +19,12 @@ use holo_proto::{
     frame::Kind,
     hello::Role,
 };
-use holo_section::{Section, Viewpoint};
+use holo_section::{BeamId, Section, Viewpoint};
 
 use crate::{
-    Config, Driver, PictureReport, default_view,
+    Config, PictureReport,
+    canvas::{Canvas, Painter},
+    default_view,
     received::Received,
     script::{Command, Next, Script, Step},
 };
@@ -37,6 +39,9 @@ const REFINE_AFTER: Duration = Duration::from_millis(300);
 /// Share of the pixels that may be nearer than the "nearest" surface: a lamp's edge must not decide for the room.
 const NEARER_PIXELS: f64 = 0.01;
 
+/// Weight of beams that are wanted for what is stored of them, not to be traced.
+const STORED_ONLY: f32 = 1e-6;
+
 /// How often a typed script is looked at.
 const TYPED_TICK: Duration = Duration::from_millis(20);
 
@@ -47,9 +52,11 @@ const SETTLE_TIME: Duration = Duration::from_secs(60);
 pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: Shutdown) -> Result<()> {
     let name = format!("holoview {}", std::process::id());
     let connection = holo_net::connect(address, Role::Display, &name).await;
-    let (inbox, outbox, welcome) = connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
+    let (mut inbox, outbox, welcome) =
+        connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
     let sections = welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
     let sections = sections.context("the server's sections")?;
+    let painter = Painter::new(config.driver, &mut inbox, &outbox, &welcome).await?;
     let (sender, messages) = mpsc::channel();
     let reader = tokio::spawn(read(inbox, outbox.clone(), sender.clone()));
     let ended = tokio::spawn(async move {
@@ -64,6 +71,7 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
             config,
             welcome,
             sections,
+            painter,
             outbox,
             messages,
             shown: None,
@@ -110,7 +118,15 @@ struct Shown {
     view: View,
     size: (u32, u32),
     wanted: Vec<Wanted>,
-    driver: Quadtree,
+    /// Distance of the nearest visible surface, as far as it is known.
+    nearest: f64,
+    canvas: Canvas,
+    /// How far its samples have been asked for.
+    asked: Asked,
+    /// Beams that it does not cross but whose rays may end on what it sees, once they have been asked for.
+    also: Vec<(u16, BeamId)>,
+    /// Number of its first request: samples of earlier views are dropped.
+    first_request: u32,
     received: Received,
     since: Instant,
     stored: u64,
@@ -123,6 +139,7 @@ struct Session {
     config: Config,
     welcome: Welcome,
     sections: Arc<[Section]>,
+    painter: Painter,
     outbox: Outbox,
     messages: mpsc::Receiver<Incoming>,
     shown: Option<Shown>,
@@ -130,6 +147,17 @@ struct Session {
     meter: Meter,
     start: Instant,
     duration: f64,
+}
+
+/// Which stored samples of a view have been asked for.
+#[derive(Clone, Copy, PartialEq)]
+enum Asked {
+    /// Those of the beams that it crosses.
+    Crossed,
+    /// And of beams that end on what it sees.
+    Surfaces,
+    /// All that there are.
+    All,
 }
 
 /// What made a wait end.
@@ -195,37 +223,84 @@ impl Session {
         if covered.covered_rays == 0 {
             bail!("no section of the holodeck covers anything of this view ({})", view.to_vf_options());
         }
-        let wanted = beams
+        let wanted: Vec<Wanted> = beams
             .iter()
             .map(|beam| Wanted { beam: beam.beam.0, weight: beam.weight, section: beam.section, reserved: 0 })
             .collect();
-        let Driver::Quadtree = self.config.driver;
-        let params = QuadtreeParams { sky: self.welcome.sky, ..QuadtreeParams::default() };
-        let driver = Quadtree::new(Arc::clone(&self.sections), view, size, params);
         self.view_number += 1;
+        let since = Instant::now();
         let diagonal = self.sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
+        let nearest = GUESSED_DISTANCE * diagonal;
+        // Asked first: samples are under way while the driver looks at the scene.
+        self.request(&view, size, nearest, wanted.clone())?;
         self.shown = Some(Shown {
             view,
             size,
             wanted,
-            driver,
+            nearest,
+            canvas: self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky),
+            asked: Asked::Crossed,
+            also: Vec::new(),
+            first_request: self.view_number,
             received: Received::default(),
-            since: Instant::now(),
+            since,
             stored: 0,
             traced: 0,
             first_samples: None,
             refined: false,
         });
-        self.request(GUESSED_DISTANCE * diagonal)
+        if matches!(self.painter, Painter::Voronoi(_)) { self.refine() } else { Ok(()) }
     }
 
-    /// Sends the view, with a viewpoint for the nearest visible surface at `distance`.
-    fn request(&self, distance: f64) -> Result<()> {
+    /// Once all stored samples of the beams asked for have been sent: asks for what else is of use.
+    ///
+    /// The view's own beams come first, then all whose rays may end on what is seen. Those are for what is stored: when it
+    /// has been sent, workers turn back to the view's own, unless the session ends.
+    fn ask_on(&mut self, ending: bool) -> Result<()> {
+        let Some(shown) = &mut self.shown else { return Ok(()) };
+        match shown.asked {
+            Asked::Crossed => {
+                shown.also = shown.canvas.surface_beams();
+                shown.asked = if shown.also.is_empty() { Asked::All } else { Asked::Surfaces };
+                if shown.asked == Asked::Surfaces { self.ask_for_all() } else { Ok(()) }
+            }
+            Asked::Surfaces => {
+                shown.asked = Asked::All;
+                let wanted = shown.wanted.clone();
+                if self.welcome.tracing && !ending { self.ask_anew(wanted) } else { Ok(()) }
+            }
+            Asked::All => Ok(()),
+        }
+    }
+
+    /// Asks for everything stored that is of use to the view.
+    fn ask_for_all(&mut self) -> Result<()> {
         let Some(shown) = &self.shown else { return Ok(()) };
-        let radius = viewpoint_radius(&shown.view, shown.size, distance, 1.0);
-        let eye = shown.view.vp.to_array();
-        let viewpoint = Viewpoint { eye, radius };
-        let request = ViewRequest { view: self.view_number, viewpoint, beams: shown.wanted.clone() };
+        let also =
+            |&(section, beam): &(u16, BeamId)| Wanted { beam: beam.0, weight: STORED_ONLY, section, reserved: 0 };
+        let mut wanted = shown.wanted.clone();
+        wanted.extend(shown.also.iter().map(also));
+        // A stable sort: the view's own weight stands before the other's, which goes.
+        wanted.sort_by_key(|wanted| (wanted.section, wanted.beam));
+        wanted.dedup_by_key(|wanted| (wanted.section, wanted.beam));
+        self.ask_anew(wanted)
+    }
+
+    /// A request under a new number: what is stored of these beams is sent from the beginning.
+    fn ask_anew(&mut self, wanted: Vec<Wanted>) -> Result<()> {
+        self.view_number += 1;
+        self.request_shown(wanted)
+    }
+
+    fn request_shown(&self, wanted: Vec<Wanted>) -> Result<()> {
+        self.shown.as_ref().map_or(Ok(()), |shown| self.request(&shown.view, shown.size, shown.nearest, wanted))
+    }
+
+    /// Sends a view, with a viewpoint for the nearest visible surface at `nearest`.
+    fn request(&self, view: &View, size: (u32, u32), nearest: f64, beams: Vec<Wanted>) -> Result<()> {
+        let radius = viewpoint_radius(view, size, nearest, 1.0);
+        let viewpoint = Viewpoint { eye: view.vp.to_array(), radius };
+        let request = ViewRequest { view: self.view_number, viewpoint, beams };
         Ok(self.outbox.send(Kind::View, &request.encode())?)
     }
 
@@ -250,6 +325,13 @@ impl Session {
                     let share = self.start.elapsed().as_secs_f64() / self.duration;
                     self.meter.show(share, &status.words());
                 }
+                Ok(Incoming::Message(Message::Control(Control::StoredSent { view }))) if view == self.view_number => {
+                    let before = self.asked();
+                    self.ask_on(for_settled)?;
+                    if for_settled && before != Asked::All {
+                        self.settle()?;
+                    }
+                }
                 Ok(Incoming::Message(Message::Control(_))) => {}
                 Ok(Incoming::Message(_)) => bail!("the server sent a message that is not for a display"),
                 Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
@@ -265,23 +347,29 @@ impl Session {
     fn refine(&mut self) -> Result<()> {
         let Some(shown) = &mut self.shown else { return Ok(()) };
         shown.refined = true;
-        let mut depths = shown.driver.draw().depth;
+        let mut depths = shown.canvas.depth();
         depths.retain(|&depth| depth > 0.0 && depth.is_finite());
         if depths.is_empty() {
             return Ok(());
         }
         let at = (depths.len() as f64 * NEARER_PIXELS) as usize;
         let (_, &mut nearest, _) = depths.select_nth_unstable_by(at, f32::total_cmp);
-        self.request(f64::from(nearest))
+        shown.nearest = f64::from(nearest);
+        let wanted = shown.wanted.clone();
+        self.request_shown(wanted)
     }
 
     fn insert(&mut self, message: &Samples) {
-        let Some(shown) = self.shown.as_mut().filter(|_| message.view == self.view_number) else { return };
+        let Some(shown) =
+            self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view))
+        else {
+            return;
+        };
         shown.first_samples.get_or_insert_with(|| shown.since.elapsed().as_secs_f64());
         for (run, samples) in message.iter() {
             for fresh in shown.received.add(run) {
                 let count = fresh.len() as u64;
-                shown.driver.insert(run.section, run.beam, run.paths, &samples[fresh]);
+                shown.canvas.insert(run.section, run.beam, run.paths, &samples[fresh]);
                 match message.source {
                     Source::Stored => shown.stored += count,
                     Source::Traced => shown.traced += count,
@@ -291,14 +379,16 @@ impl Session {
     }
 
     fn insert_unseen(&mut self, message: &Unseen) {
-        if let Some(shown) = self.shown.as_mut().filter(|_| message.view == self.view_number) {
-            message.beams.iter().for_each(|&(section, beam)| shown.driver.insert_unseen(section, beam));
+        if let Some(shown) =
+            self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view))
+        {
+            message.beams.iter().for_each(|&(section, beam)| shown.canvas.insert_unseen(section, beam));
         }
     }
 
     fn picture(&self, path: PathBuf) -> Result<()> {
         let Some(shown) = &self.shown else { bail!("there is no view to take a picture of") };
-        let frame = shown.driver.draw();
+        let (frame, guessed_pixels) = shown.canvas.draw();
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         }
@@ -313,6 +403,8 @@ impl Session {
             uncovered_pixels: frame.uncovered_pixels,
             empty_pixels: frame.empty_pixels,
             unseen_pixels: frame.unseen_pixels,
+            guessed_pixels,
+            driver: shown.canvas.name(),
             first_samples: shown.first_samples,
         };
         if self.config.json {
@@ -323,12 +415,28 @@ impl Session {
         Ok(())
     }
 
+    fn asked(&self) -> Asked {
+        self.shown.as_ref().map_or(Asked::All, |shown| shown.asked)
+    }
+
+    /// Asks the server to settle, unless something is still to be asked for: then once that is.
+    fn settle(&mut self) -> Result<()> {
+        if self.asked() == Asked::All {
+            self.outbox.control(&Control::Settle { view: self.view_number })?;
+        }
+        Ok(())
+    }
+
     /// Lets everything under way arrive and be stored, and writes the last picture: a replay gives the same.
     fn end(&mut self) -> Result<()> {
         if self.shown.is_none() {
             return Ok(());
         }
-        self.outbox.control(&Control::Settle { view: self.view_number })?;
+        if self.welcome.tracing && self.shown.as_ref().is_some_and(|shown| !shown.also.is_empty()) {
+            // Samples of beams that the view does not cross may have been stored without being sent.
+            self.ask_for_all()?;
+        }
+        self.settle()?;
         if self.wait(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
             bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
         }

@@ -13,7 +13,7 @@
 
 mod bins;
 mod leaf;
-mod reproject;
+pub(crate) mod reproject;
 mod surface;
 
 use crate::camera::Camera;

@@ -26,7 +26,8 @@ impl DistanceTable {
         Self((0..=u16::MAX).map(|code| distance::decode(code, 1.0) as f32).collect())
     }
 
-    fn of(&self, code: u16) -> f64 {
+    /// Distance in diagonals; infinite for nothing.
+    pub fn of(&self, code: u16) -> f64 {
         f64::from(self.0.get(usize::from(code)).copied().unwrap_or(f32::INFINITY))
     }
 }
@@ -38,7 +39,7 @@ pub(crate) struct PlacedSection {
     axes: [DVec3; 3],
     /// One cell along each axis.
     cells: [DVec3; 3],
-    diagonal: f64,
+    pub diagonal: f64,
 }
 
 impl PlacedSection {
@@ -51,7 +52,7 @@ impl PlacedSection {
     }
 
     /// The cell's point for coordinates (0, 0), and a step of each coordinate. A point lies in the middle of its step.
-    fn cell(&self, cell: CellIndex) -> (DVec3, DVec3, DVec3) {
+    pub fn cell(&self, cell: CellIndex) -> (DVec3, DVec3, DVec3) {
         let axis = usize::from(cell.wall >> 1);
         let (first, second) = [(1, 2), (2, 0), (0, 1)][axis];
         let corner = self.origin

@@ -1,0 +1,171 @@
+//! Samples onto pixels: each to the pixel whose surface it lies on, if there is one.
+//!
+//! What always holds:
+//! - A sample serves only a pixel of its own surface: on its plane, on the side that the eye sees; next to an edge, of its own
+//!   material too, which a ray tells.
+//! - Sums are of integers, so the order of samples changes no bit.
+
+use super::shade::Shadings;
+use super::surfaces::{Caster, SKY, SMOOTH, Seen, Surfaces, Window};
+use crate::camera::Camera;
+use crate::quadtree::reproject::{DistanceTable, PlacedSection};
+use bytemuck::Zeroable;
+use glam::DVec3;
+use holo_section::{CellPair, Sample, distance};
+
+/// Paths a sample counts for at most.
+const MAX_PATHS: u16 = 1024;
+
+/// Fixed-point light is cut here: a thousand times the brightest lamp.
+const MOST_LIGHT: f32 = (1_u64 << 36) as f32;
+
+/// Rounding of distances from the eye, relative: of f32 positions, and of surfaces that are not quite flat.
+const ROUNDING: f32 = 2e-4;
+
+/// Sums over the samples of a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Zeroable)]
+pub(crate) struct Sums {
+    pub light: [u64; 3],
+    pub weight: u64,
+    /// Of squared luminance.
+    pub square: u128,
+}
+
+/// Luminance, the scene's unit.
+#[inline]
+pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
+    0.265 * rgb[0] + 0.670 * rgb[1] + 0.065 * rgb[2]
+}
+
+/// What a beam's samples need to find their pixels.
+pub(crate) struct Beam<'a> {
+    pub section: &'a PlacedSection,
+    pub pair: CellPair,
+    pub paths: u16,
+}
+
+/// Where samples go.
+pub(crate) struct Depositor<'a> {
+    pub camera: &'a Camera,
+    pub distances: &'a DistanceTable,
+    pub surfaces: &'a Surfaces,
+    pub shadings: &'a Shadings,
+    pub caster: Caster<'a>,
+}
+
+/// A sample's surface point, camera coordinates.
+struct Place {
+    point: DVec3,
+    direction: DVec3,
+    /// Half a step of the distance code, as a length.
+    uncertainty: f64,
+}
+
+impl Depositor<'_> {
+    /// Adds a beam's samples; gives how many found a pixel.
+    pub fn insert(&self, beam: &Beam, samples: &[Sample], sums: &mut [Sums]) -> u64 {
+        let (entry, exit) = (beam.section.cell(beam.pair.entry), beam.section.cell(beam.pair.exit));
+        let mut used = 0;
+        for sample in samples {
+            let code = sample.distance_code();
+            if code == distance::NOTHING_HIT {
+                continue;
+            }
+            let [entry_u, entry_v, exit_u, exit_v] = sample.coords.0.map(f64::from);
+            let from = entry.0 + entry.1 * entry_u + entry.2 * entry_v;
+            let direction = (exit.0 + exit.1 * exit_u + exit.2 * exit_v - from).normalize_or_zero();
+            let diagonals = self.distances.of(code);
+            let point = from + direction * (diagonals * beam.section.diagonal);
+            let uncertainty = 2.5e-4 * beam.section.diagonal * diagonals.max(1.0);
+            let place = Place { point, direction, uncertainty };
+            for window in &self.surfaces.windows {
+                used += u64::from(self.place(window, &place, sample, beam.paths, sums).is_some());
+            }
+        }
+        used
+    }
+
+    /// Adds one sample to the pixel that sees it in one image.
+    fn place(&self, window: &Window, place: &Place, sample: &Sample, paths: u16, sums: &mut [Sums]) -> Option<()> {
+        let image = usize::from(window.image);
+        let (mut point, mut direction) = (place.point.as_vec3(), place.direction.as_vec3());
+        if image > 0 {
+            let image = self.surfaces.images.get(image)?;
+            (point, direction) = (image.point(point), image.direction(direction));
+        }
+        let (x, y) = self.camera.pixel(point)?;
+        // Also refuses NaN.
+        if !(x >= window.low.0 && x < window.high.0 && y >= window.low.1 && y < window.high.1) {
+            return None;
+        }
+        let width = self.surfaces.size.0;
+        let mut pixel = y as usize * width + x as usize;
+        let lies_on = |seen: &Seen| {
+            let tolerance = direction.dot(seen.normal).abs() * place.uncertainty as f32 + ROUNDING * point.z;
+            usize::from(seen.image) == image
+                && seen.triangle != SKY
+                && (point - seen.position).dot(seen.normal).abs() <= tolerance
+                && direction.dot(seen.normal) < 0.0
+        };
+        if self.surfaces.edges[pixel] {
+            pixel = self.own_pixel(image, place, (x, y), lies_on)?;
+        } else if !lies_on(&self.surfaces.seen[pixel]) {
+            return None;
+        }
+        let seen = &self.surfaces.seen[pixel];
+        let shading = self.shadings.materials.get(seen.material as usize)?;
+        let weight = shading.weight(direction, point) * u64::from(paths.clamp(1, MAX_PATHS));
+        if weight == 0 {
+            return None;
+        }
+        let rgb = sample.rgb();
+        let light = [0, 1, 2].map(|channel| {
+            let steps = rgb[channel] / shading.scale[channel] / self.shadings.unit;
+            steps.min(MOST_LIGHT)
+        });
+        let sum = &mut sums[pixel];
+        for (sum, steps) in sum.light.iter_mut().zip(light) {
+            *sum = sum.saturating_add((steps + 0.5) as u64 * weight);
+        }
+        let bright = luminance(light) as u64;
+        sum.weight = sum.weight.saturating_add(weight);
+        sum.square = sum.square.saturating_add(u128::from(bright) * u128::from(bright) * u128::from(weight));
+        Some(())
+    }
+
+    /// Next to an edge: the nearest of the pixels around that sees the very surface that the sample lies on.
+    fn own_pixel(&self, image: usize, place: &Place, at: (f32, f32), lies_on: impl Fn(&Seen) -> bool) -> Option<usize> {
+        let (width, height) = self.surfaces.size;
+        let (column, row) = (at.0 as usize, at.1 as usize);
+        let around = |middle: usize, size: usize| middle.saturating_sub(1)..(middle + 2).min(size);
+        let candidates = around(row, height).flat_map(|row| around(column, width).map(move |column| (column, row)));
+        let away = |column: usize, row: usize| {
+            let (dx, dy) = (column as f32 + 0.5 - at.0, row as f32 + 0.5 - at.1);
+            dx * dx + dy * dy
+        };
+        let mut fitting: [Option<(f32, usize)>; 9] = [None; 9];
+        let mut count = 0;
+        for (column, row) in candidates {
+            let pixel = row * width + column;
+            if lies_on(&self.surfaces.seen[pixel]) {
+                fitting[count] = Some((away(column, row), pixel));
+                count += 1;
+            }
+        }
+        let fitting = &mut fitting[..count];
+        fitting.first()?;
+        // The ray is cast only if some pixel fits: most samples near an edge lie far behind it.
+        let reach = 2.0 * place.uncertainty + f64::from(ROUNDING) * place.point.length();
+        let triangle = self.caster.triangle_at(place.point, place.direction, reach)?;
+        let image = self.surfaces.images.get(image)?;
+        let (material, normal) = (self.caster.material(triangle), image.direction(self.caster.normal(triangle)));
+        fitting.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+        let all = || fitting.iter().flatten().map(|&(_, pixel)| pixel);
+        let is = |pixel: &usize| self.surfaces.seen[*pixel].triangle == triangle;
+        let continues = |pixel: &usize| {
+            let seen = &self.surfaces.seen[*pixel];
+            seen.material == material && seen.normal.dot(normal).abs() > SMOOTH
+        };
+        all().find(is).or_else(|| all().find(continues))
+    }
+}

@@ -1,0 +1,124 @@
+//! Smooth edges: pixels next to an edge are the mean of several points, each lit by its own surface's light.
+//!
+//! Invariant: a point's light comes from one of the 3 × 3 pixels around that see the same surface, or from what is known of
+//! such surfaces as a whole; never from another surface.
+
+use super::surfaces::{Caster, Seen, Surfaces};
+use super::tiles::for_parts;
+use holo_raycast::MAX_TOGETHER;
+use holo_scene::Bsdf;
+
+/// Points of an edge pixel.
+const POINTS: usize = 8;
+const _: () = assert!(POINTS <= MAX_TOGETHER);
+
+/// Places of the points: eight rooks, each in a column and a row of its own, well apart.
+const PLACES: [(f64, f64); POINTS] = [
+    (0.0625, 0.4375),
+    (0.1875, 0.8125),
+    (0.3125, 0.1875),
+    (0.4375, 0.5625),
+    (0.5625, 0.9375),
+    (0.6875, 0.3125),
+    (0.8125, 0.6875),
+    (0.9375, 0.0625),
+];
+
+/// Replaces the colours of edge pixels by means over points. `shade` gives the colour of a surface seen with the light of a
+/// pixel (or of none near).
+pub(crate) fn smooth(
+    caster: &Caster,
+    surfaces: &Surfaces,
+    colours: &[[f32; 3]],
+    sky: [f32; 3],
+    shade: impl Fn(&Seen, Option<usize>) -> Option<[f32; 3]> + Sync,
+) -> Vec<[f32; 3]> {
+    let width = surfaces.size.0;
+    let mut smooth = colours.to_vec();
+    for_parts(&mut smooth, width, 4, |part, rows| {
+        for (offset, colour) in rows.iter_mut().enumerate() {
+            let pixel = part * 4 * width + offset;
+            if !surfaces.edges[pixel] {
+                continue;
+            }
+            if let Some(mean) = pixel_mean(caster, surfaces, pixel, colours, sky, &shade) {
+                *colour = mean;
+            }
+        }
+    });
+    smooth
+}
+
+fn pixel_mean(
+    caster: &Caster,
+    surfaces: &Surfaces,
+    pixel: usize,
+    colours: &[[f32; 3]],
+    sky: [f32; 3],
+    shade: &impl Fn(&Seen, Option<usize>) -> Option<[f32; 3]>,
+) -> Option<[f32; 3]> {
+    let width = surfaces.size.0;
+    let (column, row) = (pixel % width, pixel / width);
+    let mut rays = [None; POINTS];
+    for (ray, (x, y)) in rays.iter_mut().zip(PLACES) {
+        *ray = caster.ray(column as f64 + x, row as f64 + y).map(|(ray, _)| ray);
+    }
+    let nowhere = holo_raycast::Ray::new(glam::Vec3::ZERO, glam::Vec3::ZERO);
+    let rays = rays.map(|ray| ray.unwrap_or(nowhere));
+    let mut hits = [None; POINTS];
+    caster.nearest_many(&rays, &mut hits);
+    let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
+    for (ray, hit) in rays.iter().zip(hits) {
+        let colour = match hit {
+            None => Some(sky),
+            Some(hit) => {
+                let point = caster.first(ray, &hit);
+                let polished =
+                    matches!(caster.scene().material(hit.triangle).bsdf, Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. });
+                let like = alike(surfaces, pixel, &point, polished);
+                match like {
+                    Some(like) if polished => Some(colours[like]),
+                    like => shade(&point, like),
+                }
+            }
+        };
+        if let Some(colour) = colour {
+            sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
+            count += 1.0;
+        }
+    }
+    (count > 0.0).then(|| sum.map(|channel| channel / count))
+}
+
+/// The pixel of the 3 × 3 around that sees the point's surface: the same triangle if there is one, else one that continues
+/// it. For mirrors and panes, any pixel that looks through one.
+fn alike(surfaces: &Surfaces, pixel: usize, point: &Seen, polished: bool) -> Option<usize> {
+    let (width, height) = surfaces.size;
+    let (column, row) = (pixel % width, pixel / width);
+    let mut best: Option<(u32, usize)> = None;
+    for y in row.saturating_sub(1)..(row + 2).min(height) {
+        for x in column.saturating_sub(1)..(column + 2).min(width) {
+            let other = y * width + x;
+            let seen = &surfaces.seen[other];
+            let rank = if polished {
+                if !surfaces.throughput.contains_key(&(other as u32)) {
+                    continue;
+                }
+                1
+            } else if seen.through {
+                continue;
+            } else if seen.side() == point.side() {
+                0
+            } else if point.continues(seen, surfaces.pixel_width) {
+                1
+            } else {
+                continue;
+            };
+            let rank = rank * 2 + u32::from(other != pixel);
+            if best.is_none_or(|(least, _)| rank < least) {
+                best = Some((rank, other));
+            }
+        }
+    }
+    best.map(|(_, pixel)| pixel)
+}

@@ -1,0 +1,77 @@
+//! What is kept of a surface's samples, and how it becomes light again.
+//!
+//! Of diffuse surfaces the light that falls on them is kept: radiance over albedo, the same in all directions. Of others the
+//! radiance itself, by samples that look along the eye's ray, as exactly as the surface is polished.
+//!
+//! Invariant: what is divided by is what is multiplied by, and never near 0.
+
+use holo_scene::{Bsdf, Material, Rgb, Scene};
+
+/// Albedos below this are taken as this: a black surface shows nothing of the light on it.
+const LEAST_ALBEDO: f32 = 0.02;
+
+/// Weight of a sample along the eye's ray.
+pub(crate) const FULL_WEIGHT: u64 = 4096;
+
+/// How samples of a material are used.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shading {
+    /// Kept value times this is radiance.
+    pub scale: Rgb,
+    /// Tangent of the angle to the eye's ray at which a sample has half the weight; 0 if all have the same.
+    pub spread: f32,
+    /// Radiance that the surface emits towards the eye on its front: shown where there are no samples.
+    pub emission: Rgb,
+    pub emits: bool,
+}
+
+impl Shading {
+    pub fn new(material: &Material) -> Shading {
+        let alike = |spread| ([1.0; 3], spread);
+        let (scale, spread) = match material.bsdf {
+            // What a lamp reflects is lost in the rounding of its own light: its radiance is kept as it is.
+            _ if material.emits() => alike(0.0),
+            Bsdf::Diffuse { kd } => (kd.map(|albedo| albedo.max(LEAST_ALBEDO)), 0.0),
+            Bsdf::Conductor { alpha, .. } => alike(0.02 + 0.2 * alpha),
+            Bsdf::Coated { alpha, .. } => alike(0.05 + 0.3 * alpha),
+            Bsdf::Dielectric { alpha, .. } => alike(0.02 + 0.2 * alpha),
+            Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. } => alike(0.02),
+        };
+        Shading { scale, spread, emission: material.emission, emits: material.emits() }
+    }
+
+    /// Weight of a sample that looks along `direction` (any length) where the eye looks along `eye`.
+    #[inline]
+    pub fn weight(&self, direction: glam::Vec3, eye: glam::Vec3) -> u64 {
+        if self.spread == 0.0 {
+            return FULL_WEIGHT;
+        }
+        let along = direction.dot(eye);
+        if along <= 0.0 {
+            return 0;
+        }
+        let tangent = direction.cross(eye).length() / along / self.spread;
+        (FULL_WEIGHT as f32 / (1.0 + tangent * tangent * tangent)) as u64
+    }
+}
+
+/// All materials of a scene, and the unit of fixed-point light.
+pub(crate) struct Shadings {
+    pub materials: Vec<Shading>,
+    pub sky: Rgb,
+    /// Radiance of one step.
+    pub unit: f32,
+}
+
+/// Steps of the brightest light in the scene.
+const STEPS: f32 = (1_u64 << 26) as f32;
+
+impl Shadings {
+    pub fn new(scene: &Scene) -> Shadings {
+        let brightest =
+            scene.materials.iter().flat_map(|material| material.emission).chain(scene.sky).fold(0.0, f32::max);
+        // A power of two: it scales without rounding.
+        let unit = if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { STEPS.recip() };
+        Shadings { materials: scene.materials.iter().map(Shading::new).collect(), sky: scene.sky, unit }
+    }
+}

@@ -1,0 +1,419 @@
+//! What every pixel sees: position, normal and material, by the display's own ray caster (Larson & Simmons 1999, §2.4.4,
+//! where the graphics hardware's depth buffer knows them).
+//!
+//! Through mirrors and thin panes the pixel's surface is the first one behind them, placed where the eye sees it: panes
+//! leave it where it is, a mirror's image lies behind the mirror. All positions are camera coordinates.
+//!
+//! What always holds:
+//! - A surface's normal faces the eye.
+//! - Pixels have the same label only if they see one connected surface, or parts of it, in the same image.
+
+use super::tiles::for_parts;
+use crate::camera::Camera;
+use glam::{DVec3, Vec3};
+use holo_picture::View;
+use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
+use holo_scene::{Bsdf, Rgb};
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+/// A block of pixels traced together.
+const BLOCK: (usize, usize) = (7, 3);
+const _: () = assert!(BLOCK.0 * BLOCK.1 == MAX_TOGETHER);
+
+/// Mirrors and panes that are followed at the most.
+const MAX_CHAIN: usize = 8;
+
+/// Different mirror images in one picture, the scene itself among them.
+const MAX_IMAGES: usize = 12;
+
+/// Pixels that must look into a triangle of a mirror for its image to get samples of its own: every sample is tried in every
+/// image. What smaller ones show has the light of where else it is seen.
+const LEAST_MIRROR: u32 = 400;
+
+/// Image of what small or curved mirrors show: [`Seen::position`] is then where it is, not where it is seen.
+pub(crate) const NO_IMAGE: u8 = u8::MAX;
+
+/// Cosine between normals that belong to one smooth surface: 2.6°. Coarser facets are lit each on its own, and are seen.
+pub(crate) const SMOOTH: f32 = 0.999;
+
+/// No triangle: the pixel sees the sky.
+pub(crate) const SKY: u32 = u32::MAX;
+
+/// The label of pixels that see the sky.
+pub(crate) const NO_LABEL: u32 = u32::MAX;
+
+/// What a pixel, or a point of it, sees.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    /// Camera coordinates, as seen: behind the mirror for a mirror's image.
+    pub position: Vec3,
+    /// Unit, towards the eye, as seen.
+    pub normal: Vec3,
+    /// [`SKY`] for none.
+    pub triangle: u32,
+    pub material: u32,
+    /// Whether its counter-clockwise side is seen.
+    pub front: bool,
+    /// Which [`Image`], or [`NO_IMAGE`].
+    pub image: u8,
+    /// Seen through a mirror or pane: a part of its light is lost on the way.
+    pub through: bool,
+}
+
+impl Seen {
+    const NOTHING: Seen = Seen {
+        position: Vec3::ZERO,
+        normal: Vec3::ZERO,
+        triangle: SKY,
+        material: 0,
+        front: true,
+        image: 0,
+        through: false,
+    };
+
+    /// The side of a triangle that it is of.
+    pub fn side(&self) -> (u32, bool) {
+        (self.triangle, self.front)
+    }
+
+    /// Whether a surface seen next to this one is the same smooth one.
+    pub fn continues(&self, other: &Seen, pixel_width: f32) -> bool {
+        self.material == other.material
+            && self.image == other.image
+            && self.through == other.through
+            && self.triangle != SKY
+            && other.triangle != SKY
+            && (self.side() == other.side()
+                || (self.normal.dot(other.normal) > SMOOTH && {
+                    let between = other.position - self.position;
+                    let gap = between.dot(self.normal).abs().min(between.dot(other.normal).abs());
+                    // A step of half a pixel is seen; curves stay well below it.
+                    gap <= 0.5 * pixel_width * self.position.length()
+                }))
+    }
+}
+
+/// How a mirror image lies: `turn * point + shift`, camera coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Image {
+    turn: glam::Mat3,
+    shift: Vec3,
+}
+
+impl Image {
+    const ITSELF: Image = Image { turn: glam::Mat3::IDENTITY, shift: Vec3::ZERO };
+
+    /// Where a point of the scene is seen.
+    pub fn point(&self, point: Vec3) -> Vec3 {
+        self.turn * point + self.shift
+    }
+
+    /// How a direction is seen.
+    pub fn direction(&self, direction: Vec3) -> Vec3 {
+        self.turn * direction
+    }
+
+    /// Where in the scene a point and a direction of the image lie.
+    pub fn back(&self, point: Vec3, direction: Vec3) -> (Vec3, Vec3) {
+        let inverse = self.turn.transpose();
+        (inverse * (point - self.shift), inverse * direction)
+    }
+
+    /// This image, seen in a mirror of the scene at `point` with `normal`.
+    fn mirrored(&self, point: Vec3, normal: Vec3) -> Image {
+        let columns = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis - 2.0 * axis.dot(normal) * normal);
+        let mirror = glam::Mat3::from_cols(columns[0], columns[1], columns[2]);
+        let shift = 2.0 * point.dot(normal) * normal;
+        Image { turn: self.turn * mirror, shift: self.turn * shift + self.shift }
+    }
+
+    fn is_like(&self, other: &Image, reach: f32) -> bool {
+        let turns = (self.turn - other.turn).to_cols_array().iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+        turns < 1e-4 && (self.shift - other.shift).length() < 1e-4 * reach
+    }
+}
+
+/// The part of a picture in which an image is seen.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Window {
+    /// Which image.
+    pub image: u8,
+    /// Pixels from the left and the top; the lower bounds are within, the upper ones not.
+    pub low: (f32, f32),
+    pub high: (f32, f32),
+}
+
+/// What a view's pixels see.
+pub(crate) struct Surfaces {
+    pub size: (usize, usize),
+    pub seen: Vec<Seen>,
+    /// Which connected surface each pixel shows; [`NO_LABEL`] for the sky.
+    pub labels: Vec<u32>,
+    /// Whether something else is seen in the 3 × 3 pixels around.
+    pub edges: Vec<bool>,
+    /// The scene itself, then its mirror images.
+    pub images: Vec<Image>,
+    /// Where in the picture each image is seen.
+    pub windows: Vec<Window>,
+    /// What comes through the mirrors and panes before a pixel's surface; all of it where none is listed.
+    pub throughput: HashMap<u32, Rgb>,
+    pub pixel_width: f32,
+}
+
+impl Surfaces {
+    /// The columns and rows that see anything but the sky.
+    pub fn bounds(&self) -> (Range<usize>, Range<usize>) {
+        let bound = |low: fn(&Window) -> f32, high: fn(&Window) -> f32| {
+            let first = self.windows.iter().map(|window| low(window) as usize).min().unwrap_or(0);
+            first..self.windows.iter().map(|window| high(window) as usize).max().unwrap_or(0)
+        };
+        (bound(|w| w.low.0, |w| w.high.0), bound(|w| w.low.1, |w| w.high.1))
+    }
+}
+
+/// Casts rays of a view.
+pub(crate) struct Caster<'a> {
+    raycaster: &'a Raycaster,
+    view: &'a View,
+    camera: &'a Camera,
+    size: (usize, usize),
+}
+
+impl<'a> Caster<'a> {
+    pub fn new(raycaster: &'a Raycaster, view: &'a View, camera: &'a Camera, size: (u32, u32)) -> Self {
+        Self { raycaster, view, camera, size: (size.0 as usize, size.1 as usize) }
+    }
+
+    /// The ray through a point of the picture in pixels, in the scene's coordinates, and how far from the eye it begins.
+    pub fn ray(&self, column: f64, row: f64) -> Option<(Ray, f64)> {
+        let (x, y) = (column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
+        let (eye, direction) = self.view.ray(x, y);
+        self.raycaster.localize(eye, direction)
+    }
+
+    /// Material number of a triangle.
+    pub fn material(&self, triangle: u32) -> u32 {
+        self.scene().material_ids[triangle as usize]
+    }
+
+    /// Normal of a triangle, camera coordinates, either side.
+    pub fn normal(&self, triangle: u32) -> Vec3 {
+        self.vector(self.raycaster.geometric_normal(triangle))
+    }
+
+    pub fn scene(&self) -> &holo_scene::Scene {
+        self.raycaster.scene()
+    }
+
+    pub fn nearest_many(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        self.raycaster.nearest_many(rays, hits);
+    }
+
+    fn vector(&self, local: Vec3) -> Vec3 {
+        self.camera.to_camera(local.as_dvec3()).as_vec3()
+    }
+
+    /// A point of the scene's coordinates as the camera has it.
+    fn point(&self, local: Vec3) -> Vec3 {
+        self.camera.to_camera(local.as_dvec3() + self.raycaster.scene().origin - self.camera.eye).as_vec3()
+    }
+
+    /// What a hit of a view ray is, whatever its material.
+    pub fn first(&self, ray: &Ray, hit: &Hit) -> Seen {
+        let scene = self.raycaster.scene();
+        let normal = self.raycaster.geometric_normal(hit.triangle);
+        let front = normal.dot(ray.direction) <= 0.0;
+        let facing = if front { normal } else { -normal };
+        Seen {
+            position: self.point(self.raycaster.surface_point(hit).0),
+            normal: self.vector(facing),
+            triangle: hit.triangle,
+            material: scene.material_ids[hit.triangle as usize],
+            front,
+            image: 0,
+            through: false,
+        }
+    }
+
+    /// Follows a ray from a mirror or pane to the first surface that is neither, and what of its light comes back: through
+    /// all panes, or off the first one and then through the others if `off_pane`.
+    ///
+    /// `None` if there are too many of them, or no pane to come off.
+    fn follow(
+        &self,
+        mut ray: Ray,
+        mut hit: Hit,
+        images: &mut Vec<Image>,
+        mut off_pane: bool,
+        is_large: impl Fn(u32) -> bool,
+    ) -> Option<(Seen, Rgb)> {
+        let scene = self.raycaster.scene();
+        let mut image = Image::ITSELF;
+        let mut has_image = true;
+        let mut share = [1.0_f32; 3];
+        for _ in 0..MAX_CHAIN {
+            let material = scene.material(hit.triangle);
+            let normal = self.raycaster.geometric_normal(hit.triangle);
+            let (at, error) = self.raycaster.surface_point(&hit);
+            let mirrored = ray.direction - 2.0 * ray.direction.dot(normal) * normal;
+            let (colour, onward) = match material.bsdf {
+                Bsdf::Mirror { ks } => {
+                    image = image.mirrored(self.point(at), self.vector(normal));
+                    has_image &= is_large(hit.triangle);
+                    (ks, mirrored)
+                }
+                Bsdf::ThinGlass { ior, .. } if off_pane => {
+                    off_pane = false;
+                    image = image.mirrored(self.point(at), self.vector(normal));
+                    ([pane_reflectance(ray.direction.dot(normal).abs(), ior); 3], mirrored)
+                }
+                Bsdf::ThinGlass { ior, transmittance } => {
+                    let passes = 1.0 - pane_reflectance(ray.direction.dot(normal).abs(), ior);
+                    (transmittance.map(|t| t * passes), ray.direction)
+                }
+                _ if off_pane => return None,
+                _ => {
+                    let seen = self.first(&ray, &hit);
+                    let known = images.iter().position(|known| known.is_like(&image, seen.position.length()));
+                    let number = match known {
+                        Some(number) => number,
+                        None if has_image && images.len() < MAX_IMAGES => {
+                            images.push(image);
+                            images.len() - 1
+                        }
+                        None => return Some((Seen { image: NO_IMAGE, through: true, ..seen }, share)),
+                    };
+                    let (position, normal) = (image.point(seen.position), image.direction(seen.normal));
+                    return Some((Seen { position, normal, image: number as u8, through: true, ..seen }, share));
+                }
+            };
+            share = [0, 1, 2].map(|channel| share[channel] * colour[channel]);
+            ray = Ray::new(holo_raycast::spawn(at, error, normal, onward), onward);
+            match self.raycaster.nearest_from(&ray, hit.triangle) {
+                Some(next) => hit = next,
+                None if off_pane => return None,
+                None => return Some((Seen { through: true, ..Seen::NOTHING }, share)),
+            }
+        }
+        None
+    }
+
+    /// What every pixel's middle sees. If there are mirrors or panes in the picture, then what is seen in panes besides what
+    /// is seen through them, and then the mirrors and panes themselves.
+    pub fn surfaces(&self) -> Vec<Surfaces> {
+        let (width, height) = self.size;
+        let mut seen = vec![Seen::NOTHING; width * height];
+        let special = Mutex::new(Vec::new());
+        for_parts(&mut seen, width, BLOCK.1, |part, rows| {
+            let found = self.cast_rows(part * BLOCK.1, rows);
+            if !found.is_empty() {
+                special.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
+            }
+        });
+        let mut special: Vec<(usize, Ray, Hit)> = special.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if special.is_empty() {
+            return vec![self.layer(seen, vec![Image::ITSELF], HashMap::new())];
+        }
+        // Threads finish in any order; images are numbered in the order of the pixels.
+        special.sort_by_key(|&(pixel, ..)| pixel);
+        let mut in_panes = vec![Seen::NOTHING; width * height];
+        let mut polished = in_panes.clone();
+        let (mut images, mut pane_images) = (vec![Image::ITSELF], vec![Image::ITSELF]);
+        let (mut throughput, mut pane_throughput) = (HashMap::new(), HashMap::new());
+        let mut looking_into: HashMap<u32, u32> = HashMap::new();
+        for (_, _, hit) in &special {
+            *looking_into.entry(hit.triangle).or_default() += 1;
+        }
+        let is_large = |triangle| looking_into.get(&triangle).is_some_and(|&pixels| pixels >= LEAST_MIRROR);
+        for (pixel, ray, hit) in special {
+            let Some((behind, share)) = self.follow(ray, hit, &mut images, false, is_large) else { continue };
+            polished[pixel] = std::mem::replace(&mut seen[pixel], behind);
+            throughput.insert(pixel as u32, share);
+            if let Some((reflected, share)) = self.follow(ray, hit, &mut pane_images, true, is_large) {
+                in_panes[pixel] = reflected;
+                pane_throughput.insert(pixel as u32, share);
+            }
+        }
+        vec![
+            self.layer(seen, images, throughput),
+            self.layer(in_panes, pane_images, pane_throughput),
+            self.layer(polished, vec![Image::ITSELF], HashMap::new()),
+        ]
+    }
+
+    fn layer(&self, seen: Vec<Seen>, images: Vec<Image>, throughput: HashMap<u32, Rgb>) -> Surfaces {
+        let pixel_width = self.camera.pixel_width_squared.sqrt() as f32;
+        let labels = super::labels::connect(&seen, self.size.0, pixel_width);
+        let edges = super::labels::edges(&labels, self.size.0);
+        let windows = windows(&seen, self.size.0, images.len());
+        Surfaces { size: self.size, seen, labels, edges, images, windows, throughput, pixel_width }
+    }
+
+    /// Some rows from `top`; gives the pixels that look at a mirror or pane.
+    fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Vec<(usize, Ray, Hit)> {
+        let mut found = Vec::new();
+        let width = self.size.0;
+        let count = rows.len() / width.max(1);
+        let nowhere = Ray::new(Vec3::ZERO, Vec3::ZERO);
+        for left in (0..width).step_by(BLOCK.0) {
+            let across = BLOCK.0.min(width - left);
+            let mut rays = [nowhere; MAX_TOGETHER];
+            let mut hits = [None; MAX_TOGETHER];
+            let place = |slot: usize| (slot % across, slot / across);
+            let used = across * count;
+            for (slot, ray) in rays[..used].iter_mut().enumerate() {
+                let (x, y) = place(slot);
+                *ray = self.ray((left + x) as f64 + 0.5, (top + y) as f64 + 0.5).map_or(nowhere, |(ray, _)| ray);
+            }
+            self.raycaster.nearest_many(&rays[..used], &mut hits[..used]);
+            for slot in 0..used {
+                let (x, y) = place(slot);
+                let Some(hit) = hits[slot] else { continue };
+                let special = matches!(
+                    self.raycaster.scene().material(hit.triangle).bsdf,
+                    Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. }
+                );
+                let pixel = y * width + left + x;
+                rows[pixel] = self.first(&rays[slot], &hit);
+                if special {
+                    found.push((top * width + pixel, rays[slot], hit));
+                }
+            }
+        }
+        found
+    }
+
+    /// The scene's triangle at a point that the camera has, looking along `direction`, within `reach` on either side.
+    pub fn triangle_at(&self, point: DVec3, direction: DVec3, reach: f64) -> Option<u32> {
+        let turn = |v: DVec3| self.camera.right * v.x + self.camera.up * v.y + self.camera.forward * v.z;
+        let (at, along) = (turn(point) + self.camera.eye - self.raycaster.scene().origin, turn(direction));
+        let start = (at - along * reach).as_vec3();
+        let ray = Ray { t_max: 2.0 * reach as f32, ..Ray::new(start, along.as_vec3()) };
+        self.raycaster.nearest(&ray).map(|hit| hit.triangle)
+    }
+}
+
+/// Where the images that are seen at all are seen.
+fn windows(seen: &[Seen], width: usize, images: usize) -> Vec<Window> {
+    let nowhere = |image| Window { image, low: (f32::INFINITY, f32::INFINITY), high: (0.0, 0.0) };
+    let mut windows: Vec<Window> = (0..images as u8).map(nowhere).collect();
+    for (pixel, seen) in seen.iter().enumerate().filter(|(_, seen)| seen.triangle != SKY) {
+        let Some(window) = windows.get_mut(usize::from(seen.image)) else { continue };
+        let (column, row) = ((pixel % width) as f32, (pixel / width) as f32);
+        window.low = (window.low.0.min(column), window.low.1.min(row));
+        window.high = (window.high.0.max(column + 1.0), window.high.1.max(row + 1.0));
+    }
+    windows.retain(|window| window.low.0 < window.high.0);
+    windows
+}
+
+/// What a thin pane reflects of unpolarised light at this cosine, all passes between its faces together.
+fn pane_reflectance(cosine: f32, ior: f32) -> f32 {
+    let inside = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).max(0.0).sqrt();
+    let parallel = (ior * cosine - inside) / (ior * cosine + inside);
+    let across = (cosine - ior * inside) / (cosine + ior * inside);
+    let once = 0.5 * (parallel * parallel + across * across);
+    2.0 * once / (1.0 + once)
+}

@@ -1,0 +1,310 @@
+//! What the geometry-guided driver promises, on small scenes whose light is known in closed form.
+
+#![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
+
+mod common;
+
+use common::{Random, section, view};
+use glam::DVec3;
+use holo_display::{Drawn, Voronoi};
+use holo_picture::View;
+use holo_raycast::Raycaster;
+use holo_scene::{Bsdf, Material, Scene};
+use holo_section::{BeamId, RayCoords, Sample, Section, ViewClass};
+use proptest::prelude::*;
+use std::sync::Arc;
+
+const SIZE: (u32, u32) = (64, 48);
+
+/// Walls of a scene: four corners and a material each.
+type Quad = ([[f64; 3]; 4], usize);
+
+fn diffuse(kd: [f32; 3]) -> Material {
+    Material { bsdf: Bsdf::Diffuse { kd }, ..Material::grey("wall") }
+}
+
+fn raycaster(quads: &[Quad], materials: Vec<Material>) -> Arc<Raycaster> {
+    let positions: Vec<DVec3> = quads.iter().flat_map(|(corners, _)| corners.map(DVec3::from_array)).collect();
+    let triangles: Vec<[u32; 3]> =
+        (0..quads.len() as u32).flat_map(|quad| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|k| 4 * quad + k))).collect();
+    let ids: Vec<u32> = quads.iter().flat_map(|&(_, material)| [material as u32; 2]).collect();
+    let (scene, _) = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).unwrap();
+    Arc::new(Raycaster::build(Arc::new(scene)).unwrap())
+}
+
+/// A wall across x at `at`, from `low` to `high` in y and z.
+fn wall(at: f64, low: [f64; 2], high: [f64; 2], material: usize) -> Quad {
+    ([[at, low[0], low[1]], [at, high[0], low[1]], [at, high[0], high[1]], [at, low[0], high[1]]], material)
+}
+
+/// Radiance of a point of a surface.
+type Light = fn(DVec3, &Material) -> [f32; 3];
+
+fn kd(material: &Material) -> [f32; 3] {
+    match material.bsdf {
+        Bsdf::Diffuse { kd } => kd,
+        _ => [0.0; 3],
+    }
+}
+
+/// Any rays of the section, all over, with the light that they meet. Mirrors show what they reflect.
+fn samples(
+    section: &Section,
+    raycaster: &Raycaster,
+    light: Light,
+    count: usize,
+    noise: common::Noise,
+) -> Vec<(BeamId, Sample)> {
+    let mut random = Random(7);
+    (0..count)
+        .filter_map(|_| {
+            let beam = BeamId(random.bits() % section.beam_count());
+            let coords = RayCoords((random.bits() as u32).to_le_bytes());
+            let ray = section.ray(section.cells(beam)?, coords);
+            let (distance, colour) = shine(raycaster, ray.origin, ray.direction, light)?;
+            let factor = noise(&mut random);
+            let rgb = colour.map(|channel| channel * factor);
+            Some((beam, Sample::encode(coords, rgb, distance, section.diagonal(), random.bits() as u32)))
+        })
+        .collect()
+}
+
+/// Distance of what a ray meets, and its light.
+fn shine(raycaster: &Raycaster, origin: DVec3, direction: DVec3, light: Light) -> Option<(f64, [f32; 3])> {
+    let (ray, skipped) = raycaster.localize(origin, direction)?;
+    let hit = raycaster.nearest(&ray)?;
+    let material = raycaster.scene().material(hit.triangle);
+    let distance = f64::from(hit.t) + skipped;
+    let at = origin + direction * distance;
+    let colour = match material.bsdf {
+        Bsdf::Mirror { ks } => {
+            let normal = raycaster.geometric_normal(hit.triangle).as_dvec3();
+            let mirrored = direction - 2.0 * direction.dot(normal) * normal;
+            let (_, colour) = shine(raycaster, at + mirrored * 1e-6, mirrored, light)?;
+            [0, 1, 2].map(|channel| colour[channel] * ks[channel])
+        }
+        _ => light(at, material),
+    };
+    Some((distance, colour))
+}
+
+struct Stage {
+    section: Section,
+    raycaster: Arc<Raycaster>,
+    view: View,
+}
+
+impl Stage {
+    fn new(quads: &[Quad], materials: Vec<Material>) -> Stage {
+        Stage {
+            section: section([0.0; 3], [4.0; 3], [6; 3], ViewClass::Interior, true),
+            raycaster: raycaster(quads, materials),
+            view: view([0.5, 2.03, 2.01], [8.0, 2.1, 2.05], 50.0, SIZE),
+        }
+    }
+
+    fn empty(&self) -> Voronoi {
+        Voronoi::new(Arc::from([self.section.clone()]), Arc::clone(&self.raycaster), self.view, SIZE)
+    }
+
+    fn draw(&self, samples: &[(BeamId, Sample)]) -> Drawn {
+        let mut canvas = self.empty();
+        samples.iter().for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+        canvas.draw()
+    }
+
+    fn samples(&self, light: Light, count: usize, noise: common::Noise) -> Vec<(BeamId, Sample)> {
+        samples(&self.section, &self.raycaster, light, count, noise)
+    }
+
+    /// Each pixel the mean of 16 × 16 rays.
+    fn truth(&self, light: Light) -> Vec<[f32; 3]> {
+        let side = 16;
+        let pixel = |column: u32, row: u32| {
+            let mut sum = [0.0_f64; 3];
+            for part in 0..side * side {
+                let x = f64::from(column) + (f64::from(part % side) + 0.5) / f64::from(side);
+                let y = f64::from(row) + (f64::from(part / side) + 0.5) / f64::from(side);
+                let (eye, along) = self.view.ray(x / f64::from(SIZE.0), 1.0 - y / f64::from(SIZE.1));
+                let colour = shine(&self.raycaster, eye, along, light).map_or([0.0; 3], |(_, colour)| colour);
+                (0..3).for_each(|channel| sum[channel] += f64::from(colour[channel]));
+            }
+            sum.map(|channel| (channel / f64::from(side * side)) as f32)
+        };
+        (0..SIZE.1).flat_map(|row| (0..SIZE.0).map(move |column| pixel(column, row))).collect()
+    }
+}
+
+/// Largest and root mean square error of green.
+fn error(drawn: &Drawn, truth: &[[f32; 3]]) -> (f32, f32) {
+    let errors: Vec<f32> = drawn.frame.picture.pixels.iter().zip(truth).map(|(a, b)| (a[1] - b[1]).abs()).collect();
+    let square: f32 = errors.iter().map(|error| error * error).sum();
+    (errors.iter().fold(0.0, |most, error| error.max(most)), (square / errors.len() as f32).sqrt())
+}
+
+fn even(_: DVec3, material: &Material) -> [f32; 3] {
+    kd(material)
+}
+
+/// A near plate before a far wall, both evenly lit.
+fn plate() -> Stage {
+    let quads = [wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0), wall(5.0, [1.2, 1.4], [2.4, 3.1], 1)];
+    Stage::new(&quads, vec![diffuse([0.2, 0.7, 0.2]), diffuse([0.1, 0.05, 0.6])])
+}
+
+#[test]
+fn a_silhouette_is_exact_from_few_samples_and_nothing_bleeds_over_it() {
+    let stage = plate();
+    let truth = stage.truth(even);
+    let drawn = stage.draw(&stage.samples(even, 4000, common::clean));
+    // Samples' colours are known to 1 in 256, and an edge pixel is the mean of 8 points: the share of a half plane by 8
+    // rooks is wrong by 1/8 at the most, of a contrast of 0.65.
+    let (most, _) = error(&drawn, &truth);
+    assert!(most <= 0.65 / 8.0 + 0.004, "{most}");
+    let away = |pixel: usize| {
+        let truth = truth[pixel][1];
+        (truth - 0.05).abs() < 1e-6 || (truth - 0.7).abs() < 1e-6
+    };
+    for (pixel, colour) in drawn.frame.picture.pixels.iter().enumerate().filter(|&(pixel, _)| away(pixel)) {
+        // A step of RGBE, of the brightest channel: 1 in 256 of the power of two above it.
+        assert!((colour[1] - truth[pixel][1]).abs() < 1.0 / 256.0, "{pixel}: {colour:?}");
+    }
+}
+
+#[test]
+fn two_colours_in_one_plane_do_not_mix() {
+    let quads = [wall(8.0, [-8.0, -8.0], [2.3, 12.0], 0), wall(8.0, [2.3, -8.0], [12.0, 12.0], 1)];
+    let stage = Stage::new(&quads, vec![diffuse([0.8, 0.8, 0.8]), diffuse([0.02, 0.02, 0.02])]);
+    let drawn = stage.draw(&stage.samples(even, 4000, common::clean));
+    let truth = stage.truth(even);
+    for (pixel, colour) in drawn.frame.picture.pixels.iter().enumerate() {
+        let expected = truth[pixel][1];
+        let pure = (expected - 0.8).abs() < 1e-6 || (expected - 0.02).abs() < 1e-6;
+        // RGBE's step is 1 in 128 of the value; means are nearer.
+        assert!(!pure || (colour[1] - expected).abs() < 0.008 * expected, "{pixel}: {colour:?} {expected}");
+    }
+}
+
+fn shadow(at: DVec3, material: &Material) -> [f32; 3] {
+    kd(material).map(|channel| channel * if at.y + 0.3 * at.z > 2.7 { 1.0 } else { 0.25 })
+}
+
+#[test]
+fn light_converges_to_the_mean_of_each_pixel_and_shadows_stay_sharp() {
+    let stage = Stage::new(&[wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0)], vec![diffuse([0.5; 3])]);
+    let truth = stage.truth(shadow);
+    let all = stage.samples(shadow, 1_200_000, common::exponential);
+    let rms: Vec<f32> = [100, 10, 1].map(|part| error(&stage.draw(&all[..all.len() / part]), &truth).1).into();
+    // Ten times the samples: of even light alone the error would fall to a third, of edges alone too.
+    assert!(rms[1] < 0.7 * rms[0] && rms[2] < 0.7 * rms[1], "{rms:?}");
+    // Samples on a pixel at the end, by the wall's share of all rays: the error is below that of the pixels' own means.
+    let landed = stage.draw(&all).frame.samples_used as f32 / truth.len() as f32;
+    assert!(landed > 20.0 && rms[2] < 0.5 / landed.sqrt(), "{landed} {rms:?}");
+}
+
+#[test]
+fn a_mirror_shows_what_lies_before_it_with_its_edges() {
+    // Behind the eye a wall of two colours; before it a mirror.
+    let quads = [
+        wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0),
+        wall(-2.0, [-30.0, -30.0], [1.9, 30.0], 1),
+        wall(-2.0, [1.9, -30.0], [30.0, 30.0], 2),
+    ];
+    let mirror = Material { bsdf: Bsdf::Mirror { ks: [0.8; 3] }, ..Material::grey("mirror") };
+    let stage = Stage::new(&quads, vec![mirror, diffuse([0.6; 3]), diffuse([0.1; 3])]);
+    let drawn = stage.draw(&stage.samples(even, 20_000, common::clean));
+    let truth = stage.truth(even);
+    let seen = |value: f32| truth.iter().filter(|pixel| (pixel[1] - value).abs() < 1e-5).count();
+    assert!(seen(0.48) > 500 && seen(0.08) > 500, "both are seen in the mirror");
+    for (pixel, (colour, truth)) in drawn.frame.picture.pixels.iter().zip(&truth).enumerate() {
+        let pure = (truth[1] - 0.48).abs() < 1e-5 || (truth[1] - 0.08).abs() < 1e-5;
+        assert!(!pure || (colour[1] - truth[1]).abs() < 0.008 * truth[1], "{pixel}: {colour:?} {truth:?}");
+    }
+}
+
+#[test]
+fn without_samples_surfaces_are_lit_from_the_eye_and_counted_and_lamps_shine() {
+    let quads = [wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0), wall(5.0, [1.2, 3.1], [2.4, 1.4], 1)];
+    let lamp = Material { emission: [3.0, 2.0, 1.0], two_sided_emission: true, ..diffuse([0.0; 3]) };
+    let stage = Stage::new(&quads, vec![diffuse([0.5; 3]), lamp]);
+    let drawn = stage.empty().draw();
+    let shining = drawn.frame.picture.pixels.iter().filter(|pixel| **pixel == [3.0, 2.0, 1.0]).count();
+    assert!(shining > 50, "{shining}");
+    assert!(drawn.frame.picture.pixels.iter().all(|pixel| pixel[1] > 0.0), "nothing is black");
+    assert_eq!(drawn.guessed_pixels, drawn.frame.empty_pixels);
+    assert!(drawn.guessed_pixels > 2000);
+    let known = stage.draw(&stage.samples(even, 4000, common::clean));
+    assert_eq!(known.guessed_pixels, 0);
+}
+
+#[test]
+fn what_meets_nothing_is_the_sky_exactly() {
+    let mut stage = plate();
+    let mut scene = (**stage.raycaster.scene()).clone();
+    scene.sky = [0.25, 0.5, 1.0];
+    stage.raycaster = Arc::new(Raycaster::build(Arc::new(scene)).unwrap());
+    stage.view = view([0.5, 2.03, 2.01], [-8.0, 2.1, 2.05], 50.0, SIZE);
+    let drawn = stage.draw(&stage.samples(even, 1000, common::clean));
+    assert!(drawn.frame.picture.pixels.iter().all(|pixel| *pixel == [0.25, 0.5, 1.0]));
+    assert!(drawn.frame.depth.iter().all(|&depth| depth == f32::INFINITY));
+}
+
+#[test]
+fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
+    let stage = plate();
+    let canvas = stage.empty();
+    let beams = canvas.surface_beams();
+    assert!(beams.is_sorted() && beams.windows(2).all(|pair| pair[0] != pair[1]));
+    let all = stage.samples(even, 60_000, common::clean);
+    let (chosen, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|(beam, _)| beams.contains(&(0, *beam)));
+    let used = |samples: &[(BeamId, Sample)]| stage.draw(samples).frame.samples_used;
+    let (inside, outside) = (used(&chosen), used(&others));
+    assert!(inside > 2000 && outside * 20 < inside, "{inside} {outside}");
+}
+
+fn bits(drawn: &Drawn) -> Vec<[u32; 3]> {
+    drawn.frame.picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+/// Any ten bytes as a sample of any beam: all exponents, all distances.
+fn any_samples() -> impl Strategy<Value = Vec<(u64, u16, Sample)>> {
+    let sample = (any::<[u8; 4]>(), any::<[u8; 4]>(), any::<u16>(), any::<bool>()).prop_map(
+        |(coords, mut rgbe, code, ordinary)| {
+            if ordinary {
+                rgbe[3] = 120 + rgbe[3] % 16;
+            }
+            Sample::from_codes(RayCoords(coords), rgbe, if ordinary { code % 4096 } else { code })
+        },
+    );
+    prop::collection::vec((any::<u64>(), any::<u16>(), sample), 1..400)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn any_samples_give_a_finite_picture_and_their_order_changes_no_bit(
+        wild in any_samples(), seed in any::<u64>(), size in (1..40_u32, 1..40_u32),
+    ) {
+        let mut stage = plate();
+        stage.view = View::new(DVec3::new(0.5, 2.0, 2.0), DVec3::X, DVec3::Z, Some(70.0), Some(60.0), size).unwrap();
+        let real = stage.samples(even, 2000, common::one_path).into_iter().map(|(beam, sample)| (beam.0, 1, sample));
+        let count = stage.section.beam_count();
+        let mut samples: Vec<_> = wild.into_iter().map(|(beam, paths, sample)| (beam % count, paths, sample)).chain(real).collect();
+        let draw = |samples: &[(u64, u16, Sample)]| {
+            let mut canvas =
+                Voronoi::new(Arc::from([stage.section.clone()]), Arc::clone(&stage.raycaster), stage.view, size);
+            for (beam, paths, sample) in samples {
+                canvas.insert(0, BeamId(*beam), *paths, std::slice::from_ref(sample));
+            }
+            canvas.draw()
+        };
+        let first = draw(&samples);
+        prop_assert!(first.frame.picture.pixels.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
+        let mut random = Random(seed);
+        for last in (1..samples.len()).rev() {
+            samples.swap(last, (random.bits() % (last as u64 + 1)) as usize);
+        }
+        prop_assert_eq!(bits(&first), bits(&draw(&samples)));
+    }
+}
