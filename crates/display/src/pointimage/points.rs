@@ -1,0 +1,176 @@
+//! The cache of points: a fixed number of them, array by array, and when each leaves.
+//!
+//! Always true: a slot is empty exactly if its age is 255. What every frame reads lies in arrays of its own; what only a new sample
+//! touches lies together, a cache line a point.
+
+use super::colour;
+use super::isa::Kernel;
+use super::parallel;
+use super::params::PointImageParams;
+
+/// Flag: the point is a sample of the current view.
+pub(super) const FRESH: u8 = 1;
+/// Flag: the renderer expects it to change.
+pub(super) const HIGHLIGHT: u8 = 2;
+/// In [`Points::mapped`]: outside the picture, or behind another.
+pub(super) const HIDDEN: u32 = u32::MAX;
+/// Age of an empty slot.
+pub(super) const EVICTED: u8 = u8::MAX;
+/// New points look for the oldest of this many slots (1999, §4.3).
+const GROUP: usize = 8;
+/// Points are aged so that they are overwritten at this age on average (2002, §3.4).
+const MEAN_LAST_AGE: f64 = 128.0;
+
+/// What only new samples touch.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+pub(super) struct Details {
+    /// Mean radiance.
+    pub mean: [f32; 3],
+    /// Samples in `mean`.
+    pub count: u32,
+    /// Mean radiance of rays through the very point, which tells whether it has changed: `mean` may be a pixel's.
+    pub reference: [f32; 3],
+    /// Samples in `reference`.
+    pub reference_count: u32,
+    /// Standard deviation of one sample, as stated.
+    pub noise: f32,
+    /// Counts the points that the slot has held.
+    pub stamp: u32,
+    /// The view that `mean` is of, if it is one view's.
+    pub epoch: u32,
+}
+
+/// The cache.
+#[derive(Debug)]
+pub(super) struct Points {
+    /// x, y and z relative to the origin.
+    pub position: [Vec<f32>; 3],
+    /// Packed mean radiance.
+    pub colour: Vec<u32>,
+    pub age: Vec<u8>,
+    pub flags: Vec<u8>,
+    /// The pixel that shows the point, or [`HIDDEN`]; one entry more than points, of no meaning.
+    pub mapped: Vec<u32>,
+    pub object: Vec<u32>,
+    pub details: Vec<Details>,
+    /// Where the next new point looks for a slot.
+    cursor: usize,
+    /// Age that is due but not a whole number.
+    due: f64,
+}
+
+impl Points {
+    /// `capacity` is a multiple of [`super::project::BLOCK`].
+    pub fn new(capacity: usize) -> Self {
+        Self {
+            position: std::array::from_fn(|_| vec![0.0; capacity]),
+            colour: vec![colour::NONE; capacity],
+            age: vec![EVICTED; capacity],
+            flags: vec![0; capacity],
+            mapped: vec![HIDDEN; capacity + 1],
+            object: vec![0; capacity],
+            details: vec![Details::default(); capacity],
+            cursor: 0,
+            due: 0.0,
+        }
+    }
+
+    pub fn capacity(&self) -> usize {
+        self.age.len()
+    }
+
+    /// Age by which a frame with `samples` new samples makes points older.
+    pub fn increment(&mut self, samples: usize) -> u8 {
+        self.due += MEAN_LAST_AGE * samples as f64 / self.capacity() as f64;
+        let whole = self.due.floor().min(254.0);
+        self.due = (self.due - whole).min(254.0);
+        whole as u8
+    }
+
+    /// The oldest of the next group of slots, round robin.
+    pub fn free_slot(&mut self) -> usize {
+        let start = self.cursor;
+        self.cursor = (start + GROUP) % self.capacity();
+        let group = &self.age[start..start + GROUP];
+        // Of equals the first; an empty slot is the oldest.
+        let oldest = group.iter().copied().max().unwrap_or(0);
+        start + group.iter().position(|&age| age == oldest).unwrap_or(0)
+    }
+
+    /// Makes a point older; the next frame's ageing may evict it.
+    pub fn age(&mut self, slot: usize, by: u8) {
+        self.age[slot] = self.age[slot].saturating_add(by).min(EVICTED - 1);
+        self.flags[slot] &= !FRESH;
+    }
+}
+
+/// A frame's ageing. Hidden points and highlights age faster; samples of the current view never leave.
+pub(super) struct Age<'a> {
+    pub age: &'a mut [u8],
+    pub flags: &'a mut [u8],
+    pub mapped: &'a [u32],
+    /// Age of visible, of hidden, of likely to change points.
+    pub increments: [u8; 3],
+    /// Oldest age of a point that may not leave.
+    pub evict: bool,
+    /// The view is another: nothing is a sample of it.
+    pub moved: bool,
+}
+
+impl<'a> Age<'a> {
+    pub fn new(points: &'a mut Points, increment: u8, moved: bool, params: &PointImageParams) -> Self {
+        let increments =
+            [1, params.hidden_ageing, params.highlight_ageing].map(|times| increment.saturating_mul(times));
+        let Points { age, flags, mapped, .. } = points;
+        Self { age, flags, mapped, increments, evict: params.stages.eviction, moved }
+    }
+
+    /// One for each range of slots.
+    pub fn split(self, ranges: &[std::ops::Range<usize>]) -> Vec<Self> {
+        let Self { age, flags, mapped, increments, evict, moved } = self;
+        let ages = parallel::cut(age, ranges.iter().map(|range| range.len()));
+        let flags = parallel::cut(flags, ranges.iter().map(|range| range.len()));
+        let parts = ranges.iter().zip(ages).zip(flags);
+        let part = |((range, age), flags): ((&std::ops::Range<usize>, &'a mut [u8]), &'a mut [u8])| Self {
+            age,
+            flags,
+            mapped: &mapped[range.clone()],
+            increments,
+            evict,
+            moved,
+        };
+        parts.map(part).collect()
+    }
+}
+
+impl Kernel for Age<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { age, flags, mapped, increments: [visible, hidden, highlight], evict, moved } = self;
+        let keep = if moved { !FRESH } else { u8::MAX };
+        let oldest = if evict { EVICTED } else { EVICTED - 1 };
+        age_all(age, flags, mapped, [visible, hidden.max(visible), highlight.max(visible)], keep, oldest);
+    }
+}
+
+#[inline(always)]
+fn age_all(
+    age: &mut [u8],
+    flags: &mut [u8],
+    mapped: &[u32],
+    [visible, hidden, highlight]: [u8; 3],
+    keep: u8,
+    oldest: u8,
+) {
+    for ((age, flags), mapped) in age.iter_mut().zip(flags).zip(mapped) {
+        *flags &= keep;
+        let by = if *mapped == HIDDEN { hidden } else { visible };
+        let by = by.max(if *flags & HIGHLIGHT != 0 { highlight } else { 0 });
+        let limit = if *flags & FRESH != 0 { EVICTED - 1 } else { oldest };
+        let older = age.saturating_add(by).min(limit);
+        *age = if *age == EVICTED { EVICTED } else { older };
+    }
+}

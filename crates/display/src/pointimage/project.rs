@@ -1,0 +1,217 @@
+//! Projection and tile sort (Walter et al. 2002, §3.2): every point to its pixel, in buckets by tile of the picture.
+//!
+//! Buckets are chains of chunks, so one pass is enough: no count beforehand, no second copy.
+//!
+//! Always true: a tile's records come in the points' order, however many threads there were; record 0 stands for "no point".
+
+use super::isa::{Isa, Kernel};
+use super::map::{Map, NEAREST};
+use super::parallel;
+use super::points::{FRESH, HIDDEN, Points};
+
+/// Pixels along a tile's side: its z-buffer takes 32 kB, which the fastest cache holds.
+pub(super) const TILE: usize = 64;
+/// Records of a chunk: a page of memory.
+const CHUNK: usize = 256;
+/// Points projected at a time; their number is a multiple.
+pub(super) const BLOCK: usize = 256;
+/// End of a chain.
+const END: u32 = u32::MAX;
+/// In [`Record::key`] of a point that is not a sample of this very view. It is the sign of the depth, so fresh points win.
+pub(super) const OLD: u32 = 1 << 31;
+
+/// A point that falls into a tile.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(16))]
+pub(super) struct Record {
+    /// Depth, as bits of an f32, and [`OLD`].
+    pub key: u32,
+    pub colour: u32,
+    /// Which point.
+    pub slot: u32,
+    /// Pixel in the tile, and from bit 16 the age.
+    pub pixel_and_age: u32,
+}
+
+const _: () = assert!(size_of::<Record>() == 16);
+
+/// Chains of one thread's points.
+#[derive(Debug, Default)]
+struct Part {
+    /// Where the next record of each tile goes; the last is the tile of points that are not seen.
+    heads: Vec<u32>,
+    /// The chunk after each.
+    next: Vec<u32>,
+    /// Where this part's chunks begin among all records.
+    base: usize,
+    chunks: usize,
+}
+
+/// Records by tile.
+#[derive(Debug)]
+pub(super) struct Buckets {
+    pub records: Vec<Record>,
+    parts: Vec<Part>,
+    /// Points of each part.
+    lengths: Vec<usize>,
+    pub tiles: (usize, usize),
+}
+
+impl Buckets {
+    pub fn new(size: (usize, usize), points: usize, threads: usize) -> Self {
+        let tiles = (size.0.div_ceil(TILE), size.1.div_ceil(TILE));
+        let count = tiles.0 * tiles.1 + 1;
+        let ranges = parallel::bands(points, BLOCK, threads);
+        let mut base = CHUNK;
+        let mut parts = Vec::new();
+        for range in &ranges {
+            let chunks = count + range.len() / CHUNK + 1;
+            parts.push(Part { heads: vec![0; count], next: vec![END; chunks], base, chunks });
+            base += chunks * CHUNK;
+        }
+        let nothing = Record { key: 0, colour: super::colour::NONE, slot: points as u32, pixel_and_age: 0 };
+        let mut records = vec![Record::default(); base];
+        records[0] = nothing;
+        Self { records, parts, lengths: ranges.iter().map(|range| range.len()).collect(), tiles }
+    }
+
+    /// Fills the chains; says in [`Points::mapped`] where each point falls.
+    pub fn fill(&mut self, isa: Isa, map: &Map, size: (usize, usize), points: &mut Points) {
+        let Self { records, parts, lengths, tiles } = self;
+        let mut records =
+            parallel::cut(records, [CHUNK].into_iter().chain(parts.iter().map(|part| part.chunks * CHUNK)));
+        let mapped = parallel::cut(&mut points.mapped, lengths.iter().copied());
+        let mut from = 0;
+        let mut work = Vec::new();
+        for (((part, records), mapped), length) in
+            parts.iter_mut().zip(records.drain(1..)).zip(mapped).zip(lengths.iter().copied())
+        {
+            let range = from..from + length;
+            from += length;
+            work.push(Project {
+                map,
+                size,
+                tiles: *tiles,
+                first: range.start as u32,
+                position: [0, 1, 2].map(|axis| &points.position[axis][range.clone()]),
+                colour: &points.colour[range.clone()],
+                age: &points.age[range.clone()],
+                flags: &points.flags[range],
+                mapped,
+                records,
+                part,
+            });
+        }
+        parallel::for_each(work, |kernel| isa.run(kernel));
+    }
+
+    /// Ranges of records of a tile, in the points' order.
+    pub fn chain(&self, tile: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+        self.parts.iter().flat_map(move |part| {
+            let mut chunk = tile as u32;
+            let last = part.heads[tile] as usize;
+            std::iter::from_fn(move || {
+                let next = *part.next.get(chunk as usize)?;
+                let start = chunk as usize * CHUNK;
+                let end = if next == END { last } else { start + CHUNK };
+                chunk = next;
+                Some(part.base + start..part.base + end)
+            })
+        })
+    }
+}
+
+struct Project<'a> {
+    map: &'a Map,
+    size: (usize, usize),
+    tiles: (usize, usize),
+    first: u32,
+    position: [&'a [f32]; 3],
+    colour: &'a [u32],
+    age: &'a [u8],
+    flags: &'a [u8],
+    mapped: &'a mut [u32],
+    records: &'a mut [Record],
+    part: &'a mut Part,
+}
+
+impl Kernel for Project<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { map, size, tiles, first, position, colour, age, flags, mapped, records, part } = self;
+        let trash = (tiles.0 * tiles.1) as u32;
+        let mut free = trash + 1;
+        part.next.fill(END);
+        for (tile, head) in part.heads.iter_mut().enumerate() {
+            *head = (tile * CHUNK) as u32;
+        }
+        let heads = part.heads.as_mut_slice();
+        let next = part.next.as_mut_slice();
+        let mut found = [Record::default(); BLOCK];
+        let mut tile_of = [0_u32; BLOCK];
+        let (xs, ys, zs) = (position[0].as_chunks().0, position[1].as_chunks().0, position[2].as_chunks().0);
+        let blocks = xs.iter().zip(ys).zip(zs).zip(colour.as_chunks().0).zip(age.as_chunks().0);
+        let blocks = blocks.zip(flags.as_chunks().0).zip(mapped.as_chunks_mut().0).enumerate();
+        for (block, ((((((x, y), z), colour), age), flags), mapped)) in blocks {
+            let start = first + (block * BLOCK) as u32;
+            place(map, size, tiles, start, [x, y, z], colour, age, flags, mapped, &mut found, &mut tile_of);
+            for (record, &tile) in found.iter().zip(&tile_of) {
+                let head = &mut heads[tile as usize];
+                records[*head as usize] = *record;
+                // The tile of unseen points stays where it is: each overwrites the last.
+                *head += u32::from(tile != trash);
+                if *head as usize % CHUNK == 0 && tile != trash {
+                    next[*head as usize / CHUNK - 1] = free;
+                    *head = free * CHUNK as u32;
+                    free += 1;
+                }
+            }
+        }
+    }
+}
+
+/// Records and tiles of a block of points.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn place(
+    map: &Map,
+    size: (usize, usize),
+    tiles: (usize, usize),
+    start: u32,
+    [x, y, z]: [&[f32; BLOCK]; 3],
+    colour: &[u32; BLOCK],
+    age: &[u8; BLOCK],
+    flags: &[u8; BLOCK],
+    mapped: &mut [u32; BLOCK],
+    found: &mut [Record; BLOCK],
+    tile_of: &mut [u32; BLOCK],
+) {
+    let (width, height) = (size.0 as i32, size.1 as i32);
+    let (right, bottom) = (width as f32, height as f32);
+    let across = tiles.0 as i32;
+    let trash = across * tiles.1 as i32;
+    for i in 0..BLOCK {
+        let (column, row, depth) = map.project([x[i], y[i], z[i]]);
+        let seen = (depth >= NEAREST)
+            & (depth < f32::INFINITY)
+            & (column >= 0.0)
+            & (column < right)
+            & (row >= 0.0)
+            & (row < bottom)
+            & (age[i] != u8::MAX);
+        let (column, row) = (if seen { column as i32 } else { 0 }, if seen { row as i32 } else { 0 });
+        let tile = (row >> TILE.ilog2()) * across + (column >> TILE.ilog2());
+        let local = (row & (TILE as i32 - 1)) * TILE as i32 + (column & (TILE as i32 - 1));
+        let old = if flags[i] & FRESH == 0 { OLD } else { 0 };
+        tile_of[i] = if seen { tile } else { trash } as u32;
+        mapped[i] = if seen { row * width + column } else { HIDDEN as i32 } as u32;
+        found[i] = Record {
+            key: depth.to_bits() | old,
+            colour: colour[i],
+            slot: start + i as u32,
+            pixel_and_age: local as u32 | u32::from(age[i]) << 16,
+        };
+    }
+}
