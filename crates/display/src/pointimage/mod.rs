@@ -44,6 +44,7 @@ mod params;
 mod planes;
 mod points;
 mod predict;
+mod prefetch;
 mod prefilter;
 mod project;
 mod random;
@@ -52,6 +53,7 @@ mod rows;
 mod sample;
 mod shared;
 mod stages;
+mod truncate;
 mod update;
 mod zbuffer;
 
@@ -104,11 +106,12 @@ pub struct PointImage {
     is_dirty: bool,
     requests: Vec<Request>,
     chosen: Vec<u32>,
+    sorted: Vec<u32>,
     rejected: u64,
 }
 
 impl PointImage {
-    /// An empty cache for pictures of `size` pixels, all black. Takes some 180 bytes per pixel.
+    /// An empty cache for pictures of `size` pixels, all black. Takes some 120 bytes per pixel.
     ///
     /// # Errors
     /// A size outside the limits of [`Picture::check_size`], a parameter outside its range.
@@ -134,6 +137,7 @@ impl PointImage {
             is_dirty: true,
             requests: Vec::new(),
             chosen: Vec::new(),
+            sorted: Vec::new(),
             rejected: 0,
             params,
         })
@@ -163,7 +167,7 @@ impl PointImage {
 
     /// Points that the cache holds.
     pub fn point_count(&self) -> usize {
-        self.points.age.iter().filter(|&&age| age != EVICTED).count()
+        self.points.age[..self.points.capacity()].iter().filter(|&&age| age != EVICTED).count()
     }
 
     /// Samples that were left out because a number in them was not finite.

@@ -8,6 +8,7 @@ use super::points::{EVICTED, Points};
 use super::project::BLOCK;
 use super::random;
 use super::sample::{Aim, Request, Tag};
+use super::truncate::truncate;
 
 /// Pixels along a block's side.
 const COARSE: usize = 4;
@@ -94,7 +95,7 @@ fn place(map: &Map, size: (usize, usize), [x, y, z]: [&[f32; BLOCK]; 3], age: &[
             & (row >= 0.0)
             & (row < bottom)
             & (age[i] != EVICTED);
-        let (column, row) = (if seen { column as i32 } else { 0 }, if seen { row as i32 } else { 0 });
+        let (column, row) = (truncate(column, right), truncate(row, bottom));
         block[i] = if seen { row * across + column } else { outside } as u32;
     }
 }

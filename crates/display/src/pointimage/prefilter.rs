@@ -6,13 +6,20 @@
 //!
 //! Always true: the result does not depend on where bands of rows begin.
 
+use super::colour;
 use super::isa::Kernel;
-use super::rows::{ROOM, Row};
+use super::rows::{ROOM, Row, row_of, strips};
+use std::ops::Range;
 
 /// Pixels along the window's side.
 const WINDOW: usize = 7;
 const REACH: usize = WINDOW / 2;
 const _: () = assert!(REACH <= ROOM);
+
+/// Columns filtered at a time: the rows of two blocks take 30 kB.
+const STRIP: usize = 128;
+/// Rows filtered at a time.
+const ROWS: usize = 4 * WINDOW;
 
 /// Filters rows `from..` of a picture, as many as `picture` has.
 pub(super) struct Prefilter<'a> {
@@ -23,6 +30,8 @@ pub(super) struct Prefilter<'a> {
     pub picture: [&'a mut [f32]; 3],
     /// Whether pixels without points nearby become 0.
     pub black: bool,
+    /// Only pixels without a point among 3×3 matter: others will be overwritten.
+    pub gaps_only: bool,
 }
 
 impl Kernel for Prefilter<'_> {
@@ -30,39 +39,102 @@ impl Kernel for Prefilter<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, from, colour, picture: [red, green, blue], black } = self;
-        let mut decoded = Row::new(width);
-        // Of the block that was left: sums from each of its rows to its end. Of the block at hand: its rows so far, and their sum.
-        let mut left = vec![Row::new(width); WINDOW];
-        let mut block = vec![Row::new(width); WINDOW];
-        let mut so_far = Row::new(width);
-        let nothing = Row::new(width);
+        let Self { width, from, colour, picture: [red, green, blue], black, gaps_only } = self;
         let rows = red.len() / width;
-        // Rows are counted from REACH above the picture, in blocks of WINDOW; those outside are zeros. `y` is the last row of a window.
-        let first = (from / WINDOW) * WINDOW;
-        for last in first..from + rows + 2 * REACH {
+        let mut buffers = Buffers::new(STRIP.min(width));
+        let mut merged = vec![0_u32; STRIP + 2];
+        for first in (0..rows).step_by(ROWS) {
+            let last = (first + ROWS).min(rows);
+            for columns in strips(width, STRIP) {
+                if !gaps_only || has_gap(colour, width, from + first..from + last, &columns, &mut merged) {
+                    let out = [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[first * width..last * width]);
+                    buffers.filter(colour, width, from + first, columns, out, black);
+                }
+            }
+        }
+    }
+}
+
+/// Whether there is a pixel without a point among its 3×3.
+#[inline(always)]
+fn has_gap(colour: &[u32], width: usize, rows: Range<usize>, columns: &Range<usize>, merged: &mut [u32]) -> bool {
+    let (start, end) = (columns.start.saturating_sub(1), (columns.end + 1).min(width));
+    let count = columns.len();
+    let (to, length) = ((start + 1) - columns.start, end - start);
+    // The column beyond the picture's edge has no points.
+    (merged[0], merged[count + 1]) = (colour::NONE, colour::NONE);
+    let mut gap = false;
+    for y in rows {
+        let [above, here, below] =
+            [y.wrapping_sub(1), y, y + 1].map(|y| row_of(colour, width, y).map(|row| &row[start..end]));
+        let Some(here) = here else { continue };
+        merge(above.unwrap_or(here), here, below.unwrap_or(here), &mut merged[to..][..length]);
+        gap |= any_gap(&merged[..count], &merged[1..][..count], &merged[2..][..count]);
+    }
+    gap
+}
+
+#[inline(always)]
+fn merge(above: &[u32], here: &[u32], below: &[u32], merged: &mut [u32]) {
+    for (((merged, a), b), c) in merged.iter_mut().zip(above).zip(here).zip(below) {
+        *merged = a | b | c;
+    }
+}
+
+#[inline(always)]
+fn any_gap(left: &[u32], here: &[u32], right: &[u32]) -> bool {
+    left.iter().zip(here).zip(right).fold(false, |gap, ((a, b), c)| gap | (a | b | c == colour::NONE))
+}
+
+/// Rows of sums for one strip.
+struct Buffers {
+    decoded: Row,
+    /// Sums from each row of the block that was left to its end.
+    left: Vec<Row>,
+    /// Rows of the block at hand, and their sum so far.
+    block: Vec<Row>,
+    so_far: Row,
+    nothing: Row,
+}
+
+impl Buffers {
+    fn new(width: usize) -> Self {
+        let row = Row::new(width);
+        let [left, block] = [(); 2].map(|()| vec![row.clone(); WINDOW]);
+        Self { decoded: row.clone(), left, block, so_far: row.clone(), nothing: row }
+    }
+
+    /// Filters a strip of rows `from..`, as many as `out` has.
+    #[inline(always)]
+    fn filter(
+        &mut self,
+        colour: &[u32],
+        width: usize,
+        from: usize,
+        columns: Range<usize>,
+        out: [&mut [f32]; 3],
+        black: bool,
+    ) {
+        let Self { decoded, left, block, so_far, nothing } = self;
+        let [red, green, blue] = out;
+        let (rows, count) = (red.len() / width, columns.len());
+        // Rows are counted from REACH above the picture, in blocks of WINDOW; those outside are zeros. `last` is the last of a window.
+        for last in (from / WINDOW) * WINDOW..from + rows + 2 * REACH {
             let at = last % WINDOW;
             if at == 0 {
-                std::mem::swap(&mut left, &mut block);
-                finish_block(&mut left, width);
+                std::mem::swap(left, block);
+                finish_block(left, count);
             }
-            let y = last.wrapping_sub(REACH);
-            match colour.get(y.wrapping_mul(width)..).filter(|_| last >= REACH).and_then(|rest| rest.get(..width)) {
-                Some(colours) => {
-                    decoded.decode(colours);
-                    across(&decoded, &mut block[at], width);
-                }
-                None => block[at].clear(),
-            }
+            decoded.decode(last.checked_sub(REACH).and_then(|y| row_of(colour, width, y)), &columns, REACH);
+            across(decoded, &mut block[at], count);
             for channel in 0..4 {
-                add(&mut so_far.channels[channel][..width], &block[at].channels[channel][..width], at == 0);
+                add(&mut so_far.channels[channel][..count], &block[at].channels[channel][..count], at == 0);
             }
-            let Some(out) = last.checked_sub(from + 2 * REACH) else { continue };
-            let at = out * width..(out + 1) * width;
-            let (red, green, blue) = (&mut red[at.clone()], &mut green[at.clone()], &mut blue[at]);
+            let Some(row) = last.checked_sub(from + 2 * REACH) else { continue };
+            let place = row * width + columns.start..row * width + columns.end;
             // A window that ends with a block is that block: nothing of the one before is in it.
-            let before = if last % WINDOW + 1 < WINDOW { &left[(last + 1) % WINDOW] } else { &nothing };
-            show(&so_far, before, red, green, blue, black);
+            let before = if at + 1 < WINDOW { &left[at + 1] } else { &*nothing };
+            show(so_far, before, &mut red[place.clone()], &mut green[place.clone()], &mut blue[place], black);
         }
     }
 }

@@ -2,33 +2,39 @@
 //!
 //! Buckets are chains of chunks, so one pass is enough: no count beforehand, no second copy.
 //!
-//! Always true: a tile's records come in the points' order, however many threads there were; record 0 stands for "no point".
+//! Records carry colour and age: fetched later, point by point, they come from anywhere in the cache, which took longer than all
+//! else in the z-buffer. A tile's records and its z-buffer fit into the fastest cache together.
+//!
+//! Always true: the result does not depend on the number of threads.
 
 use super::isa::{Isa, Kernel};
 use super::map::{Map, NEAREST};
 use super::parallel;
-use super::points::{FRESH, HIDDEN, Points};
+use super::points::{FRESH, Points};
+use super::prefetch::prefetch;
+use super::truncate::truncate;
 
-/// Pixels along a tile's side: its z-buffer takes 32 kB, which the fastest cache holds.
-pub(super) const TILE: usize = 64;
-/// Records of a chunk: a page of memory.
-const CHUNK: usize = 256;
+/// Pixels along a tile's side: its z-buffer takes 8 kB and its records some 18.
+pub(super) const TILE: usize = 32;
+/// Records of a chunk: 2 kB.
+const CHUNK: usize = 128;
 /// Points projected at a time; their number is a multiple.
 pub(super) const BLOCK: usize = 256;
+/// Records by which their memory is asked for before it is written: two cache lines.
+const AHEAD: usize = 8;
 /// End of a chain.
 const END: u32 = u32::MAX;
-/// In [`Record::key`] of a point that is not a sample of this very view. It is the sign of the depth, so fresh points win.
-pub(super) const OLD: u32 = 1 << 31;
+/// In a key of a point that is not a sample of this very view. It is the sign of the depth, so fresh points win.
+const OLD: u32 = 1 << 31;
 
 /// A point that falls into a tile.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(16))]
 pub(super) struct Record {
-    /// Depth, as bits of an f32, and [`OLD`].
-    pub key: u32,
-    pub colour: u32,
-    /// Which point.
     pub slot: u32,
+    /// Depth, as bits of an f32, negative for points that are not fresh.
+    pub depth: u32,
+    pub colour: u32,
     /// Pixel in the tile, and from bit 16 the age.
     pub pixel_and_age: u32,
 }
@@ -50,7 +56,7 @@ struct Part {
 /// Records by tile.
 #[derive(Debug)]
 pub(super) struct Buckets {
-    pub records: Vec<Record>,
+    records: Vec<Record>,
     parts: Vec<Part>,
     /// Points of each part.
     lengths: Vec<usize>,
@@ -62,29 +68,27 @@ impl Buckets {
         let tiles = (size.0.div_ceil(TILE), size.1.div_ceil(TILE));
         let count = tiles.0 * tiles.1 + 1;
         let ranges = parallel::bands(points, BLOCK, threads);
-        let mut base = CHUNK;
+        let mut base = 0;
         let mut parts = Vec::new();
         for range in &ranges {
-            let chunks = count + range.len() / CHUNK + 1;
+            // One more than can be filled, so that what is fetched ahead exists.
+            let chunks = count + range.len() / CHUNK + 2;
             parts.push(Part { heads: vec![0; count], next: vec![END; chunks], base, chunks });
             base += chunks * CHUNK;
         }
-        let nothing = Record { key: 0, colour: super::colour::NONE, slot: points as u32, pixel_and_age: 0 };
-        let mut records = vec![Record::default(); base];
-        records[0] = nothing;
+        let records = vec![Record::default(); base];
         Self { records, parts, lengths: ranges.iter().map(|range| range.len()).collect(), tiles }
     }
 
-    /// Fills the chains; says in [`Points::mapped`] where each point falls.
+    /// Fills the chains; marks the points outside the picture as hidden.
     pub fn fill(&mut self, isa: Isa, map: &Map, size: (usize, usize), points: &mut Points) {
         let Self { records, parts, lengths, tiles } = self;
-        let mut records =
-            parallel::cut(records, [CHUNK].into_iter().chain(parts.iter().map(|part| part.chunks * CHUNK)));
-        let mapped = parallel::cut(&mut points.mapped, lengths.iter().copied());
+        let records = parallel::cut(records, parts.iter().map(|part| part.chunks * CHUNK));
+        let hidden = parallel::cut(&mut points.is_hidden, lengths.iter().copied());
         let mut from = 0;
         let mut work = Vec::new();
-        for (((part, records), mapped), length) in
-            parts.iter_mut().zip(records.drain(1..)).zip(mapped).zip(lengths.iter().copied())
+        for (((part, records), is_hidden), length) in
+            parts.iter_mut().zip(records).zip(hidden).zip(lengths.iter().copied())
         {
             let range = from..from + length;
             from += length;
@@ -97,7 +101,7 @@ impl Buckets {
                 colour: &points.colour[range.clone()],
                 age: &points.age[range.clone()],
                 flags: &points.flags[range],
-                mapped,
+                is_hidden,
                 records,
                 part,
             });
@@ -105,8 +109,8 @@ impl Buckets {
         parallel::for_each(work, |kernel| isa.run(kernel));
     }
 
-    /// Ranges of records of a tile, in the points' order.
-    pub fn chain(&self, tile: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+    /// A tile's records.
+    pub fn chain(&self, tile: usize) -> impl Iterator<Item = &[Record]> {
         self.parts.iter().flat_map(move |part| {
             let mut chunk = tile as u32;
             let last = part.heads[tile] as usize;
@@ -115,7 +119,7 @@ impl Buckets {
                 let start = chunk as usize * CHUNK;
                 let end = if next == END { last } else { start + CHUNK };
                 chunk = next;
-                Some(part.base + start..part.base + end)
+                self.records.get(part.base + start..part.base + end)
             })
         })
     }
@@ -130,7 +134,7 @@ struct Project<'a> {
     colour: &'a [u32],
     age: &'a [u8],
     flags: &'a [u8],
-    mapped: &'a mut [u32],
+    is_hidden: &'a mut [u8],
     records: &'a mut [Record],
     part: &'a mut Part,
 }
@@ -140,33 +144,39 @@ impl Kernel for Project<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { map, size, tiles, first, position, colour, age, flags, mapped, records, part } = self;
+        let Self { map, size, tiles, first, position, colour, age, flags, is_hidden, records, part } = self;
         let trash = (tiles.0 * tiles.1) as u32;
         let mut free = trash + 1;
         part.next.fill(END);
         for (tile, head) in part.heads.iter_mut().enumerate() {
             *head = (tile * CHUNK) as u32;
         }
+        // The tile of unseen points stays where it is, and never looks full: each overwrites the last.
+        part.heads[trash as usize] += 1;
         let heads = part.heads.as_mut_slice();
         let next = part.next.as_mut_slice();
         let mut found = [Record::default(); BLOCK];
         let mut tile_of = [0_u32; BLOCK];
         let (xs, ys, zs) = (position[0].as_chunks().0, position[1].as_chunks().0, position[2].as_chunks().0);
-        let blocks = xs.iter().zip(ys).zip(zs).zip(colour.as_chunks().0).zip(age.as_chunks().0);
-        let blocks = blocks.zip(flags.as_chunks().0).zip(mapped.as_chunks_mut().0).enumerate();
-        for (block, ((((((x, y), z), colour), age), flags), mapped)) in blocks {
+        let blocks =
+            xs.iter().zip(ys).zip(zs).zip(colour.as_chunks().0).zip(age.as_chunks().0).zip(flags.as_chunks().0);
+        let blocks = blocks.zip(is_hidden.as_chunks_mut().0).enumerate();
+        for (block, ((((((x, y), z), colour), age), flags), is_hidden)) in blocks {
             let start = first + (block * BLOCK) as u32;
-            place(map, size, tiles, start, [x, y, z], colour, age, flags, mapped, &mut found, &mut tile_of);
+            place(map, size, tiles, start, [x, y, z], colour, age, flags, &mut found, &mut tile_of);
+            hide(&tile_of, trash, is_hidden);
             for (record, &tile) in found.iter().zip(&tile_of) {
                 let head = &mut heads[tile as usize];
                 records[*head as usize] = *record;
-                // The tile of unseen points stays where it is: each overwrites the last.
-                *head += u32::from(tile != trash);
-                if *head as usize % CHUNK == 0 && tile != trash {
-                    next[*head as usize / CHUNK - 1] = free;
-                    *head = free * CHUNK as u32;
+                let mut next_head = *head + u32::from(tile != trash);
+                if next_head as usize % CHUNK == 0 {
+                    next[next_head as usize / CHUNK - 1] = free;
+                    next_head = free * CHUNK as u32;
                     free += 1;
                 }
+                *head = next_head;
+                // Lines of as many tiles as there are come from far: without this their stores waited one after another.
+                prefetch(&records[next_head as usize + AHEAD]);
             }
         }
     }
@@ -184,7 +194,6 @@ fn place(
     colour: &[u32; BLOCK],
     age: &[u8; BLOCK],
     flags: &[u8; BLOCK],
-    mapped: &mut [u32; BLOCK],
     found: &mut [Record; BLOCK],
     tile_of: &mut [u32; BLOCK],
 ) {
@@ -201,17 +210,24 @@ fn place(
             & (row >= 0.0)
             & (row < bottom)
             & (age[i] != u8::MAX);
-        let (column, row) = (if seen { column as i32 } else { 0 }, if seen { row as i32 } else { 0 });
+        let (column, row) = (truncate(column, right), truncate(row, bottom));
         let tile = (row >> TILE.ilog2()) * across + (column >> TILE.ilog2());
         let local = (row & (TILE as i32 - 1)) * TILE as i32 + (column & (TILE as i32 - 1));
         let old = if flags[i] & FRESH == 0 { OLD } else { 0 };
         tile_of[i] = if seen { tile } else { trash } as u32;
-        mapped[i] = if seen { row * width + column } else { HIDDEN as i32 } as u32;
         found[i] = Record {
-            key: depth.to_bits() | old,
-            colour: colour[i],
             slot: start + i as u32,
+            depth: depth.to_bits() | old,
+            colour: colour[i],
             pixel_and_age: local as u32 | u32::from(age[i]) << 16,
         };
+    }
+}
+
+/// Marks points outside the picture as hidden; of those in it, the z-buffer says.
+#[inline(always)]
+fn hide(tile_of: &[u32; BLOCK], trash: u32, is_hidden: &mut [u8; BLOCK]) {
+    for i in 0..BLOCK {
+        is_hidden[i] |= if tile_of[i] == trash { 1 } else { 0 };
     }
 }

@@ -1,7 +1,7 @@
 //! Chosen pixels become requests (Walter et al. 1999, §4.1): jittered in the pixel, or through the point that it shows.
 
 use super::PointImage;
-use super::points::{FRESH, Points};
+use super::points::{FRESH, GENERATIONS, Points};
 use super::random;
 use super::sample::{Aim, Purpose, Request, Tag};
 
@@ -15,25 +15,19 @@ impl PointImage {
             let (x, y) = random::pair(seed, pixel);
             Aim::Picture((column as f32 + x) / width as f32, 1.0 - (row as f32 + y) / height as f32)
         };
-        let tag = |purpose, stamp| Tag { purpose, pixel, slot, stamp, epoch: self.epoch };
         let Points { details, flags, position, .. } = &self.points;
         // A point that was culled is not what the pixel shows.
         let is_shown = self.planes.colour[pixel as usize] != super::colour::NONE;
-        let (aim, tag) = match details.get(slot as usize).filter(|_| is_shown) {
-            None => (anywhere(), tag(Purpose::Pixel, 0)),
-            Some(details) => {
-                let slot = slot as usize;
-                let refine = flags[slot] & FRESH != 0
-                    && details.epoch == self.epoch
-                    && !details.count.is_multiple_of(self.params.check_every);
-                if refine {
-                    (anywhere(), tag(Purpose::Refine, details.stamp))
-                } else {
-                    let through = Aim::Through(position.each_ref().map(|axis| axis[slot]));
-                    (through, tag(Purpose::Resample, details.stamp))
-                }
+        let flags = if is_shown { flags.get(slot as usize).copied() } else { None };
+        let at = slot as usize;
+        let (aim, purpose) = match flags {
+            None => (anywhere(), Purpose::Pixel),
+            Some(flags) if flags & FRESH != 0 && !details[at].count.is_multiple_of(self.params.check_every) => {
+                (anywhere(), Purpose::Refine)
             }
+            Some(_) => (Aim::Through(position.each_ref().map(|axis| axis[at])), Purpose::Resample),
         };
+        let tag = Tag { purpose, pixel, slot, generation: flags.unwrap_or(0) & GENERATIONS, epoch: self.epoch };
         Request { aim, predicted: false, tag }
     }
 

@@ -3,6 +3,7 @@
 //! Always true: the room holds zeros.
 
 use super::colour;
+use std::ops::Range;
 
 /// Pixels of room at each end: the widest filter's reach.
 pub(super) const ROOM: usize = 3;
@@ -18,17 +19,35 @@ impl Row {
         Self { channels: std::array::from_fn(|_| vec![0.0; width + 2 * ROOM]) }
     }
 
-    /// Colours, and weight 1 where there is one.
+    /// Colours of `columns` of a row and of `reach` more at both ends, and weight 1 where there is one; 0 outside the picture.
+    /// The first of `columns` goes to [`ROOM`].
     #[inline(always)]
-    pub fn decode(&mut self, colours: &[u32]) {
-        let width = colours.len();
-        let [r, g, b, w] = self.channels.each_mut().map(|channel| &mut channel[ROOM..][..width]);
-        decode_into(colours, r, g, b, w);
+    pub fn decode(&mut self, row: Option<&[u32]>, columns: &Range<usize>, reach: usize) {
+        let Some(row) = row else { return self.clear() };
+        let (start, end) = (columns.start.saturating_sub(reach), (columns.end + reach).min(row.len()));
+        let (to, count) = ((ROOM + start) - columns.start, end - start);
+        let [r, g, b, w] = self.channels.each_mut().map(|channel| {
+            channel[..to].fill(0.0);
+            channel[to + count..].fill(0.0);
+            &mut channel[to..][..count]
+        });
+        decode_into(&row[start..end], r, g, b, w);
     }
 
     pub fn clear(&mut self) {
         self.channels.iter_mut().for_each(|channel| channel.fill(0.0));
     }
+}
+
+/// The `y`-th row of a picture.
+#[inline(always)]
+pub(super) fn row_of<T>(plane: &[T], width: usize, y: usize) -> Option<&[T]> {
+    plane.get(y.checked_mul(width)?..)?.get(..width)
+}
+
+/// Columns `0..width` in strips, so that a filter's rows stay in the fastest cache.
+pub(super) fn strips(width: usize, of: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..width).step_by(of).map(move |start| start..(start + of).min(width))
 }
 
 #[inline(always)]

@@ -19,7 +19,7 @@ pub struct Tag {
     pub(super) pixel: u32,
     pub(super) slot: u32,
     /// Which of the points that the slot has held.
-    pub(super) stamp: u32,
+    pub(super) generation: u8,
     /// Which view it was asked for.
     pub(super) epoch: u32,
 }

@@ -7,8 +7,12 @@ use super::params::{EmptyPixels, Smoothing, Stage};
 use super::points::Age;
 use super::predict::Occupancy;
 use super::prefilter::Prefilter;
+use super::project::TILE;
 use super::{Moment, PointImage, dither, parallel, random, zbuffer};
 use holo_picture::View;
+
+/// Samples whose points are fetched together.
+const AHEAD: usize = 32;
 
 impl PointImage {
     /// All stages that are on and that have something to do.
@@ -27,7 +31,7 @@ impl PointImage {
         if moved || self.is_dirty || !moment.samples.is_empty() {
             self.project(&moment.view);
             ended(Stage::ProjectAndTileSort);
-            zbuffer::fill(&self.buckets, &mut self.planes, &mut self.points, self.params.threads);
+            zbuffer::fill(&self.buckets, &mut self.planes, &mut self.points, self.params.threads, self.frames);
             ended(Stage::ZBufferTiles);
             if self.params.stages.depth_cull {
                 self.cull();
@@ -66,9 +70,12 @@ impl PointImage {
             let ages = Age::new(&mut self.points, increment, moved, &self.params).split(&lengths);
             parallel::for_each(ages, |kernel| self.isa.run(kernel));
         }
-        for sample in moment.samples {
-            if !self.take(sample) {
-                self.rejected += 1;
+        for samples in moment.samples.chunks(AHEAD) {
+            self.points.prefetch(samples.iter().map(|sample| sample.tag.slot));
+            for sample in samples {
+                if !self.take(sample) {
+                    self.rejected += 1;
+                }
             }
         }
     }
@@ -108,10 +115,11 @@ impl PointImage {
         let bands = self.bands();
         let width = self.planes.size.0;
         let black = self.params.empty == EmptyPixels::Black;
+        let gaps_only = self.params.stages.interpolation;
         let pictures = cut_picture(&mut self.planes.picture, &bands, width);
         let colour = &self.planes.colour[..];
         let work = bands.iter().zip(pictures);
-        let work = work.map(|(rows, picture)| Prefilter { width, from: rows.start, colour, picture, black });
+        let work = work.map(|(rows, picture)| Prefilter { width, from: rows.start, colour, picture, black, gaps_only });
         parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
     }
 
@@ -120,19 +128,19 @@ impl PointImage {
         let width = self.planes.size.0;
         let pictures = cut_picture(&mut self.planes.picture, &bands, width);
         let priorities = parallel::cut(&mut self.planes.priority, bands.iter().map(|rows| rows.len() * width));
-        let (colour, depth, age) = (&self.planes.colour[..], &self.planes.depth[..], &self.planes.age[..]);
+        let (colour, age) = (&self.planes.colour[..], &self.planes.age[..]);
         let (smoothing, stages) = (self.params.smoothing, self.params.stages);
         let black = self.params.empty == EmptyPixels::Black && !stages.prefilter;
         let fill = stages.interpolation;
+        let own_point = !fill || smoothing == Smoothing::Gaps;
         let work = bands.iter().zip(pictures).zip(priorities).map(|((rows, picture), priority)| Interpolate {
             width,
             from: rows.start,
             colour,
-            depth,
             age,
             picture,
             priority,
-            smoothing,
+            own_point,
             black,
             fill,
         });
@@ -163,10 +171,35 @@ impl PointImage {
         } else {
             self.choose_anywhere(wanted, seed, &mut chosen);
         }
+        sort_by_tile(&mut chosen, &mut self.sorted, self.planes.size.0);
         let mut requests = std::mem::take(&mut self.requests);
-        requests.extend(chosen.iter().map(|&pixel| self.request(pixel, seed)));
+        for pixels in chosen.chunks(AHEAD) {
+            self.points.prefetch(pixels.iter().map(|&pixel| self.planes.slot[pixel as usize]));
+            requests.extend(pixels.iter().map(|&pixel| self.request(pixel, seed)));
+        }
         (self.requests, self.chosen) = (requests, chosen);
     }
+}
+
+/// Orders pixels by tile, so that samples come back as they are kept: near together what is near together.
+fn sort_by_tile(pixels: &mut Vec<u32>, sorted: &mut Vec<u32>, width: usize) {
+    let Some(last) = pixels.iter().max().map(|&pixel| pixel as usize / width / TILE) else { return };
+    let across = width.div_ceil(TILE);
+    let tile = |pixel: u32| {
+        let (column, row) = (pixel as usize % width, pixel as usize / width);
+        row / TILE * across + column / TILE
+    };
+    let mut starts = vec![0; (last + 1) * across + 1];
+    pixels.iter().for_each(|&pixel| starts[tile(pixel) + 1] += 1);
+    (1..starts.len()).for_each(|tile| starts[tile] += starts[tile - 1]);
+    sorted.clear();
+    sorted.resize(pixels.len(), 0);
+    for &pixel in pixels.iter() {
+        let start = &mut starts[tile(pixel)];
+        sorted[*start] = pixel;
+        *start += 1;
+    }
+    std::mem::swap(pixels, sorted);
 }
 
 /// The rows of each band, channel by channel.

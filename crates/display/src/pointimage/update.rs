@@ -5,7 +5,7 @@
 use super::PointImage;
 use super::colour;
 use super::map::far_away;
-use super::points::{EVICTED, FRESH, HIGHLIGHT};
+use super::points::{Details, EVICTED, FRESH, GENERATION, GENERATIONS, HIGHLIGHT, NOISY, REFINED};
 use super::sample::{Place, Purpose, Sample};
 
 /// Standard deviations of stated noise that are not yet a change.
@@ -31,7 +31,7 @@ impl PointImage {
         let tag = sample.tag;
         let slot = tag.slot as usize;
         let is_current = tag.epoch == self.epoch && tag.purpose != Purpose::Fill;
-        let holds = self.points.details.get(slot).is_some_and(|details| details.stamp == tag.stamp)
+        let holds = self.points.flags.get(slot).is_some_and(|flags| flags & GENERATIONS == tag.generation)
             && self.points.age[slot] != EVICTED;
         match tag.purpose {
             Purpose::Resample if holds => {
@@ -71,20 +71,29 @@ impl PointImage {
 
     /// The colour-change test, with the noise that the renderer stated.
     fn has_changed(&self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample) -> bool {
-        let details = &self.points.details[slot];
-        let largest = details.reference.iter().chain(&radiance).fold(0.0_f32, |largest, &channel| largest.max(channel));
-        // A mean of n samples has 1/n of their variance.
-        let variance =
-            sample.noise * sample.noise + details.noise * details.noise / details.reference_count.max(1) as f32;
+        let reference = self.reference(slot);
+        let largest = reference.iter().chain(&radiance).fold(0.0_f32, |largest, &channel| largest.max(channel));
+        let mut variance = sample.noise * sample.noise;
+        if self.points.flags[slot] & NOISY != 0 {
+            let details = &self.points.details[slot];
+            // A mean of n samples has 1/n of their variance.
+            variance += details.noise * details.noise / details.reference_count.max(1) as f32;
+        }
         let allowed = self.params.change_threshold * largest + NOISE_DEVIATIONS * variance.max(0.0).sqrt();
-        let changed = radiance.iter().zip(&details.reference).any(|(new, old)| (new - old).abs() > allowed);
+        let changed = radiance.iter().zip(&reference).any(|(new, old)| (new - old).abs() > allowed);
         let eye = self.eye.to_array();
         let distance = |p: [f32; 3]| (0..3).map(|axis| (f64::from(p[axis]) - eye[axis]).powi(2)).sum::<f64>().sqrt();
         let (old, new) = (distance(self.points.position.each_ref().map(|axis| axis[slot])), distance(position));
         changed || (new - old).abs() > MOVED * old
     }
 
-    /// A new point in a slot.
+    /// Mean of rays through a point.
+    fn reference(&self, slot: usize) -> [f32; 3] {
+        let is_refined = self.points.flags[slot] & REFINED != 0;
+        colour::decode(if is_refined { self.points.details[slot].reference } else { self.points.colour[slot] })
+    }
+
+    /// A new point in a slot. Reads nothing but the flags: what it writes is rarely in a cache, and would be waited for.
     fn put(&mut self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_fresh: bool) {
         let points = &mut self.points;
         for (axis, coordinate) in points.position.iter_mut().zip(position) {
@@ -92,44 +101,55 @@ impl PointImage {
         }
         points.colour[slot] = colour::encode(radiance);
         points.age[slot] = 0;
-        points.flags[slot] = if is_fresh { FRESH } else { 0 } | if sample.is_highlight { HIGHLIGHT } else { 0 };
+        let generation = (points.flags[slot] & GENERATIONS).wrapping_add(GENERATION);
+        points.flags[slot] = generation | flags(sample, is_fresh);
         points.object[slot] = sample.object;
-        let details = &mut points.details[slot];
-        details.mean = radiance;
-        details.count = 1;
-        details.reference = radiance;
-        details.reference_count = 1;
-        details.noise = if sample.noise.is_finite() { sample.noise.max(0.0) } else { 0.0 };
-        details.stamp = details.stamp.wrapping_add(1);
-        details.epoch = if is_fresh { self.epoch } else { self.epoch.wrapping_sub(1) };
+        points.is_hidden[slot] = 0;
+        points.details[slot] = Details {
+            mean: radiance,
+            count: 1,
+            reference: colour::NONE,
+            noise: if sample.noise.is_finite() { sample.noise.max(0.0) } else { 0.0 },
+            epoch: if is_fresh { self.epoch } else { self.epoch.wrapping_sub(1) },
+            reference_count: 1,
+        };
     }
 
     /// The ray through a point found it as it was: averages it in.
     fn confirm(&mut self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_current: bool) {
-        let details = &mut self.points.details[slot];
+        let mut reference = self.reference(slot);
+        let points = &mut self.points;
+        let details = &mut points.details[slot];
         details.reference_count = details.reference_count.min(self.params.moving_mean - 1) + 1;
-        average(&mut details.reference, radiance, details.reference_count);
-        // A pixel's mean needs rays all over the pixel: this one stands for its point only. It counts as the pixel's first.
-        if details.epoch != self.epoch || details.count == 0 {
+        average(&mut reference, radiance, details.reference_count);
+        let kept = points.flags[slot] & (GENERATIONS | REFINED | NOISY);
+        if details.epoch != self.epoch {
             details.count = details.count.min(self.params.moving_mean - 1) + 1;
             average(&mut details.mean, radiance, details.count);
             if is_current {
-                details.epoch = self.epoch;
-                details.count = 1;
+                // A pixel's mean needs rays all over the pixel: this one stands for its point only. It counts as the first.
+                (details.epoch, details.count) = (self.epoch, 1);
             }
+            points.colour[slot] = colour::encode(details.mean);
         }
-        self.points.colour[slot] = colour::encode(details.mean);
-        self.points.age[slot] = 0;
-        let is_fresh = details.epoch == self.epoch;
-        self.points.flags[slot] = if is_fresh { FRESH } else { 0 } | if sample.is_highlight { HIGHLIGHT } else { 0 };
-        for (axis, coordinate) in self.points.position.iter_mut().zip(position) {
+        if kept & REFINED != 0 {
+            details.reference = colour::encode(reference);
+        }
+        points.age[slot] = 0;
+        points.flags[slot] = kept | flags(sample, details.epoch == self.epoch);
+        for (axis, coordinate) in points.position.iter_mut().zip(position) {
             axis[slot] = coordinate;
         }
     }
 
     /// Another ray of the same pixel and view: the mean over them is the pixel's box filter.
     fn refine(&mut self, slot: usize, radiance: [f32; 3]) {
+        let flags = &mut self.points.flags[slot];
         let details = &mut self.points.details[slot];
+        if *flags & REFINED == 0 {
+            *flags |= REFINED;
+            details.reference = self.points.colour[slot];
+        }
         details.count = details.count.min(self.params.resting_mean - 1) + 1;
         average(&mut details.mean, radiance, details.count);
         self.points.colour[slot] = colour::encode(details.mean);
@@ -149,6 +169,11 @@ impl PointImage {
             }
         }
     }
+}
+
+fn flags(sample: &Sample, is_fresh: bool) -> u8 {
+    let flag = |is: bool, flag: u8| if is { flag } else { 0 };
+    flag(is_fresh, FRESH) | flag(sample.is_highlight, HIGHLIGHT) | flag(sample.noise > 0.0, NOISY)
 }
 
 /// Moves a mean towards the newest of `count` values.
