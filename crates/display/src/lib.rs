@@ -10,6 +10,7 @@
 
 mod camera;
 mod candidates;
+pub mod frameless;
 pub mod pointimage;
 mod quadtree;
 mod select;

@@ -59,7 +59,8 @@ mod zbuffer;
 
 pub use isa::Instructions;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing, Stage, Stages};
-pub use sample::{Place, Request, Sample, Tag};
+pub(crate) use random::{mix, pair};
+pub use sample::{Place, Sample, Tag};
 
 use glam::DVec3;
 use holo_picture::{Picture, View};
@@ -68,6 +69,7 @@ use planes::Planes;
 use points::{EVICTED, Points};
 use predict::Occupancy;
 use project::{BLOCK, Buckets};
+use sample::Request;
 
 /// What a frame is made from.
 #[derive(Clone, Copy, Debug)]

@@ -15,14 +15,14 @@ impl PointImage {
             let (x, y) = random::pair(seed, pixel);
             Aim::Picture((column as f32 + x) / width as f32, 1.0 - (row as f32 + y) / height as f32)
         };
-        let Points { details, flags, position, .. } = &self.points;
+        let Points { flags, position, .. } = &self.points;
         // A point that was culled is not what the pixel shows.
         let is_shown = self.planes.colour[pixel as usize] != super::colour::NONE;
         let flags = if is_shown { flags.get(slot as usize).copied() } else { None };
         let at = slot as usize;
         let (aim, purpose) = match flags {
             None => (anywhere(), Purpose::Pixel),
-            Some(flags) if flags & FRESH != 0 && !details[at].count.is_multiple_of(self.params.check_every) => {
+            Some(flags) if flags & FRESH != 0 && !random::mix(!seed, pixel).is_multiple_of(self.params.check_every) => {
                 (anywhere(), Purpose::Refine)
             }
             Some(_) => (Aim::Through(position.each_ref().map(|axis| axis[at])), Purpose::Resample),

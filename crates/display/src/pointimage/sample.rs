@@ -37,7 +37,7 @@ pub(super) enum Purpose {
     Refine,
 }
 
-/// Where the ray of a [`Request`] goes.
+/// Where a ray goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Aim {
     /// Picture coordinates.
@@ -48,25 +48,16 @@ pub(super) enum Aim {
 
 /// A ray that is wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Request {
-    pub(super) aim: Aim,
-    pub(super) predicted: bool,
-    pub(super) tag: Tag,
+pub(super) struct Request {
+    pub aim: Aim,
+    /// Whether it is for the predicted view.
+    pub predicted: bool,
+    pub tag: Tag,
 }
 
 impl Request {
-    /// To be given back in [`Sample::tag`].
-    pub fn tag(&self) -> Tag {
-        self.tag
-    }
-
-    /// Whether it is for the predicted view.
-    pub fn is_predicted(&self) -> bool {
-        self.predicted
-    }
-
     /// Origin and direction (of length 1) of the ray, from the eye of `view`.
-    pub(super) fn ray(&self, view: &View, origin: DVec3) -> (DVec3, DVec3) {
+    pub fn ray(&self, view: &View, origin: DVec3) -> (DVec3, DVec3) {
         match self.aim {
             Aim::Picture(x, y) => view.ray(x.into(), y.into()),
             Aim::Through(point) => {
