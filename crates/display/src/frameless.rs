@@ -80,7 +80,8 @@ impl Frameless {
     /// Takes a ray's radiance (W·sr⁻¹·m⁻² per RGB channel). One that is not finite is left out and counted.
     pub fn insert(&mut self, tag: PixelTag, radiance: [f32; 3]) {
         let index = tag.pixel as usize;
-        let (Some(pixel), Some((epoch, count))) = (self.picture.pixels.get_mut(index), self.shown.get_mut(index)) else {
+        let (Some(pixel), Some((epoch, count))) = (self.picture.pixels.get_mut(index), self.shown.get_mut(index))
+        else {
             return;
         };
         if !radiance.iter().all(|channel| channel.is_finite()) {

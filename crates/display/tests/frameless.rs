@@ -1,4 +1,5 @@
 //! The frameless driver: each pixel once a round, newest view first, box filter at rest.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 mod pointimage_scenes;
 
@@ -19,8 +20,7 @@ fn every_pixel_is_asked_for_once_a_round_in_another_order() {
         };
         let mut rounds = Vec::new();
         for _ in 0..2 {
-            let round: Vec<_> =
-                frameless.requests(pixels).map(|(_, _, direction)| pixel_of(direction, size)).collect();
+            let round: Vec<_> = frameless.requests(pixels).map(|(_, _, direction)| pixel_of(direction, size)).collect();
             assert_eq!(round.iter().collect::<HashSet<_>>().len(), pixels, "{size:?}");
             rounds.push(round);
         }

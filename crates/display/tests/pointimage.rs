@@ -1,4 +1,5 @@
 //! The render cache: what pictures show, and what is asked for.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 mod pointimage_scenes;
 
@@ -86,7 +87,8 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
 fn a_moved_object_is_shown_where_it_went() {
     let size = (64, 48);
     let eye = view(DVec3::ZERO, 0.0, size);
-    let mut cache = PointImage::new(size, PointImageParams { smoothing: Smoothing::Gaps, ..Default::default() }).unwrap();
+    let mut cache =
+        PointImage::new(size, PointImageParams { smoothing: Smoothing::Gaps, ..Default::default() }).unwrap();
     let at = |x: f64, z: f64| Place::At(DVec3::new(x, 4.0, z));
     let thing = Sample { object: 7, ..Sample::new(at(0.0, 0.0), [1.0, 0.0, 0.0]) };
     let other = Sample { object: 8, ..Sample::new(at(-1.0, 0.5), [0.0, 0.0, 1.0]) };
@@ -122,42 +124,55 @@ fn aged_objects_are_asked_for_first_and_leave() {
     assert_eq!(cache.point_count(), 32 * 64);
 }
 
-/// Pixels without a point among 3×3, as shares of the picture, over a turn of 90 degrees a second at 30 frames a second.
-fn holes(prediction: bool) -> f64 {
+/// Over a turn of 90 degrees a second at 30 frames a second: the share of pixels without a point among 3×3 in the whole picture, and in
+/// columns that have just come into view, with the number of the latter.
+fn holes(prediction: bool) -> (f64, f64, usize) {
     let size = (160, 120);
-    let pixels = f64::from(size.0 * size.1);
+    let pixels = size.0 * size.1;
     let params = PointImageParams {
-        stages: Stages { prediction, prefilter: false, ..Stages::ALL },
+        stages: Stages { prediction, prefilter: false, depth_cull: false, ..Stages::ALL },
         empty: EmptyPixels::Black,
         ..PointImageParams::default()
     };
     let mut cache = PointImage::new(size, params).unwrap();
     let at = |frame: u32| view(DVec3::new(0.0, -1.0, 0.0), 3.0 * f64::from(frame), size);
     let mut samples = whole_picture(&at(0), size, &room);
-    let (mut empty, mut frames) = (0, 0);
+    let (mut all, mut new, mut frames) = (0, 0, 0);
     for frame in 0..60 {
-        let shown = cache.frame(&Moment {
-            view: at(frame),
-            predicted: Some(at(frame + 1)),
-            samples: &samples,
-            wanted: (pixels / 32.0) as usize,
-        });
+        let wanted = (pixels / 32) as usize;
+        let shown = cache.frame(&Moment { view: at(frame), predicted: Some(at(frame + 1)), samples: &samples, wanted });
         if frame >= 10 {
-            empty += shown.channels()[1].iter().filter(|&&green| green == 0.0).count();
+            let green = shown.channels()[1];
+            all += green.iter().filter(|&&green| green == 0.0).count();
+            // 3 degrees are the last 9 columns. Of two blocks of 4 columns, all new, the middle.
+            new +=
+                green[160..118 * 160].chunks(160).flat_map(|row| &row[154..158]).filter(|&&green| green == 0.0).count();
             frames += 1;
         }
         samples = answer(&shown, &room);
     }
-    empty as f64 / f64::from(frames) / pixels
+    let strip = frames * 4 * 117;
+    (all as f64 / f64::from(pixels) / frames as f64, new as f64 / strip as f64, strip)
 }
 
 #[test]
-fn prediction_fills_what_turns_into_view() {
-    let (without, with) = (holes(false), holes(true));
-    println!("holes at 90 degrees/s, mismatch 32: {:.2} % without prediction, {:.2} % with", 100.0 * without, 100.0 * with);
-    // 3 of 60 degrees are new in each frame: without prediction nothing can be there.
-    assert!(without > 0.04, "{without}");
-    assert!(with < 0.5 * without, "{with} with, {without} without prediction");
+fn prediction_asks_for_each_block_that_turns_into_view() {
+    let ((all_without, without, _), (all_with, with, strip)) = (holes(false), holes(true));
+    println!("holes at 90 degrees/s, mismatch 32: {all_without:.4} without prediction, {all_with:.4} with");
+    println!("in columns that were just turned into view: {without:.4} without, {with:.4} with");
+    assert!(all_with < all_without);
+    // Without prediction nothing can be there yet.
+    assert_eq!(without, 1.0);
+    // With it each block of 4×4 has one point, anywhere. Of a window of 3×3 around the i-th pixel of a block, 3, or 2 and 1, columns lie
+    // in the block and in its neighbour; likewise rows. Nothing is there if no block's point falls into its part of the window.
+    let parts = |i| if i == 1 || i == 2 { [3.0, 0.0] } else { [2.0, 1.0] };
+    let mut expected = 0.0;
+    for (i, j) in (0..16).map(|pixel| (pixel % 4, pixel / 4)) {
+        expected += parts(i).iter().flat_map(|x| parts(j).map(|y| 1.0 - x * y / 16.0)).product::<f64>() / 16.0;
+    }
+    // Pixels up to 4 apart depend on each other: at most 81 of them. Four deviations.
+    let allowed = 4.0 * (81.0 * expected * (1.0 - expected) / strip as f64).sqrt();
+    assert!((with - expected).abs() < allowed, "{with} of the new pixels are empty, {expected} expected");
 }
 
 /// Box-filtered truth, and the mean variance of a ray within its pixel, from 24×24 rays a pixel.
@@ -203,7 +218,10 @@ fn a_picture_at_rest_tends_to_the_box_filter() {
         }
         samples = answer(&shown, &room);
     }
-    println!("squared error after 50 and 200 samples a pixel: {:.2e}, {:.2e}; of one {variance:.2e}", errors[0], errors[1]);
+    println!(
+        "squared error after 50 and 200 samples a pixel: {:.2e}, {:.2e}; of one {variance:.2e}",
+        errors[0], errors[1]
+    );
     // Random rays: a quarter of the squared error for four times as many. Bias would stay.
     let ratio = errors[0] / errors[1];
     assert!((2.5..6.5).contains(&ratio), "{ratio}");
@@ -310,7 +328,8 @@ fn an_empty_cache_asks_everywhere() {
 #[test]
 fn infinitely_far_things_turn_with_the_view_and_stay_with_a_walk() {
     let size = (64, 48);
-    let mut cache = PointImage::new(size, PointImageParams { smoothing: Smoothing::Gaps, ..Default::default() }).unwrap();
+    let mut cache =
+        PointImage::new(size, PointImageParams { smoothing: Smoothing::Gaps, ..Default::default() }).unwrap();
     let toward = DVec3::new(0.1, 1.0, 0.05);
     let sun = [Sample::new(Place::Toward(toward), [1e6, 9e5, 8e5])];
     for (eye, degrees) in [(DVec3::ZERO, 0.0), (DVec3::new(300.0, -50.0, 20.0), 0.0), (DVec3::ZERO, 8.0)] {

@@ -1,4 +1,5 @@
 //! The render cache gives the same bits on any processor and any number of threads, and survives any numbers.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 mod pointimage_scenes;
 
@@ -105,11 +106,13 @@ fn number() -> impl Strategy<Value = f64> {
 
 fn sample() -> impl Strategy<Value = Sample> {
     let place = (prop::array::uniform3(number()), any::<bool>());
-    (place, prop::array::uniform3(number()), number(), any::<bool>()).prop_map(|((place, is_near), radiance, noise, is_highlight)| {
-        let place = if is_near { Place::At(place.into()) } else { Place::Toward(place.into()) };
-        let sample = Sample::new(place, radiance.map(|channel| channel as f32));
-        Sample { noise: noise as f32, is_highlight, ..sample }
-    })
+    (place, prop::array::uniform3(number()), number(), any::<bool>()).prop_map(
+        |((place, is_near), radiance, noise, is_highlight)| {
+            let place = if is_near { Place::At(place.into()) } else { Place::Toward(place.into()) };
+            let sample = Sample::new(place, radiance.map(|channel| channel as f32));
+            Sample { noise: noise as f32, is_highlight, ..sample }
+        },
+    )
 }
 
 proptest! {

@@ -12,6 +12,7 @@ const BIAS: i32 = 127;
 
 /// Packs a radiance; negative channels and NaN become 0, large ones [`LARGEST`].
 #[inline]
+#[allow(clippy::manual_clamp)] // `clamp` would keep NaN.
 pub(super) fn encode(rgb: [f32; 3]) -> u32 {
     // `max` first: it turns NaN into 0.
     let rgb = rgb.map(|channel| channel.max(0.0).min(LARGEST));

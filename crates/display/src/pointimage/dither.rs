@@ -90,3 +90,46 @@ fn lockstep<const N: usize>(
         below[band][end] += error[band];
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_are_chosen_as_priority_says_and_never_too_many() {
+        let (width, height) = (200, 160);
+        // Left half four times the right half.
+        let priority: Vec<u8> = (0..width * height).map(|pixel| if pixel % width < 100 { 200 } else { 50 }).collect();
+        for wanted in [1, 30, 1000, 8000, 20_000, 60_000] {
+            let mut chosen = Vec::new();
+            choose(&priority, width, wanted, 5, &mut chosen);
+            assert!(chosen.len() <= wanted, "{} of {wanted}", chosen.len());
+            // Each pixel at most once.
+            chosen.sort_unstable();
+            assert!(chosen.windows(2).all(|two| two[0] < two[1]), "{wanted}");
+            if (1000..=8000).contains(&wanted) {
+                assert!(chosen.len() as f64 > 0.95 * wanted as f64, "{} of {wanted}", chosen.len());
+                let left = chosen.iter().filter(|&&pixel| pixel as usize % width < 100).count();
+                let ratio = left as f64 / (chosen.len() - left) as f64;
+                assert!((3.6..4.4).contains(&ratio), "{left} of {} are on the left", chosen.len());
+            }
+        }
+    }
+
+    #[test]
+    fn chosen_pixels_keep_their_distance() {
+        let width = 256;
+        let mut chosen = Vec::new();
+        choose(&vec![100; width * width], width, width * width / 64, 9, &mut chosen);
+        let place = |pixel: u32| (i64::from(pixel) % 256, i64::from(pixel) / 256);
+        let near = chosen.iter().filter(|&&one| {
+            chosen.iter().any(|&other| {
+                let ((x, y), (u, v)) = (place(one), place(other));
+                one != other && (x - u).pow(2) + (y - v).pow(2) < 9
+            })
+        });
+        // Of independent pixels, 24 neighbours with chance 1/64 each: a third would have one so near.
+        let share = near.count() as f64 / chosen.len() as f64;
+        assert!(share < 0.05, "{share}");
+    }
+}

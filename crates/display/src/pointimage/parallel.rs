@@ -15,10 +15,9 @@ pub(super) fn for_each<T: Send>(parts: Vec<T>, work: impl Fn(T) + Sync) {
             let slot = std::sync::Arc::new(std::sync::Mutex::new(Some(part)));
             let theirs = std::sync::Arc::clone(&slot);
             let take = move || theirs.lock().ok().and_then(|mut part| part.take());
-            if thread::Builder::new().spawn_scoped(scope, move || take().map(work)).is_err() {
-                if let Some(part) = slot.lock().ok().and_then(|mut part| part.take()) {
-                    work(part);
-                }
+            let started = thread::Builder::new().spawn_scoped(scope, move || take().map(work)).is_ok();
+            if let Some(part) = slot.lock().ok().filter(|_| !started).and_then(|mut part| part.take()) {
+                work(part);
             }
         }
         work(first);

@@ -199,3 +199,57 @@ fn age_all(
         *age = if *age == EVICTED { EVICTED } else { older };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::isa::{Instructions, Isa};
+    use super::*;
+
+    /// Ages at which points are overwritten, by frames of `samples` new points.
+    fn last_ages(samples: usize, hidden: bool) -> Vec<u8> {
+        let mut points = Points::new(2048);
+        points.is_hidden.fill(u8::from(hidden));
+        let isa = Isa::new(Instructions::Portable).unwrap();
+        let mut ages = Vec::new();
+        for frame in 0..20 * 2048 / samples {
+            let increment = points.increment(samples);
+            isa.run(Age::new(&mut points, increment, true, &PointImageParams::default()));
+            for _ in 0..samples {
+                let slot = points.free_slot();
+                if frame > 4 * 2048 / samples {
+                    ages.push(points.age[slot]);
+                }
+                points.age[slot] = 0;
+            }
+        }
+        ages
+    }
+
+    #[test]
+    fn points_are_overwritten_at_age_128_on_average() {
+        for samples in [7, 100, 512] {
+            let ages = last_ages(samples, false);
+            let mean = ages.iter().map(|&age| f64::from(age)).sum::<f64>() / ages.len() as f64;
+            // A frame's increment is added whole, before or after a point of the frame is replaced.
+            assert!((mean - 128.0).abs() <= 128.0 * samples as f64 / 2048.0 + 1.0, "{samples} a frame: {mean}");
+        }
+    }
+
+    #[test]
+    fn hidden_points_leave_before_they_would_be_overwritten() {
+        assert!(last_ages(100, true).iter().all(|&age| age == EVICTED));
+    }
+
+    #[test]
+    fn the_oldest_of_a_group_is_replaced() {
+        let mut points = Points::new(256);
+        points.age.fill(10);
+        // Group 0 is slots 0, 32, 64 and so on.
+        points.age[96] = 11;
+        assert_eq!(points.free_slot(), 96);
+        assert_eq!(points.free_slot(), 1);
+        points.age[2 + 5 * 32] = EVICTED;
+        points.age[2 + 4 * 32] = EVICTED - 1;
+        assert_eq!(points.free_slot(), 2 + 5 * 32);
+    }
+}

@@ -169,7 +169,7 @@ impl Kernel for Project<'_> {
                 let head = &mut heads[tile as usize];
                 records[*head as usize] = *record;
                 let mut next_head = *head + u32::from(tile != trash);
-                if next_head as usize % CHUNK == 0 {
+                if (next_head as usize).is_multiple_of(CHUNK) {
                     next[next_head as usize / CHUNK - 1] = free;
                     next_head = free * CHUNK as u32;
                     free += 1;
@@ -203,8 +203,7 @@ fn place(
     let trash = across * tiles.1 as i32;
     for i in 0..BLOCK {
         let (column, row, depth) = map.project([x[i], y[i], z[i]]);
-        let seen = (depth >= NEAREST)
-            & (depth < f32::INFINITY)
+        let seen = (NEAREST..f32::INFINITY).contains(&depth)
             & (column >= 0.0)
             & (column < right)
             & (row >= 0.0)

@@ -34,7 +34,7 @@ impl PointImage {
     /// `wanted` pixels anywhere, for comparison with the dither.
     pub(super) fn choose_anywhere(&self, wanted: usize, seed: u32, chosen: &mut Vec<u32>) {
         let pixels = self.planes.slot.len() as u64;
-        let anywhere = |index| (u64::from(random::mix(seed, index)) * pixels >> 32) as u32;
+        let anywhere = |index| ((u64::from(random::mix(seed, index)) * pixels) >> 32) as u32;
         chosen.extend((0..wanted as u32).map(anywhere));
     }
 }

@@ -1,5 +1,6 @@
 //! Scenes for tests and measurements of the render cache: rays that meet formulas.
-#![allow(dead_code)]
+#![allow(dead_code, reason = "each test file uses its own part")]
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use glam::DVec3;
 use holo_display::pointimage::{Frame, Place, Sample};
