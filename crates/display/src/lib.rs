@@ -10,6 +10,8 @@
 
 mod camera;
 mod candidates;
+pub mod frameless;
+pub mod pointimage;
 mod quadtree;
 mod select;
 mod voronoi;

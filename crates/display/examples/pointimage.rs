@@ -1,0 +1,135 @@
+//! Times the render cache stage by stage, as Table 1 of its papers: `cargo run --release -p holo-display --example pointimage`.
+//!
+//! Arguments, all optional: side of the picture or WIDTHxHEIGHT (several), `--threads N`, `--samples N` a frame (8000), `--frames N`,
+//! `--portable` or `--avx2`. The camera walks and turns; times are medians over frames, and the least of them. "moved" is how long it takes to copy as many bytes
+//! as the stage reads and writes at least, measured beside it.
+
+#[path = "../tests/pointimage_scenes/mod.rs"]
+mod pointimage_scenes;
+
+use glam::DVec3;
+use holo_display::pointimage::{Instructions, Moment, PointImage, PointImageParams, Stage};
+use pointimage_scenes::{answer, room, view};
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+/// Bytes that a stage moves at least, per point of the cache and per pixel.
+fn bytes(stage: Stage) -> Option<(usize, usize)> {
+    match stage {
+        // Age and flags both ways, mapped pixel.
+        Stage::UpdatePoints => Some((8, 0)),
+        // Position and age.
+        Stage::PredictedProjection => Some((13, 0)),
+        // Depth, colour both ways.
+        Stage::DepthCull => Some((0, 12)),
+        // Colour, three channels.
+        Stage::Prefilter => Some((0, 16)),
+        // Colour, depth, age, three channels, priority.
+        Stage::Interpolate => Some((0, 22)),
+        // Scatters, gathers, and chains.
+        _ => None,
+    }
+}
+
+fn median(times: &mut [Duration]) -> Duration {
+    times.sort();
+    times.get(times.len() / 2).copied().unwrap_or_default()
+}
+
+/// Time to copy half of `bytes`: it reads that much and writes that much.
+fn copying(bytes: usize, frames: usize) -> Duration {
+    let from = vec![1_u8; bytes / 2];
+    let mut to = vec![0_u8; bytes / 2];
+    let mut times: Vec<_> = (0..frames.min(30))
+        .map(|_| {
+            let start = Instant::now();
+            to.copy_from_slice(std::hint::black_box(&from));
+            std::hint::black_box(&to);
+            start.elapsed()
+        })
+        .collect();
+    median(&mut times)
+}
+
+fn measure(size: (u32, u32), samples: usize, frames: usize, params: &PointImageParams) {
+    let Ok(mut cache) = PointImage::new(size, params.clone()) else { return eprintln!("{size:?}: not possible") };
+    // A walk at 1.5 m/s that turns by 30 degrees a second, 30 frames a second.
+    let at = |frame: f64| view(DVec3::new(-2.0 + 0.01 * frame, -2.0 + 0.005 * frame, 0.0), frame - 20.0, size);
+    let pixels = (size.0 * size.1) as usize;
+    let mut results = Vec::new();
+    let mut times: BTreeMap<Stage, Vec<Duration>> = BTreeMap::new();
+    let mut totals = Vec::new();
+    let warm_up = 24;
+    for frame in 0..warm_up + frames {
+        // Until the cache is warm the path is walked back and forth slowly, with many samples.
+        let warm = frame >= warm_up;
+        let step = if warm { (frame - warm_up) as f64 * 0.5 } else { frame as f64 * 0.1 };
+        let moment = Moment {
+            view: at(step),
+            predicted: Some(at(step + 1.0)),
+            samples: &results,
+            wanted: if warm { samples } else { pixels / 8 },
+        };
+        let start = Instant::now();
+        let mut last = start;
+        let shown = cache.frame_watched(&moment, &mut |stage| {
+            let now = Instant::now();
+            if warm {
+                times.entry(stage).or_default().push(now - last);
+            }
+            last = now;
+        });
+        if warm {
+            totals.push(start.elapsed());
+        }
+        results = answer(&shown, &room);
+    }
+    let total = median(&mut totals);
+    println!(
+        "\n{}x{}, {samples} samples a frame, {:?}, {} thread(s)",
+        size.0, size.1, params.instructions, params.threads
+    );
+    println!("{:24}{:>10}{:>10}{:>8}{:>12}{:>14}", "Stage", "ms", "least", "%", "ns/pixel", "times moved");
+    for stage in Stage::ALL {
+        let Some(times) = times.get_mut(&stage) else { continue };
+        let time = median(times);
+        let ratio = bytes(stage).map_or(String::from("-"), |(point, pixel)| {
+            let moved = copying(point * cache.capacity() + pixel * pixels, frames);
+            format!("{:.1}", time.as_secs_f64() / moved.as_secs_f64())
+        });
+        let share = 100.0 * time.as_secs_f64() / total.as_secs_f64();
+        let per_pixel = time.as_secs_f64() * 1e9 / pixels as f64;
+        let [time, least] = [time, times[0]].map(|time| time.as_secs_f64() * 1e3);
+        println!("{:24}{time:>10.3}{least:>10.3}{share:>8.1}{per_pixel:>12.2}{ratio:>14}", stage.name());
+    }
+    let per_pixel = total.as_secs_f64() * 1e9 / pixels as f64;
+    let [total, least] = [total, totals[0]].map(|time| time.as_secs_f64() * 1e3);
+    println!("{:24}{total:>10.3}{least:>10.3}{:>8}{per_pixel:>12.2}", "Total", 100);
+}
+
+fn main() {
+    let mut arguments = std::env::args().skip(1);
+    let (mut samples, mut frames, mut sizes) = (8000, 120, Vec::new());
+    let mut params = PointImageParams::default();
+    while let Some(argument) = arguments.next() {
+        let mut number = || arguments.next().and_then(|number| number.parse().ok()).unwrap_or(1);
+        match argument.as_str() {
+            "--threads" => params.threads = number(),
+            "--samples" => samples = number(),
+            "--frames" => frames = number(),
+            "--portable" => params.instructions = Instructions::Portable,
+            "--avx2" => params.instructions = Instructions::Avx2,
+            size => {
+                let (width, height) = size.split_once('x').unwrap_or((size, size));
+                match (width.parse(), height.parse()) {
+                    (Ok(width), Ok(height)) => sizes.push((width, height)),
+                    _ => return eprintln!("`{size}` is neither an option nor a size such as 512 or 1920x1080"),
+                }
+            }
+        }
+    }
+    if sizes.is_empty() {
+        sizes = vec![(256, 256), (512, 512), (1024, 1024), (1920, 1080), (2048, 2048)];
+    }
+    sizes.iter().for_each(|&size| measure(size, samples, frames, &params));
+}

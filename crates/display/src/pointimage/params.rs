@@ -1,0 +1,224 @@
+//! What can be chosen: stages on and off, the papers' constants, memory and processor.
+
+use super::isa::{Instructions, Isa};
+use glam::DVec3;
+use holo_picture::PictureError;
+
+/// Why a [`PointImage`](super::PointImage) cannot be made or changed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PointImageError {
+    /// The size of the picture is outside the limits.
+    #[error(transparent)]
+    Size(#[from] PictureError),
+    /// A parameter that makes no sense.
+    #[error("{name} is {value}: it must be {wanted}")]
+    Parameter {
+        /// The field of [`PointImageParams`].
+        name: &'static str,
+        /// What it is.
+        value: f64,
+        /// What it must be.
+        wanted: &'static str,
+    },
+    /// Instructions that this processor lacks.
+    #[error("this processor has no {0:?} instructions")]
+    Instructions(Instructions),
+}
+
+/// The stages of a frame, in their order (Walter et al. 2002, Figure 1 and Table 1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// Ages all points, evicts the oldest, takes new samples in.
+    UpdatePoints,
+    /// Where points fall in the predicted view, at a quarter of the resolution (§3.1).
+    PredictedProjection,
+    /// Requests for the empty parts of the predicted view (§3.1).
+    PredictedSampling,
+    /// Points to pixels, in buckets by tile (§3.2).
+    ProjectAndTileSort,
+    /// Nearest point of each pixel, tile by tile (§3.2).
+    ZBufferTiles,
+    /// Removes points that show through nearer surfaces (1999, §3.1).
+    DepthCull,
+    /// Means over 7×7 pixels (§3.3).
+    Prefilter,
+    /// Means over 3×3 pixels weighted 4-2-1 where there are points, and the priority of each pixel (1999, §3.1 and §4).
+    Interpolate,
+    /// Error-diffusion dither of the priorities into requests (1999, §4).
+    Sampling,
+}
+
+impl Stage {
+    /// All, in their order.
+    pub const ALL: [Self; 9] = [
+        Self::UpdatePoints,
+        Self::PredictedProjection,
+        Self::PredictedSampling,
+        Self::ProjectAndTileSort,
+        Self::ZBufferTiles,
+        Self::DepthCull,
+        Self::Prefilter,
+        Self::Interpolate,
+        Self::Sampling,
+    ];
+
+    /// As in the paper's table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::UpdatePoints => "Update Points",
+            Self::PredictedProjection => "Predicted Projection",
+            Self::PredictedSampling => "Predicted Sampling",
+            Self::ProjectAndTileSort => "Project and Tile Sort",
+            Self::ZBufferTiles => "Z-Buffer Tiles",
+            Self::DepthCull => "Depth Cull",
+            Self::Prefilter => "Prefilter",
+            Self::Interpolate => "Interpolate / Smooth",
+            Self::Sampling => "Sampling",
+        }
+    }
+}
+
+/// Which stages run; may change between any two frames. Projection and z-buffer always do: they are the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stages {
+    /// Points grow older each frame. Off, they still get old by hints and by changes of colour.
+    pub ageing: bool,
+    /// Points of age 255 leave (2002, §3.4). Off, they stay until they are overwritten.
+    pub eviction: bool,
+    /// Predicted projection and sampling (2002, §3.1).
+    pub prediction: bool,
+    /// Depth cull.
+    pub depth_cull: bool,
+    /// The 7×7 filter (2002, §3.3).
+    pub prefilter: bool,
+    /// The 3×3 filter. Off, pixels show their points alone.
+    pub interpolation: bool,
+    /// Requests where priority is high. Off, they fall anywhere with equal chance.
+    pub dither: bool,
+}
+
+impl Stages {
+    /// Everything in the two papers.
+    pub const ALL: Self = Self {
+        ageing: true,
+        eviction: true,
+        prediction: true,
+        depth_cull: true,
+        prefilter: true,
+        interpolation: true,
+        dither: true,
+    };
+    /// What the first paper had (1999): no eviction, prediction or prefilter.
+    pub const OF_1999: Self = Self { eviction: false, prediction: false, prefilter: false, ..Self::ALL };
+}
+
+/// What a pixel shows that no point is near.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EmptyPixels {
+    /// What it showed before.
+    KeepLast,
+    /// 0.
+    Black,
+}
+
+/// Where the 3×3 filter blurs a pixel that has a point of its own (1999, §3.1, footnote 3).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Smoothing {
+    /// Everywhere, as in the papers.
+    Everywhere,
+    /// Only where the point is not a sample of this very view: a picture at rest becomes sharp.
+    WhereOld,
+    /// Nowhere: the filter only fills gaps.
+    Gaps,
+}
+
+/// Settings of a [`PointImage`](super::PointImage).
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointImageParams {
+    /// Which stages run.
+    pub stages: Stages,
+    /// Points per pixel: 1 to 8. The papers keep "slightly more" than one.
+    pub points_per_pixel: f64,
+    /// Positions are kept in f32 from here: a point of the scene near where eyes go. None: the first frame's eye.
+    pub origin: Option<DVec3>,
+    /// What pixels without points nearby show.
+    pub empty: EmptyPixels,
+    /// Where pixels with a point are smoothed.
+    pub smoothing: Smoothing,
+    /// A point is culled if it is deeper than 1 + this times its neighbourhood's mean: above 0.
+    pub cull_threshold: f32,
+    /// Share of a frame's requests that prediction may take at most: 0 to 1.
+    pub predicted_share: f64,
+    /// A resampled colour has changed if a channel differs by more than this share of the larger colour's largest
+    /// channel, and 3 standard deviations of the noise that the engine stated: above 0.
+    pub change_threshold: f32,
+    /// Units of age by which points next to a changed one grow older.
+    pub change_ageing: u8,
+    /// How many times as fast points age that are not visible: 1 to 16.
+    pub hidden_ageing: u8,
+    /// How many times as fast points age that the engine says are likely to change (highlights): 1 to 16.
+    pub highlight_ageing: u8,
+    /// Samples that a point's colour averages at most while the view moves: at least 1. More is smoother and follows
+    /// changes of view more slowly.
+    pub moving_mean: u32,
+    /// Samples that a pixel's colour averages at most at rest: at least 1.
+    pub resting_mean: u32,
+    /// At rest, one request in this many goes through the old point to see whether it has changed: at least 2; the
+    /// others go anywhere in the pixel.
+    pub check_every: u32,
+    /// Threads that a frame may use: 1 to 64. The picture does not depend on it.
+    pub threads: usize,
+    /// Instructions to use. The picture does not depend on it.
+    pub instructions: Instructions,
+    /// Chooses the jitter.
+    pub seed: u32,
+}
+
+impl Default for PointImageParams {
+    fn default() -> Self {
+        Self {
+            stages: Stages::ALL,
+            points_per_pixel: 1.125,
+            origin: None,
+            empty: EmptyPixels::KeepLast,
+            smoothing: Smoothing::WhereOld,
+            cull_threshold: 0.1,
+            predicted_share: 0.5,
+            change_threshold: 0.1,
+            change_ageing: 64,
+            hidden_ageing: 3,
+            highlight_ageing: 3,
+            moving_mean: 8,
+            resting_mean: u32::MAX,
+            check_every: 8,
+            threads: 1,
+            instructions: Instructions::best(),
+            seed: 0,
+        }
+    }
+}
+
+impl PointImageParams {
+    pub(super) fn check(&self) -> Result<Isa, PointImageError> {
+        let within = |name, value: f64, range: std::ops::RangeInclusive<f64>, wanted| {
+            if range.contains(&value) { Ok(()) } else { Err(PointImageError::Parameter { name, value, wanted }) }
+        };
+        let above_0 = f64::MIN_POSITIVE..=f64::from(f32::MAX);
+        within("points_per_pixel", self.points_per_pixel, 1.0..=8.0, "1 to 8")?;
+        within("cull_threshold", self.cull_threshold.into(), above_0.clone(), "above 0 and finite")?;
+        within("change_threshold", self.change_threshold.into(), above_0, "above 0 and finite")?;
+        within("predicted_share", self.predicted_share, 0.0..=1.0, "0 to 1")?;
+        within("hidden_ageing", self.hidden_ageing.into(), 1.0..=16.0, "1 to 16")?;
+        within("highlight_ageing", self.highlight_ageing.into(), 1.0..=16.0, "1 to 16")?;
+        within("moving_mean", self.moving_mean.into(), 1.0..=f64::INFINITY, "at least 1")?;
+        within("resting_mean", self.resting_mean.into(), 1.0..=f64::INFINITY, "at least 1")?;
+        within("check_every", self.check_every.into(), 2.0..=f64::INFINITY, "at least 2")?;
+        within("threads", self.threads as f64, 1.0..=64.0, "1 to 64")?;
+        if let Some(origin) = self.origin.filter(|origin| !origin.is_finite()) {
+            let value = origin.x + origin.y + origin.z;
+            return Err(PointImageError::Parameter { name: "origin", value, wanted: "finite" });
+        }
+        Isa::new(self.instructions).ok_or(PointImageError::Instructions(self.instructions))
+    }
+}

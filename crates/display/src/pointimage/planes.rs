@@ -1,0 +1,35 @@
+//! The point image and the picture, array by array, rows from the top.
+
+use super::colour;
+
+/// What is kept for every pixel.
+#[derive(Debug)]
+pub(super) struct Planes {
+    pub size: (usize, usize),
+    /// Of the pixel's point, [`colour::NONE`] without one.
+    pub colour: Vec<u32>,
+    /// Depth of the pixel's point, as bits of an f32: positive if the point is a sample of this view, else negative, 0 without one.
+    pub depth: Vec<u32>,
+    /// The pixel's point; without one, the number of points.
+    pub slot: Vec<u32>,
+    pub age: Vec<u8>,
+    /// How much a sample is wanted.
+    pub priority: Vec<u8>,
+    /// Radiance, channel by channel.
+    pub picture: [Vec<f32>; 3],
+}
+
+impl Planes {
+    pub fn new(size: (usize, usize), no_slot: u32) -> Self {
+        let pixels = size.0 * size.1;
+        Self {
+            size,
+            colour: vec![colour::NONE; pixels],
+            depth: vec![0; pixels],
+            slot: vec![no_slot; pixels],
+            age: vec![0; pixels],
+            priority: vec![0; pixels],
+            picture: std::array::from_fn(|_| vec![0.0; pixels]),
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! Predicted projection and sampling (Walter et al. 2002, §3.1): asks for what is about to come into view.
+//!
+//! Always true: a byte per block of 4×4 pixels of the predicted view says whether a point falls there; depth does not matter.
+
+use super::isa::Kernel;
+use super::map::{Map, NEAREST};
+use super::points::{EVICTED, Points};
+use super::project::BLOCK;
+use super::random;
+use super::sample::{Aim, Request, Tag};
+use super::truncate::truncate;
+
+/// Pixels along a block's side.
+const COARSE: usize = 4;
+
+/// Which blocks of the predicted view have points.
+#[derive(Debug)]
+pub(super) struct Occupancy {
+    size: (usize, usize),
+    /// A row of blocks after another, and one byte more for points that fall outside.
+    is_occupied: Vec<u8>,
+}
+
+impl Occupancy {
+    pub fn new(size: (usize, usize)) -> Self {
+        let size = (size.0.div_ceil(COARSE), size.1.div_ceil(COARSE));
+        Self { size, is_occupied: vec![0; size.0 * size.1 + 1] }
+    }
+
+    /// The whole picture's size in blocks, which need not be whole.
+    pub fn scaled(size: (usize, usize)) -> (f64, f64) {
+        (size.0 as f64 / COARSE as f64, size.1 as f64 / COARSE as f64)
+    }
+
+    pub fn project<'a>(&'a mut self, map: Map, points: &'a Points) -> Project<'a> {
+        self.is_occupied.fill(0);
+        Project { map, points, occupancy: self }
+    }
+
+    /// Requests for empty blocks, every n-th in scanline order so that there are at most `limit`.
+    pub fn request(&self, picture: (usize, usize), limit: usize, seed: u32, requests: &mut Vec<Request>) {
+        let blocks = &self.is_occupied[..self.size.0 * self.size.1];
+        let empty = blocks.iter().filter(|&&occupied| occupied == 0).count();
+        if empty == 0 || limit == 0 {
+            return;
+        }
+        let every = empty.div_ceil(limit);
+        let phase = random::mix(seed, 0) as usize % every;
+        let chosen = blocks.iter().enumerate().filter(|&(_, &occupied)| occupied == 0).skip(phase).step_by(every);
+        requests.extend(chosen.map(|(block, _)| {
+            let (column, row) = (block % self.size.0 * COARSE, block / self.size.0 * COARSE);
+            let (x, y) = random::pair(seed, block as u32);
+            // The last block of a row or column may be narrower.
+            let across = column as f32 + x * COARSE.min(picture.0 - column) as f32;
+            let down = row as f32 + y * COARSE.min(picture.1 - row) as f32;
+            let aim = Aim::Picture(across / picture.0 as f32, 1.0 - down / picture.1 as f32);
+            Request { aim, predicted: true, tag: Tag::default() }
+        }));
+    }
+}
+
+/// Marks the blocks into which points fall.
+pub(super) struct Project<'a> {
+    map: Map,
+    points: &'a Points,
+    occupancy: &'a mut Occupancy,
+}
+
+impl Kernel for Project<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { map, points, occupancy } = self;
+        let [xs, ys, zs] = points.position.each_ref().map(|axis| axis.as_chunks::<BLOCK>().0);
+        let mut block = [0_u32; BLOCK];
+        for (((x, y), z), age) in xs.iter().zip(ys).zip(zs).zip(points.age.as_chunks::<BLOCK>().0) {
+            place(&map, occupancy.size, [x, y, z], age, &mut block);
+            for &block in &block {
+                occupancy.is_occupied[block as usize] = 1;
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn place(map: &Map, size: (usize, usize), [x, y, z]: [&[f32; BLOCK]; 3], age: &[u8; BLOCK], block: &mut [u32; BLOCK]) {
+    let (right, bottom) = (size.0 as f32, size.1 as f32);
+    let (across, outside) = (size.0 as i32, (size.0 * size.1) as i32);
+    for i in 0..BLOCK {
+        let (column, row, depth) = map.project([x[i], y[i], z[i]]);
+        let seen = (depth >= NEAREST)
+            & (column >= 0.0)
+            & (column < right)
+            & (row >= 0.0)
+            & (row < bottom)
+            & (age[i] != EVICTED);
+        let (column, row) = (truncate(column, right), truncate(row, bottom));
+        block[i] = if seen { row * across + column } else { outside } as u32;
+    }
+}

@@ -1,0 +1,196 @@
+//! The 7×7 prefilter (Walter et al. 2002, §3.3): means over the points near a pixel, for gaps that 3×3 pixels do not fill.
+//!
+//! Sums down the columns take two additions a pixel whatever the height: running sums that start anew every 7 rows, one from the top of
+//! each block and one from its bottom (van Herk; Gil & Werman 1993). Nothing is ever subtracted, so a lamp that left the
+//! window leaves no rounding error behind, as a sliding sum in f32 would. Across, the seven are added as a tree.
+//!
+//! Always true: the result does not depend on where bands of rows begin.
+
+use super::colour;
+use super::isa::Kernel;
+use super::rows::{ROOM, Row, row_of, strips};
+use std::ops::Range;
+
+/// Pixels along the window's side.
+const WINDOW: usize = 7;
+const REACH: usize = WINDOW / 2;
+const _: () = assert!(REACH <= ROOM);
+
+/// Columns filtered at a time: the rows of two blocks take 30 kB.
+const STRIP: usize = 128;
+/// Rows filtered at a time.
+const ROWS: usize = 4 * WINDOW;
+
+/// Filters rows `from..` of a picture, as many as `picture` has.
+pub(super) struct Prefilter<'a> {
+    pub width: usize,
+    pub from: usize,
+    /// Of the whole picture.
+    pub colour: &'a [u32],
+    pub picture: [&'a mut [f32]; 3],
+    /// Whether pixels without points nearby become 0.
+    pub black: bool,
+    /// Only pixels without a point among 3×3 matter: others will be overwritten.
+    pub gaps_only: bool,
+}
+
+impl Kernel for Prefilter<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { width, from, colour, picture: [red, green, blue], black, gaps_only } = self;
+        let rows = red.len() / width;
+        let mut buffers = Buffers::new(STRIP.min(width));
+        let mut merged = vec![0_u32; STRIP + 2];
+        for first in (0..rows).step_by(ROWS) {
+            let last = (first + ROWS).min(rows);
+            for columns in strips(width, STRIP) {
+                if !gaps_only || has_gap(colour, width, from + first..from + last, &columns, &mut merged) {
+                    let out = [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[first * width..last * width]);
+                    buffers.filter(colour, width, from + first, columns, out, black);
+                }
+            }
+        }
+    }
+}
+
+/// Whether there is a pixel without a point among its 3×3.
+#[inline(always)]
+fn has_gap(colour: &[u32], width: usize, rows: Range<usize>, columns: &Range<usize>, merged: &mut [u32]) -> bool {
+    let (start, end) = (columns.start.saturating_sub(1), (columns.end + 1).min(width));
+    let count = columns.len();
+    let (to, length) = ((start + 1) - columns.start, end - start);
+    // The column beyond the picture's edge has no points.
+    (merged[0], merged[count + 1]) = (colour::NONE, colour::NONE);
+    let mut gap = false;
+    for y in rows {
+        let [above, here, below] =
+            [y.wrapping_sub(1), y, y + 1].map(|y| row_of(colour, width, y).map(|row| &row[start..end]));
+        let Some(here) = here else { continue };
+        merge(above.unwrap_or(here), here, below.unwrap_or(here), &mut merged[to..][..length]);
+        gap |= any_gap(&merged[..count], &merged[1..][..count], &merged[2..][..count]);
+    }
+    gap
+}
+
+#[inline(always)]
+fn merge(above: &[u32], here: &[u32], below: &[u32], merged: &mut [u32]) {
+    for (((merged, a), b), c) in merged.iter_mut().zip(above).zip(here).zip(below) {
+        *merged = a | b | c;
+    }
+}
+
+#[inline(always)]
+fn any_gap(left: &[u32], here: &[u32], right: &[u32]) -> bool {
+    left.iter().zip(here).zip(right).fold(false, |gap, ((a, b), c)| gap | (a | b | c == colour::NONE))
+}
+
+/// Rows of sums for one strip.
+struct Buffers {
+    decoded: Row,
+    /// Sums from each row of the block that was left to its end.
+    left: Vec<Row>,
+    /// Rows of the block at hand, and their sum so far.
+    block: Vec<Row>,
+    so_far: Row,
+    nothing: Row,
+}
+
+impl Buffers {
+    fn new(width: usize) -> Self {
+        let row = Row::new(width);
+        let [left, block] = [(); 2].map(|()| vec![row.clone(); WINDOW]);
+        Self { decoded: row.clone(), left, block, so_far: row.clone(), nothing: row }
+    }
+
+    /// Filters a strip of rows `from..`, as many as `out` has.
+    #[inline(always)]
+    fn filter(
+        &mut self,
+        colour: &[u32],
+        width: usize,
+        from: usize,
+        columns: Range<usize>,
+        out: [&mut [f32]; 3],
+        black: bool,
+    ) {
+        let Self { decoded, left, block, so_far, nothing } = self;
+        let [red, green, blue] = out;
+        let (rows, count) = (red.len() / width, columns.len());
+        // Rows are counted from REACH above the picture, in blocks of WINDOW; those outside are zeros. `last` is the last of a window.
+        for last in (from / WINDOW) * WINDOW..from + rows + 2 * REACH {
+            let at = last % WINDOW;
+            if at == 0 {
+                std::mem::swap(left, block);
+                finish_block(left, count);
+            }
+            decoded.decode(last.checked_sub(REACH).and_then(|y| row_of(colour, width, y)), &columns, REACH);
+            across(decoded, &mut block[at], count);
+            for channel in 0..4 {
+                add(&mut so_far.channels[channel][..count], &block[at].channels[channel][..count], at == 0);
+            }
+            let Some(row) = last.checked_sub(from + 2 * REACH) else { continue };
+            let place = row * width + columns.start..row * width + columns.end;
+            // A window that ends with a block is that block: nothing of the one before is in it.
+            let before = if at + 1 < WINDOW { &left[at + 1] } else { &*nothing };
+            show(so_far, before, &mut red[place.clone()], &mut green[place.clone()], &mut blue[place], black);
+        }
+    }
+}
+
+/// Turns a block's rows into sums from each row to the block's end.
+#[inline(always)]
+fn finish_block(block: &mut [Row], width: usize) {
+    for row in (0..block.len() - 1).rev() {
+        let (these, rest) = block.split_at_mut(row + 1);
+        for channel in 0..4 {
+            add(&mut these[row].channels[channel][..width], &rest[0].channels[channel][..width], false);
+        }
+    }
+}
+
+/// Sums over [`WINDOW`] columns around each.
+#[inline(always)]
+fn across(from: &Row, to: &mut Row, width: usize) {
+    for channel in 0..4 {
+        seven(&from.channels[channel][ROOM - REACH..][..width + 2 * REACH], &mut to.channels[channel][..width]);
+    }
+}
+
+#[inline(always)]
+fn seven(from: &[f32], to: &mut [f32]) {
+    let width = to.len();
+    let tap = [0, 1, 2, 3, 4, 5, 6].map(|offset| &from[offset..][..width]);
+    for x in 0..width {
+        to[x] = ((tap[0][x] + tap[1][x]) + (tap[2][x] + tap[3][x])) + ((tap[4][x] + tap[5][x]) + tap[6][x]);
+    }
+}
+
+#[inline(always)]
+fn add(to: &mut [f32], from: &[f32], anew: bool) {
+    if anew {
+        to.copy_from_slice(from);
+    } else {
+        for (to, from) in to.iter_mut().zip(from) {
+            *to += from;
+        }
+    }
+}
+
+#[inline(always)]
+fn show(sums: &Row, before: &Row, red: &mut [f32], green: &mut [f32], blue: &mut [f32], black: bool) {
+    let width = red.len();
+    let [s0, s1, s2, s3] = sums.channels.each_ref().map(|sum| &sum[..width]);
+    let [b0, b1, b2, b3] = before.channels.each_ref().map(|sum| &sum[..width]);
+    let (green, blue) = (&mut green[..width], &mut blue[..width]);
+    for x in 0..width {
+        let weight = s3[x] + b3[x];
+        let has_points = weight > 0.0;
+        let inverse = 1.0 / weight.max(1.0);
+        let keep = |old: f32| if black { 0.0 } else { old };
+        red[x] = if has_points { (s0[x] + b0[x]) * inverse } else { keep(red[x]) };
+        green[x] = if has_points { (s1[x] + b1[x]) * inverse } else { keep(green[x]) };
+        blue[x] = if has_points { (s2[x] + b2[x]) * inverse } else { keep(blue[x]) };
+    }
+}

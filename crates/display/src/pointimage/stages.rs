@@ -1,0 +1,214 @@
+//! A frame, stage by stage (Walter et al. 2002, Figure 1).
+
+use super::cull::Cull;
+use super::interpolate::Interpolate;
+use super::map::Map;
+use super::params::{EmptyPixels, Smoothing, Stage};
+use super::points::Age;
+use super::predict::Occupancy;
+use super::prefilter::Prefilter;
+use super::project::TILE;
+use super::{Moment, PointImage, dither, parallel, random, zbuffer};
+use holo_picture::View;
+
+/// Samples whose points are fetched together.
+const AHEAD: usize = 32;
+
+impl PointImage {
+    /// All stages that are on and that have something to do.
+    pub(super) fn make(&mut self, moment: &Moment, ended: &mut dyn FnMut(Stage)) {
+        let moved = self.view.as_ref() != Some(&moment.view);
+        self.look(&moment.view, moved);
+        self.update(moment, moved);
+        ended(Stage::UpdatePoints);
+        self.requests.clear();
+        // At rest nothing is about to come into view.
+        let predicted = moment.predicted.filter(|predicted| self.params.stages.prediction && *predicted != moment.view);
+        self.predicted = predicted;
+        if let Some(predicted) = predicted {
+            self.predict(&predicted, moment.wanted, ended);
+        }
+        if moved || self.is_dirty || !moment.samples.is_empty() {
+            self.project(&moment.view);
+            ended(Stage::ProjectAndTileSort);
+            zbuffer::fill(&self.buckets, &mut self.planes, &mut self.points, self.params.threads, self.frames);
+            ended(Stage::ZBufferTiles);
+            if self.params.stages.depth_cull {
+                self.cull();
+                ended(Stage::DepthCull);
+            }
+            if self.params.stages.prefilter {
+                self.prefilter();
+                ended(Stage::Prefilter);
+            }
+            self.interpolate();
+            ended(Stage::Interpolate);
+            self.is_dirty = false;
+        }
+        if moment.wanted > self.requests.len() {
+            self.sample(moment.wanted - self.requests.len());
+            ended(Stage::Sampling);
+        }
+        self.frames = self.frames.wrapping_add(1);
+    }
+
+    fn look(&mut self, view: &View, moved: bool) {
+        if !self.has_origin {
+            (self.origin, self.has_origin) = (view.vp, true);
+        }
+        if moved {
+            self.epoch = self.epoch.wrapping_add(1);
+            self.view = Some(*view);
+        }
+        self.eye = view.vp - self.origin;
+    }
+
+    fn update(&mut self, moment: &Moment, moved: bool) {
+        let increment = if self.params.stages.ageing { self.points.increment(moment.samples.len()) } else { 0 };
+        if increment > 0 || moved || self.is_dirty {
+            let lengths = parallel::bands(self.points.capacity(), 64, self.params.threads);
+            let ages = Age::new(&mut self.points, increment, moved, &self.params).split(&lengths);
+            parallel::for_each(ages, |kernel| self.isa.run(kernel));
+        }
+        for samples in moment.samples.chunks(AHEAD) {
+            self.points.prefetch(samples.iter().map(|sample| sample.tag.slot));
+            for sample in samples {
+                if !self.take(sample) {
+                    self.rejected += 1;
+                }
+            }
+        }
+    }
+
+    fn predict(&mut self, view: &View, wanted: usize, ended: &mut dyn FnMut(Stage)) {
+        let (width, height) = Occupancy::scaled(self.planes.size);
+        let map = Map::new(view, self.origin, width, height);
+        self.isa.run(self.occupancy.project(map, &self.points));
+        ended(Stage::PredictedProjection);
+        let limit = (wanted as f64 * self.params.predicted_share).floor() as usize;
+        let seed = random::mix(self.params.seed ^ 0x5bd1_e995, self.frames);
+        self.occupancy.request(self.planes.size, limit, seed, &mut self.requests);
+        ended(Stage::PredictedSampling);
+    }
+
+    fn project(&mut self, view: &View) {
+        let size = self.planes.size;
+        let map = Map::new(view, self.origin, size.0 as f64, size.1 as f64);
+        self.buckets.fill(self.isa, &map, size, &mut self.points);
+    }
+
+    fn bands(&self) -> Vec<std::ops::Range<usize>> {
+        parallel::bands(self.planes.size.1, 16, self.params.threads)
+    }
+
+    fn cull(&mut self) {
+        let bands = self.bands();
+        let width = self.planes.size.0;
+        let colours = parallel::cut(&mut self.planes.colour, bands.iter().map(|rows| rows.len() * width));
+        let (depth, threshold) = (&self.planes.depth[..], self.params.cull_threshold);
+        let work = bands.iter().zip(colours);
+        let work = work.map(|(rows, colour)| Cull { width, from: rows.start, colour, depth, threshold });
+        parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
+    }
+
+    fn prefilter(&mut self) {
+        let bands = self.bands();
+        let width = self.planes.size.0;
+        let black = self.params.empty == EmptyPixels::Black;
+        let gaps_only = self.params.stages.interpolation;
+        let pictures = cut_picture(&mut self.planes.picture, &bands, width);
+        let colour = &self.planes.colour[..];
+        let work = bands.iter().zip(pictures);
+        let work = work.map(|(rows, picture)| Prefilter { width, from: rows.start, colour, picture, black, gaps_only });
+        parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
+    }
+
+    fn interpolate(&mut self) {
+        let bands = self.bands();
+        let width = self.planes.size.0;
+        let pictures = cut_picture(&mut self.planes.picture, &bands, width);
+        let priorities = parallel::cut(&mut self.planes.priority, bands.iter().map(|rows| rows.len() * width));
+        let (colour, age) = (&self.planes.colour[..], &self.planes.age[..]);
+        let (smoothing, stages) = (self.params.smoothing, self.params.stages);
+        let black = self.params.empty == EmptyPixels::Black && !stages.prefilter;
+        let fill = stages.interpolation;
+        let own_point = !fill || smoothing == Smoothing::Gaps;
+        let work = bands.iter().zip(pictures).zip(priorities).map(|((rows, picture), priority)| Interpolate {
+            width,
+            from: rows.start,
+            colour,
+            age,
+            picture,
+            priority,
+            own_point,
+            black,
+            fill,
+        });
+        parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
+        if smoothing != Smoothing::Everywhere {
+            self.show_means();
+        }
+    }
+
+    /// Pixels whose point is a sample of this view show its mean to the last digit: packed colours would round it.
+    fn show_means(&mut self) {
+        let planes = &mut self.planes;
+        let [red, green, blue] = &mut planes.picture;
+        let shown = planes.depth.iter().zip(&planes.slot).zip(red).zip(green).zip(blue);
+        for ((((&depth, &slot), red), green), blue) in shown {
+            if (depth as i32) > 0 {
+                [*red, *green, *blue] = self.points.details[slot as usize].mean;
+            }
+        }
+    }
+
+    fn sample(&mut self, wanted: usize) {
+        let mut chosen = std::mem::take(&mut self.chosen);
+        chosen.clear();
+        let seed = random::mix(self.params.seed, self.frames);
+        if self.params.stages.dither {
+            dither::choose(&self.planes.priority, self.planes.size.0, wanted, seed, &mut chosen);
+        } else {
+            self.choose_anywhere(wanted, seed, &mut chosen);
+        }
+        sort_by_tile(&mut chosen, &mut self.sorted, self.planes.size.0);
+        let mut requests = std::mem::take(&mut self.requests);
+        for pixels in chosen.chunks(AHEAD) {
+            self.points.prefetch(pixels.iter().map(|&pixel| self.planes.slot[pixel as usize]));
+            requests.extend(pixels.iter().map(|&pixel| self.request(pixel, seed)));
+        }
+        (self.requests, self.chosen) = (requests, chosen);
+    }
+}
+
+/// Orders pixels by tile, so that samples come back as they are kept: near together what is near together.
+fn sort_by_tile(pixels: &mut Vec<u32>, sorted: &mut Vec<u32>, width: usize) {
+    let Some(last) = pixels.iter().max().map(|&pixel| pixel as usize / width / TILE) else { return };
+    let across = width.div_ceil(TILE);
+    let tile = |pixel: u32| {
+        let (column, row) = (pixel as usize % width, pixel as usize / width);
+        row / TILE * across + column / TILE
+    };
+    let mut starts = vec![0; (last + 1) * across + 1];
+    pixels.iter().for_each(|&pixel| starts[tile(pixel) + 1] += 1);
+    (1..starts.len()).for_each(|tile| starts[tile] += starts[tile - 1]);
+    sorted.clear();
+    sorted.resize(pixels.len(), 0);
+    for &pixel in pixels.iter() {
+        let start = &mut starts[tile(pixel)];
+        sorted[*start] = pixel;
+        *start += 1;
+    }
+    std::mem::swap(pixels, sorted);
+}
+
+/// The rows of each band, channel by channel.
+fn cut_picture<'a>(
+    picture: &'a mut [Vec<f32>; 3],
+    bands: &[std::ops::Range<usize>],
+    width: usize,
+) -> Vec<[&'a mut [f32]; 3]> {
+    let [red, green, blue] =
+        picture.each_mut().map(|plane| parallel::cut(plane, bands.iter().map(|rows| rows.len() * width)));
+    red.into_iter().zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue]).collect()
+}

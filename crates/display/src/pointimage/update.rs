@@ -1,0 +1,185 @@
+//! Takes new samples into the cache (Walter et al. 1999, §4.1 to §4.3).
+//!
+//! Always true: a sample with a number that is not finite changes nothing; a sample that comes late is a point like any other.
+
+use super::PointImage;
+use super::colour;
+use super::map::far_away;
+use super::points::{Details, EVICTED, FRESH, GENERATION, GENERATIONS, HIGHLIGHT, NOISY, REFINED};
+use super::sample::{Place, Purpose, Sample};
+
+/// Standard deviations of stated noise that are not yet a change.
+const NOISE_DEVIATIONS: f32 = 3.0;
+/// Depth differs by more than this share: the ray met something else.
+const MOVED: f64 = 0.1;
+
+impl PointImage {
+    /// Takes a sample in; false if it has a number that is not finite.
+    pub(super) fn take(&mut self, sample: &Sample) -> bool {
+        let position = match sample.place {
+            Place::At(position) => (position - self.origin).to_array(),
+            Place::Toward(direction) => far_away(direction).to_array(),
+        }
+        .map(|coordinate| coordinate as f32);
+        let is_finite = position.iter().chain(&sample.radiance).all(|number| number.is_finite());
+        if !is_finite || position == [0.0; 3] && matches!(sample.place, Place::Toward(_)) {
+            return false;
+        }
+        let mut radiance = sample.radiance.map(|channel| channel.clamp(0.0, colour::LARGEST));
+        // +0 for -0, so that equal colours have equal bits.
+        radiance.iter_mut().for_each(|channel| *channel += 0.0);
+        let tag = sample.tag;
+        let slot = tag.slot as usize;
+        let is_current = tag.epoch == self.epoch && tag.purpose != Purpose::Fill;
+        let holds = self.points.flags.get(slot).is_some_and(|flags| flags & GENERATIONS == tag.generation)
+            && self.points.age[slot] != EVICTED;
+        match tag.purpose {
+            Purpose::Resample if holds => {
+                if self.has_changed(slot, position, radiance, sample) {
+                    self.put(slot, position, radiance, sample, is_current);
+                    self.age_neighbours(tag.pixel, slot);
+                } else {
+                    self.confirm(slot, position, radiance, sample, is_current);
+                }
+            }
+            Purpose::Refine if holds && is_current => self.refine(slot, radiance),
+            Purpose::Refine if holds => self.put(slot, position, radiance, sample, false),
+            Purpose::Pixel if is_current => match self.fresh_point_of(tag.pixel) {
+                // Asked for twice before the first came.
+                Some(slot) => self.refine(slot, radiance),
+                None => {
+                    let slot = self.points.free_slot();
+                    self.put(slot, position, radiance, sample, true);
+                    if let Some(shown) = self.planes.slot.get_mut(tag.pixel as usize) {
+                        *shown = slot as u32;
+                    }
+                }
+            },
+            _ => {
+                let slot = self.points.free_slot();
+                self.put(slot, position, radiance, sample, false);
+            }
+        }
+        true
+    }
+
+    fn fresh_point_of(&self, pixel: u32) -> Option<usize> {
+        let slot = *self.planes.slot.get(pixel as usize)? as usize;
+        let is_fresh = self.points.flags.get(slot)? & FRESH != 0;
+        (is_fresh && self.points.age[slot] != EVICTED && self.points.details[slot].epoch == self.epoch).then_some(slot)
+    }
+
+    /// The colour-change test, with the noise that the renderer stated.
+    fn has_changed(&self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample) -> bool {
+        let reference = self.reference(slot);
+        let largest = reference.iter().chain(&radiance).fold(0.0_f32, |largest, &channel| largest.max(channel));
+        let mut variance = sample.noise * sample.noise;
+        if self.points.flags[slot] & NOISY != 0 {
+            let details = &self.points.details[slot];
+            // A mean of n samples has 1/n of their variance.
+            variance += details.noise * details.noise / details.reference_count.max(1) as f32;
+        }
+        let allowed = self.params.change_threshold * largest + NOISE_DEVIATIONS * variance.max(0.0).sqrt();
+        let changed = radiance.iter().zip(&reference).any(|(new, old)| (new - old).abs() > allowed);
+        let eye = self.eye.to_array();
+        let distance = |p: [f32; 3]| (0..3).map(|axis| (f64::from(p[axis]) - eye[axis]).powi(2)).sum::<f64>().sqrt();
+        let (old, new) = (distance(self.points.position.each_ref().map(|axis| axis[slot])), distance(position));
+        changed || (new - old).abs() > MOVED * old
+    }
+
+    /// Mean of rays through a point.
+    fn reference(&self, slot: usize) -> [f32; 3] {
+        let is_refined = self.points.flags[slot] & REFINED != 0;
+        colour::decode(if is_refined { self.points.details[slot].reference } else { self.points.colour[slot] })
+    }
+
+    /// A new point in a slot. Reads nothing but the flags: what it writes is rarely in a cache, and would be waited for.
+    fn put(&mut self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_fresh: bool) {
+        let points = &mut self.points;
+        for (axis, coordinate) in points.position.iter_mut().zip(position) {
+            axis[slot] = coordinate;
+        }
+        points.colour[slot] = colour::encode(radiance);
+        points.age[slot] = 0;
+        let generation = (points.flags[slot] & GENERATIONS).wrapping_add(GENERATION);
+        points.flags[slot] = generation | flags(sample, is_fresh);
+        points.object[slot] = sample.object;
+        points.is_hidden[slot] = 0;
+        points.details[slot] = Details {
+            mean: radiance,
+            count: 1,
+            reference: colour::NONE,
+            noise: if sample.noise.is_finite() { sample.noise.max(0.0) } else { 0.0 },
+            epoch: if is_fresh { self.epoch } else { self.epoch.wrapping_sub(1) },
+            reference_count: 1,
+        };
+    }
+
+    /// The ray through a point found it as it was: averages it in.
+    fn confirm(&mut self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_current: bool) {
+        let mut reference = self.reference(slot);
+        let points = &mut self.points;
+        let details = &mut points.details[slot];
+        details.reference_count = details.reference_count.min(self.params.moving_mean - 1) + 1;
+        average(&mut reference, radiance, details.reference_count);
+        let kept = points.flags[slot] & (GENERATIONS | REFINED | NOISY);
+        if details.epoch != self.epoch {
+            details.count = details.count.min(self.params.moving_mean - 1) + 1;
+            average(&mut details.mean, radiance, details.count);
+            if is_current {
+                // A pixel's mean needs rays all over the pixel: this one stands for its point only. It counts as the first.
+                (details.epoch, details.count) = (self.epoch, 1);
+            }
+            points.colour[slot] = colour::encode(details.mean);
+        }
+        if kept & REFINED != 0 {
+            details.reference = colour::encode(reference);
+        }
+        points.age[slot] = 0;
+        points.flags[slot] = kept | flags(sample, details.epoch == self.epoch);
+        for (axis, coordinate) in points.position.iter_mut().zip(position) {
+            axis[slot] = coordinate;
+        }
+    }
+
+    /// Another ray of the same pixel and view: the mean over them is the pixel's box filter.
+    fn refine(&mut self, slot: usize, radiance: [f32; 3]) {
+        let flags = &mut self.points.flags[slot];
+        let details = &mut self.points.details[slot];
+        if *flags & REFINED == 0 {
+            *flags |= REFINED;
+            details.reference = self.points.colour[slot];
+        }
+        details.count = details.count.min(self.params.resting_mean - 1) + 1;
+        average(&mut details.mean, radiance, details.count);
+        self.points.colour[slot] = colour::encode(details.mean);
+        self.points.age[slot] = 0;
+    }
+
+    /// Where one point has changed its neighbours probably have (1999, §4.1).
+    fn age_neighbours(&mut self, pixel: u32, changed: usize) {
+        let (width, height) = self.planes.size;
+        let (column, row) = (pixel as usize % width, pixel as usize / width);
+        for y in row.saturating_sub(1)..(row + 2).min(height) {
+            for x in column.saturating_sub(1)..(column + 2).min(width) {
+                let slot = self.planes.slot[y * width + x] as usize;
+                if slot != changed && slot < self.points.capacity() && self.points.age[slot] != EVICTED {
+                    self.points.age(slot, self.params.change_ageing);
+                }
+            }
+        }
+    }
+}
+
+fn flags(sample: &Sample, is_fresh: bool) -> u8 {
+    let flag = |is: bool, flag: u8| if is { flag } else { 0 };
+    flag(is_fresh, FRESH) | flag(sample.is_highlight, HIGHLIGHT) | flag(sample.noise > 0.0, NOISY)
+}
+
+/// Moves a mean towards the newest of `count` values.
+fn average(mean: &mut [f32; 3], value: [f32; 3], count: u32) {
+    let share = 1.0 / count.max(1) as f32;
+    for (mean, value) in mean.iter_mut().zip(value) {
+        *mean += (value - *mean) * share;
+    }
+}

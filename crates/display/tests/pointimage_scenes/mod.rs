@@ -1,0 +1,70 @@
+//! Scenes for tests and measurements of the render cache: rays that meet formulas.
+#![allow(dead_code, reason = "each test file uses its own part")]
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use glam::DVec3;
+use holo_display::pointimage::{Frame, Place, Sample};
+use holo_picture::View;
+
+/// What a ray met: where, its radiance, and the object's number.
+pub type Hit = (Place, [f32; 3], u32);
+/// A scene: origin and direction of a ray to what it meets.
+pub type Scene<'a> = &'a dyn Fn(DVec3, DVec3) -> Hit;
+
+/// A view along `direction` (degrees from +y towards +x) from `eye`, 60 degrees wide.
+pub fn view(eye: DVec3, degrees: f64, size: (u32, u32)) -> View {
+    let (sine, cosine) = degrees.to_radians().sin_cos();
+    View::new(eye, DVec3::new(sine, cosine, 0.0), DVec3::Z, Some(60.0), None, size).unwrap()
+}
+
+/// Light and dark squares of `side`, in three-dimensional space.
+pub fn checker(p: DVec3, side: f64) -> f32 {
+    let odd = (p / side + 1e-4).floor().as_i64vec3().element_sum().rem_euclid(2) == 1;
+    if odd { 0.8 } else { 0.2 }
+}
+
+/// Inside of a box 10 by 8 by 3 with checkered walls, with a ball (object 1) in it.
+pub fn room(origin: DVec3, direction: DVec3) -> Hit {
+    let far = (DVec3::new(5.0, 4.0, 1.5) * direction.signum() - origin) / direction;
+    let wall = far.min_element();
+    let centre = DVec3::new(0.5, 2.0, -0.6);
+    if let Some(distance) = ball(origin, direction, centre, 0.7).filter(|&distance| distance < wall) {
+        let p = origin + direction * distance;
+        let light = 0.2 + 0.7 * ((p - centre).normalize().dot(DVec3::new(0.3, -0.5, 0.8)).max(0.0)) as f32;
+        return (Place::At(p), [light, 0.4 * light, 0.2 * light], 1);
+    }
+    let p = origin + direction * wall;
+    let light = checker(p, 0.5) * (1.2 - 0.1 * p.length() as f32);
+    (Place::At(p), [light, light, 0.8 * light], 0)
+}
+
+/// Distance along a ray to a ball.
+pub fn ball(origin: DVec3, direction: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
+    let to = centre - origin;
+    let along = to.dot(direction);
+    let half = radius * radius - (to - direction * along).length_squared();
+    (half >= 0.0 && along - half.sqrt() > 0.0).then(|| along - half.sqrt())
+}
+
+/// Answers to all requests of a frame.
+pub fn answer(frame: &Frame, scene: Scene) -> Vec<Sample> {
+    frame
+        .requests()
+        .map(|(tag, origin, direction)| {
+            let (place, radiance, object) = scene(origin, direction);
+            Sample { tag, object, ..Sample::new(place, radiance) }
+        })
+        .collect()
+}
+
+/// One sample through the middle of each pixel.
+pub fn whole_picture(view: &View, size: (u32, u32), scene: Scene) -> Vec<Sample> {
+    (0..size.0 * size.1)
+        .map(|pixel| {
+            let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
+            let (origin, direction) = view.ray(x, y);
+            let (place, radiance, object) = scene(origin, direction);
+            Sample { object, ..Sample::new(place, radiance) }
+        })
+        .collect()
+}
