@@ -67,11 +67,9 @@ const COARSE: u32 = 1;
 /// A record is made where the weights of those there add up to less.
 const LEAST_WEIGHT: f32 = 0.3;
 
-/// Where the weights of records add up to so much, no more are looked for.
-const ENOUGH: f32 = 4.0;
-
-/// How much farther records reach for the rays of other records: what they see is averaged over a hemisphere.
-const RECORDS_REACH: f32 = 2.0;
+/// Where the weights of records add up to so much, no more are looked for: what is looked at is the smoother for more, what is
+/// averaged over a hemisphere is not.
+const ENOUGH: [f32; 2] = [4.0, 1.0];
 
 /// What follows from the accuracy.
 #[derive(Clone, Copy, Debug)]
@@ -144,8 +142,7 @@ impl Cached {
     /// any.
     fn known(&self, met: &Met, coarse: u32) -> Option<Found> {
         let &Met { raycaster, point, normal, .. } = met;
-        let (reach, enough) = if coarse == EXACT { (1.0, ENOUGH) } else { (RECORDS_REACH, LEAST_WEIGHT) };
-        self.store.irradiance(point.point, normal, reach, enough, |record| {
+        self.store.irradiance(point.point, normal, ENOUGH[coarse as usize], |record| {
             record.flags > coarse || raycaster.parted(point, normal, record.point.into(), record.normal.into())
         })
     }
