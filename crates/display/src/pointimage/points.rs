@@ -100,7 +100,22 @@ impl Points {
     ///
     /// A group's slots lie far apart, and the next group's beside them: so a frame's new points, which come tile by tile, lie
     /// together, and are found together in every later frame. With groups of neighbours the z-buffer took 2.5 times as long.
+    ///
+    /// Samples of the current view are passed over if one of the next groups has something else: at rest there are nearly as many of
+    /// them as slots, and a pixel that loses its mean begins anew.
     pub fn free_slot(&mut self) -> usize {
+        let is_kept = |points: &Self, slot: usize| points.flags[slot] & FRESH != 0 && points.age[slot] != EVICTED;
+        let mut slot = self.oldest_of_group();
+        for _ in 1..GROUP {
+            if !is_kept(self, slot) {
+                break;
+            }
+            slot = self.oldest_of_group();
+        }
+        slot
+    }
+
+    fn oldest_of_group(&mut self) -> usize {
         let groups = self.capacity() / GROUP;
         let mut slot = self.cursor;
         for candidate in (self.cursor..self.capacity()).step_by(groups).skip(1) {
