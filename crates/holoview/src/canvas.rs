@@ -5,7 +5,7 @@
 use std::{sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail, ensure};
-use holo_display::{Frame, Quadtree, QuadtreeParams, Voronoi, WantedBeam};
+use holo_display::{Frame, Quadtree, QuadtreeParams, Voronoi, WantedBeam, viewpoint_radius};
 use holo_net::{Inbox, Message, Outbox, SceneReceiver};
 use holo_picture::View;
 use holo_proto::control::{Control, Welcome};
@@ -15,7 +15,7 @@ use holo_section::{BeamId, Sample, Section};
 
 use crate::{
     Driver,
-    points::{Kind, PointArgs, Points, SAMPLES_PER_PIXEL, StageTime},
+    points::{Kind, PointArgs, Points, StageTime},
 };
 
 /// How long the scene's next piece may take: a server that has none sends nothing.
@@ -69,11 +69,11 @@ impl Painter {
         }
     }
 
-    /// For how many samples a pixel rays pass the eye near enough ([`holo_display::viewpoint_radius`]).
-    pub fn samples_per_pixel(&self) -> f64 {
+    /// How near to the eye rays are to pass if the nearest visible surface is at `nearest`.
+    pub fn radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
         match self {
-            Painter::Points(_) => SAMPLES_PER_PIXEL,
-            Painter::Quadtree | Painter::Voronoi(_) => 1.0,
+            Painter::Points(points) => points.radius(view, size, nearest),
+            Painter::Quadtree | Painter::Voronoi(_) => viewpoint_radius(view, size, nearest, 1.0),
         }
     }
 

@@ -2,7 +2,8 @@
 //! frameless rendering.
 //!
 //! A server deals in beams, not in single rays. So the rays that the render cache wants become weights of the view's beams, and a sample
-//! counts as a pixel's own if its ray passes the eye as near as was asked for, which is a quarter of what other drivers ask for.
+//! counts as a pixel's own if its ray passes the eye as near as was asked for, which is a quarter of what other drivers ask for: but
+//! never less than a step of ray coordinates, since rays lie on a lattice (with less, whole rows of pixels missed part of what they see).
 //!
 //! What always holds:
 //! - a pixel that no section covers stays 0, and one whose beam is known to see nothing shows the sky;
@@ -16,6 +17,7 @@ use std::{
 
 use anyhow::Result;
 use clap::{Args, ValueEnum};
+use glam::DVec3;
 use holo_display::{
     Frame, WantedBeam,
     frameless::Frameless,
@@ -30,10 +32,7 @@ use holo_section::{BeamId, Sample, Section, ray_eye_distance};
 use serde::Serialize;
 
 /// Samples a pixel for which rays must pass the eye so near: within a quarter of a pixel's footprint on the nearest surface.
-pub const SAMPLES_PER_PIXEL: f64 = 16.0;
-
-/// Beyond the radius that was asked for: stored rays lie on a grid of 256 positions a cell, those that are asked for too.
-const NEAR_STEPS: f64 = 1.0;
+const SAMPLES_PER_PIXEL: f64 = 16.0;
 
 /// Stored samples are kept as far outside of the picture, as a share of its sides: what a small turn will show.
 const MARGIN: f64 = 0.25;
@@ -183,6 +182,8 @@ struct Shown {
     /// Best beam of every pixel's middle, once a picture was made of the view.
     best: Vec<Option<(u16, BeamId)>>,
     unseen: HashSet<(u16, BeamId)>,
+    /// Distance from the eye of each pixel's newest sample, 0 without one; the render cache knows its own.
+    depth: Vec<f32>,
     /// Samples not yet taken in.
     pending: Vec<PointSample>,
     used: u64,
@@ -211,11 +212,16 @@ impl Points {
         self.lock().look(view, size, beams)
     }
 
+    /// How near to the eye rays are to pass if the nearest visible surface is at `nearest`.
+    pub fn radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
+        radius(&self.lock().sections, view, size, nearest)
+    }
+
     /// Puts the distance of the nearest visible surface right.
     pub fn set_nearest(&self, nearest: f64) {
-        if let Some(shown) = &mut self.lock().shown {
-            shown.radius = viewpoint_radius(&shown.view, shown.size, nearest, SAMPLES_PER_PIXEL);
-        }
+        let mut state = self.lock();
+        let State { sections, shown: Some(shown), .. } = &mut *state else { return };
+        shown.radius = radius(sections, &shown.view, shown.size, nearest);
     }
 
     pub fn insert(&self, section: u16, beam: BeamId, samples: &[Sample]) {
@@ -254,6 +260,18 @@ impl Points {
     }
 }
 
+fn radius(sections: &[Section], view: &View, size: (u32, u32), nearest: f64) -> f64 {
+    let finest = sections.iter().map(step).fold(f64::INFINITY, f64::min);
+    viewpoint_radius(view, size, nearest, SAMPLES_PER_PIXEL).max(finest)
+}
+
+/// The longest step of a section's ray coordinates.
+fn step(section: &Section) -> f64 {
+    let spec = section.spec();
+    let cell = |axis: usize| DVec3::from_array(spec.axes[axis]).length() / f64::from(spec.grid[axis]);
+    (0..3).map(cell).fold(0.0, f64::max) / 256.0
+}
+
 impl State {
     fn look(&mut self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
         let before = self.shown.take();
@@ -274,6 +292,7 @@ impl State {
             radius: 0.0,
             best: Vec::new(),
             unseen: HashSet::new(),
+            depth: vec![0.0; size.0 as usize * size.1 as usize],
             pending: Vec::new(),
             used: 0,
         };
@@ -305,19 +324,19 @@ fn ahead(earlier: &View, now: &View, size: (u32, u32)) -> Option<View> {
 impl Shown {
     fn insert(&mut self, section: &Section, beam: BeamId, samples: &[Sample]) {
         let Some(pair) = section.cells(beam) else { return };
-        let spec = section.spec();
-        let step = (0..3).map(|axis| glam::DVec3::from_array(spec.axes[axis]).length() / f64::from(spec.grid[axis]));
-        let near = self.radius + NEAR_STEPS * step.fold(0.0, f64::max) / 256.0;
+        // What was snapped to the lattice may pass by a step farther off.
+        let near = self.radius + step(section);
         for sample in samples {
             let ray = section.ray(pair, sample.coords);
             let distance = sample.distance(section.diagonal());
             let (place, seen) = if distance.is_finite() {
                 let place = ray.origin + ray.direction * distance;
-                (Place::At(place), self.view.project(place).map(|(x, y, _)| (x, y)))
+                (Place::At(place), self.view.project(place))
             } else {
-                (Place::Toward(ray.direction), self.view.project_direction(ray.direction))
+                let seen = self.view.project_direction(ray.direction);
+                (Place::Toward(ray.direction), seen.map(|(x, y)| (x, y, f64::INFINITY)))
             };
-            let Some((x, y)) = seen else { continue };
+            let Some((x, y, seen_at)) = seen else { continue };
             let is_near = ray_eye_distance(&ray, self.view.vp) <= near;
             let pixel = View::pixel_at(self.size, x, y);
             match (&mut self.driver, pixel) {
@@ -338,9 +357,10 @@ impl Shown {
                 (Driver::Frameless(frameless), Some((column, row))) => {
                     if let Some(tag) = frameless.pixel_tag(column, row) {
                         if is_near {
-                            frameless.insert(tag, sample.rgb())
+                            frameless.insert(tag, sample.rgb());
+                            self.depth[row as usize * self.size.0 as usize + column as usize] = seen_at as f32;
                         } else {
-                            frameless.guess(tag, sample.rgb())
+                            frameless.guess(tag, sample.rgb());
                         }
                         self.used += 1;
                     }
@@ -385,9 +405,10 @@ impl Shown {
                 (frame.picture(), distances(&self.view, self.size, frame.depth()))
             }
             Driver::Frameless(frameless) => {
-                // Distances are not kept: known only is that there is something, or not.
-                let depth = frameless.has_colour().map(|has| if has { f32::INFINITY } else { 0.0 });
-                (frameless.picture().clone(), depth.collect())
+                // What is left of other views is shown, though nothing is known of it.
+                let shown = frameless.has_colour().zip(&self.depth);
+                let depth = |(has, &depth)| if has && depth == 0.0 { f32::INFINITY } else { depth };
+                (frameless.picture().clone(), shown.map(depth).collect())
             }
         };
         let mut frame =

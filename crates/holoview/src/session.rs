@@ -9,7 +9,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{SelectOptions, Selection, select_beams, viewpoint_radius};
+use holo_display::{SelectOptions, Selection, select_beams};
 use holo_net::{Inbox, Message, NetError, Outbox, Shutdown};
 use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
@@ -301,7 +301,7 @@ impl Session {
 
     /// Sends a view, with a viewpoint for the nearest visible surface at `nearest`.
     fn request(&self, view: &View, size: (u32, u32), nearest: f64, beams: Vec<Wanted>) -> Result<()> {
-        let radius = viewpoint_radius(view, size, nearest, self.painter.samples_per_pixel());
+        let radius = self.painter.radius(view, size, nearest);
         let viewpoint = Viewpoint { eye: view.vp.to_array(), radius };
         let request = ViewRequest { view: self.view_number, viewpoint, beams };
         Ok(self.outbox.send(Kind::View, &request.encode())?)
