@@ -138,6 +138,14 @@ impl Points {
         }
     }
 
+    /// Asks for what a request for a point needs.
+    pub fn prefetch_places(&self, slots: impl Iterator<Item = u32>) {
+        for slot in slots.map(|slot| slot as usize).filter(|&slot| slot < self.capacity()) {
+            self.position.iter().for_each(|axis| prefetch(&axis[slot]));
+            prefetch(&self.flags[slot]);
+        }
+    }
+
     /// Makes a point older; the next frame's ageing may evict it.
     pub fn age(&mut self, slot: usize, by: u8) {
         self.age[slot] = self.age[slot].saturating_add(by).min(EVICTED - 1);

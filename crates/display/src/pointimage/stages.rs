@@ -179,7 +179,7 @@ impl PointImage {
         sort_by_tile(&mut chosen, &mut self.sorted, self.planes.size.0);
         let mut requests = std::mem::take(&mut self.requests);
         for pixels in chosen.chunks(AHEAD) {
-            self.points.prefetch(pixels.iter().map(|&pixel| self.planes.slot[pixel as usize]));
+            self.points.prefetch_places(pixels.iter().map(|&pixel| self.planes.slot[pixel as usize]));
             requests.extend(pixels.iter().map(|&pixel| self.request(pixel, seed)));
         }
         (self.requests, self.chosen) = (requests, chosen);
