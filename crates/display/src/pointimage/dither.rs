@@ -106,11 +106,20 @@ impl<const N: usize> Kernel for Lockstep<'_, N> {
                 hand_down(carries.first_mut(), error);
             }
             for (x, column) in columns.iter().enumerate() {
-                if *column != [0; N] {
-                    for (band, _) in column.iter().enumerate().filter(|&(_, &chosen)| chosen != 0) {
-                        hits[band].push(((first_row + band * rows + row) * width + x) as u32);
+                let (eights, rest) = column.as_chunks::<8>();
+                let pixel = |band: usize| ((first_row + band * rows + row) * width + x) as u32;
+                for (eight, first) in eights.iter().zip((0..).step_by(8)) {
+                    // A byte is 1 or 0.
+                    let mut bits = u64::from_le_bytes(*eight);
+                    while bits != 0 {
+                        let band = first + bits.trailing_zeros() as usize / 8;
+                        hits[band].push(pixel(band));
+                        bits &= bits - 1;
                     }
                 }
+                let from = N - rest.len();
+                let chosen = rest.iter().zip(from..).filter(|&(&chosen, _)| chosen != 0);
+                chosen.for_each(|(_, band)| hits[band].push(pixel(band)));
             }
         }
     }
@@ -125,17 +134,32 @@ fn diffuse<'a, const N: usize>(
 ) -> [u32; N] {
     let mut error = [0_u32; N];
     for (priority, below) in pixels {
-        for band in 0..N {
-            // More than that cannot be handed on: all around has been chosen already.
-            let value = (u32::from(priority[band]) * scale + below[band] + error[band]).min(MOST);
-            let hit = value >= threshold;
-            let left = if hit { value - threshold } else { value };
-            priority[band] = u8::from(hit);
-            below[band] = left / 2;
-            error[band] = left - left / 2;
-        }
+        // Copies, so that nothing can overlap: else half of the loops that this becomes do one band after another.
+        (*priority, *below, error) = step(*priority, *below, error, scale, threshold);
     }
     error
+}
+
+/// A pixel of each band: whether it is chosen, what goes down, what goes on.
+#[inline(always)]
+fn step<const N: usize>(
+    priority: [u8; N],
+    below: [u32; N],
+    error: [u32; N],
+    scale: u32,
+    threshold: u32,
+) -> ([u8; N], [u32; N], [u32; N]) {
+    let (mut chosen, mut down, mut on) = ([0; N], [0; N], [0; N]);
+    for band in 0..N {
+        // More than that cannot be handed on: all around has been chosen already.
+        let value = (u32::from(priority[band]) * scale + below[band] + error[band]).min(MOST);
+        let hit = value >= threshold;
+        let left = if hit { value - threshold } else { value };
+        chosen[band] = u8::from(hit);
+        down[band] = left / 2;
+        on[band] = left - left / 2;
+    }
+    (chosen, down, on)
 }
 
 #[inline(always)]
