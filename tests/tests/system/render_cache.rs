@@ -33,11 +33,13 @@ fn at_rest_both_tend_to_what_the_tracer_renders() {
         let scene = ["view", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--bounces", "0"];
         let words = ["--headless", "--script", &script, "--size", "64x64", "--driver", driver, "--json"];
         let reports = place.run(&[&scene[..], &words].concat()).ok();
-        let last: serde_json::Value = reports.stdout.lines().last().map(|line| serde_json::from_str(line).unwrap()).unwrap();
+        let last: serde_json::Value =
+            reports.stdout.lines().last().map(|line| serde_json::from_str(line).unwrap()).unwrap();
         assert_eq!(last["driver"], driver);
         assert!(last["traced"].as_u64().unwrap() > 10_000, "{last}");
-        let stages: Vec<&str> =
-            last["stages"].as_array().map_or(Vec::new(), |all| all.iter().map(|one| one["stage"].as_str().unwrap()).collect());
+        let stages: Vec<&str> = last["stages"]
+            .as_array()
+            .map_or(Vec::new(), |all| all.iter().map(|one| one["stage"].as_str().unwrap()).collect());
         assert_eq!(STAGES.iter().all(|stage| stages.contains(stage)), driver == "pointimage", "{stages:?}");
         let [first, last] = [0, 1].map(|at| psnr(&place, &names[at], &truth));
         println!("{driver}: {first:.1} dB at once, {last:.1} dB at rest");
