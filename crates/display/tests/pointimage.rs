@@ -279,6 +279,31 @@ fn rays_that_a_renderer_chose_by_itself_tend_to_the_box_filter_too() {
 }
 
 #[test]
+fn what_other_views_left_never_pushes_out_the_pixels_of_this_one() {
+    let size = (64, 48);
+    let eye = view(DVec3::ZERO, 0.0, size);
+    let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
+    cache.frame(&moment(eye, &[], 0));
+    // Pixel after pixel, as a file has beam after beam; in between samples of what lies beside the picture.
+    for row in 0..size.1 {
+        for column in 0..size.0 {
+            let (x, y) = View::pixel_centre(size, column, row);
+            let (origin, direction) = eye.ray(x, y);
+            let sample = Sample::new(wall(origin, direction, 2.0), [1.0; 3]);
+            let beside = Sample::new(wall(origin, eye.ray(1.1, y).1, 2.0), [0.0; 3]);
+            for _ in 0..3 {
+                let tag = cache.pixel_tag(column, row).unwrap();
+                cache.insert(&[Sample { tag, ..sample }, beside]);
+            }
+        }
+    }
+    let frame = cache.frame(&moment(eye, &[], 0));
+    // At the end 0.86 of the slots are taken by pixels: eight groups of eight of them have nothing else with chance 0.86⁶⁴ = 6e-5.
+    let lost = frame.has_point().filter(|has| !has).count();
+    assert!(lost <= 1, "{lost} pixels have lost their points");
+}
+
+#[test]
 fn without_resampling_no_ray_goes_through_an_old_point() {
     let size = (64, 48);
     let through = |resampling| {

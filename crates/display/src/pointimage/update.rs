@@ -64,7 +64,7 @@ impl PointImage {
             _ => {
                 let slot = self.points.free_slot();
                 // What is not of this view must not push out what is: at rest the picture would never come to an end.
-                if self.points.flags[slot] & FRESH == 0 || self.points.age[slot] == EVICTED {
+                if !self.points.is_of_view(slot) {
                     self.put(slot, position, radiance, sample, false);
                 }
             }
