@@ -304,6 +304,49 @@ fn what_other_views_left_never_pushes_out_the_pixels_of_this_one() {
 }
 
 #[test]
+fn many_samples_from_elsewhere_take_one_point_a_pixel_and_the_nearer_surface_is_shown() {
+    let size = (64, 48);
+    let eye = view(DVec3::ZERO, 0.0, size);
+    let params = PointImageParams { moving_mean: 1000, smoothing: Smoothing::Gaps, ..Default::default() };
+    let mut cache = PointImage::new(size, params).unwrap();
+    cache.frame(&moment(eye, &[], 0));
+    let mut count = 0;
+    // Beam after beam: 40 noisy samples a pixel, uniform in 0.5..1.5 at depth 2; on the left every other one looks behind, at depth 3.
+    for pixel in 0..size.0 * size.1 {
+        let (column, row) = (pixel % size.0, pixel / size.0);
+        let (x, y) = View::pixel_centre(size, column, row);
+        let (origin, direction) = eye.ray(x, y);
+        for turn in 0..40 {
+            let behind = column < 32 && turn % 2 == 0;
+            count += 1;
+            let light = if behind { 9.0 } else { 0.5 + (random(count) >> 40) as f32 / (1 << 24) as f32 };
+            let tag = cache.guess_tag(column, row).unwrap();
+            let place = wall(origin, direction, if behind { 3.0 } else { 2.0 });
+            cache.insert(&[Sample { tag, noise: f32::INFINITY, ..Sample::new(place, [light; 3]) }]);
+        }
+    }
+    assert_eq!(cache.point_count(), (size.0 * size.1) as usize);
+    let shown = cache.frame(&moment(eye, &[], 0)).picture();
+    // Variance 1/12: of means of 40 and 20.
+    for (columns, of) in [(0..32, 20.0), (32..64, 40.0)] {
+        let pixels = (0..size.1).flat_map(|row| columns.clone().map(move |column| (column, row)));
+        let errors: Vec<f64> = pixels.map(|(x, y)| (f64::from(shown.get(x, y).unwrap()[0]) - 1.0).powi(2)).collect();
+        let expected = 1.0 / 12.0 / of;
+        let found = errors.iter().sum::<f64>() / errors.len() as f64;
+        // Squares of normal errors: relative deviation sqrt(2/n) each; four of those, and 1/256 for the packing.
+        let allowed = 4.0 * expected * (2.0 / errors.len() as f64).sqrt() + 1.0 / 256.0_f64.powi(2);
+        assert!((found - expected).abs() < allowed, "squared error {found}, {expected} expected");
+    }
+    // A ray of this view: it comes in, and no guess touches it any more.
+    let (x, y) = View::pixel_centre(size, 40, 20);
+    let (origin, direction) = eye.ray(x, y);
+    let own = Sample::new(wall(origin, direction, 2.0), [7.0; 3]);
+    cache.insert(&[Sample { tag: cache.pixel_tag(40, 20).unwrap(), ..own }]);
+    cache.insert(&[Sample { tag: cache.guess_tag(40, 20).unwrap(), ..Sample::new(own.place, [1.0; 3]) }]);
+    assert_eq!(cache.frame(&moment(eye, &[], 0)).picture().get(40, 20), Some([7.0; 3]));
+}
+
+#[test]
 fn without_resampling_no_ray_goes_through_an_old_point() {
     let size = (64, 48);
     let through = |resampling| {
