@@ -65,7 +65,7 @@ impl Painter {
     pub fn weigh(&self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
         match self {
             Painter::Points(points) => points.look(view, size, beams),
-            Painter::Quadtree | Painter::Voronoi(_) => Ok(beams),
+            Painter::Quadtree | Painter::Voronoi(..) => Ok(beams),
         }
     }
 
@@ -73,7 +73,7 @@ impl Painter {
     pub fn radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
         match self {
             Painter::Points(points) => points.radius(view, size, nearest),
-            Painter::Quadtree | Painter::Voronoi(_) => viewpoint_radius(view, size, nearest, 1.0),
+            Painter::Quadtree | Painter::Voronoi(..) => viewpoint_radius(view, size, nearest, 1.0),
         }
     }
 

@@ -252,7 +252,7 @@ impl Session {
         if let Some(shown) = &mut self.shown {
             shown.canvas.set_nearest(nearest);
         }
-        if matches!(self.painter, Painter::Voronoi(_)) { self.refine() } else { Ok(()) }
+        if matches!(self.painter, Painter::Voronoi(..)) { self.refine() } else { Ok(()) }
     }
 
     /// Once all stored samples of the beams asked for have been sent: asks for what else is of use.
