@@ -8,11 +8,7 @@ use holo_display::pointimage::{
     EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stage, Stages,
 };
 use holo_picture::View;
-use pointimage_scenes::{answer, ball, checker, room, view, whole_picture};
-
-fn moment(view: View, samples: &[Sample], wanted: usize) -> Moment<'_> {
-    Moment { view, predicted: None, samples, wanted }
-}
+use pointimage_scenes::{answer, ball, checker, moment, random, room, squared_error, truth, view, wall, whole_picture};
 
 #[test]
 fn a_sample_for_each_pixel_is_the_picture() {
@@ -31,19 +27,6 @@ fn a_sample_for_each_pixel_is_the_picture() {
             assert!((shown - stored).abs() <= largest / 256.0, "{pixel:?} for {:?}", sample.radiance);
         }
     }
-}
-
-/// 64 random bits of an index (splitmix64).
-fn random(index: u64) -> u64 {
-    let mut bits = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    bits ^ bits >> 31
-}
-
-/// A wall at `depth` in front of a view along +y.
-fn wall(origin: DVec3, direction: DVec3, depth: f64) -> Place {
-    Place::At(origin + direction * (depth / direction.y))
 }
 
 #[test]
@@ -175,28 +158,6 @@ fn prediction_asks_for_each_block_that_turns_into_view() {
     assert!((with - expected).abs() < allowed, "{with} of the new pixels are empty, {expected} expected");
 }
 
-/// Box-filtered truth, and the mean variance of a ray within its pixel, from 24×24 rays a pixel.
-fn truth(view: &View, size: (u32, u32), scene: pointimage_scenes::Scene) -> (Vec<f32>, f64) {
-    let fine = 24;
-    let mut sums = vec![0.0; (size.0 * size.1) as usize];
-    let mut squares = 0.0;
-    for row in 0..size.1 * fine {
-        for column in 0..size.0 * fine {
-            let (x, y) = View::pixel_centre((size.0 * fine, size.1 * fine), column, row);
-            let (origin, direction) = view.ray(x, y);
-            let radiance = scene(origin, direction).1[0];
-            sums[(row / fine * size.0 + column / fine) as usize] += radiance / (fine * fine) as f32;
-            squares += f64::from(radiance).powi(2) / f64::from(size.0 * size.1 * fine * fine);
-        }
-    }
-    let of_means = sums.iter().map(|&mean| f64::from(mean).powi(2)).sum::<f64>() / sums.len() as f64;
-    (sums, squares - of_means)
-}
-
-fn squared_error(shown: &[f32], truth: &[f32]) -> f64 {
-    shown.iter().zip(truth).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / truth.len() as f64
-}
-
 #[test]
 fn a_picture_at_rest_tends_to_the_box_filter() {
     let size = (72, 54);
@@ -228,6 +189,32 @@ fn a_picture_at_rest_tends_to_the_box_filter() {
     // And no more of it than as many independent rays would leave.
     let alone = variance / 200.0;
     assert!(errors[1] < 1.5 * alone, "{} where independent rays would leave {alone}", errors[1]);
+}
+
+#[test]
+fn without_resampling_no_ray_goes_through_an_old_point() {
+    let size = (64, 48);
+    let through = |resampling| {
+        let params = PointImageParams { stages: Stages { resampling, ..Stages::ALL }, ..Default::default() };
+        let mut cache = PointImage::new(size, params).unwrap();
+        let eye = view(DVec3::ZERO, 0.0, size);
+        let samples = whole_picture(&eye, size, &room);
+        cache.frame(&moment(eye, &samples, 0));
+        cache.age_where(100, |_, _| true);
+        let shown = cache.frame(&moment(eye, &[], 500));
+        // Points are kept in f32.
+        let is_through = |direction: DVec3| {
+            samples
+                .iter()
+                .any(|sample| matches!(sample.place, Place::At(at) if at.normalize().dot(direction) > 1.0 - 1e-12))
+        };
+        let rays: Vec<_> = shown.requests().collect();
+        (rays.iter().filter(|(_, _, direction)| is_through(*direction)).count(), rays.len())
+    };
+    let (with, asked) = through(true);
+    // Culled points are not asked again.
+    assert!(with > asked * 9 / 10 && asked > 400, "{with} of {asked}");
+    assert_eq!(through(false).0, 0);
 }
 
 #[test]

@@ -29,6 +29,8 @@ pub(super) enum Purpose {
     /// A point like any other.
     #[default]
     Fill,
+    /// Seen from elsewhere in a pixel of the current view: shown until something better comes.
+    Guess,
     /// For a pixel of the current view without a point, anywhere in the pixel.
     Pixel,
     /// Through a point, to see whether it has changed.
@@ -77,7 +79,8 @@ pub struct Sample {
     pub place: Place,
     /// Radiance, W·sr⁻¹·m⁻² per RGB channel.
     pub radiance: [f32; 3],
-    /// Expected standard deviation of `radiance`'s largest channel, if the renderer is random; 0 if it is not or does not know.
+    /// Expected standard deviation of `radiance`'s largest channel, if the renderer is random; 0 if it is not. Infinite if it is and
+    /// does not know: then no difference in colour is taken for a change.
     pub noise: f32,
     /// The object that was met, as the application numbers them.
     pub object: u32,

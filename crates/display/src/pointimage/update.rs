@@ -37,7 +37,10 @@ impl PointImage {
             Purpose::Resample if holds => {
                 if self.has_changed(slot, position, radiance, sample) {
                     self.put(slot, position, radiance, sample, is_current);
-                    self.age_neighbours(tag.pixel, slot);
+                    // A ray of unknown noise that met something else says nothing about the pixels around it.
+                    if sample.noise.is_finite() {
+                        self.age_neighbours(tag.pixel, slot);
+                    }
                 } else {
                     self.confirm(slot, position, radiance, sample, is_current);
                 }
@@ -47,26 +50,59 @@ impl PointImage {
             Purpose::Pixel if is_current => match self.fresh_point_of(tag.pixel) {
                 // Asked for twice before the first came.
                 Some(slot) => self.refine(slot, radiance),
-                None => {
-                    let slot = self.points.free_slot();
-                    self.put(slot, position, radiance, sample, true);
-                    if let Some(shown) = self.planes.slot.get_mut(tag.pixel as usize) {
-                        *shown = slot as u32;
+                None => self.begin(position, radiance, sample, true),
+            },
+            Purpose::Guess if is_current => match self.point_in(tag.pixel).map(|(slot, _)| slot) {
+                None => self.begin(position, radiance, sample, false),
+                Some(slot) if self.points.is_of_view(slot) => {}
+                Some(slot) => {
+                    let (old, new) = self.distances(slot, position);
+                    if new < old * (1.0 - MOVED) {
+                        self.put(slot, position, radiance, sample, false);
+                    } else if new <= old * (1.0 + MOVED) {
+                        self.confirm(slot, position, radiance, sample, false);
                     }
                 }
             },
             _ => {
                 let slot = self.points.free_slot();
-                self.put(slot, position, radiance, sample, false);
+                // What is not of this view must not push out what is: at rest the picture would never come to an end.
+                if !self.points.is_of_view(slot) {
+                    self.put(slot, position, radiance, sample, false);
+                    self.points.taken += 1;
+                }
             }
         }
         true
     }
 
+    /// The first point of a pixel.
+    fn begin(&mut self, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_fresh: bool) {
+        let slot = self.points.free_slot();
+        // What is not of this view must not push out what is.
+        if !is_fresh && self.points.is_of_view(slot) {
+            return;
+        }
+        self.put(slot, position, radiance, sample, is_fresh);
+        self.points.taken += 1;
+        let pixel = sample.tag.pixel as usize;
+        if let Some((shown, colour)) = self.planes.slot.get_mut(pixel).zip(self.planes.colour.get_mut(pixel)) {
+            (*shown, *colour) = (slot as u32, self.points.colour[slot]);
+        }
+    }
+
+    /// Distances from the eye, of a point and of another place.
+    fn distances(&self, slot: usize, position: [f32; 3]) -> (f64, f64) {
+        let eye = self.eye.to_array();
+        let distance = |p: [f32; 3]| (0..3).map(|axis| (f64::from(p[axis]) - eye[axis]).powi(2)).sum::<f64>().sqrt();
+        (distance(self.points.position.each_ref().map(|axis| axis[slot])), distance(position))
+    }
+
     fn fresh_point_of(&self, pixel: u32) -> Option<usize> {
         let slot = *self.planes.slot.get(pixel as usize)? as usize;
         let is_fresh = self.points.flags.get(slot)? & FRESH != 0;
-        (is_fresh && self.points.age[slot] != EVICTED && self.points.details[slot].epoch == self.epoch).then_some(slot)
+        // Since the last picture another pixel's point may have taken the slot.
+        (is_fresh && self.points.details[slot].epoch == self.epoch && self.is_in(slot, pixel)).then_some(slot)
     }
 
     /// The colour-change test, with the noise that the renderer stated.
@@ -81,9 +117,7 @@ impl PointImage {
         }
         let allowed = self.params.change_threshold * largest + NOISE_DEVIATIONS * variance.max(0.0).sqrt();
         let changed = radiance.iter().zip(&reference).any(|(new, old)| (new - old).abs() > allowed);
-        let eye = self.eye.to_array();
-        let distance = |p: [f32; 3]| (0..3).map(|axis| (f64::from(p[axis]) - eye[axis]).powi(2)).sum::<f64>().sqrt();
-        let (old, new) = (distance(self.points.position.each_ref().map(|axis| axis[slot])), distance(position));
+        let (old, new) = self.distances(slot, position);
         changed || (new - old).abs() > MOVED * old
     }
 
@@ -95,6 +129,7 @@ impl PointImage {
 
     /// A new point in a slot. Reads nothing but the flags: what it writes is rarely in a cache, and would be waited for.
     fn put(&mut self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_fresh: bool) {
+        self.has_fresh |= is_fresh;
         let points = &mut self.points;
         for (axis, coordinate) in points.position.iter_mut().zip(position) {
             axis[slot] = coordinate;
@@ -136,7 +171,9 @@ impl PointImage {
             details.reference = colour::encode(reference);
         }
         points.age[slot] = 0;
-        points.flags[slot] = kept | flags(sample, details.epoch == self.epoch);
+        let is_fresh = details.epoch == self.epoch;
+        self.has_fresh |= is_fresh;
+        points.flags[slot] = kept | flags(sample, is_fresh);
         for (axis, coordinate) in points.position.iter_mut().zip(position) {
             axis[slot] = coordinate;
         }
