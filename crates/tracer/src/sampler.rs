@@ -48,6 +48,14 @@ impl Sampler {
         Self { base, state: base, index, reversed: index.reverse_bits() }
     }
 
+    /// The numbers of one of `count` branches of this path, for branches below `count`: those of path `count` times this one's number, and
+    /// on, so that branches of all paths are stratified together.
+    #[inline]
+    pub(crate) fn branch(&self, count: u32, branch: u32) -> Self {
+        let index = self.index.wrapping_mul(count).wrapping_add(branch);
+        Self { index, reversed: index.reverse_bits(), ..*self }
+    }
+
     /// Turns to the numbers of a vertex and purpose.
     #[inline]
     pub(crate) fn turn(&mut self, vertex: u32, purpose: Purpose) {
