@@ -10,7 +10,9 @@
 //! | [`Purpose::Roulette`] | whether the path goes on |
 //! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source, which one, and where on it |
 //!
-//! Always true: the numbers are a function of (seed, path, vertex, purpose, count) alone; a path that is cut off earlier
+//! Where a path forks, branch j of n goes on with the numbers of path n·path + j.
+//!
+//! Always true: the numbers are a function of (seed, path, branch, vertex, purpose, count) alone; a path that is cut off earlier
 //! has the same numbers up to there. Any aligned block of 2^k paths of one seed has one point in each of its 2^k
 //! strata of every pair, of whatever shape. The point of one path alone is uniform, and those of different
 //! seeds, vertices, purposes and counts are independent.
