@@ -5,8 +5,7 @@
 
 use super::surfaces::{Caster, Seen, Surfaces};
 use super::tiles::for_parts;
-use holo_raycast::MAX_TOGETHER;
-use holo_scene::Bsdf;
+use holo_raycast::{Hit, MAX_TOGETHER, Ray};
 
 /// Points of an edge pixel.
 const POINTS: usize = 8;
@@ -24,24 +23,22 @@ const PLACES: [(f64, f64); POINTS] = [
     (0.9375, 0.0625),
 ];
 
-/// Replaces the colours of edge pixels by means over points. `shade` gives the colour of a surface seen with the light of a
-/// pixel (or of none near).
+/// Replaces the colours of these pixels by means over points. `point` gives the colour of what a ray in a pixel meets, if it is
+/// known.
 pub(crate) fn smooth(
     caster: &Caster,
-    surfaces: &Surfaces,
+    edges: &[bool],
+    width: usize,
     colours: &[[f32; 3]],
-    sky: [f32; 3],
-    shade: impl Fn(&Seen, Option<usize>) -> Option<[f32; 3]> + Sync,
+    point: impl Fn(usize, &Ray, Option<Hit>) -> Option<[f32; 3]> + Sync,
 ) -> Vec<[f32; 3]> {
-    let width = surfaces.size.0;
     let mut smooth = colours.to_vec();
     for_parts(&mut smooth, width, 4, |part, rows| {
         for (offset, colour) in rows.iter_mut().enumerate() {
             let pixel = part * 4 * width + offset;
-            if !surfaces.edges[pixel] {
-                continue;
-            }
-            if let Some(mean) = pixel_mean(caster, surfaces, pixel, colours, sky, &shade) {
+            if edges[pixel]
+                && let Some(mean) = pixel_mean(caster, width, pixel, &point)
+            {
                 *colour = mean;
             }
         }
@@ -51,38 +48,22 @@ pub(crate) fn smooth(
 
 fn pixel_mean(
     caster: &Caster,
-    surfaces: &Surfaces,
+    width: usize,
     pixel: usize,
-    colours: &[[f32; 3]],
-    sky: [f32; 3],
-    shade: &impl Fn(&Seen, Option<usize>) -> Option<[f32; 3]>,
+    point: &impl Fn(usize, &Ray, Option<Hit>) -> Option<[f32; 3]>,
 ) -> Option<[f32; 3]> {
-    let width = surfaces.size.0;
     let (column, row) = (pixel % width, pixel / width);
     let mut rays = [None; POINTS];
     for (ray, (x, y)) in rays.iter_mut().zip(PLACES) {
         *ray = caster.ray(column as f64 + x, row as f64 + y).map(|(ray, _)| ray);
     }
-    let nowhere = holo_raycast::Ray::new(glam::Vec3::ZERO, glam::Vec3::ZERO);
+    let nowhere = Ray::new(glam::Vec3::ZERO, glam::Vec3::ZERO);
     let rays = rays.map(|ray| ray.unwrap_or(nowhere));
     let mut hits = [None; POINTS];
     caster.nearest_many(&rays, &mut hits);
     let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
     for (ray, hit) in rays.iter().zip(hits) {
-        let colour = match hit {
-            None => Some(sky),
-            Some(hit) => {
-                let point = caster.first(ray, &hit);
-                let polished =
-                    matches!(caster.scene().material(hit.triangle).bsdf, Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. });
-                let like = alike(surfaces, pixel, &point, polished);
-                match like {
-                    Some(like) if polished => Some(colours[like]),
-                    like => shade(&point, like),
-                }
-            }
-        };
-        if let Some(colour) = colour {
+        if let Some(colour) = point(pixel, ray, hit) {
             sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
             count += 1.0;
         }
@@ -90,30 +71,34 @@ fn pixel_mean(
     (count > 0.0).then(|| sum.map(|channel| channel / count))
 }
 
-/// The pixel of the 3 × 3 around that sees the point's surface: the same triangle if there is one, else one that continues
-/// it. For mirrors and panes, any pixel that looks through one.
-fn alike(surfaces: &Surfaces, pixel: usize, point: &Seen, polished: bool) -> Option<usize> {
+/// The pixel of the 3 × 3 around that sees the point's surface in the same image: the same triangle if there is one, else one
+/// that continues it.
+pub(crate) fn alike(surfaces: &Surfaces, pixel: usize, point: &Seen) -> Option<usize> {
+    let rank = |other: usize| {
+        let seen = &surfaces.seen[other];
+        if seen.side() == point.side() && seen.image == point.image && seen.through == point.through {
+            Some(0)
+        } else {
+            point.continues(seen, surfaces.pixel_width).then_some(1)
+        }
+    };
+    least(surfaces, pixel, rank)
+}
+
+/// A pixel of the 3 × 3 around that looks through a mirror or pane.
+pub(crate) fn polished(surfaces: &Surfaces, pixel: usize) -> Option<usize> {
+    least(surfaces, pixel, |other| surfaces.throughput.contains_key(&(other as u32)).then_some(0))
+}
+
+/// Of the 3 × 3 pixels around, the first of least rank, the one in the middle before others.
+fn least(surfaces: &Surfaces, pixel: usize, rank: impl Fn(usize) -> Option<u32>) -> Option<usize> {
     let (width, height) = surfaces.size;
     let (column, row) = (pixel % width, pixel / width);
     let mut best: Option<(u32, usize)> = None;
     for y in row.saturating_sub(1)..(row + 2).min(height) {
         for x in column.saturating_sub(1)..(column + 2).min(width) {
             let other = y * width + x;
-            let seen = &surfaces.seen[other];
-            let rank = if polished {
-                if !surfaces.throughput.contains_key(&(other as u32)) {
-                    continue;
-                }
-                1
-            } else if seen.through {
-                continue;
-            } else if seen.side() == point.side() {
-                0
-            } else if point.continues(seen, surfaces.pixel_width) {
-                1
-            } else {
-                continue;
-            };
+            let Some(rank) = rank(other) else { continue };
             let rank = rank * 2 + u32::from(other != pixel);
             if best.is_none_or(|(least, _)| rank < least) {
                 best = Some((rank, other));

@@ -88,7 +88,7 @@ pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16) -> Vec<Optio
     for (line, row) in labels.chunks_mut(width.max(1)).zip(rows.clone()) {
         line.copy_from_slice(&surfaces.labels[places(row)]);
     }
-    let one = (FULL_WEIGHT * u64::from(paths.max(1))) as f32;
+    let one = weight_of_one(paths);
     let mut cells: Vec<Cell> = vec![Cell::default(); labels.len()];
     for_parts(&mut cells, width, ROWS, |part, lines| {
         for (line, row) in lines.chunks_mut(width).zip(rows.start + part * ROWS..) {
@@ -106,6 +106,11 @@ pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16) -> Vec<Optio
         }
     }
     light
+}
+
+/// Weight in sums of one sample along the eye's ray.
+pub(crate) fn weight_of_one(paths: u16) -> f32 {
+    (FULL_WEIGHT * u64::from(paths.max(1))) as f32
 }
 
 /// The mean for every pixel, from the sums of each.
