@@ -5,6 +5,7 @@
 
 use super::edges::{alike, polished, smooth};
 use super::guess::Guesses;
+use super::indirect::Indirect;
 use super::reconstruct;
 use super::shade::Shadings;
 use super::surfaces::{Caster, Image, NO_IMAGE, SKY, Seen, number_of};
@@ -171,7 +172,7 @@ impl<'a> Drawing<'a> {
             return self.through(pixel, ray, &hit).or_else(near);
         }
         let seen = self.caster.first(ray, &hit);
-        let light = main.light(&seen, alike(&main.layer.surfaces, pixel, &seen));
+        let light = self.lit(main, &seen, alike(&main.layer.surfaces, pixel, &seen));
         (light.is_some() || main.is_certain(&seen)).then(|| main.colour(&seen, light))
     }
 
@@ -202,9 +203,19 @@ impl<'a> Drawing<'a> {
     /// Light on what is seen in a layer, by a pixel that sees it.
     fn light(&self, layer: usize, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
         match self.layers.first().filter(|_| seen.image == NO_IMAGE) {
-            Some(main) => main.light(seen, self.directly(seen)),
-            None => self.layers.get(layer)?.light(seen, pixel),
+            Some(main) => self.lit(main, seen, self.directly(seen)),
+            None => self.lit(self.layers.get(layer)?, seen, pixel),
         }
+    }
+
+    /// Light on a surface: that of a pixel that sees it, else what is known of such surfaces.
+    fn lit(&self, lit: &Lit, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
+        let voronoi = self.voronoi;
+        pixel.and_then(|pixel| lit.light[pixel]).or_else(|| {
+            let store = voronoi.records.as_deref().filter(|store| !store.is_empty());
+            let indirect = store.map(|store| Indirect { store, caster: &self.caster, shadings: &voronoi.shadings });
+            lit.guesses.alike(seen, &lit.layer.surfaces, indirect.as_ref())
+        })
     }
 
     /// The pixel that sees directly what is seen in a mirror without samples of its own, or the nearest around that sees the
@@ -271,7 +282,7 @@ impl<'a> Drawing<'a> {
         let main = self.layers.first()?;
         let (ray, _) = self.caster.ray(column, row)?;
         let (seen, share) = self.caster.glance(ray, self.caster.nearest(&ray)?)?;
-        let light = main.light(&seen, self.directly(&seen));
+        let light = self.lit(main, &seen, self.directly(&seen));
         if light.is_none() && !main.is_certain(&seen) {
             return None;
         }
@@ -307,11 +318,6 @@ impl<'a> Lit<'a> {
     /// Whether its colour is known without samples: the sky's, a lamp's.
     fn is_certain(&self, seen: &Seen) -> bool {
         seen.triangle == SKY || self.shadings.materials[seen.material as usize].emits
-    }
-
-    /// Light on a surface: that of a pixel that sees it, else what is known of such surfaces.
-    fn light(&self, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
-        pixel.and_then(|pixel| self.light[pixel]).or_else(|| self.guesses.alike(seen))
     }
 
     /// Radiance of a surface in this light; without any, as if the eye carried a lamp.

@@ -15,6 +15,7 @@ mod deposit;
 mod drawing;
 mod edges;
 mod guess;
+mod indirect;
 mod labels;
 mod reconstruct;
 mod shade;
@@ -27,6 +28,7 @@ use crate::candidates::is_covered;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use deposit::{Beam, Depositor, Sums};
 use drawing::Drawing;
+use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, Sample, Section};
@@ -65,6 +67,7 @@ pub struct Voronoi {
     covered: Vec<bool>,
     samples: u64,
     paths: u16,
+    records: Option<Arc<Store>>,
 }
 
 impl Voronoi {
@@ -88,7 +91,15 @@ impl Voronoi {
             covered,
             samples: 0,
             paths: 1,
+            records: None,
         }
+    }
+
+    /// Takes indirect light from these records where there are no samples. Records of the samples' own settings: lengths
+    /// relative to the scene's origin.
+    #[must_use]
+    pub fn with_records(self, records: Arc<Store>) -> Self {
+        Self { records: Some(records), ..self }
     }
 
     /// The view shown.

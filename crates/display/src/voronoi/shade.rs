@@ -24,6 +24,10 @@ pub(crate) struct Shading {
     /// Radiance that the surface emits towards the eye on its front: shown where there are no samples.
     pub emission: Rgb,
     pub emits: bool,
+    /// Lit the same from everywhere, and not a lamp.
+    pub is_diffuse: bool,
+    /// Mean albedo over what `scale` takes it to be: 1 unless it is nearly black.
+    pub albedo_share: f32,
     /// A smooth metal: nearly a mirror.
     pub reflects: bool,
 }
@@ -41,7 +45,14 @@ impl Shading {
             Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. } => alike(0.02),
         };
         let is_smooth = matches!(material.bsdf, Bsdf::Conductor { alpha, .. } if alpha <= SMOOTH_METAL);
+        let is_diffuse = matches!(material.bsdf, Bsdf::Diffuse { .. }) && !material.emits();
+        let albedo_share = match material.bsdf {
+            Bsdf::Diffuse { kd } if is_diffuse => (kd.iter().sum::<f32>() / scale.iter().sum::<f32>()).min(1.0),
+            _ => 1.0,
+        };
         Shading {
+            is_diffuse,
+            albedo_share,
             scale,
             spread,
             emission: material.emission,

@@ -228,6 +228,24 @@ impl<'a> Caster<'a> {
         self.camera.to_camera(local.as_dvec3() + self.raycaster.scene().origin - self.camera.eye).as_vec3()
     }
 
+    /// A point that the camera has, in the scene's coordinates relative to its origin.
+    pub fn place(&self, point: Vec3) -> Vec3 {
+        (self.turned_back(point.as_dvec3()) + self.camera.eye - self.scene().origin).as_vec3()
+    }
+
+    /// A direction that the camera has, in the scene's coordinates.
+    pub fn towards(&self, direction: Vec3) -> Vec3 {
+        self.turned_back(direction.as_dvec3()).as_vec3()
+    }
+
+    fn turned_back(&self, v: DVec3) -> DVec3 {
+        self.camera.right * v.x + self.camera.up * v.y + self.camera.forward * v.z
+    }
+
+    pub fn raycaster(&self) -> &'a Raycaster {
+        self.raycaster
+    }
+
     /// What a hit of a view ray is, whatever its material.
     pub fn first(&self, ray: &Ray, hit: &Hit) -> Seen {
         let scene = self.raycaster.scene();
@@ -428,8 +446,8 @@ impl<'a> Caster<'a> {
 
     /// The scene's triangle at a point that the camera has, looking along `direction`, within `reach` on either side.
     pub fn triangle_at(&self, point: DVec3, direction: DVec3, reach: f64) -> Option<u32> {
-        let turn = |v: DVec3| self.camera.right * v.x + self.camera.up * v.y + self.camera.forward * v.z;
-        let (at, along) = (turn(point) + self.camera.eye - self.raycaster.scene().origin, turn(direction));
+        let at = self.turned_back(point) + self.camera.eye - self.scene().origin;
+        let along = self.turned_back(direction);
         let start = (at - along * reach).as_vec3();
         let ray = Ray { t_max: 2.0 * reach as f32, ..Ray::new(start, along.as_vec3()) };
         self.raycaster.nearest(&ray).map(|hit| hit.triangle)
