@@ -8,7 +8,7 @@ use super::guess::Guesses;
 use super::indirect::Indirect;
 use super::reconstruct;
 use super::shade::Shadings;
-use super::surfaces::{Caster, Image, NO_IMAGE, SKY, Seen, number_of};
+use super::surfaces::{Caster, Image, NO_IMAGE, SKY, Seen, Surfaces, number_of};
 use super::tiles::for_parts;
 use super::{Layer, Voronoi};
 use holo_raycast::{Hit, Ray};
@@ -340,8 +340,12 @@ impl<'a> Lit<'a> {
 
     /// What of a pixel's light comes through the mirrors and panes before it; `None` if the layer has no such pixel.
     fn share(&self, pixel: usize, is_sparse: bool) -> Option<[f32; 3]> {
-        let through = &self.layer.surfaces.throughput;
-        let listed = if through.is_empty() { None } else { through.get(&(pixel as u32)).copied() };
-        if is_sparse { listed } else { Some(listed.unwrap_or([1.0; 3])) }
+        let Surfaces { seen, throughput, .. } = &self.layer.surfaces;
+        // Most pixels look through nothing: looking that up for each took a tenth of a picture's time.
+        match seen[pixel].through {
+            true => throughput.get(&(pixel as u32)).copied(),
+            false if is_sparse => None,
+            false => Some([1.0; 3]),
+        }
     }
 }
