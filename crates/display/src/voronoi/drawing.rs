@@ -3,7 +3,7 @@
 //!
 //! Invariant: a colour is a function of the samples' sums and the scene alone.
 
-use super::edges::{alike, polished, smooth};
+use super::edges::{EdgePoints, alike, polished};
 use super::guess::Guesses;
 use super::indirect::Indirect;
 use super::reconstruct;
@@ -116,7 +116,7 @@ impl<'a> Drawing<'a> {
     }
 
     /// Fills in the picture; gives how many pixels have no samples of their own, and of how many nothing at all is known.
-    pub fn paint(&self, pixels: &mut Vec<[f32; 3]>) -> (u64, u64) {
+    pub fn paint(&self, pixels: &mut [[f32; 3]]) -> (u64, u64) {
         let Some(main) = self.layers.first() else { return (0, 0) };
         let (width, _) = main.layer.surfaces.size;
         let (empty, guessed) = (AtomicU64::new(0), AtomicU64::new(0));
@@ -132,13 +132,16 @@ impl<'a> Drawing<'a> {
             empty.fetch_add(without, Ordering::Relaxed);
             guessed.fetch_add(guesses, Ordering::Relaxed);
         });
-        let mut edges = main.layer.surfaces.edges.clone();
-        if let Some(panes) = self.layers.get(IN_PANES) {
-            edges.iter_mut().zip(&panes.layer.surfaces.edges).for_each(|(edge, other)| *edge |= other);
-        }
+        let points = self.voronoi.edge_points.get_or_init(|| {
+            let mut edges = main.layer.surfaces.edges.clone();
+            if let Some(panes) = self.layers.get(IN_PANES) {
+                edges.iter_mut().zip(&panes.layer.surfaces.edges).for_each(|(edge, other)| *edge |= other);
+            }
+            EdgePoints::cast(&self.caster, &edges, width)
+        });
         let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit, pixels);
-        let smooth = smooth(&self.caster, &edges, width, pixels, point);
-        *pixels = smooth;
+        let means: Vec<_> = points.smooth(&self.caster, width, point).collect();
+        means.into_iter().for_each(|(pixel, colour)| pixels[pixel] = colour);
         (empty.into_inner(), guessed.into_inner())
     }
 

@@ -11,6 +11,9 @@ use holo_raycast::{Hit, MAX_TOGETHER, Ray};
 const POINTS: usize = 8;
 const _: () = assert!(POINTS <= MAX_TOGETHER);
 
+/// Pixels of one piece of work.
+const PIECE: usize = 256;
+
 /// Places of the points: eight rooks, each in a column and a row of its own, well apart.
 const PLACES: [(f64, f64); POINTS] = [
     (0.0625, 0.4375),
@@ -23,52 +26,56 @@ const PLACES: [(f64, f64); POINTS] = [
     (0.9375, 0.0625),
 ];
 
-/// Replaces the colours of these pixels by means over points. `point` gives the colour of what a ray in a pixel meets, if it is
-/// known.
-pub(crate) fn smooth(
-    caster: &Caster,
-    edges: &[bool],
-    width: usize,
-    colours: &[[f32; 3]],
-    point: impl Fn(usize, &Ray, Option<Hit>) -> Option<[f32; 3]> + Sync,
-) -> Vec<[f32; 3]> {
-    let mut smooth = colours.to_vec();
-    for_parts(&mut smooth, width, 4, |part, rows| {
-        for (offset, colour) in rows.iter_mut().enumerate() {
-            let pixel = part * 4 * width + offset;
-            if edges[pixel]
-                && let Some(mean) = pixel_mean(caster, width, pixel, &point)
-            {
-                *colour = mean;
-            }
-        }
-    });
-    smooth
+/// The pixels next to an edge, and what their points meet: found once for a view, since samples do not change it.
+pub(crate) struct EdgePoints {
+    pixels: Vec<u32>,
+    hits: Vec<[Option<Hit>; POINTS]>,
 }
 
-fn pixel_mean(
-    caster: &Caster,
-    width: usize,
-    pixel: usize,
-    point: &impl Fn(usize, &Ray, Option<Hit>) -> Option<[f32; 3]>,
-) -> Option<[f32; 3]> {
+impl EdgePoints {
+    /// Casts the rays of all these pixels' points.
+    pub fn cast(caster: &Caster, edges: &[bool], width: usize) -> EdgePoints {
+        let pixels: Vec<u32> = (0..).zip(edges).filter(|(_, edge)| **edge).map(|(pixel, _)| pixel).collect();
+        let mut hits = vec![[None; POINTS]; pixels.len()];
+        for_parts(&mut hits, 1, PIECE, |part, hits| {
+            for (hits, &pixel) in hits.iter_mut().zip(&pixels[part * PIECE..]) {
+                caster.nearest_many(&rays(caster, width, pixel as usize), hits);
+            }
+        });
+        EdgePoints { pixels, hits }
+    }
+
+    /// The pixels as means over their points. `point` gives the colour of what a ray in a pixel meets, if it is known.
+    pub fn smooth(
+        &self,
+        caster: &Caster,
+        width: usize,
+        point: impl Fn(usize, &Ray, Option<Hit>) -> Option<[f32; 3]> + Sync,
+    ) -> impl Iterator<Item = (usize, [f32; 3])> {
+        let mut means = vec![None; self.pixels.len()];
+        for_parts(&mut means, 1, PIECE, |part, means| {
+            let first = part * PIECE;
+            for (mean, at) in means.iter_mut().zip(first..) {
+                let pixel = self.pixels[at] as usize;
+                let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
+                for (ray, hit) in rays(caster, width, pixel).iter().zip(self.hits[at]) {
+                    if let Some(colour) = point(pixel, ray, hit) {
+                        sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
+                        count += 1.0;
+                    }
+                }
+                *mean = (count > 0.0).then(|| sum.map(|channel| channel / count));
+            }
+        });
+        self.pixels.iter().zip(means).filter_map(|(&pixel, mean)| Some((pixel as usize, mean?)))
+    }
+}
+
+/// The rays through a pixel's points.
+fn rays(caster: &Caster, width: usize, pixel: usize) -> [Ray; POINTS] {
     let (column, row) = (pixel % width, pixel / width);
-    let mut rays = [None; POINTS];
-    for (ray, (x, y)) in rays.iter_mut().zip(PLACES) {
-        *ray = caster.ray(column as f64 + x, row as f64 + y).map(|(ray, _)| ray);
-    }
     let nowhere = Ray::new(glam::Vec3::ZERO, glam::Vec3::ZERO);
-    let rays = rays.map(|ray| ray.unwrap_or(nowhere));
-    let mut hits = [None; POINTS];
-    caster.nearest_many(&rays, &mut hits);
-    let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
-    for (ray, hit) in rays.iter().zip(hits) {
-        if let Some(colour) = point(pixel, ray, hit) {
-            sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
-            count += 1.0;
-        }
-    }
-    (count > 0.0).then(|| sum.map(|channel| channel / count))
+    PLACES.map(|(x, y)| caster.ray(column as f64 + x, row as f64 + y).map_or(nowhere, |(ray, _)| ray))
 }
 
 /// The pixel of the 3 × 3 around that sees the point's surface in the same image: the same triangle if there is one, else one

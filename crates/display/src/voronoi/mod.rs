@@ -28,12 +28,13 @@ use crate::candidates::is_covered;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use deposit::{Beam, Depositor, Sums};
 use drawing::Drawing;
+use edges::EdgePoints;
 use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, Sample, Section};
 use shade::Shadings;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use surfaces::{Caster, SKY, Seen, Surfaces};
 use tiles::for_parts;
 
@@ -68,6 +69,8 @@ pub struct Voronoi {
     samples: u64,
     paths: u16,
     records: Option<Arc<Store>>,
+    /// Made with the first picture.
+    edge_points: OnceLock<EdgePoints>,
 }
 
 impl Voronoi {
@@ -92,6 +95,7 @@ impl Voronoi {
             samples: 0,
             paths: 1,
             records: None,
+            edge_points: OnceLock::new(),
         }
     }
 
