@@ -91,7 +91,9 @@ fn engine_for(scene: &Scene, bounces: Option<u32>) -> Engine {
 fn engine_said(engine: Engine) -> &'static str {
     match engine {
         Engine::Path => "engine path: there is no indirect light on diffuse surfaces to keep records of",
-        Engine::Cached => "engine cached: clean samples, indirect light within --accuracy (--engine path for unbiased, noisy ones)",
+        Engine::Cached => {
+            "engine cached: clean samples, indirect light within --accuracy (--engine path for unbiased, noisy ones)"
+        }
     }
 }
 

@@ -315,6 +315,7 @@ impl Session {
             let left = until.saturating_duration_since(Instant::now());
             match self.messages.recv_timeout(left) {
                 Ok(Incoming::Message(Message::Samples(samples))) => self.insert(&samples),
+                Ok(Incoming::Message(Message::Light(light))) => self.painter.take_light(light),
                 Ok(Incoming::Message(Message::Unseen(unseen))) => self.insert_unseen(&unseen),
                 Ok(Incoming::Message(Message::Control(Control::Settled { view })))
                     if for_settled && view == self.view_number =>
