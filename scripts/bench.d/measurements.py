@@ -19,6 +19,7 @@ from errors import errors
 from harness import Bench
 from interactive import interactive
 from program import Failed, available_memory, compare, median_of, run
+from radiance import radiance
 from rivals import rivals
 from scenes import Case
 from skips import skips
@@ -294,6 +295,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "interactive": interactive,
     "whole": whole,
     "cached": cached,
+    "radiance": radiance,
     "replay": replay,
     "skips": skips,
     "ablations": ablations,
