@@ -207,6 +207,8 @@ class Radiance:
         size = f"-x {width * setting.over} -y {height * setting.over}"
         large, picture = (self._bench.work / f"{case.name}-rpict{end}.hdr" for end in ("-large", ""))
         options = " ".join([angles, spaced, size, *PIXELS, *DIRECT, *setting.options()]).split()
+        # It writes over nothing.
+        large.unlink(missing_ok=True)
         ran = run([self._programs / "rpict", *options, "-o", large, octree])
         # One pass leaves the exposure as it is; a box is its filter unless told otherwise.
         write(picture, [self._programs / "pfilt", "-1", "-x", width, "-y", height, large])
