@@ -23,10 +23,10 @@ from scenes import Case
 PYRADIANCE = "1.3.1"
 BAR = 0.3
 # Ours: `--accuracy`, and the paths per pixel of each.
-ACCURACIES = (0.2, 0.1, 0.06, 0.03)
+ACCURACIES = (0.2, 0.1, 0.06, 0.03, 0.015)
 COUNTS = (1, 4, 16)
-# The truth of a scene without a reference: so many paths per pixel, once, kept in target/.
-TRUTH_PATHS = 32768
+# The truth of a scene without a reference: so many paths in all, once, kept in target/. 32,768 for each of the corridor's pixels.
+TRUTH_PATHS = 32_768 * 80 * 60
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ def radiance(bench: Bench) -> Part:
             "which makes the Cornell box 0.8 % darker.",
             "*At equal error*: for each of rpict's pictures that no quicker one of its own matches, the seconds of ours to the same relMSE, between our "
             "neighbouring best pictures along a straight line of logarithms; where our coarsest is already better, its seconds.",
-            f"The corridor is the bundled one, lit only indirectly through a door; its truth is a render of our own by the engine `path` with {TRUTH_PATHS:,} paths "
-            "per pixel, made once.",
+            f"The corridor is the bundled one, lit only indirectly through a door; its truth is a render of our own by the engine `path` with {bench.paths(TRUTH_PATHS) / 1e6:.0f} M paths, "
+            "made once.",
         ],
     )
     program = Radiance(bench)
@@ -161,9 +161,11 @@ def truth_of(bench: Bench, case: Case) -> Path:
     """The reference; else a long render of the engine `path`, kept for as long as the scene stays what it is."""
     if case.reference:
         return case.reference.picture
-    paths = bench.paths(TRUTH_PATHS)
+    width, height = (int(side) for side in case.size.split("x"))
+    paths = max(bench.paths(TRUTH_PATHS) // (width * height), 2)
     folder = bench.root / "target/radiance-truth"
-    picture, scene = folder / f"{case.name}-{case.size}-{paths}.pfm", folder / f"{case.name}.obj"
+    name = f"{case.name}-{case.size}-{paths}"
+    picture, scene = folder / f"{name}.pfm", folder / f"{name}.obj"
     text = Path(case.scene[0]).read_bytes() + Path(case.scene[0]).with_suffix(".mtl").read_bytes()
     if not (picture.exists() and scene.exists() and scene.read_bytes() == text):
         folder.mkdir(parents=True, exist_ok=True)
