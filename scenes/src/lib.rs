@@ -1,4 +1,5 @@
-//! The bundled scenes: a Cornell box and a furnished interior, made by this program from nothing.
+//! The bundled scenes: a Cornell box, a corridor lit only indirectly and a furnished interior, made by this program from
+//! nothing.
 //!
 //! Always: a scene is the same byte for byte each time that it is made; it is closed but for its windows; lights shine
 //! on the counter-clockwise side of their faces, into the rooms.
@@ -6,6 +7,7 @@
 mod building;
 mod config;
 mod cornell;
+mod corridor;
 mod furniture;
 mod garden;
 mod material;
@@ -26,6 +28,8 @@ use std::path::{Path, PathBuf};
 pub enum Bundled {
     /// The Cornell box: 32 triangles, one lamp, units of 100 mm, +Y up.
     Cornell,
+    /// A corridor with a bend and an open door to a lit room, whose lamp it does not see: 70 triangles, metres, +Z up.
+    Corridor,
     /// A house of five rooms and a hallway with some 300,000 triangles and 90 lamps, metres, +Z up.
     Interior,
 }
@@ -41,12 +45,13 @@ pub struct Written {
 
 impl Bundled {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::Cornell, Self::Interior];
+    pub const ALL: [Self; 3] = [Self::Cornell, Self::Corridor, Self::Interior];
 
     /// Its name, which its files are called by.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cornell => "cornell",
+            Self::Corridor => "corridor",
             Self::Interior => "interior",
         }
     }
@@ -75,6 +80,7 @@ pub fn write(scene: Bundled, dir: &Path) -> io::Result<Written> {
 pub fn obj_and_mtl(scene: Bundled) -> (String, String) {
     match scene {
         Bundled::Cornell => (cornell::obj(), cornell::MTL.to_owned()),
+        Bundled::Corridor => (corridor::obj(), corridor::MTL.to_owned()),
         Bundled::Interior => {
             let library = material::ALL.iter().map(|material| material.to_string()).collect::<Vec<_>>().join("\n");
             (obj::write(&rooms::interior(), "interior.mtl"), library)
@@ -86,6 +92,7 @@ pub fn obj_and_mtl(scene: Bundled) -> (String, String) {
 pub fn config(scene: Bundled) -> String {
     match scene {
         Bundled::Cornell => cornell::CONFIG.to_owned(),
+        Bundled::Corridor => corridor::CONFIG.to_owned(),
         Bundled::Interior => config::interior(),
     }
 }

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 const HELP: &str = "\
 Writes the bundled scenes: NAME.obj, NAME.mtl and NAME.toml each.
 
-Usage: holo-scenes [cornell|interior|all] [--out DIR]
+Usage: holo-scenes [cornell|corridor|interior|all] [--out DIR]
 
 Options:
   --out DIR   where to write, made if need be [default: the current directory]

@@ -4,7 +4,7 @@ use crate::building::ROOMS;
 use crate::config::{SECTIONS, VIEWS};
 use crate::material::{ALL, Material};
 use crate::rooms::{Object, SHELL, interior};
-use crate::{Bundled, config, cornell, obj_and_mtl, write};
+use crate::{Bundled, config, cornell, corridor, obj_and_mtl, write};
 use glam::DVec3;
 use holo_scene::{LoadOptions, load_obj};
 use std::collections::HashMap;
@@ -236,4 +236,70 @@ fn cornell_equals_the_shared_one() {
         text.lines().filter(|l| ["v ", "f ", "us"].iter().any(|k| l.starts_with(k))).map(str::to_owned).collect()
     };
     assert_eq!(numbers(&cornell::obj()), numbers(&theirs));
+}
+
+#[test]
+fn the_corridor_is_small_closed_and_loads_without_a_warning() {
+    let dir = tempfile::tempdir().unwrap();
+    let written = write(Bundled::Corridor, dir.path()).unwrap();
+    let loaded = load_obj(&written.obj, &LoadOptions::default()).unwrap();
+    assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
+    assert_eq!(loaded.scene.triangles.len(), 70);
+    let all = corridor_triangles();
+    let random = &mut crate::random::Random::new(2);
+    for from in [[2.2, 0.8, 1.55], [7.1, 0.6, 1.55], [7.0, 3.0, 1.5], [9.0, 7.0, 1.0]].map(DVec3::from) {
+        for _ in 0..2000 {
+            let z = random.range(-1.0, 1.0);
+            let (sin, cos) = random.range(0.0, std::f64::consts::TAU).sin_cos();
+            let ring = (1.0 - z * z).sqrt();
+            let direction = DVec3::new(ring * cos, ring * sin, z);
+            let nearest = all.iter().filter_map(|&t| meets(t, from, direction)).fold(f64::INFINITY, f64::min);
+            assert!(nearest.is_finite(), "a way out from {from} along {direction}");
+        }
+    }
+}
+
+#[test]
+fn the_corridor_has_no_direct_light_and_sees_what_the_lamp_lights() {
+    let corners = || corridor::RECTANGLES.iter().flat_map(|r| r.corners().map(|corner| (r.material, corner)));
+    let lamp: Vec<[f64; 3]> = corners().filter(|(m, _)| *m == "lamp").map(|(_, corner)| corner).collect();
+    let [a, b, c] = [lamp[0], lamp[1], lamp[2]].map(DVec3::from);
+    let normal = (b - a).cross(c - a).normalize();
+    assert_eq!(normal, DVec3::Y, "the lamp shines into the room");
+    // Both arms and the doorway lie behind the lamp's plane.
+    const { assert!(corridor::CORRIDOR_TO < corridor::ROOM_FROM) };
+    assert!(lamp.iter().all(|corner| corner[1] > corridor::ROOM_FROM));
+    // From the bend, the room's far wall is in sight, and from there the lamp.
+    let all = corridor_triangles();
+    let nearest =
+        |from: DVec3, to: DVec3| all.iter().filter_map(|&t| meets(t, from, to - from)).fold(f64::INFINITY, f64::min);
+    let (bend, far_wall) = (DVec3::new(7.1, 0.6, 1.55), DVec3::new(7.2, 7.55, 1.5));
+    assert!((nearest(bend, far_wall) - 1.0).abs() < 1e-9);
+    let middle = (DVec3::from(lamp[0]) + DVec3::from(lamp[2])) / 2.0 + DVec3::new(0.05, 0.0, 0.02);
+    assert!((nearest(far_wall - DVec3::Y * 1e-6, middle) - 1.0).abs() < 1e-9);
+}
+
+fn corridor_triangles() -> Vec<Triangle> {
+    let quads = corridor::RECTANGLES.iter().map(|rectangle| rectangle.corners().map(DVec3::from));
+    quads.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect()
+}
+
+#[test]
+fn sections_of_the_corridor_are_empty() {
+    let dir = tempfile::tempdir().unwrap();
+    let loaded = load_obj(&write(Bundled::Corridor, dir.path()).unwrap().obj, &LoadOptions::default()).unwrap();
+    let numbers = |line: &str| -> Vec<f64> {
+        line.split(|c: char| !"-.0123456789".contains(c)).filter_map(|word| word.parse().ok()).collect()
+    };
+    let text = config(Bundled::Corridor);
+    let origins = text.lines().filter(|line| line.starts_with("origin")).map(numbers);
+    let axes = text.lines().filter(|line| line.starts_with("axes")).map(numbers);
+    let mut count = 0;
+    for (origin, axes) in origins.zip(axes) {
+        let axis = |i: usize| DVec3::from_slice(&axes[3 * i..]);
+        let origin = DVec3::from_slice(&origin);
+        assert!(!loaded.scene.geometry_inside(origin, [axis(0), axis(1), axis(2)]), "the section at {origin}");
+        count += 1;
+    }
+    assert_eq!(count, 3);
 }

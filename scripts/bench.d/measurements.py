@@ -20,6 +20,7 @@ from errors import errors
 from harness import Bench
 from interactive import interactive
 from program import Failed, available_memory, compare, median_of, run
+from radiance import radiance
 from rendercache import rendercache
 from rivals import rivals
 from scenes import Case
@@ -297,6 +298,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "whole": whole,
     "edges": edges,
     "cached": cached,
+    "radiance": radiance,
     "replay": replay,
     "skips": skips,
     "ablations": ablations,

@@ -88,6 +88,10 @@ CABIN_VIEWS = {
 INTERIOR_LIVING = View("0.8,0.75,1.55", "0.76,0.62,-0.07", "0,0,1", 60, 46.826)
 INTERIOR_BEDROOM = View("3.9,7.3,1.55", "-0.76,0.6,-0.2", "0,0,1", 60, 46.826)
 
+# Along the corridor to its bend, from where neither the lamp nor the door is seen.
+CORRIDOR_VIEW = View("2.2,0.8,1.55", "1,0.05,-0.1", "0,0,1", 60, 46.826)
+CORRIDOR_BEFORE = View("7.1,0.6,1.55", "0,1,-0.05", "0,0,1", 60, 46.826)
+
 
 class Scenes:
     """The cases, of ../shared where it is there."""
@@ -116,6 +120,11 @@ class Scenes:
         scene = ("--config", str(self.bundle() / "interior.toml"))
         title = "bundled interior, living room"
         return Case("interior", title, scene, INTERIOR_LIVING, INTERIOR_BEDROOM, "320x240", None)
+
+    def corridor(self) -> Case:
+        """The bundled corridor, lit only indirectly; small, since its truth has to be rendered first."""
+        scene = (str(self.bundle() / "corridor.obj"),)
+        return Case("corridor", "bundled corridor", scene, CORRIDOR_VIEW, CORRIDOR_BEFORE, "80x60", None)
 
     def referenced(self) -> list[Case]:
         """All that have an independent reference."""

@@ -80,7 +80,7 @@ pub async fn run(args: Args) -> Result<()> {
     let tracer = Tracer::new(Arc::new(scene), Settings { bounces: settings.bounces, ..Settings::default() })?;
     let tracer = match settings.engine {
         Engine::Path => tracer,
-        Engine::Cached => tracer.with_cache(settings.accuracy),
+        Engine::Cached => tracer.with_cache(settings.accuracy, settings.seed),
     };
     let threads = args.threads.or(config.threads).map_or_else(cores, usize::from).max(1);
     let shutdown = Shutdown::new();

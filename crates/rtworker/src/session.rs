@@ -1,5 +1,6 @@
 //! One connection to a server: fetch the scene, then trace what comes.
 
+use std::hash::{BuildHasher, RandomState};
 use std::{net::SocketAddr, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail, ensure};
@@ -158,7 +159,7 @@ fn build(scene: Scene, settings: RenderSettings) -> Result<Tracer> {
     let tracer = if settings.virtual_distance { tracer.with_virtual_distance() } else { tracer };
     Ok(match settings.engine {
         Engine::Path => tracer,
-        Engine::Cached => tracer.with_cache(settings.accuracy),
+        Engine::Cached => tracer.with_cache(settings.accuracy, RandomState::new().hash_one(())),
     })
 }
 

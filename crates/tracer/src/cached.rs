@@ -10,7 +10,6 @@
 //!   of what is interpolated, is that of paths, but for what gradients leave over a radius.
 
 use std::f32::consts::FRAC_1_PI;
-use std::hash::{BuildHasher, RandomState};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -98,13 +97,13 @@ pub(crate) struct Cached {
 }
 
 impl Cached {
-    pub(crate) fn new(raycaster: &Raycaster, accuracy: f32) -> Self {
+    pub(crate) fn new(raycaster: &Raycaster, accuracy: f32, name: u64) -> Self {
         let accuracy = accuracy.clamp(*ACCURACIES.start(), *ACCURACIES.end());
         let size = extent(raycaster);
         let reach = REACH * accuracy.sqrt();
         let quality = Quality { error: ERROR * accuracy, reach, greatest: size * GREATEST * reach };
         let store = Arc::new(Store::new(quality.greatest / SPREAD));
-        Self { store, quality, salt: RandomState::new().hash_one(0), made: AtomicU64::new(0) }
+        Self { store, quality, salt: mix(name), made: AtomicU64::new(0) }
     }
 
     pub(crate) fn store(&self) -> &Arc<Store> {

@@ -169,9 +169,12 @@ impl Tracer {
 
     /// As this one, with the engine `cached`: indirect light within a relative error of `accuracy`, which is brought within
     /// [`ACCURACIES`].
+    ///
+    /// `name` seeds the records' numbers: tracers that share their records must have different ones, or they would trace the same
+    /// rays. With one thread, the same name gives the same picture.
     #[must_use]
-    pub fn with_cache(mut self, accuracy: f32) -> Self {
-        self.cached = Some(Cached::new(&self.raycaster, accuracy));
+    pub fn with_cache(mut self, accuracy: f32, name: u64) -> Self {
+        self.cached = Some(Cached::new(&self.raycaster, accuracy, name));
         self
     }
 

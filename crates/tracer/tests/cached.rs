@@ -15,7 +15,7 @@ fn a_furnace_is_as_bright_as_it_must_be_at_any_accuracy() {
     let wall = model.material(GREY, [1.0, 2.0, 0.5]);
     model.cuboid([-1.0, -2.0, -1.5], [1.0, 2.0, 1.5], false, wall);
     for accuracy in [0.02, 0.05, 0.2] {
-        let tracer = model.tracer(None).with_cache(accuracy);
+        let tracer = model.tracer(None).with_cache(accuracy, 1);
         for direction in [[0.3, 0.2, 1.0], [1.0, -0.4, 0.1], [-0.2, 1.0, -0.6]] {
             let found = estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(direction), 64);
             for (found, le) in found.mean.into_iter().zip([1.0, 2.0, 0.5]) {
@@ -45,7 +45,7 @@ fn a_room_lit_from_above_only_is_within_the_accuracy_of_paths() {
     let accuracy = 0.02;
     let model = room();
     let path = model.tracer(None);
-    let caches: Vec<_> = (0..CACHES).map(|_| model.tracer(None).with_cache(accuracy)).collect();
+    let caches: Vec<_> = (0..CACHES).map(|name| model.tracer(None).with_cache(accuracy, u64::from(name))).collect();
     let eye = DVec3::new(-1.5, -2.5, 1.2);
     let (mut sum, mut squares, mut noise, mut count) = (0.0, 0.0, 0.0, 0.0);
     for y in 0..6 {
@@ -81,7 +81,7 @@ fn a_dark_room_beside_a_bright_one_stays_dark() {
     // The wall at y = 3 has no thickness, and floor and ceiling go on beyond it.
     model.polygon(&[[-2.0, 3.0, 0.0], [2.0, 3.0, 0.0], [2.0, 6.0, 0.0], [-2.0, 6.0, 0.0]], 0);
     model.polygon(&[[-2.0, 3.0, 2.5], [-2.0, 6.0, 2.5], [2.0, 6.0, 2.5], [2.0, 3.0, 2.5]], 0);
-    let tracer = model.tracer(None).with_cache(0.05);
+    let tracer = model.tracer(None).with_cache(0.05, 1);
     // First the bright room, so that there are records all along the wall.
     for i in 0..2000 {
         let at = DVec3::new(-1.9 + 3.8 * f64::from(i % 50) / 50.0, 2.0 + f64::from(i / 50) / 41.0, 1.0);
@@ -96,7 +96,7 @@ fn a_dark_room_beside_a_bright_one_stays_dark() {
 
 #[test]
 fn direct_light_alone_needs_no_records() {
-    let tracer = room().tracer(Some(0)).with_cache(0.05);
+    let tracer = room().tracer(Some(0)).with_cache(0.05, 1);
     let truth = room().tracer(Some(0));
     let (eye, towards) = (DVec3::new(-1.5, -2.5, 1.2), DVec3::new(0.8, 1.0, 0.6));
     let (found, exact) = (estimate(&tracer, eye, towards, 4096), estimate(&truth, eye, towards, 4096));
@@ -109,7 +109,7 @@ fn direct_light_alone_needs_no_records() {
 
 #[test]
 fn one_bounce_is_one_bounce() {
-    let (path, cached) = (room().tracer(Some(1)), room().tracer(Some(1)).with_cache(0.02));
+    let (path, cached) = (room().tracer(Some(1)), room().tracer(Some(1)).with_cache(0.02, 1));
     let (eye, towards) = (DVec3::new(-1.5, -2.5, 1.2), DVec3::new(0.8, 1.0, -0.6));
     let (found, truth) = (estimate(&cached, eye, towards, 64), estimate(&path, eye, towards, 20_000));
     for c in 0..3 {
@@ -119,4 +119,15 @@ fn one_bounce_is_one_bounce() {
     // All light is more than that.
     let all = estimate(&room().tracer(None), eye, towards, 4096);
     assert!(all.mean[0] > 1.1 * truth.mean[0]);
+}
+
+#[test]
+fn one_thread_makes_the_same_picture_again() {
+    let radiances = |name| {
+        let tracer = room().tracer(None).with_cache(0.1, name);
+        let eye = DVec3::new(-1.5, -2.5, 1.2);
+        (0..64).map(|i| tracer.trace(eye, DVec3::new(0.3, 0.9, 0.5 - 0.015 * i as f64), i).radiance).collect::<Vec<_>>()
+    };
+    assert_eq!(radiances(1), radiances(1));
+    assert_ne!(radiances(1), radiances(2));
 }

@@ -1,0 +1,288 @@
+"""The engine `cached` beside Radiance's rpict with its own indirect cache: for developers, since it installs pyradiance.
+
+What always holds: both render the same triangles at the same size, filtered by a box, in one thread, alternately; both pay
+for their start, the scene and whatever their caches learn, by the processor's seconds.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from document import Bar, Part, Plot, Table
+from harness import Bench
+from plot import error_over_seconds
+from program import Failed, compare, run
+from scenes import Case
+
+PYRADIANCE = "1.3.1"
+BAR = 0.3
+# Ours: `--accuracy`, and the paths per pixel of each.
+ACCURACIES = (0.2, 0.1, 0.06, 0.03, 0.015)
+COUNTS = (1, 4, 16)
+# A picture of few records is lucky or not: each point is the mean of so many, or the luckiest would be chosen.
+SEEDS = (1, 2, 3)
+# The truth of a scene without a reference: so many paths in all, once, kept in target/. 32,768 for each of the corridor's pixels.
+TRUTH_PATHS = 32_768 * 80 * 60
+
+
+@dataclass(frozen=True)
+class Setting:
+    """rpict's indirect cache, and its pixels to one of the picture along each side."""
+
+    over: int
+    ab: int
+    ad: int
+    ar: int
+    aa: float
+
+    def options(self) -> list[str]:
+        # A quarter of the divisions as super-samples, as Radiance's own `rad` sets them.
+        return [f"-ab {self.ab}", f"-ad {self.ad}", f"-as {self.ad // 4}", f"-ar {self.ar}", f"-aa {self.aa:g}"]
+
+
+# Coarse ones first.
+SETTINGS = (
+    Setting(1, 3, 128, 32, 0.3),
+    Setting(2, 3, 128, 32, 0.2),
+    Setting(2, 4, 256, 64, 0.2),
+    Setting(2, 5, 512, 128, 0.15),
+    Setting(2, 7, 1024, 128, 0.15),
+)
+
+# Soft shadows by a jittered point in each part of a lamp, none guessed; deep weights are followed.
+DIRECT = ["-dt 0", "-dc 1", "-ds .1", "-dj 1", "-lw 1e-6", "-lr 12"]
+# Every pixel is traced, anywhere within itself.
+PIXELS = ["-ps 1", "-pt 0", "-pj 1", "-pa 1"]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One picture: what it cost, how far it is from the truth, and how it was made."""
+
+    seconds: float
+    error: float
+    bias: float
+    worst_block: float
+    how: str
+
+
+def radiance(bench: Bench) -> Part:
+    """Error over seconds of `cached` beside Radiance's rpict with its indirect cache, one thread each."""
+    part = Part(
+        "Clean samples beside Radiance",
+        [
+            f"`render --engine cached --threads 1` at several accuracies and paths per pixel, each the mean of {len(SEEDS)} seeds, and rpict (pyradiance {PYRADIANCE}) with its "
+            "indirect cache, no ambient file, at several settings, over the seconds that the processor ran for the whole program. rpict traces "
+            "every pixel at a jittered place, its pictures are averaged by a box; the averaging is not counted. Lamps reflect nothing there, "
+            "which makes the Cornell box 0.8 % darker.",
+            "*At equal error*: for each of rpict's pictures that no quicker one of its own matches, the seconds of ours to the same relMSE, between our "
+            "neighbouring best pictures along a straight line of logarithms; where our coarsest is already better, its seconds.",
+            f"The corridor is the bundled one, lit only indirectly through a door; its truth is a render of our own by the engine `path` with {bench.paths(TRUTH_PATHS) / 1e6:.0f} M paths, "
+            "made once.",
+        ],
+    )
+    program = Radiance(bench)
+    problem = program.install()
+    if problem:
+        part.skipped.append(f"pyradiance {PYRADIANCE} cannot be used here: {problem}")
+        return part
+    columns = [["scene", ""], ["renderer", ""], ["settings", ""], ["CPU s", ".2f"], ["relMSE", ".4f"], ["bias", "+.1%"], ["worst block", ".1%"]]
+    table = Table("Error over seconds", columns)
+    equal = Table("At equal error", [["scene", ""], ["relMSE", ".4f"], ["rpict, s", ".2f"], ["cached, s", ".2f"], ["ratio", ".2f"]])
+    for case in (bench.scenes.cornell(), bench.scenes.corridor()):
+        truth = truth_of(bench, case)
+        theirs, ours = [], []
+        for setting in SETTINGS[: 2 if bench.quick else None]:
+            picture, seconds = program.render(case, setting)
+            shown = f"{setting.over} × {setting.over}, {' '.join(setting.options())}"
+            theirs.append(measured(bench, picture, truth, seconds, shown))
+        for accuracy in ACCURACIES[: 2 if bench.quick else None]:
+            for count in COUNTS[: 2 if bench.quick else None]:
+                found = []
+                for seed in SEEDS:
+                    picture, seconds = our_render(bench, case, accuracy, count, seed)
+                    found.append(measured(bench, picture, truth, seconds, f"accuracy {accuracy:g}, {count} paths"))
+                ours.append(mean(found))
+        for name, points in (("cached", ours), ("rpict", theirs)):
+            table.rows += [[case.title, name, p.how, p.seconds, p.error, p.bias, p.worst_block] for p in points]
+        ratios = []
+        for point in best(theirs):
+            seconds = seconds_to(best(ours), point.error)
+            ratio = seconds / point.seconds if seconds else None
+            ratios.append(ratio)
+            equal.rows.append([case.title, point.error, point.seconds, seconds, ratio])
+        reached = [ratio for ratio in ratios if ratio]
+        worst = max(reached) if len(reached) == len(ratios) else None
+        figure = f"{worst:.2f} × rpict's at worst" if worst else f"never at {len(ratios) - len(reached)} of {len(ratios)} errors"
+        part.bars.append(Bar(f"seconds to an error, {case.title}", figure, f"≤ {BAR:g} ×", bool(worst) and worst <= BAR))
+        file = bench.plots / f"radiance-{case.name}.svg"
+        lines = {name: [(p.seconds, p.error) for p in best(points)] for name, points in (("cached", ours), ("rpict", theirs))}
+        error_over_seconds(file, f"Error over CPU seconds: {case.title}", lines)
+        part.plots.append(Plot(f"benchmarks/{file.name}", f"relMSE over seconds, {case.title}"))
+    part.tables += [equal, table]
+    return part
+
+
+def measured(bench: Bench, picture: Path, truth: Path, seconds: float, how: str) -> Point:
+    found = compare(bench.holodeck, picture, truth)
+    return Point(seconds, found["relmse_trim"], found["bias"], found["worst_block"], how)
+
+
+def mean(points: list[Point]) -> Point:
+    """The mean of pictures made the same way; of blocks the worst."""
+    seconds, error, bias = (sum(values) / len(points) for values in zip(*((p.seconds, p.error, p.bias) for p in points)))
+    return Point(seconds, error, bias, max(p.worst_block for p in points), points[0].how)
+
+
+def our_render(bench: Bench, case: Case, accuracy: float, count: int, seed: int) -> tuple[Path, float]:
+    """A picture of one thread, and the seconds of the whole program."""
+    picture = bench.work / f"{case.name}-beside-rpict.pfm"
+    command = [bench.holodeck, "render", *case.scene, *case.view.options(), "--size", case.size, "--threads", "1", "--quiet"]
+    options = ["--engine", "cached", "--accuracy", str(accuracy), "--spp", str(count), "--seed", str(seed)]
+    return picture, run([*command, *options, "-o", picture]).processor
+
+
+def best(points: list[Point]) -> list[Point]:
+    """Those that no quicker one matches, quick ones first."""
+    found: list[Point] = []
+    for point in sorted(points, key=lambda point: point.seconds):
+        if not found or point.error < found[-1].error:
+            found.append(point)
+    return found
+
+
+def seconds_to(points: list[Point], error: float) -> float | None:
+    """Seconds to an error, of points from `best`; nothing if none gets there."""
+    if points[0].error <= error:
+        return points[0].seconds
+    for coarse, fine in zip(points, points[1:]):
+        if fine.error <= error:
+            share = math.log(coarse.error / error) / math.log(coarse.error / fine.error)
+            return coarse.seconds * (fine.seconds / coarse.seconds) ** share
+    return None
+
+
+def truth_of(bench: Bench, case: Case) -> Path:
+    """The reference; else a long render of the engine `path`, kept for as long as the scene stays what it is."""
+    if case.reference:
+        return case.reference.picture
+    width, height = (int(side) for side in case.size.split("x"))
+    paths = max(bench.paths(TRUTH_PATHS) // (width * height), 2)
+    folder = bench.root / "target/radiance-truth"
+    name = f"{case.name}-{case.size}-{paths}"
+    picture, scene = folder / f"{name}.pfm", folder / f"{name}.obj"
+    text = Path(case.scene[0]).read_bytes() + Path(case.scene[0]).with_suffix(".mtl").read_bytes()
+    if not (picture.exists() and scene.exists() and scene.read_bytes() == text):
+        folder.mkdir(parents=True, exist_ok=True)
+        made, _ = bench.render(case, "truth", "--spp", str(paths), "--seed", "1")
+        shutil.copyfile(made, picture)
+        scene.write_bytes(text)
+    return picture
+
+
+class Radiance:
+    """Radiance's programs in a Python environment of their own under target/."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._folder = bench.root / "target/radiance"
+        self._programs = Path()
+
+    def install(self) -> str | None:
+        """Makes the environment if it is not there; why it cannot, if so."""
+        python = self._folder / "bin/python"
+        try:
+            if not python.exists():
+                run([sys.executable, "-m", "venv", self._folder])
+                run([python, "-m", "pip", "install", "--quiet", f"pyradiance=={PYRADIANCE}"])
+            package = Path(run([python, "-c", "import pyradiance; print(pyradiance.__path__[0])"]).stdout.strip())
+            self._programs = package / "bin"
+            # Where its programs look for their own files.
+            os.environ["RAYPATH"] = str(package / "lib")
+            run([self._programs / "rpict", "-defaults"])
+        except (Failed, OSError) as error:
+            return str(error).strip().splitlines()[-1]
+        return None
+
+    def render(self, case: Case, setting: Setting) -> tuple[Path, float]:
+        """A picture of the case's view, and the seconds that rpict ran."""
+        octree = self._octree(case)
+        width, height = (int(side) for side in case.size.split("x"))
+        view = case.view
+        angles = f"-vtv -vh {view.vh:g} -vv {view.vv or view.vh:g}"
+        spaced = " ".join(f"-{name} {value.replace(',', ' ')}" for name, value in (("vp", view.vp), ("vd", view.vd), ("vu", view.vu)))
+        size = f"-x {width * setting.over} -y {height * setting.over}"
+        large, picture = (self._bench.work / f"{case.name}-rpict{end}.hdr" for end in ("-large", ""))
+        options = " ".join([angles, spaced, size, *PIXELS, *DIRECT, *setting.options()]).split()
+        # It writes over nothing.
+        large.unlink(missing_ok=True)
+        ran = run([self._programs / "rpict", *options, "-o", large, octree])
+        # One pass leaves the exposure as it is; a box is its filter unless told otherwise.
+        write(picture, [self._programs / "pfilt", "-1", "-x", width, "-y", height, large])
+        return picture, ran.processor
+
+    def _octree(self, case: Case) -> Path:
+        source, octree = (self._bench.work / f"{case.name}{end}" for end in (".rad", ".oct"))
+        if not octree.exists():
+            source.write_text(as_radiance(Path(case.scene[0])), encoding="utf-8")
+            write(octree, [self._programs / "oconv", source])
+        return octree
+
+
+def write(path: Path, command: list) -> None:
+    """Runs a command that writes bytes to its output."""
+    words = [str(word) for word in command]
+    with path.open("wb") as file:
+        ended = subprocess.run(words, stdout=file, stderr=subprocess.PIPE, check=False)
+    if ended.returncode != 0:
+        raise Failed(f"`{' '.join(words)}` ended with status {ended.returncode}:\n{ended.stderr.decode(errors='replace').strip()}")
+
+
+def as_radiance(obj: Path) -> str:
+    """An OBJ scene of diffuse surfaces and lamps as Radiance has it, in the same units."""
+    materials = materials_of(obj.with_suffix(".mtl"))
+    lines = []
+    for name, values in materials.items():
+        if "Ke" in values:
+            # One-sided, as ours; it reflects nothing.
+            lines.append(f"void light {name} 0 0 3 {values['Ke']}")
+        else:
+            lines.append(f"void plastic {name} 0 0 5 {values['Kd']} 0 0")
+    corners: list[str] = []
+    material = ""
+    for line in obj.read_text(encoding="utf-8").splitlines():
+        word, _, rest = line.strip().partition(" ")
+        if word == "v":
+            corners.append(rest)
+        elif word == "usemtl":
+            material = rest.strip()
+        elif word == "f":
+            face = [corners[int(number.split("/")[0]) - 1] for number in rest.split()]
+            # A lamp of one piece is one light source; of other faces, not all are flat.
+            whole = "Ke" in materials[material]
+            pieces = [face] if whole else [[face[0], *pair] for pair in zip(face[1:], face[2:])]
+            for piece in pieces:
+                lines.append(f"{material} polygon p{len(lines)} 0 0 {3 * len(piece)} {' '.join(piece)}")
+    return "\n".join([*lines, ""])
+
+
+def materials_of(mtl: Path) -> dict[str, dict[str, str]]:
+    """By name: the lines of each material by their first words. Fails at what is neither diffuse nor a lamp."""
+    found: dict[str, dict[str, str]] = {}
+    name = ""
+    for line in mtl.read_text(encoding="utf-8").splitlines():
+        word, _, rest = line.strip().partition(" ")
+        if word == "newmtl":
+            name = rest.strip()
+            found[name] = {}
+        elif word == "illum" and int(rest) > 1:
+            raise Failed(f"{mtl}: `{name}` is not diffuse: this scene is not one for rpict here")
+        elif word:
+            found[name][word] = rest
+    return found
