@@ -123,7 +123,7 @@ impl Canvas {
     /// Beams besides the view's own whose stored samples are of use.
     pub fn surface_beams(&self) -> Vec<(u16, BeamId)> {
         match self {
-            Canvas::Quadtree(_) => Vec::new(),
+            Canvas::Quadtree(driver) => driver.surface_beams(),
             Canvas::Voronoi(driver) => driver.surface_beams(),
         }
     }
