@@ -103,11 +103,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         (arguments.frames.0..end).filter(|frame| frame % arguments.every == arguments.every - 1).collect();
     let mut truths = Vec::new();
     for &frame in &judged {
-        truths.push(measure::truth(
-            &engine,
-            &walk.view(frame, SIZE)?,
-            &arguments.truths.join(format!("{frame:04}.pfm")),
-        )?);
+        let (view, file) = (walk.view(frame, SIZE)?, arguments.truths.join(format!("{frame:04}.pfm")));
+        truths.push(measure::truth(&engine, &view, &file, arguments.truth_paths)?);
     }
     if arguments.truths_only {
         return Ok(());
