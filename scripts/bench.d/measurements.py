@@ -22,6 +22,7 @@ from program import Failed, available_memory, compare, median_of, run
 from rivals import rivals
 from scenes import Case
 from skips import skips
+from walk import walk
 from whole import whole
 
 # Half width of the 99 % interval of the bias that a render has to reach.
@@ -295,6 +296,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "whole": whole,
     "cached": cached,
     "replay": replay,
+    "walk": walk,
     "skips": skips,
     "ablations": ablations,
     "viewpoint-share": viewpoint_share,
