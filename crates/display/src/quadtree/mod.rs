@@ -13,6 +13,7 @@
 
 mod beams;
 mod bins;
+mod keep;
 mod leaf;
 pub(crate) mod reproject;
 mod surface;
@@ -24,6 +25,8 @@ use bins::{BINS_AN_OCTAVE, BINS_KEPT, Colour, NEAR_CLASSES, PixelBins, Sums, bin
 use glam::DVec3;
 use holo_picture::{Picture, View};
 use holo_section::{BeamId, Sample, Section};
+use keep::Kept;
+pub use keep::REFETCH_DEGREES;
 use leaf::{Reader, own_surface};
 use reproject::{BeamProjector, DistanceTable, PlacedSection};
 use std::collections::HashSet;
@@ -63,11 +66,13 @@ pub struct QuadtreeParams {
     pub max_level: u8,
     /// Radiance of rays that meet nothing: what unseen beams show.
     pub sky: [f32; 3],
+    /// Samples kept for the next view at most, some 11 bytes each; 0: none. Beyond, the older half goes.
+    pub keep: usize,
 }
 
 impl Default for QuadtreeParams {
     fn default() -> Self {
-        Self { viewpoint_radius: None, leaf: LeafSize::Adaptive, max_level: 16, sky: [0.0; 3] }
+        Self { viewpoint_radius: None, leaf: LeafSize::Adaptive, max_level: 16, sky: [0.0; 3], keep: 0 }
     }
 }
 
@@ -89,6 +94,17 @@ pub struct Frame {
     pub samples_used: u64,
 }
 
+/// Pixels whose samples are of several depths (Larson & Simmons 1999, Figure 6), or of one that should not be seen there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MultiDepth {
+    /// Resolved by samples that pass near the eye: they see the pixel itself, and their shares are the surfaces'.
+    pub by_near_samples: u64,
+    /// Resolved across leaves: the surface that most samples around are of hides what the pixel's own samples saw past its edge.
+    pub by_leaves: u64,
+    /// What remains: the nearest surface is shown, which may cover too much of the pixel.
+    pub remaining: u64,
+}
+
 /// The quadtree driver: samples in, pictures out.
 pub struct Quadtree {
     sections: Arc<[Section]>,
@@ -105,6 +121,9 @@ pub struct Quadtree {
     covered: Vec<bool>,
     uncovered_pixels: u64,
     unseen: HashSet<(u16, BeamId)>,
+    kept: Kept,
+    /// Samples that landed, and unseen beams, since the last [`redraw`](Self::redraw); a new view is a change, too.
+    changes: u64,
     /// Best beam of every pixel's middle; empty while no unseen beam is known, since a scene may have none.
     best: Vec<Option<(u16, BeamId)>>,
 }
@@ -122,6 +141,8 @@ impl Quadtree {
             covered: Vec::new(),
             uncovered_pixels: 0,
             unseen: HashSet::new(),
+            kept: Kept::default(),
+            changes: 1,
             best: Vec::new(),
             sections,
             view,
@@ -139,6 +160,8 @@ impl Quadtree {
         self.narrow.clear();
         self.wide.clear();
         self.unseen.clear();
+        self.kept.clear();
+        self.changes = 1;
         self.place();
     }
 
@@ -156,6 +179,13 @@ impl Quadtree {
     ///
     /// Samples of an unknown section or beam are left out: a driver has no use for them, and nothing depends on them.
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+        if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count()) {
+            self.kept.add(section, beam, paths, samples, self.params.keep);
+            self.land(section, beam, paths, samples);
+        }
+    }
+
+    fn land(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
         let Some((known, placed)) = self.sections.get(usize::from(section)).zip(self.placed.get(usize::from(section)))
         else {
             return;
@@ -178,6 +208,7 @@ impl Quadtree {
                     &mut self.wide
                 };
                 bins.add(pixel, landing.bin, &colour, landing.weight * paths, landing.near);
+                self.changes += 1;
             }
         }
     }
@@ -191,11 +222,18 @@ impl Quadtree {
         }
         if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count()) {
             self.unseen.insert((section, beam));
+            self.changes += 1;
         }
     }
 
     /// The picture of all samples so far.
     pub fn draw(&self) -> Frame {
+        self.draw_and_count().0
+    }
+
+    /// The picture of all samples so far, and how samples of several depths were resolved in it.
+    pub fn draw_and_count(&self) -> (Frame, MultiDepth) {
+        let mut depths = MultiDepth::default();
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
         let most = usize::from(self.params.max_level);
         let narrow = pyramid(|pixel| self.narrow.of(pixel).map(copied), width, height, most);
@@ -243,7 +281,7 @@ impl Quadtree {
                 let shown = if own.is_empty() {
                     fill(&painter, column, row)
                 } else {
-                    mix(&painter, column, row, own, ask_nearer)
+                    mix(&painter, column, row, own, ask_nearer, &mut depths)
                 };
                 if let Some((colour, nearest)) = shown {
                     frame.picture.pixels[pixel] = colour;
@@ -251,7 +289,7 @@ impl Quadtree {
                 }
             }
         }
-        frame
+        (frame, depths)
     }
 
     /// Works out all that depends on the view but on no sample.
@@ -317,17 +355,28 @@ fn copied((bin, sums): (u16, &Sums)) -> (u16, Sums) {
 /// Samples that pass near the eye are samples of this very pixel: their shares are the surfaces' coverage, which is what
 /// makes a silhouette smooth. With none of them the nearest surface is what is seen: whatever lies behind was seen past its
 /// edge.
-fn mix(painter: &Painter, column: usize, row: usize, own: &[Surface], ask_nearer: bool) -> Option<([f32; 3], u16)> {
+fn mix(
+    painter: &Painter,
+    column: usize,
+    row: usize,
+    own: &[Surface],
+    ask_nearer: bool,
+    depths: &mut MultiDepth,
+) -> Option<([f32; 3], u16)> {
     let front = own.first()?;
     let near = |surface: &Surface| near_count(surface, front, ask_nearer);
     let all: f32 = own.iter().map(near).sum();
     let alone = || Some((painter.colour(column, row, 0, front.bins), front.bins.0));
     if all == 0.0 {
-        return covering(painter, column, row, front).or_else(alone);
+        let covered = covering(painter, column, row, front);
+        depths.by_leaves += u64::from(covered.is_some());
+        depths.remaining += u64::from(covered.is_none() && own.len() > 1);
+        return covered.or_else(alone);
     }
     if own.len() == 1 {
         return alone();
     }
+    depths.by_near_samples += 1;
     let mut colour = [0.0; 3];
     let mut nearest = None;
     for surface in own.iter().filter(|surface| near(surface) > 0.0) {
