@@ -19,6 +19,7 @@ from errors import errors
 from harness import Bench
 from interactive import interactive
 from program import Failed, available_memory, compare, median_of, run
+from rendercache import rendercache
 from rivals import rivals
 from scenes import Case
 from skips import skips
@@ -302,5 +303,6 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "viewpoint-share": viewpoint_share,
     "beamfile": beamfile,
     "throughput": throughput,
+    "rendercache": rendercache,
     "rivals": rivals,
 }

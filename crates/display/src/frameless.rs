@@ -98,6 +98,28 @@ impl Frameless {
         }
     }
 
+    /// The tag of a ray that was traced for the current view of its own accord, through this pixel. `None` outside the picture.
+    pub fn pixel_tag(&self, column: u32, row: u32) -> Option<PixelTag> {
+        let (width, height) = self.picture.size();
+        (column < width && row < height).then(|| PixelTag { pixel: row * width + column, epoch: self.epoch })
+    }
+
+    /// Shows a radiance that is about right, a stored one say, until the first ray of the current view comes for the pixel.
+    pub fn guess(&mut self, tag: PixelTag, radiance: [f32; 3]) {
+        let index = tag.pixel as usize;
+        if let Some((shown, pixel)) = self.shown.get_mut(index).zip(self.picture.pixels.get_mut(index))
+            && shown.0 < tag.epoch
+            && radiance.iter().all(|channel| channel.is_finite())
+        {
+            (*shown, *pixel) = ((tag.epoch, 0), radiance);
+        }
+    }
+
+    /// Whether each pixel shows anything yet, rows from the top.
+    pub fn has_colour(&self) -> impl Iterator<Item = bool> + '_ {
+        self.shown.iter().map(|&(epoch, _)| epoch > 0)
+    }
+
     /// What is shown now.
     pub fn picture(&self) -> &Picture {
         &self.picture

@@ -47,3 +47,27 @@ fn a_pixel_shows_the_newest_view_and_then_its_mean() {
     again.iter().for_each(|&tag| frameless.insert(tag, [2.0, 2.0, 1.0]));
     assert!(frameless.picture().pixels.iter().all(|&pixel| pixel == [1.5, 2.0, 2.0]));
 }
+
+#[test]
+fn a_guess_is_shown_until_the_first_ray_comes_and_counts_for_nothing() {
+    let size = (4, 3);
+    let mut frameless = Frameless::new(size, view(DVec3::ZERO, 0.0, size), 3).unwrap();
+    assert_eq!(frameless.has_colour().filter(|&has| has).count(), 0);
+    let tag = frameless.pixel_tag(2, 1).unwrap();
+    assert_eq!(frameless.pixel_tag(4, 0), None);
+    let shown = |frameless: &Frameless| frameless.picture().get(2, 1).unwrap();
+    frameless.guess(tag, [f32::NAN; 3]);
+    assert_eq!(shown(&frameless), [0.0; 3]);
+    frameless.guess(tag, [5.0; 3]);
+    assert_eq!(shown(&frameless), [5.0; 3]);
+    frameless.insert(tag, [1.0; 3]);
+    frameless.insert(tag, [3.0; 3]);
+    frameless.guess(tag, [9.0; 3]);
+    assert_eq!(shown(&frameless), [2.0; 3]);
+    assert_eq!(frameless.has_colour().filter(|&has| has).count(), 1);
+    // Another view: what is shown may be guessed anew, after which rays of the old one are too late.
+    frameless.look(view(DVec3::ZERO, 10.0, size));
+    frameless.guess(frameless.pixel_tag(2, 1).unwrap(), [4.0; 3]);
+    frameless.insert(tag, [7.0; 3]);
+    assert_eq!(shown(&frameless), [4.0; 3]);
+}

@@ -124,12 +124,12 @@ proptest! {
         eyes in prop::collection::vec((prop::array::uniform3(-1e3..1e3), prop::array::uniform3(-1.0..1.0)), 1..5),
         samples in prop::collection::vec(sample(), 0..200),
         wanted in 0_usize..5000,
-        stages in prop::array::uniform7(any::<bool>()),
+        stages in prop::array::uniform8(any::<bool>()),
         black in any::<bool>(),
     ) {
-        let [ageing, eviction, prediction, depth_cull, prefilter, interpolation, dither] = stages;
+        let [ageing, eviction, prediction, depth_cull, prefilter, interpolation, dither, resampling] = stages;
         let params = PointImageParams {
-            stages: Stages { ageing, eviction, prediction, depth_cull, prefilter, interpolation, dither },
+            stages: Stages { ageing, eviction, prediction, depth_cull, prefilter, interpolation, dither, resampling },
             empty: if black { EmptyPixels::Black } else { EmptyPixels::KeepLast },
             ..PointImageParams::default()
         };

@@ -4,7 +4,7 @@ use std::{fmt::Write, path::PathBuf};
 
 use anyhow::{Context, Result};
 use holo_scenes::Bundled;
-use holo_view::{Driver, ViewArgs};
+use holo_view::{Driver, PointArgs, ViewArgs};
 
 use crate::{config::Config, prepare, view::LiveSession};
 
@@ -63,6 +63,7 @@ pub async fn run(args: Args) -> Result<()> {
             connect: address.to_string(),
             view: ViewArgs { size: args.size, ..ViewArgs::default() },
             driver: Driver::default(),
+            points: PointArgs::default(),
             script: Some(path),
             time: 0.0,
             output: Some(last.clone()),

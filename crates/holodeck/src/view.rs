@@ -4,7 +4,7 @@ use std::{ffi::OsString, path::PathBuf};
 
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
-use holo_view::{Driver, ViewArgs};
+use holo_view::{Driver, PointArgs, ViewArgs};
 use tokio::sync::oneshot;
 
 use crate::{
@@ -21,6 +21,8 @@ pub struct SessionArgs {
     /// What turns samples into a picture
     #[arg(long, value_enum, default_value_t)]
     driver: Driver,
+    #[command(flatten)]
+    points: PointArgs,
     /// Without a window: follow a script and write pictures
     #[arg(long)]
     headless: bool,
@@ -44,6 +46,7 @@ impl SessionArgs {
             connect: address.to_string(),
             view: self.view.clone(),
             driver: self.driver,
+            points: self.points.clone(),
             script: self.script.clone(),
             time: self.time,
             output,
@@ -184,6 +187,8 @@ pub struct PictureCommand {
     /// What turns samples into a picture
     #[arg(long, value_enum, default_value_t)]
     driver: Driver,
+    #[command(flatten)]
+    points: PointArgs,
     /// Report as JSON
     #[arg(long)]
     json: bool,
@@ -198,6 +203,7 @@ pub async fn picture(args: PictureCommand) -> Result<()> {
         connect: address.to_string(),
         view: args.view,
         driver: args.driver,
+        points: args.points,
         script: None,
         time: 0.0,
         output: Some(args.output),

@@ -5,7 +5,7 @@
 use std::{sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail, ensure};
-use holo_display::{Frame, Quadtree, QuadtreeParams, Voronoi};
+use holo_display::{Frame, Quadtree, QuadtreeParams, Voronoi, WantedBeam, viewpoint_radius};
 use holo_net::{Inbox, Message, Outbox, SceneReceiver};
 use holo_picture::View;
 use holo_proto::control::{Control, Welcome};
@@ -13,7 +13,10 @@ use holo_raycast::Raycaster;
 use holo_scene::Scene;
 use holo_section::{BeamId, Sample, Section};
 
-use crate::Driver;
+use crate::{
+    Driver,
+    points::{Kind, PointArgs, Points, StageTime},
+};
 
 /// How long the scene's next piece may take: a server that has none sends nothing.
 const SCENE_TIME: Duration = Duration::from_secs(10);
@@ -22,13 +25,26 @@ const SCENE_TIME: Duration = Duration::from_secs(10);
 pub enum Painter {
     Quadtree,
     Voronoi(Arc<Raycaster>),
+    /// One driver for all views: it keeps what it has.
+    Points(Points),
 }
 
 impl Painter {
     /// The driver asked for, with the server's scene if it needs one.
-    pub async fn new(driver: Driver, inbox: &mut Inbox, outbox: &Outbox, welcome: &Welcome) -> Result<Painter> {
-        if driver == Driver::Quadtree {
-            return Ok(Painter::Quadtree);
+    pub async fn new(
+        driver: Driver,
+        points: &PointArgs,
+        sections: &Arc<[Section]>,
+        inbox: &mut Inbox,
+        outbox: &Outbox,
+        welcome: &Welcome,
+    ) -> Result<Painter> {
+        let of_kind = |kind| Ok(Painter::Points(Points::new(kind, Arc::clone(sections), welcome.sky)));
+        match driver {
+            Driver::Quadtree => return Ok(Painter::Quadtree),
+            Driver::Pointimage => return of_kind(Kind::PointImage(points.params())),
+            Driver::Frameless => return of_kind(Kind::Frameless),
+            Driver::Auto | Driver::Voronoi => {}
         }
         let raycaster = match fetch(inbox, outbox, welcome).await? {
             Some(packed) => {
@@ -45,6 +61,22 @@ impl Painter {
         }
     }
 
+    /// How much of each of a view's `beams` is wanted, considering what the driver has. Comes before the view's [`canvas`](Self::canvas).
+    pub fn weigh(&self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
+        match self {
+            Painter::Points(points) => points.look(view, size, beams),
+            Painter::Quadtree | Painter::Voronoi(_) => Ok(beams),
+        }
+    }
+
+    /// How near to the eye rays are to pass if the nearest visible surface is at `nearest`.
+    pub fn radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
+        match self {
+            Painter::Points(points) => points.radius(view, size, nearest),
+            Painter::Quadtree | Painter::Voronoi(_) => viewpoint_radius(view, size, nearest, 1.0),
+        }
+    }
+
     /// An empty picture of a view.
     pub fn canvas(&self, sections: Arc<[Section]>, view: View, size: (u32, u32), sky: [f32; 3]) -> Canvas {
         match self {
@@ -55,6 +87,7 @@ impl Painter {
             Painter::Voronoi(raycaster) => {
                 Canvas::Voronoi(Box::new(Voronoi::new(sections, Arc::clone(raycaster), view, size)))
             }
+            Painter::Points(points) => Canvas::Points(points.clone()),
         }
     }
 }
@@ -95,11 +128,13 @@ fn build(packed: &[u8], hash: [u8; 32]) -> Result<Raycaster> {
 pub enum Canvas {
     Quadtree(Box<Quadtree>),
     Voronoi(Box<Voronoi>),
+    Points(Points),
 }
 
 impl Canvas {
     pub fn name(&self) -> &'static str {
         match self {
+            Canvas::Points(driver) => driver.name(),
             Canvas::Quadtree(_) => "quadtree",
             Canvas::Voronoi(_) => "voronoi",
         }
@@ -109,12 +144,14 @@ impl Canvas {
         match self {
             Canvas::Quadtree(driver) => driver.insert(section, beam, paths, samples),
             Canvas::Voronoi(driver) => driver.insert(section, beam, paths, samples),
+            Canvas::Points(driver) => driver.insert(section, beam, samples),
         }
     }
 
     pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
         match self {
             Canvas::Quadtree(driver) => driver.insert_unseen(section, beam),
+            Canvas::Points(driver) => driver.insert_unseen(section, beam),
             // It knows by itself which pixels see nothing.
             Canvas::Voronoi(_) => {}
         }
@@ -124,6 +161,7 @@ impl Canvas {
     pub fn surface_beams(&self) -> Vec<(u16, BeamId)> {
         match self {
             Canvas::Quadtree(driver) => driver.surface_beams(),
+            Canvas::Points(_) => Vec::new(),
             Canvas::Voronoi(driver) => driver.surface_beams(),
         }
     }
@@ -133,16 +171,28 @@ impl Canvas {
         match self {
             Canvas::Quadtree(driver) => driver.draw().depth,
             Canvas::Voronoi(driver) => driver.depth(),
+            Canvas::Points(driver) => driver.draw().0.depth,
         }
     }
 
-    /// The picture, and how many of its pixels are guesses.
-    pub fn draw(&self) -> (Frame, u64) {
+    /// Puts the distance of the nearest visible surface right, from which follows how near to the eye rays pass.
+    pub fn set_nearest(&mut self, nearest: f64) {
+        if let Canvas::Points(driver) = self {
+            driver.set_nearest(nearest);
+        }
+    }
+
+    /// The picture, how many of its pixels are guesses, and how long its stages took if the driver says so.
+    pub fn draw(&self) -> (Frame, u64, Vec<StageTime>) {
         match self {
-            Canvas::Quadtree(driver) => (driver.draw(), 0),
+            Canvas::Quadtree(driver) => (driver.draw(), 0, Vec::new()),
             Canvas::Voronoi(driver) => {
                 let drawn = driver.draw();
-                (drawn.frame, drawn.guessed_pixels)
+                (drawn.frame, drawn.guessed_pixels, Vec::new())
+            }
+            Canvas::Points(driver) => {
+                let (frame, stages) = driver.draw();
+                (frame, 0, stages)
             }
         }
     }

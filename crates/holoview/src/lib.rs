@@ -7,6 +7,7 @@
 
 mod canvas;
 mod default_view;
+mod points;
 mod received;
 mod script;
 mod session;
@@ -20,6 +21,7 @@ use holo_picture::ViewSpec;
 use serde::Serialize;
 
 pub use default_view::default_view;
+pub use points::{EmptyArg, Part, PointArgs, SmoothingArg, StageTime};
 pub use script::{Command, Script, Step, parse_seconds};
 
 /// Which view is shown: options as Radiance has them.
@@ -100,6 +102,10 @@ pub enum Driver {
     Voronoi,
     /// Means over the leaves of a quadtree, as large as noise asks; needs no scene
     Quadtree,
+    /// The render cache: what is known is projected into every view, gaps are filled; needs no scene
+    Pointimage,
+    /// Each pixel shows its newest rays; needs no scene
+    Frameless,
 }
 
 /// Options of `holoview`.
@@ -114,6 +120,9 @@ pub struct Config {
     /// What turns samples into a picture
     #[arg(long, value_enum, default_value_t)]
     pub driver: Driver,
+    /// How the render cache works
+    #[command(flatten)]
+    pub points: PointArgs,
     /// Follow this file's lines, each `SECONDS COMMAND` (`-`: standard input). Commands: view, picture FILE, quit
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
@@ -161,6 +170,9 @@ pub struct PictureReport {
     pub driver: &'static str,
     /// Seconds until the first samples were here; none yet if absent.
     pub first_samples: Option<f64>,
+    /// How long each stage of the picture took; empty for drivers without stages.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<StageTime>,
 }
 
 impl std::fmt::Display for PictureReport {
@@ -179,6 +191,10 @@ impl std::fmt::Display for PictureReport {
         }
         if self.guessed_pixels > 0 {
             write!(f, ", {} pixels without light known, lit from the eye", self.guessed_pixels)?;
+        }
+        if !self.stages.is_empty() {
+            let milliseconds: f64 = self.stages.iter().map(|stage| stage.milliseconds).sum();
+            write!(f, ", made in {milliseconds:.1} ms")?;
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{SelectOptions, Selection, select_beams, viewpoint_radius};
+use holo_display::{SelectOptions, Selection, select_beams};
 use holo_net::{Inbox, Message, NetError, Outbox, Shutdown};
 use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
@@ -56,7 +56,7 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
         connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
     let sections = welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
     let sections = sections.context("the server's sections")?;
-    let painter = Painter::new(config.driver, &mut inbox, &outbox, &welcome).await?;
+    let painter = Painter::new(config.driver, &config.points, &sections, &mut inbox, &outbox, &welcome).await?;
     let (sender, messages) = mpsc::channel();
     let reader = tokio::spawn(read(inbox, outbox.clone(), sender.clone()));
     let ended = tokio::spawn(async move {
@@ -223,7 +223,7 @@ impl Session {
         if covered.covered_rays == 0 {
             bail!("no section of the holodeck covers anything of this view ({})", view.to_vf_options());
         }
-        let wanted: Vec<Wanted> = beams
+        let wanted: Vec<Wanted> = (self.painter.weigh(view, size, beams)?)
             .iter()
             .map(|beam| Wanted { beam: beam.beam.0, weight: beam.weight, section: beam.section, reserved: 0 })
             .collect();
@@ -249,6 +249,9 @@ impl Session {
             first_samples: None,
             refined: false,
         });
+        if let Some(shown) = &mut self.shown {
+            shown.canvas.set_nearest(nearest);
+        }
         if matches!(self.painter, Painter::Voronoi(_)) { self.refine() } else { Ok(()) }
     }
 
@@ -298,7 +301,7 @@ impl Session {
 
     /// Sends a view, with a viewpoint for the nearest visible surface at `nearest`.
     fn request(&self, view: &View, size: (u32, u32), nearest: f64, beams: Vec<Wanted>) -> Result<()> {
-        let radius = viewpoint_radius(view, size, nearest, 1.0);
+        let radius = self.painter.radius(view, size, nearest);
         let viewpoint = Viewpoint { eye: view.vp.to_array(), radius };
         let request = ViewRequest { view: self.view_number, viewpoint, beams };
         Ok(self.outbox.send(Kind::View, &request.encode())?)
@@ -355,6 +358,7 @@ impl Session {
         let at = (depths.len() as f64 * NEARER_PIXELS) as usize;
         let (_, &mut nearest, _) = depths.select_nth_unstable_by(at, f32::total_cmp);
         shown.nearest = f64::from(nearest);
+        shown.canvas.set_nearest(shown.nearest);
         let wanted = shown.wanted.clone();
         self.request_shown(wanted)
     }
@@ -388,7 +392,7 @@ impl Session {
 
     fn picture(&self, path: PathBuf) -> Result<()> {
         let Some(shown) = &self.shown else { bail!("there is no view to take a picture of") };
-        let (frame, guessed_pixels) = shown.canvas.draw();
+        let (frame, guessed_pixels, stages) = shown.canvas.draw();
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         }
@@ -406,6 +410,7 @@ impl Session {
             guessed_pixels,
             driver: shown.canvas.name(),
             first_samples: shown.first_samples,
+            stages,
         };
         if self.config.json {
             println!("{}", serde_json::to_string(&report)?);

@@ -11,6 +11,7 @@ mod hostile;
 mod interrupted;
 mod light;
 mod processes;
+mod render_cache;
 mod samples;
 mod session;
 mod unseen;

@@ -6,44 +6,57 @@
 //!
 //! Always true: never more pixels are chosen than were wanted; priorities are whole numbers, so the choice is the same everywhere.
 
+use super::isa::{Isa, Kernel};
 use super::random;
 
-/// Bands dithered side by side. Tried at 512²: 1, 2, 4, 8.
-const BANDS: usize = 4;
-/// Priorities are multiplied by this before they are halved.
+/// Bands dithered side by side, a lane of a register each: four bands in scalar code took three times as long.
+const BANDS: usize = 16;
+/// Priorities are multiplied by this before they are halved, unless that makes the threshold too large.
 const SCALE: u64 = 256;
+/// Largest threshold, and most that a pixel hands on: sums of two stay far within u32.
+const MOST: u32 = 1 << 30;
 
 /// Appends about `wanted` pixels, never more, in proportion to their priority.
-pub(super) fn choose(priority: &[u8], width: usize, wanted: usize, seed: u32, chosen: &mut Vec<u32>) {
+pub(super) fn choose(isa: Isa, priority: &[u8], width: usize, wanted: usize, seed: u32, chosen: &mut Vec<u32>) {
     let height = priority.len() / width;
     let total: u64 = priority.chunks(1 << 16).map(sum).sum();
     if wanted == 0 || total == 0 {
         return;
     }
-    let bands = if height >= 2 * BANDS { BANDS } else { 1 };
-    let threshold = (total * SCALE).div_ceil(wanted as u64);
+    let rows = height / BANDS;
+    let wanted_64 = wanted as u64;
+    let scale = (u64::from(MOST) * wanted_64 / total).clamp(1, SCALE);
+    let threshold = (total * scale).div_ceil(wanted_64).min(MOST.into()) as u32;
     // Each band starts with what a band above would leave it. Far down a uniform picture that was found to be threshold/2 * (1 - 0.6 d)
     // on average, d³ being the share of pixels that are chosen; spread evenly around that, the first rows have their share as well.
     let spread = 1.2 * (wanted as f64 / priority.len() as f64).min(0.5).cbrt();
-    let half = threshold as f64 / 2.0;
+    let half = f64::from(threshold) / 2.0;
     let start = |index: usize| half * (1.0 - spread * f64::from(random::mix(seed, index as u32)) / f64::from(u32::MAX));
-    let mut carries: Vec<Vec<u64>> =
-        (0..bands).map(|band| (0..width).map(|x| start(band * width + x) as u64).collect()).collect();
-    let rows = height / bands;
     let mut hits: [Vec<u32>; BANDS] = Default::default();
-    if bands == BANDS {
-        for row in 0..rows {
-            let lines = std::array::from_fn(|band| &priority[(band * rows + row) * width..][..width]);
-            let firsts = std::array::from_fn(|band| ((band * rows + row) * width) as u32);
-            lockstep::<BANDS>(lines, firsts, &mut carries, row % 2 == 1, threshold, &mut hits);
-        }
+    let scale = scale as u32;
+    let mut last: Vec<[u32; 1]>;
+    if rows > 0 {
+        let start = |x: usize| std::array::from_fn(|band| start(band * width + x) as u32);
+        let mut carries: Vec<[u32; BANDS]> = (0..width).map(start).collect();
+        let bands = &priority[..rows * BANDS * width];
+        isa.run(Lockstep {
+            priority: bands,
+            width,
+            first_row: 0,
+            scale,
+            threshold,
+            carries: &mut carries,
+            hits: &mut hits,
+        });
+        last = carries.iter().map(|carry| [carry[BANDS - 1]]).collect();
+    } else {
+        last = (0..width).map(|x| [start(x) as u32]).collect();
     }
-    // Rows that do not divide, or all rows of a small picture, follow the last band.
-    let from = if bands == BANDS { rows * BANDS } else { 0 };
-    let last = bands - 1;
-    for row in from..height {
-        let line = [&priority[row * width..][..width]];
-        lockstep::<1>(line, [(row * width) as u32], &mut carries[last..], row % 2 == 1, threshold, &mut hits[last..]);
+    // Rows that do not divide, or all rows of a low picture, follow the last band.
+    let first_row = rows * BANDS;
+    let rest = &priority[first_row * width..];
+    if let Some(hits) = hits.last_chunk_mut() {
+        isa.run(Lockstep { priority: rest, width, first_row, scale, threshold, carries: &mut last, hits });
     }
     // What bands started with and what they are left with differ by chance: of a few too many, a few are dropped, evenly.
     let count: usize = hits.iter().map(Vec::len).sum();
@@ -57,43 +70,113 @@ fn sum(priority: &[u8]) -> u64 {
     priority.iter().map(|&priority| u32::from(priority)).sum::<u32>().into()
 }
 
-/// One row of each of `N` bands.
-fn lockstep<const N: usize>(
-    lines: [&[u8]; N],
-    firsts: [u32; N],
-    carries: &mut [Vec<u64>],
-    backwards: bool,
-    threshold: u64,
-    hits: &mut [Vec<u32>],
-) {
-    let width = lines[0].len();
-    let mut error = [0_u64; N];
-    let mut carries = carries.iter_mut();
-    let below: [&mut [u64]; N] =
-        std::array::from_fn(|_| carries.next().map_or(&mut [][..], |carry| &mut carry[..width]));
-    for step in 0..width {
-        let x = if backwards { width - 1 - step } else { step };
-        for band in 0..N {
-            let mut value = u64::from(lines[band][x]) * SCALE + below[band][x] + error[band];
-            if value >= threshold {
-                value -= threshold;
-                hits[band].push(firsts[band] + x as u32);
+/// `N` bands of as many rows each, all of `priority`.
+struct Lockstep<'a, const N: usize> {
+    priority: &'a [u8],
+    width: usize,
+    first_row: usize,
+    scale: u32,
+    threshold: u32,
+    /// What each column of each band hands down.
+    carries: &'a mut [[u32; N]],
+    hits: &'a mut [Vec<u32>; N],
+}
+
+impl<const N: usize> Kernel for Lockstep<'_, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { priority, width, first_row, scale, threshold, carries, hits } = self;
+        let rows = priority.len() / width / N;
+        let carries = &mut carries[..width];
+        // The bands' priorities column by column, and which were chosen.
+        let mut columns = vec![[0_u8; N]; width];
+        for row in 0..rows {
+            for band in 0..N {
+                let line = &priority[(band * rows + row) * width..][..width];
+                columns.iter_mut().zip(line).for_each(|(column, &priority)| column[band] = priority);
             }
-            let half = value / 2;
-            below[band][x] = half;
-            error[band] = value - half;
+            // Serpentine. Nothing is lost at the edge: the next row begins below this one's last pixel.
+            if row % 2 == 0 {
+                let error = diffuse(columns.iter_mut().zip(carries.iter_mut()), scale, threshold);
+                hand_down(carries.last_mut(), error);
+            } else {
+                let error = diffuse(columns.iter_mut().zip(carries.iter_mut()).rev(), scale, threshold);
+                hand_down(carries.first_mut(), error);
+            }
+            for (x, column) in columns.iter().enumerate() {
+                let (eights, rest) = column.as_chunks::<8>();
+                let pixel = |band: usize| ((first_row + band * rows + row) * width + x) as u32;
+                for (eight, first) in eights.iter().zip((0..).step_by(8)) {
+                    // A byte is 1 or 0.
+                    let mut bits = u64::from_le_bytes(*eight);
+                    while bits != 0 {
+                        let band = first + bits.trailing_zeros() as usize / 8;
+                        hits[band].push(pixel(band));
+                        bits &= bits - 1;
+                    }
+                }
+                let from = N - rest.len();
+                let chosen = rest.iter().zip(from..).filter(|&(&chosen, _)| chosen != 0);
+                chosen.for_each(|(_, band)| hits[band].push(pixel(band)));
+            }
         }
     }
-    // The next row begins below the last pixel: nothing is lost at the edge.
-    let end = if backwards { 0 } else { width - 1 };
+}
+
+/// Replaces the priorities of a row of each band by whether they were chosen; gives what is left at the end.
+#[inline(always)]
+fn diffuse<'a, const N: usize>(
+    pixels: impl Iterator<Item = (&'a mut [u8; N], &'a mut [u32; N])>,
+    scale: u32,
+    threshold: u32,
+) -> [u32; N] {
+    let mut error = [0_u32; N];
+    for (priority, below) in pixels {
+        // Copies, so that nothing can overlap: else half of the loops that this becomes do one band after another.
+        (*priority, *below, error) = step(*priority, *below, error, scale, threshold);
+    }
+    error
+}
+
+/// A pixel of each band: whether it is chosen, what goes down, what goes on.
+#[inline(always)]
+fn step<const N: usize>(
+    priority: [u8; N],
+    below: [u32; N],
+    error: [u32; N],
+    scale: u32,
+    threshold: u32,
+) -> ([u8; N], [u32; N], [u32; N]) {
+    let (mut chosen, mut down, mut on) = ([0; N], [0; N], [0; N]);
     for band in 0..N {
-        below[band][end] += error[band];
+        // More than that cannot be handed on: all around has been chosen already.
+        let value = (u32::from(priority[band]) * scale + below[band] + error[band]).min(MOST);
+        let hit = value >= threshold;
+        let left = if hit { value - threshold } else { value };
+        chosen[band] = u8::from(hit);
+        down[band] = left / 2;
+        on[band] = left - left / 2;
+    }
+    (chosen, down, on)
+}
+
+#[inline(always)]
+fn hand_down<const N: usize>(below: Option<&mut [u32; N]>, error: [u32; N]) {
+    if let Some(below) = below {
+        below.iter_mut().zip(error).for_each(|(below, error)| *below += error);
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::isa::Instructions;
     use super::*;
+
+    fn isa() -> Isa {
+        Isa::new(Instructions::best()).unwrap()
+    }
 
     #[test]
     fn as_many_are_chosen_as_priority_says_and_never_too_many() {
@@ -102,7 +185,7 @@ mod tests {
         let priority: Vec<u8> = (0..width * height).map(|pixel| if pixel % width < 100 { 200 } else { 50 }).collect();
         for wanted in [1, 30, 1000, 8000, 20_000, 60_000] {
             let mut chosen = Vec::new();
-            choose(&priority, width, wanted, 5, &mut chosen);
+            choose(isa(), &priority, width, wanted, 5, &mut chosen);
             assert!(chosen.len() <= wanted, "{} of {wanted}", chosen.len());
             // Each pixel at most once.
             chosen.sort_unstable();
@@ -120,7 +203,7 @@ mod tests {
     fn chosen_pixels_keep_their_distance() {
         let width = 256;
         let mut chosen = Vec::new();
-        choose(&vec![100; width * width], width, width * width / 64, 9, &mut chosen);
+        choose(isa(), &vec![100; width * width], width, width * width / 64, 9, &mut chosen);
         let place = |pixel: u32| (i64::from(pixel) % 256, i64::from(pixel) / 256);
         let near = chosen.iter().filter(|&&one| {
             chosen.iter().any(|&other| {

@@ -44,6 +44,7 @@ impl PointImage {
             }
         }
         self.is_dirty |= aged > 0;
+        self.is_hinted |= aged > 0;
         aged
     }
 

@@ -38,51 +38,36 @@ impl Kernel for Interpolate<'_> {
     fn run(self) {
         let Self { width, from, colour, age, picture: [red, green, blue], priority, own_point, black, fill } = self;
         let rows = priority.len() / width;
-        let strip = STRIP.min(width);
         // The rows above, at and below the one that is made, in turn.
-        let mut ring = [Row::new(strip), Row::new(strip), Row::new(strip)];
-        let mut has_point: [Vec<u8>; 3] = std::array::from_fn(|_| vec![0; strip + 2]);
-        let mut down = vec![0.0; strip + 2];
-        let mut weight_down = vec![0; strip + 2];
-        let mut weight = vec![0; strip];
-        let mut inverse = vec![0.0; strip];
-        let around = |count: usize| ROOM - 1..ROOM + 1 + count;
+        let mut ring: [Line; 3] = std::array::from_fn(|_| Line::new());
+        let mut down = [0.0; STRIP + 2];
+        let mut weight_down = [0; STRIP + 2];
+        let mut weight = [0; STRIP];
+        let mut inverse = [0.0; STRIP];
         for columns in strips(width, STRIP) {
             let count = columns.len();
-            let load = |ring: &mut [Row; 3], has_point: &mut [Vec<u8>; 3], y: Option<usize>| {
-                let row = y.and_then(|y| row_of(colour, width, y));
-                let at = y.map_or((from + 2) % 3, |y| y % 3);
-                ring[at].decode(row, &columns, 1);
-                mark(&ring[at].channels[3][around(count)], &mut has_point[at][..count + 2]);
-            };
-            load(&mut ring, &mut has_point, from.checked_sub(1));
-            load(&mut ring, &mut has_point, Some(from));
+            let above = from.checked_sub(1);
+            ring[(from + 2) % 3].load(above.and_then(|y| row_of(colour, width, y)), &columns);
+            ring[from % 3].load(row_of(colour, width, from), &columns);
             for row in 0..rows {
                 let y = from + row;
-                load(&mut ring, &mut has_point, Some(y + 1));
-                let [above, here, below] = [(y + 2) % 3, y % 3, (y + 1) % 3];
+                ring[(y + 1) % 3].load(row_of(colour, width, y + 1), &columns);
+                let lines = [(y + 2) % 3, y % 3, (y + 1) % 3].map(|at| &ring[at]);
                 let at = row * width + columns.start..row * width + columns.end;
                 let pixels = y * width + columns.start..y * width + columns.end;
-                let rows = [above, here, below].map(|row| &has_point[row][..count + 2]);
-                count_down(rows, &mut weight_down[..count + 2]);
-                count_across(&weight_down[..count + 2], &mut weight[..count]);
-                prioritise(
-                    &weight[..count],
-                    &has_point[here][1..][..count],
-                    &age[pixels.clone()],
-                    &mut priority[at.clone()],
-                );
+                let has_point = &lines[1].has_point[1..][..count];
+                count_down(lines.map(|line| &line.has_point), &mut weight_down);
+                count_across(&weight_down, &mut weight);
+                prioritise(&weight[..count], has_point, &age[pixels.clone()], &mut priority[at.clone()]);
                 if fill {
-                    invert(&weight[..count], &mut inverse[..count]);
-                } else {
-                    inverse.fill(0.0);
+                    invert(&weight, &mut inverse);
                 }
                 for (channel, plane) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
-                    let rows = [above, here, below].map(|row| &ring[row].channels[channel][around(count)]);
-                    one_two_one(rows, &mut down[..count + 2]);
+                    let rows = lines.map(|line| &line.row.channels[channel][AROUND]);
+                    one_two_one(rows, &mut down);
                     show(&down[..count + 2], &inverse[..count], black, &mut plane[at.clone()]);
                     if own_point {
-                        keep_own(rows[1], &has_point[here][1..][..count], &mut plane[at.clone()]);
+                        keep_own(rows[1], has_point, &mut plane[at.clone()]);
                     }
                 }
             }
@@ -90,29 +75,48 @@ impl Kernel for Interpolate<'_> {
     }
 }
 
+/// Of a strip's row: its columns and one more at both ends.
+const AROUND: std::ops::Range<usize> = ROOM - 1..ROOM + 1 + STRIP;
+
+/// A row of a strip, always as long as the longest: loops of known length need no remainders. What lies beyond the picture is 0.
+struct Line {
+    row: Row,
+    /// 1 for pixels with a point, one column more at both ends.
+    has_point: [u8; STRIP + 2],
+}
+
+impl Line {
+    fn new() -> Self {
+        Self { row: Row::new(STRIP), has_point: [0; STRIP + 2] }
+    }
+
+    // Not a closure: those are compiled for any processor, whoever calls them (it took twice as long).
+    #[inline(always)]
+    fn load(&mut self, row: Option<&[u32]>, columns: &std::ops::Range<usize>) {
+        self.row.decode(row, columns, 1);
+        mark(&self.row.channels[3][AROUND], &mut self.has_point);
+    }
+}
+
 /// Weights as numbers of one byte: 64 fit into a register.
 #[inline(always)]
-fn mark(weights: &[f32], has_point: &mut [u8]) {
+fn mark(weights: &[f32], has_point: &mut [u8; STRIP + 2]) {
     for (weight, has_point) in weights.iter().zip(has_point) {
         *has_point = if *weight != 0.0 { 1 } else { 0 };
     }
 }
 
 #[inline(always)]
-fn count_down(rows: [&[u8]; 3], sums: &mut [u8]) {
-    let width = sums.len();
-    let [above, here, below] = rows.map(|row| &row[..width]);
-    for x in 0..width {
+fn count_down([above, here, below]: [&[u8; STRIP + 2]; 3], sums: &mut [u8; STRIP + 2]) {
+    for x in 0..STRIP + 2 {
         sums[x] = above[x].wrapping_add(here[x]).wrapping_add(here[x]).wrapping_add(below[x]);
     }
 }
 
 #[inline(always)]
-fn count_across(down: &[u8], weight: &mut [u8]) {
-    let width = weight.len();
-    let [left, here, right] = [0, 1, 2].map(|offset| &down[offset..][..width]);
-    for x in 0..width {
-        weight[x] = left[x].wrapping_add(here[x]).wrapping_add(here[x]).wrapping_add(right[x]);
+fn count_across(down: &[u8; STRIP + 2], weight: &mut [u8; STRIP]) {
+    for x in 0..STRIP {
+        weight[x] = down[x].wrapping_add(down[x + 1]).wrapping_add(down[x + 1]).wrapping_add(down[x + 2]);
     }
 }
 
@@ -121,13 +125,15 @@ fn count_across(down: &[u8], weight: &mut [u8]) {
 fn prioritise(weight: &[u8], has_point: &[u8], age: &[u8], priority: &mut [u8]) {
     for (((priority, weight), has_point), age) in priority.iter_mut().zip(weight).zip(has_point).zip(age) {
         let gap = u8::MAX.wrapping_sub(PRIORITY_PER_WEIGHT.wrapping_mul(*weight));
-        *priority = if *has_point != 0 { *age } else { gap };
+        // All ones with a point. Without AVX-512 a choice would be a branch for each pixel.
+        let own = has_point.wrapping_neg();
+        *priority = *age & own | gap & !own;
     }
 }
 
 /// 1/weight, 0 for 0.
 #[inline(always)]
-fn invert(weight: &[u8], inverse: &mut [f32]) {
+fn invert(weight: &[u8; STRIP], inverse: &mut [f32; STRIP]) {
     for (inverse, weight) in inverse.iter_mut().zip(weight) {
         let weight = f32::from(*weight);
         *inverse = if weight > 0.0 { 1.0 / weight } else { 0.0 };
@@ -135,10 +141,9 @@ fn invert(weight: &[u8], inverse: &mut [f32]) {
 }
 
 #[inline(always)]
-fn one_two_one(rows: [&[f32]; 3], sums: &mut [f32]) {
-    let width = sums.len();
-    let [above, here, below] = rows.map(|row| &row[..width]);
-    for x in 0..width {
+fn one_two_one(rows: [&[f32]; 3], sums: &mut [f32; STRIP + 2]) {
+    let [above, here, below] = rows.map(|row| &row[..STRIP + 2]);
+    for x in 0..STRIP + 2 {
         sums[x] = (above[x] + below[x]) + (here[x] + here[x]);
     }
 }

@@ -32,6 +32,7 @@
 //! - Nothing changes and nothing is wanted: nothing is computed.
 //! - No number that comes in makes it panic; samples that are not finite are left out and counted.
 
+mod beams;
 mod colour;
 mod cull;
 mod dither;
@@ -57,6 +58,7 @@ mod truncate;
 mod update;
 mod zbuffer;
 
+pub use beams::best_beam;
 pub use isa::Instructions;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing, Stage, Stages};
 pub(crate) use random::{mix, pair};
@@ -65,6 +67,7 @@ pub use sample::{Place, Sample, Tag};
 use glam::DVec3;
 use holo_picture::{Picture, View};
 use isa::Isa;
+use map::Map;
 use planes::Planes;
 use points::{EVICTED, Points};
 use predict::Occupancy;
@@ -99,11 +102,17 @@ pub struct PointImage {
     /// The current view's eye, relative to the origin.
     eye: DVec3,
     view: Option<View>,
+    /// The same as projection takes it.
+    map: Option<Map>,
     predicted: Option<View>,
     /// Counts views.
     epoch: u32,
+    /// Whether any point may be a sample of the current view.
+    has_fresh: bool,
     /// Counts frames; chooses the jitter.
     frames: u32,
+    /// Whether an application made points older: those that are too old have yet to leave.
+    is_hinted: bool,
     /// Whether the picture is not what the points would give.
     is_dirty: bool,
     requests: Vec<Request>,
@@ -133,9 +142,12 @@ impl PointImage {
             has_origin: params.origin.is_some(),
             eye: DVec3::ZERO,
             view: None,
+            map: None,
             predicted: None,
             epoch: 0,
+            has_fresh: false,
             frames: 0,
+            is_hinted: false,
             is_dirty: true,
             requests: Vec::new(),
             chosen: Vec::new(),
@@ -153,6 +165,7 @@ impl PointImage {
     /// Switches stages on and off, from the next frame on.
     pub fn set_stages(&mut self, stages: Stages) {
         self.is_dirty |= stages != self.params.stages;
+        self.is_hinted |= stages != self.params.stages;
         self.params.stages = stages;
     }
 
@@ -175,6 +188,12 @@ impl PointImage {
     /// Samples that were left out because a number in them was not finite.
     pub fn rejected(&self) -> u64 {
         self.rejected
+    }
+
+    /// Takes samples in without making a picture: for renderers that give more of them than fit between two pictures.
+    pub fn insert(&mut self, samples: &[Sample]) {
+        self.update(samples, false, false);
+        self.is_dirty |= !samples.is_empty();
     }
 
     /// Makes the next picture and the next requests.
@@ -216,6 +235,14 @@ impl<'a> Frame<'a> {
         }
         picture.view = self.cache.view;
         picture
+    }
+
+    /// Depth along the view's direction of the point that each pixel shows, rows from the top; 0 without one.
+    pub fn depth(&self) -> impl Iterator<Item = f32> + 'a {
+        let planes = &self.cache.planes;
+        let depth = planes.depth.iter().zip(&planes.colour);
+        // The sign says whether the point is a sample of this view.
+        depth.map(|(&depth, &colour)| if colour == colour::NONE { 0.0 } else { f32::from_bits(depth).abs() })
     }
 
     /// Whether a point maps to each pixel after the depth cull, rows from the top.

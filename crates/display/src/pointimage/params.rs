@@ -96,6 +96,9 @@ pub struct Stages {
     pub interpolation: bool,
     /// Requests where priority is high. Off, they fall anywhere with equal chance.
     pub dither: bool,
+    /// Requests go through the old point, which is kept if its colour has not changed (1999, §4.1). Off, they go anywhere in the
+    /// pixel, and each brings a new point.
+    pub resampling: bool,
 }
 
 impl Stages {
@@ -108,6 +111,7 @@ impl Stages {
         prefilter: true,
         interpolation: true,
         dither: true,
+        resampling: true,
     };
     /// What the first paper had (1999): no eviction, prediction or prefilter.
     pub const OF_1999: Self = Self { eviction: false, prediction: false, prefilter: false, ..Self::ALL };

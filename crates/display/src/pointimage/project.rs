@@ -7,12 +7,14 @@
 //!
 //! Always true: the result does not depend on the number of threads.
 
+use super::colour;
 use super::isa::{Isa, Kernel};
 use super::map::{Map, NEAREST};
 use super::parallel;
 use super::points::{FRESH, Points};
 use super::prefetch::prefetch;
 use super::truncate::truncate;
+use std::ops::Range;
 
 /// Pixels along a tile's side: its z-buffer takes 8 kB and its records some 18.
 pub(super) const TILE: usize = 32;
@@ -76,7 +78,9 @@ impl Buckets {
             parts.push(Part { heads: vec![0; count], next: vec![END; chunks], base, chunks });
             base += chunks * CHUNK;
         }
-        let records = vec![Record::default(); base];
+        // And one more that nobody writes: what a pixel without a point shows.
+        let mut records = vec![Record::default(); base + 1];
+        records[base] = Record { slot: points as u32, depth: 0, colour: colour::NONE, pixel_and_age: 0 };
         Self { records, parts, lengths: ranges.iter().map(|range| range.len()).collect(), tiles }
     }
 
@@ -109,8 +113,13 @@ impl Buckets {
         parallel::for_each(work, |kernel| isa.run(kernel));
     }
 
-    /// A tile's records.
-    pub fn chain(&self, tile: usize) -> impl Iterator<Item = &[Record]> {
+    /// All records; the last stands for no point.
+    pub fn records(&self) -> &[Record] {
+        &self.records
+    }
+
+    /// Where a tile's records are.
+    pub fn chain(&self, tile: usize) -> impl Iterator<Item = Range<usize>> {
         self.parts.iter().flat_map(move |part| {
             let mut chunk = tile as u32;
             let last = part.heads[tile] as usize;
@@ -119,7 +128,7 @@ impl Buckets {
                 let start = chunk as usize * CHUNK;
                 let end = if next == END { last } else { start + CHUNK };
                 chunk = next;
-                self.records.get(part.base + start..part.base + end)
+                Some(part.base + start..part.base + end)
             })
         })
     }

@@ -1,7 +1,9 @@
 //! Chosen pixels become requests (Walter et al. 1999, §4.1): jittered in the pixel, or through the point that it shows.
 
 use super::PointImage;
-use super::points::{FRESH, GENERATIONS, Points};
+use super::colour;
+use super::map::NEAREST;
+use super::points::{EVICTED, FRESH, GENERATIONS};
 use super::random;
 use super::sample::{Aim, Purpose, Request, Tag};
 
@@ -9,26 +11,71 @@ impl PointImage {
     /// A request for a pixel of the current view.
     pub(super) fn request(&self, pixel: u32, seed: u32) -> Request {
         let (width, height) = self.planes.size;
-        let (column, row) = (pixel as usize % width, pixel as usize / width);
-        let slot = self.planes.slot[pixel as usize];
+        // In 32 bits: divisions of 64 take twice as long.
+        let (column, row) = (pixel % width as u32, pixel / width as u32);
         let anywhere = || {
             let (x, y) = random::pair(seed, pixel);
             Aim::Picture((column as f32 + x) / width as f32, 1.0 - (row as f32 + y) / height as f32)
         };
-        let Points { flags, position, .. } = &self.points;
-        // A point that was culled is not what the pixel shows.
-        let is_shown = self.planes.colour[pixel as usize] != super::colour::NONE;
-        let flags = if is_shown { flags.get(slot as usize).copied() } else { None };
-        let at = slot as usize;
-        let (aim, purpose) = match flags {
+        let point = self.shown(pixel);
+        let (aim, purpose) = match point {
             None => (anywhere(), Purpose::Pixel),
-            Some(flags) if flags & FRESH != 0 && !random::mix(!seed, pixel).is_multiple_of(self.params.check_every) => {
-                (anywhere(), Purpose::Refine)
+            Some((_, flags)) if flags & FRESH != 0 && !self.is_check(seed, pixel) => (anywhere(), Purpose::Refine),
+            Some((at, _)) if self.params.stages.resampling => {
+                (Aim::Through(self.points.position.each_ref().map(|axis| axis[at])), Purpose::Resample)
             }
-            Some(_) => (Aim::Through(position.each_ref().map(|axis| axis[at])), Purpose::Resample),
+            Some(_) => (anywhere(), Purpose::Pixel),
         };
-        let tag = Tag { purpose, pixel, slot, generation: flags.unwrap_or(0) & GENERATIONS, epoch: self.epoch };
+        let tag = self.tag(pixel, purpose, point);
         Request { aim, predicted: false, tag }
+    }
+
+    /// The tag of a ray that a renderer traced for the current view of its own accord: from the eye (or from so near that it makes no
+    /// difference) through this pixel, anywhere in it. Its sample then counts as one that was asked for. `None` outside the picture.
+    pub fn pixel_tag(&self, column: u32, row: u32) -> Option<Tag> {
+        let (width, height) = self.planes.size;
+        if column as usize >= width || row as usize >= height {
+            return None;
+        }
+        let pixel = row * width as u32 + column;
+        // Since the last picture another point may have taken the slot.
+        let point = self.shown(pixel).filter(|&(slot, _)| self.is_in(slot, pixel));
+        let purpose = match point {
+            Some((_, flags)) if flags & FRESH != 0 => Purpose::Refine,
+            Some(_) if self.params.stages.resampling => Purpose::Resample,
+            _ => Purpose::Pixel,
+        };
+        Some(self.tag(pixel, purpose, point))
+    }
+
+    fn tag(&self, pixel: u32, purpose: Purpose, point: Option<(usize, u8)>) -> Tag {
+        let generation = point.map_or(0, |(_, flags)| flags & GENERATIONS);
+        Tag { purpose, pixel, slot: self.planes.slot[pixel as usize], generation, epoch: self.epoch }
+    }
+
+    /// The point that a pixel shows, and its flags. One that was culled is not what the pixel shows.
+    fn shown(&self, pixel: u32) -> Option<(usize, u8)> {
+        let slot = self.planes.slot[pixel as usize] as usize;
+        let is_shown = self.planes.colour[pixel as usize] != colour::NONE;
+        self.points.flags.get(slot).filter(|_| is_shown).map(|&flags| (slot, flags))
+    }
+
+    /// Whether a point lies in a pixel of the current view.
+    pub(super) fn is_in(&self, slot: usize, pixel: u32) -> bool {
+        let width = self.planes.size.0;
+        let Some(map) = self.map else { return false };
+        let (column, row, depth) = map.project(self.points.position.each_ref().map(|axis| axis[slot]));
+        let at = pixel as usize;
+        // As the projection of all points has it: the whole part.
+        depth >= NEAREST
+            && column.floor() == (at % width) as f32
+            && row.floor() == (at / width) as f32
+            && self.points.age[slot] != EVICTED
+    }
+
+    /// Whether a pixel's turn has come for a ray through its point even though it is a sample of this view.
+    fn is_check(&self, seed: u32, pixel: u32) -> bool {
+        self.params.stages.resampling && random::mix(!seed, pixel).is_multiple_of(self.params.check_every)
     }
 
     /// `wanted` pixels anywhere, for comparison with the dither.

@@ -8,6 +8,7 @@ use super::points::Age;
 use super::predict::Occupancy;
 use super::prefilter::Prefilter;
 use super::project::TILE;
+use super::sample::Sample;
 use super::{Moment, PointImage, dither, parallel, random, zbuffer};
 use holo_picture::View;
 
@@ -19,7 +20,8 @@ impl PointImage {
     pub(super) fn make(&mut self, moment: &Moment, ended: &mut dyn FnMut(Stage)) {
         let moved = self.view.as_ref() != Some(&moment.view);
         self.look(&moment.view, moved);
-        self.update(moment, moved);
+        let is_hinted = std::mem::take(&mut self.is_hinted);
+        self.update(moment.samples, moved, is_hinted);
         ended(Stage::UpdatePoints);
         self.requests.clear();
         // At rest nothing is about to come into view.
@@ -29,7 +31,7 @@ impl PointImage {
             self.predict(&predicted, moment.wanted, ended);
         }
         if moved || self.is_dirty || !moment.samples.is_empty() {
-            self.project(&moment.view);
+            self.project();
             ended(Stage::ProjectAndTileSort);
             zbuffer::fill(&self.buckets, &mut self.planes, &mut self.points, self.params.threads, self.frames);
             ended(Stage::ZBufferTiles);
@@ -58,19 +60,23 @@ impl PointImage {
         }
         if moved {
             self.epoch = self.epoch.wrapping_add(1);
+            self.has_fresh = false;
+            let (width, height) = self.planes.size;
             self.view = Some(*view);
+            self.map = Some(Map::new(view, self.origin, width as f64, height as f64));
         }
         self.eye = view.vp - self.origin;
     }
 
-    fn update(&mut self, moment: &Moment, moved: bool) {
-        let increment = if self.params.stages.ageing { self.points.increment(moment.samples.len()) } else { 0 };
-        if increment > 0 || moved || self.is_dirty {
+    /// Ages the points by as much as `samples` are worth, if that is anything or they are to be looked through anyway; takes those in.
+    pub(super) fn update(&mut self, samples: &[Sample], moved: bool, is_hinted: bool) {
+        let increment = if self.params.stages.ageing { self.points.increment(samples.len()) } else { 0 };
+        if increment > 0 || moved || is_hinted {
             let lengths = parallel::bands(self.points.capacity(), 64, self.params.threads);
             let ages = Age::new(&mut self.points, increment, moved, &self.params).split(&lengths);
             parallel::for_each(ages, |kernel| self.isa.run(kernel));
         }
-        for samples in moment.samples.chunks(AHEAD) {
+        for samples in samples.chunks(AHEAD) {
             self.points.prefetch(samples.iter().map(|sample| sample.tag.slot));
             for sample in samples {
                 if !self.take(sample) {
@@ -91,10 +97,9 @@ impl PointImage {
         ended(Stage::PredictedSampling);
     }
 
-    fn project(&mut self, view: &View) {
-        let size = self.planes.size;
-        let map = Map::new(view, self.origin, size.0 as f64, size.1 as f64);
-        self.buckets.fill(self.isa, &map, size, &mut self.points);
+    fn project(&mut self) {
+        let Some(map) = &self.map else { return };
+        self.buckets.fill(self.isa, map, self.planes.size, &mut self.points);
     }
 
     fn bands(&self) -> Vec<std::ops::Range<usize>> {
@@ -145,7 +150,7 @@ impl PointImage {
             fill,
         });
         parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
-        if smoothing != Smoothing::Everywhere {
+        if smoothing != Smoothing::Everywhere && self.has_fresh {
             self.show_means();
         }
     }
@@ -167,14 +172,14 @@ impl PointImage {
         chosen.clear();
         let seed = random::mix(self.params.seed, self.frames);
         if self.params.stages.dither {
-            dither::choose(&self.planes.priority, self.planes.size.0, wanted, seed, &mut chosen);
+            dither::choose(self.isa, &self.planes.priority, self.planes.size.0, wanted, seed, &mut chosen);
         } else {
             self.choose_anywhere(wanted, seed, &mut chosen);
         }
         sort_by_tile(&mut chosen, &mut self.sorted, self.planes.size.0);
         let mut requests = std::mem::take(&mut self.requests);
         for pixels in chosen.chunks(AHEAD) {
-            self.points.prefetch(pixels.iter().map(|&pixel| self.planes.slot[pixel as usize]));
+            self.points.prefetch_places(pixels.iter().map(|&pixel| self.planes.slot[pixel as usize]));
             requests.extend(pixels.iter().map(|&pixel| self.request(pixel, seed)));
         }
         (self.requests, self.chosen) = (requests, chosen);
@@ -186,16 +191,18 @@ fn sort_by_tile(pixels: &mut Vec<u32>, sorted: &mut Vec<u32>, width: usize) {
     let Some(last) = pixels.iter().max().map(|&pixel| pixel as usize / width / TILE) else { return };
     let across = width.div_ceil(TILE);
     let tile = |pixel: u32| {
-        let (column, row) = (pixel as usize % width, pixel as usize / width);
-        row / TILE * across + column / TILE
+        let (row, column) = (pixel / width as u32, pixel % width as u32);
+        row as usize / TILE * across + column as usize / TILE
     };
+    // Divisions take long: once for each pixel.
+    let tiles: Vec<usize> = pixels.iter().map(|&pixel| tile(pixel)).collect();
     let mut starts = vec![0; (last + 1) * across + 1];
-    pixels.iter().for_each(|&pixel| starts[tile(pixel) + 1] += 1);
+    tiles.iter().for_each(|&tile| starts[tile + 1] += 1);
     (1..starts.len()).for_each(|tile| starts[tile] += starts[tile - 1]);
     sorted.clear();
     sorted.resize(pixels.len(), 0);
-    for &pixel in pixels.iter() {
-        let start = &mut starts[tile(pixel)];
+    for (&pixel, &tile) in pixels.iter().zip(&tiles) {
+        let start = &mut starts[tile];
         sorted[*start] = pixel;
         *start += 1;
     }

@@ -37,7 +37,10 @@ impl PointImage {
             Purpose::Resample if holds => {
                 if self.has_changed(slot, position, radiance, sample) {
                     self.put(slot, position, radiance, sample, is_current);
-                    self.age_neighbours(tag.pixel, slot);
+                    // A ray of unknown noise that met something else says nothing about the pixels around it.
+                    if sample.noise.is_finite() {
+                        self.age_neighbours(tag.pixel, slot);
+                    }
                 } else {
                     self.confirm(slot, position, radiance, sample, is_current);
                 }
@@ -50,14 +53,20 @@ impl PointImage {
                 None => {
                     let slot = self.points.free_slot();
                     self.put(slot, position, radiance, sample, true);
-                    if let Some(shown) = self.planes.slot.get_mut(tag.pixel as usize) {
-                        *shown = slot as u32;
+                    let pixel = tag.pixel as usize;
+                    if let Some((shown, colour)) =
+                        self.planes.slot.get_mut(pixel).zip(self.planes.colour.get_mut(pixel))
+                    {
+                        (*shown, *colour) = (slot as u32, self.points.colour[slot]);
                     }
                 }
             },
             _ => {
                 let slot = self.points.free_slot();
-                self.put(slot, position, radiance, sample, false);
+                // What is not of this view must not push out what is: at rest the picture would never come to an end.
+                if !self.points.is_of_view(slot) {
+                    self.put(slot, position, radiance, sample, false);
+                }
             }
         }
         true
@@ -66,7 +75,8 @@ impl PointImage {
     fn fresh_point_of(&self, pixel: u32) -> Option<usize> {
         let slot = *self.planes.slot.get(pixel as usize)? as usize;
         let is_fresh = self.points.flags.get(slot)? & FRESH != 0;
-        (is_fresh && self.points.age[slot] != EVICTED && self.points.details[slot].epoch == self.epoch).then_some(slot)
+        // Since the last picture another pixel's point may have taken the slot.
+        (is_fresh && self.points.details[slot].epoch == self.epoch && self.is_in(slot, pixel)).then_some(slot)
     }
 
     /// The colour-change test, with the noise that the renderer stated.
@@ -95,6 +105,7 @@ impl PointImage {
 
     /// A new point in a slot. Reads nothing but the flags: what it writes is rarely in a cache, and would be waited for.
     fn put(&mut self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_fresh: bool) {
+        self.has_fresh |= is_fresh;
         let points = &mut self.points;
         for (axis, coordinate) in points.position.iter_mut().zip(position) {
             axis[slot] = coordinate;
@@ -136,7 +147,9 @@ impl PointImage {
             details.reference = colour::encode(reference);
         }
         points.age[slot] = 0;
-        points.flags[slot] = kept | flags(sample, details.epoch == self.epoch);
+        let is_fresh = details.epoch == self.epoch;
+        self.has_fresh |= is_fresh;
+        points.flags[slot] = kept | flags(sample, is_fresh);
         for (axis, coordinate) in points.position.iter_mut().zip(position) {
             axis[slot] = coordinate;
         }

@@ -2,7 +2,6 @@
 //!
 //! Always true: a pixel shows the nearest of its fresh points, else the nearest of the others; of equals, the first in the cache.
 
-use super::colour;
 use super::parallel::{self, bands};
 use super::planes::Planes;
 use super::points::Points;
@@ -16,8 +15,8 @@ use std::sync::atomic::Ordering::Relaxed;
 const TURNS: usize = 8;
 /// Records of a cache line.
 const LINE: usize = 4;
-/// Farther than any point; the lower half says which of the tile's records it is.
-const EMPTY: u64 = (u32::MAX as u64) << 32;
+/// Farther than any point; the lower half says which of the records it is.
+const FARTHEST: u64 = (u32::MAX as u64) << 32;
 
 /// Rows of the point image that one thread fills, whole rows of tiles.
 struct Band<'a> {
@@ -47,31 +46,29 @@ pub(super) fn fill(buckets: &Buckets, planes: &mut Planes, points: &mut Points, 
         slot,
         age,
     });
-    let no_slot = points.capacity() as u32;
+    let records = buckets.records();
+    let nothing = records.len() as u64 - 1;
     let is_hidden = as_atomic(&mut points.is_hidden);
     parallel::for_each(parts.collect(), |mut band: Band| {
-        // What a tile's pixels may show: first nothing, then its points.
-        let mut records = vec![Record { slot: no_slot, depth: 0, colour: colour::NONE, pixel_and_age: 0 }];
-        let mut nearest = [EMPTY; TILE * TILE];
+        let mut nearest = [FARTHEST; TILE * TILE];
         for (row, tile_row) in (0..band.colour.len() / width).step_by(TILE).zip(band.first_tile_row..) {
             for tile_column in 0..buckets.tiles.0 {
-                records.truncate(1);
-                nearest.fill(EMPTY);
-                let mut chain = buckets.chain(tile_row * buckets.tiles.0 + tile_column).peekable();
+                let tile = tile_row * buckets.tiles.0 + tile_column;
+                nearest.fill(FARTHEST | nothing);
+                let mut chain = buckets.chain(tile).peekable();
                 while let Some(chunk) = chain.next() {
-                    chain.peek().copied().unwrap_or_default().iter().step_by(LINE).for_each(prefetch);
-                    let first = records.len();
-                    records.extend_from_slice(chunk);
-                    for (record, at) in chunk.iter().zip(first as u64..) {
+                    records[chain.peek().cloned().unwrap_or_default()].iter().step_by(LINE).for_each(prefetch);
+                    for (record, at) in records[chunk.clone()].iter().zip(chunk.start as u64..) {
                         let pixel = &mut nearest[record.pixel_and_age as usize % (TILE * TILE)];
                         // No branch: whether a pixel has a nearer point already cannot be guessed.
                         *pixel = (*pixel).min(u64::from(record.depth) << 32 | at);
                     }
                 }
-                band.show(&nearest, &records, row, tile_column * TILE, width);
+                band.show(&nearest, records, row, tile_column * TILE, width);
                 if (tile_row + tile_column + frame as usize).is_multiple_of(TURNS) {
+                    let all = buckets.chain(tile).flat_map(|chunk| &records[chunk]);
+                    all.for_each(|record| is_hidden[record.slot as usize].store(1, Relaxed));
                     let seen = nearest.iter().map(|&key| records[key as u32 as usize].slot);
-                    records.iter().for_each(|record| is_hidden[record.slot as usize].store(1, Relaxed));
                     seen.for_each(|slot| is_hidden[slot as usize].store(0, Relaxed));
                 }
             }

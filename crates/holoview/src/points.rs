@@ -1,0 +1,443 @@
+//! The drivers that need nothing but samples, and that keep what they have from one view to the next: the render cache and
+//! frameless rendering.
+//!
+//! A server deals in beams, not in single rays. So the rays that the render cache wants become weights of the view's beams, and a sample
+//! counts as a pixel's own if its ray passes the eye as near as was asked for, which is a quarter of what other drivers ask for: but
+//! never less than a step of ray coordinates, since rays lie on a lattice (with less, whole rows of pixels missed part of what they see).
+//!
+//! What always holds:
+//! - a pixel that no section covers stays 0, and one whose beam is known to see nothing shows the sky;
+//! - at rest a pixel is the mean of its own rays; what was stored for other views fills in until those come.
+
+use std::{
+    collections::HashSet,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::Instant,
+};
+
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use glam::DVec3;
+use holo_display::{
+    Frame, WantedBeam,
+    frameless::Frameless,
+    pointimage::{
+        EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample as PointSample, Smoothing, Stage, Stages,
+        best_beam,
+    },
+    viewpoint_radius,
+};
+use holo_picture::{Picture, View};
+use holo_section::{BeamId, Sample, Section, ray_eye_distance};
+use serde::Serialize;
+
+/// Samples a pixel for which rays must pass the eye so near: within a quarter of a pixel's footprint on the nearest surface.
+const SAMPLES_PER_PIXEL: f64 = 16.0;
+
+/// Stored samples are kept as far outside of the picture, as a share of its sides: what a small turn will show.
+const MARGIN: f64 = 0.25;
+
+/// Stored samples taken in at a time.
+const BATCH: usize = 4096;
+
+/// Share of a view's beams' weight that is dealt by the pixels that want rays most; the rest by the pixels that beams serve.
+const BY_REQUESTS: f32 = 0.75;
+
+/// One request for so many pixels decides that share.
+const PIXELS_PER_REQUEST: usize = 16;
+
+/// Threads that a frame may use at most: more do not make it faster.
+const MAX_THREADS: usize = 8;
+
+/// Farther away is nothing: the render cache keeps what is infinitely far away at a distance that no scene has.
+const FARTHEST: f64 = 1e14;
+
+/// Of the options in help texts.
+const HEADING: &str = "Render cache (--driver pointimage)";
+
+/// What the render cache can be told.
+#[derive(Args, Clone, Debug, Default)]
+pub struct PointArgs {
+    /// Which pixels with a sample of their own are blurred with their neighbours
+    #[arg(long, value_enum, value_name = "WHERE", default_value_t, help_heading = HEADING)]
+    pub smoothing: SmoothingArg,
+    /// What a pixel shows that no sample is near
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t, help_heading = HEADING)]
+    pub empty_pixels: EmptyArg,
+    /// Leave out parts of the method, such as `prediction,dither`
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,…", help_heading = HEADING)]
+    pub without: Vec<Part>,
+}
+
+/// See [`Smoothing`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum SmoothingArg {
+    /// All of them
+    Everywhere,
+    /// Those whose sample was made for another view: a picture at rest is sharp
+    #[default]
+    Old,
+    /// None: only gaps are filled
+    Gaps,
+}
+
+/// See [`EmptyPixels`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum EmptyArg {
+    /// What it showed before
+    #[default]
+    Keep,
+    /// Nothing
+    Black,
+}
+
+/// A part of the render cache that can be left out; see [`Stages`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Part {
+    /// Samples grow older with every new one
+    Ageing,
+    /// The oldest samples leave
+    Eviction,
+    /// Rays for where the view is about to turn
+    Prediction,
+    /// Removal of samples that show through nearer surfaces
+    DepthCull,
+    /// Gaps filled from 7×7 pixels
+    Prefilter,
+    /// Gaps filled from 3×3 pixels
+    Interpolation,
+    /// Rays where they are wanted most
+    Dither,
+    /// New samples compared and averaged with the old one of their pixel
+    Resampling,
+}
+
+impl PointArgs {
+    /// For the driver.
+    pub fn params(&self) -> PointImageParams {
+        let mut stages = Stages::ALL;
+        for part in &self.without {
+            let stage = match part {
+                Part::Ageing => &mut stages.ageing,
+                Part::Eviction => &mut stages.eviction,
+                Part::Prediction => &mut stages.prediction,
+                Part::DepthCull => &mut stages.depth_cull,
+                Part::Prefilter => &mut stages.prefilter,
+                Part::Interpolation => &mut stages.interpolation,
+                Part::Dither => &mut stages.dither,
+                Part::Resampling => &mut stages.resampling,
+            };
+            *stage = false;
+        }
+        let smoothing = match self.smoothing {
+            SmoothingArg::Everywhere => Smoothing::Everywhere,
+            SmoothingArg::Old => Smoothing::WhereOld,
+            SmoothingArg::Gaps => Smoothing::Gaps,
+        };
+        let empty = match self.empty_pixels {
+            EmptyArg::Keep => EmptyPixels::KeepLast,
+            EmptyArg::Black => EmptyPixels::Black,
+        };
+        let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get().min(MAX_THREADS));
+        PointImageParams { stages, smoothing, empty, threads, ..PointImageParams::default() }
+    }
+}
+
+/// How long a stage of a picture took.
+#[derive(Clone, Debug, Serialize)]
+pub struct StageTime {
+    /// Its name, as in Walter et al. 2002, Table 1.
+    pub stage: &'static str,
+    /// Wall clock.
+    pub milliseconds: f64,
+}
+
+/// Which of the drivers.
+#[derive(Clone, Debug)]
+pub enum Kind {
+    /// The render cache.
+    PointImage(PointImageParams),
+    /// Pixels refreshed one by one.
+    Frameless,
+}
+
+/// A driver for all views of a session. Clones share it.
+#[derive(Clone)]
+pub struct Points(Arc<Mutex<State>>);
+
+struct State {
+    sections: Arc<[Section]>,
+    sky: [f32; 3],
+    kind: Kind,
+    shown: Option<Shown>,
+}
+
+/// The driver and the view that it shows.
+struct Shown {
+    driver: Driver,
+    view: View,
+    size: (u32, u32),
+    /// How near to the eye the rays of the view pass.
+    radius: f64,
+    /// Best beam of every pixel's middle, once a picture was made of the view.
+    best: Vec<Option<(u16, BeamId)>>,
+    unseen: HashSet<(u16, BeamId)>,
+    /// Distance from the eye of each pixel's newest sample, 0 without one; the render cache knows its own.
+    depth: Vec<f32>,
+    /// Samples not yet taken in.
+    pending: Vec<PointSample>,
+    used: u64,
+}
+
+enum Driver {
+    PointImage(Box<PointImage>),
+    Frameless(Box<Frameless>),
+}
+
+impl Points {
+    pub fn new(kind: Kind, sections: Arc<[Section]>, sky: [f32; 3]) -> Self {
+        Self(Arc::new(Mutex::new(State { sections, sky, kind, shown: None })))
+    }
+
+    /// As after `--driver`.
+    pub fn name(&self) -> &'static str {
+        match self.lock().kind {
+            Kind::PointImage(_) => "pointimage",
+            Kind::Frameless => "frameless",
+        }
+    }
+
+    /// Takes another view, and says how much of each of its `beams` is wanted, considering what is shown already.
+    pub fn look(&self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
+        self.lock().look(view, size, beams)
+    }
+
+    /// How near to the eye rays are to pass if the nearest visible surface is at `nearest`.
+    pub fn radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
+        radius(&self.lock().sections, view, size, nearest)
+    }
+
+    /// Puts the distance of the nearest visible surface right.
+    pub fn set_nearest(&self, nearest: f64) {
+        let mut state = self.lock();
+        let State { sections, shown: Some(shown), .. } = &mut *state else { return };
+        shown.radius = radius(sections, &shown.view, shown.size, nearest);
+    }
+
+    pub fn insert(&self, section: u16, beam: BeamId, samples: &[Sample]) {
+        let mut state = self.lock();
+        let State { sections, shown: Some(shown), .. } = &mut *state else { return };
+        let Some(known) = sections.get(usize::from(section)) else { return };
+        shown.insert(known, beam, samples);
+    }
+
+    pub fn insert_unseen(&self, section: u16, beam: BeamId) {
+        let mut state = self.lock();
+        let is_known = state.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count());
+        if let Some(shown) = state.shown.as_mut().filter(|_| is_known) {
+            shown.unseen.insert((section, beam));
+        }
+    }
+
+    /// The picture, and how long each stage of it took.
+    pub fn draw(&self) -> (Frame, Vec<StageTime>) {
+        let mut state = self.lock();
+        let State { sections, shown, sky, .. } = &mut *state;
+        let nothing = || Frame {
+            picture: Picture::new(1, 1),
+            depth: vec![0.0],
+            uncovered_pixels: 1,
+            empty_pixels: 0,
+            unseen_pixels: 0,
+            samples_used: 0,
+        };
+        shown.as_mut().map_or_else(|| (nothing(), Vec::new()), |shown| shown.draw(sections, *sky))
+    }
+
+    /// A panic elsewhere leaves no picture half made that matters.
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn radius(sections: &[Section], view: &View, size: (u32, u32), nearest: f64) -> f64 {
+    let finest = sections.iter().map(step).fold(f64::INFINITY, f64::min);
+    viewpoint_radius(view, size, nearest, SAMPLES_PER_PIXEL).max(finest)
+}
+
+/// The longest step of a section's ray coordinates.
+fn step(section: &Section) -> f64 {
+    let spec = section.spec();
+    let cell = |axis: usize| DVec3::from_array(spec.axes[axis]).length() / f64::from(spec.grid[axis]);
+    (0..3).map(cell).fold(0.0, f64::max) / 256.0
+}
+
+impl State {
+    fn look(&mut self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
+        let before = self.shown.take();
+        let earlier = before.as_ref().map(|shown| shown.view);
+        let driver = match (before.filter(|shown| shown.size == size), &self.kind) {
+            (Some(mut shown), _) => {
+                // What is still under way belongs to the view that it was traced for.
+                shown.take_in();
+                shown.driver
+            }
+            (None, Kind::PointImage(params)) => Driver::PointImage(Box::new(PointImage::new(size, params.clone())?)),
+            (None, Kind::Frameless) => Driver::Frameless(Box::new(Frameless::new(size, view, 0)?)),
+        };
+        let mut shown = Shown {
+            driver,
+            view,
+            size,
+            radius: 0.0,
+            best: Vec::new(),
+            unseen: HashSet::new(),
+            depth: vec![0.0; size.0 as usize * size.1 as usize],
+            pending: Vec::new(),
+            used: 0,
+        };
+        let weights = match &mut shown.driver {
+            Driver::Frameless(frameless) => {
+                frameless.look(view);
+                beams
+            }
+            Driver::PointImage(cache) => {
+                let predicted = earlier.and_then(|earlier| ahead(&earlier, &view, size));
+                let wanted = size.0 as usize * size.1 as usize / PIXELS_PER_REQUEST;
+                let frame = cache.frame(&Moment { view, predicted, samples: &[], wanted });
+                frame.weigh(&self.sections, &beams, BY_REQUESTS)
+            }
+        };
+        self.shown = Some(shown);
+        Ok(weights)
+    }
+}
+
+/// Where a view will be that goes on as it came from `earlier` to `now`.
+fn ahead(earlier: &View, now: &View, size: (u32, u32)) -> Option<View> {
+    let vp = now.vp + (now.vp - earlier.vp);
+    let vd = now.vd + (now.vd - earlier.vd);
+    // Half turns lead nowhere.
+    View::new(vp, vd, now.vu, Some(now.vh), Some(now.vv), size).ok().filter(|_| now.vd.dot(earlier.vd) > 0.0)
+}
+
+impl Shown {
+    fn insert(&mut self, section: &Section, beam: BeamId, samples: &[Sample]) {
+        let Some(pair) = section.cells(beam) else { return };
+        // What was snapped to the lattice may pass by a step farther off.
+        let near = self.radius + step(section);
+        for sample in samples {
+            let ray = section.ray(pair, sample.coords);
+            let distance = sample.distance(section.diagonal());
+            let (place, seen) = if distance.is_finite() {
+                let place = ray.origin + ray.direction * distance;
+                (Place::At(place), self.view.project(place))
+            } else {
+                let seen = self.view.project_direction(ray.direction);
+                (Place::Toward(ray.direction), seen.map(|(x, y)| (x, y, f64::INFINITY)))
+            };
+            let Some((x, y, seen_at)) = seen else { continue };
+            let is_near = ray_eye_distance(&ray, self.view.vp) <= near;
+            let pixel = View::pixel_at(self.size, x, y);
+            match (&mut self.driver, pixel) {
+                (Driver::PointImage(cache), Some((column, row))) if is_near => {
+                    if let Some(tag) = cache.pixel_tag(column, row) {
+                        let noise = f32::INFINITY;
+                        cache.insert(&[PointSample { tag, noise, ..PointSample::new(place, sample.rgb()) }]);
+                        self.used += 1;
+                    }
+                }
+                (Driver::PointImage(_), _) => {
+                    let within = -MARGIN..=1.0 + MARGIN;
+                    if within.contains(&x) && within.contains(&y) {
+                        let noise = f32::INFINITY;
+                        self.pending.push(PointSample { noise, ..PointSample::new(place, sample.rgb()) });
+                    }
+                }
+                (Driver::Frameless(frameless), Some((column, row))) => {
+                    if let Some(tag) = frameless.pixel_tag(column, row) {
+                        if is_near {
+                            frameless.insert(tag, sample.rgb());
+                            self.depth[row as usize * self.size.0 as usize + column as usize] = seen_at as f32;
+                        } else {
+                            frameless.guess(tag, sample.rgb());
+                        }
+                        self.used += 1;
+                    }
+                }
+                (Driver::Frameless(_), None) => {}
+            }
+        }
+        if self.pending.len() >= BATCH {
+            self.take_in();
+        }
+    }
+
+    fn take_in(&mut self) {
+        if let Driver::PointImage(cache) = &mut self.driver {
+            cache.insert(&self.pending);
+        }
+        self.used += self.pending.len() as u64;
+        self.pending.clear();
+    }
+
+    fn draw(&mut self, sections: &[Section], sky: [f32; 3]) -> (Frame, Vec<StageTime>) {
+        self.take_in();
+        if self.best.is_empty() {
+            let (width, height) = self.size;
+            let middle = |pixel| View::pixel_centre(self.size, pixel % width, pixel / width);
+            let ray = |(x, y)| self.view.ray(x, y);
+            let rays = (0..width * height).map(|pixel| ray(middle(pixel)));
+            self.best = rays.map(|(eye, direction)| best_beam(sections, eye, direction)).collect();
+        }
+        let mut stages = Vec::new();
+        let (picture, depth) = match &mut self.driver {
+            Driver::PointImage(cache) => {
+                let mut last = Instant::now();
+                let mut ended = |stage: Stage| {
+                    let now = Instant::now();
+                    let milliseconds = 1e3 * (now - last).as_secs_f64();
+                    stages.push(StageTime { stage: stage.name(), milliseconds });
+                    last = now;
+                };
+                let moment = Moment { view: self.view, predicted: None, samples: &[], wanted: 0 };
+                let frame = cache.frame_watched(&moment, &mut ended);
+                (frame.picture(), distances(&self.view, self.size, frame.depth()))
+            }
+            Driver::Frameless(frameless) => {
+                // What is left of other views is shown, though nothing is known of it.
+                let shown = frameless.has_colour().zip(&self.depth);
+                let depth = |(has, &depth)| if has && depth == 0.0 { f32::INFINITY } else { depth };
+                (frameless.picture().clone(), shown.map(depth).collect())
+            }
+        };
+        let mut frame =
+            Frame { picture, depth, uncovered_pixels: 0, empty_pixels: 0, unseen_pixels: 0, samples_used: self.used };
+        frame.picture.view = Some(self.view);
+        for ((best, pixel), depth) in self.best.iter().zip(&mut frame.picture.pixels).zip(&mut frame.depth) {
+            match best {
+                None => {
+                    (*pixel, *depth) = ([0.0; 3], 0.0);
+                    frame.uncovered_pixels += 1;
+                }
+                Some(beam) if self.unseen.contains(beam) => {
+                    (*pixel, *depth) = (sky, f32::INFINITY);
+                    frame.unseen_pixels += 1;
+                }
+                Some(_) => frame.empty_pixels += u64::from(*depth == 0.0),
+            }
+        }
+        (frame, stages)
+    }
+}
+
+/// Distances from the eye, of depths along the view's axis.
+fn distances(view: &View, size: (u32, u32), depth: impl Iterator<Item = f32>) -> Vec<f32> {
+    let distance = |(pixel, depth): (u32, f32)| {
+        let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
+        let (_, direction) = view.ray(x, y);
+        let distance = f64::from(depth) / direction.dot(view.vd);
+        if distance < FARTHEST { distance as f32 } else { f32::INFINITY }
+    };
+    (0..).zip(depth).map(distance).collect()
+}
