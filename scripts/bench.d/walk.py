@@ -15,7 +15,7 @@ from program import run
 
 DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "voronoi")
 # The render cache without one of its stages.
-STAGES = ("prediction", "prefilter", "eviction", "ageing", "cull", "interpolation", "dither")
+STAGES = ("noise", "prediction", "prefilter", "eviction", "ageing", "cull", "interpolation", "dither")
 # Pixels for each new sample of a frame, and the frames: with as many samples as pixels a part of the walk must do.
 RATIOS = ((1, "120..180"), (8, "0..1000"), (64, "0..1000"), (256, "0..1000"))
 BAR_RATIO = 64

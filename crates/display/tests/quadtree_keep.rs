@@ -1,5 +1,7 @@
 //! Samples kept across views, and drawing only when it is time.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 mod common;
 
 use common::*;

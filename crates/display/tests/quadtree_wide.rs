@@ -1,5 +1,7 @@
 //! Samples that look from elsewhere: used where what they show does not depend on the direction, and nowhere else.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 mod common;
 
 use common::*;

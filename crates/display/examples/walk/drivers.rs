@@ -78,7 +78,13 @@ impl Driver {
         };
         match name {
             "pointimage" => points(params),
-            "1999" => points(PointImageParams { stages: Stages::OF_1999, smoothing: Smoothing::Everywhere, ..params }),
+            "1999" => points(PointImageParams {
+                stages: Stages::OF_1999,
+                smoothing: Smoothing::Everywhere,
+                noise_smoothing: 0.0,
+                ..params
+            }),
+            "pointimage-noise" => points(PointImageParams { noise_smoothing: 0.0, ..params }),
             "pointimage-prediction" => points(without(|stages| stages.prediction = false)),
             "pointimage-prefilter" => points(without(|stages| stages.prefilter = false)),
             "pointimage-eviction" => points(without(|stages| stages.eviction = false)),
