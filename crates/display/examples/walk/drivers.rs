@@ -34,7 +34,7 @@ pub struct Answer {
 
 pub enum Driver {
     Points(Box<PointImage>, Vec<Sample>),
-    Frameless(Frameless),
+    Frameless(Box<Frameless>),
     Stored { stored: Stored, voronoi: Option<Arc<Raycaster>> },
 }
 
@@ -92,7 +92,7 @@ impl Driver {
             "pointimage-cull" => points(without(|stages| stages.depth_cull = false)),
             "pointimage-interpolation" => points(without(|stages| stages.interpolation = false)),
             "pointimage-dither" => points(without(|stages| stages.dither = false)),
-            "frameless" => Ok(Self::Frameless(Frameless::new(making.size, making.first, 1)?)),
+            "frameless" => Ok(Self::Frameless(Box::new(Frameless::new(making.size, making.first, 1)?))),
             "quadtree" => Ok(Self::Stored { stored: stored(), voronoi: None }),
             "voronoi" => Ok(Self::Stored { stored: stored(), voronoi: Some(Arc::clone(making.raycaster)) }),
             _ => Err(format!("`{name}` is not a driver").into()),
