@@ -15,6 +15,7 @@ from typing import Callable
 from ablations import ablations
 from cached import cached
 from document import Bar, Figure, Part, Table
+from edges import edges
 from errors import errors
 from harness import Bench
 from interactive import interactive
@@ -295,6 +296,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "fill-cabin": fill_cabin,
     "interactive": interactive,
     "whole": whole,
+    "edges": edges,
     "cached": cached,
     "replay": replay,
     "walk": walk,

@@ -63,12 +63,12 @@ def views(bench: Bench, part: Part, driver: str) -> Table:
         file.write_bytes(filled.read_bytes())
         lines, pictures = [], {}
         for index, look in enumerate(looks):
-            begin = bench.seconds(STAY) * index
-            lines.append(f"{begin} view {look.view.line()}")
+            # A script's seconds count from the last view.
+            lines.append(f"{bench.seconds(STAY) if index else 0} view {look.view.line()}")
             for asked in ASKED:
                 picture = bench.work / f"whole-{driver}-{look.name}-{asked}.pfm"
                 pictures[look.name, asked] = picture
-                lines.append(f"{begin + bench.seconds(asked)} picture {picture}")
+                lines.append(f"{bench.seconds(asked)} picture {picture}")
         script = bench.work / f"whole-{driver}-{case.name}.txt"
         script.write_text("\n".join([*lines, "quit", ""]), encoding="utf-8")
         common = ["--headless", "--quiet", "--size", case.size, "--driver", driver]

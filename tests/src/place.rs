@@ -25,11 +25,15 @@ impl Default for Place {
 }
 
 impl Place {
-    /// An empty folder but for the bundled Cornell box.
+    /// An empty folder but for the bundled Cornell box, whose configuration asks for the engine that is unbiased: samples are the same
+    /// in every run.
     pub fn new() -> Place {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
         holo_scenes::write(Bundled::Cornell, folder.path()).expect("the scene can be written");
-        Place { folder }
+        let place = Place { folder };
+        let bundled = std::fs::read_to_string(place.cornell()).expect("it was written just now");
+        place.write("cornell.toml", &format!("engine = \"path\"\n{bundled}"));
+        place
     }
 
     /// A path in it.

@@ -5,17 +5,10 @@ mod pointimage_scenes;
 
 use glam::{DAffine3, DVec3};
 use holo_display::pointimage::{
-    EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stage, Stages, best_beam,
+    EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stage, Stages,
 };
-use holo_display::{SelectOptions, WantedBeam, select_beams};
 use holo_picture::View;
-use holo_section::{Section, SectionSpec, ViewClass};
-use pointimage_scenes::{answer, ball, checker, room, view, whole_picture};
-use std::collections::HashSet;
-
-fn moment(view: View, samples: &[Sample], wanted: usize) -> Moment<'_> {
-    Moment { view, predicted: None, samples, wanted }
-}
+use pointimage_scenes::{answer, ball, checker, moment, random, room, squared_error, truth, view, wall, whole_picture};
 
 #[test]
 fn a_sample_for_each_pixel_is_the_picture() {
@@ -34,19 +27,6 @@ fn a_sample_for_each_pixel_is_the_picture() {
             assert!((shown - stored).abs() <= largest / 256.0, "{pixel:?} for {:?}", sample.radiance);
         }
     }
-}
-
-/// 64 random bits of an index (splitmix64).
-fn random(index: u64) -> u64 {
-    let mut bits = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    bits ^ bits >> 31
-}
-
-/// A wall at `depth` in front of a view along +y.
-fn wall(origin: DVec3, direction: DVec3, depth: f64) -> Place {
-    Place::At(origin + direction * (depth / direction.y))
 }
 
 #[test]
@@ -178,28 +158,6 @@ fn prediction_asks_for_each_block_that_turns_into_view() {
     assert!((with - expected).abs() < allowed, "{with} of the new pixels are empty, {expected} expected");
 }
 
-/// Box-filtered truth, and the mean variance of a ray within its pixel, from 24×24 rays a pixel.
-fn truth(view: &View, size: (u32, u32), scene: pointimage_scenes::Scene) -> (Vec<f32>, f64) {
-    let fine = 24;
-    let mut sums = vec![0.0; (size.0 * size.1) as usize];
-    let mut squares = 0.0;
-    for row in 0..size.1 * fine {
-        for column in 0..size.0 * fine {
-            let (x, y) = View::pixel_centre((size.0 * fine, size.1 * fine), column, row);
-            let (origin, direction) = view.ray(x, y);
-            let radiance = scene(origin, direction).1[0];
-            sums[(row / fine * size.0 + column / fine) as usize] += radiance / (fine * fine) as f32;
-            squares += f64::from(radiance).powi(2) / f64::from(size.0 * size.1 * fine * fine);
-        }
-    }
-    let of_means = sums.iter().map(|&mean| f64::from(mean).powi(2)).sum::<f64>() / sums.len() as f64;
-    (sums, squares - of_means)
-}
-
-fn squared_error(shown: &[f32], truth: &[f32]) -> f64 {
-    shown.iter().zip(truth).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / truth.len() as f64
-}
-
 #[test]
 fn a_picture_at_rest_tends_to_the_box_filter() {
     let size = (72, 54);
@@ -231,76 +189,6 @@ fn a_picture_at_rest_tends_to_the_box_filter() {
     // And no more of it than as many independent rays would leave.
     let alone = variance / 200.0;
     assert!(errors[1] < 1.5 * alone, "{} where independent rays would leave {alone}", errors[1]);
-}
-
-#[test]
-fn rays_that_a_renderer_chose_by_itself_tend_to_the_box_filter_too() {
-    let size = (72, 54);
-    let pixels = u64::from(size.0 * size.1);
-    let eye = view(DVec3::new(-1.0, -2.0, 0.3), 20.0, size);
-    let (truth, variance) = truth(&eye, size, &room);
-    let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
-    // Points from elsewhere first, of the same scene but half as bright: what is stored may be worth little.
-    let from = view(DVec3::new(-1.5, -2.0, 0.3), 14.0, size);
-    let dim = |origin: DVec3, direction: DVec3| {
-        let (place, radiance, object) = room(origin, direction);
-        (place, radiance.map(|channel| 0.5 * channel), object)
-    };
-    let stored = whole_picture(&from, size, &dim);
-    cache.frame(&moment(from, &stored, 0));
-    cache.frame(&moment(eye, &[], 0));
-    let mut errors = Vec::new();
-    for count in 0..pixels * 200 {
-        let (x, y) = (random(2 * count), random(2 * count + 1));
-        let unit = |bits: u64| (bits >> 11) as f64 / (1_u64 << 53) as f64;
-        let (x, y) = (unit(x), unit(y));
-        let (origin, direction) = eye.ray(x, y);
-        let (column, row) = View::pixel_at(size, x, y).unwrap();
-        let (place, radiance, object) = room(origin, direction);
-        let tag = cache.pixel_tag(column, row).unwrap();
-        cache.insert(&[Sample { tag, object, noise: f32::INFINITY, ..Sample::new(place, radiance) }]);
-        if count % 1000 == 0 {
-            // Stored ones that come in between must not push them out.
-            cache.insert(&stored[..100]);
-        }
-        if count + 1 == pixels * 50 || count + 1 == pixels * 200 {
-            errors.push(squared_error(cache.frame(&moment(eye, &[], 0)).channels()[0], &truth));
-        }
-    }
-    assert_eq!(cache.pixel_tag(size.0, 0), None);
-    println!(
-        "squared error after 50 and 200 rays a pixel: {:.2e}, {:.2e}; of one {variance:.2e}",
-        errors[0], errors[1]
-    );
-    let ratio = errors[0] / errors[1];
-    assert!((2.5..6.5).contains(&ratio), "{ratio}");
-    let alone = variance / 200.0;
-    assert!(errors[1] < 1.5 * alone, "{} where independent rays would leave {alone}", errors[1]);
-}
-
-#[test]
-fn what_other_views_left_never_pushes_out_the_pixels_of_this_one() {
-    let size = (64, 48);
-    let eye = view(DVec3::ZERO, 0.0, size);
-    let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
-    cache.frame(&moment(eye, &[], 0));
-    // Pixel after pixel, as a file has beam after beam; in between samples of what lies beside the picture.
-    for row in 0..size.1 {
-        for column in 0..size.0 {
-            let (x, y) = View::pixel_centre(size, column, row);
-            let (origin, direction) = eye.ray(x, y);
-            let sample = Sample::new(wall(origin, direction, 2.0), [1.0; 3]);
-            let beside = Sample::new(wall(origin, eye.ray(1.1, y).1, 2.0), [0.0; 3]);
-            for _ in 0..3 {
-                let tag = cache.pixel_tag(column, row).unwrap();
-                cache.insert(&[Sample { tag, ..sample }, beside]);
-            }
-        }
-    }
-    let frame = cache.frame(&moment(eye, &[], 0));
-    // At the end 0.86 of the slots are taken by pixels: eight groups of eight of them have nothing else with chance 0.86⁶⁴ = 6e-5.
-    let lost = frame.has_point().filter(|has| !has).count();
-    assert!(lost <= 1, "{lost} pixels have lost their points");
 }
 
 #[test]
@@ -446,55 +334,4 @@ fn the_ball_of_the_room_is_where_rays_say() {
     let hit = ball(DVec3::ZERO, DVec3::Y, DVec3::new(0.0, 5.0, 0.0), 1.0).unwrap();
     assert!((hit - 4.0).abs() < 1e-12);
     assert!(checker(DVec3::splat(0.1), 1.0) != checker(DVec3::new(1.1, 0.1, 0.1), 1.0));
-}
-
-#[test]
-fn beams_are_wanted_where_pixels_want_rays_and_no_weight_is_lost() {
-    let size = (128, 96);
-    let eye = view(DVec3::ZERO, 0.0, size);
-    let spec = SectionSpec {
-        origin: [-4.5, -3.5, -1.4],
-        axes: [[9.0, 0.0, 0.0], [0.0, 7.0, 0.0], [0.0, 0.0, 2.8]],
-        grid: [8, 6, 4],
-        class: ViewClass::Interior,
-        obstructions: true,
-    };
-    let sections = [Section::new(spec).unwrap()];
-    let beams = select_beams(&sections, &eye, size, &SelectOptions::default()).beams;
-    // The left half of the picture is known.
-    let samples = whole_picture(&eye, size, &room);
-    let is_left = |direction: DVec3| direction.x < 0.0;
-    let left: Vec<_> = samples.into_iter().filter(|s| matches!(s.place, Place::At(at) if is_left(at))).collect();
-    let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
-    let frame = cache.frame(&moment(eye, &left, 1000));
-    let weighed = frame.weigh(&sections, &beams, 0.75);
-    assert!(weighed.is_sorted_by_key(|beam| (beam.section, beam.beam)));
-    assert_eq!(weighed.iter().map(|beam| beam.beam).collect::<HashSet<_>>().len(), weighed.len());
-    // Weights of the beams whose middle ray goes left and right from the eye.
-    let halves = |beams: &[WantedBeam]| {
-        let mut halves = [0.0; 2];
-        for beam in beams {
-            let x = f64::from(size.0) * 0.5;
-            let on_left = (0..size.0 * size.1).find_map(|pixel| {
-                let (column, row) = (pixel % size.0, pixel / size.0);
-                let (px, py) = View::pixel_centre(size, column, row);
-                let (origin, direction) = eye.ray(px, py);
-                (best_beam(&sections, origin, direction)? == (0, beam.beam)).then_some(f64::from(column) < x)
-            });
-            if let Some(on_left) = on_left {
-                halves[usize::from(!on_left)] += f64::from(beam.weight);
-            }
-        }
-        halves
-    };
-    let ([left_before, right_before], [left_after, right_after]) = (halves(&beams), halves(&weighed));
-    println!(
-        "left and right: {left_before:.0} and {right_before:.0} pixels, then {left_after:.0} and {right_after:.0}"
-    );
-    // The known half asks for (nearly) nothing: it keeps a quarter of its weight, and what beams across the middle get.
-    assert!(left_after < 0.4 * left_before && right_after > 1.6 * right_before);
-    let total = |beams: &[WantedBeam]| beams.iter().map(|beam| f64::from(beam.weight)).sum::<f64>();
-    assert!((total(&weighed) / total(&beams) - 1.0).abs() < 1e-4);
-    // Nothing asked for: nothing changes.
-    assert_eq!(cache.frame(&moment(eye, &[], 0)).weigh(&sections, &beams, 0.75), beams);
 }

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 use glam::DVec3;
-use holo_scene::{LoadOptions, Scene};
+use holo_proto::control::Engine;
+use holo_scene::{Bsdf, LoadOptions, Scene};
 use holo_section::{Section, SectionSpec, ViewClass};
 use holo_server::{About, Holodeck};
 
@@ -18,6 +19,9 @@ pub const SMALL_CACHE: u64 = 16 << 20;
 
 /// Share of the scene's bounds that a default section leaves free on each side: 10 % of the whole.
 const SHRINK: f64 = 0.05;
+
+/// Share of a scene's surface that scatters diffusely from which records of indirect light are worth making.
+const DIFFUSE: f64 = 0.1;
 
 /// Loads the configuration's scene; warnings go to standard error.
 ///
@@ -44,16 +48,20 @@ pub fn make(path: &Path, config: &Config) -> Result<Holodeck> {
     let packed = scene.pack();
     let sections = sections(config, &scene)?;
     let source = scene_path(config)?.display().to_string();
-    let mut about = About::new(sections, settings(config), &packed, source);
+    let mut about = About::new(sections, settings(config, engine_for(&scene, config.bounces)), &packed, source);
     about.up = config.up.unwrap_or(about.up);
     about.sky = scene.sky;
     about.unit = config.unit.unwrap_or(about.unit);
     about.views = config.view.iter().map(|view| (view.name.clone(), view.to_options())).collect();
     if !path.exists() {
+        if config.engine.is_none() {
+            eprintln!("{}", engine_said(about.settings.engine));
+        }
         return Holodeck::create(path, about, &packed, SMALL_CACHE);
     }
     let holodeck = Holodeck::open(path, SMALL_CACHE)?;
     let there = &holodeck.about;
+    about.settings.engine = config.engine.unwrap_or(there.settings.engine);
     let name = path.display();
     ensure!(there.scene == about.scene, "{name} was made of another scene; name another file, or delete it");
     ensure!(
@@ -64,6 +72,29 @@ pub fn make(path: &Path, config: &Config) -> Result<Holodeck> {
     );
     ensure!(there.sections == about.sections, "{name} has other sections; name another file, or delete it");
     Ok(holodeck)
+}
+
+/// The engine that makes clean samples soonest: with records of indirect light where there is such light and surfaces that records
+/// are for.
+fn engine_for(scene: &Scene, bounces: Option<u32>) -> Engine {
+    let (mut diffuse, mut all) = (0.0, 0.0);
+    for triangle in 0..scene.triangles.len() as u32 {
+        let area = scene.area(triangle);
+        all += area;
+        if matches!(scene.material(triangle).bsdf, Bsdf::Diffuse { kd } if kd != [0.0; 3]) {
+            diffuse += area;
+        }
+    }
+    if bounces != Some(0) && diffuse > DIFFUSE * all { Engine::Cached } else { Engine::Path }
+}
+
+fn engine_said(engine: Engine) -> &'static str {
+    match engine {
+        Engine::Path => "engine path: there is no indirect light on diffuse surfaces to keep records of",
+        Engine::Cached => {
+            "engine cached: clean samples, indirect light within --accuracy (--engine path for unbiased, noisy ones)"
+        }
+    }
 }
 
 fn sections(config: &Config, scene: &Scene) -> Result<Vec<SectionSpec>> {

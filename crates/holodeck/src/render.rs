@@ -76,7 +76,7 @@ pub async fn run(args: Args) -> Result<()> {
     }
     let (view, size) = spec.overridden_by(&args.view.spec(&named)?).resolve(args.view.size)?;
     let scene = prepare::load(&config)?;
-    let settings = settings(&config);
+    let settings = settings(&config, Engine::Path);
     let tracer = Tracer::new(Arc::new(scene), Settings { bounces: settings.bounces, ..Settings::default() })?;
     let tracer = match settings.engine {
         Engine::Path => tracer,

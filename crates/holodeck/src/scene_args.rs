@@ -55,7 +55,8 @@ pub struct SceneArgs {
     /// Lights shine from both sides
     #[arg(long)]
     pub two_sided_lights: bool,
-    /// What traces [default: path]
+    /// What traces: `path` (unbiased) or `cached` (clean samples, their indirect light within `--accuracy`) [default: of `render` path; else
+    /// cached where light comes by way of diffuse surfaces]
     #[arg(long, value_parser = parse_engine)]
     pub engine: Option<Engine>,
     /// Limit of indirect light; 0 is direct light only [default: no limit]
@@ -103,10 +104,10 @@ impl SceneArgs {
     }
 }
 
-/// What samples hold, by the configuration.
-pub fn settings(config: &Config) -> RenderSettings {
+/// What samples hold, by the configuration, and with this engine if it names none.
+pub fn settings(config: &Config, engine: Engine) -> RenderSettings {
     RenderSettings {
-        engine: config.engine.unwrap_or(Engine::Path),
+        engine: config.engine.unwrap_or(engine),
         bounces: config.bounces,
         paths_per_sample: config.paths_per_sample.unwrap_or(1).max(1),
         accuracy: config.accuracy.unwrap_or(holo_tracer::DEFAULT_ACCURACY),

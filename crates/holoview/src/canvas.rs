@@ -6,9 +6,13 @@ use std::{sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail, ensure};
 use holo_display::{Frame, Quadtree, QuadtreeParams, Voronoi, WantedBeam, viewpoint_radius};
+use holo_light::Store;
 use holo_net::{Inbox, Message, Outbox, SceneReceiver};
 use holo_picture::View;
-use holo_proto::control::{Control, Welcome};
+use holo_proto::{
+    bulk::Light,
+    control::{Control, Welcome},
+};
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
 use holo_section::{BeamId, Sample, Section};
@@ -21,10 +25,14 @@ use crate::{
 /// How long the scene's next piece may take: a server that has none sends nothing.
 const SCENE_TIME: Duration = Duration::from_secs(10);
 
+/// Least radius of records that are told apart, as a share of the scene's size.
+const LEAST_RADIUS: f64 = 1e-5;
+
 /// Makes canvases for views.
 pub enum Painter {
     Quadtree,
-    Voronoi(Arc<Raycaster>),
+    /// With the records of indirect light that have come.
+    Voronoi(Arc<Raycaster>, Arc<Store>),
     /// One driver for all views: it keeps what it has.
     Points(Points),
 }
@@ -54,7 +62,13 @@ impl Painter {
             None => None,
         };
         match (raycaster, driver) {
-            (Some(Ok(raycaster)), _) => Ok(Painter::Voronoi(Arc::new(raycaster))),
+            (Some(Ok(raycaster)), _) => {
+                // Records keep coming while workers make them: whoever asks once gets them all.
+                outbox.control(&Control::LightWanted)?;
+                let (low, high) = raycaster.scene().bounds();
+                let records = Store::new((LEAST_RADIUS * low.distance(high)).max(f64::from(f32::MIN_POSITIVE)) as f32);
+                Ok(Painter::Voronoi(Arc::new(raycaster), Arc::new(records)))
+            }
             (Some(Err(error)), Driver::Voronoi) => Err(error),
             (None, Driver::Voronoi) => bail!("the holodeck has no scene; use --driver quadtree"),
             (_, _) => Ok(Painter::Quadtree),
@@ -65,7 +79,7 @@ impl Painter {
     pub fn weigh(&self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
         match self {
             Painter::Points(points) => points.look(view, size, beams),
-            Painter::Quadtree | Painter::Voronoi(_) => Ok(beams),
+            Painter::Quadtree | Painter::Voronoi(..) => Ok(beams),
         }
     }
 
@@ -73,7 +87,16 @@ impl Painter {
     pub fn radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
         match self {
             Painter::Points(points) => points.radius(view, size, nearest),
-            Painter::Quadtree | Painter::Voronoi(_) => viewpoint_radius(view, size, nearest, 1.0),
+            Painter::Quadtree | Painter::Voronoi(..) => viewpoint_radius(view, size, nearest, 1.0),
+        }
+    }
+
+    /// Adds records of indirect light.
+    pub fn take_light(&self, light: Light) {
+        if let Painter::Voronoi(_, records) = self {
+            light.records.into_iter().for_each(|record| {
+                records.receive(record);
+            });
         }
     }
 
@@ -84,8 +107,9 @@ impl Painter {
                 let params = QuadtreeParams { sky, ..QuadtreeParams::default() };
                 Canvas::Quadtree(Box::new(Quadtree::new(sections, view, size, params)))
             }
-            Painter::Voronoi(raycaster) => {
-                Canvas::Voronoi(Box::new(Voronoi::new(sections, Arc::clone(raycaster), view, size)))
+            Painter::Voronoi(raycaster, records) => {
+                let driver = Voronoi::new(sections, Arc::clone(raycaster), view, size);
+                Canvas::Voronoi(Box::new(driver.with_records(Arc::clone(records))))
             }
             Painter::Points(points) => Canvas::Points(points.clone()),
         }

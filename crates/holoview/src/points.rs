@@ -34,11 +34,9 @@ use serde::Serialize;
 /// Samples a pixel for which rays must pass the eye so near: within a quarter of a pixel's footprint on the nearest surface.
 const SAMPLES_PER_PIXEL: f64 = 16.0;
 
-/// Stored samples are kept as far outside of the picture, as a share of its sides: what a small turn will show.
-const MARGIN: f64 = 0.25;
-
-/// Stored samples taken in at a time.
-const BATCH: usize = 4096;
+/// Samples that a point averages while the view moves. The driver's own default is for renderers without noise; one path a sample is
+/// all that some engines give.
+const MOVING_MEAN: u32 = 32;
 
 /// Share of a view's beams' weight that is dealt by the pixels that want rays most; the rest by the pixels that beams serve.
 const BY_REQUESTS: f32 = 0.75;
@@ -139,7 +137,8 @@ impl PointArgs {
             EmptyArg::Black => EmptyPixels::Black,
         };
         let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get().min(MAX_THREADS));
-        PointImageParams { stages, smoothing, empty, threads, ..PointImageParams::default() }
+        let moving_mean = MOVING_MEAN;
+        PointImageParams { stages, smoothing, empty, threads, moving_mean, ..PointImageParams::default() }
     }
 }
 
@@ -184,8 +183,6 @@ struct Shown {
     unseen: HashSet<(u16, BeamId)>,
     /// Distance from the eye of each pixel's newest sample, 0 without one; the render cache knows its own.
     depth: Vec<f32>,
-    /// Samples not yet taken in.
-    pending: Vec<PointSample>,
     used: u64,
 }
 
@@ -277,11 +274,7 @@ impl State {
         let before = self.shown.take();
         let earlier = before.as_ref().map(|shown| shown.view);
         let driver = match (before.filter(|shown| shown.size == size), &self.kind) {
-            (Some(mut shown), _) => {
-                // What is still under way belongs to the view that it was traced for.
-                shown.take_in();
-                shown.driver
-            }
+            (Some(shown), _) => shown.driver,
             (None, Kind::PointImage(params)) => Driver::PointImage(Box::new(PointImage::new(size, params.clone())?)),
             (None, Kind::Frameless) => Driver::Frameless(Box::new(Frameless::new(size, view, 0)?)),
         };
@@ -293,7 +286,6 @@ impl State {
             best: Vec::new(),
             unseen: HashSet::new(),
             depth: vec![0.0; size.0 as usize * size.1 as usize],
-            pending: Vec::new(),
             used: 0,
         };
         let weights = match &mut shown.driver {
@@ -347,11 +339,11 @@ impl Shown {
                         self.used += 1;
                     }
                 }
-                (Driver::PointImage(_), _) => {
-                    let within = -MARGIN..=1.0 + MARGIN;
-                    if within.contains(&x) && within.contains(&y) {
+                (Driver::PointImage(cache), Some((column, row))) => {
+                    if let Some(tag) = cache.guess_tag(column, row) {
                         let noise = f32::INFINITY;
-                        self.pending.push(PointSample { noise, ..PointSample::new(place, sample.rgb()) });
+                        cache.insert(&[PointSample { tag, noise, ..PointSample::new(place, sample.rgb()) }]);
+                        self.used += 1;
                     }
                 }
                 (Driver::Frameless(frameless), Some((column, row))) => {
@@ -365,24 +357,12 @@ impl Shown {
                         self.used += 1;
                     }
                 }
-                (Driver::Frameless(_), None) => {}
+                (_, None) => {}
             }
         }
-        if self.pending.len() >= BATCH {
-            self.take_in();
-        }
-    }
-
-    fn take_in(&mut self) {
-        if let Driver::PointImage(cache) = &mut self.driver {
-            cache.insert(&self.pending);
-        }
-        self.used += self.pending.len() as u64;
-        self.pending.clear();
     }
 
     fn draw(&mut self, sections: &[Section], sky: [f32; 3]) -> (Frame, Vec<StageTime>) {
-        self.take_in();
         if self.best.is_empty() {
             let (width, height) = self.size;
             let middle = |pixel| View::pixel_centre(self.size, pixel % width, pixel / width);

@@ -252,7 +252,7 @@ impl Session {
         if let Some(shown) = &mut self.shown {
             shown.canvas.set_nearest(nearest);
         }
-        if matches!(self.painter, Painter::Voronoi(_)) { self.refine() } else { Ok(()) }
+        if matches!(self.painter, Painter::Voronoi(..)) { self.refine() } else { Ok(()) }
     }
 
     /// Once all stored samples of the beams asked for have been sent: asks for what else is of use.
@@ -315,6 +315,7 @@ impl Session {
             let left = until.saturating_duration_since(Instant::now());
             match self.messages.recv_timeout(left) {
                 Ok(Incoming::Message(Message::Samples(samples))) => self.insert(&samples),
+                Ok(Incoming::Message(Message::Light(light))) => self.painter.take_light(light),
                 Ok(Incoming::Message(Message::Unseen(unseen))) => self.insert_unseen(&unseen),
                 Ok(Incoming::Message(Message::Control(Control::Settled { view })))
                     if for_settled && view == self.view_number =>

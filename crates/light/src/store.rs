@@ -195,15 +195,13 @@ impl Store {
 
     /// Indirect light at a point, on the side of `normal`, from the records that may be used there: `None` without any.
     ///
-    /// Radii count `reach` times: 1 for what is seen, more where less exactness will do. No more records are looked for once the
-    /// weights of those found add up to `enough`. `hidden` tells whether something stands between the point and a record; it is
-    /// asked last.
+    /// No more records are looked for once the weights of those found add up to `enough`. `hidden` tells whether something stands
+    /// between the point and a record; it is asked last.
     #[must_use]
     pub fn irradiance(
         &self,
         point: Vec3,
         normal: Vec3,
-        reach: f32,
         enough: f32,
         mut hidden: impl FnMut(&Record) -> bool,
     ) -> Option<Found> {
@@ -211,7 +209,6 @@ impl Store {
         self.around(point, |_, record, radius| {
             let offset = point - Vec3::from(record.point);
             let distance = offset.length();
-            let radius = radius * reach;
             let other = Vec3::from(record.normal);
             let cosine = normal.dot(other);
             if distance >= radius || cosine < LEAST_COSINE {

@@ -151,7 +151,7 @@ fn walled() -> Raycaster {
 
 /// What the store tells of a point on its upper side or on the other.
 fn told(store: &Store, raycaster: &Raycaster, point: &SurfacePoint, normal: Vec3) -> Option<Found> {
-    store.irradiance(point.point, normal, 1.0, f32::INFINITY, |record| {
+    store.irradiance(point.point, normal, f32::INFINITY, |record| {
         raycaster.parted(point, normal, record.point.into(), record.normal.into())
     })
 }

@@ -12,7 +12,7 @@ use obvhs::splits::split_aabbs_preset;
 use obvhs::triangle::Triangle;
 
 use crate::dispatch::LARGE_STACK;
-use crate::node::{Block, Hierarchy, LANES, LEAF, Node, WIDTH};
+use crate::node::{Block, Few, Hierarchy, LANES, LEAF, Node, WIDTH};
 use crate::raycaster::{Facet, Quality};
 
 /// Widening of boxes, as a share of the greatest coordinate.
@@ -32,11 +32,12 @@ pub(crate) fn hierarchy(facets: &[Facet], reach: f32, quality: Quality) -> Hiera
     }
     let pad = (reach * PAD).max(LEAST_PAD);
     let tree = Tree::from_obvhs(&binary(facets, quality));
-    let hierarchy = collapse(&tree, facets, pad);
-    if hierarchy.stack_need <= LARGE_STACK {
-        return hierarchy;
+    let mut hierarchy = collapse(&tree, facets, pad);
+    if hierarchy.stack_need > LARGE_STACK {
+        hierarchy = collapse(&Tree::balanced(facets), facets, pad);
     }
-    collapse(&Tree::balanced(facets), facets, pad)
+    hierarchy.few = Few::new(facets.iter().map(|f| f.vertices.map(|v| v.to_array())).collect());
+    hierarchy
 }
 
 fn bounds(facet: &Facet) -> Aabb {
@@ -197,7 +198,7 @@ impl Tree {
 }
 
 fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
-    let mut hierarchy = Hierarchy { nodes: vec![Node::EMPTY], blocks: Vec::new(), stack_need: 0 };
+    let mut hierarchy = Hierarchy { nodes: vec![Node::EMPTY], ..Hierarchy::default() };
     // Depth first, so that a subtree is together in memory.
     let mut pending = vec![(0_u32, 0_usize, 1_usize)];
     while let Some((root, index, depth)) = pending.pop() {

@@ -3,7 +3,7 @@
 //! Always true: the results are equal bit for bit. Triangles are tested by the same operations without fused multiply-add, boxes only
 //! decide what is tested, and equal distances are decided by the triangle's index.
 
-use crate::kernel::{Query, traverse};
+use crate::kernel::{Query, sweep, traverse};
 use crate::node::Hierarchy;
 use crate::packet::traverse_many;
 use crate::simd::{Portable, RAYS, Simd};
@@ -121,7 +121,9 @@ fn single<S: Simd, const ANY: bool>(simd: S, hierarchy: &Hierarchy, query: &Quer
         return None;
     }
     let mut best = query.nothing();
-    if hierarchy.stack_need <= SMALL_STACK {
+    if let Some(few) = &hierarchy.few {
+        sweep::<S, ANY>(simd, few, query, &mut best);
+    } else if hierarchy.stack_need <= SMALL_STACK {
         traverse::<S, SMALL_STACK, ANY>(simd, hierarchy, query, 0, &mut best);
     } else {
         traverse::<S, LARGE_STACK, ANY>(simd, hierarchy, query, 0, &mut best);

@@ -1,7 +1,8 @@
 //! Rays against a scene: the nearest hit, whether anything is in the way, and the surface that a ray meets.
 //!
 //! A [`Raycaster`] is an 8-wide bounding volume hierarchy over the triangles of a [`Scene`](holo_scene::Scene), traced one ray at a
-//! time, or the rays of a beam together. Coordinates are the scene's f32 coordinates, relative to `scene.origin`.
+//! time, or the rays of a beam together; where there are at most 64 triangles, a single ray is tested against all. Coordinates are the
+//! scene's f32 coordinates, relative to `scene.origin`.
 //!
 //! Always true:
 //! - A closed mesh does not leak: adjacent triangles are tested with exactly opposite edge functions (Woop, Benthin,

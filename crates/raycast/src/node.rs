@@ -13,6 +13,10 @@ use glam::DVec3;
 pub(crate) const WIDTH: usize = 8;
 /// Triangles of a leaf: with three vertices, 12 of the 16 lanes of a 512-bit register.
 pub(crate) const LANES: usize = 4;
+/// Most triangles of [`Few`]: a bit for each.
+pub(crate) const FEW: usize = 64;
+/// Triangles of a [`Row`].
+pub(crate) const ROW: usize = 16;
 /// Set in a child reference that names a leaf block; the other bits are an index.
 pub(crate) const LEAF: u32 = 1 << 31;
 
@@ -123,11 +127,46 @@ impl Block {
     }
 }
 
+/// Sixteen triangles, the coordinates of each kind together.
+#[derive(Clone, Copy, Debug, Zeroable)]
+#[repr(C, align(64))]
+pub(crate) struct Row {
+    /// Axis, vertex, lane.
+    pub vertices: [[[f32; ROW]; 3]; 3],
+}
+
+/// At most [`FEW`] triangles, in the scene's order.
+#[derive(Debug)]
+pub(crate) struct Few {
+    pub rows: Vec<Row>,
+    /// Vertices by triangle.
+    pub triangles: Vec<[[f32; 3]; 3]>,
+}
+
+impl Few {
+    pub(crate) fn new(triangles: Vec<[[f32; 3]; 3]>) -> Option<Self> {
+        if triangles.len() > FEW {
+            return None;
+        }
+        let mut rows = vec![Row { vertices: [[[f32::NAN; ROW]; 3]; 3] }; triangles.len().div_ceil(ROW)];
+        for (i, vertices) in triangles.iter().enumerate() {
+            for (vertex, position) in vertices.iter().enumerate() {
+                for (axis, coordinate) in position.iter().enumerate() {
+                    rows[i / ROW].vertices[axis][vertex][i % ROW] = *coordinate;
+                }
+            }
+        }
+        Some(Self { rows, triangles })
+    }
+}
+
 /// A hierarchy ready for tracing. Root is node 0; no nodes if there are no triangles.
 #[derive(Debug, Default)]
 pub(crate) struct Hierarchy {
     pub nodes: Vec<Node>,
     pub blocks: Vec<Block>,
+    /// Every triangle, if there are so few that testing them all takes less than finding out which.
+    pub few: Option<Few>,
     /// Entries that a traversal's stack may need at most.
     pub stack_need: usize,
 }

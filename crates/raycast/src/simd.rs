@@ -3,7 +3,7 @@
 //! Always true: [`Simd::straddled`] gives the same bits everywhere. [`Simd::enter`] need not: it is conservative in any rounding, and which
 //! boxes are entered beyond those that must be does not change a result.
 
-use crate::node::{Block, LANES, Node, WIDTH};
+use crate::node::{Block, LANES, Node, ROW, Row, WIDTH};
 use crate::packet::Limits;
 use crate::triangle::Prepared;
 
@@ -75,6 +75,9 @@ pub(crate) trait Simd: Copy {
     /// The signs of the edge functions of four triangles.
     fn straddled(self, block: &Block, ray: &Prepared) -> Straddled;
 
+    /// The same of sixteen, in the same roundings.
+    fn straddled_row(self, row: &Row, ray: &Prepared) -> Straddled;
+
     /// Puts the children in `mask`, with their distances, at the start of `stack`: farthest first if `SORTED`. The rest is undefined.
     fn stack<const SORTED: bool>(self, children: &[u32; WIDTH], near: &Near, mask: u32, stack: &mut [u64; WIDTH]);
 
@@ -140,6 +143,28 @@ impl Simd for Portable {
             let u = c[0][i] * b[1][i] - c[1][i] * b[0][i];
             let v = a[0][i] * c[1][i] - a[1][i] * c[0][i];
             let w = b[0][i] * a[1][i] - b[1][i] * a[0][i];
+            let same = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
+            inside |= u32::from(same) << i;
+            on_edge |= u32::from((u == 0.0) | (v == 0.0) | (w == 0.0)) << i;
+        }
+        Straddled { inside, on_edge }
+    }
+
+    #[inline(always)]
+    fn straddled_row(self, row: &Row, ray: &Prepared) -> Straddled {
+        let [kx, ky, kz] = ray.axes;
+        let (rx, ry, rz) = (&row.vertices[kx % 3], &row.vertices[ky % 3], &row.vertices[kz % 3]);
+        let [ox, oy, oz] = ray.sheared_origin;
+        let (mut inside, mut on_edge) = (0, 0);
+        for i in 0..ROW {
+            let sheared = |vertex: usize| {
+                let z = rz[vertex][i] - oz;
+                [(rx[vertex][i] - ox) - ray.shear[0] * z, (ry[vertex][i] - oy) - ray.shear[1] * z]
+            };
+            let (a, b, c) = (sheared(0), sheared(1), sheared(2));
+            let u = c[0] * b[1] - c[1] * b[0];
+            let v = a[0] * c[1] - a[1] * c[0];
+            let w = b[0] * a[1] - b[1] * a[0];
             let same = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
             inside |= u32::from(same) << i;
             on_edge |= u32::from((u == 0.0) | (v == 0.0) | (w == 0.0)) << i;

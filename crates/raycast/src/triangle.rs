@@ -91,24 +91,40 @@ pub(crate) fn intersect<S: Simd>(
     while candidates != 0 {
         let lane = candidates.trailing_zeros() as usize;
         candidates &= candidates - 1;
-        if straddled.on_edge >> lane & 1 != 0 && !inside_exactly(block, ray, lane) {
-            continue;
+        // First, since a ray goes through the triangle that it leaves.
+        if !skip.contains(&block.id(lane)) {
+            let on_edge = straddled.on_edge >> lane & 1 != 0;
+            consider(block.triangle(lane), block.id(lane), on_edge, ray, t_min, best);
         }
-        let hit = locate(block, ray, lane);
-        let nearer =
-            hit.t < best.t || (hit.t == best.t && best.triangle != NO_TRIANGLE && hit.triangle < best.triangle);
-        if nearer && hit.t > t_min && !skip.contains(&hit.triangle) {
-            *best = hit;
-        }
+    }
+}
+
+/// The same for one triangle, whose edge functions have one sign but for zeros.
+#[inline(always)]
+pub(crate) fn consider(
+    vertices: [[f32; 3]; 3],
+    triangle: u32,
+    on_edge: bool,
+    ray: &Prepared,
+    t_min: f32,
+    best: &mut Nearest,
+) {
+    if on_edge && !inside_exactly(vertices, ray) {
+        return;
+    }
+    let hit = Hit { triangle, ..locate(vertices, ray) };
+    let nearer = hit.t < best.t || (hit.t == best.t && best.triangle != NO_TRIANGLE && hit.triangle < best.triangle);
+    if nearer && hit.t > t_min {
+        *best = hit;
     }
 }
 
 /// The inside test in f64, where the products of f32 are exact. An edge-on triangle is not met.
 #[cold]
-fn inside_exactly(block: &Block, ray: &Prepared, lane: usize) -> bool {
+fn inside_exactly(vertices: [[f32; 3]; 3], ray: &Prepared) -> bool {
     let [kx, ky, kz] = ray.axes;
     let [ox, oy, oz] = ray.sheared_origin;
-    let [a, b, c] = block.triangle(lane).map(|vertex| {
+    let [a, b, c] = vertices.map(|vertex| {
         let z = vertex[kz % 3] - oz;
         let x = (vertex[kx % 3] - ox) - ray.shear[0] * z;
         let y = (vertex[ky % 3] - oy) - ray.shear[1] * z;
@@ -129,10 +145,10 @@ fn inside_exactly(block: &Block, ray: &Prepared, lane: usize) -> bool {
 /// outside the triangle by the rounding of the inside test: weights and distance are clamped to those of the triangle.
 #[inline(always)]
 #[allow(clippy::manual_clamp, reason = "clamp keeps a NaN")]
-fn locate(block: &Block, ray: &Prepared, lane: usize) -> Hit {
+fn locate(vertices: [[f32; 3]; 3], ray: &Prepared) -> Hit {
     let origin = Vec3::from_array(ray.origin).as_dvec3();
     let direction = Vec3::from_array(ray.direction).as_dvec3();
-    let [a, b, c] = block.triangle(lane).map(|v| Vec3::from_array(v).as_dvec3() - origin);
+    let [a, b, c] = vertices.map(|v| Vec3::from_array(v).as_dvec3() - origin);
     let (e1, e2) = (b - a, c - a);
     let p = direction.cross(e2);
     let q = e1.cross(a);
@@ -143,5 +159,5 @@ fn locate(block: &Block, ray: &Prepared, lane: usize) -> Hit {
     let (ta, tb, tc) = (a.dot(direction), b.dot(direction), c.dot(direction));
     let length_squared = direction.length_squared();
     let t = (e2.dot(q) * scale).max(ta.min(tb).min(tc) / length_squared).min(ta.max(tb).max(tc) / length_squared);
-    Hit { t: t as f32, triangle: block.id(lane), u: u as f32, v: v as f32 }
+    Hit { t: t as f32, triangle: NO_TRIANGLE, u: u as f32, v: v as f32 }
 }

@@ -9,7 +9,7 @@
 
 use std::arch::x86_64::*;
 
-use crate::node::{Block, Node, WIDTH};
+use crate::node::{Block, Node, Row, WIDTH};
 use crate::packet::Limits;
 use crate::simd::{Near, RAYS, RayBytes, STRETCH, Simd, Straddled, stack_scalar};
 use crate::triangle::Prepared;
@@ -97,6 +97,49 @@ impl Simd for Avx2 {
             let below = _mm_and_ps(_mm_and_ps(_mm_cmple_ps(u, zero), _mm_cmple_ps(v, zero)), _mm_cmple_ps(w, zero));
             let on = _mm_or_ps(_mm_or_ps(_mm_cmpeq_ps(u, zero), _mm_cmpeq_ps(v, zero)), _mm_cmpeq_ps(w, zero));
             Straddled { inside: _mm_movemask_ps(_mm_or_ps(above, below)) as u32, on_edge: _mm_movemask_ps(on) as u32 }
+        }
+    }
+
+    #[inline(always)]
+    fn straddled_row(self, row: &Row, ray: &Prepared) -> Straddled {
+        // SAFETY: `self` proves AVX2. Loads are of lanes 0 to 7 and 8 to 15 of a vertex, aligned to 32 bytes.
+        unsafe {
+            let [kx, ky, kz] = ray.axes;
+            let (rx, ry, rz) = (&row.vertices[kx % 3], &row.vertices[ky % 3], &row.vertices[kz % 3]);
+            let [ox, oy, oz] = ray.sheared_origin;
+            let (ox, oy, oz) = (_mm256_set1_ps(ox), _mm256_set1_ps(oy), _mm256_set1_ps(oz));
+            let (sx, sy) = (_mm256_set1_ps(ray.shear[0]), _mm256_set1_ps(ray.shear[1]));
+            let zero = _mm256_setzero_ps();
+            let (mut inside, mut on_edge) = (0, 0);
+            for half in 0..2 {
+                let mut x = [zero; 3];
+                let mut y = x;
+                for vertex in 0..3 {
+                    let z = _mm256_sub_ps(_mm256_load_ps(rz[vertex].as_ptr().add(8 * half)), oz);
+                    let across = _mm256_sub_ps(_mm256_load_ps(rx[vertex].as_ptr().add(8 * half)), ox);
+                    let up = _mm256_sub_ps(_mm256_load_ps(ry[vertex].as_ptr().add(8 * half)), oy);
+                    x[vertex] = _mm256_sub_ps(across, _mm256_mul_ps(sx, z));
+                    y[vertex] = _mm256_sub_ps(up, _mm256_mul_ps(sy, z));
+                }
+                let u = _mm256_sub_ps(_mm256_mul_ps(x[2], y[1]), _mm256_mul_ps(y[2], x[1]));
+                let v = _mm256_sub_ps(_mm256_mul_ps(x[0], y[2]), _mm256_mul_ps(y[0], x[2]));
+                let w = _mm256_sub_ps(_mm256_mul_ps(x[1], y[0]), _mm256_mul_ps(y[1], x[0]));
+                let above = _mm256_and_ps(
+                    _mm256_and_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(u, zero), _mm256_cmp_ps::<_CMP_GE_OQ>(v, zero)),
+                    _mm256_cmp_ps::<_CMP_GE_OQ>(w, zero),
+                );
+                let below = _mm256_and_ps(
+                    _mm256_and_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(u, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(v, zero)),
+                    _mm256_cmp_ps::<_CMP_LE_OQ>(w, zero),
+                );
+                let on = _mm256_or_ps(
+                    _mm256_or_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(u, zero), _mm256_cmp_ps::<_CMP_EQ_OQ>(v, zero)),
+                    _mm256_cmp_ps::<_CMP_EQ_OQ>(w, zero),
+                );
+                inside |= (_mm256_movemask_ps(_mm256_or_ps(above, below)) as u32) << (8 * half);
+                on_edge |= (_mm256_movemask_ps(on) as u32) << (8 * half);
+            }
+            Straddled { inside, on_edge }
         }
     }
 
@@ -222,6 +265,44 @@ impl Simd for Avx512 {
             let on = above & below;
             let inside = (above & above >> 4 & above >> 8) | (below & below >> 4 & below >> 8);
             Straddled { inside: inside & 15, on_edge: (on | on >> 4 | on >> 8) & 15 }
+        }
+    }
+
+    #[inline(always)]
+    fn straddled_row(self, row: &Row, ray: &Prepared) -> Straddled {
+        // SAFETY: `self` proves AVX-512. Loads are of the 64 bytes of a vertex, aligned to them.
+        unsafe {
+            let [kx, ky, kz] = ray.axes;
+            let (rx, ry, rz) = (&row.vertices[kx % 3], &row.vertices[ky % 3], &row.vertices[kz % 3]);
+            let [ox, oy, oz] = ray.sheared_origin;
+            let (ox, oy, oz) = (_mm512_set1_ps(ox), _mm512_set1_ps(oy), _mm512_set1_ps(oz));
+            let (sx, sy) = (_mm512_set1_ps(ray.shear[0]), _mm512_set1_ps(ray.shear[1]));
+            let zero = _mm512_setzero_ps();
+            let mut x = [zero; 3];
+            let mut y = x;
+            for vertex in 0..3 {
+                let z = _mm512_sub_ps(_mm512_load_ps(rz[vertex].as_ptr()), oz);
+                let across = _mm512_sub_ps(_mm512_load_ps(rx[vertex].as_ptr()), ox);
+                let up = _mm512_sub_ps(_mm512_load_ps(ry[vertex].as_ptr()), oy);
+                x[vertex] = _mm512_sub_ps(across, _mm512_mul_ps(sx, z));
+                y[vertex] = _mm512_sub_ps(up, _mm512_mul_ps(sy, z));
+            }
+            let u = _mm512_sub_ps(_mm512_mul_ps(x[2], y[1]), _mm512_mul_ps(y[2], x[1]));
+            let v = _mm512_sub_ps(_mm512_mul_ps(x[0], y[2]), _mm512_mul_ps(y[0], x[2]));
+            let w = _mm512_sub_ps(_mm512_mul_ps(x[1], y[0]), _mm512_mul_ps(y[1], x[0]));
+            let above = [
+                _mm512_cmp_ps_mask::<_CMP_GE_OQ>(u, zero),
+                _mm512_cmp_ps_mask::<_CMP_GE_OQ>(v, zero),
+                _mm512_cmp_ps_mask::<_CMP_GE_OQ>(w, zero),
+            ];
+            let below = [
+                _mm512_cmp_ps_mask::<_CMP_LE_OQ>(u, zero),
+                _mm512_cmp_ps_mask::<_CMP_LE_OQ>(v, zero),
+                _mm512_cmp_ps_mask::<_CMP_LE_OQ>(w, zero),
+            ];
+            let inside = (above[0] & above[1] & above[2]) | (below[0] & below[1] & below[2]);
+            let on_edge = (above[0] & below[0]) | (above[1] & below[1]) | (above[2] & below[2]);
+            Straddled { inside: u32::from(inside), on_edge: u32::from(on_edge) }
         }
     }
 

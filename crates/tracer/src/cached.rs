@@ -57,8 +57,13 @@ const SPREAD: f32 = 16.0;
 /// Rays aimed at sources of indirect light, over those over the hemisphere.
 const AIMED: f32 = 0.2;
 
-/// Rays of a coarse record: what lies behind the eye is seen by thousands of rays, but by none that is looked at.
-const COARSE_RAYS: u32 = 128;
+/// Standard error of a coarse record over that of an exact one: it is seen by thousands of rays and by none that is looked at, but
+/// where light comes through a door, the few behind the door decide how bright all is on this side.
+const COARSE_ERROR: f32 = 4.0;
+
+/// Rays that tell how many a coarse record needs, and rays of one at least.
+const COARSE_PILOT_RAYS: u32 = 32;
+const COARSE_RAYS: u32 = 64;
 
 /// [`Record::flags`]: for what is looked at, or for the rays of other records only.
 const EXACT: u32 = 0;
@@ -67,11 +72,9 @@ const COARSE: u32 = 1;
 /// A record is made where the weights of those there add up to less.
 const LEAST_WEIGHT: f32 = 0.3;
 
-/// Where the weights of records add up to so much, no more are looked for.
-const ENOUGH: f32 = 4.0;
-
-/// How much farther records reach for the rays of other records: what they see is averaged over a hemisphere.
-const RECORDS_REACH: f32 = 2.0;
+/// Where the weights of records add up to so much, no more are looked for: what is looked at is the smoother for more, what is
+/// averaged over a hemisphere is not.
+const ENOUGH: [f32; 2] = [4.0, 1.0];
 
 /// What follows from the accuracy.
 #[derive(Clone, Copy, Debug)]
@@ -127,8 +130,7 @@ impl Cached {
         }
         // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
         let pilot = self.gather(engine, met, PILOT_RAYS, EXACT);
-        let wanted = (pilot.error / self.quality.error).powi(2) * pilot.rays as f32;
-        let rays = (wanted as u32).clamp(PILOT_RAYS, MOST_RAYS);
+        let rays = wanted(&pilot, self.quality.error).clamp(PILOT_RAYS, MOST_RAYS);
         let mut record = self.gather(engine, met, rays, EXACT);
         // Nor must its radius know its light: records that are too bright would count for less of the surface than those that are
         // too dark. What is noisy still is averaged with more neighbours.
@@ -144,15 +146,16 @@ impl Cached {
     /// any.
     fn known(&self, met: &Met, coarse: u32) -> Option<Found> {
         let &Met { raycaster, point, normal, .. } = met;
-        let (reach, enough) = if coarse == EXACT { (1.0, ENOUGH) } else { (RECORDS_REACH, LEAST_WEIGHT) };
-        self.store.irradiance(point.point, normal, reach, enough, |record| {
+        self.store.irradiance(point.point, normal, ENOUGH[coarse as usize], |record| {
             record.flags > coarse || raycaster.parted(point, normal, record.point.into(), record.normal.into())
         })
     }
 
     /// Irradiance by indirect light at a point that a record's ray meets; a coarse record is made if there is none at all near.
     fn coarse(&self, engine: &PathEngine, met: &Met) -> Vec3 {
-        let record = self.gather(engine, met, COARSE_RAYS, COARSE);
+        let pilot = self.gather(engine, met, COARSE_PILOT_RAYS, COARSE);
+        let rays = wanted(&pilot, COARSE_ERROR * self.quality.error).clamp(COARSE_RAYS, MOST_RAYS);
+        let record = self.gather(engine, met, rays, COARSE);
         self.store.insert(record);
         record.irradiance.into()
     }
@@ -297,6 +300,11 @@ impl Gathering<'_> {
         let normal = diffuse.then_some(target.normal);
         irradiance.is_finite().then_some(Source { irradiance, towards, normal })
     }
+}
+
+/// Rays for a record with that error, where some have the error of `pilot`.
+fn wanted(pilot: &Record, error: f32) -> u32 {
+    ((pilot.error / error).powi(2) * pilot.rays as f32) as u32
 }
 
 /// As far as the light changes by its own size.

@@ -24,48 +24,75 @@ pub(crate) struct Vertex<'a> {
     pub front: bool,
 }
 
+/// How lights were sampled at a vertex: enough to know again with which density.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lit {
+    point: Vec3,
+    /// As [`Lights::seen`] has it.
+    normal: Vec3,
+    /// Probability of choosing the sky.
+    sky: f32,
+    samples: u32,
+}
+
+impl Lit {
+    #[inline]
+    pub(crate) fn new(seen: &Seen, scatter: &Scatter, point: &SurfacePoint, normal: Vec3, samples: u32) -> Self {
+        Self { point: point.point, normal: lit_from(scatter, normal), sky: seen.sky, samples }
+    }
+
+    /// For weighing what a sample of the material towards `wi`, made with density `pdf`, finds.
+    #[inline]
+    pub(crate) fn left(self, pdf: f32, scatter: &Scatter, wi: Vec3) -> Left {
+        Left { pdf, lit: self, sky_pdf: sky_pdf(self.sky, scatter, wi) }
+    }
+}
+
 /// What light sampling at a vertex could have found, for weighing what its material's sample finds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Left {
     /// Density of the material's sample, per solid angle.
     pub pdf: f32,
-    seen: Seen,
+    lit: Lit,
     /// Density with which one light sample aims at the sky in the sample's direction.
     sky_pdf: f32,
-    samples: u32,
 }
 
 impl Left {
-    pub(crate) fn new(pdf: f32, seen: Seen, scatter: &Scatter, wi: Vec3, samples: u32) -> Self {
-        Self { pdf, seen, sky_pdf: sky_pdf(&seen, scatter, wi), samples }
-    }
-
     /// Expected number of light samples per solid angle towards the sky.
     pub(crate) fn sky_density(&self) -> f32 {
-        self.samples as f32 * self.sky_pdf
+        self.lit.samples as f32 * self.sky_pdf
     }
 
-    /// The same towards a point on an emitter that the sample met.
+    /// The same towards a point on an emitter that the sample met. Few samples meet one: to weigh the lights again takes less than to carry
+    /// their weights along all paths.
     pub(crate) fn emitter_density(&self, lights: &Lights, raycaster: &Raycaster, met: &Hit, cosine: f32) -> f32 {
-        let probability = lights.probability(&self.seen, met.triangle);
+        let Lit { point, normal, samples, .. } = self.lit;
+        let probability = lights.probability(&lights.seen(point, normal), met.triangle);
         if probability == 0.0 {
             return 0.0;
         }
-        let aim = Aim::new(self.seen.point, raycaster.vertices(met.triangle));
-        let distance2 = raycaster.point(met.triangle, met.u, met.v).distance_squared(self.seen.point);
-        self.samples as f32 * probability * aim.density(distance2, cosine)
+        let aim = Aim::new(point, raycaster.vertices(met.triangle));
+        let distance2 = raycaster.point(met.triangle, met.u, met.v).distance_squared(point);
+        samples as f32 * probability * aim.density(distance2, cosine)
     }
+}
+
+/// The side from which a surface is lit, given the normal that is turned to the eye; 0 if from everywhere.
+#[inline]
+fn lit_from(scatter: &Scatter, normal: Vec3) -> Vec3 {
+    if scatter.transmits() { Vec3::ZERO } else { normal }
 }
 
 /// Lights as a vertex sees them: `normal` is turned to the eye.
 #[inline]
 pub(crate) fn seen(lights: &Lights, scatter: &Scatter, point: &SurfacePoint, normal: Vec3) -> Seen {
-    lights.seen(point.point, if scatter.transmits() { Vec3::ZERO } else { normal })
+    lights.seen(point.point, lit_from(scatter, normal))
 }
 
 #[inline]
-fn sky_pdf(seen: &Seen, scatter: &Scatter, wi: Vec3) -> f32 {
-    seen.sky * if scatter.transmits() { 0.5 * cosine_pdf(wi.z.abs()) } else { cosine_pdf(wi.z) }
+fn sky_pdf(sky: f32, scatter: &Scatter, wi: Vec3) -> f32 {
+    sky * if scatter.transmits() { 0.5 * cosine_pdf(wi.z.abs()) } else { cosine_pdf(wi.z) }
 }
 
 impl Vertex<'_> {
@@ -108,7 +135,7 @@ impl Vertex<'_> {
         let mut wi = cosine_hemisphere([x, y]);
         wi.z *= side;
         let (value, pdf) = self.scatter.evaluate(self.wo, wi, self.front);
-        let density = sky_pdf(seen, self.scatter, wi);
+        let density = sky_pdf(seen.sky, self.scatter, wi);
         if value == Vec3::ZERO || density <= 0.0 {
             return Vec3::ZERO;
         }

@@ -41,12 +41,23 @@ impl Frame {
 #[inline]
 pub(crate) fn disc([u, v]: [f32; 2]) -> [f32; 2] {
     let (x, y) = (2.0 * u - 1.0, 2.0 * v - 1.0);
-    if x == 0.0 && y == 0.0 {
+    let wide = x.abs() > y.abs();
+    let (radius, other) = if wide { (x, y) } else { (y, x) };
+    if radius == 0.0 {
         return [0.0, 0.0];
     }
-    let (radius, angle) = if x.abs() > y.abs() { (x, PI / 4.0 * (y / x)) } else { (y, PI / 2.0 - PI / 4.0 * (x / y)) };
-    let (sin, cos) = angle.sin_cos();
-    [radius * cos, radius * sin]
+    let (sin, cos) = sin_cos_eighth(PI / 4.0 * (other / radius));
+    if wide { [radius * cos, radius * sin] } else { [radius * sin, radius * cos] }
+}
+
+/// Sine and cosine for angles of at most π/4, within 1e-7: by the first terms of their series, made even over that range (Cephes,
+/// `sinf` and `cosf`). Without the calls, which took 3 % of a path's time.
+#[inline]
+fn sin_cos_eighth(angle: f32) -> (f32, f32) {
+    let z = angle * angle;
+    let sin = ((-1.951_529_6e-4 * z + 8.332_161e-3) * z - 1.666_665_5e-1) * z * angle + angle;
+    let cos = ((2.443_315_7e-5 * z - 1.388_731_6e-3) * z + 4.166_664_6e-2) * z * z - 0.5 * z + 1.0;
+    (sin, cos)
 }
 
 /// Cosine-weighted on the hemisphere around +z; density [`cosine_pdf`].
@@ -92,6 +103,16 @@ mod tests {
             assert!(near(f.s.length(), 1.0) && near(f.t.length(), 1.0), "{n}");
             assert!(near(f.s.dot(f.t), 0.0) && near(f.s.dot(n), 0.0) && near(f.t.dot(n), 0.0), "{n}");
             assert!(f.s.cross(f.t).dot(n) > 0.99);
+        }
+    }
+
+    #[test]
+    fn sines_and_cosines_are_right_to_the_last_bits() {
+        for i in -100_000..=100_000 {
+            let angle = PI / 4.0 * (i as f32 / 100_000.0);
+            let (sin, cos) = sin_cos_eighth(angle);
+            assert!((f64::from(sin) - f64::from(angle).sin()).abs() < 1e-7, "{angle}");
+            assert!((f64::from(cos) - f64::from(angle).cos()).abs() < 1e-7, "{angle}");
         }
     }
 

@@ -64,6 +64,11 @@ pub const MAX_PATHS: u32 = 1 << 16;
 /// less time.
 pub const DEFAULT_LIGHT_SAMPLES: u32 = 2;
 
+/// Ways on from that surface where all light comes from one quad, if any is indirect. Error squared times time on the Cornell box, for 64 of
+/// them in each pixel, with 1, 2 and 4: 0.029, 0.026, 0.025; with 4 samples are half as many as with 2. Where direct light makes most of
+/// the error there is one: with 1, 2 and 4 cabin's living room 0.131, 0.130, 0.184.
+const BRANCHES: u32 = 2;
+
 /// Most light samples of a path.
 pub const MAX_LIGHT_SAMPLES: u32 = 256;
 
@@ -73,7 +78,7 @@ pub struct Settings {
     /// Limit of indirect light: how often light may be scattered by surfaces other than mirrors and glass after the first
     /// such surface. `None`: without limit; `Some(0)`: direct light only. Mirror reflection and smooth transmission do not count.
     pub bounces: Option<u32>,
-    /// Paths averaged into one [`Traced`]: 1 to [`MAX_PATHS`].
+    /// Paths averaged into one [`Traced`]: 1 to [`MAX_PATHS`]. A path may fork at its first surface that is not a mirror or glass.
     pub paths: u32,
 }
 
@@ -136,6 +141,7 @@ impl Tracer {
         let mut tracer = Self::with_direct(raycaster, settings, Direct::Both, DEFAULT_LIGHT_SAMPLES)?;
         if tracer.engine.lights.is_one() {
             tracer.engine.light_samples = 1;
+            tracer.engine.branches = if settings.bounces == Some(0) { 1 } else { BRANCHES };
         }
         Ok(tracer)
     }

@@ -5,8 +5,8 @@
 //! - Light is combined by the power heuristic (Veach 1997, §9.2.4) where both ways can find it, and counted in full where
 //!   only the material can: after mirrors and smooth glass, and at the first surface.
 //! - Shadow rays are blocked by glass: light through it is found by the material alone.
-//! - From the third scattering or the sixth surface on, paths end by roulette with their throughput, at least with probability 0.05 each, so
-//!   chains of perfect mirrors end too. The hard limit of [`MAX_DEPTH`] is beyond 0.95^1000, about 5e-23 of the paths.
+//! - From the second scattering or the sixth surface on, paths end by roulette with twice their throughput, at least with probability 0.05
+//!   each, so chains of perfect mirrors end too. The hard limit of [`MAX_DEPTH`] is beyond 0.95^1000, about 5e-23 of the paths.
 
 use std::sync::Arc;
 
@@ -15,17 +15,19 @@ use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::{Bsdf, Scene};
 
 use crate::bsdf::{Scatter, Tables};
-use crate::direct::{self, Left, Vertex};
+use crate::direct::{self, Left, Lit, Vertex};
 use crate::geometry::Frame;
 use crate::lights::Lights;
 use crate::medium::{Crossing, Inside, Nesting, TOUCH};
 use crate::sampler::{Purpose, Sampler};
-use crate::secondary::{Choice, Secondary};
+use crate::secondary::{Aimed, Choice, Secondary};
 
-/// At which scattering by surfaces other than mirrors and glass roulette begins. Error squared times time with 2, 3, 4, 6: Cornell box
-/// 0.072, 0.069, 0.064, 0.064; cabin's living room 0.080, 0.081, 0.088, 0.121; its bedroom 0.14, 0.28, 0.35, 0.48, where 2 is luck with few
-/// bright pixels.
-const ROULETTE_SCATTERINGS: u32 = 3;
+/// At which scattering by surfaces other than mirrors and glass roulette begins.
+const ROULETTE_SCATTERINGS: u32 = 2;
+/// Times their throughput that paths survive with: what they may still find is worth more than the shorter way to another sample. Error
+/// squared times time from the second scattering on with 1, 1.5, 2, 2.5 (and from the third with 1, from the sixth): Cornell box 0.046, 0.036,
+/// 0.035, 0.033 (0.042, 0.040); cabin's living room with 1.5, 2: 0.131, 0.116 (0.146); its bedroom 0.38, 0.37 (0.40).
+const ROULETTE_FACTOR: f32 = 2.0;
 /// Surfaces before roulette begins for all paths: mirrors and glass take little.
 const ROULETTE_DEPTH: u32 = 5;
 /// Chance of going on that roulette never exceeds.
@@ -63,6 +65,8 @@ pub(crate) struct PathEngine {
     direct: Direct,
     /// Samples of the lights at the first surface that is not a mirror or glass.
     pub light_samples: u32,
+    /// Ways on from there: a path is a tree with one fork. What came before is shared by all of them.
+    pub branches: u32,
 }
 
 /// Where a path goes on from: a first hit, shared by all paths of a sample, or a ray that leaves a surface.
@@ -82,6 +86,37 @@ impl Start {
     pub(crate) fn eye(hit: Option<Hit>, direction: Vec3, inside: Inside) -> Self {
         Self { hit, direction, inside, arrived: Arrived::Alone, depth: 0 }
     }
+}
+
+/// A path on its way.
+#[derive(Clone, Copy)]
+struct Path {
+    hit: Option<Hit>,
+    direction: Vec3,
+    inside: Inside,
+    arrived: Arrived,
+    /// Surfaces left so far, and those of them that are neither mirrors nor glass.
+    depth: u32,
+    scatterings: u32,
+    throughput: Vec3,
+    eta2: f32,
+    /// By how much aimed samples have lowered the throughput.
+    aimed_by: f32,
+}
+
+/// A vertex that a path goes on from.
+struct Leaving<'a> {
+    point: &'a SurfacePoint,
+    /// Of where rays start: what touches a boundary was crossed with it.
+    error: Vec3,
+    frame: Frame,
+    wo: Vec3,
+    front: bool,
+    scatter: &'a Scatter,
+    beyond: Option<&'a Inside>,
+    aimed: Option<Aimed<'a>>,
+    /// Lights as light samples saw them, and how many there were.
+    lighting: Option<Lit>,
 }
 
 /// How light counts that a ray meets.
@@ -174,6 +209,7 @@ impl PathEngine {
             bounces: bounces.unwrap_or(u32::MAX),
             direct,
             light_samples,
+            branches: 1,
         }
     }
 
@@ -201,36 +237,52 @@ impl PathEngine {
         ending: &impl Ending,
         sampler: &mut Sampler,
     ) -> Vec3 {
+        let Start { hit, direction, inside, arrived, depth } = start;
+        let scatterings = depth;
+        let path = Path {
+            hit,
+            direction,
+            inside,
+            arrived,
+            depth,
+            scatterings,
+            throughput: Vec3::ONE,
+            eta2: 1.0,
+            aimed_by: 1.0,
+        };
+        self.go_on(raycaster, path, ending, sampler)
+    }
+
+    /// Radiance that the rest of a path brings.
+    fn go_on(&self, raycaster: &Raycaster, mut path: Path, ending: &impl Ending, sampler: &mut Sampler) -> Vec3 {
         let scene = raycaster.scene();
         let mut radiance = Vec3::ZERO;
-        let mut throughput = Vec3::ONE;
-        let mut eta2 = 1.0;
-        // By how much aimed samples have lowered the throughput.
-        let mut aimed_by = 1.0;
-        let Start { mut hit, mut direction, mut inside, mut arrived, depth: first } = start;
-        let mut scatterings = first;
-        for depth in first..MAX_DEPTH {
-            let Some(found) = hit else {
-                let weight = arrived.weight(self.direct, Left::sky_density);
+        while path.depth < MAX_DEPTH {
+            let Path { direction, throughput, depth, .. } = path;
+            let Some(found) = path.hit else {
+                let weight = path.arrived.weight(self.direct, Left::sky_density);
                 radiance += throughput * self.sky * weight;
                 break;
             };
             let point = raycaster.surface(found.triangle, found.u, found.v);
             let material = scene.material_ids[found.triangle as usize];
             let surface = &self.surfaces[material as usize];
-            let crossing = self.nesting.as_ref().and_then(|n| n.cross(raycaster, &point, material, direction, &inside));
+            let crossing =
+                self.nesting.as_ref().and_then(|n| n.cross(raycaster, &point, material, direction, &path.inside));
             let (scatter, beyond) = match &crossing {
                 None => (&surface.scatter, None),
                 Some(Crossing::Boundary { scatter, beyond }) => (scatter, Some(beyond)),
                 Some(Crossing::Opaque(touching)) => {
-                    hit = Some(Hit { t: found.t, ..*touching });
+                    path.hit = Some(Hit { t: found.t, ..*touching });
+                    path.depth += 1;
                     continue;
                 }
             };
             let cosine = -direction.dot(point.normal);
             let front = cosine > 0.0;
             if surface.emits && (front || surface.two_sided) {
-                let weight = arrived
+                let weight = path
+                    .arrived
                     .weight(self.direct, |left| left.emitter_density(&self.lights, raycaster, &found, cosine.abs()));
                 radiance += throughput * surface.emission * weight;
             }
@@ -240,13 +292,14 @@ impl PathEngine {
                 break;
             }
             let mut lighting = None;
+            let mut branches = 1;
             if !scatter.is_delta() {
-                if matches!(scatter, Scatter::Black) || scatterings > self.bounces {
+                if matches!(scatter, Scatter::Black) || path.scatterings > self.bounces {
                     break;
                 }
-                scatterings += 1;
-                let normal = frame.n;
-                let met = Met { raycaster, point: &point, normal, scatter, inside: &inside, scatterings };
+                path.scatterings += 1;
+                let (normal, inside, scatterings) = (frame.n, &path.inside, path.scatterings);
+                let met = Met { raycaster, point: &point, normal, scatter, inside, scatterings };
                 let indirect = ending.indirect(&met);
                 let direct = if indirect.is_some() { Direct::Lights } else { self.direct };
                 if direct != Direct::Materials && self.lights.any() {
@@ -256,68 +309,95 @@ impl PathEngine {
                     let vertex = Vertex { raycaster, surfaces, scatter, point: &point, frame: &frame, wo, front };
                     sampler.turn(depth, Purpose::Light);
                     radiance += throughput * vertex.lit(&self.lights, &seen, self.sky, count, direct, sampler);
-                    lighting = Some((seen, count));
+                    lighting = Some(Lit::new(&seen, scatter, &point, frame.n, count));
                 }
                 if let Some(indirect) = indirect {
                     radiance += throughput * indirect;
                     break;
                 }
+                branches = if scatterings == 1 { self.branches } else { 1 };
             }
             let sources = self.secondary.as_ref().filter(|_| scatter.is_wide());
             let aimed = sources.and_then(|sources| sources.aimed(&point, frame.n));
-            let choice = aimed.as_ref().map_or(Choice::Material, |aimed| {
-                sampler.turn(depth, Purpose::Aim);
-                aimed.choose(raycaster, sampler)
-            });
-            let sampled = match &choice {
-                Choice::Material => {
-                    sampler.turn(depth, Purpose::Scatter);
-                    scatter.sample(wo, front, sampler)
+            let error = if crossing.is_some() { point.error * TOUCH } else { point.error };
+            let vertex = Leaving { point: &point, error, frame, wo, front, scatter, beyond, aimed, lighting };
+            if branches == 1 {
+                if self.leave(raycaster, &mut path, &vertex, sampler) {
+                    continue;
                 }
-                Choice::Source(target) if target.triangle != found.triangle => {
-                    let direction = (target.point - point.point).normalize_or_zero();
-                    scatter.towards(wo, frame.to_local(direction), front)
-                }
-                Choice::Source(_) | Choice::Nothing => None,
-            };
-            let Some(sampled) = sampled else { break };
-            if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
-                inside = *beyond;
-            }
-            throughput *= sampled.weight;
-            eta2 *= sampled.eta2;
-            if scatterings >= ROULETTE_SCATTERINGS || depth >= ROULETTE_DEPTH {
-                // Radiance is greater inside glass: without eta2, paths would be ended for having gone in. What samples are aimed at is
-                // brighter too: the few that roulette left would be as bright as if none had been aimed.
-                let survival = (throughput.max_element() * eta2 * aimed_by).min(ROULETTE_CEILING);
-                sampler.turn(depth, Purpose::Roulette);
-                if sampler.one() >= survival {
-                    break;
-                }
-                throughput /= survival;
-            }
-            if throughput == Vec3::ZERO {
                 break;
             }
-            // Light sampling could not have found what a mirror shows.
-            arrived = match sampled.pdf.zip(lighting) {
-                Some((pdf, (seen, count))) => Arrived::Weighed(Left::new(pdf, seen, scatter, sampled.wi, count)),
-                None => Arrived::Alone,
-            };
-            direction = frame.to_world(sampled.wi);
-            // What touches a boundary was crossed with it.
-            let error = if crossing.is_some() { point.error * TOUCH } else { point.error };
-            let ray = Ray::new(spawn(point.point, error, point.normal, direction), direction);
-            hit = raycaster.nearest_from(&ray, found.triangle);
-            if let (Some(aimed), Some(pdf)) = (&aimed, sampled.pdf) {
-                let Some(found) = aimed.weight(raycaster, pdf, &choice, hit.as_ref()) else { break };
-                throughput *= found.weight;
-                if found.on_source {
-                    aimed_by /= found.weight;
+            let mut sum = Vec3::ZERO;
+            for branch in 0..branches {
+                let mut sampler = sampler.branch(branches, branch);
+                let mut path = path;
+                if self.leave(raycaster, &mut path, &vertex, &mut sampler) {
+                    sum += self.go_on(raycaster, path, ending, &mut sampler);
                 }
             }
+            radiance += sum / branches as f32;
+            break;
         }
         radiance
+    }
+
+    /// Adds a segment to a path; whether there is one.
+    #[inline]
+    fn leave(&self, raycaster: &Raycaster, path: &mut Path, vertex: &Leaving, sampler: &mut Sampler) -> bool {
+        let Leaving { point, error, ref frame, wo, front, scatter, beyond, aimed, lighting } = *vertex;
+        let depth = path.depth;
+        let choice = aimed.as_ref().map_or(Choice::Material, |aimed| {
+            sampler.turn(depth, Purpose::Aim);
+            aimed.choose(raycaster, sampler)
+        });
+        let sampled = match &choice {
+            Choice::Material => {
+                sampler.turn(depth, Purpose::Scatter);
+                scatter.sample(wo, front, sampler)
+            }
+            Choice::Source(target) if target.triangle != point.triangle => {
+                let direction = (target.point - point.point).normalize_or_zero();
+                scatter.towards(wo, frame.to_local(direction), front)
+            }
+            Choice::Source(_) | Choice::Nothing => None,
+        };
+        let Some(sampled) = sampled else { return false };
+        if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
+            path.inside = *beyond;
+        }
+        path.throughput *= sampled.weight;
+        path.eta2 *= sampled.eta2;
+        if path.scatterings >= ROULETTE_SCATTERINGS || depth >= ROULETTE_DEPTH {
+            // Radiance is greater inside glass: without eta2, paths would be ended for having gone in. What samples are aimed at is
+            // brighter too: the few that roulette left would be as bright as if none had been aimed.
+            let survival =
+                (ROULETTE_FACTOR * path.throughput.max_element() * path.eta2 * path.aimed_by).min(ROULETTE_CEILING);
+            sampler.turn(depth, Purpose::Roulette);
+            if sampler.one() >= survival {
+                return false;
+            }
+            path.throughput /= survival;
+        }
+        if path.throughput == Vec3::ZERO {
+            return false;
+        }
+        // Light sampling could not have found what a mirror shows.
+        path.arrived = match sampled.pdf.zip(lighting) {
+            Some((pdf, lit)) => Arrived::Weighed(lit.left(pdf, scatter, sampled.wi)),
+            None => Arrived::Alone,
+        };
+        path.direction = frame.to_world(sampled.wi);
+        let ray = Ray::new(spawn(point.point, error, point.normal, path.direction), path.direction);
+        path.hit = raycaster.nearest_from(&ray, point.triangle);
+        if let (Some(aimed), Some(pdf)) = (&aimed, sampled.pdf) {
+            let Some(found) = aimed.weight(raycaster, pdf, &choice, path.hit.as_ref()) else { return false };
+            path.throughput *= found.weight;
+            if found.on_source {
+                path.aimed_by /= found.weight;
+            }
+        }
+        path.depth += 1;
+        true
     }
 }
 

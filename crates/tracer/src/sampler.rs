@@ -10,7 +10,9 @@
 //! | [`Purpose::Roulette`] | whether the path goes on |
 //! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source, which one, and where on it |
 //!
-//! Always true: the numbers are a function of (seed, path, vertex, purpose, count) alone; a path that is cut off earlier
+//! Where a path forks, branch j of n goes on with the numbers of path n·path + j.
+//!
+//! Always true: the numbers are a function of (seed, path, branch, vertex, purpose, count) alone; a path that is cut off earlier
 //! has the same numbers up to there. Any aligned block of 2^k paths of one seed has one point in each of its 2^k
 //! strata of every pair, of whatever shape. The point of one path alone is uniform, and those of different
 //! seeds, vertices, purposes and counts are independent.
@@ -46,6 +48,14 @@ impl Sampler {
         let base = mix(seed ^ mix((path >> 32).wrapping_add(STEP)));
         let index = path as u32;
         Self { base, state: base, index, reversed: index.reverse_bits() }
+    }
+
+    /// The numbers of one of `count` branches of this path, for branches below `count`: those of path `count` times this one's number, and
+    /// on, so that branches of all paths are stratified together.
+    #[inline]
+    pub(crate) fn branch(&self, count: u32, branch: u32) -> Self {
+        let index = self.index.wrapping_mul(count).wrapping_add(branch);
+        Self { index, reversed: index.reverse_bits(), ..*self }
     }
 
     /// Turns to the numbers of a vertex and purpose.

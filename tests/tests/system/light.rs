@@ -136,3 +136,20 @@ fn a_fill_that_goes_on_uses_the_light_that_is_there() {
     // The same beams in the same box: new records are only for what is not covered yet.
     assert!(second - first < first / 2, "{first}, then {second}");
 }
+
+#[test]
+fn the_engine_is_the_one_that_the_scene_has_use_for_unless_one_is_named() {
+    let place = Place::new();
+    // Without the configuration, whose engine is named.
+    let engine = |file: &str, words: &[&str]| {
+        let fill = ["fill", "{}/cornell.obj", "--section", holo_tests::CORNELL_SMALL_SECTION, "--samples", "1k", "-o"];
+        place.run(&[&fill[..], &[file], words].concat()).ok();
+        let info = place.run(&["info", file, "--json"]).ok().whole_json();
+        info["settings"]["engine"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(engine("{}/all.holo", &[]), "Cached");
+    assert_eq!(engine("{}/direct.holo", &["--bounces", "0"]), "Path");
+    assert_eq!(engine("{}/paths.holo", &["--engine", "path"]), "Path");
+    // What goes on, goes on with its own.
+    assert_eq!(engine("{}/paths.holo", &[]), "Path");
+}

@@ -196,8 +196,11 @@ impl PointImage {
     }
 
     /// Takes samples in without making a picture: for renderers that give more of them than fit between two pictures.
+    ///
+    /// Points age by those that make a new point only: millions that are averaged into pixels must not drive the others out.
     pub fn insert(&mut self, samples: &[Sample]) {
-        self.update(samples, false, false);
+        let new_points = self.take_all(samples);
+        self.age(new_points, false, false);
         self.is_dirty |= !samples.is_empty();
     }
 

@@ -64,6 +64,8 @@ pub(super) struct Points {
     pub details: Vec<Details>,
     /// Where the next new point looks for a slot.
     cursor: usize,
+    /// New points since it was set to 0.
+    pub taken: usize,
     /// Age that is due but not a whole number.
     due: f64,
 }
@@ -80,6 +82,7 @@ impl Points {
             object: vec![0; capacity],
             details: vec![Details::default(); capacity],
             cursor: 0,
+            taken: 0,
             due: 0.0,
         }
     }

@@ -33,19 +33,32 @@ impl PointImage {
     /// The tag of a ray that a renderer traced for the current view of its own accord: from the eye (or from so near that it makes no
     /// difference) through this pixel, anywhere in it. Its sample then counts as one that was asked for. `None` outside the picture.
     pub fn pixel_tag(&self, column: u32, row: u32) -> Option<Tag> {
-        let (width, height) = self.planes.size;
-        if column as usize >= width || row as usize >= height {
-            return None;
-        }
-        let pixel = row * width as u32 + column;
-        // Since the last picture another point may have taken the slot.
-        let point = self.shown(pixel).filter(|&(slot, _)| self.is_in(slot, pixel));
+        let pixel = self.pixel(column, row)?;
+        let point = self.point_in(pixel);
         let purpose = match point {
             Some((_, flags)) if flags & FRESH != 0 => Purpose::Refine,
             Some(_) if self.params.stages.resampling => Purpose::Resample,
             _ => Purpose::Pixel,
         };
         Some(self.tag(pixel, purpose, point))
+    }
+
+    /// The tag of a sample that was seen from elsewhere and lies in this pixel, a stored one say: it is averaged with what the pixel has
+    /// of other views, of two surfaces the nearer is shown, and a sample of the current view is not touched. So ever so many of them take
+    /// one point a pixel. `None` outside the picture.
+    pub fn guess_tag(&self, column: u32, row: u32) -> Option<Tag> {
+        let pixel = self.pixel(column, row)?;
+        Some(self.tag(pixel, Purpose::Guess, None))
+    }
+
+    fn pixel(&self, column: u32, row: u32) -> Option<u32> {
+        let (width, height) = self.planes.size;
+        ((column as usize) < width && (row as usize) < height).then(|| row * width as u32 + column)
+    }
+
+    /// The point that lies in a pixel and that it shows, and its flags. Since the last picture another may have taken the slot.
+    pub(super) fn point_in(&self, pixel: u32) -> Option<(usize, u8)> {
+        self.shown(pixel).filter(|&(slot, _)| self.is_in(slot, pixel))
     }
 
     fn tag(&self, pixel: u32, purpose: Purpose, point: Option<(usize, u8)>) -> Tag {

@@ -29,6 +29,8 @@ pub(super) enum Purpose {
     /// A point like any other.
     #[default]
     Fill,
+    /// Seen from elsewhere in a pixel of the current view: shown until something better comes.
+    Guess,
     /// For a pixel of the current view without a point, anywhere in the pixel.
     Pixel,
     /// Through a point, to see whether it has changed.

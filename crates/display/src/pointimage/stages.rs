@@ -69,13 +69,24 @@ impl PointImage {
     }
 
     /// Ages the points by as much as `samples` are worth, if that is anything or they are to be looked through anyway; takes those in.
-    pub(super) fn update(&mut self, samples: &[Sample], moved: bool, is_hinted: bool) {
-        let increment = if self.params.stages.ageing { self.points.increment(samples.len()) } else { 0 };
+    fn update(&mut self, samples: &[Sample], moved: bool, is_hinted: bool) {
+        self.age(samples.len(), moved, is_hinted);
+        self.take_all(samples);
+    }
+
+    /// Ages the points by as much as `samples` new ones are worth.
+    pub(super) fn age(&mut self, samples: usize, moved: bool, is_hinted: bool) {
+        let increment = if self.params.stages.ageing { self.points.increment(samples) } else { 0 };
         if increment > 0 || moved || is_hinted {
             let lengths = parallel::bands(self.points.capacity(), 64, self.params.threads);
             let ages = Age::new(&mut self.points, increment, moved, &self.params).split(&lengths);
             parallel::for_each(ages, |kernel| self.isa.run(kernel));
         }
+    }
+
+    /// Takes samples in; says how many new points they made.
+    pub(super) fn take_all(&mut self, samples: &[Sample]) -> usize {
+        self.points.taken = 0;
         self.noise.take(samples, self.points.capacity());
         for samples in samples.chunks(AHEAD) {
             self.points.prefetch(samples.iter().map(|sample| sample.tag.slot));
@@ -85,6 +96,7 @@ impl PointImage {
                 }
             }
         }
+        self.points.taken
     }
 
     fn predict(&mut self, view: &View, wanted: usize, ended: &mut dyn FnMut(Stage)) {

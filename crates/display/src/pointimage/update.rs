@@ -50,14 +50,17 @@ impl PointImage {
             Purpose::Pixel if is_current => match self.fresh_point_of(tag.pixel) {
                 // Asked for twice before the first came.
                 Some(slot) => self.refine(slot, radiance),
-                None => {
-                    let slot = self.points.free_slot();
-                    self.put(slot, position, radiance, sample, true);
-                    let pixel = tag.pixel as usize;
-                    if let Some((shown, colour)) =
-                        self.planes.slot.get_mut(pixel).zip(self.planes.colour.get_mut(pixel))
-                    {
-                        (*shown, *colour) = (slot as u32, self.points.colour[slot]);
+                None => self.begin(position, radiance, sample, true),
+            },
+            Purpose::Guess if is_current => match self.point_in(tag.pixel).map(|(slot, _)| slot) {
+                None => self.begin(position, radiance, sample, false),
+                Some(slot) if self.points.is_of_view(slot) => {}
+                Some(slot) => {
+                    let (old, new) = self.distances(slot, position);
+                    if new < old * (1.0 - MOVED) {
+                        self.put(slot, position, radiance, sample, false);
+                    } else if new <= old * (1.0 + MOVED) {
+                        self.confirm(slot, position, radiance, sample, false);
                     }
                 }
             },
@@ -66,10 +69,33 @@ impl PointImage {
                 // What is not of this view must not push out what is: at rest the picture would never come to an end.
                 if !self.points.is_of_view(slot) {
                     self.put(slot, position, radiance, sample, false);
+                    self.points.taken += 1;
                 }
             }
         }
         true
+    }
+
+    /// The first point of a pixel.
+    fn begin(&mut self, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_fresh: bool) {
+        let slot = self.points.free_slot();
+        // What is not of this view must not push out what is.
+        if !is_fresh && self.points.is_of_view(slot) {
+            return;
+        }
+        self.put(slot, position, radiance, sample, is_fresh);
+        self.points.taken += 1;
+        let pixel = sample.tag.pixel as usize;
+        if let Some((shown, colour)) = self.planes.slot.get_mut(pixel).zip(self.planes.colour.get_mut(pixel)) {
+            (*shown, *colour) = (slot as u32, self.points.colour[slot]);
+        }
+    }
+
+    /// Distances from the eye, of a point and of another place.
+    fn distances(&self, slot: usize, position: [f32; 3]) -> (f64, f64) {
+        let eye = self.eye.to_array();
+        let distance = |p: [f32; 3]| (0..3).map(|axis| (f64::from(p[axis]) - eye[axis]).powi(2)).sum::<f64>().sqrt();
+        (distance(self.points.position.each_ref().map(|axis| axis[slot])), distance(position))
     }
 
     fn fresh_point_of(&self, pixel: u32) -> Option<usize> {
@@ -91,9 +117,7 @@ impl PointImage {
         }
         let allowed = self.params.change_threshold * largest + NOISE_DEVIATIONS * variance.max(0.0).sqrt();
         let changed = radiance.iter().zip(&reference).any(|(new, old)| (new - old).abs() > allowed);
-        let eye = self.eye.to_array();
-        let distance = |p: [f32; 3]| (0..3).map(|axis| (f64::from(p[axis]) - eye[axis]).powi(2)).sum::<f64>().sqrt();
-        let (old, new) = (distance(self.points.position.each_ref().map(|axis| axis[slot])), distance(position));
+        let (old, new) = self.distances(slot, position);
         changed || (new - old).abs() > MOVED * old
     }
 

@@ -5,12 +5,14 @@
 
 use super::surfaces::{Caster, Seen, Surfaces};
 use super::tiles::for_parts;
-use holo_raycast::MAX_TOGETHER;
-use holo_scene::Bsdf;
+use holo_raycast::{Hit, MAX_TOGETHER, Ray};
 
 /// Points of an edge pixel.
 const POINTS: usize = 8;
 const _: () = assert!(POINTS <= MAX_TOGETHER);
+
+/// Pixels of one piece of work.
+const PIECE: usize = 256;
 
 /// Places of the points: eight rooks, each in a column and a row of its own, well apart.
 const PLACES: [(f64, f64); POINTS] = [
@@ -24,96 +26,86 @@ const PLACES: [(f64, f64); POINTS] = [
     (0.9375, 0.0625),
 ];
 
-/// Replaces the colours of edge pixels by means over points. `shade` gives the colour of a surface seen with the light of a
-/// pixel (or of none near).
-pub(crate) fn smooth(
-    caster: &Caster,
-    surfaces: &Surfaces,
-    colours: &[[f32; 3]],
-    sky: [f32; 3],
-    shade: impl Fn(&Seen, Option<usize>) -> Option<[f32; 3]> + Sync,
-) -> Vec<[f32; 3]> {
-    let width = surfaces.size.0;
-    let mut smooth = colours.to_vec();
-    for_parts(&mut smooth, width, 4, |part, rows| {
-        for (offset, colour) in rows.iter_mut().enumerate() {
-            let pixel = part * 4 * width + offset;
-            if !surfaces.edges[pixel] {
-                continue;
-            }
-            if let Some(mean) = pixel_mean(caster, surfaces, pixel, colours, sky, &shade) {
-                *colour = mean;
-            }
-        }
-    });
-    smooth
+/// The pixels next to an edge, and what their points meet: found once for a view, since samples do not change it.
+pub(crate) struct EdgePoints {
+    pixels: Vec<u32>,
+    hits: Vec<[Option<Hit>; POINTS]>,
 }
 
-fn pixel_mean(
-    caster: &Caster,
-    surfaces: &Surfaces,
-    pixel: usize,
-    colours: &[[f32; 3]],
-    sky: [f32; 3],
-    shade: &impl Fn(&Seen, Option<usize>) -> Option<[f32; 3]>,
-) -> Option<[f32; 3]> {
-    let width = surfaces.size.0;
-    let (column, row) = (pixel % width, pixel / width);
-    let mut rays = [None; POINTS];
-    for (ray, (x, y)) in rays.iter_mut().zip(PLACES) {
-        *ray = caster.ray(column as f64 + x, row as f64 + y).map(|(ray, _)| ray);
+impl EdgePoints {
+    /// Casts the rays of all these pixels' points.
+    pub fn cast(caster: &Caster, edges: &[bool], width: usize) -> EdgePoints {
+        let pixels: Vec<u32> = (0..).zip(edges).filter(|(_, edge)| **edge).map(|(pixel, _)| pixel).collect();
+        let mut hits = vec![[None; POINTS]; pixels.len()];
+        for_parts(&mut hits, 1, PIECE, |part, hits| {
+            for (hits, &pixel) in hits.iter_mut().zip(&pixels[part * PIECE..]) {
+                caster.nearest_many(&rays(caster, width, pixel as usize), hits);
+            }
+        });
+        EdgePoints { pixels, hits }
     }
-    let nowhere = holo_raycast::Ray::new(glam::Vec3::ZERO, glam::Vec3::ZERO);
-    let rays = rays.map(|ray| ray.unwrap_or(nowhere));
-    let mut hits = [None; POINTS];
-    caster.nearest_many(&rays, &mut hits);
-    let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
-    for (ray, hit) in rays.iter().zip(hits) {
-        let colour = match hit {
-            None => Some(sky),
-            Some(hit) => {
-                let point = caster.first(ray, &hit);
-                let polished =
-                    matches!(caster.scene().material(hit.triangle).bsdf, Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. });
-                let like = alike(surfaces, pixel, &point, polished);
-                match like {
-                    Some(like) if polished => Some(colours[like]),
-                    like => shade(&point, like),
+
+    /// The pixels as means over their points. `point` gives the colour of what a ray in a pixel meets, if it is known.
+    pub fn smooth(
+        &self,
+        caster: &Caster,
+        width: usize,
+        point: impl Fn(usize, &Ray, Option<Hit>) -> Option<[f32; 3]> + Sync,
+    ) -> impl Iterator<Item = (usize, [f32; 3])> {
+        let mut means = vec![None; self.pixels.len()];
+        for_parts(&mut means, 1, PIECE, |part, means| {
+            let first = part * PIECE;
+            for (mean, at) in means.iter_mut().zip(first..) {
+                let pixel = self.pixels[at] as usize;
+                let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
+                for (ray, hit) in rays(caster, width, pixel).iter().zip(self.hits[at]) {
+                    if let Some(colour) = point(pixel, ray, hit) {
+                        sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
+                        count += 1.0;
+                    }
                 }
+                *mean = (count > 0.0).then(|| sum.map(|channel| channel / count));
             }
-        };
-        if let Some(colour) = colour {
-            sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
-            count += 1.0;
-        }
+        });
+        self.pixels.iter().zip(means).filter_map(|(&pixel, mean)| Some((pixel as usize, mean?)))
     }
-    (count > 0.0).then(|| sum.map(|channel| channel / count))
 }
 
-/// The pixel of the 3 × 3 around that sees the point's surface: the same triangle if there is one, else one that continues
-/// it. For mirrors and panes, any pixel that looks through one.
-fn alike(surfaces: &Surfaces, pixel: usize, point: &Seen, polished: bool) -> Option<usize> {
+/// The rays through a pixel's points.
+fn rays(caster: &Caster, width: usize, pixel: usize) -> [Ray; POINTS] {
+    let (column, row) = (pixel % width, pixel / width);
+    let nowhere = Ray::new(glam::Vec3::ZERO, glam::Vec3::ZERO);
+    PLACES.map(|(x, y)| caster.ray(column as f64 + x, row as f64 + y).map_or(nowhere, |(ray, _)| ray))
+}
+
+/// The pixel of the 3 × 3 around that sees the point's surface in the same image: the same triangle if there is one, else one
+/// that continues it.
+pub(crate) fn alike(surfaces: &Surfaces, pixel: usize, point: &Seen) -> Option<usize> {
+    let rank = |other: usize| {
+        let seen = &surfaces.seen[other];
+        if seen.side() == point.side() && seen.image == point.image && seen.through == point.through {
+            Some(0)
+        } else {
+            point.continues(seen, surfaces.pixel_width).then_some(1)
+        }
+    };
+    least(surfaces, pixel, rank)
+}
+
+/// A pixel of the 3 × 3 around that looks through a mirror or pane.
+pub(crate) fn polished(surfaces: &Surfaces, pixel: usize) -> Option<usize> {
+    least(surfaces, pixel, |other| surfaces.throughput.contains_key(&(other as u32)).then_some(0))
+}
+
+/// Of the 3 × 3 pixels around, the first of least rank, the one in the middle before others.
+fn least(surfaces: &Surfaces, pixel: usize, rank: impl Fn(usize) -> Option<u32>) -> Option<usize> {
     let (width, height) = surfaces.size;
     let (column, row) = (pixel % width, pixel / width);
     let mut best: Option<(u32, usize)> = None;
     for y in row.saturating_sub(1)..(row + 2).min(height) {
         for x in column.saturating_sub(1)..(column + 2).min(width) {
             let other = y * width + x;
-            let seen = &surfaces.seen[other];
-            let rank = if polished {
-                if !surfaces.throughput.contains_key(&(other as u32)) {
-                    continue;
-                }
-                1
-            } else if seen.through {
-                continue;
-            } else if seen.side() == point.side() {
-                0
-            } else if point.continues(seen, surfaces.pixel_width) {
-                1
-            } else {
-                continue;
-            };
+            let Some(rank) = rank(other) else { continue };
             let rank = rank * 2 + u32::from(other != pixel);
             if best.is_none_or(|(least, _)| rank < least) {
                 best = Some((rank, other));

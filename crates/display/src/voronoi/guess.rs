@@ -1,82 +1,175 @@
 //! Light of surfaces that have no sample near: that of the same side of the triangle elsewhere in the picture, else of others of the same
-//! material, turned the same way.
+//! material, turned the same way. Where records of indirect light are known, only the rest of the light is taken from there: the
+//! light straight from lamps and the sky.
 //!
-//! Invariant: sums are of integers, pixel by pixel, so that no order changes a bit.
+//! Invariant: sums are of integers, pixel by pixel, so that no order of samples changes a bit.
 
 use super::deposit::{Sums, luminance};
+use super::indirect::Indirect;
 use super::surfaces::{SKY, Seen, Surfaces};
 use glam::Vec3;
 use std::collections::HashMap;
+use std::hash::Hash;
+use std::sync::{Mutex, PoisonError};
 
 /// Steps of a normal's coordinates: those of one class are within about 40° of each other.
 const STEPS: f32 = 1.5;
 
+/// Pixels whose indirect light stands for a class's.
+const EXAMPLES: usize = 8;
+
 type Class = (u32, [i8; 3]);
+
+/// Surfaces that are taken to be lit alike.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Kin {
+    Side((u32, bool)),
+    Class(Class),
+    Material(u32),
+    All,
+}
 
 /// Mean light by classes of surfaces.
 pub(crate) struct Guesses {
-    sides: HashMap<(u32, bool), [f32; 3]>,
-    classes: HashMap<Class, [f32; 3]>,
-    materials: HashMap<u32, [f32; 3]>,
-    typical: Option<f32>,
+    kin: HashMap<Kin, Known>,
+    /// Mean indirect light of the examples, where it was asked for.
+    indirect: Mutex<HashMap<Kin, Option<[f32; 3]>>>,
+}
+
+struct Known {
+    light: [f32; 3],
+    examples: [u32; EXAMPLES],
+    count: usize,
 }
 
 #[derive(Clone, Copy, Default)]
 struct Total {
     light: [u128; 3],
     weight: u128,
+    /// The pixels of least [`rank`]: spread evenly over all.
+    examples: [u32; EXAMPLES],
+    count: usize,
 }
 
 impl Total {
-    fn add(&mut self, sums: &Sums) {
+    fn add(&mut self, sums: &Sums, pixel: u32) {
         for (total, sum) in self.light.iter_mut().zip(sums.light) {
             *total += u128::from(sum);
         }
         self.weight += u128::from(sums.weight);
+        self.add_example(pixel);
     }
 
-    fn mean(&self) -> [f32; 3] {
-        self.light.map(|sum| (sum as f64 / self.weight.max(1) as f64) as f32)
+    fn add_example(&mut self, pixel: u32) {
+        if self.count < EXAMPLES {
+            self.examples[self.count] = pixel;
+            self.count += 1;
+        } else if let Some(worst) = self.examples.iter_mut().max_by_key(|pixel| rank(**pixel))
+            && rank(pixel) < rank(*worst)
+        {
+            *worst = pixel;
+        }
     }
+
+    fn join(&mut self, other: &Total) {
+        for (total, sum) in self.light.iter_mut().zip(other.light) {
+            *total += sum;
+        }
+        self.weight += other.weight;
+        other.examples[..other.count].iter().for_each(|&pixel| self.add_example(pixel));
+    }
+
+    fn known(&self) -> Known {
+        let light = self.light.map(|sum| (sum as f64 / self.weight.max(1) as f64) as f32);
+        let Total { mut examples, count, .. } = *self;
+        examples[..count].sort_unstable();
+        Known { light, examples, count }
+    }
+}
+
+/// Pixels in an order that has nothing to do with where they are.
+fn rank(pixel: u32) -> u32 {
+    pixel.wrapping_mul(0x9E37_79B9).rotate_right(15).wrapping_mul(0x85EB_CA6B)
 }
 
 impl Guesses {
     pub fn new(surfaces: &Surfaces, sums: &[Sums]) -> Guesses {
-        let mut sides: HashMap<(u32, bool), Total> = HashMap::new();
-        let mut classes: HashMap<Class, Total> = HashMap::new();
-        let mut materials: HashMap<u32, Total> = HashMap::new();
-        let mut all = Total::default();
-        for (seen, sums) in surfaces.seen.iter().zip(sums) {
-            if seen.triangle != SKY && sums.weight > 0 {
-                sides.entry(seen.side()).or_default().add(sums);
-                classes.entry(class(seen)).or_default().add(sums);
-                materials.entry(seen.material).or_default().add(sums);
-                all.add(sums);
+        let mut sides: HashMap<(u32, bool, Class), Total> = HashMap::new();
+        // Neighbours mostly see the same: what a run of them adds up to is looked up once.
+        let mut run: Option<((u32, bool, Class), Vec3, Total)> = None;
+        let mut end = |run: Option<((u32, bool, Class), Vec3, Total)>| {
+            if let Some((key, _, total)) = run {
+                sides.entry(key).or_default().join(&total);
+            }
+        };
+        for (pixel, (seen, sums)) in (0_u32..).zip(surfaces.seen.iter().zip(sums)) {
+            if seen.triangle == SKY || sums.weight == 0 {
+                continue;
+            }
+            let same = |((triangle, front, class), normal, _): &((u32, bool, Class), Vec3, Total)| {
+                (*triangle, *front, class.0) == (seen.triangle, seen.front, seen.material) && *normal == seen.normal
+            };
+            match &mut run {
+                Some(run) if same(run) => run.2.add(sums, pixel),
+                _ => {
+                    let mut total = Total::default();
+                    total.add(sums, pixel);
+                    end(run.replace(((seen.triangle, seen.front, class(seen)), seen.normal, total)));
+                }
             }
         }
-        Guesses {
-            sides: sides.into_iter().map(|(side, total)| (side, total.mean())).collect(),
-            classes: classes.into_iter().map(|(class, total)| (class, total.mean())).collect(),
-            materials: materials.into_iter().map(|(material, total)| (material, total.mean())).collect(),
-            typical: (all.weight > 0).then(|| luminance(all.mean())),
+        end(run);
+        // Which examples are kept depends on their ranks alone, sums are of integers: the map's order changes nothing.
+        let mut kin: HashMap<Kin, Total> = HashMap::new();
+        for ((triangle, front, class), total) in sides {
+            for of in [Kin::Side((triangle, front)), Kin::Class(class), Kin::Material(class.0), Kin::All] {
+                kin.entry(of).or_default().join(&total);
+            }
+        }
+        let kin = kin.into_iter().map(|(kin, total)| (kin, total.known())).collect();
+        Guesses { kin, indirect: Mutex::default() }
+    }
+
+    /// Of the same side of the triangle, else of the same material and turned the same way, else of the same material. With
+    /// indirect light known there, the rest is of such surfaces, else of all.
+    pub fn alike(&self, seen: &Seen, surfaces: &Surfaces, indirect: Option<&Indirect>) -> Option<[f32; 3]> {
+        let kin = [Kin::Side(seen.side()), Kin::Class(class(seen)), Kin::Material(seen.material)];
+        let of = kin.into_iter().find(|kin| self.kin.contains_key(kin));
+        let there = indirect.and_then(|indirect| indirect.light(seen, surfaces));
+        let alike = of.and_then(|of| self.kin.get(&of)).map(|known| known.light);
+        let Some((there, indirect)) = there.zip(indirect) else { return alike };
+        match self.direct(of.unwrap_or(Kin::All), surfaces, indirect) {
+            Some(direct) => Some([0, 1, 2].map(|channel| there[channel] + direct[channel])),
+            None => alike.or(Some(there)),
         }
     }
 
-    /// Of the same side of the triangle, else of the same material and turned the same way, else of the same material.
-    pub fn alike(&self, seen: &Seen) -> Option<[f32; 3]> {
-        let side = self.sides.get(&seen.side());
-        let light = side.or_else(|| self.classes.get(&class(seen)));
-        light.or_else(|| self.materials.get(&seen.material)).copied()
+    /// What such surfaces have besides indirect light.
+    fn direct(&self, of: Kin, surfaces: &Surfaces, indirect: &Indirect) -> Option<[f32; 3]> {
+        let known = self.kin.get(&of)?;
+        let mut cache = self.indirect.lock().unwrap_or_else(PoisonError::into_inner);
+        let mean = cache.entry(of).or_insert_with(|| {
+            let lights = known.examples[..known.count].iter();
+            let lights = lights.filter_map(|&pixel| indirect.light(&surfaces.seen[pixel as usize], surfaces));
+            let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
+            for light in lights {
+                sum = [0, 1, 2].map(|channel| sum[channel] + light[channel]);
+                count += 1.0;
+            }
+            (count > 0.0).then(|| sum.map(|sum| sum / count))
+        });
+        let mean = (*mean)?;
+        Some([0, 1, 2].map(|channel| (known.light[channel] - mean[channel]).max(0.0)))
     }
 
     /// Whether there are samples of the very side of its triangle.
     pub fn knows(&self, seen: &Seen) -> bool {
-        self.sides.contains_key(&seen.side())
+        self.kin.contains_key(&Kin::Side(seen.side()))
     }
 
     /// Luminance of all light in the picture.
     pub fn typical(&self) -> Option<f32> {
-        self.typical
+        self.kin.get(&Kin::All).map(|known| luminance(known.light))
     }
 }
 

@@ -3,7 +3,11 @@
 //! Invariant: labels follow from what the pixels see alone, in the order of the pixels.
 
 use super::surfaces::{NO_LABEL, SKY, Seen};
+use super::tiles::for_parts;
 use std::collections::HashMap;
+
+/// Rows of one piece of work.
+const ROWS: usize = 16;
 
 /// A label for each pixel: neighbours that continue each other have the same, and so have parts of one side of a triangle that
 /// something in front keeps apart.
@@ -54,30 +58,19 @@ fn join(labels: &mut [u32], a: u32, b: u32) {
 
 /// Whether a pixel's label is not that of all 3 × 3 pixels around it.
 pub(crate) fn edges(labels: &[u32], width: usize) -> Vec<bool> {
-    let height = labels.len() / width.max(1);
     let mut edges = vec![false; labels.len()];
-    let mut differ = |a: usize, b: usize| {
-        if labels[a] != labels[b] {
-            edges[a] = true;
-            edges[b] = true;
-        }
-    };
-    for row in 0..height {
-        for column in 0..width {
-            let pixel = row * width + column;
-            if column > 0 {
-                differ(pixel, pixel - 1);
-            }
-            if row > 0 {
-                differ(pixel, pixel - width);
-                if column > 0 {
-                    differ(pixel, pixel - width - 1);
-                }
-                if column + 1 < width {
-                    differ(pixel, pixel - width + 1);
+    for_parts(&mut edges, width, ROWS, |part, lines| {
+        for (line, row) in lines.chunks_mut(width).zip(part * ROWS..) {
+            let rows = row.saturating_sub(1)..(row + 2).min(labels.len() / width);
+            for around in rows.map(|row| &labels[row * width..][..width]) {
+                let here = &labels[row * width..][..width];
+                for (column, (edge, label)) in line.iter_mut().zip(here).enumerate() {
+                    let left = around[column.saturating_sub(1)];
+                    let right = around[(column + 1).min(width - 1)];
+                    *edge |= left != *label || around[column] != *label || right != *label;
                 }
             }
         }
-    }
+    });
     edges
 }

@@ -12,8 +12,10 @@
 
 mod beams;
 mod deposit;
+mod drawing;
 mod edges;
 mod guess;
+mod indirect;
 mod labels;
 mod reconstruct;
 mod shade;
@@ -25,13 +27,15 @@ use crate::camera::Camera;
 use crate::candidates::is_covered;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use deposit::{Beam, Depositor, Sums};
-use guess::Guesses;
+use drawing::Drawing;
+use edges::EdgePoints;
+use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, Sample, Section};
 use shade::Shadings;
-use std::sync::Arc;
-use surfaces::{Caster, NO_IMAGE, SKY, Seen, Surfaces};
+use std::sync::{Arc, OnceLock};
+use surfaces::{Caster, SKY, Seen, Surfaces};
 use tiles::for_parts;
 
 /// A picture, and how much of it is a guess.
@@ -64,6 +68,9 @@ pub struct Voronoi {
     covered: Vec<bool>,
     samples: u64,
     paths: u16,
+    records: Option<Arc<Store>>,
+    /// Made with the first picture.
+    edge_points: OnceLock<EdgePoints>,
 }
 
 impl Voronoi {
@@ -87,7 +94,16 @@ impl Voronoi {
             covered,
             samples: 0,
             paths: 1,
+            records: None,
+            edge_points: OnceLock::new(),
         }
+    }
+
+    /// Takes indirect light from these records where there are no samples. Records of the samples' own settings: lengths
+    /// relative to the scene's origin.
+    #[must_use]
+    pub fn with_records(self, records: Arc<Store>) -> Self {
+        Self { records: Some(records), ..self }
     }
 
     /// The view shown.
@@ -131,41 +147,9 @@ impl Voronoi {
             unseen_pixels: 0,
             samples_used: self.samples,
         };
-        let drawn: Vec<Lit> = self.layers.iter().map(|layer| Lit::new(self, layer)).collect();
-        let mut guessed_pixels = 0;
-        for (number, lit) in drawn.iter().enumerate().take(POLISHED) {
-            for (pixel, colour) in frame.picture.pixels.iter_mut().enumerate() {
-                let seen = &lit.layer.surfaces.seen[pixel];
-                let Some(share) = lit.share(pixel, number > 0) else { continue };
-                if let Some(plain) = plainly(&drawn, pixel) {
-                    *colour = plain;
-                    continue;
-                }
-                let is_sky = seen.triangle == SKY;
-                frame.empty_pixels += u64::from(number == 0 && lit.layer.sums[pixel].weight == 0 && !is_sky);
-                let light = match drawn.first().filter(|_| seen.image == NO_IMAGE) {
-                    Some(main) => main.light(seen, main.directly(&self.camera, seen)),
-                    None => lit.light(seen, Some(pixel)),
-                };
-                if light.is_none() && !is_sky {
-                    if !self.covered[pixel] {
-                        continue;
-                    }
-                    guessed_pixels += 1;
-                }
-                let part = lit.colour(seen, light);
-                *colour = [0, 1, 2].map(|channel| colour[channel] + part[channel] * share[channel]);
-            }
-        }
-        if let Some(lit) = drawn.first() {
-            let caster = Caster::new(&self.raycaster, &self.view, &self.camera, self.size);
-            let point = |seen: &Seen, like: Option<usize>| {
-                let light = lit.light(seen, like)?;
-                Some(lit.colour(seen, Some(light)))
-            };
-            let (surfaces, colours) = (&lit.layer.surfaces, &frame.picture.pixels);
-            frame.picture.pixels = edges::smooth(&caster, surfaces, colours, self.shadings.sky, point);
-        }
+        let drawing = Drawing::new(self);
+        let guessed_pixels;
+        (frame.empty_pixels, guessed_pixels) = drawing.paint(&mut frame.picture.pixels);
         Drawn { frame, guessed_pixels }
     }
 }
@@ -184,80 +168,4 @@ fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Vec<bool> {
         }
     });
     covered
-}
-
-/// The layer of mirrors and panes themselves.
-const POLISHED: usize = 2;
-
-/// What samples of the mirror or pane itself show along the eye's ray, for a pixel that looks through one at something of
-/// which there is no sample: stored rays end at panes, so what stands behind all panes has none.
-fn plainly(drawn: &[Lit], pixel: usize) -> Option<[f32; 3]> {
-    let (main, polished) = drawn.first().zip(drawn.get(POLISHED))?;
-    let behind = &main.layer.surfaces.seen[pixel];
-    if !behind.through || behind.triangle == SKY || behind.image == NO_IMAGE || main.guesses.knows(behind) {
-        return None;
-    }
-    let seen = &polished.layer.surfaces.seen[pixel];
-    polished.light[pixel].map(|light| polished.colour(seen, Some(light)))
-}
-
-/// A layer whose light is known.
-struct Lit<'a> {
-    layer: &'a Layer,
-    shadings: &'a Shadings,
-    light: Vec<Option<[f32; 3]>>,
-    guesses: Guesses,
-}
-
-impl<'a> Lit<'a> {
-    fn new(voronoi: &'a Voronoi, layer: &'a Layer) -> Self {
-        let Layer { surfaces, sums } = layer;
-        Self {
-            layer,
-            shadings: &voronoi.shadings,
-            light: reconstruct::light(surfaces, sums, voronoi.paths),
-            guesses: Guesses::new(surfaces, sums),
-        }
-    }
-
-    /// Light on a surface: that of a pixel that sees it, else what is known of such surfaces.
-    fn light(&self, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
-        pixel.and_then(|pixel| self.light[pixel]).or_else(|| self.guesses.alike(seen))
-    }
-
-    /// The pixel that sees directly what is seen here in a mirror without samples of its own.
-    fn directly(&self, camera: &Camera, seen: &Seen) -> Option<usize> {
-        let surfaces = &self.layer.surfaces;
-        let (x, y) = camera.pixel(seen.position)?;
-        let (width, height) = surfaces.size;
-        let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
-        let pixel = inside.then(|| y as usize * width + x as usize)?;
-        let there = &surfaces.seen[pixel];
-        (there.triangle == seen.triangle && there.image == 0).then_some(pixel)
-    }
-
-    /// Radiance of a surface in this light; without any, as if the eye carried a lamp.
-    fn colour(&self, seen: &Seen, light: Option<[f32; 3]>) -> [f32; 3] {
-        if seen.triangle == SKY {
-            return self.shadings.sky;
-        }
-        let shading = &self.shadings.materials[seen.material as usize];
-        let unit = self.shadings.unit;
-        match light {
-            Some(light) => [0, 1, 2].map(|channel| light[channel] * unit * shading.scale[channel]),
-            None if shading.emits => shading.emission,
-            None => {
-                let towards = -seen.normal.dot(seen.position.normalize_or_zero());
-                let bright = self.guesses.typical().unwrap_or(unit.recip()) * unit;
-                shading.scale.map(|scale| scale * bright * (0.25 + 0.75 * towards.max(0.0)))
-            }
-        }
-    }
-
-    /// What of a pixel's light comes through the mirrors and panes before it; `None` if the layer has no such pixel.
-    fn share(&self, pixel: usize, is_sparse: bool) -> Option<[f32; 3]> {
-        let through = &self.layer.surfaces.throughput;
-        let listed = if through.is_empty() { None } else { through.get(&(pixel as u32)).copied() };
-        if is_sparse { listed } else { Some(listed.unwrap_or([1.0; 3])) }
-    }
 }

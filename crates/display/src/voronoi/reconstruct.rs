@@ -13,6 +13,8 @@ use super::deposit::{Sums, luminance};
 use super::shade::FULL_WEIGHT;
 use super::surfaces::{NO_LABEL, Surfaces};
 use super::tiles::for_parts;
+use bytemuck::Zeroable;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Tents tried: the widest has 2⁷ pixels on each side of its middle.
 const LEVELS: usize = 8;
@@ -58,7 +60,7 @@ impl Cell {
 }
 
 /// A mean's luminance, its samples and their variance.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Zeroable)]
 struct Mean {
     value: f32,
     samples: f32,
@@ -69,8 +71,7 @@ struct Mean {
 #[derive(Clone, Copy, Debug)]
 struct Choice {
     light: [f32; 3],
-    /// The means taken so far.
-    means: [Mean; LEVELS],
+    /// How many means have been taken so far.
     taken: usize,
     open: bool,
 }
@@ -88,7 +89,7 @@ pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16) -> Vec<Optio
     for (line, row) in labels.chunks_mut(width.max(1)).zip(rows.clone()) {
         line.copy_from_slice(&surfaces.labels[places(row)]);
     }
-    let one = (FULL_WEIGHT * u64::from(paths.max(1))) as f32;
+    let one = weight_of_one(paths);
     let mut cells: Vec<Cell> = vec![Cell::default(); labels.len()];
     for_parts(&mut cells, width, ROWS, |part, lines| {
         for (line, row) in lines.chunks_mut(width).zip(rows.start + part * ROWS..) {
@@ -108,19 +109,35 @@ pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16) -> Vec<Optio
     light
 }
 
+/// Weight in sums of one sample along the eye's ray.
+pub(crate) fn weight_of_one(paths: u16) -> f32 {
+    (FULL_WEIGHT * u64::from(paths.max(1))) as f32
+}
+
 /// The mean for every pixel, from the sums of each.
 fn choose(mut cells: Vec<Cell>, labels: &[u32], width: usize) -> Vec<Choice> {
-    let start = Choice { light: [0.0; 3], means: [Mean::default(); LEVELS], taken: 0, open: true };
+    let start = Choice { light: [0.0; 3], taken: 0, open: true };
     let mut choices = vec![start; cells.len()];
     let mut half = vec![Cell::default(); cells.len()];
+    // The means taken, by level within each part: where few levels are needed, most of this memory is never touched.
+    let mut means: Vec<Mean> = bytemuck::zeroed_vec(cells.len() * LEVELS);
+    let part = (ROWS * width).max(1);
     for level in 0..LEVELS {
-        for_parts(&mut choices, width, ROWS, |part, rows| {
-            let first = part * ROWS * width;
-            for (choice, cell) in rows.iter_mut().zip(&cells[first..]) {
-                choice.consider(cell, level);
+        let is_open = AtomicBool::new(false);
+        let mut parts: Vec<_> = choices.chunks_mut(part).zip(means.chunks_mut(part * LEVELS)).collect();
+        for_parts(&mut parts, 1, 1, |number, parts| {
+            for (choices, means) in parts {
+                let length = choices.len();
+                let (cells, labels) = (&cells[number * part..][..length], &labels[number * part..][..length]);
+                let mut open = false;
+                for (offset, (choice, cell)) in choices.iter_mut().zip(cells).enumerate() {
+                    choice.consider(cell, level, means, offset, length);
+                    open |= choice.open && labels[offset] != NO_LABEL;
+                }
+                is_open.fetch_or(open, Ordering::Relaxed);
             }
         });
-        if level + 1 == LEVELS {
+        if level + 1 == LEVELS || !is_open.into_inner() {
             break;
         }
         let step = 1 << level;
@@ -174,8 +191,8 @@ fn down(from: &[Cell], labels: &[u32], width: usize, step: usize, top: usize, ro
 }
 
 impl Choice {
-    /// Takes the next wider mean if it may be had.
-    fn consider(&mut self, cell: &Cell, level: usize) {
+    /// Takes the next wider mean if it may be had. The pixel's means are at `offset` and then every `stride`.
+    fn consider(&mut self, cell: &Cell, level: usize, means: &mut [Mean], offset: usize, stride: usize) {
         if !self.open || cell.weight <= 0.0 {
             return;
         }
@@ -186,7 +203,7 @@ impl Choice {
             // The variance of the widest mean judges all: narrow ones, of few samples, would think that they agree. An edge
             // within it makes it too large, by so much that two samples on one side still tell. A narrow mean with a rare
             // bright sample knows best how little it knows.
-            for narrower in &self.means[..self.taken] {
+            for narrower in means[offset..].iter().step_by(stride).take(self.taken) {
                 let error = (mean.variance.max(narrower.variance) / narrower.samples).sqrt();
                 if error <= ENOUGH * narrower.value || (mean.value - narrower.value).abs() > CONFIDENCE * error {
                     self.open = false;
@@ -195,7 +212,7 @@ impl Choice {
             }
         }
         self.light = cell.mean();
-        self.means[self.taken] = mean;
+        means[offset + self.taken * stride] = mean;
         self.taken += 1;
     }
 }

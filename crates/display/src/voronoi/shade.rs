@@ -5,6 +5,7 @@
 //!
 //! Invariant: what is divided by is what is multiplied by, and never near 0.
 
+use super::surfaces::SMOOTH_METAL;
 use holo_scene::{Bsdf, Material, Rgb, Scene};
 
 /// Albedos below this are taken as this: a black surface shows nothing of the light on it.
@@ -23,6 +24,12 @@ pub(crate) struct Shading {
     /// Radiance that the surface emits towards the eye on its front: shown where there are no samples.
     pub emission: Rgb,
     pub emits: bool,
+    /// Lit the same from everywhere, and not a lamp.
+    pub is_diffuse: bool,
+    /// Mean albedo over what `scale` takes it to be: 1 unless it is nearly black.
+    pub albedo_share: f32,
+    /// A smooth metal: nearly a mirror.
+    pub reflects: bool,
 }
 
 impl Shading {
@@ -37,7 +44,21 @@ impl Shading {
             Bsdf::Dielectric { alpha, .. } => alike(0.02 + 0.2 * alpha),
             Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. } => alike(0.02),
         };
-        Shading { scale, spread, emission: material.emission, emits: material.emits() }
+        let is_smooth = matches!(material.bsdf, Bsdf::Conductor { alpha, .. } if alpha <= SMOOTH_METAL);
+        let is_diffuse = matches!(material.bsdf, Bsdf::Diffuse { .. }) && !material.emits();
+        let albedo_share = match material.bsdf {
+            Bsdf::Diffuse { kd } if is_diffuse => (kd.iter().sum::<f32>() / scale.iter().sum::<f32>()).min(1.0),
+            _ => 1.0,
+        };
+        Shading {
+            is_diffuse,
+            albedo_share,
+            scale,
+            spread,
+            emission: material.emission,
+            emits: material.emits(),
+            reflects: is_smooth && !material.emits(),
+        }
     }
 
     /// Weight of a sample that looks along `direction` (any length) where the eye looks along `eye`.
@@ -73,5 +94,10 @@ impl Shadings {
         // A power of two: it scales without rounding.
         let unit = if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { STEPS.recip() };
         Shadings { materials: scene.materials.iter().map(Shading::new).collect(), sky: scene.sky, unit }
+    }
+
+    /// Whether a material is a smooth metal.
+    pub fn reflects(&self, material: u32) -> bool {
+        self.materials.get(material as usize).is_some_and(|shading| shading.reflects)
     }
 }

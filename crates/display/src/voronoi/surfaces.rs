@@ -32,6 +32,9 @@ const MAX_IMAGES: usize = 12;
 /// image. What smaller ones show has the light of where else it is seen.
 const LEAST_MIRROR: u32 = 400;
 
+/// Metals of at most this roughness look nearly like mirrors: their highlights are some degrees wide.
+pub(crate) const SMOOTH_METAL: f32 = 0.05;
+
 /// Image of what small or curved mirrors show: [`Seen::position`] is then where it is, not where it is seen.
 pub(crate) const NO_IMAGE: u8 = u8::MAX;
 
@@ -63,7 +66,7 @@ pub(crate) struct Seen {
 }
 
 impl Seen {
-    const NOTHING: Seen = Seen {
+    pub const NOTHING: Seen = Seen {
         position: Vec3::ZERO,
         normal: Vec3::ZERO,
         triangle: SKY,
@@ -198,6 +201,11 @@ impl<'a> Caster<'a> {
         self.scene().material_ids[triangle as usize]
     }
 
+    /// Whether a triangle is of a mirror or pane.
+    pub fn is_polished(&self, triangle: u32) -> bool {
+        matches!(self.scene().material(triangle).bsdf, Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. })
+    }
+
     /// Normal of a triangle, camera coordinates, either side.
     pub fn normal(&self, triangle: u32) -> Vec3 {
         self.vector(self.raycaster.geometric_normal(triangle))
@@ -220,6 +228,24 @@ impl<'a> Caster<'a> {
         self.camera.to_camera(local.as_dvec3() + self.raycaster.scene().origin - self.camera.eye).as_vec3()
     }
 
+    /// A point that the camera has, in the scene's coordinates relative to its origin.
+    pub fn place(&self, point: Vec3) -> Vec3 {
+        (self.turned_back(point.as_dvec3()) + self.camera.eye - self.scene().origin).as_vec3()
+    }
+
+    /// A direction that the camera has, in the scene's coordinates.
+    pub fn towards(&self, direction: Vec3) -> Vec3 {
+        self.turned_back(direction.as_dvec3()).as_vec3()
+    }
+
+    fn turned_back(&self, v: DVec3) -> DVec3 {
+        self.camera.right * v.x + self.camera.up * v.y + self.camera.forward * v.z
+    }
+
+    pub fn raycaster(&self) -> &'a Raycaster {
+        self.raycaster
+    }
+
     /// What a hit of a view ray is, whatever its material.
     pub fn first(&self, ray: &Ray, hit: &Hit) -> Seen {
         let scene = self.raycaster.scene();
@@ -238,20 +264,20 @@ impl<'a> Caster<'a> {
     }
 
     /// Follows a ray from a mirror or pane to the first surface that is neither, and what of its light comes back: through
-    /// all panes, or off the first one and then through the others if `off_pane`.
+    /// all panes, or off the first one and then through the others if `off_pane`. `number` numbers an image, seen in these
+    /// triangles of mirrors from so far, if it has one.
     ///
     /// `None` if there are too many of them, or no pane to come off.
-    fn follow(
+    pub fn follow(
         &self,
         mut ray: Ray,
         mut hit: Hit,
-        images: &mut Vec<Image>,
         mut off_pane: bool,
-        is_large: impl Fn(u32) -> bool,
+        number: impl FnOnce(&Image, &[u32], f32) -> Option<usize>,
     ) -> Option<(Seen, Rgb)> {
         let scene = self.raycaster.scene();
         let mut image = Image::ITSELF;
-        let mut has_image = true;
+        let mut mirrors = Vec::new();
         let mut share = [1.0_f32; 3];
         for _ in 0..MAX_CHAIN {
             let material = scene.material(hit.triangle);
@@ -261,7 +287,7 @@ impl<'a> Caster<'a> {
             let (colour, onward) = match material.bsdf {
                 Bsdf::Mirror { ks } => {
                     image = image.mirrored(self.point(at), self.vector(normal));
-                    has_image &= is_large(hit.triangle);
+                    mirrors.push(hit.triangle);
                     (ks, mirrored)
                 }
                 Bsdf::ThinGlass { ior, .. } if off_pane => {
@@ -276,14 +302,8 @@ impl<'a> Caster<'a> {
                 _ if off_pane => return None,
                 _ => {
                     let seen = self.first(&ray, &hit);
-                    let known = images.iter().position(|known| known.is_like(&image, seen.position.length()));
-                    let number = match known {
-                        Some(number) => number,
-                        None if has_image && images.len() < MAX_IMAGES => {
-                            images.push(image);
-                            images.len() - 1
-                        }
-                        None => return Some((Seen { image: NO_IMAGE, through: true, ..seen }, share)),
+                    let Some(number) = number(&image, &mirrors, seen.position.length()) else {
+                        return Some((Seen { image: NO_IMAGE, through: true, ..seen }, share));
                     };
                     let (position, normal) = (image.point(seen.position), image.direction(seen.normal));
                     return Some((Seen { position, normal, image: number as u8, through: true, ..seen }, share));
@@ -298,6 +318,38 @@ impl<'a> Caster<'a> {
             }
         }
         None
+    }
+
+    /// What a smooth metal that a ray meets shows, followed through mirrors, panes and other such metals, and how much of it.
+    /// Its place is where it is.
+    pub fn glance(&self, mut ray: Ray, mut hit: Hit) -> Option<(Seen, Rgb)> {
+        let mut share = [1.0_f32; 3];
+        for _ in 0..MAX_CHAIN {
+            let normal = self.raycaster.geometric_normal(hit.triangle);
+            let mirrored = ray.direction - 2.0 * ray.direction.dot(normal) * normal;
+            let (colour, onward) = match self.scene().material(hit.triangle).bsdf {
+                Bsdf::Mirror { ks } => (ks, mirrored),
+                Bsdf::Conductor { ks, alpha } if alpha <= SMOOTH_METAL => (ks, mirrored),
+                Bsdf::ThinGlass { ior, transmittance } => {
+                    let passes = 1.0 - pane_reflectance(ray.direction.dot(normal).abs(), ior);
+                    (transmittance.map(|t| t * passes), ray.direction)
+                }
+                _ => return Some((Seen { image: NO_IMAGE, through: true, ..self.first(&ray, &hit) }, share)),
+            };
+            share = [0, 1, 2].map(|channel| share[channel] * colour[channel]);
+            let (at, error) = self.raycaster.surface_point(&hit);
+            ray = Ray::new(holo_raycast::spawn(at, error, normal, onward), onward);
+            match self.raycaster.nearest_from(&ray, hit.triangle) {
+                Some(next) => hit = next,
+                None => return Some((Seen { through: true, ..Seen::NOTHING }, share)),
+            }
+        }
+        None
+    }
+
+    /// The nearest hit of a ray.
+    pub fn nearest(&self, ray: &Ray) -> Option<Hit> {
+        self.raycaster.nearest(ray)
     }
 
     /// What every pixel's middle sees. If there are mirrors or panes in the picture, then what is seen in panes besides what
@@ -328,10 +380,20 @@ impl<'a> Caster<'a> {
         }
         let is_large = |triangle| looking_into.get(&triangle).is_some_and(|&pixels| pixels >= LEAST_MIRROR);
         for (pixel, ray, hit) in special {
-            let Some((behind, share)) = self.follow(ray, hit, &mut images, false, is_large) else { continue };
+            let numbered = |images: &mut Vec<Image>, image: &Image, mirrors: &[u32], reach: f32| {
+                let known = number_of(images, image, reach);
+                if known.is_none() && images.len() < MAX_IMAGES && mirrors.iter().all(|&mirror| is_large(mirror)) {
+                    images.push(*image);
+                    return Some(images.len() - 1);
+                }
+                known
+            };
+            let main = |image: &Image, mirrors: &[u32], reach: f32| numbered(&mut images, image, mirrors, reach);
+            let Some((behind, share)) = self.follow(ray, hit, false, main) else { continue };
             polished[pixel] = std::mem::replace(&mut seen[pixel], behind);
             throughput.insert(pixel as u32, share);
-            if let Some((reflected, share)) = self.follow(ray, hit, &mut pane_images, true, is_large) {
+            let panes = |image: &Image, mirrors: &[u32], reach: f32| numbered(&mut pane_images, image, mirrors, reach);
+            if let Some((reflected, share)) = self.follow(ray, hit, true, panes) {
                 in_panes[pixel] = reflected;
                 pane_throughput.insert(pixel as u32, share);
             }
@@ -371,10 +433,7 @@ impl<'a> Caster<'a> {
             for slot in 0..used {
                 let (x, y) = place(slot);
                 let Some(hit) = hits[slot] else { continue };
-                let special = matches!(
-                    self.raycaster.scene().material(hit.triangle).bsdf,
-                    Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. }
-                );
+                let special = self.is_polished(hit.triangle);
                 let pixel = y * width + left + x;
                 rows[pixel] = self.first(&rays[slot], &hit);
                 if special {
@@ -387,12 +446,17 @@ impl<'a> Caster<'a> {
 
     /// The scene's triangle at a point that the camera has, looking along `direction`, within `reach` on either side.
     pub fn triangle_at(&self, point: DVec3, direction: DVec3, reach: f64) -> Option<u32> {
-        let turn = |v: DVec3| self.camera.right * v.x + self.camera.up * v.y + self.camera.forward * v.z;
-        let (at, along) = (turn(point) + self.camera.eye - self.raycaster.scene().origin, turn(direction));
+        let at = self.turned_back(point) + self.camera.eye - self.scene().origin;
+        let along = self.turned_back(direction);
         let start = (at - along * reach).as_vec3();
         let ray = Ray { t_max: 2.0 * reach as f32, ..Ray::new(start, along.as_vec3()) };
         self.raycaster.nearest(&ray).map(|hit| hit.triangle)
     }
+}
+
+/// The number of an image, if it is among these.
+pub(crate) fn number_of(images: &[Image], image: &Image, reach: f32) -> Option<usize> {
+    images.iter().position(|known| known.is_like(image, reach))
 }
 
 /// Where the images that are seen at all are seen.

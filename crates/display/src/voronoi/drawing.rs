@@ -1,0 +1,354 @@
+//! Colours of pixels and of points at edges: light on what is seen, times its material, times what comes through mirrors and
+//! panes before it.
+//!
+//! Invariant: a colour is a function of the samples' sums and the scene alone.
+
+use super::edges::{EdgePoints, alike, polished};
+use super::guess::Guesses;
+use super::indirect::Indirect;
+use super::reconstruct;
+use super::shade::Shadings;
+use super::surfaces::{Caster, Image, NO_IMAGE, SKY, Seen, Surfaces, number_of};
+use super::tiles::for_parts;
+use super::{Layer, Voronoi};
+use holo_raycast::{Hit, Ray};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// The layer of what is seen in panes, besides what is seen through them.
+const IN_PANES: usize = 1;
+
+/// The layer of mirrors and panes themselves.
+const POLISHED: usize = 2;
+
+/// Samples along the eye's ray that what a metal reflects by geometry counts for.
+const REFLECTION_COUNTS: f32 = 4.0;
+
+/// Pixels to the right and down at which a surface is looked for that something before it may hide, nearest first.
+const AROUND: [(f32, f32); 57] = [
+    (0.0, 0.0),
+    (1.0, 0.0),
+    (-1.0, 0.0),
+    (0.0, 1.0),
+    (0.0, -1.0),
+    (0.7, 0.7),
+    (-0.7, 0.7),
+    (0.7, -0.7),
+    (-0.7, -0.7),
+    (2.0, 0.0),
+    (-2.0, 0.0),
+    (0.0, 2.0),
+    (0.0, -2.0),
+    (1.4, 1.4),
+    (-1.4, 1.4),
+    (1.4, -1.4),
+    (-1.4, -1.4),
+    (4.0, 0.0),
+    (-4.0, 0.0),
+    (0.0, 4.0),
+    (0.0, -4.0),
+    (2.8, 2.8),
+    (-2.8, 2.8),
+    (2.8, -2.8),
+    (-2.8, -2.8),
+    (8.0, 0.0),
+    (-8.0, 0.0),
+    (0.0, 8.0),
+    (0.0, -8.0),
+    (5.7, 5.7),
+    (-5.7, 5.7),
+    (5.7, -5.7),
+    (-5.7, -5.7),
+    (16.0, 0.0),
+    (-16.0, 0.0),
+    (0.0, 16.0),
+    (0.0, -16.0),
+    (11.3, 11.3),
+    (-11.3, 11.3),
+    (11.3, -11.3),
+    (-11.3, -11.3),
+    (32.0, 0.0),
+    (-32.0, 0.0),
+    (0.0, 32.0),
+    (0.0, -32.0),
+    (22.6, 22.6),
+    (-22.6, 22.6),
+    (22.6, -22.6),
+    (-22.6, -22.6),
+    (64.0, 0.0),
+    (-64.0, 0.0),
+    (0.0, 64.0),
+    (0.0, -64.0),
+    (45.3, 45.3),
+    (-45.3, 45.3),
+    (45.3, -45.3),
+    (-45.3, -45.3),
+];
+
+/// A view's layers with their light.
+pub(crate) struct Drawing<'a> {
+    voronoi: &'a Voronoi,
+    caster: Caster<'a>,
+    layers: Vec<Lit<'a>>,
+}
+
+/// A layer whose light is known.
+struct Lit<'a> {
+    layer: &'a Layer,
+    shadings: &'a Shadings,
+    light: Vec<Option<[f32; 3]>>,
+    guesses: Guesses,
+}
+
+/// What a pixel's middle shows.
+struct Middle {
+    colour: [f32; 3],
+    is_guess: bool,
+}
+
+impl<'a> Drawing<'a> {
+    /// Reconstructs the light of all layers.
+    pub fn new(voronoi: &'a Voronoi) -> Self {
+        let caster = Caster::new(&voronoi.raycaster, &voronoi.view, &voronoi.camera, voronoi.size);
+        let mut drawing =
+            Self { voronoi, caster, layers: voronoi.layers.iter().map(|layer| Lit::new(voronoi, layer)).collect() };
+        drawing.reflect();
+        drawing
+    }
+
+    /// Fills in the picture; gives how many pixels have no samples of their own, and of how many nothing at all is known.
+    pub fn paint(&self, pixels: &mut [[f32; 3]]) -> (u64, u64) {
+        let Some(main) = self.layers.first() else { return (0, 0) };
+        let (width, _) = main.layer.surfaces.size;
+        let (empty, guessed) = (AtomicU64::new(0), AtomicU64::new(0));
+        for_parts(pixels, width, 4, |part, rows| {
+            let (mut without, mut guesses) = (0, 0);
+            for (colour, pixel) in rows.iter_mut().zip(part * 4 * width..) {
+                let middle = self.middle(pixel);
+                without +=
+                    u64::from(main.layer.sums[pixel].weight == 0 && main.layer.surfaces.seen[pixel].triangle != SKY);
+                guesses += u64::from(middle.is_guess);
+                *colour = middle.colour;
+            }
+            empty.fetch_add(without, Ordering::Relaxed);
+            guessed.fetch_add(guesses, Ordering::Relaxed);
+        });
+        let points = self.voronoi.edge_points.get_or_init(|| {
+            let mut edges = main.layer.surfaces.edges.clone();
+            if let Some(panes) = self.layers.get(IN_PANES) {
+                edges.iter_mut().zip(&panes.layer.surfaces.edges).for_each(|(edge, other)| *edge |= other);
+            }
+            EdgePoints::cast(&self.caster, &edges, width)
+        });
+        let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit, pixels);
+        let means: Vec<_> = points.smooth(&self.caster, width, point).collect();
+        means.into_iter().for_each(|(pixel, colour)| pixels[pixel] = colour);
+        (empty.into_inner(), guessed.into_inner())
+    }
+
+    fn middle(&self, pixel: usize) -> Middle {
+        if let Some(colour) = self.plainly(pixel) {
+            return Middle { colour, is_guess: false };
+        }
+        let mut middle = Middle { colour: [0.0; 3], is_guess: false };
+        for (number, lit) in self.layers.iter().enumerate().take(POLISHED) {
+            let seen = &lit.layer.surfaces.seen[pixel];
+            let Some(share) = lit.share(pixel, number > 0) else { continue };
+            let light = self.light(number, seen, Some(pixel));
+            if light.is_none() && !lit.is_certain(seen) {
+                if !self.voronoi.covered[pixel] {
+                    continue;
+                }
+                middle.is_guess = true;
+            }
+            middle.colour = plus(middle.colour, share, lit.colour(seen, light));
+        }
+        middle
+    }
+
+    /// The colour of what a ray next to an edge meets; `None` if nothing is known of it. `pixels` are the middles' colours.
+    fn point(&self, pixel: usize, ray: &Ray, hit: Option<Hit>, pixels: &[[f32; 3]]) -> Option<[f32; 3]> {
+        let main = self.layers.first()?;
+        let Some(hit) = hit else { return Some(self.voronoi.shadings.sky) };
+        if self.caster.is_polished(hit.triangle) {
+            // Where only the pane itself has samples, a neighbour's are as good.
+            let near = || polished(&main.layer.surfaces, pixel).map(|near| pixels[near]);
+            return self.through(pixel, ray, &hit).or_else(near);
+        }
+        let seen = self.caster.first(ray, &hit);
+        let light = self.lit(main, &seen, alike(&main.layer.surfaces, pixel, &seen));
+        (light.is_some() || main.is_certain(&seen)).then(|| main.colour(&seen, light))
+    }
+
+    /// The colour of what a ray meets behind mirrors and panes and in panes.
+    fn through(&self, pixel: usize, ray: &Ray, hit: &Hit) -> Option<[f32; 3]> {
+        let mut colour = [0.0; 3];
+        for (number, lit) in self.layers.iter().enumerate().take(POLISHED) {
+            let surfaces = &lit.layer.surfaces;
+            let known = |image: &Image, _: &[u32], reach: f32| number_of(&surfaces.images, image, reach);
+            let Some((seen, share)) = self.caster.follow(*ray, *hit, number == IN_PANES, known) else {
+                if number == IN_PANES {
+                    continue;
+                }
+                return None;
+            };
+            if number == 0 && lit.is_unknown(&seen) {
+                return None;
+            }
+            let light = self.light(number, &seen, alike(surfaces, pixel, &seen));
+            if light.is_none() && !lit.is_certain(&seen) {
+                return None;
+            }
+            colour = plus(colour, share, lit.colour(&seen, light));
+        }
+        Some(colour)
+    }
+
+    /// Light on what is seen in a layer, by a pixel that sees it.
+    fn light(&self, layer: usize, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
+        match self.layers.first().filter(|_| seen.image == NO_IMAGE) {
+            Some(main) => self.lit(main, seen, self.directly(seen)),
+            None => self.lit(self.layers.get(layer)?, seen, pixel),
+        }
+    }
+
+    /// Light on a surface: that of a pixel that sees it, else what is known of such surfaces.
+    fn lit(&self, lit: &Lit, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
+        let voronoi = self.voronoi;
+        pixel.and_then(|pixel| lit.light[pixel]).or_else(|| {
+            let store = voronoi.records.as_deref().filter(|store| !store.is_empty());
+            let indirect = store.map(|store| Indirect { store, caster: &self.caster, shadings: &voronoi.shadings });
+            lit.guesses.alike(seen, &lit.layer.surfaces, indirect.as_ref())
+        })
+    }
+
+    /// The pixel that sees directly what is seen in a mirror without samples of its own, or the nearest around that sees the
+    /// same side of its triangle: the mirror itself often hides it.
+    fn directly(&self, seen: &Seen) -> Option<usize> {
+        let main = self.layers.first()?;
+        let surfaces = &main.layer.surfaces;
+        let (x, y) = self.voronoi.camera.pixel(seen.position)?;
+        let (width, height) = surfaces.size;
+        AROUND.iter().find_map(|&(right, down)| {
+            let (x, y) = (x + right, y + down);
+            let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+            let pixel = inside.then(|| y as usize * width + x as usize)?;
+            let there = &surfaces.seen[pixel];
+            let is_it = there.triangle == seen.triangle && there.image == 0 && !there.through;
+            (is_it && main.light[pixel].is_some()).then_some(pixel)
+        })
+    }
+
+    /// What samples of the mirror or pane itself show along the eye's ray, for a pixel that looks through one at something of
+    /// which there is no sample: stored rays end at panes, so what stands behind all panes has none.
+    fn plainly(&self, pixel: usize) -> Option<[f32; 3]> {
+        let (main, polished) = self.layers.first().zip(self.layers.get(POLISHED))?;
+        if !main.is_unknown(&main.layer.surfaces.seen[pixel]) {
+            return None;
+        }
+        let seen = &polished.layer.surfaces.seen[pixel];
+        polished.light[pixel].map(|light| polished.colour(seen, Some(light)))
+    }
+
+    /// Smooth metals: few samples look along the eye's ray, but what is reflected is mostly seen elsewhere, so it counts as some
+    /// samples of the pixel.
+    fn reflect(&mut self) {
+        let Some(main) = self.layers.first() else { return };
+        let surfaces = &main.layer.surfaces;
+        let (width, _) = surfaces.size;
+        let metals =
+            |seen: &Seen| !seen.through && seen.triangle != SKY && self.voronoi.shadings.reflects(seen.material);
+        let mut metals: Vec<(usize, Option<[f32; 3]>)> =
+            surfaces.seen.iter().enumerate().filter(|(_, seen)| metals(seen)).map(|(pixel, _)| (pixel, None)).collect();
+        for_parts(&mut metals, 1, 64, |_, metals| {
+            for (pixel, light) in metals {
+                let (column, row) = (*pixel % width, *pixel / width);
+                let reflected = self.reflection(column as f64 + 0.5, row as f64 + 0.5);
+                *light = reflected.map(|colour| {
+                    let sums = &main.layer.sums[*pixel];
+                    let one = main.one(self.voronoi.paths);
+                    let weight = sums.weight as f32 / one + REFLECTION_COUNTS;
+                    let steps = self.voronoi.shadings.unit.recip();
+                    [0, 1, 2].map(|channel| {
+                        (sums.light[channel] as f32 / one + REFLECTION_COUNTS * colour[channel] * steps) / weight
+                    })
+                });
+            }
+        });
+        let Some(main) = self.layers.first_mut() else { return };
+        for (pixel, light) in metals {
+            main.light[pixel] = light.or(main.light[pixel]);
+        }
+    }
+
+    /// Radiance that a smooth metal at a point of the picture reflects, if what is reflected is known.
+    fn reflection(&self, column: f64, row: f64) -> Option<[f32; 3]> {
+        let main = self.layers.first()?;
+        let (ray, _) = self.caster.ray(column, row)?;
+        let (seen, share) = self.caster.glance(ray, self.caster.nearest(&ray)?)?;
+        let light = self.lit(main, &seen, self.directly(&seen));
+        if light.is_none() && !main.is_certain(&seen) {
+            return None;
+        }
+        Some(plus([0.0; 3], share, main.colour(&seen, light)))
+    }
+}
+
+fn plus(sum: [f32; 3], share: [f32; 3], part: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|channel| sum[channel] + part[channel] * share[channel])
+}
+
+impl<'a> Lit<'a> {
+    fn new(voronoi: &'a Voronoi, layer: &'a Layer) -> Self {
+        let Layer { surfaces, sums } = layer;
+        Self {
+            layer,
+            shadings: &voronoi.shadings,
+            light: reconstruct::light(surfaces, sums, voronoi.paths),
+            guesses: Guesses::new(surfaces, sums),
+        }
+    }
+
+    /// Weight of one sample along the eye's ray.
+    fn one(&self, paths: u16) -> f32 {
+        reconstruct::weight_of_one(paths)
+    }
+
+    /// Whether something is seen through a mirror or pane that ought to have samples and has none.
+    fn is_unknown(&self, behind: &Seen) -> bool {
+        behind.through && behind.triangle != SKY && behind.image != NO_IMAGE && !self.guesses.knows(behind)
+    }
+
+    /// Whether its colour is known without samples: the sky's, a lamp's.
+    fn is_certain(&self, seen: &Seen) -> bool {
+        seen.triangle == SKY || self.shadings.materials[seen.material as usize].emits
+    }
+
+    /// Radiance of a surface in this light; without any, as if the eye carried a lamp.
+    fn colour(&self, seen: &Seen, light: Option<[f32; 3]>) -> [f32; 3] {
+        if seen.triangle == SKY {
+            return self.shadings.sky;
+        }
+        let shading = &self.shadings.materials[seen.material as usize];
+        let unit = self.shadings.unit;
+        match light {
+            Some(light) => [0, 1, 2].map(|channel| light[channel] * unit * shading.scale[channel]),
+            None if shading.emits => shading.emission,
+            None => {
+                let towards = -seen.normal.dot(seen.position.normalize_or_zero());
+                let bright = self.guesses.typical().unwrap_or(unit.recip()) * unit;
+                shading.scale.map(|scale| scale * bright * (0.25 + 0.75 * towards.max(0.0)))
+            }
+        }
+    }
+
+    /// What of a pixel's light comes through the mirrors and panes before it; `None` if the layer has no such pixel.
+    fn share(&self, pixel: usize, is_sparse: bool) -> Option<[f32; 3]> {
+        let Surfaces { seen, throughput, .. } = &self.layer.surfaces;
+        // Most pixels look through nothing: looking that up for each took a tenth of a picture's time.
+        match seen[pixel].through {
+            true => throughput.get(&(pixel as u32)).copied(),
+            false if is_sparse => None,
+            false => Some([1.0; 3]),
+        }
+    }
+}
