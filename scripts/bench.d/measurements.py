@@ -25,6 +25,7 @@ from rendercache import rendercache
 from rivals import rivals
 from scenes import Case
 from skips import skips
+from walk import walk
 from whole import whole
 
 # Half width of the 99 % interval of the bias that a render has to reach.
@@ -300,6 +301,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "cached": cached,
     "radiance": radiance,
     "replay": replay,
+    "walk": walk,
     "skips": skips,
     "ablations": ablations,
     "viewpoint-share": viewpoint_share,

@@ -16,6 +16,6 @@ mod quadtree;
 mod select;
 mod voronoi;
 
-pub use quadtree::{Frame, LeafSize, Quadtree, QuadtreeParams};
+pub use quadtree::{Frame, LeafSize, MultiDepth, Quadtree, QuadtreeParams, REFETCH_DEGREES};
 pub use select::{Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint_radius};
 pub use voronoi::{Drawn, Voronoi};

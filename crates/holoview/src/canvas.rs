@@ -184,7 +184,8 @@ impl Canvas {
     /// Beams besides the view's own whose stored samples are of use.
     pub fn surface_beams(&self) -> Vec<(u16, BeamId)> {
         match self {
-            Canvas::Quadtree(_) | Canvas::Points(_) => Vec::new(),
+            Canvas::Quadtree(driver) => driver.surface_beams(),
+            Canvas::Points(_) => Vec::new(),
             Canvas::Voronoi(driver) => driver.surface_beams(),
         }
     }

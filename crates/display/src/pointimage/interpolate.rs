@@ -29,6 +29,8 @@ pub(super) struct Interpolate<'a> {
     pub black: bool,
     /// Whether gaps are filled at all.
     pub fill: bool,
+    /// Weight of what `picture` holds, the prefilter's mean, beside the points'.
+    pub prior: f32,
 }
 
 impl Kernel for Interpolate<'_> {
@@ -36,7 +38,8 @@ impl Kernel for Interpolate<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, from, colour, age, picture: [red, green, blue], priority, own_point, black, fill } = self;
+        let Self { width, from, colour, age, picture: [red, green, blue], priority, own_point, black, fill, prior } =
+            self;
         let rows = priority.len() / width;
         // The rows above, at and below the one that is made, in turn.
         let mut ring: [Line; 3] = std::array::from_fn(|_| Line::new());
@@ -60,12 +63,16 @@ impl Kernel for Interpolate<'_> {
                 count_across(&weight_down, &mut weight);
                 prioritise(&weight[..count], has_point, &age[pixels.clone()], &mut priority[at.clone()]);
                 if fill {
-                    invert(&weight, &mut inverse);
+                    invert(&weight, prior, &mut inverse);
                 }
                 for (channel, plane) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
                     let rows = lines.map(|line| &line.row.channels[channel][AROUND]);
                     one_two_one(rows, &mut down);
-                    show(&down[..count + 2], &inverse[..count], black, &mut plane[at.clone()]);
+                    if prior > 0.0 {
+                        mix(&down[..count + 2], &inverse[..count], prior, &mut plane[at.clone()]);
+                    } else {
+                        show(&down[..count + 2], &inverse[..count], black, &mut plane[at.clone()]);
+                    }
                     if own_point {
                         keep_own(rows[1], has_point, &mut plane[at.clone()]);
                     }
@@ -131,12 +138,12 @@ fn prioritise(weight: &[u8], has_point: &[u8], age: &[u8], priority: &mut [u8]) 
     }
 }
 
-/// 1/weight, 0 for 0.
+/// 1/(weight + prior), 0 without weight.
 #[inline(always)]
-fn invert(weight: &[u8; STRIP], inverse: &mut [f32; STRIP]) {
+fn invert(weight: &[u8; STRIP], prior: f32, inverse: &mut [f32; STRIP]) {
     for (inverse, weight) in inverse.iter_mut().zip(weight) {
         let weight = f32::from(*weight);
-        *inverse = if weight > 0.0 { 1.0 / weight } else { 0.0 };
+        *inverse = if weight > 0.0 { 1.0 / (weight + prior) } else { 0.0 };
     }
 }
 
@@ -158,6 +165,18 @@ fn show(down: &[f32], inverse: &[f32], black: bool, plane: &mut [f32]) {
         let sum = (left[x] + right[x]) + (here[x] + here[x]);
         let last = if black { 0.0 } else { plane[x] };
         plane[x] = if inverse[x] > 0.0 { sum * inverse[x] } else { last };
+    }
+}
+
+/// As [`show`], with the mean that is there already weighing `prior`.
+#[inline(always)]
+fn mix(down: &[f32], inverse: &[f32], prior: f32, plane: &mut [f32]) {
+    let width = plane.len();
+    let [left, here, right] = [0, 1, 2].map(|offset| &down[offset..][..width]);
+    let inverse = &inverse[..width];
+    for x in 0..width {
+        let sum = (left[x] + right[x]) + (here[x] + here[x]);
+        plane[x] = if inverse[x] > 0.0 { (sum + prior * plane[x]) * inverse[x] } else { plane[x] };
     }
 }
 

@@ -28,7 +28,8 @@
 //! What always holds:
 //! - The same calls give the same bits, on any processor and any number of threads. No clock: who wants to know how long a stage
 //!   takes is told when it ends ([`PointImage::frame_watched`]).
-//! - At rest every pixel tends to the mean of its own rays, the box filter, and no other pixel's light is in it.
+//! - At rest every pixel tends to the mean of its own rays, the box filter, and no other pixel's light is in it (where samples state
+//!   noise, in proportion to 1/n of n samples: [`PointImageParams::noise_smoothing`]).
 //! - Nothing changes and nothing is wanted: nothing is computed.
 //! - No number that comes in makes it panic; samples that are not finite are left out and counted.
 
@@ -40,6 +41,7 @@ mod hints;
 mod interpolate;
 mod isa;
 mod map;
+mod noise;
 mod parallel;
 mod params;
 mod planes;
@@ -68,6 +70,7 @@ use glam::DVec3;
 use holo_picture::{Picture, View};
 use isa::Isa;
 use map::Map;
+use noise::Noise;
 use planes::Planes;
 use points::{EVICTED, Points};
 use predict::Occupancy;
@@ -109,6 +112,7 @@ pub struct PointImage {
     epoch: u32,
     /// Whether any point may be a sample of the current view.
     has_fresh: bool,
+    noise: Noise,
     /// Counts frames; chooses the jitter.
     frames: u32,
     /// Whether an application made points older: those that are too old have yet to leave.
@@ -146,6 +150,7 @@ impl PointImage {
             predicted: None,
             epoch: 0,
             has_fresh: false,
+            noise: Noise::default(),
             frames: 0,
             is_hinted: false,
             is_dirty: true,

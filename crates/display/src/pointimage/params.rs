@@ -163,6 +163,10 @@ pub struct PointImageParams {
     pub hidden_ageing: u8,
     /// How many times as fast points age that the engine says are likely to change (highlights): 1 to 16.
     pub highlight_ageing: u8,
+    /// Weight of the mean over 7×7 pixels beside the 3×3 filter, whose own is up to 16, where samples state a noise of a tenth of
+    /// themselves or more, or do not know it; in proportion below. 0: as in the papers. At rest it fades as samples of a pixel
+    /// grow. At least 0.
+    pub noise_smoothing: f32,
     /// Samples that a point's colour averages at most while the view moves: at least 1. More is smoother and follows
     /// changes of view more slowly.
     pub moving_mean: u32,
@@ -193,6 +197,7 @@ impl Default for PointImageParams {
             change_ageing: 64,
             hidden_ageing: 3,
             highlight_ageing: 3,
+            noise_smoothing: 8.0,
             moving_mean: 8,
             resting_mean: u32::MAX,
             check_every: 8,
@@ -212,6 +217,7 @@ impl PointImageParams {
         within("points_per_pixel", self.points_per_pixel, 1.0..=8.0, "1 to 8")?;
         within("cull_threshold", self.cull_threshold.into(), above_0.clone(), "above 0 and finite")?;
         within("change_threshold", self.change_threshold.into(), above_0, "above 0 and finite")?;
+        within("noise_smoothing", self.noise_smoothing.into(), 0.0..=f64::from(f32::MAX), "at least 0 and finite")?;
         within("predicted_share", self.predicted_share, 0.0..=1.0, "0 to 1")?;
         within("hidden_ageing", self.hidden_ageing.into(), 1.0..=16.0, "1 to 16")?;
         within("highlight_ageing", self.highlight_ageing.into(), 1.0..=16.0, "1 to 16")?;

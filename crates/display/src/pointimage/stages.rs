@@ -3,8 +3,8 @@
 use super::cull::Cull;
 use super::interpolate::Interpolate;
 use super::map::Map;
-use super::params::{EmptyPixels, Smoothing, Stage};
-use super::points::Age;
+use super::params::{EmptyPixels, Smoothing, Stage, Stages};
+use super::points::{Age, NOISY};
 use super::predict::Occupancy;
 use super::prefilter::Prefilter;
 use super::project::TILE;
@@ -87,6 +87,7 @@ impl PointImage {
     /// Takes samples in; says how many new points they made.
     pub(super) fn take_all(&mut self, samples: &[Sample]) -> usize {
         self.points.taken = 0;
+        self.noise.take(samples, self.points.capacity());
         for samples in samples.chunks(AHEAD) {
             self.points.prefetch(samples.iter().map(|sample| sample.tag.slot));
             for sample in samples {
@@ -132,7 +133,7 @@ impl PointImage {
         let bands = self.bands();
         let width = self.planes.size.0;
         let black = self.params.empty == EmptyPixels::Black;
-        let gaps_only = self.params.stages.interpolation;
+        let gaps_only = self.params.stages.interpolation && self.prior() == 0.0;
         let pictures = cut_picture(&mut self.planes.picture, &bands, width);
         let colour = &self.planes.colour[..];
         let work = bands.iter().zip(pictures);
@@ -141,6 +142,7 @@ impl PointImage {
     }
 
     fn interpolate(&mut self) {
+        let prior = self.prior();
         let bands = self.bands();
         let width = self.planes.size.0;
         let pictures = cut_picture(&mut self.planes.picture, &bands, width);
@@ -160,6 +162,7 @@ impl PointImage {
             own_point,
             black,
             fill,
+            prior,
         });
         parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
         if smoothing != Smoothing::Everywhere && self.has_fresh {
@@ -167,14 +170,27 @@ impl PointImage {
         }
     }
 
-    /// Pixels whose point is a sample of this view show its mean to the last digit: packed colours would round it.
+    /// What the 7×7 mean weighs in the 3×3 filter.
+    fn prior(&self) -> f32 {
+        let Stages { prefilter, interpolation, .. } = self.params.stages;
+        if prefilter && interpolation { self.noise.weight(self.params.noise_smoothing) } else { 0.0 }
+    }
+
+    /// Pixels whose point is a sample of this view show its mean to the last digit: packed colours would round it. With few noisy
+    /// samples it is mixed with the smoothed picture, which fades as they grow.
     fn show_means(&mut self) {
+        let prior = self.prior();
         let planes = &mut self.planes;
         let [red, green, blue] = &mut planes.picture;
         let shown = planes.depth.iter().zip(&planes.slot).zip(red).zip(green).zip(blue);
         for ((((&depth, &slot), red), green), blue) in shown {
             if (depth as i32) > 0 {
-                [*red, *green, *blue] = self.points.details[slot as usize].mean;
+                let details = &self.points.details[slot as usize];
+                let is_noisy = prior > 0.0 && self.points.flags[slot as usize] & NOISY != 0;
+                let own = if is_noisy { details.count as f32 / (details.count as f32 + prior) } else { 1.0 };
+                for (shown, mean) in [red, green, blue].into_iter().zip(details.mean) {
+                    *shown = if is_noisy { *shown + own * (mean - *shown) } else { mean };
+                }
             }
         }
     }

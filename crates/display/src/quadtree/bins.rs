@@ -196,7 +196,9 @@ pub(crate) struct PixelBins {
 
 impl PixelBins {
     pub fn new(pixels: usize) -> Self {
-        Self { slots: vec![EMPTY; pixels], sums: Vec::new() }
+        // Room for one bin a pixel is taken at once: growing would move what is there ten times over. Pages that are not used
+        // cost nothing.
+        Self { slots: vec![EMPTY; pixels], sums: Vec::with_capacity(pixels) }
     }
 
     pub fn clear(&mut self) {
@@ -227,12 +229,35 @@ impl PixelBins {
         self.sums[slots.places[rank] as usize].add(colour, weight, near);
     }
 
-    /// The kept bins of a pixel, nearest first, with their sums.
+    /// Whether there are no samples at all.
+    pub fn is_empty(&self) -> bool {
+        self.sums.is_empty()
+    }
+
+    /// The kept bins of a pixel, nearest first, with their sums. None of a pixel that there is no room for.
     pub fn of(&self, pixel: usize) -> impl Iterator<Item = (u16, &Sums)> {
-        let slots = &self.slots[pixel];
+        let slots = self.slots.get(pixel).unwrap_or(&EMPTY);
         let kept = slots.bins.iter().take_while(|&&bin| bin != NONE).count();
         (0..kept).map(move |rank| (slots.bins[rank], &self.sums[slots.places[rank] as usize]))
     }
+}
+
+/// The nearest [`BINS_KEPT`] bins of a pixel in both, nearest first, with the sums of both: complete, since a bin among the
+/// nearest of both is among the nearest of each that has it.
+pub(crate) fn merged(a: &PixelBins, b: &PixelBins, pixel: usize) -> impl Iterator<Item = (u16, Sums)> {
+    let (mut a, mut b) = (a.of(pixel).peekable(), b.of(pixel).peekable());
+    let next = move || {
+        let (first, second) = (a.peek().map_or(NONE, |a| a.0), b.peek().map_or(NONE, |b| b.0));
+        let mut found = (first.min(second), Sums::default());
+        if first <= second {
+            found.1.join(a.next()?.1);
+        }
+        if second <= first {
+            found.1.join(b.next()?.1);
+        }
+        Some(found)
+    };
+    std::iter::from_fn(next).take(BINS_KEPT)
 }
 
 #[cfg(test)]
@@ -259,6 +284,22 @@ mod tests {
             prop_assert_eq!(kept, expected);
             prop_assert_eq!(bins.of(0).count() + bins.of(2).count(), 0);
             prop_assert!(bins.sums.len() <= BINS_KEPT);
+        }
+
+        #[test]
+        fn two_merged_are_as_if_all_had_been_added_to_one(
+            samples in prop::collection::vec((0..9_u16, any::<[u8; 4]>(), 1..70_000_u32, any::<bool>()), 0..60)
+        ) {
+            let mut parts = [PixelBins::new(1), PixelBins::new(1)];
+            let mut whole = PixelBins::new(1);
+            for &(bin, rgbe, weight, part) in &samples {
+                let colour = Colour::from_rgbe(rgbe);
+                parts[usize::from(part)].add(0, bin, &colour, weight, None);
+                whole.add(0, bin, &colour, weight, None);
+            }
+            let found: Vec<(u16, Sums)> = merged(&parts[0], &parts[1], 0).collect();
+            let expected: Vec<(u16, Sums)> = whole.of(0).map(|(bin, sums)| (bin, *sums)).collect();
+            prop_assert_eq!(found, expected);
         }
 
         /// Means are those of the decoded colours, over the whole range of scenes: 2⁻²⁰ to 4e12.

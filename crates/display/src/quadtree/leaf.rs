@@ -14,10 +14,10 @@ use crate::quadtree::{LeafSize, QuadtreeParams};
 use std::cell::Cell;
 
 /// Half-width of an interval of mean compressed luminance, in standard errors.
-const KAPPA: f32 = 2.2;
+pub(crate) const KAPPA: f32 = 2.2;
 /// Half-width of an interval of a mean channel, in standard errors: plain radiance has heavy tails, and the compressed
 /// luminance tells most edges. This one sees differences of hue, and means that differ though most samples do not.
-const KAPPA_LINEAR: f32 = 4.0;
+pub(crate) const KAPPA_LINEAR: f32 = 4.0;
 /// Intervals are wider by 1 + FEW_SAMPLES · (relative variance + PLAIN_TAIL) / n, for n samples: as long as n is not well
 /// above the relative variance of one, the mean is far from normal (n has to outgrow the square of the skewness).
 const FEW_SAMPLES: f32 = 4.0;
@@ -38,18 +38,18 @@ const UNSEEN: f32 = 0.006;
 
 /// Weighted mean over neighbouring leaves of one level, of one surface.
 #[derive(Clone, Copy, Debug)]
-struct Blend {
-    mean: [f32; 3],
-    compressed: f32,
+pub(crate) struct Blend {
+    pub mean: [f32; 3],
+    pub compressed: f32,
     /// Standard error for samples of unit deviation: √Σw² / Σw.
-    error: f32,
+    pub error: f32,
 }
 
 /// What is known of the noise of samples.
 #[derive(Clone, Copy)]
-struct Noise {
+pub(crate) struct Noise {
     /// Half-widths of intervals for a standard error of 1: of compressed luminance, and of the channels.
-    half_widths: [f32; 4],
+    pub half_widths: [f32; 4],
     /// Variance of luminance over its mean squared.
     relative_variance: f32,
 }
@@ -139,7 +139,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Noise of the surface around a pixel: from the smallest leaf that has samples enough.
-    fn noise(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Noise {
+    pub fn noise(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Noise {
         if let Some(known) = self.last_noise.get().filter(|known| {
             known.level >= start
                 && (known.column, known.row) == (column >> known.level, row >> known.level)
@@ -183,7 +183,7 @@ impl<'a> Reader<'a> {
     /// Mean of one surface around a pixel at one level, leaves weighted bilinearly by the nearness of their middles.
     ///
     /// Bilinear weights centre the mean on the pixel: a gradient is then not biased, and no blocks show.
-    fn blend(&self, column: usize, row: usize, level: usize, bins: (u16, u16)) -> Option<Blend> {
+    pub fn blend(&self, column: usize, row: usize, level: usize, bins: (u16, u16)) -> Option<Blend> {
         let leaves = &self.levels[level];
         let own = own_surface(leaves.leaf(column >> level, row >> level), bins)?;
         if level == 0 {

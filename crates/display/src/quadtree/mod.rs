@@ -11,22 +11,28 @@
 //! - A pixel whose middle no section covers is 0, whatever its neighbours are.
 //! - A pixel whose middle's best beam sees nothing is the sky, exactly: it is known, with or without samples.
 
+mod beams;
 mod bins;
+mod keep;
 mod leaf;
 pub(crate) mod reproject;
 mod surface;
+mod wide;
 
 use crate::camera::Camera;
 use crate::candidates::{candidates, is_covered};
-use bins::{BINS_AN_OCTAVE, BINS_KEPT, Colour, NEAR_CLASSES, PixelBins, bin_distance};
+use bins::{BINS_AN_OCTAVE, BINS_KEPT, Colour, NEAR_CLASSES, PixelBins, Sums, bin_distance, merged};
 use glam::DVec3;
 use holo_picture::{Picture, View};
 use holo_section::{BeamId, Sample, Section};
+use keep::Kept;
+pub use keep::REFETCH_DEGREES;
 use leaf::{Reader, own_surface};
 use reproject::{BeamProjector, DistanceTable, PlacedSection};
 use std::collections::HashSet;
 use std::sync::Arc;
 use surface::{Level, Surface, pyramid};
+use wide::Agreement;
 
 /// Paths a sample counts for at most: enough that more are not told apart, few enough that sums cannot overflow.
 const MAX_PATHS: u16 = 1024;
@@ -60,11 +66,13 @@ pub struct QuadtreeParams {
     pub max_level: u8,
     /// Radiance of rays that meet nothing: what unseen beams show.
     pub sky: [f32; 3],
+    /// Samples kept for the next view at most, some 11 bytes each; 0: none. Beyond, the older half goes.
+    pub keep: usize,
 }
 
 impl Default for QuadtreeParams {
     fn default() -> Self {
-        Self { viewpoint_radius: None, leaf: LeafSize::Adaptive, max_level: 16, sky: [0.0; 3] }
+        Self { viewpoint_radius: None, leaf: LeafSize::Adaptive, max_level: 16, sky: [0.0; 3], keep: 0 }
     }
 }
 
@@ -86,6 +94,17 @@ pub struct Frame {
     pub samples_used: u64,
 }
 
+/// Pixels whose samples are of several depths (Larson & Simmons 1999, Figure 6), or of one that should not be seen there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MultiDepth {
+    /// Resolved by samples that pass near the eye: they see the pixel itself, and their shares are the surfaces'.
+    pub by_near_samples: u64,
+    /// Resolved across leaves: the surface that most samples around are of hides what the pixel's own samples saw past its edge.
+    pub by_leaves: u64,
+    /// What remains: the nearest surface is shown, which may cover too much of the pixel.
+    pub remaining: u64,
+}
+
 /// The quadtree driver: samples in, pictures out.
 pub struct Quadtree {
     sections: Arc<[Section]>,
@@ -95,10 +114,16 @@ pub struct Quadtree {
     size: (u32, u32),
     params: QuadtreeParams,
     distances: DistanceTable,
-    bins: PixelBins,
+    /// Samples that look as the eye does.
+    narrow: PixelBins,
+    /// All others; of no pixels as long as there are none.
+    wide: PixelBins,
     covered: Vec<bool>,
     uncovered_pixels: u64,
     unseen: HashSet<(u16, BeamId)>,
+    kept: Kept,
+    /// Samples that landed, and unseen beams, since the last [`redraw`](Self::redraw); a new view is a change, too.
+    changes: u64,
     /// Best beam of every pixel's middle; empty while no unseen beam is known, since a scene may have none.
     best: Vec<Option<(u16, BeamId)>>,
 }
@@ -111,10 +136,13 @@ impl Quadtree {
             placed: Vec::new(),
             camera: Camera::new(&view, size),
             distances: DistanceTable::new(),
-            bins: PixelBins::new(pixels),
+            narrow: PixelBins::new(pixels),
+            wide: PixelBins::new(0),
             covered: Vec::new(),
             uncovered_pixels: 0,
             unseen: HashSet::new(),
+            kept: Kept::default(),
+            changes: 1,
             best: Vec::new(),
             sections,
             view,
@@ -129,8 +157,11 @@ impl Quadtree {
     pub fn reset(&mut self, view: View) {
         self.view = view;
         self.camera = Camera::new(&view, self.size);
-        self.bins.clear();
+        self.narrow.clear();
+        self.wide.clear();
         self.unseen.clear();
+        self.kept.clear();
+        self.changes = 1;
         self.place();
     }
 
@@ -148,6 +179,13 @@ impl Quadtree {
     ///
     /// Samples of an unknown section or beam are left out: a driver has no use for them, and nothing depends on them.
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+        if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count()) {
+            self.kept.add(section, beam, paths, samples, self.params.keep);
+            self.land(section, beam, paths, samples);
+        }
+    }
+
+    fn land(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
         let Some((known, placed)) = self.sections.get(usize::from(section)).zip(self.placed.get(usize::from(section)))
         else {
             return;
@@ -161,7 +199,16 @@ impl Quadtree {
             if let Some(landing) = projector.land(sample) {
                 let colour = Colour::from_rgbe(sample.rgbe);
                 let pixel = landing.row * width + landing.column;
-                self.bins.add(pixel, landing.bin, &colour, landing.weight * paths, landing.near);
+                let bins = if landing.narrow {
+                    &mut self.narrow
+                } else {
+                    if self.wide.is_empty() {
+                        self.wide = PixelBins::new(width * self.size.1 as usize);
+                    }
+                    &mut self.wide
+                };
+                bins.add(pixel, landing.bin, &colour, landing.weight * paths, landing.near);
+                self.changes += 1;
             }
         }
     }
@@ -175,14 +222,29 @@ impl Quadtree {
         }
         if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count()) {
             self.unseen.insert((section, beam));
+            self.changes += 1;
         }
     }
 
     /// The picture of all samples so far.
     pub fn draw(&self) -> Frame {
+        self.draw_and_count().0
+    }
+
+    /// The picture of all samples so far, and how samples of several depths were resolved in it.
+    pub fn draw_and_count(&self) -> (Frame, MultiDepth) {
+        let mut depths = MultiDepth::default();
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
-        let levels = pyramid(&self.bins, width, height, usize::from(self.params.max_level));
-        let reader = Reader::new(&levels, &self.params);
+        let most = usize::from(self.params.max_level);
+        let narrow = pyramid(|pixel| self.narrow.of(pixel).map(copied), width, height, most);
+        let all = (!self.wide.is_empty())
+            .then(|| pyramid(|pixel| merged(&self.narrow, &self.wide, pixel), width, height, most));
+        let levels = all.as_ref().unwrap_or(&narrow);
+        let narrow = Reader::new(&narrow, &self.params);
+        let painter = Painter {
+            all: Reader::new(levels, &self.params),
+            narrow: all.is_some().then(|| (narrow, Agreement::new(width, height))),
+        };
         // A radius that was given is that of the nearest surface already.
         let ask_nearer = self.params.viewpoint_radius.is_none();
         let mut frame = Frame {
@@ -217,9 +279,9 @@ impl Quadtree {
                 frame.samples_used += own.iter().map(|surface| u64::from(surface.count)).sum::<u64>();
                 frame.empty_pixels += u64::from(own.is_empty());
                 let shown = if own.is_empty() {
-                    fill(&reader, column, row)
+                    fill(&painter, column, row)
                 } else {
-                    mix(&reader, column, row, own, ask_nearer)
+                    mix(&painter, column, row, own, ask_nearer, &mut depths)
                 };
                 if let Some((colour, nearest)) = shown {
                     frame.picture.pixels[pixel] = colour;
@@ -227,7 +289,7 @@ impl Quadtree {
                 }
             }
         }
-        frame
+        (frame, depths)
     }
 
     /// Works out all that depends on the view but on no sample.
@@ -259,27 +321,67 @@ impl Quadtree {
     }
 }
 
+/// Reads colours from all samples, or from those that look as the eye does where the others differ.
+struct Painter<'a> {
+    all: Reader<'a>,
+    /// None: all are.
+    narrow: Option<(Reader<'a>, Agreement)>,
+}
+
+impl Painter<'_> {
+    /// As [`Reader::colour`].
+    fn colour(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> [f32; 3] {
+        let all = self.all.colour(column, row, start, bins);
+        let Some((narrow, agreement)) = &self.narrow else { return all };
+        let share = agreement.of(&self.all, narrow, column, row, bins);
+        if share == 1.0 {
+            return all;
+        }
+        // From the smallest leaf that has any: the comparison found one.
+        let start = (start..narrow.levels.len())
+            .find(|&level| own_surface(narrow.levels[level].leaf(column >> level, row >> level), bins).is_some());
+        let Some(start) = start else { return all };
+        let own = narrow.colour(column, row, start, bins);
+        [0, 1, 2].map(|channel| own[channel] + share * (all[channel] - own[channel]))
+    }
+}
+
+fn copied((bin, sums): (u16, &Sums)) -> (u16, Sums) {
+    (bin, *sums)
+}
+
 /// Colour and nearest bin of a pixel with samples of its own.
 ///
 /// Samples that pass near the eye are samples of this very pixel: their shares are the surfaces' coverage, which is what
 /// makes a silhouette smooth. With none of them the nearest surface is what is seen: whatever lies behind was seen past its
 /// edge.
-fn mix(reader: &Reader, column: usize, row: usize, own: &[Surface], ask_nearer: bool) -> Option<([f32; 3], u16)> {
+fn mix(
+    painter: &Painter,
+    column: usize,
+    row: usize,
+    own: &[Surface],
+    ask_nearer: bool,
+    depths: &mut MultiDepth,
+) -> Option<([f32; 3], u16)> {
     let front = own.first()?;
     let near = |surface: &Surface| near_count(surface, front, ask_nearer);
     let all: f32 = own.iter().map(near).sum();
-    let alone = || Some((reader.colour(column, row, 0, front.bins), front.bins.0));
+    let alone = || Some((painter.colour(column, row, 0, front.bins), front.bins.0));
     if all == 0.0 {
-        return covering(reader, column, row, front).or_else(alone);
+        let covered = covering(painter, column, row, front);
+        depths.by_leaves += u64::from(covered.is_some());
+        depths.remaining += u64::from(covered.is_none() && own.len() > 1);
+        return covered.or_else(alone);
     }
     if own.len() == 1 {
         return alone();
     }
+    depths.by_near_samples += 1;
     let mut colour = [0.0; 3];
     let mut nearest = None;
     for surface in own.iter().filter(|surface| near(surface) > 0.0) {
         let coverage = near(surface) / all;
-        for (sum, part) in colour.iter_mut().zip(reader.colour(column, row, 0, surface.bins)) {
+        for (sum, part) in colour.iter_mut().zip(painter.colour(column, row, 0, surface.bins)) {
             *sum += coverage * part;
         }
         nearest = nearest.or(Some(surface.bins.0));
@@ -295,9 +397,9 @@ fn mix(reader: &Reader, column: usize, row: usize, own: &[Surface], ask_nearer: 
 /// see for themselves. On a disc before a wall eight times as far, batch samples of a 4³ grid, this took a tenth (0.4 a
 /// pixel) to four tenths (1 to 3 a pixel) off the error; a third instead of a half made some worse. On a ball before a near
 /// wall, 16³ grid, it costs 0.1 to 0.4 dB.
-fn covering(reader: &Reader, column: usize, row: usize, front: &Surface) -> Option<([f32; 3], u16)> {
+fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Option<([f32; 3], u16)> {
     [2, 1].into_iter().find_map(|level| {
-        let leaf = reader.levels.get(level)?.leaf(column >> level, row >> level);
+        let leaf = painter.all.levels.get(level)?.leaf(column >> level, row >> level);
         let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
         let hides = |surface: &&Surface| {
             surface.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0
@@ -305,7 +407,7 @@ fn covering(reader: &Reader, column: usize, row: usize, front: &Surface) -> Opti
                 && surface.count <= MANY_A_PIXEL << (2 * level)
         };
         let hiding = leaf.iter().find(hides)?;
-        Some((reader.colour(column, row, level, hiding.bins), hiding.bins.0))
+        Some((painter.colour(column, row, level, hiding.bins), hiding.bins.0))
     })
 }
 
@@ -321,13 +423,13 @@ fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
 }
 
 /// Colour and nearest bin of a pixel without samples: those of the smallest leaf around it that has any.
-fn fill(reader: &Reader, column: usize, row: usize) -> Option<([f32; 3], u16)> {
-    reader.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
+fn fill(painter: &Painter, column: usize, row: usize) -> Option<([f32; 3], u16)> {
+    painter.all.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
         let leaf = leaves.leaf(column >> level, row >> level);
         let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
         let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
         let bins = own_surface(leaf, seen.bins)?.bins;
-        Some((reader.colour(column, row, level, bins), bins.0))
+        Some((painter.colour(column, row, level, bins), bins.0))
     })
 }
 

@@ -5,6 +5,7 @@
 
 use crate::camera::Camera;
 use crate::quadtree::bins::{FAR, NEAR_CLASSES, depth_bin};
+use crate::quadtree::wide::NARROW;
 use glam::DVec3;
 use holo_section::{CellIndex, CellPair, Sample, Section, distance};
 
@@ -74,6 +75,8 @@ pub(crate) struct Landing {
     pub weight: u32,
     /// How near the eye the ray passes, as [`bins::Sums::near`](crate::quadtree::bins::Sums::near) counts it; None: not near.
     pub near: Option<usize>,
+    /// Whether the ray looks as the eye does ([`NARROW`]).
+    pub narrow: bool,
 }
 
 /// A beam's set-up for reprojection.
@@ -142,6 +145,8 @@ impl<'a> BeamProjector<'a> {
             row: y as usize,
             bin: if hits { depth_bin(distance_squared) } else { FAR },
             weight: nearness_weight(miss_squared / footprint_squared),
+            // What hit nothing is seen from everywhere alike.
+            narrow: !hits || miss_squared <= NARROW * NARROW * distance_squared,
             near: near_class(match self.radius_squared {
                 Some(radius_squared) => miss_squared / radius_squared,
                 None if hits => miss_squared / footprint_squared,

@@ -5,7 +5,7 @@
 //!
 //! Invariant: the surfaces of a leaf are disjoint in depth, and each surface of a child lies within one of its parent.
 
-use crate::quadtree::bins::{FAR, NEAR_CLASSES, PixelBins, Sums, luminance};
+use crate::quadtree::bins::{FAR, NEAR_CLASSES, Sums, luminance};
 
 /// Degrees of freedom that an estimate of noise from finer leaves needs before a leaf's own spread is not used for it.
 const ENOUGH_FREEDOM: f32 = 6.0;
@@ -133,6 +133,14 @@ impl Surface {
         }
     }
 
+    /// Standard deviations of one sample about the surface's mean in this leaf, noise and the picture's own variation
+    /// together: of luminance over its mean, and of compressed luminance.
+    pub fn total_deviation(&self) -> (f32, f32) {
+        let divisor = (self.weight - self.weight_squared / self.weight).max(f32::MIN_POSITIVE);
+        let mean = luminance(self.mean).max(f32::MIN_POSITIVE);
+        ((self.spread_luminance / divisor).sqrt() / mean, (self.spread_compressed / divisor).sqrt())
+    }
+
     /// The noise of its samples, as far as it can be told.
     pub fn deviation(&self) -> Deviation {
         let scale = if self.within.freedom > 0.0 { 1.0 / self.within.freedom } else { 0.0 };
@@ -161,21 +169,21 @@ impl Level {
         &self.surfaces[self.first[index] as usize..self.first[index + 1] as usize]
     }
 
-    fn pixels(bins: &PixelBins, width: usize, height: usize) -> Self {
+    fn pixels<B: Iterator<Item = (u16, Sums)>>(bins: impl Fn(usize) -> B, width: usize, height: usize) -> Self {
         let mut level = Self { width, height, first: Vec::with_capacity(width * height + 1), surfaces: Vec::new() };
         level.surfaces.reserve(width * height);
         level.first.push(0);
         for pixel in 0..width * height {
             let mut open: Option<((u16, u16), Sums)> = None;
-            for (bin, sums) in bins.of(pixel) {
+            for (bin, sums) in bins(pixel) {
                 match &mut open {
                     Some((range, joined)) if adjacent(range.1, bin, gap_allowed(0)) => {
                         range.1 = bin;
-                        joined.join(sums);
+                        joined.join(&sums);
                     }
                     _ => {
                         level.surfaces.extend(open.map(|(range, sums)| Surface::new(range, &sums)));
-                        open = Some(((bin, bin), *sums));
+                        open = Some(((bin, bin), sums));
                     }
                 }
             }
@@ -228,8 +236,13 @@ impl Level {
     }
 }
 
-/// All levels, from pixels to leaves of at most `levels` doublings.
-pub(crate) fn pyramid(bins: &PixelBins, width: usize, height: usize, levels: usize) -> Vec<Level> {
+/// All levels, from pixels, whose bins `bins` gives, to leaves of at most `levels` doublings.
+pub(crate) fn pyramid<B: Iterator<Item = (u16, Sums)>>(
+    bins: impl Fn(usize) -> B,
+    width: usize,
+    height: usize,
+    levels: usize,
+) -> Vec<Level> {
     let mut pyramid = vec![Level::pixels(bins, width, height)];
     while pyramid.len() <= levels {
         let finest = &pyramid[pyramid.len() - 1];

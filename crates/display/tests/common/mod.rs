@@ -150,7 +150,7 @@ pub fn log_normal(random: &mut Random) -> f32 {
 
 pub type Stored = (BeamId, Sample);
 
-fn traced(
+pub fn traced(
     scene: Scene,
     section: &Section,
     beam: BeamId,

@@ -1,0 +1,218 @@
+//! The drivers behind one face: a view in, rays wanted out; samples in, a picture out.
+
+use glam::DVec3;
+use holo_display::frameless::{Frameless, PixelTag};
+use holo_display::pointimage::{Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stages, Tag};
+use holo_display::{Quadtree, QuadtreeParams, Voronoi};
+use holo_picture::{Picture, View};
+use holo_raycast::Raycaster;
+use holo_section::{BeamId, Section};
+use std::error::Error;
+use std::sync::Arc;
+
+/// A ray of length 1 that is wanted, and what for.
+pub struct Wanted {
+    pub origin: DVec3,
+    pub direction: DVec3,
+    purpose: Purpose,
+}
+
+enum Purpose {
+    Point(Tag),
+    Pixel(PixelTag),
+    /// Section, beam and sample coordinates; how far before the eye or behind it the ray begins in the section.
+    Beam(u16, BeamId, holo_section::RayCoords, f64),
+}
+
+/// What the tracer said of a wanted ray.
+pub struct Answer {
+    pub radiance: [f32; 3],
+    pub distance: f64,
+    /// Expected standard deviation of the largest channel.
+    pub noise: f32,
+}
+
+pub enum Driver {
+    Points(Box<PointImage>, Vec<Sample>),
+    Frameless(Box<Frameless>),
+    Stored { stored: Stored, voronoi: Option<Arc<Raycaster>> },
+}
+
+/// Samples of the sections, as a server would keep them.
+pub struct Stored {
+    sections: Arc<[Section]>,
+    samples: Vec<(u16, BeamId, holo_section::Sample)>,
+    paths: u16,
+    random: u64,
+    sky: [f32; 3],
+}
+
+/// What drivers are made of.
+pub struct Making<'a> {
+    pub size: (u32, u32),
+    pub first: View,
+    pub sections: &'a Arc<[Section]>,
+    pub raycaster: &'a Arc<Raycaster>,
+    pub paths: u16,
+    pub sky: [f32; 3],
+}
+
+impl Driver {
+    /// By name; `pointimage-STAGE` is without that stage.
+    pub fn new(name: &str, making: &Making) -> Result<Self, Box<dyn Error>> {
+        let points = |params| -> Result<Self, Box<dyn Error>> {
+            Ok(Self::Points(Box::new(PointImage::new(making.size, params)?), Vec::new()))
+        };
+        let params = PointImageParams::default();
+        let without = |change: fn(&mut Stages)| {
+            let mut params = PointImageParams::default();
+            change(&mut params.stages);
+            params
+        };
+        let stored = || Stored {
+            sections: Arc::clone(making.sections),
+            samples: Vec::new(),
+            paths: making.paths,
+            random: 1,
+            sky: making.sky,
+        };
+        match name {
+            "pointimage" => points(params),
+            "1999" => points(PointImageParams {
+                stages: Stages::OF_1999,
+                smoothing: Smoothing::Everywhere,
+                noise_smoothing: 0.0,
+                ..params
+            }),
+            "pointimage-noise" => points(PointImageParams { noise_smoothing: 0.0, ..params }),
+            "pointimage-prediction" => points(without(|stages| stages.prediction = false)),
+            "pointimage-prefilter" => points(without(|stages| stages.prefilter = false)),
+            "pointimage-eviction" => points(without(|stages| stages.eviction = false)),
+            "pointimage-ageing" => points(without(|stages| stages.ageing = false)),
+            "pointimage-cull" => points(without(|stages| stages.depth_cull = false)),
+            "pointimage-interpolation" => points(without(|stages| stages.interpolation = false)),
+            "pointimage-dither" => points(without(|stages| stages.dither = false)),
+            "frameless" => Ok(Self::Frameless(Box::new(Frameless::new(making.size, making.first, 1)?))),
+            "quadtree" => Ok(Self::Stored { stored: stored(), voronoi: None }),
+            "voronoi" => Ok(Self::Stored { stored: stored(), voronoi: Some(Arc::clone(making.raycaster)) }),
+            _ => Err(format!("`{name}` is not a driver").into()),
+        }
+    }
+
+    /// Shows a view with what has come so far; the rays wanted now, and the picture if it is asked for.
+    pub fn frame(&mut self, view: View, predicted: View, wanted: usize, shown: bool) -> (Vec<Wanted>, Option<Picture>) {
+        match self {
+            Self::Points(cache, samples) => {
+                let frame = cache.frame(&Moment { view, predicted: Some(predicted), samples, wanted });
+                let picture = shown.then(|| frame.picture());
+                let rays = frame.requests();
+                let rays =
+                    rays.map(|(tag, origin, direction)| Wanted { origin, direction, purpose: Purpose::Point(tag) });
+                (rays.collect(), picture)
+            }
+            Self::Frameless(driver) => {
+                driver.look(view);
+                let picture = shown.then(|| driver.picture().clone());
+                let rays = driver.requests(wanted);
+                let rays =
+                    rays.map(|(tag, origin, direction)| Wanted { origin, direction, purpose: Purpose::Pixel(tag) });
+                (rays.collect(), picture)
+            }
+            Self::Stored { stored, voronoi } => {
+                let size = crate::SIZE;
+                let picture = shown.then(|| match voronoi {
+                    None => stored.quadtree(view, size),
+                    Some(raycaster) => stored.voronoi(raycaster, view, size),
+                });
+                ((0..wanted).filter_map(|_| stored.wanted(&view)).collect(), picture)
+            }
+        }
+    }
+
+    /// Takes the answers to the rays of the last frame.
+    pub fn take(&mut self, rays: &[Wanted], answers: &[Answer]) {
+        if let Self::Points(_, samples) = self {
+            samples.clear();
+        }
+        for (ray, answer) in rays.iter().zip(answers) {
+            match (&mut *self, &ray.purpose) {
+                (Self::Points(_, samples), Purpose::Point(tag)) => {
+                    let place = if answer.distance.is_finite() {
+                        Place::At(ray.origin + ray.direction * answer.distance)
+                    } else {
+                        Place::Toward(ray.direction)
+                    };
+                    samples.push(Sample { tag: *tag, noise: answer.noise, ..Sample::new(place, answer.radiance) });
+                }
+                (Self::Frameless(driver), Purpose::Pixel(tag)) => driver.insert(*tag, answer.radiance),
+                (Self::Stored { stored, .. }, Purpose::Beam(section, beam, coords, ahead)) => {
+                    let diagonal = stored.sections[usize::from(*section)].diagonal();
+                    let (distance, dither) = (answer.distance + ahead, stored.bits() as u32);
+                    let sample = holo_section::Sample::encode(*coords, answer.radiance, distance, diagonal, dither);
+                    stored.samples.push((*section, *beam, sample));
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+impl Stored {
+    fn quadtree(&self, view: View, size: (u32, u32)) -> Picture {
+        let params = QuadtreeParams { sky: self.sky, ..QuadtreeParams::default() };
+        let mut driver = Quadtree::new(Arc::clone(&self.sections), view, size, params);
+        for (section, beam, samples) in self.beams() {
+            driver.insert(section, beam, self.paths, &samples);
+        }
+        driver.draw().picture
+    }
+
+    fn voronoi(&self, raycaster: &Arc<Raycaster>, view: View, size: (u32, u32)) -> Picture {
+        let mut driver = Voronoi::new(Arc::clone(&self.sections), Arc::clone(raycaster), view, size);
+        for (section, beam, samples) in self.beams() {
+            driver.insert(section, beam, self.paths, &samples);
+        }
+        driver.draw().frame.picture
+    }
+
+    /// All samples so far, beam by beam.
+    fn beams(&self) -> impl Iterator<Item = (u16, BeamId, Vec<holo_section::Sample>)> {
+        let mut order: Vec<_> = self.samples.iter().collect();
+        order.sort_by_key(|sample| (sample.0, sample.1));
+        let beams: Vec<_> = order
+            .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+            .map(|same| (same[0].0, same[0].1, same.iter().map(|sample| sample.2).collect()))
+            .collect();
+        beams.into_iter()
+    }
+
+    /// A view ray anywhere in the picture, snapped to the coordinates of the section that serves it best: one around the eye,
+    /// else the nearest ahead. It begins where the eye is, as far as the snapped ray passes it, so that walls behind do not count.
+    fn wanted(&mut self, view: &View) -> Option<Wanted> {
+        let (x, y) = (self.unit(), self.unit());
+        let (eye, along) = view.ray(x, y);
+        let hits = (0_u16..).zip(self.sections.iter()).filter_map(|(number, section)| {
+            let hit = section.line(eye, along)?;
+            let far = if hit.entry_t > 0.0 { 1e9 + hit.entry_t } else { hit.exit_t - hit.entry_t };
+            (hit.exit_t > 0.0).then_some((far, number, section, hit))
+        });
+        let (_, number, section, hit) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let ray = section.ray(hit.pair, hit.coords);
+        let ahead = (eye - ray.origin).dot(ray.direction).max(0.0);
+        let purpose = Purpose::Beam(number, section.beam(hit.pair), hit.coords, ahead);
+        Some(Wanted { origin: ray.origin + ray.direction * ahead, direction: ray.direction, purpose })
+    }
+
+    fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// SplitMix64.
+    fn bits(&mut self) -> u64 {
+        self.random = self.random.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.random;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+}

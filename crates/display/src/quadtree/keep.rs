@@ -1,0 +1,94 @@
+//! Samples kept across views, and when to draw again.
+//!
+//! Invariant: as long as no more samples came than are kept, a picture after any number of [`Quadtree::look`]s within
+//! [`REFETCH_DEGREES`] is that of a new driver with the same samples.
+
+use super::Quadtree;
+use holo_picture::View;
+use holo_section::{BeamId, Sample};
+use std::time::Duration;
+
+/// Rotation of the view beyond which kept samples are of no more use than their beams would be: what shines is seen too
+/// differently (Larson & Simmons 1999, §3).
+pub const REFETCH_DEGREES: f64 = 20.0;
+/// New samples after which a picture is drawn (Larson & Simmons 1999, appendix B).
+const BURST_SAMPLES: u64 = 50_000;
+/// Time after which it is drawn with fewer: two frames of a screen.
+const BURST_TIME: Duration = Duration::from_millis(33);
+
+/// Samples in the order in which they came, in runs of one beam.
+#[derive(Clone, Default)]
+pub(crate) struct Kept {
+    runs: Vec<Run>,
+    samples: Vec<Sample>,
+}
+
+#[derive(Clone, Copy)]
+struct Run {
+    section: u16,
+    beam: BeamId,
+    paths: u16,
+    count: usize,
+}
+
+impl Kept {
+    pub fn clear(&mut self) {
+        self.runs.clear();
+        self.samples.clear();
+    }
+
+    /// Adds a run; beyond `most` samples the older half goes.
+    pub fn add(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample], most: usize) {
+        if most == 0 {
+            return;
+        }
+        self.runs.push(Run { section, beam, paths, count: samples.len() });
+        self.samples.extend_from_slice(samples);
+        if self.samples.len() > most {
+            let (mut runs, mut gone) = (0, 0);
+            while self.samples.len() - gone > most / 2 && runs < self.runs.len() {
+                gone += self.runs[runs].count;
+                runs += 1;
+            }
+            self.runs.drain(..runs);
+            self.samples.drain(..gone);
+        }
+    }
+}
+
+impl Quadtree {
+    /// Takes another view of the same size, and what is kept of the samples so far: within [`REFETCH_DEGREES`] of rotation those
+    /// of [`QuadtreeParams::keep`](super::QuadtreeParams::keep), else none. Whether they were kept; unseen beams always are.
+    ///
+    /// Kept samples count: their beams need not be sent again, and must not be, or they would count twice.
+    pub fn look(&mut self, view: View) -> bool {
+        let keeps = self.params.keep > 0 && view.vd.dot(self.view.vd) >= REFETCH_DEGREES.to_radians().cos();
+        let (mut kept, unseen) = (std::mem::take(&mut self.kept), std::mem::take(&mut self.unseen));
+        self.reset(view);
+        for (section, beam) in unseen {
+            self.insert_unseen(section, beam);
+        }
+        if !keeps {
+            kept.clear();
+            return false;
+        }
+        let mut rest = kept.samples.as_slice();
+        for run in &kept.runs {
+            let (samples, tail) = rest.split_at(run.count);
+            self.land(run.section, run.beam, run.paths, samples);
+            rest = tail;
+        }
+        self.kept = kept;
+        true
+    }
+
+    /// The picture, if it is time to draw it: what changed it since the last time is 50,000 samples, or anything at all and
+    /// 33 ms are over. `since` is the time since the last picture that this gave. No work is done while nothing changes.
+    pub fn redraw(&mut self, since: Duration) -> Option<super::Frame> {
+        let is_due = self.changes >= BURST_SAMPLES || (self.changes > 0 && since >= BURST_TIME);
+        is_due.then(|| {
+            self.changes = 0;
+            self.draw()
+        })
+    }
+}
