@@ -10,7 +10,6 @@ from pathlib import Path
 from document import Bar, Part, Table
 from harness import Bench
 from program import Failed, compare, run
-from radiance import truth_of
 from scenes import Case
 
 # Error to reach and seconds allowed over those of `path`, by scene.
@@ -43,7 +42,7 @@ def cached(bench: Bench) -> Part:
     for case in (*bench.scenes.referenced(), bench.scenes.corridor()):
         if case.name in WANTED:
             seconds.rows.append(to_error(bench, part, case))
-        truth = truth_of(bench, case)
+        truth = bench.truth(case)
         picture, said = bench.render(case, "cached", "--engine", "cached", "--spp", str(bench.paths(64)))
         found = compare(bench.holodeck, picture, truth)
         bias.rows.append([case.title, said["seconds"], found["relmse_trim"], found["bias"], found["worst_block"]])
@@ -59,7 +58,7 @@ def cached(bench: Bench) -> Part:
 def to_error(bench: Bench, part: Part, case: Case) -> list:
     """A row: seconds of both engines to the case's error."""
     wanted, bar = WANTED[case.name]
-    truth = truth_of(bench, case)
+    truth = bench.truth(case)
     picture, said = bench.render(case, "to-error", "--spp", str(bench.paths(64)))
     paths_seconds = said["seconds"] * compare(bench.holodeck, picture, truth)["relmse_trim"] / wanted
     best = None

@@ -6,6 +6,7 @@ What always holds: a file or session is made once in a run, by the first measure
 from __future__ import annotations
 
 import filecmp
+import shutil
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,8 @@ from scenes import Case, Reference, Scenes
 # Seconds after a view is asked for at which its picture is taken.
 PICTURES_AT = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 QUICK_PICTURES_AT = (0.1, 0.5, 2.0)
+# Paths of the whole of a picture that stands for a truth.
+TRUTH_PATHS = 32_768 * 80 * 60
 
 
 @dataclass
@@ -74,6 +77,23 @@ class Bench:
             picture, _ = self.render(case, "reference", "--spp", str(self.paths(2048)), "--seed", "1", "--se", error)
             self._references[case.name] = Reference(picture, error)
         return self._references[case.name]
+
+    def truth(self, case: Case) -> Path:
+        """The independent reference's picture; else a long render of the engine `path`, kept for as long as the scene stays what it is."""
+        if case.reference:
+            return case.reference.picture
+        width, height = (int(side) for side in case.size.split("x"))
+        paths = max(self.paths(TRUTH_PATHS) // (width * height), 2)
+        folder = self.root / "target/truths"
+        name = f"{case.name}-{case.size}-{paths}"
+        picture, scene = folder / f"{name}.pfm", folder / f"{name}.obj"
+        text = Path(case.scene[0]).read_bytes() + Path(case.scene[0]).with_suffix(".mtl").read_bytes()
+        if not (picture.exists() and scene.exists() and scene.read_bytes() == text):
+            folder.mkdir(parents=True, exist_ok=True)
+            made, _ = self.render(case, "truth", "--spp", str(paths), "--seed", "1")
+            shutil.copyfile(made, picture)
+            scene.write_bytes(text)
+        return picture
 
     def fill(self, name: str, case: Case, seconds: float, *options: str) -> tuple[Path, dict[str, float]]:
         """A file filled in batch, made once for all measurements, and what `fill --json` says."""

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 import os
-import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from document import Bar, Part, Plot, Table
-from harness import Bench
+from harness import TRUTH_PATHS, Bench
 from plot import error_over_seconds
 from program import Failed, compare, run
 from scenes import Case
@@ -27,8 +26,6 @@ ACCURACIES = (0.2, 0.1, 0.06, 0.03, 0.015)
 COUNTS = (1, 4, 16)
 # A picture of few records is lucky or not: each point is the mean of so many, or the luckiest would be chosen.
 SEEDS = (1, 2, 3)
-# The truth of a scene without a reference: so many paths in all, once, kept in target/. 32,768 for each of the corridor's pixels.
-TRUTH_PATHS = 32_768 * 80 * 60
 
 
 @dataclass(frozen=True)
@@ -96,7 +93,7 @@ def radiance(bench: Bench) -> Part:
     table = Table("Error over seconds", columns)
     equal = Table("At equal error", [["scene", ""], ["relMSE", ".4f"], ["rpict, s", ".2f"], ["cached, s", ".2f"], ["ratio", ".2f"]])
     for case in (bench.scenes.cornell(), bench.scenes.corridor()):
-        truth = truth_of(bench, case)
+        truth = bench.truth(case)
         theirs, ours = [], []
         for setting in SETTINGS[: 2 if bench.quick else None]:
             picture, seconds = program.render(case, setting)
@@ -166,24 +163,6 @@ def seconds_to(points: list[Point], error: float) -> float | None:
             share = math.log(coarse.error / error) / math.log(coarse.error / fine.error)
             return coarse.seconds * (fine.seconds / coarse.seconds) ** share
     return None
-
-
-def truth_of(bench: Bench, case: Case) -> Path:
-    """The reference; else a long render of the engine `path`, kept for as long as the scene stays what it is."""
-    if case.reference:
-        return case.reference.picture
-    width, height = (int(side) for side in case.size.split("x"))
-    paths = max(bench.paths(TRUTH_PATHS) // (width * height), 2)
-    folder = bench.root / "target/radiance-truth"
-    name = f"{case.name}-{case.size}-{paths}"
-    picture, scene = folder / f"{name}.pfm", folder / f"{name}.obj"
-    text = Path(case.scene[0]).read_bytes() + Path(case.scene[0]).with_suffix(".mtl").read_bytes()
-    if not (picture.exists() and scene.exists() and scene.read_bytes() == text):
-        folder.mkdir(parents=True, exist_ok=True)
-        made, _ = bench.render(case, "truth", "--spp", str(paths), "--seed", "1")
-        shutil.copyfile(made, picture)
-        scene.write_bytes(text)
-    return picture
 
 
 class Radiance:

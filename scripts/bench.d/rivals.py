@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from array import array
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from document import Bar, Part, Plot, Table
 from harness import Bench
 from plot import error_over_seconds
 from program import Failed, compare, run
-from scenes import INTERIOR_LIVING, Case
+from scenes import INTERIOR_LIVING, Case, Reference
 
 MITSUBA = "3.9.1"
 PATHS = (16, 64, 256)
@@ -34,7 +35,8 @@ def rivals(bench: Bench) -> Part:
         [
             f"Mitsuba {MITSUBA} `llvm_ad_rgb`, `path`, unlimited depth, on all cores, in the same run as `render`. *Cost* is relMSE × "
             "seconds at the largest number of paths: what a given error costs, since relMSE falls as 1/paths. The truth is "
-            "the reference where there is one, else a long render of our own with another seed.",
+            "the reference where there is one, else a long render of our own with another seed; its own noise, by its standard "
+            "errors, is taken off both renderers' relMSE.",
             "Mitsuba ends its shadow rays a thousandth of their length before the light, so that what stands "
             "closer to a lamp than that casts no shadow: the cabin's flood lamps, sunk into their housings, are "
             "too bright in it and in the references. (`crates/tracer/tests/housing.rs` holds our tracer against "
@@ -54,13 +56,14 @@ def rivals(bench: Bench) -> Part:
     counts = PATHS[:2] if bench.quick else PATHS
     for case, bar in ((bench.scenes.cornell(), COST_BAR), (bench.scenes.room(), COST_BAR), (interior(bench), MANY_LIGHTS_BAR)):
         lines: dict[str, list[tuple[float, float]]] = {"holodeck": [], "Mitsuba": []}
-        truth = bench.reference(case).picture
+        reference = bench.reference(case)
+        truth, noise = reference.picture, noise_of(bench, reference)
         theirs = mitsuba.render(case, counts)
         for paths in counts:
             ours, said = bench.render(case, f"rival-{paths}", "--spp", str(paths))
             theirs_seconds, their_picture = theirs[paths]
-            error = compare(bench.holodeck, ours, truth)["relmse_trim"]
-            their_error = compare(bench.holodeck, their_picture, truth)["relmse_trim"]
+            error = compare(bench.holodeck, ours, truth)["relmse_trim"] - noise
+            their_error = compare(bench.holodeck, their_picture, truth)["relmse_trim"] - noise
             between = compare(bench.holodeck, ours, their_picture)["bias"]
             table.rows.append([case.title, paths, said["seconds"], error, theirs_seconds, their_error, between])
             lines["holodeck"].append((said["seconds"], error))
@@ -76,6 +79,24 @@ def rivals(bench: Bench) -> Part:
     if bench.scenes.room().name == "cabin":
         part.tables.append(without_floods(bench, mitsuba, part))
     return part
+
+
+def noise_of(bench: Bench, reference: Reference) -> float:
+    """What a picture without noise would seem to err by: relMSE of the reference and one that is a standard error brighter."""
+    header, picture = pfm(reference.picture)
+    _, error = pfm(reference.standard_error)
+    brighter = bench.work / "brighter.pfm"
+    brighter.write_bytes(header + array("f", (value + e for value, e in zip(picture, error))).tobytes())
+    return compare(bench.holodeck, brighter, reference.picture)["relmse_trim"]
+
+
+def pfm(path: Path) -> tuple[bytes, array]:
+    """Header and values of a little-endian PFM file."""
+    data = path.read_bytes()
+    start = 0
+    for _ in range(3):
+        start = data.index(b"\n", start) + 1
+    return data[:start], array("f", data[start:])
 
 
 def interior(bench: Bench) -> Case:

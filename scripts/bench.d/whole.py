@@ -29,7 +29,7 @@ def whole(bench: Bench) -> Part:
             "A file filled in batch by the engine `cached` (Cornell box 20 s, the cabin's three sections 60 s), then one session "
             "with a worker and a move to each view in turn; PSNR and relMSE of the pictures at 0.1, 1 and 10 s after the "
             "view was asked for. *Tracer alone*: `render --engine path --time` for 1 and 10 s, its scene loaded. "
-            "Truth where there is no reference: `render --engine path --spp 512`.",
+            "Truth where there is no reference: a render of our own, `--engine path --spp 2048`.",
         ],
     )
     for driver in WANTED:
@@ -76,7 +76,7 @@ def views(bench: Bench, part: Part, driver: str) -> Table:
         lowest = [float("inf")] * len(ASKED)
         for look in looks:
             row: list = [look.title]
-            truth = truth_of(bench, look)
+            truth = bench.truth(look)
             found = [compare(bench.holodeck, pictures[look.name, asked], truth) for asked in ASKED]
             lowest = [min(low, measures["psnr_disp"]) for low, measures in zip(lowest, found)]
             for measures in found:
@@ -94,22 +94,12 @@ def views(bench: Bench, part: Part, driver: str) -> Table:
     return table
 
 
-_truths: dict = {}
 _alone: dict = {}
-
-
-def truth_of(bench: Bench, look: Case):
-    """The reference, or a long render, made once."""
-    if look.reference:
-        return look.reference.picture
-    if look.name not in _truths:
-        _truths[look.name], _ = bench.render(look, "truth", "--spp", str(bench.paths(512)), "--seed", "99")
-    return _truths[look.name]
 
 
 def tracer_alone(bench: Bench, look: Case, seconds: float) -> float:
     """PSNR of the path tracer's own picture, given the same seconds."""
     if (look.name, seconds) not in _alone:
         picture, _ = bench.render(look, f"alone-{seconds}", "--time", f"{bench.seconds(seconds)}s")
-        _alone[look.name, seconds] = compare(bench.holodeck, picture, truth_of(bench, look))["psnr_disp"]
+        _alone[look.name, seconds] = compare(bench.holodeck, picture, bench.truth(look))["psnr_disp"]
     return _alone[look.name, seconds]
