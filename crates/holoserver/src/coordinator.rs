@@ -95,7 +95,9 @@ struct Display {
     wishes: Option<Wishes>,
     newest: Arc<AtomicU32>,
     recalling: bool,
-    settling: bool,
+    /// If it settles: the number of the last packet that was given out before. A file that is filled at the same time has always
+    /// some of the view's beams under way.
+    settling: Option<u64>,
 }
 
 /// See the module's words.
@@ -299,7 +301,7 @@ impl Coordinator {
             Event::Joined { id, role: Role::Display, name, outbox } => {
                 self.progress.say(&format!("{name} joined"));
                 let newest = Arc::default();
-                let display = Display { outbox, wishes: None, newest, recalling: false, settling: false };
+                let display = Display { outbox, wishes: None, newest, recalling: false, settling: None };
                 self.displays.insert(id, display);
             }
             Event::Message { id, message } => {

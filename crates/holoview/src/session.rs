@@ -45,6 +45,9 @@ const STORED_ONLY: f32 = 1e-6;
 /// How often a typed script is looked at.
 const TYPED_TICK: Duration = Duration::from_millis(20);
 
+/// How long messages that have arrived are taken after the time for a picture has come.
+const LATE: Duration = Duration::from_millis(20);
+
 /// How long the server may take to settle: it gives hanging workers up after some seconds.
 const SETTLE_TIME: Duration = Duration::from_secs(60);
 
@@ -308,8 +311,13 @@ impl Session {
     }
 
     /// Takes samples until `deadline`, or until the server has settled if that is waited for.
+    ///
+    /// What has arrived by then is taken, as far as [`LATE`] allows: a server that never pauses makes nobody wait.
     fn wait(&mut self, deadline: Instant, for_settled: bool) -> Result<Waited> {
         loop {
+            if Instant::now() >= deadline + LATE {
+                return Ok(Waited::TimeUp);
+            }
             let refine = self.shown.as_ref().filter(|shown| !shown.refined).map(|shown| shown.since + REFINE_AFTER);
             let until = refine.map_or(deadline, |refine| refine.min(deadline));
             let left = until.saturating_duration_since(Instant::now());

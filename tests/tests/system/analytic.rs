@@ -171,7 +171,17 @@ fn a_filled_room_is_seen_right_by_its_distances() {
         runtime.shutdown_background();
         views.map(|view| {
             let script = place.write("walk.txt", &format!("0 view {view}\n"));
-            let words = ["replay", "{}/room.holo", "--headless", "--script", &script, "--size", "40x30"];
+            let words = [
+                "replay",
+                "{}/room.holo",
+                "--headless",
+                "--driver",
+                "quadtree",
+                "--script",
+                &script,
+                "--size",
+                "40x30",
+            ];
             place.run(&[&words[..], &["-o", "{}/a.pfm"]].concat()).ok();
             let mut spec = ViewSpec::default();
             spec.apply_line(view).unwrap();

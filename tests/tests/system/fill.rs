@@ -93,8 +93,10 @@ fn a_picture_from_the_file_is_the_rendered_one_but_for_noise() {
             let (seed, file, picture) = (seed.to_string(), format!("{{}}/{seed}.holo"), format!("{{}}/{seed}.pfm"));
             let fill = ["fill", "--config", "{}/cornell.toml", "--section", PLAIN_SECTION];
             place.run(&[&fill[..], &["--seed", &seed, "-o", &file, "--samples", "150k"]].concat()).ok();
-            let report =
-                place.run(&[&["picture", &file, "-o", &picture, "--json"], &PLAIN_VIEW[..]].concat()).ok().json();
+            let report = place
+                .run(&[&["picture", &file, "--driver", "quadtree", "-o", &picture, "--json"], &PLAIN_VIEW[..]].concat())
+                .ok()
+                .json();
             assert_eq!(report["uncovered_pixels"], 0);
             assert_eq!(report["traced"], 0);
             Picture::read(place.path(&format!("{seed}.pfm"))).unwrap()

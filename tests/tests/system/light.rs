@@ -147,9 +147,9 @@ fn the_engine_is_the_one_that_the_scene_has_use_for_unless_one_is_named() {
         let info = place.run(&["info", file, "--json"]).ok().whole_json();
         info["settings"]["engine"].as_str().unwrap().to_owned()
     };
-    assert_eq!(engine("{}/all.holo", &[]), "Cached");
-    assert_eq!(engine("{}/direct.holo", &["--bounces", "0"]), "Path");
-    assert_eq!(engine("{}/paths.holo", &["--engine", "path"]), "Path");
+    assert_eq!(engine("{}/all.holo", &[]), "cached");
+    assert_eq!(engine("{}/direct.holo", &["--bounces", "0"]), "path");
+    assert_eq!(engine("{}/paths.holo", &["--engine", "path"]), "path");
     // What goes on, goes on with its own.
-    assert_eq!(engine("{}/paths.holo", &[]), "Path");
+    assert_eq!(engine("{}/paths.holo", &[]), "path");
 }

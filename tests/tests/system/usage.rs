@@ -70,13 +70,13 @@ fn a_scripts_mistakes_are_named_by_file_and_line() {
 }
 
 #[test]
-fn pixels_that_no_section_covers_are_black_and_counted() {
+fn pixels_that_no_section_covers_are_black_without_the_scene_and_counted() {
     let place = Place::new();
     place.fill_small("a.holo", "60k");
     // From before the section, to its side: half of the picture misses it.
     let view = "-vp 0.6 2.7 -8 -vd 0 0 1 -vu 0 1 0 -vh 50";
     let words = ["--vp", "0.6,2.7,-8", "--vd", "0,0,1", "--vh", "50", "--size", "80x60"];
-    let picture = ["picture", "{}/a.holo", "-o", "{}/a.pfm", "--json"];
+    let picture = ["picture", "{}/a.holo", "--driver", "quadtree", "-o", "{}/a.pfm", "--json"];
     let report = place.run(&[&picture[..], &words].concat()).ok().json();
     let picture = Picture::read(place.path("a.pfm")).unwrap();
     let holodeck = holo_server::Holodeck::open_read_only(&place.path("a.holo"), 0).unwrap();

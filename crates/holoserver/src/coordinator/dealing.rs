@@ -67,7 +67,7 @@ impl Coordinator {
         for id in ids {
             let unseen = self.holodeck.unseen();
             let Some(display) = self.displays.get_mut(&id) else { continue };
-            if display.settling || display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES {
+            if display.settling.is_some() || display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES {
                 continue;
             }
             let Some(wishes) = display.wishes.as_mut() else { continue };

@@ -42,7 +42,7 @@ impl Coordinator {
         };
         display.wishes = Some(wishes);
         display.recalling = true;
-        display.settling = false;
+        display.settling = None;
         let events = self.events.clone();
         recall.start(move |view, result| {
             // If the coordinator is gone, so is the process.
@@ -68,8 +68,9 @@ impl Coordinator {
 
     pub(super) fn settle(&mut self, id: ConnectionId, view: u32) {
         if let Some(display) = self.displays.get_mut(&id) {
-            display.settling = display.wishes.as_ref().is_some_and(|wishes| wishes.view == view);
-            if !display.settling {
+            let shown = display.wishes.as_ref().is_some_and(|wishes| wishes.view == view);
+            display.settling = shown.then_some(self.next_packet);
+            if !shown {
                 // No such view: nothing is under way for it.
                 let _ = display.outbox.control(&Control::Settled { view });
             }
@@ -81,19 +82,19 @@ impl Coordinator {
     /// Tells displays that wait for it that nothing of their view is under way any more.
     pub(super) fn try_settle(&mut self) {
         for (&id, display) in &mut self.displays {
-            let Some(wishes) = display.wishes.as_ref().filter(|_| display.settling && !display.recalling) else {
+            let (Some(wishes), Some(last), false) = (&display.wishes, display.settling, display.recalling) else {
                 continue;
             };
             let under_way = self.workers.values().any(|worker| {
-                worker.assignments().any(|assignment| {
-                    wishes.contains(BeamKey { section: assignment.packet.section, beam: assignment.packet.beam })
+                worker.assignments().any(|Assignment { packet, .. }| {
+                    packet.id <= last && wishes.contains(BeamKey { section: packet.section, beam: packet.beam })
                 })
             });
             if under_way {
                 continue;
             }
             let (view, events, holodeck) = (wishes.view, self.events.clone(), Arc::clone(&self.holodeck));
-            display.settling = false;
+            display.settling = None;
             display.wishes = None;
             // Flushing waits for the disk, and the coordinator waits for no one.
             std::thread::spawn(move || {
@@ -107,7 +108,8 @@ impl Coordinator {
 
     /// Forgets lost packets for displays that have left or settle.
     pub(super) fn forget_stale(&mut self) {
-        let wanted: Vec<_> = self.displays.iter().filter(|(_, display)| !display.settling).map(|(&id, _)| id).collect();
+        let wanted: Vec<_> =
+            self.displays.iter().filter(|(_, display)| display.settling.is_none()).map(|(&id, _)| id).collect();
         self.forget(|assignment| assignment.display.is_some_and(|id| !wanted.contains(&id)));
     }
 
