@@ -238,3 +238,9 @@ fn neighbours(pixel: usize, level: usize, leaves: usize) -> ([usize; 2], [f32; 2
     let other = if offset < 0.0 { own.saturating_sub(1) } else { (own + 1).min(leaves - 1) };
     ([own, other], [1.0 - offset.abs(), offset.abs()])
 }
+
+/// The nearest surface of a leaf that lies at most `gap` bins beside `bins`.
+pub(crate) fn beside(leaf: &[Surface], bins: (u16, u16), gap: u16) -> Option<&Surface> {
+    leaf.iter()
+        .find(|surface| surface.bins.0 <= bins.1.saturating_add(gap) && bins.0 <= surface.bins.1.saturating_add(gap))
+}

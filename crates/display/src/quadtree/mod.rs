@@ -27,11 +27,11 @@ use holo_picture::{Picture, View};
 use holo_section::{BeamId, Sample, Section};
 use keep::Kept;
 pub use keep::REFETCH_DEGREES;
-use leaf::{Reader, own_surface};
+use leaf::{Reader, beside, own_surface};
 use reproject::{BeamProjector, DistanceTable, PlacedSection};
 use std::collections::HashSet;
 use std::sync::Arc;
-use surface::{Level, Surface, pyramid};
+use surface::{Level, Surface, gap_allowed, pyramid};
 use wide::Agreement;
 
 /// Paths a sample counts for at most: enough that more are not told apart, few enough that sums cannot overflow.
@@ -337,10 +337,12 @@ impl Painter<'_> {
         if share == 1.0 {
             return all;
         }
-        // From the smallest leaf that has any: the comparison found one.
-        let start = (start..narrow.levels.len())
-            .find(|&level| own_surface(narrow.levels[level].leaf(column >> level, row >> level), bins).is_some());
-        let Some(start) = start else { return all };
+        // From the smallest leaf that has any: the comparison found one. Few as they are there, they may all lie a bin beside.
+        let start = (start..narrow.levels.len()).find_map(|level| {
+            let leaf = narrow.levels[level].leaf(column >> level, row >> level);
+            beside(leaf, bins, gap_allowed(level)).map(|surface| (level, surface.bins))
+        });
+        let Some((start, bins)) = start else { return all };
         let own = narrow.colour(column, row, start, bins);
         [0, 1, 2].map(|channel| own[channel] + share * (all[channel] - own[channel]))
     }
