@@ -30,3 +30,6 @@ pub const PROTOCOL_VERSION: u16 = 1;
 /// Rays in one packet: what fitted the original's 512-byte packets (Larson & Simmons 1999, §2.2, footnote 4), and still
 /// a good unit of work: one beam's set-up is shared and a lost packet costs little.
 pub const MAX_RAYS_PER_PACKET: usize = 21;
+
+/// Least weight of a display's beam for which anything is traced; of those below, only what is stored is sent.
+pub const LEAST_TRACED_WEIGHT: f32 = 1e-4;

@@ -2,7 +2,7 @@
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
-use holo_proto::MAX_RAYS_PER_PACKET;
+use holo_proto::{LEAST_TRACED_WEIGHT, MAX_RAYS_PER_PACKET};
 use holo_section::Viewpoint;
 use rustc_hash::FxHashMap;
 
@@ -55,7 +55,8 @@ impl Wishes {
         let beams: Vec<Wish> =
             beams.into_iter().map(|(key, weight, computed)| Wish { key, weight, computed }).collect();
         let index = beams.iter().zip(0..).map(|(wish, index)| (wish.key, index)).collect();
-        let queue = beams.iter().zip(0..).map(|(wish, index)| Reverse((wish.ratio(), index))).collect();
+        let traced = beams.iter().zip(0..).filter(|(wish, _)| wish.weight >= LEAST_TRACED_WEIGHT);
+        let queue = traced.map(|(wish, index)| Reverse((wish.ratio(), index))).collect();
         Wishes { view, viewpoint, beams, index, queue }
     }
 
@@ -126,6 +127,14 @@ mod tests {
         let (low, high) = ratios.iter().fold((f64::MAX, 0.0f64), |(l, h), &x| (l.min(x), h.max(x)));
         // The beam of weight 1 moves in steps of 21.
         assert!(high - low <= 21.0 + 1e-9, "{ratios:?}");
+    }
+
+    #[test]
+    fn beams_that_are_wanted_for_what_is_stored_are_not_traced() {
+        let beams = (0..4).map(|i| (key(i), if i == 2 { 1.0 } else { 0.5 * LEAST_TRACED_WEIGHT }, 0));
+        let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
+        assert!((0..4).all(|i| wishes.contains(key(i))));
+        assert!((0..100).all(|_| wishes.next(|_| false).unwrap().0 == key(2)));
     }
 
     #[test]

@@ -14,6 +14,7 @@ use holo_net::{Inbox, Message, NetError, Outbox, Shutdown};
 use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::{
+    LEAST_TRACED_WEIGHT,
     bulk::{Samples, Source, Unseen, ViewRequest, Wanted},
     control::{Control, Welcome},
     frame::Kind,
@@ -40,7 +41,7 @@ const REFINE_AFTER: Duration = Duration::from_millis(300);
 const NEARER_PIXELS: f64 = 0.01;
 
 /// Weight of beams that are wanted for what is stored of them, not to be traced.
-const STORED_ONLY: f32 = 1e-6;
+const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
 
 /// How often a typed script is looked at.
 const TYPED_TICK: Duration = Duration::from_millis(20);
