@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn beams_that_are_wanted_for_what_is_stored_are_not_traced() {
-        let beams = (0..4).map(|i| (key(i), if i == 2 { 1.0 } else { 0.5 * LEAST_TRACED_WEIGHT }, 0));
+        let beams = (0..4).map(|i| (key(i), if i == 2 { 100.0 } else { 0.5 * LEAST_TRACED_WEIGHT }, 0));
         let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
         assert!((0..4).all(|i| wishes.contains(key(i))));
         assert!((0..100).all(|_| wishes.next(|_| false).unwrap().0 == key(2)));
