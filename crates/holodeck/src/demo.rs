@@ -3,6 +3,7 @@
 use std::{fmt::Write, path::PathBuf};
 
 use anyhow::{Context, Result};
+use holo_proto::control::Engine;
 use holo_scenes::Bundled;
 use holo_view::{Driver, PointArgs, ViewArgs};
 
@@ -42,7 +43,9 @@ pub async fn run(args: Args) -> Result<()> {
     std::fs::create_dir_all(&args.out).with_context(|| format!("making {out}"))?;
     let written = holo_scenes::write(Bundled::Interior, &args.out).with_context(|| format!("writing to {out}"))?;
     println!("scene: {}", written.obj.display());
-    let config = Config::read(&written.config)?;
+    let mut config = Config::read(&written.config)?;
+    // Records of so many small surfaces take longer than a demonstration does.
+    config.engine = Some(Engine::Path);
     let file = args.out.join("interior.holo");
     // A demonstration shows how a picture comes about: from nothing, every time.
     if file.exists() {
