@@ -10,7 +10,9 @@
 
 mod camera;
 mod candidates;
+mod ending;
 pub mod frameless;
+mod parts;
 pub mod pointimage;
 mod quadtree;
 mod select;

@@ -9,8 +9,8 @@ use super::indirect::Indirect;
 use super::reconstruct;
 use super::shade::Shadings;
 use super::surfaces::{Caster, Image, NO_IMAGE, SKY, Seen, Surfaces, number_of};
-use super::tiles::for_parts;
 use super::{Layer, Voronoi};
+use crate::parts::for_parts;
 use holo_raycast::{Hit, Ray};
 use std::sync::atomic::{AtomicU64, Ordering};
 

@@ -4,7 +4,7 @@
 //! such surfaces as a whole; never from another surface.
 
 use super::surfaces::{Caster, Seen, Surfaces};
-use super::tiles::for_parts;
+use crate::parts::for_parts;
 use holo_raycast::{Hit, MAX_TOGETHER, Ray};
 
 /// Points of an edge pixel.

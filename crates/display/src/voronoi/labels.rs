@@ -3,7 +3,7 @@
 //! Invariant: labels follow from what the pixels see alone, in the order of the pixels.
 
 use super::surfaces::{NO_LABEL, SKY, Seen};
-use super::tiles::for_parts;
+use crate::parts::for_parts;
 use std::collections::HashMap;
 
 /// Rows of one piece of work.

@@ -20,11 +20,11 @@ mod labels;
 mod reconstruct;
 mod shade;
 mod surfaces;
-mod tiles;
 
 use crate::Frame;
 use crate::camera::Camera;
 use crate::candidates::is_covered;
+use crate::parts::for_parts;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use deposit::{Beam, Depositor, Sums};
 use drawing::Drawing;
@@ -36,7 +36,6 @@ use holo_section::{BeamId, Sample, Section};
 use shade::Shadings;
 use std::sync::{Arc, OnceLock};
 use surfaces::{Caster, SKY, Seen, Surfaces};
-use tiles::for_parts;
 
 /// A picture, and how much of it is a guess.
 #[derive(Clone, Debug)]

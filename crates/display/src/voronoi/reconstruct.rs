@@ -12,7 +12,7 @@
 use super::deposit::{Sums, luminance};
 use super::shade::FULL_WEIGHT;
 use super::surfaces::{NO_LABEL, Surfaces};
-use super::tiles::for_parts;
+use crate::parts::for_parts;
 use bytemuck::Zeroable;
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -8,8 +8,8 @@
 //! - A surface's normal faces the eye.
 //! - Pixels have the same label only if they see one connected surface, or parts of it, in the same image.
 
-use super::tiles::for_parts;
 use crate::camera::Camera;
+use crate::parts::for_parts;
 use glam::{DVec3, Vec3};
 use holo_picture::View;
 use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
