@@ -178,6 +178,16 @@ impl Tracer {
         self
     }
 
+    /// As this one, if its engine is `cached`, for somebody who waits: of `places` samples that end where there is no record of indirect light
+    /// yet, one makes it and the others are paths (1: all make one, so that none is noisy; that is so unless said otherwise).
+    #[must_use]
+    pub fn with_patience(mut self, places: u32) -> Self {
+        if let Some(cached) = &mut self.cached {
+            cached.patience = places.max(1);
+        }
+        self
+    }
+
     /// As this one, with distances to what flat mirrors show and flat glass lets through, along the straightened ray, in place of those
     /// to mirror and glass (Larson & Simmons 1999, §2.3, `VDISTANCE`); infinity if that is the sky. Curved ones are themselves
     /// what is seen.
