@@ -2,9 +2,9 @@
 //! interpolated from records that all threads and all workers share ([`holo_light`]).
 //!
 //! A record's rays end in records too; where there are none, they go on as paths, and one in [`COARSE_PATIENCE`] makes a coarse record
-//! there, whose own rays go on as paths. Samples that somebody waits for do likewise ([`Cached::patience`]): a record takes as long as
-//! hundreds of paths, so that a place gets one when about so many samples have come to it, and none if they never do. Where small
-//! surfaces beside lamps send on much light (`secondary`), some rays are aimed at them.
+//! there, whose own rays go on as paths. Where small surfaces beside lamps send on much light (`secondary`), some rays are aimed at
+//! them. A record takes as long as hundreds of paths: samples that somebody waits for go on as paths, too, where there are none,
+//! and for each of them so many rays of records are traced ([`Cached::effort`]), so that there are useful samples from the first moment on.
 //!
 //! Always true:
 //! - what is traced does not depend on the cache but within the engine's accuracy;
@@ -40,7 +40,7 @@ const LIGHT_SAMPLES: u32 = 8;
 const PILOT_RAYS: u32 = 64;
 
 /// Rays of a record at most.
-const MOST_RAYS: u32 = 1 << 12;
+const MOST_RAYS: u32 = 1 << 13;
 
 /// Standard error of a record over the accuracy: what is seen is the mean of several, and their strata make them better than
 /// they know.
@@ -60,11 +60,11 @@ const SPREAD: f32 = 16.0;
 const AIMED: f32 = 0.2;
 
 /// Rays of records that end where there is no record, for each that makes one.
-const COARSE_PATIENCE: u32 = 16;
+const COARSE_PATIENCE: u32 = 8;
 
 /// Standard error of a coarse record over that of an exact one: it is seen by thousands of rays and by none that is looked at, but
 /// where light comes through a door, the few behind the door decide how bright all is on this side.
-const COARSE_ERROR: f32 = 4.0;
+const COARSE_ERROR: f32 = 2.0;
 
 /// Rays that tell how many a coarse record needs, and rays of one at least.
 const COARSE_PILOT_RAYS: u32 = 32;
@@ -97,8 +97,13 @@ struct Quality {
 pub(crate) struct Cached {
     store: Arc<Store>,
     quality: Quality,
-    /// Samples that end where there is no record, for each that makes one; the others are paths.
-    pub(crate) patience: u32,
+    /// Rays for records for each sample that comes where there is none: as long as there are as many, it is a path. `None`: every such
+    /// sample makes a record, whatever it takes.
+    pub(crate) effort: Option<u32>,
+    /// How many samples have come where there was none.
+    lacking: AtomicU64,
+    /// Rays for records so far.
+    rays: AtomicU64,
     /// Records' names: this engine's own, and how many it has made.
     salt: u64,
     made: AtomicU64,
@@ -111,7 +116,8 @@ impl Cached {
         let reach = REACH * accuracy.sqrt();
         let quality = Quality { error: ERROR * accuracy, reach, greatest: size * GREATEST * reach };
         let store = Arc::new(Store::new(quality.greatest / SPREAD));
-        Self { store, quality, patience: 1, salt: mix(name), made: AtomicU64::new(0) }
+        let [lacking, rays, made] = Default::default();
+        Self { store, quality, effort: None, lacking, rays, salt: mix(name), made }
     }
 
     pub(crate) fn store(&self) -> &Arc<Store> {
@@ -131,12 +137,12 @@ impl Cached {
     }
 
     /// Irradiance by indirect light at a point that an eye sees; if there is no record near enough, one is made or `None` given.
-    fn irradiance(&self, engine: &PathEngine, met: &Met, sampler: &mut Sampler) -> Option<Vec3> {
+    fn irradiance(&self, engine: &PathEngine, met: &Met) -> Option<Vec3> {
         let found = self.known(met, EXACT);
         if let Some(found) = found.filter(|found| found.weight >= LEAST_WEIGHT) {
             return Some(found.irradiance);
         }
-        if !self.makes(self.patience, met, sampler) {
+        if self.store.is_full() || self.effort.is_some_and(|effort| !self.affords(effort)) {
             return None;
         }
         // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
@@ -153,13 +159,10 @@ impl Cached {
         Some(found.map_or(made, |found| (found.irradiance * found.weight + made) / (found.weight + 1.0)))
     }
 
-    /// Whether what has come to a place without records is the one of `patience` that makes one. Not if there is no room.
-    fn makes(&self, patience: u32, met: &Met, sampler: &mut Sampler) -> bool {
-        if self.store.is_full() {
-            return false;
-        }
-        sampler.turn(met.depth, Purpose::Record);
-        patience <= 1 || sampler.one() * (patience as f32) < 1.0
+    /// Whether one more sample that lacks a record is enough for the next.
+    fn affords(&self, effort: u32) -> bool {
+        let lacking = self.lacking.fetch_add(1, Ordering::Relaxed);
+        self.rays.load(Ordering::Relaxed) <= lacking * u64::from(effort)
     }
 
     /// Irradiance by indirect light, as far as there are records in sight that go to the point: exact ones, or for the rays of records
@@ -171,7 +174,7 @@ impl Cached {
         })
     }
 
-    /// Irradiance by indirect light at a point that a record's ray meets; a coarse record is made if there is none at all near.
+    /// Irradiance by indirect light at a point that a record's ray meets where there is none at all near: by a coarse record that is made.
     fn coarse(&self, engine: &PathEngine, met: &Met) -> Vec3 {
         let pilot = self.gather(engine, met, COARSE_PILOT_RAYS, COARSE);
         let rays = wanted(&pilot, COARSE_ERROR * self.quality.error).clamp(COARSE_RAYS, MOST_RAYS);
@@ -203,6 +206,7 @@ impl Cached {
                 gathering.arrival(direction, &mut sampler)
             })
             .collect();
+        self.rays.fetch_add(u64::from(hemisphere.rays() + targets), Ordering::Relaxed);
         let mut record = hemisphere.record(&arrivals, [frame.s, frame.t, normal]);
         record.point = point.point.to_array();
         record.id = id;
@@ -251,7 +255,7 @@ impl Ending for Light<'_> {
             // Records hold all light but what comes straight: of no use where only some more of it may be counted.
             return None;
         } else if self.role.get() == Role::Eye {
-            let Some(irradiance) = self.cached.irradiance(self.engine, met, sampler) else {
+            let Some(irradiance) = self.cached.irradiance(self.engine, met) else {
                 self.role.set(Role::Path);
                 return None;
             };
@@ -259,10 +263,7 @@ impl Ending for Light<'_> {
         } else {
             match self.cached.known(met, COARSE) {
                 Some(found) => found.irradiance,
-                None if self.role.get() == Role::Record
-                    && met.scatterings == 2
-                    && self.cached.makes(COARSE_PATIENCE, met, sampler) =>
-                {
+                None if self.role.get() == Role::Record && met.scatterings == 2 && coarse_is_due(met, sampler) => {
                     self.cached.coarse(self.engine, met)
                 }
                 None => return None,
@@ -337,6 +338,12 @@ impl Gathering<'_> {
         let normal = diffuse.then_some(target.normal);
         irradiance.is_finite().then_some(Source { irradiance, towards, normal })
     }
+}
+
+/// Whether this ray is the one of [`COARSE_PATIENCE`].
+fn coarse_is_due(met: &Met, sampler: &mut Sampler) -> bool {
+    sampler.turn(met.depth, Purpose::Record);
+    sampler.one() * (COARSE_PATIENCE as f32) < 1.0
 }
 
 /// Rays for a record with that error, where some have the error of `pilot`.

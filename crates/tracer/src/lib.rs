@@ -178,12 +178,13 @@ impl Tracer {
         self
     }
 
-    /// As this one, if its engine is `cached`, for somebody who waits: of `places` samples that end where there is no record of indirect light
-    /// yet, one makes it and the others are paths (1: all make one, so that none is noisy; that is so unless said otherwise).
+    /// As this one, if its engine is `cached`, for somebody who waits: a sample that comes where there is no record of indirect light yet is
+    /// a path, as noisy as those of the engine `path`, until `effort` rays for each such sample make the next record. Unless said so, every
+    /// such sample makes a record, and none is noisy.
     #[must_use]
-    pub fn with_patience(mut self, places: u32) -> Self {
+    pub fn with_effort(mut self, effort: u32) -> Self {
         if let Some(cached) = &mut self.cached {
-            cached.patience = places.max(1);
+            cached.effort = Some(effort);
         }
         self
     }

@@ -8,7 +8,7 @@
 //! | [`Purpose::Light`] | one pair for each light sample: along the light tree (and what is left of it, across the light), and across the light. Light sample j of n has point n·path + j, so that the samples of one path are stratified among each other, and those of all paths too |
 //! | [`Purpose::Scatter`] | lobe and direction, in the order in which the material asks |
 //! | [`Purpose::Roulette`] | whether the path goes on |
-//! | [`Purpose::Record`] | whether a record of indirect light is made |
+//! | [`Purpose::Record`] | whether a coarse record of indirect light is made |
 //! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source, which one, and where on it |
 //!
 //! Where a path forks, branch j of n goes on with the numbers of path n·path + j.
