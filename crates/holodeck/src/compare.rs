@@ -33,6 +33,9 @@ struct Report {
     /// Half the width of the bias' 99 % confidence interval.
     #[serde(skip_serializing_if = "Option::is_none")]
     bias_99: Option<f64>,
+    /// The worst block's error without its variance.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    worst_block_beyond_noise: Option<f64>,
 }
 
 /// See [`Args`].
@@ -42,21 +45,22 @@ pub fn run(args: &Args) -> Result<()> {
     let measures = holo_picture::compare(&picture, &reference)?;
     let picture_se = args.se.as_ref().map(read).transpose()?;
     let reference_se = args.reference_se.as_ref().map(read).transpose()?;
-    let bias_99 = match (&picture_se, &reference_se) {
-        (None, None) => None,
-        _ => {
-            let interval =
-                holo_picture::bias_interval(&picture, picture_se.as_ref(), &reference, reference_se.as_ref())?;
-            Some(interval.1)
-        }
+    let (se, reference_se) = (picture_se.as_ref(), reference_se.as_ref());
+    let (bias_99, worst_block_beyond_noise) = match se.or(reference_se) {
+        None => (None, None),
+        Some(_) => (
+            Some(holo_picture::bias_interval(&picture, se, &reference, reference_se)?.1),
+            Some(holo_picture::worst_block_beyond_noise(&picture, se, &reference, reference_se)?),
+        ),
     };
     if args.json {
-        println!("{}", serde_json::to_string(&Report { measures, bias_99 })?);
+        println!("{}", serde_json::to_string(&Report { measures, bias_99, worst_block_beyond_noise })?);
         return Ok(());
     }
-    match bias_99 {
-        Some(half) => println!("{measures} bias_99=±{half:.5}"),
-        None => println!("{measures}"),
+    print!("{measures}");
+    if let Some((half, worst)) = bias_99.zip(worst_block_beyond_noise) {
+        print!(" bias_99=±{half:.5} worst_block_beyond_noise={worst:.5}");
     }
+    println!();
     Ok(())
 }

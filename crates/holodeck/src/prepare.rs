@@ -92,7 +92,7 @@ fn engine_said(engine: Engine) -> &'static str {
     match engine {
         Engine::Path => "engine path: there is no indirect light on diffuse surfaces to keep records of",
         Engine::Cached => {
-            "engine cached: clean samples, indirect light within --accuracy (--engine path for unbiased, noisy ones)"
+            "engine cached: clean samples, indirect light aimed at --accuracy (--engine path for unbiased, noisy ones)"
         }
     }
 }

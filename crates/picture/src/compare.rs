@@ -171,22 +171,57 @@ pub fn bias_interval(
     sorted.sort_unstable_by(f64::total_cmp);
     let dim = dim_pixels(&lr, &sorted);
     let (mean_a, mean_r) = (masked_mean(&la, &dim), masked_mean(&lr, &dim));
-    let variance = |error: Option<&Picture>, which: &'static str| -> Result<f64, CompareError> {
-        let Some(error) = error else { return Ok(0.0) };
-        check(error, which, reference)?;
-        if let Some(at) = error.pixels.iter().position(|rgb| rgb.iter().any(|value| *value < 0.0)) {
-            let (column, row) = place(error, at);
-            return Err(CompareError::NegativeError { which, column, row });
-        }
-        let squares = luminances(error).iter().zip(&dim).filter(|(_, dim)| **dim).map(|(e, _)| e * e).sum::<f64>();
+    let of_mean = |error: Option<&Picture>, which: &'static str| -> Result<f64, CompareError> {
+        let squares = variances(error, which, reference)?;
+        let sum: f64 = squares.iter().zip(&dim).filter(|(_, dim)| **dim).map(|(square, _)| square).sum();
         let count = dim.iter().filter(|dim| **dim).count() as f64;
-        Ok(squares / (count * count))
+        Ok(sum / (count * count))
     };
     let ratio = mean_a / mean_r;
-    let of_picture = variance(picture_error, "picture's standard error")?;
-    let of_reference = variance(reference_error, "reference's standard error")?;
+    let of_picture = of_mean(picture_error, "picture's standard error")?;
+    let of_reference = of_mean(reference_error, "reference's standard error")?;
     let deviation = (of_picture + ratio * ratio * of_reference).sqrt() / mean_r;
     Ok((ratio - 1.0, BIAS_Z * deviation))
+}
+
+/// [`Measures::worst_block`] without noise: of each block's relative error squared, its variance by the standard errors is taken off;
+/// the root of the largest rest, 0 if noise explains all. Errors as [`bias_interval`] has them. A block whose noise is as large as what is
+/// looked for can still be this worst one by chance: take as many paths as make noise small.
+///
+/// # Errors
+/// As [`bias_interval`].
+pub fn worst_block_beyond_noise(
+    picture: &Picture,
+    picture_error: Option<&Picture>,
+    reference: &Picture,
+    reference_error: Option<&Picture>,
+) -> Result<f64, CompareError> {
+    check(picture, "picture", reference)?;
+    check(reference, "reference", reference)?;
+    let (la, lr) = (luminances(picture), luminances(reference));
+    let mut sorted = lr.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let dim = dim_pixels(&lr, &sorted);
+    let of_picture = variances(picture_error, "picture's standard error", reference)?;
+    let of_reference = variances(reference_error, "reference's standard error", reference)?;
+    let beyond = |block: Vec<usize>| {
+        let sum = |values: &[f64]| block.iter().map(|&at| values[at]).sum::<f64>();
+        let (a, r) = (sum(&la), sum(&lr));
+        let ratio = a / r;
+        (ratio - 1.0).powi(2) - (sum(&of_picture) + ratio * ratio * sum(&of_reference)) / (r * r)
+    };
+    Ok(lit_blocks(&lr, &dim, reference.width as usize).map(beyond).fold(0.0, f64::max).sqrt())
+}
+
+/// Squares of the standard errors of luminances; zeros without.
+fn variances(error: Option<&Picture>, which: &'static str, reference: &Picture) -> Result<Vec<f64>, CompareError> {
+    let Some(error) = error else { return Ok(vec![0.0; reference.pixels.len()]) };
+    check(error, which, reference)?;
+    if let Some(at) = error.pixels.iter().position(|rgb| rgb.iter().any(|value| *value < 0.0)) {
+        let (column, row) = place(error, at);
+        return Err(CompareError::NegativeError { which, column, row });
+    }
+    Ok(luminances(error).iter().map(|e| e * e).collect())
 }
 
 fn check(picture: &Picture, which: &'static str, reference: &Picture) -> Result<(), CompareError> {
@@ -239,27 +274,26 @@ fn percentile(sorted: &[f64], percent: f64) -> f64 {
     low + (high - low) * (rank - below as f64)
 }
 
-/// Only whole blocks, with at least half their pixels lit, whose reference is above 5 % of the mean.
 fn worst_block(la: &[f64], lr: &[f64], dim: &[bool], width: usize) -> f64 {
+    let error = |block: Vec<usize>| {
+        let sum = |values: &[f64]| block.iter().map(|&at| values[at]).sum::<f64>();
+        (sum(la) / sum(lr) - 1.0).abs()
+    };
+    lit_blocks(lr, dim, width).map(error).fold(0.0, f64::max)
+}
+
+/// The pixels that are no lamps of each lit block: whole ones only, with at least half their pixels such ones, whose reference is above
+/// 5 % of the mean.
+fn lit_blocks(lr: &[f64], dim: &[bool], width: usize) -> impl Iterator<Item = Vec<usize>> {
     let floor = 0.05 * masked_mean(lr, dim);
     let height = lr.len() / width;
-    let mut worst = 0.0f64;
-    for top in (0..(height + 1).saturating_sub(BLOCK)).step_by(BLOCK) {
-        for left in (0..(width + 1).saturating_sub(BLOCK)).step_by(BLOCK) {
-            let (mut a, mut r, mut count) = (0.0, 0.0, 0usize);
-            for row in top..top + BLOCK {
-                for at in row * width + left..row * width + left + BLOCK {
-                    if dim[at] {
-                        (a, r, count) = (a + la[at], r + lr[at], count + 1);
-                    }
-                }
-            }
-            if count >= BLOCK * BLOCK / 2 && r / count as f64 > floor {
-                worst = worst.max((a / r - 1.0).abs());
-            }
-        }
-    }
-    worst
+    let corners = move |size: usize| (0..(size + 1).saturating_sub(BLOCK)).step_by(BLOCK);
+    corners(height).flat_map(move |top| corners(width).map(move |left| (top, left))).filter_map(move |(top, left)| {
+        let rows = (top..top + BLOCK).flat_map(|row| row * width + left..row * width + left + BLOCK);
+        let block: Vec<usize> = rows.filter(|&at| dim[at]).collect();
+        let sum: f64 = block.iter().map(|&at| lr[at]).sum();
+        (block.len() >= BLOCK * BLOCK / 2 && sum / block.len() as f64 > floor).then_some(block)
+    })
 }
 
 /// C's `%.5g`.

@@ -16,7 +16,7 @@ mod tonemap;
 mod view;
 mod view_spec;
 
-pub use compare::{BIAS_Z, CompareError, Measures, bias_interval, compare};
+pub use compare::{BIAS_Z, CompareError, Measures, bias_interval, compare, worst_block_beyond_noise};
 pub use error::PictureError;
 pub use files::Format;
 pub use picture::{MAX_PIXELS, MAX_SIDE, Picture, luminance};

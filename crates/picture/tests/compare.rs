@@ -3,7 +3,7 @@
 // Helpers of tests may fail as tests do; clippy allows it only inside the test functions themselves.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use holo_picture::{BIAS_Z, CompareError, Measures, Picture, bias_interval, compare};
+use holo_picture::{BIAS_Z, CompareError, Measures, Picture, bias_interval, compare, worst_block_beyond_noise};
 use std::path::PathBuf;
 
 /// x ← 1664525·x + 1013904223 mod 2³², u = x / 2³² (Numerical Recipes, "quick and dirty").
@@ -205,6 +205,24 @@ fn the_interval_of_an_even_picture_is_that_of_the_closed_form() {
     assert!(close(half(Some(&a_se), None), BIAS_Z * 0.1 / 32f64.sqrt()));
     assert!(close(half(None, Some(&r_se)), BIAS_Z * 0.3 / 32f64.sqrt()));
     assert_eq!(half(None, None).1, 0.0);
+}
+
+#[test]
+fn of_a_blocks_error_what_its_noise_explains_is_taken_off() {
+    // One of four blocks is 10 % too bright; the mean of its 256 pixels with standard error s each has s/16, the reference's 1.1 of that.
+    let even = |value: f32| Picture::from_pixels(32, 32, vec![[value; 3]; 1024]).unwrap();
+    let (mut a, r) = (even(1.0), even(1.0));
+    for at in (0..16).flat_map(|row| row * 32..row * 32 + 16) {
+        a.pixels[at] = [1.1; 3];
+    }
+    let beyond = |a_se: Option<f32>, r_se: Option<f32>| {
+        worst_block_beyond_noise(&a, a_se.map(even).as_ref(), &r, r_se.map(even).as_ref()).unwrap()
+    };
+    let close = |found: f64, wanted: f64| (found - wanted).abs() < 1e-6;
+    assert!(close(beyond(None, None), compare(&a, &r).unwrap().worst_block) && close(beyond(None, None), 0.1));
+    assert!(close(beyond(Some(0.8), None), (0.01f64 - 0.05 * 0.05).sqrt()));
+    assert!(close(beyond(Some(0.8), Some(0.8)), (0.01f64 - 2.21 * 0.05 * 0.05).sqrt()));
+    assert_eq!(beyond(Some(1.7), None), 0.0);
 }
 
 #[test]

@@ -1,14 +1,17 @@
 //! The engine `cached`: direct light sampled, light chains of mirrors, glass and gloss traced, and indirect light on diffuse surfaces
 //! interpolated from records that all threads and all workers share ([`holo_light`]).
 //!
-//! A record's rays end in records too; where there are none, coarse ones are made, whose own rays go on as paths. So first samples
-//! are as good as later ones, but dearer. Where small surfaces beside lamps send on much light (`secondary`), some rays are aimed at them.
+//! A record's rays end in records too; where there are none, they go on as paths, and one in [`COARSE_PATIENCE`] makes a coarse record
+//! there, whose own rays go on as paths. Where small surfaces beside lamps send on much light (`secondary`), some rays are aimed at
+//! them. A record takes as long as hundreds of paths: samples that somebody waits for go on as paths, too, where there are none,
+//! and for each of them so many rays of records are traced ([`Cached::effort`]), so that there are useful samples from the first moment on.
 //!
 //! Always true:
 //! - what is traced does not depend on the cache but within the engine's accuracy;
 //! - how many rays a record has, and how far it reaches, do not depend on the light that these rays bring: its expectation, and that
 //!   of what is interpolated, is that of paths, but for what gradients leave over a radius.
 
+use std::cell::Cell;
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -37,7 +40,7 @@ const LIGHT_SAMPLES: u32 = 8;
 const PILOT_RAYS: u32 = 64;
 
 /// Rays of a record at most.
-const MOST_RAYS: u32 = 1 << 12;
+const MOST_RAYS: u32 = 1 << 13;
 
 /// Standard error of a record over the accuracy: what is seen is the mean of several, and their strata make them better than
 /// they know.
@@ -56,9 +59,12 @@ const SPREAD: f32 = 16.0;
 /// Rays aimed at sources of indirect light, over those over the hemisphere.
 const AIMED: f32 = 0.2;
 
+/// Rays of records that end where there is no record, for each that makes one.
+const COARSE_PATIENCE: u32 = 8;
+
 /// Standard error of a coarse record over that of an exact one: it is seen by thousands of rays and by none that is looked at, but
 /// where light comes through a door, the few behind the door decide how bright all is on this side.
-const COARSE_ERROR: f32 = 4.0;
+const COARSE_ERROR: f32 = 2.0;
 
 /// Rays that tell how many a coarse record needs, and rays of one at least.
 const COARSE_PILOT_RAYS: u32 = 32;
@@ -91,6 +97,13 @@ struct Quality {
 pub(crate) struct Cached {
     store: Arc<Store>,
     quality: Quality,
+    /// Rays for records for each sample that comes where there is none: as long as there are as many, it is a path. `None`: every such
+    /// sample makes a record, whatever it takes.
+    pub(crate) effort: Option<u32>,
+    /// How many samples have come where there was none.
+    lacking: AtomicU64,
+    /// Rays for records so far.
+    rays: AtomicU64,
     /// Records' names: this engine's own, and how many it has made.
     salt: u64,
     made: AtomicU64,
@@ -103,7 +116,8 @@ impl Cached {
         let reach = REACH * accuracy.sqrt();
         let quality = Quality { error: ERROR * accuracy, reach, greatest: size * GREATEST * reach };
         let store = Arc::new(Store::new(quality.greatest / SPREAD));
-        Self { store, quality, salt: mix(name), made: AtomicU64::new(0) }
+        let [lacking, rays, made] = Default::default();
+        Self { store, quality, effort: None, lacking, rays, salt: mix(name), made }
     }
 
     pub(crate) fn store(&self) -> &Arc<Store> {
@@ -118,14 +132,18 @@ impl Cached {
         start: Start,
         sampler: &mut Sampler,
     ) -> Vec3 {
-        engine.follow(raycaster, start, &Light { cached: self, engine, role: Role::Eye }, sampler)
+        let role = Cell::new(Role::Eye);
+        engine.follow(raycaster, start, &Light { cached: self, engine, role }, sampler)
     }
 
-    /// Irradiance by indirect light at a point that an eye sees; a record is made if there is none near enough.
-    fn irradiance(&self, engine: &PathEngine, met: &Met) -> Vec3 {
+    /// Irradiance by indirect light at a point that an eye sees; if there is no record near enough, one is made or `None` given.
+    fn irradiance(&self, engine: &PathEngine, met: &Met) -> Option<Vec3> {
         let found = self.known(met, EXACT);
         if let Some(found) = found.filter(|found| found.weight >= LEAST_WEIGHT) {
-            return found.irradiance;
+            return Some(found.irradiance);
+        }
+        if self.store.is_full() || self.effort.is_some_and(|effort| !self.affords(effort)) {
+            return None;
         }
         // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
         let pilot = self.gather(engine, met, PILOT_RAYS, EXACT);
@@ -138,7 +156,13 @@ impl Cached {
         self.store.insert(record);
         let made = Vec3::from(record.irradiance);
         // The new record has weight 1.
-        found.map_or(made, |found| (found.irradiance * found.weight + made) / (found.weight + 1.0))
+        Some(found.map_or(made, |found| (found.irradiance * found.weight + made) / (found.weight + 1.0)))
+    }
+
+    /// Whether one more sample that lacks a record is enough for the next.
+    fn affords(&self, effort: u32) -> bool {
+        let lacking = self.lacking.fetch_add(1, Ordering::Relaxed);
+        self.rays.load(Ordering::Relaxed) <= lacking * u64::from(effort)
     }
 
     /// Irradiance by indirect light, as far as there are records in sight that go to the point: exact ones, or for the rays of records
@@ -150,7 +174,7 @@ impl Cached {
         })
     }
 
-    /// Irradiance by indirect light at a point that a record's ray meets; a coarse record is made if there is none at all near.
+    /// Irradiance by indirect light at a point that a record's ray meets where there is none at all near: by a coarse record that is made.
     fn coarse(&self, engine: &PathEngine, met: &Met) -> Vec3 {
         let pilot = self.gather(engine, met, COARSE_PILOT_RAYS, COARSE);
         let rays = wanted(&pilot, COARSE_ERROR * self.quality.error).clamp(COARSE_RAYS, MOST_RAYS);
@@ -170,7 +194,8 @@ impl Cached {
         let hemisphere = Hemisphere::new(rays);
         let aimed = engine.secondary.as_ref().and_then(|sources| sources.aimed(point, normal));
         let targets = if aimed.is_some() { (hemisphere.rays() as f32 * AIMED) as u32 } else { 0 };
-        let light = Light { cached: self, engine, role: if coarse == EXACT { Role::Record } else { Role::Coarse } };
+        let role = if coarse == EXACT { Role::Record } else { Role::Coarse };
+        let light = Light { cached: self, engine, role: Cell::new(role) };
         let gathering =
             Gathering { light, raycaster, point, normal, inside, aimed, counts: [hemisphere.rays(), targets] };
         let arrivals: Vec<Arrival> = (0..hemisphere.rays())
@@ -181,6 +206,7 @@ impl Cached {
                 gathering.arrival(direction, &mut sampler)
             })
             .collect();
+        self.rays.fetch_add(u64::from(hemisphere.rays() + targets), Ordering::Relaxed);
         let mut record = hemisphere.record(&arrivals, [frame.s, frame.t, normal]);
         record.point = point.point.to_array();
         record.id = id;
@@ -202,6 +228,8 @@ impl Cached {
 enum Role {
     /// A sample that someone looks at.
     Eye,
+    /// The same, gone on from a surface where there was no record.
+    Path,
     /// A record.
     Record,
     /// A coarse record.
@@ -212,12 +240,13 @@ enum Role {
 struct Light<'a> {
     cached: &'a Cached,
     engine: &'a PathEngine,
-    role: Role,
+    /// Changes on the way.
+    role: Cell<Role>,
 }
 
 impl Ending for Light<'_> {
     #[inline]
-    fn indirect(&self, met: &Met) -> Option<Vec3> {
+    fn indirect(&self, met: &Met, sampler: &mut Sampler) -> Option<Vec3> {
         let Scatter::Diffuse(kd) = met.scatter else { return None };
         let bounces = self.engine.bounces;
         let irradiance = if met.scatterings > bounces {
@@ -225,12 +254,18 @@ impl Ending for Light<'_> {
         } else if bounces != u32::MAX && met.scatterings > 1 {
             // Records hold all light but what comes straight: of no use where only some more of it may be counted.
             return None;
-        } else if self.role == Role::Eye {
-            self.cached.irradiance(self.engine, met)
+        } else if self.role.get() == Role::Eye {
+            let Some(irradiance) = self.cached.irradiance(self.engine, met) else {
+                self.role.set(Role::Path);
+                return None;
+            };
+            irradiance
         } else {
             match self.cached.known(met, COARSE) {
                 Some(found) => found.irradiance,
-                None if self.role == Role::Record && met.scatterings == 2 => self.cached.coarse(self.engine, met),
+                None if self.role.get() == Role::Record && met.scatterings == 2 && coarse_is_due(met, sampler) => {
+                    self.cached.coarse(self.engine, met)
+                }
                 None => return None,
             }
         };
@@ -238,8 +273,12 @@ impl Ending for Light<'_> {
     }
 
     #[inline]
-    fn light_samples(&self, engine: &PathEngine, _: u32, ends: bool) -> u32 {
-        if self.role == Role::Eye && ends { engine.light_samples.max(LIGHT_SAMPLES) } else { 1 }
+    fn light_samples(&self, engine: &PathEngine, scatterings: u32, ends: bool) -> u32 {
+        match self.role.get() {
+            Role::Eye if ends => engine.light_samples.max(LIGHT_SAMPLES),
+            Role::Eye | Role::Path if scatterings == 1 => engine.light_samples,
+            _ => 1,
+        }
     }
 }
 
@@ -299,6 +338,12 @@ impl Gathering<'_> {
         let normal = diffuse.then_some(target.normal);
         irradiance.is_finite().then_some(Source { irradiance, towards, normal })
     }
+}
+
+/// Whether this ray is the one of [`COARSE_PATIENCE`].
+fn coarse_is_due(met: &Met, sampler: &mut Sampler) -> bool {
+    sampler.turn(met.depth, Purpose::Record);
+    sampler.one() * (COARSE_PATIENCE as f32) < 1.0
 }
 
 /// Rays for a record with that error, where some have the error of `pilot`.

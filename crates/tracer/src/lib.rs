@@ -178,6 +178,17 @@ impl Tracer {
         self
     }
 
+    /// As this one, if its engine is `cached`, for somebody who waits: a sample that comes where there is no record of indirect light yet is
+    /// a path, as noisy as those of the engine `path`, until `effort` rays for each such sample make the next record. Unless said so, every
+    /// such sample makes a record, and none is noisy.
+    #[must_use]
+    pub fn with_effort(mut self, effort: u32) -> Self {
+        if let Some(cached) = &mut self.cached {
+            cached.effort = Some(effort);
+        }
+        self
+    }
+
     /// As this one, with distances to what flat mirrors show and flat glass lets through, along the straightened ray, in place of those
     /// to mirror and glass (Larson & Simmons 1999, §2.3, `VDISTANCE`); infinity if that is the sky. Curved ones are themselves
     /// what is seen.

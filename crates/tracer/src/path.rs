@@ -151,12 +151,14 @@ pub(crate) struct Met<'a> {
     pub inside: &'a Inside,
     /// Surfaces so far that are neither mirrors nor glass, this one included.
     pub scatterings: u32,
+    /// Surfaces that the path has left.
+    pub depth: u32,
 }
 
 /// What ends paths before light does.
 pub(crate) trait Ending {
     /// Radiance that a vertex sends on of light that came by other surfaces, where that is known.
-    fn indirect(&self, met: &Met) -> Option<Vec3>;
+    fn indirect(&self, met: &Met, sampler: &mut Sampler) -> Option<Vec3>;
 
     /// Samples of the lights at a vertex, and whether the path ends there.
     fn light_samples(&self, engine: &PathEngine, scatterings: u32, ends: bool) -> u32;
@@ -167,7 +169,7 @@ pub(crate) struct Never;
 
 impl Ending for Never {
     #[inline]
-    fn indirect(&self, _: &Met) -> Option<Vec3> {
+    fn indirect(&self, _: &Met, _: &mut Sampler) -> Option<Vec3> {
         None
     }
 
@@ -299,8 +301,8 @@ impl PathEngine {
                 }
                 path.scatterings += 1;
                 let (normal, inside, scatterings) = (frame.n, &path.inside, path.scatterings);
-                let met = Met { raycaster, point: &point, normal, scatter, inside, scatterings };
-                let indirect = ending.indirect(&met);
+                let met = Met { raycaster, point: &point, normal, scatter, inside, scatterings, depth };
+                let indirect = ending.indirect(&met, sampler);
                 let direct = if indirect.is_some() { Direct::Lights } else { self.direct };
                 if direct != Direct::Materials && self.lights.any() {
                     let count = ending.light_samples(self, scatterings, indirect.is_some());

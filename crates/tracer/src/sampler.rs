@@ -8,6 +8,7 @@
 //! | [`Purpose::Light`] | one pair for each light sample: along the light tree (and what is left of it, across the light), and across the light. Light sample j of n has point n·path + j, so that the samples of one path are stratified among each other, and those of all paths too |
 //! | [`Purpose::Scatter`] | lobe and direction, in the order in which the material asks |
 //! | [`Purpose::Roulette`] | whether the path goes on |
+//! | [`Purpose::Record`] | whether a coarse record of indirect light is made |
 //! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source, which one, and where on it |
 //!
 //! Where a path forks, branch j of n goes on with the numbers of path n·path + j.
@@ -27,6 +28,8 @@ pub(crate) enum Purpose {
     Light = 1,
     Roulette = 2,
     Aim = 3,
+    /// Beyond those of all vertices.
+    Record = 1 << 20,
 }
 
 /// Draws the numbers of one path.

@@ -131,3 +131,40 @@ fn one_thread_makes_the_same_picture_again() {
     assert_eq!(radiances(1), radiances(1));
     assert_ne!(radiances(1), radiances(2));
 }
+
+#[test]
+fn who_waits_gets_paths_until_there_are_records() {
+    let model = room();
+    let eager = model.tracer(None).with_cache(0.05, 1);
+    let waiting = model.tracer(None).with_cache(0.05, 1).with_effort(1);
+    let never = model.tracer(None).with_cache(0.05, 1).with_effort(0);
+    let path = model.tracer(None);
+    let (eye, rays) = (DVec3::new(-1.5, -2.5, 1.2), 20_000);
+    let mut sums = [0.0; 2];
+    let mut squares = [0.0; 2];
+    for i in 0..rays {
+        // All around.
+        let (angle, z) = (2.4 * f64::from(i), 1.0 - 2.0 * (f64::from(i) * 0.618_034).fract());
+        let towards = DVec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z);
+        let seed = i as u64;
+        if i < 300 {
+            let _ = (eager.trace(eye, towards, seed), waiting.trace(eye, towards, seed));
+        }
+        for (n, tracer) in [&never, &path].into_iter().enumerate() {
+            let green = f64::from(tracer.trace(eye, towards, seed).radiance[1]);
+            sums[n] += green;
+            squares[n] += green * green;
+        }
+    }
+    let made = |tracer: &holo_tracer::Tracer| {
+        let light = tracer.light().unwrap();
+        (0..light.len()).map(|i| u64::from(light.get(i).unwrap().rays)).sum::<u64>()
+    };
+    // One for each sample, and what the last record took more than was left.
+    assert!(made(&waiting) > 0 && made(&eager) > 3 * made(&waiting), "{} and {}", made(&eager), made(&waiting));
+    // The first sample of all makes a record; that one alone cannot move the mean.
+    let mean = sums.map(|sum| sum / f64::from(rays));
+    let variance: f64 = (0..2).map(|n| (squares[n] / f64::from(rays) - mean[n] * mean[n]) / f64::from(rays)).sum();
+    let z = (mean[0] - mean[1]) / variance.sqrt();
+    assert!(z.abs() < 4.5, "{mean:?}, {z} standard errors");
+}

@@ -1,0 +1,88 @@
+//! What a sample costs and how noisy it is, by the engine `path` and by a warm `cached`: one thread, rays of a view.
+//!
+//! `cargo run --release -p holo-tracer --example warm -- SCENE.obj VP VD VH` (vectors as `x,y,z`) prints one line of JSON: samples per
+//! second that the thread ran, and the mean relative variance of a sample, without the worst 1 % of rays, for which a few
+//! bright paths decide.
+
+use std::error::Error;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+use holo_raycast::Raycaster;
+use holo_tracer::{DEFAULT_ACCURACY, Settings, Tracer};
+
+/// Rays of the view, and samples of each that tell its variance.
+const SIDE: u64 = 64;
+const SAMPLES: u64 = 64;
+/// Rays before, so that their surroundings have records.
+const WARMING: u64 = 1 << 18;
+
+fn vector(text: &str) -> Result<DVec3, Box<dyn Error>> {
+    let parts = text.split(',').map(str::parse).collect::<Result<Vec<f64>, _>>()?;
+    Ok(DVec3::from_array(parts.try_into().map_err(|_| "three numbers, as x,y,z")?))
+}
+
+/// The rays of a view, any number of them by an even sequence.
+struct View {
+    eye: DVec3,
+    forward: DVec3,
+    right: DVec3,
+    up: DVec3,
+}
+
+impl View {
+    fn ray(&self, number: u64) -> DVec3 {
+        // Additive recurrences of the plastic number: even, whatever the count.
+        let at = |step: f64| 2.0 * ((number as f64 + 0.5) * step).fract() - 1.0;
+        (self.forward + self.right * at(0.754_877_666_246_692_8) + self.up * at(0.569_840_290_998_053_3)).normalize()
+    }
+}
+
+/// Samples per second, and the relative variance of one.
+fn measure(tracer: &Tracer, view: &View) -> (f64, f64) {
+    let start = Instant::now();
+    let mut variances: Vec<f64> = (0..SIDE * SIDE)
+        .map(|number| {
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for sample in 0..SAMPLES {
+                let [r, g, b] = tracer.trace(view.eye, view.ray(number), (number << 32) + sample).radiance;
+                let luminance = 0.265 * f64::from(r) + 0.670 * f64::from(g) + 0.065 * f64::from(b);
+                sum += luminance;
+                squares += luminance * luminance;
+            }
+            let mean = sum / SAMPLES as f64;
+            let variance = (squares / SAMPLES as f64 - mean * mean).max(0.0) * SAMPLES as f64 / (SAMPLES - 1) as f64;
+            if mean > 0.0 { variance / (mean * mean) } else { 0.0 }
+        })
+        .collect();
+    let rate = (SIDE * SIDE * SAMPLES) as f64 / start.elapsed().as_secs_f64();
+    variances.sort_by(f64::total_cmp);
+    let kept = variances.len() * 99 / 100;
+    (rate, variances[..kept].iter().sum::<f64>() / kept as f64)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let [path, eye, towards, angle] = args.as_slice() else {
+        return Err("usage: warm SCENE.obj VP VD VH".into());
+    };
+    let (eye, forward) = (vector(eye)?, vector(towards)?.normalize());
+    let half = (angle.parse::<f64>()?.to_radians() / 2.0).tan();
+    let up = if forward.z.abs() < 0.9 { DVec3::Z } else { DVec3::Y };
+    let right = forward.cross(up).normalize();
+    let view = View { eye, forward, right: right * half, up: right.cross(forward) * half };
+    let loaded = holo_scene::load_obj(path.as_ref(), &Default::default())?;
+    let raycaster = Arc::new(Raycaster::build(loaded.scene.into())?);
+    let paths = Tracer::with_raycaster(Arc::clone(&raycaster), Settings::default())?;
+    let cached = Tracer::with_raycaster(raycaster, Settings::default())?.with_cache(DEFAULT_ACCURACY, 1);
+    for number in 0..WARMING {
+        let _ = cached.trace(view.eye, view.ray(number), number);
+    }
+    let (path, cached) = (measure(&paths, &view), measure(&cached, &view));
+    println!(
+        r#"{{"path_rate": {}, "path_variance": {}, "cached_rate": {}, "cached_variance": {}}}"#,
+        path.0, path.1, cached.0, cached.1
+    );
+    Ok(())
+}
