@@ -23,11 +23,11 @@ use holo_display::{
     frameless::Frameless,
     pointimage::{
         EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample as PointSample, Smoothing, Stage, Stages,
-        best_beam,
+        best_beam, far_depth,
     },
     viewpoint_radius,
 };
-use holo_picture::{Picture, View};
+use holo_picture::{Picture, View, ViewKind};
 use holo_section::{BeamId, Sample, Section, ray_eye_distance};
 use serde::Serialize;
 
@@ -47,8 +47,9 @@ const PIXELS_PER_REQUEST: usize = 16;
 /// Threads that a frame may use at most: more do not make it faster.
 const MAX_THREADS: usize = 8;
 
-/// Farther away is nothing: the render cache keeps what is infinitely far away at a distance that no scene has.
-const FARTHEST: f64 = 1e14;
+/// In a parallel view, cosine of the angle to it up to which what a ray tells is taken for what the view sees: a ray that met
+/// nothing, since where along it nothing begins is not known. Some 6°, as in a cell of a coarse grid.
+const ALONG: f64 = 0.995;
 
 /// Of the options in help texts.
 const HEADING: &str = "Render cache (--driver pointimage)";
@@ -273,7 +274,8 @@ impl State {
     fn look(&mut self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
         let before = self.shown.take();
         let earlier = before.as_ref().map(|shown| shown.view);
-        let driver = match (before.filter(|shown| shown.size == size), &self.kind) {
+        let keeps = |shown: &Shown| shown.size == size && sees_alike(&shown.view, &view);
+        let driver = match (before.filter(keeps), &self.kind) {
             (Some(shown), _) => shown.driver,
             (None, Kind::PointImage(params)) => Driver::PointImage(Box::new(PointImage::new(size, params.clone())?)),
             (None, Kind::Frameless) => Driver::Frameless(Box::new(Frameless::new(size, view, 0)?)),
@@ -294,7 +296,7 @@ impl State {
                 beams
             }
             Driver::PointImage(cache) => {
-                let predicted = earlier.and_then(|earlier| ahead(&earlier, &view, size));
+                let predicted = earlier.and_then(|earlier| ahead(&earlier, &view));
                 let wanted = size.0 as usize * size.1 as usize / PIXELS_PER_REQUEST;
                 let frame = cache.frame(&Moment { view, predicted, samples: &[], wanted });
                 frame.weigh(&self.sections, &beams, BY_REQUESTS)
@@ -305,12 +307,18 @@ impl State {
     }
 }
 
+/// Whether what is kept for one view is good for another. Parallel views keep what is infinitely far away by where it is seen.
+fn sees_alike(before: &View, now: &View) -> bool {
+    before.kind.has_eye() && now.kind.has_eye() || before.kind == now.kind && before.vd == now.vd
+}
+
 /// Where a view will be that goes on as it came from `earlier` to `now`.
-fn ahead(earlier: &View, now: &View, size: (u32, u32)) -> Option<View> {
+fn ahead(earlier: &View, now: &View) -> Option<View> {
     let vp = now.vp + (now.vp - earlier.vp);
     let vd = now.vd + (now.vd - earlier.vd);
     // Half turns lead nowhere.
-    View::new(vp, vd, now.vu, Some(now.vh), Some(now.vv), size).ok().filter(|_| now.vd.dot(earlier.vd) > 0.0)
+    let is_same_walk = now.vd.dot(earlier.vd) > 0.0 && now.kind == earlier.kind;
+    now.moved(vp, vd).ok().filter(|_| is_same_walk)
 }
 
 impl Shown {
@@ -324,12 +332,23 @@ impl Shown {
             let (place, seen) = if distance.is_finite() {
                 let place = ray.origin + ray.direction * distance;
                 (Place::At(place), self.view.project(place))
+            } else if !self.view.kind.has_eye() {
+                // Where the ray leaves the section it still sees what the view sees there.
+                let seen = self.view.project(ray.origin + ray.direction * ray.length);
+                let seen = seen.filter(|_| ray.direction.dot(self.view.vd) >= ALONG);
+                (Place::Toward(self.view.vd), seen.map(|(x, y, _)| (x, y, f64::INFINITY)))
             } else {
                 let seen = self.view.project_direction(ray.direction);
                 (Place::Toward(ray.direction), seen.map(|(x, y)| (x, y, f64::INFINITY)))
             };
             let Some((x, y, seen_at)) = seen else { continue };
-            let is_near = ray_eye_distance(&ray, self.view.vp) <= near;
+            let eye = match place {
+                Place::At(place) => self.view.ray_to(place).0,
+                // Of a parallel view, where the ray begins: it goes along with the view, or was not let in.
+                Place::Toward(_) if self.view.kind.has_eye() => self.view.vp,
+                Place::Toward(_) => ray.origin,
+            };
+            let is_near = ray_eye_distance(&ray, eye) <= near;
             let pixel = View::pixel_at(self.size, x, y);
             match (&mut self.driver, pixel) {
                 (Driver::PointImage(cache), Some((column, row))) if is_near => {
@@ -411,13 +430,19 @@ impl Shown {
     }
 }
 
-/// Distances from the eye, of depths along the view's axis.
+/// Distances from where rays begin, of depths as [`PointImage`] has them.
 fn distances(view: &View, size: (u32, u32), depth: impl Iterator<Item = f32>) -> Vec<f32> {
+    let far = far_depth(view);
     let distance = |(pixel, depth): (u32, f32)| {
+        if f64::from(depth) >= far {
+            return f32::INFINITY;
+        }
+        if view.kind != ViewKind::Perspective {
+            return depth;
+        }
         let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
         let (_, direction) = view.ray(x, y);
-        let distance = f64::from(depth) / direction.dot(view.vd);
-        if distance < FARTHEST { distance as f32 } else { f32::INFINITY }
+        (f64::from(depth) / direction.dot(view.vd)) as f32
     };
     (0..).zip(depth).map(distance).collect()
 }

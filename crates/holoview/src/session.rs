@@ -20,7 +20,7 @@ use holo_proto::{
     frame::Kind,
     hello::Role,
 };
-use holo_section::{BeamId, Section, Viewpoint};
+use holo_section::{BeamId, Section};
 
 use crate::{
     Config, PictureReport,
@@ -306,7 +306,7 @@ impl Session {
     /// Sends a view, with a viewpoint for the nearest visible surface at `nearest`.
     fn request(&self, view: &View, size: (u32, u32), nearest: f64, beams: Vec<Wanted>) -> Result<()> {
         let radius = self.painter.radius(view, size, nearest);
-        let viewpoint = Viewpoint { eye: view.vp.to_array(), radius };
+        let viewpoint = holo_display::viewpoint(&self.sections, view, radius);
         let request = ViewRequest { view: self.view_number, viewpoint, beams };
         Ok(self.outbox.send(Kind::View, &request.encode())?)
     }

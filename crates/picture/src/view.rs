@@ -269,6 +269,14 @@ impl View {
         View::from_params(ViewParams { kind, vp, vd, vu, vh, vv, vs, vl })
     }
 
+    /// The same view from elsewhere, looking elsewhere.
+    ///
+    /// # Errors
+    /// As [`View::new`].
+    pub fn moved(&self, vp: DVec3, vd: DVec3) -> Result<View, ViewError> {
+        View::from_params(ViewParams { vp, vd, ..self.params })
+    }
+
     /// The largest size with square pixels for this view's shape that fits into `max_size`; each side at least 1.
     pub fn fit(&self, max_size: (u32, u32)) -> (u32, u32) {
         let shape = self.extent[1] / self.extent[0];
