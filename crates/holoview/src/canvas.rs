@@ -19,7 +19,8 @@ use holo_section::{BeamId, Sample, Section};
 
 use crate::{
     Driver,
-    points::{Kind, PointArgs, Points, StageTime},
+    point_args::{Part, PointArgs},
+    points::{Kind, Points, StageTime},
 };
 
 /// How long the scene's next piece may take: a server that has none sends nothing.
@@ -80,6 +81,14 @@ impl Painter {
         match self {
             Painter::Points(points) => points.look(view, size, beams),
             Painter::Quadtree | Painter::Voronoi(..) => Ok(beams),
+        }
+    }
+
+    /// Leaves parts of the render cache out, or takes them in again.
+    pub fn switch(&self, parts: &[Part], on: bool) -> Result<()> {
+        match self {
+            Painter::Points(points) if points.switch(parts, on) => Ok(()),
+            _ => bail!("only --driver pointimage has parts that `with` and `without` switch"),
         }
     }
 

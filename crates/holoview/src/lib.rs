@@ -7,6 +7,7 @@
 
 mod canvas;
 mod default_view;
+mod point_args;
 mod points;
 mod received;
 mod script;
@@ -21,7 +22,8 @@ use holo_picture::ViewSpec;
 use serde::Serialize;
 
 pub use default_view::default_view;
-pub use points::{EmptyArg, Part, PointArgs, SmoothingArg, StageTime};
+pub use point_args::{EmptyArg, Part, PointArgs, SmoothingArg};
+pub use points::StageTime;
 pub use script::{Command, Script, Step, parse_seconds};
 
 /// Which view is shown: options as Radiance has them.
@@ -136,7 +138,8 @@ pub struct Config {
     /// How the render cache works
     #[command(flatten)]
     pub points: PointArgs,
-    /// Follow this file's lines, each `SECONDS COMMAND` (`-`: standard input). Commands: view, picture FILE, quit
+    /// Follow this file's lines, each `SECONDS COMMAND` (`-`: standard input). Commands: view, picture FILE,
+    /// with PART,…, without PART,… (of the render cache), quit
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
     /// Without a script: stay for so long

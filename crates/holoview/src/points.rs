@@ -16,27 +16,21 @@ use std::{
 };
 
 use anyhow::Result;
-use clap::{Args, ValueEnum};
 use glam::DVec3;
 use holo_display::{
     Frame, WantedBeam,
     frameless::Frameless,
-    pointimage::{
-        EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample as PointSample, Smoothing, Stage, Stages,
-        best_beam, far_depth,
-    },
+    pointimage::{Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stage, best_beam, far_depth},
     viewpoint_radius,
 };
 use holo_picture::{Picture, View, ViewKind};
 use holo_section::{BeamId, Sample, Section, ray_eye_distance};
 use serde::Serialize;
 
+use crate::point_args::Part;
+
 /// Samples a pixel for which rays must pass the eye so near: within a quarter of a pixel's footprint on the nearest surface.
 const SAMPLES_PER_PIXEL: f64 = 16.0;
-
-/// Samples that a point averages while the view moves. The driver's own default is for renderers without noise; one path a sample is
-/// all that some engines give.
-const MOVING_MEAN: u32 = 32;
 
 /// Share of a view's beams' weight that is dealt by the pixels that want rays most; the rest by the pixels that beams serve.
 const BY_REQUESTS: f32 = 0.75;
@@ -44,104 +38,9 @@ const BY_REQUESTS: f32 = 0.75;
 /// One request for so many pixels decides that share.
 const PIXELS_PER_REQUEST: usize = 16;
 
-/// Threads that a frame may use at most: more do not make it faster.
-const MAX_THREADS: usize = 8;
-
 /// In a parallel view, cosine of the angle to it up to which what a ray tells is taken for what the view sees: a ray that met
 /// nothing, since where along it nothing begins is not known. Some 6°, as in a cell of a coarse grid.
 const ALONG: f64 = 0.995;
-
-/// Of the options in help texts.
-const HEADING: &str = "Render cache (--driver pointimage)";
-
-/// What the render cache can be told.
-#[derive(Args, Clone, Debug, Default)]
-pub struct PointArgs {
-    /// Which pixels with a sample of their own are blurred with their neighbours
-    #[arg(long, value_enum, value_name = "WHERE", default_value_t, help_heading = HEADING)]
-    pub smoothing: SmoothingArg,
-    /// What a pixel shows that no sample is near
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t, help_heading = HEADING)]
-    pub empty_pixels: EmptyArg,
-    /// Leave out parts of the method, such as `prediction,dither`
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,…", help_heading = HEADING)]
-    pub without: Vec<Part>,
-}
-
-/// See [`Smoothing`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum SmoothingArg {
-    /// All of them
-    Everywhere,
-    /// Those whose sample was made for another view: a picture at rest is sharp
-    #[default]
-    Old,
-    /// None: only gaps are filled
-    Gaps,
-}
-
-/// See [`EmptyPixels`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum EmptyArg {
-    /// What it showed before
-    #[default]
-    Keep,
-    /// Nothing
-    Black,
-}
-
-/// A part of the render cache that can be left out; see [`Stages`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Part {
-    /// Samples grow older with every new one
-    Ageing,
-    /// The oldest samples leave
-    Eviction,
-    /// Rays for where the view is about to turn
-    Prediction,
-    /// Removal of samples that show through nearer surfaces
-    DepthCull,
-    /// Gaps filled from 7×7 pixels
-    Prefilter,
-    /// Gaps filled from 3×3 pixels
-    Interpolation,
-    /// Rays where they are wanted most
-    Dither,
-    /// New samples compared and averaged with the old one of their pixel
-    Resampling,
-}
-
-impl PointArgs {
-    /// For the driver.
-    pub fn params(&self) -> PointImageParams {
-        let mut stages = Stages::ALL;
-        for part in &self.without {
-            let stage = match part {
-                Part::Ageing => &mut stages.ageing,
-                Part::Eviction => &mut stages.eviction,
-                Part::Prediction => &mut stages.prediction,
-                Part::DepthCull => &mut stages.depth_cull,
-                Part::Prefilter => &mut stages.prefilter,
-                Part::Interpolation => &mut stages.interpolation,
-                Part::Dither => &mut stages.dither,
-                Part::Resampling => &mut stages.resampling,
-            };
-            *stage = false;
-        }
-        let smoothing = match self.smoothing {
-            SmoothingArg::Everywhere => Smoothing::Everywhere,
-            SmoothingArg::Old => Smoothing::WhereOld,
-            SmoothingArg::Gaps => Smoothing::Gaps,
-        };
-        let empty = match self.empty_pixels {
-            EmptyArg::Keep => EmptyPixels::KeepLast,
-            EmptyArg::Black => EmptyPixels::Black,
-        };
-        let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get().min(MAX_THREADS));
-        let moving_mean = MOVING_MEAN;
-        PointImageParams { stages, smoothing, empty, threads, moving_mean, ..PointImageParams::default() }
-    }
-}
 
 /// How long a stage of a picture took.
 #[derive(Clone, Debug, Serialize)]
@@ -208,6 +107,17 @@ impl Points {
     /// Takes another view, and says how much of each of its `beams` is wanted, considering what is shown already.
     pub fn look(&self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
         self.lock().look(view, size, beams)
+    }
+
+    /// Leaves parts of the render cache out, or takes them in again, from the next picture on. False if the driver has no such parts.
+    pub fn switch(&self, parts: &[Part], on: bool) -> bool {
+        let mut state = self.lock();
+        let State { kind: Kind::PointImage(params), shown, .. } = &mut *state else { return false };
+        parts.iter().for_each(|part| *part.of(&mut params.stages) = on);
+        if let Some(Shown { driver: Driver::PointImage(cache), .. }) = shown {
+            cache.set_stages(params.stages);
+        }
+        true
     }
 
     /// How near to the eye rays are to pass if the nearest visible surface is at `nearest`.
@@ -445,4 +355,84 @@ fn distances(view: &View, size: (u32, u32), depth: impl Iterator<Item = f32>) ->
         (f64::from(depth) / direction.dot(view.vd)) as f32
     };
     (0..).zip(depth).map(distance).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_section::{SectionSpec, ViewClass};
+
+    use super::*;
+    use crate::point_args::{EmptyArg, PointArgs};
+
+    const SIZE: (u32, u32) = (48, 36);
+
+    /// A driver that looks at a checked wall, of which it has a sample for every third pixel.
+    fn driver() -> Points {
+        let axes = [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]];
+        let spec =
+            SectionSpec { origin: [-1.0; 3], axes, grid: [8; 3], class: ViewClass::Interior, obstructions: true };
+        let section = Section::new(spec).unwrap();
+        let args = PointArgs { empty_pixels: EmptyArg::Black, ..PointArgs::default() };
+        let points = Points::new(Kind::PointImage(args.params()), Arc::from([section.clone()]), [0.0; 3]);
+        let view = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, Some(60.0), None, SIZE).unwrap();
+        points.look(view, SIZE, Vec::new()).unwrap();
+        points.set_nearest(5.0);
+        for pixel in (0..SIZE.0 * SIZE.1).step_by(3) {
+            let (x, y) = View::pixel_centre(SIZE, pixel % SIZE.0, pixel / SIZE.0);
+            let (eye, direction) = view.ray(x, y);
+            let hit = section.line(eye, direction).unwrap();
+            let distance = 5.0 / direction.y - hit.entry_t;
+            let rgb = [0.5 + 0.4 * (pixel % 2) as f32; 3];
+            let sample = Sample::encode(hit.coords, rgb, distance, section.diagonal(), 0);
+            points.insert(0, section.beam(hit.pair), &[sample]);
+        }
+        points
+    }
+
+    /// Names of stages that ran, and pixels that show nothing.
+    fn drawn(points: &Points) -> (Vec<&'static str>, Picture, usize) {
+        let (frame, stages) = points.draw();
+        let black = frame.picture.pixels.iter().filter(|pixel| **pixel == [0.0; 3]).count();
+        (stages.iter().map(|time| time.stage).collect(), frame.picture, black)
+    }
+
+    #[test]
+    fn parts_are_left_out_at_once_and_come_back() {
+        let points = driver();
+        let (prefilter, interpolation) = (Stage::Prefilter.name(), Stage::Interpolate.name());
+        let (stages, all, black) = drawn(&points);
+        assert!(stages.contains(&prefilter) && stages.contains(&interpolation) && black == 0, "{stages:?} {black}");
+        assert!(points.switch(&[Part::Prefilter, Part::Interpolation], false));
+        let (stages, _, black) = drawn(&points);
+        assert!(!stages.contains(&prefilter), "{stages:?}");
+        assert!(black > (SIZE.0 * SIZE.1 / 2) as usize, "what no sample is near shows nothing: {black}");
+        assert!(points.switch(&[Part::Interpolation], true));
+        let (_, _, some) = drawn(&points);
+        assert!(some < black, "{some} {black}");
+        assert!(points.switch(&[Part::Prefilter], true));
+        let (stages, again, _) = drawn(&points);
+        assert!(stages.contains(&prefilter) && again.pixels == all.pixels);
+        // Nothing changes: nothing is computed.
+        assert!(points.switch(&[Part::Prefilter], true) && drawn(&points).0 == [Stage::UpdatePoints.name()]);
+        // Another size is another cache: it has the parts that were chosen.
+        points.switch(&[Part::Prefilter], false);
+        let view = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, Some(60.0), None, (40, 30)).unwrap();
+        points.look(view, (40, 30), Vec::new()).unwrap();
+        assert!(!drawn(&points).0.contains(&prefilter));
+    }
+
+    #[test]
+    fn a_driver_without_parts_says_so() {
+        let points = Points::new(Kind::Frameless, Arc::from([]), [0.0; 3]);
+        assert!(!points.switch(&[Part::Dither], false));
+    }
+
+    #[test]
+    fn what_is_kept_of_another_type_of_view_is_used_only_if_it_means_the_same() {
+        let view = |words: &str| View::parse_vf(&format!("-vp 0 0 0 {words}")).unwrap().resolve(SIZE).unwrap().0;
+        let (perspective, fisheye) = (view("-vd 0 1 0"), view("-vd 0 1 0 -vta"));
+        let (parallel, turned) = (view("-vd 0 1 0 -vtl -vh 3"), view("-vd 1 1 0 -vtl -vh 3"));
+        assert!(sees_alike(&perspective, &fisheye) && sees_alike(&parallel, &view("-vd 0 2 0 -vtl -vh 9")));
+        assert!(!sees_alike(&perspective, &parallel) && !sees_alike(&parallel, &turned));
+    }
 }

@@ -213,6 +213,7 @@ impl Session {
                     self.show(spec)?;
                 }
                 Command::Picture(path) => self.picture(path)?,
+                Command::Switch { parts, on } => self.painter.switch(&parts, on)?,
                 Command::Quit => break,
             }
             pending = script.next_step()?;
