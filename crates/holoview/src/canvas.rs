@@ -15,7 +15,7 @@ use holo_proto::{
 };
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
-use holo_section::{BeamId, Sample, Section};
+use holo_section::{BeamId, RayCoords, Sample, Section};
 
 use crate::{
     Driver,
@@ -187,6 +187,14 @@ impl Canvas {
             Canvas::Points(driver) => driver.insert_unseen(section, beam),
             // It knows by itself which pixels see nothing.
             Canvas::Voronoi(_) => {}
+        }
+    }
+
+    /// Single rays that would improve the picture most, if the driver can say: to be asked again and again.
+    pub fn wanted_rays(&self) -> Vec<(u16, BeamId, RayCoords)> {
+        match self {
+            Canvas::Points(driver) => driver.wanted_rays(),
+            Canvas::Quadtree(_) | Canvas::Voronoi(_) => Vec::new(),
         }
     }
 

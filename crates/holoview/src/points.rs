@@ -1,8 +1,8 @@
 //! The drivers that need nothing but samples, and that keep what they have from one view to the next: the render cache and
 //! frameless rendering.
 //!
-//! A server deals in beams, not in single rays. So the rays that the render cache wants become weights of the view's beams, and a sample
-//! counts as a pixel's own if its ray passes the eye as near as was asked for, which is a quarter of what other drivers ask for: but
+//! The rays that the render cache wants are asked for one by one, as the nearest that can be stored, and become weights of the view's
+//! beams too, for tracers that are faster than it asks. A sample counts as a pixel's own if its ray passes the eye as near as was asked for, which is a quarter of what other drivers ask for: but
 //! never less than a step of ray coordinates, since rays lie on a lattice (with less, whole rows of pixels missed part of what they see).
 //!
 //! What always holds:
@@ -24,7 +24,7 @@ use holo_display::{
     viewpoint_radius,
 };
 use holo_picture::{Picture, View, ViewKind};
-use holo_section::{BeamId, Sample, Section, ray_eye_distance};
+use holo_section::{BeamId, RayCoords, Sample, Section, ray_eye_distance};
 use serde::Serialize;
 
 use crate::point_args::Part;
@@ -118,6 +118,18 @@ impl Points {
             cache.set_stages(params.stages);
         }
         true
+    }
+
+    /// The rays that would improve the picture most, if the driver can say.
+    pub fn wanted_rays(&self) -> Vec<(u16, BeamId, RayCoords)> {
+        let mut state = self.lock();
+        let State { sections, shown: Some(Shown { driver: Driver::PointImage(cache), view, size, .. }), .. } =
+            &mut *state
+        else {
+            return Vec::new();
+        };
+        let wanted = size.0 as usize * size.1 as usize / PIXELS_PER_REQUEST;
+        cache.frame(&Moment { view: *view, predicted: None, samples: &[], wanted }).rays(sections)
     }
 
     /// How near to the eye rays are to pass if the nearest visible surface is at `nearest`.
