@@ -113,8 +113,8 @@ impl Coordinator {
                 continue;
             }
             let file = &self.holodeck.file;
-            let have = u64::from(self.allotment.taken(file, key, SampleKind::Uniform))
-                + u64::from(self.allotment.taken(file, key, SampleKind::ViewpointLimited));
+            let kinds = [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay];
+            let have: u64 = kinds.map(|kind| u64::from(self.allotment.taken(file, key, kind))).iter().sum();
             if have >= wanted {
                 continue;
             }
