@@ -2,14 +2,14 @@
 
 use bytemuck::{Pod, Zeroable};
 pub use holo_light::Record;
-use holo_section::{BeamId, Sample, SampleKind, Viewpoint};
+use holo_section::{BeamId, RayCoords, Sample, SampleKind, Viewpoint};
 
 use crate::{MAX_RAYS_PER_PACKET, ProtoError};
 
 /// Longest run of samples of one beam in a [`Samples`] message.
 pub const MAX_RUN: u32 = 1 << 20;
 
-/// A packet to trace: which rays is a function of (section, beam, kind, first, viewpoint) alone.
+/// A packet to trace: which rays is a function of (section, beam, kind, first, viewpoint) alone, or it names them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Packet {
     /// The server's name for this assignment, given back with the results.
@@ -24,8 +24,21 @@ pub struct Packet {
     pub count: u8,
     /// Paths averaged into each sample, at least 1.
     pub paths: u16,
-    /// Index into [`Work::viewpoints`], less than 65535; `None`: uniform in the beam.
+    /// Index into [`Work::viewpoints`], less than 65534; `None`: uniform in the beam.
     pub viewpoint: Option<u16>,
+    /// Its rays, `count` of them and then zeros, if they were asked for one by one; it then has no viewpoint.
+    pub rays: Option<[RayCoords; MAX_RAYS_PER_PACKET]>,
+}
+
+impl Packet {
+    /// How its rays are chosen.
+    pub fn kind(&self) -> SampleKind {
+        match (self.rays, self.viewpoint) {
+            (Some(_), _) => SampleKind::SingleRay,
+            (None, Some(_)) => SampleKind::ViewpointLimited,
+            (None, None) => SampleKind::Uniform,
+        }
+    }
 }
 
 /// Server to worker: packets.
@@ -86,6 +99,32 @@ pub struct ViewRequest {
     pub viewpoint: Viewpoint,
     /// The beams.
     pub beams: Vec<Wanted>,
+}
+
+/// A single ray that a display wants. 16 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct WantedRay {
+    /// Beam in the section.
+    pub beam: u64,
+    /// Section number.
+    pub section: u16,
+    /// Positions in the beam's cells.
+    pub coords: RayCoords,
+    /// Zero.
+    pub reserved: u16,
+}
+
+const _: () = assert!(size_of::<WantedRay>() == 16);
+
+/// Display to server: the rays that its view wants most, most wanted first, in place of those of its last such message that have not
+/// been given to a worker yet. They come before the view's beams.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RaysWanted {
+    /// The view that they are for; another than the display's last is passed over.
+    pub view: u32,
+    /// The rays.
+    pub rays: Vec<WantedRay>,
 }
 
 /// Where samples sent to a display came from.
@@ -216,6 +255,9 @@ const _: () = assert!(size_of::<RawRun>() == 24);
 /// `RawPacket::viewpoint` of a uniform packet.
 const NO_VIEWPOINT: u16 = u16::MAX;
 
+/// `RawPacket::viewpoint` of a packet that names its rays.
+const NAMED_RAYS: u16 = u16::MAX - 1;
+
 /// Takes records off a payload; what is not there is an error before any memory is taken.
 struct Reader<'a>(&'a [u8]);
 
@@ -259,7 +301,7 @@ fn parse_viewpoint(raw: RawViewpoint) -> Result<Viewpoint, ProtoError> {
 }
 
 impl Work {
-    /// The payload of a work frame: counts, viewpoints, packets.
+    /// The payload of a work frame: counts, viewpoints, packets, rays that packets name.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + self.viewpoints.len() * 32 + self.packets.len() * 32);
         put(&mut out, &Counts { first: self.viewpoints.len() as u32, second: self.packets.len() as u32 });
@@ -274,12 +316,19 @@ impl Work {
                     beam: packet.beam.0,
                     first: packet.first,
                     section: packet.section,
-                    viewpoint: packet.viewpoint.unwrap_or(NO_VIEWPOINT),
+                    viewpoint: if packet.rays.is_some() {
+                        NAMED_RAYS
+                    } else {
+                        packet.viewpoint.unwrap_or(NO_VIEWPOINT)
+                    },
                     paths: packet.paths,
                     count: packet.count,
                     reserved: [0; 5],
                 },
             );
+        }
+        for (rays, packet) in self.packets.iter().filter_map(|packet| Some((packet.rays.as_ref()?, packet))) {
+            out.extend_from_slice(bytemuck::cast_slice(&rays[..usize::from(packet.count).min(MAX_RAYS_PER_PACKET)]));
         }
         out
     }
@@ -293,7 +342,10 @@ impl Work {
         let counts: Counts = reader.one("work message")?;
         let viewpoints = reader.many::<RawViewpoint>("viewpoint list", u64::from(counts.first))?;
         let packets = reader.many::<RawPacket>("packet list", u64::from(counts.second))?;
+        let named = packets.iter().filter(|raw| raw.viewpoint == NAMED_RAYS).map(|raw| u64::from(raw.count)).sum();
+        let rays = reader.many::<RayCoords>("ray list", named)?;
         reader.end()?;
+        let mut rays = rays.into_iter();
         let viewpoints = viewpoints.into_iter().map(parse_viewpoint).collect::<Result<Vec<_>, _>>()?;
         let packets = packets
             .into_iter()
@@ -307,7 +359,12 @@ impl Work {
                 if raw.first.checked_add(u32::from(raw.count)).is_none() {
                     return Err(ProtoError::Number("a packet's first sample number"));
                 }
-                let viewpoint = (raw.viewpoint != NO_VIEWPOINT).then_some(raw.viewpoint);
+                let named = (raw.viewpoint == NAMED_RAYS).then(|| {
+                    let mut named = [RayCoords::default(); MAX_RAYS_PER_PACKET];
+                    named.iter_mut().zip(rays.by_ref().take(usize::from(raw.count))).for_each(|(to, ray)| *to = ray);
+                    named
+                });
+                let viewpoint = (raw.viewpoint != NO_VIEWPOINT && named.is_none()).then_some(raw.viewpoint);
                 if let Some(index) = viewpoint.filter(|&index| usize::from(index) >= viewpoints.len()) {
                     return Err(ProtoError::Viewpoint { index, count: viewpoints.len() });
                 }
@@ -319,6 +376,7 @@ impl Work {
                     count: raw.count,
                     paths: raw.paths,
                     viewpoint,
+                    rays: named,
                 })
             })
             .collect::<Result<Vec<_>, _>>()?;
@@ -391,6 +449,28 @@ impl ViewRequest {
             return Err(ProtoError::Number("a beam's weight"));
         }
         Ok(ViewRequest { view: counts.first, viewpoint, beams })
+    }
+}
+
+impl RaysWanted {
+    /// The payload of a frame of wanted rays: view, count, rays.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(8 + self.rays.len() * 16);
+        put(&mut out, &Counts { first: self.view, second: self.rays.len() as u32 });
+        out.extend_from_slice(bytemuck::cast_slice(&self.rays));
+        out
+    }
+
+    /// Parses a frame of wanted rays. Whether a beam exists is for whoever knows the sections.
+    ///
+    /// # Errors
+    /// Any [`ProtoError`] about counts.
+    pub fn decode(bytes: &[u8]) -> Result<RaysWanted, ProtoError> {
+        let mut reader = Reader(bytes);
+        let counts: Counts = reader.one("message of wanted rays")?;
+        let rays = reader.many::<WantedRay>("ray list", u64::from(counts.second))?;
+        reader.end()?;
+        Ok(RaysWanted { view: counts.first, rays })
     }
 }
 

@@ -36,6 +36,8 @@ pub enum Kind {
     Unseen = 9,
     /// [`crate::bulk::Light`], worker to server, and server to whoever asked for it.
     Light = 10,
+    /// [`crate::bulk::RaysWanted`], display to server.
+    Rays = 11,
 }
 
 impl Kind {
@@ -52,6 +54,7 @@ impl Kind {
             Kind::BlobChunk,
             Kind::Unseen,
             Kind::Light,
+            Kind::Rays,
         ]
         .into_iter()
         .find(|&kind| kind as u8 == byte)
@@ -63,9 +66,14 @@ impl Kind {
         match self {
             Kind::Hello | Kind::Answer => MAX_HELLO_BYTES,
             Kind::Control => MAX_CONTROL_BYTES,
-            Kind::Work | Kind::Results | Kind::View | Kind::Samples | Kind::BlobChunk | Kind::Unseen | Kind::Light => {
-                MAX_BULK_BYTES
-            }
+            Kind::Work
+            | Kind::Results
+            | Kind::View
+            | Kind::Samples
+            | Kind::BlobChunk
+            | Kind::Unseen
+            | Kind::Light
+            | Kind::Rays => MAX_BULK_BYTES,
         }
     }
 }

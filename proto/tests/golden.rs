@@ -36,6 +36,7 @@ enum Any {
     BlobChunk(BlobChunk),
     Unseen(Unseen),
     Light(Light),
+    Rays(RaysWanted),
 }
 
 impl Any {
@@ -51,6 +52,7 @@ impl Any {
             Any::BlobChunk(message) => (Kind::BlobChunk, message.encode()),
             Any::Unseen(message) => (Kind::Unseen, message.encode()),
             Any::Light(message) => (Kind::Light, message.encode()),
+            Any::Rays(message) => (Kind::Rays, message.encode()),
         };
         frame::encode(kind, &payload).unwrap()
     }
@@ -70,6 +72,7 @@ impl Any {
             Kind::BlobChunk => Any::BlobChunk(BlobChunk::decode(payload)?),
             Kind::Unseen => Any::Unseen(Unseen::decode(payload)?),
             Kind::Light => Any::Light(Light::decode(payload)?),
+            Kind::Rays => Any::Rays(RaysWanted::decode(payload)?),
         })
     }
 }
@@ -159,8 +162,9 @@ fn welcome_shown() -> Any {
 }
 
 fn work() -> Any {
+    let (viewpoint, rays) = (None, None);
     let packet =
-        Packet { id: 1, section: 0, beam: BeamId(0x01_0203_0405), first: 0, count: 21, paths: 1, viewpoint: None };
+        Packet { id: 1, section: 0, beam: BeamId(0x01_0203_0405), first: 0, count: 21, paths: 1, viewpoint, rays };
     Any::Work(Work {
         viewpoints: vec![
             Viewpoint { eye: [1.0, 2.0, 3.0], radius: 0.01 },
@@ -168,7 +172,7 @@ fn work() -> Any {
         ],
         packets: vec![
             packet,
-            Packet { id: 2, section: 3, beam: BeamId(6), first: 21, count: 1, paths: 16, viewpoint: Some(0) },
+            Packet { id: 2, section: 3, beam: BeamId(6), first: 21, count: 1, paths: 16, viewpoint: Some(0), rays },
             Packet {
                 id: 1 << 63,
                 section: 1023,
@@ -177,7 +181,26 @@ fn work() -> Any {
                 count: 15,
                 paths: u16::MAX,
                 viewpoint: Some(1),
+                rays,
             },
+        ],
+    })
+}
+
+fn work_named() -> Any {
+    let named = |known: &[[u8; 4]]| {
+        let mut rays = [RayCoords::default(); 21];
+        rays.iter_mut().zip(known).for_each(|(to, ray)| *to = RayCoords(*ray));
+        Some(rays)
+    };
+    let packet =
+        Packet { id: 1, section: 2, beam: BeamId(6), first: 7, count: 2, paths: 1, viewpoint: None, rays: None };
+    Any::Work(Work {
+        viewpoints: Vec::new(),
+        packets: vec![
+            Packet { rays: named(&[[1, 2, 3, 4], [5, 6, 7, 8]]), ..packet },
+            Packet { id: 2, ..packet },
+            Packet { id: 3, count: 1, rays: named(&[[255, 0, 254, 9]]), ..packet },
         ],
     })
 }
@@ -232,6 +255,7 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("control-settle", Any::Control(Control::Settle { view: 7 })),
         ("control-light-wanted", Any::Control(Control::LightWanted)),
         ("work", work()),
+        ("work-named", work_named()),
         ("work-empty", Any::Work(Work::default())),
         (
             "results",
@@ -259,6 +283,16 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("samples-traced", traced()),
         ("unseen", Any::Unseen(Unseen { view: 7, beams: vec![(0, BeamId(0x01_0203_0405)), (1023, BeamId(9))] })),
         ("light", Any::Light(Light { records: vec![record()] })),
+        (
+            "rays",
+            Any::Rays(RaysWanted {
+                view: 7,
+                rays: vec![
+                    WantedRay { beam: 0x01_0203_0405, section: 0, coords: RayCoords([1, 2, 3, 4]), reserved: 0 },
+                    WantedRay { beam: 9, section: 1023, coords: RayCoords([0, 255, 127, 128]), reserved: 0 },
+                ],
+            }),
+        ),
         ("blob-chunk", Any::BlobChunk(BlobChunk { offset: 1 << 32, bytes: b"holoscn\n".to_vec() })),
     ]
 }

@@ -80,7 +80,8 @@ impl World {
             let section = &sections[usize::from(packet.section)];
             let sampler = section.beam_sampler(packet.section, packet.beam, viewpoint).expect("the beam exists");
             for number in packet.first..packet.first + u32::from(packet.count) {
-                let coords = sampler.coords(number);
+                let named = packet.rays.map(|rays| rays[(number - packet.first) as usize]);
+                let coords = named.unwrap_or_else(|| sampler.coords(number));
                 results.samples.push(self.sample(section, &sampler.ray(coords), coords));
             }
             let count = u32::from(packet.count);

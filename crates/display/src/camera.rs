@@ -1,11 +1,12 @@
-//! A view as the linear map that reprojection needs: right, up and forward, and pixels per unit of slope.
+//! A view as reprojection needs it: right, up and forward, and where on the picture a point of these coordinates falls.
 //!
 //! Invariant: [`Camera::to_camera`] is a rotation, so distances in camera coordinates are distances in the scene.
 
 use glam::{DVec3, Vec3};
-use holo_picture::View;
+use holo_picture::{View, ViewKind};
 
-/// Camera coordinates: x right, y up, z forward, the eye at the origin.
+/// Camera coordinates: x right, y up, z forward, the eye at the origin (of a parallel view the middle of the plane on which its
+/// rays begin).
 #[derive(Clone, Debug)]
 pub(crate) struct Camera {
     pub eye: DVec3,
@@ -13,44 +14,97 @@ pub(crate) struct Camera {
     pub right: DVec3,
     pub up: DVec3,
     pub forward: DVec3,
-    /// Pixels per unit of x/z and of y/z.
+    /// Pixels per unit of x/z and of y/z, if the view is a perspective.
     pub focal: (f64, f64),
-    /// The picture's middle, in pixels from its left and from its top.
+    /// What lies straight ahead, in pixels from the picture's left and from its top.
     pub centre: (f64, f64),
-    /// Width of a pixel at distance 1 along the axis, squared: the larger of the two directions.
-    pub pixel_width_squared: f64,
+    /// How wide pixels are.
+    pub pixel_width: PixelWidth,
+    view: View,
+    size: (f64, f64),
+}
+
+/// How wide a pixel is on what it sees: the larger of the two directions.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PixelWidth {
+    /// At distance 1 along the axis, or anywhere in a parallel view.
+    pub width: f64,
+    /// Whether it grows in proportion to the distance.
+    pub grows: bool,
+}
+
+impl PixelWidth {
+    /// At a point of camera coordinates.
+    #[inline]
+    pub fn at(&self, point: Vec3) -> f32 {
+        self.width as f32 * if self.grows { point.length() } else { 1.0 }
+    }
+
+    /// Squared, at this distance squared.
+    #[inline]
+    pub fn squared_at(&self, distance_squared: f64) -> f64 {
+        self.width * self.width * if self.grows { distance_squared } else { 1.0 }
+    }
 }
 
 impl Camera {
-    /// The map is read off the view's own rays, so it cannot disagree with them.
     pub fn new(view: &View, size: (u32, u32)) -> Self {
-        let (eye, forward) = view.ray(0.5, 0.5);
-        // From the picture's middle to the middle of its right and of its top edge, on the plane at distance 1.
-        let to_edge = |x, y| {
-            let direction = view.ray(x, y).1;
-            direction / direction.dot(forward) - forward
-        };
-        let (to_right, to_top) = (to_edge(1.0, 0.5), to_edge(0.5, 1.0));
-        let (width, height) = (f64::from(size.0), f64::from(size.1));
-        let pixel_width = (2.0 * to_right.length() / width).max(2.0 * to_top.length() / height);
+        let (across, along) = view.extent();
+        let size = (f64::from(size.0), f64::from(size.1));
+        let width = (across / size.0).max(along / size.1);
         Self {
-            eye,
-            right: to_right.normalize_or_zero(),
-            up: to_top.normalize_or_zero(),
-            forward,
-            focal: (0.5 * width / to_right.length(), 0.5 * height / to_top.length()),
-            centre: (0.5 * width, 0.5 * height),
-            pixel_width_squared: pixel_width * pixel_width,
+            eye: view.vp,
+            right: view.right(),
+            up: view.up(),
+            forward: view.vd,
+            focal: (size.0 / across, size.1 / along),
+            centre: ((0.5 - view.vs) * size.0, (0.5 + view.vl) * size.1),
+            pixel_width: PixelWidth { width, grows: view.kind.has_eye() },
+            view: *view,
+            size,
         }
     }
 
-    /// Where a point of camera coordinates is seen: pixels from the left and from the top. `None` behind the eye.
+    /// Whether [`focal`](Self::focal) and [`centre`](Self::centre) are all that there is to projection.
+    pub fn is_perspective(&self) -> bool {
+        self.view.kind == ViewKind::Perspective
+    }
+
+    /// Where a point of camera coordinates is seen: pixels from the left and from the top. `None` if it is not, as behind the
+    /// eye of a perspective view.
     #[inline]
     pub fn pixel(&self, point: Vec3) -> Option<(f32, f32)> {
+        if !self.is_perspective() {
+            return self.project(point.as_dvec3()).map(|(x, y)| (x as f32, y as f32));
+        }
         let inverse_depth = point.z.recip();
         let x = self.centre.0 as f32 + self.focal.0 as f32 * point.x * inverse_depth;
         let y = self.centre.1 as f32 - self.focal.1 as f32 * point.y * inverse_depth;
         (point.z > 0.0).then_some((x, y))
+    }
+
+    /// As [`pixel`](Self::pixel), in double precision and of any type of view.
+    pub fn project(&self, point: DVec3) -> Option<(f64, f64)> {
+        let (x, y) = self.view.project_local(point)?;
+        Some((x * self.size.0, (1.0 - y) * self.size.1))
+    }
+
+    /// From where a point of camera coordinates is seen: the eye, or its foot on a parallel view's plane.
+    #[inline]
+    pub fn eye_of(&self, point: DVec3) -> DVec3 {
+        if self.pixel_width.grows { DVec3::ZERO } else { DVec3::new(point.x, point.y, 0.0) }
+    }
+
+    /// How far numbers of the size of a point's coordinates reach: what f32 rounds is in proportion to it.
+    #[inline]
+    pub fn reach(&self, point: Vec3) -> f32 {
+        if self.is_perspective() { point.z } else { point.length() }
+    }
+
+    /// From where it is seen to a point of camera coordinates.
+    #[inline]
+    pub fn sight(&self, point: Vec3) -> Vec3 {
+        if self.pixel_width.grows { point } else { Vec3::new(0.0, 0.0, point.z) }
     }
 
     /// A vector of the scene in camera coordinates.

@@ -19,5 +19,5 @@ mod select;
 mod voronoi;
 
 pub use quadtree::{Frame, LeafSize, MultiDepth, Quadtree, QuadtreeParams, REFETCH_DEGREES};
-pub use select::{Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint_radius};
+pub use select::{Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius};
 pub use voronoi::{Drawn, Voronoi};

@@ -5,13 +5,20 @@
 //! Invariant: the weights of a selection add up to the pixels that are covered, so a weight is a number of pixels.
 
 use crate::candidates::{Candidate, candidates};
+use glam::DVec3;
 use holo_picture::View;
-use holo_section::{BeamId, Section};
+use holo_section::{BeamId, Section, Viewpoint};
 
 /// Rays per side at least, however small the picture: fewer would miss beams.
 const MIN_RAYS_A_SIDE: u32 = 64;
 /// Rays per side at most, so that a mistaken size cannot take the memory or the time of the whole machine.
 const MAX_RAYS_A_SIDE: u32 = 2048;
+
+/// How far behind a parallel view its eye is taken to be, in reaches of the sections: its rays then differ in direction by
+/// less than what bytes can say of a position in a cell of any grid.
+const FAR_EYE: f64 = 1e6;
+/// Steps of positions by which both ends of a ray together are off at the most: half of one in both directions each.
+const ROUNDED_STEPS: f64 = std::f64::consts::SQRT_2;
 
 /// How densely view rays are tried, and how the wanted work is shared.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,7 +96,7 @@ pub fn select_beams(sections: &[Section], view: &View, size: (u32, u32), options
             let jitter = hash(options.seed, u64::from(row) << 32 | u64::from(column));
             let x = (f64::from(column) + unit(jitter as u32)) / f64::from(across);
             let y = (f64::from(row) + unit((jitter >> 32) as u32)) / f64::from(down);
-            let (eye, direction) = view.ray(x, y);
+            let Some((eye, direction)) = view.try_ray(x, y) else { continue };
             candidates(sections, eye, direction, &mut found);
             let Some((best, others)) = found.split_first() else { continue };
             covered.covered_rays += 1;
@@ -121,6 +128,31 @@ pub fn select_beams(sections: &[Section], view: &View, size: (u32, u32), options
 pub fn viewpoint_radius(view: &View, size: (u32, u32), nearest_visible_distance: f64, samples_per_pixel: f64) -> f64 {
     let samples = if samples_per_pixel > 0.0 { samples_per_pixel } else { 1.0 };
     view.pixel_footprint(size, nearest_visible_distance) / samples.sqrt()
+}
+
+/// What rays of a view have to pass: its eye, within `radius` ([`viewpoint_radius`], or as near as a driver wants).
+///
+/// A parallel view has no eye. Its rays are those that pass an eye far behind it: so near that across the sections they part from
+/// the view's own rays by `radius`, or by what positions in cells are rounded to if that is more.
+pub fn viewpoint(sections: &[Section], view: &View, radius: f64) -> Viewpoint {
+    if view.kind.has_eye() {
+        return Viewpoint { eye: view.vp.to_array(), radius };
+    }
+    let (mut reach, mut rounding) = (view.extent().0, 0.0_f64);
+    for section in sections {
+        for corner in 0..8 {
+            let corner = DVec3::new(f64::from(corner & 1), f64::from(corner >> 1 & 1), f64::from(corner >> 2));
+            reach = reach.max(section.local_to_world(corner).distance(view.vp));
+        }
+        let spec = section.spec();
+        let sides = spec.axes.map(|axis| DVec3::from_array(axis).length());
+        let cells = [0, 1, 2].map(|axis| sides[axis] / f64::from(spec.grid[axis]));
+        let shortest = sides.into_iter().fold(f64::INFINITY, f64::min);
+        let longest_step = cells.into_iter().fold(0.0, f64::max) / 256.0;
+        rounding = rounding.max(ROUNDED_STEPS * longest_step / shortest);
+    }
+    let eye = view.vp - view.vd * (reach * FAR_EYE);
+    Viewpoint { eye: eye.to_array(), radius: (radius / reach).max(rounding) * (reach * FAR_EYE) }
 }
 
 fn strata(pixels: u32, options: &SelectOptions) -> u32 {

@@ -70,26 +70,34 @@ pub struct Section {
 pub struct View {
     /// What `--view` takes.
     pub name: String,
+    /// Type: `v`, `l`, `c`, `a` or `h`.
+    pub vt: Option<char>,
     /// Eye.
     pub vp: [f64; 3],
     /// Direction.
     pub vd: [f64; 3],
     /// Up in the picture.
     pub vu: Option<[f64; 3]>,
-    /// Horizontal angle, degrees.
+    /// Horizontal angle, degrees; width of a parallel view, scene units.
     pub vh: Option<f64>,
-    /// Vertical angle, degrees.
+    /// Vertical angle, degrees; height of a parallel view, scene units.
     pub vv: Option<f64>,
+    /// Shift to the right, in widths of the picture.
+    pub vs: Option<f64>,
+    /// Lift, in heights of the picture.
+    pub vl: Option<f64>,
 }
 
 impl View {
     /// As Radiance view options.
     pub fn to_options(&self) -> String {
         let triple = |name: &str, v: [f64; 3]| format!("-{name} {} {} {}", v[0], v[1], v[2]);
-        let mut words = vec!["-vtv".to_owned(), triple("vp", self.vp), triple("vd", self.vd)];
+        let kind = format!("-vt{}", self.vt.unwrap_or('v'));
+        let mut words = vec![kind, triple("vp", self.vp), triple("vd", self.vd)];
         words.extend(self.vu.map(|vu| triple("vu", vu)));
-        words.extend(self.vh.map(|vh| format!("-vh {vh}")));
-        words.extend(self.vv.map(|vv| format!("-vv {vv}")));
+        for (name, value) in [("vh", self.vh), ("vv", self.vv), ("vs", self.vs), ("vl", self.vl)] {
+            words.extend(value.map(|value| format!("-{name} {value}")));
+        }
         words.join(" ")
     }
 }

@@ -198,7 +198,8 @@ impl Job {
                 let [dx, dy] = jitter(path, turn);
                 let x = (f64::from(column) + dx) / f64::from(self.size.0);
                 let y = 1.0 - (f64::from(row) + dy) / f64::from(self.size.1);
-                let (origin, direction) = self.view.ray(x, y);
+                // Corners of fisheyes look nowhere: they are black.
+                let Some((origin, direction)) = self.view.try_ray(x, y) else { continue };
                 let radiance = self.tracer.trace_path(origin, direction, turn, u64::from(path)).radiance;
                 for (channel, value) in radiance.into_iter().enumerate() {
                     sums.first[channel] += f64::from(value);

@@ -26,7 +26,8 @@ pub struct SessionArgs {
     /// Without a window: follow a script and write pictures
     #[arg(long)]
     headless: bool,
-    /// Follow this file's lines, each `SECONDS COMMAND` (`-`: standard input). Commands: view, picture FILE, quit
+    /// Follow this file's lines, each `SECONDS COMMAND` (`-`: standard input). Commands: view, picture FILE,
+    /// with PART,…, without PART,… (of the render cache), quit
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
     /// Without a script: stay for so long, such as 20s

@@ -354,6 +354,7 @@ impl Coordinator {
             Message::Light(light) if is_worker => self.light(id, &light)?,
             Message::Control(Control::LightWanted) => self.light_wanted(id),
             Message::View(request) if is_display => self.view(id, request)?,
+            Message::Rays(request) if is_display => self.rays(id, &request)?,
             Message::Control(Control::Settle { view }) if is_display => self.settle(id, view),
             _ => bail!("it sent a message that is not for a server"),
         }

@@ -1,9 +1,15 @@
-//! What a display wants traced: its view's beams, least filled and most wanted first (Larson & Simmons 1999, §2.2).
+//! What a display wants traced: single rays if it names any, then its view's beams, least filled and most wanted first (Larson &
+//! Simmons 1999, §2.2).
+//!
+//! Invariant: no view gets more than [`MAX_RAYS_PER_PIXEL`] rays for each of its pixels in either way.
 
-use std::{cmp::Reverse, collections::BinaryHeap};
+use std::{
+    cmp::Reverse,
+    collections::{BinaryHeap, VecDeque},
+};
 
-use holo_proto::{LEAST_TRACED_WEIGHT, MAX_RAYS_PER_PACKET};
-use holo_section::Viewpoint;
+use holo_proto::{LEAST_TRACED_WEIGHT, MAX_RAYS_PER_PACKET, bulk::WantedRay};
+use holo_section::{BeamId, RayCoords, Viewpoint};
 use rustc_hash::FxHashMap;
 
 use crate::allotment::BeamKey;
@@ -21,6 +27,21 @@ pub struct Wishes {
     beams: Vec<Wish>,
     index: FxHashMap<BeamKey, u32>,
     queue: BinaryHeap<Reverse<(Ratio, u32)>>,
+    /// Single rays by beam, most wanted first.
+    rays: VecDeque<RayPacket>,
+    /// Single rays that may still be given out.
+    rays_left: u64,
+}
+
+/// Single rays of one beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayPacket {
+    /// The beam.
+    pub key: BeamKey,
+    /// The rays, and then zeros.
+    pub rays: [RayCoords; MAX_RAYS_PER_PACKET],
+    /// How many.
+    pub count: u8,
 }
 
 struct Wish {
@@ -57,7 +78,55 @@ impl Wishes {
         let index = beams.iter().zip(0..).map(|(wish, index)| (wish.key, index)).collect();
         let traced = beams.iter().zip(0..).filter(|(wish, _)| wish.weight >= LEAST_TRACED_WEIGHT);
         let queue = traced.map(|(wish, index)| Reverse((wish.ratio(), index))).collect();
-        Wishes { view, viewpoint, beams, index, queue }
+        let pixels: f64 = beams.iter().map(|wish| f64::from(wish.weight)).sum();
+        let rays_left = (pixels * MAX_RAYS_PER_PIXEL) as u64;
+        Wishes { view, viewpoint, beams, index, queue, rays: VecDeque::new(), rays_left }
+    }
+
+    /// Takes the rays that are wanted most, in place of those that are left of the last such list.
+    pub fn want_rays(&mut self, rays: &[WantedRay]) {
+        self.rays.clear();
+        let mut open: FxHashMap<BeamKey, usize> = FxHashMap::default();
+        for ray in rays {
+            let key = BeamKey { section: ray.section, beam: BeamId(ray.beam) };
+            let known = open.get(&key).copied().filter(|&at| usize::from(self.rays[at].count) < MAX_RAYS_PER_PACKET);
+            let at = known.unwrap_or_else(|| {
+                self.rays.push_back(RayPacket { key, rays: Default::default(), count: 0 });
+                open.insert(key, self.rays.len() - 1);
+                self.rays.len() - 1
+            });
+            let packet = &mut self.rays[at];
+            packet.rays[usize::from(packet.count)] = ray.coords;
+            packet.count += 1;
+        }
+    }
+
+    /// The most wanted single rays, as many as are of one beam. None of beams of which `is_unseen` holds.
+    pub fn next_rays(&mut self, is_unseen: impl Fn(BeamKey) -> bool) -> Option<RayPacket> {
+        loop {
+            let packet = self.rays.pop_front()?;
+            if self.rays_left < u64::from(packet.count) {
+                self.rays.clear();
+                return None;
+            }
+            if !is_unseen(packet.key) {
+                self.rays_left -= u64::from(packet.count);
+                return Some(packet);
+            }
+        }
+    }
+
+    /// Takes back rays that were not given out after all: they are next.
+    pub fn put_back(&mut self, key: BeamKey, rays: &[RayCoords]) {
+        if !rays.is_empty() {
+            let mut packet = RayPacket { key, rays: Default::default(), count: 0 };
+            for (to, ray) in packet.rays.iter_mut().zip(rays) {
+                *to = *ray;
+                packet.count += 1;
+            }
+            self.rays_left += u64::from(packet.count);
+            self.rays.push_front(packet);
+        }
     }
 
     /// Whether the view crosses this beam.
@@ -99,8 +168,6 @@ impl Wish {
 
 #[cfg(test)]
 mod tests {
-    use holo_section::BeamId;
-
     use super::*;
 
     fn key(beam: u64) -> BeamKey {
@@ -152,6 +219,42 @@ mod tests {
         }
         assert!(rays[2] == 0 && rays[0] > 0 && rays[1] > rays[0] && rays[3] > rays[0], "{rays:?}");
         assert!(wishes.contains(key(2)), "its samples, if the file has any, are still the view's");
+    }
+
+    #[test]
+    fn single_rays_come_in_the_order_in_which_beams_were_first_named_and_only_the_newest() {
+        let beams = (0..3).map(|i| (key(i), 10.0, 0));
+        let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
+        let ray = |beam: u64, number: u8| WantedRay { beam, section: 0, coords: RayCoords([number; 4]), reserved: 0 };
+        wishes.want_rays(&[ray(1, 77)]);
+        let many: Vec<WantedRay> = (0..60).map(|number| ray([2, 0, 5][usize::from(number) % 3], number)).collect();
+        wishes.want_rays(&[&many[..], &[ray(2, 60), ray(2, 61)]].concat());
+        let mut given = Vec::new();
+        while let Some(packet) = wishes.next_rays(|beam| beam == key(0)) {
+            assert!(packet.rays[usize::from(packet.count)..].iter().all(|ray| *ray == RayCoords::default()));
+            given.push((packet.key, packet.rays[..usize::from(packet.count)].to_vec()));
+        }
+        let of = |numbers: &[u8]| numbers.iter().map(|&number| RayCoords([number; 4])).collect::<Vec<_>>();
+        let every_third = |from: u8| (0..20).map(|i| from + 3 * i).collect::<Vec<u8>>();
+        let first = [every_third(0), vec![60]].concat();
+        let wanted = [(key(2), of(&first)), (key(5), of(&every_third(2))), (key(2), of(&[61]))];
+        assert_eq!(given, wanted);
+        wishes.put_back(key(2), &of(&[61]));
+        assert_eq!(wishes.next_rays(|_| false).map(|packet| (packet.key, packet.count)), Some((key(2), 1)));
+    }
+
+    #[test]
+    fn single_rays_of_a_forgotten_view_end_by_themselves() {
+        let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, [(key(0), 2.0, 0)]);
+        let ray = WantedRay { beam: 0, section: 0, coords: RayCoords::default(), reserved: 0 };
+        let mut rays = 0;
+        loop {
+            wishes.want_rays(&[ray; 10]);
+            let Some(packet) = wishes.next_rays(|_| false) else { break };
+            rays += u32::from(packet.count);
+            assert!(rays <= 2048);
+        }
+        assert!(rays > 2048 - 10, "{rays}");
     }
 
     #[test]

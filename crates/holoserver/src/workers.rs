@@ -4,7 +4,7 @@ use std::{collections::HashMap, time::Duration};
 
 use holo_net::Outbox;
 use holo_proto::bulk::{Packet, Traced, Work};
-use holo_section::Viewpoint;
+use holo_section::{SampleKind, Viewpoint};
 use thiserror::Error;
 
 use crate::listen::ConnectionId;
@@ -28,6 +28,17 @@ pub struct Assignment {
     pub viewpoint: Option<Viewpoint>,
     /// The display whose view it serves, if any.
     pub display: Option<ConnectionId>,
+}
+
+impl Assignment {
+    /// How its rays are chosen.
+    pub fn kind(&self) -> SampleKind {
+        match (self.packet.rays, self.viewpoint) {
+            (Some(_), _) => SampleKind::SingleRay,
+            (None, Some(_)) => SampleKind::ViewpointLimited,
+            (None, None) => SampleKind::Uniform,
+        }
+    }
 }
 
 /// Why a worker's results were not taken.

@@ -15,11 +15,12 @@ use holo_proto::{
 };
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
-use holo_section::{BeamId, Sample, Section};
+use holo_section::{BeamId, RayCoords, Sample, Section};
 
 use crate::{
     Driver,
-    points::{Kind, PointArgs, Points, StageTime},
+    point_args::{Part, PointArgs},
+    points::{Kind, Points, StageTime},
 };
 
 /// How long the scene's next piece may take: a server that has none sends nothing.
@@ -80,6 +81,14 @@ impl Painter {
         match self {
             Painter::Points(points) => points.look(view, size, beams),
             Painter::Quadtree | Painter::Voronoi(..) => Ok(beams),
+        }
+    }
+
+    /// Leaves parts of the render cache out, or takes them in again.
+    pub fn switch(&self, parts: &[Part], on: bool) -> Result<()> {
+        match self {
+            Painter::Points(points) if points.switch(parts, on) => Ok(()),
+            _ => bail!("only --driver pointimage has parts that `with` and `without` switch"),
         }
     }
 
@@ -178,6 +187,14 @@ impl Canvas {
             Canvas::Points(driver) => driver.insert_unseen(section, beam),
             // It knows by itself which pixels see nothing.
             Canvas::Voronoi(_) => {}
+        }
+    }
+
+    /// Single rays that would improve the picture most, if the driver can say: to be asked again and again.
+    pub fn wanted_rays(&self) -> Vec<(u16, BeamId, RayCoords)> {
+        match self {
+            Canvas::Points(driver) => driver.wanted_rays(),
+            Canvas::Quadtree(_) | Canvas::Voronoi(_) => Vec::new(),
         }
     }
 

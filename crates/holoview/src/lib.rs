@@ -7,6 +7,7 @@
 
 mod canvas;
 mod default_view;
+mod point_args;
 mod points;
 mod received;
 mod script;
@@ -21,12 +22,17 @@ use holo_picture::ViewSpec;
 use serde::Serialize;
 
 pub use default_view::default_view;
-pub use points::{EmptyArg, Part, PointArgs, SmoothingArg, StageTime};
+pub use point_args::{EmptyArg, Part, PointArgs, SmoothingArg};
+pub use points::StageTime;
 pub use script::{Command, Script, Step, parse_seconds};
 
 /// Which view is shown: options as Radiance has them.
 #[derive(Args, Clone, Debug, Default)]
 pub struct ViewArgs {
+    /// Type of the view: v perspective, l parallel, c cylindrical panorama, a angular fisheye, h hemispherical fisheye
+    /// [default: v]
+    #[arg(long, value_name = "v|l|c|a|h")]
+    pub vt: Option<String>,
     /// Eye: where the view is seen from
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub vp: Option<String>,
@@ -36,12 +42,18 @@ pub struct ViewArgs {
     /// Up in the picture [default: the scene's up axis]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub vu: Option<String>,
-    /// Horizontal angle, degrees
+    /// Horizontal angle, degrees; of a parallel view its width in scene units
     #[arg(long, value_name = "DEGREES")]
     pub vh: Option<String>,
-    /// Vertical angle, degrees [default: follows from --vh and the picture's shape]
+    /// Vertical angle, degrees, or height [default: follows from --vh and the picture's shape]
     #[arg(long, value_name = "DEGREES")]
     pub vv: Option<String>,
+    /// Shift of the picture to the right, in its widths [default: 0]
+    #[arg(long, value_name = "WIDTHS", allow_hyphen_values = true)]
+    pub vs: Option<String>,
+    /// Lift of the picture, in its heights [default: 0]
+    #[arg(long, value_name = "HEIGHTS", allow_hyphen_values = true)]
+    pub vl: Option<String>,
     /// A Radiance view file; the other options override it
     #[arg(long, value_name = "FILE")]
     pub vf: Option<PathBuf>,
@@ -71,13 +83,16 @@ impl ViewArgs {
             let view = holo_picture::View::parse_vf(&text).with_context(|| path.display().to_string())?;
             spec = spec.overridden_by(&view);
         }
-        for (name, value) in [("vp", &self.vp), ("vd", &self.vd), ("vu", &self.vu), ("vh", &self.vh), ("vv", &self.vv)]
-        {
+        let mut said = ViewSpec::default();
+        let (where_to, sides) =
+            ([("vp", &self.vp), ("vd", &self.vd), ("vu", &self.vu)], [("vh", &self.vh), ("vv", &self.vv)]);
+        let others = [("vt", &self.vt), ("vs", &self.vs), ("vl", &self.vl)];
+        for (name, value) in where_to.into_iter().chain(sides).chain(others) {
             if let Some(value) = value {
-                spec.apply_option(name, value)?;
+                said.apply_option(name, value)?;
             }
         }
-        Ok(spec)
+        Ok(spec.overridden_by(&said))
     }
 }
 
@@ -123,7 +138,8 @@ pub struct Config {
     /// How the render cache works
     #[command(flatten)]
     pub points: PointArgs,
-    /// Follow this file's lines, each `SECONDS COMMAND` (`-`: standard input). Commands: view, picture FILE, quit
+    /// Follow this file's lines, each `SECONDS COMMAND` (`-`: standard input). Commands: view, picture FILE,
+    /// with PART,…, without PART,… (of the render cache), quit
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
     /// Without a script: stay for so long

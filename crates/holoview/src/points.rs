@@ -1,8 +1,8 @@
 //! The drivers that need nothing but samples, and that keep what they have from one view to the next: the render cache and
 //! frameless rendering.
 //!
-//! A server deals in beams, not in single rays. So the rays that the render cache wants become weights of the view's beams, and a sample
-//! counts as a pixel's own if its ray passes the eye as near as was asked for, which is a quarter of what other drivers ask for: but
+//! The rays that the render cache wants are asked for one by one, as the nearest that can be stored, and become weights of the view's
+//! beams too, for tracers that are faster than it asks. A sample counts as a pixel's own if its ray passes the eye as near as was asked for, which is a quarter of what other drivers ask for: but
 //! never less than a step of ray coordinates, since rays lie on a lattice (with less, whole rows of pixels missed part of what they see).
 //!
 //! What always holds:
@@ -16,27 +16,21 @@ use std::{
 };
 
 use anyhow::Result;
-use clap::{Args, ValueEnum};
 use glam::DVec3;
 use holo_display::{
     Frame, WantedBeam,
     frameless::Frameless,
-    pointimage::{
-        EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample as PointSample, Smoothing, Stage, Stages,
-        best_beam,
-    },
+    pointimage::{Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stage, best_beam, far_depth},
     viewpoint_radius,
 };
-use holo_picture::{Picture, View};
-use holo_section::{BeamId, Sample, Section, ray_eye_distance};
+use holo_picture::{Picture, View, ViewKind};
+use holo_section::{BeamId, RayCoords, Sample, Section, ray_eye_distance};
 use serde::Serialize;
+
+use crate::point_args::Part;
 
 /// Samples a pixel for which rays must pass the eye so near: within a quarter of a pixel's footprint on the nearest surface.
 const SAMPLES_PER_PIXEL: f64 = 16.0;
-
-/// Samples that a point averages while the view moves. The driver's own default is for renderers without noise; one path a sample is
-/// all that some engines give.
-const MOVING_MEAN: u32 = 32;
 
 /// Share of a view's beams' weight that is dealt by the pixels that want rays most; the rest by the pixels that beams serve.
 const BY_REQUESTS: f32 = 0.75;
@@ -44,103 +38,9 @@ const BY_REQUESTS: f32 = 0.75;
 /// One request for so many pixels decides that share.
 const PIXELS_PER_REQUEST: usize = 16;
 
-/// Threads that a frame may use at most: more do not make it faster.
-const MAX_THREADS: usize = 8;
-
-/// Farther away is nothing: the render cache keeps what is infinitely far away at a distance that no scene has.
-const FARTHEST: f64 = 1e14;
-
-/// Of the options in help texts.
-const HEADING: &str = "Render cache (--driver pointimage)";
-
-/// What the render cache can be told.
-#[derive(Args, Clone, Debug, Default)]
-pub struct PointArgs {
-    /// Which pixels with a sample of their own are blurred with their neighbours
-    #[arg(long, value_enum, value_name = "WHERE", default_value_t, help_heading = HEADING)]
-    pub smoothing: SmoothingArg,
-    /// What a pixel shows that no sample is near
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t, help_heading = HEADING)]
-    pub empty_pixels: EmptyArg,
-    /// Leave out parts of the method, such as `prediction,dither`
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,…", help_heading = HEADING)]
-    pub without: Vec<Part>,
-}
-
-/// See [`Smoothing`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum SmoothingArg {
-    /// All of them
-    Everywhere,
-    /// Those whose sample was made for another view: a picture at rest is sharp
-    #[default]
-    Old,
-    /// None: only gaps are filled
-    Gaps,
-}
-
-/// See [`EmptyPixels`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum EmptyArg {
-    /// What it showed before
-    #[default]
-    Keep,
-    /// Nothing
-    Black,
-}
-
-/// A part of the render cache that can be left out; see [`Stages`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Part {
-    /// Samples grow older with every new one
-    Ageing,
-    /// The oldest samples leave
-    Eviction,
-    /// Rays for where the view is about to turn
-    Prediction,
-    /// Removal of samples that show through nearer surfaces
-    DepthCull,
-    /// Gaps filled from 7×7 pixels
-    Prefilter,
-    /// Gaps filled from 3×3 pixels
-    Interpolation,
-    /// Rays where they are wanted most
-    Dither,
-    /// New samples compared and averaged with the old one of their pixel
-    Resampling,
-}
-
-impl PointArgs {
-    /// For the driver.
-    pub fn params(&self) -> PointImageParams {
-        let mut stages = Stages::ALL;
-        for part in &self.without {
-            let stage = match part {
-                Part::Ageing => &mut stages.ageing,
-                Part::Eviction => &mut stages.eviction,
-                Part::Prediction => &mut stages.prediction,
-                Part::DepthCull => &mut stages.depth_cull,
-                Part::Prefilter => &mut stages.prefilter,
-                Part::Interpolation => &mut stages.interpolation,
-                Part::Dither => &mut stages.dither,
-                Part::Resampling => &mut stages.resampling,
-            };
-            *stage = false;
-        }
-        let smoothing = match self.smoothing {
-            SmoothingArg::Everywhere => Smoothing::Everywhere,
-            SmoothingArg::Old => Smoothing::WhereOld,
-            SmoothingArg::Gaps => Smoothing::Gaps,
-        };
-        let empty = match self.empty_pixels {
-            EmptyArg::Keep => EmptyPixels::KeepLast,
-            EmptyArg::Black => EmptyPixels::Black,
-        };
-        let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get().min(MAX_THREADS));
-        let moving_mean = MOVING_MEAN;
-        PointImageParams { stages, smoothing, empty, threads, moving_mean, ..PointImageParams::default() }
-    }
-}
+/// In a parallel view, cosine of the angle to it up to which what a ray tells is taken for what the view sees: a ray that met
+/// nothing, since where along it nothing begins is not known. Some 6°, as in a cell of a coarse grid.
+const ALONG: f64 = 0.995;
 
 /// How long a stage of a picture took.
 #[derive(Clone, Debug, Serialize)]
@@ -209,6 +109,29 @@ impl Points {
         self.lock().look(view, size, beams)
     }
 
+    /// Leaves parts of the render cache out, or takes them in again, from the next picture on. False if the driver has no such parts.
+    pub fn switch(&self, parts: &[Part], on: bool) -> bool {
+        let mut state = self.lock();
+        let State { kind: Kind::PointImage(params), shown, .. } = &mut *state else { return false };
+        parts.iter().for_each(|part| *part.of(&mut params.stages) = on);
+        if let Some(Shown { driver: Driver::PointImage(cache), .. }) = shown {
+            cache.set_stages(params.stages);
+        }
+        true
+    }
+
+    /// The rays that would improve the picture most, if the driver can say.
+    pub fn wanted_rays(&self) -> Vec<(u16, BeamId, RayCoords)> {
+        let mut state = self.lock();
+        let State { sections, shown: Some(Shown { driver: Driver::PointImage(cache), view, size, .. }), .. } =
+            &mut *state
+        else {
+            return Vec::new();
+        };
+        let wanted = size.0 as usize * size.1 as usize / PIXELS_PER_REQUEST;
+        cache.frame(&Moment { view: *view, predicted: None, samples: &[], wanted }).rays(sections)
+    }
+
     /// How near to the eye rays are to pass if the nearest visible surface is at `nearest`.
     pub fn radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
         radius(&self.lock().sections, view, size, nearest)
@@ -273,7 +196,8 @@ impl State {
     fn look(&mut self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
         let before = self.shown.take();
         let earlier = before.as_ref().map(|shown| shown.view);
-        let driver = match (before.filter(|shown| shown.size == size), &self.kind) {
+        let keeps = |shown: &Shown| shown.size == size && sees_alike(&shown.view, &view);
+        let driver = match (before.filter(keeps), &self.kind) {
             (Some(shown), _) => shown.driver,
             (None, Kind::PointImage(params)) => Driver::PointImage(Box::new(PointImage::new(size, params.clone())?)),
             (None, Kind::Frameless) => Driver::Frameless(Box::new(Frameless::new(size, view, 0)?)),
@@ -294,7 +218,7 @@ impl State {
                 beams
             }
             Driver::PointImage(cache) => {
-                let predicted = earlier.and_then(|earlier| ahead(&earlier, &view, size));
+                let predicted = earlier.and_then(|earlier| ahead(&earlier, &view));
                 let wanted = size.0 as usize * size.1 as usize / PIXELS_PER_REQUEST;
                 let frame = cache.frame(&Moment { view, predicted, samples: &[], wanted });
                 frame.weigh(&self.sections, &beams, BY_REQUESTS)
@@ -305,12 +229,18 @@ impl State {
     }
 }
 
+/// Whether what is kept for one view is good for another. Parallel views keep what is infinitely far away by where it is seen.
+fn sees_alike(before: &View, now: &View) -> bool {
+    before.kind.has_eye() && now.kind.has_eye() || before.kind == now.kind && before.vd == now.vd
+}
+
 /// Where a view will be that goes on as it came from `earlier` to `now`.
-fn ahead(earlier: &View, now: &View, size: (u32, u32)) -> Option<View> {
+fn ahead(earlier: &View, now: &View) -> Option<View> {
     let vp = now.vp + (now.vp - earlier.vp);
     let vd = now.vd + (now.vd - earlier.vd);
     // Half turns lead nowhere.
-    View::new(vp, vd, now.vu, Some(now.vh), Some(now.vv), size).ok().filter(|_| now.vd.dot(earlier.vd) > 0.0)
+    let is_same_walk = now.vd.dot(earlier.vd) > 0.0 && now.kind == earlier.kind;
+    now.moved(vp, vd).ok().filter(|_| is_same_walk)
 }
 
 impl Shown {
@@ -324,12 +254,23 @@ impl Shown {
             let (place, seen) = if distance.is_finite() {
                 let place = ray.origin + ray.direction * distance;
                 (Place::At(place), self.view.project(place))
+            } else if !self.view.kind.has_eye() {
+                // Where the ray leaves the section it still sees what the view sees there.
+                let seen = self.view.project(ray.origin + ray.direction * ray.length);
+                let seen = seen.filter(|_| ray.direction.dot(self.view.vd) >= ALONG);
+                (Place::Toward(self.view.vd), seen.map(|(x, y, _)| (x, y, f64::INFINITY)))
             } else {
                 let seen = self.view.project_direction(ray.direction);
                 (Place::Toward(ray.direction), seen.map(|(x, y)| (x, y, f64::INFINITY)))
             };
             let Some((x, y, seen_at)) = seen else { continue };
-            let is_near = ray_eye_distance(&ray, self.view.vp) <= near;
+            let eye = match place {
+                Place::At(place) => self.view.ray_to(place).0,
+                // Of a parallel view, where the ray begins: it goes along with the view, or was not let in.
+                Place::Toward(_) if self.view.kind.has_eye() => self.view.vp,
+                Place::Toward(_) => ray.origin,
+            };
+            let is_near = ray_eye_distance(&ray, eye) <= near;
             let pixel = View::pixel_at(self.size, x, y);
             match (&mut self.driver, pixel) {
                 (Driver::PointImage(cache), Some((column, row))) if is_near => {
@@ -411,13 +352,99 @@ impl Shown {
     }
 }
 
-/// Distances from the eye, of depths along the view's axis.
+/// Distances from where rays begin, of depths as [`PointImage`] has them.
 fn distances(view: &View, size: (u32, u32), depth: impl Iterator<Item = f32>) -> Vec<f32> {
+    let far = far_depth(view);
     let distance = |(pixel, depth): (u32, f32)| {
+        if f64::from(depth) >= far {
+            return f32::INFINITY;
+        }
+        if view.kind != ViewKind::Perspective {
+            return depth;
+        }
         let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
         let (_, direction) = view.ray(x, y);
-        let distance = f64::from(depth) / direction.dot(view.vd);
-        if distance < FARTHEST { distance as f32 } else { f32::INFINITY }
+        (f64::from(depth) / direction.dot(view.vd)) as f32
     };
     (0..).zip(depth).map(distance).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_section::{SectionSpec, ViewClass};
+
+    use super::*;
+    use crate::point_args::{EmptyArg, PointArgs};
+
+    const SIZE: (u32, u32) = (48, 36);
+
+    /// A driver that looks at a checked wall, of which it has a sample for every third pixel.
+    fn driver() -> Points {
+        let axes = [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]];
+        let spec =
+            SectionSpec { origin: [-1.0; 3], axes, grid: [8; 3], class: ViewClass::Interior, obstructions: true };
+        let section = Section::new(spec).unwrap();
+        let args = PointArgs { empty_pixels: EmptyArg::Black, ..PointArgs::default() };
+        let points = Points::new(Kind::PointImage(args.params()), Arc::from([section.clone()]), [0.0; 3]);
+        let view = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, Some(60.0), None, SIZE).unwrap();
+        points.look(view, SIZE, Vec::new()).unwrap();
+        points.set_nearest(5.0);
+        for pixel in (0..SIZE.0 * SIZE.1).step_by(3) {
+            let (x, y) = View::pixel_centre(SIZE, pixel % SIZE.0, pixel / SIZE.0);
+            let (eye, direction) = view.ray(x, y);
+            let hit = section.line(eye, direction).unwrap();
+            let distance = 5.0 / direction.y - hit.entry_t;
+            let rgb = [0.5 + 0.4 * (pixel % 2) as f32; 3];
+            let sample = Sample::encode(hit.coords, rgb, distance, section.diagonal(), 0);
+            points.insert(0, section.beam(hit.pair), &[sample]);
+        }
+        points
+    }
+
+    /// Names of stages that ran, and pixels that show nothing.
+    fn drawn(points: &Points) -> (Vec<&'static str>, Picture, usize) {
+        let (frame, stages) = points.draw();
+        let black = frame.picture.pixels.iter().filter(|pixel| **pixel == [0.0; 3]).count();
+        (stages.iter().map(|time| time.stage).collect(), frame.picture, black)
+    }
+
+    #[test]
+    fn parts_are_left_out_at_once_and_come_back() {
+        let points = driver();
+        let (prefilter, interpolation) = (Stage::Prefilter.name(), Stage::Interpolate.name());
+        let (stages, all, black) = drawn(&points);
+        assert!(stages.contains(&prefilter) && stages.contains(&interpolation) && black == 0, "{stages:?} {black}");
+        assert!(points.switch(&[Part::Prefilter, Part::Interpolation], false));
+        let (stages, _, black) = drawn(&points);
+        assert!(!stages.contains(&prefilter), "{stages:?}");
+        assert!(black > (SIZE.0 * SIZE.1 / 2) as usize, "what no sample is near shows nothing: {black}");
+        assert!(points.switch(&[Part::Interpolation], true));
+        let (_, _, some) = drawn(&points);
+        assert!(some < black, "{some} {black}");
+        assert!(points.switch(&[Part::Prefilter], true));
+        let (stages, again, _) = drawn(&points);
+        assert!(stages.contains(&prefilter) && again.pixels == all.pixels);
+        // Nothing changes: nothing is computed.
+        assert!(points.switch(&[Part::Prefilter], true) && drawn(&points).0 == [Stage::UpdatePoints.name()]);
+        // Another size is another cache: it has the parts that were chosen.
+        points.switch(&[Part::Prefilter], false);
+        let view = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, Some(60.0), None, (40, 30)).unwrap();
+        points.look(view, (40, 30), Vec::new()).unwrap();
+        assert!(!drawn(&points).0.contains(&prefilter));
+    }
+
+    #[test]
+    fn a_driver_without_parts_says_so() {
+        let points = Points::new(Kind::Frameless, Arc::from([]), [0.0; 3]);
+        assert!(!points.switch(&[Part::Dither], false));
+    }
+
+    #[test]
+    fn what_is_kept_of_another_type_of_view_is_used_only_if_it_means_the_same() {
+        let view = |words: &str| View::parse_vf(&format!("-vp 0 0 0 {words}")).unwrap().resolve(SIZE).unwrap().0;
+        let (perspective, fisheye) = (view("-vd 0 1 0"), view("-vd 0 1 0 -vta"));
+        let (parallel, turned) = (view("-vd 0 1 0 -vtl -vh 3"), view("-vd 1 1 0 -vtl -vh 3"));
+        assert!(sees_alike(&perspective, &fisheye) && sees_alike(&parallel, &view("-vd 0 2 0 -vtl -vh 9")));
+        assert!(!sees_alike(&perspective, &parallel) && !sees_alike(&parallel, &turned));
+    }
 }

@@ -6,7 +6,10 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
+use clap::ValueEnum;
 use holo_picture::ViewSpec;
+
+use crate::point_args::Part;
 
 /// One thing to do.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +18,13 @@ pub enum Command {
     View(Box<ViewSpec>),
     /// Write the picture as it is.
     Picture(PathBuf),
+    /// Leave out parts of the render cache, or take them in again.
+    Switch {
+        /// Which.
+        parts: Vec<Part>,
+        /// Whether they are in from now on.
+        on: bool,
+    },
     /// End.
     Quit,
 }
@@ -145,11 +155,31 @@ fn parse_line(line: &str) -> Result<Option<Step>> {
         }
         "picture" if !rest.is_empty() => Command::Picture(rest.into()),
         "picture" => bail!("`picture` takes the name of a file, such as `picture a.pfm`"),
+        "with" | "without" => Command::Switch { parts: parts(word, rest)?, on: word == "with" },
         "quit" if rest.is_empty() => Command::Quit,
         "" => bail!("a time without a command; write `{first} view …`, `{first} picture FILE` or `{first} quit`"),
-        other => bail!("`{other}` is not a command; there are view, picture and quit"),
+        other => bail!("`{other}` is not a command; there are view, picture, with, without and quit"),
     };
     Ok(Some(Step { seconds, command }))
+}
+
+/// Parts of the render cache such as `prefilter,dither`.
+fn parts(command: &str, names: &str) -> Result<Vec<Part>> {
+    let known = || {
+        let names = Part::value_variants().iter().filter_map(Part::to_possible_value);
+        names.map(|value| value.get_name().to_owned()).collect::<Vec<_>>().join(", ")
+    };
+    if names.is_empty() {
+        bail!(
+            "`{command}` takes parts of the render cache, such as `{command} prefilter,dither` (there are {})",
+            known()
+        );
+    }
+    let part = |name: &str| {
+        let part = Part::from_str(name, false).ok();
+        part.with_context(|| format!("`{name}` is no part of the render cache (there are {})", known()))
+    };
+    names.split([',', ' ']).filter(|name| !name.is_empty()).map(part).collect()
 }
 
 /// Seconds such as `20`, `20s` or `2m`.
@@ -189,6 +219,16 @@ mod tests {
     }
 
     #[test]
+    fn parts_are_switched_by_name() {
+        let switch = |line| parse_line(line).unwrap().unwrap();
+        let parts = vec![Part::Prefilter, Part::DepthCull];
+        let without = Command::Switch { parts, on: false };
+        assert_eq!(switch("2 without prefilter,depth-cull"), Step { seconds: Some(2.0), command: without.clone() });
+        assert_eq!(switch("without prefilter, depth-cull").command, without);
+        assert_eq!(switch("with dither").command, Command::Switch { parts: vec![Part::Dither], on: true });
+    }
+
+    #[test]
     fn a_wrong_line_is_named() {
         for (line, part) in [
             ("1 pictures a.pfm", "not a command"),
@@ -197,6 +237,8 @@ mod tests {
             ("1 picture", "takes the name"),
             ("1 view -vp 1 2", "-vp"),
             ("1 quit now", "not a command"),
+            ("1 without", "such as `without prefilter,dither`"),
+            ("1 with colour", "`colour` is no part of the render cache (there are ageing, "),
         ] {
             let error = format!("{:#}", parse(&format!("\n{line}\n"), "walk.txt").unwrap_err());
             assert!(error.starts_with("walk.txt:2") && error.contains(part), "{error}");

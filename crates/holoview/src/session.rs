@@ -15,12 +15,12 @@ use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
-    bulk::{Samples, Source, Unseen, ViewRequest, Wanted},
+    bulk::{RaysWanted, Samples, Source, Unseen, ViewRequest, Wanted, WantedRay},
     control::{Control, Welcome},
     frame::Kind,
     hello::Role,
 };
-use holo_section::{BeamId, Section, Viewpoint};
+use holo_section::{BeamId, Section};
 
 use crate::{
     Config, PictureReport,
@@ -42,6 +42,9 @@ const NEARER_PIXELS: f64 = 0.01;
 
 /// Weight of beams that are wanted for what is stored of them, not to be traced.
 const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
+
+/// How often single rays are asked for, of drivers that can say which.
+const RAYS_EVERY: Duration = Duration::from_millis(50);
 
 /// How often a typed script is looked at.
 const TYPED_TICK: Duration = Duration::from_millis(20);
@@ -137,6 +140,8 @@ struct Shown {
     traced: u64,
     first_samples: Option<f64>,
     refined: bool,
+    /// When single rays were last asked for; `None`: the driver asks for none.
+    rays_asked: Option<Instant>,
 }
 
 struct Session {
@@ -213,6 +218,7 @@ impl Session {
                     self.show(spec)?;
                 }
                 Command::Picture(path) => self.picture(path)?,
+                Command::Switch { parts, on } => self.painter.switch(&parts, on)?,
                 Command::Quit => break,
             }
             pending = script.next_step()?;
@@ -252,7 +258,9 @@ impl Session {
             traced: 0,
             first_samples: None,
             refined: false,
+            rays_asked: matches!(self.painter, Painter::Points(_)).then_some(since),
         });
+        self.ask_rays()?;
         if let Some(shown) = &mut self.shown {
             shown.canvas.set_nearest(nearest);
         }
@@ -306,7 +314,7 @@ impl Session {
     /// Sends a view, with a viewpoint for the nearest visible surface at `nearest`.
     fn request(&self, view: &View, size: (u32, u32), nearest: f64, beams: Vec<Wanted>) -> Result<()> {
         let radius = self.painter.radius(view, size, nearest);
-        let viewpoint = Viewpoint { eye: view.vp.to_array(), radius };
+        let viewpoint = holo_display::viewpoint(&self.sections, view, radius);
         let request = ViewRequest { view: self.view_number, viewpoint, beams };
         Ok(self.outbox.send(Kind::View, &request.encode())?)
     }
@@ -320,7 +328,13 @@ impl Session {
                 return Ok(Waited::TimeUp);
             }
             let refine = self.shown.as_ref().filter(|shown| !shown.refined).map(|shown| shown.since + REFINE_AFTER);
-            let until = refine.map_or(deadline, |refine| refine.min(deadline));
+            let asked = self.shown.as_ref().and_then(|shown| shown.rays_asked).filter(|_| !for_settled);
+            let mut rays = asked.map(|asked| asked + RAYS_EVERY);
+            if rays.is_some_and(|rays| Instant::now() >= rays) {
+                self.ask_rays()?;
+                rays = Some(Instant::now() + RAYS_EVERY);
+            }
+            let until = [refine, rays].into_iter().flatten().fold(deadline, Instant::min);
             let left = until.saturating_duration_since(Instant::now());
             match self.messages.recv_timeout(left) {
                 Ok(Incoming::Message(Message::Samples(samples))) => self.insert(&samples),
@@ -350,7 +364,11 @@ impl Session {
                 Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
                 Ok(Incoming::Stop) => return Ok(Waited::Stop),
                 Err(mpsc::RecvTimeoutError::Timeout) if Instant::now() >= deadline => return Ok(Waited::TimeUp),
-                Err(mpsc::RecvTimeoutError::Timeout) => self.refine()?,
+                Err(mpsc::RecvTimeoutError::Timeout) if refine.is_some_and(|at| Instant::now() >= at) => {
+                    self.refine()?
+                }
+                // Time for rays.
+                Err(mpsc::RecvTimeoutError::Timeout) => {}
                 Err(mpsc::RecvTimeoutError::Disconnected) => bail!("lost the server"),
             }
         }
@@ -371,6 +389,18 @@ impl Session {
         shown.canvas.set_nearest(shown.nearest);
         let wanted = shown.wanted.clone();
         self.request_shown(wanted)
+    }
+
+    /// Asks for the single rays that the driver wants most.
+    fn ask_rays(&mut self) -> Result<()> {
+        let Some(shown) = self.shown.as_mut().filter(|shown| shown.rays_asked.is_some() && self.welcome.tracing) else {
+            return Ok(());
+        };
+        let rays = shown.canvas.wanted_rays().into_iter();
+        let rays = rays.map(|(section, beam, coords)| WantedRay { beam: beam.0, section, coords, reserved: 0 });
+        let request = RaysWanted { view: self.view_number, rays: rays.collect() };
+        shown.rays_asked = (!request.rays.is_empty()).then(Instant::now);
+        Ok(self.outbox.send(Kind::Rays, &request.encode())?)
     }
 
     fn insert(&mut self, message: &Samples) {

@@ -10,7 +10,7 @@ use std::{
 
 use holo_proto::{
     ProtoError,
-    bulk::{BlobChunk, Light, Results, Samples, Unseen, ViewRequest, Work},
+    bulk::{BlobChunk, Light, RaysWanted, Results, Samples, Unseen, ViewRequest, Work},
     control::Control,
     frame::{self, HEADER_BYTES, Header, Kind},
 };
@@ -45,6 +45,8 @@ pub enum Message {
     Unseen(Unseen),
     /// Records of indirect light.
     Light(Light),
+    /// Single rays that a display wants.
+    Rays(RaysWanted),
 }
 
 impl Message {
@@ -59,6 +61,7 @@ impl Message {
             Kind::BlobChunk => Message::BlobChunk(BlobChunk::decode(payload)?),
             Kind::Unseen => Message::Unseen(Unseen::decode(payload)?),
             Kind::Light => Message::Light(Light::decode(payload)?),
+            Kind::Rays => Message::Rays(RaysWanted::decode(payload)?),
         })
     }
 }

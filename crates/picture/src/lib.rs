@@ -1,6 +1,6 @@
 //! Views, pictures of radiance, their files, tone mapping and comparison measures.
 //!
-//! - [`View`]: a perspective view as Radiance has it; [`ViewSpec`] is what a person or a file said of one.
+//! - [`View`]: a view of one of Radiance's types v, l, c, a and h; [`ViewSpec`] is what a person or a file said of one.
 //! - [`Picture`]: linear radiance per pixel, row 0 at the top; reads and writes `.hdr`, `.pfm` and `.exr`, writes `.png`.
 //! - [`ToneMap`]: radiance to display bytes, with an automatic exposure.
 //! - [`compare()`] and [`bias_interval`]: how far a picture is from a reference.
@@ -11,6 +11,7 @@
 mod compare;
 mod error;
 mod files;
+mod kind;
 mod picture;
 mod tonemap;
 mod view;
@@ -19,7 +20,8 @@ mod view_spec;
 pub use compare::{BIAS_Z, CompareError, Measures, bias_interval, compare, worst_block_beyond_noise};
 pub use error::PictureError;
 pub use files::Format;
+pub use kind::ViewKind;
 pub use picture::{MAX_PIXELS, MAX_SIDE, Picture, luminance};
 pub use tonemap::ToneMap;
 pub use view::{DEFAULT_VH, View, ViewError, ViewParams};
-pub use view_spec::{ViewKind, ViewSpec};
+pub use view_spec::ViewSpec;

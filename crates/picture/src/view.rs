@@ -1,14 +1,16 @@
-//! A perspective view: where the eye is, which way it looks, how wide, and the ray of every point of its picture.
+//! A view: where the eye is, which way it looks, how wide, and the ray of every point of its picture.
 //!
-//! Invariant: a [`View`] is finite and not degenerate: its axes are orthonormal and both angles lie strictly between
-//! 0 and 180 degrees. Its parameters can be read like fields, and never changed.
+//! Invariant: a [`View`] is finite and not degenerate: its axes are orthonormal and both sides of its picture are what its type
+//! allows. Its parameters can be read like fields, and never changed.
 
+use crate::kind::{ACROSS, ALONG, ViewKind};
 use crate::picture::{MAX_PIXELS, MAX_SIDE};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 use std::ops::Deref;
 
-/// Horizontal angle, in degrees, when neither angle is given.
+/// Horizontal angle of a perspective view, in degrees, when neither angle is given.
 pub const DEFAULT_VH: f64 = 60.0;
 
 /// Sine of the smallest angle allowed between the view direction and the up vector.
@@ -44,6 +46,34 @@ pub enum ViewError {
         /// What was given.
         degrees: f64,
     },
+    /// An angle is not that of a fisheye or of a panorama.
+    #[error("{option} {degrees} must be above 0 and at most {most} degrees")]
+    WideAngle {
+        /// The option, as typed in a view file.
+        option: &'static str,
+        /// What was given.
+        degrees: f64,
+        /// The largest that there is.
+        most: f64,
+    },
+    /// A size of a parallel view is none.
+    #[error("{option} {length} must be a length above 0, in scene units")]
+    Length {
+        /// The option, as typed in a view file.
+        option: &'static str,
+        /// What was given.
+        length: f64,
+    },
+    /// With one size given, no other makes pixels square.
+    #[error("with {given} {size} this picture has no {other} that makes its pixels square: give both")]
+    NoSquare {
+        /// The option that was given.
+        given: &'static str,
+        /// Its value.
+        size: f64,
+        /// The option that was not.
+        other: &'static str,
+    },
     /// A picture size is zero or above the limits.
     #[error("a picture of {width}x{height} pixels: each side must be 1 to {MAX_SIDE}, and at most {MAX_PIXELS} in all")]
     Size {
@@ -52,8 +82,11 @@ pub enum ViewError {
         /// Pixels down.
         height: u32,
     },
-    /// A Radiance view type that is not implemented.
-    #[error("view type -vt{0} is not supported: only -vtv (perspective) is")]
+    /// A Radiance view type that is not implemented, or none.
+    #[error(
+        "view type -vt{0} is not supported: there are v (perspective), l (parallel), c (cylindrical panorama), a (angular \
+         fisheye) and h (hemispherical fisheye)"
+    )]
     UnsupportedKind(String),
     /// A Radiance option that is not implemented, with a value that would change the picture.
     #[error("{option} {value} is not supported: leave it out or give 0")]
@@ -100,19 +133,38 @@ pub enum ViewError {
 /// The parameters of a [`View`], readable through it: `view.vp`, `view.vh`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ViewParams {
-    /// Eye, in scene units.
+    /// Type.
+    #[serde(default)]
+    pub kind: ViewKind,
+    /// Eye, in scene units; of a parallel view the middle of the plane on which rays begin.
     pub vp: DVec3,
     /// Direction of the picture's centre, of length 1.
     pub vd: DVec3,
     /// Direction that is up in the picture, of length 1; not always at right angles to `vd`.
     pub vu: DVec3,
-    /// Full horizontal angle, degrees.
+    /// Full horizontal angle, degrees; of a parallel view the width in scene units.
     pub vh: f64,
-    /// Full vertical angle, degrees.
+    /// Full vertical angle, degrees; of a parallel view the height in scene units.
     pub vv: f64,
+    /// Shift: how far to the right of the view the picture lies, in widths of it.
+    #[serde(default)]
+    pub vs: f64,
+    /// Lift: how far above the view the picture lies, in heights of it.
+    #[serde(default)]
+    pub vl: f64,
 }
 
-/// A perspective view (Radiance's `-vtv`).
+/// What is said of a view's picture.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Frame {
+    pub kind: ViewKind,
+    pub vh: Option<f64>,
+    pub vv: Option<f64>,
+    pub vs: f64,
+    pub vl: f64,
+}
+
+/// A view of one of Radiance's types `v`, `l`, `c`, `a` and `h`.
 ///
 /// Picture coordinates are `x` from 0 (left) to 1 (right) and `y` from 0 (**bottom**) to 1 (top), as in Radiance;
 /// pixel coordinates count rows from the **top**, as [`Picture`](crate::Picture) stores them.
@@ -124,8 +176,8 @@ pub struct View {
     right: DVec3,
     /// Up in the picture, of length 1, at right angles to `vd` and `right`.
     up: DVec3,
-    /// tan(vh/2) and tan(vv/2).
-    tan_half: [f64; 2],
+    /// Width and height of the picture on the type's plane.
+    extent: [f64; 2],
 }
 
 /// Lets `view.vp` and the like be read; with no `DerefMut`, nothing can make a view invalid.
@@ -141,7 +193,7 @@ impl TryFrom<ViewParams> for View {
     type Error = ViewError;
 
     fn try_from(params: ViewParams) -> Result<View, ViewError> {
-        View::from_angles(params)
+        View::from_params(params)
     }
 }
 
@@ -152,10 +204,11 @@ impl From<View> for ViewParams {
 }
 
 impl View {
-    /// A view for a picture of `size` pixels (only its shape matters here).
+    /// A perspective view for a picture of `size` pixels (only its shape matters here).
     ///
     /// An angle left out follows from the other one and `size` so that pixels are square; with neither, `vh` is
-    /// [`DEFAULT_VH`]. Given both, both are kept. The lengths of `vd` and `vu` do not matter.
+    /// [`DEFAULT_VH`]. Given both, both are kept. The lengths of `vd` and `vu` do not matter. Other types are made by
+    /// [`ViewSpec::resolve`](crate::ViewSpec::resolve).
     ///
     /// # Errors
     /// Numbers that are not finite, zero or parallel directions, angles outside (0, 180), impossible sizes.
@@ -167,18 +220,10 @@ impl View {
         vv: Option<f64>,
         size: (u32, u32),
     ) -> Result<View, ViewError> {
-        check_size(size)?;
-        let aspect = f64::from(size.1) / f64::from(size.0);
-        let (vh, vv) = match (vh, vv) {
-            (Some(vh), Some(vv)) => (vh, vv),
-            (Some(vh), None) => (vh, other_angle("-vh", vh, aspect)?),
-            (None, Some(vv)) => (other_angle("-vv", vv, 1.0 / aspect)?, vv),
-            (None, None) => (DEFAULT_VH, other_angle("-vh", DEFAULT_VH, aspect)?),
-        };
-        View::from_angles(ViewParams { vp, vd, vu, vh, vv })
+        View::framed(vp, vd, vu, &Frame { vh, vv, ..Frame::default() }, size)
     }
 
-    /// The view, and the size of its picture: `max_size` itself, unless both angles are given; then the largest
+    /// The perspective view, and the size of its picture: `max_size` itself, unless both angles are given; then the largest
     /// picture with square pixels that fits into `max_size` (Radiance's `rpict -x -y -pa 1`).
     ///
     /// # Errors
@@ -191,14 +236,50 @@ impl View {
         vv: Option<f64>,
         max_size: (u32, u32),
     ) -> Result<(View, (u32, u32)), ViewError> {
-        let view = View::new(vp, vd, vu, vh, vv, max_size)?;
-        let size = if vh.is_some() && vv.is_some() { view.fit(max_size) } else { max_size };
+        View::fitted(vp, vd, vu, &Frame { vh, vv, ..Frame::default() }, max_size)
+    }
+
+    /// As [`View::resolve`], of any type.
+    pub(crate) fn fitted(
+        vp: DVec3,
+        vd: DVec3,
+        vu: DVec3,
+        frame: &Frame,
+        max_size: (u32, u32),
+    ) -> Result<(View, (u32, u32)), ViewError> {
+        let view = View::framed(vp, vd, vu, frame, max_size)?;
+        let size = if frame.vh.is_some() && frame.vv.is_some() { view.fit(max_size) } else { max_size };
         Ok((view, size))
+    }
+
+    /// As [`View::new`], of any type.
+    fn framed(vp: DVec3, vd: DVec3, vu: DVec3, frame: &Frame, size: (u32, u32)) -> Result<View, ViewError> {
+        check_size(size)?;
+        let Frame { kind, vh, vv, vs, vl } = *frame;
+        let aspect = f64::from(size.1) / f64::from(size.0);
+        let from_width = |vh: f64| Ok((vh, other_size(kind, (ACROSS, vh), ALONG, aspect)?));
+        let (vh, vv) = match (vh, vv) {
+            (Some(vh), Some(vv)) => (vh, vv),
+            (Some(vh), None) => from_width(vh)?,
+            (None, Some(vv)) => (other_size(kind, (ALONG, vv), ACROSS, 1.0 / aspect)?, vv),
+            (None, None) => {
+                from_width(kind.default_vh().ok_or(ViewError::Missing("-vh: how wide it is, in scene units"))?)?
+            }
+        };
+        View::from_params(ViewParams { kind, vp, vd, vu, vh, vv, vs, vl })
+    }
+
+    /// The same view from elsewhere, looking elsewhere.
+    ///
+    /// # Errors
+    /// As [`View::new`].
+    pub fn moved(&self, vp: DVec3, vd: DVec3) -> Result<View, ViewError> {
+        View::from_params(ViewParams { vp, vd, ..self.params })
     }
 
     /// The largest size with square pixels for this view's shape that fits into `max_size`; each side at least 1.
     pub fn fit(&self, max_size: (u32, u32)) -> (u32, u32) {
-        let shape = self.tan_half[1] / self.tan_half[0];
+        let shape = self.extent[1] / self.extent[0];
         let (width, height) = (f64::from(max_size.0), f64::from(max_size.1));
         // The casts saturate; rounding to the nearest is Radiance's own (image.c, normaspect).
         if shape * width > height {
@@ -209,34 +290,92 @@ impl View {
     }
 
     /// The ray through picture coordinates (`x`, `y`), `y` = 0 at the bottom: its origin and its direction of length 1.
+    ///
+    /// The direction is 0 where the picture shows none ([`try_ray`](Self::try_ray)): nothing is met along it, and no section
+    /// covers it.
     #[inline]
     pub fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
-        let across = (2.0 * x - 1.0) * self.tan_half[0];
-        let along = (2.0 * y - 1.0) * self.tan_half[1];
-        (self.params.vp, (self.params.vd + self.right * across + self.up * along).normalize())
+        self.try_ray(x, y).unwrap_or((self.params.vp, DVec3::ZERO))
     }
 
-    /// Where the point `p` is seen: (`x`, `y`, distance from the eye), the inverse of [`View::ray`].
+    /// As [`ray`](Self::ray), or `None` where the picture shows nothing: in the corners of fisheyes.
+    #[inline]
+    pub fn try_ray(&self, x: f64, y: f64) -> Option<(DVec3, DVec3)> {
+        let across = (x - 0.5 + self.params.vs) * self.extent[0];
+        let along = (y - 0.5 + self.params.vl) * self.extent[1];
+        match self.params.kind {
+            ViewKind::Perspective => {
+                Some((self.params.vp, (self.params.vd + self.right * across + self.up * along).normalize()))
+            }
+            ViewKind::Parallel => Some((self.params.vp + self.right * across + self.up * along, self.params.vd)),
+            kind => {
+                let d = kind.direction([across, along])?;
+                Some((self.params.vp, (self.right * d.x + self.up * d.y + self.params.vd * d.z).normalize()))
+            }
+        }
+    }
+
+    /// The ray that sees the point `p`: its origin and its direction of length 1. From the eye, or from the plane of a parallel
+    /// view (behind which `p` may lie).
+    #[inline]
+    pub fn ray_to(&self, p: DVec3) -> (DVec3, DVec3) {
+        let ViewParams { vp, vd, .. } = self.params;
+        if self.params.kind.has_eye() { (vp, (p - vp).normalize_or(vd)) } else { (p - vd * (p - vp).dot(vd), vd) }
+    }
+
+    /// Where the point `p` is seen: (`x`, `y`, distance from where its ray begins), the inverse of [`View::ray`].
     ///
-    /// `x` and `y` leave [0, 1] for points outside the picture; None for points not in front of the eye.
+    /// `x` and `y` leave [0, 1] for points outside the picture; None for points that no ray of the view meets, however large its
+    /// picture: behind the eye of a perspective view.
     #[inline]
     pub fn project(&self, p: DVec3) -> Option<(f64, f64, f64)> {
         let d = p - self.params.vp;
-        let (x, y) = self.project_direction(d)?;
-        Some((x, y, d.length()))
+        if self.params.kind.has_eye() {
+            let (x, y) = self.project_direction(d)?;
+            return Some((x, y, d.length()));
+        }
+        let d = self.to_local(d);
+        let (x, y) = self.project_local(d)?;
+        Some((x, y, d.z))
     }
 
-    /// Where something infinitely far away in direction `d` (of any length) is seen: (`x`, `y`); None behind the eye.
+    /// Where something infinitely far away in direction `d` (of any length) is seen: (`x`, `y`); None if no ray of the view has
+    /// this direction, as behind the eye. Of a parallel view always None: all of its rays have one direction.
     #[inline]
     pub fn project_direction(&self, d: DVec3) -> Option<(f64, f64)> {
-        let depth = d.dot(self.params.vd);
-        if depth > 0.0 {
-            let x = 0.5 + 0.5 * d.dot(self.right) / (depth * self.tan_half[0]);
-            let y = 0.5 + 0.5 * d.dot(self.up) / (depth * self.tan_half[1]);
-            Some((x, y))
-        } else {
-            None
+        match self.params.kind {
+            ViewKind::Perspective => {
+                let depth = d.dot(self.params.vd);
+                if depth > 0.0 {
+                    let x = 0.5 - self.params.vs + d.dot(self.right) / (depth * self.extent[0]);
+                    let y = 0.5 - self.params.vl + d.dot(self.up) / (depth * self.extent[1]);
+                    Some((x, y))
+                } else {
+                    None
+                }
+            }
+            ViewKind::Parallel => None,
+            _ => self.project_local(self.to_local(d)),
         }
+    }
+
+    /// As [`project`](Self::project), of a point relative to the eye as (right, up, forward): (`x`, `y`).
+    #[inline]
+    pub fn project_local(&self, place: DVec3) -> Option<(f64, f64)> {
+        let [u, v] = self.params.kind.plane(place)?;
+        let (x, y) = (u / self.extent[0] + 0.5 - self.params.vs, v / self.extent[1] + 0.5 - self.params.vl);
+        if self.params.kind == ViewKind::Cylindrical && !(0.0..1.0).contains(&x) {
+            // A shifted panorama goes on past the direction behind.
+            let around = TAU / self.extent[0];
+            let other = if x < 0.0 { x + around } else { x - around };
+            return Some((if (0.0..1.0).contains(&other) { other } else { x }, y));
+        }
+        Some((x, y))
+    }
+
+    /// A vector as (right, up, forward).
+    fn to_local(self, d: DVec3) -> DVec3 {
+        DVec3::new(d.dot(self.right), d.dot(self.up), d.dot(self.params.vd))
     }
 
     /// Picture coordinates of the centre of a pixel; `row` 0 is at the top.
@@ -253,9 +392,11 @@ impl View {
         inside.then_some((column as u32, row as u32))
     }
 
-    /// World width of one pixel, in scene units, at `distance` along the axis of a picture of `size` pixels.
+    /// World width of one pixel, in scene units, at `distance` along the axis of a picture of `size` pixels; in parallel views
+    /// at any distance.
     pub fn pixel_footprint(&self, size: (u32, u32), distance: f64) -> f64 {
-        2.0 * self.tan_half[0] * distance / f64::from(size.0)
+        let distance = if self.params.kind.has_eye() { distance } else { 1.0 };
+        self.extent[0] * distance / f64::from(size.0)
     }
 
     /// Right in the picture, of length 1.
@@ -268,36 +409,48 @@ impl View {
         self.up
     }
 
-    /// (tan(vh/2), tan(vv/2)): half the picture's width and height at distance 1 along the axis.
-    pub fn tan_half(&self) -> (f64, f64) {
-        (self.tan_half[0], self.tan_half[1])
+    /// Width and height of the picture on its type's plane: of a perspective view at distance 1 along the axis, of a parallel one
+    /// in scene units; else radians along the axes, near the middle.
+    pub fn extent(&self) -> (f64, f64) {
+        (self.extent[0], self.extent[1])
     }
 
     /// The view as Radiance's options: `-vtv -vp 1 2 3 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45 -vo 0 -va 0 -vs 0 -vl 0`.
     /// Numbers are written so that they read back as they are.
     pub fn to_vf_options(&self) -> String {
-        let ViewParams { vp, vd, vu, vh, vv } = self.params;
+        let ViewParams { kind, vp, vd, vu, vh, vv, vs, vl } = self.params;
         format!(
-            "-vtv -vp {} {} {} -vd {} {} {} -vu {} {} {} -vh {vh} -vv {vv} -vo 0 -va 0 -vs 0 -vl 0",
-            vp.x, vp.y, vp.z, vd.x, vd.y, vd.z, vu.x, vu.y, vu.z
+            "-vt{} -vp {} {} {} -vd {} {} {} -vu {} {} {} -vh {vh} -vv {vv} -vo 0 -va 0 -vs {vs} -vl {vl}",
+            kind.letter(),
+            vp.x,
+            vp.y,
+            vp.z,
+            vd.x,
+            vd.y,
+            vd.z,
+            vu.x,
+            vu.y,
+            vu.z
         )
     }
 
-    fn from_angles(params: ViewParams) -> Result<View, ViewError> {
-        let ViewParams { vp, vd, vu, vh, vv } = params;
-        if !vp.is_finite() {
-            return Err(ViewError::NotFinite { option: "-vp" });
+    fn from_params(params: ViewParams) -> Result<View, ViewError> {
+        let ViewParams { kind, vp, vd, vu, vh, vv, vs, vl } = params;
+        for (option, is_finite) in [("-vp", vp.is_finite()), ("-vs", vs.is_finite()), ("-vl", vl.is_finite())] {
+            if !is_finite {
+                return Err(ViewError::NotFinite { option });
+            }
         }
         let vd = unit("-vd", vd)?;
         let vu = unit("-vu", vu)?;
-        let tan_half = [tan_half("-vh", vh)?, tan_half("-vv", vv)?];
+        let extent = [kind.extent(ACROSS, vh)?, kind.extent(ALONG, vv)?];
         let across = vd.cross(vu);
         if across.length() < MIN_UP_SINE {
             return Err(ViewError::UpIsAlongView);
         }
         let right = across.normalize();
         let up = right.cross(vd).normalize();
-        Ok(View { params: ViewParams { vp, vd, vu, vh, vv }, right, up, tan_half })
+        Ok(View { params: ViewParams { vd, vu, ..params }, right, up, extent })
     }
 }
 
@@ -328,13 +481,14 @@ fn unit(option: &'static str, v: DVec3) -> Result<DVec3, ViewError> {
     Ok((v / largest).normalize())
 }
 
-fn tan_half(option: &'static str, degrees: f64) -> Result<f64, ViewError> {
-    let tan = (degrees.to_radians() / 2.0).tan();
-    // The second test catches angles so small that their tangent vanishes when squared.
-    if degrees > 0.0 && degrees < 180.0 && tan > 1e-100 { Ok(tan) } else { Err(ViewError::Angle { option, degrees }) }
-}
-
-/// The angle whose half has `ratio` times the tangent of half of `degrees`.
-fn other_angle(option: &'static str, degrees: f64, ratio: f64) -> Result<f64, ViewError> {
-    Ok((tan_half(option, degrees)? * ratio).atan().to_degrees() * 2.0)
+/// The value of `other` for which a picture whose side `given` has this value has square pixels: its size on the plane is
+/// `ratio` times the given one's.
+fn other_size(
+    kind: ViewKind,
+    (given, size): ((&'static str, usize), f64),
+    other: (&'static str, usize),
+    ratio: f64,
+) -> Result<f64, ViewError> {
+    let extent = kind.extent(given, size)? * ratio;
+    kind.option_value(other, extent).ok_or(ViewError::NoSquare { given: given.0, size, other: other.0 })
 }

@@ -3,21 +3,14 @@
 //! One parser serves `--vp 1,2,3`, `view -vp 1 2 3 -vh 60`, `.vf` files and `VIEW=` lines. Every number in a
 //! [`ViewSpec`] is finite; whether they make a view is decided by [`ViewSpec::resolve`].
 
-use crate::view::{View, ViewError};
+use crate::kind::ViewKind;
+use crate::view::{Frame, View, ViewError};
 use glam::DVec3;
-
-/// How directions are laid out in a picture. Radiance's `l`, `c`, `a`, `h` and `s` are refused by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum ViewKind {
-    /// Perspective, Radiance's `-vtv`.
-    Perspective,
-}
 
 /// Parts of a view; what is None was not said.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ViewSpec {
-    /// `-vtv`.
+    /// `-vt`: type, perspective if not said.
     pub kind: Option<ViewKind>,
     /// `-vp`: eye.
     pub vp: Option<DVec3>,
@@ -25,17 +18,17 @@ pub struct ViewSpec {
     pub vd: Option<DVec3>,
     /// `-vu`: up.
     pub vu: Option<DVec3>,
-    /// `-vh`: full horizontal angle, degrees.
+    /// `-vh`: full horizontal angle, degrees; width of a parallel view, scene units.
     pub vh: Option<f64>,
-    /// `-vv`: full vertical angle, degrees.
+    /// `-vv`: full vertical angle, degrees; height of a parallel view, scene units.
     pub vv: Option<f64>,
     /// `-vo`: fore clipping distance; only 0 is supported.
     pub vo: Option<f64>,
     /// `-va`: aft clipping distance; only 0 (none) is supported.
     pub va: Option<f64>,
-    /// `-vs`: shift; only 0 is supported.
+    /// `-vs`: shift to the right, in widths of the picture.
     pub vs: Option<f64>,
-    /// `-vl`: lift; only 0 is supported.
+    /// `-vl`: lift, in heights of the picture.
     pub vl: Option<f64>,
 }
 
@@ -50,7 +43,7 @@ impl ViewSpec {
     /// `apply_option("--vp", "1,2,3")`.
     ///
     /// # Errors
-    /// An unknown option, a wrong number of numbers, a number that is not finite, a view type other than `v`.
+    /// An unknown option, a wrong number of numbers, a number that is not finite, an unknown view type.
     pub fn apply_option(&mut self, option: &str, value: &str) -> Result<(), ViewError> {
         let name = option.trim_start_matches('-');
         let shown = || format!("--{name}");
@@ -74,16 +67,19 @@ impl ViewSpec {
         self.apply_words(line, true)
     }
 
-    /// This view with everything that `later` says put over it.
+    /// This view with everything that `later` says put over it. With another type sizes do not stay: they would mean something
+    /// else.
     #[must_use]
     pub fn overridden_by(&self, later: &ViewSpec) -> ViewSpec {
+        let is_other = later.kind.is_some_and(|kind| kind != self.kind.unwrap_or_default());
+        let sizes = if is_other { ViewSpec::default() } else { *self };
         ViewSpec {
             kind: later.kind.or(self.kind),
             vp: later.vp.or(self.vp),
             vd: later.vd.or(self.vd),
             vu: later.vu.or(self.vu),
-            vh: later.vh.or(self.vh),
-            vv: later.vv.or(self.vv),
+            vh: later.vh.or(sizes.vh),
+            vv: later.vv.or(sizes.vv),
             vo: later.vo.or(self.vo),
             va: later.va.or(self.va),
             vs: later.vs.or(self.vs),
@@ -94,16 +90,24 @@ impl ViewSpec {
     /// The view and the size of its picture, as [`View::resolve`]; `-vu` is +z when not given, as in Radiance.
     ///
     /// # Errors
-    /// As [`View::resolve`]; a missing `-vp` or `-vd`; shifts and clipping planes other than 0.
+    /// As [`View::resolve`]; a missing `-vp` or `-vd`; clipping planes other than 0; sizes that the type does not have; a
+    /// parallel view of no size.
     pub fn resolve(&self, max_size: (u32, u32)) -> Result<(View, (u32, u32)), ViewError> {
-        for (option, value) in [("-vo", self.vo), ("-va", self.va), ("-vs", self.vs), ("-vl", self.vl)] {
+        for (option, value) in [("-vo", self.vo), ("-va", self.va)] {
             if let Some(value) = value.filter(|value| *value != 0.0) {
                 return Err(ViewError::UnsupportedOption { option, value });
             }
         }
         let vp = self.vp.ok_or(ViewError::Missing("-vp"))?;
         let vd = self.vd.ok_or(ViewError::Missing("-vd"))?;
-        View::resolve(vp, vd, self.vu.unwrap_or(DVec3::Z), self.vh, self.vv, max_size)
+        let frame = Frame {
+            kind: self.kind.unwrap_or_default(),
+            vh: self.vh,
+            vv: self.vv,
+            vs: self.vs.unwrap_or(0.0),
+            vl: self.vl.unwrap_or(0.0),
+        };
+        View::fitted(vp, vd, self.vu.unwrap_or(DVec3::Z), &frame, max_size)
     }
 
     /// Applies one line of a Radiance header or view file if it holds a view; says whether it did.
@@ -157,10 +161,9 @@ impl ViewSpec {
     }
 
     fn set_kind(&mut self, kind: &str) -> Result<(), ViewError> {
-        if kind != "v" {
-            return Err(ViewError::UnsupportedKind(kind.to_owned()));
-        }
-        self.kind = Some(ViewKind::Perspective);
+        let mut letters = kind.chars();
+        let known = letters.next().filter(|_| letters.next().is_none()).and_then(ViewKind::from_letter);
+        self.kind = Some(known.ok_or_else(|| ViewError::UnsupportedKind(kind.to_owned()))?);
         Ok(())
     }
 

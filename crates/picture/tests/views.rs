@@ -33,7 +33,7 @@ proptest! {
         prop_assert!((direction.length() - 1.0).abs() < 1e-14);
         let (px, py, distance) = view.project(origin + direction * t).unwrap();
         // The point is rounded by |p|·ε, seen under |p|·ε/t; picture coordinates stretch that by (1 + tan²)/tan(angle/2).
-        let (th, tv) = view.tan_half();
+        let (th, tv) = (view.extent().0 / 2.0, view.extent().1 / 2.0);
         let tan_squared = 2.0 * (th * th + tv * tv);
         let rounding = 32.0 * f64::EPSILON * (1.0 + origin.length() / t);
         let tolerance = rounding * (1.0 + tan_squared) / th.min(tv).min(1.0);
@@ -66,7 +66,7 @@ proptest! {
         let (view, (w, h)) = forward(Some(vh), Some(vv), (width, height)).unwrap();
         prop_assert!((1..=width).contains(&w) && (1..=height).contains(&h) && (w == width || h == height));
         // Square to within the half pixel that the shorter side was rounded by (or the one pixel that it has at least).
-        let (across, down) = view.tan_half();
+        let (across, down) = view.extent();
         let (ideal_w, ideal_h) = (f64::from(h) * across / down, f64::from(w) * down / across);
         let w_fits = (f64::from(w) - ideal_w).abs() <= 0.5 + 1e-9 || w == 1;
         let h_fits = (f64::from(h) - ideal_h).abs() <= 0.5 + 1e-9 || h == 1;
@@ -183,7 +183,8 @@ fn every_way_to_say_a_view_says_the_same() {
 #[test]
 fn what_is_wrong_with_a_view_is_named() {
     let line = |text: &str| ViewSpec::default().apply_line(text).unwrap_err().to_string();
-    assert_eq!(line("-vtl"), "view type -vtl is not supported: only -vtv (perspective) is");
+    assert!(line("-vts").starts_with("view type -vts is not supported: there are v (perspective), l"));
+    assert!(line("-vt").starts_with("view type -vt is not supported"));
     assert_eq!(line("-vp 1 2 -vh 60"), "-vp takes 3 number(s), found 2");
     assert_eq!(line("-vp 1 2 x"), "-vp: `x` is not a finite number");
     assert_eq!(line("-vh inf"), "-vh: `inf` is not a finite number");
@@ -199,5 +200,13 @@ fn what_is_wrong_with_a_view_is_named() {
     let unresolved = |text: &str| View::parse_vf(text).unwrap().resolve((64, 64)).unwrap_err().to_string();
     assert_eq!(unresolved("-vd 0 1 0"), "the view lacks -vp");
     assert_eq!(unresolved("-vp 0 0 0"), "the view lacks -vd");
-    assert_eq!(unresolved("-vp 0 0 0 -vd 0 1 0 -vs .5"), "-vs 0.5 is not supported: leave it out or give 0");
+    let from_here = |text: &str| unresolved(&format!("-vp 0 0 0 -vd 0 1 0 {text}"));
+    assert_eq!(from_here("-vo .5"), "-vo 0.5 is not supported: leave it out or give 0");
+    assert_eq!(from_here("-vtl"), "the view lacks -vh: how wide it is, in scene units");
+    assert_eq!(from_here("-vtl -vh -2"), "-vh -2 must be a length above 0, in scene units");
+    assert_eq!(from_here("-vta -vh 361"), "-vh 361 must be above 0 and at most 360 degrees");
+    assert_eq!(from_here("-vth -vh 90 -vv 181"), "-vv 181 must be above 0 and at most 180 degrees");
+    assert_eq!(from_here("-vtc -vh 90 -vv 180"), "-vv 180 must lie between 0 and 180 degrees, both excluded");
+    let tall = View::parse_vf("-vp 0 0 0 -vd 0 1 0 -vth -vh 180").unwrap().resolve((64, 65)).unwrap_err().to_string();
+    assert_eq!(tall, "with -vh 180 this picture has no -vv that makes its pixels square: give both");
 }

@@ -7,8 +7,11 @@ use std::{
     time::Instant,
 };
 
-use holo_proto::bulk::{Packet, Traced};
-use holo_section::{BeamSampler, Sample, SampleKind, Section, Viewpoint};
+use holo_proto::{
+    MAX_RAYS_PER_PACKET,
+    bulk::{Packet, Traced},
+};
+use holo_section::{BeamSampler, RayCoords, Sample, Section, Viewpoint};
 use holo_tracer::Tracer;
 use tokio::sync::mpsc;
 
@@ -146,22 +149,30 @@ fn trace(job: &Job, task: &Task) -> Option<Done> {
         return Some(Done::Unseen(job.packet.id));
     }
     let sampler = section.beam_sampler(index, beam, job.viewpoint.as_ref())?;
-    // Samples of both kinds have the same numbers; their random numbers must not be the same.
-    let kind = if job.viewpoint.is_some() { SampleKind::ViewpointLimited } else { SampleKind::Uniform };
-    let salt = job.seed ^ ((kind as u64) << 56);
+    // Samples of all kinds have the same numbers; their random numbers must not be the same.
+    let salt = job.seed ^ ((job.packet.kind() as u64) << 56);
     let samples = (first..first + u32::from(count))
-        .map(|number| {
+        .zip(0..)
+        .map(|(number, at)| {
             let seed = holo_section::seed(index, beam, number) ^ salt;
-            sample(&task.tracer, section, &sampler, seed, number, paths)
+            let named = job.packet.rays.and_then(|rays: [_; MAX_RAYS_PER_PACKET]| rays.get::<usize>(at).copied());
+            let coords = named.unwrap_or_else(|| sampler.coords(number));
+            sample(&task.tracer, section, &sampler, seed, coords, paths)
         })
         .collect();
     let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
     Some(Done::Traced(Traced { id: job.packet.id, count: u32::from(count), nanoseconds }, samples))
 }
 
-/// Traces one sample: the ray that its number says, from the wall where the section lets rays begin.
-fn sample(tracer: &Tracer, section: &Section, sampler: &BeamSampler, seed: u64, number: u32, paths: u16) -> Sample {
-    let coords = sampler.coords(number);
+/// Traces one sample: the ray at these positions, from the wall where the section lets rays begin.
+fn sample(
+    tracer: &Tracer,
+    section: &Section,
+    sampler: &BeamSampler,
+    seed: u64,
+    coords: RayCoords,
+    paths: u16,
+) -> Sample {
     let ray = sampler.ray(coords);
     let skipped = section.trace_start(&ray);
     let traced = tracer.trace_paths(ray.origin + ray.direction * skipped, ray.direction, seed, 0..u64::from(paths));

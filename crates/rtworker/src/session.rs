@@ -218,6 +218,7 @@ fn unexpected(message: &Message) -> anyhow::Error {
         Message::BlobChunk(_) => "scene",
         Message::Unseen(_) => "unseen beams",
         Message::Light(_) => "light",
+        Message::Rays(_) => "wanted rays",
     };
     anyhow::anyhow!("the server sent a {name} message, which workers do not take")
 }

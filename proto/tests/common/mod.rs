@@ -20,16 +20,23 @@ pub fn viewpoint() -> impl Strategy<Value = Viewpoint> {
 pub fn work() -> impl Strategy<Value = Work> {
     vec(viewpoint(), 0..4).prop_flat_map(|viewpoints| {
         let known = viewpoints.len() as u16;
-        let packet = (any::<u64>(), any::<u16>(), any::<u64>(), 0..u32::MAX - 21, 1..=21u8, 1..=u16::MAX, 0..=known)
-            .prop_map(move |(id, section, beam, first, count, paths, viewpoint)| Packet {
-                id,
-                section,
-                beam: BeamId(beam),
-                first,
-                count,
-                paths,
-                viewpoint: (viewpoint < known).then_some(viewpoint),
-            });
+        let rays = prop::option::of(vec(any::<[u8; 4]>(), 21));
+        let packet =
+            (any::<u64>(), any::<u16>(), any::<u64>(), 0..u32::MAX - 21, 1..=21u8, 1..=u16::MAX, 0..=known, rays)
+                .prop_map(move |(id, section, beam, first, count, paths, viewpoint, rays)| Packet {
+                    id,
+                    section,
+                    beam: BeamId(beam),
+                    first,
+                    count,
+                    paths,
+                    viewpoint: (viewpoint < known && rays.is_none()).then_some(viewpoint),
+                    rays: rays.map(|rays| {
+                        std::array::from_fn(|at| {
+                            if at < usize::from(count) { RayCoords(rays[at]) } else { RayCoords::default() }
+                        })
+                    }),
+                });
         vec(packet, 0..20).prop_map(move |packets| Work { viewpoints: viewpoints.clone(), packets })
     })
 }

@@ -8,12 +8,12 @@ use std::{
 
 use holo_net::{Inbox, Message, Outbox};
 use holo_proto::{
-    bulk::{Results, Traced, ViewRequest, Wanted, Work},
+    bulk::{RaysWanted, Results, Traced, ViewRequest, Wanted, WantedRay, Work},
     control::Control,
     frame::{self, Kind},
     hello::{Answer, Hello, Role},
 };
-use holo_section::{Sample, Viewpoint};
+use holo_section::{RayCoords, Sample, Viewpoint};
 use holo_tests::{LIMIT, Place, Server, analytic::join, stored};
 use rustix::process::Signal;
 
@@ -127,7 +127,12 @@ fn displays_that_break_the_rules_are_dropped() {
         let view = |section, beam, weight| {
             ViewRequest { view: 1, viewpoint, beams: vec![Wanted { beam, weight, section, reserved: 0 }] }.encode()
         };
+        let coords = RayCoords::default();
+        let rays =
+            RaysWanted { view: 1, rays: vec![WantedRay { beam: 7_680, section: 0, coords, reserved: 0 }] }.encode();
         let bad = [
+            (Kind::Rays, rays.clone(), "rays of beams that do not exist"),
+            (Kind::Rays, rays[..20].to_vec(), "ray list"),
             (Kind::View, view(0, 7_680, 1.0), "beams that do not exist"),
             (Kind::View, view(1, 0, 1.0), "beams that do not exist"),
             (Kind::View, view(0, u64::MAX, 1.0), "beams that do not exist"),

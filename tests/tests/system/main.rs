@@ -16,4 +16,5 @@ mod samples;
 mod session;
 mod unseen;
 mod usage;
+mod view_types;
 mod virtual_distance;

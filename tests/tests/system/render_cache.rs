@@ -1,7 +1,18 @@
 //! The drivers that keep what they have from view to view: a stored holodeck warms them, and at rest they tend to `render`.
 
+use std::{collections::BTreeSet, time::Duration};
+
+use holo_net::Message;
 use holo_picture::{Picture, compare};
-use holo_tests::{CORNELL_SMALL_SECTION, Place};
+use holo_proto::{
+    bulk::{RaysWanted, ViewRequest, Wanted, WantedRay},
+    control::Control,
+    frame::Kind,
+    hello::Role,
+};
+use holo_section::{RayCoords, SampleKind, Viewpoint};
+use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, analytic::join, stored};
+use rustix::process::Signal;
 
 const VIEW: [&str; 8] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60", "--size", "64x64"];
 const LINE: &str = "-vp 2.78 2.73 -2 -vd 0 0 1 -vh 60";
@@ -74,4 +85,67 @@ fn a_stored_holodeck_warms_an_empty_cache_and_its_parts_can_be_left_out() {
     };
     assert!(black("bare.pfm") > black("all.pfm"));
     place.run(&["picture", "{}/a.holo", "-o", "{}/b.pfm", "--without", "colour"]).failed(2, &["--without", "dither"]);
+}
+
+#[test]
+fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
+    let place = Place::new();
+    place.fill_small("a.holo", "1k");
+    let server = place.server("a.holo", &["--json", "--no-skip-unseen"]);
+    let worker = place.worker(server.address, &[]);
+    // Of two beams, more than a packet holds of one; each once.
+    let wanted: Vec<(u64, RayCoords)> =
+        (0..100).map(|i: u8| (if i % 4 == 0 { 400 } else { 2000 }, RayCoords([i, 200 - i, 3 * (i / 2), 7]))).collect();
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    runtime.block_on(async {
+        let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
+        // Beams so little wanted that nothing else is traced for them.
+        let beams = [400, 2000].map(|beam| Wanted { beam, weight: 0.5e-4, section: 0, reserved: 0 }).to_vec();
+        let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
+        let view = ViewRequest { view: 1, viewpoint, beams }.encode();
+        outbox.send(Kind::View, &view).unwrap();
+        let ray = |&(beam, coords): &(u64, RayCoords)| WantedRay { beam, section: 0, coords, reserved: 0 };
+        let rays: Vec<WantedRay> = wanted.iter().map(ray).collect();
+        // Those of another view are passed over.
+        let other = vec![WantedRay { coords: RayCoords([255; 4]), ..rays[0] }];
+        outbox.send(Kind::Rays, &RaysWanted { view: 9, rays: other }.encode()).unwrap();
+        outbox.send(Kind::Rays, &RaysWanted { view: 1, rays }.encode()).unwrap();
+        let mut arrived = BTreeSet::new();
+        while arrived.len() < wanted.len() {
+            match tokio::time::timeout(LIMIT, inbox.next()).await.expect("all rays come").unwrap() {
+                Message::Samples(samples) => {
+                    for (run, samples) in samples.iter().filter(|(run, _)| run.kind == SampleKind::SingleRay) {
+                        arrived.extend(samples.iter().map(|sample| (run.beam.0, sample.coords)));
+                    }
+                }
+                Message::Control(Control::Ping(number)) => outbox.control(&Control::Pong(number)).unwrap(),
+                _ => {}
+            }
+        }
+        assert_eq!(arrived, wanted.iter().copied().collect());
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    });
+    server.process.end(Signal::TERM).ok();
+    worker.wait().ok();
+    let stored = stored(&place.path("a.holo"));
+    stored.assert_no_gaps();
+    let single = stored.beams.iter().filter(|((_, kind), _)| *kind == SampleKind::SingleRay);
+    let kept = single.flat_map(|((key, _), samples)| samples.iter().map(|(_, sample)| (key.beam.0, sample.coords)));
+    assert_eq!(kept.collect::<BTreeSet<_>>(), wanted.iter().copied().collect());
+}
+
+#[test]
+fn what_the_render_cache_asks_for_enters_the_holodeck() {
+    let place = Place::new();
+    let script = place.write("walk.txt", &format!("0 view {LINE}\n3 quit\n"));
+    let scene = ["view", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--bounces", "0"];
+    let words = ["--headless", "--script", &script, "--size", "64x64", "--keep", "{}/kept.holo", "-q"];
+    place.run(&[&scene[..], &words, &["--driver", "pointimage"]].concat()).ok();
+    let stored = stored(&place.path("kept.holo"));
+    stored.assert_no_gaps();
+    let of =
+        |kind: SampleKind| stored.beams.iter().filter(|((_, k), _)| *k == kind).map(|(_, s)| s.len()).sum::<usize>();
+    println!("{} single rays, {} near the eye", of(SampleKind::SingleRay), of(SampleKind::ViewpointLimited));
+    // One request for 16 pixels, twenty times a second: some thousand, however busy the machine is.
+    assert!(of(SampleKind::SingleRay) > 1000);
 }

@@ -1,4 +1,4 @@
-//! Requests as beams: what a holoserver can be asked for (Larson & Simmons 1999, §2.4.2).
+//! Requests as what a holoserver can be asked for: single rays of beams, and weights of beams (Larson & Simmons 1999, §2.4.2).
 //!
 //! Always true: the weights of the beams add up to the same as before, and a beam that was wanted still is.
 
@@ -6,7 +6,7 @@ use super::Frame;
 use crate::candidates::candidates;
 use crate::select::WantedBeam;
 use glam::DVec3;
-use holo_section::{BeamId, Section};
+use holo_section::{BeamId, RayCoords, Section};
 use std::collections::BTreeMap;
 
 /// The best beam for a view ray from `eye` along `direction` (of length 1), by the rule of beam selection.
@@ -17,6 +17,18 @@ pub fn best_beam(sections: &[Section], eye: DVec3, direction: DVec3) -> Option<(
 }
 
 impl Frame<'_> {
+    /// The requests of this frame as stored rays: the nearest of the best beam of each. Those that no section covers are left out.
+    pub fn rays(&self, sections: &[Section]) -> Vec<(u16, BeamId, RayCoords)> {
+        let mut found = Vec::new();
+        let ray = |(_, eye, direction)| {
+            candidates(sections, eye, direction, &mut found);
+            let best = found.first()?;
+            let hit = sections.get(usize::from(best.section))?.line(eye, direction)?;
+            Some((best.section, best.beam, hit.coords))
+        };
+        self.requests().filter_map(ray).collect()
+    }
+
     /// Shares the weight of a view's beams out anew: `share` of it (0 to 1) by the requests of this frame, the rest as it was.
     ///
     /// Beams of predicted requests come in besides. The result is ordered by section and beam, each once.

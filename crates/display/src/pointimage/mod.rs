@@ -62,6 +62,7 @@ mod zbuffer;
 
 pub use beams::best_beam;
 pub use isa::Instructions;
+pub use map::far_depth;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing, Stage, Stages};
 pub(crate) use random::{mix, pair};
 pub use sample::{Place, Sample, Tag};
@@ -245,7 +246,8 @@ impl<'a> Frame<'a> {
         picture
     }
 
-    /// Depth along the view's direction of the point that each pixel shows, rows from the top; 0 without one.
+    /// Depth along the view's direction of the point that each pixel shows, rows from the top; 0 without one. In views that are no
+    /// perspective the distance along the pixel's ray. From [`far_depth`] on it stands for infinity.
     pub fn depth(&self) -> impl Iterator<Item = f32> + 'a {
         let planes = &self.cache.planes;
         let depth = planes.depth.iter().zip(&planes.colour);
@@ -258,7 +260,8 @@ impl<'a> Frame<'a> {
         self.cache.planes.colour.iter().map(|&colour| colour != colour::NONE)
     }
 
-    /// The rays wanted: what to give back with the sample, origin, and direction of length 1. Predicted ones first.
+    /// The rays wanted: what to give back with the sample, origin, and direction of length 1 (0 in the corners of fisheyes, where
+    /// there is nothing to see). Predicted ones first.
     pub fn requests(&self) -> impl Iterator<Item = (Tag, DVec3, DVec3)> + 'a {
         let cache = self.cache;
         cache.requests.iter().filter_map(move |request| {

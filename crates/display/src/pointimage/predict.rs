@@ -2,8 +2,8 @@
 //!
 //! Always true: a byte per block of 4×4 pixels of the predicted view says whether a point falls there; depth does not matter.
 
-use super::isa::Kernel;
-use super::map::{Map, NEAREST};
+use super::isa::{Isa, Kernel};
+use super::map::{Lens, Map, NEAREST};
 use super::points::{EVICTED, Points};
 use super::project::BLOCK;
 use super::random;
@@ -32,9 +32,13 @@ impl Occupancy {
         (size.0 as f64 / COARSE as f64, size.1 as f64 / COARSE as f64)
     }
 
-    pub fn project<'a>(&'a mut self, map: Map, points: &'a Points) -> Project<'a> {
+    /// Marks the blocks into which points fall.
+    pub fn project(&mut self, isa: Isa, map: Map, points: &Points) {
         self.is_occupied.fill(0);
-        Project { map, points, occupancy: self }
+        match map {
+            Map::Flat(map) => isa.run(Project { map, points, occupancy: self }),
+            Map::Curved(map) => isa.run(Project { map, points, occupancy: self }),
+        }
     }
 
     /// Requests for empty blocks, every n-th in scanline order so that there are at most `limit`.
@@ -59,14 +63,14 @@ impl Occupancy {
     }
 }
 
-/// Marks the blocks into which points fall.
-pub(super) struct Project<'a> {
-    map: Map,
+/// See [`Occupancy::project`].
+struct Project<'a, L> {
+    map: L,
     points: &'a Points,
     occupancy: &'a mut Occupancy,
 }
 
-impl Kernel for Project<'_> {
+impl<L: Lens> Kernel for Project<'_, L> {
     type Output = ();
 
     #[inline(always)]
@@ -84,7 +88,13 @@ impl Kernel for Project<'_> {
 }
 
 #[inline(always)]
-fn place(map: &Map, size: (usize, usize), [x, y, z]: [&[f32; BLOCK]; 3], age: &[u8; BLOCK], block: &mut [u32; BLOCK]) {
+fn place<L: Lens>(
+    map: &L,
+    size: (usize, usize),
+    [x, y, z]: [&[f32; BLOCK]; 3],
+    age: &[u8; BLOCK],
+    block: &mut [u32; BLOCK],
+) {
     let (right, bottom) = (size.0 as f32, size.1 as f32);
     let (across, outside) = (size.0 as i32, (size.0 * size.1) as i32);
     for i in 0..BLOCK {

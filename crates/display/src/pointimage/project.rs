@@ -9,7 +9,7 @@
 
 use super::colour;
 use super::isa::{Isa, Kernel};
-use super::map::{Map, NEAREST};
+use super::map::{Lens, Map, NEAREST};
 use super::parallel;
 use super::points::{FRESH, Points};
 use super::prefetch::prefetch;
@@ -86,6 +86,13 @@ impl Buckets {
 
     /// Fills the chains; marks the points outside the picture as hidden.
     pub fn fill(&mut self, isa: Isa, map: &Map, size: (usize, usize), points: &mut Points) {
+        match map {
+            Map::Flat(lens) => self.fill_by(isa, lens, size, points),
+            Map::Curved(lens) => self.fill_by(isa, lens, size, points),
+        }
+    }
+
+    fn fill_by<L: Lens>(&mut self, isa: Isa, map: &L, size: (usize, usize), points: &mut Points) {
         let Self { records, parts, lengths, tiles } = self;
         let records = parallel::cut(records, parts.iter().map(|part| part.chunks * CHUNK));
         let hidden = parallel::cut(&mut points.is_hidden, lengths.iter().copied());
@@ -134,8 +141,8 @@ impl Buckets {
     }
 }
 
-struct Project<'a> {
-    map: &'a Map,
+struct Project<'a, L> {
+    map: &'a L,
     size: (usize, usize),
     tiles: (usize, usize),
     first: u32,
@@ -148,7 +155,7 @@ struct Project<'a> {
     part: &'a mut Part,
 }
 
-impl Kernel for Project<'_> {
+impl<L: Lens> Kernel for Project<'_, L> {
     type Output = ();
 
     #[inline(always)]
@@ -194,8 +201,8 @@ impl Kernel for Project<'_> {
 /// Records and tiles of a block of points.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn place(
-    map: &Map,
+fn place<L: Lens>(
+    map: &L,
     size: (usize, usize),
     tiles: (usize, usize),
     start: u32,

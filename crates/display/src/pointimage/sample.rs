@@ -8,7 +8,7 @@ use holo_picture::View;
 pub enum Place {
     /// At a point of the scene, in scene units.
     At(DVec3),
-    /// Infinitely far away, in this direction.
+    /// Infinitely far away, in this direction. In a parallel view, whose pixels all look the same way, only with the tag of a pixel.
     Toward(DVec3),
 }
 
@@ -58,13 +58,13 @@ pub(super) struct Request {
 }
 
 impl Request {
-    /// Origin and direction (of length 1) of the ray, from the eye of `view`.
+    /// Origin and direction (of length 1) of the ray of `view`.
     pub fn ray(&self, view: &View, origin: DVec3) -> (DVec3, DVec3) {
         match self.aim {
             Aim::Picture(x, y) => view.ray(x.into(), y.into()),
             Aim::Through(point) => {
                 let point = DVec3::from(point.map(f64::from)) + origin;
-                (view.vp, (point - view.vp).normalize_or(view.vd))
+                view.ray_to(point)
             }
         }
     }

@@ -102,7 +102,7 @@ impl PointImage {
     fn predict(&mut self, view: &View, wanted: usize, ended: &mut dyn FnMut(Stage)) {
         let (width, height) = Occupancy::scaled(self.planes.size);
         let map = Map::new(view, self.origin, width, height);
-        self.isa.run(self.occupancy.project(map, &self.points));
+        self.occupancy.project(self.isa, map, &self.points);
         ended(Stage::PredictedProjection);
         let limit = (wanted as f64 * self.params.predicted_share).floor() as usize;
         let seed = random::mix(self.params.seed ^ 0x5bd1_e995, self.frames);

@@ -4,9 +4,11 @@
 
 use super::PointImage;
 use super::colour;
-use super::map::far_away;
+use super::map::{far_along, far_away};
 use super::points::{Details, EVICTED, FRESH, GENERATION, GENERATIONS, HIGHLIGHT, NOISY, REFINED};
 use super::sample::{Place, Purpose, Sample};
+use glam::DVec3;
+use holo_picture::View;
 
 /// Standard deviations of stated noise that are not yet a change.
 const NOISE_DEVIATIONS: f32 = 3.0;
@@ -18,7 +20,7 @@ impl PointImage {
     pub(super) fn take(&mut self, sample: &Sample) -> bool {
         let position = match sample.place {
             Place::At(position) => (position - self.origin).to_array(),
-            Place::Toward(direction) => far_away(direction).to_array(),
+            Place::Toward(direction) => self.far(sample, direction).to_array(),
         }
         .map(|coordinate| coordinate as f32);
         let is_finite = position.iter().chain(&sample.radiance).all(|number| number.is_finite());
@@ -91,8 +93,22 @@ impl PointImage {
         }
     }
 
+    /// Where something infinitely far away is kept, relative to the origin.
+    fn far(&self, sample: &Sample, direction: DVec3) -> DVec3 {
+        let parallel = self.view.filter(|view| !view.kind.has_eye() && sample.tag.purpose != Purpose::Fill);
+        let Some(view) = parallel else { return far_away(direction) };
+        let (width, height) = (self.planes.size.0 as u32, self.planes.size.1 as u32);
+        let (x, y) = View::pixel_centre((width, height), sample.tag.pixel % width, sample.tag.pixel / width);
+        let (origin, direction) = view.ray(x, y);
+        origin + direction * far_along(&view) - self.origin
+    }
+
     /// Distances from the eye, of a point and of another place.
     fn distances(&self, slot: usize, position: [f32; 3]) -> (f64, f64) {
+        if let Some(view) = self.view.filter(|view| !view.kind.has_eye()) {
+            let depth = |p: [f32; 3]| DVec3::from(p.map(f64::from)).dot(view.vd) - self.eye.dot(view.vd);
+            return (depth(self.points.position.each_ref().map(|axis| axis[slot])), depth(position));
+        }
         let eye = self.eye.to_array();
         let distance = |p: [f32; 3]| (0..3).map(|axis| (f64::from(p[axis]) - eye[axis]).powi(2)).sum::<f64>().sqrt();
         (distance(self.points.position.each_ref().map(|axis| axis[slot])), distance(position))

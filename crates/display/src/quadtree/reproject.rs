@@ -85,9 +85,10 @@ pub(crate) struct BeamProjector<'a> {
     exit: (DVec3, DVec3, DVec3),
     diagonal: f64,
     distances: &'a DistanceTable,
+    camera: &'a Camera,
+    is_perspective: bool,
     focal: (f64, f64),
     centre: (f64, f64),
-    pixel_width_squared: f64,
     radius_squared: Option<f64>,
     size: (f64, f64),
 }
@@ -96,7 +97,7 @@ impl<'a> BeamProjector<'a> {
     pub fn new(
         section: &PlacedSection,
         pair: CellPair,
-        camera: &Camera,
+        camera: &'a Camera,
         size: (u32, u32),
         viewpoint_radius: Option<f64>,
         distances: &'a DistanceTable,
@@ -106,9 +107,10 @@ impl<'a> BeamProjector<'a> {
             exit: section.cell(pair.exit),
             diagonal: section.diagonal,
             distances,
+            camera,
+            is_perspective: camera.is_perspective(),
             focal: camera.focal,
             centre: camera.centre,
-            pixel_width_squared: camera.pixel_width_squared,
             radius_squared: viewpoint_radius.map(|radius| radius * radius),
             size: (f64::from(size.0), f64::from(size.1)),
         }
@@ -128,18 +130,23 @@ impl<'a> BeamProjector<'a> {
         let point = if hits {
             entry + along * (self.distances.of(code) * self.diagonal / length_squared.sqrt())
         } else {
-            along
+            self.far(entry, along)?
         };
         let inverse_depth = point.z.recip();
-        let x = self.centre.0 + self.focal.0 * point.x * inverse_depth;
-        let y = self.centre.1 - self.focal.1 * point.y * inverse_depth;
+        let mut x = self.centre.0 + self.focal.0 * point.x * inverse_depth;
+        let mut y = self.centre.1 - self.focal.1 * point.y * inverse_depth;
+        if !self.is_perspective {
+            (x, y) = self.camera.project(point)?;
+        }
         // Also refuses NaN.
-        if !(point.z > 0.0 && x >= 0.0 && x < self.size.0 && y >= 0.0 && y < self.size.1) {
+        let is_ahead = point.z > 0.0 || !self.is_perspective;
+        if !(is_ahead && x >= 0.0 && x < self.size.0 && y >= 0.0 && y < self.size.1) {
             return None;
         }
-        let distance_squared = point.length_squared();
-        let miss_squared = entry.cross(along).length_squared() / length_squared;
-        let footprint_squared = if hits { distance_squared * self.pixel_width_squared } else { f64::INFINITY };
+        let eye = self.camera.eye_of(point);
+        let distance_squared = (point - eye).length_squared();
+        let miss_squared = (entry - eye).cross(along).length_squared() / length_squared;
+        let footprint_squared = if hits { self.camera.pixel_width.squared_at(distance_squared) } else { f64::INFINITY };
         Some(Landing {
             column: x as usize,
             row: y as usize,
@@ -150,9 +157,19 @@ impl<'a> BeamProjector<'a> {
             near: near_class(match self.radius_squared {
                 Some(radius_squared) => miss_squared / radius_squared,
                 None if hits => miss_squared / footprint_squared,
-                None => miss_squared / (FAR_DIAGONALS * self.diagonal).powi(2) / self.pixel_width_squared,
+                None => miss_squared / self.camera.pixel_width.squared_at((FAR_DIAGONALS * self.diagonal).powi(2)),
             }),
         })
+    }
+
+    /// A point that is seen where a ray that met nothing is: in its direction. A parallel view sees it where it leaves the
+    /// section, if it goes with the view.
+    #[inline]
+    fn far(&self, entry: DVec3, along: DVec3) -> Option<DVec3> {
+        if self.camera.pixel_width.grows {
+            return Some(along);
+        }
+        (along.z * along.z >= (1.0 - NARROW * NARROW) * along.length_squared()).then(|| entry + along)
     }
 }
 

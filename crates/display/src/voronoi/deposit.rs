@@ -101,7 +101,8 @@ impl Depositor<'_> {
         let width = self.surfaces.size.0;
         let mut pixel = y as usize * width + x as usize;
         let lies_on = |seen: &Seen| {
-            let tolerance = direction.dot(seen.normal).abs() * place.uncertainty as f32 + ROUNDING * point.z;
+            let tolerance =
+                direction.dot(seen.normal).abs() * place.uncertainty as f32 + ROUNDING * self.camera.reach(point);
             usize::from(seen.image) == image
                 && seen.triangle != SKY
                 && (point - seen.position).dot(seen.normal).abs() <= tolerance
@@ -114,7 +115,7 @@ impl Depositor<'_> {
         }
         let seen = &self.surfaces.seen[pixel];
         let shading = self.shadings.materials.get(seen.material as usize)?;
-        let weight = shading.weight(direction, point) * u64::from(paths.clamp(1, MAX_PATHS));
+        let weight = shading.weight(direction, self.camera.sight(point)) * u64::from(paths.clamp(1, MAX_PATHS));
         if weight == 0 {
             return None;
         }

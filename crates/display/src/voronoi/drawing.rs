@@ -10,6 +10,7 @@ use super::reconstruct;
 use super::shade::Shadings;
 use super::surfaces::{Caster, Image, NO_IMAGE, SKY, Seen, Surfaces, number_of};
 use super::{Layer, Voronoi};
+use crate::camera::Camera;
 use crate::parts::for_parts;
 use holo_raycast::{Hit, Ray};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -94,6 +95,7 @@ pub(crate) struct Drawing<'a> {
 /// A layer whose light is known.
 struct Lit<'a> {
     layer: &'a Layer,
+    camera: &'a Camera,
     shadings: &'a Shadings,
     light: Vec<Option<[f32; 3]>>,
     guesses: Guesses,
@@ -302,6 +304,7 @@ impl<'a> Lit<'a> {
         let Layer { surfaces, sums } = layer;
         Self {
             layer,
+            camera: &voronoi.camera,
             shadings: &voronoi.shadings,
             light: reconstruct::light(surfaces, sums, voronoi.paths),
             guesses: Guesses::new(surfaces, sums),
@@ -334,7 +337,7 @@ impl<'a> Lit<'a> {
             Some(light) => [0, 1, 2].map(|channel| light[channel] * unit * shading.scale[channel]),
             None if shading.emits => shading.emission,
             None => {
-                let towards = -seen.normal.dot(seen.position.normalize_or_zero());
+                let towards = -seen.normal.dot(self.camera.sight(seen.position).normalize_or_zero());
                 let bright = self.guesses.typical().unwrap_or(unit.recip()) * unit;
                 shading.scale.map(|scale| scale * bright * (0.25 + 0.75 * towards.max(0.0)))
             }

@@ -3,6 +3,7 @@
 //! Invariant: labels follow from what the pixels see alone, in the order of the pixels.
 
 use super::surfaces::{NO_LABEL, SKY, Seen};
+use crate::camera::PixelWidth;
 use crate::parts::for_parts;
 use std::collections::HashMap;
 
@@ -11,7 +12,7 @@ const ROWS: usize = 16;
 
 /// A label for each pixel: neighbours that continue each other have the same, and so have parts of one side of a triangle that
 /// something in front keeps apart.
-pub(crate) fn connect(seen: &[Seen], width: usize, pixel_width: f32) -> Vec<u32> {
+pub(crate) fn connect(seen: &[Seen], width: usize, pixel_width: PixelWidth) -> Vec<u32> {
     let mut labels: Vec<u32> = (0..seen.len() as u32).collect();
     let mut of_triangle: HashMap<((u32, bool), u8, bool), u32> = HashMap::new();
     for (pixel, here) in seen.iter().enumerate() {

@@ -8,7 +8,7 @@
 //! - The picture is a function of the set of samples: their order and batches change no bit of it.
 //! - No light crosses from one surface to another.
 //! - As samples grow, every pixel tends to the mean of the samples of its surface within it.
-//! - A pixel whose ray meets nothing is the sky, exactly.
+//! - A pixel whose ray meets nothing is the sky, exactly; one that has no ray, in the corners of a fisheye, is 0.
 
 mod beams;
 mod deposit;
@@ -112,7 +112,10 @@ impl Voronoi {
 
     /// Distance from the eye of what each pixel sees, as [`Frame::depth`].
     pub fn depth(&self) -> Vec<f32> {
-        let depth = |seen: &Seen| if seen.triangle == SKY { f32::INFINITY } else { seen.position.length() };
+        let depth = |seen: &Seen| match seen.triangle {
+            SKY => f32::INFINITY,
+            _ => self.camera.sight(seen.position).length(),
+        };
         self.layers.iter().take(1).flat_map(|layer| layer.surfaces.seen.iter().map(depth)).collect()
     }
 
@@ -134,6 +137,17 @@ impl Voronoi {
         self.paths = self.paths.max(paths);
     }
 
+    /// Corners of fisheyes look nowhere.
+    fn blank_corners(&self, frame: &mut Frame) {
+        let (width, _) = self.size;
+        for ((number, pixel), depth) in (0..).zip(&mut frame.picture.pixels).zip(&mut frame.depth) {
+            let (x, y) = View::pixel_centre(self.size, number % width, number / width);
+            if self.view.try_ray(x, y).is_none() {
+                (*pixel, *depth) = ([0.0; 3], 0.0);
+            }
+        }
+    }
+
     /// The picture of all samples so far.
     pub fn draw(&self) -> Drawn {
         let mut picture = Picture::new(self.size.0, self.size.1);
@@ -149,6 +163,9 @@ impl Voronoi {
         let drawing = Drawing::new(self);
         let guessed_pixels;
         (frame.empty_pixels, guessed_pixels) = drawing.paint(&mut frame.picture.pixels);
+        if !self.camera.is_perspective() {
+            self.blank_corners(&mut frame);
+        }
         Drawn { frame, guessed_pixels }
     }
 }

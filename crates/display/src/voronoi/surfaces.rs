@@ -8,7 +8,7 @@
 //! - A surface's normal faces the eye.
 //! - Pixels have the same label only if they see one connected surface, or parts of it, in the same image.
 
-use crate::camera::Camera;
+use crate::camera::{Camera, PixelWidth};
 use crate::parts::for_parts;
 use glam::{DVec3, Vec3};
 use holo_picture::View;
@@ -82,7 +82,7 @@ impl Seen {
     }
 
     /// Whether a surface seen next to this one is the same smooth one.
-    pub fn continues(&self, other: &Seen, pixel_width: f32) -> bool {
+    pub fn continues(&self, other: &Seen, pixel_width: PixelWidth) -> bool {
         self.material == other.material
             && self.image == other.image
             && self.through == other.through
@@ -93,7 +93,7 @@ impl Seen {
                     let between = other.position - self.position;
                     let gap = between.dot(self.normal).abs().min(between.dot(other.normal).abs());
                     // A step of half a pixel is seen; curves stay well below it.
-                    gap <= 0.5 * pixel_width * self.position.length()
+                    gap <= 0.5 * pixel_width.at(self.position)
                 }))
     }
 }
@@ -162,7 +162,7 @@ pub(crate) struct Surfaces {
     pub windows: Vec<Window>,
     /// What comes through the mirrors and panes before a pixel's surface; all of it where none is listed.
     pub throughput: HashMap<u32, Rgb>,
-    pub pixel_width: f32,
+    pub pixel_width: PixelWidth,
 }
 
 impl Surfaces {
@@ -406,7 +406,7 @@ impl<'a> Caster<'a> {
     }
 
     fn layer(&self, seen: Vec<Seen>, images: Vec<Image>, throughput: HashMap<u32, Rgb>) -> Surfaces {
-        let pixel_width = self.camera.pixel_width_squared.sqrt() as f32;
+        let pixel_width = self.camera.pixel_width;
         let labels = super::labels::connect(&seen, self.size.0, pixel_width);
         let edges = super::labels::edges(&labels, self.size.0);
         let windows = windows(&seen, self.size.0, images.len());

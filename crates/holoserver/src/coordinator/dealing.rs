@@ -1,12 +1,13 @@
 //! Who traces what next: lost packets, then what displays wish, in turn, then batch order.
 
 use holo_proto::{MAX_RAYS_PER_PACKET, bulk::Packet};
-use holo_section::{SampleKind, Viewpoint};
+use holo_section::{RayCoords, SampleKind, Viewpoint};
 
 use super::Coordinator;
 use crate::{
     allotment::BeamKey,
     listen::ConnectionId,
+    wishes::RayPacket,
     workers::{Assignment, Worker},
 };
 
@@ -72,6 +73,23 @@ impl Coordinator {
             }
             let Some(wishes) = display.wishes.as_mut() else { continue };
             let viewpoint = wishes.viewpoint;
+            while let Some(RayPacket { key, mut rays, count }) = wishes.next_rays(|key| unseen.contains(key)) {
+                let taken = self.allotment.take(&self.holodeck.file, key, SampleKind::SingleRay, count);
+                let Some((first, given)) = taken else { continue };
+                // Numbers given back before come in the ranges that they were given in.
+                let used = given.min(count);
+                if used < given {
+                    let rest = first + u32::from(used);
+                    self.allotment.give_back(key, SampleKind::SingleRay, rest, given - used);
+                }
+                wishes.put_back(key, &rays[usize::from(used)..usize::from(count)]);
+                rays[usize::from(used)..].fill(RayCoords::default());
+                self.last_served = Some(id);
+                drop(unseen);
+                let mut assignment = self.assignment(key, first, used, None, Some(id));
+                assignment.packet.rays = Some(rays);
+                return Some(assignment);
+            }
             while let Some((key, count)) = wishes.next(|key| unseen.contains(key)) {
                 let kind = SampleKind::ViewpointLimited;
                 let Some((first, count)) = self.allotment.take(&self.holodeck.file, key, kind, count) else { continue };
@@ -95,8 +113,8 @@ impl Coordinator {
                 continue;
             }
             let file = &self.holodeck.file;
-            let have = u64::from(self.allotment.taken(file, key, SampleKind::Uniform))
-                + u64::from(self.allotment.taken(file, key, SampleKind::ViewpointLimited));
+            let kinds = [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay];
+            let have: u64 = kinds.map(|kind| u64::from(self.allotment.taken(file, key, kind))).iter().sum();
             if have >= wanted {
                 continue;
             }
@@ -119,8 +137,8 @@ impl Coordinator {
     ) -> Assignment {
         self.next_packet += 1;
         let paths = self.holodeck.about.settings.paths_per_sample;
-        let packet =
-            Packet { id: self.next_packet, section: key.section, beam: key.beam, first, count, paths, viewpoint: None };
+        let (id, section, beam) = (self.next_packet, key.section, key.beam);
+        let packet = Packet { id, section, beam, first, count, paths, viewpoint: None, rays: None };
         Assignment { packet, viewpoint, display }
     }
 }

@@ -5,13 +5,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use anyhow::{Context, Result, ensure};
 use holo_beamfile::ExtentMeta;
 use holo_proto::{
-    bulk::{Packet, Results, Run, Samples, Source},
+    bulk::{Results, Run, Samples, Source},
     frame::Kind,
 };
-use holo_section::{Sample, SampleKind};
+use holo_section::Sample;
 
 use super::Coordinator;
-use crate::{allotment::BeamKey, listen::ConnectionId, recall::tell_unseen, workers::ResultsError};
+use crate::{
+    allotment::BeamKey,
+    listen::ConnectionId,
+    recall::tell_unseen,
+    workers::{Assignment, ResultsError},
+};
 
 impl Coordinator {
     /// A worker's results: stored, then sent to every display that looks at their beams.
@@ -40,7 +45,7 @@ impl Coordinator {
             let assignment = worker.finish(traced)?;
             let (samples, after) = rest.split_at(traced.count as usize);
             rest = after;
-            match self.store(&assignment.packet, samples) {
+            match self.store(&assignment, samples) {
                 Ok(()) => {}
                 Err(holo_beamfile::Error::NotWritten { .. }) => {
                     // No memory left for what a full disk does not take: it is traced again when there is room.
@@ -49,7 +54,7 @@ impl Coordinator {
                 }
                 Err(error) => return Err(error.into()),
             }
-            self.forward(&assignment.packet, samples, outgoing);
+            self.forward(&assignment, samples, outgoing);
         }
         Ok(())
     }
@@ -84,12 +89,13 @@ impl Coordinator {
         Ok(BeamKey { section: packet.section, beam: packet.beam })
     }
 
-    fn store(&mut self, packet: &Packet, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
+    fn store(&mut self, assignment: &Assignment, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
+        let packet = &assignment.packet;
         let meta = ExtentMeta {
             key: BeamKey { section: packet.section, beam: packet.beam },
             first: packet.first,
             count: samples.len() as u32,
-            kind: kind(packet),
+            kind: assignment.kind(),
             paths: packet.paths,
             settings: 0,
             generation: 0,
@@ -99,7 +105,8 @@ impl Coordinator {
         Ok(())
     }
 
-    fn forward(&self, packet: &Packet, samples: &[Sample], outgoing: &mut BTreeMap<ConnectionId, Samples>) {
+    fn forward(&self, assignment: &Assignment, samples: &[Sample], outgoing: &mut BTreeMap<ConnectionId, Samples>) {
+        let packet = &assignment.packet;
         let key = BeamKey { section: packet.section, beam: packet.beam };
         for (&id, display) in &self.displays {
             let Some(wishes) = display.wishes.as_ref().filter(|wishes| wishes.contains(key)) else { continue };
@@ -112,7 +119,7 @@ impl Coordinator {
             message.runs.push(Run {
                 section: packet.section,
                 beam: packet.beam,
-                kind: kind(packet),
+                kind: assignment.kind(),
                 first: packet.first,
                 count: samples.len() as u32,
                 paths: packet.paths,
@@ -120,8 +127,4 @@ impl Coordinator {
             message.samples.extend_from_slice(samples);
         }
     }
-}
-
-fn kind(packet: &Packet) -> SampleKind {
-    if packet.viewpoint.is_some() { SampleKind::ViewpointLimited } else { SampleKind::Uniform }
 }

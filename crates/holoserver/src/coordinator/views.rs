@@ -3,8 +3,10 @@
 use std::sync::{Arc, atomic::Ordering};
 
 use anyhow::{Result, ensure};
-use holo_proto::{bulk::ViewRequest, control::Control};
-use holo_section::SampleKind;
+use holo_proto::{
+    bulk::{RaysWanted, ViewRequest},
+    control::Control,
+};
 
 use super::{Coordinator, Event};
 use crate::{allotment::BeamKey, listen::ConnectionId, recall::Recall, wishes::Wishes, workers::Assignment};
@@ -50,6 +52,21 @@ impl Coordinator {
         })?;
         // Packets for the display's former view are no longer urgent; what is under way arrives and is stored.
         self.forget(|assignment| assignment.display == Some(id));
+        Ok(())
+    }
+
+    /// Single rays that a display's view wants most.
+    pub(super) fn rays(&mut self, id: ConnectionId, request: &RaysWanted) -> Result<()> {
+        let sections = &self.holodeck.sections;
+        let known = request
+            .rays
+            .iter()
+            .all(|ray| sections.get(usize::from(ray.section)).is_some_and(|section| ray.beam < section.beam_count()));
+        ensure!(known, "it asked for rays of beams that do not exist");
+        let wishes = self.displays.get_mut(&id).and_then(|display| display.wishes.as_mut());
+        if let Some(wishes) = wishes.filter(|wishes| wishes.view == request.view) {
+            wishes.want_rays(&request.rays);
+        }
         Ok(())
     }
 
@@ -117,8 +134,8 @@ impl Coordinator {
     fn forget(&mut self, stale: impl Fn(&Assignment) -> bool) {
         let (stale, kept) = std::mem::take(&mut self.again).into_iter().partition(stale);
         self.again = kept;
-        for Assignment { packet, viewpoint, .. } in Vec::from(stale) {
-            let kind = if viewpoint.is_some() { SampleKind::ViewpointLimited } else { SampleKind::Uniform };
+        for assignment in Vec::from(stale) {
+            let (packet, kind) = (assignment.packet, assignment.kind());
             let key = BeamKey { section: packet.section, beam: packet.beam };
             self.allotment.give_back(key, kind, packet.first, packet.count);
         }
