@@ -11,7 +11,7 @@ use holo_proto::{
 use holo_section::{Sample, SampleKind};
 
 use super::Coordinator;
-use crate::{allotment::BeamKey, listen::ConnectionId, recall::tell_unseen, workers::ResultsError};
+use crate::{allotment::BeamKey, better, listen::ConnectionId, recall::tell_unseen, workers::ResultsError};
 
 impl Coordinator {
     /// A worker's results: stored, then sent to every display that looks at their beams.
@@ -40,7 +40,13 @@ impl Coordinator {
             let assignment = worker.finish(traced)?;
             let (samples, after) = rest.split_at(traced.count as usize);
             rest = after;
-            match self.store(&assignment.packet, samples) {
+            let better = self.is_better(&assignment.packet);
+            let stored = if better {
+                self.store_better(&assignment.packet, samples)
+            } else {
+                self.store(&assignment.packet, samples)
+            };
+            match stored {
                 Ok(()) => {}
                 Err(holo_beamfile::Error::NotWritten { .. }) => {
                     // No memory left for what a full disk does not take: it is traced again when there is room.
@@ -49,7 +55,10 @@ impl Coordinator {
                 }
                 Err(error) => return Err(error.into()),
             }
-            self.forward(&assignment.packet, samples, outgoing);
+            // Nobody looks at better ones.
+            if !better {
+                self.forward(&assignment.packet, samples, outgoing);
+            }
         }
         Ok(())
     }
@@ -85,17 +94,26 @@ impl Coordinator {
     }
 
     fn store(&mut self, packet: &Packet, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
-        let meta = ExtentMeta {
-            key: BeamKey { section: packet.section, beam: packet.beam },
-            first: packet.first,
-            count: samples.len() as u32,
-            kind: kind(packet),
-            paths: packet.paths,
-            settings: 0,
-            generation: 0,
-        };
-        self.holodeck.file.append(meta, samples)?;
+        self.holodeck.file.append(meta(packet, packet.first, samples), samples)?;
         self.progress.add(samples.len() as u64);
+        Ok(())
+    }
+
+    /// Better samples take the places of those that are worse. A lost packet that was dealt again may come after others of more
+    /// paths. What somebody looks at by now stays as it is: a picture is not made of two samples of one ray, and the file shows
+    /// later what is seen at present.
+    fn store_better(&mut self, packet: &Packet, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
+        let key = BeamKey { section: packet.section, beam: packet.beam };
+        if self.is_looked_at(key) {
+            return Ok(());
+        }
+        let file = &self.holodeck.file;
+        let numbers = packet.first..packet.first + u32::from(packet.count);
+        for range in better::worse(&file.runs(key), packet.paths, &numbers) {
+            let part = &samples[(range.start - packet.first) as usize..(range.end - packet.first) as usize];
+            file.supersede(meta(packet, range.start, part), part)?;
+            self.progress.add_better(part.len() as u64);
+        }
         Ok(())
     }
 
@@ -119,6 +137,18 @@ impl Coordinator {
             });
             message.samples.extend_from_slice(samples);
         }
+    }
+}
+
+fn meta(packet: &Packet, first: u32, samples: &[Sample]) -> ExtentMeta {
+    ExtentMeta {
+        key: BeamKey { section: packet.section, beam: packet.beam },
+        first,
+        count: samples.len() as u32,
+        kind: kind(packet),
+        paths: packet.paths,
+        settings: 0,
+        generation: 0,
     }
 }
 
