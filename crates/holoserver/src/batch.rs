@@ -45,6 +45,8 @@ pub struct BatchOrder {
     /// Samples that a beam of importance 1 has at the end of this sweep.
     density: f64,
     next: u64,
+    /// Samples of such a beam that are enough, as far as was known when this sweep began.
+    target: f64,
     /// Samples that are enough for the file, if somebody has said so.
     enough: Option<u64>,
     /// Paths of a sample at first.
@@ -88,13 +90,15 @@ impl BatchOrder {
             })
             .collect();
         let order = BeamOrder::new(beams, 0);
-        let mut order = BatchOrder { sections, beams, order, density: 0.0, next: 0, enough, usual_paths, level: 0 };
+        let mut order =
+            BatchOrder { sections, beams, order, density: 0.0, next: 0, target: 0.0, enough, usual_paths, level: 0 };
         let seen = beams - unseen.count().min(beams);
         if seen > 0 {
             // From here the first sweep adds something everywhere, whatever the file holds, unless it has enough. One sweep there
             // always is: samples for views leave a file uneven.
             let density = (stored as f64 * GROWTH).max(seen as f64) / order.importance_seen(unseen);
-            order.density = density.min(order.enough_density(unseen));
+            order.target = order.enough_density(unseen);
+            order.density = density.min(order.target);
         }
         order
     }
@@ -129,12 +133,18 @@ impl BatchOrder {
         (total - part * every as f64).max(total / self.beams as f64)
     }
 
+    /// Whether a sweep has ended of which the results are needed first: the next one asks for better samples than it gave, or was
+    /// to give, and what beams see nothing decides how many samples are enough.
+    pub fn waits_for_results(&self) -> bool {
+        self.next == self.beams && (self.level > 0 || self.density >= self.target * NEARLY)
+    }
+
     /// The next beam to look at and what it should have by the end of this sweep; `None` once every beam has all it may get.
     pub fn next(&mut self, unseen: &UnseenBeams) -> Option<(BeamKey, Wanted)> {
         if self.next == self.beams {
-            let enough = self.enough_density(unseen);
-            if self.level == 0 && self.density < enough * NEARLY {
-                self.density = (self.density * GROWTH).min(enough);
+            self.target = self.enough_density(unseen);
+            if self.level == 0 && self.density < self.target * NEARLY {
+                self.density = (self.density * GROWTH).min(self.target);
                 self.order = BeamOrder::new(self.beams, self.density.to_bits());
             } else {
                 better::paths_of(self.usual_paths, self.level + 1)?;

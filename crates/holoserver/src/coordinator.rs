@@ -123,6 +123,8 @@ pub struct Coordinator {
     allotment: Allotment,
     batch: Option<BatchOrder>,
     batch_rest: Option<(BeamKey, Wanted)>,
+    /// Packets of batch order that are under way, lost ones included.
+    batch_packets: usize,
     /// Numbers that are to be traced again with more paths, after those of `batch_rest`.
     better_rest: VecDeque<(BeamKey, Range<u32>, u16)>,
     /// Whether batch order has come to its end: every beam has all it may get.
@@ -171,6 +173,7 @@ impl Coordinator {
             allotment: Allotment::default(),
             batch,
             batch_rest: None,
+            batch_packets: 0,
             better_rest: VecDeque::new(),
             exhausted: false,
             said_paths: None,
@@ -396,6 +399,11 @@ impl Coordinator {
             _ => bail!("it sent a message that is not for a server"),
         }
         Ok(())
+    }
+
+    /// A packet's results are here, whatever they are.
+    fn done(&mut self, assignment: &Assignment) {
+        self.batch_packets = self.batch_packets.saturating_sub(usize::from(assignment.display.is_none()));
     }
 
     /// Whether a packet is of samples that are stored already, for more paths in them.

@@ -66,15 +66,17 @@ fn assert_no_worse(later: &Samples, earlier: &Samples) {
 #[test]
 fn a_file_with_enough_gets_no_more_samples_but_better_ones() {
     let place = Place::new();
-    let fill = |words: &[&str]| place.fill_small_with("a.holo", "25k", &[&["--enough", "20k"], words].concat()).json();
-    let first = fill(&[]);
+    const ENOUGH: f64 = 60e3;
+    let fill = || place.fill_small_with("a.holo", "75k", &["--enough", "60k"]).json();
+    let first = fill();
     let added = first["added"].as_u64().unwrap();
-    // Shares are rounded to packets of 4 by chance, so that the total has a standard deviation of 2·√(beams) at the most.
-    assert!((added as f64 - 20e3).abs() < 0.01 * 20e3 + 4.0 * 2.0 * 7680f64.sqrt(), "{first}");
+    // Shares are rounded to packets of 4 by chance, so that the total has a standard deviation of 2·√(beams) at the most; and beams
+    // that turn out to see nothing move the others' shares until they are nearly right, by 1 %.
+    assert!((added as f64 - ENOUGH).abs() < 0.01 * ENOUGH + 4.0 * 2.0 * 7680f64.sqrt(), "{first}");
     assert_eq!(first["samples"], first["added"]);
     let better = first["better"].as_u64().unwrap();
     // The last packet may be more than what was left to do.
-    assert!((25_000..25_021).contains(&(added + better)), "{first}");
+    assert!((75_000..75_021).contains(&(added + better)), "{first}");
     let mut before = samples(&place.path("a.holo"));
     let counts = by_paths(&before);
     assert_eq!(counts.get(&4).copied(), Some(better as usize), "{counts:?}");
@@ -83,7 +85,7 @@ fn a_file_with_enough_gets_no_more_samples_but_better_ones() {
     // It goes on where it was: the rest of the level, and then the next, in every sample.
     let (mut total, mut superseded) = (added, better);
     for _ in 0..2 {
-        let summary = fill(&[]);
+        let summary = fill();
         total += summary["added"].as_u64().unwrap();
         superseded += summary["better"].as_u64().unwrap();
         assert_eq!(summary["samples"].as_u64(), Some(total), "{summary}");
@@ -210,7 +212,9 @@ fn a_server_killed_in_the_middle_of_a_level_loses_nothing_and_goes_on() {
 #[test]
 fn better_packets_of_dead_workers_are_dealt_again() {
     let place = Place::new();
-    let server = improving(&place, &["--samples", "60k"]);
+    let server = improving(&place, &["--samples", "70k"]);
+    let killed = place.worker(server.address, &[]);
+    wait_for_better(&place.path("a.holo"), 1000);
     // One that takes packets, does nothing with them, and goes.
     let idle = tokio::runtime::Runtime::new().unwrap();
     let (mut inbox, outbox, _) = idle.block_on(join(server.address, Role::Worker));
@@ -222,11 +226,9 @@ fn better_packets_of_dead_workers_are_dealt_again() {
             }
         }
     });
-    assert!(lost.iter().filter(|packet| packet.paths == 4).count() > 10, "{lost:?}");
+    assert!(lost.iter().all(|packet| packet.paths >= 4) && lost.len() > 10, "{lost:?}");
     drop((inbox, outbox));
     idle.shutdown_background();
-    let killed = place.worker(server.address, &[]);
-    wait_for_better(&place.path("a.holo"), 3000);
     assert_eq!(killed.end(Signal::KILL).signal(), Some(9));
     let _last = place.worker(server.address, &[]);
     let summary = server.process.wait().ok().json();

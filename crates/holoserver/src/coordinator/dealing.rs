@@ -58,7 +58,11 @@ impl Coordinator {
         if self.ending.is_some() {
             return None;
         }
-        self.next_for_displays().or_else(|| self.next_in_batch())
+        self.next_for_displays().or_else(|| {
+            let assignment = self.next_in_batch();
+            self.batch_packets += usize::from(assignment.is_some());
+            assignment
+        })
     }
 
     fn next_for_displays(&mut self) -> Option<Assignment> {
@@ -95,6 +99,8 @@ impl Coordinator {
             let unseen = self.holodeck.unseen();
             let (key, wanted) = match self.batch_rest.take() {
                 Some(rest) => rest,
+                // What is under way is in no extent yet. This happens once for each level.
+                None if self.batch.as_ref()?.waits_for_results() && self.batch_packets > 0 => return None,
                 None => match self.batch.as_mut()?.next(&unseen) {
                     Some(next) => next,
                     None => {

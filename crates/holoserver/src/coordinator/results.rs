@@ -55,6 +55,7 @@ impl Coordinator {
                 }
                 Err(error) => return Err(error.into()),
             }
+            self.done(&assignment);
             // Nobody looks at better ones.
             if !better {
                 self.forward(&assignment.packet, samples, outgoing);
@@ -89,8 +90,9 @@ impl Coordinator {
     fn finish_unseen(&mut self, id: ConnectionId, packet: u64) -> Result<BeamKey> {
         ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
         let worker = self.workers.get_mut(&id).context("it has left")?;
-        let packet = worker.finish_unseen(packet)?.packet;
-        Ok(BeamKey { section: packet.section, beam: packet.beam })
+        let assignment = worker.finish_unseen(packet)?;
+        self.done(&assignment);
+        Ok(BeamKey { section: assignment.packet.section, beam: assignment.packet.beam })
     }
 
     fn store(&mut self, packet: &Packet, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
