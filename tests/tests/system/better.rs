@@ -182,9 +182,9 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
     assert!(mean.abs() < 3.56 * deviation, "{mean} ± {deviation}");
 }
 
-/// A file with enough samples, and a server that makes them better once it has workers.
+/// A file with nearly enough samples, and a server that brings it there, and makes them better then, once it has workers.
 fn improving(place: &Place, words: &[&str]) -> Server {
-    place.fill_small_with("a.holo", "20k", &["--enough", "20k"]);
+    place.fill_small_with("a.holo", "15k", &["--enough", "20k"]);
     place.server("a.holo", &[&["--fill", "--enough", "20k", "--json"], words].concat())
 }
 
