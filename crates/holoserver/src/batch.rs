@@ -142,7 +142,9 @@ impl BatchOrder {
     /// The next beam to look at and what it should have by the end of this sweep; `None` once every beam has all it may get.
     pub fn next(&mut self, unseen: &UnseenBeams) -> Option<(BeamKey, Wanted)> {
         if self.next == self.beams {
-            self.target = self.enough_density(unseen);
+            if self.level == 0 {
+                self.target = self.enough_density(unseen);
+            }
             if self.level == 0 && self.density < self.target * NEARLY {
                 self.density = (self.density * GROWTH).min(self.target);
                 self.order = BeamOrder::new(self.beams, self.density.to_bits());

@@ -258,8 +258,8 @@ impl Coordinator {
         let goal = self.goal.samples.is_some() || self.goal.time.is_some();
         let idle = self.again.is_empty() && self.workers.values().all(Worker::is_idle);
         let nothing_left = self.exhausted && goal && idle && self.displays.is_empty();
-        if nothing_left && self.ending.is_none() {
-            self.progress.say("every sample is as good as it can be stored: there is nothing left to trace");
+        if nothing_left && !hopeless && self.ending.is_none() {
+            self.progress.say("every sample has all the paths that it may get: there is nothing left to trace");
         }
         if self.ending.is_none() && (time_up || enough || hopeless || nothing_left) {
             self.ending = Some(Instant::now());

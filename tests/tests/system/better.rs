@@ -111,6 +111,23 @@ fn a_file_with_enough_gets_no_more_samples_but_better_ones() {
 }
 
 #[test]
+fn a_fill_ends_before_its_time_when_nothing_is_left_to_trace() {
+    let place = Place::new();
+    place.fill_small("a.holo", "1k");
+    let before = samples(&place.path("a.holo"));
+    let words = ["fill", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--enough", "0"];
+    // As good as the first samples of this file are, none get better; and no more are wanted.
+    place.run(&[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--time", "10m"]].concat()).ok();
+    let ended = place.run(&[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--samples", "1"]].concat());
+    assert!(ended.ok().stderr.contains("nothing left to trace"));
+    assert!(samples(&place.path("b.holo")).is_empty());
+    // With enough of nothing, what is there gets better at once.
+    let ended = place.fill_small_with("a.holo", "1k", &["--enough", "0"]).json();
+    assert_eq!((&ended["added"], &ended["better"]), (&0.into(), &(before.len().into())), "{ended}");
+    assert_eq!(by_paths(&samples(&place.path("a.holo"))), BTreeMap::from([(4, before.len())]));
+}
+
+#[test]
 fn info_says_how_fast_a_file_grows_that_is_being_filled() {
     let place = Place::new();
     place.fill_small("a.holo", "1k");

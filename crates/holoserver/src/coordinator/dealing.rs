@@ -92,6 +92,9 @@ impl Coordinator {
     }
 
     fn next_in_batch(&mut self) -> Option<Assignment> {
+        if self.exhausted {
+            return None;
+        }
         for _ in 0..BATCH_LOOKS {
             if let Some(assignment) = self.next_better() {
                 return Some(assignment);
