@@ -70,6 +70,8 @@ pub(crate) struct Directory {
     pub beams: BeamMap<Beam>,
     pub blocks: Vec<Arc<Block>>,
     pub sections: Vec<SectionStats>,
+    /// Samples counted that had numbers which were there already.
+    pub superseded: u64,
     extents: Vec<Extent>,
     classes: Vec<Class>,
     class_ids: HashMap<Class, u32>,
@@ -137,6 +139,7 @@ impl Directory {
             Some(_) => covered(older(self), first, first + count),
             None => 0,
         };
+        self.superseded += u64::from(known);
         let section = &mut self.sections[usize::from(key.section)];
         let beam = match self.beams.entry(key) {
             MapEntry::Occupied(entry) => entry.into_mut(),

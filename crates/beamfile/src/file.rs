@@ -358,6 +358,12 @@ impl BeamFile {
         }
     }
 
+    /// The runs of a beam as a read would give them now, in the same order, but not joined: how its samples were made, without
+    /// reading any. Empty if it has none.
+    pub fn runs(&self, key: BeamKey) -> Vec<ExtentMeta> {
+        self.shared.state().runs(key)
+    }
+
     /// The next free sample numbers of a beam.
     pub fn counts(&self, key: BeamKey) -> Counts {
         let next = self.shared.state().directory.beams.get(&key).map_or([0; 3], |beam| beam.next);
@@ -412,6 +418,7 @@ impl BeamFile {
             file_bytes,
             samples: state.directory.sections.iter().map(|section| section.samples).sum(),
             sections: state.directory.sections.clone(),
+            superseded: state.directory.superseded,
             extents: state.directory.extents(),
             cache_bytes: cache.bytes,
             cache_hits: cache.hits,

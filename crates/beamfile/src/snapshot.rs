@@ -15,7 +15,7 @@ use crate::blobs::Blobs;
 use crate::directory::{Block, Directory};
 use crate::format::{CHUNK_SAMPLES, Class, Entry, SAMPLE_BYTES, Table};
 use crate::types::{BeamKey, Damage, DamageKind, ExtentMeta};
-use crate::visible::{Offer, visible};
+use crate::visible::{Offer, Visible, visible};
 use crate::{Error, Result};
 
 pub(crate) struct State {
@@ -69,16 +69,13 @@ pub(crate) struct Plan {
 
 impl Run {
     pub fn meta(&self, key: BeamKey) -> ExtentMeta {
-        ExtentMeta {
-            key,
-            first: self.first,
-            count: self.count,
-            kind: self.class.sample_kind(),
-            paths: self.class.paths,
-            settings: self.class.settings,
-            generation: self.class.generation,
-        }
+        meta(key, self.class, self.first, self.count)
     }
+}
+
+fn meta(key: BeamKey, class: Class, first: u32, count: u32) -> ExtentMeta {
+    let Class { paths, settings, generation, .. } = class;
+    ExtentMeta { key, first, count, kind: class.sample_kind(), paths, settings, generation }
 }
 
 impl Plan {
@@ -194,9 +191,8 @@ impl State {
         }
     }
 
-    /// How to read a beam as it is now; `None` if nothing was ever appended to it.
-    pub fn plan(&self, key: BeamKey) -> Option<Plan> {
-        let version = self.directory.beams.get(&key)?.version;
+    /// Everything that was appended to a beam, oldest first, and where it is.
+    fn offers(&self, key: BeamKey) -> (Vec<Offer>, Vec<(Class, Source<'_>)>) {
         let mut offers: Vec<Offer> = Vec::new();
         let mut sources: Vec<(Class, Source)> = Vec::new();
         let mut offer = |class: Class, first: u32, count: u32, source| {
@@ -217,7 +213,20 @@ impl State {
         for piece in self.active.pieces_of(key) {
             offer(piece.class, piece.first, piece.count, Source::Active { at: piece.at });
         }
+        (offers, sources)
+    }
 
+    /// What [`State::plan`] would read, in its order.
+    pub fn runs(&self, key: BeamKey) -> Vec<ExtentMeta> {
+        let (offers, sources) = self.offers(key);
+        let run = |seen: Visible| meta(key, sources[seen.offer].0, seen.first, seen.count);
+        visible(&offers).into_iter().map(run).collect()
+    }
+
+    /// How to read a beam as it is now; `None` if nothing was ever appended to it.
+    pub fn plan(&self, key: BeamKey) -> Option<Plan> {
+        let version = self.directory.beams.get(&key)?.version;
+        let (offers, sources) = self.offers(key);
         let runs = visible(&offers).into_iter().map(|seen| {
             let (class, source) = &sources[seen.offer];
             let skip = seen.first - offers[seen.offer].first;

@@ -152,6 +152,8 @@ pub struct Stats {
     pub samples: u64,
     /// The same by section.
     pub sections: Vec<SectionStats>,
+    /// Samples that count no more, or never did, since others of their numbers do: ten bytes each that nobody reads.
+    pub superseded: u64,
     /// Extents on disk.
     pub extents: u64,
     /// Memory that cached beams take.

@@ -31,9 +31,22 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Counts, statistics and `read_many` say the same as `read`.
-fn assert_figures(file: &BeamFile, model: &Model) {
+/// Counts, statistics, `runs` and `read_many` say the same as `read`. `put` samples were appended in all.
+fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
     let stats = file.stats();
+    assert_eq!(stats.superseded, put - stats.samples);
+    for (section, &beams) in (0..).zip(&LAYOUT) {
+        for beam in (0..beams).map(|beam| key(section, beam)) {
+            let numbers = |runs: &[ExtentMeta]| {
+                let each = |run: &ExtentMeta| {
+                    let run = *run;
+                    (0..run.count).map(move |at| ExtentMeta { first: run.first + at, count: 1, ..run })
+                };
+                runs.iter().flat_map(each).collect::<Vec<_>>()
+            };
+            assert_eq!(numbers(&file.runs(beam)), numbers(&file.read(beam).unwrap().extents));
+        }
+    }
     assert_eq!(stats.samples as usize, model.len());
     assert_eq!(stats.sections.iter().map(|s| s.nonempty_beams).sum::<u64>(), model.0.len() as u64);
     let mut listed = Vec::new();
@@ -71,6 +84,7 @@ proptest! {
         let mut file = BeamFile::create(&path, options()).unwrap();
         let mut model = Model::default();
         let mut blobs = std::collections::BTreeMap::new();
+        let mut put = 0;
         for (tag, step) in (0..).zip(steps) {
             match step {
                 Step::Put { section, beam, kind: code, first, count, paths, supersedes } => {
@@ -78,6 +92,7 @@ proptest! {
                     let new = samples(&meta, count, tag);
                     if supersedes { file.supersede(meta, &new).unwrap() } else { file.append(meta, &new).unwrap() }
                     model.put(&meta, &new, supersedes);
+                    put += u64::from(count);
                 }
                 Step::Read { section, beam } => {
                     let count = model.0.get(&key(section, beam)).map_or(0, |beam| beam.len());
@@ -97,12 +112,12 @@ proptest! {
             }
         }
         assert_same(&file, &model);
-        assert_figures(&file, &model);
+        assert_figures(&file, &model, put);
         file.close().unwrap();
 
         let reader = BeamFile::open_read_only(&path, 1 << 20).unwrap();
         assert_same(&reader, &model);
-        assert_figures(&reader, &model);
+        assert_figures(&reader, &model, put);
         prop_assert_eq!(contents(&reader).len() as u64, reader.stats().samples);
         prop_assert!(reader.verify().unwrap().is_empty());
         prop_assert_eq!(reader.blob_names(), blobs.keys().cloned().collect::<Vec<_>>());

@@ -42,6 +42,8 @@ pub struct Config {
     pub cache: Option<u64>,
     /// How long to fill, such as "8h".
     pub time: Option<String>,
+    /// Samples after which a fill makes what is there better, not more of it, such as "60M".
+    pub enough: Option<String>,
     /// Seed of the random numbers.
     pub seed: Option<u64>,
 }

@@ -13,6 +13,9 @@ use crate::{
 
 /// Trace a scene into a holodeck without anybody looking; called again, it goes on.
 ///
+/// Once the file has enough samples, they are traced again with more paths, four times as many in each sweep over all beams: better
+/// rays, not more. Its growth falls to a quarter with each.
+///
 /// Example: holodeck fill room.obj -o room.holo --time 30m
 #[derive(clap::Args)]
 pub struct Args {
@@ -25,9 +28,13 @@ pub struct Args {
     /// Stop after so long, such as 30s, 10m or 8h
     #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time)]
     time: Option<Duration>,
-    /// Stop once so many samples have been added, such as 20M
+    /// Stop once so many samples have been traced, such as 20M, better ones included
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     samples: Option<u64>,
+    /// Samples after which the file has enough, such as 60M, and gets better ones, not more [default: 512 for each beam that sees
+    /// something, at least 50M; 0: none more]
+    #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
+    enough: Option<u64>,
     #[command(flatten)]
     scene_args: SceneArgs,
     /// Threads that trace [default: one per core]
@@ -55,6 +62,8 @@ pub async fn run(args: Args) -> Result<()> {
     if time.is_none() && args.samples.is_none() {
         return Err(Usage("how long? Say --time 30m or --samples 20M".into()).into());
     }
+    let configured = config.enough.as_deref().map(holo_server::parse_count).transpose().map_err(Usage)?;
+    let enough = args.enough.or(configured);
     // Only made, checked and closed here: the server is the one who writes.
     drop(prepare::make(&args.output, &config)?);
     let mut arguments: Vec<OsString> = vec![args.output.clone().into(), "--fill".into(), "--json".into()];
@@ -63,6 +72,9 @@ pub async fn run(args: Args) -> Result<()> {
     }
     if let Some(samples) = args.samples {
         arguments.extend(["--samples".into(), samples.to_string().into()]);
+    }
+    if let Some(enough) = enough {
+        arguments.extend(["--enough".into(), enough.to_string().into()]);
     }
     if let Some(cache) = args.cache.or(config.cache) {
         arguments.extend(["--cache".into(), cache.to_string().into()]);
@@ -97,11 +109,14 @@ pub async fn run(args: Args) -> Result<()> {
         println!("{last}");
     } else if let Ok(summary) = serde_json::from_str::<serde_json::Value>(last) {
         println!(
-            "{}: {} samples added, {} in all, {} bytes",
+            "{}: {} samples added, {} made better, {} in all, {} bytes ({} superseded), growing by {:.0} an hour",
             args.output.display(),
             summary["added"],
+            summary["better"],
             summary["samples"],
-            summary["file_bytes"]
+            summary["file_bytes"],
+            summary["superseded_bytes"],
+            summary["bytes_per_hour"].as_f64().unwrap_or_default()
         );
     }
     Ok(())

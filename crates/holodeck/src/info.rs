@@ -1,17 +1,28 @@
 //! `holodeck info` and `verify`: what a file holds, and whether it is whole.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
+use holo_beamfile::BeamFile;
 use holo_progress::{HumanBytes, HumanCount};
 use holo_proto::control::RenderSettings;
 use holo_section::{ImportanceTable, Section, ViewClass};
-use holo_server::{Holodeck, UnseenBeams};
+use holo_server::{Holodeck, UnseenBeams, superseded_bytes};
 use serde::Serialize;
 
 use crate::prepare::SMALL_CACHE;
 
-/// What a holodeck holds.
+/// A file that has not changed for so long has no writer.
+const QUIET: Duration = Duration::from_secs(2);
+
+/// How long a file that is being written is watched to see how fast it grows.
+const WATCHED: Duration = Duration::from_secs(2);
+
+/// What a holodeck holds. Of one that is being written, how fast it grows, too: that takes two seconds.
 ///
 /// Example: holodeck info room.holo --json
 #[derive(clap::Args)]
@@ -41,7 +52,13 @@ pub struct VerifyArgs {
 struct Info {
     file: PathBuf,
     bytes: u64,
+    /// Of these, bytes of samples that better ones have replaced.
+    superseded_bytes: u64,
+    /// How fast it grows: 0 if nobody writes to it.
+    bytes_per_hour: f64,
     samples: u64,
+    /// Samples by the paths that were averaged into each.
+    paths: BTreeMap<u16, u64>,
     extents: u64,
     sections: Vec<SectionInfo>,
     settings: RenderSettings,
@@ -80,6 +97,7 @@ struct SceneInfo {
 }
 
 fn collect(file: &Path) -> Result<Info> {
+    let bytes_per_hour = bytes_per_hour(file).with_context(|| format!("reading {}", file.display()))?;
     let holodeck = Holodeck::open_read_only(file, SMALL_CACHE)?;
     let stats = holodeck.file.stats();
     let about = &holodeck.about;
@@ -101,6 +119,9 @@ fn collect(file: &Path) -> Result<Info> {
     Ok(Info {
         file: file.to_owned(),
         bytes: stats.file_bytes,
+        superseded_bytes: superseded_bytes(&stats),
+        bytes_per_hour,
+        paths: paths(&holodeck.file),
         samples: stats.samples,
         extents: stats.extents,
         sections: sections.collect(),
@@ -117,6 +138,28 @@ fn collect(file: &Path) -> Result<Info> {
         unit: about.unit,
         damage: damage(&holodeck),
     })
+}
+
+/// How fast a file grows at present. A writer adds to it twice a second, so one that has not changed for longer has none.
+fn bytes_per_hour(file: &Path) -> std::io::Result<f64> {
+    let before = file.metadata()?;
+    if before.modified()?.elapsed().is_ok_and(|age| age > QUIET) {
+        return Ok(0.0);
+    }
+    let start = Instant::now();
+    std::thread::sleep(WATCHED);
+    let grown = file.metadata()?.len().saturating_sub(before.len());
+    Ok(grown as f64 / start.elapsed().as_secs_f64() * 3600.0)
+}
+
+fn paths(file: &BeamFile) -> BTreeMap<u16, u64> {
+    let mut beams = Vec::new();
+    file.for_each_beam(&mut |key, _| beams.push(key));
+    let mut samples = BTreeMap::new();
+    for run in beams.into_iter().flat_map(|key| file.runs(key)) {
+        *samples.entry(run.paths).or_default() += u64::from(run.count);
+    }
+    samples
 }
 
 /// The unseen beams' share of each section's importance.
@@ -146,6 +189,14 @@ pub fn info(args: &InfoArgs) -> Result<()> {
         return Ok(());
     }
     println!("{}: {}, {} samples", args.file.display(), HumanBytes(info.bytes), HumanCount(info.samples));
+    if info.bytes_per_hour > 0.0 {
+        println!("being written: {} more an hour", HumanBytes(info.bytes_per_hour as u64));
+    }
+    if info.superseded_bytes > 0 {
+        println!("superseded: {} of samples that were traced again with more paths", HumanBytes(info.superseded_bytes));
+    }
+    let paths = info.paths.iter().map(|(paths, samples)| format!("{} of {paths}", HumanCount(*samples)));
+    println!("samples by paths: {}", paths.collect::<Vec<_>>().join(", "));
     println!("scene: {}", info.scene.source);
     let bounces = info.settings.bounces.map_or("no limit of bounces".to_owned(), |n| format!("{n} bounces"));
     let distances = if info.settings.virtual_distance { ", virtual distances" } else { "" };

@@ -5,12 +5,16 @@
 //! sweep's total is larger by [`GROWTH`]. So at any moment the ratio of computed to wanted rays differs between any two
 //! beams by no more than that factor and one packet, and stopping is good at any time. Nothing is kept per beam.
 //!
+//! Enough is enough: once a sweep has brought the file to the samples that are enough for it, later ones ask for more
+//! *paths* in the same samples, level by level ([`crate::better`]), in the same even order. Level for level that takes four
+//! times as long for the same bytes.
+//!
 //! Beams that see nothing have no part in this: whoever asks passes over them. A sweep's total is kept as rays for each
 //! unit of importance, so that it is the same for the others, whenever such beams become known.
 
 use holo_section::{BeamOrder, ImportanceTable, Section};
 
-use crate::{allotment::BeamKey, unseen::UnseenBeams};
+use crate::{allotment::BeamKey, better, unseen::UnseenBeams};
 
 /// How much larger each sweep's total is. Smaller is more even, larger makes fuller packets.
 const GROWTH: f64 = 1.5;
@@ -18,6 +22,17 @@ const GROWTH: f64 = 1.5;
 /// Rays given to a beam at a time while the file is nearly empty: fewer would spread better, but a packet's set-up and
 /// its entry in the file's directory would cost more than its rays.
 const MIN_PACKET: f64 = 4.0;
+
+/// Rays that are enough for a beam of mean importance unless said otherwise. On a section's default grid that is 60 to 80 M
+/// samples: one for each pixel of 512×512 in what a view crosses, thirty in what ends on its surfaces.
+const ENOUGH_PER_BEAM: f64 = 512.0;
+
+/// Samples that are enough for a file, unless said otherwise, are at least so many, 500 MB: pictures need rays, however coarse
+/// the grid by which they are kept.
+const LEAST_ENOUGH: f64 = 50e6;
+
+/// A file that has so much of enough has enough: beams that turned out to see nothing on the way make the others' share larger.
+const NEARLY: f64 = 0.99;
 
 /// Unseen beams whose importance is looked up at the start, at the most: of more, an even part stands for all.
 const IMPORTANCES: u64 = 1 << 20;
@@ -30,6 +45,23 @@ pub struct BatchOrder {
     /// Samples that a beam of importance 1 has at the end of this sweep.
     density: f64,
     next: u64,
+    /// Samples of such a beam that are enough, as far as was known when this sweep began.
+    target: f64,
+    /// Samples that are enough for the file, if somebody has said so.
+    enough: Option<u64>,
+    /// Paths of a sample at first.
+    usual_paths: u16,
+    /// How often its paths have been raised: 0 while there are not enough samples.
+    level: u32,
+}
+
+/// What the order wants of a beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wanted {
+    /// So many samples, counting those that it has.
+    Samples(u64),
+    /// That each of its samples has at least so many paths.
+    Paths(u16),
 }
 
 struct SectionOrder {
@@ -39,8 +71,15 @@ struct SectionOrder {
 }
 
 impl BatchOrder {
-    /// The order for a file that holds `stored` samples already, in beams other than those that see nothing.
-    pub fn new(sections: &[Section], stored: u64, unseen: &UnseenBeams) -> BatchOrder {
+    /// The order for a file that holds `stored` samples already, in beams other than those that see nothing, and has enough with
+    /// `enough`; `None`: what is sensible for these sections. Samples have `usual_paths` at first.
+    pub fn new(
+        sections: &[Section],
+        stored: u64,
+        unseen: &UnseenBeams,
+        enough: Option<u64>,
+        usual_paths: u16,
+    ) -> BatchOrder {
         let mut beams = 0;
         let sections: Vec<_> = sections
             .iter()
@@ -51,17 +90,39 @@ impl BatchOrder {
             })
             .collect();
         let order = BeamOrder::new(beams, 0);
-        let mut order = BatchOrder { sections, beams, order, density: 0.0, next: 0 };
+        let mut order =
+            BatchOrder { sections, beams, order, density: 0.0, next: 0, target: 0.0, enough, usual_paths, level: 0 };
         let seen = beams - unseen.count().min(beams);
         if seen > 0 {
-            // From here the first sweep adds something everywhere, whatever the file holds.
-            order.density = (stored as f64 * GROWTH).max(seen as f64) / order.importance_seen(unseen);
+            // From here the first sweep adds something everywhere, whatever the file holds, unless it has enough. One sweep there
+            // always is: samples for views leave a file uneven.
+            let density = (stored as f64 * GROWTH).max(seen as f64) / order.importance_seen(unseen);
+            order.target = order.enough_density(unseen);
+            order.density = density.min(order.target);
         }
         order
     }
 
+    /// Samples for each unit of importance that are enough.
+    fn enough_density(&self, unseen: &UnseenBeams) -> f64 {
+        let seen = self.importance_seen(unseen);
+        match self.enough {
+            Some(samples) => samples as f64 / seen,
+            None => (ENOUGH_PER_BEAM * self.beams as f64 / self.importance()).max(LEAST_ENOUGH / seen),
+        }
+    }
+
+    fn importance(&self) -> f64 {
+        self.sections.iter().map(|section| section.table.total()).sum()
+    }
+
+    /// Paths that samples are being brought to; `None` while there are not enough samples.
+    pub fn better_paths(&self) -> Option<u16> {
+        better::paths_of(self.usual_paths, self.level).filter(|_| self.level > 0)
+    }
+
     fn importance_seen(&self, unseen: &UnseenBeams) -> f64 {
-        let total: f64 = self.sections.iter().map(|section| section.table.total()).sum();
+        let total = self.importance();
         let every = (unseen.count() / IMPORTANCES + 1) as usize;
         let of = |key: BeamKey| {
             let SectionOrder { section, table, .. } = self.sections.get(usize::from(key.section))?;
@@ -72,12 +133,27 @@ impl BatchOrder {
         (total - part * every as f64).max(total / self.beams as f64)
     }
 
-    /// The next beam to look at and how many samples it should have by the end of this sweep.
-    pub fn next(&mut self) -> (BeamKey, u64) {
+    /// Whether a sweep has ended of which the results are needed first: the next one asks for better samples than it gave, or was
+    /// to give, and what beams see nothing decides how many samples are enough.
+    pub fn waits_for_results(&self) -> bool {
+        self.next == self.beams && (self.level > 0 || self.density >= self.target * NEARLY)
+    }
+
+    /// The next beam to look at and what it should have by the end of this sweep; `None` once every beam has all it may get.
+    pub fn next(&mut self, unseen: &UnseenBeams) -> Option<(BeamKey, Wanted)> {
         if self.next == self.beams {
-            self.density *= GROWTH;
+            if self.level == 0 {
+                self.target = self.enough_density(unseen);
+            }
+            if self.level == 0 && self.density < self.target * NEARLY {
+                self.density = (self.density * GROWTH).min(self.target);
+                self.order = BeamOrder::new(self.beams, self.density.to_bits());
+            } else {
+                better::paths_of(self.usual_paths, self.level + 1)?;
+                self.level += 1;
+                self.order = BeamOrder::new(self.beams, u64::from(self.level));
+            }
             self.next = 0;
-            self.order = BeamOrder::new(self.beams, self.density.to_bits());
         }
         let index = self.order.at(self.next).0;
         self.next += 1;
@@ -85,9 +161,12 @@ impl BatchOrder {
         let SectionOrder { section, first, table } = &self.sections[number];
         let beam = holo_section::BeamId(index - first);
         let key = BeamKey { section: number as u16, beam };
-        let Some(pair) = section.cells(beam) else { return (key, 0) };
-        let wanted = self.density * table.of(pair);
-        (key, round_to_packets(wanted, holo_section::seed(key.section, beam, u32::MAX)))
+        if let Some(paths) = self.better_paths() {
+            return Some((key, Wanted::Paths(paths)));
+        }
+        let wanted = section.cells(beam).map_or(0.0, |pair| self.density * table.of(pair));
+        let samples = round_to_packets(wanted, holo_section::seed(key.section, beam, u32::MAX));
+        Some((key, Wanted::Samples(samples)))
     }
 }
 
@@ -112,6 +191,19 @@ mod tests {
             .unwrap()
     }
 
+    /// An order that never has enough.
+    fn unlimited(sections: &[Section], stored: u64, unseen: &UnseenBeams) -> BatchOrder {
+        BatchOrder::new(sections, stored, unseen, Some(u64::MAX), 1)
+    }
+
+    /// The next beam and the samples wanted of it.
+    fn next(order: &mut BatchOrder, unseen: &UnseenBeams) -> (BeamKey, u64) {
+        match order.next(unseen) {
+            Some((key, Wanted::Samples(wanted))) => (key, wanted),
+            other => panic!("{other:?}"),
+        }
+    }
+
     /// Fills as the server does, and checks the stored share of each importance decile at every power of two. Beams of
     /// which `is_unseen` holds are found out when they first get a packet.
     fn fill_and_check(is_unseen: impl Fn(BeamKey) -> bool) {
@@ -127,11 +219,11 @@ mod tests {
         importances.retain(|(key, _)| !is_unseen(*key));
         let total: f64 = importances.iter().map(|(_, importance)| importance).sum();
         let mut unseen = UnseenBeams::default();
-        let mut order = BatchOrder::new(&sections, 0, &unseen);
+        let mut order = unlimited(&sections, 0, &unseen);
         let mut stored: HashMap<BeamKey, u64> = HashMap::new();
         let (mut samples, mut check) = (0u64, 8 * order.beams);
         while samples < 200 * order.beams {
-            let (key, wanted) = order.next();
+            let (key, wanted) = next(&mut order, &unseen);
             if unseen.contains(key) {
                 continue;
             }
@@ -186,8 +278,8 @@ mod tests {
         for beam in (0..sections[0].beam_count()).filter(|beam| beam % 5 != 0) {
             unseen.insert(BeamKey { section: 0, beam: holo_section::BeamId(beam) });
         }
-        let mut order = BatchOrder::new(&sections, 1_000_000, &unseen);
-        let seen = (0..order.beams).map(|_| order.next()).filter(|(key, _)| !unseen.contains(*key));
+        let mut order = unlimited(&sections, 1_000_000, &unseen);
+        let seen = (0..order.beams).map(|_| next(&mut order, &unseen)).filter(|(key, _)| !unseen.contains(*key));
         let wanted: u64 = seen.map(|(_, wanted)| wanted).sum();
         assert!((1_400_000..1_600_000).contains(&wanted), "{wanted}");
     }
@@ -199,23 +291,95 @@ mod tests {
         for beam in 0..sections[0].beam_count() {
             unseen.insert(BeamKey { section: 0, beam: holo_section::BeamId(beam) });
         }
-        let mut order = BatchOrder::new(&sections, 0, &unseen);
-        assert!((0..3 * order.beams).all(|_| order.next().1 <= MIN_PACKET as u64));
+        let mut order = unlimited(&sections, 0, &unseen);
+        assert!((0..3 * order.beams).all(|_| next(&mut order, &unseen).1 <= MIN_PACKET as u64));
     }
 
     #[test]
     fn a_file_filled_before_goes_on_from_where_it_is() {
         let sections = [section([1.0; 3], [3, 3, 3])];
-        let mut order = BatchOrder::new(&sections, 1_000_000, &UnseenBeams::default());
-        let wanted: u64 = (0..order.beams).map(|_| order.next().1).sum();
+        let mut order = unlimited(&sections, 1_000_000, &UnseenBeams::default());
+        let wanted: u64 = (0..order.beams).map(|_| next(&mut order, &UnseenBeams::default()).1).sum();
         assert!((1_400_000..1_600_000).contains(&wanted), "{wanted}");
     }
 
     #[test]
     fn huge_grids_cost_no_memory_and_no_time() {
-        let mut order = BatchOrder::new(&[section([1.0; 3], [64, 64, 64])], 0, &UnseenBeams::default());
+        let mut order = unlimited(&[section([1.0; 3], [64, 64, 64])], 0, &UnseenBeams::default());
         assert_eq!(order.beams, 30 * 64u64.pow(4));
-        let wanted: u64 = (0..100_000).map(|_| order.next().1).sum();
+        let wanted: u64 = (0..100_000).map(|_| next(&mut order, &UnseenBeams::default()).1).sum();
         assert!((50_000..200_000).contains(&wanted), "{wanted}");
+    }
+
+    #[test]
+    fn enough_samples_are_followed_by_more_paths_in_every_beam_level_by_level_to_the_end() {
+        let sections = [section([4.0, 3.0, 2.0], [4, 3, 2]), section([2.0, 2.0, 2.0], [2, 2, 2])];
+        let mut unseen = UnseenBeams::default();
+        for beam in (0..sections[0].beam_count()).filter(|beam| beam % 3 == 0) {
+            unseen.insert(BeamKey { section: 0, beam: holo_section::BeamId(beam) });
+        }
+        const ENOUGH: u64 = 40_000;
+        for stored in [0, 1000, ENOUGH - 1, 10 * ENOUGH] {
+            let mut order = BatchOrder::new(&sections, stored, &unseen, Some(ENOUGH), 2);
+            let mut have: HashMap<BeamKey, u64> = HashMap::new();
+            let mut levels: Vec<(u16, HashMap<BeamKey, u32>)> = Vec::new();
+            while let Some((key, wanted)) = order.next(&unseen) {
+                match wanted {
+                    Wanted::Samples(wanted) => {
+                        assert!(levels.is_empty(), "no more samples once there are enough");
+                        if !unseen.contains(key) {
+                            let have = have.entry(key).or_default();
+                            *have = wanted.max(*have);
+                        }
+                    }
+                    Wanted::Paths(paths) => {
+                        if levels.last().is_none_or(|last| last.0 != paths) {
+                            levels.push((paths, HashMap::new()));
+                        }
+                        *levels.last_mut().unwrap().1.entry(key).or_default() += 1;
+                    }
+                }
+            }
+            // Rounding to packets: 4 standard deviations.
+            let chance = 4.0 * MIN_PACKET * 0.5 * (order.beams as f64).sqrt();
+            let total: u64 = have.values().sum();
+            let enough = ENOUGH as f64;
+            assert!((total as f64) > enough * NEARLY - chance && (total as f64) < enough + chance, "{stored}: {total}");
+            assert_eq!(levels.iter().map(|level| level.0).collect::<Vec<_>>(), [8, 32, 128, 512, 2048, 8192]);
+            for (paths, beams) in &levels {
+                assert_eq!(beams.len() as u64, order.beams, "every beam at {paths} paths");
+                assert!(beams.values().all(|&times| times == 1), "once");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_enough_by_itself_depends_on_the_rays_not_on_the_beams_that_see_nothing() {
+        let fine = [section([1.0; 3], [10, 10, 10])];
+        let coarse = [section([1.0; 3], [2, 2, 2])];
+        let enough = |sections: &[Section], unseen: &UnseenBeams| {
+            let order = BatchOrder::new(sections, 0, unseen, None, 1);
+            order.enough_density(unseen) * order.importance_seen(unseen)
+        };
+        let none = UnseenBeams::default();
+        assert!((enough(&fine, &none) / (512.0 * 300_000.0) - 1.0).abs() < 1e-9);
+        assert!((enough(&coarse, &none) / 50e6 - 1.0).abs() < 1e-9);
+        let mut half = UnseenBeams::default();
+        for beam in (0..fine[0].beam_count()).step_by(2) {
+            half.insert(BeamKey { section: 0, beam: holo_section::BeamId(beam) });
+        }
+        let share = enough(&fine, &half) / enough(&fine, &none);
+        assert!((0.4..0.6).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn with_enough_of_nothing_no_sample_is_wanted_and_paths_are() {
+        let sections = [section([1.0; 3], [3, 3, 3])];
+        let unseen = UnseenBeams::default();
+        let mut order = BatchOrder::new(&sections, 1_000_000, &unseen, Some(0), 1);
+        let first: Vec<_> = (0..order.beams).map(|_| order.next(&unseen).unwrap().1).collect();
+        assert!(first.iter().all(|wanted| *wanted == Wanted::Samples(0)));
+        assert_eq!(order.next(&unseen).unwrap().1, Wanted::Paths(4));
+        assert_eq!(order.better_paths(), Some(4));
     }
 }

@@ -6,7 +6,8 @@
 //! - a packet's samples are stored once, whoever traces it and however often;
 //! - a display gets every sample of its view's beams, stored or traced, from whatever cause they were traced, and is told
 //!   which of them see nothing;
-//! - a beam known to see nothing is given to no worker.
+//! - a beam known to see nothing is given to no worker;
+//! - a sample that a display may have is not replaced by a better one while it looks at the sample's beam.
 
 mod dealing;
 mod results;
@@ -15,6 +16,7 @@ mod views;
 
 use std::{
     collections::{BTreeMap, VecDeque},
+    ops::Range,
     sync::{
         Arc,
         atomic::{AtomicU32, Ordering},
@@ -27,6 +29,7 @@ use std::{
 use anyhow::{Result, bail};
 use holo_net::{Message, Outbox, PING_EVERY};
 use holo_proto::{
+    bulk::Packet,
     control::{Control, Status},
     hello::Role,
 };
@@ -34,10 +37,10 @@ use holo_section::Sample;
 
 use crate::{
     allotment::{Allotment, BeamKey},
-    batch::BatchOrder,
+    batch::{BatchOrder, Wanted},
     holodeck::Holodeck,
     listen::ConnectionId,
-    progress::Progress,
+    progress::{Done, Progress},
     recall::send_scene,
     wishes::Wishes,
     workers::{Assignment, Worker},
@@ -86,8 +89,15 @@ pub enum Event {
 pub struct Goal {
     /// After so long.
     pub time: Option<Duration>,
-    /// Once so many samples have been added.
+    /// Once so many samples have been traced, better ones included.
     pub samples: Option<u64>,
+}
+
+/// Filling in batch order.
+#[derive(Clone, Copy, Debug)]
+pub struct Filling {
+    /// Samples after which the file has enough; `None`: what is sensible for its sections.
+    pub enough: Option<u64>,
 }
 
 struct Display {
@@ -112,7 +122,15 @@ pub struct Coordinator {
     again: VecDeque<Assignment>,
     allotment: Allotment,
     batch: Option<BatchOrder>,
-    batch_rest: Option<(BeamKey, u64)>,
+    batch_rest: Option<(BeamKey, Wanted)>,
+    /// Packets of batch order that are under way, lost ones included.
+    batch_packets: usize,
+    /// Numbers that are to be traced again with more paths, after those of `batch_rest`.
+    better_rest: VecDeque<(BeamKey, Range<u32>, u16)>,
+    /// Whether batch order has come to its end: every beam has all it may get.
+    exhausted: bool,
+    /// The paths of better samples that people were last told of.
+    said_paths: Option<u16>,
     next_packet: u64,
     goal: Goal,
     started: Instant,
@@ -130,11 +148,19 @@ pub struct Coordinator {
 }
 
 impl Coordinator {
-    /// A server's state at its start. With `fill`, beams are traced in batch order whenever no display wants anything.
-    pub fn new(holodeck: Arc<Holodeck>, events: Sender<Event>, fill: bool, goal: Goal, progress: Progress) -> Self {
+    /// A server's state at its start. With `filling`, beams are traced in batch order whenever no display wants anything.
+    pub fn new(
+        holodeck: Arc<Holodeck>,
+        events: Sender<Event>,
+        filling: Option<Filling>,
+        goal: Goal,
+        progress: Progress,
+    ) -> Self {
         let stored = holodeck.file.stats().samples;
-        let batch =
-            (fill && holodeck.writable).then(|| BatchOrder::new(&holodeck.sections, stored, &holodeck.unseen()));
+        let paths = holodeck.about.settings.paths_per_sample;
+        let batch = filling
+            .filter(|_| holodeck.writable)
+            .map(|filling| BatchOrder::new(&holodeck.sections, stored, &holodeck.unseen(), filling.enough, paths));
         let now = Instant::now();
         Coordinator {
             holodeck,
@@ -147,6 +173,10 @@ impl Coordinator {
             allotment: Allotment::default(),
             batch,
             batch_rest: None,
+            batch_packets: 0,
+            better_rest: VecDeque::new(),
+            exhausted: false,
+            said_paths: None,
             next_packet: 0,
             goal,
             started: now,
@@ -161,11 +191,11 @@ impl Coordinator {
         }
     }
 
-    /// Works until the goal is reached or a shutdown is asked for; everything is then stored. Gives the samples added.
+    /// Works until the goal is reached or a shutdown is asked for; everything is then stored. Gives what was done.
     ///
     /// # Errors
     /// If samples cannot be stored.
-    pub fn run(mut self, events: &Receiver<Event>) -> Result<u64> {
+    pub fn run(mut self, events: &Receiver<Event>) -> Result<Done> {
         loop {
             match events.recv_timeout(TICK) {
                 Ok(event) => {
@@ -195,7 +225,7 @@ impl Coordinator {
         self.finish()
     }
 
-    fn finish(mut self) -> Result<u64> {
+    fn finish(mut self) -> Result<Done> {
         if let Some(saving) = self.saving.take() {
             // A thread that panicked has said so on standard error.
             let _ = saving.join();
@@ -210,7 +240,7 @@ impl Coordinator {
         }
         self.progress.finish();
         flushed?;
-        Ok(self.progress.added())
+        Ok(self.progress.done(&self.holodeck.file.stats()))
     }
 
     fn outboxes(&self) -> impl Iterator<Item = &Outbox> {
@@ -220,12 +250,18 @@ impl Coordinator {
     fn check_goal(&mut self) {
         // Packets under way are finished: stop dealing a little before the time is up.
         let time_up = self.goal.time.is_some_and(|time| self.started.elapsed() + Duration::from_millis(100) >= time);
-        let enough = self.goal.samples.is_some_and(|samples| self.progress.added() >= samples);
+        let enough = self.goal.samples.is_some_and(|samples| self.progress.traced() >= samples);
         let hopeless = self.goal.samples.is_some() && self.sees_nothing();
         if hopeless && self.ending.is_none() {
             self.progress.say("no ray of any section meets anything: there is nothing to trace");
         }
-        if self.ending.is_none() && (time_up || enough || hopeless) {
+        let goal = self.goal.samples.is_some() || self.goal.time.is_some();
+        let idle = self.again.is_empty() && self.workers.values().all(Worker::is_idle);
+        let nothing_left = self.exhausted && goal && idle && self.displays.is_empty();
+        if nothing_left && !hopeless && self.ending.is_none() {
+            self.progress.say("every sample has all the paths that it may get: there is nothing left to trace");
+        }
+        if self.ending.is_none() && (time_up || enough || hopeless || nothing_left) {
             self.ending = Some(Instant::now());
         }
     }
@@ -257,7 +293,12 @@ impl Coordinator {
             }
             let stats = self.holodeck.file.stats();
             self.stalled = stats.last_error.is_some() && stats.pending_bytes > STALLED_BYTES;
-            self.progress.show(&status, self.started.elapsed(), &self.goal, stats.last_error.as_deref());
+            let paths = self.batch.as_ref().and_then(BatchOrder::better_paths);
+            if let Some(paths) = paths.filter(|_| paths != self.said_paths) {
+                self.progress.say(&format!("enough samples: they are traced again now, with {paths} paths each"));
+            }
+            self.said_paths = paths;
+            self.progress.show(&status, self.started.elapsed(), &self.goal, &stats);
             self.save_findings(now);
         }
     }
@@ -268,12 +309,12 @@ impl Coordinator {
             return;
         }
         let (since, added) = self.last_save;
-        let bytes = (self.progress.added() - added) * size_of::<Sample>() as u64;
+        let bytes = (self.progress.traced() - added) * size_of::<Sample>() as u64;
         let unseen =
             now - since >= SAVE_EVERY && bytes >= SAMPLES_PER_UNSEEN_BYTE * self.holodeck.unseen().encoded_bytes();
         let light = now - self.last_light >= SAVE_EVERY;
         if unseen {
-            self.last_save = (now, self.progress.added());
+            self.last_save = (now, self.progress.traced());
         }
         if light {
             self.last_light = now;
@@ -296,7 +337,7 @@ impl Coordinator {
         match event {
             Event::Joined { id, role: Role::Worker, name, outbox } => {
                 self.progress.say(&format!("{name} joined"));
-                self.workers.insert(id, Worker::new(outbox, name));
+                self.workers.insert(id, Worker::new(outbox, name, self.holodeck.about.settings.paths_per_sample));
             }
             Event::Joined { id, role: Role::Display, name, outbox } => {
                 self.progress.say(&format!("{name} joined"));
@@ -359,6 +400,21 @@ impl Coordinator {
             _ => bail!("it sent a message that is not for a server"),
         }
         Ok(())
+    }
+
+    /// A packet's results are here, whatever they are.
+    fn done(&mut self, assignment: &Assignment) {
+        self.batch_packets = self.batch_packets.saturating_sub(usize::from(assignment.display.is_none()));
+    }
+
+    /// Whether a packet is of samples that are stored already, for more paths in them.
+    fn is_better(&self, packet: &Packet) -> bool {
+        packet.paths > self.holodeck.about.settings.paths_per_sample
+    }
+
+    /// Whether a display may show samples of the beam.
+    fn is_looked_at(&self, key: BeamKey) -> bool {
+        self.displays.values().any(|display| display.wishes.as_ref().is_some_and(|wishes| wishes.contains(key)))
     }
 
     fn outbox(&self, id: ConnectionId) -> Option<&Outbox> {

@@ -7,6 +7,7 @@
 
 mod allotment;
 mod batch;
+mod better;
 mod coordinator;
 mod holodeck;
 mod light;
@@ -28,7 +29,7 @@ pub use light::LightRecords;
 use serde::Serialize;
 use tokio::net::TcpListener;
 
-use coordinator::{Coordinator, Event};
+use coordinator::{Coordinator, Event, Filling};
 use progress::Progress;
 pub use unseen::UnseenBeams;
 
@@ -50,7 +51,11 @@ pub struct Config {
     /// End after so long, such as 30s, 10m or 8h
     #[arg(long, value_name = "TIME", value_parser = parse_time)]
     pub time: Option<Duration>,
-    /// End once so many samples have been added, such as 20M
+    /// Samples after which the file has enough, such as 60M: from then on filling makes its samples better, with more paths, not
+    /// more [default: 512 for each beam that sees something, at least 50M; 0: none more]
+    #[arg(long, value_name = "N", value_parser = parse_count, requires = "fill")]
+    pub enough: Option<u64>,
+    /// End once so many samples have been traced, such as 20M, better ones included
     #[arg(long, value_name = "N", value_parser = parse_count)]
     pub samples: Option<u64>,
     /// Only show: open the file without writing to it, and take no workers
@@ -78,6 +83,7 @@ impl Config {
             listen: "127.0.0.1:0".into(),
             cache: 256,
             fill: false,
+            enough: None,
             time: None,
             samples: None,
             display_only: false,
@@ -126,12 +132,23 @@ pub fn parse_count(text: &str) -> Result<u64, String> {
 pub struct Summary {
     /// Samples added.
     pub added: u64,
+    /// Samples traced again with more paths, in place of those that were there.
+    pub better: u64,
     /// Samples in the file at the end.
     pub samples: u64,
     /// The file's length, bytes.
     pub file_bytes: u64,
+    /// Of these, bytes of samples that better ones have replaced.
+    pub superseded_bytes: u64,
+    /// How fast the file grew in the last ten seconds.
+    pub bytes_per_hour: f64,
     /// How long it ran.
     pub seconds: f64,
+}
+
+/// Bytes of a file's samples that others have replaced.
+pub fn superseded_bytes(stats: &holo_beamfile::Stats) -> u64 {
+    stats.superseded * size_of::<holo_section::Sample>() as u64
 }
 
 /// Serves a holodeck until its goal is reached or `shutdown` is triggered. `ready` is told the address once
@@ -162,8 +179,9 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(SocketAd
 
     let (events, receiver) = std::sync::mpsc::channel();
     let goal = Goal { time: config.time, samples: config.samples };
-    let progress = Progress::new(holodeck.file.stats().samples, config.quiet);
-    let coordinator = Coordinator::new(Arc::clone(&holodeck), events.clone(), config.fill, goal, progress);
+    let progress = Progress::new(&holodeck.file.stats(), config.quiet);
+    let filling = config.fill.then_some(Filling { enough: config.enough });
+    let coordinator = Coordinator::new(Arc::clone(&holodeck), events.clone(), filling, goal, progress);
     let listening = tokio::spawn(listen::listen(listener, Arc::clone(&holodeck), events.clone()));
     let watching = tokio::spawn(async move {
         shutdown.wait().await;
@@ -172,14 +190,23 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(SocketAd
     });
     let started = std::time::Instant::now();
     // Not one of the runtime's threads: it may wait for the disk when memory for samples runs out.
-    let added = tokio::task::spawn_blocking(move || coordinator.run(&receiver)).await?;
+    let done = tokio::task::spawn_blocking(move || coordinator.run(&receiver)).await?;
     listening.abort();
     watching.abort();
     // Let the farewells leave.
     tokio::time::sleep(Duration::from_millis(50)).await;
     let stats = holodeck.file.stats();
     let seconds = started.elapsed().as_secs_f64();
-    Ok(Summary { added: added?, samples: stats.samples, file_bytes: stats.file_bytes, seconds })
+    let done = done?;
+    Ok(Summary {
+        added: done.added,
+        better: done.better,
+        samples: stats.samples,
+        file_bytes: stats.file_bytes,
+        superseded_bytes: superseded_bytes(&stats),
+        bytes_per_hour: done.bytes_per_hour,
+        seconds,
+    })
 }
 
 /// The whole program: [`run`] until a signal, with the address printed on standard output.

@@ -64,6 +64,10 @@ impl Recall {
         self.holodeck.refresh().context("looking for what another process has added")?;
         self.send_unseen()?;
         let mut message = self.empty();
+        // A display weighs samples by their paths, and so much that pictures get worse while a level is in progress: what one pixel
+        // sees differs from ray to ray, too, which more paths in some of them do not change. With a quarter of 4 M samples at 16 paths
+        // and the rest at 4 (Cornell, `path`), `quadtree` errs by 0.019 so and by 0.010 with equal weights, which only gain.
+        let usual = self.holodeck.about.settings.paths_per_sample;
         let mut broken = Ok(());
         self.holodeck.file.read_many(&self.keys, &mut |key, beam| {
             for (meta, samples) in beam.runs() {
@@ -76,7 +80,7 @@ impl Recall {
                         kind: meta.kind,
                         first,
                         count,
-                        paths: meta.paths,
+                        paths: meta.paths.min(usual),
                     });
                     message.samples.extend_from_slice(part);
                     first += count;

@@ -39,6 +39,11 @@ impl Assignment {
             (None, None) => SampleKind::Uniform,
         }
     }
+
+    /// What it costs, in rays of `usual_paths` paths.
+    pub fn work(&self, usual_paths: u16) -> f64 {
+        f64::from(self.packet.count) * f64::from(self.packet.paths) / f64::from(usual_paths.max(1))
+    }
 }
 
 /// Why a worker's results were not taken.
@@ -58,21 +63,26 @@ pub struct Worker {
     /// Its name, for people.
     pub name: String,
     threads: f64,
+    /// Paths of the rays in which work is counted.
+    usual_paths: u16,
     seconds_per_ray: Option<f64>,
     rays_ahead: f64,
+    work_ahead: f64,
     assigned: HashMap<u64, Assignment>,
     waits_for_light: bool,
 }
 
 impl Worker {
-    /// Connected, not ready yet.
-    pub fn new(outbox: Outbox, name: String) -> Worker {
+    /// Connected, not ready yet. Its work is counted in rays of `usual_paths` paths.
+    pub fn new(outbox: Outbox, name: String, usual_paths: u16) -> Worker {
         Worker {
             outbox,
             name,
             threads: 0.0,
+            usual_paths,
             seconds_per_ray: None,
             rays_ahead: 0.0,
+            work_ahead: 0.0,
             assigned: HashMap::new(),
             waits_for_light: false,
         }
@@ -88,17 +98,17 @@ impl Worker {
         self.waits_for_light = waits;
     }
 
-    /// Rays that it should be given now; zero while it has enough, so that work goes out in good-sized messages.
+    /// Work that it should be given now, in rays of the usual paths; zero while it has enough, so that work goes out in good-sized messages.
     pub fn hunger(&self) -> f64 {
         let ahead = match self.seconds_per_ray {
             Some(seconds) => (AHEAD.as_secs_f64() * self.threads / seconds).max(self.threads * 84.0),
             None => self.threads * FIRST_RAYS_PER_THREAD,
         };
         let ahead = ahead.min(MAX_RAYS_AHEAD);
-        if self.threads == 0.0 || self.waits_for_light || self.rays_ahead > 0.7 * ahead {
+        if self.threads == 0.0 || self.waits_for_light || self.work_ahead > 0.7 * ahead {
             0.0
         } else {
-            ahead - self.rays_ahead
+            ahead - self.work_ahead
         }
     }
 
@@ -120,6 +130,7 @@ impl Worker {
             });
             work.packets.push(assignment.packet);
             self.rays_ahead += f64::from(assignment.packet.count);
+            self.work_ahead += assignment.work(self.usual_paths);
             self.assigned.insert(assignment.packet.id, assignment);
         }
         // A message holds what a worker's hunger allows, which is far below a frame's limit.
@@ -135,9 +146,11 @@ impl Worker {
             return Err(ResultsError::Count { found: traced.count, asked });
         }
         self.assigned.remove(&traced.id);
+        let work = assignment.work(self.usual_paths);
         self.rays_ahead -= f64::from(asked);
+        self.work_ahead -= work;
         // Smoothed over some hundred rays: beams differ much in what a ray costs.
-        let seconds = f64::from(traced.nanoseconds.max(1)) * 1e-9 / f64::from(asked);
+        let seconds = f64::from(traced.nanoseconds.max(1)) * 1e-9 / work;
         let share = 0.005 * f64::from(asked);
         self.seconds_per_ray = Some(self.seconds_per_ray.map_or(seconds, |mean| mean + share * (seconds - mean)));
         Ok(assignment)
@@ -147,6 +160,7 @@ impl Worker {
     pub fn finish_unseen(&mut self, id: u64) -> Result<Assignment, ResultsError> {
         let assignment = self.assigned.remove(&id).ok_or(ResultsError::Unknown)?;
         self.rays_ahead -= f64::from(assignment.packet.count);
+        self.work_ahead -= assignment.work(self.usual_paths);
         Ok(assignment)
     }
 

@@ -4,6 +4,7 @@
 #![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used)]
 
 mod analytic;
+mod better;
 mod coming_and_going;
 mod display_only;
 mod fill;

@@ -1,4 +1,5 @@
-//! Who traces what next: lost packets, then what displays wish, in turn, then batch order.
+//! Who traces what next: lost packets, then what displays wish, in turn, then batch order: beams that have too few samples, then
+//! samples that have too few paths.
 
 use holo_proto::{MAX_RAYS_PER_PACKET, bulk::Packet};
 use holo_section::{RayCoords, SampleKind, Viewpoint};
@@ -6,6 +7,8 @@ use holo_section::{RayCoords, SampleKind, Viewpoint};
 use super::Coordinator;
 use crate::{
     allotment::BeamKey,
+    batch::Wanted,
+    better,
     listen::ConnectionId,
     wishes::RayPacket,
     workers::{Assignment, Worker},
@@ -28,16 +31,17 @@ impl Coordinator {
         }
         // What is under way counts for the goal: it is reached, not overrun by what fast workers are given ahead.
         let under_way: f64 = self.workers.values().map(Worker::rays_ahead).sum();
-        let so_far = self.progress.added() as f64 + under_way;
+        let so_far = self.progress.traced() as f64 + under_way;
         let goal = self.goal.samples.filter(|_| self.ending.is_none());
         let mut left = goal.map_or(f64::INFINITY, |goal| goal as f64 - so_far);
         let hungry: Vec<_> = self.workers.iter().map(|(&id, worker)| (id, worker.hunger())).collect();
         for (id, hunger) in hungry {
-            let mut rays = 0.0;
+            let usual = self.holodeck.about.settings.paths_per_sample;
+            let mut work = 0.0;
             let mut assignments = Vec::new();
-            while rays < hunger && left > 0.0 && assignments.len() < PACKETS_PER_MESSAGE {
+            while work < hunger && left > 0.0 && assignments.len() < PACKETS_PER_MESSAGE {
                 let Some(assignment) = self.next_assignment() else { break };
-                rays += f64::from(assignment.packet.count);
+                work += assignment.work(usual);
                 left -= f64::from(assignment.packet.count);
                 assignments.push(assignment);
             }
@@ -55,7 +59,11 @@ impl Coordinator {
         if self.ending.is_some() {
             return None;
         }
-        self.next_for_displays().or_else(|| self.next_in_batch())
+        self.next_for_displays().or_else(|| {
+            let assignment = self.next_in_batch();
+            self.batch_packets += usize::from(assignment.is_some());
+            assignment
+        })
     }
 
     fn next_for_displays(&mut self) -> Option<Assignment> {
@@ -102,17 +110,41 @@ impl Coordinator {
     }
 
     fn next_in_batch(&mut self) -> Option<Assignment> {
-        let batch = self.batch.as_mut()?;
-        let unseen = self.holodeck.unseen();
+        if self.exhausted {
+            return None;
+        }
         for _ in 0..BATCH_LOOKS {
+            if let Some(assignment) = self.next_better() {
+                return Some(assignment);
+            }
+            let unseen = self.holodeck.unseen();
             let (key, wanted) = match self.batch_rest.take() {
                 Some(rest) => rest,
-                None => batch.next(),
+                // What is under way is in no extent yet. This happens once for each level.
+                None if self.batch.as_ref()?.waits_for_results() && self.batch_packets > 0 => return None,
+                None => match self.batch.as_mut()?.next(&unseen) {
+                    Some(next) => next,
+                    None => {
+                        self.exhausted = true;
+                        return None;
+                    }
+                },
             };
             if unseen.contains(key) {
                 continue;
             }
+            drop(unseen);
             let file = &self.holodeck.file;
+            let wanted = match wanted {
+                Wanted::Samples(wanted) => wanted,
+                Wanted::Paths(paths) => {
+                    if !self.is_looked_at(key) {
+                        let worse = better::worse(&file.runs(key), paths, &(0..u32::MAX));
+                        self.better_rest = worse.into_iter().map(|numbers| (key, numbers, paths)).collect();
+                    }
+                    continue;
+                }
+            };
             let kinds = [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay];
             let have: u64 = kinds.map(|kind| u64::from(self.allotment.taken(file, key, kind))).iter().sum();
             if have >= wanted {
@@ -120,11 +152,29 @@ impl Coordinator {
             }
             let count = (wanted - have).min(MAX_RAYS_PER_PACKET as u64) as u8;
             let Some((first, count)) = self.allotment.take(file, key, SampleKind::Uniform, count) else { continue };
-            self.batch_rest = Some((key, wanted));
-            drop(unseen);
+            self.batch_rest = Some((key, Wanted::Samples(wanted)));
             return Some(self.assignment(key, first, count, None, None));
         }
         None
+    }
+
+    /// The next packet of what is left of a beam whose samples get more paths.
+    fn next_better(&mut self) -> Option<Assignment> {
+        let (key, mut numbers, paths) = self.better_rest.pop_front()?;
+        if self.is_looked_at(key) {
+            // Somebody looks since: it is passed over until the next level.
+            self.better_rest.clear();
+            return None;
+        }
+        let first = numbers.start;
+        let count = better::rays_per_packet(paths).min(numbers.end - first) as u8;
+        numbers.start += u32::from(count);
+        if !numbers.is_empty() {
+            self.better_rest.push_front((key, numbers, paths));
+        }
+        let mut assignment = self.assignment(key, first, count, None, None);
+        assignment.packet.paths = paths;
+        Some(assignment)
     }
 
     fn assignment(

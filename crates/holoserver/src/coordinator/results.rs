@@ -13,6 +13,7 @@ use holo_section::Sample;
 use super::Coordinator;
 use crate::{
     allotment::BeamKey,
+    better,
     listen::ConnectionId,
     recall::tell_unseen,
     workers::{Assignment, ResultsError},
@@ -45,7 +46,10 @@ impl Coordinator {
             let assignment = worker.finish(traced)?;
             let (samples, after) = rest.split_at(traced.count as usize);
             rest = after;
-            match self.store(&assignment, samples) {
+            let better = self.is_better(&assignment.packet);
+            let stored =
+                if better { self.store_better(&assignment, samples) } else { self.store(&assignment, samples) };
+            match stored {
                 Ok(()) => {}
                 Err(holo_beamfile::Error::NotWritten { .. }) => {
                     // No memory left for what a full disk does not take: it is traced again when there is room.
@@ -54,7 +58,11 @@ impl Coordinator {
                 }
                 Err(error) => return Err(error.into()),
             }
-            self.forward(&assignment, samples, outgoing);
+            self.done(&assignment);
+            // Nobody looks at better ones.
+            if !better {
+                self.forward(&assignment, samples, outgoing);
+            }
         }
         Ok(())
     }
@@ -85,23 +93,33 @@ impl Coordinator {
     fn finish_unseen(&mut self, id: ConnectionId, packet: u64) -> Result<BeamKey> {
         ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
         let worker = self.workers.get_mut(&id).context("it has left")?;
-        let packet = worker.finish_unseen(packet)?.packet;
-        Ok(BeamKey { section: packet.section, beam: packet.beam })
+        let assignment = worker.finish_unseen(packet)?;
+        self.done(&assignment);
+        Ok(BeamKey { section: assignment.packet.section, beam: assignment.packet.beam })
     }
 
     fn store(&mut self, assignment: &Assignment, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
-        let packet = &assignment.packet;
-        let meta = ExtentMeta {
-            key: BeamKey { section: packet.section, beam: packet.beam },
-            first: packet.first,
-            count: samples.len() as u32,
-            kind: assignment.kind(),
-            paths: packet.paths,
-            settings: 0,
-            generation: 0,
-        };
-        self.holodeck.file.append(meta, samples)?;
+        self.holodeck.file.append(meta(assignment, assignment.packet.first, samples), samples)?;
         self.progress.add(samples.len() as u64);
+        Ok(())
+    }
+
+    /// Better samples take the places of those that are worse. A lost packet that was dealt again may come after others of more
+    /// paths. What somebody looks at by now stays as it is: a picture is not made of two samples of one ray, and the file shows
+    /// later what is seen at present.
+    fn store_better(&mut self, assignment: &Assignment, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
+        let packet = &assignment.packet;
+        let key = BeamKey { section: packet.section, beam: packet.beam };
+        if self.is_looked_at(key) {
+            return Ok(());
+        }
+        let file = &self.holodeck.file;
+        let numbers = packet.first..packet.first + u32::from(packet.count);
+        for range in better::worse(&file.runs(key), packet.paths, &numbers) {
+            let part = &samples[(range.start - packet.first) as usize..(range.end - packet.first) as usize];
+            file.supersede(meta(assignment, range.start, part), part)?;
+            self.progress.add_better(part.len() as u64);
+        }
         Ok(())
     }
 
@@ -126,5 +144,18 @@ impl Coordinator {
             });
             message.samples.extend_from_slice(samples);
         }
+    }
+}
+
+fn meta(assignment: &Assignment, first: u32, samples: &[Sample]) -> ExtentMeta {
+    let packet = &assignment.packet;
+    ExtentMeta {
+        key: BeamKey { section: packet.section, beam: packet.beam },
+        first,
+        count: samples.len() as u32,
+        kind: assignment.kind(),
+        paths: packet.paths,
+        settings: 0,
+        generation: 0,
     }
 }

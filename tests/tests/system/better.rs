@@ -1,0 +1,331 @@
+//! Enough is enough: a file that has enough samples gets better ones, whoever dies or looks meanwhile.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+    time::Duration,
+};
+
+use holo_beamfile::{BeamFile, BeamKey};
+use holo_net::Message;
+use holo_proto::{
+    bulk::{ViewRequest, Wanted},
+    control::Control,
+    frame::Kind,
+    hello::Role,
+};
+use holo_section::{Sample, SampleKind, Section, Viewpoint};
+use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, Server, analytic::join, wait_until};
+use rustix::process::Signal;
+
+/// Every sample, with the paths in it, by beam, kind and number.
+type Samples = BTreeMap<(BeamKey, SampleKind, u32), (u16, Sample)>;
+
+fn samples(path: &Path) -> Samples {
+    let file = BeamFile::open_read_only(path, 1 << 20).unwrap();
+    let mut keys = Vec::new();
+    file.for_each_beam(&mut |key, _| keys.push(key));
+    let mut samples = Samples::new();
+    for key in keys {
+        let beam = file.read(key).unwrap();
+        for (meta, run) in beam.runs() {
+            let numbered = (meta.first..).zip(run);
+            samples.extend(numbered.map(|(number, sample)| ((key, meta.kind, number), (meta.paths, *sample))));
+        }
+    }
+    samples
+}
+
+/// How many samples have so many paths.
+fn by_paths(samples: &Samples) -> BTreeMap<u16, usize> {
+    let mut counts = BTreeMap::new();
+    samples.values().for_each(|(paths, _)| *counts.entry(*paths).or_default() += 1);
+    counts
+}
+
+/// Waits until so many of a file's samples have more than one path.
+#[track_caller]
+fn wait_for_better(path: &Path, wanted: usize) {
+    wait_until("better samples", || {
+        let counts = by_paths(&samples(path));
+        (counts.iter().filter(|(paths, _)| **paths > 1).map(|(_, count)| count).sum::<usize>() > wanted).then_some(())
+    });
+}
+
+/// Checks that the later state of a file has every sample of the earlier one: the same ray, made as well or better.
+#[track_caller]
+fn assert_no_worse(later: &Samples, earlier: &Samples) {
+    for (name, (paths, sample)) in earlier {
+        let (now, same) = later.get(name).unwrap_or_else(|| panic!("{name:?} is gone"));
+        assert!(now >= paths, "{name:?} had {paths} paths, now {now}");
+        assert_eq!(same.coords, sample.coords, "{name:?} is of another ray");
+        assert!(now > paths || same == sample, "{name:?} has changed, and not for the better");
+    }
+}
+
+#[test]
+fn a_file_with_enough_gets_no_more_samples_but_better_ones() {
+    let place = Place::new();
+    const ENOUGH: f64 = 60e3;
+    let fill = || place.fill_small_with("a.holo", "75k", &["--enough", "60k"]).json();
+    let first = fill();
+    let added = first["added"].as_u64().unwrap();
+    // Shares are rounded to packets of 4 by chance, so that the total has a standard deviation of 2·√(beams) at the most; and beams
+    // that turn out to see nothing move the others' shares until they are nearly right, by 1 %.
+    assert!((added as f64 - ENOUGH).abs() < 0.01 * ENOUGH + 4.0 * 2.0 * 7680f64.sqrt(), "{first}");
+    assert_eq!(first["samples"], first["added"]);
+    let better = first["better"].as_u64().unwrap();
+    // The last packet may be more than what was left to do.
+    assert!((75_000..75_021).contains(&(added + better)), "{first}");
+    let mut before = samples(&place.path("a.holo"));
+    let counts = by_paths(&before);
+    assert_eq!(counts.get(&4).copied(), Some(better as usize), "{counts:?}");
+    assert_eq!(before.len() as u64, added);
+
+    // It goes on where it was: the rest of the level, and then the next, in every sample.
+    let (mut total, mut superseded) = (added, better);
+    for _ in 0..2 {
+        let summary = fill();
+        total += summary["added"].as_u64().unwrap();
+        superseded += summary["better"].as_u64().unwrap();
+        assert_eq!(summary["samples"].as_u64(), Some(total), "{summary}");
+        assert_eq!(summary["superseded_bytes"].as_u64(), Some(10 * superseded), "{summary}");
+        assert!(summary["bytes_per_hour"].as_f64().unwrap() > 0.0, "{summary}");
+        let after = samples(&place.path("a.holo"));
+        assert_no_worse(&after, &before);
+        before = after;
+    }
+    // What later fills learned of beams that see nothing may move others' shares, a little and once.
+    assert!(total < added + added / 20, "{total} after {added}");
+    let counts = by_paths(&before);
+    assert!(counts.keys().all(|paths| [4, 16, 64].contains(paths)), "{counts:?}");
+    place.run(&["verify", "{}/a.holo"]).ok();
+
+    let info = place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json();
+    assert_eq!(info["superseded_bytes"].as_u64(), Some(10 * superseded));
+    let said = info["paths"].as_object().unwrap();
+    assert_eq!(said.len(), counts.len());
+    for (paths, count) in counts {
+        assert_eq!(said[&paths.to_string()], count);
+    }
+}
+
+#[test]
+fn a_fill_ends_before_its_time_when_nothing_is_left_to_trace() {
+    let place = Place::new();
+    place.fill_small("a.holo", "1k");
+    let before = samples(&place.path("a.holo"));
+    let words = ["fill", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--enough", "0"];
+    // As good as the first samples of this file are, none get better; and no more are wanted.
+    place.run(&[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--time", "10m"]].concat()).ok();
+    let ended = place.run(&[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--samples", "1"]].concat());
+    assert!(ended.ok().stderr.contains("nothing left to trace"));
+    assert!(samples(&place.path("b.holo")).is_empty());
+    // With enough of nothing, what is there gets better at once.
+    let ended = place.fill_small_with("a.holo", "1k", &["--enough", "0"]).json();
+    assert_eq!((&ended["added"], &ended["better"]), (&0.into(), &(before.len().into())), "{ended}");
+    assert_eq!(by_paths(&samples(&place.path("a.holo"))), BTreeMap::from([(4, before.len())]));
+}
+
+#[test]
+fn info_says_how_fast_a_file_grows_that_is_being_filled() {
+    let place = Place::new();
+    place.fill_small("a.holo", "1k");
+    let server = place.server("a.holo", &["--fill"]);
+    let _worker = place.worker(server.address, &[]);
+    let length = || std::fs::metadata(place.path("a.holo")).unwrap().len();
+    let before = length();
+    wait_until("it to grow", || (length() > before).then_some(()));
+    let info = place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json();
+    // At least a thousand samples a second, slow as the machine may be.
+    assert!(info["bytes_per_hour"].as_f64().unwrap() > 10.0 * 1000.0 * 3600.0, "{}", info["bytes_per_hour"]);
+}
+
+#[test]
+fn better_samples_are_of_the_same_light_with_less_noise() {
+    let place = Place::new();
+    // Rays depend on the section alone, their random numbers on the seed: samples of one number in two files see the same, with
+    // errors that are independent.
+    let fill = |seed: &str, enough: &str, more: &str| {
+        let name = format!("{seed}-{enough}.holo");
+        let words = ["--seed", seed, "--enough", enough];
+        place.fill_small_with(&name, more, &words);
+        samples(&place.path(&name))
+    };
+    let rough = [fill("1", "1G", "20k"), fill("2", "1G", "20k")];
+    // Twice: the level of 4 paths, and that of 16.
+    let better = [fill("3", "20k", "60k"), fill("4", "20k", "60k")];
+    let values = |sample: &Sample| sample.rgb().map(f64::from).iter().sum::<f64>();
+    let is_common = |name: &&(BeamKey, SampleKind, u32)| {
+        rough[1].contains_key(name) && better.iter().all(|file| file.get(name).is_some_and(|(paths, _)| *paths == 16))
+    };
+    let common: Vec<_> = rough[0].keys().filter(is_common).collect();
+    assert!(common.len() > 15_000, "{}", common.len());
+
+    // By groups of rays, so that the spread of the groups says how sure the sums are, whatever the distribution of one error.
+    const GROUPS: usize = 40;
+    let (mut noise, mut brightness) = (vec![[0.0; 2]; GROUPS], vec![0.0; GROUPS]);
+    let mut smaller = 0.0;
+    let mut differing = 0.0;
+    for (index, name) in common.iter().enumerate() {
+        let value = |file: &Samples| values(&file[*name].1);
+        let a = value(&rough[0]) - value(&rough[1]);
+        let b = value(&better[0]) - value(&better[1]);
+        noise[index % GROUPS][0] += a * a;
+        noise[index % GROUPS][1] += b * b;
+        brightness[index % GROUPS] += value(&better[0]) + value(&better[1]) - value(&rough[0]) - value(&rough[1]);
+        if a != b {
+            differing += 1.0;
+            smaller += f64::from(u8::from(b.abs() < a.abs()));
+        }
+    }
+    // Means of 16 independent paths have a sixteenth of the variance; stratified, less. Leaving out one group at a time gives the
+    // ratio's standard error; normal, one-sided, 99.95 %.
+    let sum = |without: usize, which: usize| -> f64 {
+        noise.iter().enumerate().filter(|(group, _)| *group != without).map(|(_, noise)| noise[which]).sum()
+    };
+    let ratio = sum(GROUPS, 1) / sum(GROUPS, 0);
+    let spread: f64 = (0..GROUPS).map(|group| (sum(group, 1) / sum(group, 0) - ratio).powi(2)).sum();
+    let deviation = (spread * (GROUPS - 1) as f64 / GROUPS as f64).sqrt();
+    assert!(ratio - 3.29 * deviation < 1.0 / 16.0, "{ratio} ± {deviation} of the variance is left, not a sixteenth");
+    assert!(ratio + 3.29 * deviation < 1.0 / 4.0, "{ratio} ± {deviation}: no proof that there is less noise");
+    // Ray by ray, by the sign test: with equal noise the better pair is the closer one half of the time.
+    let z = (smaller - 0.5 * differing) / (0.25 * differing).sqrt();
+    assert!(z > 5.0, "the better pair is closer {smaller} times of {differing}");
+    // And they are as bright: Student's t with 39 degrees of freedom, 99.9 %.
+    let mean = brightness.iter().sum::<f64>() / GROUPS as f64;
+    let variance = brightness.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (GROUPS - 1) as f64;
+    let deviation = (variance / GROUPS as f64).sqrt();
+    assert!(mean.abs() < 3.56 * deviation, "{mean} ± {deviation}");
+}
+
+/// A file with nearly enough samples, and a server that brings it there, and makes them better then, once it has workers.
+fn improving(place: &Place, words: &[&str]) -> Server {
+    place.fill_small_with("a.holo", "15k", &["--enough", "20k"]);
+    place.server("a.holo", &[&["--fill", "--enough", "20k", "--json"], words].concat())
+}
+
+#[test]
+fn a_server_killed_in_the_middle_of_a_level_loses_nothing_and_goes_on() {
+    let place = Place::new();
+    let server = improving(&place, &[]);
+    let before = samples(&place.path("a.holo"));
+    let _worker = place.worker(server.address, &["--retry", "1"]);
+    wait_for_better(&place.path("a.holo"), 3000);
+    let seen = samples(&place.path("a.holo"));
+    assert_eq!(server.process.end(Signal::KILL).signal(), Some(9));
+    let after = samples(&place.path("a.holo"));
+    assert_no_worse(&after, &seen);
+    assert_no_worse(&after, &before);
+    let summary = place.fill_small_with("a.holo", "25k", &["--enough", "20k"]).json();
+    // What was better already was passed over: less than one level was left of this one.
+    let last = samples(&place.path("a.holo"));
+    assert_no_worse(&last, &after);
+    assert!(last.values().all(|(paths, _)| *paths >= 4), "{:?}", by_paths(&last));
+    assert!(summary["better"].as_u64().unwrap() > 0, "{summary}");
+    place.run(&["verify", "{}/a.holo"]).ok();
+}
+
+#[test]
+fn better_packets_of_dead_workers_are_dealt_again() {
+    let place = Place::new();
+    let server = improving(&place, &["--samples", "70k"]);
+    let killed = place.worker(server.address, &[]);
+    wait_for_better(&place.path("a.holo"), 1000);
+    // One that takes packets, does nothing with them, and goes.
+    let idle = tokio::runtime::Runtime::new().unwrap();
+    let (mut inbox, outbox, _) = idle.block_on(join(server.address, Role::Worker));
+    outbox.control(&Control::Ready { threads: 8 }).unwrap();
+    let lost = idle.block_on(async {
+        loop {
+            if let Message::Work(work) = inbox.next().await.unwrap() {
+                return work.packets;
+            }
+        }
+    });
+    assert!(lost.iter().all(|packet| packet.paths >= 4) && lost.len() > 10, "{lost:?}");
+    drop((inbox, outbox));
+    idle.shutdown_background();
+    assert_eq!(killed.end(Signal::KILL).signal(), Some(9));
+    let _last = place.worker(server.address, &[]);
+    let summary = server.process.wait().ok().json();
+    let counts = by_paths(&samples(&place.path("a.holo")));
+    let most = *counts.keys().last().unwrap();
+    assert!(most >= 16, "{counts:?}");
+    // All of a level is done, whoever was to do it, before the next but one begins.
+    assert!(counts.keys().all(|paths| *paths >= most / 4), "{counts:?}");
+    let better = summary["better"].as_u64().unwrap();
+    assert_eq!(summary["superseded_bytes"].as_u64(), Some(10 * better), "nothing is stored twice: {summary}");
+}
+
+#[test]
+fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
+    let place = Place::new();
+    let server = improving(&place, &[]);
+    let info = place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json();
+    assert_eq!(info["sections"][0]["beams"], 7680, "{CORNELL_SMALL_SECTION}");
+    let _worker = place.worker(server.address, &[]);
+    wait_for_better(&place.path("a.holo"), 1000);
+    // A view of every second beam, for what is stored of them: nothing is traced for it, so that filling goes on.
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let mut shown = Samples::new();
+    let beams = (0..7680).step_by(2).map(|beam| Wanted { beam, weight: 1e-5, section: 0, reserved: 0 }).collect();
+    let viewpoint = Viewpoint { eye: [2.7, 2.7, -2.0], radius: 1.0 };
+    runtime.block_on(async {
+        let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
+        outbox.send(Kind::View, &ViewRequest { view: 1, viewpoint, beams }.encode()).unwrap();
+        let mut until = tokio::time::Instant::now() + LIMIT;
+        while let Ok(message) = tokio::time::timeout_at(until, inbox.next()).await {
+            match message.unwrap() {
+                Message::Control(Control::Ping(number)) => outbox.control(&Control::Pong(number)).unwrap(),
+                Message::Control(Control::StoredSent { .. }) => {
+                    until = tokio::time::Instant::now() + Duration::from_millis(2500);
+                }
+                Message::Samples(message) => {
+                    let mut rest = message.samples.as_slice();
+                    for run in &message.runs {
+                        let key = BeamKey { section: run.section, beam: run.beam };
+                        let (samples, after) = rest.split_at(run.count as usize);
+                        rest = after;
+                        for (number, sample) in (run.first..).zip(samples) {
+                            let known = shown.insert((key, run.kind, number), (run.paths, *sample));
+                            assert!(known.is_none_or(|known| known == (run.paths, *sample)), "{key:?} {number}");
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+        // The server ends while it is still looked at.
+        server.process.signal(Signal::TERM);
+        while inbox.next().await.is_ok() {}
+    });
+    server.process.wait().ok();
+    let stored = samples(&place.path("a.holo"));
+    assert!(shown.len() > 5000, "{}", shown.len());
+    let (seen, others): (Samples, Samples) = stored.into_iter().partition(|((key, ..), _)| key.beam.0 % 2 == 0);
+    let plain = |samples: &Samples| samples.iter().map(|(name, (_, sample))| (*name, *sample)).collect::<Vec<_>>();
+    assert!(plain(&seen) == plain(&shown), "what was shown is what the file has of the view's beams");
+    // Displays weigh samples by what they are told of them: all alike.
+    assert_eq!(by_paths(&shown).into_keys().collect::<Vec<_>>(), [1]);
+    let (seen, others) = (by_paths(&seen), by_paths(&others));
+    assert!(others.keys().last() > seen.keys().last(), "{seen:?} were looked at, {others:?} not");
+}
+
+/// The rays of better samples are not only as many: the section's own arithmetic gives the same ones.
+#[test]
+fn a_samples_ray_does_not_depend_on_its_paths() {
+    let place = Place::new();
+    place.fill_small_with("a.holo", "45k", &["--enough", "20k"]);
+    let stored = samples(&place.path("a.holo"));
+    let file = holo_server::Holodeck::open_read_only(&place.path("a.holo"), 0).unwrap();
+    let section: &Section = &file.sections[0];
+    let mut beams = BTreeSet::new();
+    for ((key, _, number), (paths, sample)) in &stored {
+        let BeamKey { section: index, beam } = *key;
+        let sampler = section.beam_sampler(index, beam, None).unwrap();
+        assert_eq!(sampler.coords(*number), sample.coords, "{key:?} {number} of {paths} paths");
+        beams.insert(beam);
+    }
+    assert!(beams.len() > 1000 && by_paths(&stored).contains_key(&4));
+}
