@@ -6,7 +6,7 @@
 //! Invariant: the choice is a function of the view and the sections.
 
 use super::Voronoi;
-use super::surfaces::{SKY, Seen, Surfaces};
+use super::surfaces::{Seen, Surfaces};
 use crate::ending::{End, beams_ending_on};
 use holo_section::BeamId;
 
@@ -26,7 +26,7 @@ impl Voronoi {
             self.camera.right * v.x + self.camera.up * v.y + self.camera.forward * v.z
         };
         let points = |Surfaces { seen, images, .. }: &Surfaces| -> Vec<End> {
-            let there = seen.iter().filter(|seen| seen.triangle != SKY);
+            let there = seen.iter().filter(|seen| !seen.is_sky());
             let place = |seen: &Seen| {
                 let image = images.get(usize::from(seen.image))?;
                 let (point, normal) = image.back(seen.position, seen.normal);

@@ -3,12 +3,12 @@
 //!
 //! Invariant: a colour is a function of the samples' sums and the scene alone.
 
-use super::edges::{EdgePoints, alike, polished};
+use super::edges::{EdgePoints, Shows, alike, polished};
 use super::guess::Guesses;
 use super::indirect::Indirect;
 use super::reconstruct;
 use super::shade::Shadings;
-use super::surfaces::{Caster, Image, NO_IMAGE, SKY, Seen, Surfaces, number_of};
+use super::surfaces::{Caster, NO_IMAGE, Seen, Surfaces, number_of};
 use super::{Layer, Voronoi};
 use crate::parts::for_parts;
 use holo_raycast::{Hit, Ray};
@@ -124,8 +124,7 @@ impl<'a> Drawing<'a> {
             let (mut without, mut guesses) = (0, 0);
             for (colour, pixel) in rows.iter_mut().zip(part * 4 * width..) {
                 let middle = self.middle(pixel);
-                without +=
-                    u64::from(main.layer.sums[pixel].weight == 0 && main.layer.surfaces.seen[pixel].triangle != SKY);
+                without += u64::from(main.layer.sums[pixel].weight == 0 && !main.layer.surfaces.seen[pixel].is_sky());
                 guesses += u64::from(middle.is_guess);
                 *colour = middle.colour;
             }
@@ -137,12 +136,30 @@ impl<'a> Drawing<'a> {
             if let Some(panes) = self.layers.get(IN_PANES) {
                 edges.iter_mut().zip(&panes.layer.surfaces.edges).for_each(|(edge, other)| *edge |= other);
             }
-            EdgePoints::cast(&self.caster, &edges, width)
+            EdgePoints::cast(&self.caster, &edges, width, |pixel, ray, hit| self.shows(pixel, ray, hit))
         });
+        let colour = |shows: Shows| match shows {
+            Shows::Sky => Some(self.voronoi.shadings.sky),
+            Shows::Lit { by, material } => main.light[by as usize].map(|light| main.shadings.lit(material, light)),
+            Shows::Other => None,
+        };
         let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit, pixels);
-        let means: Vec<_> = points.smooth(&self.caster, width, point).collect();
+        let means: Vec<_> = points.smooth(&self.caster, width, colour, point).collect();
         means.into_iter().for_each(|(pixel, colour)| pixels[pixel] = colour);
         (empty.into_inner(), guessed.into_inner())
+    }
+
+    /// What of a point next to an edge does not depend on samples.
+    fn shows(&self, pixel: usize, ray: &Ray, hit: &Option<Hit>) -> Shows {
+        let Some((main, hit)) = self.layers.first().zip(hit.as_ref()) else { return Shows::Sky };
+        if self.caster.is_polished(hit.triangle) {
+            return Shows::Other;
+        }
+        let seen = self.caster.first(ray, hit);
+        match alike(&main.layer.surfaces, pixel, &seen) {
+            Some(by) => Shows::Lit { by: by as u32, material: seen.material },
+            None => Shows::Other,
+        }
     }
 
     fn middle(&self, pixel: usize) -> Middle {
@@ -184,13 +201,14 @@ impl<'a> Drawing<'a> {
         let mut colour = [0.0; 3];
         for (number, lit) in self.layers.iter().enumerate().take(POLISHED) {
             let surfaces = &lit.layer.surfaces;
-            let known = |image: &Image, _: &[u32], reach: f32| number_of(&surfaces.images, image, reach);
-            let Some((seen, share)) = self.caster.follow(*ray, *hit, number == IN_PANES, known) else {
+            let Some(end) = self.caster.follow(*ray, *hit, number == IN_PANES) else {
                 if number == IN_PANES {
                     continue;
                 }
                 return None;
             };
+            let known = number_of(&surfaces.images, &end.image, end.seen.position.length());
+            let (seen, share) = (end.placed(known), end.share);
             if number == 0 && lit.is_unknown(&seen) {
                 return None;
             }
@@ -233,7 +251,7 @@ impl<'a> Drawing<'a> {
             let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
             let pixel = inside.then(|| y as usize * width + x as usize)?;
             let there = &surfaces.seen[pixel];
-            let is_it = there.triangle == seen.triangle && there.image == 0 && !there.through;
+            let is_it = there.triangle() == seen.triangle() && there.image == 0 && !there.through;
             (is_it && main.light[pixel].is_some()).then_some(pixel)
         })
     }
@@ -255,8 +273,7 @@ impl<'a> Drawing<'a> {
         let Some(main) = self.layers.first() else { return };
         let surfaces = &main.layer.surfaces;
         let (width, _) = surfaces.size;
-        let metals =
-            |seen: &Seen| !seen.through && seen.triangle != SKY && self.voronoi.shadings.reflects(seen.material);
+        let metals = |seen: &Seen| !seen.through && !seen.is_sky() && self.voronoi.shadings.reflects(seen.material);
         let mut metals: Vec<(usize, Option<[f32; 3]>)> =
             surfaces.seen.iter().enumerate().filter(|(_, seen)| metals(seen)).map(|(pixel, _)| (pixel, None)).collect();
         for_parts(&mut metals, 1, 64, |_, metals| {
@@ -315,23 +332,23 @@ impl<'a> Lit<'a> {
 
     /// Whether something is seen through a mirror or pane that ought to have samples and has none.
     fn is_unknown(&self, behind: &Seen) -> bool {
-        behind.through && behind.triangle != SKY && behind.image != NO_IMAGE && !self.guesses.knows(behind)
+        behind.through && !behind.is_sky() && behind.image != NO_IMAGE && !self.guesses.knows(behind)
     }
 
     /// Whether its colour is known without samples: the sky's, a lamp's.
     fn is_certain(&self, seen: &Seen) -> bool {
-        seen.triangle == SKY || self.shadings.materials[seen.material as usize].emits
+        seen.is_sky() || self.shadings.materials[seen.material as usize].emits
     }
 
     /// Radiance of a surface in this light; without any, as if the eye carried a lamp.
     fn colour(&self, seen: &Seen, light: Option<[f32; 3]>) -> [f32; 3] {
-        if seen.triangle == SKY {
+        if seen.is_sky() {
             return self.shadings.sky;
         }
         let shading = &self.shadings.materials[seen.material as usize];
         let unit = self.shadings.unit;
         match light {
-            Some(light) => [0, 1, 2].map(|channel| light[channel] * unit * shading.scale[channel]),
+            Some(light) => self.shadings.lit(seen.material, light),
             None if shading.emits => shading.emission,
             None => {
                 let towards = -seen.normal.dot(seen.position.normalize_or_zero());

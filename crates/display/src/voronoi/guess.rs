@@ -6,7 +6,7 @@
 
 use super::deposit::{Sums, luminance};
 use super::indirect::Indirect;
-use super::surfaces::{SKY, Seen, Surfaces};
+use super::surfaces::{Seen, Surfaces};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -103,18 +103,18 @@ impl Guesses {
             }
         };
         for (pixel, (seen, sums)) in (0_u32..).zip(surfaces.seen.iter().zip(sums)) {
-            if seen.triangle == SKY || sums.weight == 0 {
+            if seen.is_sky() || sums.weight == 0 {
                 continue;
             }
             let same = |((triangle, front, class), normal, _): &((u32, bool, Class), Vec3, Total)| {
-                (*triangle, *front, class.0) == (seen.triangle, seen.front, seen.material) && *normal == seen.normal
+                (*triangle, *front, class.0) == (seen.triangle(), seen.front, seen.material) && *normal == seen.normal
             };
             match &mut run {
                 Some(run) if same(run) => run.2.add(sums, pixel),
                 _ => {
                     let mut total = Total::default();
                     total.add(sums, pixel);
-                    end(run.replace(((seen.triangle, seen.front, class(seen)), seen.normal, total)));
+                    end(run.replace(((seen.triangle(), seen.front, class(seen)), seen.normal, total)));
                 }
             }
         }
