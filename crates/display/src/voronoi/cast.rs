@@ -9,7 +9,7 @@ use bytemuck::zeroed_vec;
 use glam::Vec3;
 use holo_raycast::{Hit, MAX_TILE, Ray};
 use holo_scene::Rgb;
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
@@ -45,7 +45,7 @@ impl Caster<'_> {
         });
         let mut special: Vec<Special> = special.into_inner().unwrap_or_else(PoisonError::into_inner);
         if special.is_empty() {
-            return vec![self.layer(seen, &(0..height), vec![Image::ITSELF], HashMap::new())];
+            return vec![self.layer(seen, &(0..height), vec![Image::ITSELF], FxHashMap::default())];
         }
         // Threads finish in any order; images are numbered in the order of the pixels.
         special.sort_unstable_by_key(|&(pixel, ..)| pixel);
@@ -54,13 +54,13 @@ impl Caster<'_> {
         let (through, images) = self.follow_all(&special, false);
         let (in_panes, pane_images) = self.follow_all(&special, true);
         let mut polished: Vec<Seen> = zeroed_vec(width * height);
-        let mut throughput = HashMap::with_capacity(through.len());
+        let mut throughput = FxHashMap::default();
         for (pixel, behind, share) in through {
             polished[pixel] = std::mem::replace(&mut seen[pixel], behind);
             throughput.insert(pixel as u32, share);
         }
         let mut reflected: Vec<Seen> = zeroed_vec(width * height);
-        let mut pane_throughput = HashMap::with_capacity(in_panes.len());
+        let mut pane_throughput = FxHashMap::default();
         for (pixel, there, share) in in_panes {
             // Where the way through was too long there is nothing to add to.
             if throughput.contains_key(&(pixel as u32)) {
@@ -71,13 +71,13 @@ impl Caster<'_> {
         vec![
             self.layer(seen, &(0..height), images, throughput),
             self.layer(reflected, &rows, pane_images, pane_throughput),
-            self.layer(polished, &rows, vec![Image::ITSELF], HashMap::new()),
+            self.layer(polished, &rows, vec![Image::ITSELF], FxHashMap::default()),
         ]
     }
 
     /// What these pixels show through mirrors and panes, or in panes, and the images that they see it in.
     fn follow_all(&self, special: &[Special], off_pane: bool) -> (Vec<Shown>, Vec<Image>) {
-        let mut looking_into: HashMap<u32, u32> = HashMap::new();
+        let mut looking_into: FxHashMap<u32, u32> = FxHashMap::default();
         for (_, _, hit) in special {
             *looking_into.entry(hit.triangle).or_default() += 1;
         }
@@ -110,7 +110,7 @@ impl Caster<'_> {
         seen: Vec<Seen>,
         rows: &Range<usize>,
         images: Vec<Image>,
-        throughput: HashMap<u32, Rgb>,
+        throughput: FxHashMap<u32, Rgb>,
     ) -> Surfaces {
         let pixel_width = self.camera.pixel_width_squared.sqrt() as f32;
         let Labelled { labels, edges, windows } = label(&seen, self.size.0, rows, pixel_width, images.len());

@@ -3,7 +3,7 @@
 //!
 //! Invariant: a colour is a function of the samples' sums and the scene alone.
 
-use super::edges::{EdgePoints, Shows, alike, polished};
+use super::edges::{Behind, EdgePoints, Shows, alike, polished};
 use super::guess::Guesses;
 use super::indirect::Indirect;
 use super::reconstruct;
@@ -138,12 +138,17 @@ impl<'a> Drawing<'a> {
             }
             EdgePoints::cast(&self.caster, &edges, width, |pixel, ray, hit| self.shows(pixel, ray, hit))
         });
-        let colour = |shows: Shows| match shows {
+        let middles: &[[f32; 3]] = pixels;
+        let colour = |pixel: usize, shows: &Shows| match shows {
             Shows::Sky => Some(self.voronoi.shadings.sky),
-            Shows::Lit { by, material } => main.light[by as usize].map(|light| main.shadings.lit(material, light)),
+            Shows::Lit { by, material } => main.light[*by as usize].map(|light| main.shadings.lit(*material, light)),
+            // Where only the pane itself has samples, a neighbour's are as good.
+            Shows::Through(behind) => self
+                .through(behind)
+                .or_else(|| polished(&main.layer.surfaces, pixel).map(|near| middles[near])),
             Shows::Other => None,
         };
-        let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit, pixels);
+        let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit);
         let means: Vec<_> = points.smooth(&self.caster, width, colour, point).collect();
         means.into_iter().for_each(|(pixel, colour)| pixels[pixel] = colour);
         (empty.into_inner(), guessed.into_inner())
@@ -153,7 +158,7 @@ impl<'a> Drawing<'a> {
     fn shows(&self, pixel: usize, ray: &Ray, hit: &Option<Hit>) -> Shows {
         let Some((main, hit)) = self.layers.first().zip(hit.as_ref()) else { return Shows::Sky };
         if self.caster.is_polished(hit.triangle) {
-            return Shows::Other;
+            return Shows::Through(Box::new([0, IN_PANES].map(|layer| self.behind(layer, pixel, ray, hit))));
         }
         let seen = self.caster.first(ray, hit);
         match alike(&main.layer.surfaces, pixel, &seen) {
@@ -167,7 +172,12 @@ impl<'a> Drawing<'a> {
             return Middle { colour, is_guess: false };
         }
         let mut middle = Middle { colour: [0.0; 3], is_guess: false };
-        for (number, lit) in self.layers.iter().enumerate().take(POLISHED) {
+        // Most pixels look through nothing.
+        let count = match self.layers.first() {
+            Some(main) if !main.layer.surfaces.seen[pixel].through => 1,
+            _ => POLISHED,
+        };
+        for (number, lit) in self.layers.iter().enumerate().take(count) {
             let seen = &lit.layer.surfaces.seen[pixel];
             let Some(share) = lit.share(pixel, number > 0) else { continue };
             let light = self.light(number, seen, Some(pixel));
@@ -182,41 +192,44 @@ impl<'a> Drawing<'a> {
         middle
     }
 
-    /// The colour of what a ray next to an edge meets; `None` if nothing is known of it. `pixels` are the middles' colours.
-    fn point(&self, pixel: usize, ray: &Ray, hit: Option<Hit>, pixels: &[[f32; 3]]) -> Option<[f32; 3]> {
-        let main = self.layers.first()?;
-        let Some(hit) = hit else { return Some(self.voronoi.shadings.sky) };
+    /// The colour of what a ray next to an edge meets, if it is no mirror or pane; `None` if nothing is known of it.
+    fn point(&self, pixel: usize, ray: &Ray, hit: Option<Hit>) -> Option<[f32; 3]> {
+        let (main, hit) = self.layers.first().zip(hit)?;
         if self.caster.is_polished(hit.triangle) {
-            // Where only the pane itself has samples, a neighbour's are as good.
-            let near = || polished(&main.layer.surfaces, pixel).map(|near| pixels[near]);
-            return self.through(pixel, ray, &hit).or_else(near);
+            return None;
         }
         let seen = self.caster.first(ray, &hit);
         let light = self.lit(main, &seen, alike(&main.layer.surfaces, pixel, &seen));
         (light.is_some() || main.is_certain(&seen)).then(|| main.colour(&seen, light))
     }
 
-    /// The colour of what a ray meets behind mirrors and panes and in panes.
-    fn through(&self, pixel: usize, ray: &Ray, hit: &Hit) -> Option<[f32; 3]> {
+    /// What a ray shows of a layer that meets a mirror or pane.
+    fn behind(&self, layer: usize, pixel: usize, ray: &Ray, hit: &Hit) -> Option<Behind> {
+        let surfaces = &self.layers.get(layer)?.layer.surfaces;
+        let end = self.caster.follow(*ray, *hit, layer == IN_PANES)?;
+        let known = number_of(&surfaces.images, &end.image, end.seen.position.length());
+        let seen = end.placed(known);
+        Some(Behind { seen, share: end.share, by: alike(surfaces, pixel, &seen) })
+    }
+
+    /// The colour of what a point shows behind mirrors and panes and in panes; `None` if something is not known.
+    fn through(&self, behind: &[Option<Behind>; 2]) -> Option<[f32; 3]> {
         let mut colour = [0.0; 3];
-        for (number, lit) in self.layers.iter().enumerate().take(POLISHED) {
-            let surfaces = &lit.layer.surfaces;
-            let Some(end) = self.caster.follow(*ray, *hit, number == IN_PANES) else {
+        for (number, (lit, behind)) in self.layers.iter().zip(behind).enumerate() {
+            let Some(Behind { seen, share, by }) = behind else {
                 if number == IN_PANES {
                     continue;
                 }
                 return None;
             };
-            let known = number_of(&surfaces.images, &end.image, end.seen.position.length());
-            let (seen, share) = (end.placed(known), end.share);
-            if number == 0 && lit.is_unknown(&seen) {
+            if number == 0 && lit.is_unknown(seen) {
                 return None;
             }
-            let light = self.light(number, &seen, alike(surfaces, pixel, &seen));
-            if light.is_none() && !lit.is_certain(&seen) {
+            let light = self.light(number, seen, *by);
+            if light.is_none() && !lit.is_certain(seen) {
                 return None;
             }
-            colour = plus(colour, share, lit.colour(&seen, light));
+            colour = plus(colour, *share, lit.colour(seen, light));
         }
         Some(colour)
     }

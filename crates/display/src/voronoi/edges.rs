@@ -6,6 +6,7 @@
 use super::surfaces::{Caster, Seen, Surfaces};
 use crate::parts::for_parts;
 use holo_raycast::{Hit, MAX_TILE, Ray};
+use holo_scene::Rgb;
 
 /// Points of an edge pixel.
 const POINTS: usize = 8;
@@ -27,7 +28,7 @@ const PLACES: [(f64, f64); POINTS] = [
 ];
 
 /// What a point shows, as far as samples do not change it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub(crate) enum Shows {
     Sky,
     /// A material in the light of a pixel that sees the same surface.
@@ -35,8 +36,20 @@ pub(crate) enum Shows {
         by: u32,
         material: u32,
     },
-    /// What takes more to tell.
+    /// What is behind a mirror or pane, and what is reflected in a pane.
+    Through(Box<[Option<Behind>; 2]>),
+    /// A surface that no pixel around sees.
     Other,
+}
+
+/// What a point shows through mirrors and panes.
+#[derive(Clone, Debug)]
+pub(crate) struct Behind {
+    pub seen: Seen,
+    /// What of its light comes through.
+    pub share: Rgb,
+    /// A pixel that sees the same surface.
+    pub by: Option<usize>,
 }
 
 /// The pixels next to an edge, and what their points meet: found once for a view, since samples do not change it.
@@ -54,7 +67,7 @@ impl EdgePoints {
         shows: impl Fn(usize, &Ray, &Option<Hit>) -> Shows + Sync,
     ) -> EdgePoints {
         let pixels: Vec<u32> = (0..).zip(edges).filter(|(_, edge)| **edge).map(|(pixel, _)| pixel).collect();
-        let mut points = vec![[(Shows::Other, None); POINTS]; pixels.len()];
+        let mut points = vec![[const { (Shows::Other, None) }; POINTS]; pixels.len()];
         for_parts(&mut points, 1, PIECE, |part, points| {
             for (points, &pixel) in points.iter_mut().zip(&pixels[part * PIECE..]) {
                 let rays = PLACES.map(|place| ray(caster, width, pixel as usize, place));
@@ -74,7 +87,7 @@ impl EdgePoints {
         &self,
         caster: &Caster,
         width: usize,
-        colour: impl Fn(Shows) -> Option<[f32; 3]> + Sync,
+        colour: impl Fn(usize, &Shows) -> Option<[f32; 3]> + Sync,
         point: impl Fn(usize, &Ray, Option<Hit>) -> Option<[f32; 3]> + Sync,
     ) -> impl Iterator<Item = (usize, [f32; 3])> {
         let mut means = vec![None; self.pixels.len()];
@@ -83,8 +96,9 @@ impl EdgePoints {
             for (mean, at) in means.iter_mut().zip(first..) {
                 let pixel = self.pixels[at] as usize;
                 let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
-                for (&(shows, hit), place) in self.points[at].iter().zip(PLACES) {
-                    let known = colour(shows).or_else(|| point(pixel, &ray(caster, width, pixel, place), hit));
+                for ((shows, hit), place) in self.points[at].iter().zip(PLACES) {
+                    let known =
+                        colour(pixel, shows).or_else(|| point(pixel, &ray(caster, width, pixel, place), *hit));
                     if let Some(colour) = known {
                         sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
                         count += 1.0;

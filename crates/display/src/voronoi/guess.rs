@@ -8,7 +8,7 @@ use super::deposit::{Sums, luminance};
 use super::indirect::Indirect;
 use super::surfaces::{Seen, Surfaces};
 use glam::Vec3;
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::hash::Hash;
 use std::sync::{Mutex, PoisonError};
 
@@ -31,9 +31,9 @@ enum Kin {
 
 /// Mean light by classes of surfaces.
 pub(crate) struct Guesses {
-    kin: HashMap<Kin, Known>,
+    kin: FxHashMap<Kin, Known>,
     /// Mean indirect light of the examples, where it was asked for.
-    indirect: Mutex<HashMap<Kin, Option<[f32; 3]>>>,
+    indirect: Mutex<FxHashMap<Kin, Option<[f32; 3]>>>,
 }
 
 struct Known {
@@ -94,7 +94,7 @@ fn rank(pixel: u32) -> u32 {
 
 impl Guesses {
     pub fn new(surfaces: &Surfaces, sums: &[Sums]) -> Guesses {
-        let mut sides: HashMap<(u32, bool, Class), Total> = HashMap::new();
+        let mut sides: FxHashMap<(u32, bool, Class), Total> = FxHashMap::default();
         // Neighbours mostly see the same: what a run of them adds up to is looked up once.
         let mut run: Option<((u32, bool, Class), Vec3, Total)> = None;
         let mut end = |run: Option<((u32, bool, Class), Vec3, Total)>| {
@@ -120,7 +120,7 @@ impl Guesses {
         }
         end(run);
         // Which examples are kept depends on their ranks alone, sums are of integers: the map's order changes nothing.
-        let mut kin: HashMap<Kin, Total> = HashMap::new();
+        let mut kin: FxHashMap<Kin, Total> = FxHashMap::default();
         for ((triangle, front, class), total) in sides {
             for of in [Kin::Side((triangle, front)), Kin::Class(class), Kin::Material(class.0), Kin::All] {
                 kin.entry(of).or_default().join(&total);

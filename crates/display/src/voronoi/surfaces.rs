@@ -14,7 +14,7 @@ use glam::{DVec3, Vec3};
 use holo_picture::View;
 use holo_raycast::{Hit, Ray, Raycaster};
 use holo_scene::{Bsdf, Rgb};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::ops::Range;
 
 /// Mirrors and panes that are followed at the most.
@@ -174,7 +174,7 @@ pub(crate) struct Surfaces {
     /// Where in the picture each image is seen.
     pub windows: Vec<Window>,
     /// What comes through the mirrors and panes before a pixel's surface; all of it where none is listed.
-    pub throughput: HashMap<u32, Rgb>,
+    pub throughput: FxHashMap<u32, Rgb>,
     pub pixel_width: f32,
 }
 
