@@ -7,6 +7,7 @@
 
 mod canvas;
 mod default_view;
+mod lights;
 mod points;
 mod received;
 mod script;

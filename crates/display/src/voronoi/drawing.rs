@@ -6,12 +6,13 @@
 use super::edges::{Behind, EdgePoints, Shows, alike, polished};
 use super::guess::Guesses;
 use super::indirect::Indirect;
-use super::reconstruct;
+use super::reconstruct::{self, Light};
 use super::shade::Shadings;
 use super::surfaces::{Caster, NO_IMAGE, Seen, Surfaces, number_of};
 use super::{Layer, Voronoi};
 use crate::parts::for_parts;
 use holo_raycast::{Hit, Ray};
+use rustc_hash::FxHashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The layer of what is seen in panes, besides what is seen through them.
@@ -22,6 +23,9 @@ const POLISHED: usize = 2;
 
 /// Samples along the eye's ray that what a metal reflects by geometry counts for.
 const REFLECTION_COUNTS: f32 = 4.0;
+
+/// Pixels a side of blocks in which a surface without samples near has one light.
+const BLOCK: usize = 8;
 
 /// Pixels to the right and down at which a surface is looked for that something before it may hide, nearest first.
 const AROUND: [(f32, f32); 57] = [
@@ -91,11 +95,15 @@ pub(crate) struct Drawing<'a> {
     layers: Vec<Lit<'a>>,
 }
 
+/// What is known of the light on surfaces without samples near, by layer and the first pixel of the block that sees them: asking the
+/// records for each pixel took a second for a picture without samples.
+type Known = FxHashMap<(usize, usize), Option<[f32; 3]>>;
+
 /// A layer whose light is known.
 struct Lit<'a> {
     layer: &'a Layer,
     shadings: &'a Shadings,
-    light: Vec<Option<[f32; 3]>>,
+    light: Light,
     guesses: Guesses,
 }
 
@@ -120,10 +128,11 @@ impl<'a> Drawing<'a> {
         let Some(main) = self.layers.first() else { return (0, 0) };
         let (width, _) = main.layer.surfaces.size;
         let (empty, guessed) = (AtomicU64::new(0), AtomicU64::new(0));
-        for_parts(pixels, width, 4, |part, rows| {
+        for_parts(pixels, width, BLOCK, |part, rows| {
             let (mut without, mut guesses) = (0, 0);
-            for (colour, pixel) in rows.iter_mut().zip(part * 4 * width..) {
-                let middle = self.middle(pixel);
+            let mut known = Known::default();
+            for (colour, pixel) in rows.iter_mut().zip(part * BLOCK * width..) {
+                let middle = self.middle(pixel, &mut known);
                 without += u64::from(main.layer.sums[pixel].weight == 0 && !main.layer.surfaces.seen[pixel].is_sky());
                 guesses += u64::from(middle.is_guess);
                 *colour = middle.colour;
@@ -141,11 +150,15 @@ impl<'a> Drawing<'a> {
         let middles: &[[f32; 3]] = pixels;
         let colour = |pixel: usize, shows: &Shows| match shows {
             Shows::Sky => Some(self.voronoi.shadings.sky),
-            Shows::Lit { by, material } => main.light[*by as usize].map(|light| main.shadings.lit(*material, light)),
+            // Without samples near, its middle has the light that is known of such surfaces.
+            Shows::Lit { by, material } => main
+                .light
+                .at(*by as usize)
+                .map_or(Some(middles[*by as usize]), |light| Some(main.shadings.lit(*material, light))),
             // Where only the pane itself has samples, a neighbour's are as good.
-            Shows::Through(behind) => self
-                .through(behind)
-                .or_else(|| polished(&main.layer.surfaces, pixel).map(|near| middles[near])),
+            Shows::Through(behind) => {
+                self.through(behind).or_else(|| polished(&main.layer.surfaces, pixel).map(|near| middles[near]))
+            }
             Shows::Other => None,
         };
         let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit);
@@ -167,7 +180,7 @@ impl<'a> Drawing<'a> {
         }
     }
 
-    fn middle(&self, pixel: usize) -> Middle {
+    fn middle(&self, pixel: usize, known: &mut Known) -> Middle {
         if let Some(colour) = self.plainly(pixel) {
             return Middle { colour, is_guess: false };
         }
@@ -180,7 +193,13 @@ impl<'a> Drawing<'a> {
         for (number, lit) in self.layers.iter().enumerate().take(count) {
             let seen = &lit.layer.surfaces.seen[pixel];
             let Some(share) = lit.share(pixel, number > 0) else { continue };
-            let light = self.light(number, seen, Some(pixel));
+            let light = match lit.light.at(pixel) {
+                _ if seen.image == NO_IMAGE => self.light(number, seen, Some(pixel)),
+                Some(light) => Some(light),
+                None => *known
+                    .entry((number, lit.first_alike(pixel)))
+                    .or_insert_with_key(|&(_, first)| self.light(number, &lit.layer.surfaces.seen[first], Some(first))),
+            };
             if light.is_none() && !lit.is_certain(seen) {
                 if !self.voronoi.covered[pixel] {
                     continue;
@@ -225,7 +244,10 @@ impl<'a> Drawing<'a> {
             if number == 0 && lit.is_unknown(seen) {
                 return None;
             }
-            let light = self.light(number, seen, *by);
+            let light = match by.and_then(|by| lit.light.at(by)) {
+                _ if seen.image == NO_IMAGE => self.light(number, seen, *by),
+                light => light,
+            };
             if light.is_none() && !lit.is_certain(seen) {
                 return None;
             }
@@ -245,7 +267,7 @@ impl<'a> Drawing<'a> {
     /// Light on a surface: that of a pixel that sees it, else what is known of such surfaces.
     fn lit(&self, lit: &Lit, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
         let voronoi = self.voronoi;
-        pixel.and_then(|pixel| lit.light[pixel]).or_else(|| {
+        pixel.and_then(|pixel| lit.light.at(pixel)).or_else(|| {
             let store = voronoi.records.as_deref().filter(|store| !store.is_empty());
             let indirect = store.map(|store| Indirect { store, caster: &self.caster, shadings: &voronoi.shadings });
             lit.guesses.alike(seen, &lit.layer.surfaces, indirect.as_ref())
@@ -265,7 +287,7 @@ impl<'a> Drawing<'a> {
             let pixel = inside.then(|| y as usize * width + x as usize)?;
             let there = &surfaces.seen[pixel];
             let is_it = there.triangle() == seen.triangle() && there.image == 0 && !there.through;
-            (is_it && main.light[pixel].is_some()).then_some(pixel)
+            (is_it && main.light.at(pixel).is_some()).then_some(pixel)
         })
     }
 
@@ -277,7 +299,7 @@ impl<'a> Drawing<'a> {
             return None;
         }
         let seen = &polished.layer.surfaces.seen[pixel];
-        polished.light[pixel].map(|light| polished.colour(seen, Some(light)))
+        polished.light.at(pixel).map(|light| polished.colour(seen, Some(light)))
     }
 
     /// Smooth metals: few samples look along the eye's ray, but what is reflected is mostly seen elsewhere, so it counts as some
@@ -306,7 +328,9 @@ impl<'a> Drawing<'a> {
         });
         let Some(main) = self.layers.first_mut() else { return };
         for (pixel, light) in metals {
-            main.light[pixel] = light.or(main.light[pixel]);
+            if let Some(light) = light {
+                main.light.set(pixel, light);
+            }
         }
     }
 
@@ -341,6 +365,15 @@ impl<'a> Lit<'a> {
     /// Weight of one sample along the eye's ray.
     fn one(&self, paths: u16) -> f32 {
         reconstruct::weight_of_one(paths)
+    }
+
+    /// The first pixel of the block around a pixel that sees the same surface.
+    fn first_alike(&self, pixel: usize) -> usize {
+        let (surfaces, width) = (&self.layer.surfaces, self.layer.surfaces.size.0);
+        let (left, top) = (pixel % width / BLOCK * BLOCK, pixel / width / BLOCK * BLOCK);
+        let rows = (top..=pixel / width).map(|row| row * width);
+        let mut all = rows.flat_map(|row| row + left..row + (left + BLOCK).min(width));
+        all.find(|&other| surfaces.labels[other] == surfaces.labels[pixel]).unwrap_or(pixel)
     }
 
     /// Whether something is seen through a mirror or pane that ought to have samples and has none.

@@ -97,8 +97,7 @@ impl EdgePoints {
                 let pixel = self.pixels[at] as usize;
                 let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
                 for ((shows, hit), place) in self.points[at].iter().zip(PLACES) {
-                    let known =
-                        colour(pixel, shows).or_else(|| point(pixel, &ray(caster, width, pixel, place), *hit));
+                    let known = colour(pixel, shows).or_else(|| point(pixel, &ray(caster, width, pixel, place), *hit));
                     if let Some(colour) = known {
                         sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
                         count += 1.0;
