@@ -12,6 +12,9 @@ use holo_section::{BeamId, Section, ViewClass};
 /// about 20 ms.
 const LINES: usize = 200_000;
 
+/// Lines tried for each section for a quick look.
+const FEW_LINES: usize = 40_000;
+
 /// Most beams to ask for: a message has room for a million.
 const MOST_BEAMS: usize = 900_000;
 
@@ -29,23 +32,43 @@ pub(crate) struct End {
 ///
 /// `slack`: how far behind a section's wall points may seem to lie that lie on it, relative to the ray's length.
 pub(crate) fn beams_ending_on(sections: &[Section], points: &[End], slack: f64) -> Vec<(u16, BeamId)> {
+    let mut found: Vec<_> = by_lines(sections, points, slack, LINES).into_iter().map(|(at, _)| at).collect();
+    found.truncate(MOST_BEAMS);
+    found
+}
+
+/// Those of them, `most` at the most, of which a quick look finds the most rays that end there; in the same order.
+pub(crate) fn beams_mostly_ending_on(
+    sections: &[Section],
+    points: &[End],
+    slack: f64,
+    most: usize,
+) -> Vec<(u16, BeamId)> {
+    let mut found = by_lines(sections, points, slack, FEW_LINES);
+    found.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+    found.truncate(most);
+    found.sort_unstable();
+    found.into_iter().map(|(at, _)| at).collect()
+}
+
+/// Beams that some of so many lines for each section belong to, and how many of them.
+fn by_lines(sections: &[Section], points: &[End], slack: f64, count: usize) -> Vec<((u16, BeamId), usize)> {
     let mut found = Vec::new();
     if points.is_empty() {
         return found;
     }
+    let part_lines = count.div_ceil(PARTS);
     for (number, section) in (0_u16..).zip(sections) {
-        let mut lines = vec![None; LINES];
-        for_parts(&mut lines, 1, LINES / PARTS, |part, lines| {
-            for (line, number) in lines.iter_mut().zip(part * (LINES / PARTS)..) {
+        let mut lines = vec![None; count];
+        for_parts(&mut lines, 1, part_lines, |part, lines| {
+            for (line, number) in lines.iter_mut().zip(part * part_lines..) {
                 *line = beam(section, points, number as u64, slack);
             }
         });
         let mut beams: Vec<u64> = lines.into_iter().flatten().collect();
         beams.sort_unstable();
-        beams.dedup();
-        found.extend(beams.into_iter().map(|beam| (number, BeamId(beam))));
+        found.extend(beams.chunk_by(|a, b| a == b).map(|same| ((number, BeamId(same[0])), same.len())));
     }
-    found.truncate(MOST_BEAMS);
     found
 }
 

@@ -9,10 +9,7 @@ use holo_display::{Frame, Quadtree, QuadtreeParams, Voronoi, WantedBeam, viewpoi
 use holo_light::Store;
 use holo_net::{Inbox, Message, Outbox, SceneReceiver};
 use holo_picture::View;
-use holo_proto::{
-    bulk::Light,
-    control::{Control, Welcome},
-};
+use holo_proto::control::{Control, Welcome};
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
 use holo_section::{BeamId, RayCoords, Sample, Section};
@@ -100,12 +97,11 @@ impl Painter {
         }
     }
 
-    /// Adds records of indirect light.
-    pub fn take_light(&self, light: Light) {
-        if let Painter::Voronoi(_, records) = self {
-            light.records.into_iter().for_each(|record| {
-                records.receive(record);
-            });
+    /// Where records of indirect light go, if the driver uses them.
+    pub fn records(&self) -> Option<Arc<Store>> {
+        match self {
+            Painter::Voronoi(_, records) => Some(Arc::clone(records)),
+            Painter::Quadtree | Painter::Points(_) => None,
         }
     }
 
@@ -204,6 +200,14 @@ impl Canvas {
             Canvas::Quadtree(driver) => driver.surface_beams(),
             Canvas::Points(_) => Vec::new(),
             Canvas::Voronoi(driver) => driver.surface_beams(),
+        }
+    }
+
+    /// Some of those beams, which hold most of what is of use; none if the driver has no such choice.
+    pub fn best_surface_beams(&self) -> Vec<(u16, BeamId)> {
+        match self {
+            Canvas::Voronoi(driver) => driver.best_surface_beams(),
+            Canvas::Quadtree(_) | Canvas::Points(_) => Vec::new(),
         }
     }
 

@@ -26,6 +26,7 @@ use crate::{
     Config, PictureReport,
     canvas::{Canvas, Painter},
     default_view,
+    lights::Lights,
     received::Received,
     script::{Command, Next, Script, Step},
 };
@@ -64,8 +65,9 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
     let sections = welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
     let sections = sections.context("the server's sections")?;
     let painter = Painter::new(config.driver, &config.points, &sections, &mut inbox, &outbox, &welcome).await?;
+    let lights = Lights::new(painter.records()).context("starting a thread")?;
     let (sender, messages) = mpsc::channel();
-    let reader = tokio::spawn(read(inbox, outbox.clone(), sender.clone()));
+    let reader = tokio::spawn(read(inbox, outbox.clone(), sender.clone(), lights.clone()));
     let ended = tokio::spawn(async move {
         shutdown.wait().await;
         // If the session is over there is no one to tell.
@@ -79,6 +81,7 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
             welcome,
             sections,
             painter,
+            lights,
             outbox,
             messages,
             shown: None,
@@ -101,13 +104,17 @@ enum Incoming {
     Stop,
 }
 
-async fn read(mut inbox: Inbox, outbox: Outbox, messages: mpsc::Sender<Incoming>) {
+async fn read(mut inbox: Inbox, outbox: Outbox, messages: mpsc::Sender<Incoming>, lights: Lights) {
     loop {
         let incoming = match inbox.next().await {
             Ok(Message::Control(Control::Ping(number))) => {
                 if outbox.control(&Control::Pong(number)).is_err() {
                     return;
                 }
+                continue;
+            }
+            Ok(Message::Light(light)) => {
+                lights.give(light);
                 continue;
             }
             Ok(message) => Incoming::Message(message),
@@ -149,6 +156,7 @@ struct Session {
     welcome: Welcome,
     sections: Arc<[Section]>,
     painter: Painter,
+    lights: Lights,
     outbox: Outbox,
     messages: mpsc::Receiver<Incoming>,
     shown: Option<Shown>,
@@ -163,7 +171,9 @@ struct Session {
 enum Asked {
     /// Those of the beams that it crosses.
     Crossed,
-    /// And of beams that end on what it sees.
+    /// And of some beams that end on what it sees, which hold the most.
+    Best,
+    /// And of all beams that end on what it sees.
     Surfaces,
     /// All that there are.
     All,
@@ -269,12 +279,17 @@ impl Session {
 
     /// Once all stored samples of the beams asked for have been sent: asks for what else is of use.
     ///
-    /// The view's own beams come first, then all whose rays may end on what is seen. Those are for what is stored: when it
+    /// The view's own beams come first, then those that hold most of what is seen, then all whose rays may end on it. Those are for what is stored: when it
     /// has been sent, workers turn back to the view's own, unless the session ends.
     fn ask_on(&mut self, ending: bool) -> Result<()> {
         let Some(shown) = &mut self.shown else { return Ok(()) };
         match shown.asked {
             Asked::Crossed => {
+                shown.also = shown.canvas.best_surface_beams();
+                shown.asked = Asked::Best;
+                if shown.also.is_empty() { self.ask_on(ending) } else { self.ask_for_all() }
+            }
+            Asked::Best => {
                 shown.also = shown.canvas.surface_beams();
                 shown.asked = if shown.also.is_empty() { Asked::All } else { Asked::Surfaces };
                 if shown.asked == Asked::Surfaces { self.ask_for_all() } else { Ok(()) }
@@ -323,8 +338,10 @@ impl Session {
     ///
     /// What has arrived by then is taken, as far as [`LATE`] allows: a server that never pauses makes nobody wait.
     fn wait(&mut self, deadline: Instant, for_settled: bool) -> Result<Waited> {
+        // Drawing the picture before may have taken until after the deadline.
+        let last = deadline.max(Instant::now()) + LATE;
         loop {
-            if Instant::now() >= deadline + LATE {
+            if Instant::now() >= last {
                 return Ok(Waited::TimeUp);
             }
             let refine = self.shown.as_ref().filter(|shown| !shown.refined).map(|shown| shown.since + REFINE_AFTER);
@@ -338,7 +355,6 @@ impl Session {
             let left = until.saturating_duration_since(Instant::now());
             match self.messages.recv_timeout(left) {
                 Ok(Incoming::Message(Message::Samples(samples))) => self.insert(&samples),
-                Ok(Incoming::Message(Message::Light(light))) => self.painter.take_light(light),
                 Ok(Incoming::Message(Message::Unseen(unseen))) => self.insert_unseen(&unseen),
                 Ok(Incoming::Message(Message::Control(Control::Settled { view })))
                     if for_settled && view == self.view_number =>
@@ -485,6 +501,7 @@ impl Session {
         if self.wait(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
             bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
         }
+        self.lights.wait(SETTLE_TIME);
         self.meter.finish();
         self.config.output.clone().map_or(Ok(()), |path| self.picture(path))
     }

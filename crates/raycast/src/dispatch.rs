@@ -7,9 +7,10 @@ use crate::kernel::{Query, sweep, traverse};
 use crate::node::Hierarchy;
 use crate::packet::traverse_many;
 use crate::simd::{Portable, RAYS, Simd};
+use crate::tile::{Bundle, traverse_tile};
 #[cfg(target_arch = "x86_64")]
 use crate::x86::{Avx2, Avx512};
-use crate::{Hit, NO_TRIANGLE};
+use crate::{Hit, MAX_TILE, NO_TRIANGLE};
 
 /// Stack of ordinary hierarchies; small, since it is cleared for every ray. Half of it gained 1 to 2 %, but is too small for 10⁶ triangles.
 pub(crate) const SMALL_STACK: usize = 96;
@@ -78,6 +79,26 @@ impl Isa {
 }
 
 impl Isa {
+    /// Nearest hits of at most [`MAX_TILE`] queries from one eye; `best` has [`Query::nothing`] of each. `false` if they are not.
+    #[allow(unsafe_code)]
+    pub(crate) fn trace_tile(
+        self,
+        hierarchy: &Hierarchy,
+        reach: f32,
+        queries: &[Query],
+        best: &mut [Hit; MAX_TILE],
+    ) -> bool {
+        match self {
+            Self::Portable => tile(Portable, hierarchy, reach, queries, best),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the value proves that the processor has AVX2 and FMA.
+            Self::Avx2(simd) => unsafe { avx2_tile(simd, hierarchy, reach, queries, best) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the value proves that the processor has these parts of AVX-512.
+            Self::Avx512(simd) => unsafe { avx512_tile(simd, hierarchy, reach, queries, best) },
+        }
+    }
+
     /// Nearest hits of at most [`RAYS`] queries; `best` has [`Query::nothing`] of each.
     #[allow(unsafe_code)]
     pub(crate) fn trace_many(self, hierarchy: &Hierarchy, queries: &[Query], best: &mut [Hit; RAYS]) {
@@ -113,6 +134,32 @@ fn avx2_many(simd: Avx2, hierarchy: &Hierarchy, queries: &[Query], best: &mut [H
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,avx512f,avx512vl,avx512bw,avx512dq")]
 fn avx512_many(simd: Avx512, hierarchy: &Hierarchy, queries: &[Query], best: &mut [Hit; RAYS]) {
     many(simd, hierarchy, queries, best);
+}
+
+#[inline(always)]
+fn tile<S: Simd>(simd: S, hierarchy: &Hierarchy, reach: f32, queries: &[Query], best: &mut [Hit; MAX_TILE]) -> bool {
+    if hierarchy.nodes.is_empty() || queries.is_empty() {
+        return true;
+    }
+    let Some(bundle) = Bundle::new(queries, reach) else { return false };
+    if hierarchy.stack_need <= SMALL_STACK {
+        traverse_tile::<S, SMALL_STACK>(simd, hierarchy, &bundle, best);
+    } else {
+        traverse_tile::<S, LARGE_STACK>(simd, hierarchy, &bundle, best);
+    }
+    true
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2")]
+fn avx2_tile(simd: Avx2, hierarchy: &Hierarchy, reach: f32, queries: &[Query], best: &mut [Hit; MAX_TILE]) -> bool {
+    tile(simd, hierarchy, reach, queries, best)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,avx512f,avx512vl,avx512bw,avx512dq")]
+fn avx512_tile(simd: Avx512, hierarchy: &Hierarchy, reach: f32, queries: &[Query], best: &mut [Hit; MAX_TILE]) -> bool {
+    tile(simd, hierarchy, reach, queries, best)
 }
 
 #[inline(always)]

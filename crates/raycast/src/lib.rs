@@ -1,7 +1,7 @@
 //! Rays against a scene: the nearest hit, whether anything is in the way, and the surface that a ray meets.
 //!
 //! A [`Raycaster`] is an 8-wide bounding volume hierarchy over the triangles of a [`Scene`](holo_scene::Scene), traced one ray at a
-//! time, or the rays of a beam together; where there are at most 64 triangles, a single ray is tested against all. Coordinates are the
+//! time, or the rays of a beam or of neighbouring pixels together; where there are at most 64 triangles, a single ray is tested against all. Coordinates are the
 //! scene's f32 coordinates, relative to `scene.origin`.
 //!
 //! Always true:
@@ -22,6 +22,7 @@ mod raycaster;
 mod shaft;
 mod simd;
 mod surface;
+mod tile;
 mod triangle;
 #[cfg(target_arch = "x86_64")]
 mod x86;
@@ -37,6 +38,9 @@ pub const NO_TRIANGLE: u32 = u32::MAX;
 
 /// Most rays that [`Raycaster::nearest_many`] traces together: a packet's (Larson & Simmons 1999, §2.1).
 pub const MAX_TOGETHER: usize = 21;
+
+/// Most rays that [`Raycaster::nearest_tile`] traces together: 8 × 8 pixels.
+pub const MAX_TILE: usize = 64;
 
 /// A half line or segment, in coordinates relative to the scene's origin.
 #[derive(Clone, Copy, Debug, PartialEq)]

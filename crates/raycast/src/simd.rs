@@ -78,6 +78,10 @@ pub(crate) trait Simd: Copy {
     /// The same of sixteen, in the same roundings.
     fn straddled_row(self, row: &Row, ray: &Prepared) -> Straddled;
 
+    /// The same of one triangle for sixteen rays of one origin, in the same roundings. `corners` by vertex, relative to the origin, along
+    /// the axes of the rays' shears.
+    fn straddled_rays(self, corners: &[[f32; 3]; 3], shear_x: &[f32; ROW], shear_y: &[f32; ROW]) -> Straddled;
+
     /// Puts the children in `mask`, with their distances, at the start of `stack`: farthest first if `SORTED`. The rest is undefined.
     fn stack<const SORTED: bool>(self, children: &[u32; WIDTH], near: &Near, mask: u32, stack: &mut [u64; WIDTH]);
 
@@ -162,6 +166,21 @@ impl Simd for Portable {
                 [(rx[vertex][i] - ox) - ray.shear[0] * z, (ry[vertex][i] - oy) - ray.shear[1] * z]
             };
             let (a, b, c) = (sheared(0), sheared(1), sheared(2));
+            let u = c[0] * b[1] - c[1] * b[0];
+            let v = a[0] * c[1] - a[1] * c[0];
+            let w = b[0] * a[1] - b[1] * a[0];
+            let same = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
+            inside |= u32::from(same) << i;
+            on_edge |= u32::from((u == 0.0) | (v == 0.0) | (w == 0.0)) << i;
+        }
+        Straddled { inside, on_edge }
+    }
+
+    #[inline(always)]
+    fn straddled_rays(self, corners: &[[f32; 3]; 3], shear_x: &[f32; ROW], shear_y: &[f32; ROW]) -> Straddled {
+        let (mut inside, mut on_edge) = (0, 0);
+        for i in 0..ROW {
+            let [a, b, c] = corners.map(|[x, y, z]| [x - shear_x[i] * z, y - shear_y[i] * z]);
             let u = c[0] * b[1] - c[1] * b[0];
             let v = a[0] * c[1] - a[1] * c[0];
             let w = b[0] * a[1] - b[1] * a[0];

@@ -25,7 +25,7 @@ pub(crate) struct Prepared {
     pub sheared_origin: [f32; 3],
     /// Slopes of the direction along the first two of `axes` against the last.
     pub shear: [f32; 2],
-    direction: [f32; 3],
+    pub direction: [f32; 3],
 }
 
 /// Directions shorter or longer than this (squared) are refused: their inverses and products overflow.

@@ -9,7 +9,7 @@
 
 use std::arch::x86_64::*;
 
-use crate::node::{Block, Node, Row, WIDTH};
+use crate::node::{Block, Node, ROW, Row, WIDTH};
 use crate::packet::Limits;
 use crate::simd::{Near, RAYS, RayBytes, STRETCH, Simd, Straddled, stack_scalar};
 use crate::triangle::Prepared;
@@ -109,10 +109,9 @@ impl Simd for Avx2 {
             let [ox, oy, oz] = ray.sheared_origin;
             let (ox, oy, oz) = (_mm256_set1_ps(ox), _mm256_set1_ps(oy), _mm256_set1_ps(oz));
             let (sx, sy) = (_mm256_set1_ps(ray.shear[0]), _mm256_set1_ps(ray.shear[1]));
-            let zero = _mm256_setzero_ps();
             let (mut inside, mut on_edge) = (0, 0);
             for half in 0..2 {
-                let mut x = [zero; 3];
+                let mut x = [_mm256_setzero_ps(); 3];
                 let mut y = x;
                 for vertex in 0..3 {
                     let z = _mm256_sub_ps(_mm256_load_ps(rz[vertex].as_ptr().add(8 * half)), oz);
@@ -121,23 +120,32 @@ impl Simd for Avx2 {
                     x[vertex] = _mm256_sub_ps(across, _mm256_mul_ps(sx, z));
                     y[vertex] = _mm256_sub_ps(up, _mm256_mul_ps(sy, z));
                 }
-                let u = _mm256_sub_ps(_mm256_mul_ps(x[2], y[1]), _mm256_mul_ps(y[2], x[1]));
-                let v = _mm256_sub_ps(_mm256_mul_ps(x[0], y[2]), _mm256_mul_ps(y[0], x[2]));
-                let w = _mm256_sub_ps(_mm256_mul_ps(x[1], y[0]), _mm256_mul_ps(y[1], x[0]));
-                let above = _mm256_and_ps(
-                    _mm256_and_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(u, zero), _mm256_cmp_ps::<_CMP_GE_OQ>(v, zero)),
-                    _mm256_cmp_ps::<_CMP_GE_OQ>(w, zero),
-                );
-                let below = _mm256_and_ps(
-                    _mm256_and_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(u, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(v, zero)),
-                    _mm256_cmp_ps::<_CMP_LE_OQ>(w, zero),
-                );
-                let on = _mm256_or_ps(
-                    _mm256_or_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(u, zero), _mm256_cmp_ps::<_CMP_EQ_OQ>(v, zero)),
-                    _mm256_cmp_ps::<_CMP_EQ_OQ>(w, zero),
-                );
-                inside |= (_mm256_movemask_ps(_mm256_or_ps(above, below)) as u32) << (8 * half);
-                on_edge |= (_mm256_movemask_ps(on) as u32) << (8 * half);
+                let (within, on) = signs256(x, y);
+                inside |= within << (8 * half);
+                on_edge |= on << (8 * half);
+            }
+            Straddled { inside, on_edge }
+        }
+    }
+
+    #[inline(always)]
+    fn straddled_rays(self, corners: &[[f32; 3]; 3], shear_x: &[f32; ROW], shear_y: &[f32; ROW]) -> Straddled {
+        // SAFETY: `self` proves AVX2. Loads are of the first and the last eight of sixteen numbers.
+        unsafe {
+            let (mut inside, mut on_edge) = (0, 0);
+            for half in 0..2 {
+                let sx = _mm256_loadu_ps(shear_x.as_ptr().add(8 * half));
+                let sy = _mm256_loadu_ps(shear_y.as_ptr().add(8 * half));
+                let mut x = [_mm256_setzero_ps(); 3];
+                let mut y = x;
+                for (vertex, &[across, up, z]) in corners.iter().enumerate() {
+                    let z = _mm256_set1_ps(z);
+                    x[vertex] = _mm256_sub_ps(_mm256_set1_ps(across), _mm256_mul_ps(sx, z));
+                    y[vertex] = _mm256_sub_ps(_mm256_set1_ps(up), _mm256_mul_ps(sy, z));
+                }
+                let (within, on) = signs256(x, y);
+                inside |= within << (8 * half);
+                on_edge |= on << (8 * half);
             }
             Straddled { inside, on_edge }
         }
@@ -277,8 +285,7 @@ impl Simd for Avx512 {
             let [ox, oy, oz] = ray.sheared_origin;
             let (ox, oy, oz) = (_mm512_set1_ps(ox), _mm512_set1_ps(oy), _mm512_set1_ps(oz));
             let (sx, sy) = (_mm512_set1_ps(ray.shear[0]), _mm512_set1_ps(ray.shear[1]));
-            let zero = _mm512_setzero_ps();
-            let mut x = [zero; 3];
+            let mut x = [_mm512_setzero_ps(); 3];
             let mut y = x;
             for vertex in 0..3 {
                 let z = _mm512_sub_ps(_mm512_load_ps(rz[vertex].as_ptr()), oz);
@@ -287,22 +294,23 @@ impl Simd for Avx512 {
                 x[vertex] = _mm512_sub_ps(across, _mm512_mul_ps(sx, z));
                 y[vertex] = _mm512_sub_ps(up, _mm512_mul_ps(sy, z));
             }
-            let u = _mm512_sub_ps(_mm512_mul_ps(x[2], y[1]), _mm512_mul_ps(y[2], x[1]));
-            let v = _mm512_sub_ps(_mm512_mul_ps(x[0], y[2]), _mm512_mul_ps(y[0], x[2]));
-            let w = _mm512_sub_ps(_mm512_mul_ps(x[1], y[0]), _mm512_mul_ps(y[1], x[0]));
-            let above = [
-                _mm512_cmp_ps_mask::<_CMP_GE_OQ>(u, zero),
-                _mm512_cmp_ps_mask::<_CMP_GE_OQ>(v, zero),
-                _mm512_cmp_ps_mask::<_CMP_GE_OQ>(w, zero),
-            ];
-            let below = [
-                _mm512_cmp_ps_mask::<_CMP_LE_OQ>(u, zero),
-                _mm512_cmp_ps_mask::<_CMP_LE_OQ>(v, zero),
-                _mm512_cmp_ps_mask::<_CMP_LE_OQ>(w, zero),
-            ];
-            let inside = (above[0] & above[1] & above[2]) | (below[0] & below[1] & below[2]);
-            let on_edge = (above[0] & below[0]) | (above[1] & below[1]) | (above[2] & below[2]);
-            Straddled { inside: u32::from(inside), on_edge: u32::from(on_edge) }
+            signs512(x, y)
+        }
+    }
+
+    #[inline(always)]
+    fn straddled_rays(self, corners: &[[f32; 3]; 3], shear_x: &[f32; ROW], shear_y: &[f32; ROW]) -> Straddled {
+        // SAFETY: `self` proves AVX-512. Loads are of sixteen numbers.
+        unsafe {
+            let (sx, sy) = (_mm512_loadu_ps(shear_x.as_ptr()), _mm512_loadu_ps(shear_y.as_ptr()));
+            let mut x = [_mm512_setzero_ps(); 3];
+            let mut y = x;
+            for (vertex, &[across, up, z]) in corners.iter().enumerate() {
+                let z = _mm512_set1_ps(z);
+                x[vertex] = _mm512_sub_ps(_mm512_set1_ps(across), _mm512_mul_ps(sx, z));
+                y[vertex] = _mm512_sub_ps(_mm512_set1_ps(up), _mm512_mul_ps(sy, z));
+            }
+            signs512(x, y)
         }
     }
 
@@ -378,5 +386,61 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn prefetch_block(self, block: &Block) {
         self.0.prefetch_block(block);
+    }
+}
+
+/// Which of eight triangles' or rays' edge functions have one sign, and of which one is 0, from the sheared vertices.
+///
+/// # Safety
+/// The processor has AVX2.
+#[inline(always)]
+unsafe fn signs256(x: [__m256; 3], y: [__m256; 3]) -> (u32, u32) {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let zero = _mm256_setzero_ps();
+        let u = _mm256_sub_ps(_mm256_mul_ps(x[2], y[1]), _mm256_mul_ps(y[2], x[1]));
+        let v = _mm256_sub_ps(_mm256_mul_ps(x[0], y[2]), _mm256_mul_ps(y[0], x[2]));
+        let w = _mm256_sub_ps(_mm256_mul_ps(x[1], y[0]), _mm256_mul_ps(y[1], x[0]));
+        let above = _mm256_and_ps(
+            _mm256_and_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(u, zero), _mm256_cmp_ps::<_CMP_GE_OQ>(v, zero)),
+            _mm256_cmp_ps::<_CMP_GE_OQ>(w, zero),
+        );
+        let below = _mm256_and_ps(
+            _mm256_and_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(u, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(v, zero)),
+            _mm256_cmp_ps::<_CMP_LE_OQ>(w, zero),
+        );
+        let on = _mm256_or_ps(
+            _mm256_or_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(u, zero), _mm256_cmp_ps::<_CMP_EQ_OQ>(v, zero)),
+            _mm256_cmp_ps::<_CMP_EQ_OQ>(w, zero),
+        );
+        (_mm256_movemask_ps(_mm256_or_ps(above, below)) as u32, _mm256_movemask_ps(on) as u32)
+    }
+}
+
+/// The same of sixteen.
+///
+/// # Safety
+/// The processor has AVX-512 F and DQ.
+#[inline(always)]
+unsafe fn signs512(x: [__m512; 3], y: [__m512; 3]) -> Straddled {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let zero = _mm512_setzero_ps();
+        let u = _mm512_sub_ps(_mm512_mul_ps(x[2], y[1]), _mm512_mul_ps(y[2], x[1]));
+        let v = _mm512_sub_ps(_mm512_mul_ps(x[0], y[2]), _mm512_mul_ps(y[0], x[2]));
+        let w = _mm512_sub_ps(_mm512_mul_ps(x[1], y[0]), _mm512_mul_ps(y[1], x[0]));
+        let above = [
+            _mm512_cmp_ps_mask::<_CMP_GE_OQ>(u, zero),
+            _mm512_cmp_ps_mask::<_CMP_GE_OQ>(v, zero),
+            _mm512_cmp_ps_mask::<_CMP_GE_OQ>(w, zero),
+        ];
+        let below = [
+            _mm512_cmp_ps_mask::<_CMP_LE_OQ>(u, zero),
+            _mm512_cmp_ps_mask::<_CMP_LE_OQ>(v, zero),
+            _mm512_cmp_ps_mask::<_CMP_LE_OQ>(w, zero),
+        ];
+        let inside = (above[0] & above[1] & above[2]) | (below[0] & below[1] & below[2]);
+        let on_edge = (above[0] & below[0]) | (above[1] & below[1]) | (above[2] & below[2]);
+        Straddled { inside: u32::from(inside), on_edge: u32::from(on_edge) }
     }
 }

@@ -6,7 +6,7 @@
 //! - Sums are of integers, so the order of samples changes no bit.
 
 use super::shade::Shadings;
-use super::surfaces::{Caster, SKY, SMOOTH, Seen, Surfaces, Window};
+use super::surfaces::{Caster, SMOOTH, Seen, Surfaces, Window};
 use crate::camera::Camera;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use bytemuck::Zeroable;
@@ -104,7 +104,7 @@ impl Depositor<'_> {
             let tolerance =
                 direction.dot(seen.normal).abs() * place.uncertainty as f32 + ROUNDING * self.camera.reach(point);
             usize::from(seen.image) == image
-                && seen.triangle != SKY
+                && !seen.is_sky()
                 && (point - seen.position).dot(seen.normal).abs() <= tolerance
                 && direction.dot(seen.normal) < 0.0
         };
@@ -162,7 +162,7 @@ impl Depositor<'_> {
         let (material, normal) = (self.caster.material(triangle), image.direction(self.caster.normal(triangle)));
         fitting.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
         let all = || fitting.iter().flatten().map(|&(_, pixel)| pixel);
-        let is = |pixel: &usize| self.surfaces.seen[*pixel].triangle == triangle;
+        let is = |pixel: &usize| self.surfaces.seen[*pixel].triangle() == triangle;
         let continues = |pixel: &usize| {
             let seen = &self.surfaces.seen[*pixel];
             seen.material == material && seen.normal.dot(normal).abs() > SMOOTH

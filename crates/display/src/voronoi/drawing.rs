@@ -3,16 +3,17 @@
 //!
 //! Invariant: a colour is a function of the samples' sums and the scene alone.
 
-use super::edges::{EdgePoints, alike, polished};
+use super::edges::{Behind, EdgePoints, Shows, alike, polished};
 use super::guess::Guesses;
 use super::indirect::Indirect;
-use super::reconstruct;
+use super::reconstruct::{self, Light};
 use super::shade::Shadings;
-use super::surfaces::{Caster, Image, NO_IMAGE, SKY, Seen, Surfaces, number_of};
+use super::surfaces::{Caster, NO_IMAGE, Seen, Surfaces, number_of};
 use super::{Layer, Voronoi};
 use crate::camera::Camera;
 use crate::parts::for_parts;
 use holo_raycast::{Hit, Ray};
+use rustc_hash::FxHashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The layer of what is seen in panes, besides what is seen through them.
@@ -23,6 +24,9 @@ const POLISHED: usize = 2;
 
 /// Samples along the eye's ray that what a metal reflects by geometry counts for.
 const REFLECTION_COUNTS: f32 = 4.0;
+
+/// Pixels a side of blocks in which a surface without samples near has one light.
+const BLOCK: usize = 8;
 
 /// Pixels to the right and down at which a surface is looked for that something before it may hide, nearest first.
 const AROUND: [(f32, f32); 57] = [
@@ -92,12 +96,16 @@ pub(crate) struct Drawing<'a> {
     layers: Vec<Lit<'a>>,
 }
 
+/// What is known of the light on surfaces without samples near, by layer and the first pixel of the block that sees them: asking the
+/// records for each pixel took a second for a picture without samples.
+type Known = FxHashMap<(usize, usize), Option<[f32; 3]>>;
+
 /// A layer whose light is known.
 struct Lit<'a> {
     layer: &'a Layer,
     camera: &'a Camera,
     shadings: &'a Shadings,
-    light: Vec<Option<[f32; 3]>>,
+    light: Light,
     guesses: Guesses,
 }
 
@@ -122,12 +130,12 @@ impl<'a> Drawing<'a> {
         let Some(main) = self.layers.first() else { return (0, 0) };
         let (width, _) = main.layer.surfaces.size;
         let (empty, guessed) = (AtomicU64::new(0), AtomicU64::new(0));
-        for_parts(pixels, width, 4, |part, rows| {
+        for_parts(pixels, width, BLOCK, |part, rows| {
             let (mut without, mut guesses) = (0, 0);
-            for (colour, pixel) in rows.iter_mut().zip(part * 4 * width..) {
-                let middle = self.middle(pixel);
-                without +=
-                    u64::from(main.layer.sums[pixel].weight == 0 && main.layer.surfaces.seen[pixel].triangle != SKY);
+            let mut known = Known::default();
+            for (colour, pixel) in rows.iter_mut().zip(part * BLOCK * width..) {
+                let middle = self.middle(pixel, &mut known);
+                without += u64::from(main.layer.sums[pixel].weight == 0 && !main.layer.surfaces.seen[pixel].is_sky());
                 guesses += u64::from(middle.is_guess);
                 *colour = middle.colour;
             }
@@ -139,23 +147,61 @@ impl<'a> Drawing<'a> {
             if let Some(panes) = self.layers.get(IN_PANES) {
                 edges.iter_mut().zip(&panes.layer.surfaces.edges).for_each(|(edge, other)| *edge |= other);
             }
-            EdgePoints::cast(&self.caster, &edges, width)
+            EdgePoints::cast(&self.caster, &edges, width, |pixel, ray, hit| self.shows(pixel, ray, hit))
         });
-        let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit, pixels);
-        let means: Vec<_> = points.smooth(&self.caster, width, point).collect();
+        let middles: &[[f32; 3]] = pixels;
+        let colour = |pixel: usize, shows: &Shows| match shows {
+            Shows::Sky => Some(self.voronoi.shadings.sky),
+            // Without samples near, its middle has the light that is known of such surfaces.
+            Shows::Lit { by, material } => main
+                .light
+                .at(*by as usize)
+                .map_or(Some(middles[*by as usize]), |light| Some(main.shadings.lit(*material, light))),
+            // Where only the pane itself has samples, a neighbour's are as good.
+            Shows::Through(behind) => {
+                self.through(behind).or_else(|| polished(&main.layer.surfaces, pixel).map(|near| middles[near]))
+            }
+            Shows::Other => None,
+        };
+        let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit);
+        let means: Vec<_> = points.smooth(&self.caster, width, colour, point).collect();
         means.into_iter().for_each(|(pixel, colour)| pixels[pixel] = colour);
         (empty.into_inner(), guessed.into_inner())
     }
 
-    fn middle(&self, pixel: usize) -> Middle {
+    /// What of a point next to an edge does not depend on samples.
+    fn shows(&self, pixel: usize, ray: &Ray, hit: &Option<Hit>) -> Shows {
+        let Some((main, hit)) = self.layers.first().zip(hit.as_ref()) else { return Shows::Sky };
+        if self.caster.is_polished(hit.triangle) {
+            return Shows::Through(Box::new([0, IN_PANES].map(|layer| self.behind(layer, pixel, ray, hit))));
+        }
+        let seen = self.caster.first(ray, hit);
+        match alike(&main.layer.surfaces, pixel, &seen) {
+            Some(by) => Shows::Lit { by: by as u32, material: seen.material },
+            None => Shows::Other,
+        }
+    }
+
+    fn middle(&self, pixel: usize, known: &mut Known) -> Middle {
         if let Some(colour) = self.plainly(pixel) {
             return Middle { colour, is_guess: false };
         }
         let mut middle = Middle { colour: [0.0; 3], is_guess: false };
-        for (number, lit) in self.layers.iter().enumerate().take(POLISHED) {
+        // Most pixels look through nothing.
+        let count = match self.layers.first() {
+            Some(main) if !main.layer.surfaces.seen[pixel].through => 1,
+            _ => POLISHED,
+        };
+        for (number, lit) in self.layers.iter().enumerate().take(count) {
             let seen = &lit.layer.surfaces.seen[pixel];
             let Some(share) = lit.share(pixel, number > 0) else { continue };
-            let light = self.light(number, seen, Some(pixel));
+            let light = match lit.light.at(pixel) {
+                _ if seen.image == NO_IMAGE => self.light(number, seen, Some(pixel)),
+                Some(light) => Some(light),
+                None => *known
+                    .entry((number, lit.first_alike(pixel)))
+                    .or_insert_with_key(|&(_, first)| self.light(number, &lit.layer.surfaces.seen[first], Some(first))),
+            };
             if light.is_none() && !lit.is_certain(seen) {
                 if !self.voronoi.covered[pixel] {
                     continue;
@@ -167,40 +213,47 @@ impl<'a> Drawing<'a> {
         middle
     }
 
-    /// The colour of what a ray next to an edge meets; `None` if nothing is known of it. `pixels` are the middles' colours.
-    fn point(&self, pixel: usize, ray: &Ray, hit: Option<Hit>, pixels: &[[f32; 3]]) -> Option<[f32; 3]> {
-        let main = self.layers.first()?;
-        let Some(hit) = hit else { return Some(self.voronoi.shadings.sky) };
+    /// The colour of what a ray next to an edge meets, if it is no mirror or pane; `None` if nothing is known of it.
+    fn point(&self, pixel: usize, ray: &Ray, hit: Option<Hit>) -> Option<[f32; 3]> {
+        let (main, hit) = self.layers.first().zip(hit)?;
         if self.caster.is_polished(hit.triangle) {
-            // Where only the pane itself has samples, a neighbour's are as good.
-            let near = || polished(&main.layer.surfaces, pixel).map(|near| pixels[near]);
-            return self.through(pixel, ray, &hit).or_else(near);
+            return None;
         }
         let seen = self.caster.first(ray, &hit);
         let light = self.lit(main, &seen, alike(&main.layer.surfaces, pixel, &seen));
         (light.is_some() || main.is_certain(&seen)).then(|| main.colour(&seen, light))
     }
 
-    /// The colour of what a ray meets behind mirrors and panes and in panes.
-    fn through(&self, pixel: usize, ray: &Ray, hit: &Hit) -> Option<[f32; 3]> {
+    /// What a ray shows of a layer that meets a mirror or pane.
+    fn behind(&self, layer: usize, pixel: usize, ray: &Ray, hit: &Hit) -> Option<Behind> {
+        let surfaces = &self.layers.get(layer)?.layer.surfaces;
+        let end = self.caster.follow(*ray, *hit, layer == IN_PANES)?;
+        let known = number_of(&surfaces.images, &end.image, end.seen.position.length());
+        let seen = end.placed(known);
+        Some(Behind { seen, share: end.share, by: alike(surfaces, pixel, &seen) })
+    }
+
+    /// The colour of what a point shows behind mirrors and panes and in panes; `None` if something is not known.
+    fn through(&self, behind: &[Option<Behind>; 2]) -> Option<[f32; 3]> {
         let mut colour = [0.0; 3];
-        for (number, lit) in self.layers.iter().enumerate().take(POLISHED) {
-            let surfaces = &lit.layer.surfaces;
-            let known = |image: &Image, _: &[u32], reach: f32| number_of(&surfaces.images, image, reach);
-            let Some((seen, share)) = self.caster.follow(*ray, *hit, number == IN_PANES, known) else {
+        for (number, (lit, behind)) in self.layers.iter().zip(behind).enumerate() {
+            let Some(Behind { seen, share, by }) = behind else {
                 if number == IN_PANES {
                     continue;
                 }
                 return None;
             };
-            if number == 0 && lit.is_unknown(&seen) {
+            if number == 0 && lit.is_unknown(seen) {
                 return None;
             }
-            let light = self.light(number, &seen, alike(surfaces, pixel, &seen));
-            if light.is_none() && !lit.is_certain(&seen) {
+            let light = match by.and_then(|by| lit.light.at(by)) {
+                _ if seen.image == NO_IMAGE => self.light(number, seen, *by),
+                light => light,
+            };
+            if light.is_none() && !lit.is_certain(seen) {
                 return None;
             }
-            colour = plus(colour, share, lit.colour(&seen, light));
+            colour = plus(colour, *share, lit.colour(seen, light));
         }
         Some(colour)
     }
@@ -216,7 +269,7 @@ impl<'a> Drawing<'a> {
     /// Light on a surface: that of a pixel that sees it, else what is known of such surfaces.
     fn lit(&self, lit: &Lit, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
         let voronoi = self.voronoi;
-        pixel.and_then(|pixel| lit.light[pixel]).or_else(|| {
+        pixel.and_then(|pixel| lit.light.at(pixel)).or_else(|| {
             let store = voronoi.records.as_deref().filter(|store| !store.is_empty());
             let indirect = store.map(|store| Indirect { store, caster: &self.caster, shadings: &voronoi.shadings });
             lit.guesses.alike(seen, &lit.layer.surfaces, indirect.as_ref())
@@ -235,8 +288,8 @@ impl<'a> Drawing<'a> {
             let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
             let pixel = inside.then(|| y as usize * width + x as usize)?;
             let there = &surfaces.seen[pixel];
-            let is_it = there.triangle == seen.triangle && there.image == 0 && !there.through;
-            (is_it && main.light[pixel].is_some()).then_some(pixel)
+            let is_it = there.triangle() == seen.triangle() && there.image == 0 && !there.through;
+            (is_it && main.light.at(pixel).is_some()).then_some(pixel)
         })
     }
 
@@ -248,7 +301,7 @@ impl<'a> Drawing<'a> {
             return None;
         }
         let seen = &polished.layer.surfaces.seen[pixel];
-        polished.light[pixel].map(|light| polished.colour(seen, Some(light)))
+        polished.light.at(pixel).map(|light| polished.colour(seen, Some(light)))
     }
 
     /// Smooth metals: few samples look along the eye's ray, but what is reflected is mostly seen elsewhere, so it counts as some
@@ -257,8 +310,7 @@ impl<'a> Drawing<'a> {
         let Some(main) = self.layers.first() else { return };
         let surfaces = &main.layer.surfaces;
         let (width, _) = surfaces.size;
-        let metals =
-            |seen: &Seen| !seen.through && seen.triangle != SKY && self.voronoi.shadings.reflects(seen.material);
+        let metals = |seen: &Seen| !seen.through && !seen.is_sky() && self.voronoi.shadings.reflects(seen.material);
         let mut metals: Vec<(usize, Option<[f32; 3]>)> =
             surfaces.seen.iter().enumerate().filter(|(_, seen)| metals(seen)).map(|(pixel, _)| (pixel, None)).collect();
         for_parts(&mut metals, 1, 64, |_, metals| {
@@ -278,7 +330,9 @@ impl<'a> Drawing<'a> {
         });
         let Some(main) = self.layers.first_mut() else { return };
         for (pixel, light) in metals {
-            main.light[pixel] = light.or(main.light[pixel]);
+            if let Some(light) = light {
+                main.light.set(pixel, light);
+            }
         }
     }
 
@@ -316,25 +370,34 @@ impl<'a> Lit<'a> {
         reconstruct::weight_of_one(paths)
     }
 
+    /// The first pixel of the block around a pixel that sees the same surface.
+    fn first_alike(&self, pixel: usize) -> usize {
+        let (surfaces, width) = (&self.layer.surfaces, self.layer.surfaces.size.0);
+        let (left, top) = (pixel % width / BLOCK * BLOCK, pixel / width / BLOCK * BLOCK);
+        let rows = (top..=pixel / width).map(|row| row * width);
+        let mut all = rows.flat_map(|row| row + left..row + (left + BLOCK).min(width));
+        all.find(|&other| surfaces.labels[other] == surfaces.labels[pixel]).unwrap_or(pixel)
+    }
+
     /// Whether something is seen through a mirror or pane that ought to have samples and has none.
     fn is_unknown(&self, behind: &Seen) -> bool {
-        behind.through && behind.triangle != SKY && behind.image != NO_IMAGE && !self.guesses.knows(behind)
+        behind.through && !behind.is_sky() && behind.image != NO_IMAGE && !self.guesses.knows(behind)
     }
 
     /// Whether its colour is known without samples: the sky's, a lamp's.
     fn is_certain(&self, seen: &Seen) -> bool {
-        seen.triangle == SKY || self.shadings.materials[seen.material as usize].emits
+        seen.is_sky() || self.shadings.materials[seen.material as usize].emits
     }
 
     /// Radiance of a surface in this light; without any, as if the eye carried a lamp.
     fn colour(&self, seen: &Seen, light: Option<[f32; 3]>) -> [f32; 3] {
-        if seen.triangle == SKY {
+        if seen.is_sky() {
             return self.shadings.sky;
         }
         let shading = &self.shadings.materials[seen.material as usize];
         let unit = self.shadings.unit;
         match light {
-            Some(light) => [0, 1, 2].map(|channel| light[channel] * unit * shading.scale[channel]),
+            Some(light) => self.shadings.lit(seen.material, light),
             None if shading.emits => shading.emission,
             None => {
                 let towards = -seen.normal.dot(self.camera.sight(seen.position).normalize_or_zero());

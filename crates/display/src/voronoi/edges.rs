@@ -5,11 +5,12 @@
 
 use super::surfaces::{Caster, Seen, Surfaces};
 use crate::parts::for_parts;
-use holo_raycast::{Hit, MAX_TOGETHER, Ray};
+use holo_raycast::{Hit, MAX_TILE, Ray};
+use holo_scene::Rgb;
 
 /// Points of an edge pixel.
 const POINTS: usize = 8;
-const _: () = assert!(POINTS <= MAX_TOGETHER);
+const _: () = assert!(POINTS <= MAX_TILE);
 
 /// Pixels of one piece of work.
 const PIECE: usize = 256;
@@ -26,30 +27,67 @@ const PLACES: [(f64, f64); POINTS] = [
     (0.9375, 0.0625),
 ];
 
+/// What a point shows, as far as samples do not change it.
+#[derive(Clone, Debug)]
+pub(crate) enum Shows {
+    Sky,
+    /// A material in the light of a pixel that sees the same surface.
+    Lit {
+        by: u32,
+        material: u32,
+    },
+    /// What is behind a mirror or pane, and what is reflected in a pane.
+    Through(Box<[Option<Behind>; 2]>),
+    /// A surface that no pixel around sees.
+    Other,
+}
+
+/// What a point shows through mirrors and panes.
+#[derive(Clone, Debug)]
+pub(crate) struct Behind {
+    pub seen: Seen,
+    /// What of its light comes through.
+    pub share: Rgb,
+    /// A pixel that sees the same surface.
+    pub by: Option<usize>,
+}
+
 /// The pixels next to an edge, and what their points meet: found once for a view, since samples do not change it.
 pub(crate) struct EdgePoints {
     pixels: Vec<u32>,
-    hits: Vec<[Option<Hit>; POINTS]>,
+    points: Vec<[(Shows, Option<Hit>); POINTS]>,
 }
 
 impl EdgePoints {
     /// Casts the rays of all these pixels' points.
-    pub fn cast(caster: &Caster, edges: &[bool], width: usize) -> EdgePoints {
+    pub fn cast(
+        caster: &Caster,
+        edges: &[bool],
+        width: usize,
+        shows: impl Fn(usize, &Ray, &Option<Hit>) -> Shows + Sync,
+    ) -> EdgePoints {
         let pixels: Vec<u32> = (0..).zip(edges).filter(|(_, edge)| **edge).map(|(pixel, _)| pixel).collect();
-        let mut hits = vec![[None; POINTS]; pixels.len()];
-        for_parts(&mut hits, 1, PIECE, |part, hits| {
-            for (hits, &pixel) in hits.iter_mut().zip(&pixels[part * PIECE..]) {
-                caster.nearest_many(&rays(caster, width, pixel as usize), hits);
+        let mut points = vec![[const { (Shows::Other, None) }; POINTS]; pixels.len()];
+        for_parts(&mut points, 1, PIECE, |part, points| {
+            for (points, &pixel) in points.iter_mut().zip(&pixels[part * PIECE..]) {
+                let rays = PLACES.map(|place| ray(caster, width, pixel as usize, place));
+                let mut hits = [None; POINTS];
+                caster.nearest_tile(&rays, &mut hits);
+                for ((point, ray), hit) in points.iter_mut().zip(&rays).zip(hits) {
+                    *point = (shows(pixel as usize, ray, &hit), hit);
+                }
             }
         });
-        EdgePoints { pixels, hits }
+        EdgePoints { pixels, points }
     }
 
-    /// The pixels as means over their points. `point` gives the colour of what a ray in a pixel meets, if it is known.
+    /// The pixels as means over their points. `colour` gives the colour of what a point shows, and `point` that of what a ray in a
+    /// pixel meets, if it is known.
     pub fn smooth(
         &self,
         caster: &Caster,
         width: usize,
+        colour: impl Fn(usize, &Shows) -> Option<[f32; 3]> + Sync,
         point: impl Fn(usize, &Ray, Option<Hit>) -> Option<[f32; 3]> + Sync,
     ) -> impl Iterator<Item = (usize, [f32; 3])> {
         let mut means = vec![None; self.pixels.len()];
@@ -58,8 +96,9 @@ impl EdgePoints {
             for (mean, at) in means.iter_mut().zip(first..) {
                 let pixel = self.pixels[at] as usize;
                 let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
-                for (ray, hit) in rays(caster, width, pixel).iter().zip(self.hits[at]) {
-                    if let Some(colour) = point(pixel, ray, hit) {
+                for ((shows, hit), place) in self.points[at].iter().zip(PLACES) {
+                    let known = colour(pixel, shows).or_else(|| point(pixel, &ray(caster, width, pixel, place), *hit));
+                    if let Some(colour) = known {
                         sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
                         count += 1.0;
                     }
@@ -71,11 +110,11 @@ impl EdgePoints {
     }
 }
 
-/// The rays through a pixel's points.
-fn rays(caster: &Caster, width: usize, pixel: usize) -> [Ray; POINTS] {
-    let (column, row) = (pixel % width, pixel / width);
-    let nowhere = Ray::new(glam::Vec3::ZERO, glam::Vec3::ZERO);
-    PLACES.map(|(x, y)| caster.ray(column as f64 + x, row as f64 + y).map_or(nowhere, |(ray, _)| ray))
+/// The ray through a point of a pixel.
+fn ray(caster: &Caster, width: usize, pixel: usize, (x, y): (f64, f64)) -> Ray {
+    let (column, row) = ((pixel % width) as f64, (pixel / width) as f64);
+    let nowhere = || Ray::new(glam::Vec3::ZERO, glam::Vec3::ZERO);
+    caster.ray(column + x, row + y).map_or_else(nowhere, |(ray, _)| ray)
 }
 
 /// The pixel of the 3 × 3 around that sees the point's surface in the same image: the same triangle if there is one, else one

@@ -6,14 +6,19 @@
 
 use super::deposit::{Sums, luminance};
 use super::indirect::Indirect;
-use super::surfaces::{SKY, Seen, Surfaces};
+use super::surfaces::{Seen, Surfaces};
+use crate::parts::for_parts;
 use glam::Vec3;
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::hash::Hash;
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 /// Steps of a normal's coordinates: those of one class are within about 40° of each other.
 const STEPS: f32 = 1.5;
+
+/// Rows of one piece of work.
+const ROWS: usize = 32;
 
 /// Pixels whose indirect light stands for a class's.
 const EXAMPLES: usize = 8;
@@ -31,9 +36,9 @@ enum Kin {
 
 /// Mean light by classes of surfaces.
 pub(crate) struct Guesses {
-    kin: HashMap<Kin, Known>,
+    kin: FxHashMap<Kin, Known>,
     /// Mean indirect light of the examples, where it was asked for.
-    indirect: Mutex<HashMap<Kin, Option<[f32; 3]>>>,
+    indirect: Mutex<FxHashMap<Kin, Option<[f32; 3]>>>,
 }
 
 struct Known {
@@ -92,36 +97,53 @@ fn rank(pixel: u32) -> u32 {
     pixel.wrapping_mul(0x9E37_79B9).rotate_right(15).wrapping_mul(0x85EB_CA6B)
 }
 
-impl Guesses {
-    pub fn new(surfaces: &Surfaces, sums: &[Sums]) -> Guesses {
-        let mut sides: HashMap<(u32, bool, Class), Total> = HashMap::new();
-        // Neighbours mostly see the same: what a run of them adds up to is looked up once.
-        let mut run: Option<((u32, bool, Class), Vec3, Total)> = None;
-        let mut end = |run: Option<((u32, bool, Class), Vec3, Total)>| {
-            if let Some((key, _, total)) = run {
-                sides.entry(key).or_default().join(&total);
-            }
+/// Sums by the side of a triangle, and its class.
+type Sides = FxHashMap<(u32, bool, Class), Total>;
+
+/// Sums of these pixels.
+fn sides(surfaces: &Surfaces, sums: &[Sums], pixels: Range<usize>) -> Sides {
+    let mut sides = Sides::default();
+    // Neighbours mostly see the same: what a run of them adds up to is looked up once.
+    let mut run: Option<((u32, bool, Class), Vec3, Total)> = None;
+    let mut end = |run: Option<((u32, bool, Class), Vec3, Total)>| {
+        if let Some((key, _, total)) = run {
+            sides.entry(key).or_default().join(&total);
+        }
+    };
+    for (pixel, (seen, sums)) in pixels.clone().zip(surfaces.seen[pixels.clone()].iter().zip(&sums[pixels])) {
+        if seen.is_sky() || sums.weight == 0 {
+            continue;
+        }
+        let same = |((triangle, front, class), normal, _): &((u32, bool, Class), Vec3, Total)| {
+            (*triangle, *front, class.0) == (seen.triangle(), seen.front, seen.material) && *normal == seen.normal
         };
-        for (pixel, (seen, sums)) in (0_u32..).zip(surfaces.seen.iter().zip(sums)) {
-            if seen.triangle == SKY || sums.weight == 0 {
-                continue;
-            }
-            let same = |((triangle, front, class), normal, _): &((u32, bool, Class), Vec3, Total)| {
-                (*triangle, *front, class.0) == (seen.triangle, seen.front, seen.material) && *normal == seen.normal
-            };
-            match &mut run {
-                Some(run) if same(run) => run.2.add(sums, pixel),
-                _ => {
-                    let mut total = Total::default();
-                    total.add(sums, pixel);
-                    end(run.replace(((seen.triangle, seen.front, class(seen)), seen.normal, total)));
-                }
+        match &mut run {
+            Some(run) if same(run) => run.2.add(sums, pixel as u32),
+            _ => {
+                let mut total = Total::default();
+                total.add(sums, pixel as u32);
+                end(run.replace(((seen.triangle(), seen.front, class(seen)), seen.normal, total)));
             }
         }
-        end(run);
-        // Which examples are kept depends on their ranks alone, sums are of integers: the map's order changes nothing.
-        let mut kin: HashMap<Kin, Total> = HashMap::new();
-        for ((triangle, front, class), total) in sides {
+    }
+    end(run);
+    sides
+}
+
+impl Guesses {
+    pub fn new(surfaces: &Surfaces, sums: &[Sums]) -> Guesses {
+        let width = surfaces.size.0;
+        let (_, rows) = surfaces.bounds();
+        let mut strips: Vec<Sides> = Vec::new();
+        strips.resize_with(rows.len().div_ceil(ROWS), Sides::default);
+        for_parts(&mut strips, 1, 1, |part, strip| {
+            let first = (rows.start + part * ROWS) * width;
+            let end = (first + ROWS * width).min(rows.end * width);
+            strip.iter_mut().for_each(|strip| *strip = sides(surfaces, sums, first..end));
+        });
+        // Which examples are kept depends on their ranks alone, sums are of integers: the maps' order changes nothing.
+        let mut kin: FxHashMap<Kin, Total> = FxHashMap::default();
+        for ((triangle, front, class), total) in strips.into_iter().flatten() {
             for of in [Kin::Side((triangle, front)), Kin::Class(class), Kin::Material(class.0), Kin::All] {
                 kin.entry(of).or_default().join(&total);
             }

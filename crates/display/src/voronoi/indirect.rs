@@ -31,7 +31,7 @@ impl Indirect<'_> {
         };
         let (point, normal) = (self.caster.place(position), self.caster.towards(normal));
         let error = glam::Vec3::splat(point.abs().max_element() * ROUNDING);
-        let at = SurfacePoint { point, error, normal, triangle: seen.triangle };
+        let at = SurfacePoint { point, error, normal, triangle: seen.triangle() };
         let raycaster = self.caster.raycaster();
         let found = self.store.irradiance(point, normal, ENOUGH, |record| {
             raycaster.parted(&at, normal, record.point.into(), record.normal.into())

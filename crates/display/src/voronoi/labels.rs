@@ -1,77 +1,236 @@
-//! Which pixels show parts of one surface.
+//! Which pixels show parts of one surface, and where edges between surfaces are.
 //!
-//! Invariant: labels follow from what the pixels see alone, in the order of the pixels.
+//! Strips of rows are connected by all cores, then strips with each other.
+//!
+//! Invariant: labels follow from what the pixels see alone: a surface's is that of its first pixel, whatever the strips.
 
-use super::surfaces::{NO_LABEL, SKY, Seen};
+use super::surfaces::{NO_LABEL, Seen, Window};
 use crate::camera::PixelWidth;
 use crate::parts::for_parts;
-use std::collections::HashMap;
+use bytemuck::zeroed_vec;
+use rustc_hash::FxHashMap;
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
-/// Rows of one piece of work.
-const ROWS: usize = 16;
+/// Rows of a strip.
+const ROWS: usize = 32;
 
-/// A label for each pixel: neighbours that continue each other have the same, and so have parts of one side of a triangle that
-/// something in front keeps apart.
-pub(crate) fn connect(seen: &[Seen], width: usize, pixel_width: PixelWidth) -> Vec<u32> {
-    let mut labels: Vec<u32> = (0..seen.len() as u32).collect();
-    let mut of_triangle: HashMap<((u32, bool), u8, bool), u32> = HashMap::new();
-    for (pixel, here) in seen.iter().enumerate() {
-        if here.triangle == SKY {
-            labels[pixel] = NO_LABEL;
-            continue;
-        }
-        let left = (pixel % width > 0).then(|| pixel - 1);
-        let above = pixel.checked_sub(width);
-        let mut alone = true;
-        for other in [left, above].into_iter().flatten() {
-            if here.continues(&seen[other], pixel_width) {
-                alone = alone && seen[other].side() != here.side();
-                join(&mut labels, pixel as u32, other as u32);
-            }
-        }
-        // Only where a triangle begins can it be a new part of one: most pixels continue their neighbour's.
-        if alone {
-            let first = *of_triangle.entry((here.side(), here.image, here.through)).or_insert(pixel as u32);
-            join(&mut labels, pixel as u32, first);
-        }
-    }
-    for pixel in 0..labels.len() {
-        if labels[pixel] != NO_LABEL {
-            labels[pixel] = root(&mut labels, pixel as u32);
-        }
-    }
-    labels
+/// What belongs together even where something in front keeps it apart: a side of a triangle, in one image.
+type Part = ((u32, bool), u8, bool);
+
+/// What is found out about a layer's pixels.
+pub(crate) struct Labelled {
+    /// A label for each pixel: neighbours that continue each other have the same, and so have parts of one side of a triangle.
+    pub labels: Vec<u32>,
+    /// Whether something else is seen in the 3 × 3 pixels around.
+    pub edges: Vec<bool>,
+    /// Where the images that are seen at all are seen.
+    pub windows: Vec<Window>,
 }
 
+/// Labels, edges and windows of what pixels see, in so many images. Nothing is seen but in `rows`.
+pub(crate) fn label(
+    seen: &[Seen],
+    width: usize,
+    rows: &Range<usize>,
+    pixel_width: PixelWidth,
+    images: usize,
+) -> Labelled {
+    let mut labels: Vec<u32> = zeroed_vec(seen.len());
+    let found = Mutex::new((Vec::new(), vec![Window::nowhere(); images]));
+    for_parts(&mut labels, width, ROWS, |part, labels| {
+        if !touches(rows, part) {
+            return;
+        }
+        let first = part * ROWS * width;
+        let strip = Strip { seen: &seen[first..first + labels.len()], width, pixel_width };
+        let parts = strip.connect(labels);
+        let windows = strip.windows(part * ROWS, images);
+        let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
+        found.0.push((part, parts));
+        found.1.iter_mut().zip(windows).for_each(|(window, other)| window.join(&other));
+    });
+    let (mut strips, windows) = found.into_inner().unwrap_or_else(PoisonError::into_inner);
+    strips.sort_unstable_by_key(|&(part, _)| part);
+    join_strips(seen, width, pixel_width, &mut labels, strips);
+    let edges = edges(&labels, width, rows);
+    let windows = (0..).zip(windows).filter(|(_, window)| window.low.0 < window.high.0);
+    let windows = windows.map(|(image, window)| Window { image, ..window }).collect();
+    Labelled { labels, edges, windows }
+}
+
+/// Whether a strip has any of these rows, or is beside one.
+fn touches(rows: &Range<usize>, strip: usize) -> bool {
+    rows.start <= (strip + 1) * ROWS && strip * ROWS <= rows.end
+}
+
+/// Some rows of a picture.
+struct Strip<'a> {
+    seen: &'a [Seen],
+    width: usize,
+    pixel_width: PixelWidth,
+}
+
+impl Strip<'_> {
+    /// Labels within the strip: one more than the number of a surface's first pixel in it. Gives the first pixels of triangles' parts.
+    fn connect(&self, labels: &mut [u32]) -> FxHashMap<Part, u32> {
+        let mut parts = FxHashMap::default();
+        for (pixel, here) in self.seen.iter().enumerate() {
+            if here.is_sky() {
+                continue;
+            }
+            labels[pixel] = pixel as u32 + 1;
+            let left = (!pixel.is_multiple_of(self.width)).then(|| pixel - 1);
+            let above = pixel.checked_sub(self.width);
+            let mut alone = true;
+            for other in [left, above].into_iter().flatten() {
+                if here.continues(&self.seen[other], self.pixel_width) {
+                    alone = alone && self.seen[other].side() != here.side();
+                    join(labels, pixel as u32, other as u32);
+                }
+            }
+            // Only where a triangle begins can it be a new part of one: most pixels continue their neighbour's.
+            if alone {
+                let first = *parts.entry(part(here)).or_insert(pixel as u32);
+                join(labels, pixel as u32, first);
+            }
+        }
+        for pixel in 0..labels.len() {
+            // A label is that of an earlier pixel, which is done.
+            if let Some(first) = labels[pixel].checked_sub(1) {
+                labels[pixel] = labels[first as usize];
+            }
+        }
+        parts
+    }
+
+    /// Where in the picture these rows, from `top`, show each image.
+    fn windows(&self, top: usize, images: usize) -> Vec<Window> {
+        let mut windows = vec![Window::nowhere(); images];
+        for (row, line) in self.seen.chunks(self.width.max(1)).enumerate() {
+            for (column, seen) in line.iter().enumerate().filter(|(_, seen)| !seen.is_sky()) {
+                if let Some(window) = windows.get_mut(usize::from(seen.image)) {
+                    let (x, y) = (column as f32, (top + row) as f32);
+                    window.low = (window.low.0.min(x), window.low.1.min(y));
+                    window.high = (window.high.0.max(x + 1.0), window.high.1.max(y + 1.0));
+                }
+            }
+        }
+        windows
+    }
+}
+
+fn part(seen: &Seen) -> Part {
+    (seen.side(), seen.image, seen.through)
+}
+
+/// Makes labels of strips, each with its number and the first pixels of its parts, those of the picture.
+fn join_strips(
+    seen: &[Seen],
+    width: usize,
+    pixel_width: PixelWidth,
+    labels: &mut [u32],
+    strips: Vec<(usize, FxHashMap<Part, u32>)>,
+) {
+    let size = ROWS * width;
+    let touched: Vec<usize> = strips.iter().map(|&(strip, _)| strip).collect();
+    // For the first pixels of surfaces in strips, which are few: the number of another one of the same surface, plus one.
+    let mut firsts: Vec<u32> = zeroed_vec(labels.len());
+    let of = |labels: &[u32], pixel: usize| (pixel / size * size) as u32 + labels[pixel] - 1;
+    let mut known: FxHashMap<Part, u32> = FxHashMap::default();
+    for (number, parts) in strips {
+        let top = number * size;
+        for above in top.saturating_sub(width)..top {
+            let pixel = above + width;
+            if pixel < seen.len() && seen[pixel].continues(&seen[above], pixel_width) {
+                join_firsts(&mut firsts, of(labels, pixel), of(labels, above));
+            }
+        }
+        // The order of a map's entries changes nothing: the least number of a surface wins.
+        for (part, pixel) in parts {
+            let first = of(labels, top + pixel as usize);
+            let other = *known.entry(part).or_insert(first);
+            join_firsts(&mut firsts, first, other);
+        }
+    }
+    let picture = &firsts;
+    for_parts(labels, width, ROWS, |part, labels| {
+        if touched.binary_search(&part).is_err() {
+            return;
+        }
+        let top = (part * size) as u32;
+        let (mut last, mut first) = (NO_LABEL, NO_LABEL);
+        for label in labels.iter_mut().filter(|label| **label != NO_LABEL) {
+            // Neighbours mostly have the same.
+            if *label != last {
+                (last, first) = (*label, first_of(picture, top + *label - 1) + 1);
+            }
+            *label = first;
+        }
+    });
+}
+
+fn first_of(firsts: &[u32], mut pixel: u32) -> u32 {
+    while let Some(other) = firsts[pixel as usize].checked_sub(1).filter(|&other| other != pixel) {
+        pixel = other;
+    }
+    pixel
+}
+
+fn join_firsts(firsts: &mut [u32], a: u32, b: u32) {
+    let (ends, starts) = (first_of(firsts, a), first_of(firsts, b));
+    let (least, most) = (ends.min(starts), ends.max(starts));
+    for pixel in [a, b, most] {
+        firsts[pixel as usize] = least + 1;
+    }
+}
+
+/// The first pixel of a label within a strip; labels are one more than a pixel's number.
 fn root(labels: &mut [u32], mut pixel: u32) -> u32 {
-    while labels[pixel as usize] != pixel {
-        let above = labels[labels[pixel as usize] as usize];
+    while labels[pixel as usize] != pixel + 1 {
+        let above = labels[labels[pixel as usize] as usize - 1];
         labels[pixel as usize] = above;
-        pixel = above;
+        pixel = above - 1;
     }
     pixel
 }
 
 fn join(labels: &mut [u32], a: u32, b: u32) {
     let (a, b) = (root(labels, a), root(labels, b));
-    labels[a.max(b) as usize] = a.min(b);
+    labels[a.max(b) as usize] = a.min(b) + 1;
 }
 
 /// Whether a pixel's label is not that of all 3 × 3 pixels around it.
-pub(crate) fn edges(labels: &[u32], width: usize) -> Vec<bool> {
+fn edges(labels: &[u32], width: usize, rows: &Range<usize>) -> Vec<bool> {
     let mut edges = vec![false; labels.len()];
     for_parts(&mut edges, width, ROWS, |part, lines| {
+        if !touches(rows, part) {
+            return;
+        }
         for (line, row) in lines.chunks_mut(width).zip(part * ROWS..) {
+            let here = &labels[row * width..][..width];
             let rows = row.saturating_sub(1)..(row + 2).min(labels.len() / width);
             for around in rows.map(|row| &labels[row * width..][..width]) {
-                let here = &labels[row * width..][..width];
-                for (column, (edge, label)) in line.iter_mut().zip(here).enumerate() {
-                    let left = around[column.saturating_sub(1)];
-                    let right = around[(column + 1).min(width - 1)];
-                    *edge |= left != *label || around[column] != *label || right != *label;
-                }
+                differ(line, here, around);
             }
         }
     });
     edges
+}
+
+/// Marks pixels of a row that differ from one of three in a row beside it, or in their own.
+fn differ(line: &mut [bool], here: &[u32], around: &[u32]) {
+    for ((edge, here), beside) in line.iter_mut().zip(here).zip(around) {
+        *edge |= here != beside;
+    }
+    if let (Some((_, line)), [_, here @ ..]) = (line.split_first_mut(), here) {
+        for ((edge, here), before) in line.iter_mut().zip(here).zip(around) {
+            *edge |= here != before;
+        }
+    }
+    if let [_, around @ ..] = around {
+        for ((edge, here), after) in line.iter_mut().zip(here).zip(around) {
+            *edge |= here != after;
+        }
+    }
 }

@@ -11,6 +11,8 @@
 //! - A pixel whose ray meets nothing is the sky, exactly; one that has no ray, in the corners of a fisheye, is 0.
 
 mod beams;
+mod cast;
+mod covered;
 mod deposit;
 mod drawing;
 mod edges;
@@ -23,8 +25,6 @@ mod surfaces;
 
 use crate::Frame;
 use crate::camera::Camera;
-use crate::candidates::is_covered;
-use crate::parts::for_parts;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use deposit::{Beam, Depositor, Sums};
 use drawing::Drawing;
@@ -35,7 +35,7 @@ use holo_raycast::Raycaster;
 use holo_section::{BeamId, Sample, Section};
 use shade::Shadings;
 use std::sync::{Arc, OnceLock};
-use surfaces::{Caster, SKY, Seen, Surfaces};
+use surfaces::{Caster, Seen, Surfaces};
 
 /// A picture, and how much of it is a guess.
 #[derive(Clone, Debug)]
@@ -79,7 +79,7 @@ impl Voronoi {
         let layers = Caster::new(&raycaster, &view, &camera, size).surfaces().into_iter();
         let layers = layers.map(|surfaces| Layer { sums: bytemuck::zeroed_vec(surfaces.seen.len()), surfaces });
         let layers = layers.collect();
-        let covered = covered(&sections, &view, size);
+        let covered = covered::covered(&sections, &view, size);
         Self {
             placed: sections.iter().map(|section| PlacedSection::new(section, &camera)).collect(),
             shadings: Shadings::new(raycaster.scene()),
@@ -112,10 +112,8 @@ impl Voronoi {
 
     /// Distance from the eye of what each pixel sees, as [`Frame::depth`].
     pub fn depth(&self) -> Vec<f32> {
-        let depth = |seen: &Seen| match seen.triangle {
-            SKY => f32::INFINITY,
-            _ => self.camera.sight(seen.position).length(),
-        };
+        let sight = |seen: &Seen| self.camera.sight(seen.position).length();
+        let depth = |seen: &Seen| if seen.is_sky() { f32::INFINITY } else { sight(seen) };
         self.layers.iter().take(1).flat_map(|layer| layer.surfaces.seen.iter().map(depth)).collect()
     }
 
@@ -168,20 +166,4 @@ impl Voronoi {
         }
         Drawn { frame, guessed_pixels }
     }
-}
-
-/// Whether some section covers each pixel's middle.
-fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Vec<bool> {
-    let (width, height) = (size.0 as usize, size.1 as usize);
-    let mut covered = vec![false; width * height];
-    for_parts(&mut covered, width, 8, |part, rows| {
-        let mut hint = 0;
-        for (offset, covered) in rows.iter_mut().enumerate() {
-            let (column, row) = (offset % width, part * 8 + offset / width);
-            let x = (column as f64 + 0.5) / width as f64;
-            let (eye, along) = view.ray(x, 1.0 - (row as f64 + 0.5) / height as f64);
-            *covered = is_covered(sections, eye, along, &mut hint);
-        }
-    });
-    covered
 }

@@ -14,7 +14,6 @@ use super::shade::FULL_WEIGHT;
 use super::surfaces::{NO_LABEL, Surfaces};
 use crate::parts::for_parts;
 use bytemuck::Zeroable;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Tents tried: the widest has 2⁷ pixels on each side of its middle.
 const LEVELS: usize = 8;
@@ -31,9 +30,12 @@ const FEWEST: f32 = 12.0;
 /// Rows of one piece of work.
 const ROWS: usize = 16;
 
+/// Kinds of sums that a pixel has: light by channel, weight, and squared luminance. A row of a picture has each kind by itself, one after
+/// the other, so that a pass adds many pixels at once.
+const KINDS: usize = 5;
+
 /// Sums of a pixel, or of a tent around it.
 #[derive(Clone, Copy, Debug, Default)]
-#[repr(C)]
 struct Cell {
     light: [f32; 3],
     weight: f32,
@@ -41,12 +43,11 @@ struct Cell {
 }
 
 impl Cell {
-    fn add(&mut self, part: f32, other: &Cell) {
-        for (sum, value) in self.light.iter_mut().zip(other.light) {
-            *sum += part * value;
-        }
-        self.weight += part * other.weight;
-        self.square += part * other.square;
+    /// The sums of a column, from those of its row.
+    #[inline]
+    fn of(row: &[f32], width: usize, column: usize) -> Cell {
+        let [red, green, blue, weight, square] = [0, 1, 2, 3, 4].map(|kind: usize| row[kind * width + column]);
+        Cell { light: [red, green, blue], weight, square }
     }
 
     fn mean(&self) -> [f32; 3] {
@@ -72,14 +73,35 @@ struct Mean {
 struct Choice {
     light: [f32; 3],
     /// How many means have been taken so far.
-    taken: usize,
+    taken: u8,
     open: bool,
 }
 
-/// Light of every pixel, in fixed-point steps; `None` where no sample of its surface is near enough. Samples are means of
-/// `paths` paths.
-pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16) -> Vec<Option<[f32; 3]>> {
-    let mut light = vec![None; sums.len()];
+/// Light of the pixels of some rows, in fixed-point steps.
+#[derive(Debug)]
+pub(crate) struct Light {
+    /// The first pixel.
+    first: usize,
+    light: Vec<Option<[f32; 3]>>,
+}
+
+impl Light {
+    /// `None` where no sample of a pixel's surface is near enough.
+    #[inline]
+    pub fn at(&self, pixel: usize) -> Option<[f32; 3]> {
+        self.light.get(pixel.wrapping_sub(self.first)).copied().flatten()
+    }
+
+    /// Sets a pixel's, if it is in the rows.
+    pub fn set(&mut self, pixel: usize, light: [f32; 3]) {
+        if let Some(there) = self.light.get_mut(pixel.wrapping_sub(self.first)) {
+            *there = Some(light);
+        }
+    }
+}
+
+/// Light of every pixel. Samples are means of `paths` paths.
+pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16) -> Light {
     let full = surfaces.size.0;
     let (columns, rows) = surfaces.bounds();
     let width = columns.len();
@@ -90,23 +112,30 @@ pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16) -> Vec<Optio
         line.copy_from_slice(&surfaces.labels[places(row)]);
     }
     let one = weight_of_one(paths);
-    let mut cells: Vec<Cell> = vec![Cell::default(); labels.len()];
-    for_parts(&mut cells, width, ROWS, |part, lines| {
-        for (line, row) in lines.chunks_mut(width).zip(rows.start + part * ROWS..) {
-            for (cell, sum) in line.iter_mut().zip(&sums[places(row)]) {
-                cell.weight = sum.weight as f32 / one;
-                cell.light = sum.light.map(|x| x as f32 / one);
-                cell.square = sum.square as f32 / one;
+    let mut cells: Vec<f32> = bytemuck::zeroed_vec(KINDS * labels.len());
+    for_parts(&mut cells, KINDS * width, ROWS, |part, lines| {
+        for (line, row) in lines.chunks_mut(KINDS * width).zip(rows.start + part * ROWS..) {
+            for (column, sum) in sums[places(row)].iter().enumerate().filter(|(_, sum)| sum.weight > 0) {
+                // Of 128 bits mostly the lower half is used, which converts ten times as fast.
+                let square = u64::try_from(sum.square).map_or_else(|_| sum.square as f32, |square| square as f32);
+                let [red, green, blue] = sum.light.map(|x| x as f32);
+                for (kind, value) in [red, green, blue, sum.weight as f32, square].into_iter().enumerate() {
+                    line[kind * width + column] = value / one;
+                }
             }
         }
     });
     let choices = choose(cells, &labels, width);
-    for (line, row) in choices.chunks(width.max(1)).zip(rows.clone()) {
-        for (light, choice) in light[places(row)].iter_mut().zip(line) {
-            *light = (choice.taken > 0).then_some(choice.light);
+    let mut light = vec![None; full * rows.len()];
+    for_parts(&mut light, full, ROWS, |part, lines| {
+        let choices = choices.chunks(width.max(1)).skip(part * ROWS);
+        for (line, choices) in lines.chunks_mut(full).zip(choices) {
+            for (light, choice) in line[columns.clone()].iter_mut().zip(choices) {
+                *light = (choice.taken > 0).then_some(choice.light);
+            }
         }
-    }
-    light
+    });
+    Light { first: rows.start * full, light }
 }
 
 /// Weight in sums of one sample along the eye's ray.
@@ -115,76 +144,83 @@ pub(crate) fn weight_of_one(paths: u16) -> f32 {
 }
 
 /// The mean for every pixel, from the sums of each.
-fn choose(mut cells: Vec<Cell>, labels: &[u32], width: usize) -> Vec<Choice> {
+fn choose(mut cells: Vec<f32>, labels: &[u32], width: usize) -> Vec<Choice> {
     let start = Choice { light: [0.0; 3], taken: 0, open: true };
-    let mut choices = vec![start; cells.len()];
-    let mut half = vec![Cell::default(); cells.len()];
+    let mut choices = vec![start; labels.len()];
+    let mut half: Vec<f32> = bytemuck::zeroed_vec(cells.len());
     // The means taken, by level within each part: where few levels are needed, most of this memory is never touched.
-    let mut means: Vec<Mean> = bytemuck::zeroed_vec(cells.len() * LEVELS);
+    let mut means: Vec<Mean> = bytemuck::zeroed_vec(labels.len() * LEVELS);
     let part = (ROWS * width).max(1);
+    // Parts of which every choice is made.
+    let mut done = vec![false; labels.len().div_ceil(part)];
     for level in 0..LEVELS {
-        let is_open = AtomicBool::new(false);
-        let mut parts: Vec<_> = choices.chunks_mut(part).zip(means.chunks_mut(part * LEVELS)).collect();
+        let mut parts: Vec<_> = choices.chunks_mut(part).zip(means.chunks_mut(part * LEVELS)).zip(&mut done).collect();
         for_parts(&mut parts, 1, 1, |number, parts| {
-            for (choices, means) in parts {
+            for ((choices, means), done) in parts.iter_mut().filter(|(_, done)| !**done) {
                 let length = choices.len();
-                let (cells, labels) = (&cells[number * part..][..length], &labels[number * part..][..length]);
+                let labels = &labels[number * part..][..length];
                 let mut open = false;
-                for (offset, (choice, cell)) in choices.iter_mut().zip(cells).enumerate() {
-                    choice.consider(cell, level, means, offset, length);
-                    open |= choice.open && labels[offset] != NO_LABEL;
+                for (row, line) in choices.chunks_mut(width).enumerate() {
+                    let cells = &cells[KINDS * (number * part + row * width)..][..KINDS * width];
+                    for (column, choice) in line.iter_mut().enumerate().filter(|(_, choice)| choice.open) {
+                        let offset = row * width + column;
+                        // The sky has no light to be found.
+                        choice.open = labels[offset] != NO_LABEL;
+                        if cells[3 * width + column] > 0.0 {
+                            choice.consider(&Cell::of(cells, width, column), level, means, offset, length);
+                        }
+                        open |= choice.open;
+                    }
                 }
-                is_open.fetch_or(open, Ordering::Relaxed);
+                **done = !open;
             }
         });
-        if level + 1 == LEVELS || !is_open.into_inner() {
+        if level + 1 == LEVELS || done.iter().all(|&done| done) {
             break;
         }
         let step = 1 << level;
-        for_parts(&mut half, width, ROWS, |part, rows| across(&cells, labels, width, step, part * ROWS, rows));
-        for_parts(&mut cells, width, ROWS, |part, rows| down(&half, labels, width, step, part * ROWS, rows));
+        let lines = KINDS * width;
+        for_parts(&mut half, lines, ROWS, |part, rows| across(&cells, labels, width, step, part * ROWS, rows));
+        for_parts(&mut cells, lines, ROWS, |part, rows| down(&half, labels, width, step, part * ROWS, rows));
     }
     choices
 }
 
+/// Adds half of what is beside, where that is of the same label. Sky has nothing to add.
+#[inline]
+fn add_half(sums: &mut [f32], labels: &[u32], beside: &[f32], labels_beside: &[u32]) {
+    for (((sum, label), other), label_beside) in sums.iter_mut().zip(labels).zip(beside).zip(labels_beside) {
+        *sum += if label == label_beside { 0.5 * other } else { 0.0 };
+    }
+}
+
 /// One pass of the tent along rows.
-fn across(from: &[Cell], labels: &[u32], width: usize, step: usize, top: usize, rows: &mut [Cell]) {
-    for (row, line) in rows.chunks_mut(width).enumerate() {
-        let start = (top + row) * width;
-        let (from, labels) = (&from[start..start + width], &labels[start..start + width]);
-        for (column, cell) in line.iter_mut().enumerate() {
-            *cell = from[column];
-            let label = labels[column];
-            if label == NO_LABEL {
-                continue;
-            }
-            if column >= step && labels[column - step] == label {
-                cell.add(0.5, &from[column - step]);
-            }
-            if column + step < width && labels[column + step] == label {
-                cell.add(0.5, &from[column + step]);
+fn across(from: &[f32], labels: &[u32], width: usize, step: usize, top: usize, rows: &mut [f32]) {
+    for (row, line) in (top..).zip(rows.chunks_mut(KINDS * width)) {
+        let labels = &labels[row * width..][..width];
+        let from = &from[row * KINDS * width..][..KINDS * width];
+        for (sums, from) in line.chunks_mut(width).zip(from.chunks(width)) {
+            sums.copy_from_slice(from);
+            if step < width {
+                add_half(&mut sums[step..], &labels[step..], from, labels);
+                add_half(sums, labels, &from[step..], &labels[step..]);
             }
         }
     }
 }
 
 /// One pass of the tent along columns.
-fn down(from: &[Cell], labels: &[u32], width: usize, step: usize, top: usize, rows: &mut [Cell]) {
-    let reach = step * width;
-    for (row, line) in rows.chunks_mut(width).enumerate() {
-        let start = (top + row) * width;
-        for (column, cell) in line.iter_mut().enumerate() {
-            let pixel = start + column;
-            *cell = from[pixel];
-            let label = labels[pixel];
-            if label == NO_LABEL {
-                continue;
-            }
-            if pixel >= reach && labels[pixel - reach] == label {
-                cell.add(0.5, &from[pixel - reach]);
-            }
-            if pixel + reach < from.len() && labels[pixel + reach] == label {
-                cell.add(0.5, &from[pixel + reach]);
+fn down(from: &[f32], labels: &[u32], width: usize, step: usize, top: usize, rows: &mut [f32]) {
+    let height = labels.len() / width.max(1);
+    let row_of = |row: usize| &from[row * KINDS * width..][..KINDS * width];
+    let labels_of = |row: usize| &labels[row * width..][..width];
+    for (row, line) in (top..).zip(rows.chunks_mut(KINDS * width)) {
+        line.copy_from_slice(row_of(row));
+        let above = row.checked_sub(step);
+        let below = (row + step < height).then_some(row + step);
+        for other in [above, below].into_iter().flatten() {
+            for (sums, beside) in line.chunks_mut(width).zip(row_of(other).chunks(width)) {
+                add_half(sums, labels_of(row), beside, labels_of(other));
             }
         }
     }
@@ -193,9 +229,6 @@ fn down(from: &[Cell], labels: &[u32], width: usize, step: usize, top: usize, ro
 impl Choice {
     /// Takes the next wider mean if it may be had. The pixel's means are at `offset` and then every `stride`.
     fn consider(&mut self, cell: &Cell, level: usize, means: &mut [Mean], offset: usize, stride: usize) {
-        if !self.open || cell.weight <= 0.0 {
-            return;
-        }
         // A tent's weights w have (Σw)²/Σw² = 9/4 Σw / max w.
         let samples = cell.weight * if level == 0 { 1.0 } else { 2.25 };
         let mean = Mean { value: luminance(cell.light) / cell.weight, samples, variance: cell.variance() };
@@ -203,7 +236,7 @@ impl Choice {
             // The variance of the widest mean judges all: narrow ones, of few samples, would think that they agree. An edge
             // within it makes it too large, by so much that two samples on one side still tell. A narrow mean with a rare
             // bright sample knows best how little it knows.
-            for narrower in means[offset..].iter().step_by(stride).take(self.taken) {
+            for narrower in means[offset..].iter().step_by(stride).take(usize::from(self.taken)) {
                 let error = (mean.variance.max(narrower.variance) / narrower.samples).sqrt();
                 if error <= ENOUGH * narrower.value || (mean.value - narrower.value).abs() > CONFIDENCE * error {
                     self.open = false;
@@ -212,7 +245,7 @@ impl Choice {
             }
         }
         self.light = cell.mean();
-        means[offset + self.taken * stride] = mean;
+        means[offset + usize::from(self.taken) * stride] = mean;
         self.taken += 1;
     }
 }

@@ -96,6 +96,13 @@ impl Shadings {
         Shadings { materials: scene.materials.iter().map(Shading::new).collect(), sky: scene.sky, unit }
     }
 
+    /// Radiance of a material in this light.
+    #[inline]
+    pub fn lit(&self, material: u32, light: [f32; 3]) -> Rgb {
+        let scale = self.materials[material as usize].scale;
+        [0, 1, 2].map(|channel| light[channel] * self.unit * scale[channel])
+    }
+
     /// Whether a material is a smooth metal.
     pub fn reflects(&self, material: u32) -> bool {
         self.materials.get(material as usize).is_some_and(|shading| shading.reflects)

@@ -9,28 +9,16 @@
 //! - Pixels have the same label only if they see one connected surface, or parts of it, in the same image.
 
 use crate::camera::{Camera, PixelWidth};
-use crate::parts::for_parts;
+use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use holo_picture::View;
-use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
+use holo_raycast::{Hit, Ray, Raycaster};
 use holo_scene::{Bsdf, Rgb};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
-
-/// A block of pixels traced together.
-const BLOCK: (usize, usize) = (7, 3);
-const _: () = assert!(BLOCK.0 * BLOCK.1 == MAX_TOGETHER);
 
 /// Mirrors and panes that are followed at the most.
 const MAX_CHAIN: usize = 8;
-
-/// Different mirror images in one picture, the scene itself among them.
-const MAX_IMAGES: usize = 12;
-
-/// Pixels that must look into a triangle of a mirror for its image to get samples of its own: every sample is tried in every
-/// image. What smaller ones show has the light of where else it is seen.
-const LEAST_MIRROR: u32 = 400;
 
 /// Metals of at most this roughness look nearly like mirrors: their highlights are some degrees wide.
 pub(crate) const SMOOTH_METAL: f32 = 0.05;
@@ -45,17 +33,18 @@ pub(crate) const SMOOTH: f32 = 0.999;
 pub(crate) const SKY: u32 = u32::MAX;
 
 /// The label of pixels that see the sky.
-pub(crate) const NO_LABEL: u32 = u32::MAX;
+pub(crate) const NO_LABEL: u32 = 0;
 
 /// What a pixel, or a point of it, sees.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Zeroable)]
 pub(crate) struct Seen {
     /// Camera coordinates, as seen: behind the mirror for a mirror's image.
     pub position: Vec3,
     /// Unit, towards the eye, as seen.
     pub normal: Vec3,
-    /// [`SKY`] for none.
-    pub triangle: u32,
+    /// The complement of the triangle's number, so that memory that is 0 sees the sky: layers of which a picture has little take no
+    /// time to clear.
+    complement: u32,
     pub material: u32,
     /// Whether its counter-clockwise side is seen.
     pub front: bool,
@@ -69,16 +58,27 @@ impl Seen {
     pub const NOTHING: Seen = Seen {
         position: Vec3::ZERO,
         normal: Vec3::ZERO,
-        triangle: SKY,
+        complement: !SKY,
         material: 0,
-        front: true,
+        front: false,
         image: 0,
         through: false,
     };
 
+    /// [`SKY`] for none.
+    #[inline]
+    pub fn triangle(&self) -> u32 {
+        !self.complement
+    }
+
+    #[inline]
+    pub fn is_sky(&self) -> bool {
+        self.complement == !SKY
+    }
+
     /// The side of a triangle that it is of.
     pub fn side(&self) -> (u32, bool) {
-        (self.triangle, self.front)
+        (self.triangle(), self.front)
     }
 
     /// Whether a surface seen next to this one is the same smooth one.
@@ -86,8 +86,8 @@ impl Seen {
         self.material == other.material
             && self.image == other.image
             && self.through == other.through
-            && self.triangle != SKY
-            && other.triangle != SKY
+            && !self.is_sky()
+            && !other.is_sky()
             && (self.side() == other.side()
                 || (self.normal.dot(other.normal) > SMOOTH && {
                     let between = other.position - self.position;
@@ -106,7 +106,7 @@ pub(crate) struct Image {
 }
 
 impl Image {
-    const ITSELF: Image = Image { turn: glam::Mat3::IDENTITY, shift: Vec3::ZERO };
+    pub const ITSELF: Image = Image { turn: glam::Mat3::IDENTITY, shift: Vec3::ZERO };
 
     /// Where a point of the scene is seen.
     pub fn point(&self, point: Vec3) -> Vec3 {
@@ -148,6 +148,19 @@ pub(crate) struct Window {
     pub high: (f32, f32),
 }
 
+impl Window {
+    /// Holds no pixel.
+    pub fn nowhere() -> Window {
+        Window { image: 0, low: (f32::INFINITY, f32::INFINITY), high: (0.0, 0.0) }
+    }
+
+    /// Makes it hold what another one holds.
+    pub fn join(&mut self, other: &Window) {
+        self.low = (self.low.0.min(other.low.0), self.low.1.min(other.low.1));
+        self.high = (self.high.0.max(other.high.0), self.high.1.max(other.high.1));
+    }
+}
+
 /// What a view's pixels see.
 pub(crate) struct Surfaces {
     pub size: (usize, usize),
@@ -161,7 +174,7 @@ pub(crate) struct Surfaces {
     /// Where in the picture each image is seen.
     pub windows: Vec<Window>,
     /// What comes through the mirrors and panes before a pixel's surface; all of it where none is listed.
-    pub throughput: HashMap<u32, Rgb>,
+    pub throughput: FxHashMap<u32, Rgb>,
     pub pixel_width: PixelWidth,
 }
 
@@ -180,8 +193,8 @@ impl Surfaces {
 pub(crate) struct Caster<'a> {
     raycaster: &'a Raycaster,
     view: &'a View,
-    camera: &'a Camera,
-    size: (usize, usize),
+    pub camera: &'a Camera,
+    pub size: (usize, usize),
 }
 
 impl<'a> Caster<'a> {
@@ -215,8 +228,9 @@ impl<'a> Caster<'a> {
         self.raycaster.scene()
     }
 
-    pub fn nearest_many(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.raycaster.nearest_many(rays, hits);
+    /// The nearest hits of view rays through neighbouring points.
+    pub fn nearest_tile(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        self.raycaster.nearest_tile(rays, hits);
     }
 
     fn vector(&self, local: Vec3) -> Vec3 {
@@ -255,7 +269,7 @@ impl<'a> Caster<'a> {
         Seen {
             position: self.point(self.raycaster.surface_point(hit).0),
             normal: self.vector(facing),
-            triangle: hit.triangle,
+            complement: !hit.triangle,
             material: scene.material_ids[hit.triangle as usize],
             front,
             image: 0,
@@ -264,21 +278,13 @@ impl<'a> Caster<'a> {
     }
 
     /// Follows a ray from a mirror or pane to the first surface that is neither, and what of its light comes back: through
-    /// all panes, or off the first one and then through the others if `off_pane`. `number` numbers an image, seen in these
-    /// triangles of mirrors from so far, if it has one.
+    /// all panes, or off the first one and then through the others if `off_pane`.
     ///
     /// `None` if there are too many of them, or no pane to come off.
-    pub fn follow(
-        &self,
-        mut ray: Ray,
-        mut hit: Hit,
-        mut off_pane: bool,
-        number: impl FnOnce(&Image, &[u32], f32) -> Option<usize>,
-    ) -> Option<(Seen, Rgb)> {
+    pub fn follow(&self, mut ray: Ray, mut hit: Hit, mut off_pane: bool) -> Option<End> {
         let scene = self.raycaster.scene();
-        let mut image = Image::ITSELF;
-        let mut mirrors = Vec::new();
-        let mut share = [1.0_f32; 3];
+        let mut end =
+            End { seen: Seen::NOTHING, share: [1.0; 3], image: Image::ITSELF, mirrors: [0; MAX_CHAIN], count: 0 };
         for _ in 0..MAX_CHAIN {
             let material = scene.material(hit.triangle);
             let normal = self.raycaster.geometric_normal(hit.triangle);
@@ -286,13 +292,14 @@ impl<'a> Caster<'a> {
             let mirrored = ray.direction - 2.0 * ray.direction.dot(normal) * normal;
             let (colour, onward) = match material.bsdf {
                 Bsdf::Mirror { ks } => {
-                    image = image.mirrored(self.point(at), self.vector(normal));
-                    mirrors.push(hit.triangle);
+                    end.image = end.image.mirrored(self.point(at), self.vector(normal));
+                    end.mirrors[end.count] = hit.triangle;
+                    end.count += 1;
                     (ks, mirrored)
                 }
                 Bsdf::ThinGlass { ior, .. } if off_pane => {
                     off_pane = false;
-                    image = image.mirrored(self.point(at), self.vector(normal));
+                    end.image = end.image.mirrored(self.point(at), self.vector(normal));
                     ([pane_reflectance(ray.direction.dot(normal).abs(), ior); 3], mirrored)
                 }
                 Bsdf::ThinGlass { ior, transmittance } => {
@@ -301,20 +308,16 @@ impl<'a> Caster<'a> {
                 }
                 _ if off_pane => return None,
                 _ => {
-                    let seen = self.first(&ray, &hit);
-                    let Some(number) = number(&image, &mirrors, seen.position.length()) else {
-                        return Some((Seen { image: NO_IMAGE, through: true, ..seen }, share));
-                    };
-                    let (position, normal) = (image.point(seen.position), image.direction(seen.normal));
-                    return Some((Seen { position, normal, image: number as u8, through: true, ..seen }, share));
+                    end.seen = self.first(&ray, &hit);
+                    return Some(end);
                 }
             };
-            share = [0, 1, 2].map(|channel| share[channel] * colour[channel]);
+            end.share = [0, 1, 2].map(|channel| end.share[channel] * colour[channel]);
             ray = Ray::new(holo_raycast::spawn(at, error, normal, onward), onward);
             match self.raycaster.nearest_from(&ray, hit.triangle) {
                 Some(next) => hit = next,
                 None if off_pane => return None,
-                None => return Some((Seen { through: true, ..Seen::NOTHING }, share)),
+                None => return Some(end),
             }
         }
         None
@@ -352,98 +355,6 @@ impl<'a> Caster<'a> {
         self.raycaster.nearest(ray)
     }
 
-    /// What every pixel's middle sees. If there are mirrors or panes in the picture, then what is seen in panes besides what
-    /// is seen through them, and then the mirrors and panes themselves.
-    pub fn surfaces(&self) -> Vec<Surfaces> {
-        let (width, height) = self.size;
-        let mut seen = vec![Seen::NOTHING; width * height];
-        let special = Mutex::new(Vec::new());
-        for_parts(&mut seen, width, BLOCK.1, |part, rows| {
-            let found = self.cast_rows(part * BLOCK.1, rows);
-            if !found.is_empty() {
-                special.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
-            }
-        });
-        let mut special: Vec<(usize, Ray, Hit)> = special.into_inner().unwrap_or_else(PoisonError::into_inner);
-        if special.is_empty() {
-            return vec![self.layer(seen, vec![Image::ITSELF], HashMap::new())];
-        }
-        // Threads finish in any order; images are numbered in the order of the pixels.
-        special.sort_by_key(|&(pixel, ..)| pixel);
-        let mut in_panes = vec![Seen::NOTHING; width * height];
-        let mut polished = in_panes.clone();
-        let (mut images, mut pane_images) = (vec![Image::ITSELF], vec![Image::ITSELF]);
-        let (mut throughput, mut pane_throughput) = (HashMap::new(), HashMap::new());
-        let mut looking_into: HashMap<u32, u32> = HashMap::new();
-        for (_, _, hit) in &special {
-            *looking_into.entry(hit.triangle).or_default() += 1;
-        }
-        let is_large = |triangle| looking_into.get(&triangle).is_some_and(|&pixels| pixels >= LEAST_MIRROR);
-        for (pixel, ray, hit) in special {
-            let numbered = |images: &mut Vec<Image>, image: &Image, mirrors: &[u32], reach: f32| {
-                let known = number_of(images, image, reach);
-                if known.is_none() && images.len() < MAX_IMAGES && mirrors.iter().all(|&mirror| is_large(mirror)) {
-                    images.push(*image);
-                    return Some(images.len() - 1);
-                }
-                known
-            };
-            let main = |image: &Image, mirrors: &[u32], reach: f32| numbered(&mut images, image, mirrors, reach);
-            let Some((behind, share)) = self.follow(ray, hit, false, main) else { continue };
-            polished[pixel] = std::mem::replace(&mut seen[pixel], behind);
-            throughput.insert(pixel as u32, share);
-            let panes = |image: &Image, mirrors: &[u32], reach: f32| numbered(&mut pane_images, image, mirrors, reach);
-            if let Some((reflected, share)) = self.follow(ray, hit, true, panes) {
-                in_panes[pixel] = reflected;
-                pane_throughput.insert(pixel as u32, share);
-            }
-        }
-        vec![
-            self.layer(seen, images, throughput),
-            self.layer(in_panes, pane_images, pane_throughput),
-            self.layer(polished, vec![Image::ITSELF], HashMap::new()),
-        ]
-    }
-
-    fn layer(&self, seen: Vec<Seen>, images: Vec<Image>, throughput: HashMap<u32, Rgb>) -> Surfaces {
-        let pixel_width = self.camera.pixel_width;
-        let labels = super::labels::connect(&seen, self.size.0, pixel_width);
-        let edges = super::labels::edges(&labels, self.size.0);
-        let windows = windows(&seen, self.size.0, images.len());
-        Surfaces { size: self.size, seen, labels, edges, images, windows, throughput, pixel_width }
-    }
-
-    /// Some rows from `top`; gives the pixels that look at a mirror or pane.
-    fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Vec<(usize, Ray, Hit)> {
-        let mut found = Vec::new();
-        let width = self.size.0;
-        let count = rows.len() / width.max(1);
-        let nowhere = Ray::new(Vec3::ZERO, Vec3::ZERO);
-        for left in (0..width).step_by(BLOCK.0) {
-            let across = BLOCK.0.min(width - left);
-            let mut rays = [nowhere; MAX_TOGETHER];
-            let mut hits = [None; MAX_TOGETHER];
-            let place = |slot: usize| (slot % across, slot / across);
-            let used = across * count;
-            for (slot, ray) in rays[..used].iter_mut().enumerate() {
-                let (x, y) = place(slot);
-                *ray = self.ray((left + x) as f64 + 0.5, (top + y) as f64 + 0.5).map_or(nowhere, |(ray, _)| ray);
-            }
-            self.raycaster.nearest_many(&rays[..used], &mut hits[..used]);
-            for slot in 0..used {
-                let (x, y) = place(slot);
-                let Some(hit) = hits[slot] else { continue };
-                let special = self.is_polished(hit.triangle);
-                let pixel = y * width + left + x;
-                rows[pixel] = self.first(&rays[slot], &hit);
-                if special {
-                    found.push((top * width + pixel, rays[slot], hit));
-                }
-            }
-        }
-        found
-    }
-
     /// The scene's triangle at a point that the camera has, looking along `direction`, within `reach` on either side.
     pub fn triangle_at(&self, point: DVec3, direction: DVec3, reach: f64) -> Option<u32> {
         let at = self.turned_back(point) + self.camera.eye - self.scene().origin;
@@ -454,23 +365,44 @@ impl<'a> Caster<'a> {
     }
 }
 
+/// Where a ray ends that goes through panes and off mirrors.
+#[derive(Clone, Copy)]
+pub(crate) struct End {
+    /// Where it is.
+    pub seen: Seen,
+    /// What of its light comes back.
+    pub share: Rgb,
+    /// Where it is seen.
+    pub image: Image,
+    mirrors: [u32; MAX_CHAIN],
+    count: usize,
+}
+
+impl End {
+    /// The triangles of the mirrors on the way.
+    pub fn mirrors(&self) -> &[u32] {
+        &self.mirrors[..self.count]
+    }
+
+    /// What is seen there, in the image of this number if it has one.
+    pub fn placed(&self, number: Option<usize>) -> Seen {
+        let seen = Seen { through: true, ..self.seen };
+        match number {
+            _ if seen.is_sky() => seen,
+            None => Seen { image: NO_IMAGE, ..seen },
+            Some(number) => Seen {
+                position: self.image.point(seen.position),
+                normal: self.image.direction(seen.normal),
+                image: number as u8,
+                ..seen
+            },
+        }
+    }
+}
+
 /// The number of an image, if it is among these.
 pub(crate) fn number_of(images: &[Image], image: &Image, reach: f32) -> Option<usize> {
     images.iter().position(|known| known.is_like(image, reach))
-}
-
-/// Where the images that are seen at all are seen.
-fn windows(seen: &[Seen], width: usize, images: usize) -> Vec<Window> {
-    let nowhere = |image| Window { image, low: (f32::INFINITY, f32::INFINITY), high: (0.0, 0.0) };
-    let mut windows: Vec<Window> = (0..images as u8).map(nowhere).collect();
-    for (pixel, seen) in seen.iter().enumerate().filter(|(_, seen)| seen.triangle != SKY) {
-        let Some(window) = windows.get_mut(usize::from(seen.image)) else { continue };
-        let (column, row) = ((pixel % width) as f32, (pixel / width) as f32);
-        window.low = (window.low.0.min(column), window.low.1.min(row));
-        window.high = (window.high.0.max(column + 1.0), window.high.1.max(row + 1.0));
-    }
-    windows.retain(|window| window.low.0 < window.high.0);
-    windows
 }
 
 /// What a thin pane reflects of unpolarised light at this cosine, all passes between its faces together.
