@@ -63,6 +63,7 @@ mod zbuffer;
 pub use beams::best_beam;
 pub use isa::Instructions;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing, Stage, Stages};
+pub(crate) use prefetch::prefetch;
 pub(crate) use random::{mix, pair};
 pub use sample::{Place, Sample, Tag};
 

@@ -2,13 +2,17 @@
 //!
 //! Always true: a byte per block of 4×4 pixels of the predicted view says whether a point falls there; depth does not matter.
 
-use super::isa::Kernel;
+use super::isa::{Isa, Kernel};
 use super::map::{Map, NEAREST};
+use super::parallel;
 use super::points::{EVICTED, Points};
 use super::project::BLOCK;
 use super::random;
 use super::sample::{Aim, Request, Tag};
+use super::shared::as_atomic;
 use super::truncate::truncate;
+use std::sync::atomic::AtomicU8;
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Pixels along a block's side.
 const COARSE: usize = 4;
@@ -32,9 +36,19 @@ impl Occupancy {
         (size.0 as f64 / COARSE as f64, size.1 as f64 / COARSE as f64)
     }
 
-    pub fn project<'a>(&'a mut self, map: Map, points: &'a Points) -> Project<'a> {
+    /// Marks the blocks into which points fall.
+    pub fn project(&mut self, isa: Isa, map: &Map, points: &Points, threads: usize) {
         self.is_occupied.fill(0);
-        Project { map, points, occupancy: self }
+        let (size, is_occupied) = (self.size, as_atomic(&mut self.is_occupied));
+        let ranges = parallel::bands(points.capacity(), BLOCK, threads);
+        let work = ranges.into_iter().map(|range| Project {
+            map,
+            size,
+            position: points.position.each_ref().map(|axis| &axis[range.clone()]),
+            age: &points.age[range],
+            is_occupied,
+        });
+        parallel::for_each(work.collect(), |kernel| isa.run(kernel));
     }
 
     /// Requests for empty blocks, every n-th in scanline order so that there are at most `limit`.
@@ -59,11 +73,13 @@ impl Occupancy {
     }
 }
 
-/// Marks the blocks into which points fall.
-pub(super) struct Project<'a> {
-    map: Map,
-    points: &'a Points,
-    occupancy: &'a mut Occupancy,
+/// Marks the blocks into which some of the points fall.
+struct Project<'a> {
+    map: &'a Map,
+    size: (usize, usize),
+    position: [&'a [f32]; 3],
+    age: &'a [u8],
+    is_occupied: &'a [AtomicU8],
 }
 
 impl Kernel for Project<'_> {
@@ -71,13 +87,13 @@ impl Kernel for Project<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { map, points, occupancy } = self;
-        let [xs, ys, zs] = points.position.each_ref().map(|axis| axis.as_chunks::<BLOCK>().0);
+        let Self { map, size, position: [xs, ys, zs], age, is_occupied } = self;
         let mut block = [0_u32; BLOCK];
-        for (((x, y), z), age) in xs.iter().zip(ys).zip(zs).zip(points.age.as_chunks::<BLOCK>().0) {
-            place(&map, occupancy.size, [x, y, z], age, &mut block);
+        let chunks = xs.as_chunks().0.iter().zip(ys.as_chunks().0).zip(zs.as_chunks().0).zip(age.as_chunks().0);
+        for (((x, y), z), age) in chunks {
+            place(map, size, [x, y, z], age, &mut block);
             for &block in &block {
-                occupancy.is_occupied[block as usize] = 1;
+                is_occupied[block as usize].store(1, Relaxed);
             }
         }
     }
