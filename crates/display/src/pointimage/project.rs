@@ -7,6 +7,7 @@
 //!
 //! Always true: the result does not depend on the number of threads.
 
+use super::huge::filled;
 use super::isa::{Isa, Kernel};
 use super::map::{Map, NEAREST};
 use super::parallel;
@@ -83,7 +84,7 @@ impl Buckets {
             parts.push(Part { heads: vec![[0; LANES]; count], next: vec![END; chunks], base, chunks });
             base += chunks * CHUNK;
         }
-        let records = vec![Record::default(); base];
+        let records = filled(Record::default(), base);
         Self { records, parts, lengths: ranges.iter().map(|range| range.len()).collect(), tile_rows }
     }
 

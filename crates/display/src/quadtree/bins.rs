@@ -9,7 +9,7 @@
 //!   that is among the nearest at the end was never refused nor evicted.
 //! - Memory is at most [`BINS_KEPT`] × (`Sums` + 6 bytes) a pixel, and grows only with the bins really met.
 
-use crate::pointimage::prefetch;
+use crate::pointimage::{filled, prefetch, reserved};
 
 /// Nearest depth bins kept for each pixel. A pixel rarely sees more than two surfaces.
 pub(crate) const BINS_KEPT: usize = 4;
@@ -200,7 +200,7 @@ impl PixelBins {
     pub fn new(pixels: usize) -> Self {
         // Room for one bin a pixel is taken at once: growing would move what is there ten times over. Pages that are not used
         // cost nothing.
-        Self { slots: vec![EMPTY; pixels], sums: Vec::with_capacity(pixels) }
+        Self { slots: filled(EMPTY, pixels), sums: reserved(pixels) }
     }
 
     pub fn clear(&mut self) {
