@@ -282,10 +282,12 @@ fn show_all(above: &[f32], here: &[f32], below: &[f32], inverse: &[f32; PIECE], 
 #[inline(always)]
 fn show(above: &[f32], here: &[f32], below: &[f32], inverse: &[f32; PIECE], black: bool, plane: &mut [f32; PIECE]) {
     let (above, here, below) = (&above[..PIECE], &here[..PIECE], &below[..PIECE]);
+    let kept = if black { 0.0 } else { 1.0 };
     for x in 0..PIECE {
         let sum = (above[x] + below[x]) + (here[x] + here[x]);
-        let last = if black { 0.0 } else { plane[x] };
-        plane[x] = if inverse[x] > 0.0 { sum * inverse[x] } else { last };
+        // Both are computed, and one is chosen: loads of some pixels only take far longer.
+        let (mean, last) = (sum * inverse[x], plane[x] * kept);
+        plane[x] = if inverse[x] > 0.0 { mean } else { last };
     }
 }
 
@@ -295,7 +297,8 @@ fn mix(above: &[f32], here: &[f32], below: &[f32], inverse: &[f32; PIECE], prior
     let (above, here, below) = (&above[..PIECE], &here[..PIECE], &below[..PIECE]);
     for x in 0..PIECE {
         let sum = (above[x] + below[x]) + (here[x] + here[x]);
-        plane[x] = if inverse[x] > 0.0 { (sum + prior * plane[x]) * inverse[x] } else { plane[x] };
+        let (last, mean) = (plane[x], (sum + prior * plane[x]) * inverse[x]);
+        plane[x] = if inverse[x] > 0.0 { mean } else { last };
     }
 }
 

@@ -291,13 +291,14 @@ fn show(sums: &Row, before: &Row, red: &mut [f32], green: &mut [f32], blue: &mut
     let [s0, s1, s2, s3] = sums.channels.each_ref().map(|sum| &sum[..width]);
     let [b0, b1, b2, b3] = before.channels.each_ref().map(|sum| &sum[..width]);
     let (green, blue) = (&mut green[..width], &mut blue[..width]);
+    let kept = if black { 0.0 } else { 1.0 };
     for x in 0..width {
         let weight = s3[x] + b3[x];
-        let has_points = weight > 0.0;
         let inverse = 1.0 / weight.max(1.0);
-        let keep = |old: f32| if black { 0.0 } else { old };
-        red[x] = if has_points { (s0[x] + b0[x]) * inverse } else { keep(red[x]) };
-        green[x] = if has_points { (s1[x] + b1[x]) * inverse } else { keep(green[x]) };
-        blue[x] = if has_points { (s2[x] + b2[x]) * inverse } else { keep(blue[x]) };
+        // Both are computed, and one is chosen: loads and stores of some pixels only took half of the filter's time.
+        let means = [(s0[x] + b0[x]) * inverse, (s1[x] + b1[x]) * inverse, (s2[x] + b2[x]) * inverse];
+        let old = [red[x] * kept, green[x] * kept, blue[x] * kept];
+        let [r, g, b] = if weight > 0.0 { means } else { old };
+        (red[x], green[x], blue[x]) = (r, g, b);
     }
 }

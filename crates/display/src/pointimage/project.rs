@@ -26,9 +26,9 @@ const CHUNK: usize = 128;
 pub(super) const BLOCK: usize = 256;
 /// Records by which their memory is asked for before it is written: two cache lines.
 const AHEAD: usize = 8;
-/// Chains of a tile that take turns: where a record goes is known when the last of its chain is there, and each would wait for the one
-/// before.
-const LANES: usize = 4;
+// Tried: two or four chains a tile by turns, so that fewer wait for where the last record went (no faster at 512×512, a third slower at
+// 2048×2048: more lines are written at a time); keeping that place in a register while points of one tile follow each other (twice as
+// slow at 512×512: points of many frames lie between each other, and where the next one goes cannot be guessed).
 /// End of a chain.
 const END: u32 = u32::MAX;
 /// In a key of a point that is not a sample of this very view. It is the sign of the depth, so fresh points win.
@@ -51,8 +51,8 @@ const _: () = assert!(size_of::<Record>() == 16);
 /// Chains of one thread's points.
 #[derive(Debug, Default)]
 struct Part {
-    /// Where the next record of each tile's chains goes; the last is the tile of points that are not seen.
-    heads: Vec<[u32; LANES]>,
+    /// Where the next record of each tile goes; the last is the tile of points that are not seen.
+    heads: Vec<u32>,
     /// The chunk after each.
     next: Vec<u32>,
     /// Where this part's chunks begin among all records.
@@ -80,8 +80,8 @@ impl Buckets {
         let mut parts = Vec::new();
         for range in &ranges {
             // One more than can be filled, so that what is fetched ahead exists.
-            let chunks = count * LANES + range.len() / CHUNK + 2;
-            parts.push(Part { heads: vec![[0; LANES]; count], next: vec![END; chunks], base, chunks });
+            let chunks = count + range.len() / CHUNK + 2;
+            parts.push(Part { heads: vec![0; count], next: vec![END; chunks], base, chunks });
             base += chunks * CHUNK;
         }
         let records = filled(Record::default(), base);
@@ -125,14 +125,14 @@ impl Buckets {
     /// Where a tile's records are.
     pub fn chain(&self, tile: usize) -> impl Iterator<Item = Range<usize>> {
         self.parts.iter().flat_map(move |part| {
-            part.heads[tile].iter().zip((tile * LANES) as u32..).flat_map(move |(&last, mut chunk)| {
-                std::iter::from_fn(move || {
-                    let next = *part.next.get(chunk as usize)?;
-                    let start = chunk as usize * CHUNK;
-                    let end = if next == END { last as usize } else { start + CHUNK };
-                    chunk = next;
-                    Some(part.base + start..part.base + end)
-                })
+            let mut chunk = tile as u32;
+            let last = part.heads[tile] as usize;
+            std::iter::from_fn(move || {
+                let next = *part.next.get(chunk as usize)?;
+                let start = chunk as usize * CHUNK;
+                let end = if next == END { last } else { start + CHUNK };
+                chunk = next;
+                Some(part.base + start..part.base + end)
             })
         })
     }
@@ -159,13 +159,13 @@ impl Kernel for Project<'_> {
     fn run(self) {
         let Self { map, size, tile_rows, first, position, colour, age, flags, is_hidden, records, part } = self;
         let trash = part.heads.len() as u32 - 1;
-        let mut free = (trash + 1) * LANES as u32;
+        let mut free = trash + 1;
         part.next.fill(END);
-        for (head, chunk) in part.heads.iter_mut().flatten().zip(0..) {
-            *head = chunk * CHUNK as u32;
+        for (tile, head) in part.heads.iter_mut().enumerate() {
+            *head = (tile * CHUNK) as u32;
         }
         // The tile of unseen points stays where it is, and never looks full: each overwrites the last.
-        part.heads[trash as usize].iter_mut().for_each(|head| *head += 1);
+        part.heads[trash as usize] += 1;
         let heads = part.heads.as_mut_slice();
         let next = part.next.as_mut_slice();
         let mut found = [Record::default(); BLOCK];
@@ -178,21 +178,18 @@ impl Kernel for Project<'_> {
             let start = first + (block * BLOCK) as u32;
             place(map, size, tile_rows, start, [x, y, z], colour, age, flags, &mut found, &mut tile_of);
             hide(&tile_of, trash, is_hidden);
-            for (records_of, tiles_of) in found.as_chunks::<LANES>().0.iter().zip(tile_of.as_chunks::<LANES>().0) {
-                for lane in 0..LANES {
-                    let tile = tiles_of[lane];
-                    let head = &mut heads[tile as usize][lane];
-                    records[*head as usize] = records_of[lane];
-                    let mut next_head = *head + u32::from(tile != trash);
-                    if (next_head as usize).is_multiple_of(CHUNK) {
-                        next[next_head as usize / CHUNK - 1] = free;
-                        next_head = free * CHUNK as u32;
-                        free += 1;
-                    }
-                    *head = next_head;
-                    // Lines of as many chains as there are come from far: without this their stores waited one after another.
-                    prefetch(&records[next_head as usize + AHEAD]);
+            for (record, &tile) in found.iter().zip(&tile_of) {
+                let head = &mut heads[tile as usize];
+                records[*head as usize] = *record;
+                let mut next_head = *head + u32::from(tile != trash);
+                if (next_head as usize).is_multiple_of(CHUNK) {
+                    next[next_head as usize / CHUNK - 1] = free;
+                    next_head = free * CHUNK as u32;
+                    free += 1;
                 }
+                *head = next_head;
+                // Lines of as many tiles as there are come from far: without this their stores waited one after another.
+                prefetch(&records[next_head as usize + AHEAD]);
             }
         }
     }

@@ -6,6 +6,7 @@ use super::map::Map;
 use super::params::{EmptyPixels, Smoothing, Stage, Stages};
 use super::points::{Age, NOISY};
 use super::predict::Occupancy;
+use super::prefetch::prefetch;
 use super::prefilter::Prefilter;
 use super::sample::Sample;
 use super::{Moment, PointImage, dither, parallel, random, zbuffer};
@@ -205,7 +206,13 @@ impl PointImage {
         }
         sort_by_tile(&mut chosen, &mut self.sorted, self.planes.size.0);
         let mut requests = std::mem::take(&mut self.requests);
-        for pixels in chosen.chunks(AHEAD) {
+        let mut chunks = chosen.chunks(AHEAD).peekable();
+        while let Some(pixels) = chunks.next() {
+            // What the points after those are known by.
+            for &pixel in chunks.peek().copied().unwrap_or_default() {
+                prefetch(&self.planes.slot[pixel as usize]);
+                prefetch(&self.planes.colour[pixel as usize]);
+            }
             self.points.prefetch_places(pixels.iter().map(|&pixel| self.planes.slot[pixel as usize]));
             requests.extend(pixels.iter().map(|&pixel| self.request(pixel, seed)));
         }

@@ -103,9 +103,11 @@ fn keep_nearest(records: &[Record], nearest: &mut [Nearest]) {
         // Every record of a tile has a pixel of it.
         let Some(pixel) = nearest.get_mut((record.age_and_pixel >> 8) as usize) else { continue };
         let new = Nearest::from(record);
-        // No branch: whether a pixel has a nearer point already cannot be guessed.
-        let look = if new.key < pixel.key { new.look } else { pixel.look };
-        *pixel = Nearest { look, key: new.key.min(pixel.key) };
+        // All ones if the record is nearer. Not a choice, which becomes a branch, and whether a pixel has a nearer point already cannot
+        // be guessed.
+        let nearer = u64::from(new.key < pixel.key).wrapping_neg();
+        let take = |old: u64, new: u64| old ^ (old ^ new) & nearer;
+        *pixel = Nearest { look: take(pixel.look, new.look), key: take(pixel.key, new.key) };
     }
 }
 
