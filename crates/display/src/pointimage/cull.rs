@@ -6,6 +6,9 @@
 use super::colour;
 use super::isa::Kernel;
 
+/// Pixels looked at together: colours are touched only where one of them has to go.
+const PIECE: usize = 64;
+
 /// Culls rows `from..` of a picture as many as `colour` has.
 pub(super) struct Cull<'a> {
     pub width: usize,
@@ -49,7 +52,27 @@ fn add_three(above: &[u32], here: &[u32], below: &[u32], sums: &mut [f32], count
 
 #[inline(always)]
 fn cull_row(depth: &[u32], sums: &[f32], counts: &[f32], factor: f32, colour: &mut [u32]) {
-    let width = colour.len();
+    let mut kept = [0; PIECE];
+    for (piece, colour) in colour.chunks_mut(PIECE).enumerate() {
+        let start = piece * PIECE;
+        let (depth, sums, counts) = (&depth[start..], &sums[start..], &counts[start..]);
+        if colour.len() == PIECE {
+            // Of known length: no remainders.
+            if !keep(depth, sums, counts, factor, &mut kept[..PIECE]) {
+                remove(&kept[..PIECE], &mut colour[..PIECE]);
+            }
+        } else {
+            let kept = &mut kept[..colour.len()];
+            keep(depth, sums, counts, factor, kept);
+            remove(kept, colour);
+        }
+    }
+}
+
+/// All ones for points that stay, else 0; whether all stay.
+#[inline(always)]
+fn keep(depth: &[u32], sums: &[f32], counts: &[f32], factor: f32, kept: &mut [u32]) -> bool {
+    let width = kept.len();
     let (depth, s0, s1, s2) = (&depth[..width], &sums[..width], &sums[1..][..width], &sums[2..][..width]);
     let (c0, c1, c2) = (&counts[..width], &counts[1..][..width], &counts[2..][..width]);
     for x in 0..width {
@@ -58,6 +81,18 @@ fn cull_row(depth: &[u32], sums: &[f32], counts: &[f32], factor: f32, colour: &m
         // The sign says that the point is old.
         let is_deep = f32::from_bits(depth[x] & i32::MAX as u32) * count > factor * sum;
         let is_old = (depth[x] as i32) < 0;
-        colour[x] = if is_deep & is_old { colour::NONE } else { colour[x] };
+        kept[x] = if is_deep & is_old { 0 } else { u32::MAX };
+    }
+    // A loop of its own: in the one above it kept all of it from becoming instructions for many pixels.
+    kept.iter().fold(u32::MAX, |all, kept| all & kept) == u32::MAX
+}
+
+#[inline(always)]
+fn remove(kept: &[u32], colour: &mut [u32]) {
+    for (colour, kept) in colour.iter_mut().zip(kept) {
+        *colour &= kept;
     }
 }
+
+// Removed points have no colour.
+const _: () = assert!(colour::NONE == 0);

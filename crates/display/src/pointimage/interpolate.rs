@@ -1,18 +1,23 @@
 //! Interpolation and smoothing over 3×3 pixels weighted 4-2-1, and the priority of each pixel (Walter et al. 1999, §3.1 and §4).
 //!
-//! The weights are the product of 1-2-1 down and 1-2-1 across, so two passes of two additions make them.
+//! The weights are the product of 1-2-1 across and 1-2-1 down, so two passes of two additions make them: across when a row is decoded,
+//! down when the row below it has been. Only where a pixel has no point among its 3×3 is the picture read that it is written to.
 //!
 //! Always true: a pixel with a point has its point's age as priority; one without has 255 if no neighbour has one either, and less
 //! the more neighbours have.
 
+use super::colour;
 use super::isa::Kernel;
-use super::rows::{ROOM, Row, row_of, strips};
+use super::rows::{row_of, strips};
+use std::ops::Range;
 
 /// Priority that a pixel without a point loses per unit of its neighbours' weight, of which there are 12: 135 are left.
 const PRIORITY_PER_WEIGHT: u8 = 10;
 
-/// Columns filtered at a time: their rows take 16 kB.
-const STRIP: usize = 256;
+/// Columns filtered at a time: their rows take 49 kB. Narrow strips touch a page for a few lines only, and wait for each.
+const STRIP: usize = 1024;
+/// Pixels filtered at a time: loops of known length need no remainders.
+const PIECE: usize = 64;
 
 /// Filters rows `from..` of a picture, as many as `picture` has.
 pub(super) struct Interpolate<'a> {
@@ -23,13 +28,19 @@ pub(super) struct Interpolate<'a> {
     pub age: &'a [u8],
     pub picture: [&'a mut [f32]; 3],
     pub priority: &'a mut [u8],
+    pub looks: Looks,
+}
+
+/// What pixels show.
+#[derive(Clone, Copy)]
+pub(super) struct Looks {
     /// Whether pixels with a point show it alone.
     pub own_point: bool,
     /// Whether pixels without points nearby become 0; the prefilter may have seen to them.
     pub black: bool,
     /// Whether gaps are filled at all.
     pub fill: bool,
-    /// Weight of what `picture` holds, the prefilter's mean, beside the points'.
+    /// Weight of what the picture holds, the prefilter's mean, beside the points'.
     pub prior: f32,
 }
 
@@ -38,154 +49,264 @@ impl Kernel for Interpolate<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, from, colour, age, picture: [red, green, blue], priority, own_point, black, fill, prior } =
-            self;
+        let Self { width, from, colour, age, picture: [red, green, blue], priority, looks } = self;
         let rows = priority.len() / width;
+        let longest = STRIP.min(width).next_multiple_of(PIECE);
+        let mut decoded = Decoded::new(longest);
         // The rows above, at and below the one that is made, in turn.
-        let mut ring: [Line; 3] = std::array::from_fn(|_| Line::new());
-        let mut down = [0.0; STRIP + 2];
-        let mut weight_down = [0; STRIP + 2];
-        let mut weight = [0; STRIP];
-        let mut inverse = [0.0; STRIP];
+        let mut ring: [Line; 3] = std::array::from_fn(|_| Line::new(longest));
+        let mut last = Last::default();
         for columns in strips(width, STRIP) {
-            let count = columns.len();
-            let above = from.checked_sub(1);
-            ring[(from + 2) % 3].load(above.and_then(|y| row_of(colour, width, y)), &columns);
-            ring[from % 3].load(row_of(colour, width, from), &columns);
+            let above = from.checked_sub(1).and_then(|y| row_of(colour, width, y));
+            ring[(from + 2) % 3].load(above, &columns, &mut decoded);
+            ring[from % 3].load(row_of(colour, width, from), &columns, &mut decoded);
             for row in 0..rows {
                 let y = from + row;
-                ring[(y + 1) % 3].load(row_of(colour, width, y + 1), &columns);
-                let lines = [(y + 2) % 3, y % 3, (y + 1) % 3].map(|at| &ring[at]);
-                let at = row * width + columns.start..row * width + columns.end;
+                ring[(y + 1) % 3].load(row_of(colour, width, y + 1), &columns, &mut decoded);
+                let lines = [&ring[(y + 2) % 3], &ring[y % 3], &ring[(y + 1) % 3]];
                 let pixels = y * width + columns.start..y * width + columns.end;
-                let has_point = &lines[1].has_point[1..][..count];
-                count_down(lines.map(|line| &line.has_point), &mut weight_down);
-                count_across(&weight_down, &mut weight);
-                prioritise(&weight[..count], has_point, &age[pixels.clone()], &mut priority[at.clone()]);
-                if fill {
-                    invert(&weight, prior, &mut inverse);
+                let (age, colour) = (&age[pixels.clone()], &colour[pixels]);
+                let at = row * width + columns.start..row * width + columns.end;
+                let (red, green, blue) = (&mut red[at.clone()], &mut green[at.clone()], &mut blue[at.clone()]);
+                let priority = &mut priority[at];
+                let whole = columns.len() / PIECE;
+                let pieces = age.as_chunks().0.iter().zip(colour.as_chunks().0).zip(priority.as_chunks_mut().0);
+                let planes = red.as_chunks_mut().0.iter_mut().zip(green.as_chunks_mut().0).zip(blue.as_chunks_mut().0);
+                for ((((age, colour), priority), ((red, green), blue)), piece) in pieces.zip(planes).zip(0..) {
+                    filter(lines, piece * PIECE, age, colour, priority, [red, green, blue], looks);
                 }
-                for (channel, plane) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
-                    let rows = lines.map(|line| &line.row.channels[channel][AROUND]);
-                    one_two_one(rows, &mut down);
-                    if prior > 0.0 {
-                        mix(&down[..count + 2], &inverse[..count], prior, &mut plane[at.clone()]);
-                    } else {
-                        show(&down[..count + 2], &inverse[..count], black, &mut plane[at.clone()]);
-                    }
-                    if own_point {
-                        keep_own(rows[1], has_point, &mut plane[at.clone()]);
-                    }
+                let at = whole * PIECE..columns.len();
+                if !at.is_empty() {
+                    let count = at.len();
+                    last.age[..count].copy_from_slice(&age[at.clone()]);
+                    last.colour[..count].copy_from_slice(&colour[at.clone()]);
+                    let planes = [&mut red[at.clone()], &mut green[at.clone()], &mut blue[at.clone()]];
+                    let Last { age, colour, priority: made, planes: copies } = &mut last;
+                    copies.iter_mut().zip(&planes).for_each(|(copy, plane)| copy[..count].copy_from_slice(plane));
+                    filter(lines, at.start, age, colour, made, copies.each_mut(), looks);
+                    priority[at].copy_from_slice(&made[..count]);
+                    planes.into_iter().zip(copies).for_each(|(plane, copy)| plane.copy_from_slice(&copy[..count]));
                 }
             }
         }
     }
 }
 
-/// Of a strip's row: its columns and one more at both ends.
-const AROUND: std::ops::Range<usize> = ROOM - 1..ROOM + 1 + STRIP;
+/// The last piece of a row, if it is not a whole one.
+struct Last {
+    age: [u8; PIECE],
+    colour: [u32; PIECE],
+    priority: [u8; PIECE],
+    planes: [[f32; PIECE]; 3],
+}
 
-/// A row of a strip, always as long as the longest: loops of known length need no remainders. What lies beyond the picture is 0.
+impl Default for Last {
+    fn default() -> Self {
+        Self { age: [0; PIECE], colour: [0; PIECE], priority: [0; PIECE], planes: [[0.0; PIECE]; 3] }
+    }
+}
+
+/// A row of a strip as it was decoded, with one more pixel at both ends, 0 outside the picture.
+struct Decoded {
+    channels: [Vec<f32>; 3],
+    has_point: Vec<u8>,
+}
+
+impl Decoded {
+    fn new(longest: usize) -> Self {
+        Self { channels: std::array::from_fn(|_| vec![0.0; longest + 2]), has_point: vec![0; longest + 2] }
+    }
+}
+
+/// A row of a strip, summed across; as long as whole pieces, what lies beyond the strip being anything.
 struct Line {
-    row: Row,
-    /// 1 for pixels with a point, one column more at both ends.
-    has_point: [u8; STRIP + 2],
+    sums: [Vec<f32>; 3],
+    weights: Vec<u8>,
+    /// 1 for pixels with a point.
+    has_point: Vec<u8>,
 }
 
 impl Line {
-    fn new() -> Self {
-        Self { row: Row::new(STRIP), has_point: [0; STRIP + 2] }
+    fn new(longest: usize) -> Self {
+        let sums = std::array::from_fn(|_| vec![0.0; longest]);
+        Self { sums, weights: vec![0; longest], has_point: vec![0; longest] }
     }
 
     // Not a closure: those are compiled for any processor, whoever calls them (it took twice as long).
     #[inline(always)]
-    fn load(&mut self, row: Option<&[u32]>, columns: &std::ops::Range<usize>) {
-        self.row.decode(row, columns, 1);
-        mark(&self.row.channels[3][AROUND], &mut self.has_point);
+    fn load(&mut self, row: Option<&[u32]>, columns: &Range<usize>, decoded: &mut Decoded) {
+        let Some(row) = row else {
+            self.sums.iter_mut().for_each(|sums| sums.fill(0.0));
+            self.weights.fill(0);
+            return self.has_point.fill(0);
+        };
+        let (start, end) = (columns.start.saturating_sub(1), (columns.end + 1).min(row.len()));
+        let (to, count) = ((start + 1) - columns.start, end - start);
+        let Decoded { channels: [red, green, blue], has_point } = decoded;
+        // What is not written below: a column beyond the picture at either end.
+        let beyond = columns.len() + 1;
+        for channel in [&mut *red, &mut *green, &mut *blue] {
+            (channel[0], channel[beyond]) = (0.0, 0.0);
+        }
+        (has_point[0], has_point[beyond]) = (0, 0);
+        let row = &row[start..end];
+        decode(row, &mut red[to..][..count], &mut green[to..][..count], &mut blue[to..][..count]);
+        mark(row, &mut has_point[to..][..count]);
+        let [sum_red, sum_green, sum_blue] = &mut self.sums;
+        let count = columns.len();
+        across(red, &mut sum_red[..count]);
+        across(green, &mut sum_green[..count]);
+        across(blue, &mut sum_blue[..count]);
+        count_across(has_point, &mut self.weights[..count]);
+        self.has_point[..count].copy_from_slice(&has_point[1..][..count]);
+    }
+}
+
+#[inline(always)]
+fn decode(colours: &[u32], red: &mut [f32], green: &mut [f32], blue: &mut [f32]) {
+    let count = colours.len();
+    let (red, green, blue) = (&mut red[..count], &mut green[..count], &mut blue[..count]);
+    for x in 0..count {
+        [red[x], green[x], blue[x]] = colour::decode(colours[x]);
+    }
+}
+
+#[inline(always)]
+fn mark(colours: &[u32], has_point: &mut [u8]) {
+    for (has_point, &colour) in has_point.iter_mut().zip(colours) {
+        *has_point = if colour == colour::NONE { 0 } else { 1 };
+    }
+}
+
+#[inline(always)]
+fn across(row: &[f32], sums: &mut [f32]) {
+    let count = sums.len();
+    let (left, here, right) = (&row[..count], &row[1..][..count], &row[2..][..count]);
+    for x in 0..count {
+        sums[x] = (left[x] + right[x]) + (here[x] + here[x]);
     }
 }
 
 /// Weights as numbers of one byte: 64 fit into a register.
 #[inline(always)]
-fn mark(weights: &[f32], has_point: &mut [u8; STRIP + 2]) {
-    for (weight, has_point) in weights.iter().zip(has_point) {
-        *has_point = if *weight != 0.0 { 1 } else { 0 };
+fn count_across(row: &[u8], weights: &mut [u8]) {
+    let count = weights.len();
+    let (left, here, right) = (&row[..count], &row[1..][..count], &row[2..][..count]);
+    for x in 0..count {
+        weights[x] = left[x].wrapping_add(here[x]).wrapping_add(here[x]).wrapping_add(right[x]);
+    }
+}
+
+/// A piece of a row that lines have at `start`.
+#[inline(always)]
+fn filter(
+    lines: [&Line; 3],
+    start: usize,
+    age: &[u8; PIECE],
+    colour: &[u32; PIECE],
+    priority: &mut [u8; PIECE],
+    planes: [&mut [f32; PIECE]; 3],
+    looks: Looks,
+) {
+    let Looks { own_point, black, fill, prior } = looks;
+    let [above, here, below] = lines;
+    let mut weight = [0; PIECE];
+    count_down(&above.weights[start..], &here.weights[start..], &below.weights[start..], &mut weight);
+    prioritise(&weight, &here.has_point[start..][..PIECE], age, priority);
+    let mut inverse = [0.0; PIECE];
+    let mut is_covered = false;
+    if fill {
+        invert(&weight, prior, &mut inverse);
+        is_covered = has_weight(&weight);
+    }
+    for (channel, plane) in planes.into_iter().enumerate() {
+        let (above, here) = (&above.sums[channel][start..], &here.sums[channel][start..]);
+        let below = &below.sums[channel][start..];
+        if prior > 0.0 {
+            mix(above, here, below, &inverse, prior, plane);
+        } else if is_covered {
+            show_all(above, here, below, &inverse, plane);
+        } else {
+            show(above, here, below, &inverse, black, plane);
+        }
+        if own_point {
+            keep_own(colour, channel, plane);
+        }
     }
 }
 
 #[inline(always)]
-fn count_down([above, here, below]: [&[u8; STRIP + 2]; 3], sums: &mut [u8; STRIP + 2]) {
-    for x in 0..STRIP + 2 {
-        sums[x] = above[x].wrapping_add(here[x]).wrapping_add(here[x]).wrapping_add(below[x]);
-    }
-}
-
-#[inline(always)]
-fn count_across(down: &[u8; STRIP + 2], weight: &mut [u8; STRIP]) {
-    for x in 0..STRIP {
-        weight[x] = down[x].wrapping_add(down[x + 1]).wrapping_add(down[x + 1]).wrapping_add(down[x + 2]);
+fn count_down(above: &[u8], here: &[u8], below: &[u8], weight: &mut [u8; PIECE]) {
+    let (above, here, below) = (&above[..PIECE], &here[..PIECE], &below[..PIECE]);
+    for x in 0..PIECE {
+        weight[x] = above[x].wrapping_add(here[x]).wrapping_add(here[x]).wrapping_add(below[x]);
     }
 }
 
 /// A pixel without a point adds nothing to its own weight.
 #[inline(always)]
-fn prioritise(weight: &[u8], has_point: &[u8], age: &[u8], priority: &mut [u8]) {
-    for (((priority, weight), has_point), age) in priority.iter_mut().zip(weight).zip(has_point).zip(age) {
-        let gap = u8::MAX.wrapping_sub(PRIORITY_PER_WEIGHT.wrapping_mul(*weight));
+fn prioritise(weight: &[u8; PIECE], has_point: &[u8], age: &[u8; PIECE], priority: &mut [u8; PIECE]) {
+    let has_point = &has_point[..PIECE];
+    for x in 0..PIECE {
+        let gap = u8::MAX.wrapping_sub(PRIORITY_PER_WEIGHT.wrapping_mul(weight[x]));
         // All ones with a point. Without AVX-512 a choice would be a branch for each pixel.
-        let own = has_point.wrapping_neg();
-        *priority = *age & own | gap & !own;
+        let own = has_point[x].wrapping_neg();
+        priority[x] = age[x] & own | gap & !own;
     }
+}
+
+#[inline(always)]
+fn has_weight(weight: &[u8; PIECE]) -> bool {
+    weight.iter().fold(u8::MAX, |least, &weight| least.min(weight)) > 0
 }
 
 /// 1/(weight + prior), 0 without weight.
 #[inline(always)]
-fn invert(weight: &[u8; STRIP], prior: f32, inverse: &mut [f32; STRIP]) {
-    for (inverse, weight) in inverse.iter_mut().zip(weight) {
-        let weight = f32::from(*weight);
-        *inverse = if weight > 0.0 { 1.0 / (weight + prior) } else { 0.0 };
+fn invert(weight: &[u8; PIECE], prior: f32, inverse: &mut [f32; PIECE]) {
+    for x in 0..PIECE {
+        let weight = f32::from(weight[x]);
+        inverse[x] = if weight > 0.0 { 1.0 / (weight + prior) } else { 0.0 };
     }
 }
 
+/// Sums down, and makes means of them.
 #[inline(always)]
-fn one_two_one(rows: [&[f32]; 3], sums: &mut [f32; STRIP + 2]) {
-    let [above, here, below] = rows.map(|row| &row[..STRIP + 2]);
-    for x in 0..STRIP + 2 {
-        sums[x] = (above[x] + below[x]) + (here[x] + here[x]);
+fn show_all(above: &[f32], here: &[f32], below: &[f32], inverse: &[f32; PIECE], plane: &mut [f32; PIECE]) {
+    let (above, here, below) = (&above[..PIECE], &here[..PIECE], &below[..PIECE]);
+    for x in 0..PIECE {
+        plane[x] = ((above[x] + below[x]) + (here[x] + here[x])) * inverse[x];
     }
 }
 
-/// Sums across, and makes means of them.
+/// As [`show_all`], where some pixels have no point among their 3×3.
 #[inline(always)]
-fn show(down: &[f32], inverse: &[f32], black: bool, plane: &mut [f32]) {
-    let width = plane.len();
-    let [left, here, right] = [0, 1, 2].map(|offset| &down[offset..][..width]);
-    let inverse = &inverse[..width];
-    for x in 0..width {
-        let sum = (left[x] + right[x]) + (here[x] + here[x]);
-        let last = if black { 0.0 } else { plane[x] };
-        plane[x] = if inverse[x] > 0.0 { sum * inverse[x] } else { last };
+fn show(above: &[f32], here: &[f32], below: &[f32], inverse: &[f32; PIECE], black: bool, plane: &mut [f32; PIECE]) {
+    let (above, here, below) = (&above[..PIECE], &here[..PIECE], &below[..PIECE]);
+    let kept = if black { 0.0 } else { 1.0 };
+    for x in 0..PIECE {
+        let sum = (above[x] + below[x]) + (here[x] + here[x]);
+        // Both are computed, and one is chosen: loads of some pixels only take far longer.
+        let (mean, last) = (sum * inverse[x], plane[x] * kept);
+        plane[x] = if inverse[x] > 0.0 { mean } else { last };
     }
 }
 
 /// As [`show`], with the mean that is there already weighing `prior`.
 #[inline(always)]
-fn mix(down: &[f32], inverse: &[f32], prior: f32, plane: &mut [f32]) {
-    let width = plane.len();
-    let [left, here, right] = [0, 1, 2].map(|offset| &down[offset..][..width]);
-    let inverse = &inverse[..width];
-    for x in 0..width {
-        let sum = (left[x] + right[x]) + (here[x] + here[x]);
-        plane[x] = if inverse[x] > 0.0 { (sum + prior * plane[x]) * inverse[x] } else { plane[x] };
+fn mix(above: &[f32], here: &[f32], below: &[f32], inverse: &[f32; PIECE], prior: f32, plane: &mut [f32; PIECE]) {
+    let (above, here, below) = (&above[..PIECE], &here[..PIECE], &below[..PIECE]);
+    for x in 0..PIECE {
+        let sum = (above[x] + below[x]) + (here[x] + here[x]);
+        let (last, mean) = (plane[x], (sum + prior * plane[x]) * inverse[x]);
+        plane[x] = if inverse[x] > 0.0 { mean } else { last };
     }
 }
 
 /// Pixels with a point show it alone.
 #[inline(always)]
-fn keep_own(here: &[f32], has_point: &[u8], plane: &mut [f32]) {
-    let width = plane.len();
-    let (here, has_point) = (&here[1..][..width], &has_point[..width]);
-    for x in 0..width {
-        plane[x] = if has_point[x] != 0 { here[x] } else { plane[x] };
+fn keep_own(colours: &[u32; PIECE], channel: usize, plane: &mut [f32; PIECE]) {
+    for x in 0..PIECE {
+        let own = colour::decode(colours[x])[channel];
+        plane[x] = if colours[x] == colour::NONE { plane[x] } else { own };
     }
 }

@@ -38,6 +38,7 @@ mod colour;
 mod cull;
 mod dither;
 mod hints;
+mod huge;
 mod interpolate;
 mod isa;
 mod map;
@@ -61,9 +62,11 @@ mod update;
 mod zbuffer;
 
 pub use beams::best_beam;
+pub(crate) use huge::{filled, reserved};
 pub use isa::Instructions;
 pub use map::far_depth;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing, Stage, Stages};
+pub(crate) use prefetch::prefetch;
 pub(crate) use random::{mix, pair};
 pub use sample::{Place, Sample, Tag};
 

@@ -1,6 +1,7 @@
 //! The point image and the picture, array by array, rows from the top.
 
 use super::colour;
+use super::huge::filled;
 
 /// What is kept for every pixel.
 #[derive(Debug)]
@@ -24,12 +25,12 @@ impl Planes {
         let pixels = size.0 * size.1;
         Self {
             size,
-            colour: vec![colour::NONE; pixels],
-            depth: vec![0; pixels],
-            slot: vec![no_slot; pixels],
-            age: vec![0; pixels],
-            priority: vec![0; pixels],
-            picture: std::array::from_fn(|_| vec![0.0; pixels]),
+            colour: filled(colour::NONE, pixels),
+            depth: filled(0, pixels),
+            slot: filled(no_slot, pixels),
+            age: filled(0, pixels),
+            priority: filled(0, pixels),
+            picture: std::array::from_fn(|_| filled(0.0, pixels)),
         }
     }
 }

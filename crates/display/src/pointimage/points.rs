@@ -4,6 +4,7 @@
 //! touches lies together, a cache line a point.
 
 use super::colour;
+use super::huge::filled;
 use super::isa::Kernel;
 use super::parallel;
 use super::params::PointImageParams;
@@ -74,13 +75,13 @@ impl Points {
     /// `capacity` is a multiple of [`super::project::BLOCK`].
     pub fn new(capacity: usize) -> Self {
         Self {
-            position: std::array::from_fn(|_| vec![0.0; capacity]),
-            colour: vec![colour::NONE; capacity + 1],
-            age: vec![EVICTED; capacity + 1],
-            flags: vec![0; capacity],
-            is_hidden: vec![1; capacity + 1],
-            object: vec![0; capacity],
-            details: vec![Details::default(); capacity],
+            position: std::array::from_fn(|_| filled(0.0, capacity)),
+            colour: filled(colour::NONE, capacity + 1),
+            age: filled(EVICTED, capacity + 1),
+            flags: filled(0, capacity),
+            is_hidden: filled(1, capacity + 1),
+            object: filled(0, capacity),
+            details: filled(Details::default(), capacity),
             cursor: 0,
             taken: 0,
             due: 0.0,

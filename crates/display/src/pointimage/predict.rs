@@ -4,11 +4,15 @@
 
 use super::isa::{Isa, Kernel};
 use super::map::{Lens, Map, NEAREST};
+use super::parallel;
 use super::points::{EVICTED, Points};
 use super::project::BLOCK;
 use super::random;
 use super::sample::{Aim, Request, Tag};
+use super::shared::as_atomic;
 use super::truncate::truncate;
+use std::sync::atomic::AtomicU8;
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Pixels along a block's side.
 const COARSE: usize = 4;
@@ -33,12 +37,25 @@ impl Occupancy {
     }
 
     /// Marks the blocks into which points fall.
-    pub fn project(&mut self, isa: Isa, map: Map, points: &Points) {
+    pub fn project(&mut self, isa: Isa, map: &Map, points: &Points, threads: usize) {
         self.is_occupied.fill(0);
         match map {
-            Map::Flat(map) => isa.run(Project { map, points, occupancy: self }),
-            Map::Curved(map) => isa.run(Project { map, points, occupancy: self }),
+            Map::Flat(lens) => self.project_by(isa, lens, points, threads),
+            Map::Curved(lens) => self.project_by(isa, lens, points, threads),
         }
+    }
+
+    fn project_by<L: Lens + Sync>(&mut self, isa: Isa, map: &L, points: &Points, threads: usize) {
+        let (size, is_occupied) = (self.size, as_atomic(&mut self.is_occupied));
+        let ranges = parallel::bands(points.capacity(), BLOCK, threads);
+        let work = ranges.into_iter().map(|range| Project {
+            map,
+            size,
+            position: points.position.each_ref().map(|axis| &axis[range.clone()]),
+            age: &points.age[range],
+            is_occupied,
+        });
+        parallel::for_each(work.collect(), |kernel| isa.run(kernel));
     }
 
     /// Requests for empty blocks, every n-th in scanline order so that there are at most `limit`.
@@ -63,11 +80,13 @@ impl Occupancy {
     }
 }
 
-/// See [`Occupancy::project`].
+/// Marks the blocks into which some of the points fall.
 struct Project<'a, L> {
-    map: L,
-    points: &'a Points,
-    occupancy: &'a mut Occupancy,
+    map: &'a L,
+    size: (usize, usize),
+    position: [&'a [f32]; 3],
+    age: &'a [u8],
+    is_occupied: &'a [AtomicU8],
 }
 
 impl<L: Lens> Kernel for Project<'_, L> {
@@ -75,13 +94,13 @@ impl<L: Lens> Kernel for Project<'_, L> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { map, points, occupancy } = self;
-        let [xs, ys, zs] = points.position.each_ref().map(|axis| axis.as_chunks::<BLOCK>().0);
+        let Self { map, size, position: [xs, ys, zs], age, is_occupied } = self;
         let mut block = [0_u32; BLOCK];
-        for (((x, y), z), age) in xs.iter().zip(ys).zip(zs).zip(points.age.as_chunks::<BLOCK>().0) {
-            place(&map, occupancy.size, [x, y, z], age, &mut block);
+        let chunks = xs.as_chunks().0.iter().zip(ys.as_chunks().0).zip(zs.as_chunks().0).zip(age.as_chunks().0);
+        for (((x, y), z), age) in chunks {
+            place(map, size, [x, y, z], age, &mut block);
             for &block in &block {
-                occupancy.is_occupied[block as usize] = 1;
+                is_occupied[block as usize].store(1, Relaxed);
             }
         }
     }

@@ -3,7 +3,7 @@
 /// Fetches the cache line of `at`, to be written or read. Changes nothing but time.
 #[inline(always)]
 #[allow(unsafe_code)]
-pub(super) fn prefetch<T>(at: &T) {
+pub(crate) fn prefetch<T>(at: &T) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: a prefetch accesses nothing, and never faults. Every x86-64 processor has it.
     unsafe {

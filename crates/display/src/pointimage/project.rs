@@ -3,11 +3,11 @@
 //! Buckets are chains of chunks, so one pass is enough: no count beforehand, no second copy.
 //!
 //! Records carry colour and age: fetched later, point by point, they come from anywhere in the cache, which took longer than all
-//! else in the z-buffer. A tile's records and its z-buffer fit into the fastest cache together.
+//! else in the z-buffer. A tile's z-buffer fits into the second cache many times.
 //!
 //! Always true: the result does not depend on the number of threads.
 
-use super::colour;
+use super::huge::filled;
 use super::isa::{Isa, Kernel};
 use super::map::{Lens, Map, NEAREST};
 use super::parallel;
@@ -16,14 +16,19 @@ use super::prefetch::prefetch;
 use super::truncate::truncate;
 use std::ops::Range;
 
-/// Pixels along a tile's side: its z-buffer takes 8 kB and its records some 18.
-pub(super) const TILE: usize = 32;
+/// Pixels of a tile at most, unless one row has more: its z-buffer takes 128 kB. Tiles are whole rows, so that what they show is copied to
+/// the planes in order. Projection and z-buffer took as long with 2¹² pixels at 512×512 and 8 % longer at 2048×2048 (twice as many
+/// chains), with 2¹⁵ 13 % longer at 512×512.
+const MOST_PIXELS: usize = 1 << 13;
 /// Records of a chunk: 2 kB.
 const CHUNK: usize = 128;
 /// Points projected at a time; their number is a multiple.
 pub(super) const BLOCK: usize = 256;
 /// Records by which their memory is asked for before it is written: two cache lines.
 const AHEAD: usize = 8;
+// Tried: two or four chains a tile by turns, so that fewer wait for where the last record went (no faster at 512×512, a third slower at
+// 2048×2048: more lines are written at a time); keeping that place in a register while points of one tile follow each other (twice as
+// slow at 512×512: points of many frames lie between each other, and where the next one goes cannot be guessed).
 /// End of a chain.
 const END: u32 = u32::MAX;
 /// In a key of a point that is not a sample of this very view. It is the sign of the depth, so fresh points win.
@@ -33,12 +38,12 @@ const OLD: u32 = 1 << 31;
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(16))]
 pub(super) struct Record {
+    /// Age, and from bit 8 the pixel in the tile.
+    pub age_and_pixel: u32,
+    pub colour: u32,
     pub slot: u32,
     /// Depth, as bits of an f32, negative for points that are not fresh.
     pub depth: u32,
-    pub colour: u32,
-    /// Pixel in the tile, and from bit 16 the age.
-    pub pixel_and_age: u32,
 }
 
 const _: () = assert!(size_of::<Record>() == 16);
@@ -62,13 +67,14 @@ pub(super) struct Buckets {
     parts: Vec<Part>,
     /// Points of each part.
     lengths: Vec<usize>,
-    pub tiles: (usize, usize),
+    /// Rows of a tile: a power of two.
+    pub tile_rows: usize,
 }
 
 impl Buckets {
     pub fn new(size: (usize, usize), points: usize, threads: usize) -> Self {
-        let tiles = (size.0.div_ceil(TILE), size.1.div_ceil(TILE));
-        let count = tiles.0 * tiles.1 + 1;
+        let tile_rows = 1 << (MOST_PIXELS / size.0).max(1).ilog2();
+        let count = size.1.div_ceil(tile_rows) + 1;
         let ranges = parallel::bands(points, BLOCK, threads);
         let mut base = 0;
         let mut parts = Vec::new();
@@ -78,10 +84,8 @@ impl Buckets {
             parts.push(Part { heads: vec![0; count], next: vec![END; chunks], base, chunks });
             base += chunks * CHUNK;
         }
-        // And one more that nobody writes: what a pixel without a point shows.
-        let mut records = vec![Record::default(); base + 1];
-        records[base] = Record { slot: points as u32, depth: 0, colour: colour::NONE, pixel_and_age: 0 };
-        Self { records, parts, lengths: ranges.iter().map(|range| range.len()).collect(), tiles }
+        let records = filled(Record::default(), base);
+        Self { records, parts, lengths: ranges.iter().map(|range| range.len()).collect(), tile_rows }
     }
 
     /// Fills the chains; marks the points outside the picture as hidden.
@@ -93,7 +97,7 @@ impl Buckets {
     }
 
     fn fill_by<L: Lens>(&mut self, isa: Isa, map: &L, size: (usize, usize), points: &mut Points) {
-        let Self { records, parts, lengths, tiles } = self;
+        let Self { records, parts, lengths, tile_rows } = self;
         let records = parallel::cut(records, parts.iter().map(|part| part.chunks * CHUNK));
         let hidden = parallel::cut(&mut points.is_hidden, lengths.iter().copied());
         let mut from = 0;
@@ -106,7 +110,7 @@ impl Buckets {
             work.push(Project {
                 map,
                 size,
-                tiles: *tiles,
+                tile_rows: *tile_rows,
                 first: range.start as u32,
                 position: [0, 1, 2].map(|axis| &points.position[axis][range.clone()]),
                 colour: &points.colour[range.clone()],
@@ -120,7 +124,7 @@ impl Buckets {
         parallel::for_each(work, |kernel| isa.run(kernel));
     }
 
-    /// All records; the last stands for no point.
+    /// All records.
     pub fn records(&self) -> &[Record] {
         &self.records
     }
@@ -144,7 +148,7 @@ impl Buckets {
 struct Project<'a, L> {
     map: &'a L,
     size: (usize, usize),
-    tiles: (usize, usize),
+    tile_rows: usize,
     first: u32,
     position: [&'a [f32]; 3],
     colour: &'a [u32],
@@ -160,8 +164,8 @@ impl<L: Lens> Kernel for Project<'_, L> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { map, size, tiles, first, position, colour, age, flags, is_hidden, records, part } = self;
-        let trash = (tiles.0 * tiles.1) as u32;
+        let Self { map, size, tile_rows, first, position, colour, age, flags, is_hidden, records, part } = self;
+        let trash = part.heads.len() as u32 - 1;
         let mut free = trash + 1;
         part.next.fill(END);
         for (tile, head) in part.heads.iter_mut().enumerate() {
@@ -179,7 +183,7 @@ impl<L: Lens> Kernel for Project<'_, L> {
         let blocks = blocks.zip(is_hidden.as_chunks_mut().0).enumerate();
         for (block, ((((((x, y), z), colour), age), flags), is_hidden)) in blocks {
             let start = first + (block * BLOCK) as u32;
-            place(map, size, tiles, start, [x, y, z], colour, age, flags, &mut found, &mut tile_of);
+            place(map, size, tile_rows, start, [x, y, z], colour, age, flags, &mut found, &mut tile_of);
             hide(&tile_of, trash, is_hidden);
             for (record, &tile) in found.iter().zip(&tile_of) {
                 let head = &mut heads[tile as usize];
@@ -204,7 +208,7 @@ impl<L: Lens> Kernel for Project<'_, L> {
 fn place<L: Lens>(
     map: &L,
     size: (usize, usize),
-    tiles: (usize, usize),
+    tile_rows: usize,
     start: u32,
     [x, y, z]: [&[f32; BLOCK]; 3],
     colour: &[u32; BLOCK],
@@ -215,8 +219,8 @@ fn place<L: Lens>(
 ) {
     let (width, height) = (size.0 as i32, size.1 as i32);
     let (right, bottom) = (width as f32, height as f32);
-    let across = tiles.0 as i32;
-    let trash = across * tiles.1 as i32;
+    let shift = tile_rows.ilog2();
+    let trash = size.1.div_ceil(tile_rows) as u32;
     for i in 0..BLOCK {
         let (column, row, depth) = map.project([x[i], y[i], z[i]]);
         let seen = (NEAREST..f32::INFINITY).contains(&depth)
@@ -226,15 +230,15 @@ fn place<L: Lens>(
             & (row < bottom)
             & (age[i] != u8::MAX);
         let (column, row) = (truncate(column, right), truncate(row, bottom));
-        let tile = (row >> TILE.ilog2()) * across + (column >> TILE.ilog2());
-        let local = (row & (TILE as i32 - 1)) * TILE as i32 + (column & (TILE as i32 - 1));
+        let tile = row >> shift;
+        let pixel = (row - (tile << shift)) * width + column;
         let old = if flags[i] & FRESH == 0 { OLD } else { 0 };
-        tile_of[i] = if seen { tile } else { trash } as u32;
+        tile_of[i] = if seen { tile as u32 } else { trash };
         found[i] = Record {
+            age_and_pixel: (pixel as u32) << 8 | u32::from(age[i]),
+            colour: colour[i],
             slot: start + i as u32,
             depth: depth.to_bits() | old,
-            colour: colour[i],
-            pixel_and_age: local as u32 | u32::from(age[i]) << 16,
         };
     }
 }

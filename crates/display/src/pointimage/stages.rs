@@ -1,17 +1,19 @@
 //! A frame, stage by stage (Walter et al. 2002, Figure 1).
 
 use super::cull::Cull;
-use super::interpolate::Interpolate;
+use super::interpolate::{Interpolate, Looks};
 use super::map::Map;
 use super::params::{EmptyPixels, Smoothing, Stage, Stages};
 use super::points::{Age, NOISY};
 use super::predict::Occupancy;
+use super::prefetch::prefetch;
 use super::prefilter::Prefilter;
-use super::project::TILE;
 use super::sample::Sample;
 use super::{Moment, PointImage, dither, parallel, random, zbuffer};
 use holo_picture::View;
 
+/// Pixels along the side of the squares by which requests are ordered.
+const TILE: usize = 32;
 /// Samples whose points are fetched together.
 const AHEAD: usize = 32;
 
@@ -33,7 +35,8 @@ impl PointImage {
         if moved || self.is_dirty || !moment.samples.is_empty() {
             self.project();
             ended(Stage::ProjectAndTileSort);
-            zbuffer::fill(&self.buckets, &mut self.planes, &mut self.points, self.params.threads, self.frames);
+            let (threads, frame) = (self.params.threads, self.frames);
+            zbuffer::fill(self.isa, &self.buckets, &mut self.planes, &mut self.points, threads, frame);
             ended(Stage::ZBufferTiles);
             if self.params.stages.depth_cull {
                 self.cull();
@@ -102,7 +105,7 @@ impl PointImage {
     fn predict(&mut self, view: &View, wanted: usize, ended: &mut dyn FnMut(Stage)) {
         let (width, height) = Occupancy::scaled(self.planes.size);
         let map = Map::new(view, self.origin, width, height);
-        self.occupancy.project(self.isa, map, &self.points);
+        self.occupancy.project(self.isa, &map, &self.points, self.params.threads);
         ended(Stage::PredictedProjection);
         let limit = (wanted as f64 * self.params.predicted_share).floor() as usize;
         let seed = random::mix(self.params.seed ^ 0x5bd1_e995, self.frames);
@@ -151,7 +154,7 @@ impl PointImage {
         let (smoothing, stages) = (self.params.smoothing, self.params.stages);
         let black = self.params.empty == EmptyPixels::Black && !stages.prefilter;
         let fill = stages.interpolation;
-        let own_point = !fill || smoothing == Smoothing::Gaps;
+        let looks = Looks { own_point: !fill || smoothing == Smoothing::Gaps, black, fill, prior };
         let work = bands.iter().zip(pictures).zip(priorities).map(|((rows, picture), priority)| Interpolate {
             width,
             from: rows.start,
@@ -159,10 +162,7 @@ impl PointImage {
             age,
             picture,
             priority,
-            own_point,
-            black,
-            fill,
-            prior,
+            looks,
         });
         parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
         if smoothing != Smoothing::Everywhere && self.has_fresh {
@@ -206,7 +206,13 @@ impl PointImage {
         }
         sort_by_tile(&mut chosen, &mut self.sorted, self.planes.size.0);
         let mut requests = std::mem::take(&mut self.requests);
-        for pixels in chosen.chunks(AHEAD) {
+        let mut chunks = chosen.chunks(AHEAD).peekable();
+        while let Some(pixels) = chunks.next() {
+            // What the points after those are known by.
+            for &pixel in chunks.peek().copied().unwrap_or_default() {
+                prefetch(&self.planes.slot[pixel as usize]);
+                prefetch(&self.planes.colour[pixel as usize]);
+            }
             self.points.prefetch_places(pixels.iter().map(|&pixel| self.planes.slot[pixel as usize]));
             requests.extend(pixels.iter().map(|&pixel| self.request(pixel, seed)));
         }

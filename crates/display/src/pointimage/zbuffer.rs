@@ -1,12 +1,16 @@
 //! Z-buffer, tile by tile (Walter et al. 2002, §3.2): of the points that fall into a pixel, the nearest.
 //!
+//! The z-buffer holds what a pixel shows, not where it is: it is copied to the planes in order.
+//!
 //! Always true: a pixel shows the nearest of its fresh points, else the nearest of the others; of equals, the first in the cache.
 
+use super::colour;
+use super::isa::{Isa, Kernel};
 use super::parallel::{self, bands};
 use super::planes::Planes;
 use super::points::Points;
 use super::prefetch::prefetch;
-use super::project::{Buckets, Record, TILE};
+use super::project::{Buckets, Record};
 use super::shared::as_atomic;
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -15,12 +19,34 @@ use std::sync::atomic::Ordering::Relaxed;
 const TURNS: usize = 8;
 /// Records of a cache line.
 const LINE: usize = 4;
-/// Farther than any point; the lower half says which of the records it is.
-const FARTHEST: u64 = (u32::MAX as u64) << 32;
+/// Pixels copied at a time.
+const PIECE: usize = 64;
+/// Farther than any point.
+const FARTHEST: u32 = u32::MAX;
 
-/// Rows of the point image that one thread fills, whole rows of tiles.
+/// What is nearest in a pixel so far: two words, so that the nearer of two is a comparison and two choices.
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+struct Nearest {
+    /// From bit 32 the colour; below age and pixel, as in [`Record`].
+    look: u64,
+    /// From bit 32 the depth; below the slot. The least is shown.
+    key: u64,
+}
+
+impl From<&Record> for Nearest {
+    #[inline(always)]
+    fn from(record: &Record) -> Self {
+        Self {
+            look: u64::from(record.colour) << 32 | u64::from(record.age_and_pixel),
+            key: u64::from(record.depth) << 32 | u64::from(record.slot),
+        }
+    }
+}
+
+/// Rows of the point image that one thread fills, whole tiles.
 struct Band<'a> {
-    first_tile_row: usize,
+    first_tile: usize,
     colour: &'a mut [u32],
     depth: &'a mut [u32],
     slot: &'a mut [u32],
@@ -30,9 +56,9 @@ struct Band<'a> {
 /// Fills the point image: colour, depth, point and age of every pixel.
 ///
 /// Points that no pixel shows are marked as hidden, those of one tile in [`TURNS`] each `frame`.
-pub(super) fn fill(buckets: &Buckets, planes: &mut Planes, points: &mut Points, threads: usize, frame: u32) {
+pub(super) fn fill(isa: Isa, buckets: &Buckets, planes: &mut Planes, points: &mut Points, threads: usize, frame: u32) {
     let (width, height) = planes.size;
-    let rows = bands(height, TILE, threads);
+    let rows = bands(height, buckets.tile_rows, threads);
     let lengths = || rows.iter().map(|rows| rows.len() * width);
     let colour = parallel::cut(&mut planes.colour, lengths());
     let depth = parallel::cut(&mut planes.depth, lengths());
@@ -40,60 +66,93 @@ pub(super) fn fill(buckets: &Buckets, planes: &mut Planes, points: &mut Points, 
     let age = parallel::cut(&mut planes.age, lengths());
     let parts = rows.iter().zip(colour).zip(depth).zip(slot).zip(age);
     let parts = parts.map(|((((rows, colour), depth), slot), age)| Band {
-        first_tile_row: rows.start / TILE,
+        first_tile: rows.start / buckets.tile_rows,
         colour,
         depth,
         slot,
         age,
     });
+    let nothing = Record { age_and_pixel: 0, colour: colour::NONE, slot: points.capacity() as u32, depth: FARTHEST };
+    let nothing = Nearest::from(&nothing);
     let records = buckets.records();
-    let nothing = records.len() as u64 - 1;
     let is_hidden = as_atomic(&mut points.is_hidden);
-    parallel::for_each(parts.collect(), |mut band: Band| {
-        let mut nearest = [FARTHEST; TILE * TILE];
-        for (row, tile_row) in (0..band.colour.len() / width).step_by(TILE).zip(band.first_tile_row..) {
-            for tile_column in 0..buckets.tiles.0 {
-                let tile = tile_row * buckets.tiles.0 + tile_column;
-                nearest.fill(FARTHEST | nothing);
-                let mut chain = buckets.chain(tile).peekable();
-                while let Some(chunk) = chain.next() {
-                    records[chain.peek().cloned().unwrap_or_default()].iter().step_by(LINE).for_each(prefetch);
-                    for (record, at) in records[chunk.clone()].iter().zip(chunk.start as u64..) {
-                        let pixel = &mut nearest[record.pixel_and_age as usize % (TILE * TILE)];
-                        // No branch: whether a pixel has a nearer point already cannot be guessed.
-                        *pixel = (*pixel).min(u64::from(record.depth) << 32 | at);
-                    }
-                }
-                band.show(&nearest, records, row, tile_column * TILE, width);
-                if (tile_row + tile_column + frame as usize).is_multiple_of(TURNS) {
-                    let all = buckets.chain(tile).flat_map(|chunk| &records[chunk]);
-                    all.for_each(|record| is_hidden[record.slot as usize].store(1, Relaxed));
-                    let seen = nearest.iter().map(|&key| records[key as u32 as usize].slot);
-                    seen.for_each(|slot| is_hidden[slot as usize].store(0, Relaxed));
-                }
+    let tile_pixels = buckets.tile_rows * width;
+    parallel::for_each(parts.collect(), |band: Band| {
+        let mut nearest = vec![nothing; tile_pixels];
+        let planes = band.colour.chunks_mut(tile_pixels).zip(band.depth.chunks_mut(tile_pixels));
+        let planes = planes.zip(band.slot.chunks_mut(tile_pixels)).zip(band.age.chunks_mut(tile_pixels));
+        for ((((colour, depth), slot), age), tile) in planes.zip(band.first_tile..) {
+            let nearest = &mut nearest[..colour.len()];
+            let mut chain = buckets.chain(tile).peekable();
+            while let Some(chunk) = chain.next() {
+                records[chain.peek().cloned().unwrap_or_default()].iter().step_by(LINE).for_each(prefetch);
+                keep_nearest(&records[chunk], nearest);
             }
+            if (tile + frame as usize).is_multiple_of(TURNS) {
+                let all = buckets.chain(tile).flat_map(|chunk| &records[chunk]);
+                all.for_each(|record| is_hidden[record.slot as usize].store(1, Relaxed));
+                nearest.iter().for_each(|nearest| is_hidden[nearest.key as u32 as usize].store(0, Relaxed));
+            }
+            isa.run(Show { nearest, nothing, colour, depth, slot, age });
         }
     });
 }
 
-impl Band<'_> {
-    /// Copies what a tile's pixels show to the planes. A pixel without a point shows the entry after the last.
-    fn show(&mut self, nearest: &[u64; TILE * TILE], records: &[Record], row: usize, column: usize, width: usize) {
-        let columns = TILE.min(width - column);
-        let rows = TILE.min(self.colour.len() / width - row);
-        for (y, nearest) in nearest.as_chunks::<TILE>().0.iter().enumerate().take(rows) {
-            let at = (row + y) * width + column..(row + y) * width + column + columns;
-            let colour = &mut self.colour[at.clone()];
-            let depth = &mut self.depth[at.clone()];
-            let slot = &mut self.slot[at.clone()];
-            let age = &mut self.age[at];
-            for ((((colour, depth), slot), age), key) in colour.iter_mut().zip(depth).zip(slot).zip(age).zip(nearest) {
-                let record = &records[*key as u32 as usize];
-                *colour = record.colour;
-                *depth = record.depth;
-                *slot = record.slot;
-                *age = (record.pixel_and_age >> 16) as u8;
+fn keep_nearest(records: &[Record], nearest: &mut [Nearest]) {
+    for record in records {
+        // Every record of a tile has a pixel of it.
+        let Some(pixel) = nearest.get_mut((record.age_and_pixel >> 8) as usize) else { continue };
+        let new = Nearest::from(record);
+        // All ones if the record is nearer. Not a choice, which becomes a branch, and whether a pixel has a nearer point already cannot
+        // be guessed.
+        let nearer = u64::from(new.key < pixel.key).wrapping_neg();
+        let take = |old: u64, new: u64| old ^ (old ^ new) & nearer;
+        *pixel = Nearest { look: take(pixel.look, new.look), key: take(pixel.key, new.key) };
+    }
+}
+
+/// Copies what a tile's pixels show to the planes, and empties its z-buffer for the next.
+struct Show<'a> {
+    nearest: &'a mut [Nearest],
+    nothing: Nearest,
+    colour: &'a mut [u32],
+    depth: &'a mut [u32],
+    slot: &'a mut [u32],
+    age: &'a mut [u8],
+}
+
+impl Kernel for Show<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { nearest, nothing, colour, depth, slot, age } = self;
+        let pieces = colour.chunks_mut(PIECE).zip(depth.chunks_mut(PIECE));
+        let pieces = pieces.zip(slot.chunks_mut(PIECE)).zip(age.chunks_mut(PIECE));
+        for (nearest, (((colour, depth), slot), age)) in nearest.chunks_mut(PIECE).zip(pieces) {
+            if nearest.len() == PIECE {
+                // Of known length: no remainders.
+                let (colour, depth) = (&mut colour[..PIECE], &mut depth[..PIECE]);
+                show(&nearest[..PIECE], colour, depth, &mut slot[..PIECE], &mut age[..PIECE]);
+            } else {
+                show(nearest, colour, depth, slot, age);
             }
+            nearest.fill(nothing);
         }
+    }
+}
+
+#[inline(always)]
+fn show(nearest: &[Nearest], colour: &mut [u32], depth: &mut [u32], slot: &mut [u32], age: &mut [u8]) {
+    let count = nearest.len();
+    let (colour, depth) = (&mut colour[..count], &mut depth[..count]);
+    let (slot, age) = (&mut slot[..count], &mut age[..count]);
+    for x in 0..count {
+        let Nearest { look, key } = nearest[x];
+        let at = (key >> 32) as u32;
+        colour[x] = (look >> 32) as u32;
+        depth[x] = if at == FARTHEST { 0 } else { at };
+        slot[x] = key as u32;
+        age[x] = look as u8;
     }
 }

@@ -9,6 +9,8 @@
 //!   that is among the nearest at the end was never refused nor evicted.
 //! - Memory is at most [`BINS_KEPT`] × (`Sums` + 6 bytes) a pixel, and grows only with the bins really met.
 
+use crate::pointimage::{filled, prefetch, reserved};
+
 /// Nearest depth bins kept for each pixel. A pixel rarely sees more than two surfaces.
 pub(crate) const BINS_KEPT: usize = 4;
 /// Depth bins to each doubling of the distance.
@@ -198,7 +200,7 @@ impl PixelBins {
     pub fn new(pixels: usize) -> Self {
         // Room for one bin a pixel is taken at once: growing would move what is there ten times over. Pages that are not used
         // cost nothing.
-        Self { slots: vec![EMPTY; pixels], sums: Vec::with_capacity(pixels) }
+        Self { slots: filled(EMPTY, pixels), sums: reserved(pixels) }
     }
 
     pub fn clear(&mut self) {
@@ -227,6 +229,28 @@ impl PixelBins {
             slots.places[rank] = place;
         }
         self.sums[slots.places[rank] as usize].add(colour, weight, near);
+    }
+
+    /// Asks for what [`prefetch_sums`](Self::prefetch_sums) needs.
+    pub fn prefetch_pixel(&self, pixel: usize) {
+        self.slots.get(pixel).into_iter().for_each(prefetch);
+    }
+
+    /// Asks for the sums that a sample of a pixel will be added to, if they are there already.
+    pub fn prefetch_sums(&self, pixel: usize, bin: u16) {
+        let Some(slots) = self.slots.get(pixel) else { return };
+        if let Some(rank) = slots.bins.iter().position(|&kept| bin == kept)
+            && let Some(sums) = self.sums.get(slots.places[rank] as usize)
+        {
+            // Two cache lines.
+            prefetch(&sums.weight);
+            prefetch(&sums.near);
+        }
+    }
+
+    /// Whether there is room for any pixel.
+    pub fn has_pixels(&self) -> bool {
+        !self.slots.is_empty()
     }
 
     /// Whether there are no samples at all.

@@ -28,7 +28,7 @@ use holo_section::{BeamId, Sample, Section};
 use keep::Kept;
 pub use keep::REFETCH_DEGREES;
 use leaf::{Reader, beside, own_surface};
-use reproject::{BeamProjector, DistanceTable, PlacedSection};
+use reproject::{BeamProjector, DistanceTable, Landing, PlacedSection};
 use std::collections::HashSet;
 use std::sync::Arc;
 use surface::{Level, Surface, gap_allowed, pyramid};
@@ -36,6 +36,8 @@ use wide::Agreement;
 
 /// Paths a sample counts for at most: enough that more are not told apart, few enough that sums cannot overflow.
 const MAX_PATHS: u16 = 1024;
+/// Samples whose sums are fetched together: they lie anywhere, and one after another each would wait for memory twice.
+const BATCH: usize = 32;
 /// Share of a leaf's samples that its nearest surface needs to be what an empty pixel of the leaf shows.
 const SEEN_SHARE: f32 = 0.25;
 
@@ -124,6 +126,8 @@ pub struct Quadtree {
     kept: Kept,
     /// Samples that landed, and unseen beams, since the last [`redraw`](Self::redraw); a new view is a change, too.
     changes: u64,
+    /// Those of one batch that landed: pixel, landing, colour.
+    arrived: Vec<(usize, Landing, [u8; 4])>,
     /// Best beam of every pixel's middle; empty while no unseen beam is known, since a scene may have none.
     best: Vec<Option<(u16, BeamId)>>,
 }
@@ -143,6 +147,7 @@ impl Quadtree {
             unseen: HashSet::new(),
             kept: Kept::default(),
             changes: 1,
+            arrived: Vec::with_capacity(BATCH),
             best: Vec::new(),
             sections,
             view,
@@ -195,21 +200,28 @@ impl Quadtree {
         let projector = BeamProjector::new(placed, pair, &self.camera, self.size, radius, &self.distances);
         let paths = u32::from(paths.clamp(1, MAX_PATHS));
         let width = self.size.0 as usize;
-        for sample in samples {
-            if let Some(landing) = projector.land(sample) {
-                let colour = Colour::from_rgbe(sample.rgbe);
-                let pixel = landing.row * width + landing.column;
-                let bins = if landing.narrow {
-                    &mut self.narrow
-                } else {
-                    if self.wide.is_empty() {
+        for samples in samples.chunks(BATCH) {
+            self.arrived.clear();
+            for sample in samples {
+                if let Some(landing) = projector.land(sample) {
+                    let pixel = landing.row * width + landing.column;
+                    if !landing.narrow && !self.wide.has_pixels() {
                         self.wide = PixelBins::new(width * self.size.1 as usize);
                     }
-                    &mut self.wide
-                };
-                bins.add(pixel, landing.bin, &colour, landing.weight * paths, landing.near);
-                self.changes += 1;
+                    let bins = if landing.narrow { &self.narrow } else { &self.wide };
+                    bins.prefetch_pixel(pixel);
+                    self.arrived.push((pixel, landing, sample.rgbe));
+                }
             }
+            for (pixel, landing, _) in &self.arrived {
+                let bins = if landing.narrow { &self.narrow } else { &self.wide };
+                bins.prefetch_sums(*pixel, landing.bin);
+            }
+            for (pixel, landing, rgbe) in &self.arrived {
+                let bins = if landing.narrow { &mut self.narrow } else { &mut self.wide };
+                bins.add(*pixel, landing.bin, &Colour::from_rgbe(*rgbe), landing.weight * paths, landing.near);
+            }
+            self.changes += self.arrived.len() as u64;
         }
     }
 
