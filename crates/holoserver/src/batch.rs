@@ -23,8 +23,8 @@ const GROWTH: f64 = 1.5;
 /// its entry in the file's directory would cost more than its rays.
 const MIN_PACKET: f64 = 4.0;
 
-/// Rays that are enough for a beam of mean importance unless said otherwise. On a section's default grid that is 60 to 80 M
-/// samples: one for each pixel of 512×512 in what a view crosses, thirty in what ends on its surfaces.
+/// Rays that are enough for a beam of mean importance unless said otherwise. On a section's default grid that is up to
+/// 80 M samples: one for each pixel of 400×400 in what a view crosses (0.2 %), and a hundred in what ends on its surfaces (a fifth).
 const ENOUGH_PER_BEAM: f64 = 512.0;
 
 /// Samples that are enough for a file, unless said otherwise, are at least so many, 500 MB: pictures need rays, however coarse

@@ -115,7 +115,9 @@ fn a_fill_ends_before_its_time_when_nothing_is_left_to_trace() {
     let place = Place::new();
     place.fill_small("a.holo", "1k");
     let before = samples(&place.path("a.holo"));
-    let words = ["fill", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--enough", "0"];
+    let config = std::fs::read_to_string(place.cornell()).unwrap();
+    place.write("enough.toml", &format!("enough = \"0\"\n{config}"));
+    let words = ["fill", "--config", "{}/enough.toml", "--section", CORNELL_SMALL_SECTION];
     // As good as the first samples of this file are, none get better; and no more are wanted.
     place.run(&[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--time", "10m"]].concat()).ok();
     let ended = place.run(&[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--samples", "1"]].concat());
