@@ -94,8 +94,9 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
     let server = place.server("a.holo", &["--json", "--no-skip-unseen"]);
     let worker = place.worker(server.address, &[]);
     // Of two beams, more than a packet holds of one; each once.
-    let wanted: Vec<(u64, RayCoords)> =
-        (0..100).map(|i: u8| (if i % 4 == 0 { 400 } else { 2000 }, RayCoords([i, 200 - i, 3 * (i / 2), 7]))).collect();
+    let wanted: Vec<(u64, RayCoords)> = (0..100)
+        .map(|i: u8| (if i.is_multiple_of(4) { 400 } else { 2000 }, RayCoords([i, 200 - i, 3 * (i / 2), 7])))
+        .collect();
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
