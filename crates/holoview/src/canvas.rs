@@ -89,6 +89,11 @@ impl Painter {
         }
     }
 
+    /// Whether its canvases say which single rays they want.
+    pub fn wants_rays(&self) -> bool {
+        matches!(self, Painter::Points(points) if points.name() == "pointimage")
+    }
+
     /// How near to the eye rays are to pass if the nearest visible surface is at `nearest`.
     pub fn radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
         match self {

@@ -268,7 +268,7 @@ impl Session {
             traced: 0,
             first_samples: None,
             refined: false,
-            rays_asked: matches!(self.painter, Painter::Points(_)).then_some(since),
+            rays_asked: self.painter.wants_rays().then_some(since),
         });
         self.ask_rays()?;
         if let Some(shown) = &mut self.shown {
@@ -415,7 +415,11 @@ impl Session {
         let rays = shown.canvas.wanted_rays().into_iter();
         let rays = rays.map(|(section, beam, coords)| WantedRay { beam: beam.0, section, coords, reserved: 0 });
         let request = RaysWanted { view: self.view_number, rays: rays.collect() };
-        shown.rays_asked = (!request.rays.is_empty()).then(Instant::now);
+        shown.rays_asked = Some(Instant::now());
+        if request.rays.is_empty() {
+            // For now every pixel has enough.
+            return Ok(());
+        }
         Ok(self.outbox.send(Kind::Rays, &request.encode())?)
     }
 

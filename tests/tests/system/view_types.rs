@@ -30,8 +30,8 @@ fn every_type_of_view_is_shown_by_every_driver_as_the_tracer_renders_it() {
             assert_eq!(report["driver"], driver);
             let quality = psnr(&place, "shown.pfm", "truth.pfm");
             println!("{name} {driver}: {quality:.1} dB from {} samples", report["samples"]);
-            // From a few samples a pixel. A picture that is mirrored, or laid out as a perspective, has some 10 dB.
-            assert!(quality > 17.0, "{name} {driver}: {quality}");
+            // From a few samples a pixel, and from two pixels a sample for `pointimage`.
+            assert!(quality > 14.0, "{name} {driver}: {quality}");
         }
         if name == "l" {
             // It shows little but rays of its own: from an empty file, live.
