@@ -25,7 +25,7 @@ const PIECE: usize = 64;
 const PIECES: usize = STRIP / PIECE;
 /// Rows filtered at a time.
 const ROWS: usize = 4 * WINDOW;
-/// Pieces of a strip's rows up to which each is filtered alone: that takes some 3.5 times as long a pixel.
+/// Pieces of a strip's rows up to which each is filtered alone. Of a half, the filter took 30 % longer; of a fourteenth, as long.
 const FEW: usize = ROWS * PIECES / 5;
 
 /// Filters rows `from..` of a picture, as many as `picture` has.
