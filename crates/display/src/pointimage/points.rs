@@ -110,10 +110,10 @@ impl Points {
     pub fn free_slot(&mut self) -> usize {
         let mut slot = self.cursor;
         for _ in 0..GROUP {
-            slot = self.oldest_of_group(|_| true).unwrap_or(self.cursor);
+            slot = self.oldest_of_group();
             if self.is_of_view(slot) {
                 // Rarely so while the view moves: only then are flags looked at.
-                match self.oldest_of_group(|slot| !self.is_of_view(slot)) {
+                match self.oldest_not_of_view() {
                     Some(other) => slot = other,
                     None => {
                         self.next_group();
@@ -132,13 +132,24 @@ impl Points {
         self.flags[slot] & FRESH != 0 && self.age[slot] != EVICTED
     }
 
-    /// The oldest of those at the cursor that may be taken. Of equals the first; an empty slot is the oldest.
-    #[inline(always)]
-    fn oldest_of_group(&self, may_be: impl Fn(usize) -> bool) -> Option<usize> {
-        let groups = self.capacity() / GROUP;
+    /// The slots of the group at the cursor.
+    fn group(&self) -> impl Iterator<Item = usize> {
+        (self.cursor..self.capacity()).step_by(self.capacity() / GROUP)
+    }
+
+    /// The oldest of the group at the cursor. Of equals the first; an empty slot is the oldest.
+    fn oldest_of_group(&self) -> usize {
+        // Age first, then the place in the group: no branch, since which is older cannot be guessed.
+        let key = |(slot, place): (usize, usize)| usize::from(self.age[slot]) * GROUP + place;
+        let oldest = self.group().zip((0..GROUP).rev()).map(key).fold(0, usize::max);
+        self.cursor + (GROUP - 1 - oldest % GROUP) * (self.capacity() / GROUP)
+    }
+
+    /// The same of those that are not samples of the current view.
+    fn oldest_not_of_view(&self) -> Option<usize> {
         let mut oldest = None;
-        for candidate in (self.cursor..self.capacity()).step_by(groups) {
-            if may_be(candidate) && oldest.is_none_or(|oldest: usize| self.age[candidate] > self.age[oldest]) {
+        for candidate in self.group().filter(|&slot| !self.is_of_view(slot)) {
+            if oldest.is_none_or(|oldest: usize| self.age[candidate] > self.age[oldest]) {
                 oldest = Some(candidate);
             }
         }
@@ -146,7 +157,7 @@ impl Points {
     }
 
     fn next_group(&mut self) {
-        self.cursor = (self.cursor + 1) % (self.capacity() / GROUP);
+        self.cursor = if self.cursor + 1 < self.capacity() / GROUP { self.cursor + 1 } else { 0 };
     }
 
     /// Asks for points that will be needed: they lie anywhere, and one after another each would wait for memory.
@@ -154,6 +165,7 @@ impl Points {
         for slot in slots.map(|slot| slot as usize).filter(|&slot| slot < self.capacity()) {
             self.position.iter().for_each(|axis| prefetch(&axis[slot]));
             prefetch(&self.colour[slot]);
+            prefetch(&self.age[slot]);
             prefetch(&self.flags[slot]);
             prefetch(&self.details[slot]);
         }

@@ -9,6 +9,7 @@ use super::sample::{Aim, Purpose, Request, Tag};
 
 impl PointImage {
     /// A request for a pixel of the current view.
+    #[inline]
     pub(super) fn request(&self, pixel: u32, seed: u32) -> Request {
         let (width, height) = self.planes.size;
         // In 32 bits: divisions of 64 take twice as long.
