@@ -5,7 +5,7 @@
 use std::{collections::BTreeSet, fs, path::PathBuf};
 
 use holo_proto::{
-    ProtoError,
+    PROTOCOL_VERSION, ProtoError,
     bulk::*,
     control::*,
     frame::{self, HEADER_BYTES, Header, Kind},
@@ -94,7 +94,7 @@ fn record() -> Record {
 }
 
 fn hello(role: Role, name: &str) -> Any {
-    Any::Hello(Hello { version: 1, role, name: name.into() })
+    Any::Hello(Hello { version: PROTOCOL_VERSION, role, name: name.into() })
 }
 
 fn room() -> SectionSpec {
