@@ -358,6 +358,12 @@ fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
     let used = |samples: &[(BeamId, Sample)]| stage.draw(samples).frame.samples_used;
     let (inside, outside) = (used(&chosen), used(&others));
     assert!(inside > 2000 && outside * 20 < inside, "{inside} {outside}");
+    // Of those, the best hold more for each beam.
+    let best = canvas.best_surface_beams();
+    assert!(best.is_sorted() && best.len() < beams.len() && best.iter().all(|beam| beams.contains(beam)));
+    let held: Vec<_> = chosen.iter().filter(|(beam, _)| best.contains(&(0, *beam))).copied().collect();
+    let per_beam = |used: u64, beams: usize| used as f64 / beams as f64;
+    assert!(per_beam(used(&held), best.len()) > per_beam(inside, beams.len()));
 }
 
 fn bits(drawn: &Drawn) -> Vec<[u32; 3]> {
