@@ -366,6 +366,21 @@ fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
     assert!(per_beam(used(&held), best.len()) > per_beam(inside, beams.len()));
 }
 
+#[test]
+fn a_picture_drawn_between_samples_changes_no_bit_of_the_next_one() {
+    let stage = plate();
+    let all = stage.samples(even, 20_000, common::exponential);
+    let mut canvas = stage.empty();
+    for (number, (beam, sample)) in all.iter().enumerate() {
+        canvas.insert(0, *beam, 1, std::slice::from_ref(sample));
+        if number % 7_000 == 0 {
+            let first = canvas.draw();
+            assert_eq!(bits(&first), bits(&canvas.draw()), "the same samples give the same picture");
+        }
+    }
+    assert_eq!(bits(&canvas.draw()), bits(&stage.draw(&all)));
+}
+
 fn bits(drawn: &Drawn) -> Vec<[u32; 3]> {
     drawn.frame.picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
