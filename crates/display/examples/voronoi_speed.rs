@@ -55,7 +55,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     timed(&format!("insert {count} samples"), 3, || {
         packets.iter().for_each(|(beam, samples)| canvas.insert(0, *beam, 1, samples));
     });
-    timed("draw", 10, || canvas.draw());
+    let mut beams = packets.iter().cycle();
+    timed("draw with a beam's new samples", 10, || {
+        if let Some((beam, samples)) = beams.next() {
+            canvas.insert(0, *beam, 1, samples);
+        }
+        canvas.draw()
+    });
+    timed("draw with nothing new", 10, || canvas.draw());
     Ok(())
 }
 

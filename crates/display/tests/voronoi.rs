@@ -358,6 +358,27 @@ fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
     let used = |samples: &[(BeamId, Sample)]| stage.draw(samples).frame.samples_used;
     let (inside, outside) = (used(&chosen), used(&others));
     assert!(inside > 2000 && outside * 20 < inside, "{inside} {outside}");
+    // Of those, the best hold more for each beam.
+    let best = canvas.best_surface_beams();
+    assert!(best.is_sorted() && best.len() < beams.len() && best.iter().all(|beam| beams.contains(beam)));
+    let held: Vec<_> = chosen.iter().filter(|(beam, _)| best.contains(&(0, *beam))).copied().collect();
+    let per_beam = |used: u64, beams: usize| used as f64 / beams as f64;
+    assert!(per_beam(used(&held), best.len()) > per_beam(inside, beams.len()));
+}
+
+#[test]
+fn a_picture_drawn_between_samples_changes_no_bit_of_the_next_one() {
+    let stage = plate();
+    let all = stage.samples(even, 20_000, common::exponential);
+    let mut canvas = stage.empty();
+    for (number, (beam, sample)) in all.iter().enumerate() {
+        canvas.insert(0, *beam, 1, std::slice::from_ref(sample));
+        if number % 7_000 == 0 {
+            let first = canvas.draw();
+            assert_eq!(bits(&first), bits(&canvas.draw()), "the same samples give the same picture");
+        }
+    }
+    assert_eq!(bits(&canvas.draw()), bits(&stage.draw(&all)));
 }
 
 fn bits(drawn: &Drawn) -> Vec<[u32; 3]> {

@@ -291,3 +291,53 @@ fn meet<S: Simd>(
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::{MAX_TILE, Ray, Raycaster};
+    use glam::{DVec3, Vec3};
+    use holo_scene::{Material, Scene};
+    use std::sync::Arc;
+
+    /// A room of large triangles with small ones in it: narrow pyramids lie wholly within the large ones.
+    fn room() -> Raycaster {
+        let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -4.0_f32 } else { 4.0 });
+        let mut positions: Vec<[f32; 3]> = (0..8).map(corner).collect();
+        let quads = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+        let mut triangles: Vec<[u32; 3]> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        for i in 0..400_u32 {
+            let at = Vec3::new((i % 8) as f32, (i / 8 % 8) as f32, (i / 64) as f32) * 0.9 - 3.0;
+            let first = positions.len() as u32;
+            positions.extend([at, at + Vec3::new(0.2, 0.05, 0.1), at + Vec3::new(0.0, 0.3, 0.1)].map(|p| p.to_array()));
+            triangles.push([first, first + 1, first + 2]);
+        }
+        let materials = vec![0; triangles.len()];
+        let scene = Scene::new(DVec3::ZERO, positions, triangles, materials, vec![Material::grey("m")], [0.0; 3]);
+        Raycaster::build(Arc::new(scene.expect("valid"))).expect("built")
+    }
+
+    #[test]
+    fn a_picture_is_the_same_by_tiles_as_ray_by_ray() {
+        let raycaster = room();
+        let (eye, side) = (Vec3::new(0.3, -3.7, 0.2), 8);
+        let mut hits_of_small = 0;
+        for (forward, spread) in [(Vec3::Y, 0.002), (Vec3::new(0.7, 0.7, 0.1), 0.004), (-Vec3::Z, 0.01), (Vec3::X, 0.1)]
+        {
+            for tile in 0..200 {
+                let place = Vec3::new((tile % 20) as f32 - 10.0, (tile / 20) as f32 - 5.0, (tile % 7) as f32) * 0.08;
+                let rays: Vec<Ray> = (0..MAX_TILE)
+                    .map(|i| {
+                        let (x, y) = ((i % side) as f32 * spread, (i / side) as f32 * spread);
+                        Ray::new(eye, (forward + place + Vec3::new(x, y, x - y)).normalize())
+                    })
+                    .collect();
+                let mut hits = vec![None; rays.len()];
+                raycaster.nearest_tile(&rays, &mut hits);
+                let alone: Vec<_> = rays.iter().map(|ray| raycaster.nearest(ray)).collect();
+                assert_eq!(hits, alone, "{forward} {tile}");
+                hits_of_small += alone.iter().flatten().filter(|hit| hit.triangle >= 12).count();
+            }
+        }
+        assert!(hits_of_small > 1000, "{hits_of_small}");
+    }
+}

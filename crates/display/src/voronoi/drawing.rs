@@ -9,12 +9,14 @@ use super::indirect::Indirect;
 use super::reconstruct::{self, Light};
 use super::shade::Shadings;
 use super::surfaces::{Caster, NO_IMAGE, Seen, Surfaces, number_of};
-use super::{Layer, Voronoi};
+use super::{Layer, Made, MadeFrom, Voronoi};
 use crate::camera::Camera;
 use crate::parts::for_parts;
+use holo_light::Store;
 use holo_raycast::{Hit, Ray};
 use rustc_hash::FxHashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, PoisonError};
 
 /// The layer of what is seen in panes, besides what is seen through them.
 const IN_PANES: usize = 1;
@@ -105,8 +107,11 @@ struct Lit<'a> {
     layer: &'a Layer,
     camera: &'a Camera,
     shadings: &'a Shadings,
-    light: Light,
-    guesses: Guesses,
+    light: Arc<Light>,
+    guesses: Arc<Guesses>,
+    /// What it is made of; made for this very picture, or kept from the last one.
+    from: MadeFrom,
+    is_new: bool,
 }
 
 /// What a pixel's middle shows.
@@ -121,7 +126,10 @@ impl<'a> Drawing<'a> {
         let caster = Caster::new(&voronoi.raycaster, &voronoi.view, &voronoi.camera, voronoi.size);
         let mut drawing =
             Self { voronoi, caster, layers: voronoi.layers.iter().map(|layer| Lit::new(voronoi, layer)).collect() };
-        drawing.reflect();
+        if drawing.layers.first().is_some_and(|main| main.is_new) {
+            drawing.reflect();
+        }
+        drawing.layers.iter().filter(|lit| lit.is_new).for_each(Lit::keep);
         drawing
     }
 
@@ -328,10 +336,11 @@ impl<'a> Drawing<'a> {
                 });
             }
         });
-        let Some(main) = self.layers.first_mut() else { return };
+        // Nobody else has it yet.
+        let Some(main) = self.layers.first_mut().and_then(|main| Arc::get_mut(&mut main.light)) else { return };
         for (pixel, light) in metals {
             if let Some(light) = light {
-                main.light.set(pixel, light);
+                main.set(pixel, light);
             }
         }
     }
@@ -355,14 +364,30 @@ fn plus(sum: [f32; 3], share: [f32; 3], part: [f32; 3]) -> [f32; 3] {
 
 impl<'a> Lit<'a> {
     fn new(voronoi: &'a Voronoi, layer: &'a Layer) -> Self {
-        let Layer { surfaces, sums } = layer;
+        let Layer { surfaces, sums, .. } = layer;
+        let records = voronoi.records.as_deref().map_or(0, Store::len);
+        let from = MadeFrom { samples: layer.samples, paths: voronoi.paths, records };
+        let (camera, shadings) = (&voronoi.camera, &voronoi.shadings);
+        let made = layer.made.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(made) = made.as_ref().filter(|made| made.from == from) {
+            let (light, guesses) = (Arc::clone(&made.light), Arc::clone(&made.guesses));
+            return Self { layer, camera, shadings, light, guesses, from, is_new: false };
+        }
         Self {
             layer,
-            camera: &voronoi.camera,
-            shadings: &voronoi.shadings,
-            light: reconstruct::light(surfaces, sums, voronoi.paths),
-            guesses: Guesses::new(surfaces, sums),
+            camera,
+            shadings,
+            light: Arc::new(reconstruct::light(surfaces, sums, voronoi.paths)),
+            guesses: Arc::new(Guesses::new(surfaces, sums)),
+            from,
+            is_new: true,
         }
+    }
+
+    /// Keeps it for the next picture.
+    fn keep(&self) {
+        let made = Made { from: self.from, light: Arc::clone(&self.light), guesses: Arc::clone(&self.guesses) };
+        *self.layer.made.lock().unwrap_or_else(PoisonError::into_inner) = Some(made);
     }
 
     /// Weight of one sample along the eye's ray.

@@ -29,12 +29,14 @@ use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use deposit::{Beam, Depositor, Sums};
 use drawing::Drawing;
 use edges::EdgePoints;
+use guess::Guesses;
 use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, Sample, Section};
+use reconstruct::Light;
 use shade::Shadings;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock};
 use surfaces::{Caster, Seen, Surfaces};
 
 /// A picture, and how much of it is a guess.
@@ -50,6 +52,25 @@ pub struct Drawn {
 struct Layer {
     surfaces: Surfaces,
     sums: Vec<Sums>,
+    /// Samples in the sums.
+    samples: u64,
+    /// What was made of them for the last picture: nothing is done again for layers that have no new samples.
+    made: Mutex<Option<Made>>,
+}
+
+/// Light made of a layer's samples, and what it was made of.
+struct Made {
+    from: MadeFrom,
+    light: Arc<Light>,
+    guesses: Arc<Guesses>,
+}
+
+/// What a layer's light is a function of, besides what never changes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct MadeFrom {
+    samples: u64,
+    paths: u16,
+    records: usize,
 }
 
 /// The geometry-guided driver: samples in, pictures out.
@@ -77,7 +98,12 @@ impl Voronoi {
     pub fn new(sections: Arc<[Section]>, raycaster: Arc<Raycaster>, view: View, size: (u32, u32)) -> Self {
         let camera = Camera::new(&view, size);
         let layers = Caster::new(&raycaster, &view, &camera, size).surfaces().into_iter();
-        let layers = layers.map(|surfaces| Layer { sums: bytemuck::zeroed_vec(surfaces.seen.len()), surfaces });
+        let layers = layers.map(|surfaces| Layer {
+            sums: bytemuck::zeroed_vec(surfaces.seen.len()),
+            surfaces,
+            samples: 0,
+            made: Mutex::default(),
+        });
         let layers = layers.collect();
         let covered = covered::covered(&sections, &view, size);
         Self {
@@ -130,7 +156,9 @@ impl Voronoi {
                 shadings: &self.shadings,
                 caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
             };
-            self.samples += depositor.insert(&Beam { section: placed, pair, paths }, samples, &mut layer.sums);
+            let used = depositor.insert(&Beam { section: placed, pair, paths }, samples, &mut layer.sums);
+            layer.samples += used;
+            self.samples += used;
         }
         self.paths = self.paths.max(paths);
     }

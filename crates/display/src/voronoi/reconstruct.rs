@@ -187,10 +187,29 @@ fn choose(mut cells: Vec<f32>, labels: &[u32], width: usize) -> Vec<Choice> {
 }
 
 /// Adds half of what is beside, where that is of the same label. Sky has nothing to add.
-#[inline]
+#[inline(always)]
 fn add_half(sums: &mut [f32], labels: &[u32], beside: &[f32], labels_beside: &[u32]) {
-    for (((sum, label), other), label_beside) in sums.iter_mut().zip(labels).zip(beside).zip(labels_beside) {
-        *sum += if label == label_beside { 0.5 * other } else { 0.0 };
+    let count = sums.len().min(labels.len()).min(beside.len()).min(labels_beside.len());
+    // Cut to one length first: then four are added at once, which a chain of iterators prevents.
+    let (sums, labels) = (&mut sums[..count], &labels[..count]);
+    let (beside, labels_beside) = (&beside[..count], &labels_beside[..count]);
+    for i in 0..count {
+        let half = 0.5 * beside[i];
+        sums[i] += if labels[i] == labels_beside[i] { half } else { 0.0 };
+    }
+}
+
+/// The same from both sides, without a look back at what was added first.
+#[inline(always)]
+fn with_halves(sums: &mut [f32], from: &[f32], labels: &[u32], before: (&[f32], &[u32]), after: (&[f32], &[u32])) {
+    let count = sums.len();
+    let (from, labels) = (&from[..count], &labels[..count]);
+    let (before, labels_before) = (&before.0[..count], &before.1[..count]);
+    let (after, labels_after) = (&after.0[..count], &after.1[..count]);
+    for i in 0..count {
+        let first = if labels[i] == labels_before[i] { 0.5 * before[i] } else { 0.0 };
+        let second = if labels[i] == labels_after[i] { 0.5 * after[i] } else { 0.0 };
+        sums[i] = from[i] + first + second;
     }
 }
 
@@ -200,10 +219,20 @@ fn across(from: &[f32], labels: &[u32], width: usize, step: usize, top: usize, r
         let labels = &labels[row * width..][..width];
         let from = &from[row * KINDS * width..][..KINDS * width];
         for (sums, from) in line.chunks_mut(width).zip(from.chunks(width)) {
-            sums.copy_from_slice(from);
-            if step < width {
-                add_half(&mut sums[step..], &labels[step..], from, labels);
-                add_half(sums, labels, &from[step..], &labels[step..]);
+            if 2 * step < width {
+                let end = width - step;
+                sums[..step].copy_from_slice(&from[..step]);
+                add_half(&mut sums[..step], labels, &from[step..], &labels[step..]);
+                let (middle, after) = (&mut sums[step..end], (&from[2 * step..], &labels[2 * step..]));
+                with_halves(middle, &from[step..], &labels[step..], (from, labels), after);
+                sums[end..].copy_from_slice(&from[end..]);
+                add_half(&mut sums[end..], &labels[end..], &from[end - step..], &labels[end - step..]);
+            } else {
+                sums.copy_from_slice(from);
+                if step < width {
+                    add_half(&mut sums[step..], &labels[step..], from, labels);
+                    add_half(sums, labels, &from[step..], &labels[step..]);
+                }
             }
         }
     }
@@ -212,15 +241,20 @@ fn across(from: &[f32], labels: &[u32], width: usize, step: usize, top: usize, r
 /// One pass of the tent along columns.
 fn down(from: &[f32], labels: &[u32], width: usize, step: usize, top: usize, rows: &mut [f32]) {
     let height = labels.len() / width.max(1);
-    let row_of = |row: usize| &from[row * KINDS * width..][..KINDS * width];
     let labels_of = |row: usize| &labels[row * width..][..width];
     for (row, line) in (top..).zip(rows.chunks_mut(KINDS * width)) {
-        line.copy_from_slice(row_of(row));
         let above = row.checked_sub(step);
         let below = (row + step < height).then_some(row + step);
-        for other in [above, below].into_iter().flatten() {
-            for (sums, beside) in line.chunks_mut(width).zip(row_of(other).chunks(width)) {
-                add_half(sums, labels_of(row), beside, labels_of(other));
+        for (kind, sums) in line.chunks_mut(width).enumerate() {
+            let sums_of = |row: usize| &from[(row * KINDS + kind) * width..][..width];
+            let beside = |row: usize| (sums_of(row), labels_of(row));
+            if let Some((above, below)) = above.zip(below) {
+                with_halves(sums, sums_of(row), labels_of(row), beside(above), beside(below));
+            } else {
+                sums.copy_from_slice(sums_of(row));
+                if let Some((other, labels_beside)) = above.or(below).map(beside) {
+                    add_half(sums, labels_of(row), other, labels_beside);
+                }
             }
         }
     }
