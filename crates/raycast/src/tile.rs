@@ -321,7 +321,8 @@ mod tests {
         let raycaster = room();
         let (eye, side) = (Vec3::new(0.3, -3.7, 0.2), 8);
         let mut hits_of_small = 0;
-        for (forward, spread) in [(Vec3::Y, 0.002), (Vec3::new(0.7, 0.7, 0.1), 0.004), (-Vec3::Z, 0.01), (Vec3::X, 0.1)] {
+        for (forward, spread) in [(Vec3::Y, 0.002), (Vec3::new(0.7, 0.7, 0.1), 0.004), (-Vec3::Z, 0.01), (Vec3::X, 0.1)]
+        {
             for tile in 0..200 {
                 let place = Vec3::new((tile % 20) as f32 - 10.0, (tile / 20) as f32 - 5.0, (tile % 7) as f32) * 0.08;
                 let rays: Vec<Ray> = (0..MAX_TILE)
