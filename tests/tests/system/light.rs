@@ -127,7 +127,7 @@ fn a_holodeck_of_another_engine_takes_no_records() {
 fn a_fill_that_goes_on_uses_the_light_that_is_there() {
     let place = Place::new();
     let records = |words: &[&str]| {
-        place.fill_small_with("a.holo", "30k", &[&["--engine", "cached"], words].concat());
+        place.fill_small_with("a.holo", "300k", &[&["--engine", "cached"], words].concat());
         place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json()["light_records"].as_u64().unwrap()
     };
     let first = records(&[]);
