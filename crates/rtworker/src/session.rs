@@ -25,10 +25,6 @@ use crate::{
     unseen::Answers,
 };
 
-/// Rays for records of indirect light for each sample that comes where there is none: two thirds of the time go into records while most
-/// samples lack them.
-const RECORD_EFFORT: u32 = 2;
-
 /// Packets put into one message at the most: 5,000 samples, some milliseconds of work.
 const MAX_RESULTS: usize = 256;
 
@@ -163,9 +159,7 @@ fn build(scene: Scene, settings: RenderSettings) -> Result<Tracer> {
     let tracer = if settings.virtual_distance { tracer.with_virtual_distance() } else { tracer };
     Ok(match settings.engine {
         Engine::Path => tracer,
-        Engine::Cached => {
-            tracer.with_cache(settings.accuracy, RandomState::new().hash_one(())).with_effort(RECORD_EFFORT)
-        }
+        Engine::Cached => tracer.with_cache(settings.accuracy, RandomState::new().hash_one(())),
     })
 }
 

@@ -4,7 +4,7 @@
 //! A record's rays end in records too; where there are none, they go on as paths, and one in [`COARSE_PATIENCE`] makes a coarse record
 //! there, whose own rays go on as paths. Where small surfaces beside lamps send on much light (`secondary`), some rays are aimed at
 //! them. A record takes as long as hundreds of paths: samples that somebody waits for go on as paths, too, where there are none,
-//! and for each of them so many rays of records are traced ([`Cached::effort`]), so that there are useful samples from the first moment on.
+//! and for each of them so many rays of records are traced ([`Cached::set_effort`]), so that there are useful samples from the first moment on.
 //!
 //! Always true:
 //! - what is traced does not depend on the cache but within the engine's accuracy;
@@ -14,7 +14,7 @@
 use std::cell::Cell;
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use glam::Vec3;
 use holo_light::{Arrival, Found, Hemisphere, Record, Source, Store};
@@ -81,6 +81,9 @@ const LEAST_WEIGHT: f32 = 0.3;
 /// averaged over a hemisphere is not.
 const ENOUGH: [f32; 2] = [4.0, 1.0];
 
+/// An effort without bounds.
+const WHATEVER_IT_TAKES: u32 = u32::MAX;
+
 /// What follows from the accuracy.
 #[derive(Clone, Copy, Debug)]
 struct Quality {
@@ -97,11 +100,11 @@ struct Quality {
 pub(crate) struct Cached {
     store: Arc<Store>,
     quality: Quality,
-    /// Rays for records for each sample that comes where there is none: as long as there are as many, it is a path. `None`: every such
-    /// sample makes a record, whatever it takes.
-    pub(crate) effort: Option<u32>,
-    /// How many samples have come where there was none.
-    lacking: AtomicU64,
+    /// Rays for records for each sample that comes where there is none: with fewer, it is a path. [`WHATEVER_IT_TAKES`]: every such sample makes a
+    /// record.
+    effort: AtomicU32,
+    /// Rays for records that such samples have brought.
+    allowed: AtomicU64,
     /// Rays for records so far.
     rays: AtomicU64,
     /// Records' names: this engine's own, and how many it has made.
@@ -116,8 +119,9 @@ impl Cached {
         let reach = REACH * accuracy.sqrt();
         let quality = Quality { error: ERROR * accuracy, reach, greatest: size * GREATEST * reach };
         let store = Arc::new(Store::new(quality.greatest / SPREAD));
-        let [lacking, rays, made] = Default::default();
-        Self { store, quality, effort: None, lacking, rays, salt: mix(name), made }
+        let [allowed, rays, made] = Default::default();
+        let effort = AtomicU32::new(WHATEVER_IT_TAKES);
+        Self { store, quality, effort, allowed, rays, salt: mix(name), made }
     }
 
     pub(crate) fn store(&self) -> &Arc<Store> {
@@ -142,7 +146,7 @@ impl Cached {
         if let Some(found) = found.filter(|found| found.weight >= LEAST_WEIGHT) {
             return Some(found.irradiance);
         }
-        if self.store.is_full() || self.effort.is_some_and(|effort| !self.affords(effort)) {
+        if self.store.is_full() || !self.affords_record() {
             return None;
         }
         // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
@@ -159,10 +163,16 @@ impl Cached {
         Some(found.map_or(made, |found| (found.irradiance * found.weight + made) / (found.weight + 1.0)))
     }
 
+    /// See [`Tracer::set_effort`](crate::Tracer::set_effort).
+    pub(crate) fn set_effort(&self, effort: u32) {
+        self.effort.store(effort, Ordering::Relaxed);
+    }
+
     /// Whether one more sample that lacks a record is enough for the next.
-    fn affords(&self, effort: u32) -> bool {
-        let lacking = self.lacking.fetch_add(1, Ordering::Relaxed);
-        self.rays.load(Ordering::Relaxed) <= lacking * u64::from(effort)
+    fn affords_record(&self) -> bool {
+        let effort = self.effort.load(Ordering::Relaxed);
+        let before = || self.allowed.fetch_add(u64::from(effort), Ordering::Relaxed);
+        effort == WHATEVER_IT_TAKES || self.rays.load(Ordering::Relaxed) <= before()
     }
 
     /// Irradiance by indirect light, as far as there are records in sight that go to the point: exact ones, or for the rays of records

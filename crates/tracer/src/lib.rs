@@ -178,17 +178,6 @@ impl Tracer {
         self
     }
 
-    /// As this one, if its engine is `cached`, for somebody who waits: a sample that comes where there is no record of indirect light yet is
-    /// a path, as noisy as those of the engine `path`, until `effort` rays for each such sample make the next record. Unless said so, every
-    /// such sample makes a record, and none is noisy.
-    #[must_use]
-    pub fn with_effort(mut self, effort: u32) -> Self {
-        if let Some(cached) = &mut self.cached {
-            cached.effort = Some(effort);
-        }
-        self
-    }
-
     /// As this one, with distances to what flat mirrors show and flat glass lets through, along the straightened ray, in place of those
     /// to mirror and glass (Larson & Simmons 1999, §2.3, `VDISTANCE`); infinity if that is the sky. Curved ones are themselves
     /// what is seen.
@@ -196,6 +185,15 @@ impl Tracer {
     pub fn with_virtual_distance(mut self) -> Self {
         self.straight = Straight::new(self.raycaster.scene());
         self
+    }
+
+    /// From now on, if the engine is `cached`: a sample that comes where there is no record of indirect light yet is a path, as noisy as
+    /// those of the engine `path`, until `effort` rays for each such sample make the next record. Unless this is called, every such sample
+    /// makes a record, whatever it takes, and none is noisy.
+    pub fn set_effort(&self, effort: u32) {
+        if let Some(cached) = &self.cached {
+            cached.set_effort(effort);
+        }
     }
 
     /// The indirect light found so far, if the engine is `cached`.

@@ -136,8 +136,10 @@ fn one_thread_makes_the_same_picture_again() {
 fn who_waits_gets_paths_until_there_are_records() {
     let model = room();
     let eager = model.tracer(None).with_cache(0.05, 1);
-    let waiting = model.tracer(None).with_cache(0.05, 1).with_effort(1);
-    let never = model.tracer(None).with_cache(0.05, 1).with_effort(0);
+    let waiting = model.tracer(None).with_cache(0.05, 1);
+    waiting.set_effort(1);
+    let never = model.tracer(None).with_cache(0.05, 1);
+    never.set_effort(0);
     let path = model.tracer(None);
     let (eye, rays) = (DVec3::new(-1.5, -2.5, 1.2), 20_000);
     let mut sums = [0.0; 2];
