@@ -65,6 +65,42 @@ fn aimed_and_plain_samples_have_one_expectation_and_aimed_ones_err_less() {
     assert!(seen.iter().all(|&gain| gain > 2.0), "{seen:?}");
 }
 
+/// The same plate, but much of the light comes by a ceiling that is no source, and a glowing disc hides part of the plate.
+#[test]
+fn light_that_nothing_aims_at_and_sources_that_are_hidden_change_no_expectation() {
+    let quad =
+        |x: f64, z: f64, h: f64| [[x - h, -h, z], [x + h, -h, z], [x + h, h, z], [x - h, h, z]].map(DVec3::from_array);
+    let positions =
+        [quad(0.0, 0.0, 8.0), quad(0.0, 1.0, 0.05), quad(0.0, 1.2, 0.2), quad(0.0, 2.0, 8.0), quad(0.1, 0.8, 0.1)]
+            .concat();
+    let triangles: Vec<[u32; 3]> =
+        (0..5).flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]]).collect();
+    let material = |kd: f32, emission: f32| Material {
+        bsdf: Bsdf::Diffuse { kd: [kd; 3] },
+        emission: [emission; 3],
+        two_sided_emission: emission == 5.0,
+        ..Material::grey("m")
+    };
+    let materials =
+        vec![material(0.7, 0.0), material(0.0, 50.0), material(0.8, 0.0), material(0.9, 0.0), material(0.0, 5.0)];
+    let ids = [0, 0, 1, 1, 2, 2, 3, 3, 4, 4];
+    let scene = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).expect("valid").0;
+    let raycaster = Arc::new(Raycaster::build(Arc::new(scene)).expect("built"));
+    // Materials alone count what an aimed sample meets in full.
+    for direct in [Direct::Both, Direct::Materials] {
+        let mut engine = PathEngine::new(&raycaster, None, direct, 1);
+        assert!(engine.secondary.is_some());
+        let n = 400_000;
+        let aimed = estimate(&engine, &raycaster, n);
+        engine.secondary = None;
+        let plain = estimate(&engine, &raycaster, n);
+        let error = ((aimed.1 + plain.1) / n as f64).sqrt();
+        println!("{direct:?}: {aimed:?} {plain:?}");
+        assert!((aimed.0 - plain.0).abs() < 4.5 * error, "{direct:?}: {aimed:?} {plain:?}");
+        assert!(error < 0.05 * plain.0, "{direct:?}: {aimed:?} {plain:?}");
+    }
+}
+
 #[test]
 fn a_scene_whose_light_is_spread_has_none() {
     // The plate as large as the floor.
