@@ -171,8 +171,11 @@ impl Cached {
     /// Whether one more sample that lacks a record is enough for the next.
     fn affords_record(&self) -> bool {
         let effort = self.effort.load(Ordering::Relaxed);
-        let before = || self.allowed.fetch_add(u64::from(effort), Ordering::Relaxed);
-        effort == WHATEVER_IT_TAKES || self.rays.load(Ordering::Relaxed) <= before()
+        if effort == WHATEVER_IT_TAKES {
+            return true;
+        }
+        let allowed = self.allowed.fetch_add(u64::from(effort), Ordering::Relaxed);
+        self.rays.load(Ordering::Relaxed) <= allowed
     }
 
     /// Irradiance by indirect light, as far as there are records in sight that go to the point: exact ones, or for the rays of records
