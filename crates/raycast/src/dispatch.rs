@@ -47,12 +47,12 @@ impl Isa {
         all
     }
 
-    /// Whether there is any hit. Apart from `trace`, so that where it is need not be computed.
+    /// The triangle of any hit. Apart from `trace`, so that where it is need not be computed.
     #[inline]
     #[allow(unsafe_code)]
-    pub(crate) fn any(self, hierarchy: &Hierarchy, query: &Query) -> bool {
+    pub(crate) fn any(self, hierarchy: &Hierarchy, query: &Query) -> Option<u32> {
         match self {
-            Self::Portable => single::<_, true>(Portable, hierarchy, query).is_some(),
+            Self::Portable => single::<_, true>(Portable, hierarchy, query).map(|hit| hit.triangle),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the value proves that the processor has AVX2 and FMA.
             Self::Avx2(simd) => unsafe { avx2_any(simd, hierarchy, query) },
@@ -186,8 +186,8 @@ fn avx2(simd: Avx2, hierarchy: &Hierarchy, query: &Query) -> Option<Hit> {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2")]
-fn avx2_any(simd: Avx2, hierarchy: &Hierarchy, query: &Query) -> bool {
-    single::<_, true>(simd, hierarchy, query).is_some()
+fn avx2_any(simd: Avx2, hierarchy: &Hierarchy, query: &Query) -> Option<u32> {
+    single::<_, true>(simd, hierarchy, query).map(|hit| hit.triangle)
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -198,6 +198,6 @@ fn avx512(simd: Avx512, hierarchy: &Hierarchy, query: &Query) -> Option<Hit> {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,avx512f,avx512vl,avx512bw,avx512dq")]
-fn avx512_any(simd: Avx512, hierarchy: &Hierarchy, query: &Query) -> bool {
-    single::<_, true>(simd, hierarchy, query).is_some()
+fn avx512_any(simd: Avx512, hierarchy: &Hierarchy, query: &Query) -> Option<u32> {
+    single::<_, true>(simd, hierarchy, query).map(|hit| hit.triangle)
 }

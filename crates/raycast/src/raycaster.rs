@@ -182,14 +182,14 @@ impl Raycaster {
     #[must_use]
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.any(ray, [NO_TRIANGLE; 2])
+        self.any(ray, [NO_TRIANGLE; 2]).is_some()
     }
 
     /// Whether anything lies on a ray that leaves triangle `from`, which itself does not count.
     #[must_use]
     #[inline]
     pub fn occluded_from(&self, ray: &Ray, from: u32) -> bool {
-        self.any(ray, [from, NO_TRIANGLE])
+        self.any(ray, [from, NO_TRIANGLE]).is_some()
     }
 
     /// Whether anything lies between two points on surfaces; neither's own triangle counts.
@@ -198,11 +198,21 @@ impl Raycaster {
     #[must_use]
     #[inline]
     pub fn blocked(&self, from: &SurfacePoint, to: &SurfacePoint) -> bool {
-        let towards = to.point - from.point;
-        let start = spawn(from.point, from.error, from.normal, towards);
-        let end = spawn(to.point, to.error, to.normal, -towards);
-        let ray = Ray { origin: start, direction: end - start, t_min: 0.0, t_max: 1.0 };
-        self.any(&ray, [from.triangle, to.triangle])
+        self.blocker(from, to).is_some()
+    }
+
+    /// As [`blocked`](Self::blocked): a triangle that is in the way, whichever is found first.
+    #[must_use]
+    #[inline]
+    pub fn blocker(&self, from: &SurfacePoint, to: &SurfacePoint) -> Option<u32> {
+        self.any(&between(from, to), [from.triangle, to.triangle])
+    }
+
+    /// As [`blocked`](Self::blocked): what is met first on the way. Its `t` is a share of the way.
+    #[must_use]
+    #[inline]
+    pub fn nearest_between(&self, from: &SurfacePoint, to: &SurfacePoint) -> Option<Hit> {
+        self.query(&between(from, to), [from.triangle, to.triangle])
     }
 
     /// Whether anything stands between two points of surfaces that are nearly one, each seen from the side of its normal. Both ends
@@ -319,9 +329,9 @@ impl Raycaster {
     }
 
     #[inline]
-    fn any(&self, ray: &Ray, skip: [u32; 2]) -> bool {
-        let any = |ray: &Ray| prepare(ray, skip).is_some_and(|query| self.isa.any(&self.hierarchy, &query));
-        if self.is_far(ray) { self.brought_near(ray).is_some_and(|(near, _)| any(&near)) } else { any(ray) }
+    fn any(&self, ray: &Ray, skip: [u32; 2]) -> Option<u32> {
+        let any = |ray: &Ray| prepare(ray, skip).and_then(|query| self.isa.any(&self.hierarchy, &query));
+        if self.is_far(ray) { self.brought_near(ray).and_then(|(near, _)| any(&near)) } else { any(ray) }
     }
 
     #[inline]
@@ -346,6 +356,15 @@ impl Raycaster {
     pub(crate) fn hierarchy(&self) -> (&Hierarchy, f32) {
         (&self.hierarchy, self.reach)
     }
+}
+
+/// The way between two points on surfaces, up to the error bound of either.
+#[inline]
+fn between(from: &SurfacePoint, to: &SurfacePoint) -> Ray {
+    let towards = to.point - from.point;
+    let start = spawn(from.point, from.error, from.normal, towards);
+    let end = spawn(to.point, to.error, to.normal, -towards);
+    Ray { origin: start, direction: end - start, t_min: 0.0, t_max: 1.0 }
 }
 
 /// What a ray asks; `None` if it cannot hit anything.

@@ -171,6 +171,24 @@ impl Scatter {
         (pdf > 0.0 && !self.transmits()).then(|| Sampled { wi, weight: value / pdf, pdf: Some(pdf), eta2: 1.0 })
     }
 
+    /// Both ways that light comes from if the surface is smooth and reflects some and lets some through, each with its share; else `None`.
+    pub(crate) fn ways(&self, wo: Vec3, front: bool) -> Option<[Sampled; 2]> {
+        let (reflected, wi, transmittance, eta2) = match self {
+            Self::Pane { ior, transmittance } => (pane(wo.z, *ior), -wo, *transmittance, 1.0),
+            Self::Smooth { eta, transmittance } => {
+                let eta = if front { *eta } else { 1.0 / eta };
+                let (reflected, beyond) = dielectric(wo.z, eta);
+                let eta2 = eta * eta;
+                (reflected, refract(wo, Vec3::Z, beyond, eta), *transmittance / eta2, eta2)
+            }
+            _ => return None,
+        };
+        (reflected < 1.0 && wi.z < 0.0).then_some([
+            Sampled { wi: mirrored(wo), weight: Vec3::splat(reflected), pdf: None, eta2: 1.0 },
+            Sampled { wi, weight: transmittance * (1.0 - reflected), pdf: None, eta2 },
+        ])
+    }
+
     /// Chooses where the light that goes to `wo` came from. `None` if it is absorbed.
     #[inline]
     pub(crate) fn sample(&self, wo: Vec3, front: bool, sampler: &mut Sampler) -> Option<Sampled> {

@@ -27,6 +27,10 @@ use crate::path::{Arrived, Ending, Met, PathEngine, Start};
 use crate::sampler::{Purpose, Sampler, mix};
 use crate::secondary::Aimed;
 
+/// Smooth surfaces at which the light that comes straight to an eye or a record is followed both ways: of what a pane reflects, one ray in ten
+/// would have the weight of ten.
+const FORKS: u32 = 2;
+
 /// Relative error of indirect light that is aimed at unless said otherwise.
 pub const DEFAULT_ACCURACY: f32 = 0.03;
 
@@ -250,6 +254,7 @@ enum Role {
 }
 
 /// Paths that end in the cache.
+#[derive(Clone)]
 struct Light<'a> {
     cached: &'a Cached,
     engine: &'a PathEngine,
@@ -283,6 +288,15 @@ impl Ending for Light<'_> {
             }
         };
         Some(*kd * irradiance * FRAC_1_PI)
+    }
+
+    #[inline]
+    fn forks(&self, scatterings: u32) -> u32 {
+        let first = match self.role.get() {
+            Role::Eye | Role::Path => 0,
+            Role::Record | Role::Coarse => 1,
+        };
+        if scatterings == first { FORKS } else { 0 }
     }
 
     #[inline]

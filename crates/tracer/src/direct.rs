@@ -9,6 +9,7 @@ use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use crate::bsdf::Scatter;
 use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf};
 use crate::lights::{Aim, Chosen, Lights, Seen};
+use crate::panes::Panes;
 use crate::path::{Direct, Surface};
 use crate::sampler::Sampler;
 
@@ -17,6 +18,7 @@ pub(crate) struct Vertex<'a> {
     pub raycaster: &'a Raycaster,
     /// By material.
     pub surfaces: &'a [Surface],
+    pub panes: &'a Panes,
     pub scatter: &'a Scatter,
     pub point: &'a SurfacePoint,
     pub frame: &'a Frame,
@@ -170,11 +172,15 @@ impl Vertex<'_> {
             return Vec3::ZERO;
         }
         let (value, pdf) = self.scatter.evaluate(self.wo, self.frame.to_local(direction), self.front);
-        if value == Vec3::ZERO || self.raycaster.blocked(self.point, &light) {
+        if value == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let passed = self.panes.between(self.raycaster, self.point, &light);
+        if passed == Vec3::ZERO {
             return Vec3::ZERO;
         }
         let density = probability * aim.density(distance2, cosine.abs());
-        value * emitter.emission * (direct.light_weight(density * count as f32, pdf) / density)
+        value * passed * emitter.emission * (direct.light_weight(density * count as f32, pdf) / density)
     }
 }
 

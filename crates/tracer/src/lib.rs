@@ -31,6 +31,7 @@ mod interface;
 mod lights;
 mod medium;
 mod microfacet;
+mod panes;
 mod path;
 mod sampler;
 mod secondary;

@@ -4,7 +4,8 @@
 //! - The mean over seeds is the solution of the rendering equation for the settings' `bounces`, up to f32 rounding.
 //! - Light is combined by the power heuristic (Veach 1997, §9.2.4) where both ways can find it, and counted in full where
 //!   only the material can: after mirrors and smooth glass, and at the first surface.
-//! - Shadow rays are blocked by glass: light through it is found by the material alone.
+//! - Shadow rays go straight on through panes, towards lamps, as paths do. They are blocked by other glass, and by panes before the sky:
+//!   light through those is found by the material alone. (Windows are found better so than by aiming at the whole sky.)
 //! - From the second scattering or the sixth surface on, paths end by roulette with twice their throughput, at least with probability 0.05
 //!   each, so chains of perfect mirrors end too. The hard limit of [`MAX_DEPTH`] is beyond 0.95^1000, about 5e-23 of the paths.
 
@@ -14,11 +15,12 @@ use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::{Bsdf, Scene};
 
-use crate::bsdf::{Scatter, Tables};
+use crate::bsdf::{Sampled, Scatter, Tables};
 use crate::direct::{self, Left, Lit, Vertex};
 use crate::geometry::Frame;
 use crate::lights::Lights;
 use crate::medium::{Crossing, Inside, Nesting, TOUCH};
+use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
 use crate::secondary::{Aimed, Choice, Secondary};
 
@@ -33,7 +35,7 @@ const ROULETTE_DEPTH: u32 = 5;
 /// Chance of going on that roulette never exceeds.
 const ROULETTE_CEILING: f32 = 0.95;
 /// Scatterings of a path at most.
-const MAX_DEPTH: u32 = 1024;
+pub(crate) const MAX_DEPTH: u32 = 1024;
 
 /// How direct light is found. Each is unbiased alone where no material is a delta; tests compare them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +60,7 @@ pub(crate) struct Surface {
 pub(crate) struct PathEngine {
     pub surfaces: Vec<Surface>,
     pub lights: Lights,
+    pub panes: Arc<Panes>,
     pub secondary: Option<Secondary>,
     pub nesting: Option<Nesting>,
     pub sky: Vec3,
@@ -95,9 +98,13 @@ struct Path {
     direction: Vec3,
     inside: Inside,
     arrived: Arrived,
+    /// Whether it has come through a pane since then.
+    through: bool,
     /// Surfaces left so far, and those of them that are neither mirrors nor glass.
     depth: u32,
     scatterings: u32,
+    /// Of smooth surfaces, at how many the path has gone both ways.
+    forks: u32,
     throughput: Vec3,
     eta2: f32,
     /// By how much aimed samples have lowered the throughput.
@@ -156,21 +163,30 @@ pub(crate) struct Met<'a> {
 }
 
 /// What ends paths before light does.
-pub(crate) trait Ending {
+pub(crate) trait Ending: Clone {
     /// Radiance that a vertex sends on of light that came by other surfaces, where that is known.
     fn indirect(&self, met: &Met, sampler: &mut Sampler) -> Option<Vec3>;
+
+    /// At how many smooth surfaces a path with so many scatterings goes both ways.
+    fn forks(&self, scatterings: u32) -> u32;
 
     /// Samples of the lights at a vertex, and whether the path ends there.
     fn light_samples(&self, engine: &PathEngine, scatterings: u32, ends: bool) -> u32;
 }
 
 /// Paths that only light, roulette or absorption end.
+#[derive(Clone, Copy)]
 pub(crate) struct Never;
 
 impl Ending for Never {
     #[inline]
     fn indirect(&self, _: &Met, _: &mut Sampler) -> Option<Vec3> {
         None
+    }
+
+    #[inline]
+    fn forks(&self, _: u32) -> u32 {
+        0
     }
 
     #[inline]
@@ -201,11 +217,13 @@ impl PathEngine {
                 two_sided: m.two_sided_emission,
             })
             .collect();
-        let lights = Lights::new(scene).with_cells(raycaster);
+        let panes = Arc::new(Panes::new(scene));
+        let lights = Lights::new(scene).with_cells(raycaster, &panes);
         Self {
             secondary: Secondary::find(raycaster, &surfaces, &lights),
             surfaces,
             lights,
+            panes,
             nesting: Nesting::new(scene),
             sky: scene.sky.into(),
             bounces: bounces.unwrap_or(u32::MAX),
@@ -246,8 +264,10 @@ impl PathEngine {
             direction,
             inside,
             arrived,
+            through: false,
             depth,
             scatterings,
+            forks: 0,
             throughput: Vec3::ONE,
             eta2: 1.0,
             aimed_by: 1.0,
@@ -262,7 +282,7 @@ impl PathEngine {
         while path.depth < MAX_DEPTH {
             let Path { direction, throughput, depth, .. } = path;
             let Some(found) = path.hit else {
-                let weight = path.arrived.weight(self.direct, Left::sky_density);
+                let weight = if path.through { 1.0 } else { path.arrived.weight(self.direct, Left::sky_density) };
                 radiance += throughput * self.sky * weight;
                 break;
             };
@@ -307,8 +327,9 @@ impl PathEngine {
                 if direct != Direct::Materials && self.lights.any() {
                     let count = ending.light_samples(self, scatterings, indirect.is_some());
                     let seen = direct::seen(&self.lights, scatter, &point, frame.n);
-                    let surfaces = &self.surfaces;
-                    let vertex = Vertex { raycaster, surfaces, scatter, point: &point, frame: &frame, wo, front };
+                    let (surfaces, panes) = (&self.surfaces, &*self.panes);
+                    let vertex =
+                        Vertex { raycaster, surfaces, panes, scatter, point: &point, frame: &frame, wo, front };
                     sampler.turn(depth, Purpose::Light);
                     radiance += throughput * vertex.lit(&self.lights, &seen, self.sky, count, direct, sampler);
                     lighting = Some(Lit::new(&seen, scatter, &point, frame.n, count));
@@ -323,6 +344,19 @@ impl PathEngine {
             let aimed = sources.and_then(|sources| sources.aimed(&point, frame.n));
             let error = if crossing.is_some() { point.error * TOUCH } else { point.error };
             let vertex = Leaving { point: &point, error, frame, wo, front, scatter, beyond, aimed, lighting };
+            if path.forks < ending.forks(path.scatterings)
+                && let Some(ways) = scatter.ways(wo, front)
+            {
+                path.forks += 1;
+                for (way, sampled) in (0..).zip(&ways) {
+                    let (mut path, ending) = (path, ending.clone());
+                    path.throughput *= sampled.weight;
+                    path.eta2 *= sampled.eta2;
+                    self.step(raycaster, &mut path, &vertex, sampled);
+                    radiance += self.go_on(raycaster, path, &ending, &mut sampler.way(way));
+                }
+                break;
+            }
             if branches == 1 {
                 if self.leave(raycaster, &mut path, &vertex, sampler) {
                     continue;
@@ -346,7 +380,7 @@ impl PathEngine {
     /// Adds a segment to a path; whether there is one.
     #[inline]
     fn leave(&self, raycaster: &Raycaster, path: &mut Path, vertex: &Leaving, sampler: &mut Sampler) -> bool {
-        let Leaving { point, error, ref frame, wo, front, scatter, beyond, aimed, lighting } = *vertex;
+        let Leaving { point, ref frame, wo, front, scatter, aimed, .. } = *vertex;
         let depth = path.depth;
         let choice = aimed.as_ref().map_or(Choice::Material, |aimed| {
             sampler.turn(depth, Purpose::Aim);
@@ -364,9 +398,6 @@ impl PathEngine {
             Choice::Source(_) | Choice::Nothing => None,
         };
         let Some(sampled) = sampled else { return false };
-        if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
-            path.inside = *beyond;
-        }
         path.throughput *= sampled.weight;
         path.eta2 *= sampled.eta2;
         if path.scatterings >= ROULETTE_SCATTERINGS || depth >= ROULETTE_DEPTH {
@@ -383,14 +414,7 @@ impl PathEngine {
         if path.throughput == Vec3::ZERO {
             return false;
         }
-        // Light sampling could not have found what a mirror shows.
-        path.arrived = match sampled.pdf.zip(lighting) {
-            Some((pdf, lit)) => Arrived::Weighed(lit.left(pdf, scatter, sampled.wi)),
-            None => Arrived::Alone,
-        };
-        path.direction = frame.to_world(sampled.wi);
-        let ray = Ray::new(spawn(point.point, error, point.normal, path.direction), path.direction);
-        path.hit = raycaster.nearest_from(&ray, point.triangle);
+        self.step(raycaster, path, vertex, &sampled);
         if let (Some(aimed), Some(pdf)) = (&aimed, sampled.pdf) {
             let Some(found) = aimed.weight(raycaster, pdf, &choice, path.hit.as_ref()) else { return false };
             path.throughput *= found.weight;
@@ -398,8 +422,28 @@ impl PathEngine {
                 path.aimed_by /= found.weight;
             }
         }
-        path.depth += 1;
         true
+    }
+
+    /// Goes on to the next surface that way.
+    #[inline]
+    fn step(&self, raycaster: &Raycaster, path: &mut Path, vertex: &Leaving, sampled: &Sampled) {
+        let Leaving { point, error, ref frame, scatter, beyond, lighting, .. } = *vertex;
+        if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
+            path.inside = *beyond;
+        }
+        // Light samples have found what is straight on behind a pane, too, but not what a mirror shows.
+        path.through = matches!(scatter, Scatter::Pane { .. }) && sampled.wi.z < 0.0;
+        if !path.through {
+            path.arrived = match sampled.pdf.zip(lighting) {
+                Some((pdf, lit)) => Arrived::Weighed(lit.left(pdf, scatter, sampled.wi)),
+                None => Arrived::Alone,
+            };
+        }
+        path.direction = frame.to_world(sampled.wi);
+        let ray = Ray::new(spawn(point.point, error, point.normal, path.direction), path.direction);
+        path.hit = raycaster.nearest_from(&ray, point.triangle);
+        path.depth += 1;
     }
 }
 

@@ -61,6 +61,12 @@ impl Sampler {
         Self { index, reversed: index.reverse_bits(), ..*self }
     }
 
+    /// The numbers of one of the ways on of a path that goes all of them; the first has this one's own.
+    #[inline]
+    pub(crate) fn way(&self, way: u32) -> Self {
+        Self { base: if way == 0 { self.base } else { mix(self.base.wrapping_add(u64::from(way))) }, ..*self }
+    }
+
     /// Turns to the numbers of a vertex and purpose.
     #[inline]
     pub(crate) fn turn(&mut self, vertex: u32, purpose: Purpose) {

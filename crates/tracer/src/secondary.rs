@@ -18,6 +18,7 @@ use holo_scene::Scene;
 
 use crate::geometry::{Frame, cosine_hemisphere, triangle};
 use crate::lights::{Aim, Chosen, Emitter, Lights, Seen, luminance};
+use crate::panes::Panes;
 use crate::path::Surface;
 use crate::sampler::{Purpose, Sampler};
 
@@ -165,7 +166,7 @@ impl Secondary {
                 entry.1 += 1;
             });
         }
-        let tree = brightest(scene, &flux)?.with_cells(raycaster);
+        let tree = brightest(scene, &flux)?.with_cells(raycaster, &Arc::new(Panes::closed()));
         let mut members = vec![0; scene.triangles.len().div_ceil(64)];
         tree.triangles().iter().for_each(|&t| members[t as usize / 64] |= 1 << (t % 64));
         Some(Self { tree, members })

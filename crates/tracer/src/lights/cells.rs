@@ -16,7 +16,8 @@ use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
 use super::node::{Child, Node, WIDTH};
 use super::{Lights, Source, Weights, descend};
 use crate::geometry::{Frame, cosine_hemisphere};
-use crate::lights::Aim;
+use crate::lights::{Aim, luminance};
+use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
 
 /// Subtrees that a cell chooses among, at most.
@@ -67,6 +68,7 @@ pub(super) struct Cell {
 #[derive(Debug)]
 pub(super) struct Cells {
     raycaster: Arc<Raycaster>,
+    panes: Arc<Panes>,
     low: Vec3,
     side: f32,
     size: IVec3,
@@ -116,7 +118,7 @@ impl Cell {
 
 impl Cells {
     /// `None` if the tree is too small to need them.
-    pub(super) fn new(lights: &Lights, raycaster: &Arc<Raycaster>) -> Option<Self> {
+    pub(super) fn new(lights: &Lights, raycaster: &Arc<Raycaster>, panes: &Arc<Panes>) -> Option<Self> {
         if lights.nodes.len() < 2 {
             return None;
         }
@@ -148,7 +150,7 @@ impl Cells {
         }
         let count = size.x as usize * size.y as usize * size.z as usize * FACINGS;
         let cells = (0..count).map(|_| OnceLock::new()).collect();
-        Some(Self { raycaster: raycaster.clone(), low, side, size, clusters, cluster_of, cells })
+        Some(Self { raycaster: raycaster.clone(), panes: panes.clone(), low, side, size, clusters, cluster_of, cells })
     }
 
     /// The number of the cell of a point and normal; `None` outside of the grid.
@@ -199,9 +201,9 @@ impl Cells {
             sampler.turn((1 + k) as u32, Purpose::Light);
             for (i, &cluster) in self.clusters.iter().enumerate() {
                 for _ in 0..repeats {
-                    let (value, visible) = self.look(lights, probe, facing, cluster, &mut sampler);
+                    let (value, passed) = self.look(lights, probe, facing, cluster, &mut sampler);
                     open[i] += value;
-                    seen[i] += if visible { value } else { 0.0 };
+                    seen[i] += value * passed;
                 }
             }
             if lights.sky > 0.0 {
@@ -310,7 +312,7 @@ impl Cells {
         probes
     }
 
-    /// One sample of what a cluster brings to a probe, and whether nothing is in the way.
+    /// One sample of what a cluster brings to a probe, and the share of it that nothing stops.
     fn look(
         &self,
         lights: &Lights,
@@ -318,12 +320,12 @@ impl Cells {
         facing: u32,
         cluster: Child,
         sampler: &mut Sampler,
-    ) -> (f32, bool) {
+    ) -> (f32, f32) {
         let (first, second) = sampler.pairs(1).at(0);
         let mut rest = first;
         let Some((emitter, probability)) = descend(&lights.nodes, cluster, probe.point, Vec3::ZERO, 1.0, &mut rest)
         else {
-            return (0.0, false);
+            return (0.0, 0.0);
         };
         let triangle = lights.triangles[emitter];
         let aim = Aim::new(probe.point, self.raycaster.vertices(triangle));
@@ -335,11 +337,15 @@ impl Cells {
         let Source { radiance, side } = lights.sources[emitter];
         let shining = if side == 0.0 { cosine.abs() } else { cosine * side };
         if !(distance2 > 0.0 && shining > 0.0) || triangle == probe.triangle {
-            return (0.0, false);
+            return (0.0, 0.0);
         }
         let arriving = if facing == EVERYWHERE { 1.0 } else { towards.dot(probe.normal) / distance2.sqrt() };
         let value = radiance * arriving.max(LEAST_COSINE) / (probability * aim.density(distance2, shining));
-        if value.is_finite() { (value, !self.raycaster.blocked(probe, &light)) } else { (0.0, false) }
+        if value.is_finite() {
+            (value, luminance(self.panes.between(&self.raycaster, probe, &light).to_array()))
+        } else {
+            (0.0, 0.0)
+        }
     }
 }
 

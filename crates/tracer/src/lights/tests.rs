@@ -32,6 +32,11 @@ fn scene(count: usize, sky: f32) -> Scene {
     Scene::from_world(&positions, &triangles, &ids, materials, [sky; 3]).expect("a valid scene").0
 }
 
+/// A scene without panes.
+fn closed() -> Arc<Panes> {
+    Arc::new(Panes::closed())
+}
+
 /// Points among the emitters and far from them, with and without a normal.
 fn vertices() -> Vec<(Vec3, Vec3)> {
     let mut s = Sampler::new(6, 0);
@@ -51,7 +56,8 @@ fn choosing_follows_the_probabilities_and_they_add_up() {
         let scene = Arc::new(scene(count, sky));
         let plain = Lights::new(&scene);
         // By cells where there are many.
-        let celled = Lights::new(&scene).with_cells(&Arc::new(Raycaster::build(scene.clone()).expect("built")));
+        let celled =
+            Lights::new(&scene).with_cells(&Arc::new(Raycaster::build(scene.clone()).expect("built")), &closed());
         assert_eq!(celled.cells.is_some(), count > 8);
         let mut s = Sampler::new(7, 0);
         let cases = vertices().into_iter().flat_map(|v| [(v, &plain), (v, &celled)]);
@@ -203,7 +209,7 @@ fn rooms() -> Arc<Raycaster> {
 fn lights_behind_a_wall_are_seldom_chosen_but_can_be() {
     let raycaster = rooms();
     let scene = raycaster.scene();
-    let (plain, celled) = (Lights::new(scene), Lights::new(scene).with_cells(&raycaster));
+    let (plain, celled) = (Lights::new(scene), Lights::new(scene).with_cells(&raycaster, &closed()));
     for (x, y) in [(-0.3, 0.1), (-2.0, 2.2), (-1.1, -4.0)] {
         let point = (DVec3::new(x, y, 0.0) - scene.origin).as_vec3();
         let visible = |lights: &Lights| {
@@ -221,7 +227,7 @@ fn lights_behind_a_wall_are_seldom_chosen_but_can_be() {
 #[test]
 fn what_a_cell_holds_does_not_depend_on_who_came_first() {
     let raycaster = rooms();
-    let lights = [0, 1].map(|_| Lights::new(raycaster.scene()).with_cells(&raycaster));
+    let lights = [0, 1].map(|_| Lights::new(raycaster.scene()).with_cells(&raycaster, &closed()));
     let mut s = Sampler::new(8, 0);
     let points: Vec<Vec3> =
         (0..300).map(|_| Vec3::new(s.one() - 0.5, s.one() - 0.5, 0.0) * Vec3::new(20.0, 10.0, 1.0)).collect();

@@ -1,0 +1,79 @@
+//! Light that comes straight from lamps through panes of thin glass, which bend nothing: shadow rays go on behind them, with what
+//! each lets through.
+//!
+//! Always true: what passes is what a path loses that goes straight through the same panes; anything else blocks, solid glass as well. A
+//! scene without panes, and a shadow ray without one in its way, pay nothing.
+
+use glam::Vec3;
+use holo_raycast::{Raycaster, SurfacePoint};
+use holo_scene::{Bsdf, Scene};
+
+use crate::fresnel::pane;
+
+/// Panes that light passes at most, the same as a path's surfaces.
+const MOST: u32 = crate::path::MAX_DEPTH;
+
+/// One material of thin glass.
+#[derive(Clone, Copy, Debug)]
+struct Pane {
+    ior: f32,
+    transmittance: Vec3,
+}
+
+/// The panes of a scene.
+#[derive(Debug)]
+pub(crate) struct Panes {
+    /// By material; nothing if there is none.
+    materials: Vec<Option<Pane>>,
+}
+
+impl Panes {
+    pub(crate) fn new(scene: &Scene) -> Self {
+        let of = |bsdf: &Bsdf| match *bsdf {
+            Bsdf::ThinGlass { ior, transmittance } => Some(Pane { ior, transmittance: transmittance.into() }),
+            _ => None,
+        };
+        let mut materials: Vec<_> = scene.materials.iter().map(|m| of(&m.bsdf)).collect();
+        if materials.iter().all(Option::is_none) {
+            materials.clear();
+        }
+        Self { materials }
+    }
+
+    /// Panes that are walls like any other: for what is aimed at in sight only.
+    pub(crate) fn closed() -> Self {
+        Self { materials: Vec::new() }
+    }
+
+    /// The share of light that comes straight from one surface point to the other, by channel.
+    #[inline]
+    pub(crate) fn between(&self, raycaster: &Raycaster, from: &SurfacePoint, to: &SurfacePoint) -> Vec3 {
+        match raycaster.blocker(from, to) {
+            None => Vec3::ONE,
+            Some(triangle) if self.at(raycaster, triangle).is_some() => self.through(raycaster, *from, to),
+            Some(_) => Vec3::ZERO,
+        }
+    }
+
+    #[inline]
+    fn at(&self, raycaster: &Raycaster, triangle: u32) -> Option<Pane> {
+        *self.materials.get(raycaster.scene().material_ids[triangle as usize] as usize)?
+    }
+
+    /// The same where there is at least one pane in the way.
+    #[cold]
+    fn through(&self, raycaster: &Raycaster, mut from: SurfacePoint, to: &SurfacePoint) -> Vec3 {
+        let mut share = Vec3::ONE;
+        for _ in 0..MOST {
+            let Some(hit) = raycaster.nearest_between(&from, to) else { return share };
+            let Some(Pane { ior, transmittance }) = self.at(raycaster, hit.triangle) else { break };
+            from = raycaster.surface(hit.triangle, hit.u, hit.v);
+            let cosine = (to.point - from.point).normalize_or_zero().dot(from.normal).abs();
+            share *= transmittance * (1.0 - pane(cosine, ior));
+            if share == Vec3::ZERO {
+                break;
+            }
+        }
+        Vec3::ZERO
+    }
+}
