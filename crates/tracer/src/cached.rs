@@ -22,6 +22,7 @@ use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 
 use crate::bsdf::Scatter;
 use crate::geometry::Frame;
+use crate::images::Images;
 use crate::medium::Inside;
 use crate::path::{Arrived, Ending, Met, PathEngine, Start};
 use crate::sampler::{Purpose, Sampler, mix};
@@ -104,6 +105,9 @@ struct Quality {
 pub(crate) struct Cached {
     store: Arc<Store>,
     quality: Quality,
+    images: Option<Images>,
+    /// Whether mirrors or glass may throw light on surfaces.
+    has_caustics: bool,
     /// Rays for records for each sample that comes where there is none: with fewer, it is a path. [`WHATEVER_IT_TAKES`]: every such sample makes a
     /// record.
     effort: AtomicU32,
@@ -117,7 +121,7 @@ pub(crate) struct Cached {
 }
 
 impl Cached {
-    pub(crate) fn new(raycaster: &Raycaster, accuracy: f32, name: u64) -> Self {
+    pub(crate) fn new(engine: &PathEngine, raycaster: &Raycaster, accuracy: f32, name: u64) -> Self {
         let accuracy = accuracy.clamp(*ACCURACIES.start(), *ACCURACIES.end());
         let size = extent(raycaster);
         let reach = REACH * accuracy.sqrt();
@@ -125,7 +129,9 @@ impl Cached {
         let store = Arc::new(Store::new(quality.greatest / SPREAD));
         let [allowed, rays, made] = Default::default();
         let effort = AtomicU32::new(WHATEVER_IT_TAKES);
-        Self { store, quality, effort, allowed, rays, salt: mix(name), made }
+        let images = Images::find(&engine.lamps, &engine.surfaces, &engine.lights);
+        let has_caustics = engine.nesting.is_some() || engine.surfaces.iter().any(|s| s.scatter.is_delta());
+        Self { store, quality, images, has_caustics, effort, allowed, rays, salt: mix(name), made }
     }
 
     pub(crate) fn store(&self) -> &Arc<Store> {
@@ -268,6 +274,9 @@ impl Ending for Light<'_> {
         let Scatter::Diffuse(kd) = met.scatter else { return None };
         let bounces = self.engine.bounces;
         let irradiance = if met.scatterings > bounces {
+            if self.cached.has_caustics {
+                return None;
+            }
             Vec3::ZERO
         } else if bounces != u32::MAX && met.scatterings > 1 {
             // Records hold all light but what comes straight: of no use where only some more of it may be counted.
@@ -291,6 +300,11 @@ impl Ending for Light<'_> {
     }
 
     #[inline]
+    fn images(&self) -> Option<&Images> {
+        self.cached.images.as_ref()
+    }
+
+    #[inline]
     fn forks(&self, scatterings: u32) -> u32 {
         let first = match self.role.get() {
             Role::Eye | Role::Path => 0,
@@ -302,7 +316,7 @@ impl Ending for Light<'_> {
     #[inline]
     fn light_samples(&self, engine: &PathEngine, scatterings: u32, ends: bool) -> u32 {
         match self.role.get() {
-            Role::Eye if ends => engine.light_samples.max(LIGHT_SAMPLES),
+            Role::Eye if ends || scatterings > engine.bounces => engine.light_samples.max(LIGHT_SAMPLES),
             Role::Eye | Role::Path if scatterings == 1 => engine.light_samples,
             _ => 1,
         }

@@ -27,6 +27,7 @@ mod direct_tests;
 mod energy_tests;
 mod fresnel;
 mod geometry;
+mod images;
 mod interface;
 mod lights;
 mod medium;
@@ -37,6 +38,7 @@ mod sampler;
 mod secondary;
 #[cfg(test)]
 mod secondary_tests;
+mod stage;
 mod straight;
 
 pub use cached::{ACCURACIES, DEFAULT_ACCURACY};
@@ -175,7 +177,7 @@ impl Tracer {
     /// rays. With one thread, the same name gives the same picture.
     #[must_use]
     pub fn with_cache(mut self, accuracy: f32, name: u64) -> Self {
-        self.cached = Some(Cached::new(&self.raycaster, accuracy, name));
+        self.cached = Some(Cached::new(&self.engine, &self.raycaster, accuracy, name));
         self
     }
 

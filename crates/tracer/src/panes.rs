@@ -5,7 +5,7 @@
 //! scene without panes, and a shadow ray without one in its way, pay nothing.
 
 use glam::Vec3;
-use holo_raycast::{Raycaster, SurfacePoint};
+use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::{Bsdf, Scene};
 
 use crate::fresnel::pane;
@@ -18,6 +18,13 @@ const MOST: u32 = crate::path::MAX_DEPTH;
 struct Pane {
     ior: f32,
     transmittance: Vec3,
+}
+
+impl Pane {
+    /// What it lets through of light at that cosine, from either side.
+    fn passes(self, cosine: f32) -> Vec3 {
+        self.transmittance * (1.0 - pane(cosine.abs(), self.ior))
+    }
 }
 
 /// The panes of a scene.
@@ -55,6 +62,28 @@ impl Panes {
         }
     }
 
+    /// The first surface that way that is no pane, or that `ends`, and the share of light that comes from there.
+    pub(crate) fn to_face(
+        &self,
+        raycaster: &Raycaster,
+        from: &SurfacePoint,
+        direction: Vec3,
+        ends: impl Fn(u32) -> bool,
+    ) -> Option<(SurfacePoint, Vec3)> {
+        let mut share = Vec3::ONE;
+        let mut from = *from;
+        for _ in 0..MOST {
+            let ray = Ray::new(spawn(from.point, from.error, from.normal, direction), direction);
+            let hit = raycaster.nearest_from(&ray, from.triangle)?;
+            from = raycaster.surface(hit.triangle, hit.u, hit.v);
+            let Some(pane) = self.at(raycaster, hit.triangle).filter(|_| !ends(hit.triangle)) else {
+                return Some((from, share));
+            };
+            share *= pane.passes(direction.dot(from.normal));
+        }
+        None
+    }
+
     #[inline]
     fn at(&self, raycaster: &Raycaster, triangle: u32) -> Option<Pane> {
         *self.materials.get(raycaster.scene().material_ids[triangle as usize] as usize)?
@@ -66,13 +95,9 @@ impl Panes {
         let mut share = Vec3::ONE;
         for _ in 0..MOST {
             let Some(hit) = raycaster.nearest_between(&from, to) else { return share };
-            let Some(Pane { ior, transmittance }) = self.at(raycaster, hit.triangle) else { break };
+            let Some(pane) = self.at(raycaster, hit.triangle) else { break };
             from = raycaster.surface(hit.triangle, hit.u, hit.v);
-            let cosine = (to.point - from.point).normalize_or_zero().dot(from.normal).abs();
-            share *= transmittance * (1.0 - pane(cosine, ior));
-            if share == Vec3::ZERO {
-                break;
-            }
+            share *= pane.passes((to.point - from.point).normalize_or_zero().dot(from.normal));
         }
         Vec3::ZERO
     }

@@ -18,11 +18,13 @@ use holo_scene::{Bsdf, Scene};
 use crate::bsdf::{Sampled, Scatter, Tables};
 use crate::direct::{self, Left, Lit, Vertex};
 use crate::geometry::Frame;
+use crate::images::Images;
 use crate::lights::Lights;
 use crate::medium::{Crossing, Inside, Nesting, TOUCH};
 use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
 use crate::secondary::{Aimed, Choice, Secondary};
+use crate::stage::Lamps;
 
 /// At which scattering by surfaces other than mirrors and glass roulette begins.
 const ROULETTE_SCATTERINGS: u32 = 2;
@@ -60,7 +62,7 @@ pub(crate) struct Surface {
 pub(crate) struct PathEngine {
     pub surfaces: Vec<Surface>,
     pub lights: Lights,
-    pub panes: Arc<Panes>,
+    pub lamps: Arc<Lamps>,
     pub secondary: Option<Secondary>,
     pub nesting: Option<Nesting>,
     pub sky: Vec3,
@@ -93,13 +95,15 @@ impl Start {
 
 /// A path on its way.
 #[derive(Clone, Copy)]
-struct Path {
+struct Path<'a> {
     hit: Option<Hit>,
     direction: Vec3,
     inside: Inside,
     arrived: Arrived,
-    /// Whether it has come through a pane since then.
+    /// Whether it has gone through panes or by a mirror since then.
     through: bool,
+    /// Where light samples have found the images of lamps as well, until it meets a mirror.
+    images: Option<&'a Images>,
     /// Surfaces left so far, and those of them that are neither mirrors nor glass.
     depth: u32,
     scatterings: u32,
@@ -112,7 +116,7 @@ struct Path {
 }
 
 /// A vertex that a path goes on from.
-struct Leaving<'a> {
+struct Leaving<'a, 'i> {
     point: &'a SurfacePoint,
     /// Of where rays start: what touches a boundary was crossed with it.
     error: Vec3,
@@ -124,6 +128,8 @@ struct Leaving<'a> {
     aimed: Option<Aimed<'a>>,
     /// Lights as light samples saw them, and how many there were.
     lighting: Option<Lit>,
+    /// And the images of lamps.
+    images: Option<&'i Images>,
 }
 
 /// How light counts that a ray meets.
@@ -167,6 +173,9 @@ pub(crate) trait Ending: Clone {
     /// Radiance that a vertex sends on of light that came by other surfaces, where that is known.
     fn indirect(&self, met: &Met, sampler: &mut Sampler) -> Option<Vec3>;
 
+    /// Images of lamps that are sampled at diffuse surfaces; where lamps are excluded, so are these.
+    fn images(&self) -> Option<&Images>;
+
     /// At how many smooth surfaces a path with so many scatterings goes both ways.
     fn forks(&self, scatterings: u32) -> u32;
 
@@ -181,6 +190,11 @@ pub(crate) struct Never;
 impl Ending for Never {
     #[inline]
     fn indirect(&self, _: &Met, _: &mut Sampler) -> Option<Vec3> {
+        None
+    }
+
+    #[inline]
+    fn images(&self) -> Option<&Images> {
         None
     }
 
@@ -217,13 +231,13 @@ impl PathEngine {
                 two_sided: m.two_sided_emission,
             })
             .collect();
-        let panes = Arc::new(Panes::new(scene));
-        let lights = Lights::new(scene).with_cells(raycaster, &panes);
+        let lamps = Arc::new(Lamps { raycaster: raycaster.clone(), panes: Panes::new(scene) });
+        let lights = Lights::new(scene).with_cells(raycaster, lamps.clone());
         Self {
             secondary: Secondary::find(raycaster, &surfaces, &lights),
             surfaces,
             lights,
-            panes,
+            lamps,
             nesting: Nesting::new(scene),
             sky: scene.sky.into(),
             bounces: bounces.unwrap_or(u32::MAX),
@@ -265,6 +279,7 @@ impl PathEngine {
             inside,
             arrived,
             through: false,
+            images: ending.images().filter(|_| matches!(arrived, Arrived::Excluded)),
             depth,
             scatterings,
             forks: 0,
@@ -276,7 +291,13 @@ impl PathEngine {
     }
 
     /// Radiance that the rest of a path brings.
-    fn go_on(&self, raycaster: &Raycaster, mut path: Path, ending: &impl Ending, sampler: &mut Sampler) -> Vec3 {
+    fn go_on<'a>(
+        &self,
+        raycaster: &Raycaster,
+        mut path: Path<'a>,
+        ending: &'a impl Ending,
+        sampler: &mut Sampler,
+    ) -> Vec3 {
         let scene = raycaster.scene();
         let mut radiance = Vec3::ZERO;
         while path.depth < MAX_DEPTH {
@@ -313,7 +334,7 @@ impl PathEngine {
             if wo.z <= 0.0 {
                 break;
             }
-            let mut lighting = None;
+            let (mut lighting, mut images) = (None, None);
             let mut branches = 1;
             if !scatter.is_delta() {
                 if matches!(scatter, Scatter::Black) || path.scatterings > self.bounces {
@@ -327,11 +348,16 @@ impl PathEngine {
                 if direct != Direct::Materials && self.lights.any() {
                     let count = ending.light_samples(self, scatterings, indirect.is_some());
                     let seen = direct::seen(&self.lights, scatter, &point, frame.n);
-                    let (surfaces, panes) = (&self.surfaces, &*self.panes);
-                    let vertex =
-                        Vertex { raycaster, surfaces, panes, scatter, point: &point, frame: &frame, wo, front };
+                    let surfaces = &self.surfaces;
+                    let vertex = Vertex { raycaster, surfaces, scatter, point: &point, frame: &frame, wo, front };
                     sampler.turn(depth, Purpose::Light);
-                    radiance += throughput * vertex.lit(&self.lights, &seen, self.sky, count, direct, sampler);
+                    let lit = vertex.lit(&self.lights, &*self.lamps, &seen, self.sky, count, direct, sampler);
+                    radiance += throughput * lit;
+                    images = ending.images().filter(|_| matches!(scatter, Scatter::Diffuse(_)));
+                    if let Some(images) = images {
+                        sampler.turn(depth, Purpose::Aim);
+                        radiance += throughput * vertex.shown(images, count, sampler);
+                    }
                     lighting = Some(Lit::new(&seen, scatter, &point, frame.n, count));
                 }
                 if let Some(indirect) = indirect {
@@ -343,7 +369,7 @@ impl PathEngine {
             let sources = self.secondary.as_ref().filter(|_| scatter.is_wide());
             let aimed = sources.and_then(|sources| sources.aimed(&point, frame.n));
             let error = if crossing.is_some() { point.error * TOUCH } else { point.error };
-            let vertex = Leaving { point: &point, error, frame, wo, front, scatter, beyond, aimed, lighting };
+            let vertex = Leaving { point: &point, error, frame, wo, front, scatter, beyond, aimed, lighting, images };
             if path.forks < ending.forks(path.scatterings)
                 && let Some(ways) = scatter.ways(wo, front)
             {
@@ -379,7 +405,13 @@ impl PathEngine {
 
     /// Adds a segment to a path; whether there is one.
     #[inline]
-    fn leave(&self, raycaster: &Raycaster, path: &mut Path, vertex: &Leaving, sampler: &mut Sampler) -> bool {
+    fn leave<'a>(
+        &self,
+        raycaster: &Raycaster,
+        path: &mut Path<'a>,
+        vertex: &Leaving<'_, 'a>,
+        sampler: &mut Sampler,
+    ) -> bool {
         let Leaving { point, ref frame, wo, front, scatter, aimed, .. } = *vertex;
         let depth = path.depth;
         let choice = aimed.as_ref().map_or(Choice::Material, |aimed| {
@@ -427,14 +459,20 @@ impl PathEngine {
 
     /// Goes on to the next surface that way.
     #[inline]
-    fn step(&self, raycaster: &Raycaster, path: &mut Path, vertex: &Leaving, sampled: &Sampled) {
-        let Leaving { point, error, ref frame, scatter, beyond, lighting, .. } = *vertex;
+    fn step<'a>(&self, raycaster: &Raycaster, path: &mut Path<'a>, vertex: &Leaving<'_, 'a>, sampled: &Sampled) {
+        let Leaving { point, error, ref frame, scatter, beyond, lighting, images, .. } = *vertex;
         if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
             path.inside = *beyond;
         }
-        // Light samples have found what is straight on behind a pane, too, but not what a mirror shows.
-        path.through = matches!(scatter, Scatter::Pane { .. }) && sampled.wi.z < 0.0;
-        if !path.through {
+        // Light samples have found what is straight on behind a pane, too, but not what a mirror shows, or only as images.
+        let straight = matches!(scatter, Scatter::Pane { .. }) && sampled.wi.z < 0.0;
+        let mirrored = matches!(scatter, Scatter::Mirror(_) | Scatter::Pane { .. }) && !straight;
+        let shown = mirrored && path.images.is_some_and(|images| images.shows(point.triangle));
+        path.through = straight || shown;
+        if shown {
+            (path.arrived, path.images) = (Arrived::Excluded, None);
+        } else if !straight {
+            path.images = images;
             path.arrived = match sampled.pdf.zip(lighting) {
                 Some((pdf, lit)) => Arrived::Weighed(lit.left(pdf, scatter, sampled.wi)),
                 None => Arrived::Alone,

@@ -21,6 +21,7 @@ use crate::lights::{Aim, Chosen, Emitter, Lights, Seen, luminance};
 use crate::panes::Panes;
 use crate::path::Surface;
 use crate::sampler::{Purpose, Sampler};
+use crate::stage::Lamps;
 
 /// Paths of light that are followed: some 50 ms.
 const PATHS: u32 = 1 << 16;
@@ -166,7 +167,8 @@ impl Secondary {
                 entry.1 += 1;
             });
         }
-        let tree = brightest(scene, &flux)?.with_cells(raycaster, &Arc::new(Panes::closed()));
+        let stage = Arc::new(Lamps { raycaster: raycaster.clone(), panes: Panes::closed() });
+        let tree = brightest(scene, &flux)?.with_cells(raycaster, stage);
         let mut members = vec![0; scene.triangles.len().div_ceil(64)];
         tree.triangles().iter().for_each(|&t| members[t as usize / 64] |= 1 << (t % 64));
         Some(Self { tree, members })

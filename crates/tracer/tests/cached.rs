@@ -75,21 +75,16 @@ fn a_room_lit_from_above_only_is_within_the_accuracy_of_paths() {
     assert!(mean.abs() < accuracy + 3.0 * chance, "mean error {mean}");
 }
 
-/// What panes reflect and let through is counted once, by light samples or by records: they change nothing where all is equally bright.
-#[test]
-fn panes_in_a_furnace_change_nothing() {
+/// Mean relative error of a furnace's brightness, seen in several directions with several caches, and its standard error.
+fn error_of_a_furnace(add: impl FnOnce(&mut Model)) -> (f64, f64) {
     const CACHES: u64 = 12;
     let mut model = Model::default();
     let wall = model.material(GREY, [1.0, 2.0, 0.5]);
     model.cuboid([-1.0, -2.0, -1.5], [1.0, 2.0, 1.5], false, wall);
-    for (z, ior) in [(-0.9, 1.5), (0.8, 2.4)] {
-        let pane = model.material(Bsdf::ThinGlass { ior, transmittance: [1.0; 3] }, [0.0; 3]);
-        model.polygon(&[[-0.9, -1.8, z], [0.9, -1.9, z + 0.2], [0.9, 1.8, z], [-0.9, 1.9, z - 0.2]], pane);
-    }
+    add(&mut model);
     let errors: Vec<f64> = (0..CACHES)
         .map(|name| {
             let tracer = model.tracer(None).with_cache(0.05, name);
-            // Through either pane and past them.
             let directions = [[0.3, 0.2, 1.0], [-0.2, 0.4, -1.0], [0.1, 0.9, -1.4], [1.0, -0.4, 0.1]];
             let mean = directions
                 .map(|d| estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(d), 64).mean[1] / 4.0 - 1.0);
@@ -98,9 +93,86 @@ fn panes_in_a_furnace_change_nothing() {
         .collect();
     let n = CACHES as f64;
     let mean = errors.iter().sum::<f64>() / n;
-    let error = (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt();
-    // Student's t with 11 degrees of freedom: beyond 5 once in 2,000 sets of seeds. And there is something to see.
-    assert!(mean.abs() < 5.0 * error && error < 0.004, "{mean} with an error of {error}");
+    (mean, (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt())
+}
+
+/// Above and below the eye, tilted.
+fn shelves(model: &mut Model, bsdf: [Bsdf; 2]) {
+    for (z, bsdf) in [-0.9, 0.8].into_iter().zip(bsdf) {
+        let material = model.material(bsdf, [0.0; 3]);
+        model.polygon(&[[-0.9, -1.8, z], [0.9, -1.8, z + 0.2], [0.9, 1.8, z + 0.2], [-0.9, 1.8, z]], material);
+    }
+}
+
+/// What panes and mirrors reflect and let through is counted once, by light samples, by records or by those of images: they change
+/// nothing where all is equally bright.
+#[test]
+fn panes_and_mirrors_in_a_furnace_change_nothing() {
+    let [thin, thick] = [1.5, 2.4].map(|ior| Bsdf::ThinGlass { ior, transmittance: [1.0; 3] });
+    let mirror = Bsdf::Mirror { ks: [1.0; 3] };
+    for shelved in [[thin, thick], [mirror, mirror], [thick, mirror]] {
+        let (mean, error) = error_of_a_furnace(|model| shelves(model, shelved));
+        // Student's t with 11 degrees of freedom: beyond 5 once in 2,000 sets of seeds; three sets. And there is something to see.
+        assert!(mean.abs() < 5.0 * error && error < 0.004, "{shelved:?}: {mean} with an error of {error}");
+    }
+}
+
+/// A lamp shines into a mirror behind a pane, and the mirror on a floor that the lamp itself does not reach.
+fn mirrored() -> Model {
+    let mut model = Model::default();
+    let floor = model.material(GREY, [0.0; 3]);
+    let mirror = model.material(Bsdf::Mirror { ks: [0.9, 0.7, 0.5] }, [0.0; 3]);
+    let pane = model.material(Bsdf::ThinGlass { ior: 1.5, transmittance: [0.8, 0.9, 1.0] }, [0.0; 3]);
+    let lamp = model.material(BLACK, [20.0, 10.0, 30.0]);
+    model.polygon(&[[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [2.0, 2.0, 0.0], [-2.0, 2.0, 0.0]], floor);
+    model.polygon(&[[-0.2, -0.2, 1.0], [0.2, -0.2, 1.0], [0.2, 0.2, 1.0], [-0.2, 0.2, 1.0]], lamp);
+    for (z, material) in [(1.5, pane), (2.0, mirror)] {
+        model.polygon(&[[-0.8, -0.8, z], [-0.8, 0.8, z], [0.9, 0.8, z + 0.1], [0.9, -0.8, z + 0.1]], material);
+    }
+    model
+}
+
+#[test]
+fn what_a_mirror_throws_on_a_floor_is_as_bright_as_by_paths() {
+    const CACHES: u64 = 100;
+    let model = mirrored();
+    for bounces in [Some(1), None] {
+        let path = model.tracer(bounces);
+        for at in [[0.5, 0.1], [-0.6, 0.4], [0.9, -0.9]] {
+            let eye = DVec3::new(-1.5, 1.0, 0.7);
+            let towards = DVec3::new(at[0], at[1], 0.0) - eye;
+            let truth = estimate(&path, eye, towards, 65_536);
+            // Each with a record of its own.
+            let found: Vec<_> = (0..CACHES)
+                .map(|name| estimate(&model.tracer(bounces).with_cache(0.03, name), eye, towards, 16).mean)
+                .collect();
+            for c in 0..3 {
+                let n = CACHES as f64;
+                let mean = found.iter().map(|mean| mean[c]).sum::<f64>() / n;
+                let squares = found.iter().map(|found| (found[c] - mean).powi(2)).sum::<f64>();
+                let chance = truth.error[c].hypot((squares / (n * (n - 1.0))).sqrt());
+                // 18 comparisons at 4.5 sigma: by chance once in 8,000 sets of seeds.
+                let difference = (truth.mean[c] - mean).abs();
+                assert!(difference < 4.5 * chance, "{bounces:?} {at:?}: {truth:?} {mean} ± {chance}");
+                assert!(truth.mean[c] > 0.0 && chance < 0.1 * mean, "{bounces:?} {at:?}: {truth:?} {mean} ± {chance}");
+            }
+        }
+    }
+}
+
+#[test]
+fn direct_light_alone_has_what_mirrors_and_panes_throw() {
+    let model = mirrored();
+    let (path, cached) = (model.tracer(Some(0)), model.tracer(Some(0)).with_cache(0.03, 1));
+    let eye = DVec3::new(-1.5, 1.0, 0.7);
+    let towards = DVec3::new(0.5, 0.1, 0.0) - eye;
+    let (truth, found) = (estimate(&path, eye, towards, 131_072), estimate(&cached, eye, towards, 131_072));
+    for c in 0..3 {
+        let chance = truth.error[c].hypot(found.error[c]);
+        assert!(truth.mean[c] > 5.0 * truth.error[c]);
+        assert!((truth.mean[c] - found.mean[c]).abs() < 4.5 * chance, "{truth:?} {found:?}");
+    }
+    assert!(cached.light().is_some_and(|light| light.is_empty()));
 }
 
 #[test]

@@ -17,8 +17,8 @@ use super::node::{Child, Node, WIDTH};
 use super::{Lights, Source, Weights, descend};
 use crate::geometry::{Frame, cosine_hemisphere};
 use crate::lights::{Aim, luminance};
-use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
+use crate::stage::Stage;
 
 /// Subtrees that a cell chooses among, at most.
 const CLUSTERS: usize = 64;
@@ -68,7 +68,7 @@ pub(super) struct Cell {
 #[derive(Debug)]
 pub(super) struct Cells {
     raycaster: Arc<Raycaster>,
-    panes: Arc<Panes>,
+    stage: Arc<dyn Stage>,
     low: Vec3,
     side: f32,
     size: IVec3,
@@ -118,12 +118,12 @@ impl Cell {
 
 impl Cells {
     /// `None` if the tree is too small to need them.
-    pub(super) fn new(lights: &Lights, raycaster: &Arc<Raycaster>, panes: &Arc<Panes>) -> Option<Self> {
+    pub(super) fn new(lights: &Lights, raycaster: &Arc<Raycaster>, stage: Arc<dyn Stage>) -> Option<Self> {
         if lights.nodes.len() < 2 {
             return None;
         }
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for corner in lights.triangles.iter().flat_map(|&t| raycaster.vertices(t)) {
+        for corner in lights.triangles.iter().flat_map(|&t| raycaster.vertices(stage.triangle(t))) {
             (low, high) = (low.min(corner), high.max(corner));
         }
         let margin = (high - low).max_element() * MARGIN;
@@ -150,7 +150,7 @@ impl Cells {
         }
         let count = size.x as usize * size.y as usize * size.z as usize * FACINGS;
         let cells = (0..count).map(|_| OnceLock::new()).collect();
-        Some(Self { raycaster: raycaster.clone(), panes: panes.clone(), low, side, size, clusters, cluster_of, cells })
+        Some(Self { raycaster: raycaster.clone(), stage, low, side, size, clusters, cluster_of, cells })
     }
 
     /// The number of the cell of a point and normal; `None` outside of the grid.
@@ -327,22 +327,22 @@ impl Cells {
         else {
             return (0.0, 0.0);
         };
-        let triangle = lights.triangles[emitter];
-        let aim = Aim::new(probe.point, self.raycaster.vertices(triangle));
+        let light = lights.triangles[emitter];
+        let aim = Aim::new(probe.point, self.stage.vertices(light));
         let (u, v) = aim.sample([super::below_one(rest), second]);
-        let light = self.raycaster.surface(triangle, u, v);
-        let towards = light.point - probe.point;
+        let (point, normal) = self.stage.point(light, [u, v]);
+        let towards = point - probe.point;
         let distance2 = towards.length_squared();
-        let cosine = -towards.dot(light.normal) / distance2.sqrt();
+        let cosine = -towards.dot(normal) / distance2.sqrt();
         let Source { radiance, side } = lights.sources[emitter];
         let shining = if side == 0.0 { cosine.abs() } else { cosine * side };
-        if !(distance2 > 0.0 && shining > 0.0) || triangle == probe.triangle {
+        if !(distance2 > 0.0 && shining > 0.0) {
             return (0.0, 0.0);
         }
         let arriving = if facing == EVERYWHERE { 1.0 } else { towards.dot(probe.normal) / distance2.sqrt() };
         let value = radiance * arriving.max(LEAST_COSINE) / (probability * aim.density(distance2, shining));
         if value.is_finite() {
-            (value, luminance(self.panes.between(&self.raycaster, probe, &light).to_array()))
+            (value, luminance(self.stage.arriving(probe, light, [u, v]).to_array()))
         } else {
             (0.0, 0.0)
         }
