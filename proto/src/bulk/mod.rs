@@ -1,0 +1,88 @@
+//! Bulk messages: packets to trace, samples traced, beams wanted. A fixed head, then arrays of plain-old-data records.
+
+mod results;
+mod samples;
+mod shared;
+mod view;
+mod work;
+
+use bytemuck::{Pod, Zeroable};
+use holo_section::Viewpoint;
+pub use results::{Results, Traced};
+pub use samples::{MAX_RUN, Run, Samples, Source, Unseen};
+pub use shared::{BlobChunk, Light, Record};
+pub use view::{RaysWanted, ViewRequest, Wanted, WantedRay};
+pub use work::{Packet, Work};
+
+use crate::ProtoError;
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Counts {
+    first: u32,
+    second: u32,
+}
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct RawViewpoint {
+    eye: [f64; 3],
+    radius: f64,
+}
+const _: () = assert!(size_of::<RawViewpoint>() == 32);
+
+impl RawViewpoint {
+    fn new(viewpoint: &Viewpoint) -> Self {
+        Self { eye: viewpoint.eye, radius: viewpoint.radius }
+    }
+
+    fn parse(self) -> Result<Viewpoint, ProtoError> {
+        if !self.eye.iter().all(|x| x.is_finite()) {
+            return Err(ProtoError::Number("an eye"));
+        }
+        if !(self.radius.is_finite() && self.radius >= 0.0) {
+            return Err(ProtoError::Number("a viewpoint radius"));
+        }
+        Ok(Viewpoint { eye: self.eye, radius: self.radius })
+    }
+}
+
+/// Takes records off a payload; what is not there is an error before any memory is taken.
+struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, what: &'static str, bytes: u64) -> Result<&'a [u8], ProtoError> {
+        let found = self.0.len() as u64;
+        let (head, rest) = usize::try_from(bytes)
+            .ok()
+            .and_then(|bytes| self.0.split_at_checked(bytes))
+            .ok_or(ProtoError::Truncated { what, needed: bytes, found })?;
+        self.0 = rest;
+        Ok(head)
+    }
+
+    fn one<T: Pod>(&mut self, what: &'static str) -> Result<T, ProtoError> {
+        Ok(bytemuck::pod_read_unaligned(self.take(what, size_of::<T>() as u64)?))
+    }
+
+    fn many<T: Pod>(&mut self, what: &'static str, count: u64) -> Result<Vec<T>, ProtoError> {
+        let bytes = count.saturating_mul(size_of::<T>() as u64);
+        Ok(bytemuck::pod_collect_to_vec(self.take(what, bytes)?))
+    }
+
+    fn end(self) -> Result<(), ProtoError> {
+        if self.0.is_empty() { Ok(()) } else { Err(ProtoError::Trailing(self.0.len())) }
+    }
+}
+
+fn put<T: Pod>(out: &mut Vec<u8>, record: &T) {
+    out.extend_from_slice(bytemuck::bytes_of(record));
+}
+
+/// Checks that runs add up to the samples that follow them.
+fn expect_total(what: &'static str, said: u64, found: u32) -> Result<(), ProtoError> {
+    if said == u64::from(found) {
+        return Ok(());
+    }
+    Err(ProtoError::Truncated { what, needed: said * 10, found: u64::from(found) * 10 })
+}

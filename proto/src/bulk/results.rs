@@ -1,0 +1,73 @@
+//! What became of packets, worker to server.
+
+use bytemuck::{Pod, Zeroable};
+use holo_section::Sample;
+
+use super::{Reader, expect_total, put};
+use crate::{MAX_RAYS_PER_PACKET, ProtoError};
+
+/// Worker to server: what became of packets.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Results {
+    /// The packets traced, in the order of their samples.
+    pub packets: Vec<Traced>,
+    /// Samples of all packets traced, one after the other.
+    pub samples: Vec<Sample>,
+    /// Names of packets that were not traced because no ray of their beam can meet anything.
+    pub unseen: Vec<u64>,
+}
+
+/// One packet of a [`Results`]. 16 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Traced {
+    /// The assignment's name.
+    pub id: u64,
+    /// Samples, as many as were asked for.
+    pub count: u32,
+    /// Time that one thread took, nanoseconds, saturated.
+    pub nanoseconds: u32,
+}
+const _: () = assert!(size_of::<Traced>() == 16);
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct ResultCounts {
+    packets: u32,
+    samples: u32,
+    unseen: u32,
+}
+const _: () = assert!(size_of::<ResultCounts>() == 12);
+
+impl Results {
+    /// The payload of a results frame: counts of packets, samples and unseen packets, then the lists of each.
+    pub fn encode(&self) -> Vec<u8> {
+        let bytes = 12 + self.packets.len() * 16 + self.samples.len() * 10 + self.unseen.len() * 8;
+        let mut out = Vec::with_capacity(bytes);
+        let counts = [self.packets.len(), self.samples.len(), self.unseen.len()].map(|count| count as u32);
+        put(&mut out, &ResultCounts { packets: counts[0], samples: counts[1], unseen: counts[2] });
+        out.extend_from_slice(bytemuck::cast_slice(&self.packets));
+        out.extend_from_slice(bytemuck::cast_slice(&self.samples));
+        out.extend_from_slice(bytemuck::cast_slice(&self.unseen));
+        out
+    }
+
+    /// Parses a results frame: every packet traced has 1 to 21 samples and all are there.
+    ///
+    /// # Errors
+    /// Any [`ProtoError`] about counts.
+    pub fn decode(bytes: &[u8]) -> Result<Results, ProtoError> {
+        let mut reader = Reader(bytes);
+        let counts: ResultCounts = reader.one("results message")?;
+        let packets = reader.many::<Traced>("traced packet list", u64::from(counts.packets))?;
+        let samples = reader.many::<Sample>("sample list", u64::from(counts.samples))?;
+        let unseen = reader.many::<u64>("unseen packet list", u64::from(counts.unseen))?;
+        reader.end()?;
+        if let Some(bad) = packets.iter().find(|packet| !(1..=MAX_RAYS_PER_PACKET as u32).contains(&packet.count)) {
+            return Err(ProtoError::RayCount(bad.count));
+        }
+        let said = packets.iter().map(|packet| u64::from(packet.count)).sum();
+        expect_total("sample list", said, counts.samples)?;
+        Ok(Results { packets, samples, unseen })
+    }
+}

@@ -1,0 +1,186 @@
+//! What a display gets for a view, server to display: samples, and beams that see nothing.
+
+use bytemuck::{Pod, Zeroable};
+use holo_section::{BeamId, Sample, SampleKind};
+
+use super::{Counts, Reader, expect_total, put};
+use crate::ProtoError;
+
+/// Longest run of samples of one beam in a [`Samples`] message.
+pub const MAX_RUN: u32 = 1 << 20;
+
+/// Where samples sent to a display came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Source {
+    /// Stored before.
+    Stored = 0,
+    /// Traced just now.
+    Traced = 1,
+}
+
+/// A run of samples of one beam with consecutive numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// Section number.
+    pub section: u16,
+    /// Beam in the section.
+    pub beam: BeamId,
+    /// Kind, part of a sample's name.
+    pub kind: SampleKind,
+    /// First sample number.
+    pub first: u32,
+    /// Samples.
+    pub count: u32,
+    /// Paths averaged into each.
+    pub paths: u16,
+}
+
+/// Server to display: samples for a view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Samples {
+    /// The view that they answer.
+    pub view: u32,
+    /// Stored or traced.
+    pub source: Source,
+    /// The runs, in the order of their samples.
+    pub runs: Vec<Run>,
+    /// Samples of all runs, one after the other.
+    pub samples: Vec<Sample>,
+}
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct RawRun {
+    beam: u64,
+    first: u32,
+    count: u32,
+    section: u16,
+    paths: u16,
+    kind: u8,
+    reserved: [u8; 3],
+}
+const _: () = assert!(size_of::<RawRun>() == 24);
+
+impl Samples {
+    /// The payload of a samples frame: view and source, counts of runs and samples, runs, samples.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(16 + self.runs.len() * 24 + self.samples.len() * 10);
+        put(&mut out, &Counts { first: self.view, second: self.source as u32 });
+        put(&mut out, &Counts { first: self.runs.len() as u32, second: self.samples.len() as u32 });
+        for run in &self.runs {
+            put(
+                &mut out,
+                &RawRun {
+                    beam: run.beam.0,
+                    first: run.first,
+                    count: run.count,
+                    section: run.section,
+                    paths: run.paths,
+                    kind: run.kind as u8,
+                    reserved: [0; 3],
+                },
+            );
+        }
+        out.extend_from_slice(bytemuck::cast_slice(&self.samples));
+        out
+    }
+
+    /// Parses a samples frame. Whether a beam exists is for whoever knows the sections.
+    ///
+    /// # Errors
+    /// Any [`ProtoError`] about counts, kinds or numbers.
+    pub fn decode(bytes: &[u8]) -> Result<Samples, ProtoError> {
+        let mut reader = Reader(bytes);
+        let head: Counts = reader.one("samples message")?;
+        let counts: Counts = reader.one("samples message")?;
+        let raw = reader.many::<RawRun>("run list", u64::from(counts.first))?;
+        let samples = reader.many::<Sample>("sample list", u64::from(counts.second))?;
+        reader.end()?;
+        let source = match head.second {
+            0 => Source::Stored,
+            1 => Source::Traced,
+            _ => return Err(ProtoError::Number("the source of samples")),
+        };
+        let runs = raw.into_iter().map(parse_run).collect::<Result<Vec<_>, _>>()?;
+        let said = runs.iter().map(|run| u64::from(run.count)).sum();
+        expect_total("sample list", said, counts.second)?;
+        Ok(Samples { view: head.first, source, runs, samples })
+    }
+
+    /// Each run with its samples.
+    pub fn iter(&self) -> impl Iterator<Item = (&Run, &[Sample])> {
+        let mut rest = self.samples.as_slice();
+        self.runs.iter().map(move |run| {
+            let (samples, after) = rest.split_at(rest.len().min(run.count as usize));
+            rest = after;
+            (run, samples)
+        })
+    }
+}
+
+fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
+    let kind = match raw.kind {
+        0 => SampleKind::Uniform,
+        1 => SampleKind::ViewpointLimited,
+        2 => SampleKind::SingleRay,
+        other => return Err(ProtoError::SampleKind(other)),
+    };
+    if raw.count == 0 || raw.count > MAX_RUN {
+        return Err(ProtoError::TooMany {
+            what: "samples in a run",
+            found: u64::from(raw.count),
+            limit: u64::from(MAX_RUN),
+        });
+    }
+    if raw.paths == 0 {
+        return Err(ProtoError::Number("a run's number of paths"));
+    }
+    if raw.first.checked_add(raw.count).is_none() {
+        return Err(ProtoError::Number("a run's first sample number"));
+    }
+    Ok(Run { section: raw.section, beam: BeamId(raw.beam), kind, first: raw.first, count: raw.count, paths: raw.paths })
+}
+
+/// Server to display: beams of a view of which no ray meets anything. They show the sky, and nothing is traced in them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unseen {
+    /// The view that they belong to.
+    pub view: u32,
+    /// The beams: section number, beam in the section.
+    pub beams: Vec<(u16, BeamId)>,
+}
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct RawUnseen {
+    beam: u64,
+    section: u16,
+    reserved: [u8; 6],
+}
+const _: () = assert!(size_of::<RawUnseen>() == 16);
+
+impl Unseen {
+    /// The payload of an unseen frame: view number and beam count, beams.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(8 + self.beams.len() * 16);
+        put(&mut out, &Counts { first: self.view, second: self.beams.len() as u32 });
+        for &(section, beam) in &self.beams {
+            put(&mut out, &RawUnseen { beam: beam.0, section, reserved: [0; 6] });
+        }
+        out
+    }
+
+    /// Parses an unseen frame. Whether a beam exists is for whoever knows the sections.
+    ///
+    /// # Errors
+    /// Any [`ProtoError`] about counts.
+    pub fn decode(bytes: &[u8]) -> Result<Unseen, ProtoError> {
+        let mut reader = Reader(bytes);
+        let counts: Counts = reader.one("unseen message")?;
+        let beams = reader.many::<RawUnseen>("unseen beam list", u64::from(counts.second))?;
+        reader.end()?;
+        let beams = beams.into_iter().map(|raw| (raw.section, BeamId(raw.beam))).collect();
+        Ok(Unseen { view: counts.first, beams })
+    }
+}
