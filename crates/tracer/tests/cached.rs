@@ -77,7 +77,7 @@ fn a_room_lit_from_above_only_is_within_the_accuracy_of_paths() {
 
 /// Mean relative error of a furnace's brightness, seen in several directions with several caches, and its standard error.
 fn error_of_a_furnace(add: impl FnOnce(&mut Model)) -> (f64, f64) {
-    const CACHES: u64 = 12;
+    const CACHES: u64 = 24;
     let mut model = Model::default();
     let wall = model.material(GREY, [1.0, 2.0, 0.5]);
     model.cuboid([-1.0, -2.0, -1.5], [1.0, 2.0, 1.5], false, wall);
@@ -112,7 +112,7 @@ fn panes_and_mirrors_in_a_furnace_change_nothing() {
     let mirror = Bsdf::Mirror { ks: [1.0; 3] };
     for shelved in [[thin, thick], [mirror, mirror], [thick, mirror]] {
         let (mean, error) = error_of_a_furnace(|model| shelves(model, shelved));
-        // Student's t with 11 degrees of freedom: beyond 5 once in 2,000 sets of seeds; three sets. And there is something to see.
+        // Student's t with 23 degrees of freedom: beyond 5 once in 20,000 sets of seeds; three sets. And there is something to see.
         assert!(mean.abs() < 5.0 * error && error < 0.004, "{shelved:?}: {mean} with an error of {error}");
     }
 }
