@@ -81,15 +81,16 @@ fn measure(size: (u32, u32), samples: usize, frames: usize, params: &PointImageP
         };
         let start = Instant::now();
         let mut last = start;
+        // A stage may run in portions.
+        let mut spent: BTreeMap<Stage, Duration> = BTreeMap::new();
         let shown = cache.frame_watched(&moment, &mut |stage| {
             let now = Instant::now();
-            if warm {
-                times.entry(stage).or_default().push(now - last);
-            }
+            *spent.entry(stage).or_default() += now - last;
             last = now;
         });
         if warm {
             totals.push(start.elapsed());
+            spent.into_iter().for_each(|(stage, time)| times.entry(stage).or_default().push(time));
         }
         results = answer(&shown, &room);
     }

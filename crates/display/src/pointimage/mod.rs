@@ -76,7 +76,7 @@ use isa::Isa;
 use map::Map;
 use noise::Noise;
 use planes::Planes;
-use points::{EVICTED, Points};
+use points::Points;
 use predict::Occupancy;
 use project::{BLOCK, Buckets};
 use sample::Request;
@@ -191,7 +191,7 @@ impl PointImage {
 
     /// Points that the cache holds.
     pub fn point_count(&self) -> usize {
-        self.points.age[..self.points.capacity()].iter().filter(|&&age| age != EVICTED).count()
+        self.points.states.iter().filter(|state| !state.is_empty()).count()
     }
 
     /// Samples that were left out because a number in them was not finite.
@@ -213,7 +213,8 @@ impl PointImage {
         self.frame_watched(moment, &mut |_| {})
     }
 
-    /// [`frame`](Self::frame), calling `ended` after each stage that ran: for clocks.
+    /// [`frame`](Self::frame), calling `ended` after each stage that ran, or after each part of it, stages that pass on what they have
+    /// just made going by turns: for clocks. Of several threads it is told what this one does.
     pub fn frame_watched(&mut self, moment: &Moment, ended: &mut dyn FnMut(Stage)) -> Frame<'_> {
         self.make(moment, ended);
         Frame { cache: self }

@@ -11,8 +11,8 @@ use super::huge::filled;
 use super::isa::{Isa, Kernel};
 use super::map::{Lens, Map, NEAREST};
 use super::parallel;
-use super::points::{FRESH, Points};
-use super::prefetch::prefetch;
+use super::points::{Block, FRESH, HIDDEN, State};
+use super::prefetch::prefetch_at;
 use super::truncate::truncate;
 use std::ops::Range;
 
@@ -58,6 +58,8 @@ struct Part {
     /// Where this part's chunks begin among all records.
     base: usize,
     chunks: usize,
+    /// The first chunk that no tile has.
+    free: u32,
 }
 
 /// Records by tile.
@@ -81,47 +83,30 @@ impl Buckets {
         for range in &ranges {
             // One more than can be filled, so that what is fetched ahead exists.
             let chunks = count + range.len() / CHUNK + 2;
-            parts.push(Part { heads: vec![0; count], next: vec![END; chunks], base, chunks });
+            parts.push(Part { heads: vec![0; count], next: vec![END; chunks], base, chunks, free: 0 });
             base += chunks * CHUNK;
         }
         let records = filled(Record::default(), base);
         Self { records, parts, lengths: ranges.iter().map(|range| range.len()).collect(), tile_rows }
     }
 
-    /// Fills the chains; marks the points outside the picture as hidden.
-    pub fn fill(&mut self, isa: Isa, map: &Map, size: (usize, usize), points: &mut Points) {
-        match map {
-            Map::Flat(lens) => self.fill_by(isa, lens, size, points),
-            Map::Curved(lens) => self.fill_by(isa, lens, size, points),
+    /// The chains of each thread, empty, with the range of points that they are for.
+    pub fn begin(&mut self) -> Vec<Chains<'_>> {
+        let Self { records, parts, lengths, .. } = self;
+        let records = parallel::cut(records, parts.iter().map(|part| part.chunks * CHUNK));
+        let mut from = 0;
+        let mut chains = Vec::new();
+        for ((part, records), &length) in parts.iter_mut().zip(records).zip(&*lengths) {
+            part.begin();
+            chains.push(Chains { points: from..from + length, part, records });
+            from += length;
         }
+        chains
     }
 
-    fn fill_by<L: Lens>(&mut self, isa: Isa, map: &L, size: (usize, usize), points: &mut Points) {
-        let Self { records, parts, lengths, tile_rows } = self;
-        let records = parallel::cut(records, parts.iter().map(|part| part.chunks * CHUNK));
-        let hidden = parallel::cut(&mut points.is_hidden, lengths.iter().copied());
-        let mut from = 0;
-        let mut work = Vec::new();
-        for (((part, records), is_hidden), length) in
-            parts.iter_mut().zip(records).zip(hidden).zip(lengths.iter().copied())
-        {
-            let range = from..from + length;
-            from += length;
-            work.push(Project {
-                map,
-                size,
-                tile_rows: *tile_rows,
-                first: range.start as u32,
-                position: [0, 1, 2].map(|axis| &points.position[axis][range.clone()]),
-                colour: &points.colour[range.clone()],
-                age: &points.age[range.clone()],
-                flags: &points.flags[range],
-                is_hidden,
-                records,
-                part,
-            });
-        }
-        parallel::for_each(work, |kernel| isa.run(kernel));
+    /// Points of each thread.
+    pub fn lengths(&self) -> &[usize] {
+        &self.lengths
     }
 
     /// All records.
@@ -145,16 +130,63 @@ impl Buckets {
     }
 }
 
+/// What one thread fills.
+pub(super) struct Chains<'a> {
+    /// Slots that it is for.
+    pub points: Range<usize>,
+    part: &'a mut Part,
+    records: &'a mut [Record],
+}
+
+/// Where points are seen.
+#[derive(Clone, Copy)]
+pub(super) struct Screen<'a> {
+    pub map: &'a Map,
+    pub size: (usize, usize),
+    pub tile_rows: usize,
+}
+
+impl Chains<'_> {
+    /// Adds points, the slots from `first` on; marks those outside the picture as hidden. A multiple of [`BLOCK`].
+    pub fn add(&mut self, isa: Isa, screen: Screen, first: usize, blocks: &[Block], states: &mut [State]) {
+        match screen.map {
+            Map::Flat(lens) => self.add_by(isa, lens, screen, first, blocks, states),
+            Map::Curved(lens) => self.add_by(isa, lens, screen, first, blocks, states),
+        }
+    }
+
+    fn add_by<L: Lens>(
+        &mut self,
+        isa: Isa,
+        map: &L,
+        screen: Screen,
+        first: usize,
+        blocks: &[Block],
+        states: &mut [State],
+    ) {
+        let Screen { size, tile_rows, .. } = screen;
+        let Chains { part, records, .. } = self;
+        isa.run(Project { map, size, tile_rows, first: first as u32, blocks, states, records, part });
+    }
+}
+
+impl Part {
+    fn begin(&mut self) {
+        self.next[..self.heads.len()].fill(END);
+        for (tile, head) in self.heads.iter_mut().enumerate() {
+            *head = (tile * CHUNK) as u32;
+        }
+        self.free = self.heads.len() as u32;
+    }
+}
+
 struct Project<'a, L> {
     map: &'a L,
     size: (usize, usize),
     tile_rows: usize,
     first: u32,
-    position: [&'a [f32]; 3],
-    colour: &'a [u32],
-    age: &'a [u8],
-    flags: &'a [u8],
-    is_hidden: &'a mut [u8],
+    blocks: &'a [Block],
+    states: &'a mut [State],
     records: &'a mut [Record],
     part: &'a mut Part,
 }
@@ -164,39 +196,34 @@ impl<L: Lens> Kernel for Project<'_, L> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { map, size, tile_rows, first, position, colour, age, flags, is_hidden, records, part } = self;
-        let trash = part.heads.len() as u32 - 1;
-        let mut free = trash + 1;
-        part.next.fill(END);
-        for (tile, head) in part.heads.iter_mut().enumerate() {
-            *head = (tile * CHUNK) as u32;
-        }
-        // The tile of unseen points stays where it is, and never looks full: each overwrites the last.
-        part.heads[trash as usize] += 1;
-        let heads = part.heads.as_mut_slice();
-        let next = part.next.as_mut_slice();
+        let Self { map, size, tile_rows, first, blocks, states, records, part } = self;
+        let Part { heads, next, free, .. } = part;
+        let (heads, next) = (heads.as_mut_slice(), next.as_mut_slice());
+        let trash = heads.len() - 1;
         let mut found = [Record::default(); BLOCK];
         let mut tile_of = [0_u32; BLOCK];
-        let (xs, ys, zs) = (position[0].as_chunks().0, position[1].as_chunks().0, position[2].as_chunks().0);
-        let blocks =
-            xs.iter().zip(ys).zip(zs).zip(colour.as_chunks().0).zip(age.as_chunks().0).zip(flags.as_chunks().0);
-        let blocks = blocks.zip(is_hidden.as_chunks_mut().0).enumerate();
-        for (block, ((((((x, y), z), colour), age), flags), is_hidden)) in blocks {
-            let start = first + (block * BLOCK) as u32;
-            place(map, size, tile_rows, start, [x, y, z], colour, age, flags, &mut found, &mut tile_of);
-            hide(&tile_of, trash, is_hidden);
+        let blocks = blocks.iter().zip(states.as_chunks_mut().0);
+        for ((points, states), start) in blocks.zip((first..).step_by(BLOCK)) {
+            place(map, size, tile_rows, start, points, states, &mut found, &mut tile_of);
+            hide(&tile_of, trash as u32, states);
             for (record, &tile) in found.iter().zip(&tile_of) {
-                let head = &mut heads[tile as usize];
-                records[*head as usize] = *record;
-                let mut next_head = *head + u32::from(tile != trash);
-                if (next_head as usize).is_multiple_of(CHUNK) {
-                    next[next_head as usize / CHUNK - 1] = free;
-                    next_head = free * CHUNK as u32;
-                    free += 1;
-                }
-                *head = next_head;
+                let Some(head) = heads.get_mut(tile as usize) else { continue };
+                let Some(place) = records.get_mut(*head as usize) else { continue };
+                *place = *record;
+                *head += 1;
                 // Lines of as many tiles as there are come from far: without this their stores waited one after another.
-                prefetch(&records[next_head as usize + AHEAD]);
+                prefetch_at(records, *head as usize + AHEAD);
+                if (*head as usize).is_multiple_of(CHUNK) {
+                    if tile as usize == trash {
+                        // Points that are not seen overwrite each other.
+                        *head -= CHUNK as u32;
+                    } else {
+                        next[*head as usize / CHUNK - 1] = *free;
+                        next[*free as usize] = END;
+                        *head = *free * CHUNK as u32;
+                        *free += 1;
+                    }
+                }
             }
         }
     }
@@ -210,10 +237,8 @@ fn place<L: Lens>(
     size: (usize, usize),
     tile_rows: usize,
     start: u32,
-    [x, y, z]: [&[f32; BLOCK]; 3],
-    colour: &[u32; BLOCK],
-    age: &[u8; BLOCK],
-    flags: &[u8; BLOCK],
+    points: &Block,
+    states: &[State; BLOCK],
     found: &mut [Record; BLOCK],
     tile_of: &mut [u32; BLOCK],
 ) {
@@ -221,22 +246,24 @@ fn place<L: Lens>(
     let (right, bottom) = (width as f32, height as f32);
     let shift = tile_rows.ilog2();
     let trash = size.1.div_ceil(tile_rows) as u32;
+    let [x, y, z] = &points.position;
     for i in 0..BLOCK {
         let (column, row, depth) = map.project([x[i], y[i], z[i]]);
+        let state = states[i];
         let seen = (NEAREST..f32::INFINITY).contains(&depth)
             & (column >= 0.0)
             & (column < right)
             & (row >= 0.0)
             & (row < bottom)
-            & (age[i] != u8::MAX);
+            & !state.is_empty();
         let (column, row) = (truncate(column, right), truncate(row, bottom));
         let tile = row >> shift;
         let pixel = (row - (tile << shift)) * width + column;
-        let old = if flags[i] & FRESH == 0 { OLD } else { 0 };
+        let old = if state.has(FRESH) { 0 } else { OLD };
         tile_of[i] = if seen { tile as u32 } else { trash };
         found[i] = Record {
-            age_and_pixel: (pixel as u32) << 8 | u32::from(age[i]),
-            colour: colour[i],
+            age_and_pixel: (pixel as u32) << 8 | u32::from(state.age()),
+            colour: points.colour[i],
             slot: start + i as u32,
             depth: depth.to_bits() | old,
         };
@@ -245,8 +272,8 @@ fn place<L: Lens>(
 
 /// Marks points outside the picture as hidden; of those in it, the z-buffer says.
 #[inline(always)]
-fn hide(tile_of: &[u32; BLOCK], trash: u32, is_hidden: &mut [u8; BLOCK]) {
+fn hide(tile_of: &[u32; BLOCK], trash: u32, states: &mut [State; BLOCK]) {
     for i in 0..BLOCK {
-        is_hidden[i] |= if tile_of[i] == trash { 1 } else { 0 };
+        states[i].0 |= if tile_of[i] == trash { u16::from(HIDDEN) << 8 } else { 0 };
     }
 }
