@@ -19,7 +19,7 @@ const MOST: u32 = 1 << 30;
 /// Appends about `wanted` pixels, never more, in proportion to their priority.
 pub(super) fn choose(isa: Isa, priority: &[u8], width: usize, wanted: usize, seed: u32, chosen: &mut Vec<u32>) {
     let height = priority.len() / width;
-    let total: u64 = priority.chunks(1 << 16).map(sum).sum();
+    let total = isa.run(Sum(priority));
     if wanted == 0 || total == 0 {
         return;
     }
@@ -65,9 +65,25 @@ pub(super) fn choose(isa: Isa, priority: &[u8], width: usize, wanted: usize, see
     chosen.extend(all.filter(|hit| count <= wanted || keep(hit)).map(|(_, pixel)| pixel));
 }
 
-fn sum(priority: &[u8]) -> u64 {
-    // Within u32 for 2¹⁶ bytes.
-    priority.iter().map(|&priority| u32::from(priority)).sum::<u32>().into()
+/// Sum of all priorities.
+struct Sum<'a>(&'a [u8]);
+
+impl Kernel for Sum<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run(self) -> u64 {
+        let mut total = 0;
+        for part in self.0.chunks(1 << 16) {
+            // Within u32 for 2¹⁶ bytes.
+            let mut sum = 0;
+            for &priority in part {
+                sum += u32::from(priority);
+            }
+            total += u64::from(sum);
+        }
+        total
+    }
 }
 
 /// `N` bands of as many rows each, all of `priority`.
@@ -93,10 +109,8 @@ impl<const N: usize> Kernel for Lockstep<'_, N> {
         // The bands' priorities column by column, and which were chosen.
         let mut columns = vec![[0_u8; N]; width];
         for row in 0..rows {
-            for band in 0..N {
-                let line = &priority[(band * rows + row) * width..][..width];
-                columns.iter_mut().zip(line).for_each(|(column, &priority)| column[band] = priority);
-            }
+            let lines: [&[u8]; N] = std::array::from_fn(|band| &priority[(band * rows + row) * width..][..width]);
+            gather(&lines, &mut columns);
             // Serpentine. Nothing is lost at the edge: the next row begins below this one's last pixel.
             if row % 2 == 0 {
                 let error = diffuse(columns.iter_mut().zip(carries.iter_mut()), scale, threshold);
@@ -105,24 +119,60 @@ impl<const N: usize> Kernel for Lockstep<'_, N> {
                 let error = diffuse(columns.iter_mut().zip(carries.iter_mut()).rev(), scale, threshold);
                 hand_down(carries.first_mut(), error);
             }
-            for (x, column) in columns.iter().enumerate() {
-                let (eights, rest) = column.as_chunks::<8>();
-                let pixel = |band: usize| ((first_row + band * rows + row) * width + x) as u32;
-                for (eight, first) in eights.iter().zip((0..).step_by(8)) {
-                    // A byte is 1 or 0.
-                    let mut bits = u64::from_le_bytes(*eight);
-                    while bits != 0 {
-                        let band = first + bits.trailing_zeros() as usize / 8;
-                        hits[band].push(pixel(band));
-                        bits &= bits - 1;
-                    }
+            for (column, x) in columns.iter().zip(0..) {
+                // A byte is 1 or 0.
+                let mut bytes = [0; BANDS];
+                bytes[..N].copy_from_slice(column);
+                let mut bits = u128::from_le_bytes(bytes);
+                while bits != 0 {
+                    let band = bits.trailing_zeros() as usize / 8;
+                    hits[band].push(((first_row + band * rows + row) * width + x) as u32);
+                    bits &= bits - 1;
                 }
-                let from = N - rest.len();
-                let chosen = rest.iter().zip(from..).filter(|&(&chosen, _)| chosen != 0);
-                chosen.for_each(|(_, band)| hits[band].push(pixel(band)));
             }
         }
     }
+}
+
+/// The numbers of each column of these lines.
+#[inline(always)]
+fn gather<const N: usize>(lines: &[&[u8]; N], columns: &mut [[u8; N]]) {
+    let mut done = 0;
+    if N == BANDS {
+        // By squares: one number after another took half of the dither's time.
+        for square in columns.as_flattened_mut().as_chunks_mut::<{ BANDS * BANDS }>().0 {
+            let mut rows = [[0; BANDS]; BANDS];
+            for (row, line) in rows.iter_mut().zip(lines) {
+                *row = line[done..].first_chunk().copied().unwrap_or_default();
+            }
+            for (column, numbers) in square.as_chunks_mut().0.iter_mut().zip(transposed(rows)) {
+                *column = numbers;
+            }
+            done += BANDS;
+        }
+    }
+    for (x, column) in columns.iter_mut().enumerate().skip(done) {
+        for (number, line) in column.iter_mut().zip(lines) {
+            *number = line[x];
+        }
+    }
+}
+
+/// A square of numbers with rows and columns exchanged: each round turns the bits of all places, row before column, by one.
+#[inline(always)]
+fn transposed(mut square: [[u8; BANDS]; BANDS]) -> [[u8; BANDS]; BANDS] {
+    const HALF: usize = BANDS / 2;
+    for _ in 0..BANDS.ilog2() {
+        let old = square;
+        for row in 0..HALF {
+            let (one, other) = (&old[row], &old[row + HALF]);
+            for x in 0..HALF {
+                (square[2 * row][2 * x], square[2 * row][2 * x + 1]) = (one[x], other[x]);
+                (square[2 * row + 1][2 * x], square[2 * row + 1][2 * x + 1]) = (one[x + HALF], other[x + HALF]);
+            }
+        }
+    }
+    square
 }
 
 /// Replaces the priorities of a row of each band by whether they were chosen; gives what is left at the end.
@@ -195,6 +245,19 @@ mod tests {
                 let left = chosen.iter().filter(|&&pixel| pixel as usize % width < 100).count();
                 let ratio = left as f64 / (chosen.len() - left) as f64;
                 assert!((3.6..4.4).contains(&ratio), "{left} of {} are on the left", chosen.len());
+            }
+        }
+    }
+
+    #[test]
+    fn columns_are_gathered_whatever_the_width() {
+        for width in [1, 15, 16, 33, 64] {
+            let number = |band: usize, x: usize| (31 * band + 7 * x) as u8;
+            let lines: Vec<Vec<u8>> = (0..BANDS).map(|band| (0..width).map(|x| number(band, x)).collect()).collect();
+            let mut columns = vec![[0; BANDS]; width];
+            gather(&std::array::from_fn(|band| lines[band].as_slice()), &mut columns);
+            for (x, column) in columns.iter().enumerate() {
+                assert_eq!(*column, std::array::from_fn(|band| number(band, x)), "{x} of {width}");
             }
         }
     }

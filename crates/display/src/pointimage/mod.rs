@@ -33,6 +33,7 @@
 //! - Nothing changes and nothing is wanted: nothing is computed.
 //! - No number that comes in makes it panic; samples that are not finite are left out and counted.
 
+mod bands;
 mod beams;
 mod colour;
 mod cull;
@@ -70,6 +71,7 @@ pub(crate) use prefetch::prefetch;
 pub(crate) use random::{mix, pair};
 pub use sample::{Place, Sample, Tag};
 
+use bands::Scratch;
 use glam::DVec3;
 use holo_picture::{Picture, View};
 use isa::Isa;
@@ -103,6 +105,8 @@ pub struct PointImage {
     planes: Planes,
     buckets: Buckets,
     occupancy: Occupancy,
+    /// One for each thread.
+    scratch: Vec<Scratch>,
     /// What positions are relative to; 0 until the first frame if none was given.
     origin: DVec3,
     has_origin: bool,
@@ -140,11 +144,14 @@ impl PointImage {
         let size = (size.0 as usize, size.1 as usize);
         let capacity = ((size.0 * size.1) as f64 * params.points_per_pixel).ceil() as usize;
         let capacity = capacity.next_multiple_of(BLOCK);
+        let buckets = Buckets::new(size, capacity, params.threads);
+        let scratch = || Scratch::new(size.0, buckets.tile_rows, capacity as u32);
         Ok(Self {
+            scratch: std::iter::repeat_with(scratch).take(params.threads).collect(),
             isa,
             points: Points::new(capacity),
             planes: Planes::new(size, capacity as u32),
-            buckets: Buckets::new(size, capacity, params.threads),
+            buckets,
             occupancy: Occupancy::new(size),
             origin: params.origin.unwrap_or(DVec3::ZERO),
             has_origin: params.origin.is_some(),

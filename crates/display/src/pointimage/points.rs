@@ -63,6 +63,19 @@ pub(super) struct Block {
     pub colour: [u32; BLOCK],
 }
 
+impl Block {
+    /// Asks for the positions of a block that will be read: processors on their own do not look beyond a page of memory.
+    #[inline(always)]
+    pub fn prefetch(blocks: &[Self], index: usize) {
+        const LINE: usize = 64 / size_of::<f32>();
+        if let Some(block) = blocks.get(index) {
+            for axis in &block.position {
+                axis.as_chunks::<LINE>().0.iter().for_each(prefetch);
+            }
+        }
+    }
+}
+
 impl Default for Block {
     fn default() -> Self {
         Self { position: [[0.0; BLOCK]; 3], colour: [colour::NONE; BLOCK] }

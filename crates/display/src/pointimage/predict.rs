@@ -97,7 +97,8 @@ impl<L: Lens> Kernel for Project<'_, L> {
     fn run(self) {
         let Self { map, size, blocks, states, is_occupied } = self;
         let mut block = [0_u32; BLOCK];
-        for (points, states) in blocks.iter().zip(states.as_chunks().0) {
+        for ((points, states), following) in blocks.iter().zip(states.as_chunks().0).zip(1..) {
+            Block::prefetch(blocks, following);
             place(map, size, &points.position, states, &mut block);
             for &block in &block {
                 if let Some(is_occupied) = is_occupied.get(block as usize) {

@@ -14,6 +14,7 @@ use super::parallel;
 use super::points::{Block, FRESH, HIDDEN, State};
 use super::prefetch::prefetch_at;
 use super::truncate::truncate;
+use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
 /// Pixels of a tile at most, unless one row has more: its z-buffer takes 128 kB. Tiles are whole rows, so that what they show is copied to
@@ -35,11 +36,11 @@ const END: u32 = u32::MAX;
 const OLD: u32 = 1 << 31;
 
 /// A point that falls into a tile.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub(super) struct Record {
-    /// Age, and from bit 8 the pixel in the tile.
-    pub age_and_pixel: u32,
+    /// Age, from bit [`Record::PIXEL`] the pixel in the tile.
+    pub about: u32,
     pub colour: u32,
     pub slot: u32,
     /// Depth, as bits of an f32, negative for points that are not fresh.
@@ -47,6 +48,10 @@ pub(super) struct Record {
 }
 
 const _: () = assert!(size_of::<Record>() == 16);
+
+impl Record {
+    pub const PIXEL: u32 = 8;
+}
 
 /// Chains of one thread's points.
 #[derive(Debug, Default)]
@@ -202,8 +207,8 @@ impl<L: Lens> Kernel for Project<'_, L> {
         let trash = heads.len() - 1;
         let mut found = [Record::default(); BLOCK];
         let mut tile_of = [0_u32; BLOCK];
-        let blocks = blocks.iter().zip(states.as_chunks_mut().0);
-        for ((points, states), start) in blocks.zip((first..).step_by(BLOCK)) {
+        let pairs = blocks.iter().zip(states.as_chunks_mut().0);
+        for ((points, states), start) in pairs.zip((first..).step_by(BLOCK)) {
             place(map, size, tile_rows, start, points, states, &mut found, &mut tile_of);
             hide(&tile_of, trash as u32, states);
             for (record, &tile) in found.iter().zip(&tile_of) {
@@ -262,7 +267,7 @@ fn place<L: Lens>(
         let old = if state.has(FRESH) { 0 } else { OLD };
         tile_of[i] = if seen { tile as u32 } else { trash };
         found[i] = Record {
-            age_and_pixel: (pixel as u32) << 8 | u32::from(state.age()),
+            about: (pixel as u32) << Record::PIXEL | u32::from(state.age()),
             colour: points.colour[i],
             slot: start + i as u32,
             depth: depth.to_bits() | old,

@@ -1,16 +1,17 @@
 //! A frame, stage by stage (Walter et al. 2002, Figure 1).
 
-use super::cull::Cull;
-use super::interpolate::{Interpolate, Looks};
+use super::bands::Work;
+use super::interpolate::Looks;
 use super::map::Map;
 use super::params::{EmptyPixels, Smoothing, Stage, Stages};
 use super::points::{Age, NOISY};
 use super::predict::Occupancy;
 use super::prefetch::prefetch_at;
-use super::prefilter::Prefilter;
 use super::project::{BLOCK, Screen};
 use super::sample::{Purpose, Sample};
-use super::{Moment, PointImage, dither, parallel, random, zbuffer};
+use super::shared::states_as_atomic;
+use super::zbuffer::Fill;
+use super::{Moment, PointImage, dither, parallel, random};
 use holo_picture::View;
 
 /// Pixels along the side of the squares by which requests are ordered.
@@ -39,19 +40,7 @@ impl PointImage {
             ended(Stage::PredictedSampling);
         }
         if is_new {
-            let (threads, frame) = (self.params.threads, self.frames);
-            zbuffer::fill(self.isa, &self.buckets, &mut self.planes, &mut self.points, threads, frame);
-            ended(Stage::ZBufferTiles);
-            if self.params.stages.depth_cull {
-                self.cull();
-                ended(Stage::DepthCull);
-            }
-            if self.params.stages.prefilter {
-                self.prefilter();
-                ended(Stage::Prefilter);
-            }
-            self.interpolate();
-            ended(Stage::Interpolate);
+            self.show(ended);
             self.is_dirty = false;
         }
         if moment.wanted > self.requests.len() {
@@ -169,55 +158,30 @@ impl PointImage {
         self.occupancy.request(self.planes.size, limit, seed, &mut self.requests);
     }
 
-    fn bands(&self) -> Vec<std::ops::Range<usize>> {
-        parallel::bands(self.planes.size.1, 16, self.params.threads)
-    }
-
-    fn cull(&mut self) {
-        let bands = self.bands();
-        let width = self.planes.size.0;
-        let colours = parallel::cut(&mut self.planes.colour, bands.iter().map(|rows| rows.len() * width));
-        let (depth, threshold) = (&self.planes.depth[..], self.params.cull_threshold);
-        let work = bands.iter().zip(colours);
-        let work = work.map(|(rows, colour)| Cull { width, from: rows.start, colour, depth, threshold });
-        parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
-    }
-
-    fn prefilter(&mut self) {
-        let bands = self.bands();
-        let width = self.planes.size.0;
-        let black = self.params.empty == EmptyPixels::Black;
-        let gaps_only = self.params.stages.interpolation && self.prior() == 0.0;
-        let pictures = cut_picture(&mut self.planes.picture, &bands, width);
-        let colour = &self.planes.colour[..];
-        let work = bands.iter().zip(pictures);
-        let work = work.map(|(rows, picture)| Prefilter { width, from: rows.start, colour, picture, black, gaps_only });
-        parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
-    }
-
-    fn interpolate(&mut self) {
+    /// The picture of the points that were projected.
+    fn show(&mut self, ended: &mut dyn FnMut(Stage)) {
         let prior = self.prior();
-        let bands = self.bands();
-        let width = self.planes.size.0;
-        let pictures = cut_picture(&mut self.planes.picture, &bands, width);
-        let priorities = parallel::cut(&mut self.planes.priority, bands.iter().map(|rows| rows.len() * width));
-        let (colour, age) = (&self.planes.colour[..], &self.planes.age[..]);
-        let (smoothing, stages) = (self.params.smoothing, self.params.stages);
-        let black = self.params.empty == EmptyPixels::Black && !stages.prefilter;
+        let (smoothing, stages, empty) = (self.params.smoothing, self.params.stages, self.params.empty);
         let fill = stages.interpolation;
-        let looks = Looks { own_point: !fill || smoothing == Smoothing::Gaps, black, fill, prior };
-        let work = bands.iter().zip(pictures).zip(priorities).map(|((rows, picture), priority)| Interpolate {
-            width,
-            from: rows.start,
-            colour,
-            age,
-            picture,
-            priority,
+        let looks = Looks {
+            own_point: !fill || smoothing == Smoothing::Gaps,
+            black: empty == EmptyPixels::Black && !stages.prefilter,
+            fill,
+            prior,
+        };
+        let states = states_as_atomic(&mut self.points.states);
+        let work = Work {
+            isa: self.isa,
+            size: self.planes.size,
+            fill: Fill { isa: self.isa, buckets: &self.buckets, states, frame: self.frames },
+            cull_threshold: stages.depth_cull.then_some(self.params.cull_threshold),
+            prefilter: stages.prefilter.then_some((empty == EmptyPixels::Black, fill && prior == 0.0)),
             looks,
-        });
-        parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
+        };
+        work.run(&mut self.planes, &mut self.scratch, ended);
         if smoothing != Smoothing::Everywhere && self.has_fresh {
             self.show_means();
+            ended(Stage::Interpolate);
         }
     }
 
@@ -305,15 +269,4 @@ fn sort_by_tile(pixels: &mut Vec<u32>, sorted: &mut Vec<u32>, width: usize) {
         *start += 1;
     }
     std::mem::swap(pixels, sorted);
-}
-
-/// The rows of each band, channel by channel.
-fn cut_picture<'a>(
-    picture: &'a mut [Vec<f32>; 3],
-    bands: &[std::ops::Range<usize>],
-    width: usize,
-) -> Vec<[&'a mut [f32]; 3]> {
-    let [red, green, blue] =
-        picture.each_mut().map(|plane| parallel::cut(plane, bands.iter().map(|rows| rows.len() * width)));
-    red.into_iter().zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue]).collect()
 }
