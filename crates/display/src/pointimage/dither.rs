@@ -7,61 +7,75 @@
 //! Always true: never more pixels are chosen than were wanted; priorities are whole numbers, so the choice is the same everywhere.
 
 use super::isa::{Isa, Kernel};
-use super::random;
+use super::{parallel, random};
 
 /// Bands dithered side by side, a lane of a register each: four bands in scalar code took three times as long.
 const BANDS: usize = 16;
+/// Times that many bands, which two threads can share.
+const HALVES: usize = 2;
 /// Priorities are multiplied by this before they are halved, unless that makes the threshold too large.
 const SCALE: u64 = 256;
 /// Largest threshold, and most that a pixel hands on: sums of two stay far within u32.
 const MOST: u32 = 1 << 30;
 
 /// Appends about `wanted` pixels, never more, in proportion to their priority.
-pub(super) fn choose(isa: Isa, priority: &[u8], width: usize, wanted: usize, seed: u32, chosen: &mut Vec<u32>) {
+pub(super) fn choose(
+    isa: Isa,
+    threads: usize,
+    priority: &[u8],
+    width: usize,
+    wanted: usize,
+    seed: u32,
+    chosen: &mut Vec<u32>,
+) {
     let height = priority.len() / width;
     let total = isa.run(Sum(priority));
     if wanted == 0 || total == 0 {
         return;
     }
-    let rows = height / BANDS;
+    let rows = height / (HALVES * BANDS);
     let wanted_64 = wanted as u64;
     let scale = (u64::from(MOST) * wanted_64 / total).clamp(1, SCALE);
     let threshold = (total * scale).div_ceil(wanted_64).min(MOST.into()) as u32;
     // Each band starts with what a band above would leave it. Far down a uniform picture that was found to be threshold/2 * (1 - 0.6 d)
     // on average, d³ being the share of pixels that are chosen; spread evenly around that, the first rows have their share as well.
     let spread = 1.2 * (wanted as f64 / priority.len() as f64).min(0.5).cbrt();
-    let half = f64::from(threshold) / 2.0;
-    let start = |index: usize| half * (1.0 - spread * f64::from(random::mix(seed, index as u32)) / f64::from(u32::MAX));
-    let mut hits: [Vec<u32>; BANDS] = Default::default();
+    let span = (f64::from(threshold) / 2.0 * spread) as u32;
+    let start = |first: usize| Start { most: threshold / 2, span, seed, first: first as u32, width: width as u32 };
+    let mut hits: [[Vec<u32>; BANDS]; HALVES] = Default::default();
     let scale = scale as u32;
-    let mut last: Vec<[u32; 1]>;
+    let mut last = vec![[0_u32; 1]; width];
+    let half = rows * BANDS * width;
     if rows > 0 {
-        let start = |x: usize| std::array::from_fn(|band| start(band * width + x) as u32);
-        let mut carries: Vec<[u32; BANDS]> = (0..width).map(start).collect();
-        let bands = &priority[..rows * BANDS * width];
-        isa.run(Lockstep {
-            priority: bands,
-            width,
-            first_row: 0,
-            scale,
-            threshold,
-            carries: &mut carries,
-            hits: &mut hits,
+        let mut carries = [(); HALVES].map(|()| vec![[0_u32; BANDS]; width]);
+        for (part, carries) in carries.iter_mut().enumerate() {
+            isa.run(Begin { start: start(part * BANDS * width), carries });
+        }
+        let work = priority.chunks(half).zip(&mut carries).zip(&mut hits).zip(0..);
+        let work = work.map(|(((priority, carries), hits), part)| {
+            let first_row = part * rows * BANDS;
+            Lockstep { priority, width, first_row, scale, threshold, carries, hits }
         });
-        last = carries.iter().map(|carry| [carry[BANDS - 1]]).collect();
+        // Two at a time at most, however many threads there are.
+        if threads > 1 {
+            parallel::for_each(work.collect(), |kernel| isa.run(kernel));
+        } else {
+            work.for_each(|kernel| isa.run(kernel));
+        }
+        last.iter_mut().zip(&carries[HALVES - 1]).for_each(|(last, carry)| last[0] = carry[BANDS - 1]);
     } else {
-        last = (0..width).map(|x| [start(x) as u32]).collect();
+        isa.run(Begin { start: start(0), carries: &mut last });
     }
     // Rows that do not divide, or all rows of a low picture, follow the last band.
-    let first_row = rows * BANDS;
+    let first_row = rows * BANDS * HALVES;
     let rest = &priority[first_row * width..];
-    if let Some(hits) = hits.last_chunk_mut() {
+    if let Some(hits) = hits[HALVES - 1].last_chunk_mut() {
         isa.run(Lockstep { priority: rest, width, first_row, scale, threshold, carries: &mut last, hits });
     }
     // What bands started with and what they are left with differ by chance: of a few too many, a few are dropped, evenly.
-    let count: usize = hits.iter().map(Vec::len).sum();
+    let count: usize = hits.as_flattened().iter().map(Vec::len).sum();
     let keep = |&(index, _): &(usize, u32)| index * wanted / count != (index + 1) * wanted / count;
-    let all = hits.into_iter().flatten().enumerate();
+    let all = hits.into_iter().flatten().flatten().enumerate();
     chosen.extend(all.filter(|hit| count <= wanted || keep(hit)).map(|(_, pixel)| pixel));
 }
 
@@ -83,6 +97,38 @@ impl Kernel for Sum<'_> {
             total += u64::from(sum);
         }
         total
+    }
+}
+
+/// What bands start with: `most` less a random part of `span`.
+#[derive(Clone, Copy)]
+struct Start {
+    most: u32,
+    span: u32,
+    seed: u32,
+    /// Index of the first number, and of those that belong to one band.
+    first: u32,
+    width: u32,
+}
+
+/// Fills in what `N` bands start with, column by column.
+struct Begin<'a, const N: usize> {
+    start: Start,
+    carries: &'a mut [[u32; N]],
+}
+
+impl<const N: usize> Kernel for Begin<'_, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Start { most, span, seed, first, width } = self.start;
+        for (carry, x) in self.carries.iter_mut().zip(first..) {
+            for (carry, band) in carry.iter_mut().zip(0..) {
+                let random = u64::from(random::mix(seed, x.wrapping_add(width.wrapping_mul(band))));
+                *carry = most - (random * u64::from(span) >> 32) as u32;
+            }
+        }
     }
 }
 
@@ -235,7 +281,7 @@ mod tests {
         let priority: Vec<u8> = (0..width * height).map(|pixel| if pixel % width < 100 { 200 } else { 50 }).collect();
         for wanted in [1, 30, 1000, 8000, 20_000, 60_000] {
             let mut chosen = Vec::new();
-            choose(isa(), &priority, width, wanted, 5, &mut chosen);
+            choose(isa(), 1, &priority, width, wanted, 5, &mut chosen);
             assert!(chosen.len() <= wanted, "{} of {wanted}", chosen.len());
             // Each pixel at most once.
             chosen.sort_unstable();
@@ -266,7 +312,7 @@ mod tests {
     fn chosen_pixels_keep_their_distance() {
         let width = 256;
         let mut chosen = Vec::new();
-        choose(isa(), &vec![100; width * width], width, width * width / 64, 9, &mut chosen);
+        choose(isa(), 1, &vec![100; width * width], width, width * width / 64, 9, &mut chosen);
         let place = |pixel: u32| (i64::from(pixel) % 256, i64::from(pixel) / 256);
         let near = chosen.iter().filter(|&&one| {
             chosen.iter().any(|&other| {

@@ -215,7 +215,8 @@ impl PointImage {
         chosen.clear();
         let seed = random::mix(self.params.seed, self.frames);
         if self.params.stages.dither {
-            dither::choose(self.isa, &self.planes.priority, self.planes.size.0, wanted, seed, &mut chosen);
+            let (threads, width) = (self.params.threads, self.planes.size.0);
+            dither::choose(self.isa, threads, &self.planes.priority, width, wanted, seed, &mut chosen);
         } else {
             self.choose_anywhere(wanted, seed, &mut chosen);
         }

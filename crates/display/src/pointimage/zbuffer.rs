@@ -8,7 +8,7 @@ use super::colour;
 use super::huge::filled;
 use super::isa::{Isa, Kernel};
 use super::points::HIDDEN;
-use super::prefetch::prefetch;
+use super::prefetch::prefetch_at;
 use super::project::{Buckets, Record};
 use std::hint::select_unpredictable;
 use std::sync::atomic::AtomicU16;
@@ -88,8 +88,14 @@ impl Fill<'_> {
         let nearest = &mut scratch.nearest[..colour.len()];
         let mut chain = buckets.chain(tile).peekable();
         while let Some(chunk) = chain.next() {
-            records[chain.peek().cloned().unwrap_or_default()].iter().step_by(LINE).for_each(prefetch);
-            keep_nearest(&records[chunk], nearest);
+            let next = chain.peek().map_or(0, |next| next.start);
+            // Line by line: all of the next chunk at once is more than a processor can ask for at a time.
+            let (lines, rest) = records[chunk].as_chunks::<LINE>();
+            for (line, ahead) in lines.iter().zip((next..).step_by(LINE)) {
+                prefetch_at(records, ahead);
+                keep_nearest(line, nearest);
+            }
+            keep_nearest(rest, nearest);
         }
         if (tile + frame as usize).is_multiple_of(TURNS) {
             buckets.chain(tile).for_each(|chunk| hide(&records[chunk], nearest, states));
@@ -109,6 +115,7 @@ fn hide(records: &[Record], nearest: &[Nearest], states: &[AtomicU16]) {
     }
 }
 
+#[inline(always)]
 fn keep_nearest(records: &[Record], nearest: &mut [Nearest]) {
     for record in records {
         let new = Nearest::from(record);
