@@ -2,7 +2,7 @@
 //!
 //! Arguments, all optional: side of the picture or WIDTHxHEIGHT (several), `--threads N`, `--samples N` a frame (8000), `--frames N`,
 //! `--portable` or `--avx2`, `--json` (a line for each size). The camera walks and turns; times are medians over frames, and the least of them. "moved" is how long it takes to copy as many bytes
-//! as the stage reads and writes at least, measured beside it.
+//! as the stage reads and writes at least, measured beside it. With several threads a stage's time is that of the first.
 
 #[path = "../tests/pointimage_scenes/mod.rs"]
 mod pointimage_scenes;

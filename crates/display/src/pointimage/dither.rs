@@ -129,7 +129,7 @@ impl<const N: usize> Kernel for Begin<'_, N> {
         for (carry, x) in self.carries.iter_mut().zip(first..) {
             for (carry, band) in carry.iter_mut().zip(0..) {
                 let random = u64::from(random::mix(seed, x.wrapping_add(width.wrapping_mul(band))));
-                *carry = most - (random * u64::from(span) >> 32) as u32;
+                *carry = most - ((random * u64::from(span)) >> 32) as u32;
             }
         }
     }

@@ -310,10 +310,10 @@ impl Means {
     fn show(&mut self, sums: &Row, before: &Row, from: usize, [red, green, blue]: [&mut [f32]; 3], black: bool) {
         let Self { down, all } = self;
         let count = red.len();
-        for channel in 0..4 {
-            let (sums, before) = (&sums.channels[channel][from..], &before.channels[channel][from..]);
-            add_two(sums, before, &mut down.channels[channel][..count + 2 * ROOM]);
-            seven(&down.channels[channel][ROOM - REACH..], &mut all[channel][..count]);
+        let parts = sums.channels.iter().zip(&before.channels);
+        for ((down, all), (sums, before)) in down.channels.iter_mut().zip(&mut *all).zip(parts) {
+            add_two(&sums[from..], &before[from..], &mut down[..count + 2 * ROOM]);
+            seven(&down[ROOM - REACH..], &mut all[..count]);
         }
         show(all, red, green, blue, black);
     }
