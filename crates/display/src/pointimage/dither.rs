@@ -75,9 +75,12 @@ pub(super) fn choose(
     if let Some(hits) = hits[halves - 1].last_chunk_mut() {
         isa.run(Lockstep { priority: rest, width, first_row, scale, threshold, carries: &mut last, hits });
     }
-    // What bands started with and what they are left with differ by chance: of a few too many, a few are dropped, evenly.
+    // What bands started with and what they are left with differ by chance: of a few too many, a few are dropped, evenly, and others each
+    // time: a corner that is always dropped is never seen again.
     let count: usize = hits.as_flattened().iter().map(Vec::len).sum();
-    let keep = |&(index, _): &(usize, u32)| index * wanted / count != (index + 1) * wanted / count;
+    let phase = random::mix(!seed, 0) as usize % count.max(1);
+    let quota = |index: usize| (index * wanted + phase) / count;
+    let keep = |&(index, _): &(usize, u32)| quota(index) != quota(index + 1);
     let all = hits.into_iter().flatten().flatten().enumerate();
     chosen.extend(all.filter(|hit| count <= wanted || keep(hit)).map(|(_, pixel)| pixel));
 }
