@@ -100,10 +100,9 @@ impl<L: Lens> Kernel for Project<'_, L> {
         for ((points, states), following) in blocks.iter().zip(states.as_chunks().0).zip(1..) {
             Block::prefetch(blocks, following);
             place(map, size, &points.position, states, &mut block);
+            // Not by `get`: with another way out of it for each point the loop took a fifth longer.
             for &block in &block {
-                if let Some(is_occupied) = is_occupied.get(block as usize) {
-                    is_occupied.store(1, Relaxed);
-                }
+                is_occupied[block as usize].store(1, Relaxed);
             }
         }
     }

@@ -216,9 +216,8 @@ impl<L: Lens> Kernel for Project<'_, L> {
             place(map, size, tile_rows, start, points, states, &mut found, &mut tile_of);
             hide(&tile_of, trash as u32, states);
             for (record, &tile) in found.iter().zip(&tile_of) {
-                let Some(head) = heads.get_mut(tile as usize) else { continue };
-                let Some(place) = records.get_mut(*head as usize) else { continue };
-                *place = *record;
+                let head = &mut heads[tile as usize];
+                records[*head as usize] = *record;
                 *head += 1;
                 // Lines of as many tiles as there are come from far: without this their stores waited one after another.
                 prefetch_at(records, *head as usize + AHEAD);
