@@ -29,6 +29,8 @@ def rendercache(bench: Bench) -> Part:
             "`crates/display/examples/pointimage.rs`: 8,000 new samples a frame, the camera walking and turning (1.5 m/s, 30 degrees/s at "
             "30 frames/s), rays met with a formula outside of the time taken. Medians over frames. *Least* is the shortest frame of all: "
             "on a machine that is busy otherwise it is nearer to the truth. The second paper took 62 ms at 512×512 on a processor of 2001.",
+            "The two projections take turns over portions of the points, z-buffer to interpolation over slabs of rows, so that the later "
+            "ones find their data in the second cache. With two threads a stage's time is the first thread's; the total is the frame's.",
             "*Times moved*: against copying as many bytes as the stage reads and writes at least, half of them each way, at "
             "2048×2048, measured beside it. Projection and z-buffer scatter, sampling is a chain of additions: they have no such figure.",
         ],

@@ -7,7 +7,7 @@ mod pointimage_scenes;
 use glam::DVec3;
 use holo_display::pointimage::{Moment, PointImage, PointImageParams, Sample};
 use holo_picture::{Picture, View};
-use pointimage_scenes::{Hit, Scene, answer, room, view, whole_picture};
+use pointimage_scenes::{Hit, Scene, answer, room, squared_error, view, whole_picture};
 
 const SIZE: (u32, u32) = (120, 90);
 
@@ -94,4 +94,37 @@ fn at_rest_other_pixels_light_fades_from_noisy_pictures() {
     println!("errors {:?}", [&errors[0], &errors[1]].map(|picture| error(picture, &view, &room)));
     println!("mean difference {mean:.4}, largest {largest:.4}");
     assert!(mean > 0.0 && mean < 0.5 * 8.0 / 158.0, "{mean}");
+}
+
+#[test]
+fn noise_at_rest_falls_as_that_of_a_mean() {
+    let view = view(DVec3::new(-1.0, -2.0, 0.0), 20.0, SIZE);
+    let light = 0.5;
+    // Every ray finds the same light: what is left is noise alone.
+    let scene = |origin: DVec3, direction: DVec3| (room(origin, direction).0, [light; 3], 0);
+    let params = PointImageParams { noise_smoothing: 0.0, ..PointImageParams::default() };
+    let check_every = f64::from(params.check_every);
+    let mut cache = PointImage::new(SIZE, params).unwrap();
+    let pixels = (SIZE.0 * SIZE.1) as usize;
+    let (mut samples, mut counts) = (Vec::new(), vec![0.0_f64; pixels]);
+    for frame in 1..=1600 {
+        let shown = cache.frame(&Moment { view, predicted: None, samples: &samples, wanted: pixels / 4 });
+        if [100, 400, 1600].contains(&frame) {
+            // Two values as far from the mean as 0.7 of it. One request in `check_every` goes to see whether a point has changed.
+            let variance = f64::from(0.7 * light).powi(2);
+            let expected = counts.iter().map(|count| variance / (count * (1.0 - 1.0 / check_every))).sum::<f64>();
+            let expected = expected / pixels as f64;
+            let found = squared_error(shown.channels()[0], &vec![light; pixels]);
+            println!("after {frame} frames {found:.3e}, {expected:.3e} expected");
+            // The mean of squares of 10800 means is known to 1.4 %: four deviations, and 4 % for how checks are dealt out.
+            assert!((found / expected - 1.0).abs() < 0.1, "{found} after {frame} frames, {expected} expected");
+        }
+        for (_, _, direction) in shown.requests() {
+            let (x, y) = view.project_direction(direction).unwrap();
+            let (column, row) = View::pixel_at(SIZE, x, y).unwrap();
+            counts[(row * SIZE.0 + column) as usize] += 1.0;
+        }
+        samples = answer(&shown, &scene);
+        noisy(&mut samples, 10_000 + frame, true);
+    }
 }

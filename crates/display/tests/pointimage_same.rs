@@ -35,7 +35,7 @@ fn walk(size: (u32, u32), params: PointImageParams) -> Vec<u64> {
 
 #[test]
 fn processors_and_threads_do_not_change_a_bit() {
-    for size in [(1, 1), (3, 200), (130, 67), (257, 97), (300, 1)] {
+    for size in [(1, 1), (3, 200), (130, 67), (257, 97), (300, 1), (20, 1040)] {
         for smoothing in [Smoothing::WhereOld, Smoothing::Everywhere] {
             let params = |instructions, threads| PointImageParams {
                 instructions,

@@ -9,14 +9,30 @@ use super::isa::Kernel;
 /// Pixels looked at together: colours are touched only where one of them has to go.
 const PIECE: usize = 64;
 
-/// Culls rows `from..` of a picture as many as `colour` has.
+/// Culls rows `from..` of a band as many as `colour` has.
 pub(super) struct Cull<'a> {
     pub width: usize,
     pub from: usize,
     pub colour: &'a mut [u32],
-    /// Of the whole picture.
+    /// Of the whole band; what is beyond it is taken for empty.
     pub depth: &'a [u32],
     pub threshold: f32,
+    pub scratch: &'a mut Scratch,
+}
+
+/// Rows of sums, to be used again.
+#[derive(Debug)]
+pub(super) struct Scratch {
+    nothing: Vec<u32>,
+    /// One column more at both ends, always 0.
+    sums: Vec<f32>,
+    counts: Vec<f32>,
+}
+
+impl Scratch {
+    pub fn new(width: usize) -> Self {
+        Self { nothing: vec![0; width], sums: vec![0.0; width + 2], counts: vec![0.0; width + 2] }
+    }
 }
 
 impl Kernel for Cull<'_> {
@@ -24,17 +40,13 @@ impl Kernel for Cull<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, from, colour, depth, threshold } = self;
-        let nothing = vec![0; width];
-        // One column more at both ends, always 0.
-        let mut sums = vec![0.0; width + 2];
-        let mut counts = vec![0.0; width + 2];
+        let Self { width, from, colour, depth, threshold, scratch: Scratch { nothing, sums, counts } } = self;
         let row = |y: usize| depth.get(y.wrapping_mul(width)..).and_then(|rest| rest.get(..width));
         for (y, colour) in (from..).zip(colour.chunks_exact_mut(width)) {
             let rows = [y.wrapping_sub(1), y, y + 1].map(|y| if y == usize::MAX { None } else { row(y) });
-            let [above, here, below] = rows.map(|row| row.unwrap_or(&nothing));
+            let [above, here, below] = rows.map(|row| row.unwrap_or(nothing));
             add_three(above, here, below, &mut sums[1..=width], &mut counts[1..=width]);
-            cull_row(here, &sums, &counts, 1.0 + threshold, colour);
+            cull_row(here, sums, counts, 1.0 + threshold, colour);
         }
     }
 }

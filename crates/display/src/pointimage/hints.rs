@@ -1,7 +1,7 @@
 //! What an application knows and a cache cannot (Walter et al. 1999, §4.2): things that moved, things that will have changed.
 
 use super::PointImage;
-use super::points::{EVICTED, FRESH};
+use super::points::{EVICTED, FRESH, State};
 use glam::{DAffine3, DVec3};
 
 impl PointImage {
@@ -9,18 +9,17 @@ impl PointImage {
     pub fn move_object(&mut self, object: u32, motion: &DAffine3) -> usize {
         let mut moved = 0;
         for slot in 0..self.points.capacity() {
-            if self.points.object[slot] != object || self.points.age[slot] == EVICTED {
+            let state = self.points.states[slot];
+            if self.points.object[slot] != object || state.is_empty() {
                 continue;
             }
             let position = motion.transform_point3(self.position(slot)) - self.origin;
             let position = position.to_array().map(|coordinate| coordinate as f32);
             if position.iter().all(|coordinate| coordinate.is_finite()) {
-                for (axis, coordinate) in self.points.position.iter_mut().zip(position) {
-                    axis[slot] = coordinate;
-                }
-                self.points.flags[slot] &= !FRESH;
+                self.points.set_position(slot, position);
+                self.points.states[slot].set_flags(state.flags() & !FRESH);
             } else {
-                self.points.age[slot] = EVICTED;
+                self.points.states[slot].set_age(EVICTED);
             }
             moved += 1;
         }
@@ -37,9 +36,9 @@ impl PointImage {
     pub fn age_where(&mut self, units: u8, mut choose: impl FnMut(u32, DVec3) -> bool) -> usize {
         let mut aged = 0;
         for slot in 0..self.points.capacity() {
-            if self.points.age[slot] != EVICTED && choose(self.points.object[slot], self.position(slot)) {
-                self.points.flags[slot] &= !FRESH;
-                self.points.age[slot] = self.points.age[slot].saturating_add(units);
+            let state = self.points.states[slot];
+            if !state.is_empty() && choose(self.points.object[slot], self.position(slot)) {
+                self.points.states[slot] = State::new(state.age().saturating_add(units), state.flags() & !FRESH);
                 aged += 1;
             }
         }
@@ -49,6 +48,6 @@ impl PointImage {
     }
 
     fn position(&self, slot: usize) -> DVec3 {
-        DVec3::from(self.points.position.each_ref().map(|axis| f64::from(axis[slot]))) + self.origin
+        DVec3::from(self.points.position(slot).map(f64::from)) + self.origin
     }
 }

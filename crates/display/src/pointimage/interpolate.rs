@@ -19,16 +19,34 @@ const STRIP: usize = 1024;
 /// Pixels filtered at a time: loops of known length need no remainders.
 const PIECE: usize = 64;
 
-/// Filters rows `from..` of a picture, as many as `picture` has.
+/// Filters rows `from..` of a band, as many as `picture` has.
 pub(super) struct Interpolate<'a> {
     pub width: usize,
     pub from: usize,
-    /// Of the whole picture.
+    /// Of the whole band; what is beyond it is taken for empty.
     pub colour: &'a [u32],
     pub age: &'a [u8],
     pub picture: [&'a mut [f32]; 3],
     pub priority: &'a mut [u8],
     pub looks: Looks,
+    pub scratch: &'a mut Scratch,
+}
+
+/// Memory to be used again.
+#[derive(Debug)]
+pub(super) struct Scratch {
+    decoded: Decoded,
+    /// The rows above, at and below the one that is made, in turn.
+    ring: [Line; 3],
+    last: Last,
+}
+
+impl Scratch {
+    pub fn new(width: usize) -> Self {
+        let longest = STRIP.min(width).next_multiple_of(PIECE);
+        let ring = std::array::from_fn(|_| Line::new(longest));
+        Self { decoded: Decoded::new(longest), ring, last: Last::default() }
+    }
 }
 
 /// What pixels show.
@@ -49,20 +67,16 @@ impl Kernel for Interpolate<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, from, colour, age, picture: [red, green, blue], priority, looks } = self;
+        let Self { width, from, colour, age, picture: [red, green, blue], priority, looks, scratch } = self;
+        let Scratch { decoded, ring, last } = scratch;
         let rows = priority.len() / width;
-        let longest = STRIP.min(width).next_multiple_of(PIECE);
-        let mut decoded = Decoded::new(longest);
-        // The rows above, at and below the one that is made, in turn.
-        let mut ring: [Line; 3] = std::array::from_fn(|_| Line::new(longest));
-        let mut last = Last::default();
         for columns in strips(width, STRIP) {
             let above = from.checked_sub(1).and_then(|y| row_of(colour, width, y));
-            ring[(from + 2) % 3].load(above, &columns, &mut decoded);
-            ring[from % 3].load(row_of(colour, width, from), &columns, &mut decoded);
+            ring[(from + 2) % 3].load(above, &columns, decoded);
+            ring[from % 3].load(row_of(colour, width, from), &columns, decoded);
             for row in 0..rows {
                 let y = from + row;
-                ring[(y + 1) % 3].load(row_of(colour, width, y + 1), &columns, &mut decoded);
+                ring[(y + 1) % 3].load(row_of(colour, width, y + 1), &columns, decoded);
                 let lines = [&ring[(y + 2) % 3], &ring[y % 3], &ring[(y + 1) % 3]];
                 let pixels = y * width + columns.start..y * width + columns.end;
                 let (age, colour) = (&age[pixels.clone()], &colour[pixels]);
@@ -81,7 +95,7 @@ impl Kernel for Interpolate<'_> {
                     last.age[..count].copy_from_slice(&age[at.clone()]);
                     last.colour[..count].copy_from_slice(&colour[at.clone()]);
                     let planes = [&mut red[at.clone()], &mut green[at.clone()], &mut blue[at.clone()]];
-                    let Last { age, colour, priority: made, planes: copies } = &mut last;
+                    let Last { age, colour, priority: made, planes: copies } = last;
                     copies.iter_mut().zip(&planes).for_each(|(copy, plane)| copy[..count].copy_from_slice(plane));
                     filter(lines, at.start, age, colour, made, copies.each_mut(), looks);
                     priority[at].copy_from_slice(&made[..count]);
@@ -93,6 +107,7 @@ impl Kernel for Interpolate<'_> {
 }
 
 /// The last piece of a row, if it is not a whole one.
+#[derive(Debug)]
 struct Last {
     age: [u8; PIECE],
     colour: [u32; PIECE],
@@ -107,6 +122,7 @@ impl Default for Last {
 }
 
 /// A row of a strip as it was decoded, with one more pixel at both ends, 0 outside the picture.
+#[derive(Debug)]
 struct Decoded {
     channels: [Vec<f32>; 3],
     has_point: Vec<u8>,
@@ -119,6 +135,7 @@ impl Decoded {
 }
 
 /// A row of a strip, summed across; as long as whole pieces, what lies beyond the strip being anything.
+#[derive(Debug)]
 struct Line {
     sums: [Vec<f32>; 3],
     weights: Vec<u8>,

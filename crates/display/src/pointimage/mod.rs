@@ -33,6 +33,7 @@
 //! - Nothing changes and nothing is wanted: nothing is computed.
 //! - No number that comes in makes it panic; samples that are not finite are left out and counted.
 
+mod bands;
 mod beams;
 mod colour;
 mod cull;
@@ -70,13 +71,14 @@ pub(crate) use prefetch::prefetch;
 pub(crate) use random::{mix, pair};
 pub use sample::{Place, Sample, Tag};
 
+use bands::Scratch;
 use glam::DVec3;
 use holo_picture::{Picture, View};
 use isa::Isa;
 use map::Map;
 use noise::Noise;
 use planes::Planes;
-use points::{EVICTED, Points};
+use points::Points;
 use predict::Occupancy;
 use project::{BLOCK, Buckets};
 use sample::Request;
@@ -103,6 +105,8 @@ pub struct PointImage {
     planes: Planes,
     buckets: Buckets,
     occupancy: Occupancy,
+    /// One for each thread.
+    scratch: Vec<Scratch>,
     /// What positions are relative to; 0 until the first frame if none was given.
     origin: DVec3,
     has_origin: bool,
@@ -140,11 +144,14 @@ impl PointImage {
         let size = (size.0 as usize, size.1 as usize);
         let capacity = ((size.0 * size.1) as f64 * params.points_per_pixel).ceil() as usize;
         let capacity = capacity.next_multiple_of(BLOCK);
+        let buckets = Buckets::new(size, capacity, params.threads);
+        let scratch = || Scratch::new(size.0, buckets.tile_rows, capacity as u32);
         Ok(Self {
+            scratch: std::iter::repeat_with(scratch).take(params.threads).collect(),
             isa,
             points: Points::new(capacity),
             planes: Planes::new(size, capacity as u32),
-            buckets: Buckets::new(size, capacity, params.threads),
+            buckets,
             occupancy: Occupancy::new(size),
             origin: params.origin.unwrap_or(DVec3::ZERO),
             has_origin: params.origin.is_some(),
@@ -191,7 +198,7 @@ impl PointImage {
 
     /// Points that the cache holds.
     pub fn point_count(&self) -> usize {
-        self.points.age[..self.points.capacity()].iter().filter(|&&age| age != EVICTED).count()
+        self.points.states.iter().filter(|state| !state.is_empty()).count()
     }
 
     /// Samples that were left out because a number in them was not finite.
@@ -213,7 +220,8 @@ impl PointImage {
         self.frame_watched(moment, &mut |_| {})
     }
 
-    /// [`frame`](Self::frame), calling `ended` after each stage that ran: for clocks.
+    /// [`frame`](Self::frame), calling `ended` after each stage that ran, or after each part of it, stages that pass on what they have
+    /// just made going by turns: for clocks. Of several threads it is told what this one does.
     pub fn frame_watched(&mut self, moment: &Moment, ended: &mut dyn FnMut(Stage)) -> Frame<'_> {
         self.make(moment, ended);
         Frame { cache: self }

@@ -6,7 +6,17 @@ use std::thread;
 
 /// Runs `work` on every part, the first on this thread.
 pub(super) fn for_each<T: Send>(parts: Vec<T>, work: impl Fn(T) + Sync) {
-    let work = &work;
+    for_each_telling(parts, &mut |()| {}, |part, _| work(part));
+}
+
+/// As [`for_each`], with something that only this thread's part may call.
+pub(super) fn for_each_telling<T: Send, S>(
+    parts: Vec<T>,
+    tell: &mut dyn FnMut(S),
+    work: impl Fn(T, &mut dyn FnMut(S)) + Sync,
+) {
+    let all = &work;
+    let work = &|part| all(part, &mut |_| {});
     thread::scope(|scope| {
         let mut parts = parts.into_iter();
         let Some(first) = parts.next() else { return };
@@ -20,7 +30,7 @@ pub(super) fn for_each<T: Send>(parts: Vec<T>, work: impl Fn(T) + Sync) {
                 work(part);
             }
         }
-        work(first);
+        all(first, tell);
     });
 }
 

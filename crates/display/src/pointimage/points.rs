@@ -6,9 +6,9 @@
 use super::colour;
 use super::huge::filled;
 use super::isa::Kernel;
-use super::parallel;
 use super::params::PointImageParams;
-use super::prefetch::prefetch;
+use super::prefetch::{prefetch, prefetch_at};
+use super::project::BLOCK;
 
 /// Flag: the point is a sample of the current view.
 pub(super) const FRESH: u8 = 1;
@@ -18,9 +18,11 @@ pub(super) const HIGHLIGHT: u8 = 2;
 pub(super) const REFINED: u8 = 4;
 /// Flag: the renderer stated noise.
 pub(super) const NOISY: u8 = 8;
-/// Lowest bit of the count of points that the slot has held, modulo 16. A slot is taken again after tens of frames at soonest: a sample
+/// Flag: the point is outside the picture or behind others. Which pixel shows a point only pixels know.
+pub(super) const HIDDEN: u8 = 16;
+/// Lowest bit of the count of points that the slot has held, modulo 8. A slot is taken again after tens of frames at soonest: a sample
 /// must be hundreds of frames late to be taken for another's, and then only brings a colour that soon changes again.
-pub(super) const GENERATION: u8 = 16;
+pub(super) const GENERATION: u8 = 32;
 /// Bits of the count.
 pub(super) const GENERATIONS: u8 = !(GENERATION - 1);
 /// Age of an empty slot.
@@ -50,17 +52,82 @@ pub(super) struct Details {
 
 const _: () = assert!(size_of::<Details>() == 32);
 
+/// What projection reads of [`BLOCK`] points, array by array: a page of memory. Points one after another instead, 16 bytes each, made one
+/// line for a sample to wait for instead of four, and projection a quarter slower.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(super) struct Block {
+    /// x, y and z relative to the origin.
+    pub position: [[f32; BLOCK]; 3],
+    /// Packed mean radiance.
+    pub colour: [u32; BLOCK],
+}
+
+impl Block {
+    /// Asks for the positions of a block that will be read: processors on their own do not look beyond a page of memory.
+    #[inline(always)]
+    pub fn prefetch(blocks: &[Self], index: usize) {
+        const LINE: usize = 64 / size_of::<f32>();
+        if let Some(block) = blocks.get(index) {
+            for axis in &block.position {
+                axis.as_chunks::<LINE>().0.iter().for_each(prefetch);
+            }
+        }
+    }
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        Self { position: [[0.0; BLOCK]; 3], colour: [colour::NONE; BLOCK] }
+    }
+}
+
+/// Age in the low byte, flags in the high one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+pub(super) struct State(pub u16);
+
+impl State {
+    #[inline(always)]
+    pub fn new(age: u8, flags: u8) -> Self {
+        Self(u16::from(age) | u16::from(flags) << 8)
+    }
+
+    #[inline(always)]
+    pub fn age(self) -> u8 {
+        self.0 as u8
+    }
+
+    #[inline(always)]
+    pub fn flags(self) -> u8 {
+        (self.0 >> 8) as u8
+    }
+
+    /// Whether a flag is set.
+    #[inline(always)]
+    pub fn has(self, flag: u8) -> bool {
+        self.flags() & flag != 0
+    }
+
+    #[inline(always)]
+    pub fn is_empty(self) -> bool {
+        self.age() == EVICTED
+    }
+
+    pub fn set_age(&mut self, age: u8) {
+        *self = Self::new(age, self.flags());
+    }
+
+    pub fn set_flags(&mut self, flags: u8) {
+        *self = Self::new(self.age(), flags);
+    }
+}
+
 /// The cache.
 #[derive(Debug)]
 pub(super) struct Points {
-    /// x, y and z relative to the origin.
-    pub position: [Vec<f32>; 3],
-    /// Packed mean radiance. One entry more than points, as of `age` and `is_hidden`: what a pixel without a point shows.
-    pub colour: Vec<u32>,
-    pub age: Vec<u8>,
-    pub flags: Vec<u8>,
-    /// 1 for points outside the picture or behind others, else 0. Which pixel shows a point only pixels know.
-    pub is_hidden: Vec<u8>,
+    pub blocks: Vec<Block>,
+    pub states: Vec<State>,
     pub object: Vec<u32>,
     pub details: Vec<Details>,
     /// Where the next new point looks for a slot.
@@ -72,14 +139,11 @@ pub(super) struct Points {
 }
 
 impl Points {
-    /// `capacity` is a multiple of [`super::project::BLOCK`].
+    /// `capacity` is a multiple of [`BLOCK`].
     pub fn new(capacity: usize) -> Self {
         Self {
-            position: std::array::from_fn(|_| filled(0.0, capacity)),
-            colour: filled(colour::NONE, capacity + 1),
-            age: filled(EVICTED, capacity + 1),
-            flags: filled(0, capacity),
-            is_hidden: filled(1, capacity + 1),
+            blocks: filled(Block::default(), capacity / BLOCK),
+            states: filled(State::new(EVICTED, HIDDEN), capacity),
             object: filled(0, capacity),
             details: filled(Details::default(), capacity),
             cursor: 0,
@@ -89,7 +153,30 @@ impl Points {
     }
 
     pub fn capacity(&self) -> usize {
-        self.flags.len()
+        self.states.len()
+    }
+
+    /// Relative to the origin.
+    #[inline(always)]
+    pub fn position(&self, slot: usize) -> [f32; 3] {
+        self.blocks[slot / BLOCK].position.each_ref().map(|axis| axis[slot % BLOCK])
+    }
+
+    #[inline(always)]
+    pub fn set_position(&mut self, slot: usize, position: [f32; 3]) {
+        for (axis, coordinate) in self.blocks[slot / BLOCK].position.iter_mut().zip(position) {
+            axis[slot % BLOCK] = coordinate;
+        }
+    }
+
+    #[inline(always)]
+    pub fn colour(&self, slot: usize) -> u32 {
+        self.blocks[slot / BLOCK].colour[slot % BLOCK]
+    }
+
+    #[inline(always)]
+    pub fn set_colour(&mut self, slot: usize, colour: u32) {
+        self.blocks[slot / BLOCK].colour[slot % BLOCK] = colour;
     }
 
     /// Age by which a frame with `samples` new samples makes points older.
@@ -129,7 +216,8 @@ impl Points {
 
     /// Whether a slot holds a sample of the current view.
     pub fn is_of_view(&self, slot: usize) -> bool {
-        self.flags[slot] & FRESH != 0 && self.age[slot] != EVICTED
+        let state = self.states[slot];
+        state.has(FRESH) && !state.is_empty()
     }
 
     /// The slots of the group at the cursor.
@@ -139,17 +227,26 @@ impl Points {
 
     /// The oldest of the group at the cursor. Of equals the first; an empty slot is the oldest.
     fn oldest_of_group(&self) -> usize {
+        self.oldest_at(self.cursor)
+    }
+
+    /// The oldest of the group at `cursor`.
+    fn oldest_at(&self, cursor: usize) -> usize {
+        let stride = self.capacity() / GROUP;
         // Age first, then the place in the group: no branch, since which is older cannot be guessed.
-        let key = |(slot, place): (usize, usize)| usize::from(self.age[slot]) * GROUP + place;
-        let oldest = self.group().zip((0..GROUP).rev()).map(key).fold(0, usize::max);
-        self.cursor + (GROUP - 1 - oldest % GROUP) * (self.capacity() / GROUP)
+        let mut oldest = 0;
+        for place in 0..GROUP {
+            let age = usize::from(self.states[cursor + place * stride].age());
+            oldest = oldest.max(age * GROUP + (GROUP - 1 - place));
+        }
+        cursor + (GROUP - 1 - oldest % GROUP) * stride
     }
 
     /// The same of those that are not samples of the current view.
     fn oldest_not_of_view(&self) -> Option<usize> {
         let mut oldest = None;
         for candidate in self.group().filter(|&slot| !self.is_of_view(slot)) {
-            if oldest.is_none_or(|oldest: usize| self.age[candidate] > self.age[oldest]) {
+            if oldest.is_none_or(|oldest: usize| self.states[candidate].age() > self.states[oldest].age()) {
                 oldest = Some(candidate);
             }
         }
@@ -161,36 +258,41 @@ impl Points {
     }
 
     /// Asks for points that will be needed: they lie anywhere, and one after another each would wait for memory.
-    pub fn prefetch(&self, slots: impl Iterator<Item = u32>) {
-        for slot in slots.map(|slot| slot as usize).filter(|&slot| slot < self.capacity()) {
-            self.position.iter().for_each(|axis| prefetch(&axis[slot]));
-            prefetch(&self.colour[slot]);
-            prefetch(&self.age[slot]);
-            prefetch(&self.flags[slot]);
-            prefetch(&self.details[slot]);
-        }
+    pub fn prefetch(&self, slot: u32) {
+        self.prefetch_place(slot);
+        prefetch_at(&self.details, slot as usize);
     }
 
     /// Asks for what a request for a point needs.
-    pub fn prefetch_places(&self, slots: impl Iterator<Item = u32>) {
-        for slot in slots.map(|slot| slot as usize).filter(|&slot| slot < self.capacity()) {
-            self.position.iter().for_each(|axis| prefetch(&axis[slot]));
-            prefetch(&self.flags[slot]);
+    pub fn prefetch_place(&self, slot: u32) {
+        let slot = slot as usize;
+        prefetch_at(&self.states, slot);
+        if let Some(block) = self.blocks.get(slot / BLOCK) {
+            block.position.iter().for_each(|axis| prefetch(&axis[slot % BLOCK]));
+            prefetch(&block.colour[slot % BLOCK]);
+        }
+    }
+
+    /// Asks for the slot that the `ahead`-th new point from now on will probably take.
+    pub fn prefetch_free(&self, ahead: usize) {
+        let cursor = self.cursor + ahead;
+        if cursor < self.capacity() / GROUP {
+            let slot = self.oldest_at(cursor);
+            self.prefetch(slot as u32);
+            prefetch_at(&self.object, slot);
         }
     }
 
     /// Makes a point older; the next frame's ageing may evict it.
     pub fn age(&mut self, slot: usize, by: u8) {
-        self.age[slot] = self.age[slot].saturating_add(by).min(EVICTED - 1);
-        self.flags[slot] &= !FRESH;
+        let state = self.states[slot];
+        self.states[slot] = State::new(state.age().saturating_add(by).min(EVICTED - 1), state.flags() & !FRESH);
     }
 }
 
 /// A frame's ageing. Hidden points and highlights age faster; samples of the current view never leave.
 pub(super) struct Age<'a> {
-    pub age: &'a mut [u8],
-    pub flags: &'a mut [u8],
-    pub is_hidden: &'a [u8],
+    pub states: &'a mut [State],
     /// Age of visible, of hidden, of likely to change points.
     pub increments: [u8; 3],
     /// Oldest age of a point that may not leave.
@@ -200,28 +302,10 @@ pub(super) struct Age<'a> {
 }
 
 impl<'a> Age<'a> {
-    pub fn new(points: &'a mut Points, increment: u8, moved: bool, params: &PointImageParams) -> Self {
+    pub fn new(states: &'a mut [State], increment: u8, moved: bool, params: &PointImageParams) -> Self {
         let increments =
             [1, params.hidden_ageing, params.highlight_ageing].map(|times| increment.saturating_mul(times));
-        let Points { age, flags, is_hidden, .. } = points;
-        Self { age, flags, is_hidden, increments, evict: params.stages.eviction, moved }
-    }
-
-    /// One for each range of slots.
-    pub fn split(self, ranges: &[std::ops::Range<usize>]) -> Vec<Self> {
-        let Self { age, flags, is_hidden, increments, evict, moved } = self;
-        let ages = parallel::cut(age, ranges.iter().map(|range| range.len()));
-        let flags = parallel::cut(flags, ranges.iter().map(|range| range.len()));
-        let parts = ranges.iter().zip(ages).zip(flags);
-        let part = |((range, age), flags): ((&std::ops::Range<usize>, &'a mut [u8]), &'a mut [u8])| Self {
-            age,
-            flags,
-            is_hidden: &is_hidden[range.clone()],
-            increments,
-            evict,
-            moved,
-        };
-        parts.map(part).collect()
+        Self { states, increments, evict: params.stages.eviction, moved }
     }
 }
 
@@ -230,29 +314,27 @@ impl Kernel for Age<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { age, flags, is_hidden, increments: [visible, hidden, highlight], evict, moved } = self;
+        let Self { states, increments: [visible, hidden, highlight], evict, moved } = self;
         let keep = if moved { !FRESH } else { u8::MAX };
         let oldest = if evict { EVICTED } else { EVICTED - 1 };
-        age_all(age, flags, is_hidden, [visible, hidden.max(visible), highlight.max(visible)], keep, oldest);
+        age_all(states, [visible, hidden.max(visible), highlight.max(visible)], keep, oldest);
     }
 }
 
 #[inline(always)]
-fn age_all(
-    age: &mut [u8],
-    flags: &mut [u8],
-    is_hidden: &[u8],
-    [visible, hidden, highlight]: [u8; 3],
-    keep: u8,
-    oldest: u8,
-) {
-    for ((age, flags), is_hidden) in age.iter_mut().zip(flags).zip(is_hidden) {
-        *flags &= keep;
-        let by = if *is_hidden != 0 { hidden } else { visible };
-        let by = by.max(if *flags & HIGHLIGHT != 0 { highlight } else { 0 });
-        let limit = if *flags & FRESH != 0 { EVICTED - 1 } else { oldest };
-        let older = age.saturating_add(by).min(limit);
-        *age = if *age == EVICTED { EVICTED } else { older };
+fn age_all(states: &mut [State], increments: [u8; 3], keep: u8, oldest: u8) {
+    // In numbers of 16 bits throughout, of which ages fill a part: as many fit into a register as there are states.
+    let [visible, hidden, highlight] = increments.map(u16::from);
+    let [keep, oldest, evicted] = [keep, oldest, EVICTED].map(u16::from);
+    let [fresh, is_hidden, is_highlight] = [FRESH, HIDDEN, HIGHLIGHT].map(|flag| u16::from(flag) << 8);
+    for state in states {
+        let age = state.0 & 255;
+        let flags = state.0 & (keep << 8);
+        let by = if flags & is_hidden != 0 { hidden } else { visible };
+        let by = by.max(if flags & is_highlight != 0 { highlight } else { 0 });
+        let limit = if flags & fresh != 0 { evicted - 1 } else { oldest };
+        let older = (age + by).min(limit);
+        state.0 = flags | if age == evicted { evicted } else { older };
     }
 }
 
@@ -264,18 +346,18 @@ mod tests {
     /// Ages at which points are overwritten, by frames of `samples` new points.
     fn last_ages(samples: usize, hidden: bool) -> Vec<u8> {
         let mut points = Points::new(2048);
-        points.is_hidden.fill(u8::from(hidden));
+        points.states.fill(State::new(EVICTED, if hidden { HIDDEN } else { 0 }));
         let isa = Isa::new(Instructions::Portable).unwrap();
         let mut ages = Vec::new();
         for frame in 0..20 * 2048 / samples {
             let increment = points.increment(samples);
-            isa.run(Age::new(&mut points, increment, true, &PointImageParams::default()));
+            isa.run(Age::new(&mut points.states, increment, true, &PointImageParams::default()));
             for _ in 0..samples {
                 let slot = points.free_slot();
                 if frame > 4 * 2048 / samples {
-                    ages.push(points.age[slot]);
+                    ages.push(points.states[slot].age());
                 }
-                points.age[slot] = 0;
+                points.states[slot].set_age(0);
             }
         }
         ages
@@ -299,13 +381,13 @@ mod tests {
     #[test]
     fn the_oldest_of_a_group_is_replaced() {
         let mut points = Points::new(256);
-        points.age.fill(10);
+        points.states.fill(State::new(10, 0));
         // Group 0 is slots 0, 32, 64 and so on.
-        points.age[96] = 11;
+        points.states[96].set_age(11);
         assert_eq!(points.free_slot(), 96);
         assert_eq!(points.free_slot(), 1);
-        points.age[2 + 5 * 32] = EVICTED;
-        points.age[2 + 4 * 32] = EVICTED - 1;
+        points.states[2 + 5 * 32].set_age(EVICTED);
+        points.states[2 + 4 * 32].set_age(EVICTED - 1);
         assert_eq!(points.free_slot(), 2 + 5 * 32);
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! Sums down the columns take two additions a pixel whatever the height: running sums that start anew every 7 rows, one from the top of
 //! each block and one from its bottom (van Herk; Gil & Werman 1993). Nothing is ever subtracted, so a lamp that left the
-//! window leaves no rounding error behind, as a sliding sum in f32 would. Across, the seven are added as a tree.
+//! window leaves no rounding error behind, as a sliding sum in f32 would. Across, the seven are added as a tree, after that and only
+//! where means are wanted.
 //!
 //! Always true: the result does not depend on where bands of rows begin.
 
@@ -25,20 +26,37 @@ const PIECE: usize = 64;
 const PIECES: usize = STRIP / PIECE;
 /// Rows filtered at a time.
 const ROWS: usize = 4 * WINDOW;
-/// Pieces of a strip's rows up to which each is filtered alone. Of a half, the filter took 30 % longer; of a fourteenth, as long.
-const FEW: usize = ROWS * PIECES / 5;
+/// One in how many pieces of a strip are filtered alone at most. With two, the filter took 30 % longer; with fourteen, as long.
+const FEW: usize = 5;
 
-/// Filters rows `from..` of a picture, as many as `picture` has.
+/// Filters rows `from..` of a band, as many as `picture` has.
 pub(super) struct Prefilter<'a> {
     pub width: usize,
     pub from: usize,
-    /// Of the whole picture.
+    /// Where the band begins in the picture.
+    pub first_row: usize,
+    /// Of the whole band; what is beyond it is taken for empty.
     pub colour: &'a [u32],
     pub picture: [&'a mut [f32]; 3],
     /// Whether pixels without points nearby become 0.
     pub black: bool,
     /// Only pixels without a point among 3×3 matter: others will be overwritten.
     pub gaps_only: bool,
+    pub scratch: &'a mut Scratch,
+}
+
+/// Memory to be used again.
+#[derive(Debug)]
+pub(super) struct Scratch {
+    buffers: Buffers,
+    single: Single,
+    gaps: Gaps,
+}
+
+impl Scratch {
+    pub fn new(width: usize) -> Self {
+        Self { buffers: Buffers::new(STRIP.min(width)), single: Single::new(), gaps: Gaps::new() }
+    }
 }
 
 impl Kernel for Prefilter<'_> {
@@ -46,11 +64,9 @@ impl Kernel for Prefilter<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, from, colour, picture: [red, green, blue], black, gaps_only } = self;
+        let Self { width, from, first_row, colour, picture: [red, green, blue], black, gaps_only, scratch } = self;
+        let Scratch { buffers, single, gaps } = scratch;
         let rows = red.len() / width;
-        let mut buffers = Buffers::new(STRIP.min(width));
-        let mut single = Single::new();
-        let mut gaps = Gaps::new();
         for first in (0..rows).step_by(ROWS) {
             let last = (first + ROWS).min(rows);
             for wide in strips(width, WIDE) {
@@ -60,17 +76,18 @@ impl Kernel for Prefilter<'_> {
                 for (start, strip) in wide.clone().step_by(STRIP).zip(0..) {
                     let columns = start..(start + STRIP).min(wide.end);
                     let count = if gaps_only { gaps.count(strip) } else { usize::MAX };
-                    if count > FEW {
+                    if count > (last - first) * PIECES / FEW {
                         let out =
                             [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[first * width..last * width]);
-                        buffers.filter(colour, width, from + first, columns, out, black);
+                        let gaps = gaps_only.then_some((&*gaps, strip));
+                        buffers.filter(colour, width, (first_row, from + first), columns, out, black, gaps);
                     } else if count > 0 {
                         for row in first..last {
                             for start in gaps.pieces(row - first, strip).map(|piece| columns.start + piece * PIECE) {
                                 let columns = start..(start + PIECE).min(columns.end);
                                 let at = row * width + columns.start..row * width + columns.end;
                                 let out = [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[at.clone()]);
-                                single.filter(colour, width, from + row, &columns, out, black);
+                                single.filter(colour, width, (first_row, from + row), &columns, out, black);
                             }
                         }
                     }
@@ -81,6 +98,7 @@ impl Kernel for Prefilter<'_> {
 }
 
 /// Where pixels without a point among their 3×3 are: in which pieces of which rows.
+#[derive(Debug)]
 struct Gaps {
     is_in: [[bool; WIDE / PIECE]; ROWS],
     /// Of three rows and of the columns beside them, whether there is a point.
@@ -120,8 +138,14 @@ impl Gaps {
 
     /// Pieces of a row of a strip that have some.
     fn pieces(&self, row: usize, strip: usize) -> impl Iterator<Item = usize> {
-        let pieces = self.is_in[row];
-        (0..PIECES).filter(move |piece| pieces[strip * PIECES + piece])
+        let pieces = self.of_strip(row, strip);
+        (0..PIECES).filter(move |&piece| pieces[piece])
+    }
+
+    /// Whether each piece of a row of a strip has some.
+    #[inline(always)]
+    fn of_strip(&self, row: usize, strip: usize) -> [bool; PIECES] {
+        self.is_in[row].as_chunks().0[strip]
     }
 }
 
@@ -146,9 +170,10 @@ fn any_gap(merged: &[u32; PIECE + 2]) -> bool {
 const _: () = assert!(colour::NONE == 0);
 
 /// Filters single pieces of rows: to the bit what [`Buffers::filter`] gives.
+#[derive(Debug)]
 struct Single {
     decoded: Row,
-    across: Row,
+    means: Means,
     /// Sums from the first row of the block that the window ends in, and to the last row of the one before.
     from_top: Row,
     to_bottom: Row,
@@ -157,91 +182,101 @@ struct Single {
 impl Single {
     fn new() -> Self {
         let row = Row::new(PIECE);
-        Self { decoded: row.clone(), across: row.clone(), from_top: row.clone(), to_bottom: row }
+        Self { decoded: row.clone(), means: Means::new(), from_top: row.clone(), to_bottom: row }
     }
 
-    /// Filters `columns` of row `y`.
+    /// Filters `columns` of row `y` of a band that begins at `first_row`.
     #[inline(always)]
     fn filter(
         &mut self,
         colour: &[u32],
         width: usize,
-        y: usize,
+        (first_row, y): (usize, usize),
         columns: &Range<usize>,
         out: [&mut [f32]; 3],
         black: bool,
     ) {
-        let Self { decoded, across: sums, from_top, to_bottom } = self;
-        let count = columns.len();
-        // Rows are counted from REACH above the picture, in blocks of WINDOW.
+        let Self { decoded, means, from_top, to_bottom } = self;
+        let count = columns.len() + 2 * ROOM;
+        // Rows are counted from REACH above the band, in blocks of WINDOW that do not depend on where it begins.
         let last = y + 2 * REACH;
-        let boundary = last - last % WINDOW;
+        let boundary = last - (first_row + last) % WINDOW;
         from_top.clear();
         to_bottom.clear();
         for (row, is_below) in
             (y..boundary).rev().map(|row| (row, false)).chain((boundary..=last).map(|row| (row, true)))
         {
             decoded.decode(row.checked_sub(REACH).and_then(|y| row_of(colour, width, y)), columns, REACH);
-            across(decoded, sums, count);
             let total = if is_below { &mut *from_top } else { &mut *to_bottom };
             for channel in 0..4 {
-                add(&mut total.channels[channel][..count], &sums.channels[channel][..count], false);
+                add(&mut total.channels[channel][..count], &decoded.channels[channel][..count], false);
             }
         }
-        let [red, green, blue] = out;
-        show(from_top, to_bottom, red, green, blue, black);
+        means.show(from_top, to_bottom, 0, out, black);
     }
 }
 
 /// Rows of sums for one strip.
+#[derive(Debug)]
 struct Buffers {
-    decoded: Row,
     /// Sums from each row of the block that was left to its end.
     left: Vec<Row>,
     /// Rows of the block at hand, and their sum so far.
     block: Vec<Row>,
     so_far: Row,
     nothing: Row,
+    means: Means,
 }
 
 impl Buffers {
     fn new(width: usize) -> Self {
         let row = Row::new(width);
         let [left, block] = [(); 2].map(|()| vec![row.clone(); WINDOW]);
-        Self { decoded: row.clone(), left, block, so_far: row.clone(), nothing: row }
+        Self { left, block, so_far: row.clone(), nothing: row, means: Means::new() }
     }
 
-    /// Filters a strip of rows `from..`, as many as `out` has.
+    /// Filters a strip of rows `from..` of a band that begins at `first_row`, as many as `out` has; or shows only the pieces of it that
+    /// have `gaps`, by the number of the strip.
     #[inline(always)]
+    #[allow(clippy::too_many_arguments)]
     fn filter(
         &mut self,
         colour: &[u32],
         width: usize,
-        from: usize,
+        (first_row, from): (usize, usize),
         columns: Range<usize>,
         out: [&mut [f32]; 3],
         black: bool,
+        gaps: Option<(&Gaps, usize)>,
     ) {
-        let Self { decoded, left, block, so_far, nothing } = self;
+        let Self { left, block, so_far, nothing, means } = self;
         let [red, green, blue] = out;
         let (rows, count) = (red.len() / width, columns.len());
-        // Rows are counted from REACH above the picture, in blocks of WINDOW; those outside are zeros. `last` is the last of a window.
-        for last in (from / WINDOW) * WINDOW..from + rows + 2 * REACH {
-            let at = last % WINDOW;
+        let with_room = count + 2 * ROOM;
+        // Rows are counted from REACH above the band, in blocks of WINDOW that do not depend on where it begins; those outside are
+        // zeros. `last` is the last of a window. What the block of the first row has from before is in no window.
+        for last in from..from + rows + 2 * REACH {
+            let at = (first_row + last) % WINDOW;
             if at == 0 {
                 std::mem::swap(left, block);
-                finish_block(left, count);
+                finish_block(left, with_room);
             }
-            decoded.decode(last.checked_sub(REACH).and_then(|y| row_of(colour, width, y)), &columns, REACH);
-            across(decoded, &mut block[at], count);
+            block[at].decode(last.checked_sub(REACH).and_then(|y| row_of(colour, width, y)), &columns, REACH);
             for channel in 0..4 {
-                add(&mut so_far.channels[channel][..count], &block[at].channels[channel][..count], at == 0);
+                let (so_far, row) = (&mut so_far.channels[channel], &block[at].channels[channel]);
+                add(&mut so_far[..with_room], &row[..with_room], at == 0);
             }
             let Some(row) = last.checked_sub(from + 2 * REACH) else { continue };
-            let place = row * width + columns.start..row * width + columns.end;
             // A window that ends with a block is that block: nothing of the one before is in it.
             let before = if at + 1 < WINDOW { &left[at + 1] } else { &*nothing };
-            show(so_far, before, &mut red[place.clone()], &mut green[place.clone()], &mut blue[place], black);
+            let all = [true; PIECES];
+            let pieces = gaps.map_or(all, |(gaps, strip)| gaps.of_strip(row, strip));
+            for (from, _) in (0..count).step_by(PIECE).zip(pieces).filter(|&(_, has_gap)| has_gap) {
+                let to = (from + PIECE).min(count);
+                let place = row * width + columns.start + from..row * width + columns.start + to;
+                let out = [&mut red[place.clone()], &mut green[place.clone()], &mut blue[place]];
+                means.show(so_far, before, from, out, black);
+            }
         }
     }
 }
@@ -257,11 +292,37 @@ fn finish_block(block: &mut [Row], width: usize) {
     }
 }
 
-/// Sums over [`WINDOW`] columns around each.
+/// Sums over the window of a piece of a row.
+#[derive(Debug)]
+struct Means {
+    /// Down the columns.
+    down: Row,
+    all: [[f32; PIECE]; 4],
+}
+
+impl Means {
+    fn new() -> Self {
+        Self { down: Row::new(PIECE), all: [[0.0; PIECE]; 4] }
+    }
+
+    /// Shows the means of a piece whose columns' sums, in two parts, are in these rows at `from`.
+    #[inline(always)]
+    fn show(&mut self, sums: &Row, before: &Row, from: usize, [red, green, blue]: [&mut [f32]; 3], black: bool) {
+        let Self { down, all } = self;
+        let count = red.len();
+        let parts = sums.channels.iter().zip(&before.channels);
+        for ((down, all), (sums, before)) in down.channels.iter_mut().zip(&mut *all).zip(parts) {
+            add_two(&sums[from..], &before[from..], &mut down[..count + 2 * ROOM]);
+            seven(&down[ROOM - REACH..], &mut all[..count]);
+        }
+        show(all, red, green, blue, black);
+    }
+}
+
 #[inline(always)]
-fn across(from: &Row, to: &mut Row, width: usize) {
-    for channel in 0..4 {
-        seven(&from.channels[channel][ROOM - REACH..][..width + 2 * REACH], &mut to.channels[channel][..width]);
+fn add_two(one: &[f32], other: &[f32], to: &mut [f32]) {
+    for ((to, one), other) in to.iter_mut().zip(one).zip(other) {
+        *to = one + other;
     }
 }
 
@@ -286,20 +347,17 @@ fn add(to: &mut [f32], from: &[f32], anew: bool) {
 }
 
 #[inline(always)]
-fn show(sums: &Row, before: &Row, red: &mut [f32], green: &mut [f32], blue: &mut [f32], black: bool) {
-    let width = red.len();
-    let [s0, s1, s2, s3] = sums.channels.each_ref().map(|sum| &sum[..width]);
-    let [b0, b1, b2, b3] = before.channels.each_ref().map(|sum| &sum[..width]);
-    let (green, blue) = (&mut green[..width], &mut blue[..width]);
+fn show([r, g, b, w]: &[[f32; PIECE]; 4], red: &mut [f32], green: &mut [f32], blue: &mut [f32], black: bool) {
+    let count = red.len();
+    let (r, g, b, w) = (&r[..count], &g[..count], &b[..count], &w[..count]);
+    let (green, blue) = (&mut green[..count], &mut blue[..count]);
     let kept = if black { 0.0 } else { 1.0 };
-    for x in 0..width {
-        let weight = s3[x] + b3[x];
-        let inverse = 1.0 / weight.max(1.0);
+    for x in 0..count {
+        let inverse = 1.0 / w[x].max(1.0);
         // Both are computed, and one is chosen: loads and stores of some pixels only took half of the filter's time.
-        let means = [(s0[x] + b0[x]) * inverse, (s1[x] + b1[x]) * inverse, (s2[x] + b2[x]) * inverse];
+        let means = [r[x] * inverse, g[x] * inverse, b[x] * inverse];
         let old = [red[x] * kept, green[x] * kept, blue[x] * kept];
-        let [r, g, b] = if weight > 0.0 { means } else { old };
-        (red[x], green[x], blue[x]) = (r, g, b);
+        [red[x], green[x], blue[x]] = if w[x] > 0.0 { means } else { old };
     }
 }
 
@@ -325,7 +383,9 @@ mod tests {
         let mut picture = [(); 3].map(|()| vec![0.0; colour.len()]);
         let [red, green, blue] = picture.each_mut().map(Vec::as_mut_slice);
         let isa = Isa::new(Instructions::best()).unwrap();
-        isa.run(Prefilter { width: SIZE.0, from: 0, colour, picture: [red, green, blue], black: true, gaps_only });
+        let (planes, scratch) = ([red, green, blue], &mut Scratch::new(SIZE.0));
+        let width = SIZE.0;
+        isa.run(Prefilter { width, from: 0, first_row: 0, colour, picture: planes, black: true, gaps_only, scratch });
         picture
     }
 

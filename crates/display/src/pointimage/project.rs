@@ -11,15 +11,19 @@ use super::huge::filled;
 use super::isa::{Isa, Kernel};
 use super::map::{Lens, Map, NEAREST};
 use super::parallel;
-use super::points::{FRESH, Points};
-use super::prefetch::prefetch;
+use super::points::{Block, FRESH, HIDDEN, State};
+use super::prefetch::prefetch_at;
 use super::truncate::truncate;
+use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
-/// Pixels of a tile at most, unless one row has more: its z-buffer takes 128 kB. Tiles are whole rows, so that what they show is copied to
-/// the planes in order. Projection and z-buffer took as long with 2¹² pixels at 512×512 and 8 % longer at 2048×2048 (twice as many
-/// chains), with 2¹⁵ 13 % longer at 512×512.
-const MOST_PIXELS: usize = 1 << 13;
+/// Tiles of a picture, about. Tiles are whole rows, so that what they show is copied to the planes in order. Of 512 at 2048×2048
+/// projection and z-buffer took a quarter longer than of 64: the ends of all their chains are written by turns.
+const TILES: usize = 64;
+/// Pixels of a tile at least: its z-buffer takes 128 kB. With half or a quarter of that nothing was faster at 512×512.
+const LEAST_PIXELS: usize = 1 << 13;
+/// Pixels of a tile at most, unless one row has more: 1 MB.
+const MOST_PIXELS: usize = 1 << 16;
 /// Records of a chunk: 2 kB.
 const CHUNK: usize = 128;
 /// Points projected at a time; their number is a multiple.
@@ -35,11 +39,11 @@ const END: u32 = u32::MAX;
 const OLD: u32 = 1 << 31;
 
 /// A point that falls into a tile.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub(super) struct Record {
-    /// Age, and from bit 8 the pixel in the tile.
-    pub age_and_pixel: u32,
+    /// Age, from bit [`Record::PIXEL`] the pixel in the tile.
+    pub about: u32,
     pub colour: u32,
     pub slot: u32,
     /// Depth, as bits of an f32, negative for points that are not fresh.
@@ -47,6 +51,10 @@ pub(super) struct Record {
 }
 
 const _: () = assert!(size_of::<Record>() == 16);
+
+impl Record {
+    pub const PIXEL: u32 = 8;
+}
 
 /// Chains of one thread's points.
 #[derive(Debug, Default)]
@@ -58,6 +66,8 @@ struct Part {
     /// Where this part's chunks begin among all records.
     base: usize,
     chunks: usize,
+    /// The first chunk that no tile has.
+    free: u32,
 }
 
 /// Records by tile.
@@ -73,7 +83,8 @@ pub(super) struct Buckets {
 
 impl Buckets {
     pub fn new(size: (usize, usize), points: usize, threads: usize) -> Self {
-        let tile_rows = 1 << (MOST_PIXELS / size.0).max(1).ilog2();
+        let tile_pixels = (size.0 * size.1 / TILES).clamp(LEAST_PIXELS, MOST_PIXELS);
+        let tile_rows = 1 << (tile_pixels / size.0).max(1).ilog2();
         let count = size.1.div_ceil(tile_rows) + 1;
         let ranges = parallel::bands(points, BLOCK, threads);
         let mut base = 0;
@@ -81,47 +92,30 @@ impl Buckets {
         for range in &ranges {
             // One more than can be filled, so that what is fetched ahead exists.
             let chunks = count + range.len() / CHUNK + 2;
-            parts.push(Part { heads: vec![0; count], next: vec![END; chunks], base, chunks });
+            parts.push(Part { heads: vec![0; count], next: vec![END; chunks], base, chunks, free: 0 });
             base += chunks * CHUNK;
         }
         let records = filled(Record::default(), base);
         Self { records, parts, lengths: ranges.iter().map(|range| range.len()).collect(), tile_rows }
     }
 
-    /// Fills the chains; marks the points outside the picture as hidden.
-    pub fn fill(&mut self, isa: Isa, map: &Map, size: (usize, usize), points: &mut Points) {
-        match map {
-            Map::Flat(lens) => self.fill_by(isa, lens, size, points),
-            Map::Curved(lens) => self.fill_by(isa, lens, size, points),
+    /// The chains of each thread, empty, with the range of points that they are for.
+    pub fn begin(&mut self) -> Vec<Chains<'_>> {
+        let Self { records, parts, lengths, .. } = self;
+        let records = parallel::cut(records, parts.iter().map(|part| part.chunks * CHUNK));
+        let mut from = 0;
+        let mut chains = Vec::new();
+        for ((part, records), &length) in parts.iter_mut().zip(records).zip(&*lengths) {
+            part.begin();
+            chains.push(Chains { points: from..from + length, part, records });
+            from += length;
         }
+        chains
     }
 
-    fn fill_by<L: Lens>(&mut self, isa: Isa, map: &L, size: (usize, usize), points: &mut Points) {
-        let Self { records, parts, lengths, tile_rows } = self;
-        let records = parallel::cut(records, parts.iter().map(|part| part.chunks * CHUNK));
-        let hidden = parallel::cut(&mut points.is_hidden, lengths.iter().copied());
-        let mut from = 0;
-        let mut work = Vec::new();
-        for (((part, records), is_hidden), length) in
-            parts.iter_mut().zip(records).zip(hidden).zip(lengths.iter().copied())
-        {
-            let range = from..from + length;
-            from += length;
-            work.push(Project {
-                map,
-                size,
-                tile_rows: *tile_rows,
-                first: range.start as u32,
-                position: [0, 1, 2].map(|axis| &points.position[axis][range.clone()]),
-                colour: &points.colour[range.clone()],
-                age: &points.age[range.clone()],
-                flags: &points.flags[range],
-                is_hidden,
-                records,
-                part,
-            });
-        }
-        parallel::for_each(work, |kernel| isa.run(kernel));
+    /// Points of each thread.
+    pub fn lengths(&self) -> &[usize] {
+        &self.lengths
     }
 
     /// All records.
@@ -145,16 +139,63 @@ impl Buckets {
     }
 }
 
+/// What one thread fills.
+pub(super) struct Chains<'a> {
+    /// Slots that it is for.
+    pub points: Range<usize>,
+    part: &'a mut Part,
+    records: &'a mut [Record],
+}
+
+/// Where points are seen.
+#[derive(Clone, Copy)]
+pub(super) struct Screen<'a> {
+    pub map: &'a Map,
+    pub size: (usize, usize),
+    pub tile_rows: usize,
+}
+
+impl Chains<'_> {
+    /// Adds points, the slots from `first` on; marks those outside the picture as hidden. A multiple of [`BLOCK`].
+    pub fn add(&mut self, isa: Isa, screen: Screen, first: usize, blocks: &[Block], states: &mut [State]) {
+        match screen.map {
+            Map::Flat(lens) => self.add_by(isa, lens, screen, first, blocks, states),
+            Map::Curved(lens) => self.add_by(isa, lens, screen, first, blocks, states),
+        }
+    }
+
+    fn add_by<L: Lens>(
+        &mut self,
+        isa: Isa,
+        map: &L,
+        screen: Screen,
+        first: usize,
+        blocks: &[Block],
+        states: &mut [State],
+    ) {
+        let Screen { size, tile_rows, .. } = screen;
+        let Chains { part, records, .. } = self;
+        isa.run(Project { map, size, tile_rows, first: first as u32, blocks, states, records, part });
+    }
+}
+
+impl Part {
+    fn begin(&mut self) {
+        self.next[..self.heads.len()].fill(END);
+        for (tile, head) in self.heads.iter_mut().enumerate() {
+            *head = (tile * CHUNK) as u32;
+        }
+        self.free = self.heads.len() as u32;
+    }
+}
+
 struct Project<'a, L> {
     map: &'a L,
     size: (usize, usize),
     tile_rows: usize,
     first: u32,
-    position: [&'a [f32]; 3],
-    colour: &'a [u32],
-    age: &'a [u8],
-    flags: &'a [u8],
-    is_hidden: &'a mut [u8],
+    blocks: &'a [Block],
+    states: &'a mut [State],
     records: &'a mut [Record],
     part: &'a mut Part,
 }
@@ -164,39 +205,33 @@ impl<L: Lens> Kernel for Project<'_, L> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { map, size, tile_rows, first, position, colour, age, flags, is_hidden, records, part } = self;
-        let trash = part.heads.len() as u32 - 1;
-        let mut free = trash + 1;
-        part.next.fill(END);
-        for (tile, head) in part.heads.iter_mut().enumerate() {
-            *head = (tile * CHUNK) as u32;
-        }
-        // The tile of unseen points stays where it is, and never looks full: each overwrites the last.
-        part.heads[trash as usize] += 1;
-        let heads = part.heads.as_mut_slice();
-        let next = part.next.as_mut_slice();
+        let Self { map, size, tile_rows, first, blocks, states, records, part } = self;
+        let Part { heads, next, free, .. } = part;
+        let (heads, next) = (heads.as_mut_slice(), next.as_mut_slice());
+        let trash = heads.len() - 1;
         let mut found = [Record::default(); BLOCK];
         let mut tile_of = [0_u32; BLOCK];
-        let (xs, ys, zs) = (position[0].as_chunks().0, position[1].as_chunks().0, position[2].as_chunks().0);
-        let blocks =
-            xs.iter().zip(ys).zip(zs).zip(colour.as_chunks().0).zip(age.as_chunks().0).zip(flags.as_chunks().0);
-        let blocks = blocks.zip(is_hidden.as_chunks_mut().0).enumerate();
-        for (block, ((((((x, y), z), colour), age), flags), is_hidden)) in blocks {
-            let start = first + (block * BLOCK) as u32;
-            place(map, size, tile_rows, start, [x, y, z], colour, age, flags, &mut found, &mut tile_of);
-            hide(&tile_of, trash, is_hidden);
+        let pairs = blocks.iter().zip(states.as_chunks_mut().0);
+        for ((points, states), start) in pairs.zip((first..).step_by(BLOCK)) {
+            place(map, size, tile_rows, start, points, states, &mut found, &mut tile_of);
+            hide(&tile_of, trash as u32, states);
             for (record, &tile) in found.iter().zip(&tile_of) {
                 let head = &mut heads[tile as usize];
                 records[*head as usize] = *record;
-                let mut next_head = *head + u32::from(tile != trash);
-                if (next_head as usize).is_multiple_of(CHUNK) {
-                    next[next_head as usize / CHUNK - 1] = free;
-                    next_head = free * CHUNK as u32;
-                    free += 1;
-                }
-                *head = next_head;
+                *head += 1;
                 // Lines of as many tiles as there are come from far: without this their stores waited one after another.
-                prefetch(&records[next_head as usize + AHEAD]);
+                prefetch_at(records, *head as usize + AHEAD);
+                if (*head as usize).is_multiple_of(CHUNK) {
+                    if tile as usize == trash {
+                        // Points that are not seen overwrite each other.
+                        *head -= CHUNK as u32;
+                    } else {
+                        next[*head as usize / CHUNK - 1] = *free;
+                        next[*free as usize] = END;
+                        *head = *free * CHUNK as u32;
+                        *free += 1;
+                    }
+                }
             }
         }
     }
@@ -210,10 +245,8 @@ fn place<L: Lens>(
     size: (usize, usize),
     tile_rows: usize,
     start: u32,
-    [x, y, z]: [&[f32; BLOCK]; 3],
-    colour: &[u32; BLOCK],
-    age: &[u8; BLOCK],
-    flags: &[u8; BLOCK],
+    points: &Block,
+    states: &[State; BLOCK],
     found: &mut [Record; BLOCK],
     tile_of: &mut [u32; BLOCK],
 ) {
@@ -221,22 +254,24 @@ fn place<L: Lens>(
     let (right, bottom) = (width as f32, height as f32);
     let shift = tile_rows.ilog2();
     let trash = size.1.div_ceil(tile_rows) as u32;
+    let [x, y, z] = &points.position;
     for i in 0..BLOCK {
         let (column, row, depth) = map.project([x[i], y[i], z[i]]);
+        let state = states[i];
         let seen = (NEAREST..f32::INFINITY).contains(&depth)
             & (column >= 0.0)
             & (column < right)
             & (row >= 0.0)
             & (row < bottom)
-            & (age[i] != u8::MAX);
+            & !state.is_empty();
         let (column, row) = (truncate(column, right), truncate(row, bottom));
         let tile = row >> shift;
         let pixel = (row - (tile << shift)) * width + column;
-        let old = if flags[i] & FRESH == 0 { OLD } else { 0 };
+        let old = if state.has(FRESH) { 0 } else { OLD };
         tile_of[i] = if seen { tile as u32 } else { trash };
         found[i] = Record {
-            age_and_pixel: (pixel as u32) << 8 | u32::from(age[i]),
-            colour: colour[i],
+            about: (pixel as u32) << Record::PIXEL | u32::from(state.age()),
+            colour: points.colour[i],
             slot: start + i as u32,
             depth: depth.to_bits() | old,
         };
@@ -245,8 +280,8 @@ fn place<L: Lens>(
 
 /// Marks points outside the picture as hidden; of those in it, the z-buffer says.
 #[inline(always)]
-fn hide(tile_of: &[u32; BLOCK], trash: u32, is_hidden: &mut [u8; BLOCK]) {
+fn hide(tile_of: &[u32; BLOCK], trash: u32, states: &mut [State; BLOCK]) {
     for i in 0..BLOCK {
-        is_hidden[i] |= if tile_of[i] == trash { 1 } else { 0 };
+        states[i].0 |= if tile_of[i] == trash { u16::from(HIDDEN) << 8 } else { 0 };
     }
 }

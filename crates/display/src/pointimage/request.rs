@@ -3,7 +3,7 @@
 use super::PointImage;
 use super::colour;
 use super::map::NEAREST;
-use super::points::{EVICTED, FRESH, GENERATIONS};
+use super::points::{FRESH, GENERATIONS};
 use super::random;
 use super::sample::{Aim, Purpose, Request, Tag};
 
@@ -23,7 +23,7 @@ impl PointImage {
             None => (anywhere(), Purpose::Pixel),
             Some((_, flags)) if flags & FRESH != 0 && !self.is_check(seed, pixel) => (anywhere(), Purpose::Refine),
             Some((at, _)) if self.params.stages.resampling => {
-                (Aim::Through(self.points.position.each_ref().map(|axis| axis[at])), Purpose::Resample)
+                (Aim::Through(self.points.position(at)), Purpose::Resample)
             }
             Some(_) => (anywhere(), Purpose::Pixel),
         };
@@ -71,20 +71,20 @@ impl PointImage {
     fn shown(&self, pixel: u32) -> Option<(usize, u8)> {
         let slot = self.planes.slot[pixel as usize] as usize;
         let is_shown = self.planes.colour[pixel as usize] != colour::NONE;
-        self.points.flags.get(slot).filter(|_| is_shown).map(|&flags| (slot, flags))
+        self.points.states.get(slot).filter(|_| is_shown).map(|state| (slot, state.flags()))
     }
 
     /// Whether a point lies in a pixel of the current view.
     pub(super) fn is_in(&self, slot: usize, pixel: u32) -> bool {
         let width = self.planes.size.0;
         let Some(map) = self.map else { return false };
-        let (column, row, depth) = map.project(self.points.position.each_ref().map(|axis| axis[slot]));
+        let (column, row, depth) = map.project(self.points.position(slot));
         let at = pixel as usize;
         // As the projection of all points has it: the whole part.
         depth >= NEAREST
             && column.floor() == (at % width) as f32
             && row.floor() == (at / width) as f32
-            && self.points.age[slot] != EVICTED
+            && !self.points.states[slot].is_empty()
     }
 
     /// Whether a pixel's turn has come for a ray through its point even though it is a sample of this view.

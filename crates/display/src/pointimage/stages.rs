@@ -1,21 +1,25 @@
 //! A frame, stage by stage (Walter et al. 2002, Figure 1).
 
-use super::cull::Cull;
-use super::interpolate::{Interpolate, Looks};
+use super::bands::Work;
+use super::interpolate::Looks;
 use super::map::Map;
 use super::params::{EmptyPixels, Smoothing, Stage, Stages};
 use super::points::{Age, NOISY};
 use super::predict::Occupancy;
-use super::prefetch::prefetch;
-use super::prefilter::Prefilter;
-use super::sample::Sample;
-use super::{Moment, PointImage, dither, parallel, random, zbuffer};
+use super::prefetch::prefetch_at;
+use super::project::{BLOCK, Screen};
+use super::sample::{Purpose, Sample};
+use super::shared::states_as_atomic;
+use super::zbuffer::Fill;
+use super::{Moment, PointImage, dither, parallel, random};
 use holo_picture::View;
 
 /// Pixels along the side of the squares by which requests are ordered.
 const TILE: usize = 32;
 /// Samples whose points are fetched together.
 const AHEAD: usize = 32;
+/// Blocks of points that are looked at for one purpose after another: 288 kB.
+const PORTION: usize = 64;
 
 impl PointImage {
     /// All stages that are on and that have something to do.
@@ -29,25 +33,14 @@ impl PointImage {
         // At rest nothing is about to come into view.
         let predicted = moment.predicted.filter(|predicted| self.params.stages.prediction && *predicted != moment.view);
         self.predicted = predicted;
-        if let Some(predicted) = predicted {
-            self.predict(&predicted, moment.wanted, ended);
+        let is_new = moved || self.is_dirty || !moment.samples.is_empty();
+        self.project(predicted.as_ref(), is_new, ended);
+        if predicted.is_some() {
+            self.ask_ahead(moment.wanted);
+            ended(Stage::PredictedSampling);
         }
-        if moved || self.is_dirty || !moment.samples.is_empty() {
-            self.project();
-            ended(Stage::ProjectAndTileSort);
-            let (threads, frame) = (self.params.threads, self.frames);
-            zbuffer::fill(self.isa, &self.buckets, &mut self.planes, &mut self.points, threads, frame);
-            ended(Stage::ZBufferTiles);
-            if self.params.stages.depth_cull {
-                self.cull();
-                ended(Stage::DepthCull);
-            }
-            if self.params.stages.prefilter {
-                self.prefilter();
-                ended(Stage::Prefilter);
-            }
-            self.interpolate();
-            ended(Stage::Interpolate);
+        if is_new {
+            self.show(ended);
             self.is_dirty = false;
         }
         if moment.wanted > self.requests.len() {
@@ -81,9 +74,10 @@ impl PointImage {
     pub(super) fn age(&mut self, samples: usize, moved: bool, is_hinted: bool) {
         let increment = if self.params.stages.ageing { self.points.increment(samples) } else { 0 };
         if increment > 0 || moved || is_hinted {
-            let lengths = parallel::bands(self.points.capacity(), 64, self.params.threads);
-            let ages = Age::new(&mut self.points, increment, moved, &self.params).split(&lengths);
-            parallel::for_each(ages, |kernel| self.isa.run(kernel));
+            let lengths = self.buckets.lengths().iter().copied();
+            let parts = parallel::cut(&mut self.points.states, lengths);
+            let (isa, params) = (self.isa, &self.params);
+            parallel::for_each(parts, |states| isa.run(Age::new(states, increment, moved, params)));
         }
     }
 
@@ -91,8 +85,13 @@ impl PointImage {
     pub(super) fn take_all(&mut self, samples: &[Sample]) -> usize {
         self.points.taken = 0;
         self.noise.take(samples, self.points.capacity());
-        for samples in samples.chunks(AHEAD) {
-            self.points.prefetch(samples.iter().map(|sample| sample.tag.slot));
+        let mut chunks = samples.chunks(AHEAD);
+        let mut next = chunks.next().unwrap_or_default();
+        self.prefetch(next);
+        while !next.is_empty() {
+            let samples = next;
+            next = chunks.next().unwrap_or_default();
+            self.prefetch(next);
             for sample in samples {
                 if !self.take(sample) {
                     self.rejected += 1;
@@ -102,71 +101,87 @@ impl PointImage {
         self.points.taken
     }
 
-    fn predict(&mut self, view: &View, wanted: usize, ended: &mut dyn FnMut(Stage)) {
-        let (width, height) = Occupancy::scaled(self.planes.size);
-        let map = Map::new(view, self.origin, width, height);
-        self.occupancy.project(self.isa, &map, &self.points, self.params.threads);
-        ended(Stage::PredictedProjection);
+    /// Asks for the points that samples will change, or for the slots that they will take.
+    fn prefetch(&self, samples: &[Sample]) {
+        let mut new = 0;
+        for sample in samples {
+            match sample.tag.purpose {
+                Purpose::Fill | Purpose::Pixel => {
+                    self.points.prefetch_free(AHEAD + new);
+                    new += 1;
+                    if sample.tag.purpose == Purpose::Pixel {
+                        prefetch_at(&self.planes.slot, sample.tag.pixel as usize);
+                        prefetch_at(&self.planes.colour, sample.tag.pixel as usize);
+                    }
+                }
+                _ => self.points.prefetch(sample.tag.slot),
+            }
+        }
+    }
+
+    /// Projects all points: for the `predicted` view, and for the current one if the picture is to be made anew. In portions that stay
+    /// in the second cache, so that they come from memory once.
+    fn project(&mut self, predicted: Option<&View>, is_new: bool, ended: &mut dyn FnMut(Stage)) {
+        let (isa, size) = (self.isa, self.planes.size);
+        let (width, height) = Occupancy::scaled(size);
+        let predicted = predicted.map(|view| Map::new(view, self.origin, width, height));
+        let marks = predicted.as_ref().map(|map| self.occupancy.begin(map));
+        let tile_rows = self.buckets.tile_rows;
+        let screen = self.map.as_ref().filter(|_| is_new).map(|map| Screen { map, size, tile_rows });
+        if marks.is_none() && screen.is_none() {
+            return;
+        }
+        let lengths = self.buckets.lengths().to_vec();
+        let states = parallel::cut(&mut self.points.states, lengths.into_iter());
+        let blocks = &self.points.blocks;
+        let parts = self.buckets.begin().into_iter().zip(states);
+        parallel::for_each_telling(parts.collect(), ended, |(mut chains, states), ended| {
+            let blocks = blocks[chains.points.start / BLOCK..chains.points.end / BLOCK].chunks(PORTION);
+            let portions = blocks.zip(states.chunks_mut(PORTION * BLOCK));
+            for ((blocks, states), first) in portions.zip((chains.points.start..).step_by(PORTION * BLOCK)) {
+                if let Some(marks) = marks {
+                    marks.add(isa, blocks, states);
+                    ended(Stage::PredictedProjection);
+                }
+                if let Some(screen) = screen {
+                    chains.add(isa, screen, first, blocks, states);
+                    ended(Stage::ProjectAndTileSort);
+                }
+            }
+        });
+    }
+
+    /// Requests for what is about to come into view.
+    fn ask_ahead(&mut self, wanted: usize) {
         let limit = (wanted as f64 * self.params.predicted_share).floor() as usize;
         let seed = random::mix(self.params.seed ^ 0x5bd1_e995, self.frames);
         self.occupancy.request(self.planes.size, limit, seed, &mut self.requests);
-        ended(Stage::PredictedSampling);
     }
 
-    fn project(&mut self) {
-        let Some(map) = &self.map else { return };
-        self.buckets.fill(self.isa, map, self.planes.size, &mut self.points);
-    }
-
-    fn bands(&self) -> Vec<std::ops::Range<usize>> {
-        parallel::bands(self.planes.size.1, 16, self.params.threads)
-    }
-
-    fn cull(&mut self) {
-        let bands = self.bands();
-        let width = self.planes.size.0;
-        let colours = parallel::cut(&mut self.planes.colour, bands.iter().map(|rows| rows.len() * width));
-        let (depth, threshold) = (&self.planes.depth[..], self.params.cull_threshold);
-        let work = bands.iter().zip(colours);
-        let work = work.map(|(rows, colour)| Cull { width, from: rows.start, colour, depth, threshold });
-        parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
-    }
-
-    fn prefilter(&mut self) {
-        let bands = self.bands();
-        let width = self.planes.size.0;
-        let black = self.params.empty == EmptyPixels::Black;
-        let gaps_only = self.params.stages.interpolation && self.prior() == 0.0;
-        let pictures = cut_picture(&mut self.planes.picture, &bands, width);
-        let colour = &self.planes.colour[..];
-        let work = bands.iter().zip(pictures);
-        let work = work.map(|(rows, picture)| Prefilter { width, from: rows.start, colour, picture, black, gaps_only });
-        parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
-    }
-
-    fn interpolate(&mut self) {
+    /// The picture of the points that were projected.
+    fn show(&mut self, ended: &mut dyn FnMut(Stage)) {
         let prior = self.prior();
-        let bands = self.bands();
-        let width = self.planes.size.0;
-        let pictures = cut_picture(&mut self.planes.picture, &bands, width);
-        let priorities = parallel::cut(&mut self.planes.priority, bands.iter().map(|rows| rows.len() * width));
-        let (colour, age) = (&self.planes.colour[..], &self.planes.age[..]);
-        let (smoothing, stages) = (self.params.smoothing, self.params.stages);
-        let black = self.params.empty == EmptyPixels::Black && !stages.prefilter;
+        let (smoothing, stages, empty) = (self.params.smoothing, self.params.stages, self.params.empty);
         let fill = stages.interpolation;
-        let looks = Looks { own_point: !fill || smoothing == Smoothing::Gaps, black, fill, prior };
-        let work = bands.iter().zip(pictures).zip(priorities).map(|((rows, picture), priority)| Interpolate {
-            width,
-            from: rows.start,
-            colour,
-            age,
-            picture,
-            priority,
+        let looks = Looks {
+            own_point: !fill || smoothing == Smoothing::Gaps,
+            black: empty == EmptyPixels::Black && !stages.prefilter,
+            fill,
+            prior,
+        };
+        let states = states_as_atomic(&mut self.points.states);
+        let work = Work {
+            isa: self.isa,
+            size: self.planes.size,
+            fill: Fill { isa: self.isa, buckets: &self.buckets, states, frame: self.frames },
+            cull_threshold: stages.depth_cull.then_some(self.params.cull_threshold),
+            prefilter: stages.prefilter.then_some((empty == EmptyPixels::Black, fill && prior == 0.0)),
             looks,
-        });
-        parallel::for_each(work.collect(), |kernel| self.isa.run(kernel));
+        };
+        work.run(&mut self.planes, &mut self.scratch, ended);
         if smoothing != Smoothing::Everywhere && self.has_fresh {
             self.show_means();
+            ended(Stage::Interpolate);
         }
     }
 
@@ -186,7 +201,7 @@ impl PointImage {
         for ((((&depth, &slot), red), green), blue) in shown {
             if (depth as i32) > 0 {
                 let details = &self.points.details[slot as usize];
-                let is_noisy = prior > 0.0 && self.points.flags[slot as usize] & NOISY != 0;
+                let is_noisy = prior > 0.0 && self.points.states[slot as usize].has(NOISY);
                 let own = if is_noisy { details.count as f32 / (details.count as f32 + prior) } else { 1.0 };
                 for (shown, mean) in [red, green, blue].into_iter().zip(details.mean) {
                     *shown = if is_noisy { *shown + own * (mean - *shown) } else { mean };
@@ -200,21 +215,35 @@ impl PointImage {
         chosen.clear();
         let seed = random::mix(self.params.seed, self.frames);
         if self.params.stages.dither {
-            dither::choose(self.isa, &self.planes.priority, self.planes.size.0, wanted, seed, &mut chosen);
+            let (threads, width) = (self.params.threads, self.planes.size.0);
+            dither::choose(self.isa, threads, &self.planes.priority, width, wanted, seed, &mut chosen);
         } else {
             self.choose_anywhere(wanted, seed, &mut chosen);
         }
         sort_by_tile(&mut chosen, &mut self.sorted, self.planes.size.0);
         let mut requests = std::mem::take(&mut self.requests);
-        let mut chunks = chosen.chunks(AHEAD).peekable();
-        while let Some(pixels) = chunks.next() {
-            // What the points after those are known by.
-            for &pixel in chunks.peek().copied().unwrap_or_default() {
-                prefetch(&self.planes.slot[pixel as usize]);
-                prefetch(&self.planes.colour[pixel as usize]);
+        requests.reserve(chosen.len());
+        let chunk = |number: usize| {
+            let start = (number * AHEAD).min(chosen.len());
+            &chosen[start..(start + AHEAD).min(chosen.len())]
+        };
+        // What the points are known by, two chunks ahead; the points, one ahead.
+        let prefetch_pixels = |number| {
+            for &pixel in chunk(number) {
+                prefetch_at(&self.planes.slot, pixel as usize);
+                prefetch_at(&self.planes.colour, pixel as usize);
             }
-            self.points.prefetch_places(pixels.iter().map(|&pixel| self.planes.slot[pixel as usize]));
-            requests.extend(pixels.iter().map(|&pixel| self.request(pixel, seed)));
+        };
+        let prefetch_points = |number| {
+            chunk(number).iter().for_each(|&pixel| self.points.prefetch_place(self.planes.slot[pixel as usize]))
+        };
+        prefetch_pixels(0);
+        prefetch_pixels(1);
+        prefetch_points(0);
+        for number in 0..chosen.len().div_ceil(AHEAD) {
+            prefetch_pixels(number + 2);
+            prefetch_points(number + 1);
+            requests.extend(chunk(number).iter().map(|&pixel| self.request(pixel, seed)));
         }
         (self.requests, self.chosen) = (requests, chosen);
     }
@@ -241,15 +270,4 @@ fn sort_by_tile(pixels: &mut Vec<u32>, sorted: &mut Vec<u32>, width: usize) {
         *start += 1;
     }
     std::mem::swap(pixels, sorted);
-}
-
-/// The rows of each band, channel by channel.
-fn cut_picture<'a>(
-    picture: &'a mut [Vec<f32>; 3],
-    bands: &[std::ops::Range<usize>],
-    width: usize,
-) -> Vec<[&'a mut [f32]; 3]> {
-    let [red, green, blue] =
-        picture.each_mut().map(|plane| parallel::cut(plane, bands.iter().map(|rows| rows.len() * width)));
-    red.into_iter().zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue]).collect()
 }

@@ -5,7 +5,7 @@
 use super::PointImage;
 use super::colour;
 use super::map::{far_along, far_away};
-use super::points::{Details, EVICTED, FRESH, GENERATION, GENERATIONS, HIGHLIGHT, NOISY, REFINED};
+use super::points::{Details, FRESH, GENERATION, GENERATIONS, HIDDEN, HIGHLIGHT, NOISY, REFINED, State};
 use super::sample::{Place, Purpose, Sample};
 use glam::DVec3;
 use holo_picture::View;
@@ -33,8 +33,8 @@ impl PointImage {
         let tag = sample.tag;
         let slot = tag.slot as usize;
         let is_current = tag.epoch == self.epoch && tag.purpose != Purpose::Fill;
-        let holds = self.points.flags.get(slot).is_some_and(|flags| flags & GENERATIONS == tag.generation)
-            && self.points.age[slot] != EVICTED;
+        let is_held = |state: &State| state.flags() & GENERATIONS == tag.generation && !state.is_empty();
+        let holds = self.points.states.get(slot).is_some_and(is_held);
         match tag.purpose {
             Purpose::Resample if holds => {
                 if self.has_changed(slot, position, radiance, sample) {
@@ -89,7 +89,7 @@ impl PointImage {
         self.points.taken += 1;
         let pixel = sample.tag.pixel as usize;
         if let Some((shown, colour)) = self.planes.slot.get_mut(pixel).zip(self.planes.colour.get_mut(pixel)) {
-            (*shown, *colour) = (slot as u32, self.points.colour[slot]);
+            (*shown, *colour) = (slot as u32, self.points.colour(slot));
         }
     }
 
@@ -107,16 +107,16 @@ impl PointImage {
     fn distances(&self, slot: usize, position: [f32; 3]) -> (f64, f64) {
         if let Some(view) = self.view.filter(|view| !view.kind.has_eye()) {
             let depth = |p: [f32; 3]| DVec3::from(p.map(f64::from)).dot(view.vd) - self.eye.dot(view.vd);
-            return (depth(self.points.position.each_ref().map(|axis| axis[slot])), depth(position));
+            return (depth(self.points.position(slot)), depth(position));
         }
         let eye = self.eye.to_array();
         let distance = |p: [f32; 3]| (0..3).map(|axis| (f64::from(p[axis]) - eye[axis]).powi(2)).sum::<f64>().sqrt();
-        (distance(self.points.position.each_ref().map(|axis| axis[slot])), distance(position))
+        (distance(self.points.position(slot)), distance(position))
     }
 
     fn fresh_point_of(&self, pixel: u32) -> Option<usize> {
         let slot = *self.planes.slot.get(pixel as usize)? as usize;
-        let is_fresh = self.points.flags.get(slot)? & FRESH != 0;
+        let is_fresh = self.points.states.get(slot)?.has(FRESH);
         // Since the last picture another pixel's point may have taken the slot.
         (is_fresh && self.points.details[slot].epoch == self.epoch && self.is_in(slot, pixel)).then_some(slot)
     }
@@ -126,7 +126,7 @@ impl PointImage {
         let reference = self.reference(slot);
         let largest = reference.iter().chain(&radiance).fold(0.0_f32, |largest, &channel| largest.max(channel));
         let mut variance = sample.noise * sample.noise;
-        if self.points.flags[slot] & NOISY != 0 {
+        if self.points.states[slot].has(NOISY) {
             let details = &self.points.details[slot];
             // A mean of n samples has 1/n of their variance.
             variance += details.noise * details.noise / details.reference_count.max(1) as f32;
@@ -139,23 +139,19 @@ impl PointImage {
 
     /// Mean of rays through a point.
     fn reference(&self, slot: usize) -> [f32; 3] {
-        let is_refined = self.points.flags[slot] & REFINED != 0;
-        colour::decode(if is_refined { self.points.details[slot].reference } else { self.points.colour[slot] })
+        let is_refined = self.points.states[slot].has(REFINED);
+        colour::decode(if is_refined { self.points.details[slot].reference } else { self.points.colour(slot) })
     }
 
     /// A new point in a slot. Reads nothing but the flags: what it writes is rarely in a cache, and would be waited for.
     fn put(&mut self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_fresh: bool) {
         self.has_fresh |= is_fresh;
         let points = &mut self.points;
-        for (axis, coordinate) in points.position.iter_mut().zip(position) {
-            axis[slot] = coordinate;
-        }
-        points.colour[slot] = colour::encode(radiance);
-        points.age[slot] = 0;
-        let generation = (points.flags[slot] & GENERATIONS).wrapping_add(GENERATION);
-        points.flags[slot] = generation | flags(sample, is_fresh);
+        points.set_position(slot, position);
+        points.set_colour(slot, colour::encode(radiance));
+        let generation = (points.states[slot].flags() & GENERATIONS).wrapping_add(GENERATION);
+        points.states[slot] = State::new(0, generation | flags(sample, is_fresh));
         points.object[slot] = sample.object;
-        points.is_hidden[slot] = 0;
         points.details[slot] = Details {
             mean: radiance,
             count: 1,
@@ -170,10 +166,10 @@ impl PointImage {
     fn confirm(&mut self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_current: bool) {
         let mut reference = self.reference(slot);
         let points = &mut self.points;
-        let details = &mut points.details[slot];
+        let mut details = points.details[slot];
         details.reference_count = details.reference_count.min(self.params.moving_mean - 1) + 1;
         average(&mut reference, radiance, details.reference_count);
-        let kept = points.flags[slot] & (GENERATIONS | REFINED | NOISY);
+        let kept = points.states[slot].flags() & (GENERATIONS | REFINED | NOISY | HIDDEN);
         if details.epoch != self.epoch {
             details.count = details.count.min(self.params.moving_mean - 1) + 1;
             average(&mut details.mean, radiance, details.count);
@@ -181,32 +177,30 @@ impl PointImage {
                 // A pixel's mean needs rays all over the pixel: this one stands for its point only. It counts as the first.
                 (details.epoch, details.count) = (self.epoch, 1);
             }
-            points.colour[slot] = colour::encode(details.mean);
+            points.set_colour(slot, colour::encode(details.mean));
         }
         if kept & REFINED != 0 {
             details.reference = colour::encode(reference);
         }
-        points.age[slot] = 0;
+        points.details[slot] = details;
         let is_fresh = details.epoch == self.epoch;
         self.has_fresh |= is_fresh;
-        points.flags[slot] = kept | flags(sample, is_fresh);
-        for (axis, coordinate) in points.position.iter_mut().zip(position) {
-            axis[slot] = coordinate;
-        }
+        points.states[slot] = State::new(0, kept | flags(sample, is_fresh));
+        points.set_position(slot, position);
     }
 
     /// Another ray of the same pixel and view: the mean over them is the pixel's box filter.
     fn refine(&mut self, slot: usize, radiance: [f32; 3]) {
-        let flags = &mut self.points.flags[slot];
-        let details = &mut self.points.details[slot];
-        if *flags & REFINED == 0 {
-            *flags |= REFINED;
-            details.reference = self.points.colour[slot];
+        let state = self.points.states[slot];
+        let mut details = self.points.details[slot];
+        if !state.has(REFINED) {
+            details.reference = self.points.colour(slot);
         }
         details.count = details.count.min(self.params.resting_mean - 1) + 1;
         average(&mut details.mean, radiance, details.count);
-        self.points.colour[slot] = colour::encode(details.mean);
-        self.points.age[slot] = 0;
+        self.points.details[slot] = details;
+        self.points.set_colour(slot, colour::encode(details.mean));
+        self.points.states[slot] = State::new(0, state.flags() | REFINED);
     }
 
     /// Where one point has changed its neighbours probably have (1999, §4.1).
@@ -216,7 +210,7 @@ impl PointImage {
         for y in row.saturating_sub(1)..(row + 2).min(height) {
             for x in column.saturating_sub(1)..(column + 2).min(width) {
                 let slot = self.planes.slot[y * width + x] as usize;
-                if slot != changed && slot < self.points.capacity() && self.points.age[slot] != EVICTED {
+                if slot != changed && self.points.states.get(slot).is_some_and(|state| !state.is_empty()) {
                     self.points.age(slot, self.params.change_ageing);
                 }
             }

@@ -5,18 +5,18 @@
 //! Always true: a pixel shows the nearest of its fresh points, else the nearest of the others; of equals, the first in the cache.
 
 use super::colour;
+use super::huge::filled;
 use super::isa::{Isa, Kernel};
-use super::parallel::{self, bands};
-use super::planes::Planes;
-use super::points::Points;
-use super::prefetch::prefetch;
+use super::points::HIDDEN;
+use super::prefetch::prefetch_at;
 use super::project::{Buckets, Record};
-use super::shared::as_atomic;
+use std::hint::select_unpredictable;
+use std::sync::atomic::AtomicU16;
 use std::sync::atomic::Ordering::Relaxed;
 
 /// Frames after which a tile says again which of its points are hidden. Said every frame, it took a third of the z-buffer's time, and
 /// points live for tens of frames.
-const TURNS: usize = 8;
+const TURNS: usize = 16;
 /// Records of a cache line.
 const LINE: usize = 4;
 /// Pixels copied at a time.
@@ -25,10 +25,10 @@ const PIECE: usize = 64;
 const FARTHEST: u32 = u32::MAX;
 
 /// What is nearest in a pixel so far: two words, so that the nearer of two is a comparison and two choices.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 #[repr(C, align(16))]
 struct Nearest {
-    /// From bit 32 the colour; below age and pixel, as in [`Record`].
+    /// From bit 32 the colour; below what else [`Record`] says.
     look: u64,
     /// From bit 32 the depth; below the slot. The least is shown.
     key: u64,
@@ -37,77 +37,95 @@ struct Nearest {
 impl From<&Record> for Nearest {
     #[inline(always)]
     fn from(record: &Record) -> Self {
-        Self {
-            look: u64::from(record.colour) << 32 | u64::from(record.age_and_pixel),
-            key: u64::from(record.depth) << 32 | u64::from(record.slot),
-        }
+        // Two loads instead of four.
+        let words: [u64; 2] = bytemuck::cast(*record);
+        let [look, key] = if cfg!(target_endian = "big") { words.map(|word| word.rotate_left(32)) } else { words };
+        Self { look, key }
     }
 }
 
-/// Rows of the point image that one thread fills, whole tiles.
-struct Band<'a> {
-    first_tile: usize,
-    colour: &'a mut [u32],
-    depth: &'a mut [u32],
-    slot: &'a mut [u32],
-    age: &'a mut [u8],
+/// What a tile of the point image is filled from.
+#[derive(Clone, Copy)]
+pub(super) struct Fill<'a> {
+    pub isa: Isa,
+    pub buckets: &'a Buckets,
+    pub states: &'a [AtomicU16],
+    pub frame: u32,
 }
 
-/// Fills the point image: colour, depth, point and age of every pixel.
-///
-/// Points that no pixel shows are marked as hidden, those of one tile in [`TURNS`] each `frame`.
-pub(super) fn fill(isa: Isa, buckets: &Buckets, planes: &mut Planes, points: &mut Points, threads: usize, frame: u32) {
-    let (width, height) = planes.size;
-    let rows = bands(height, buckets.tile_rows, threads);
-    let lengths = || rows.iter().map(|rows| rows.len() * width);
-    let colour = parallel::cut(&mut planes.colour, lengths());
-    let depth = parallel::cut(&mut planes.depth, lengths());
-    let slot = parallel::cut(&mut planes.slot, lengths());
-    let age = parallel::cut(&mut planes.age, lengths());
-    let parts = rows.iter().zip(colour).zip(depth).zip(slot).zip(age);
-    let parts = parts.map(|((((rows, colour), depth), slot), age)| Band {
-        first_tile: rows.start / buckets.tile_rows,
-        colour,
-        depth,
-        slot,
-        age,
-    });
-    let nothing = Record { age_and_pixel: 0, colour: colour::NONE, slot: points.capacity() as u32, depth: FARTHEST };
-    let nothing = Nearest::from(&nothing);
-    let records = buckets.records();
-    let is_hidden = as_atomic(&mut points.is_hidden);
-    let tile_pixels = buckets.tile_rows * width;
-    parallel::for_each(parts.collect(), |band: Band| {
-        let mut nearest = vec![nothing; tile_pixels];
-        let planes = band.colour.chunks_mut(tile_pixels).zip(band.depth.chunks_mut(tile_pixels));
-        let planes = planes.zip(band.slot.chunks_mut(tile_pixels)).zip(band.age.chunks_mut(tile_pixels));
-        for ((((colour, depth), slot), age), tile) in planes.zip(band.first_tile..) {
-            let nearest = &mut nearest[..colour.len()];
-            let mut chain = buckets.chain(tile).peekable();
-            while let Some(chunk) = chain.next() {
-                records[chain.peek().cloned().unwrap_or_default()].iter().step_by(LINE).for_each(prefetch);
-                keep_nearest(&records[chunk], nearest);
+/// Rows of the point image.
+pub(super) struct Rows<'a> {
+    pub colour: &'a mut [u32],
+    pub depth: &'a mut [u32],
+    pub slot: &'a mut [u32],
+    pub age: &'a mut [u8],
+}
+
+/// The z-buffer of a tile.
+#[derive(Debug)]
+pub(super) struct Scratch {
+    nearest: Vec<Nearest>,
+    nothing: Nearest,
+}
+
+impl Scratch {
+    /// For tiles of so many pixels at most; pixels without a point show `no_slot`.
+    pub fn new(tile_pixels: usize, no_slot: u32) -> Self {
+        let nothing = Record { about: 0, colour: colour::NONE, slot: no_slot, depth: FARTHEST };
+        let nothing = Nearest::from(&nothing);
+        Self { nearest: filled(nothing, tile_pixels), nothing }
+    }
+}
+
+impl Fill<'_> {
+    /// Fills a tile: colour, depth, point and age of every pixel.
+    ///
+    /// Points that no pixel shows are marked as hidden, those of one tile in [`TURNS`] each frame.
+    pub fn tile(self, tile: usize, rows: Rows, scratch: &mut Scratch) {
+        let Self { isa, buckets, states, frame } = self;
+        let Rows { colour, depth, slot, age } = rows;
+        let records = buckets.records();
+        let nearest = &mut scratch.nearest[..colour.len()];
+        let mut chain = buckets.chain(tile).peekable();
+        while let Some(chunk) = chain.next() {
+            let next = chain.peek().map_or(0, |next| next.start);
+            // Line by line: all of the next chunk at once is more than a processor can ask for at a time.
+            let (lines, rest) = records[chunk].as_chunks::<LINE>();
+            for (line, ahead) in lines.iter().zip((next..).step_by(LINE)) {
+                prefetch_at(records, ahead);
+                keep_nearest(line, nearest);
             }
-            if (tile + frame as usize).is_multiple_of(TURNS) {
-                let all = buckets.chain(tile).flat_map(|chunk| &records[chunk]);
-                all.for_each(|record| is_hidden[record.slot as usize].store(1, Relaxed));
-                nearest.iter().for_each(|nearest| is_hidden[nearest.key as u32 as usize].store(0, Relaxed));
-            }
-            isa.run(Show { nearest, nothing, colour, depth, slot, age });
+            keep_nearest(rest, nearest);
         }
-    });
+        if (tile + frame as usize).is_multiple_of(TURNS) {
+            buckets.chain(tile).for_each(|chunk| hide(&records[chunk], nearest, states));
+        }
+        isa.run(Show { nearest, nothing: scratch.nothing, colour, depth, slot, age });
+    }
 }
 
+/// Says of points whether they are behind others. Each is in one tile only: no other thread changes its state.
+fn hide(records: &[Record], nearest: &[Nearest], states: &[AtomicU16]) {
+    const IS_HIDDEN: u16 = (HIDDEN as u16) << 8;
+    for record in records {
+        let Some(pixel) = nearest.get((record.about >> Record::PIXEL) as usize) else { continue };
+        let Some(state) = states.get(record.slot as usize) else { continue };
+        let is_hidden = if pixel.key as u32 == record.slot { 0 } else { IS_HIDDEN };
+        state.store(state.load(Relaxed) & !IS_HIDDEN | is_hidden, Relaxed);
+    }
+}
+
+#[inline(always)]
 fn keep_nearest(records: &[Record], nearest: &mut [Nearest]) {
     for record in records {
-        // Every record of a tile has a pixel of it.
-        let Some(pixel) = nearest.get_mut((record.age_and_pixel >> 8) as usize) else { continue };
         let new = Nearest::from(record);
-        // All ones if the record is nearer. Not a choice, which becomes a branch, and whether a pixel has a nearer point already cannot
-        // be guessed.
-        let nearer = u64::from(new.key < pixel.key).wrapping_neg();
-        let take = |old: u64, new: u64| old ^ (old ^ new) & nearer;
-        *pixel = Nearest { look: take(pixel.look, new.look), key: take(pixel.key, new.key) };
+        // Every record of a tile has a pixel of it.
+        let Some(pixel) = nearest.get_mut(new.look as u32 as usize >> Record::PIXEL) else { continue };
+        // Whether a pixel has a nearer point already cannot be guessed: a branch, which compilers make of anything less than this, made
+        // the whole stage take 45 % longer.
+        let is_nearer = new.key < pixel.key;
+        pixel.look = select_unpredictable(is_nearer, new.look, pixel.look);
+        pixel.key = select_unpredictable(is_nearer, new.key, pixel.key);
     }
 }
 
