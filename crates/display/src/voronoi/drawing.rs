@@ -388,11 +388,13 @@ impl<'a> Lit<'a> {
             (&*made.light, Mask::new(surfaces.size, is_new))
         });
         let before = before.as_ref().map(|(light, changed)| (*light, changed));
+        let mut scratch = voronoi.scratch.lock().unwrap_or_else(PoisonError::into_inner);
+        let light = reconstruct::light(surfaces, sums, voronoi.paths, before, &mut scratch);
         Self {
             layer,
             camera,
             shadings,
-            light: Arc::new(reconstruct::light(surfaces, sums, voronoi.paths, before)),
+            light: Arc::new(light),
             guesses: Arc::new(Guesses::new(surfaces, sums)),
             from,
             is_new: true,

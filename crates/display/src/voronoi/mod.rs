@@ -40,7 +40,7 @@ use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, Sample, Section};
 use portals::Beyond;
-use reconstruct::Light;
+use reconstruct::{Light, Scratch};
 use shade::Shadings;
 use std::sync::{Arc, Mutex, OnceLock};
 use surfaces::{Caster, Seen, Surfaces};
@@ -108,6 +108,7 @@ pub struct Voronoi {
     edge_points: OnceLock<EdgePoints>,
     /// Pixels that see smooth metals.
     metals: OnceLock<Vec<usize>>,
+    scratch: Mutex<Scratch>,
 }
 
 impl Voronoi {
@@ -160,6 +161,7 @@ impl Voronoi {
             records: None,
             edge_points: OnceLock::new(),
             metals: OnceLock::new(),
+            scratch: Mutex::default(),
         }
     }
 

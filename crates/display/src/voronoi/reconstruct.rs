@@ -92,6 +92,16 @@ impl Light {
     }
 }
 
+/// Memory for reconstructing, kept from one picture to the next: to get it anew from the system took a sixth of a picture's time.
+#[derive(Default)]
+pub(crate) struct Scratch {
+    /// Sums of tents, and of those twice as wide.
+    cells: Vec<f32>,
+    wider: Vec<f32>,
+    /// By level: rows of each of what is kept of means.
+    means: Vec<Vec<f32>>,
+}
+
 /// Weight in sums of one sample along the eye's ray.
 pub(crate) fn weight_of_one(paths: u16) -> f32 {
     (FULL_WEIGHT * u64::from(paths.max(1))) as f32
@@ -101,22 +111,33 @@ pub(crate) fn weight_of_one(paths: u16) -> f32 {
 ///
 /// `before` is the light of some of these samples and the blocks whose sums are others now: only what they have a part in is made
 /// again.
-pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16, before: Option<(&Light, &Mask)>) -> Light {
+pub(crate) fn light(
+    surfaces: &Surfaces,
+    sums: &[Sums],
+    paths: u16,
+    before: Option<(&Light, &Mask)>,
+    scratch: &mut Scratch,
+) -> Light {
     let size = surfaces.size;
     let (width, height) = size;
     let seen = seen_blocks(surfaces);
     let wanted = match before {
-        None => seen,
+        None => seen.clone(),
         Some((light, changed)) => {
             let reach = |block: usize| (1 << light.reaches[block]) - 1;
             Mask::new(size, |block| seen.has(block) && changed.has_near(block, reach(block)))
         }
     };
+    let is_all = (0..blocks::count(size)).all(|block| wanted.has(block) || !seen.has(block));
+    let before = before.filter(|_| !is_all);
     let mut light = before.map_or_else(|| Light::unknown(size), |(light, _)| light.clone());
     let labels = &surfaces.labels;
-    let (mut cells, mut wider) = (zeroed(KINDS * width * height), zeroed(KINDS * width * height));
-    // By level: rows of each of what is kept.
-    let mut means: Vec<Vec<f32>> = Vec::with_capacity(LEVELS);
+    let Scratch { cells, wider, means } = scratch;
+    for memory in [&mut *cells, &mut *wider] {
+        if memory.len() != KINDS * width * height {
+            *memory = zeroed(KINDS * width * height);
+        }
+    }
     let (one, with_samples) = (weight_of_one(paths), Labels::none(labels.len()));
     let mut open = wanted.clone();
     for level in 0..LEVELS {
@@ -124,7 +145,14 @@ pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16, before: Opti
         // Narrow tents have a part in wide ones: as far off as all wider ones reach.
         let needed = open.widened((1 << (LEVELS - 1)) - (1 << level));
         let runs = [needed.heightened(step).runs(width), needed.runs(width)];
-        let mut kept: Vec<f32> = zeroed(KEPT * width * height);
+        if means.len() == level {
+            means.push(Vec::new());
+        }
+        let (means, kept) = means.split_at_mut(level);
+        let Some(kept) = kept.first_mut() else { break };
+        if kept.len() != KEPT * width * height {
+            *kept = zeroed(KEPT * width * height);
+        }
         let lines = choices(&mut light, size).into_iter().zip(wider.chunks_mut(KINDS * width));
         let lines = lines.zip(kept.chunks_mut(KEPT * width));
         let lines = lines.map(|((choices, sums), kept)| Line { choices, sums, kept });
@@ -142,8 +170,8 @@ pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16, before: Opti
                 width,
                 sums,
                 one,
-                from: &cells,
-                means: &means,
+                from: cells,
+                means,
                 step,
                 runs: &runs,
                 open: &columns,
@@ -167,8 +195,7 @@ pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16, before: Opti
         if !open.any() {
             break;
         }
-        means.push(kept);
-        std::mem::swap(&mut cells, &mut wider);
+        std::mem::swap(cells, wider);
     }
     light
 }
@@ -287,6 +314,9 @@ impl Kernel for Part<'_, '_> {
 #[inline(always)]
 fn alone(sums: &[Sums], labels: &[u32], one: f32, columns: &Range<usize>, with_samples: &Labels, cells: &mut [f32]) {
     let width = labels.len();
+    for cells in cells.chunks_mut(width) {
+        cells[columns.clone()].fill(0.0);
+    }
     for column in columns.clone() {
         let sum = &sums[column];
         if sum.weight == 0 {

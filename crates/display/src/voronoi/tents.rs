@@ -131,16 +131,19 @@ fn across(from: &[f32], labels: &[u32], step: usize, columns: &Range<usize>, lin
     let (first, last) = (step.min(width), width.saturating_sub(step));
     let (low, high) = (first.min(last).clamp(start, end), first.max(last).clamp(start, end));
     for (sums, from) in line.chunks_mut(width).zip(from.chunks(width)) {
-        sums[start..end].copy_from_slice(&from[start..end]);
         if start < low {
+            sums[start..low].copy_from_slice(&from[start..low]);
             add_half(&mut sums[start..low], &labels[start..], &from[start + step..], &labels[start + step..]);
         }
-        if low < high && first < last {
+        if low < high && first >= last {
+            sums[low..high].copy_from_slice(&from[low..high]);
+        } else if low < high {
             let before = (&from[low - step..], &labels[low - step..]);
             let after = (&from[low + step..], &labels[low + step..]);
             with_halves(&mut sums[low..high], &from[low..], &labels[low..], before, after);
         }
         if high < end {
+            sums[high..end].copy_from_slice(&from[high..end]);
             add_half(&mut sums[high..end], &labels[high..], &from[high - step..], &labels[high - step..]);
         }
     }
