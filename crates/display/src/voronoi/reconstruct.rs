@@ -29,6 +29,10 @@ const LEVELS: usize = 8;
 /// Half the width of a confidence interval, in standard errors.
 const CONFIDENCE: f32 = 3.0;
 
+/// The same within two pixels of an edge: where surfaces meet or hide each other, light more often changes within some pixels than
+/// elsewhere.
+const BESIDE_EDGES: f32 = 2.0;
+
 /// A mean with no more relative error than this is not widened: a step of an 8-bit display.
 const ENOUGH: f32 = 0.004;
 
@@ -174,6 +178,7 @@ pub(crate) fn light(
                 means,
                 step,
                 runs: &runs,
+                edges: &surfaces.edges,
                 open: &columns,
                 with_samples: &with_samples,
                 found: &found,
@@ -266,6 +271,8 @@ struct Part<'a, 'b> {
     step: usize,
     /// By rows of blocks, columns that are wanted of the sums along rows, and of the tents.
     runs: &'b [Vec<Vec<Range<usize>>>; 2],
+    /// Pixels with something else beside them.
+    edges: &'b [bool],
     /// The same of blocks with open choices.
     open: &'b [Vec<Range<usize>>],
     with_samples: &'b Labels,
@@ -277,7 +284,7 @@ impl Kernel for Part<'_, '_> {
 
     #[inline(always)]
     fn run(self) {
-        let Part { lines, labels, width, sums, one, from, means, step, runs, open, with_samples, found } = self;
+        let Part { lines, labels, width, sums, one, from, means, step, runs, edges, open, with_samples, found } = self;
         let mut passes = (step > 0).then(|| Passes::new(from, labels, width, step, [&runs[0], &runs[1]]));
         for Line { choices, sums: line, kept } in lines {
             let row = choices.row;
@@ -301,8 +308,11 @@ impl Kernel for Part<'_, '_> {
                         1 => choices.leave_starving(segment.clone(), labels, with_samples, found),
                         _ => {}
                     }
-                    if choices.is_open(&segment) && choices.consider(line, means, kept, &segment) {
-                        found.is_open.store(true, Ordering::Relaxed);
+                    if choices.is_open(&segment) {
+                        let limits = limits(edges, width, row, &segment);
+                        if choices.consider(line, means, kept, &segment, &limits) {
+                            found.is_open.store(true, Ordering::Relaxed);
+                        }
                     }
                 }
             }
@@ -330,6 +340,21 @@ fn alone(sums: &[Sums], labels: &[u32], one: f32, columns: &Range<usize>, with_s
         }
         with_samples.insert(labels[column]);
     }
+}
+
+/// The square of what half a confidence interval is at these pixels, in standard errors.
+#[inline(always)]
+fn limits(edges: &[bool], width: usize, row: usize, segment: &Range<usize>) -> [f32; COLUMNS] {
+    let (last, here) = (edges.len() / width - 1, row * width);
+    let rows = [row.saturating_sub(1) * width, here, (row + 1).min(last) * width];
+    let mut limits = [CONFIDENCE * CONFIDENCE; COLUMNS];
+    for (limit, column) in limits.iter_mut().zip(segment.clone()) {
+        let beside = edges[here + column.saturating_sub(1)] | edges[here + (column + 1).min(width - 1)];
+        if beside | rows.iter().any(|row| edges[row + column]) {
+            *limit = BESIDE_EDGES * BESIDE_EDGES;
+        }
+    }
+    limits
 }
 
 /// The choices of a row's pixels.
@@ -383,7 +408,14 @@ impl Choices<'_> {
 
     /// Takes the next wider means where they may be had; whether any choice stays open.
     #[inline(always)]
-    fn consider(&mut self, cells: &[f32], means: &[Vec<f32>], kept: &mut [f32], segment: &Range<usize>) -> bool {
+    fn consider(
+        &mut self,
+        cells: &[f32],
+        means: &[Vec<f32>],
+        kept: &mut [f32],
+        segment: &Range<usize>,
+        limits: &[f32; COLUMNS],
+    ) -> bool {
         let (width, left, count) = (self.states.len(), segment.start, segment.len().min(COLUMNS));
         let of = |kind: usize| &cells[kind * width + left..][..count];
         let (red, green, blue, weight, square) = (of(0), of(1), of(2), of(3), of(4));
@@ -411,7 +443,7 @@ impl Choices<'_> {
                 let wanted = ENOUGH * its_values[i];
                 // Its error is the root of the variance over the samples.
                 let stop = (larger <= wanted * wanted * its_samples[i])
-                    | (apart * apart * its_samples[i] > CONFIDENCE * CONFIDENCE * larger);
+                    | (apart * apart * its_samples[i] > limits[i] * larger);
                 stops[i] |= u8::from(stop & (its_samples[i] > 0.0));
             }
         }
