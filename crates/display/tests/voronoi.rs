@@ -295,6 +295,35 @@ fn records_of_indirect_light_light_what_has_no_samples_and_nothing_that_they_do_
     assert_eq!(bits(&canvas.draw()), bits(&stage.draw(&samples)));
 }
 
+/// Half of the light is indirect; a lamp's is its own.
+fn lamp_or_lit(_: DVec3, material: &Material) -> [f32; 3] {
+    if material.emits() { material.emission } else { kd(material).map(|channel| 0.75 * channel) }
+}
+
+#[test]
+fn a_material_without_samples_gets_the_direct_light_of_surfaces_and_not_that_of_lamps() {
+    // Side by side: a material of which no sample comes, one with samples, and a lamp.
+    let strip = |low: f64, high: f64, material| wall(8.0, [low, -8.0], [high, 12.0], material);
+    let quads = [strip(-8.0, 1.0, 0), strip(1.0, 3.0, 1), strip(3.0, 12.0, 2)];
+    let lamp = Material { emission: [50.0; 3], ..Material::grey("lamp") };
+    let stage = Stage::new(&quads, vec![diffuse([0.2, 0.4, 0.8]), diffuse([0.5; 3]), lamp]);
+    let records = Store::new(0.01);
+    let half = std::f32::consts::PI * 0.5;
+    for y in -4..=8 {
+        (-4..=8).for_each(|z| assert!(records.insert(record(y as f32, z as f32, half, stage.raycaster.scene()))));
+    }
+    let samples = stage.samples(lamp_or_lit, 20_000, common::clean);
+    let mut canvas = stage.empty().with_records(Arc::new(records));
+    let grey = samples.iter().filter(|(_, sample)| sample.rgb()[2] < 1.5 * sample.rgb()[0]);
+    grey.for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+    let pixels = canvas.draw().frame.picture.pixels;
+    // Indirect light by the records, direct light as on the other: 1 % for the samples' codes.
+    let lit = (44..64).flat_map(|column| (0..48).map(move |row| row * 64 + column)).map(|pixel: usize| pixels[pixel]);
+    for pixel in lit {
+        assert!((0..3).all(|channel| (pixel[channel] / [0.15, 0.3, 0.6][channel] - 1.0).abs() < 0.01), "{pixel:?}");
+    }
+}
+
 fn bright(_: DVec3, material: &Material) -> [f32; 3] {
     kd(material).map(|channel| 3.0 * channel)
 }

@@ -395,7 +395,7 @@ impl<'a> Lit<'a> {
             camera,
             shadings,
             light: Arc::new(light),
-            guesses: Arc::new(Guesses::new(surfaces, sums)),
+            guesses: Arc::new(Guesses::new(surfaces, sums, shadings)),
             from,
             is_new: true,
         }
