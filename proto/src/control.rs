@@ -159,6 +159,11 @@ pub enum Control {
     },
     /// Worker or display: send the records of indirect light, those that there are and those that will be.
     LightWanted,
+    /// Server to display, before the scene that it asked for: there are stand-ins for it, by section ([`crate::stand_ins`]), and what
+    /// their blob is.
+    StandIns(SceneInfo),
+    /// Display: send the stand-ins, in pieces as the scene.
+    StandInsWanted,
 }
 
 type Wire = Configuration<LittleEndian, Fixint, Limit<{ MAX_CONTROL_BYTES as usize }>>;

@@ -16,6 +16,7 @@ pub mod control;
 mod error;
 pub mod frame;
 pub mod hello;
+pub mod stand_ins;
 
 pub use error::ProtoError;
 

@@ -254,6 +254,8 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("control-failed", Any::Control(Control::Failed { reason: "no memory".into() })),
         ("control-settle", Any::Control(Control::Settle { view: 7 })),
         ("control-light-wanted", Any::Control(Control::LightWanted)),
+        ("control-stand-ins", Any::Control(Control::StandIns(SceneInfo { hash: [0xAB; 32], bytes: 258 }))),
+        ("control-stand-ins-wanted", Any::Control(Control::StandInsWanted)),
         ("work", work()),
         ("work-named", work_named()),
         ("work-empty", Any::Work(Work::default())),
@@ -324,11 +326,11 @@ fn every_kind_and_every_control_message_is_written_down() {
     // A variant number is a message's first four bytes; of the next number there is none.
     let controls: BTreeSet<u8> =
         cases().iter().map(|(_, message)| message.frame()).filter(|f| f[4] == 3).map(|f| f[8]).collect();
-    assert_eq!(controls, (0..=11).collect());
+    assert_eq!(controls, (0..=13).collect());
     let mut next = vec![0; 64];
-    next[0] = 12;
+    next[0] = 14;
     let error = Control::decode(&next).unwrap_err().to_string();
-    assert!(error.contains("12"), "{error}");
+    assert!(error.contains("14"), "{error}");
 }
 
 #[test]

@@ -62,6 +62,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         canvas.draw()
     });
+    timed("draw with all beams' new samples", 5, || {
+        packets.iter().for_each(|(beam, samples)| canvas.insert(0, *beam, 1, &samples[..samples.len().min(1)]));
+        canvas.draw()
+    });
     timed("draw with nothing new", 10, || canvas.draw());
     Ok(())
 }

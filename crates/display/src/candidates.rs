@@ -9,6 +9,7 @@
 //! could be requested for its ray.
 
 use glam::DVec3;
+use holo_picture::View;
 use holo_section::{BeamId, Section};
 
 /// Where a section lies on a view ray.
@@ -65,6 +66,14 @@ pub(crate) fn candidates(sections: &[Section], eye: DVec3, direction: DVec3, fou
     found.sort_by(|a, b| a.reach.total_cmp(&b.reach).then(a.section.cmp(&b.section)));
     found.extend(ahead);
     found.extend(behind);
+}
+
+/// The section that a view is of: the one around the eye, else the one that the picture's middle sees best. `None` if it sees none.
+pub fn section_of(sections: &[Section], view: &View) -> Option<u16> {
+    let (eye, direction) = view.ray(0.5, 0.5);
+    let mut found = Vec::new();
+    candidates(sections, eye, direction, &mut found);
+    found.first().map(|candidate| candidate.section)
 }
 
 /// Whether any section can show what the view ray sees. `hint` is a section to try first, and is set to the one found.

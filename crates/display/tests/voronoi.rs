@@ -295,6 +295,35 @@ fn records_of_indirect_light_light_what_has_no_samples_and_nothing_that_they_do_
     assert_eq!(bits(&canvas.draw()), bits(&stage.draw(&samples)));
 }
 
+/// Half of the light is indirect; a lamp's is its own.
+fn lamp_or_lit(_: DVec3, material: &Material) -> [f32; 3] {
+    if material.emits() { material.emission } else { kd(material).map(|channel| 0.75 * channel) }
+}
+
+#[test]
+fn a_material_without_samples_gets_the_direct_light_of_surfaces_and_not_that_of_lamps() {
+    // Side by side: a material of which no sample comes, one with samples, and a lamp.
+    let strip = |low: f64, high: f64, material| wall(8.0, [low, -8.0], [high, 12.0], material);
+    let quads = [strip(-8.0, 1.0, 0), strip(1.0, 3.0, 1), strip(3.0, 12.0, 2)];
+    let lamp = Material { emission: [50.0; 3], ..Material::grey("lamp") };
+    let stage = Stage::new(&quads, vec![diffuse([0.2, 0.4, 0.8]), diffuse([0.5; 3]), lamp]);
+    let records = Store::new(0.01);
+    let half = std::f32::consts::PI * 0.5;
+    for y in -4..=8 {
+        (-4..=8).for_each(|z| assert!(records.insert(record(y as f32, z as f32, half, stage.raycaster.scene()))));
+    }
+    let samples = stage.samples(lamp_or_lit, 20_000, common::clean);
+    let mut canvas = stage.empty().with_records(Arc::new(records));
+    let grey = samples.iter().filter(|(_, sample)| sample.rgb()[2] < 1.5 * sample.rgb()[0]);
+    grey.for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+    let pixels = canvas.draw().frame.picture.pixels;
+    // Indirect light by the records, direct light as on the other: 1 % for the samples' codes.
+    let lit = (44..64).flat_map(|column| (0..48).map(move |row| row * 64 + column)).map(|pixel: usize| pixels[pixel]);
+    for pixel in lit {
+        assert!((0..3).all(|channel| (pixel[channel] / [0.15, 0.3, 0.6][channel] - 1.0).abs() < 0.01), "{pixel:?}");
+    }
+}
+
 fn bright(_: DVec3, material: &Material) -> [f32; 3] {
     kd(material).map(|channel| 3.0 * channel)
 }
@@ -367,6 +396,52 @@ fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
 }
 
 #[test]
+fn what_is_seen_through_a_portal_is_drawn_by_its_samples_and_all_else_is_as_without() {
+    // A wall with a doorway, and the room behind it, of which the stand-in has nothing.
+    let front = [wall(2.5, [0.0, 0.0], [1.4, 4.0], 0), wall(2.5, [2.6, 0.0], [4.0, 4.0], 0)];
+    let all: Vec<Quad> = front.into_iter().chain([wall(3.9, [0.0, 0.0], [4.0, 4.0], 1)]).collect();
+    let materials = || vec![diffuse([0.8; 3]), diffuse([0.3, 0.5, 0.7])];
+    let (full, standing) = (Stage::new(&all, materials()), Stage::new(&front, materials()));
+    let portal = raycaster(&[wall(2.5, [1.4, 0.0], [2.6, 4.0], 0)], materials());
+    let samples = full.samples(even, 60_000, common::clean);
+    let draw = |raycaster: &Arc<Raycaster>, portals: Option<&Arc<Raycaster>>| {
+        let sections = Arc::from([full.section.clone()]);
+        let mut canvas =
+            Voronoi::through_portals(sections, Arc::clone(raycaster), portals.map(Arc::clone), full.view, SIZE);
+        samples.iter().for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+        canvas.draw().frame
+    };
+    let (through, blind) = (draw(&standing.raycaster, Some(&portal)), draw(&standing.raycaster, None));
+    let truth = full.truth(even);
+    let (mut seen, mut other) = (0, 0);
+    for (pixel, truth) in truth.iter().enumerate() {
+        let (x, y) = (pixel as u32 % SIZE.0, pixel as u32 / SIZE.0);
+        // Where a ray through the doorway's plane passes, in units of its width; next to its sides pixels are mixed.
+        let (eye, along) = full.view.ray((f64::from(x) + 0.5) / 64.0, 1.0 - (f64::from(y) + 0.5) / 48.0);
+        let across = (eye + along * ((2.5 - eye.x) / along.x)).y;
+        let off = ((across - 1.4).abs()).min((across - 2.6).abs());
+        if off < 0.1 {
+            continue;
+        }
+        let (drawn, without) = (through.picture.pixels[pixel], blind.picture.pixels[pixel]);
+        if (1.4..2.6).contains(&across) {
+            seen += 1;
+            assert_eq!(without, [0.0; 3], "{x} {y}");
+            // RGBE's dither is 0.4 % of the largest channel.
+            let near = (0..3).all(|channel| (drawn[channel] - truth[channel]).abs() < 0.01 * truth[2]);
+            assert!(near, "{x} {y}: {drawn:?}, {truth:?}");
+        } else {
+            other += 1;
+            assert_eq!(drawn, without, "{x} {y}");
+        }
+    }
+    assert!(seen > 500 && other > 500, "{seen} {other}");
+    // A portal that stands behind a wall hides nothing.
+    let hidden = raycaster(&[wall(3.0, [3.0, 0.0], [4.0, 4.0], 0)], materials());
+    assert!(draw(&standing.raycaster, Some(&hidden)).picture.pixels == blind.picture.pixels);
+}
+
+#[test]
 fn a_picture_drawn_between_samples_changes_no_bit_of_the_next_one() {
     let stage = plate();
     let all = stage.samples(even, 20_000, common::exponential);
@@ -379,6 +454,30 @@ fn a_picture_drawn_between_samples_changes_no_bit_of_the_next_one() {
         }
     }
     assert_eq!(bits(&canvas.draw()), bits(&stage.draw(&all)));
+}
+
+#[test]
+fn a_picture_of_many_blocks_that_is_mended_where_samples_come_is_the_same_as_one_made_anew() {
+    // A shadow's edge, noise, and a plate that hides some of the wall: tents of all widths, and blocks far from all that is new.
+    let stage = plate();
+    let size = (300, 220);
+    let view = view([0.5, 2.03, 2.01], [8.0, 2.1, 2.05], 50.0, size);
+    let empty = || Voronoi::new(Arc::from([stage.section.clone()]), Arc::clone(&stage.raycaster), view, size);
+    let mut all = stage.samples(shadow, 60_000, common::exponential);
+    let (mut mended, mut anew) = (empty(), empty());
+    // Beam after beam, so that what comes between two pictures lies in a part of it.
+    let third = all.len() / 3;
+    all[third..].sort_by_key(|(beam, _)| *beam);
+    for part in all.chunks(4_000) {
+        for canvas in [&mut mended, &mut anew] {
+            part.iter().for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+        }
+        assert!(mended.draw().frame.samples_used > 0);
+    }
+    let (mended, anew) = (mended.draw(), anew.draw());
+    assert_eq!(bits(&mended), bits(&anew));
+    assert_eq!(mended.frame.empty_pixels, anew.frame.empty_pixels);
+    assert_eq!(mended.guessed_pixels, anew.guessed_pixels);
 }
 
 fn bits(drawn: &Drawn) -> Vec<[u32; 3]> {

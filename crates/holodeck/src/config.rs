@@ -22,6 +22,12 @@ pub struct Config {
     pub two_sided_lights: Option<bool>,
     /// Sections.
     pub section: Vec<Section>,
+    /// Stand-ins named on the command line, by section.
+    #[serde(skip)]
+    pub geometry: Vec<(usize, PathBuf)>,
+    /// Portals named on the command line, by section.
+    #[serde(skip)]
+    pub portals: Vec<(usize, PathBuf)>,
     /// Views by name; the first is where a display begins.
     pub view: Vec<View>,
     /// `auto`, `on` or `off`.
@@ -64,6 +70,10 @@ pub struct Section {
     /// One to look into.
     #[serde(default)]
     pub exterior: bool,
+    /// A simpler scene from which displays take the surfaces of this section's views, relative to this file.
+    pub geometry: Option<PathBuf>,
+    /// Invisible surfaces beyond which that scene tells nothing, relative to this file.
+    pub portals: Option<PathBuf>,
 }
 
 /// One view.
@@ -114,6 +124,11 @@ impl Config {
         let mut config: Config = toml::from_str(&text).with_context(|| path.display().to_string())?;
         let folder = path.parent().unwrap_or(Path::new(""));
         config.scene = config.scene.map(|scene| folder.join(scene));
+        for path in
+            config.section.iter_mut().flat_map(|section| [&mut section.geometry, &mut section.portals]).flatten()
+        {
+            *path = folder.join(&*path);
+        }
         Ok(config)
     }
 }

@@ -68,6 +68,8 @@ struct Info {
     /// Rays that were traced for them.
     light_rays: u64,
     views: Vec<(String, String)>,
+    /// Section, `geometry` or `portals`, and where it came from.
+    stand_ins: Vec<(u16, String, String)>,
     up: [f64; 3],
     unit: f64,
     damage: Vec<String>,
@@ -134,6 +136,7 @@ fn collect(file: &Path) -> Result<Info> {
         light_records: holodeck.light().len(),
         light_rays: holodeck.light().rays(),
         views: about.views.clone(),
+        stand_ins: about.stand_ins.as_ref().map_or_else(Vec::new, |stand_ins| stand_ins.sources.clone()),
         up: about.up,
         unit: about.unit,
         damage: damage(&holodeck),
@@ -218,6 +221,9 @@ pub fn info(args: &InfoArgs) -> Result<()> {
             HumanCount(section.samples),
             HumanCount(section.unseen)
         );
+    }
+    for (section, kind, source) in &info.stand_ins {
+        println!("section {section}: {kind} from {source}");
     }
     for (name, options) in &info.views {
         println!("view {name}: {options}");

@@ -1,10 +1,16 @@
 //! From a scene and options to an open holodeck file.
 
-use std::path::Path;
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Context, Result, bail, ensure};
 use glam::DVec3;
-use holo_proto::control::Engine;
+use holo_proto::{
+    control::Engine,
+    stand_ins::{StandIn, StandInKind},
+};
 use holo_scene::{Bsdf, LoadOptions, Scene};
 use holo_section::{Section, SectionSpec, ViewClass};
 use holo_server::{About, Holodeck};
@@ -28,7 +34,10 @@ const DIFFUSE: f64 = 0.1;
 /// # Errors
 /// If there is no scene or it cannot be loaded.
 pub fn load(config: &Config) -> Result<Scene> {
-    let path = scene_path(config)?;
+    load_file(scene_path(config)?, config)
+}
+
+fn load_file(path: &Path, config: &Config) -> Result<Scene> {
     let options =
         LoadOptions { sky: config.sky.unwrap_or([0.0; 3]), two_sided_lights: config.two_sided_lights.unwrap_or(false) };
     let loaded = holo_scene::load_obj(path, &options)?;
@@ -57,9 +66,14 @@ pub fn make(path: &Path, config: &Config) -> Result<Holodeck> {
         if config.engine.is_none() {
             eprintln!("{}", engine_said(about.settings.engine));
         }
-        return Holodeck::create(path, about, &packed, SMALL_CACHE);
+        let stand_ins = stand_ins(config, about.sections.len())?;
+        let mut holodeck = Holodeck::create(path, about, &packed, SMALL_CACHE)?;
+        if !stand_ins.is_empty() {
+            holodeck.set_stand_ins(&stand_ins)?;
+        }
+        return Ok(holodeck);
     }
-    let holodeck = Holodeck::open(path, SMALL_CACHE)?;
+    let mut holodeck = Holodeck::open(path, SMALL_CACHE)?;
     let there = &holodeck.about;
     about.settings.engine = config.engine.unwrap_or(there.settings.engine);
     let name = path.display();
@@ -71,7 +85,37 @@ pub fn make(path: &Path, config: &Config) -> Result<Holodeck> {
         about.settings
     );
     ensure!(there.sections == about.sections, "{name} has other sections; name another file, or delete it");
+    // They decide no sample: those named now replace those before.
+    let stand_ins = stand_ins(config, about.sections.len())?;
+    if !stand_ins.is_empty() {
+        holodeck.set_stand_ins(&stand_ins)?;
+    }
     Ok(holodeck)
+}
+
+/// What stands in for the scene, loaded, and where each came from: of the command line, else of the configuration's sections.
+fn stand_ins(config: &Config, sections: usize) -> Result<Vec<(StandIn, String)>> {
+    let of = |kind: StandInKind| {
+        let (name, given) = match kind {
+            StandInKind::Geometry => ("geometry", &config.geometry),
+            StandInKind::Portals => ("portals", &config.portals),
+        };
+        let from_section = |section: &config::Section| match kind {
+            StandInKind::Geometry => section.geometry.clone(),
+            StandInKind::Portals => section.portals.clone(),
+        };
+        let mut files: BTreeMap<usize, PathBuf> =
+            config.section.iter().map(from_section).enumerate().filter_map(|(n, file)| Some((n, file?))).collect();
+        files.extend(given.iter().cloned());
+        let load = move |(section, file): (usize, PathBuf)| {
+            ensure!(section < sections, "--{name}: there is no section {section}, only {sections} from 0 on");
+            let scene = load_file(&file, config).with_context(|| format!("{name} of section {section}"))?;
+            let section = u16::try_from(section)?;
+            Ok((StandIn { section, kind, packed: scene.pack() }, file.display().to_string()))
+        };
+        files.into_iter().map(load)
+    };
+    of(StandInKind::Geometry).chain(of(StandInKind::Portals)).collect()
 }
 
 /// The engine that makes clean samples soonest: with records of indirect light where there is such light and surfaces that records
@@ -141,5 +185,13 @@ fn default_section(scene: &Scene) -> Result<config::Section> {
     let size = size * (1.0 - 2.0 * SHRINK);
     eprintln!("no section given: taking the scene's bounds shrunk by 10 %, from {origin} to {}", origin + size);
     let axes = [[size.x, 0.0, 0.0], [0.0, size.y, 0.0], [0.0, 0.0, size.z]];
-    Ok(config::Section { name: None, origin: origin.to_array(), axes, grid: None, exterior: false })
+    Ok(config::Section {
+        name: None,
+        origin: origin.to_array(),
+        axes,
+        grid: None,
+        exterior: false,
+        geometry: None,
+        portals: None,
+    })
 }

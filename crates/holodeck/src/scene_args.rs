@@ -43,6 +43,13 @@ pub struct SceneArgs {
     /// A section: origin, three axes and, if wanted, the grid. May be repeated [default: the scene's bounds, shrunk]
     #[arg(long, value_name = "\"OX,OY,OZ AX,AY,AZ BX,BY,BZ CX,CY,CZ [NX,NY,NZ]\"", value_parser = parse_section, allow_hyphen_values = true)]
     pub section: Vec<config::Section>,
+    /// A simpler scene from which displays take the surfaces of a section's views; samples off them are left out. May be repeated,
+    /// once a section [default number: 0]
+    #[arg(long, value_name = "[SECTION=]FILE.obj", value_parser = parse_stand_in)]
+    pub geometry: Vec<(usize, PathBuf)>,
+    /// Invisible surfaces (windows, doorways, mirrors) beyond which samples are drawn wherever they lie. May be repeated, as --geometry
+    #[arg(long, value_name = "[SECTION=]FILE.obj", value_parser = parse_stand_in)]
+    pub portals: Vec<(usize, PathBuf)>,
     /// The sections are to be looked into, not out of
     #[arg(long)]
     pub exterior: bool,
@@ -91,6 +98,8 @@ impl SceneArgs {
         for section in &mut config.section {
             section.exterior |= self.exterior;
         }
+        config.geometry.clone_from(&self.geometry);
+        config.portals.clone_from(&self.portals);
         config.sky = self.sky.or(config.sky);
         config.two_sided_lights = self.two_sided_lights.then_some(true).or(config.two_sided_lights);
         config.obstructions = self.obstructions.or(config.obstructions);
@@ -130,6 +139,13 @@ fn parse_accuracy(text: &str) -> Result<f32, String> {
     accuracy.ok_or_else(|| format!("an accuracy is a number from {} to {}", range.start(), range.end()))
 }
 
+fn parse_stand_in(text: &str) -> Result<(usize, PathBuf), String> {
+    // What is before the sign must be a number: names of files may have one, too.
+    let numbered = text.split_once('=').and_then(|(section, file)| Some((section.trim().parse().ok()?, file)));
+    let (section, file) = numbered.unwrap_or((0, text));
+    if file.is_empty() { Err(format!("`{text}` names no file")) } else { Ok((section, PathBuf::from(file))) }
+}
+
 fn numbers(text: &str) -> Result<[f64; 3], String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|word| word.trim().parse().ok()).collect();
     let finite = numbers.iter().all(|number: &f64| number.is_finite());
@@ -159,7 +175,15 @@ fn parse_section(text: &str) -> Result<config::Section, String> {
         let whole = grid.iter().all(|n| n.fract() == 0.0 && (1.0..=1e6).contains(n));
         whole.then(|| grid.map(|n| n as u32)).ok_or_else(|| format!("the grid in `{text}` is not three counts"))
     });
-    Ok(config::Section { name: None, origin, axes, grid: grid.transpose()?, exterior: false })
+    Ok(config::Section {
+        name: None,
+        origin,
+        axes,
+        grid: grid.transpose()?,
+        exterior: false,
+        geometry: None,
+        portals: None,
+    })
 }
 
 /// Checks what only a scene file can have.
@@ -194,6 +218,13 @@ mod tests {
         {
             assert!(parse_section(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn stand_ins_are_of_the_section_that_they_name() {
+        assert_eq!(parse_stand_in("2=a.obj"), Ok((2, PathBuf::from("a.obj"))));
+        assert_eq!(parse_stand_in("a=b.obj"), Ok((0, PathBuf::from("a=b.obj"))));
+        assert!(parse_stand_in("2=").is_err());
     }
 
     #[test]

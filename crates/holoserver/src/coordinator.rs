@@ -41,7 +41,7 @@ use crate::{
     holodeck::Holodeck,
     listen::ConnectionId,
     progress::{Done, Progress},
-    recall::send_scene,
+    recall::{send_scene, send_stand_ins},
     wishes::Wishes,
     workers::{Assignment, Worker},
 };
@@ -382,7 +382,15 @@ impl Coordinator {
             }
             Message::Control(Control::SceneWanted) => {
                 if let Some(outbox) = self.outbox(id) {
+                    if let Some(stand_ins) = self.holodeck.about.stand_ins.as_ref().filter(|_| is_display) {
+                        outbox.control(&Control::StandIns(stand_ins.blob))?;
+                    }
                     send_scene(Arc::clone(&self.holodeck), outbox.clone())?;
+                }
+            }
+            Message::Control(Control::StandInsWanted) if is_display => {
+                if let Some(outbox) = self.outbox(id) {
+                    send_stand_ins(Arc::clone(&self.holodeck), outbox.clone())?;
                 }
             }
             Message::Control(Control::Ready { threads }) if is_worker => {

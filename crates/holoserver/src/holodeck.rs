@@ -5,9 +5,13 @@ use std::{
     sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard},
 };
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use holo_beamfile::{BeamFile, Options};
-use holo_proto::control::{MAX_SECTIONS, RenderSettings, SceneInfo, Welcome};
+use holo_proto::{
+    control::{MAX_SECTIONS, RenderSettings, SceneInfo, Welcome},
+    stand_ins::{self, StandIn, StandInKind},
+};
+use holo_scene::Scene;
 use holo_section::{Section, SectionSpec};
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +26,8 @@ const ABOUT: &str = "holodeck";
 const SCENE: &str = "scene";
 /// Name of the blob that holds the beams known to see nothing.
 const UNSEEN: &str = "unseen";
+/// Name of the blob that holds the stand-ins.
+const STAND_INS: &str = "stand-ins";
 /// Version of [`About`].
 const FORMAT: u32 = 1;
 
@@ -46,6 +52,18 @@ pub struct About {
     pub unit: f64,
     /// Named views, as Radiance view options; the first is where a display begins.
     pub views: Vec<(String, String)>,
+    /// What displays take instead of the scene, if anything.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand_ins: Option<AboutStandIns>,
+}
+
+/// What stands in for the scene at displays, by section.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AboutStandIns {
+    /// Hash and length of their blob.
+    pub blob: SceneInfo,
+    /// Section, `geometry` or `portals`, and where it came from, for people.
+    pub sources: Vec<(u16, String, String)>,
 }
 
 impl About {
@@ -55,12 +73,13 @@ impl About {
             format: FORMAT,
             sections,
             settings,
-            scene: SceneInfo { hash: holo_scene::Scene::content_hash(packed_scene), bytes: packed_scene.len() as u64 },
+            scene: SceneInfo { hash: Scene::content_hash(packed_scene), bytes: packed_scene.len() as u64 },
             source,
             up: [0.0, 0.0, 1.0],
             sky: [0.0; 3],
             unit: 1.0,
             views: Vec::new(),
+            stand_ins: None,
         }
     }
 }
@@ -248,10 +267,49 @@ impl Holodeck {
         }
         let packed: Arc<[u8]> = self.file.blob(SCENE)?.context("the file holds no scene")?.into();
         ensure!(
-            holo_scene::Scene::content_hash(&packed) == self.about.scene.hash,
+            Scene::content_hash(&packed) == self.about.scene.hash,
             "the scene in the file is not the one that its samples were traced in"
         );
         Ok(Arc::clone(self.scene.get_or_init(|| packed)))
+    }
+
+    /// Takes other stand-ins for the scene: parts, and where each came from.
+    ///
+    /// # Errors
+    /// If a part is of a section that there is not, or they cannot be written.
+    pub fn set_stand_ins(&mut self, parts: &[(StandIn, String)]) -> Result<()> {
+        let known = |section: u16| usize::from(section) < self.sections.len();
+        if let Some((part, source)) = parts.iter().find(|(part, _)| !known(part.section)) {
+            bail!("{source} is for section {}, of {}", part.section, self.sections.len());
+        }
+        let source = |(part, source): &(StandIn, String)| {
+            let kind = match part.kind {
+                StandInKind::Geometry => "geometry",
+                StandInKind::Portals => "portals",
+            };
+            (part.section, kind.to_owned(), source.clone())
+        };
+        let sources = parts.iter().map(source).collect();
+        let bytes = stand_ins::encode(&parts.iter().map(|(part, _)| part.clone()).collect::<Vec<_>>());
+        let blob = SceneInfo { hash: Scene::content_hash(&bytes), bytes: bytes.len() as u64 };
+        let about = Some(AboutStandIns { blob, sources });
+        if self.about.stand_ins != about {
+            self.file.put_blob(STAND_INS, &bytes)?;
+            self.about.stand_ins = about;
+            self.file.put_blob(ABOUT, serde_json::to_string_pretty(&self.about)?.as_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// The blob of the stand-ins, if there are any.
+    ///
+    /// # Errors
+    /// If it is damaged on disk.
+    pub fn stand_ins(&self) -> Result<Option<Arc<[u8]>>> {
+        let Some(about) = &self.about.stand_ins else { return Ok(None) };
+        let bytes = self.file.blob(STAND_INS)?.context("the file's stand-ins are not there")?;
+        ensure!(Scene::content_hash(&bytes) == about.blob.hash, "the file's stand-ins are not those that it names");
+        Ok(Some(bytes.into()))
     }
 
     /// What whoever connects is told.

@@ -128,8 +128,17 @@ pub fn tell_unseen(outbox: &Outbox, view: u32, beams: &[(u16, BeamId)]) -> Resul
 
 /// Sends the packed scene in pieces, on a thread of its own.
 pub fn send_scene(holodeck: Arc<Holodeck>, outbox: Outbox) -> std::io::Result<()> {
+    send_blob(outbox, move || holodeck.packed_scene().ok())
+}
+
+/// Sends the stand-ins in the same way.
+pub fn send_stand_ins(holodeck: Arc<Holodeck>, outbox: Outbox) -> std::io::Result<()> {
+    send_blob(outbox, move || holodeck.stand_ins().ok().flatten())
+}
+
+fn send_blob(outbox: Outbox, read: impl FnOnce() -> Option<Arc<[u8]>> + Send + 'static) -> std::io::Result<()> {
     thread::Builder::new().name("scene".into()).spawn(move || {
-        let Ok(packed) = holodeck.packed_scene() else { return };
+        let Some(packed) = read() else { return };
         let mut offset = 0;
         for piece in packed.chunks(SCENE_CHUNK_BYTES) {
             while outbox.queued_bytes() > QUEUE_BYTES && !outbox.is_closed() {

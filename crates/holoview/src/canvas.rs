@@ -9,7 +9,7 @@ use holo_display::{Frame, Quadtree, QuadtreeParams, Voronoi, WantedBeam, viewpoi
 use holo_light::Store;
 use holo_net::{Inbox, Message, Outbox, SceneReceiver};
 use holo_picture::View;
-use holo_proto::control::{Control, Welcome};
+use holo_proto::control::{Control, SceneInfo, Welcome};
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
 use holo_section::{BeamId, RayCoords, Sample, Section};
@@ -18,6 +18,7 @@ use crate::{
     Driver,
     point_args::{Part, PointArgs},
     points::{Kind, Points, StageTime},
+    stand_ins::StandIns,
 };
 
 /// How long the scene's next piece may take: a server that has none sends nothing.
@@ -30,7 +31,7 @@ const LEAST_RADIUS: f64 = 1e-5;
 pub enum Painter {
     Quadtree,
     /// With the records of indirect light that have come.
-    Voronoi(Arc<Raycaster>, Arc<Store>),
+    Voronoi(Arc<Raycaster>, Arc<Store>, StandIns),
     /// One driver for all views: it keeps what it has.
     Points(Points),
 }
@@ -52,10 +53,17 @@ impl Painter {
             Driver::Frameless => return of_kind(Kind::Frameless),
             Driver::Auto | Driver::Voronoi => {}
         }
-        let raycaster = match fetch(inbox, outbox, welcome).await? {
-            Some(packed) => {
+        let mut stand_ins = StandIns::default();
+        let raycaster = match fetch(inbox, outbox, &welcome.scene, &Control::SceneWanted).await? {
+            Some((packed, others)) => {
                 let hash = welcome.scene.hash;
-                Some(tokio::task::spawn_blocking(move || build(&packed, hash)).await?)
+                let raycaster = tokio::task::spawn_blocking(move || build(&packed, hash)).await?;
+                if let Some(info) = others {
+                    let fetched = fetch(inbox, outbox, &info, &Control::StandInsWanted).await?;
+                    let (blob, _) = fetched.context("the server announced stand-ins for the scene and sent none")?;
+                    stand_ins = tokio::task::spawn_blocking(move || StandIns::build(&blob, info.hash)).await??;
+                }
+                Some(raycaster)
             }
             None => None,
         };
@@ -65,7 +73,7 @@ impl Painter {
                 outbox.control(&Control::LightWanted)?;
                 let (low, high) = raycaster.scene().bounds();
                 let records = Store::new((LEAST_RADIUS * low.distance(high)).max(f64::from(f32::MIN_POSITIVE)) as f32);
-                Ok(Painter::Voronoi(Arc::new(raycaster), Arc::new(records)))
+                Ok(Painter::Voronoi(Arc::new(raycaster), Arc::new(records), stand_ins))
             }
             (Some(Err(error)), Driver::Voronoi) => Err(error),
             (None, Driver::Voronoi) => bail!("the holodeck has no scene; use --driver quadtree"),
@@ -105,7 +113,7 @@ impl Painter {
     /// Where records of indirect light go, if the driver uses them.
     pub fn records(&self) -> Option<Arc<Store>> {
         match self {
-            Painter::Voronoi(_, records) => Some(Arc::clone(records)),
+            Painter::Voronoi(_, records, _) => Some(Arc::clone(records)),
             Painter::Quadtree | Painter::Points(_) => None,
         }
     }
@@ -117,22 +125,35 @@ impl Painter {
                 let params = QuadtreeParams { sky, ..QuadtreeParams::default() };
                 Canvas::Quadtree(Box::new(Quadtree::new(sections, view, size, params)))
             }
-            Painter::Voronoi(raycaster, records) => {
-                let driver = Voronoi::new(sections, Arc::clone(raycaster), view, size);
-                Canvas::Voronoi(Box::new(driver.with_records(Arc::clone(records))))
+            Painter::Voronoi(raycaster, records, stand_ins) => {
+                let (geometry, portals) = stand_ins.of(&sections, &view);
+                // Records are of the scene's own surfaces.
+                let records = geometry.is_none().then(|| Arc::clone(records));
+                let raycaster = geometry.unwrap_or_else(|| Arc::clone(raycaster));
+                let driver = Voronoi::through_portals(sections, raycaster, portals, view, size);
+                Canvas::Voronoi(Box::new(match records {
+                    Some(records) => driver.with_records(records),
+                    None => driver,
+                }))
             }
             Painter::Points(points) => Canvas::Points(points.clone()),
         }
     }
 }
 
-/// The packed scene; `None` if none comes.
-async fn fetch(inbox: &mut Inbox, outbox: &Outbox, welcome: &Welcome) -> Result<Option<Vec<u8>>> {
-    if welcome.scene.bytes == 0 {
+/// The packed scene or the stand-ins, by what is `wanted`; `None` if none comes. With the scene, what stand-ins there are.
+async fn fetch(
+    inbox: &mut Inbox,
+    outbox: &Outbox,
+    info: &SceneInfo,
+    wanted: &Control,
+) -> Result<Option<(Vec<u8>, Option<SceneInfo>)>> {
+    if info.bytes == 0 {
         return Ok(None);
     }
-    let mut receiver = SceneReceiver::new(&welcome.scene)?;
-    outbox.control(&Control::SceneWanted)?;
+    let mut receiver = SceneReceiver::new(info)?;
+    let mut stand_ins = None;
+    outbox.control(wanted)?;
     let mut deadline = tokio::time::Instant::now() + SCENE_TIME;
     loop {
         // Only pieces count: a server that has no scene still says how it fares.
@@ -141,11 +162,12 @@ async fn fetch(inbox: &mut Inbox, outbox: &Outbox, welcome: &Welcome) -> Result<
             Message::BlobChunk(chunk) => {
                 deadline = tokio::time::Instant::now() + SCENE_TIME;
                 if receiver.take(&chunk)? {
-                    return Ok(Some(receiver.into_bytes()));
+                    return Ok(Some((receiver.into_bytes(), stand_ins)));
                 }
             }
             Message::Control(Control::Ping(number)) => outbox.control(&Control::Pong(number))?,
             Message::Control(Control::Bye { reason }) => bail!("the server ended the session: {reason}"),
+            Message::Control(Control::StandIns(info)) => stand_ins = Some(info),
             Message::Control(_) => {}
             _ => bail!("the server sent a message that is not for a display"),
         }
@@ -186,8 +208,7 @@ impl Canvas {
         match self {
             Canvas::Quadtree(driver) => driver.insert_unseen(section, beam),
             Canvas::Points(driver) => driver.insert_unseen(section, beam),
-            // It knows by itself which pixels see nothing.
-            Canvas::Voronoi(_) => {}
+            Canvas::Voronoi(driver) => driver.insert_unseen(section, beam),
         }
     }
 

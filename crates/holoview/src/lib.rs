@@ -13,6 +13,7 @@ mod points;
 mod received;
 mod script;
 mod session;
+mod stand_ins;
 
 use std::{net::SocketAddr, path::PathBuf};
 

@@ -189,5 +189,7 @@ pub fn control() -> impl Strategy<Value = Control> {
         text().prop_map(|reason| Control::Failed { reason }),
         any::<u32>().prop_map(|view| Control::Settle { view }),
         Just(Control::LightWanted),
+        (any::<[u8; 32]>(), any::<u64>()).prop_map(|(hash, bytes)| Control::StandIns(SceneInfo { hash, bytes })),
+        Just(Control::StandInsWanted),
     ]
 }

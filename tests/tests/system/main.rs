@@ -15,6 +15,7 @@ mod processes;
 mod render_cache;
 mod samples;
 mod session;
+mod stand_ins;
 mod unseen;
 mod usage;
 mod view_types;

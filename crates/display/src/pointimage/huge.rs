@@ -5,10 +5,19 @@
 //!
 //! Always true: nothing but time depends on whether the system gives them.
 
+use bytemuck::Zeroable;
+
 /// `count` times `value`.
 pub(crate) fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
     let mut memory = reserved(count);
     memory.resize(count, value);
+    memory
+}
+
+/// `count` zeros: what is never touched takes no time.
+pub(crate) fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
+    let mut memory = bytemuck::zeroed_vec(count);
+    advise(&mut memory);
     memory
 }
 
@@ -46,7 +55,7 @@ fn advise<T>(memory: &mut [T]) {
 
 #[cfg(test)]
 mod tests {
-    use super::filled;
+    use super::{filled, zeroed};
 
     #[test]
     fn memory_is_filled_whatever_its_size() {
@@ -54,6 +63,8 @@ mod tests {
             let memory = filled(0x1234_5678_u32, count);
             assert_eq!(memory.len(), count);
             assert!(memory.iter().all(|&number| number == 0x1234_5678));
+            let memory: Vec<u32> = zeroed(count);
+            assert!(memory.len() == count && memory.iter().all(|&number| number == 0));
         }
     }
 }

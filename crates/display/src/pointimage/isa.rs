@@ -27,16 +27,21 @@ impl Instructions {
 }
 
 /// A loop over arrays. `run` must be `#[inline(always)]`, so that it is compiled for the processor that calls it.
-pub(super) trait Kernel {
+pub(crate) trait Kernel {
     type Output;
     fn run(self) -> Self::Output;
 }
 
 /// Proof that this processor has the instructions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Isa(Instructions);
+pub(crate) struct Isa(Instructions);
 
 impl Isa {
+    /// The widest that this processor has.
+    pub fn best() -> Self {
+        Self(Instructions::best())
+    }
+
     pub fn new(wanted: Instructions) -> Option<Self> {
         let here = match wanted {
             Instructions::Portable => true,

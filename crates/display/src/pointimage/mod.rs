@@ -41,7 +41,7 @@ mod dither;
 mod hints;
 mod huge;
 mod interpolate;
-mod isa;
+pub(crate) mod isa;
 mod map;
 mod noise;
 mod parallel;
@@ -63,7 +63,7 @@ mod update;
 mod zbuffer;
 
 pub use beams::best_beam;
-pub(crate) use huge::{filled, reserved};
+pub(crate) use huge::{filled, reserved, zeroed};
 pub use isa::Instructions;
 pub use map::far_depth;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing, Stage, Stages};

@@ -5,7 +5,8 @@
 use super::labels::{Labelled, label};
 use super::surfaces::{Caster, Image, Seen, Surfaces, number_of};
 use crate::parts::for_parts;
-use bytemuck::zeroed_vec;
+use crate::pointimage::isa::Isa;
+use crate::pointimage::zeroed;
 use glam::Vec3;
 use holo_raycast::{Hit, MAX_TILE, Ray};
 use holo_scene::Rgb;
@@ -24,6 +25,9 @@ const MAX_IMAGES: usize = 12;
 /// image. What smaller ones show has the light of where else it is seen.
 const LEAST_MIRROR: u32 = 400;
 
+/// A ray that meets nothing.
+const NOWHERE: Ray = Ray { origin: Vec3::ZERO, direction: Vec3::ZERO, t_min: 0.0, t_max: 0.0 };
+
 /// A pixel whose ray meets a mirror or pane.
 type Special = (usize, Ray, Hit);
 
@@ -35,7 +39,7 @@ impl Caster<'_> {
     /// is seen through them, and then the mirrors and panes themselves.
     pub fn surfaces(&self) -> Vec<Surfaces> {
         let (width, height) = self.size;
-        let mut seen: Vec<Seen> = zeroed_vec(width * height);
+        let mut seen: Vec<Seen> = zeroed(width * height);
         let special = Mutex::new(Vec::new());
         for_parts(&mut seen, width, SIDE, |part, rows| {
             let found = self.cast_rows(part * SIDE, rows);
@@ -53,13 +57,13 @@ impl Caster<'_> {
         let rows = row(special.first())..row(special.last()) + 1;
         let (through, images) = self.follow_all(&special, false);
         let (in_panes, pane_images) = self.follow_all(&special, true);
-        let mut polished: Vec<Seen> = zeroed_vec(width * height);
+        let mut polished: Vec<Seen> = zeroed(width * height);
         let mut throughput = FxHashMap::default();
         for (pixel, behind, share) in through {
             polished[pixel] = std::mem::replace(&mut seen[pixel], behind);
             throughput.insert(pixel as u32, share);
         }
-        let mut reflected: Vec<Seen> = zeroed_vec(width * height);
+        let mut reflected: Vec<Seen> = zeroed(width * height);
         let mut pane_throughput = FxHashMap::default();
         for (pixel, there, share) in in_panes {
             // Where the way through was too long there is nothing to add to.
@@ -117,26 +121,48 @@ impl Caster<'_> {
         Surfaces { size: self.size, seen, labels, edges, images, windows, throughput, pixel_width }
     }
 
+    /// The rays through the middles of a tile's pixels, `across` of them in a row.
+    fn tile_rays(&self, (left, top): (usize, usize), across: usize, rays: &mut [Ray]) {
+        let middle = |number: usize| {
+            let (x, y) = (left + number % across, top + number / across);
+            (x as f64 + 0.5, y as f64 + 0.5)
+        };
+        // Rays of one eye near the scene differ in their directions alone, which are then found many at once.
+        let one = self.is_perspective().then(|| self.ray(middle(0).0, middle(0).1)).flatten();
+        if let Some((first, 0.0)) = one {
+            let mut points = [(0.0, 0.0); MAX_TILE];
+            points.iter_mut().zip(0..rays.len()).for_each(|(point, number)| *point = middle(number));
+            let directions = Isa::best().run(self.directions(&points));
+            rays.iter_mut().zip(directions).for_each(|(ray, towards)| *ray = Ray::new(first.origin, towards));
+            return;
+        }
+        for (number, ray) in rays.iter_mut().enumerate() {
+            let (x, y) = middle(number);
+            *ray = self.ray(x, y).map_or(NOWHERE, |(ray, _)| ray);
+        }
+    }
+
     /// Some rows from `top`; gives the pixels that look at a mirror or pane.
     fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Vec<Special> {
         let mut found = Vec::new();
         let width = self.size.0;
         let count = rows.len() / width.max(1);
-        let nowhere = Ray::new(Vec3::ZERO, Vec3::ZERO);
         for left in (0..width).step_by(SIDE) {
             let across = SIDE.min(width - left);
-            let mut rays = [nowhere; MAX_TILE];
+            let mut rays = [NOWHERE; MAX_TILE];
             let mut hits = [None; MAX_TILE];
             let used = across * count;
             let places = (0..count).flat_map(|y| (left..left + across).map(move |x| (x, y)));
-            for (ray, (x, y)) in rays.iter_mut().zip(places.clone()) {
-                *ray = self.ray(x as f64 + 0.5, (top + y) as f64 + 0.5).map_or(nowhere, |(ray, _)| ray);
-            }
+            self.tile_rays((left, top), across, &mut rays[..used]);
             self.nearest_tile(&rays[..used], &mut hits[..used]);
             for ((ray, hit), (x, y)) in rays.iter().zip(&hits).zip(places) {
                 let Some(hit) = hit else { continue };
                 let pixel = y * width + x;
-                rows[pixel] = self.first(ray, hit);
+                let seen = self.first(ray, hit);
+                if self.is_beyond(x as f64 + 0.5, (top + y) as f64 + 0.5, &seen) {
+                    continue;
+                }
+                rows[pixel] = seen;
                 if self.is_polished(hit.triangle) {
                     found.push((top * width + pixel, *ray, *hit));
                 }

@@ -5,6 +5,7 @@
 //!   material too, which a ray tells.
 //! - Sums are of integers, so the order of samples changes no bit.
 
+use super::blocks;
 use super::shade::Shadings;
 use super::surfaces::{Caster, SMOOTH, Seen, Surfaces, Window};
 use crate::camera::Camera;
@@ -53,6 +54,15 @@ pub(crate) struct Depositor<'a> {
     pub caster: Caster<'a>,
 }
 
+/// What samples are added to.
+pub(crate) struct Deposits<'a> {
+    pub sums: &'a mut [Sums],
+    /// By block, how many samples there were with the last one that came into it.
+    pub changes: &'a mut [u64],
+    /// Samples before these.
+    pub samples: u64,
+}
+
 /// A sample's surface point, camera coordinates.
 struct Place {
     point: DVec3,
@@ -63,7 +73,7 @@ struct Place {
 
 impl Depositor<'_> {
     /// Adds a beam's samples; gives how many found a pixel.
-    pub fn insert(&self, beam: &Beam, samples: &[Sample], sums: &mut [Sums]) -> u64 {
+    pub fn insert(&self, beam: &Beam, samples: &[Sample], to: &mut Deposits) -> u64 {
         let (entry, exit) = (beam.section.cell(beam.pair.entry), beam.section.cell(beam.pair.exit));
         let mut used = 0;
         for sample in samples {
@@ -79,14 +89,17 @@ impl Depositor<'_> {
             let uncertainty = 2.5e-4 * beam.section.diagonal * diagonals.max(1.0);
             let place = Place { point, direction, uncertainty };
             for window in &self.surfaces.windows {
-                used += u64::from(self.place(window, &place, sample, beam.paths, sums).is_some());
+                if let Some(pixel) = self.place(window, &place, sample, beam.paths, to.sums) {
+                    used += 1;
+                    to.changes[blocks::of(pixel, self.surfaces.size.0)] = to.samples + used;
+                }
             }
         }
         used
     }
 
-    /// Adds one sample to the pixel that sees it in one image.
-    fn place(&self, window: &Window, place: &Place, sample: &Sample, paths: u16, sums: &mut [Sums]) -> Option<()> {
+    /// Adds one sample to the pixel that sees it in one image, and gives that.
+    fn place(&self, window: &Window, place: &Place, sample: &Sample, paths: u16, sums: &mut [Sums]) -> Option<usize> {
         let image = usize::from(window.image);
         let (mut point, mut direction) = (place.point.as_vec3(), place.direction.as_vec3());
         if image > 0 {
@@ -131,7 +144,7 @@ impl Depositor<'_> {
         let bright = luminance(light) as u64;
         sum.weight = sum.weight.saturating_add(weight);
         sum.square = sum.square.saturating_add(u128::from(bright) * u128::from(bright) * u128::from(weight));
-        Some(())
+        Some(pixel)
     }
 
     /// Next to an edge: the nearest of the pixels around that sees the very surface that the sample lies on.

@@ -3,6 +3,7 @@
 //!
 //! Invariant: a colour is a function of the samples' sums and the scene alone.
 
+use super::blocks::{self, Mask};
 use super::edges::{Behind, EdgePoints, Shows, alike, polished};
 use super::guess::Guesses;
 use super::indirect::Indirect;
@@ -14,7 +15,7 @@ use crate::camera::Camera;
 use crate::parts::for_parts;
 use holo_light::Store;
 use holo_raycast::{Hit, Ray};
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError};
 
@@ -123,7 +124,7 @@ struct Middle {
 impl<'a> Drawing<'a> {
     /// Reconstructs the light of all layers.
     pub fn new(voronoi: &'a Voronoi) -> Self {
-        let caster = Caster::new(&voronoi.raycaster, &voronoi.view, &voronoi.camera, voronoi.size);
+        let caster = voronoi.caster();
         let mut drawing =
             Self { voronoi, caster, layers: voronoi.layers.iter().map(|layer| Lit::new(voronoi, layer)).collect() };
         if drawing.layers.first().is_some_and(|main| main.is_new) {
@@ -137,17 +138,15 @@ impl<'a> Drawing<'a> {
     pub fn paint(&self, pixels: &mut [[f32; 3]]) -> (u64, u64) {
         let Some(main) = self.layers.first() else { return (0, 0) };
         let (width, _) = main.layer.surfaces.size;
-        let (empty, guessed) = (AtomicU64::new(0), AtomicU64::new(0));
+        let guessed = AtomicU64::new(0);
         for_parts(pixels, width, BLOCK, |part, rows| {
-            let (mut without, mut guesses) = (0, 0);
+            let mut guesses = 0;
             let mut known = Known::default();
             for (colour, pixel) in rows.iter_mut().zip(part * BLOCK * width..) {
                 let middle = self.middle(pixel, &mut known);
-                without += u64::from(main.layer.sums[pixel].weight == 0 && !main.layer.surfaces.seen[pixel].is_sky());
                 guesses += u64::from(middle.is_guess);
                 *colour = middle.colour;
             }
-            empty.fetch_add(without, Ordering::Relaxed);
             guessed.fetch_add(guesses, Ordering::Relaxed);
         });
         let points = self.voronoi.edge_points.get_or_init(|| {
@@ -155,7 +154,11 @@ impl<'a> Drawing<'a> {
             if let Some(panes) = self.layers.get(IN_PANES) {
                 edges.iter_mut().zip(&panes.layer.surfaces.edges).for_each(|(edge, other)| *edge |= other);
             }
-            EdgePoints::cast(&self.caster, &edges, width, |pixel, ray, hit| self.shows(pixel, ray, hit))
+            EdgePoints::cast(&self.caster, &edges, width, |pixel, place, ray, hit| {
+                let (column, row) = ((pixel % width) as f64 + place.0, (pixel / width) as f64 + place.1);
+                let seen = hit.map_or(Seen::NOTHING, |hit| self.caster.first(ray, &hit));
+                if self.caster.is_beyond(column, row, &seen) { Shows::Beyond } else { self.shows(pixel, ray, hit) }
+            })
         });
         let middles: &[[f32; 3]] = pixels;
         let colour = |pixel: usize, shows: &Shows| match shows {
@@ -169,12 +172,12 @@ impl<'a> Drawing<'a> {
             Shows::Through(behind) => {
                 self.through(behind).or_else(|| polished(&main.layer.surfaces, pixel).map(|near| middles[near]))
             }
-            Shows::Other => None,
+            Shows::Other | Shows::Beyond => None,
         };
         let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit);
         let means: Vec<_> = points.smooth(&self.caster, width, colour, point).collect();
         means.into_iter().for_each(|(pixel, colour)| pixels[pixel] = colour);
-        (empty.into_inner(), guessed.into_inner())
+        (main.light.without(), guessed.into_inner())
     }
 
     /// What of a point next to an edge does not depend on samples.
@@ -318,9 +321,12 @@ impl<'a> Drawing<'a> {
         let Some(main) = self.layers.first() else { return };
         let surfaces = &main.layer.surfaces;
         let (width, _) = surfaces.size;
-        let metals = |seen: &Seen| !seen.through && !seen.is_sky() && self.voronoi.shadings.reflects(seen.material);
-        let mut metals: Vec<(usize, Option<[f32; 3]>)> =
-            surfaces.seen.iter().enumerate().filter(|(_, seen)| metals(seen)).map(|(pixel, _)| (pixel, None)).collect();
+        let is_metal = |seen: &Seen| !seen.through && !seen.is_sky() && self.voronoi.shadings.reflects(seen.material);
+        let metals = self.voronoi.metals.get_or_init(|| {
+            let pixels = (0..).zip(&surfaces.seen);
+            pixels.filter(|(_, seen)| is_metal(seen)).map(|(pixel, _)| pixel).collect()
+        });
+        let mut metals: Vec<(usize, Option<[f32; 3]>)> = metals.iter().map(|&pixel| (pixel, None)).collect();
         for_parts(&mut metals, 1, 64, |_, metals| {
             for (pixel, light) in metals {
                 let (column, row) = (*pixel % width, *pixel / width);
@@ -369,16 +375,27 @@ impl<'a> Lit<'a> {
         let from = MadeFrom { samples: layer.samples, paths: voronoi.paths, records };
         let (camera, shadings) = (&voronoi.camera, &voronoi.shadings);
         let made = layer.made.lock().unwrap_or_else(PoisonError::into_inner);
+        let of_these_paths = made.as_ref().filter(|made| made.from.paths == from.paths);
         if let Some(made) = made.as_ref().filter(|made| made.from == from) {
             let (light, guesses) = (Arc::clone(&made.light), Arc::clone(&made.guesses));
             return Self { layer, camera, shadings, light, guesses, from, is_new: false };
         }
+        // What metals reflect follows from more than the samples near.
+        let metals = voronoi.metals.get().map_or(&[][..], Vec::as_slice);
+        let metals: FxHashSet<usize> = metals.iter().map(|&pixel| blocks::of(pixel, surfaces.size.0)).collect();
+        let before = of_these_paths.map(|made| {
+            let is_new = |block: usize| layer.changes[block] > made.from.samples || metals.contains(&block);
+            (&*made.light, Mask::new(surfaces.size, is_new))
+        });
+        let before = before.as_ref().map(|(light, changed)| (*light, changed));
+        let mut scratch = voronoi.scratch.lock().unwrap_or_else(PoisonError::into_inner);
+        let light = reconstruct::light(surfaces, sums, voronoi.paths, before, &mut scratch);
         Self {
             layer,
             camera,
             shadings,
-            light: Arc::new(reconstruct::light(surfaces, sums, voronoi.paths)),
-            guesses: Arc::new(Guesses::new(surfaces, sums)),
+            light: Arc::new(light),
+            guesses: Arc::new(Guesses::new(surfaces, sums, shadings)),
             from,
             is_new: true,
         }

@@ -40,6 +40,8 @@ pub(crate) enum Shows {
     Through(Box<[Option<Behind>; 2]>),
     /// A surface that no pixel around sees.
     Other,
+    /// What lies beyond a portal: has no part in the pixel.
+    Beyond,
 }
 
 /// What a point shows through mirrors and panes.
@@ -64,7 +66,7 @@ impl EdgePoints {
         caster: &Caster,
         edges: &[bool],
         width: usize,
-        shows: impl Fn(usize, &Ray, &Option<Hit>) -> Shows + Sync,
+        shows: impl Fn(usize, (f64, f64), &Ray, &Option<Hit>) -> Shows + Sync,
     ) -> EdgePoints {
         let pixels: Vec<u32> = (0..).zip(edges).filter(|(_, edge)| **edge).map(|(pixel, _)| pixel).collect();
         let mut points = vec![[const { (Shows::Other, None) }; POINTS]; pixels.len()];
@@ -73,8 +75,8 @@ impl EdgePoints {
                 let rays = PLACES.map(|place| ray(caster, width, pixel as usize, place));
                 let mut hits = [None; POINTS];
                 caster.nearest_tile(&rays, &mut hits);
-                for ((point, ray), hit) in points.iter_mut().zip(&rays).zip(hits) {
-                    *point = (shows(pixel as usize, ray, &hit), hit);
+                for (((point, ray), hit), place) in points.iter_mut().zip(&rays).zip(hits).zip(PLACES) {
+                    *point = (shows(pixel as usize, place, ray, &hit), hit);
                 }
             }
         });
@@ -97,6 +99,9 @@ impl EdgePoints {
                 let pixel = self.pixels[at] as usize;
                 let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
                 for ((shows, hit), place) in self.points[at].iter().zip(PLACES) {
+                    if matches!(shows, Shows::Beyond) {
+                        continue;
+                    }
                     let known = colour(pixel, shows).or_else(|| point(pixel, &ray(caster, width, pixel, place), *hit));
                     if let Some(colour) = known {
                         sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);

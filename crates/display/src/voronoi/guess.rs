@@ -6,6 +6,7 @@
 
 use super::deposit::{Sums, luminance};
 use super::indirect::Indirect;
+use super::shade::Shadings;
 use super::surfaces::{Seen, Surfaces};
 use crate::parts::for_parts;
 use glam::Vec3;
@@ -31,6 +32,8 @@ enum Kin {
     Side((u32, bool)),
     Class(Class),
     Material(u32),
+    /// All that light falls on alike from everywhere: not lamps, of which what is kept is their own radiance.
+    Diffuse,
     All,
 }
 
@@ -131,7 +134,7 @@ fn sides(surfaces: &Surfaces, sums: &[Sums], pixels: Range<usize>) -> Sides {
 }
 
 impl Guesses {
-    pub fn new(surfaces: &Surfaces, sums: &[Sums]) -> Guesses {
+    pub fn new(surfaces: &Surfaces, sums: &[Sums], shadings: &Shadings) -> Guesses {
         let width = surfaces.size.0;
         let (_, rows) = surfaces.bounds();
         let mut strips: Vec<Sides> = Vec::new();
@@ -147,20 +150,23 @@ impl Guesses {
             for of in [Kin::Side((triangle, front)), Kin::Class(class), Kin::Material(class.0), Kin::All] {
                 kin.entry(of).or_default().join(&total);
             }
+            if shadings.materials.get(class.0 as usize).is_some_and(|shading| shading.is_diffuse) {
+                kin.entry(Kin::Diffuse).or_default().join(&total);
+            }
         }
         let kin = kin.into_iter().map(|(kin, total)| (kin, total.known())).collect();
         Guesses { kin, indirect: Mutex::default() }
     }
 
     /// Of the same side of the triangle, else of the same material and turned the same way, else of the same material. With
-    /// indirect light known there, the rest is of such surfaces, else of all.
+    /// indirect light known there, the rest is of such surfaces, else of all diffuse ones.
     pub fn alike(&self, seen: &Seen, surfaces: &Surfaces, indirect: Option<&Indirect>) -> Option<[f32; 3]> {
         let kin = [Kin::Side(seen.side()), Kin::Class(class(seen)), Kin::Material(seen.material)];
         let of = kin.into_iter().find(|kin| self.kin.contains_key(kin));
         let there = indirect.and_then(|indirect| indirect.light(seen, surfaces));
         let alike = of.and_then(|of| self.kin.get(&of)).map(|known| known.light);
         let Some((there, indirect)) = there.zip(indirect) else { return alike };
-        match self.direct(of.unwrap_or(Kin::All), surfaces, indirect) {
+        match self.direct(of.unwrap_or(Kin::Diffuse), surfaces, indirect) {
             Some(direct) => Some([0, 1, 2].map(|channel| there[channel] + direct[channel])),
             None => alike.or(Some(there)),
         }

@@ -7,7 +7,7 @@
 use super::surfaces::{NO_LABEL, Seen, Window};
 use crate::camera::PixelWidth;
 use crate::parts::for_parts;
-use bytemuck::zeroed_vec;
+use crate::pointimage::zeroed;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
@@ -36,7 +36,7 @@ pub(crate) fn label(
     pixel_width: PixelWidth,
     images: usize,
 ) -> Labelled {
-    let mut labels: Vec<u32> = zeroed_vec(seen.len());
+    let mut labels: Vec<u32> = zeroed(seen.len());
     let found = Mutex::new((Vec::new(), vec![Window::nowhere(); images]));
     for_parts(&mut labels, width, ROWS, |part, labels| {
         if !touches(rows, part) {
@@ -79,9 +79,16 @@ impl Strip<'_> {
             if here.is_sky() {
                 continue;
             }
-            labels[pixel] = pixel as u32 + 1;
             let left = (!pixel.is_multiple_of(self.width)).then(|| pixel - 1);
             let above = pixel.checked_sub(self.width);
+            // Most pixels are amid one triangle: what is to the left is known to be one with what is above.
+            if let (Some(left), Some(above)) = (left, above)
+                && [left, above, above - 1].iter().all(|&other| part(&self.seen[other]) == part(here))
+            {
+                labels[pixel] = labels[left];
+                continue;
+            }
+            labels[pixel] = pixel as u32 + 1;
             let mut alone = true;
             for other in [left, above].into_iter().flatten() {
                 if here.continues(&self.seen[other], self.pixel_width) {
@@ -107,6 +114,17 @@ impl Strip<'_> {
     /// Where in the picture these rows, from `top`, show each image.
     fn windows(&self, top: usize, images: usize) -> Vec<Window> {
         let mut windows = vec![Window::nowhere(); images];
+        if let [window] = &mut windows[..] {
+            for (row, line) in self.seen.chunks(self.width.max(1)).enumerate() {
+                let is_there = |seen: &Seen| !seen.is_sky() && seen.image == 0;
+                let Some((first, last)) = line.iter().position(is_there).zip(line.iter().rposition(is_there)) else {
+                    continue;
+                };
+                let y = (top + row) as f32;
+                window.join(&Window { image: 0, low: (first as f32, y), high: (last as f32 + 1.0, y + 1.0) });
+            }
+            return windows;
+        }
         for (row, line) in self.seen.chunks(self.width.max(1)).enumerate() {
             for (column, seen) in line.iter().enumerate().filter(|(_, seen)| !seen.is_sky()) {
                 if let Some(window) = windows.get_mut(usize::from(seen.image)) {
@@ -135,7 +153,7 @@ fn join_strips(
     let size = ROWS * width;
     let touched: Vec<usize> = strips.iter().map(|&(strip, _)| strip).collect();
     // For the first pixels of surfaces in strips, which are few: the number of another one of the same surface, plus one.
-    let mut firsts: Vec<u32> = zeroed_vec(labels.len());
+    let mut firsts: Vec<u32> = zeroed(labels.len());
     let of = |labels: &[u32], pixel: usize| (pixel / size * size) as u32 + labels[pixel] - 1;
     let mut known: FxHashMap<Part, u32> = FxHashMap::default();
     for (number, parts) in strips {

@@ -11,6 +11,7 @@
 //! - A pixel whose ray meets nothing is the sky, exactly; one that has no ray, in the corners of a fisheye, is 0.
 
 mod beams;
+mod blocks;
 mod cast;
 mod covered;
 mod deposit;
@@ -19,14 +20,18 @@ mod edges;
 mod guess;
 mod indirect;
 mod labels;
+mod portals;
 mod reconstruct;
 mod shade;
 mod surfaces;
+mod tents;
 
 use crate::Frame;
 use crate::camera::Camera;
+use crate::parts::for_parts;
+use crate::pointimage::zeroed;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
-use deposit::{Beam, Depositor, Sums};
+use deposit::{Beam, Depositor, Deposits, Sums};
 use drawing::Drawing;
 use edges::EdgePoints;
 use guess::Guesses;
@@ -34,10 +39,14 @@ use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, Sample, Section};
-use reconstruct::Light;
+use portals::Beyond;
+use reconstruct::{Light, Scratch};
 use shade::Shadings;
 use std::sync::{Arc, Mutex, OnceLock};
 use surfaces::{Caster, Seen, Surfaces};
+
+/// Rows of which depths are found together.
+const DEPTH_ROWS: usize = 32;
 
 /// A picture, and how much of it is a guess.
 #[derive(Clone, Debug)]
@@ -54,6 +63,8 @@ struct Layer {
     sums: Vec<Sums>,
     /// Samples in the sums.
     samples: u64,
+    /// By block, how many there were with the last one that came into it.
+    changes: Vec<u64>,
     /// What was made of them for the last picture: nothing is done again for layers that have no new samples.
     made: Mutex<Option<Made>>,
 }
@@ -78,6 +89,9 @@ pub struct Voronoi {
     sections: Arc<[Section]>,
     placed: Vec<PlacedSection>,
     raycaster: Arc<Raycaster>,
+    portals: Option<Arc<Raycaster>>,
+    /// What lies beyond the portals, if the view sees any.
+    beyond: Option<Beyond>,
     shadings: Shadings,
     view: View,
     camera: Camera,
@@ -86,20 +100,42 @@ pub struct Voronoi {
     /// As [`Caster::surfaces`] has them.
     layers: Vec<Layer>,
     covered: Vec<bool>,
+    uncovered: u64,
     samples: u64,
     paths: u16,
     records: Option<Arc<Store>>,
-    /// Made with the first picture.
+    /// Made with the first picture, as what follows.
     edge_points: OnceLock<EdgePoints>,
+    /// Pixels that see smooth metals.
+    metals: OnceLock<Vec<usize>>,
+    scratch: Mutex<Scratch>,
 }
 
 impl Voronoi {
     /// What the view sees, without light yet; `size` as from [`View::resolve`], which bounds it: memory is in proportion.
     pub fn new(sections: Arc<[Section]>, raycaster: Arc<Raycaster>, view: View, size: (u32, u32)) -> Self {
+        Self::through_portals(sections, raycaster, None, view, size)
+    }
+
+    /// The same with surfaces that are invisible, but of what lies beyond them nothing is known: samples that are seen through them
+    /// are drawn as the [`Quadtree`](crate::Quadtree) does, by their own depth.
+    pub fn through_portals(
+        sections: Arc<[Section]>,
+        raycaster: Arc<Raycaster>,
+        portals: Option<Arc<Raycaster>>,
+        view: View,
+        size: (u32, u32),
+    ) -> Self {
         let camera = Camera::new(&view, size);
-        let layers = Caster::new(&raycaster, &view, &camera, size).surfaces().into_iter();
+        let caster = Caster::new(&raycaster, &view, &camera, size).with_portals(portals.as_deref());
+        let layers = caster.surfaces();
+        let sees = layers.first().map(|main| &main.seen[..]).filter(|_| portals.is_some());
+        let sky = raycaster.scene().sky;
+        let beyond = sees.and_then(|seen| Beyond::new(&caster, seen, (&sections, view, size), sky));
+        let layers = layers.into_iter();
         let layers = layers.map(|surfaces| Layer {
-            sums: bytemuck::zeroed_vec(surfaces.seen.len()),
+            sums: zeroed(surfaces.seen.len()),
+            changes: vec![0; blocks::count(surfaces.size)],
             surfaces,
             samples: 0,
             made: Mutex::default(),
@@ -112,15 +148,20 @@ impl Voronoi {
             distances: DistanceTable::new(),
             sections,
             raycaster,
+            portals,
+            beyond,
             view,
             camera,
             size,
             layers,
+            uncovered: covered.iter().filter(|&&covered| !covered).count() as u64,
             covered,
             samples: 0,
             paths: 1,
             records: None,
             edge_points: OnceLock::new(),
+            metals: OnceLock::new(),
+            scratch: Mutex::default(),
         }
     }
 
@@ -131,6 +172,11 @@ impl Voronoi {
         Self { records: Some(records), ..self }
     }
 
+    fn caster(&self) -> Caster<'_> {
+        let caster = Caster::new(&self.raycaster, &self.view, &self.camera, self.size);
+        caster.with_portals(self.portals.as_deref())
+    }
+
     /// The view shown.
     pub fn view(&self) -> &View {
         &self.view
@@ -139,8 +185,15 @@ impl Voronoi {
     /// Distance from the eye of what each pixel sees, as [`Frame::depth`].
     pub fn depth(&self) -> Vec<f32> {
         let sight = |seen: &Seen| self.camera.sight(seen.position).length();
-        let depth = |seen: &Seen| if seen.is_sky() { f32::INFINITY } else { sight(seen) };
-        self.layers.iter().take(1).flat_map(|layer| layer.surfaces.seen.iter().map(depth)).collect()
+        let Some(main) = self.layers.first() else { return Vec::new() };
+        let mut depths: Vec<f32> = zeroed(main.surfaces.seen.len());
+        for_parts(&mut depths, main.surfaces.size.0, DEPTH_ROWS, |part, depths| {
+            let first = part * DEPTH_ROWS * main.surfaces.size.0;
+            for (depth, seen) in depths.iter_mut().zip(&main.surfaces.seen[first..]) {
+                *depth = if seen.is_sky() { f32::INFINITY } else { sight(seen) };
+            }
+        });
+        depths
     }
 
     /// Adds samples of one beam, each the mean of `paths` paths. Samples of an unknown section or beam are left out.
@@ -156,11 +209,23 @@ impl Voronoi {
                 shadings: &self.shadings,
                 caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
             };
-            let used = depositor.insert(&Beam { section: placed, pair, paths }, samples, &mut layer.sums);
+            let beam = Beam { section: placed, pair, paths };
+            let to = &mut Deposits { sums: &mut layer.sums, changes: &mut layer.changes, samples: layer.samples };
+            let used = depositor.insert(&beam, samples, to);
             layer.samples += used;
             self.samples += used;
         }
         self.paths = self.paths.max(paths);
+        if let Some(beyond) = &mut self.beyond {
+            beyond.insert(section, beam, paths, samples);
+        }
+    }
+
+    /// Notes that a beam meets nothing. What it sees is known of the scene, but not beyond portals.
+    pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+        if let Some(beyond) = &mut self.beyond {
+            beyond.insert_unseen(section, beam);
+        }
     }
 
     /// Corners of fisheyes look nowhere.
@@ -181,7 +246,7 @@ impl Voronoi {
         let mut frame = Frame {
             depth: self.depth(),
             picture,
-            uncovered_pixels: self.covered.iter().filter(|&&covered| !covered).count() as u64,
+            uncovered_pixels: self.uncovered,
             empty_pixels: 0,
             unseen_pixels: 0,
             samples_used: self.samples,
@@ -189,6 +254,9 @@ impl Voronoi {
         let drawing = Drawing::new(self);
         let guessed_pixels;
         (frame.empty_pixels, guessed_pixels) = drawing.paint(&mut frame.picture.pixels);
+        if let Some(beyond) = &self.beyond {
+            beyond.paint(&mut frame);
+        }
         if !self.camera.is_perspective() {
             self.blank_corners(&mut frame);
         }

@@ -5,15 +5,23 @@
 //! Goldenshluger & Nemirovski 1997; Katkovnik 1999), or the first that is exact enough. So noise is averaged where light is
 //! even, and a shadow's edge stays where the samples tell it from noise.
 //!
+//! Pictures are made block by block: what a block's light was made of reaches as far as the widest tent that one of its pixels
+//! looked at, so that new samples farther off than that change no bit of it.
+//!
 //! What always holds:
 //! - Only pixels of the same label have a part in a pixel's light.
 //! - As samples grow, every pixel tends to the mean of its own.
 
+use super::blocks::{self, COLUMNS, Mask, ROWS};
 use super::deposit::{Sums, luminance};
 use super::shade::FULL_WEIGHT;
 use super::surfaces::{NO_LABEL, Surfaces};
+use super::tents::{KINDS, Passes};
 use crate::parts::for_parts;
-use bytemuck::Zeroable;
+use crate::pointimage::isa::{Isa, Kernel};
+use crate::pointimage::zeroed;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
 /// Tents tried: the widest has 2⁷ pixels on each side of its middle.
 const LEVELS: usize = 8;
@@ -21,121 +29,81 @@ const LEVELS: usize = 8;
 /// Half the width of a confidence interval, in standard errors.
 const CONFIDENCE: f32 = 3.0;
 
+/// The same within two pixels of an edge: where surfaces meet or hide each other, light more often changes within some pixels than
+/// elsewhere.
+const BESIDE_EDGES: f32 = 2.0;
+
 /// A mean with no more relative error than this is not widened: a step of an 8-bit display.
 const ENOUGH: f32 = 0.004;
 
 /// Samples from which a variance is estimated at the least.
 const FEWEST: f32 = 12.0;
 
-/// Rows of one piece of work.
-const ROWS: usize = 16;
+/// Rows of one piece of work where a row is made of those above and below: so many that what is shared between pieces is not much.
+const MANY_ROWS: usize = 48;
 
-/// Kinds of sums that a pixel has: light by channel, weight, and squared luminance. A row of a picture has each kind by itself, one after
-/// the other, so that a pass adds many pixels at once.
-const KINDS: usize = 5;
+/// What is kept of each mean: its luminance, its samples and their variance.
+const KEPT: usize = 3;
 
-/// Sums of a pixel, or of a tent around it.
-#[derive(Clone, Copy, Debug, Default)]
-struct Cell {
-    light: [f32; 3],
-    weight: f32,
-    square: f32,
-}
+/// A pixel's choice may yet be a wider mean.
+const OPEN: u8 = 1;
 
-impl Cell {
-    /// The sums of a column, from those of its row.
-    #[inline]
-    fn of(row: &[f32], width: usize, column: usize) -> Cell {
-        let [red, green, blue, weight, square] = [0, 1, 2, 3, 4].map(|kind: usize| row[kind * width + column]);
-        Cell { light: [red, green, blue], weight, square }
-    }
+/// A pixel has a mean.
+const KNOWN: u8 = 2;
 
-    fn mean(&self) -> [f32; 3] {
-        self.light.map(|sum| sum / self.weight)
-    }
-
-    fn variance(&self) -> f32 {
-        let mean = luminance(self.light) / self.weight;
-        (self.square / self.weight - mean * mean).max(0.0)
-    }
-}
-
-/// A mean's luminance, its samples and their variance.
-#[derive(Clone, Copy, Debug, Default, Zeroable)]
-struct Mean {
-    value: f32,
-    samples: f32,
-    variance: f32,
-}
-
-/// How a pixel's choice stands.
-#[derive(Clone, Copy, Debug)]
-struct Choice {
-    light: [f32; 3],
-    /// How many means have been taken so far.
-    taken: u8,
-    open: bool,
-}
-
-/// Light of the pixels of some rows, in fixed-point steps.
-#[derive(Debug)]
+/// Light of a layer's pixels, in fixed-point steps.
+#[derive(Clone, Debug)]
 pub(crate) struct Light {
-    /// The first pixel.
-    first: usize,
-    light: Vec<Option<[f32; 3]>>,
+    channels: [Vec<f32>; 3],
+    /// [`OPEN`] and [`KNOWN`].
+    states: Vec<u8>,
+    /// By block, the widest tents that had a part in it.
+    reaches: Vec<u8>,
+    /// By block, pixels of surfaces that have no samples of their own.
+    without: Vec<u32>,
 }
 
 impl Light {
+    /// Of so many columns and rows.
+    fn unknown(size: (usize, usize)) -> Light {
+        let count = size.0 * size.1;
+        Light {
+            channels: std::array::from_fn(|_| zeroed(count)),
+            states: zeroed(count),
+            reaches: vec![0; blocks::count(size)],
+            without: vec![0; blocks::count(size)],
+        }
+    }
+
     /// `None` where no sample of a pixel's surface is near enough.
     #[inline]
     pub fn at(&self, pixel: usize) -> Option<[f32; 3]> {
-        self.light.get(pixel.wrapping_sub(self.first)).copied().flatten()
+        let state = self.states.get(pixel)?;
+        (state & KNOWN != 0).then(|| [0, 1, 2].map(|channel: usize| self.channels[channel][pixel]))
     }
 
-    /// Sets a pixel's, if it is in the rows.
+    /// Sets a pixel's.
     pub fn set(&mut self, pixel: usize, light: [f32; 3]) {
-        if let Some(there) = self.light.get_mut(pixel.wrapping_sub(self.first)) {
-            *there = Some(light);
+        if let Some(state) = self.states.get_mut(pixel) {
+            *state |= KNOWN;
+            self.channels.iter_mut().zip(light).for_each(|(channel, light)| channel[pixel] = light);
         }
+    }
+
+    /// Pixels of surfaces that have no samples of their own.
+    pub fn without(&self) -> u64 {
+        self.without.iter().map(|&count| u64::from(count)).sum()
     }
 }
 
-/// Light of every pixel. Samples are means of `paths` paths.
-pub(crate) fn light(surfaces: &Surfaces, sums: &[Sums], paths: u16) -> Light {
-    let full = surfaces.size.0;
-    let (columns, rows) = surfaces.bounds();
-    let width = columns.len();
-    // Only the part that sees anything is looked at: panes mostly fill a corner of the picture.
-    let places = |row: usize| row * full + columns.start..row * full + columns.end;
-    let mut labels = vec![0; width * rows.len()];
-    for (line, row) in labels.chunks_mut(width.max(1)).zip(rows.clone()) {
-        line.copy_from_slice(&surfaces.labels[places(row)]);
-    }
-    let one = weight_of_one(paths);
-    let mut cells: Vec<f32> = bytemuck::zeroed_vec(KINDS * labels.len());
-    for_parts(&mut cells, KINDS * width, ROWS, |part, lines| {
-        for (line, row) in lines.chunks_mut(KINDS * width).zip(rows.start + part * ROWS..) {
-            for (column, sum) in sums[places(row)].iter().enumerate().filter(|(_, sum)| sum.weight > 0) {
-                // Of 128 bits mostly the lower half is used, which converts ten times as fast.
-                let square = u64::try_from(sum.square).map_or_else(|_| sum.square as f32, |square| square as f32);
-                let [red, green, blue] = sum.light.map(|x| x as f32);
-                for (kind, value) in [red, green, blue, sum.weight as f32, square].into_iter().enumerate() {
-                    line[kind * width + column] = value / one;
-                }
-            }
-        }
-    });
-    let choices = choose(cells, &labels, width);
-    let mut light = vec![None; full * rows.len()];
-    for_parts(&mut light, full, ROWS, |part, lines| {
-        let choices = choices.chunks(width.max(1)).skip(part * ROWS);
-        for (line, choices) in lines.chunks_mut(full).zip(choices) {
-            for (light, choice) in line[columns.clone()].iter_mut().zip(choices) {
-                *light = (choice.taken > 0).then_some(choice.light);
-            }
-        }
-    });
-    Light { first: rows.start * full, light }
+/// Memory for reconstructing, kept from one picture to the next: to get it anew from the system took a sixth of a picture's time.
+#[derive(Default)]
+pub(crate) struct Scratch {
+    /// Sums of tents, and of those twice as wide.
+    cells: Vec<f32>,
+    wider: Vec<f32>,
+    /// By level: rows of each of what is kept of means.
+    means: Vec<Vec<f32>>,
 }
 
 /// Weight in sums of one sample along the eye's ray.
@@ -143,143 +111,363 @@ pub(crate) fn weight_of_one(paths: u16) -> f32 {
     (FULL_WEIGHT * u64::from(paths.max(1))) as f32
 }
 
-/// The mean for every pixel, from the sums of each.
-fn choose(mut cells: Vec<f32>, labels: &[u32], width: usize) -> Vec<Choice> {
-    let start = Choice { light: [0.0; 3], taken: 0, open: true };
-    let mut choices = vec![start; labels.len()];
-    let mut half: Vec<f32> = bytemuck::zeroed_vec(cells.len());
-    // The means taken, by level within each part: where few levels are needed, most of this memory is never touched.
-    let mut means: Vec<Mean> = bytemuck::zeroed_vec(labels.len() * LEVELS);
-    let part = (ROWS * width).max(1);
-    // Parts of which every choice is made.
-    let mut done = vec![false; labels.len().div_ceil(part)];
+/// Light of every pixel. Samples are means of `paths` paths.
+///
+/// `before` is the light of some of these samples and the blocks whose sums are others now: only what they have a part in is made
+/// again.
+pub(crate) fn light(
+    surfaces: &Surfaces,
+    sums: &[Sums],
+    paths: u16,
+    before: Option<(&Light, &Mask)>,
+    scratch: &mut Scratch,
+) -> Light {
+    let size = surfaces.size;
+    let (width, height) = size;
+    let seen = seen_blocks(surfaces);
+    let wanted = match before {
+        None => seen.clone(),
+        Some((light, changed)) => {
+            let reach = |block: usize| (1 << light.reaches[block]) - 1;
+            Mask::new(size, |block| seen.has(block) && changed.has_near(block, reach(block)))
+        }
+    };
+    let is_all = (0..blocks::count(size)).all(|block| wanted.has(block) || !seen.has(block));
+    let before = before.filter(|_| !is_all);
+    let mut light = before.map_or_else(|| Light::unknown(size), |(light, _)| light.clone());
+    let labels = &surfaces.labels;
+    let Scratch { cells, wider, means } = scratch;
+    for memory in [&mut *cells, &mut *wider] {
+        if memory.len() != KINDS * width * height {
+            *memory = zeroed(KINDS * width * height);
+        }
+    }
+    let (one, with_samples) = (weight_of_one(paths), Labels::none(labels.len()));
+    let mut open = wanted.clone();
     for level in 0..LEVELS {
-        let mut parts: Vec<_> = choices.chunks_mut(part).zip(means.chunks_mut(part * LEVELS)).zip(&mut done).collect();
-        for_parts(&mut parts, 1, 1, |number, parts| {
-            for ((choices, means), done) in parts.iter_mut().filter(|(_, done)| !**done) {
-                let length = choices.len();
-                let labels = &labels[number * part..][..length];
-                let mut open = false;
-                for (row, line) in choices.chunks_mut(width).enumerate() {
-                    let cells = &cells[KINDS * (number * part + row * width)..][..KINDS * width];
-                    for (column, choice) in line.iter_mut().enumerate().filter(|(_, choice)| choice.open) {
-                        let offset = row * width + column;
-                        // The sky has no light to be found.
-                        choice.open = labels[offset] != NO_LABEL;
-                        if cells[3 * width + column] > 0.0 {
-                            choice.consider(&Cell::of(cells, width, column), level, means, offset, length);
-                        }
-                        open |= choice.open;
-                    }
-                }
-                **done = !open;
-            }
+        let step = (1_usize << level) / 2;
+        // Narrow tents have a part in wide ones: as far off as all wider ones reach.
+        let needed = open.widened((1 << (LEVELS - 1)) - (1 << level));
+        let runs = [needed.heightened(step).runs(width), needed.runs(width)];
+        if means.len() == level {
+            means.push(Vec::new());
+        }
+        let (means, kept) = means.split_at_mut(level);
+        let Some(kept) = kept.first_mut() else { break };
+        if kept.len() != KEPT * width * height {
+            *kept = zeroed(KEPT * width * height);
+        }
+        let lines = choices(&mut light, size).into_iter().zip(wider.chunks_mut(KINDS * width));
+        let lines = lines.zip(kept.chunks_mut(KEPT * width));
+        let lines = lines.map(|((choices, sums), kept)| Line { choices, sums, kept });
+        let mut lines: Vec<Line> = lines.filter(|line| !runs[1][line.choices.row / ROWS].is_empty()).collect();
+        if level > 0 {
+            // Rows a step apart, one after the other.
+            lines.sort_unstable_by_key(|line| (line.choices.row % step, line.choices.row));
+        }
+        let found: Vec<Found> = (0..blocks::count(size)).map(|_| Found::default()).collect();
+        let columns: Vec<_> = open.runs(width);
+        for_parts(&mut lines, 1, if level > 0 { MANY_ROWS } else { ROWS }, |_, lines| {
+            Isa::best().run(Part {
+                lines,
+                labels,
+                width,
+                sums,
+                one,
+                from: cells,
+                means,
+                step,
+                runs: &runs,
+                edges: &surfaces.edges,
+                open: &columns,
+                with_samples: &with_samples,
+                found: &found,
+            });
         });
-        if level + 1 == LEVELS || done.iter().all(|&done| done) {
+        let reached = |block: usize| open.has(block).then(|| &found[block]);
+        for block in 0..found.len() {
+            if let Some(found) = reached(block) {
+                // What has no samples yet may get some from as far as the widest tents reach.
+                let starves = found.starves.load(Ordering::Relaxed);
+                light.reaches[block] = if starves { LEVELS as u8 - 1 } else { light.reaches[block].max(level as u8) };
+                if level == 0 {
+                    light.reaches[block] = 0;
+                    light.without[block] = found.without.load(Ordering::Relaxed);
+                }
+            }
+        }
+        open = Mask::new(size, |block| reached(block).is_some_and(|found| found.is_open.load(Ordering::Relaxed)));
+        if !open.any() {
             break;
         }
-        let step = 1 << level;
-        let lines = KINDS * width;
-        for_parts(&mut half, lines, ROWS, |part, rows| across(&cells, labels, width, step, part * ROWS, rows));
-        for_parts(&mut cells, lines, ROWS, |part, rows| down(&half, labels, width, step, part * ROWS, rows));
+        std::mem::swap(cells, wider);
     }
-    choices
+    light
 }
 
-/// Adds half of what is beside, where that is of the same label. Sky has nothing to add.
-#[inline(always)]
-fn add_half(sums: &mut [f32], labels: &[u32], beside: &[f32], labels_beside: &[u32]) {
-    let count = sums.len().min(labels.len()).min(beside.len()).min(labels_beside.len());
-    // Cut to one length first: then four are added at once, which a chain of iterators prevents.
-    let (sums, labels) = (&mut sums[..count], &labels[..count]);
-    let (beside, labels_beside) = (&beside[..count], &labels_beside[..count]);
-    for i in 0..count {
-        let half = 0.5 * beside[i];
-        sums[i] += if labels[i] == labels_beside[i] { half } else { 0.0 };
+/// Blocks that see anything but the sky.
+fn seen_blocks(surfaces: &Surfaces) -> Mask {
+    let (columns, rows) = surfaces.bounds();
+    let across = blocks::across(surfaces.size.0).max(1);
+    let overlaps =
+        |block: usize, size: usize, range: &Range<usize>| block * size < range.end && (block + 1) * size > range.start;
+    Mask::new(surfaces.size, |block| {
+        overlaps(block % across, COLUMNS, &columns) && overlaps(block / across, ROWS, &rows)
+    })
+}
+
+/// Labels, each in or not.
+struct Labels(Vec<AtomicU64>);
+
+impl Labels {
+    fn none(pixels: usize) -> Labels {
+        Labels((0..pixels / 64 + 1).map(|_| AtomicU64::new(0)).collect())
+    }
+
+    #[inline]
+    fn insert(&self, label: u32) {
+        let (word, bit) = (&self.0[label as usize / 64], 1 << (label % 64));
+        // Mostly it is there already, and reading is cheap.
+        if word.load(Ordering::Relaxed) & bit == 0 {
+            word.fetch_or(bit, Ordering::Relaxed);
+        }
+    }
+
+    #[inline]
+    fn has(&self, label: u32) -> bool {
+        self.0[label as usize / 64].load(Ordering::Relaxed) >> (label % 64) & 1 != 0
     }
 }
 
-/// The same from both sides, without a look back at what was added first.
-#[inline(always)]
-fn with_halves(sums: &mut [f32], from: &[f32], labels: &[u32], before: (&[f32], &[u32]), after: (&[f32], &[u32])) {
-    let count = sums.len();
-    let (from, labels) = (&from[..count], &labels[..count]);
-    let (before, labels_before) = (&before.0[..count], &before.1[..count]);
-    let (after, labels_after) = (&after.0[..count], &after.1[..count]);
-    for i in 0..count {
-        let first = if labels[i] == labels_before[i] { 0.5 * before[i] } else { 0.0 };
-        let second = if labels[i] == labels_after[i] { 0.5 * after[i] } else { 0.0 };
-        sums[i] = from[i] + first + second;
-    }
+/// What is found out about a block.
+#[derive(Default)]
+struct Found {
+    /// Whether any choice is still open.
+    is_open: AtomicBool,
+    /// Whether a pixel's surface has no samples anywhere near.
+    starves: AtomicBool,
+    /// Surfaces' pixels without samples of their own.
+    without: AtomicU32,
 }
 
-/// One pass of the tent along rows.
-fn across(from: &[f32], labels: &[u32], width: usize, step: usize, top: usize, rows: &mut [f32]) {
-    for (row, line) in (top..).zip(rows.chunks_mut(KINDS * width)) {
-        let labels = &labels[row * width..][..width];
-        let from = &from[row * KINDS * width..][..KINDS * width];
-        for (sums, from) in line.chunks_mut(width).zip(from.chunks(width)) {
-            if 2 * step < width {
-                let end = width - step;
-                sums[..step].copy_from_slice(&from[..step]);
-                add_half(&mut sums[..step], labels, &from[step..], &labels[step..]);
-                let (middle, after) = (&mut sums[step..end], (&from[2 * step..], &labels[2 * step..]));
-                with_halves(middle, &from[step..], &labels[step..], (from, labels), after);
-                sums[end..].copy_from_slice(&from[end..]);
-                add_half(&mut sums[end..], &labels[end..], &from[end - step..], &labels[end - step..]);
-            } else {
-                sums.copy_from_slice(from);
-                if step < width {
-                    add_half(&mut sums[step..], &labels[step..], from, labels);
-                    add_half(sums, labels, &from[step..], &labels[step..]);
+/// A row: its choices, where its sums go, and where what is kept of its means goes.
+struct Line<'a> {
+    choices: Choices<'a>,
+    sums: &'a mut [f32],
+    kept: &'a mut [f32],
+}
+
+/// Some rows' tents and choices of a level.
+struct Part<'a, 'b> {
+    lines: &'b mut [Line<'a>],
+    labels: &'b [u32],
+    width: usize,
+    sums: &'b [Sums],
+    one: f32,
+    /// Narrower tents.
+    from: &'b [f32],
+    /// What is kept of all narrower tents' means.
+    means: &'b [Vec<f32>],
+    step: usize,
+    /// By rows of blocks, columns that are wanted of the sums along rows, and of the tents.
+    runs: &'b [Vec<Vec<Range<usize>>>; 2],
+    /// Pixels with something else beside them.
+    edges: &'b [bool],
+    /// The same of blocks with open choices.
+    open: &'b [Vec<Range<usize>>],
+    with_samples: &'b Labels,
+    found: &'b [Found],
+}
+
+impl Kernel for Part<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Part { lines, labels, width, sums, one, from, means, step, runs, edges, open, with_samples, found } = self;
+        let mut passes = (step > 0).then(|| Passes::new(from, labels, width, step, [&runs[0], &runs[1]]));
+        for Line { choices, sums: line, kept } in lines {
+            let row = choices.row;
+            let pixels = row * width..(row + 1) * width;
+            let labels = &labels[pixels.clone()];
+            match &mut passes {
+                Some(passes) => passes.widen(row, line),
+                None => {
+                    for columns in &runs[1][row / ROWS] {
+                        let sums = &sums[pixels.clone()];
+                        alone(sums, labels, one, columns, with_samples, line);
+                    }
+                }
+            }
+            for columns in &open[row / ROWS] {
+                for left in columns.clone().step_by(COLUMNS) {
+                    let segment = left..(left + COLUMNS).min(columns.end);
+                    let found = &found[blocks::of(row * width + left, width)];
+                    match means.len() {
+                        0 => choices.begin(segment.clone(), labels, line, found),
+                        1 => choices.leave_starving(segment.clone(), labels, with_samples, found),
+                        _ => {}
+                    }
+                    if choices.is_open(&segment) {
+                        let limits = limits(edges, width, row, &segment);
+                        if choices.consider(line, means, kept, &segment, &limits) {
+                            found.is_open.store(true, Ordering::Relaxed);
+                        }
+                    }
                 }
             }
         }
     }
 }
 
-/// One pass of the tent along columns.
-fn down(from: &[f32], labels: &[u32], width: usize, step: usize, top: usize, rows: &mut [f32]) {
-    let height = labels.len() / width.max(1);
-    let labels_of = |row: usize| &labels[row * width..][..width];
-    for (row, line) in (top..).zip(rows.chunks_mut(KINDS * width)) {
-        let above = row.checked_sub(step);
-        let below = (row + step < height).then_some(row + step);
-        for (kind, sums) in line.chunks_mut(width).enumerate() {
-            let sums_of = |row: usize| &from[(row * KINDS + kind) * width..][..width];
-            let beside = |row: usize| (sums_of(row), labels_of(row));
-            if let Some((above, below)) = above.zip(below) {
-                with_halves(sums, sums_of(row), labels_of(row), beside(above), beside(below));
-            } else {
-                sums.copy_from_slice(sums_of(row));
-                if let Some((other, labels_beside)) = above.or(below).map(beside) {
-                    add_half(sums, labels_of(row), other, labels_beside);
-                }
-            }
+/// The sums of each pixel of these columns alone, and which labels have any.
+#[inline(always)]
+fn alone(sums: &[Sums], labels: &[u32], one: f32, columns: &Range<usize>, with_samples: &Labels, cells: &mut [f32]) {
+    let width = labels.len();
+    for cells in cells.chunks_mut(width) {
+        cells[columns.clone()].fill(0.0);
+    }
+    for column in columns.clone() {
+        let sum = &sums[column];
+        if sum.weight == 0 {
+            continue;
         }
+        // Of 128 bits mostly the lower half is used, which converts ten times as fast.
+        let square = u64::try_from(sum.square).map_or_else(|_| sum.square as f32, |square| square as f32);
+        let [red, green, blue] = sum.light.map(|x| x as f32);
+        for (kind, value) in [red, green, blue, sum.weight as f32, square].into_iter().enumerate() {
+            cells[kind * width + column] = value / one;
+        }
+        with_samples.insert(labels[column]);
     }
 }
 
-impl Choice {
-    /// Takes the next wider mean if it may be had. The pixel's means are at `offset` and then every `stride`.
-    fn consider(&mut self, cell: &Cell, level: usize, means: &mut [Mean], offset: usize, stride: usize) {
+/// The square of what half a confidence interval is at these pixels, in standard errors.
+#[inline(always)]
+fn limits(edges: &[bool], width: usize, row: usize, segment: &Range<usize>) -> [f32; COLUMNS] {
+    let (last, here) = (edges.len() / width - 1, row * width);
+    let rows = [row.saturating_sub(1) * width, here, (row + 1).min(last) * width];
+    let mut limits = [CONFIDENCE * CONFIDENCE; COLUMNS];
+    for (limit, column) in limits.iter_mut().zip(segment.clone()) {
+        let beside = edges[here + column.saturating_sub(1)] | edges[here + (column + 1).min(width - 1)];
+        if beside | rows.iter().any(|row| edges[row + column]) {
+            *limit = BESIDE_EDGES * BESIDE_EDGES;
+        }
+    }
+    limits
+}
+
+/// The choices of a row's pixels.
+struct Choices<'a> {
+    row: usize,
+    light: [&'a mut [f32]; 3],
+    states: &'a mut [u8],
+}
+
+/// All rows' choices.
+fn choices(light: &mut Light, (width, height): (usize, usize)) -> Vec<Choices<'_>> {
+    let [red, green, blue] = &mut light.channels;
+    let mut channels = [red, green, blue].map(|channel| channel.chunks_mut(width.max(1)));
+    let rows = (0..height).zip(light.states.chunks_mut(width.max(1))).map(|(row, states)| {
+        let light = channels.each_mut().map(|rows| rows.next().unwrap_or_default());
+        Choices { row, light, states }
+    });
+    rows.collect()
+}
+
+impl Choices<'_> {
+    /// Opens the choices of surfaces.
+    #[inline(always)]
+    fn begin(&mut self, segment: Range<usize>, labels: &[u32], cells: &[f32], found: &Found) {
+        let weights = &cells[3 * labels.len()..];
+        let mut without = 0;
+        for column in segment {
+            // The sky has no light to be found.
+            let is_surface = labels[column] != NO_LABEL;
+            self.states[column] = if is_surface { OPEN } else { 0 };
+            without += u32::from(is_surface & (weights[column] == 0.0));
+        }
+        found.without.fetch_add(without, Ordering::Relaxed);
+    }
+
+    /// Closes the choices of surfaces without samples.
+    #[inline(always)]
+    fn leave_starving(&mut self, segment: Range<usize>, labels: &[u32], with_samples: &Labels, found: &Found) {
+        for column in segment {
+            if self.states[column] == OPEN && !with_samples.has(labels[column]) {
+                self.states[column] = 0;
+                found.starves.store(true, Ordering::Relaxed);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn is_open(&self, segment: &Range<usize>) -> bool {
+        self.states[segment.clone()].iter().any(|state| state & OPEN != 0)
+    }
+
+    /// Takes the next wider means where they may be had; whether any choice stays open.
+    #[inline(always)]
+    fn consider(
+        &mut self,
+        cells: &[f32],
+        means: &[Vec<f32>],
+        kept: &mut [f32],
+        segment: &Range<usize>,
+        limits: &[f32; COLUMNS],
+    ) -> bool {
+        let (width, left, count) = (self.states.len(), segment.start, segment.len().min(COLUMNS));
+        let of = |kind: usize| &cells[kind * width + left..][..count];
+        let (red, green, blue, weight, square) = (of(0), of(1), of(2), of(3), of(4));
+        let (mut values, mut samples, mut variances) = ([0.0; COLUMNS], [0.0; COLUMNS], [0.0; COLUMNS]);
         // A tent's weights w have (Σw)²/Σw² = 9/4 Σw / max w.
-        let samples = cell.weight * if level == 0 { 1.0 } else { 2.25 };
-        let mean = Mean { value: luminance(cell.light) / cell.weight, samples, variance: cell.variance() };
-        if samples >= FEWEST {
-            // The variance of the widest mean judges all: narrow ones, of few samples, would think that they agree. An edge
-            // within it makes it too large, by so much that two samples on one side still tell. A narrow mean with a rare
-            // bright sample knows best how little it knows.
-            for narrower in means[offset..].iter().step_by(stride).take(usize::from(self.taken)) {
-                let error = (mean.variance.max(narrower.variance) / narrower.samples).sqrt();
-                if error <= ENOUGH * narrower.value || (mean.value - narrower.value).abs() > CONFIDENCE * error {
-                    self.open = false;
-                    return;
-                }
+        let spread = if means.is_empty() { 1.0 } else { 2.25 };
+        for i in 0..count {
+            let value = luminance([red[i], green[i], blue[i]]) / weight[i];
+            let variance = square[i] / weight[i] - value * value;
+            let is_there = weight[i] > 0.0;
+            samples[i] = weight[i] * spread;
+            values[i] = if is_there { value } else { 0.0 };
+            variances[i] = if is_there && variance > 0.0 { variance } else { 0.0 };
+        }
+        // The variance of the widest mean judges all: narrow ones, of few samples, would think that they agree. An edge
+        // within it makes it too large, by so much that two samples on one side still tell. A narrow mean with a rare
+        // bright sample knows best how little it knows.
+        let mut stops = [0_u8; COLUMNS];
+        for narrower in means {
+            let its = |what: usize| &narrower[(self.row * KEPT + what) * width + left..][..count];
+            let (its_values, its_samples, its_variances) = (its(0), its(1), its(2));
+            for i in 0..count {
+                let larger = if variances[i] > its_variances[i] { variances[i] } else { its_variances[i] };
+                let apart = values[i] - its_values[i];
+                let wanted = ENOUGH * its_values[i];
+                // Its error is the root of the variance over the samples.
+                let stop = (larger <= wanted * wanted * its_samples[i])
+                    | (apart * apart * its_samples[i] > limits[i] * larger);
+                stops[i] |= u8::from(stop & (its_samples[i] > 0.0));
             }
         }
-        self.light = cell.mean();
-        means[offset + usize::from(self.taken) * stride] = mean;
-        self.taken += 1;
+        let states = &mut self.states[left..][..count];
+        let mut open = 0;
+        for i in 0..count {
+            let stops = (samples[i] >= FEWEST) & (stops[i] != 0);
+            let state = if stops { states[i] & !OPEN } else { states[i] };
+            let takes = (state & OPEN != 0) & (samples[i] > 0.0);
+            states[i] = state | if takes { KNOWN } else { 0 };
+            open |= state;
+            // Of what is not taken no samples are kept.
+            samples[i] = if takes { samples[i] } else { 0.0 };
+        }
+        for (light, sums) in self.light.iter_mut().zip([red, green, blue]) {
+            let light = &mut light[left..][..count];
+            for i in 0..count {
+                let mean = sums[i] / weight[i];
+                light[i] = if samples[i] > 0.0 { mean } else { light[i] };
+            }
+        }
+        for (what, from) in [values, samples, variances].into_iter().enumerate() {
+            kept[what * width + left..][..count].copy_from_slice(&from[..count]);
+        }
+        open & OPEN != 0
     }
 }

@@ -9,10 +9,11 @@
 //! - Pixels have the same label only if they see one connected surface, or parts of it, in the same image.
 
 use crate::camera::{Camera, PixelWidth};
+use crate::pointimage::isa::Kernel;
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use holo_picture::View;
-use holo_raycast::{Hit, Ray, Raycaster};
+use holo_raycast::{Hit, MAX_TILE, Ray, Raycaster};
 use holo_scene::{Bsdf, Rgb};
 use rustc_hash::FxHashMap;
 use std::ops::Range;
@@ -28,6 +29,9 @@ pub(crate) const NO_IMAGE: u8 = u8::MAX;
 
 /// Cosine between normals that belong to one smooth surface: 2.6°. Coarser facets are lit each on its own, and are seen.
 pub(crate) const SMOOTH: f32 = 0.999;
+
+/// Of what lies in a portal's plane, the portal counts: relative rounding of its distance.
+const PORTAL_SLACK: f64 = 1e-4;
 
 /// No triangle: the pixel sees the sky.
 pub(crate) const SKY: u32 = u32::MAX;
@@ -189,9 +193,43 @@ impl Surfaces {
     }
 }
 
+/// Finds directions of rays through points of a picture.
+pub(crate) struct Directions<'a> {
+    points: &'a [(f64, f64); MAX_TILE],
+    /// Towards the picture's left upper corner, and from pixel to pixel.
+    corner: DVec3,
+    right: DVec3,
+    down: DVec3,
+}
+
+impl Kernel for Directions<'_> {
+    type Output = [Vec3; MAX_TILE];
+
+    #[inline(always)]
+    fn run(self) -> [Vec3; MAX_TILE] {
+        let mut axes = [[0.0_f64; MAX_TILE]; 3];
+        let (corner, right, down) = (self.corner.to_array(), self.right.to_array(), self.down.to_array());
+        for axis in 0..3 {
+            for (to, point) in axes[axis].iter_mut().zip(self.points) {
+                *to = corner[axis] + right[axis] * point.0 + down[axis] * point.1;
+            }
+        }
+        let mut directions = [[0.0_f32; MAX_TILE]; 3];
+        for i in 0..MAX_TILE {
+            let [x, y, z] = [0, 1, 2].map(|axis: usize| axes[axis][i]);
+            let shorter = (x * x + y * y + z * z).sqrt().recip();
+            directions[0][i] = (x * shorter) as f32;
+            directions[1][i] = (y * shorter) as f32;
+            directions[2][i] = (z * shorter) as f32;
+        }
+        std::array::from_fn(|i| Vec3::new(directions[0][i], directions[1][i], directions[2][i]))
+    }
+}
+
 /// Casts rays of a view.
 pub(crate) struct Caster<'a> {
     raycaster: &'a Raycaster,
+    portals: Option<&'a Raycaster>,
     view: &'a View,
     pub camera: &'a Camera,
     pub size: (usize, usize),
@@ -199,7 +237,23 @@ pub(crate) struct Caster<'a> {
 
 impl<'a> Caster<'a> {
     pub fn new(raycaster: &'a Raycaster, view: &'a View, camera: &'a Camera, size: (u32, u32)) -> Self {
-        Self { raycaster, view, camera, size: (size.0 as usize, size.1 as usize) }
+        Self { raycaster, portals: None, view, camera, size: (size.0 as usize, size.1 as usize) }
+    }
+
+    /// Sees nothing of what is behind these.
+    #[must_use]
+    pub fn with_portals(self, portals: Option<&'a Raycaster>) -> Self {
+        Self { portals, ..self }
+    }
+
+    /// Whether a point of the picture, in pixels, that sees this looks through a portal at it.
+    pub fn is_beyond(&self, column: f64, row: f64, seen: &Seen) -> bool {
+        let Some(portals) = self.portals else { return false };
+        let (eye, direction) = self.view.ray(column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
+        let near = portals.localize(eye, direction);
+        let met = near.and_then(|(ray, skipped)| Some(skipped + f64::from(portals.nearest(&ray)?.t)));
+        let reach = f64::from(self.camera.sight(seen.position).length()) * (1.0 + PORTAL_SLACK);
+        met.is_some_and(|distance| seen.is_sky() || distance <= reach)
     }
 
     /// The ray through a point of the picture in pixels, in the scene's coordinates, and how far from the eye it begins.
@@ -207,6 +261,20 @@ impl<'a> Caster<'a> {
         let (x, y) = (column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
         let (eye, direction) = self.view.ray(x, y);
         self.raycaster.localize(eye, direction)
+    }
+
+    /// Whether all rays begin at one point, towards points of a plane.
+    pub fn is_perspective(&self) -> bool {
+        self.camera.is_perspective()
+    }
+
+    /// Directions through points of a perspective's picture, in pixels.
+    pub fn directions<'b>(&self, points: &'b [(f64, f64); MAX_TILE]) -> Directions<'b> {
+        let (across, along) = self.view.extent();
+        let (right, up) = (self.view.right() * across, self.view.up() * along);
+        let (width, height) = (self.size.0 as f64, self.size.1 as f64);
+        let corner = self.view.vd + right * (self.view.vs - 0.5) + up * (self.view.vl + 0.5);
+        Directions { points, corner, right: right / width, down: -up / height }
     }
 
     /// Material number of a triangle.
