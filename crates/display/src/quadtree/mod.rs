@@ -13,6 +13,7 @@
 
 mod beams;
 mod bins;
+mod depths;
 mod keep;
 mod leaf;
 pub(crate) mod reproject;
@@ -323,13 +324,21 @@ impl Quadtree {
         self.middles().map(best).collect()
     }
 
+    /// Whether a pixel's best beam is known to see nothing.
+    fn sees_nothing(&self, pixel: usize) -> bool {
+        self.best.get(pixel).is_some_and(|best| best.is_some_and(|best| self.unseen.contains(&best)))
+    }
+
     /// The view rays of the pixels' middles, row by row.
     fn middles(&self) -> impl Iterator<Item = (DVec3, DVec3)> {
         let (width, height) = self.size;
-        (0..height).flat_map(move |row| {
-            let y = 1.0 - (f64::from(row) + 0.5) / f64::from(height);
-            (0..width).map(move |column| self.view.ray((f64::from(column) + 0.5) / f64::from(width), y))
-        })
+        (0..height).flat_map(move |row| (0..width).map(move |column| self.middle(column, row)))
+    }
+
+    /// The view ray of a pixel's middle.
+    fn middle(&self, column: u32, row: u32) -> (DVec3, DVec3) {
+        let (x, y) = View::pixel_centre(self.size, column, row);
+        self.view.ray(x, y)
     }
 }
 

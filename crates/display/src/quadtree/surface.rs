@@ -260,6 +260,6 @@ pub(crate) fn gap_allowed(level: usize) -> u16 {
 }
 
 /// Whether a surface that ends at one bin goes on at another.
-fn adjacent(end: u16, next: u16, gap: u16) -> bool {
+pub(crate) fn adjacent(end: u16, next: u16, gap: u16) -> bool {
     next <= end || (next < FAR && next - end <= gap)
 }
