@@ -14,6 +14,7 @@
 mod beams;
 mod bins;
 mod depths;
+mod drawing;
 mod keep;
 mod leaf;
 pub(crate) mod reproject;
@@ -22,7 +23,8 @@ mod wide;
 
 use crate::camera::Camera;
 use crate::candidates::{candidates, is_covered};
-use bins::{BINS_AN_OCTAVE, BINS_KEPT, Colour, NEAR_CLASSES, PixelBins, Sums, bin_distance, merged};
+use bins::{BINS_AN_OCTAVE, BINS_KEPT, Colour, NEAR_CLASSES, PixelBins, bin_distance, merged};
+use drawing::Drawing;
 use glam::DVec3;
 use holo_picture::{Picture, View};
 use holo_section::{BeamId, Sample, Section};
@@ -39,6 +41,8 @@ use wide::Agreement;
 const MAX_PATHS: u16 = 1024;
 /// Samples whose sums are fetched together: they lie anywhere, and one after another each would wait for memory twice.
 const BATCH: usize = 32;
+/// Side of the squares of pixels that are drawn one after the other.
+const TILE: usize = 16;
 /// Share of a leaf's samples that its nearest surface needs to be what an empty pixel of the leaf shows.
 const SEEN_SHARE: f32 = 0.25;
 
@@ -125,6 +129,8 @@ pub struct Quadtree {
     uncovered_pixels: u64,
     unseen: HashSet<(u16, BeamId)>,
     kept: Kept,
+    /// The last picture that [`redraw`](Self::redraw) gave, and what it was drawn from.
+    drawing: Option<Box<Drawing>>,
     /// Samples that landed, and unseen beams, since the last [`redraw`](Self::redraw); a new view is a change, too.
     changes: u64,
     /// Those of one batch that landed: pixel, landing, colour.
@@ -147,6 +153,7 @@ impl Quadtree {
             uncovered_pixels: 0,
             unseen: HashSet::new(),
             kept: Kept::default(),
+            drawing: None,
             changes: 1,
             arrived: Vec::with_capacity(BATCH),
             best: Vec::new(),
@@ -167,6 +174,7 @@ impl Quadtree {
         self.wide.clear();
         self.unseen.clear();
         self.kept.clear();
+        self.drawing = None;
         self.changes = 1;
         self.place();
     }
@@ -223,6 +231,10 @@ impl Quadtree {
                 bins.add(*pixel, landing.bin, &Colour::from_rgbe(*rgbe), landing.weight * paths, landing.near);
             }
             self.changes += self.arrived.len() as u64;
+            let landed = self.arrived.iter().map(|(pixel, ..)| *pixel);
+            if self.drawing.as_mut().is_some_and(|drawing| !drawing.has_landed(landed)) {
+                self.drawing = None;
+            }
         }
     }
 
@@ -246,63 +258,62 @@ impl Quadtree {
 
     /// The picture of all samples so far, and how samples of several depths were resolved in it.
     pub fn draw_and_count(&self) -> (Frame, MultiDepth) {
-        let mut depths = MultiDepth::default();
-        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
-        let most = usize::from(self.params.max_level);
-        let narrow = pyramid(|pixel| self.narrow.of(pixel).map(copied), width, height, most);
-        let all = (!self.wide.is_empty())
-            .then(|| pyramid(|pixel| merged(&self.narrow, &self.wide, pixel), width, height, most));
-        let levels = all.as_ref().unwrap_or(&narrow);
-        let narrow = Reader::new(&narrow, &self.params);
-        let painter = Painter {
-            all: Reader::new(levels, &self.params),
-            narrow: all.is_some().then(|| (narrow, Agreement::new(width, height))),
-        };
-        // A radius that was given is that of the nearest surface already.
-        let ask_nearer = self.params.viewpoint_radius.is_none();
-        let mut frame = Frame {
-            picture: Picture::new(self.size.0, self.size.1),
-            depth: vec![0.0; width * height],
+        let pyramids = Pyramids::new(self);
+        let (agreement, mut depths) = (self.agreement(&pyramids), MultiDepth::default());
+        let painter = Painter::new(&pyramids, agreement.as_ref(), &self.params);
+        let mut frame = self.empty_frame();
+        let mut unseen = UnseenPixels::default();
+        for (column, row) in in_tiles(self.size) {
+            let pixel = row * self.size.0 as usize + column;
+            frame.show(pixel, &self.paint(&painter, column, row, unseen.has(self, pixel), &mut depths));
+        }
+        (frame, depths)
+    }
+
+    fn empty_frame(&self) -> Frame {
+        let mut picture = Picture::new(self.size.0, self.size.1);
+        picture.view = Some(self.view);
+        Frame {
+            depth: vec![0.0; picture.pixels.len()],
+            picture,
             uncovered_pixels: self.uncovered_pixels,
             empty_pixels: 0,
             unseen_pixels: 0,
             samples_used: 0,
-        };
-        frame.picture.view = Some(self.view);
-        // Neighbouring pixels mostly have the same beam.
-        let mut last = (None, false);
-        for row in 0..height {
-            for column in 0..width {
-                let pixel = row * width + column;
-                if !self.covered[pixel] {
-                    continue;
-                }
-                if let Some(best) = self.best.get(pixel) {
-                    if last.0 != *best {
-                        last = (*best, best.is_some_and(|best| self.unseen.contains(&best)));
-                    }
-                    if last.1 {
-                        frame.unseen_pixels += 1;
-                        frame.picture.pixels[pixel] = self.params.sky;
-                        frame.depth[pixel] = f32::INFINITY;
-                        continue;
-                    }
-                }
-                let own = levels[0].leaf(column, row);
-                frame.samples_used += own.iter().map(|surface| u64::from(surface.count)).sum::<u64>();
-                frame.empty_pixels += u64::from(own.is_empty());
-                let shown = if own.is_empty() {
-                    fill(&painter, column, row)
-                } else {
-                    mix(&painter, column, row, own, ask_nearer, &mut depths)
-                };
-                if let Some((colour, nearest)) = shown {
-                    frame.picture.pixels[pixel] = colour;
-                    frame.depth[pixel] = bin_distance(nearest);
-                }
-            }
         }
-        (frame, depths)
+    }
+
+    /// What has been found of agreement between all samples and narrow ones: nothing yet.
+    fn agreement(&self, pyramids: &Pyramids) -> Option<Agreement> {
+        pyramids.all.is_some().then(|| Agreement::new(self.size.0 as usize, self.size.1 as usize))
+    }
+
+    /// What a pixel shows.
+    fn paint(&self, painter: &Painter, column: usize, row: usize, is_unseen: bool, depths: &mut MultiDepth) -> Painted {
+        if !self.covered[row * self.size.0 as usize + column] {
+            return Painted::default();
+        }
+        if is_unseen {
+            let counts = Counts { unseen: true, ..Counts::default() };
+            return Painted { colour: self.params.sky, depth: f32::INFINITY, counts };
+        }
+        let own = painter.all.levels[0].leaf(column, row);
+        // A radius that was given is that of the nearest surface already.
+        let ask_nearer = self.params.viewpoint_radius.is_none();
+        let shown = if own.is_empty() {
+            fill(painter, column, row)
+        } else {
+            mix(painter, column, row, own, ask_nearer, depths)
+        };
+        let (colour, depth) = shown.map_or(([0.0; 3], 0.0), |(colour, bin)| (colour, bin_distance(bin)));
+        let samples = own.iter().fold(0_u32, |sum, surface| sum.saturating_add(surface.count));
+        Painted { colour, depth, counts: Counts { samples, empty: own.is_empty(), unseen: false } }
+    }
+
+    /// Asks for the sums of a pixel.
+    fn prefetch(&self, pixel: usize) {
+        self.narrow.prefetch_all_sums(pixel);
+        self.wide.prefetch_all_sums(pixel);
     }
 
     /// Works out all that depends on the view but on no sample.
@@ -342,11 +353,108 @@ impl Quadtree {
     }
 }
 
+/// A pixel of a picture.
+#[derive(Clone, Copy, Default)]
+struct Painted {
+    colour: [f32; 3],
+    depth: f32,
+    counts: Counts,
+}
+
+/// What a pixel is counted as.
+#[derive(Clone, Copy, Default)]
+struct Counts {
+    /// Samples of its own.
+    samples: u32,
+    empty: bool,
+    unseen: bool,
+}
+
+impl Frame {
+    /// Shows a pixel that is not counted.
+    fn show(&mut self, pixel: usize, painted: &Painted) {
+        self.picture.pixels[pixel] = painted.colour;
+        self.depth[pixel] = painted.depth;
+        self.empty_pixels += u64::from(painted.counts.empty);
+        self.unseen_pixels += u64::from(painted.counts.unseen);
+        self.samples_used += u64::from(painted.counts.samples);
+    }
+
+    /// No longer counts a pixel.
+    fn hide(&mut self, counts: &Counts) {
+        self.empty_pixels -= u64::from(counts.empty);
+        self.unseen_pixels -= u64::from(counts.unseen);
+        self.samples_used -= u64::from(counts.samples);
+    }
+}
+
+/// Columns and rows of a picture's pixels, tile by tile: neighbours in both directions mostly have the same noise.
+fn in_tiles((width, height): (u32, u32)) -> impl Iterator<Item = (usize, usize)> {
+    let (width, height) = (width as usize, height as usize);
+    let tiles = (0..height).step_by(TILE).flat_map(move |top| (0..width).step_by(TILE).map(move |left| (left, top)));
+    tiles.flat_map(move |(left, top)| {
+        let columns = left..(left + TILE).min(width);
+        (top..(top + TILE).min(height)).flat_map(move |row| columns.clone().map(move |column| (column, row)))
+    })
+}
+
+/// Which pixels' best beams are known to see nothing, of pixels in order: neighbouring ones mostly have the same beam.
+#[derive(Default)]
+struct UnseenPixels {
+    last: (Option<(u16, BeamId)>, bool),
+}
+
+impl UnseenPixels {
+    fn has(&mut self, tree: &Quadtree, pixel: usize) -> bool {
+        let Some(best) = tree.best.get(pixel) else { return false };
+        if self.last.0 != *best {
+            self.last = (*best, tree.sees_nothing(pixel));
+        }
+        self.last.1
+    }
+}
+
+/// The leaves that a picture is drawn from.
+struct Pyramids {
+    narrow: Vec<Level>,
+    /// None: narrow samples are all.
+    all: Option<Vec<Level>>,
+}
+
+impl Pyramids {
+    fn new(tree: &Quadtree) -> Self {
+        let (width, height) = (tree.size.0 as usize, tree.size.1 as usize);
+        let most = usize::from(tree.params.max_level);
+        let narrow = pyramid(|pixel| tree.narrow.of(pixel), |pixel| tree.prefetch(pixel), width, height, most);
+        let all = (!tree.wide.is_empty()).then(|| {
+            pyramid(|pixel| merged(&tree.narrow, &tree.wide, pixel), |pixel| tree.prefetch(pixel), width, height, most)
+        });
+        Self { narrow, all }
+    }
+
+    fn all(&self) -> &[Level] {
+        self.all.as_deref().unwrap_or(&self.narrow)
+    }
+}
+
 /// Reads colours from all samples, or from those that look as the eye does where the others differ.
 struct Painter<'a> {
     all: Reader<'a>,
     /// None: all are.
-    narrow: Option<(Reader<'a>, Agreement)>,
+    narrow: Option<(Reader<'a>, &'a Agreement)>,
+}
+
+impl<'a> Painter<'a> {
+    fn new(pyramids: &'a Pyramids, agreement: Option<&'a Agreement>, params: &'a QuadtreeParams) -> Self {
+        let narrow = agreement.map(|agreement| (Reader::new(&pyramids.narrow, params), agreement));
+        Self { all: Reader::new(pyramids.all(), params), narrow }
+    }
+
+    /// The highest level that colours were read from since this was last asked.
+    fn reach(&self) -> usize {
+        let narrow = self.narrow.as_ref().map_or(0, |(narrow, _)| narrow.reach.take());
+        self.all.reach.take().max(narrow)
+    }
 }
 
 impl Painter<'_> {
@@ -367,10 +475,6 @@ impl Painter<'_> {
         let own = narrow.colour(column, row, start, bins);
         [0, 1, 2].map(|channel| own[channel] + share * (all[channel] - own[channel]))
     }
-}
-
-fn copied((bin, sums): (u16, &Sums)) -> (u16, Sums) {
-    (bin, *sums)
 }
 
 /// Colour and nearest bin of a pixel with samples of its own.
