@@ -122,3 +122,34 @@ fn beams_that_see_nothing_are_shown_at_once() {
     }
     assert!(tree.draw().unseen_pixels > PIXELS / 8);
 }
+
+#[test]
+fn bursts_that_follow_each_other_draw_some_thousand_pixels_each_until_there_is_time_for_all() {
+    let size = (280, 210);
+    let (section, view) = (room_section(8), room_view(size));
+    let reference = truth(room, &view, size, 8);
+    let mut tree = quadtree(&section, &view, size, QuadtreeParams::default(), &[]);
+    insert(&mut tree, &near_samples(room, &section, &view, 5000, 1, some_paths));
+    let mut last = tree.redraw(LATE).unwrap().clone();
+    let mut errors = vec![relative_error(&last, &reference)];
+    for seed in 2..42 {
+        insert(&mut tree, &near_samples(room, &section, &view, 50_100, seed, some_paths));
+        let burst = tree.redraw(Duration::ZERO).unwrap().clone();
+        let pairs = burst.picture.pixels.iter().zip(&last.picture.pixels);
+        let changed = pairs.filter(|(now, before)| now != before).count();
+        assert!(changed > 0 && changed < 9000, "{changed} pixels");
+        errors.push(relative_error(&burst, &reference));
+        last = burst;
+    }
+    let all = relative_error(&tree.draw(), &reference);
+    println!("errors {errors:.4?}, with all {all:.5}");
+    // Each pixel has had its turn twice, the last time with half of the samples or more.
+    let reached = errors[errors.len() - 1];
+    assert!(reached < 0.2 * errors[0] && reached < 2.0 * all, "{errors:?} {all}");
+    insert(&mut tree, &near_samples(room, &section, &view, 100, 99, some_paths));
+    let late = relative_error(tree.redraw(LATE).unwrap(), &reference);
+    assert!(late < 1.25 * all, "{late} {all}");
+    let rest = tree.redraw(LATE).map(bits).unwrap();
+    assert!(rest == bits(&tree.draw()));
+    assert!(tree.redraw(LATE).is_none());
+}

@@ -2,30 +2,36 @@
 //!
 //! The pyramid of leaves stays from picture to picture. A leaf is worked out again, in place, and the pixels that were averaged
 //! over it are drawn again, once its samples have grown by a quarter: a mean of n samples that goes without n/4 more is off by
-//! less than half of its standard error. Once no more samples come, everything is drawn as [`Quadtree::draw`] does.
+//! less than half of its standard error. While bursts follow each other faster than pictures are wanted, each draws some
+//! thousand pixels only, going on where the last one ended. Once no more samples come, everything is drawn as
+//! [`Quadtree::draw`] does.
 //!
 //! What always holds:
 //! - Each surface of a leaf lies within one of its parent, as in a pyramid that was made at once.
-//! - A picture drawn while samples come is one of samples that came, at least four fifths of those of every leaf.
+//! - A picture drawn while samples come is one of samples that came, if 33 ms were over at least four fifths of those of every
+//!   leaf.
 //! - While nothing changes, nothing is done.
 
 use super::bins::merged;
 use super::leaf::own_surface;
+use super::paint::{Counts, Painter, TILE, UnseenPixels, tile_count, tile_pixels};
 use super::surface::{Level, Surface, of_pixel};
 use super::wide::{Agreement, SMALLEST};
-use super::{Counts, Frame, MultiDepth, Painter, Pyramids, Quadtree, UnseenPixels, in_tiles};
+use super::{Frame, MultiDepth, Pyramids, Quadtree};
 use std::time::Duration;
 
 /// New samples after which a picture is drawn (Larson & Simmons 1999, appendix B).
 const BURST_SAMPLES: u64 = 50_000;
 /// Time after which it is drawn with fewer: two frames of a screen.
 const BURST_TIME: Duration = Duration::from_millis(33);
+/// Leaves worked out, and pixels drawn, in one picture of a burst: some milliseconds.
+const BURST_WORK: usize = 8192;
 /// A leaf is worked out again when one in so many of its samples is new.
 const GROWTH: u32 = 4;
 /// Pixels for each new sample from which on samples are counted one by one.
 const FEW: usize = 64;
-/// Pixels whose sums are fetched together.
-const BATCH: usize = 16;
+/// Levels whose leaves lie within a tile.
+const TILE_LEVELS: usize = TILE.ilog2() as usize + 1;
 /// Stands for a reach in pixels that are to be drawn again.
 const AGAIN: u8 = u8::MAX;
 
@@ -39,24 +45,17 @@ struct Growth {
 }
 
 impl Growth {
-    /// Adds samples; whether that made it due.
-    fn add(&mut self, samples: u32) -> bool {
-        let was_due = self.is_due();
+    fn add(&mut self, samples: u32) {
         self.new = self.new.saturating_add(samples);
-        !was_due && self.is_due()
+    }
+
+    /// Makes it due.
+    fn force(&mut self) {
+        *self = Self { known: 0, new: self.new.max(1) };
     }
 
     fn is_due(self) -> bool {
         self.new > 0 && self.new >= self.known / GROWTH
-    }
-
-    /// Makes it due; whether it was not.
-    fn force(&mut self) -> bool {
-        let was_not = !self.is_due();
-        if was_not {
-            *self = Self { known: 0, new: self.new.max(1) };
-        }
-        was_not
     }
 }
 
@@ -74,8 +73,8 @@ pub(super) struct Drawing {
     landed: Vec<u32>,
     /// Of them, by leaf of one level after the other; scratch.
     fresh: Vec<u32>,
-    /// Leaves that are to be worked out, level by level.
-    due: Vec<Vec<u32>>,
+    /// The tile with which drawing goes on.
+    next_tile: usize,
     unseen_known: usize,
     /// Whether all samples are in the picture.
     is_whole: bool,
@@ -106,7 +105,7 @@ impl Drawing {
             reach: vec![AGAIN; pixels],
             landed: Vec::new(),
             fresh: Vec::new(),
-            due: vec![Vec::new(); growth.len()],
+            next_tile: 0,
             unseen_known: tree.unseen.len(),
             is_whole: true,
             parts: Vec::new(),
@@ -115,29 +114,14 @@ impl Drawing {
             pyramids,
             growth,
         };
-        drawing.paint(tree);
+        drawing.paint(tree, 0..tile_count(tree.size));
         drawing
     }
 
-    /// Draws again what has changed.
-    fn update(&mut self, tree: &Quadtree) {
+    /// Draws again what has changed: tile by tile until there have been about `most` leaves and pixels.
+    fn update(&mut self, tree: &Quadtree, most: usize) {
         self.is_whole = false;
         self.grow(tree.size.0);
-        for number in 0..self.growth.len() {
-            let mut due = std::mem::take(&mut self.due[number]);
-            // A leaf may have been made due by its children, after all others.
-            if !due.is_sorted() {
-                due.sort_unstable();
-            }
-            for batch in due.chunks(BATCH) {
-                if number == 0 {
-                    batch.iter().for_each(|&pixel| tree.prefetch(pixel as usize));
-                }
-                batch.iter().for_each(|&index| self.work_out(tree, number, index as usize));
-            }
-            due.clear();
-            self.due[number] = due;
-        }
         if self.unseen_known != tree.unseen.len() {
             self.unseen_known = tree.unseen.len();
             let mut unseen = UnseenPixels::default();
@@ -147,38 +131,70 @@ impl Drawing {
                 }
             }
         }
-        self.paint(tree);
+        let tiles = tile_count(tree.size);
+        let (first, mut count, mut work) = (self.next_tile, 0, 0);
+        while count < tiles && work < most {
+            work += self.work_out_tile(tree, (first + count) % tiles);
+            count += 1;
+        }
+        for number in TILE_LEVELS..self.growth.len() {
+            for index in 0..self.growth[number].len() {
+                if self.growth[number][index].is_due() {
+                    self.work_out(tree, number, index);
+                }
+            }
+        }
+        self.next_tile = (first + count) % tiles;
+        self.paint(tree, (0..count).map(|number| (first + number) % tiles));
     }
 
-    /// Counts the samples that have landed, and finds the leaves that are due, row by row.
+    /// Works out what is due of the leaves within a tile; how many these are, and pixels to be drawn.
+    fn work_out_tile(&mut self, tree: &Quadtree, tile: usize) -> usize {
+        let across = (tree.size.0 as usize).div_ceil(TILE);
+        let (tile_column, tile_row) = (tile % across, tile / across);
+        let mut work = 0;
+        for number in 0..TILE_LEVELS.min(self.growth.len()) {
+            let Level { width, height, .. } = self.pyramids.all()[number];
+            let side = TILE >> number;
+            let columns = tile_column * side..((tile_column + 1) * side).min(width);
+            for row in tile_row * side..((tile_row + 1) * side).min(height) {
+                let leaves = row * width + columns.start..row * width + columns.end;
+                let is_due = |&index: &usize| self.growth[number][index].is_due();
+                if number == 0 {
+                    leaves.clone().filter(is_due).for_each(|pixel| tree.prefetch(pixel));
+                }
+                for index in leaves {
+                    if self.growth[number][index].is_due() {
+                        self.work_out(tree, number, index);
+                        work += 1;
+                    }
+                }
+            }
+        }
+        let again = |&(column, row): &(usize, usize)| self.reach[row * tree.size.0 as usize + column] == AGAIN;
+        work + tile_pixels(tree.size, tile).filter(again).count()
+    }
+
+    /// Counts the samples that have landed, leaf by leaf.
     fn grow(&mut self, width: u32) {
         let levels = self.pyramids.all();
         if self.landed.len() * FEW < self.reach.len() {
             for &pixel in &self.landed {
                 let (column, row) = ((pixel % width) as usize, (pixel / width) as usize);
                 for (number, (level, growth)) in levels.iter().zip(&mut self.growth).enumerate() {
-                    let index = (row >> number) * level.width + (column >> number);
-                    if growth[index].add(1) {
-                        self.due[number].push(index as u32);
-                    }
+                    growth[(row >> number) * level.width + (column >> number)].add(1);
                 }
             }
-            self.due.iter_mut().for_each(|due| due.sort_unstable());
         } else {
             // Leaf by leaf in order takes a quarter of the time of sample by sample.
             self.fresh.clear();
             self.fresh.resize(self.reach.len(), 0);
             self.landed.iter().for_each(|&pixel| self.fresh[pixel as usize] += 1);
-            let leaves = levels.iter().zip(&mut self.growth).zip(&mut self.due);
-            for (number, ((level, growth), due)) in leaves.enumerate() {
+            for (number, (level, growth)) in levels.iter().zip(&mut self.growth).enumerate() {
                 if number > 0 {
                     halve(&mut self.fresh, levels[number - 1].width, level.width);
                 }
-                for (index, (growth, &fresh)) in growth.iter_mut().zip(&self.fresh).enumerate() {
-                    if fresh > 0 && growth.add(fresh) {
-                        due.push(index as u32);
-                    }
-                }
+                growth.iter_mut().zip(&self.fresh).for_each(|(growth, &fresh)| growth.add(fresh));
             }
         }
         self.landed.clear();
@@ -210,14 +226,9 @@ impl Drawing {
         if let Some(all) = &mut pyramids.all {
             put(all, &|surfaces| of_pixel(merged(&tree.narrow, &tree.wide, index), surfaces));
         }
-        if is_new
-            && let Some(above) = self.growth.get_mut(number + 1)
-            && let Some(level) = self.pyramids.all().get(number + 1)
-        {
+        if is_new && let Some(level) = self.pyramids.all().get(number + 1) {
             let parent = (row / 2) * level.width + column / 2;
-            if above[parent].force() {
-                self.due[number + 1].push(parent as u32);
-            }
+            self.growth[number + 1][parent].force();
         }
         if number == SMALLEST
             && let Some(agreement) = &self.agreement
@@ -253,11 +264,11 @@ impl Drawing {
         }
     }
 
-    /// Draws the pixels that are to be drawn again.
-    fn paint(&mut self, tree: &Quadtree) {
+    /// Draws the pixels of some tiles that are to be drawn again.
+    fn paint(&mut self, tree: &Quadtree, tiles: impl Iterator<Item = usize>) {
         let painter = Painter::new(&self.pyramids, self.agreement.as_ref(), &tree.params);
         let (mut unseen, mut depths) = (UnseenPixels::default(), MultiDepth::default());
-        for (column, row) in in_tiles(tree.size) {
+        for (column, row) in tiles.flat_map(|tile| tile_pixels(tree.size, tile)) {
             let pixel = row * tree.size.0 as usize + column;
             if self.reach[pixel] == AGAIN {
                 let painted = tree.paint(&painter, column, row, unseen.has(tree, pixel), &mut depths);
@@ -294,8 +305,9 @@ impl Quadtree {
     /// The picture, if it is time to draw it: what changed it since the last time is 50,000 samples, or anything at all and
     /// 33 ms are over. `since` is the time since the last picture that this gave.
     ///
-    /// In a burst pixels are left as they are that few of the new samples belong to. 33 ms after the last one comes the picture
-    /// that [`draw`](Self::draw) gives, and then none: no work is done while nothing changes.
+    /// Pixels are left as they are that few of the new samples belong to; if 33 ms are not over, only some thousand others are
+    /// drawn, and more the next time, so that many samples do not wait for pictures. 33 ms after the last sample comes the
+    /// picture that [`draw`](Self::draw) gives, and then none: no work is done while nothing changes.
     pub fn redraw(&mut self, since: Duration) -> Option<&Frame> {
         let is_whole = self.drawing.as_ref().is_some_and(|drawing| drawing.is_whole);
         let is_late = since >= BURST_TIME;
@@ -305,7 +317,7 @@ impl Quadtree {
         let drawing = match self.drawing.take() {
             // With the first samples from elsewhere there is another pyramid.
             Some(mut drawing) if self.changes > 0 && drawing.pyramids.all.is_some() != self.wide.is_empty() => {
-                drawing.update(self);
+                drawing.update(self, if is_late { usize::MAX } else { BURST_WORK });
                 drawing
             }
             _ => Box::new(Drawing::new(self)),
@@ -382,7 +394,7 @@ mod tests {
             for growth in drawing.growth.iter().flatten() {
                 assert!(growth.new == 0 || 4 * growth.new < growth.known, "{} of {}", growth.new, growth.known);
             }
-            assert!(drawing.due.iter().all(Vec::is_empty) && drawing.reach.iter().all(|&reach| reach != AGAIN));
+            assert!(drawing.reach.iter().all(|&reach| reach != AGAIN));
             // What levels know and lack together is the same: all that has landed, but for bins that pixels do not keep.
             let sums = drawing.growth.iter().map(|level| level.iter().map(|leaf| leaf.known + leaf.new).sum::<u32>());
             let sums: Vec<u32> = sums.collect();
