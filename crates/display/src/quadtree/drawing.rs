@@ -6,6 +6,9 @@
 //! thousand pixels only, going on where the last one ended. Once no more samples come, everything is drawn as
 //! [`Quadtree::draw`] does.
 //!
+//! Per pixel, colours take most of the time: 40 ns where samples are clean and 250 where one path each is averaged over seven
+//! levels; working out a leaf takes 100 to 200, most of it waiting for memory.
+//!
 //! What always holds:
 //! - Each surface of a leaf lies within one of its parent, as in a pyramid that was made at once.
 //! - A picture drawn while samples come is one of samples that came, if 33 ms were over at least four fifths of those of every
