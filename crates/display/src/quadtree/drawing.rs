@@ -6,8 +6,8 @@
 //! thousand pixels only, going on where the last one ended. Once no more samples come, everything is drawn as
 //! [`Quadtree::draw`] does.
 //!
-//! Per pixel, colours take most of the time: 40 ns where samples are clean and 250 where one path each is averaged over seven
-//! levels; working out a leaf takes 100 to 200, most of it waiting for memory.
+//! A whole picture of one sample a pixel takes 105 ns a pixel where samples are clean and 300 where they are of one path each: what
+//! is more goes to colours averaged over more levels. In a burst a leaf takes about 200, a pixel 250.
 //!
 //! What always holds:
 //! - Each surface of a leaf lies within one of its parent, as in a pyramid that was made at once.
