@@ -1,4 +1,4 @@
-//! Samples kept across views, and drawing only when it is time.
+//! Samples kept across views.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -9,7 +9,6 @@ use glam::DVec3;
 use holo_display::{Quadtree, QuadtreeParams, REFETCH_DEGREES};
 use holo_picture::View;
 use std::sync::Arc;
-use std::time::Duration;
 
 const SIZE: (u32, u32) = (96, 72);
 
@@ -63,26 +62,6 @@ fn no_more_samples_are_kept_than_asked_for_and_the_newest_stay() {
     let mut none = driver(0, &stored);
     assert!(!none.look(room_view(SIZE)));
     assert_eq!(none.draw().samples_used, 0);
-}
-
-#[test]
-fn drawing_waits_for_a_burst_of_samples_or_for_time_and_does_nothing_while_nothing_changes() {
-    let stored = near_samples(room, &room_section(8), &room_view(SIZE), 60_000, 4, clean);
-    let mut tree = driver(0, &[]);
-    let (soon, late) = (Duration::from_millis(1), Duration::from_millis(33));
-    assert!(tree.redraw(late).is_some(), "a new view is drawn");
-    assert!(tree.redraw(late).is_none() && tree.redraw(Duration::from_secs(10)).is_none());
-    insert(&mut tree, &stored[..100]);
-    assert!(tree.redraw(soon).is_none());
-    assert!(tree.redraw(late).is_some());
-    insert(&mut tree, &stored[..49_000]);
-    assert!(tree.redraw(soon).is_none());
-    insert(&mut tree, &stored[49_000..51_000]);
-    let burst = tree.redraw(soon).unwrap();
-    assert_eq!(burst.picture.pixels, tree.draw().picture.pixels);
-    assert!(tree.redraw(soon).is_none());
-    tree.look(turned(1.0));
-    assert!(tree.redraw(late).is_some());
 }
 
 /// The ball before its wall: few samples of a batch pass the eye, so that some see past its edge.

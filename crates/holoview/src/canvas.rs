@@ -229,18 +229,20 @@ impl Canvas {
         }
     }
 
-    /// Some of those beams, which hold most of what is of use; none if the driver has no such choice.
-    pub fn best_surface_beams(&self) -> Vec<(u16, BeamId)> {
+    /// Some of those beams, which hold most of what is of use; none if the driver has no such choice. A beam of a section has about
+    /// `samples_of_beam(section)` stored samples.
+    pub fn best_surface_beams(&self, samples_of_beam: impl Fn(u16) -> f64) -> Vec<(u16, BeamId)> {
         match self {
             Canvas::Voronoi(driver) => driver.best_surface_beams(),
-            Canvas::Quadtree(_) | Canvas::Points(_) => Vec::new(),
+            Canvas::Quadtree(driver) => driver.best_surface_beams(samples_of_beam),
+            Canvas::Points(_) => Vec::new(),
         }
     }
 
-    /// Distance from the eye for each pixel, as far as it is known yet.
+    /// Distances from the eye of what is seen, spread over the picture, as far as they are known yet.
     pub fn depth(&self) -> Vec<f32> {
         match self {
-            Canvas::Quadtree(driver) => driver.draw().depth,
+            Canvas::Quadtree(driver) => driver.depth(),
             Canvas::Voronoi(driver) => driver.depth(),
             Canvas::Points(driver) => driver.draw().0.depth,
         }

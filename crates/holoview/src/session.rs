@@ -144,11 +144,30 @@ struct Shown {
     received: Received,
     since: Instant,
     stored: u64,
+    /// Of these, by section.
+    stored_of: Vec<u64>,
     traced: u64,
     first_samples: Option<f64>,
     refined: bool,
     /// When single rays were last asked for; `None`: the driver asks for none.
     rays_asked: Option<Instant>,
+}
+
+impl Shown {
+    /// Stored samples of a beam of each section, by those of the view's own beams; of a section that it does not cross, by all. At
+    /// least one.
+    fn samples_of_beam(&self) -> Vec<f64> {
+        let mut beams = vec![0_u64; self.stored_of.len()];
+        for wanted in &self.wanted {
+            if let Some(beams) = beams.get_mut(usize::from(wanted.section)) {
+                *beams += 1;
+            }
+        }
+        let share = |stored: u64, beams: u64| (stored as f64 / beams.max(1) as f64).max(1.0);
+        let all = share(self.stored, self.wanted.len() as u64);
+        let of = |(&stored, &beams)| if beams == 0 { all } else { share(stored, beams) };
+        self.stored_of.iter().zip(&beams).map(of).collect()
+    }
 }
 
 struct Session {
@@ -265,6 +284,7 @@ impl Session {
             received: Received::default(),
             since,
             stored: 0,
+            stored_of: vec![0; self.sections.len()],
             traced: 0,
             first_samples: None,
             refined: false,
@@ -285,7 +305,9 @@ impl Session {
         let Some(shown) = &mut self.shown else { return Ok(()) };
         match shown.asked {
             Asked::Crossed => {
-                shown.also = shown.canvas.best_surface_beams();
+                let held = shown.samples_of_beam();
+                let held = |section: u16| held.get(usize::from(section)).copied().unwrap_or(1.0);
+                shown.also = shown.canvas.best_surface_beams(held);
                 shown.asked = Asked::Best;
                 if shown.also.is_empty() { self.ask_on(ending) } else { self.ask_for_all() }
             }
@@ -435,7 +457,12 @@ impl Session {
                 let count = fresh.len() as u64;
                 shown.canvas.insert(run.section, run.beam, run.paths, &samples[fresh]);
                 match message.source {
-                    Source::Stored => shown.stored += count,
+                    Source::Stored => {
+                        shown.stored += count;
+                        if let Some(of) = shown.stored_of.get_mut(usize::from(run.section)) {
+                            *of += count;
+                        }
+                    }
                     Source::Traced => shown.traced += count,
                 }
             }

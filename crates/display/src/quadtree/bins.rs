@@ -248,6 +248,14 @@ impl PixelBins {
         }
     }
 
+    /// Asks for all sums of a pixel.
+    pub fn prefetch_all_sums(&self, pixel: usize) {
+        for (_, sums) in self.of(pixel) {
+            prefetch(&sums.weight);
+            prefetch(&sums.near);
+        }
+    }
+
     /// Whether there is room for any pixel.
     pub fn has_pixels(&self) -> bool {
         !self.slots.is_empty()

@@ -1,4 +1,4 @@
-//! Samples kept across views, and when to draw again.
+//! Samples kept across views.
 //!
 //! Invariant: as long as no more samples came than are kept, a picture after any number of [`Quadtree::look`]s within
 //! [`REFETCH_DEGREES`] is that of a new driver with the same samples.
@@ -6,16 +6,10 @@
 use super::Quadtree;
 use holo_picture::View;
 use holo_section::{BeamId, Sample};
-use std::time::Duration;
 
 /// Rotation of the view beyond which kept samples are of no more use than their beams would be: what shines is seen too
 /// differently (Larson & Simmons 1999, §3).
 pub const REFETCH_DEGREES: f64 = 20.0;
-/// New samples after which a picture is drawn (Larson & Simmons 1999, appendix B).
-const BURST_SAMPLES: u64 = 50_000;
-/// Time after which it is drawn with fewer: two frames of a screen.
-const BURST_TIME: Duration = Duration::from_millis(33);
-
 /// Samples in the order in which they came, in runs of one beam.
 #[derive(Clone, Default)]
 pub(crate) struct Kept {
@@ -80,15 +74,5 @@ impl Quadtree {
         }
         self.kept = kept;
         true
-    }
-
-    /// The picture, if it is time to draw it: what changed it since the last time is 50,000 samples, or anything at all and
-    /// 33 ms are over. `since` is the time since the last picture that this gave. No work is done while nothing changes.
-    pub fn redraw(&mut self, since: Duration) -> Option<super::Frame> {
-        let is_due = self.changes >= BURST_SAMPLES || (self.changes > 0 && since >= BURST_TIME);
-        is_due.then(|| {
-            self.changes = 0;
-            self.draw()
-        })
     }
 }

@@ -11,6 +11,7 @@
 use crate::quadtree::bins::luminance;
 use crate::quadtree::surface::{Deviation, Level, Surface, gap_allowed};
 use crate::quadtree::{LeafSize, QuadtreeParams};
+use glam::Vec4;
 use std::cell::Cell;
 
 /// Half-width of an interval of mean compressed luminance, in standard errors.
@@ -39,8 +40,8 @@ const UNSEEN: f32 = 0.006;
 /// Weighted mean over neighbouring leaves of one level, of one surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Blend {
-    pub mean: [f32; 3],
-    pub compressed: f32,
+    /// Mean colour and, last, compressed luminance.
+    pub mean: Vec4,
     /// Standard error for samples of unit deviation: √Σw² / Σw.
     pub error: f32,
 }
@@ -48,39 +49,33 @@ pub(crate) struct Blend {
 /// What is known of the noise of samples.
 #[derive(Clone, Copy)]
 pub(crate) struct Noise {
-    /// Half-widths of intervals for a standard error of 1: of compressed luminance, and of the channels.
-    pub half_widths: [f32; 4],
+    /// Half-widths of intervals for a standard error of 1: of the channels and, last, of compressed luminance.
+    pub half_widths: Vec4,
     /// Variance of luminance over its mean squared.
     relative_variance: f32,
 }
 
 /// Running intersection of intervals, one for each thing compared.
 struct Intersection {
-    low: [f32; 4],
-    high: [f32; 4],
+    low: Vec4,
+    high: Vec4,
 }
 
 impl Intersection {
     fn everything() -> Self {
-        Self { low: [f32::NEG_INFINITY; 4], high: [f32::INFINITY; 4] }
+        Self { low: Vec4::NEG_INFINITY, high: Vec4::INFINITY }
     }
 
     /// Narrows it by another interval: the share of that interval's width that is common to all, 0 if nothing is.
-    fn narrow(&mut self, middle: [f32; 4], half: [f32; 4]) -> f32 {
-        let mut share = 1.0_f32;
-        for i in 0..4 {
-            self.low[i] = self.low[i].max(middle[i] - half[i]);
-            self.high[i] = self.high[i].min(middle[i] + half[i]);
-            let left = self.high[i] - self.low[i];
-            share = share.min(if half[i] > 0.0 {
-                0.5 * left / half[i]
-            } else if left >= 0.0 {
-                1.0
-            } else {
-                0.0
-            });
-        }
-        share.max(0.0)
+    #[inline]
+    fn narrow(&mut self, middle: Vec4, half: Vec4) -> f32 {
+        self.low = self.low.max(middle - half);
+        self.high = self.high.min(middle + half);
+        let left = self.high - self.low;
+        // An interval without width is common wholly or not at all.
+        let point = Vec4::select(left.cmpge(Vec4::ZERO), Vec4::ONE, Vec4::ZERO);
+        let share = Vec4::select(half.cmpgt(Vec4::ZERO), 0.5 * left / half, point);
+        share.min_element().clamp(0.0, 1.0)
     }
 }
 
@@ -89,6 +84,8 @@ pub(crate) struct Reader<'a> {
     pub levels: &'a [Level],
     params: &'a QuadtreeParams,
     last_noise: Cell<Option<KnownNoise>>,
+    /// Highest level that was averaged over since it was last set.
+    pub reach: Cell<usize>,
 }
 
 /// The noise found last, and of what: pixels side by side mostly ask for the same, and climbing the levels is a good part of
@@ -104,38 +101,35 @@ struct KnownNoise {
 
 impl<'a> Reader<'a> {
     pub fn new(levels: &'a [Level], params: &'a QuadtreeParams) -> Self {
-        Self { levels, params, last_noise: Cell::new(None) }
+        Self { levels, params, last_noise: Cell::new(None), reach: Cell::new(0) }
     }
 
     /// Colour at a pixel of the surface that has `bins` in the pixel's leaf of level `start`.
     pub fn colour(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> [f32; 3] {
         if let LeafSize::Fixed(level) = self.params.leaf {
             let level = start.max(usize::from(level)).min(self.levels.len() - 1);
-            return self.blend(column, row, level, bins).map_or([0.0; 3], |blend| blend.mean);
+            return self.blend(column, row, level, bins).map_or([0.0; 3], |blend| blend.mean.truncate().to_array());
         }
         let noise = self.noise(column, row, start, bins);
         let few_samples = FEW_SAMPLES * (noise.relative_variance + PLAIN_TAIL);
         let mut common = Intersection::everything();
-        let mut best = [0.0; 3];
+        let mut best = Vec4::ZERO;
         for level in start..self.levels.len() {
             let Some(blend) = self.blend(column, row, level, bins) else { break };
             let width = blend.error * (1.0 + few_samples * blend.error * blend.error);
-            let half = noise.half_widths.map(|half| half * width);
-            let [r, g, b] = blend.mean;
-            let common_share = common.narrow([blend.compressed, r, g, b], half);
+            let half = noise.half_widths * width;
+            let common_share = common.narrow(blend.mean, half);
             // The finest leaf as a whole: the difference of its bounds is rounded.
             let share = if level == start { 1.0 } else { common_share };
             if share == 0.0 {
                 break;
             }
-            for (best, mean) in best.iter_mut().zip(blend.mean) {
-                *best += share * (mean - *best);
-            }
-            if half[0] < UNSEEN * blend.compressed {
+            best += share * (blend.mean - best);
+            if half.w < UNSEEN * blend.mean.w {
                 break;
             }
         }
-        best
+        best.truncate().to_array()
     }
 
     /// Noise of the surface around a pixel: from the smallest leaf that has samples enough.
@@ -149,30 +143,30 @@ impl<'a> Reader<'a> {
         }
         let mut found_at = (start, bins);
         let mut deviation = Deviation { luminance: 0.0, compressed: 0.0, freedom: -1.0 };
-        let mut mean = [0.0; 3];
-        let mut compressed = 0.0;
+        let mut mean = [0.0; 4];
         for (number, level) in self.levels.iter().enumerate().skip(start) {
             let Some(own) = own_surface(level.leaf(column >> number, row >> number), bins) else { break };
             let found = own.deviation();
             if found.freedom > deviation.freedom {
-                (deviation, mean, compressed) = (found, own.mean, own.compressed);
+                (deviation, mean) = (found, own.mean);
                 found_at = (number, own.bins);
             }
             if deviation.freedom >= NOISE_FREEDOM {
                 break;
             }
         }
-        let brightest = mean[0].max(mean[1]).max(mean[2]);
+        let [r, g, b, compressed] = mean;
+        let brightest = r.max(g).max(b);
         // Noise is mostly brightness: a channel's share of it is its share of the colour.
-        let relative = deviation.luminance / luminance(mean).max(f32::MIN_POSITIVE);
+        let relative = deviation.luminance / luminance([r, g, b]).max(f32::MIN_POSITIVE);
         let channel = |mean: f32| KAPPA_LINEAR * (relative * mean).max(QUANTUM * brightest);
         let noise = Noise {
-            half_widths: [
+            half_widths: Vec4::new(
+                channel(r),
+                channel(g),
+                channel(b),
                 KAPPA * deviation.compressed.max(0.25 * QUANTUM * compressed),
-                channel(mean[0]),
-                channel(mean[1]),
-                channel(mean[2]),
-            ],
+            ),
             relative_variance: relative * relative,
         };
         let (level, bins) = found_at;
@@ -186,19 +180,17 @@ impl<'a> Reader<'a> {
     pub fn blend(&self, column: usize, row: usize, level: usize, bins: (u16, u16)) -> Option<Blend> {
         let leaves = &self.levels[level];
         let own = own_surface(leaves.leaf(column >> level, row >> level), bins)?;
+        if level > self.reach.get() {
+            self.reach.set(level);
+        }
         if level == 0 {
-            return Some(Blend {
-                mean: own.mean,
-                compressed: own.compressed,
-                error: own.weight_squared.sqrt() / own.weight,
-            });
+            return Some(Blend { mean: Vec4::from_array(own.mean), error: own.weight_squared.sqrt() / own.weight });
         }
         let gap = gap_allowed(level);
         let (near, far) = (own.bins.0.saturating_sub(gap), own.bins.1.saturating_add(gap));
         let (columns, column_weights) = neighbours(column, level, leaves.width);
         let (rows, row_weights) = neighbours(row, level, leaves.height);
-        let (mut weight, mut weight_squared, mut compressed) = (0.0_f32, 0.0_f32, 0.0_f32);
-        let mut sum = [0.0_f32; 3];
+        let (mut weight, mut weight_squared, mut sum) = (0.0_f32, 0.0_f32, Vec4::ZERO);
         for (&leaf_row, row_weight) in rows.iter().zip(row_weights) {
             for (&leaf_column, column_weight) in columns.iter().zip(column_weights) {
                 let share = row_weight * column_weight;
@@ -209,19 +201,12 @@ impl<'a> Reader<'a> {
                     let part = share * surface.weight;
                     weight += part;
                     weight_squared += share * share * surface.weight_squared;
-                    compressed += part * surface.compressed;
-                    for (sum, mean) in sum.iter_mut().zip(surface.mean) {
-                        *sum += part * mean;
-                    }
+                    sum += part * Vec4::from_array(surface.mean);
                 }
             }
         }
         let scale = weight.recip();
-        Some(Blend {
-            mean: sum.map(|channel| channel * scale),
-            compressed: compressed * scale,
-            error: weight_squared.sqrt() * scale,
-        })
+        Some(Blend { mean: sum * scale, error: weight_squared.sqrt() * scale })
     }
 }
 

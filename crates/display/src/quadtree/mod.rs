@@ -13,25 +13,29 @@
 
 mod beams;
 mod bins;
+mod depths;
+mod drawing;
 mod keep;
 mod leaf;
+mod paint;
 pub(crate) mod reproject;
 mod surface;
 mod wide;
 
 use crate::camera::Camera;
 use crate::candidates::{candidates, is_covered};
-use bins::{BINS_AN_OCTAVE, BINS_KEPT, Colour, NEAR_CLASSES, PixelBins, Sums, bin_distance, merged};
+use bins::{BINS_KEPT, Colour, PixelBins, merged};
+use drawing::Drawing;
 use glam::DVec3;
 use holo_picture::{Picture, View};
 use holo_section::{BeamId, Sample, Section};
 use keep::Kept;
 pub use keep::REFETCH_DEGREES;
-use leaf::{Reader, beside, own_surface};
+use paint::{Painter, UnseenPixels, tile_count, tile_pixels};
 use reproject::{BeamProjector, DistanceTable, Landing, PlacedSection};
 use std::collections::HashSet;
 use std::sync::Arc;
-use surface::{Level, Surface, gap_allowed, pyramid};
+use surface::{Level, pyramid};
 use wide::Agreement;
 
 /// Paths a sample counts for at most: enough that more are not told apart, few enough that sums cannot overflow.
@@ -40,12 +44,6 @@ const MAX_PATHS: u16 = 1024;
 const BATCH: usize = 32;
 /// Share of a leaf's samples that its nearest surface needs to be what an empty pixel of the leaf shows.
 const SEEN_SHARE: f32 = 0.25;
-
-/// Depth bins between a surface and one that hides it: a fifth of the distance.
-const CLEARLY_IN_FRONT: u16 = 8;
-
-/// Samples a pixel from which a surface without one is not there: with 2 expected, one pixel in seven has none.
-const MANY_A_PIXEL: u32 = 2;
 
 /// How large the leaves are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,6 +122,8 @@ pub struct Quadtree {
     uncovered_pixels: u64,
     unseen: HashSet<(u16, BeamId)>,
     kept: Kept,
+    /// The last picture that [`redraw`](Self::redraw) gave, and what it was drawn from.
+    drawing: Option<Box<Drawing>>,
     /// Samples that landed, and unseen beams, since the last [`redraw`](Self::redraw); a new view is a change, too.
     changes: u64,
     /// Those of one batch that landed: pixel, landing, colour.
@@ -146,6 +146,7 @@ impl Quadtree {
             uncovered_pixels: 0,
             unseen: HashSet::new(),
             kept: Kept::default(),
+            drawing: None,
             changes: 1,
             arrived: Vec::with_capacity(BATCH),
             best: Vec::new(),
@@ -166,6 +167,7 @@ impl Quadtree {
         self.wide.clear();
         self.unseen.clear();
         self.kept.clear();
+        self.drawing = None;
         self.changes = 1;
         self.place();
     }
@@ -222,6 +224,10 @@ impl Quadtree {
                 bins.add(*pixel, landing.bin, &Colour::from_rgbe(*rgbe), landing.weight * paths, landing.near);
             }
             self.changes += self.arrived.len() as u64;
+            let landed = self.arrived.iter().map(|(pixel, ..)| *pixel);
+            if self.drawing.as_mut().is_some_and(|drawing| !drawing.has_landed(landed)) {
+                self.drawing = None;
+            }
         }
     }
 
@@ -245,63 +251,40 @@ impl Quadtree {
 
     /// The picture of all samples so far, and how samples of several depths were resolved in it.
     pub fn draw_and_count(&self) -> (Frame, MultiDepth) {
-        let mut depths = MultiDepth::default();
-        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
-        let most = usize::from(self.params.max_level);
-        let narrow = pyramid(|pixel| self.narrow.of(pixel).map(copied), width, height, most);
-        let all = (!self.wide.is_empty())
-            .then(|| pyramid(|pixel| merged(&self.narrow, &self.wide, pixel), width, height, most));
-        let levels = all.as_ref().unwrap_or(&narrow);
-        let narrow = Reader::new(&narrow, &self.params);
-        let painter = Painter {
-            all: Reader::new(levels, &self.params),
-            narrow: all.is_some().then(|| (narrow, Agreement::new(width, height))),
-        };
-        // A radius that was given is that of the nearest surface already.
-        let ask_nearer = self.params.viewpoint_radius.is_none();
-        let mut frame = Frame {
-            picture: Picture::new(self.size.0, self.size.1),
-            depth: vec![0.0; width * height],
+        let pyramids = Pyramids::new(self);
+        let (agreement, mut depths) = (self.agreement(&pyramids), MultiDepth::default());
+        let painter = Painter::new(&pyramids, agreement.as_ref(), &self.params);
+        let mut frame = self.empty_frame();
+        let mut unseen = UnseenPixels::default();
+        for (column, row) in (0..tile_count(self.size)).flat_map(|number| tile_pixels(self.size, number)) {
+            let pixel = row * self.size.0 as usize + column;
+            frame.show(pixel, &self.paint(&painter, column, row, unseen.has(self, pixel), &mut depths));
+        }
+        (frame, depths)
+    }
+
+    fn empty_frame(&self) -> Frame {
+        let mut picture = Picture::new(self.size.0, self.size.1);
+        picture.view = Some(self.view);
+        Frame {
+            depth: vec![0.0; picture.pixels.len()],
+            picture,
             uncovered_pixels: self.uncovered_pixels,
             empty_pixels: 0,
             unseen_pixels: 0,
             samples_used: 0,
-        };
-        frame.picture.view = Some(self.view);
-        // Neighbouring pixels mostly have the same beam.
-        let mut last = (None, false);
-        for row in 0..height {
-            for column in 0..width {
-                let pixel = row * width + column;
-                if !self.covered[pixel] {
-                    continue;
-                }
-                if let Some(best) = self.best.get(pixel) {
-                    if last.0 != *best {
-                        last = (*best, best.is_some_and(|best| self.unseen.contains(&best)));
-                    }
-                    if last.1 {
-                        frame.unseen_pixels += 1;
-                        frame.picture.pixels[pixel] = self.params.sky;
-                        frame.depth[pixel] = f32::INFINITY;
-                        continue;
-                    }
-                }
-                let own = levels[0].leaf(column, row);
-                frame.samples_used += own.iter().map(|surface| u64::from(surface.count)).sum::<u64>();
-                frame.empty_pixels += u64::from(own.is_empty());
-                let shown = if own.is_empty() {
-                    fill(&painter, column, row)
-                } else {
-                    mix(&painter, column, row, own, ask_nearer, &mut depths)
-                };
-                if let Some((colour, nearest)) = shown {
-                    frame.picture.pixels[pixel] = colour;
-                    frame.depth[pixel] = bin_distance(nearest);
-                }
-            }
         }
-        (frame, depths)
+    }
+
+    /// What has been found of agreement between all samples and narrow ones: nothing yet.
+    fn agreement(&self, pyramids: &Pyramids) -> Option<Agreement> {
+        pyramids.all.is_some().then(|| Agreement::new(self.size.0 as usize, self.size.1 as usize))
+    }
+
+    /// Asks for the sums of a pixel.
+    fn prefetch(&self, pixel: usize) {
+        self.narrow.prefetch_all_sums(pixel);
+        self.wide.prefetch_all_sums(pixel);
     }
 
     /// Works out all that depends on the view but on no sample.
@@ -323,128 +306,45 @@ impl Quadtree {
         self.middles().map(best).collect()
     }
 
+    /// Whether a pixel's best beam is known to see nothing.
+    fn sees_nothing(&self, pixel: usize) -> bool {
+        self.best.get(pixel).is_some_and(|best| best.is_some_and(|best| self.unseen.contains(&best)))
+    }
+
     /// The view rays of the pixels' middles, row by row.
     fn middles(&self) -> impl Iterator<Item = (DVec3, DVec3)> {
         let (width, height) = self.size;
-        (0..height).flat_map(move |row| {
-            let y = 1.0 - (f64::from(row) + 0.5) / f64::from(height);
-            (0..width).map(move |column| self.view.ray((f64::from(column) + 0.5) / f64::from(width), y))
-        })
+        (0..height).flat_map(move |row| (0..width).map(move |column| self.middle(column, row)))
+    }
+
+    /// The view ray of a pixel's middle.
+    fn middle(&self, column: u32, row: u32) -> (DVec3, DVec3) {
+        let (x, y) = View::pixel_centre(self.size, column, row);
+        self.view.ray(x, y)
     }
 }
 
-/// Reads colours from all samples, or from those that look as the eye does where the others differ.
-struct Painter<'a> {
-    all: Reader<'a>,
-    /// None: all are.
-    narrow: Option<(Reader<'a>, Agreement)>,
+/// The leaves that a picture is drawn from.
+struct Pyramids {
+    narrow: Vec<Level>,
+    /// None: narrow samples are all.
+    all: Option<Vec<Level>>,
 }
 
-impl Painter<'_> {
-    /// As [`Reader::colour`].
-    fn colour(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> [f32; 3] {
-        let all = self.all.colour(column, row, start, bins);
-        let Some((narrow, agreement)) = &self.narrow else { return all };
-        let share = agreement.of(&self.all, narrow, column, row, bins);
-        if share == 1.0 {
-            return all;
-        }
-        // From the smallest leaf that has any: the comparison found one. Few as they are there, they may all lie a bin beside.
-        let start = (start..narrow.levels.len()).find_map(|level| {
-            let leaf = narrow.levels[level].leaf(column >> level, row >> level);
-            beside(leaf, bins, gap_allowed(level)).map(|surface| (level, surface.bins))
+impl Pyramids {
+    fn new(tree: &Quadtree) -> Self {
+        let (width, height) = (tree.size.0 as usize, tree.size.1 as usize);
+        let most = usize::from(tree.params.max_level);
+        let narrow = pyramid(|pixel| tree.narrow.of(pixel), |pixel| tree.prefetch(pixel), width, height, most);
+        let all = (!tree.wide.is_empty()).then(|| {
+            pyramid(|pixel| merged(&tree.narrow, &tree.wide, pixel), |pixel| tree.prefetch(pixel), width, height, most)
         });
-        let Some((start, bins)) = start else { return all };
-        let own = narrow.colour(column, row, start, bins);
-        [0, 1, 2].map(|channel| own[channel] + share * (all[channel] - own[channel]))
+        Self { narrow, all }
     }
-}
 
-fn copied((bin, sums): (u16, &Sums)) -> (u16, Sums) {
-    (bin, *sums)
-}
-
-/// Colour and nearest bin of a pixel with samples of its own.
-///
-/// Samples that pass near the eye are samples of this very pixel: their shares are the surfaces' coverage, which is what
-/// makes a silhouette smooth. With none of them the nearest surface is what is seen: whatever lies behind was seen past its
-/// edge.
-fn mix(
-    painter: &Painter,
-    column: usize,
-    row: usize,
-    own: &[Surface],
-    ask_nearer: bool,
-    depths: &mut MultiDepth,
-) -> Option<([f32; 3], u16)> {
-    let front = own.first()?;
-    let near = |surface: &Surface| near_count(surface, front, ask_nearer);
-    let all: f32 = own.iter().map(near).sum();
-    let alone = || Some((painter.colour(column, row, 0, front.bins), front.bins.0));
-    if all == 0.0 {
-        let covered = covering(painter, column, row, front);
-        depths.by_leaves += u64::from(covered.is_some());
-        depths.remaining += u64::from(covered.is_none() && own.len() > 1);
-        return covered.or_else(alone);
+    fn all(&self) -> &[Level] {
+        self.all.as_deref().unwrap_or(&self.narrow)
     }
-    if own.len() == 1 {
-        return alone();
-    }
-    depths.by_near_samples += 1;
-    let mut colour = [0.0; 3];
-    let mut nearest = None;
-    for surface in own.iter().filter(|surface| near(surface) > 0.0) {
-        let coverage = near(surface) / all;
-        for (sum, part) in colour.iter_mut().zip(painter.colour(column, row, 0, surface.bins)) {
-            *sum += coverage * part;
-        }
-        nearest = nearest.or(Some(surface.bins.0));
-    }
-    nearest.map(|bin| (colour, bin))
-}
-
-/// Colour and nearest bin of a surface that hides a pixel's front surface, though the pixel has no sample of it.
-///
-/// Where samples are few, those of a far surface show through between those of a near one, having looked past its edge (the
-/// paper's Figure 6). A surface in front that most samples of the 4 × 4 or 2 × 2 pixels around are of is taken to go on
-/// here, unless it has so many samples that it would have had one here. Only for pixels with no sample near the eye: those
-/// see for themselves. On a disc before a wall eight times as far, batch samples of a 4³ grid, this took a tenth (0.4 a
-/// pixel) to four tenths (1 to 3 a pixel) off the error; a third instead of a half made some worse. On a ball before a near
-/// wall, 16³ grid, it costs 0.1 to 0.4 dB.
-fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Option<([f32; 3], u16)> {
-    [2, 1].into_iter().find_map(|level| {
-        let leaf = painter.all.levels.get(level)?.leaf(column >> level, row >> level);
-        let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
-        let hides = |surface: &&Surface| {
-            surface.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0
-                && surface.count as f32 >= 0.5 * all
-                && surface.count <= MANY_A_PIXEL << (2 * level)
-        };
-        let hiding = leaf.iter().find(hides)?;
-        Some((painter.colour(column, row, level, hiding.bins), hiding.bins.0))
-    })
-}
-
-/// Samples of a surface that pass so near the eye that they see past the front surface what the eye sees.
-///
-/// Within the footprint of a pixel at their own distance is not near enough: with `front` at an eighth of the distance they
-/// would look behind it by seven pixels (batch pictures then got worse with more samples). The radius is halved for each
-/// whole doubling from the front to the surface, which keeps that below a pixel and a half.
-fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
-    let behind = surface.bins.0.saturating_sub(front.bins.0);
-    let halvings = if ask_nearer { usize::from(behind / BINS_AN_OCTAVE) } else { 0 };
-    surface.near.iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum()
-}
-
-/// Colour and nearest bin of a pixel without samples: those of the smallest leaf around it that has any.
-fn fill(painter: &Painter, column: usize, row: usize) -> Option<([f32; 3], u16)> {
-    painter.all.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
-        let leaf = leaves.leaf(column >> level, row >> level);
-        let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
-        let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
-        let bins = own_surface(leaf, seen.bins)?.bins;
-        Some((painter.colour(column, row, level, bins), bins.0))
-    })
 }
 
 const _: () = assert!(BINS_KEPT >= 2, "what is behind a silhouette needs a bin");

@@ -7,6 +7,7 @@
 //! Invariant: as samples that look as the eye does grow, every difference is found, and the picture is made of them alone.
 
 use crate::quadtree::leaf::{KAPPA, KAPPA_LINEAR, Reader, own_surface};
+use glam::Vec4;
 use std::cell::Cell;
 
 /// Samples whose ray passes the eye at less than this part of their distance from it look as the eye does: 5.7 degrees.
@@ -21,7 +22,7 @@ const SAME: f32 = 1.2;
 const DIFFERENT: f32 = 1.8;
 
 /// Level of the smallest leaves that are compared; all pixels of one have the same answer.
-const SMALLEST: usize = 2;
+pub(crate) const SMALLEST: usize = 2;
 
 /// Compares all samples with the narrow ones, remembering what it found in each leaf.
 pub(crate) struct Agreement {
@@ -35,6 +36,11 @@ impl Agreement {
     pub fn new(width: usize, height: usize) -> Self {
         let (width, height) = (width.div_ceil(1 << SMALLEST), height.div_ceil(1 << SMALLEST));
         Self { width, known: vec![Cell::new(None); width * height] }
+    }
+
+    /// Forgets what was found in a smallest leaf.
+    pub fn forget(&self, column: usize, row: usize) {
+        self.known.get(row * self.width + column).into_iter().for_each(|known| known.set(None));
     }
 
     /// How far all samples of a surface may be used at a pixel: 1 wholly, 0 not at all.
@@ -68,13 +74,15 @@ fn agreement(all: &Reader, narrow: &Reader, column: usize, row: usize, bins: (u1
         let Some(leaf) = own_surface(narrow.levels[level].leaf(column >> level, row >> level), bins) else { continue };
         // With the picture's own variation: where it varies, samples that fall elsewhere in the leaf differ by chance.
         let (relative, compressed) = leaf.total_deviation();
-        let half = narrow.noise(column, row, level, bins).half_widths;
-        let apart = |own: f32, whole: f32, half: f32| (own - whole).abs() / (half * own_error).max(f32::MIN_POSITIVE);
-        let mut worst = apart(own.compressed, whole.compressed, half[0].max(KAPPA * compressed));
-        for (channel, half) in half[1..].iter().enumerate() {
-            let mean = own.mean[channel];
-            worst = worst.max(apart(mean, whole.mean[channel], half.max(KAPPA_LINEAR * relative * mean)));
-        }
+        let own_variation = Vec4::new(
+            KAPPA_LINEAR * relative * own.mean.x,
+            KAPPA_LINEAR * relative * own.mean.y,
+            KAPPA_LINEAR * relative * own.mean.z,
+            KAPPA * compressed,
+        );
+        let half = narrow.noise(column, row, level, bins).half_widths.max(own_variation);
+        let apart = (own.mean - whole.mean).abs() / (half * own_error).max(Vec4::splat(f32::MIN_POSITIVE));
+        let worst = apart.max_element();
         share = share.min(((DIFFERENT - worst) / (DIFFERENT - SAME)).clamp(0.0, 1.0));
         if share == 0.0 || effective > PLENTY {
             break;

@@ -12,7 +12,7 @@ use holo_section::BeamId;
 
 /// Beams that are asked for first: of a holodeck filled for a minute they hold some samples for each pixel of a small picture, and are
 /// read in some hundredths of a second.
-const FIRST_BEAMS: usize = 8_000;
+const FIRST_BEAMS: f64 = 8_000.0;
 
 /// For walls that coincide with the section's.
 const SLACK: f64 = 0.01;
@@ -25,7 +25,7 @@ impl Voronoi {
 
     /// Some of them, found in less time: those that hold most of what is of use. Ordered by section and beam, each once.
     pub fn best_surface_beams(&self) -> Vec<(u16, BeamId)> {
-        beams_mostly_ending_on(&self.sections, &self.points(), SLACK, FIRST_BEAMS)
+        beams_mostly_ending_on(&self.sections, &self.points(), SLACK, FIRST_BEAMS, |_| 1.0)
     }
 
     /// Surface points of the picture and their normals, in the scene.
