@@ -7,6 +7,7 @@
 
 mod canvas;
 mod default_view;
+mod incoming;
 mod lights;
 mod point_args;
 mod points;

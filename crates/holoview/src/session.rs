@@ -10,7 +10,7 @@ use std::{
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use holo_display::{SelectOptions, Selection, select_beams};
-use holo_net::{Inbox, Message, NetError, Outbox, Shutdown};
+use holo_net::{Message, Outbox, Shutdown};
 use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::{
@@ -26,6 +26,7 @@ use crate::{
     Config, PictureReport,
     canvas::{Canvas, Painter},
     default_view,
+    incoming::{self, Incoming},
     lights::Lights,
     received::Received,
     script::{Command, Next, Script, Step},
@@ -67,7 +68,7 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
     let painter = Painter::new(config.driver, &config.points, &sections, &mut inbox, &outbox, &welcome).await?;
     let lights = Lights::new(painter.records()).context("starting a thread")?;
     let (sender, messages) = mpsc::channel();
-    let reader = tokio::spawn(read(inbox, outbox.clone(), sender.clone(), lights.clone()));
+    let reader = tokio::spawn(incoming::read(inbox, outbox.clone(), sender.clone(), lights.clone()));
     let ended = tokio::spawn(async move {
         shutdown.wait().await;
         // If the session is over there is no one to tell.
@@ -96,35 +97,6 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
     reader.abort();
     ended.abort();
     result
-}
-
-enum Incoming {
-    Message(Message),
-    Lost(NetError),
-    Stop,
-}
-
-async fn read(mut inbox: Inbox, outbox: Outbox, messages: mpsc::Sender<Incoming>, lights: Lights) {
-    loop {
-        let incoming = match inbox.next().await {
-            Ok(Message::Control(Control::Ping(number))) => {
-                if outbox.control(&Control::Pong(number)).is_err() {
-                    return;
-                }
-                continue;
-            }
-            Ok(Message::Light(light)) => {
-                lights.give(light);
-                continue;
-            }
-            Ok(message) => Incoming::Message(message),
-            Err(error) => Incoming::Lost(error),
-        };
-        let over = matches!(incoming, Incoming::Lost(_));
-        if messages.send(incoming).is_err() || over {
-            return;
-        }
-    }
 }
 
 /// A view and what has arrived for it.

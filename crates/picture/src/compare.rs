@@ -164,7 +164,7 @@ pub fn bias_interval(
     reference: &Picture,
     reference_error: Option<&Picture>,
 ) -> Result<(f64, f64), CompareError> {
-    let (la, lr, dim) = without_lamps(picture, reference)?;
+    let Lit { picture: la, reference: lr, dim } = Lit::of(picture, reference)?;
     let (mean_a, mean_r) = (masked_mean(&la, &dim), masked_mean(&lr, &dim));
     let of_mean = |error: Option<&Picture>, which: &'static str| -> Result<f64, CompareError> {
         let squares = variances(error, which, reference)?;
@@ -191,7 +191,7 @@ pub fn worst_block_beyond_noise(
     reference: &Picture,
     reference_error: Option<&Picture>,
 ) -> Result<f64, CompareError> {
-    let (la, lr, dim) = without_lamps(picture, reference)?;
+    let Lit { picture: la, reference: lr, dim } = Lit::of(picture, reference)?;
     let of_picture = variances(picture_error, "picture's standard error", reference)?;
     let of_reference = variances(reference_error, "reference's standard error", reference)?;
     let beyond = |block: Vec<usize>| {
@@ -203,15 +203,23 @@ pub fn worst_block_beyond_noise(
     Ok(lit_blocks(&lr, &dim, reference.width as usize).map(beyond).fold(0.0, f64::max).sqrt())
 }
 
-/// Luminances of both pictures, and which pixels of the reference are no lamps.
-fn without_lamps(picture: &Picture, reference: &Picture) -> Result<(Vec<f64>, Vec<f64>, Vec<bool>), CompareError> {
-    check(picture, "picture", reference)?;
-    check(reference, "reference", reference)?;
-    let lr = luminances(reference);
-    let mut sorted = lr.clone();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let dim = dim_pixels(&lr, &sorted);
-    Ok((luminances(picture), lr, dim))
+/// Luminances of two pictures, and which pixels of the reference are no lamps.
+struct Lit {
+    picture: Vec<f64>,
+    reference: Vec<f64>,
+    dim: Vec<bool>,
+}
+
+impl Lit {
+    fn of(picture: &Picture, reference: &Picture) -> Result<Self, CompareError> {
+        check(picture, "picture", reference)?;
+        check(reference, "reference", reference)?;
+        let [picture, reference] = [picture, reference].map(luminances);
+        let mut sorted = reference.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let dim = dim_pixels(&reference, &sorted);
+        Ok(Self { picture, reference, dim })
+    }
 }
 
 /// Squares of the standard errors of luminances; zeros without.

@@ -8,7 +8,7 @@
 
 use crate::quadtree::leaf::{KAPPA, KAPPA_LINEAR, Reader, own_surface};
 use glam::Vec4;
-use std::cell::Cell;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Samples whose ray passes the eye at less than this part of their distance from it look as the eye does: 5.7 degrees.
 pub(crate) const NARROW: f64 = 0.1;
@@ -24,38 +24,40 @@ const DIFFERENT: f32 = 1.8;
 /// Level of the smallest leaves that are compared; all pixels of one have the same answer.
 pub(crate) const SMALLEST: usize = 2;
 
+/// What is known of a leaf of which nothing is; else the nearest bin of the surface that was asked for last, above 32 bits of the answer.
+const NOTHING: u64 = u64::MAX;
+
 /// Compares all samples with the narrow ones, remembering what it found in each leaf.
 pub(crate) struct Agreement {
     width: usize,
-    /// Of each smallest leaf: the nearest bin of the surface asked for last, and the answer.
-    known: Vec<Cell<Option<(u16, f32)>>>,
+    /// Of each smallest leaf: see [`NOTHING`]. Atomic only so that a picture can be looked at by several threads.
+    known: Vec<AtomicU64>,
 }
 
 impl Agreement {
     /// For a picture of `width` × `height` pixels.
     pub fn new(width: usize, height: usize) -> Self {
         let (width, height) = (width.div_ceil(1 << SMALLEST), height.div_ceil(1 << SMALLEST));
-        Self { width, known: vec![Cell::new(None); width * height] }
+        Self { width, known: (0..width * height).map(|_| AtomicU64::new(NOTHING)).collect() }
     }
 
     /// Forgets what was found in a smallest leaf.
     pub fn forget(&self, column: usize, row: usize) {
-        self.known.get(row * self.width + column).into_iter().for_each(|known| known.set(None));
+        self.known.get(row * self.width + column).into_iter().for_each(|known| known.store(NOTHING, Relaxed));
     }
 
     /// How far all samples of a surface may be used at a pixel: 1 wholly, 0 not at all.
     pub fn of(&self, all: &Reader, narrow: &Reader, column: usize, row: usize, bins: (u16, u16)) -> f32 {
         let Some(known) = self.known.get((row >> SMALLEST) * self.width + (column >> SMALLEST)) else { return 1.0 };
-        if let Some((bin, share)) = known.get()
-            && bin.abs_diff(bins.0) <= 1
-        {
-            return share;
+        let last = known.load(Relaxed);
+        if last != NOTHING && ((last >> 32) as u16).abs_diff(bins.0) <= 1 {
+            return f32::from_bits(last as u32);
         }
         // From the leaf's middle, whichever of its pixels asks, as far as the picture goes.
         let middle = |pixel: usize, size: usize| ((pixel >> SMALLEST << SMALLEST) + (1 << SMALLEST) / 2).min(size - 1);
         let (column, row) = (middle(column, all.levels[0].width), middle(row, all.levels[0].height));
         let share = agreement(all, narrow, column, row, bins);
-        known.set(Some((bins.0, share)));
+        known.store(u64::from(bins.0) << 32 | u64::from(share.to_bits()), Relaxed);
         share
     }
 }
