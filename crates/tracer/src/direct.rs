@@ -14,11 +14,9 @@ use crate::path::{Direct, Surface};
 use crate::sampler::Sampler;
 use crate::stage::Stage;
 
-/// Samples of lamps for each of images, and the same where there is one sample of lamps: at that share of the vertices.
+/// Samples of lamps for each of images where someone looks; elsewhere, the share of vertices that have one.
 const IMAGES: u32 = 2;
-const SELDOM: f32 = 0.25;
-/// The share of those at which images are looked for where none is known to be seen.
-const UNSEEN: f32 = 0.125;
+const SELDOM: f32 = 0.5;
 
 /// A vertex whose surface scatters with a density.
 pub(crate) struct Vertex<'a> {
@@ -132,23 +130,20 @@ impl Vertex<'_> {
         sum / count as f32
     }
 
-    /// Light by images of lamps, by fewer samples than lamps have: they are rare, and seldom bright.
-    pub(crate) fn shown(&self, images: &Images, count: u32, sampler: &mut Sampler) -> Vec3 {
+    /// Light by images of lamps, by fewer samples than lamps have: they are rare, and seldom bright. `None` where none is known to be seen.
+    pub(crate) fn shown(&self, images: &Images, count: u32, sampler: &mut Sampler) -> Option<Vec3> {
         let Images { mirrors, lights } = images;
         let normal = lit_from(self.scatter, self.frame.n);
-        let mut share = if count == 1 { SELDOM } else { 1.0 };
-        let uniform = sampler.one();
-        if uniform >= share {
-            return Vec3::ZERO;
-        }
         if !lights.reaches(self.point.point, normal) {
-            share *= UNSEEN;
-            if uniform >= share {
-                return Vec3::ZERO;
-            }
+            return None;
+        }
+        let share = if count == 1 { SELDOM } else { 1.0 };
+        if share < 1.0 && sampler.one() >= share {
+            return Some(Vec3::ZERO);
         }
         let seen = lights.seen(self.point.point, normal);
-        self.lit(lights, &**mirrors, &seen, Vec3::ZERO, count.div_ceil(IMAGES), Direct::Lights, sampler) / share
+        let count = count.div_ceil(IMAGES);
+        Some(self.lit(lights, &**mirrors, &seen, Vec3::ZERO, count, Direct::Lights, sampler) / share)
     }
 
     /// Value over density of one sample of the sky, weighed against the material's.

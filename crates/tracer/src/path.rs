@@ -353,10 +353,12 @@ impl PathEngine {
                     sampler.turn(depth, Purpose::Light);
                     let lit = vertex.lit(&self.lights, &*self.lamps, &seen, self.sky, count, direct, sampler);
                     radiance += throughput * lit;
-                    images = ending.images().filter(|_| matches!(scatter, Scatter::Diffuse(_)));
-                    if let Some(images) = images {
+                    if let Some(all) = ending.images().filter(|_| matches!(scatter, Scatter::Diffuse(_))) {
                         sampler.turn(depth, Purpose::Aim);
-                        radiance += throughput * vertex.shown(images, count, sampler);
+                        if let Some(shown) = vertex.shown(all, count, sampler) {
+                            radiance += throughput * shown;
+                            images = Some(all);
+                        }
                     }
                     lighting = Some(Lit::new(&seen, scatter, &point, frame.n, count));
                 }
@@ -466,8 +468,8 @@ impl PathEngine {
         }
         // Light samples have found what is straight on behind a pane, too, but not what a mirror shows, or only as images.
         let straight = matches!(scatter, Scatter::Pane { .. }) && sampled.wi.z < 0.0;
-        let mirrored = matches!(scatter, Scatter::Mirror(_) | Scatter::Pane { .. }) && !straight;
-        let shown = mirrored && path.images.is_some_and(|images| images.shows(point.triangle));
+        let shown =
+            matches!(scatter, Scatter::Mirror(_)) && path.images.is_some_and(|images| images.shows(point.triangle));
         path.through = straight || shown;
         if shown {
             (path.arrived, path.images) = (Arrived::Excluded, None);

@@ -10,6 +10,9 @@ use crate::panes::Panes;
 
 /// Lights by number, those that a tree of lights chooses among. Each is a triangle.
 pub(crate) trait Stage: Debug + Send + Sync {
+    /// How many places of a cell look for them.
+    fn probes(&self) -> usize;
+
     /// The triangle of the scene that shines.
     fn triangle(&self, light: u32) -> u32;
 
@@ -18,6 +21,9 @@ pub(crate) trait Stage: Debug + Send + Sync {
 
     /// Point at barycentrics as it is seen, and its normal.
     fn point(&self, light: u32, barycentrics: [f32; 2]) -> (Vec3, Vec3);
+
+    /// Whether that point may be seen from a place, as far as can be told without rays.
+    fn may_show(&self, at: Vec3, light: u32, barycentrics: [f32; 2]) -> bool;
 
     /// The share of the light from there that arrives `at` a surface.
     fn arriving(&self, at: &SurfacePoint, light: u32, barycentrics: [f32; 2]) -> Vec3;
@@ -33,6 +39,11 @@ pub(crate) struct Lamps {
 
 impl Stage for Lamps {
     #[inline]
+    fn probes(&self) -> usize {
+        4
+    }
+
+    #[inline]
     fn triangle(&self, light: u32) -> u32 {
         light
     }
@@ -47,6 +58,11 @@ impl Stage for Lamps {
         // The point itself and not the one that `surface` keeps off the edges, which is another one on small triangles far from the
         // scene's origin: light in a glowing box of 5 mm, 250 m from there, was 2 to 3 % too bright.
         (self.raycaster.point(light, u, v), self.raycaster.geometric_normal(light))
+    }
+
+    #[inline]
+    fn may_show(&self, _: Vec3, _: u32, _: [f32; 2]) -> bool {
+        true
     }
 
     #[inline]

@@ -12,8 +12,9 @@ use holo_section::BeamId;
 /// Depths are known to 1.6 %, and walls may coincide with the section's.
 const SLACK: f64 = 0.04;
 
-/// Samples that are asked for first, for each pixel of the picture: many of them end elsewhere.
-const FIRST_SAMPLES: f64 = 4.0;
+/// Samples that are asked for first, for each pixel of the picture: many of them end elsewhere. Of the cabin's bathroom, seen a tenth of a second before,
+/// with 1, 1.5, 2, 3 and 4: 13.3, 14.0, 15.6, 14.4 and 11.9 dB, since more are not here by then; later, and in other views, they differ little.
+const FIRST_SAMPLES: f64 = 2.0;
 
 impl Quadtree {
     /// Beams whose rays may end on what the picture shows, ordered by section and beam, each once. None while nothing is shown.

@@ -25,14 +25,12 @@ const CLUSTERS: usize = 64;
 /// Cells in space at most; each comes in seven kinds, by the axis that a surface faces.
 const MOST_CELLS: f32 = 8_192.0;
 const FACINGS: usize = 7;
-/// Places in a cell that look for the lights.
-const PROBES: usize = 4;
 /// Shadow rays of a cell, about.
 const LOOKS: usize = 128;
 /// Nodes of clusters that are weighed for every vertex.
 const SEEN_NODES: usize = 2;
-/// Attempts at finding them on surfaces.
-const ATTEMPTS: usize = 16;
+/// Attempts at finding a probe on a surface.
+const ATTEMPTS: usize = 4;
 /// Rays per probe that look for the sky.
 const SKY_RAYS: usize = 4;
 /// Share of the samples that goes by what would arrive if nothing were in the way.
@@ -196,7 +194,7 @@ impl Cells {
         let mut seen = vec![0.0_f32; self.clusters.len()];
         let mut open = vec![0.0_f32; self.clusters.len()];
         let mut sky = 0;
-        let repeats = (LOOKS / (PROBES * self.clusters.len())).clamp(1, 8);
+        let repeats = (LOOKS / (probes.len() * self.clusters.len())).clamp(1, 8);
         for (k, probe) in probes.iter().enumerate() {
             sampler.turn((1 + k) as u32, Purpose::Light);
             for (i, &cluster) in self.clusters.iter().enumerate() {
@@ -273,19 +271,26 @@ impl Cells {
             let count = sums.len() as f32;
             sums.iter_mut().zip(1_u8..).for_each(|(s, i)| *s = f32::from(i) / count);
         }
-        let sky = lights.sky * sky as f32 / (PROBES * SKY_RAYS) as f32;
-        Cell { total: all_seen / (PROBES * repeats) as f32, sky, sums, seen: nodes.into(), seen_clusters, seen_as }
+        let sky = lights.sky * sky as f32 / (probes.len() * SKY_RAYS) as f32;
+        Cell {
+            total: all_seen / (probes.len() * repeats) as f32,
+            sky,
+            sums,
+            seen: nodes.into(),
+            seen_clusters,
+            seen_as,
+        }
     }
 
     /// Points on surfaces of the cell that face its way, or anywhere in it.
-    fn probes(&self, corner: Vec3, facing: u32, sampler: &mut Sampler) -> [SurfacePoint; PROBES] {
+    fn probes(&self, corner: Vec3, facing: u32, sampler: &mut Sampler) -> Vec<SurfacePoint> {
         let axis = axis(facing);
         let nowhere =
             |point| SurfacePoint { point, error: Vec3::ZERO, normal: axis, triangle: holo_raycast::NO_TRIANGLE };
-        let mut probes = [nowhere(Vec3::ZERO); PROBES];
-        let mut count = 0;
+        let wanted = self.stage.probes();
+        let mut probes = Vec::with_capacity(wanted);
         sampler.turn(0, Purpose::Light);
-        for attempt in 0..ATTEMPTS {
+        for attempt in 0..ATTEMPTS * wanted {
             let [x, y] = sampler.two();
             let place = self.low + (corner + Vec3::new(x, y, sampler.one())) * self.side;
             let mut found = nowhere(place);
@@ -301,10 +306,9 @@ impl Cells {
                 }
             }
             // The last attempts are taken as they come.
-            if on_surface || ATTEMPTS - attempt <= PROBES - count {
-                probes[count] = found;
-                count += 1;
-                if count == PROBES {
+            if on_surface || ATTEMPTS * wanted - attempt <= wanted - probes.len() {
+                probes.push(found);
+                if probes.len() == wanted {
                     break;
                 }
             }
@@ -336,7 +340,7 @@ impl Cells {
         let cosine = -towards.dot(normal) / distance2.sqrt();
         let Source { radiance, side } = lights.sources[emitter];
         let shining = if side == 0.0 { cosine.abs() } else { cosine * side };
-        if !(distance2 > 0.0 && shining > 0.0) {
+        if !(distance2 > 0.0 && shining > 0.0 && self.stage.may_show(probe.point, light, [u, v])) {
             return (0.0, 0.0);
         }
         let arriving = if facing == EVERYWHERE { 1.0 } else { towards.dot(probe.normal) / distance2.sqrt() };
