@@ -300,8 +300,10 @@ impl Ending for Light<'_> {
     }
 
     #[inline]
-    fn images(&self) -> Option<&Images> {
-        self.cached.images.as_ref()
+    fn images(&self, ends: bool) -> Option<&Images> {
+        // Weights of a sample that is looked at and goes on as a path stay those of paths: what it finds is not averaged with hundreds.
+        let sampled = ends || matches!(self.role.get(), Role::Record | Role::Coarse);
+        self.cached.images.as_ref().filter(|_| sampled)
     }
 
     #[inline]

@@ -173,8 +173,8 @@ pub(crate) trait Ending: Clone {
     /// Radiance that a vertex sends on of light that came by other surfaces, where that is known.
     fn indirect(&self, met: &Met, sampler: &mut Sampler) -> Option<Vec3>;
 
-    /// Images of lamps that are sampled at diffuse surfaces; where lamps are excluded, so are these.
-    fn images(&self) -> Option<&Images>;
+    /// Images of lamps, if they are sampled at a diffuse surface, where the path ends or not; where lamps are excluded, so are these.
+    fn images(&self, ends: bool) -> Option<&Images>;
 
     /// At how many smooth surfaces a path with so many scatterings goes both ways.
     fn forks(&self, scatterings: u32) -> u32;
@@ -194,7 +194,7 @@ impl Ending for Never {
     }
 
     #[inline]
-    fn images(&self) -> Option<&Images> {
+    fn images(&self, _: bool) -> Option<&Images> {
         None
     }
 
@@ -279,7 +279,7 @@ impl PathEngine {
             inside,
             arrived,
             through: false,
-            images: ending.images().filter(|_| matches!(arrived, Arrived::Excluded)),
+            images: ending.images(false).filter(|_| matches!(arrived, Arrived::Excluded)),
             depth,
             scatterings,
             forks: 0,
@@ -353,7 +353,9 @@ impl PathEngine {
                     sampler.turn(depth, Purpose::Light);
                     let lit = vertex.lit(&self.lights, &*self.lamps, &seen, self.sky, count, direct, sampler);
                     radiance += throughput * lit;
-                    if let Some(all) = ending.images().filter(|_| matches!(scatter, Scatter::Diffuse(_))) {
+                    if let Some(all) =
+                        ending.images(indirect.is_some()).filter(|_| matches!(scatter, Scatter::Diffuse(_)))
+                    {
                         sampler.turn(depth, Purpose::Aim);
                         if let Some(shown) = vertex.shown(all, count, sampler) {
                             radiance += throughput * shown;
