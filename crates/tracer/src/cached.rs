@@ -2,8 +2,8 @@
 //! interpolated from records that all threads and all workers share ([`holo_light`]).
 //!
 //! A record's rays end in records too; where there are none, they go on as paths, and one in [`COARSE_PATIENCE`] makes a coarse record
-//! there, whose own rays go on as paths. Where small surfaces beside lamps send on much light (`secondary`), some rays are aimed at
-//! them. A record takes as long as hundreds of paths: samples that somebody waits for go on as paths, too, where there are none,
+//! there, whose own rays go on as paths. Where small surfaces beside lamps send on much light (`secondary`), or flat mirrors
+//! show lamps (`images`), some rays are aimed at them. A record takes as long as hundreds of paths: samples that somebody waits for go on as paths, too, where there are none,
 //! and for each of them so many rays of records are traced ([`Cached::set_effort`]), so that there are useful samples from the first moment on.
 //!
 //! Always true:
@@ -21,10 +21,13 @@ use holo_light::{Arrival, Found, Hemisphere, Record, Source, Store};
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 
 use crate::bsdf::Scatter;
+use crate::direct::power_heuristic;
+use crate::ending::{Ending, Met};
 use crate::geometry::Frame;
-use crate::images::Images;
+use crate::images::{Aims, Images};
 use crate::medium::Inside;
-use crate::path::{Arrived, Ending, Met, PathEngine, Start};
+use crate::mirrors::Mirrors;
+use crate::path::{Arrived, PathEngine, Start};
 use crate::sampler::{Purpose, Sampler, mix};
 use crate::secondary::Aimed;
 
@@ -49,7 +52,7 @@ const MOST_RAYS: u32 = 1 << 13;
 
 /// Standard error of a record over the accuracy: what is seen is the mean of several, and their strata make them better than
 /// they know.
-const ERROR: f32 = 2.0;
+const ERROR: f32 = 1.5;
 
 /// Radius of a record over the harmonic mean distance, over the root of the accuracy: what gradients leave grows with the square
 /// of the distance.
@@ -61,7 +64,7 @@ const GREATEST: f32 = 0.3;
 /// Greatest radius over the least: along edges, where radii shrink to nothing, records would be without number.
 const SPREAD: f32 = 16.0;
 
-/// Rays aimed at sources of indirect light, over those over the hemisphere.
+/// Rays aimed at sources of indirect light, and at images of lamps, over those over the hemisphere.
 const AIMED: f32 = 0.2;
 
 /// Rays of records that end where there is no record, for each that makes one.
@@ -105,7 +108,7 @@ struct Quality {
 pub(crate) struct Cached {
     store: Arc<Store>,
     quality: Quality,
-    images: Option<Images>,
+    mirrors: Mirrors,
     /// Whether mirrors or glass may throw light on surfaces.
     has_caustics: bool,
     /// Rays for records for each sample that comes where there is none: with fewer, it is a path. [`WHATEVER_IT_TAKES`]: every such sample makes a
@@ -129,9 +132,9 @@ impl Cached {
         let store = Arc::new(Store::new(quality.greatest / SPREAD));
         let [allowed, rays, made] = Default::default();
         let effort = AtomicU32::new(WHATEVER_IT_TAKES);
-        let images = Images::find(&engine.lamps, &engine.surfaces, &engine.lights);
+        let mirrors = Mirrors::find(raycaster.scene(), &engine.surfaces);
         let has_caustics = engine.nesting.is_some() || engine.surfaces.iter().any(|s| s.scatter.is_delta());
-        Self { store, quality, images, has_caustics, effort, allowed, rays, salt: mix(name), made }
+        Self { store, quality, mirrors, has_caustics, effort, allowed, rays, salt: mix(name), made }
     }
 
     pub(crate) fn store(&self) -> &Arc<Store> {
@@ -215,12 +218,22 @@ impl Cached {
         let id = mix(self.salt.wrapping_add(mix(number)));
         let frame = Frame::new(normal);
         let hemisphere = Hemisphere::new(rays);
-        let aimed = engine.secondary.as_ref().and_then(|sources| sources.aimed(point, normal));
+        let aimed = engine.secondary.as_ref().map(|sources| sources.aimed_from(point, normal));
         let targets = if aimed.is_some() { (hemisphere.rays() as f32 * AIMED) as u32 } else { 0 };
+        let images = Images::seen(raycaster, &engine.lights, &engine.panes, &self.mirrors, [point.point, normal]);
+        let shown = if images.is_some() { (hemisphere.rays() as f32 * AIMED) as u32 } else { 0 };
         let role = if coarse == EXACT { Role::Record } else { Role::Coarse };
         let light = Light { cached: self, engine, role: Cell::new(role) };
-        let gathering =
-            Gathering { light, raycaster, point, normal, inside, aimed, counts: [hemisphere.rays(), targets] };
+        let gathering = Gathering {
+            light,
+            raycaster,
+            point,
+            normal,
+            inside,
+            aimed,
+            images,
+            counts: [hemisphere.rays(), targets, shown],
+        };
         let arrivals: Vec<Arrival> = (0..hemisphere.rays())
             .map(|index| {
                 let mut sampler = Sampler::new(id, u64::from(index));
@@ -229,7 +242,7 @@ impl Cached {
                 gathering.arrival(direction, &mut sampler)
             })
             .collect();
-        self.rays.fetch_add(u64::from(hemisphere.rays() + targets), Ordering::Relaxed);
+        self.rays.fetch_add(u64::from(hemisphere.rays() + targets + shown), Ordering::Relaxed);
         let mut record = hemisphere.record(&arrivals, [frame.s, frame.t, normal]);
         record.point = point.point.to_array();
         record.id = id;
@@ -241,6 +254,13 @@ impl Cached {
             })
             .collect();
         record.add(&sources);
+        let shown: Vec<Source> = (0..shown)
+            .map(|index| {
+                let mut sampler = Sampler::new(id, u64::from(hemisphere.rays() + targets + index));
+                gathering.image(index, &mut sampler).unwrap_or_default()
+            })
+            .collect();
+        record.add(&shown);
         record.radius = (record.radius * self.quality.reach).min(self.quality.greatest);
         record
     }
@@ -300,13 +320,6 @@ impl Ending for Light<'_> {
     }
 
     #[inline]
-    fn images(&self, ends: bool) -> Option<&Images> {
-        // Weights of a sample that is looked at and goes on as a path stay those of paths: what it finds is not averaged with hundreds.
-        let sampled = ends || matches!(self.role.get(), Role::Record | Role::Coarse);
-        self.cached.images.as_ref().filter(|_| sampled)
-    }
-
-    #[inline]
     fn forks(&self, scatterings: u32) -> u32 {
         let first = match self.role.get() {
             Role::Eye | Role::Path => 0,
@@ -333,8 +346,9 @@ struct Gathering<'a> {
     normal: Vec3,
     inside: &'a Inside,
     aimed: Option<Aimed<'a>>,
-    /// Rays over the hemisphere, and rays aimed.
-    counts: [u32; 2],
+    images: Option<Images<'a>>,
+    /// Rays over the hemisphere, rays aimed at sources, and at images of lamps.
+    counts: [u32; 3],
 }
 
 impl Gathering<'_> {
@@ -345,12 +359,21 @@ impl Gathering<'_> {
 
     /// Radiance along a ray, without what comes straight from lamps and sky.
     fn radiance(&self, hit: Option<Hit>, direction: Vec3, sampler: &mut Sampler) -> Vec3 {
-        let start = Start { hit, direction, inside: *self.inside, arrived: Arrived::Excluded, depth: 1 };
+        let aims = self.images.as_ref().map(|images| {
+            let (count, others) = (self.counts[2], self.unaimed(direction));
+            Aims { images, count, others }
+        });
+        let start = Start { hit, direction, inside: *self.inside, arrived: Arrived::Excluded, aims, depth: 1 };
         let radiance = self.light.engine.follow(self.raycaster, start, &self.light, sampler);
         if radiance.is_finite() { radiance } else { Vec3::ZERO }
     }
 
-    /// Expected number of rays per solid angle towards a point, of both kinds.
+    /// Expected number of rays over the hemisphere per solid angle.
+    fn unaimed(&self, direction: Vec3) -> f32 {
+        self.counts[0] as f32 * direction.dot(self.normal).max(0.0) * FRAC_1_PI
+    }
+
+    /// Expected number of rays per solid angle towards a point, over the hemisphere and at sources.
     fn density(&self, hit: Option<&Hit>, cosine: f32) -> f32 {
         let aimed = self.aimed.as_ref().zip(hit).map_or(0.0, |(aimed, hit)| aimed.density(self.raycaster, hit));
         self.counts[0] as f32 * cosine * FRAC_1_PI + self.counts[1] as f32 * aimed
@@ -380,6 +403,26 @@ impl Gathering<'_> {
         let diffuse = self.light.engine.surfaces[material].scatter.is_wide();
         let normal = diffuse.then_some(target.normal);
         irradiance.is_finite().then_some(Source { irradiance, towards, normal })
+    }
+
+    /// What one image of a lamp brings, weighed with what rays over the hemisphere find of it.
+    fn image(&self, index: u32, sampler: &mut Sampler) -> Option<Source> {
+        let images = self.images.as_ref()?;
+        sampler.turn(0, Purpose::Image);
+        let (first, second) = sampler.pairs(1).at(0);
+        let stratified = (f64::from(index) + first) / f64::from(self.counts[2]);
+        let image = images.choose(stratified, second)?;
+        let direction = image.towards.try_normalize()?;
+        let cosine = direction.dot(self.normal);
+        if cosine <= 0.0 {
+            return None;
+        }
+        let material = self.raycaster.scene().material_ids[image.triangle as usize] as usize;
+        let radiance = self.light.engine.surfaces[material].emission * images.arriving(self.point, &image);
+        let density = self.counts[2] as f32 * image.density;
+        let irradiance = radiance * (cosine * power_heuristic(density, self.unaimed(direction)) / density);
+        let (towards, normal) = (image.towards, image.normal);
+        irradiance.is_finite().then_some(Source { irradiance, towards, normal: Some(normal) })
     }
 }
 

@@ -1,222 +1,190 @@
-//! Images of lamps in flat mirrors: light samples for what mirrors throw on surfaces, where paths would find it by chance alone
+//! Images of lamps in flat mirrors and panes: what these throw on surfaces, where rays over the hemisphere find it by chance alone
 //! (virtual light sources: Ward 1994, "The RADIANCE Lighting Simulation and Rendering System", §2.2.2; Shirley et al. 1996).
 //!
-//! Each lamp stands behind each mirror once more; a tree of its own chooses among all images, by what parts of the scene really
-//! get from them. The engine `cached` samples them at diffuse surfaces, and its records leave out what comes that way.
+//! A lamp behind a mirror is seen from a place as the lamp itself is from the place's image; so the tree of the lamps serves all
+//! mirrors, and what a mirror can show is known without rays. Records of the engine `cached` aim some of their rays.
 //!
-//! Always true: what is sampled here is what [`Images::shows`] lets paths from there leave out: one reflection by a mirror of a plane that is
-//! known, with any number of panes gone through before and after. A scene without such planes has no images, and pays nothing.
-//! Where none of a cell's 16 probes sees an image, none is sampled, and records leave them out all the same: a spot of light that is smaller is
-//! lost. (One sample for each vertex there would find it, a few thousand times as bright as its surroundings.)
+//! Always true: what is aimed at is one reflection by a mirror or pane of a plane that is known, with any number of panes gone through
+//! before and after. What rays over the hemisphere find that way is weighed with it (Veach 1997, §9.2.2), so that neither is brighter than
+//! those rays alone would make it where little is known. A scene without such planes has no images, and pays nothing.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::Vec3;
-use holo_raycast::SurfacePoint;
-use holo_scene::Scene;
+use holo_raycast::{Hit, Raycaster, SurfacePoint};
 
-use crate::bsdf::Scatter;
-use crate::lights::{Emitter, Lights, luminance};
-use crate::path::Surface;
-use crate::stage::{Lamps, Stage};
+use crate::direct::power_heuristic;
+use crate::lights::{Aim, Lights, Part, luminance};
+use crate::mirrors::Mirrors;
+use crate::panes::Panes;
 
-/// Images at most; planes that would bring more are mirrors like any other.
-const MOST: usize = 1 << 16;
-/// Planes that are told apart, at most: a curved mirror has one for each triangle.
-const PLANES: usize = 64;
-/// Least area of a plane, as a share of the square of the scene's greatest side.
-const LEAST_AREA: f64 = 1e-4;
-/// How far off its plane a mirror's corner may be, as a share of that side.
-const FLAT: f32 = 1e-5;
-/// Sine of the angle by which its normal may differ.
-const BENT: f32 = 1e-4;
-/// By how much bounds of mirrors are wider than they, as a share of their greatest side.
-const SLACK: f32 = 1e-3;
-
-/// A plane that holds mirrors: the points x with x · normal = offset.
+/// A plane that shows lamps to a place, and the place's image behind it.
 #[derive(Clone, Copy, Debug)]
-struct Plane {
+struct Behind {
+    plane: u8,
+    point: Vec3,
     normal: Vec3,
-    offset: f32,
-    /// Bounds of the mirrors.
-    low: Vec3,
-    high: Vec3,
+    /// Its parts are those from here.
+    first: usize,
 }
 
-impl Plane {
-    /// Includes a mirror's corners in the bounds.
-    fn hold(&mut self, corners: [Vec3; 3]) {
-        for corner in corners {
-            (self.low, self.high) = (self.low.min(corner), self.high.max(corner));
-        }
-    }
-
-    /// Whether the line to an image may meet a mirror.
-    fn is_crossed(&self, at: Vec3, image: Vec3) -> bool {
-        let [here, there] = [at, image].map(|point| self.height(point));
-        // The image must be on the other side.
-        if here * there >= 0.0 {
-            return false;
-        }
-        let met = at + (image - at) * (here / (here - there));
-        let slack = SLACK * (self.high - self.low).max_element();
-        met.cmpge(self.low - slack).all() && met.cmple(self.high + slack).all()
-    }
-
-    fn height(&self, point: Vec3) -> f32 {
-        point.dot(self.normal) - self.offset
-    }
-
-    fn reflect(&self, point: Vec3) -> Vec3 {
-        point - self.normal * (2.0 * self.height(point))
-    }
-
-    fn reflect_direction(&self, direction: Vec3) -> Vec3 {
-        direction - self.normal * (2.0 * direction.dot(self.normal))
-    }
-}
-
-/// Lamps as flat mirrors show them.
+/// The images of lamps that a place may see.
 #[derive(Debug)]
-pub(crate) struct Mirrors {
-    lamps: Arc<Lamps>,
-    planes: Vec<Plane>,
-    /// By triangle of a mirror, its plane and what it reflects.
-    faces: HashMap<u32, (u8, Vec3)>,
-    /// The lamp's triangle and the plane of each.
-    images: Vec<(u32, u8)>,
+pub(crate) struct Images<'a> {
+    raycaster: &'a Raycaster,
+    lights: &'a Lights,
+    panes: &'a Panes,
+    mirrors: &'a Mirrors,
+    planes: Vec<Behind>,
+    parts: Vec<Part>,
+    /// Probability of all parts up to and with each.
+    sums: Vec<f64>,
 }
 
-/// All images in a scene, and the tree that chooses among them.
-#[derive(Debug)]
-pub(crate) struct Images {
-    pub mirrors: Arc<Mirrors>,
-    pub lights: Lights,
+/// A point on an image.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Image {
+    pub plane: u8,
+    /// The lamp's triangle, and where on it.
+    pub triangle: u32,
+    pub barycentrics: [f32; 2],
+    /// From the place.
+    pub towards: Vec3,
+    /// Of the image.
+    pub normal: Vec3,
+    /// With which it was chosen, per solid angle.
+    pub density: f32,
 }
 
-impl Images {
-    /// `None` if there are no lamps or no flat mirrors.
-    pub(crate) fn find(lamps: &Arc<Lamps>, surfaces: &[Surface], lights: &Lights) -> Option<Self> {
-        let scene = lamps.raycaster.scene();
-        let mut mirrors = flat(scene, surfaces);
-        mirrors.truncate(MOST / lights.triangles().len().max(1));
-        let strength = |t: u32| f64::from(luminance(scene.material(t).emission));
-        let unit = lights.triangles().iter().map(|&t| strength(t) * scene.area(t)).fold(0.0, f64::max);
-        let (mut faces, mut images, mut emitters) = (HashMap::new(), Vec::new(), Vec::new());
-        for (number, Flat { plane, faces: shown, .. }) in (0_u8..).zip(&mirrors) {
-            faces.extend(shown.iter().map(|&(triangle, ks)| (triangle, (number, ks))));
-            let reflectance = shown.iter().map(|(_, ks)| f64::from(luminance(ks.to_array()))).fold(0.0, f64::max);
-            for &triangle in lights.triangles() {
-                let power = strength(triangle) * scene.area(triangle) * reflectance / unit;
-                let normal = plane.reflect_direction(scene.normal(triangle));
-                let two_sided = scene.material(triangle).two_sided_emission;
-                emitters.push(Emitter::new(corners(plane, scene.corners(triangle)), normal, power, two_sided));
-                images.push((triangle, number));
+impl<'a> Images<'a> {
+    /// As `point` may see them that is lit on the side of `normal`; `None` if it sees none.
+    pub(crate) fn seen(
+        raycaster: &'a Raycaster,
+        lights: &'a Lights,
+        panes: &'a Arc<Panes>,
+        mirrors: &'a Mirrors,
+        [point, normal]: [Vec3; 2],
+    ) -> Option<Self> {
+        let (mut planes, mut parts, mut sums, mut sum) = (Vec::new(), Vec::new(), Vec::new(), 0.0);
+        for (number, plane) in (0..).zip(&mirrors.planes) {
+            let (point, normal) = (plane.reflect(point), plane.reflect_direction(normal));
+            let shown = lights.parts(point, normal, |center, radius| plane.shows(point, center, radius));
+            if shown.is_empty() {
+                continue;
             }
+            planes.push(Behind { plane: number, point, normal, first: parts.len() });
+            for part in &shown {
+                let reflectance = plane.face.reflectance(plane.cosine(part.center - point));
+                sum += f64::from(part.importance * luminance(reflectance.to_array()));
+                sums.push(sum);
+            }
+            parts.extend(shown);
         }
-        if images.is_empty() {
+        if !(sum > 0.0 && sum.is_finite()) {
             return None;
         }
-        let planes = mirrors.into_iter().map(|mirror| mirror.plane).collect();
-        let mirrors = Arc::new(Mirrors { lamps: lamps.clone(), planes, faces, images });
-        let lights = Lights::over((0..mirrors.images.len() as u32).collect(), emitters);
-        let lights = lights.with_cells(&lamps.raycaster, mirrors.clone());
-        Some(Self { mirrors, lights })
+        sums.iter_mut().for_each(|s| *s /= sum);
+        Some(Self { raycaster, lights, panes, mirrors, planes, parts, sums })
     }
 
-    /// Whether this triangle is a mirror that shows images.
-    pub(crate) fn shows(&self, triangle: u32) -> bool {
-        self.mirrors.faces.contains_key(&triangle)
-    }
-}
-
-/// All of a plane that mirrors.
-struct Flat {
-    plane: Plane,
-    area: f64,
-    faces: Vec<(u32, Vec3)>,
-}
-
-/// The planes that mirror, the largest first.
-fn flat(scene: &Scene, surfaces: &[Surface]) -> Vec<Flat> {
-    let (low, high) = scene.bounds();
-    let size = (high - low).max_element();
-    let shine = |t: u32| match surfaces[scene.material_ids[t as usize] as usize].scatter {
-        Scatter::Mirror(ks) => Some(ks),
-        _ => None,
-    };
-    // The largest first: a curved mirror of many small ones takes no place from a flat one.
-    let mut shining: Vec<(f64, u32, Vec3)> =
-        (0..scene.triangles.len() as u32).filter_map(|t| Some((scene.area(t), t, shine(t)?))).collect();
-    shining.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let mut found: Vec<Flat> = Vec::new();
-    for (area, triangle, ks) in shining {
-        let (corners, normal) = (scene.corners(triangle), scene.normal(triangle));
-        let lies = |flat: &&mut Flat| {
-            flat.plane.normal.cross(normal).length() <= BENT
-                && corners.iter().all(|&corner| flat.plane.height(corner).abs() <= FLAT * size as f32)
-        };
-        if let Some(flat) = found.iter_mut().find(lies) {
-            flat.area += area;
-            flat.faces.push((triangle, ks));
-            flat.plane.hold(corners);
-        } else if found.len() < PLANES && normal != Vec3::ZERO {
-            let mut plane = Plane { normal, offset: corners[0].dot(normal), low: corners[0], high: corners[0] };
-            plane.hold(corners);
-            found.push(Flat { plane, area, faces: vec![(triangle, ks)] });
+    /// A point on an image by two uniform numbers. `None` if there is none to be seen there.
+    pub(crate) fn choose(&self, uniform: f64, second: f32) -> Option<Image> {
+        let i = self.sums.partition_point(|&sum| sum <= uniform).min(self.parts.len() - 1);
+        let Behind { plane, point, normal, .. } = self.planes[self.planes.partition_point(|p| p.first <= i) - 1];
+        let rest = ((uniform - self.before(i)) / self.share(i)).clamp(0.0, 1.0 - f64::EPSILON);
+        let (triangle, probability, rest) = self.lights.choose_in(&self.parts[i], point, normal, rest)?;
+        let aim = Aim::new(point, self.raycaster.vertices(triangle));
+        let (u, v) = aim.sample([rest, second]);
+        let towards = self.raycaster.point(triangle, u, v) - point;
+        let lamp = self.raycaster.geometric_normal(triangle);
+        let distance2 = towards.length_squared();
+        let cosine = -towards.dot(lamp) / distance2.sqrt();
+        let surface =
+            &self.raycaster.scene().materials[self.raycaster.scene().material_ids[triangle as usize] as usize];
+        if !(cosine > 0.0 || surface.two_sided_emission && cosine < 0.0) {
+            return None;
         }
-    }
-    found.retain(|flat| flat.area >= LEAST_AREA * size * size);
-    found.sort_by(|a, b| b.area.total_cmp(&a.area));
-    found
-}
-
-/// A triangle behind a plane, with its front where it is seen.
-fn corners(plane: &Plane, [a, b, c]: [Vec3; 3]) -> [Vec3; 3] {
-    [a, c, b].map(|corner| plane.reflect(corner))
-}
-
-impl Stage for Mirrors {
-    /// Where none sees any, none is sampled.
-    fn probes(&self) -> usize {
-        16
+        let mirror = &self.mirrors.planes[usize::from(plane)];
+        Some(Image {
+            plane,
+            triangle,
+            barycentrics: [u, v],
+            towards: mirror.reflect_direction(towards),
+            normal: mirror.reflect_direction(lamp),
+            density: self.share(i) as f32 * probability * aim.density(distance2, cosine.abs()),
+        })
     }
 
-    fn triangle(&self, light: u32) -> u32 {
-        self.images[light as usize].0
-    }
-
-    fn vertices(&self, light: u32) -> [Vec3; 3] {
-        let (triangle, plane) = self.images[light as usize];
-        corners(&self.planes[plane as usize], self.lamps.raycaster.vertices(triangle))
-    }
-
-    fn point(&self, light: u32, [u, v]: [f32; 2]) -> (Vec3, Vec3) {
-        let (triangle, plane) = self.images[light as usize];
-        let plane = &self.planes[plane as usize];
-        let (point, normal) = self.lamps.point(triangle, [v, u]);
-        (plane.reflect(point), plane.reflect_direction(normal))
-    }
-
-    fn may_show(&self, at: Vec3, light: u32, barycentrics: [f32; 2]) -> bool {
-        let plane = &self.planes[self.images[light as usize].1 as usize];
-        plane.is_crossed(at, self.point(light, barycentrics).0)
-    }
-
-    fn arriving(&self, at: &SurfacePoint, light: u32, [u, v]: [f32; 2]) -> Vec3 {
-        let (triangle, plane) = self.images[light as usize];
-        let image = self.point(light, [u, v]).0;
-        if !self.planes[plane as usize].is_crossed(at.point, image) {
+    /// The share of an image's light that arrives at the place.
+    pub(crate) fn arriving(&self, at: &SurfacePoint, image: &Image) -> Vec3 {
+        let Image { plane, triangle, barycentrics: [u, v], towards, .. } = *image;
+        let mirror = &self.mirrors.planes[usize::from(plane)];
+        let lamp = self.raycaster.point(triangle, u, v);
+        if !mirror.shows(mirror.reflect(at.point), lamp, 0.0) {
             return Vec3::ZERO;
         }
-        let Some(direction) = (image - at.point).try_normalize() else { return Vec3::ZERO };
-        let Some((mirror, share)) = self.lamps.panes.to_face(&self.lamps.raycaster, at, direction) else {
-            return Vec3::ZERO;
+        let Some(direction) = towards.try_normalize() else { return Vec3::ZERO };
+        let face = |triangle: u32| self.mirrors.faces.get(&triangle).filter(|face| face.0 == plane);
+        let ends = |triangle: u32| face(triangle).is_some();
+        let Some((met, share)) = self.panes.to_face(self.raycaster, at, direction, ends) else { return Vec3::ZERO };
+        let Some((_, face)) = face(met.triangle) else { return Vec3::ZERO };
+        let lamp = self.raycaster.surface(triangle, u, v);
+        share * face.reflectance(direction.dot(met.normal)) * self.panes.between(self.raycaster, &met, &lamp)
+    }
+
+    /// Density with which [`choose`](Self::choose) gives a point on a lamp as a plane shows it, per solid angle.
+    pub(crate) fn density(&self, plane: u8, met: &Hit, cosine: f32) -> f32 {
+        let Some(at) = self.planes.iter().position(|p| p.plane == plane) else { return 0.0 };
+        let Behind { point, normal, first, .. } = self.planes[at];
+        let end = self.planes.get(at + 1).map_or(self.parts.len(), |next| next.first);
+        let Some((i, probability)) = self.lights.find_in(&self.parts[first..end], point, normal, met.triangle) else {
+            return 0.0;
         };
-        match self.faces.get(&mirror.triangle) {
-            Some(&(shown_by, ks)) if shown_by == plane => share * ks * self.lamps.arriving(&mirror, triangle, [v, u]),
-            _ => Vec3::ZERO,
-        }
+        let aim = Aim::new(point, self.raycaster.vertices(met.triangle));
+        let distance2 = self.raycaster.point(met.triangle, met.u, met.v).distance_squared(point);
+        self.share(first + i) as f32 * probability * aim.density(distance2, cosine)
+    }
+
+    fn before(&self, i: usize) -> f64 {
+        if i == 0 { 0.0 } else { self.sums[i - 1] }
+    }
+
+    /// Probability of a part.
+    fn share(&self, i: usize) -> f64 {
+        self.sums[i] - self.before(i)
+    }
+}
+
+/// How a ray left a place from which images were aimed at, for weighing what it finds by mirrors.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Aims<'a> {
+    pub images: &'a Images<'a>,
+    /// How many times.
+    pub count: u32,
+    /// Expected number of other rays per solid angle, in the direction that was taken.
+    pub others: f32,
+}
+
+/// A mirror or pane that shows images of its own plane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shown<'a> {
+    aims: Aims<'a>,
+    plane: u8,
+}
+
+impl<'a> Aims<'a> {
+    /// What a ray has met, and is reflected by; `None` if it shows no images.
+    pub(crate) fn shown_by(self, mirror: u32) -> Option<Shown<'a>> {
+        let &(plane, _) = self.images.mirrors.faces.get(&mirror)?;
+        Some(Shown { aims: self, plane })
+    }
+}
+
+impl Shown<'_> {
+    /// Weight of a lamp that a ray has met by way of the mirror, at a cosine.
+    pub(crate) fn weight(&self, met: &Hit, cosine: f32) -> f32 {
+        let Aims { images, count, others } = self.aims;
+        let density = count as f32 * images.density(self.plane, met, cosine);
+        if density > 0.0 { power_heuristic(others, density) } else { 1.0 }
     }
 }

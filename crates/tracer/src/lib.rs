@@ -23,22 +23,25 @@ mod conductor;
 mod direct;
 #[cfg(test)]
 mod direct_tests;
+mod ending;
 #[cfg(test)]
 mod energy_tests;
 mod fresnel;
 mod geometry;
 mod images;
+#[cfg(test)]
+mod images_tests;
 mod interface;
 mod lights;
 mod medium;
 mod microfacet;
+mod mirrors;
 mod panes;
 mod path;
 mod sampler;
 mod secondary;
 #[cfg(test)]
 mod secondary_tests;
-mod stage;
 mod straight;
 
 pub use cached::{ACCURACIES, DEFAULT_ACCURACY};
@@ -279,7 +282,7 @@ impl Tracer {
     }
 
     /// The first surface of a ray and the distance to tell, or what the ray carries if there is none.
-    fn meet(&self, origin: DVec3, direction: DVec3) -> Result<(Start, f64), Traced> {
+    fn meet(&self, origin: DVec3, direction: DVec3) -> Result<(Start<'static>, f64), Traced> {
         let direction = direction.normalize_or_zero();
         if !origin.is_finite() || direction == DVec3::ZERO {
             return Err(Traced { radiance: [0.0; 3], distance: f64::INFINITY });

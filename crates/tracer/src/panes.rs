@@ -62,12 +62,13 @@ impl Panes {
         }
     }
 
-    /// The first surface that way that is no pane, and the share of light that comes from there.
+    /// The first surface that way that is no pane, or at which it `ends`, and the share of light that comes from there.
     pub(crate) fn to_face(
         &self,
         raycaster: &Raycaster,
         from: &SurfacePoint,
         direction: Vec3,
+        ends: impl Fn(u32) -> bool,
     ) -> Option<(SurfacePoint, Vec3)> {
         let mut share = Vec3::ONE;
         let mut from = *from;
@@ -75,7 +76,9 @@ impl Panes {
             let ray = Ray::new(spawn(from.point, from.error, from.normal, direction), direction);
             let hit = raycaster.nearest_from(&ray, from.triangle)?;
             from = raycaster.surface(hit.triangle, hit.u, hit.v);
-            let Some(pane) = self.at(raycaster, hit.triangle) else { return Some((from, share)) };
+            let Some(pane) = self.at(raycaster, hit.triangle).filter(|_| !ends(hit.triangle)) else {
+                return Some((from, share));
+            };
             share *= pane.passes(direction.dot(from.normal));
         }
         None

@@ -17,14 +17,14 @@ use holo_scene::{Bsdf, Scene};
 
 use crate::bsdf::{Sampled, Scatter, Tables};
 use crate::direct::{self, Left, Lit, Vertex};
+use crate::ending::{Ending, Met, Never};
 use crate::geometry::Frame;
-use crate::images::Images;
+use crate::images::{Aims, Shown};
 use crate::lights::Lights;
 use crate::medium::{Crossing, Inside, Nesting, TOUCH};
 use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
 use crate::secondary::{Aimed, Choice, Secondary};
-use crate::stage::Lamps;
 
 /// At which scattering by surfaces other than mirrors and glass roulette begins.
 const ROULETTE_SCATTERINGS: u32 = 2;
@@ -62,7 +62,7 @@ pub(crate) struct Surface {
 pub(crate) struct PathEngine {
     pub surfaces: Vec<Surface>,
     pub lights: Lights,
-    pub lamps: Arc<Lamps>,
+    pub panes: Arc<Panes>,
     pub secondary: Option<Secondary>,
     pub nesting: Option<Nesting>,
     pub sky: Vec3,
@@ -76,20 +76,22 @@ pub(crate) struct PathEngine {
 
 /// Where a path goes on from: a first hit, shared by all paths of a sample, or a ray that leaves a surface.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Start {
+pub(crate) struct Start<'a> {
     pub hit: Option<Hit>,
     pub direction: Vec3,
     /// What the ray is inside of.
     pub inside: Inside,
     pub arrived: Arrived,
+    /// If images of lamps were aimed at from where the ray begins.
+    pub aims: Option<Aims<'a>>,
     /// Surfaces that the path has left, all of them wide.
     pub depth: u32,
 }
 
-impl Start {
+impl Start<'_> {
     /// An eye's ray.
     pub(crate) fn eye(hit: Option<Hit>, direction: Vec3, inside: Inside) -> Self {
-        Self { hit, direction, inside, arrived: Arrived::Alone, depth: 0 }
+        Self { hit, direction, inside, arrived: Arrived::Alone, aims: None, depth: 0 }
     }
 }
 
@@ -100,10 +102,11 @@ struct Path<'a> {
     direction: Vec3,
     inside: Inside,
     arrived: Arrived,
-    /// Whether it has gone through panes or by a mirror since then.
+    /// Whether it has gone through panes or by a mirror of images since then.
     through: bool,
-    /// Where light samples have found the images of lamps as well, until it meets a mirror.
-    images: Option<&'a Images>,
+    /// How it left, if images of lamps were aimed at from there, and the mirror that it has met since.
+    aims: Option<Aims<'a>>,
+    shown: Option<Shown<'a>>,
     /// Surfaces left so far, and those of them that are neither mirrors nor glass.
     depth: u32,
     scatterings: u32,
@@ -116,7 +119,7 @@ struct Path<'a> {
 }
 
 /// A vertex that a path goes on from.
-struct Leaving<'a, 'i> {
+struct Leaving<'a> {
     point: &'a SurfacePoint,
     /// Of where rays start: what touches a boundary was crossed with it.
     error: Vec3,
@@ -128,8 +131,6 @@ struct Leaving<'a, 'i> {
     aimed: Option<Aimed<'a>>,
     /// Lights as light samples saw them, and how many there were.
     lighting: Option<Lit>,
-    /// And the images of lamps.
-    images: Option<&'i Images>,
 }
 
 /// How light counts that a ray meets.
@@ -151,61 +152,6 @@ impl Arrived {
             Self::Weighed(left) => direct.material_weight(left.pdf, density(left)),
             Self::Excluded => 0.0,
         }
-    }
-}
-
-/// A vertex at which a path may end.
-pub(crate) struct Met<'a> {
-    pub raycaster: &'a Raycaster,
-    pub point: &'a SurfacePoint,
-    /// On the side that the path has come to.
-    pub normal: Vec3,
-    pub scatter: &'a Scatter,
-    pub inside: &'a Inside,
-    /// Surfaces so far that are neither mirrors nor glass, this one included.
-    pub scatterings: u32,
-    /// Surfaces that the path has left.
-    pub depth: u32,
-}
-
-/// What ends paths before light does.
-pub(crate) trait Ending: Clone {
-    /// Radiance that a vertex sends on of light that came by other surfaces, where that is known.
-    fn indirect(&self, met: &Met, sampler: &mut Sampler) -> Option<Vec3>;
-
-    /// Images of lamps, if they are sampled at a diffuse surface, where the path ends or not; where lamps are excluded, so are these.
-    fn images(&self, ends: bool) -> Option<&Images>;
-
-    /// At how many smooth surfaces a path with so many scatterings goes both ways.
-    fn forks(&self, scatterings: u32) -> u32;
-
-    /// Samples of the lights at a vertex, and whether the path ends there.
-    fn light_samples(&self, engine: &PathEngine, scatterings: u32, ends: bool) -> u32;
-}
-
-/// Paths that only light, roulette or absorption end.
-#[derive(Clone, Copy)]
-pub(crate) struct Never;
-
-impl Ending for Never {
-    #[inline]
-    fn indirect(&self, _: &Met, _: &mut Sampler) -> Option<Vec3> {
-        None
-    }
-
-    #[inline]
-    fn images(&self, _: bool) -> Option<&Images> {
-        None
-    }
-
-    #[inline]
-    fn forks(&self, _: u32) -> u32 {
-        0
-    }
-
-    #[inline]
-    fn light_samples(&self, engine: &PathEngine, scatterings: u32, _: bool) -> u32 {
-        if scatterings == 1 { engine.light_samples } else { 1 }
     }
 }
 
@@ -231,13 +177,13 @@ impl PathEngine {
                 two_sided: m.two_sided_emission,
             })
             .collect();
-        let lamps = Arc::new(Lamps { raycaster: raycaster.clone(), panes: Panes::new(scene) });
-        let lights = Lights::new(scene).with_cells(raycaster, lamps.clone());
+        let panes = Arc::new(Panes::new(scene));
+        let lights = Lights::new(scene).with_cells(raycaster, &panes);
         Self {
             secondary: Secondary::find(raycaster, &surfaces, &lights),
             surfaces,
             lights,
-            lamps,
+            panes,
             nesting: Nesting::new(scene),
             sky: scene.sky.into(),
             bounces: bounces.unwrap_or(u32::MAX),
@@ -264,14 +210,14 @@ impl PathEngine {
     }
 
     /// The same, by paths that may end before.
-    pub(crate) fn follow(
+    pub(crate) fn follow<'a>(
         &self,
         raycaster: &Raycaster,
-        start: Start,
-        ending: &impl Ending,
+        start: Start<'a>,
+        ending: &'a impl Ending,
         sampler: &mut Sampler,
     ) -> Vec3 {
-        let Start { hit, direction, inside, arrived, depth } = start;
+        let Start { hit, direction, inside, arrived, aims, depth } = start;
         let scatterings = depth;
         let path = Path {
             hit,
@@ -279,7 +225,8 @@ impl PathEngine {
             inside,
             arrived,
             through: false,
-            images: ending.images(false).filter(|_| matches!(arrived, Arrived::Excluded)),
+            aims,
+            shown: None,
             depth,
             scatterings,
             forks: 0,
@@ -324,9 +271,13 @@ impl PathEngine {
             let cosine = -direction.dot(point.normal);
             let front = cosine > 0.0;
             if surface.emits && (front || surface.two_sided) {
-                let weight = path
-                    .arrived
-                    .weight(self.direct, |left| left.emitter_density(&self.lights, raycaster, &found, cosine.abs()));
+                let cosine = cosine.abs();
+                let weight = match &path.shown {
+                    Some(shown) => shown.weight(&found, cosine),
+                    None => path
+                        .arrived
+                        .weight(self.direct, |left| left.emitter_density(&self.lights, raycaster, &found, cosine)),
+                };
                 radiance += throughput * surface.emission * weight;
             }
             let frame = Frame::new(if front { point.normal } else { -point.normal });
@@ -334,7 +285,7 @@ impl PathEngine {
             if wo.z <= 0.0 {
                 break;
             }
-            let (mut lighting, mut images) = (None, None);
+            let mut lighting = None;
             let mut branches = 1;
             if !scatter.is_delta() {
                 if matches!(scatter, Scatter::Black) || path.scatterings > self.bounces {
@@ -348,20 +299,12 @@ impl PathEngine {
                 if direct != Direct::Materials && self.lights.any() {
                     let count = ending.light_samples(self, scatterings, indirect.is_some());
                     let seen = direct::seen(&self.lights, scatter, &point, frame.n);
-                    let surfaces = &self.surfaces;
-                    let vertex = Vertex { raycaster, surfaces, scatter, point: &point, frame: &frame, wo, front };
+                    let (surfaces, panes) = (&self.surfaces, &*self.panes);
+                    let vertex =
+                        Vertex { raycaster, surfaces, panes, scatter, point: &point, frame: &frame, wo, front };
                     sampler.turn(depth, Purpose::Light);
-                    let lit = vertex.lit(&self.lights, &*self.lamps, &seen, self.sky, count, direct, sampler);
+                    let lit = vertex.lit(&self.lights, &seen, self.sky, count, direct, sampler);
                     radiance += throughput * lit;
-                    if let Some(all) =
-                        ending.images(indirect.is_some()).filter(|_| matches!(scatter, Scatter::Diffuse(_)))
-                    {
-                        sampler.turn(depth, Purpose::Aim);
-                        if let Some(shown) = vertex.shown(all, count, sampler) {
-                            radiance += throughput * shown;
-                            images = Some(all);
-                        }
-                    }
                     lighting = Some(Lit::new(&seen, scatter, &point, frame.n, count));
                 }
                 if let Some(indirect) = indirect {
@@ -373,7 +316,7 @@ impl PathEngine {
             let sources = self.secondary.as_ref().filter(|_| scatter.is_wide());
             let aimed = sources.and_then(|sources| sources.aimed(&point, frame.n));
             let error = if crossing.is_some() { point.error * TOUCH } else { point.error };
-            let vertex = Leaving { point: &point, error, frame, wo, front, scatter, beyond, aimed, lighting, images };
+            let vertex = Leaving { point: &point, error, frame, wo, front, scatter, beyond, aimed, lighting };
             if path.forks < ending.forks(path.scatterings)
                 && let Some(ways) = scatter.ways(wo, front)
             {
@@ -409,13 +352,7 @@ impl PathEngine {
 
     /// Adds a segment to a path; whether there is one.
     #[inline]
-    fn leave<'a>(
-        &self,
-        raycaster: &Raycaster,
-        path: &mut Path<'a>,
-        vertex: &Leaving<'_, 'a>,
-        sampler: &mut Sampler,
-    ) -> bool {
+    fn leave(&self, raycaster: &Raycaster, path: &mut Path, vertex: &Leaving, sampler: &mut Sampler) -> bool {
         let Leaving { point, ref frame, wo, front, scatter, aimed, .. } = *vertex;
         let depth = path.depth;
         let choice = aimed.as_ref().map_or(Choice::Material, |aimed| {
@@ -463,20 +400,17 @@ impl PathEngine {
 
     /// Goes on to the next surface that way.
     #[inline]
-    fn step<'a>(&self, raycaster: &Raycaster, path: &mut Path<'a>, vertex: &Leaving<'_, 'a>, sampled: &Sampled) {
-        let Leaving { point, error, ref frame, scatter, beyond, lighting, images, .. } = *vertex;
+    fn step(&self, raycaster: &Raycaster, path: &mut Path, vertex: &Leaving, sampled: &Sampled) {
+        let Leaving { point, error, ref frame, scatter, beyond, lighting, .. } = *vertex;
         if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
             path.inside = *beyond;
         }
-        // Light samples have found what is straight on behind a pane, too, but not what a mirror shows, or only as images.
+        // Light samples have found what is straight on behind a pane, too, but not what a mirror shows, unless as an image.
         let straight = matches!(scatter, Scatter::Pane { .. }) && sampled.wi.z < 0.0;
-        let shown =
-            matches!(scatter, Scatter::Mirror(_)) && path.images.is_some_and(|images| images.shows(point.triangle));
-        path.through = straight || shown;
-        if shown {
-            (path.arrived, path.images) = (Arrived::Excluded, None);
-        } else if !straight {
-            path.images = images;
+        let shown = path.aims.take_if(|_| !straight).and_then(|aims| aims.shown_by(point.triangle));
+        path.through = straight || shown.is_some();
+        if !straight {
+            path.shown = shown;
             path.arrived = match sampled.pdf.zip(lighting) {
                 Some((pdf, lit)) => Arrived::Weighed(lit.left(pdf, scatter, sampled.wi)),
                 None => Arrived::Alone,

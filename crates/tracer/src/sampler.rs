@@ -30,6 +30,7 @@ pub(crate) enum Purpose {
     Aim = 3,
     /// Beyond those of all vertices.
     Record = 1 << 20,
+    Image = 1 << 21,
 }
 
 /// Draws the numbers of one path.

@@ -21,7 +21,6 @@ use crate::lights::{Aim, Chosen, Emitter, Lights, Seen, luminance};
 use crate::panes::Panes;
 use crate::path::Surface;
 use crate::sampler::{Purpose, Sampler};
-use crate::stage::Lamps;
 
 /// Paths of light that are followed: some 50 ms.
 const PATHS: u32 = 1 << 16;
@@ -167,8 +166,7 @@ impl Secondary {
                 entry.1 += 1;
             });
         }
-        let stage = Arc::new(Lamps { raycaster: raycaster.clone(), panes: Panes::closed() });
-        let tree = brightest(scene, &flux)?.with_cells(raycaster, stage);
+        let tree = brightest(scene, &flux)?.with_cells(raycaster, &Arc::new(Panes::closed()));
         let mut members = vec![0; scene.triangles.len().div_ceil(64)];
         tree.triangles().iter().for_each(|&t| members[t as usize / 64] |= 1 << (t % 64));
         Some(Self { tree, members })
@@ -177,7 +175,12 @@ impl Secondary {
     /// The sources as a surface sees them that is lit on the side of `normal`. `None` if it sees none.
     #[inline]
     pub(crate) fn aimed(&self, point: &SurfacePoint, normal: Vec3) -> Option<Aimed<'_>> {
-        self.tree.reaches(point.point, normal).then_some(Aimed { sources: self, point: point.point, normal })
+        self.tree.reaches(point.point, normal).then(|| self.aimed_from(point, normal))
+    }
+
+    /// The same wherever it is: for many samples, of which some may be in vain.
+    pub(crate) fn aimed_from(&self, point: &SurfacePoint, normal: Vec3) -> Aimed<'_> {
+        Aimed { sources: self, point: point.point, normal }
     }
 }
 

@@ -17,20 +17,22 @@ use super::node::{Child, Node, WIDTH};
 use super::{Lights, Source, Weights, descend};
 use crate::geometry::{Frame, cosine_hemisphere};
 use crate::lights::{Aim, luminance};
+use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
-use crate::stage::Stage;
 
 /// Subtrees that a cell chooses among, at most.
 const CLUSTERS: usize = 64;
 /// Cells in space at most; each comes in seven kinds, by the axis that a surface faces.
 const MOST_CELLS: f32 = 8_192.0;
 const FACINGS: usize = 7;
+/// Places in a cell that look for the lights.
+const PROBES: usize = 4;
 /// Shadow rays of a cell, about.
 const LOOKS: usize = 128;
 /// Nodes of clusters that are weighed for every vertex.
 const SEEN_NODES: usize = 2;
-/// Attempts at finding a probe on a surface.
-const ATTEMPTS: usize = 4;
+/// Attempts at finding them on surfaces.
+const ATTEMPTS: usize = 16;
 /// Rays per probe that look for the sky.
 const SKY_RAYS: usize = 4;
 /// Share of the samples that goes by what would arrive if nothing were in the way.
@@ -66,7 +68,7 @@ pub(super) struct Cell {
 #[derive(Debug)]
 pub(super) struct Cells {
     raycaster: Arc<Raycaster>,
-    stage: Arc<dyn Stage>,
+    panes: Arc<Panes>,
     low: Vec3,
     side: f32,
     size: IVec3,
@@ -116,12 +118,12 @@ impl Cell {
 
 impl Cells {
     /// `None` if the tree is too small to need them.
-    pub(super) fn new(lights: &Lights, raycaster: &Arc<Raycaster>, stage: Arc<dyn Stage>) -> Option<Self> {
+    pub(super) fn new(lights: &Lights, raycaster: &Arc<Raycaster>, panes: &Arc<Panes>) -> Option<Self> {
         if lights.nodes.len() < 2 {
             return None;
         }
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for corner in lights.triangles.iter().flat_map(|&t| raycaster.vertices(stage.triangle(t))) {
+        for corner in lights.triangles.iter().flat_map(|&t| raycaster.vertices(t)) {
             (low, high) = (low.min(corner), high.max(corner));
         }
         let margin = (high - low).max_element() * MARGIN;
@@ -148,7 +150,7 @@ impl Cells {
         }
         let count = size.x as usize * size.y as usize * size.z as usize * FACINGS;
         let cells = (0..count).map(|_| OnceLock::new()).collect();
-        Some(Self { raycaster: raycaster.clone(), stage, low, side, size, clusters, cluster_of, cells })
+        Some(Self { raycaster: raycaster.clone(), panes: panes.clone(), low, side, size, clusters, cluster_of, cells })
     }
 
     /// The number of the cell of a point and normal; `None` outside of the grid.
@@ -194,7 +196,7 @@ impl Cells {
         let mut seen = vec![0.0_f32; self.clusters.len()];
         let mut open = vec![0.0_f32; self.clusters.len()];
         let mut sky = 0;
-        let repeats = (LOOKS / (probes.len() * self.clusters.len())).clamp(1, 8);
+        let repeats = (LOOKS / (PROBES * self.clusters.len())).clamp(1, 8);
         for (k, probe) in probes.iter().enumerate() {
             sampler.turn((1 + k) as u32, Purpose::Light);
             for (i, &cluster) in self.clusters.iter().enumerate() {
@@ -271,26 +273,19 @@ impl Cells {
             let count = sums.len() as f32;
             sums.iter_mut().zip(1_u8..).for_each(|(s, i)| *s = f32::from(i) / count);
         }
-        let sky = lights.sky * sky as f32 / (probes.len() * SKY_RAYS) as f32;
-        Cell {
-            total: all_seen / (probes.len() * repeats) as f32,
-            sky,
-            sums,
-            seen: nodes.into(),
-            seen_clusters,
-            seen_as,
-        }
+        let sky = lights.sky * sky as f32 / (PROBES * SKY_RAYS) as f32;
+        Cell { total: all_seen / (PROBES * repeats) as f32, sky, sums, seen: nodes.into(), seen_clusters, seen_as }
     }
 
     /// Points on surfaces of the cell that face its way, or anywhere in it.
-    fn probes(&self, corner: Vec3, facing: u32, sampler: &mut Sampler) -> Vec<SurfacePoint> {
+    fn probes(&self, corner: Vec3, facing: u32, sampler: &mut Sampler) -> [SurfacePoint; PROBES] {
         let axis = axis(facing);
         let nowhere =
             |point| SurfacePoint { point, error: Vec3::ZERO, normal: axis, triangle: holo_raycast::NO_TRIANGLE };
-        let wanted = self.stage.probes();
-        let mut probes = Vec::with_capacity(wanted);
+        let mut probes = [nowhere(Vec3::ZERO); PROBES];
+        let mut count = 0;
         sampler.turn(0, Purpose::Light);
-        for attempt in 0..ATTEMPTS * wanted {
+        for attempt in 0..ATTEMPTS {
             let [x, y] = sampler.two();
             let place = self.low + (corner + Vec3::new(x, y, sampler.one())) * self.side;
             let mut found = nowhere(place);
@@ -306,9 +301,10 @@ impl Cells {
                 }
             }
             // The last attempts are taken as they come.
-            if on_surface || ATTEMPTS * wanted - attempt <= wanted - probes.len() {
-                probes.push(found);
-                if probes.len() == wanted {
+            if on_surface || ATTEMPTS - attempt <= PROBES - count {
+                probes[count] = found;
+                count += 1;
+                if count == PROBES {
                     break;
                 }
             }
@@ -331,22 +327,22 @@ impl Cells {
         else {
             return (0.0, 0.0);
         };
-        let light = lights.triangles[emitter];
-        let aim = Aim::new(probe.point, self.stage.vertices(light));
+        let triangle = lights.triangles[emitter];
+        let aim = Aim::new(probe.point, self.raycaster.vertices(triangle));
         let (u, v) = aim.sample([super::below_one(rest), second]);
-        let (point, normal) = self.stage.point(light, [u, v]);
-        let towards = point - probe.point;
+        let light = self.raycaster.surface(triangle, u, v);
+        let towards = light.point - probe.point;
         let distance2 = towards.length_squared();
-        let cosine = -towards.dot(normal) / distance2.sqrt();
+        let cosine = -towards.dot(light.normal) / distance2.sqrt();
         let Source { radiance, side } = lights.sources[emitter];
         let shining = if side == 0.0 { cosine.abs() } else { cosine * side };
-        if !(distance2 > 0.0 && shining > 0.0 && self.stage.may_show(probe.point, light, [u, v])) {
+        if !(distance2 > 0.0 && shining > 0.0) || triangle == probe.triangle {
             return (0.0, 0.0);
         }
         let arriving = if facing == EVERYWHERE { 1.0 } else { towards.dot(probe.normal) / distance2.sqrt() };
         let value = radiance * arriving.max(LEAST_COSINE) / (probability * aim.density(distance2, shining));
         if value.is_finite() {
-            (value, luminance(self.stage.arriving(probe, light, [u, v]).to_array()))
+            (value, luminance(self.panes.between(&self.raycaster, probe, &light).to_array()))
         } else {
             (0.0, 0.0)
         }

@@ -12,6 +12,7 @@ mod build;
 mod cells;
 mod cone;
 mod node;
+mod parts;
 mod triangle;
 
 use std::collections::{HashMap, HashSet};
@@ -25,9 +26,10 @@ use holo_scene::Scene;
 pub(crate) use build::Emitter;
 use cells::{Cell, Cells};
 use node::{Child, Node, WIDTH};
+pub(crate) use parts::Part;
 pub(crate) use triangle::Aim;
 
-use crate::stage::Stage;
+use crate::panes::Panes;
 
 /// Share of the sky and of the emitters, at least, where there are both: which of them a vertex sees is unknown.
 const LEAST_SHARE: f32 = 0.1;
@@ -180,9 +182,9 @@ impl Lights {
         Self { triangles, nodes, places, sources, cells: None, sky: 0.0 }
     }
 
-    /// As this one, with choices among many by what parts of the scene really get from where the lights stand.
-    pub(crate) fn with_cells(mut self, raycaster: &Arc<Raycaster>, stage: Arc<dyn Stage>) -> Self {
-        self.cells = Cells::new(&self, raycaster, stage);
+    /// As this one, with choices among many by what parts of the scene really get, through these panes.
+    pub(crate) fn with_cells(mut self, raycaster: &Arc<Raycaster>, panes: &Arc<Panes>) -> Self {
+        self.cells = Cells::new(&self, raycaster, panes);
         self
     }
 

@@ -4,9 +4,7 @@ use glam::{DVec3, Vec3};
 use holo_scene::{Bsdf, Material, Scene};
 
 use super::*;
-use crate::panes::Panes;
 use crate::sampler::Sampler;
-use crate::stage::Lamps;
 
 /// Emitters in clusters, turned at random; a third of them two-sided, and of three sizes.
 fn scene(count: usize, sky: f32) -> Scene {
@@ -35,8 +33,8 @@ fn scene(count: usize, sky: f32) -> Scene {
 }
 
 /// A scene without panes.
-fn closed(raycaster: &Arc<Raycaster>) -> Arc<Lamps> {
-    Arc::new(Lamps { raycaster: raycaster.clone(), panes: Panes::closed() })
+fn closed() -> Arc<Panes> {
+    Arc::new(Panes::closed())
 }
 
 /// Points among the emitters and far from them, with and without a normal.
@@ -58,8 +56,8 @@ fn choosing_follows_the_probabilities_and_they_add_up() {
         let scene = Arc::new(scene(count, sky));
         let plain = Lights::new(&scene);
         // By cells where there are many.
-        let raycaster = Arc::new(Raycaster::build(scene.clone()).expect("built"));
-        let celled = Lights::new(&scene).with_cells(&raycaster, closed(&raycaster));
+        let celled =
+            Lights::new(&scene).with_cells(&Arc::new(Raycaster::build(scene.clone()).expect("built")), &closed());
         assert_eq!(celled.cells.is_some(), count > 8);
         let mut s = Sampler::new(7, 0);
         let cases = vertices().into_iter().flat_map(|v| [(v, &plain), (v, &celled)]);
@@ -211,7 +209,7 @@ fn rooms() -> Arc<Raycaster> {
 fn lights_behind_a_wall_are_seldom_chosen_but_can_be() {
     let raycaster = rooms();
     let scene = raycaster.scene();
-    let (plain, celled) = (Lights::new(scene), Lights::new(scene).with_cells(&raycaster, closed(&raycaster)));
+    let (plain, celled) = (Lights::new(scene), Lights::new(scene).with_cells(&raycaster, &closed()));
     for (x, y) in [(-0.3, 0.1), (-2.0, 2.2), (-1.1, -4.0)] {
         let point = (DVec3::new(x, y, 0.0) - scene.origin).as_vec3();
         let visible = |lights: &Lights| {
@@ -229,7 +227,7 @@ fn lights_behind_a_wall_are_seldom_chosen_but_can_be() {
 #[test]
 fn what_a_cell_holds_does_not_depend_on_who_came_first() {
     let raycaster = rooms();
-    let lights = [0, 1].map(|_| Lights::new(raycaster.scene()).with_cells(&raycaster, closed(&raycaster)));
+    let lights = [0, 1].map(|_| Lights::new(raycaster.scene()).with_cells(&raycaster, &closed()));
     let mut s = Sampler::new(8, 0);
     let points: Vec<Vec3> =
         (0..300).map(|_| Vec3::new(s.one() - 0.5, s.one() - 0.5, 0.0) * Vec3::new(20.0, 10.0, 1.0)).collect();

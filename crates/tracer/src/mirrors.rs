@@ -1,0 +1,175 @@
+//! Flat mirrors and panes, by the planes that they lie in.
+//!
+//! Always true: every triangle is of one plane at most. A scene without flat mirrors and panes has no planes; what is too small, too narrow or
+//! bent is none.
+
+use std::collections::HashMap;
+
+use glam::Vec3;
+use holo_scene::Scene;
+
+use crate::bsdf::Scatter;
+use crate::fresnel::pane;
+use crate::lights::luminance;
+use crate::path::Surface;
+
+/// Planes that are told apart, at most: a curved mirror has one for each triangle.
+const PLANES: usize = 64;
+/// Least area of a plane, as a share of the square of the scene's greatest side.
+const LEAST_AREA: f64 = 1e-4;
+/// Least mean width, as a share of that side: the facets of a pole throw streaks that few rays meet.
+const LEAST_WIDTH: f64 = 5e-3;
+/// How far off its plane a mirror's corner may be, as a share of that side.
+const FLAT: f32 = 1e-5;
+/// Sine of the angle by which its normal may differ.
+const BENT: f32 = 1e-4;
+/// By how much bounds of mirrors are wider than they, as a share of their greatest side.
+const SLACK: f32 = 1e-3;
+
+/// How a mirror or pane reflects.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Face {
+    Mirror(Vec3),
+    /// Of that index of refraction.
+    Pane(f32),
+}
+
+impl Face {
+    fn of(scatter: &Scatter) -> Option<Self> {
+        match *scatter {
+            Scatter::Mirror(ks) => Some(Self::Mirror(ks)),
+            Scatter::Pane { ior, .. } => Some(Self::Pane(ior)),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn reflectance(self, cosine: f32) -> Vec3 {
+        match self {
+            Self::Mirror(ks) => ks,
+            Self::Pane(ior) => Vec3::splat(pane(cosine.abs(), ior)),
+        }
+    }
+
+    /// Luminance of what it reflects of light from ahead.
+    fn strength(self) -> f32 {
+        luminance(self.reflectance(1.0).to_array())
+    }
+}
+
+/// A plane that holds mirrors or panes: the points x with x · normal = offset.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plane {
+    normal: Vec3,
+    offset: f32,
+    /// Bounds of what it holds.
+    low: Vec3,
+    high: Vec3,
+    /// What reflects most in it.
+    pub face: Face,
+    area: f64,
+}
+
+impl Plane {
+    fn new(corners: [Vec3; 3], normal: Vec3, face: Face) -> Self {
+        Self { normal, offset: corners[0].dot(normal), low: corners[0], high: corners[0], face, area: 0.0 }
+    }
+
+    /// Whether a triangle lies in it, to within a length.
+    fn lies(&self, corners: [Vec3; 3], normal: Vec3, slack: f32) -> bool {
+        self.normal.cross(normal).length() <= BENT && corners.iter().all(|&c| self.height(c).abs() <= slack)
+    }
+
+    fn hold(&mut self, corners: [Vec3; 3], face: Face, area: f64) {
+        for corner in corners {
+            (self.low, self.high) = (self.low.min(corner), self.high.max(corner));
+        }
+        if face.strength() > self.face.strength() {
+            self.face = face;
+        }
+        self.area += area;
+    }
+
+    fn is_large(&self, size: f64) -> bool {
+        let length = f64::from((self.high - self.low).length());
+        self.area >= LEAST_AREA * size * size && self.area >= LEAST_WIDTH * size * length
+    }
+
+    /// Distance of a point, positive on the side of the normal.
+    pub(crate) fn height(&self, point: Vec3) -> f32 {
+        point.dot(self.normal) - self.offset
+    }
+
+    pub(crate) fn reflect(&self, point: Vec3) -> Vec3 {
+        point - self.normal * (2.0 * self.height(point))
+    }
+
+    pub(crate) fn reflect_direction(&self, direction: Vec3) -> Vec3 {
+        direction - self.normal * (2.0 * direction.dot(self.normal))
+    }
+
+    /// Cosine of the angle at which a direction of any length meets it.
+    pub(crate) fn cosine(&self, direction: Vec3) -> f32 {
+        direction.normalize_or_zero().dot(self.normal).abs()
+    }
+
+    /// Whether a line from `behind` it to some point of a sphere before it may meet what it holds. For points, exact up to rounding but for
+    /// what of its bounds is no mirror; for spheres, about.
+    pub(crate) fn shows(&self, behind: Vec3, center: Vec3, radius: f32) -> bool {
+        let below = self.height(behind);
+        let above = -self.height(center) * below.signum();
+        if below == 0.0 || above <= -radius {
+            return false;
+        }
+        if above <= radius && radius > 0.0 {
+            return true;
+        }
+        let line = center - behind;
+        let height = below.abs() + above;
+        let share = below.abs() / height;
+        let met = behind + line * share;
+        // A slanted line spreads what the sphere is seen through.
+        let spread = radius * share * line.length() / height + SLACK * (self.high - self.low).max_element();
+        met.cmpge(self.low - spread).all() && met.cmple(self.high + spread).all()
+    }
+}
+
+/// The planes of a scene.
+#[derive(Debug)]
+pub(crate) struct Mirrors {
+    pub planes: Vec<Plane>,
+    /// By triangle of a mirror or pane, its plane and what it reflects.
+    pub faces: HashMap<u32, (u8, Face)>,
+}
+
+impl Mirrors {
+    pub(crate) fn find(scene: &Scene, surfaces: &[Surface]) -> Self {
+        let (low, high) = scene.bounds();
+        let size = (high - low).max_element();
+        let face = |t: u32| Face::of(&surfaces[scene.material_ids[t as usize] as usize].scatter);
+        // The largest first: a curved mirror of many small ones takes no place from a flat one.
+        let mut shining: Vec<(f64, u32, Face)> =
+            (0..scene.triangles.len() as u32).filter_map(|t| Some((scene.area(t), t, face(t)?))).collect();
+        shining.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let mut found: Vec<(Plane, Vec<(u32, Face)>)> = Vec::new();
+        for (area, triangle, face) in shining {
+            let (corners, normal) = (scene.corners(triangle), scene.normal(triangle));
+            let slack = FLAT * size as f32;
+            if !found.iter().any(|(plane, _)| plane.lies(corners, normal, slack)) {
+                if found.len() == PLANES || normal == Vec3::ZERO {
+                    continue;
+                }
+                found.push((Plane::new(corners, normal, face), Vec::new()));
+            }
+            if let Some((plane, faces)) = found.iter_mut().find(|(plane, _)| plane.lies(corners, normal, slack)) {
+                plane.hold(corners, face, area);
+                faces.push((triangle, face));
+            }
+        }
+        found.retain(|(plane, _)| plane.is_large(size));
+        let faces = (0_u8..)
+            .zip(&found)
+            .flat_map(|(number, (_, faces))| faces.iter().map(move |&(triangle, face)| (triangle, (number, face))))
+            .collect();
+        Self { planes: found.into_iter().map(|(plane, _)| plane).collect(), faces }
+    }
+}
