@@ -56,6 +56,7 @@ mod random;
 mod request;
 mod rows;
 mod sample;
+mod settings;
 mod shared;
 mod stages;
 mod truncate;
@@ -70,6 +71,7 @@ pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing, Stag
 pub(crate) use prefetch::prefetch;
 pub(crate) use random::{mix, pair};
 pub use sample::{Place, Sample, Tag};
+pub use settings::{SETTINGS, Setting};
 
 use bands::Scratch;
 use glam::DVec3;
@@ -149,10 +151,10 @@ impl PointImage {
         Ok(Self {
             scratch: std::iter::repeat_with(scratch).take(params.threads).collect(),
             isa,
-            points: Points::new(capacity),
+            points: Points::new(capacity, params.group as usize),
             planes: Planes::new(size, capacity as u32),
             buckets,
-            occupancy: Occupancy::new(size),
+            occupancy: Occupancy::new(size, params.predicted_block as usize),
             origin: params.origin.unwrap_or(DVec3::ZERO),
             has_origin: params.origin.is_some(),
             eye: DVec3::ZERO,

@@ -10,11 +10,6 @@ use super::sample::{Place, Purpose, Sample};
 use glam::DVec3;
 use holo_picture::View;
 
-/// Standard deviations of stated noise that are not yet a change.
-const NOISE_DEVIATIONS: f32 = 3.0;
-/// Depth differs by more than this share: the ray met something else.
-const MOVED: f64 = 0.1;
-
 impl PointImage {
     /// Takes a sample in; false if it has a number that is not finite.
     pub(super) fn take(&mut self, sample: &Sample) -> bool {
@@ -59,9 +54,9 @@ impl PointImage {
                 Some(slot) if self.points.is_of_view(slot) => {}
                 Some(slot) => {
                     let (old, new) = self.distances(slot, position);
-                    if new < old * (1.0 - MOVED) {
+                    if new < old * (1.0 - self.params.move_threshold) {
                         self.put(slot, position, radiance, sample, false);
-                    } else if new <= old * (1.0 + MOVED) {
+                    } else if new <= old * (1.0 + self.params.move_threshold) {
                         self.confirm(slot, position, radiance, sample, false);
                     }
                 }
@@ -131,10 +126,10 @@ impl PointImage {
             // A mean of n samples has 1/n of their variance.
             variance += details.noise * details.noise / details.reference_count.max(1) as f32;
         }
-        let allowed = self.params.change_threshold * largest + NOISE_DEVIATIONS * variance.max(0.0).sqrt();
+        let allowed = self.params.change_threshold * largest + self.params.noise_deviations * variance.max(0.0).sqrt();
         let changed = radiance.iter().zip(&reference).any(|(new, old)| (new - old).abs() > allowed);
         let (old, new) = self.distances(slot, position);
-        changed || (new - old).abs() > MOVED * old
+        changed || (new - old).abs() > self.params.move_threshold * old
     }
 
     /// Mean of rays through a point.
@@ -207,8 +202,9 @@ impl PointImage {
     fn age_neighbours(&mut self, pixel: u32, changed: usize) {
         let (width, height) = self.planes.size;
         let (column, row) = (pixel as usize % width, pixel as usize / width);
-        for y in row.saturating_sub(1)..(row + 2).min(height) {
-            for x in column.saturating_sub(1)..(column + 2).min(width) {
+        let reach = self.params.change_reach as usize;
+        for y in row.saturating_sub(reach)..(row + reach + 1).min(height) {
+            for x in column.saturating_sub(reach)..(column + reach + 1).min(width) {
                 let slot = self.planes.slot[y * width + x] as usize;
                 if slot != changed && self.points.states.get(slot).is_some_and(|state| !state.is_empty()) {
                     self.points.age(slot, self.params.change_ageing);
