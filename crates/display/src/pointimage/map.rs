@@ -1,9 +1,9 @@
 //! A view as projection takes it, in f32, relative to the points' origin: three dot products for a perspective, [`Curved`] for others.
 //!
-//! Always true: a point is mapped to a pixel only if the view sees it and all its numbers are finite.
+//! Always true: a point is mapped to a pixel only if the view sees it (what is beyond an aft clipping surface it sees black) and all its numbers are finite.
 
 use glam::{DVec3, Vec4};
-use holo_picture::{View, ViewKind};
+use holo_picture::{Clip, View, ViewKind};
 
 /// Distance at which things infinitely far away are kept: far enough that no walk moves them, with room for products in f32.
 const FAR: f64 = 1e15;
@@ -11,6 +11,9 @@ const FAR: f64 = 1e15;
 const FAR_SIZES: f64 = 1e3;
 /// Smallest depth that is in front of the eye: its reciprocal is finite.
 pub(super) const NEAREST: f32 = 1e-30;
+
+/// Depth of what is beyond an aft clipping surface: no picture's sums of nine overflow.
+pub(super) const BEYOND: f32 = 1e36;
 
 /// Position for something infinitely far away, relative to any origin.
 pub(super) fn far_away(direction: DVec3) -> DVec3 {
@@ -30,8 +33,14 @@ pub fn far_depth(view: &View) -> f64 {
 
 /// Says where points are seen.
 pub(super) trait Lens: Copy + Sync {
-    /// Column, row and depth; meaningless unless the depth is at least [`NEAREST`].
+    /// Column, row and depth; meaningless unless the depth is at least [`nearest`](Self::nearest).
     fn project(&self, p: [f32; 3]) -> (f32, f32, f32);
+
+    /// Least depth that is seen: [`NEAREST`] or the fore clipping plane's.
+    fn nearest(&self) -> f32;
+
+    /// Largest depth that is not black: infinite, or the aft clipping plane's.
+    fn farthest(&self) -> f32;
 }
 
 /// Any view. Loops are compiled for each of the two: what follows from the match must be outside of them.
@@ -57,6 +66,14 @@ impl Map {
             Map::Curved(map) => map.project(p),
         }
     }
+
+    /// As [`Lens::nearest`].
+    pub fn nearest(&self) -> f32 {
+        match self {
+            Map::Flat(map) => map.nearest(),
+            Map::Curved(map) => map.nearest(),
+        }
+    }
 }
 
 /// A perspective. Column, row and depth of a point are `x·p/z·p`, `y·p/z·p` and `z·p`, with `p` = (position, 1).
@@ -65,13 +82,15 @@ pub(super) struct Flat {
     pub x: [f32; 4],
     pub y: [f32; 4],
     pub z: [f32; 4],
+    nearest: f32,
+    farthest: f32,
 }
 
 impl Flat {
     fn new(view: &View, origin: DVec3, width: f64, height: f64) -> Self {
         let (across, along) = view.extent();
         let forward = view.vd;
-        let eye = view.vp - origin;
+        let eye = view.eye() - origin;
         let row = |axis: DVec3| {
             let offset = -axis.dot(eye);
             [axis.x as f32, axis.y as f32, axis.z as f32, offset as f32]
@@ -80,6 +99,8 @@ impl Flat {
             x: row(view.right() * (width / across) + forward * ((0.5 - view.vs) * width)),
             y: row(view.up() * (-height / along) + forward * ((0.5 + view.vl) * height)),
             z: row(forward),
+            nearest: (view.vo as f32).max(NEAREST),
+            farthest: if view.va == 0.0 { f32::INFINITY } else { view.va as f32 },
         }
     }
 }
@@ -91,6 +112,16 @@ impl Lens for Flat {
         let depth = dot(&self.z);
         let inverse = 1.0 / depth;
         (dot(&self.x) * inverse, dot(&self.y) * inverse, depth)
+    }
+
+    #[inline(always)]
+    fn nearest(&self) -> f32 {
+        self.nearest
+    }
+
+    #[inline(always)]
+    fn farthest(&self) -> f32 {
+        self.farthest
     }
 }
 
@@ -106,7 +137,7 @@ pub(super) struct Curved {
 
 impl Curved {
     fn new(view: &View, origin: DVec3, width: f64, height: f64) -> Self {
-        let eye = view.vp - origin;
+        let eye = view.eye() - origin;
         let row = |axis: DVec3| axis.extend(-axis.dot(eye)).as_vec4();
         Self { view: *view, right: row(view.right()), up: row(view.up()), forward: row(view.vd), size: (width, height) }
     }
@@ -117,10 +148,25 @@ impl Lens for Curved {
     fn project(&self, [x, y, z]: [f32; 3]) -> (f32, f32, f32) {
         let dot = |row: Vec4| row.x * x + row.y * y + row.z * z + row.w;
         let place = DVec3::new(dot(self.right).into(), dot(self.up).into(), dot(self.forward).into());
-        let depth = if self.view.kind.has_eye() { place.length() } else { place.z };
+        let depth = match self.view.clip_local(place) {
+            Clip::Shown if self.view.kind.has_eye() => place.length(),
+            Clip::Shown => place.z,
+            Clip::Beyond => BEYOND.into(),
+            Clip::Before => 0.0,
+        };
         match self.view.project_local(place) {
             Some((x, y)) => ((x * self.size.0) as f32, ((1.0 - y) * self.size.1) as f32, depth as f32),
             None => (0.0, 0.0, 0.0),
         }
+    }
+
+    #[inline(always)]
+    fn nearest(&self) -> f32 {
+        NEAREST
+    }
+
+    #[inline(always)]
+    fn farthest(&self) -> f32 {
+        if self.view.is_clipped() { 0.5 * BEYOND } else { f32::INFINITY }
     }
 }

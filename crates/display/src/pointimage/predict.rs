@@ -3,7 +3,7 @@
 //! Always true: a byte per block of 4×4 pixels (or as many as are chosen) of the predicted view says whether a point falls there; depth does not matter.
 
 use super::isa::{Isa, Kernel};
-use super::map::{Lens, Map, NEAREST};
+use super::map::{Lens, Map};
 use super::points::{Block, State};
 use super::project::BLOCK;
 use super::random;
@@ -117,9 +117,10 @@ fn place<L: Lens>(
 ) {
     let (right, bottom) = (size.0 as f32, size.1 as f32);
     let (across, outside) = (size.0 as i32, (size.0 * size.1) as i32);
+    let nearest = map.nearest();
     for i in 0..BLOCK {
         let (column, row, depth) = map.project([x[i], y[i], z[i]]);
-        let seen = (depth >= NEAREST)
+        let seen = (depth >= nearest)
             & (column >= 0.0)
             & (column < right)
             & (row >= 0.0)

@@ -51,7 +51,7 @@ impl PointImage {
 
     fn look(&mut self, view: &View, moved: bool) {
         if !self.has_origin {
-            (self.origin, self.has_origin) = (view.vp, true);
+            (self.origin, self.has_origin) = (view.eye(), true);
         }
         if moved {
             self.epoch = self.epoch.wrapping_add(1);
@@ -60,7 +60,7 @@ impl PointImage {
             self.view = Some(*view);
             self.map = Some(Map::new(view, self.origin, width as f64, height as f64));
         }
-        self.eye = view.vp - self.origin;
+        self.eye = view.eye() - self.origin;
     }
 
     /// Ages the points by as much as `samples` are worth, if that is anything or they are to be looked through anyway; takes those in.

@@ -8,7 +8,7 @@ use super::map::{far_along, far_away};
 use super::points::{Details, FRESH, GENERATION, GENERATIONS, HIDDEN, HIGHLIGHT, NOISY, REFINED, State};
 use super::sample::{Place, Purpose, Sample};
 use glam::DVec3;
-use holo_picture::View;
+use holo_picture::{Clip, View};
 
 impl PointImage {
     /// Takes a sample in; false if it has a number that is not finite.
@@ -25,6 +25,13 @@ impl PointImage {
         let mut radiance = sample.radiance.map(|channel| channel.clamp(0.0, colour::LARGEST));
         // +0 for -0, so that equal colours have equal bits.
         radiance.iter_mut().for_each(|channel| *channel += 0.0);
+        match self.clip(sample) {
+            Clip::Shown => {}
+            // Not what the view sees: whoever asked began the ray too early.
+            Clip::Before => return true,
+            // The mean over a pixel's rays is of what they show. Where it is kept it is black in such views anyway.
+            Clip::Beyond => radiance = [0.0; 3],
+        }
         let tag = sample.tag;
         let slot = tag.slot as usize;
         let is_current = tag.epoch == self.epoch && tag.purpose != Purpose::Fill;
@@ -71,6 +78,19 @@ impl PointImage {
             }
         }
         true
+    }
+
+    /// Whether the view shows what a ray that is meant for it met.
+    #[inline]
+    fn clip(&self, sample: &Sample) -> Clip {
+        match self.view.filter(|view| view.is_clipped() && sample.tag.purpose != Purpose::Fill) {
+            None => Clip::Shown,
+            Some(view) => match sample.place {
+                Place::At(position) => view.clip(position),
+                Place::Toward(_) if view.clips_sky() => Clip::Beyond,
+                Place::Toward(_) => Clip::Shown,
+            },
+        }
     }
 
     /// The first point of a pixel.

@@ -9,7 +9,7 @@
 //! - No mean is taken across a jump in depth.
 //! - As samples grow, every pixel tends to the mean of its own samples: the box filter.
 //! - A pixel whose middle no section covers is 0, whatever its neighbours are.
-//! - A pixel whose middle's best beam sees nothing is the sky, exactly: it is known, with or without samples.
+//! - A pixel whose middle's best beam sees nothing is the sky (black if the view clips it), exactly: it is known, with or without samples.
 
 mod beams;
 mod bins;
@@ -212,7 +212,8 @@ impl Quadtree {
                     }
                     let bins = if landing.narrow { &self.narrow } else { &self.wide };
                     bins.prefetch_pixel(pixel);
-                    self.arrived.push((pixel, landing, sample.rgbe));
+                    let rgbe = if landing.is_black { [0; 4] } else { sample.rgbe };
+                    self.arrived.push((pixel, landing, rgbe));
                 }
             }
             for (pixel, landing, _) in &self.arrived {
@@ -320,7 +321,8 @@ impl Quadtree {
     /// The view ray of a pixel's middle.
     fn middle(&self, column: u32, row: u32) -> (DVec3, DVec3) {
         let (x, y) = View::pixel_centre(self.size, column, row);
-        self.view.ray(x, y)
+        let ray = self.view.clipped_ray(x, y);
+        ray.map_or((self.view.vp, DVec3::ZERO), |(origin, direction, _)| (origin, direction))
     }
 }
 

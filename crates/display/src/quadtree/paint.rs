@@ -221,7 +221,8 @@ impl Quadtree {
         }
         if is_unseen {
             let counts = Counts { unseen: true, ..Counts::default() };
-            return Painted { colour: self.params.sky, depth: f32::INFINITY, counts };
+            let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
+            return Painted { colour, depth: f32::INFINITY, counts };
         }
         let own = painter.all.levels[0].leaf(column, row);
         // A radius that was given is that of the nearest surface already.
