@@ -8,6 +8,7 @@
 mod canvas;
 mod default_view;
 mod incoming;
+mod kept;
 mod lights;
 mod point_args;
 mod points;

@@ -163,20 +163,24 @@ impl Points {
     pub fn draw(&self) -> (Frame, Vec<StageTime>) {
         let mut state = self.lock();
         let State { sections, shown, sky, .. } = &mut *state;
-        let nothing = || Frame {
-            picture: Picture::new(1, 1),
-            depth: vec![0.0],
-            uncovered_pixels: 1,
-            empty_pixels: 0,
-            unseen_pixels: 0,
-            samples_used: 0,
-        };
         shown.as_mut().map_or_else(|| (nothing(), Vec::new()), |shown| shown.draw(sections, *sky))
     }
 
     /// A panic elsewhere leaves no picture half made that matters.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The picture before the first view.
+pub fn nothing() -> Frame {
+    Frame {
+        picture: Picture::new(1, 1),
+        depth: vec![0.0],
+        uncovered_pixels: 1,
+        empty_pixels: 0,
+        unseen_pixels: 0,
+        samples_used: 0,
     }
 }
 

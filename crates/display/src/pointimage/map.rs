@@ -33,20 +33,30 @@ pub fn far_depth(view: &View) -> f64 {
 
 /// Says where points are seen.
 pub(super) trait Lens: Copy + Sync {
+    /// Whether anything may be clipped: asked for each point, it made projection take half as long again.
+    const CLIPS: bool;
+
     /// Column, row and depth; meaningless unless the depth is at least [`nearest`](Self::nearest).
     fn project(&self, p: [f32; 3]) -> (f32, f32, f32);
 
-    /// Least depth that is seen: [`NEAREST`] or the fore clipping plane's.
-    fn nearest(&self) -> f32;
+    /// Least depth that is seen.
+    #[inline(always)]
+    fn nearest(&self) -> f32 {
+        NEAREST
+    }
 
-    /// Largest depth that is not black: infinite, or the aft clipping plane's.
-    fn farthest(&self) -> f32;
+    /// Largest depth that is not black.
+    #[inline(always)]
+    fn farthest(&self) -> f32 {
+        f32::INFINITY
+    }
 }
 
-/// Any view. Loops are compiled for each of the two: what follows from the match must be outside of them.
+/// Any view. Loops are compiled for each of the three: what follows from the match must be outside of them.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Map {
     Flat(Flat),
+    Cut(Cut),
     Curved(Curved),
 }
 
@@ -54,7 +64,10 @@ impl Map {
     /// `width` and `height` are the picture's in pixels, perhaps a fraction of the view's.
     pub fn new(view: &View, origin: DVec3, width: f64, height: f64) -> Self {
         match view.kind {
-            ViewKind::Perspective => Map::Flat(Flat::new(view, origin, width, height)),
+            ViewKind::Perspective => {
+                let flat = Flat::new(view, origin, width, height);
+                if view.is_clipped() { Map::Cut(Cut::new(view, flat)) } else { Map::Flat(flat) }
+            }
             _ => Map::Curved(Curved::new(view, origin, width, height)),
         }
     }
@@ -63,6 +76,7 @@ impl Map {
     pub fn project(&self, p: [f32; 3]) -> (f32, f32, f32) {
         match self {
             Map::Flat(map) => map.project(p),
+            Map::Cut(map) => map.project(p),
             Map::Curved(map) => map.project(p),
         }
     }
@@ -71,6 +85,7 @@ impl Map {
     pub fn nearest(&self) -> f32 {
         match self {
             Map::Flat(map) => map.nearest(),
+            Map::Cut(map) => map.nearest(),
             Map::Curved(map) => map.nearest(),
         }
     }
@@ -82,8 +97,6 @@ pub(super) struct Flat {
     pub x: [f32; 4],
     pub y: [f32; 4],
     pub z: [f32; 4],
-    nearest: f32,
-    farthest: f32,
 }
 
 impl Flat {
@@ -99,19 +112,43 @@ impl Flat {
             x: row(view.right() * (width / across) + forward * ((0.5 - view.vs) * width)),
             y: row(view.up() * (-height / along) + forward * ((0.5 + view.vl) * height)),
             z: row(forward),
-            nearest: (view.vo as f32).max(NEAREST),
-            farthest: if view.va == 0.0 { f32::INFINITY } else { view.va as f32 },
         }
     }
 }
 
 impl Lens for Flat {
+    const CLIPS: bool = false;
+
     #[inline(always)]
     fn project(&self, p: [f32; 3]) -> (f32, f32, f32) {
         let dot = |row: &[f32; 4]| row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
         let depth = dot(&self.z);
         let inverse = 1.0 / depth;
         (dot(&self.x) * inverse, dot(&self.y) * inverse, depth)
+    }
+}
+
+/// A perspective with clipping planes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cut {
+    flat: Flat,
+    nearest: f32,
+    farthest: f32,
+}
+
+impl Cut {
+    fn new(view: &View, flat: Flat) -> Self {
+        let farthest = if view.clips_sky() { view.va as f32 } else { f32::INFINITY };
+        Self { flat, nearest: (view.vo as f32).max(NEAREST), farthest }
+    }
+}
+
+impl Lens for Cut {
+    const CLIPS: bool = true;
+
+    #[inline(always)]
+    fn project(&self, p: [f32; 3]) -> (f32, f32, f32) {
+        self.flat.project(p)
     }
 
     #[inline(always)]
@@ -144,6 +181,8 @@ impl Curved {
 }
 
 impl Lens for Curved {
+    const CLIPS: bool = true;
+
     #[inline(always)]
     fn project(&self, [x, y, z]: [f32; 3]) -> (f32, f32, f32) {
         let dot = |row: Vec4| row.x * x + row.y * y + row.z * z + row.w;
@@ -158,11 +197,6 @@ impl Lens for Curved {
             Some((x, y)) => ((x * self.size.0) as f32, ((1.0 - y) * self.size.1) as f32, depth as f32),
             None => (0.0, 0.0, 0.0),
         }
-    }
-
-    #[inline(always)]
-    fn nearest(&self) -> f32 {
-        NEAREST
     }
 
     #[inline(always)]

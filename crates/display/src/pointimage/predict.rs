@@ -76,6 +76,7 @@ impl Marks<'_> {
         let Self { map, size, is_occupied } = self;
         match map {
             Map::Flat(map) => isa.run(Project { map, size, blocks, states, is_occupied }),
+            Map::Cut(map) => isa.run(Project { map, size, blocks, states, is_occupied }),
             Map::Curved(map) => isa.run(Project { map, size, blocks, states, is_occupied }),
         }
     }

@@ -161,6 +161,7 @@ impl Chains<'_> {
     pub fn add(&mut self, isa: Isa, screen: Screen, first: usize, blocks: &[Block], states: &mut [State]) {
         match screen.map {
             Map::Flat(lens) => self.add_by(isa, lens, screen, first, blocks, states),
+            Map::Cut(lens) => self.add_by(isa, lens, screen, first, blocks, states),
             Map::Curved(lens) => self.add_by(isa, lens, screen, first, blocks, states),
         }
     }
@@ -270,7 +271,7 @@ fn place<L: Lens>(
         let tile = row >> shift;
         let pixel = (row - (tile << shift)) * width + column;
         let old = if state.has(FRESH) { 0 } else { OLD };
-        let is_black = depth > farthest;
+        let is_black = L::CLIPS && depth > farthest;
         tile_of[i] = if seen { tile as u32 } else { trash };
         found[i] = Record {
             about: (pixel as u32) << Record::PIXEL | u32::from(state.age()),

@@ -83,7 +83,7 @@ impl PointImage {
     /// Whether the view shows what a ray that is meant for it met.
     #[inline]
     fn clip(&self, sample: &Sample) -> Clip {
-        match self.view.filter(|view| view.is_clipped() && sample.tag.purpose != Purpose::Fill) {
+        match self.view.as_ref().filter(|view| view.is_clipped() && sample.tag.purpose != Purpose::Fill) {
             None => Clip::Shown,
             Some(view) => match sample.place {
                 Place::At(position) => view.clip(position),
