@@ -13,7 +13,7 @@
 mod beams;
 mod blocks;
 mod cast;
-mod covered;
+pub(crate) mod covered;
 mod deposit;
 mod drawing;
 mod edges;
