@@ -45,8 +45,9 @@ fn numbers_help() -> String {
     let usual = usual();
     for setting in SETTINGS {
         let name = setting.name.replace('_', "-");
+        let value = setting.value(&usual);
         // As they are written: f32 has no more digits.
-        let value = setting.value(&usual) as f32;
+        let value = if value.fract() == 0.0 { value.to_string() } else { (value as f32).to_string() };
         help += &format!("\n  {name}: {} ({}; {value})", setting.meaning, setting.allowed);
     }
     help
@@ -164,6 +165,19 @@ mod tests {
             let threads = PointArgs::default().params().threads;
             PointImageParams { threads, ..usual() }
         });
+    }
+
+    #[test]
+    fn the_help_has_every_number_and_what_it_is() {
+        let help = numbers_help();
+        for setting in SETTINGS {
+            let name = setting.name.replace('_', "-");
+            let line = help.lines().find(|line| line.trim_start().starts_with(&format!("{name}: "))).unwrap();
+            // What it says may be given back.
+            let value = line.rsplit(' ').next().unwrap().trim_end_matches(')');
+            let params = parsed(&format!("{name}={value}")).unwrap();
+            assert_eq!((setting.value(&params) as f32).to_bits(), (setting.value(&usual()) as f32).to_bits(), "{line}");
+        }
     }
 
     #[test]

@@ -327,27 +327,44 @@ impl Kernel for Age<'_> {
     fn run(self) {
         let Self { states, increments: [visible, hidden, highlight], evict, moved } = self;
         let keep = if moved { !FRESH } else { u8::MAX };
-        // Never is an age that no sum reaches.
-        let leaving = evict.map_or(u16::MAX, u16::from);
-        age_all(states, [visible, hidden.max(visible), highlight.max(visible)], keep, leaving);
+        let increments = [visible, hidden.max(visible), highlight.max(visible)];
+        match evict {
+            // As in the paper, without a comparison more for each point: it took a tenth of the stage's time.
+            Some(EVICTED) => age_all(states, increments, keep, EVICTED),
+            None => age_all(states, increments, keep, EVICTED - 1),
+            Some(leaving) => {
+                age_all(states, increments, keep, EVICTED);
+                evict_all(states, leaving);
+            }
+        }
     }
 }
 
+/// Makes points older, `oldest` at the most; those of the view stay.
 #[inline(always)]
-fn age_all(states: &mut [State], increments: [u8; 3], keep: u8, leaving: u16) {
+fn age_all(states: &mut [State], increments: [u8; 3], keep: u8, oldest: u8) {
     // In numbers of 16 bits throughout, of which ages fill a part: as many fit into a register as there are states.
     let [visible, hidden, highlight] = increments.map(u16::from);
-    let [keep, evicted] = [keep, EVICTED].map(u16::from);
+    let [keep, oldest, evicted] = [keep, oldest, EVICTED].map(u16::from);
     let [fresh, is_hidden, is_highlight] = [FRESH, HIDDEN, HIGHLIGHT].map(|flag| u16::from(flag) << 8);
     for state in states {
         let age = state.0 & 255;
         let flags = state.0 & (keep << 8);
         let by = if flags & is_hidden != 0 { hidden } else { visible };
         let by = by.max(if flags & is_highlight != 0 { highlight } else { 0 });
-        let older = age + by;
-        let leaving = if flags & fresh != 0 { u16::MAX } else { leaving };
-        let is_gone = (age == evicted) | (older >= leaving);
-        state.0 = flags | if is_gone { evicted } else { older.min(evicted - 1) };
+        let limit = if flags & fresh != 0 { evicted - 1 } else { oldest };
+        let older = (age + by).min(limit);
+        state.0 = flags | if age == evicted { evicted } else { older };
+    }
+}
+
+/// Has points leave from an age on, but those of the view.
+#[inline(always)]
+fn evict_all(states: &mut [State], leaving: u8) {
+    let (leaving, evicted, fresh) = (u16::from(leaving), u16::from(EVICTED), u16::from(FRESH) << 8);
+    for state in states {
+        let is_gone = (state.0 & 255 >= leaving) & (state.0 & fresh == 0);
+        state.0 |= if is_gone { evicted } else { 0 };
     }
 }
 
