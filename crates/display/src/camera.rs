@@ -3,7 +3,7 @@
 //! Invariant: [`Camera::to_camera`] is a rotation, so distances in camera coordinates are distances in the scene.
 
 use glam::{DVec3, Vec3};
-use holo_picture::{View, ViewKind};
+use holo_picture::{Clip, View, ViewKind};
 
 /// Camera coordinates: x right, y up, z forward, the eye at the origin (of a parallel view the middle of the plane on which its
 /// rays begin).
@@ -53,7 +53,7 @@ impl Camera {
         let size = (f64::from(size.0), f64::from(size.1));
         let width = (across / size.0).max(along / size.1);
         Self {
-            eye: view.vp,
+            eye: view.eye(),
             right: view.right(),
             up: view.up(),
             forward: view.vd,
@@ -87,6 +87,17 @@ impl Camera {
     pub fn project(&self, point: DVec3) -> Option<(f64, f64)> {
         let (x, y) = self.view.project_local(point)?;
         Some((x * self.size.0, (1.0 - y) * self.size.1))
+    }
+
+    /// Whether a point of camera coordinates is shown.
+    #[inline]
+    pub fn clip(&self, point: DVec3) -> Clip {
+        self.view.clip_local(point)
+    }
+
+    /// Whether what meets nothing is black.
+    pub fn clips_sky(&self) -> bool {
+        self.view.clips_sky()
     }
 
     /// From where a point of camera coordinates is seen: the eye, or its foot on a parallel view's plane.

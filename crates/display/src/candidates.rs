@@ -5,6 +5,8 @@
 //! nothing stands between the eye and the point where they start. That cannot be known here, and is accepted as the
 //! paper accepts it; a sample whose surface lies behind the eye is dropped when it is reprojected.
 //!
+//! Rays begin on a view's fore clipping surface: that is what stands for the eye.
+//!
 //! Invariant: selection and the coverage of a picture use this one rule, so a pixel is covered exactly if some beam
 //! could be requested for its ray.
 
@@ -70,7 +72,7 @@ pub(crate) fn candidates(sections: &[Section], eye: DVec3, direction: DVec3, fou
 
 /// The section that a view is of: the one around the eye, else the one that the picture's middle sees best. `None` if it sees none.
 pub fn section_of(sections: &[Section], view: &View) -> Option<u16> {
-    let (eye, direction) = view.ray(0.5, 0.5);
+    let (eye, direction, _) = view.clipped_ray(0.5, 0.5)?;
     let mut found = Vec::new();
     candidates(sections, eye, direction, &mut found);
     found.first().map(|candidate| candidate.section)

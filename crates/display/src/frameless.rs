@@ -60,7 +60,8 @@ impl Frameless {
         }
     }
 
-    /// The next `count` rays of the newest view, anywhere in their pixels: what to give back, origin, direction of length 1.
+    /// The next `count` rays of the newest view, anywhere in their pixels: what to give back, origin (on the fore clipping surface),
+    /// direction of length 1.
     pub fn requests(&mut self, count: usize) -> impl Iterator<Item = (PixelTag, DVec3, DVec3)> + '_ {
         (0..count).map(|_| {
             let (width, height) = self.picture.size();
@@ -72,12 +73,12 @@ impl Frameless {
             if self.next as usize == self.shown.len() {
                 (self.next, self.round) = (0, self.round.wrapping_add(1));
             }
-            let (origin, direction) = self.view.ray(x, y);
+            let (origin, direction, _) = self.view.clipped_ray(x, y).unwrap_or((self.view.vp, DVec3::ZERO, 0.0));
             (PixelTag { pixel, epoch: self.epoch }, origin, direction)
         })
     }
 
-    /// Takes a ray's radiance (W·sr⁻¹·m⁻² per RGB channel). One that is not finite is left out and counted.
+    /// Takes a ray's radiance, 0 if it goes beyond the aft clipping surface (W·sr⁻¹·m⁻² per RGB channel). One that is not finite is left out and counted.
     pub fn insert(&mut self, tag: PixelTag, radiance: [f32; 3]) {
         let index = tag.pixel as usize;
         let (Some(pixel), Some((epoch, count))) = (self.picture.pixels.get_mut(index), self.shown.get_mut(index))

@@ -96,7 +96,7 @@ pub fn select_beams(sections: &[Section], view: &View, size: (u32, u32), options
             let jitter = hash(options.seed, u64::from(row) << 32 | u64::from(column));
             let x = (f64::from(column) + unit(jitter as u32)) / f64::from(across);
             let y = (f64::from(row) + unit((jitter >> 32) as u32)) / f64::from(down);
-            let Some((eye, direction)) = view.try_ray(x, y) else { continue };
+            let Some((eye, direction, _)) = view.clipped_ray(x, y) else { continue };
             candidates(sections, eye, direction, &mut found);
             let Some((best, others)) = found.split_first() else { continue };
             covered.covered_rays += 1;
@@ -142,7 +142,7 @@ pub fn viewpoint(sections: &[Section], view: &View, radius: f64) -> Viewpoint {
     for section in sections {
         for corner in 0..8 {
             let corner = DVec3::new(f64::from(corner & 1), f64::from(corner >> 1 & 1), f64::from(corner >> 2));
-            reach = reach.max(section.local_to_world(corner).distance(view.vp));
+            reach = reach.max(section.local_to_world(corner).distance(view.eye()));
         }
         let spec = section.spec();
         let sides = spec.axes.map(|axis| DVec3::from_array(axis).length());
@@ -151,7 +151,7 @@ pub fn viewpoint(sections: &[Section], view: &View, radius: f64) -> Viewpoint {
         let longest_step = cells.into_iter().fold(0.0, f64::max) / 256.0;
         rounding = rounding.max(ROUNDED_STEPS * longest_step / shortest);
     }
-    let eye = view.vp - view.vd * (reach * FAR_EYE);
+    let eye = view.eye() - view.vd * (reach * FAR_EYE);
     Viewpoint { eye: eye.to_array(), radius: (radius / reach).max(rounding) * (reach * FAR_EYE) }
 }
 

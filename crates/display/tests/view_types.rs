@@ -285,3 +285,62 @@ fn rays_asked_for_go_along_with_a_parallel_view() {
         assert!(worst <= 1.0 + 1e-5, "{worst}");
     }
 }
+
+#[test]
+fn voronoi_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
+    let (raycaster, _) = walls();
+    let section = room_section(8);
+    let (fore, aft) = (5.0, 7.4);
+    for kind in ViewKind::ALL {
+        let plain = view_of(kind);
+        let words = |clips: &str| View::parse_vf(&format!("{} {clips}", plain.to_vf_options())).unwrap();
+        let seen_by = |clips: &str| words(clips).resolve(SIZE).unwrap().0;
+        let (clipped, near_only) = (seen_by("-vo 5 -va 7.4"), seen_by("-vo 5"));
+        let drawn =
+            |view: View| Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), view, SIZE).draw().frame;
+        let (frame, open) = (drawn(clipped), drawn(near_only));
+        let mut count = [0; 3];
+        for (pixel, x, y) in pixels() {
+            let Some((origin, along)) = plain.try_ray(x, y) else { continue };
+            let (_, distance) = wall_seen(origin, along);
+            let to = along * distance;
+            let depth = match kind {
+                ViewKind::Perspective | ViewKind::Parallel => to.dot(plain.vd),
+                ViewKind::Cylindrical => (to - plain.up() * to.dot(plain.up())).length(),
+                _ => distance,
+            };
+            let from_plane = if kind == ViewKind::Parallel { fore } else { 0.0 };
+            let (shown, far) = (f64::from(frame.depth[pixel]), f64::from(open.depth[pixel]));
+            // Behind the room's walls there is nothing.
+            if depth < fore {
+                assert!(shown == f64::INFINITY && far == f64::INFINITY, "{kind:?}");
+                count[0] += 1;
+            } else {
+                assert!((far / (distance - from_plane) - 1.0).abs() < 1e-4, "{kind:?}: {far} for {distance}");
+                if depth > aft {
+                    assert_eq!(shown, f64::INFINITY, "{kind:?}");
+                    count[2] += 1;
+                } else {
+                    assert_eq!(shown, far, "{kind:?}");
+                    count[1] += 1;
+                }
+            }
+            // Away from edges, since there a pixel is a mean.
+            let (width, at) = (SIZE.0 as usize, |pixel: usize| f64::from(frame.depth[pixel]));
+            let is_in = pixel % width > 0
+                && pixel % width + 1 < width
+                && pixel > width
+                && pixel + width + 1 < frame.depth.len();
+            let around = [0, width, 2 * width].into_iter().flat_map(|row| row..row + 3);
+            if is_in && around.into_iter().all(|offset| at(pixel + offset - width - 1) == f64::INFINITY) {
+                assert_eq!(frame.picture.pixels[pixel], [0.0; 3], "{kind:?}");
+                if far == f64::INFINITY && depth < fore {
+                    assert!(open.picture.pixels[pixel].iter().all(|&channel| channel > 0.0), "{kind:?}: the sky");
+                }
+            }
+        }
+        println!("{kind:?}: {count:?} before, between and beyond");
+        assert!(count[0] + count[1] + count[2] > 3000 && count[1] > 100, "{kind:?} {count:?}");
+        assert!(kind == ViewKind::Parallel || count[0] > 50 && count[2] > 50, "{kind:?} {count:?}");
+    }
+}

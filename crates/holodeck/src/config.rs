@@ -98,6 +98,10 @@ pub struct View {
     pub vs: Option<f64>,
     /// Lift, in heights of the picture.
     pub vl: Option<f64>,
+    /// Fore clipping distance, scene units.
+    pub vo: Option<f64>,
+    /// Aft clipping distance, scene units.
+    pub va: Option<f64>,
 }
 
 impl View {
@@ -107,7 +111,10 @@ impl View {
         let kind = format!("-vt{}", self.vt.unwrap_or('v'));
         let mut words = vec![kind, triple("vp", self.vp), triple("vd", self.vd)];
         words.extend(self.vu.map(|vu| triple("vu", vu)));
-        for (name, value) in [("vh", self.vh), ("vv", self.vv), ("vs", self.vs), ("vl", self.vl)] {
+        let clips = [("vo", self.vo), ("va", self.va)];
+        for (name, value) in
+            [("vh", self.vh), ("vv", self.vv), ("vs", self.vs), ("vl", self.vl)].into_iter().chain(clips)
+        {
             words.extend(value.map(|value| format!("-{name} {value}")));
         }
         words.join(" ")

@@ -199,8 +199,13 @@ impl Job {
                 let x = (f64::from(column) + dx) / f64::from(self.size.0);
                 let y = 1.0 - (f64::from(row) + dy) / f64::from(self.size.1);
                 // Corners of fisheyes look nowhere: they are black.
-                let Some((origin, direction)) = self.view.try_ray(x, y) else { continue };
-                let radiance = self.tracer.trace_path(origin, direction, turn, u64::from(path)).radiance;
+                let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) else { continue };
+                let traced = self.tracer.trace_path(origin, direction, turn, u64::from(path));
+                if reach.is_finite() && traced.distance > reach {
+                    // Beyond the aft clipping surface all is black.
+                    continue;
+                }
+                let radiance = traced.radiance;
                 for (channel, value) in radiance.into_iter().enumerate() {
                     sums.first[channel] += f64::from(value);
                     sums.second[channel] += f64::from(value) * f64::from(value);

@@ -5,7 +5,7 @@
 use std::{sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail, ensure};
-use holo_display::{Frame, Quadtree, QuadtreeParams, Voronoi, WantedBeam, viewpoint_radius};
+use holo_display::{Frame, Voronoi, WantedBeam, viewpoint_radius};
 use holo_light::Store;
 use holo_net::{Inbox, Message, Outbox, SceneReceiver};
 use holo_picture::View;
@@ -16,6 +16,7 @@ use holo_section::{BeamId, RayCoords, Sample, Section};
 
 use crate::{
     Driver,
+    kept::Trees,
     point_args::{Part, PointArgs},
     points::{Kind, Points, StageTime},
     stand_ins::StandIns,
@@ -29,7 +30,8 @@ const LEAST_RADIUS: f64 = 1e-5;
 
 /// Makes canvases for views.
 pub enum Painter {
-    Quadtree,
+    /// It keeps what it has for the next view.
+    Quadtree(Trees),
     /// With the records of indirect light that have come.
     Voronoi(Arc<Raycaster>, Arc<Store>, StandIns),
     /// One driver for all views: it keeps what it has.
@@ -48,7 +50,7 @@ impl Painter {
     ) -> Result<Painter> {
         let of_kind = |kind| Ok(Painter::Points(Points::new(kind, Arc::clone(sections), welcome.sky)));
         match driver {
-            Driver::Quadtree => return Ok(Painter::Quadtree),
+            Driver::Quadtree => return Ok(Painter::Quadtree(Trees::default())),
             Driver::Pointimage => return of_kind(Kind::PointImage(points.params())),
             Driver::Frameless => return of_kind(Kind::Frameless),
             Driver::Auto | Driver::Voronoi => {}
@@ -77,7 +79,7 @@ impl Painter {
             }
             (Some(Err(error)), Driver::Voronoi) => Err(error),
             (None, Driver::Voronoi) => bail!("the holodeck has no scene; use --driver quadtree"),
-            (_, _) => Ok(Painter::Quadtree),
+            (_, _) => Ok(Painter::Quadtree(Trees::default())),
         }
     }
 
@@ -85,7 +87,7 @@ impl Painter {
     pub fn weigh(&self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
         match self {
             Painter::Points(points) => points.look(view, size, beams),
-            Painter::Quadtree | Painter::Voronoi(..) => Ok(beams),
+            Painter::Quadtree(_) | Painter::Voronoi(..) => Ok(beams),
         }
     }
 
@@ -106,7 +108,7 @@ impl Painter {
     pub fn radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
         match self {
             Painter::Points(points) => points.radius(view, size, nearest),
-            Painter::Quadtree | Painter::Voronoi(..) => viewpoint_radius(view, size, nearest, 1.0),
+            Painter::Quadtree(_) | Painter::Voronoi(..) => viewpoint_radius(view, size, nearest, 1.0),
         }
     }
 
@@ -114,16 +116,16 @@ impl Painter {
     pub fn records(&self) -> Option<Arc<Store>> {
         match self {
             Painter::Voronoi(_, records, _) => Some(Arc::clone(records)),
-            Painter::Quadtree | Painter::Points(_) => None,
+            Painter::Quadtree(_) | Painter::Points(_) => None,
         }
     }
 
     /// An empty picture of a view.
     pub fn canvas(&self, sections: Arc<[Section]>, view: View, size: (u32, u32), sky: [f32; 3]) -> Canvas {
         match self {
-            Painter::Quadtree => {
-                let params = QuadtreeParams { sky, ..QuadtreeParams::default() };
-                Canvas::Quadtree(Box::new(Quadtree::new(sections, view, size, params)))
+            Painter::Quadtree(trees) => {
+                trees.look(sections, view, size, sky);
+                Canvas::Quadtree(trees.clone())
             }
             Painter::Voronoi(raycaster, records, stand_ins) => {
                 let (geometry, portals) = stand_ins.of(&sections, &view);
@@ -182,7 +184,7 @@ fn build(packed: &[u8], hash: [u8; 32]) -> Result<Raycaster> {
 
 /// A driver with the samples of one view.
 pub enum Canvas {
-    Quadtree(Box<Quadtree>),
+    Quadtree(Trees),
     Voronoi(Box<Voronoi>),
     Points(Points),
 }
@@ -220,10 +222,14 @@ impl Canvas {
         }
     }
 
-    /// Beams besides the view's own whose stored samples are of use.
+    /// Beams besides the view's own whose stored samples are of use. To be asked when those of [`best_surface_beams`](Self::best_surface_beams)
+    /// have come: from now on pictures are of this view's samples alone.
     pub fn surface_beams(&self) -> Vec<(u16, BeamId)> {
         match self {
-            Canvas::Quadtree(driver) => driver.surface_beams(),
+            Canvas::Quadtree(driver) => {
+                driver.settle();
+                driver.own(|tree| tree.surface_beams())
+            }
             Canvas::Points(_) => Vec::new(),
             Canvas::Voronoi(driver) => driver.surface_beams(),
         }
@@ -234,7 +240,7 @@ impl Canvas {
     pub fn best_surface_beams(&self, samples_of_beam: impl Fn(u16) -> f64) -> Vec<(u16, BeamId)> {
         match self {
             Canvas::Voronoi(driver) => driver.best_surface_beams(),
-            Canvas::Quadtree(driver) => driver.best_surface_beams(samples_of_beam),
+            Canvas::Quadtree(driver) => driver.own(|tree| tree.best_surface_beams(samples_of_beam)),
             Canvas::Points(_) => Vec::new(),
         }
     }
@@ -242,7 +248,7 @@ impl Canvas {
     /// Distances from the eye of what is seen, spread over the picture, as far as they are known yet.
     pub fn depth(&self) -> Vec<f32> {
         match self {
-            Canvas::Quadtree(driver) => driver.depth(),
+            Canvas::Quadtree(driver) => driver.own(|tree| tree.depth()),
             Canvas::Voronoi(driver) => driver.depth(),
             Canvas::Points(driver) => driver.draw().0.depth,
         }
@@ -258,7 +264,7 @@ impl Canvas {
     /// The picture, how many of its pixels are guesses, and how long its stages took if the driver says so.
     pub fn draw(&self) -> (Frame, u64, Vec<StageTime>) {
         match self {
-            Canvas::Quadtree(driver) => (driver.draw(), 0, Vec::new()),
+            Canvas::Quadtree(driver) => (driver.draw().unwrap_or_else(crate::points::nothing), 0, Vec::new()),
             Canvas::Voronoi(driver) => {
                 let drawn = driver.draw();
                 (drawn.frame, drawn.guessed_pixels, Vec::new())

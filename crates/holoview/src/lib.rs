@@ -8,6 +8,7 @@
 mod canvas;
 mod default_view;
 mod incoming;
+mod kept;
 mod lights;
 mod point_args;
 mod points;
@@ -57,6 +58,12 @@ pub struct ViewArgs {
     /// Lift of the picture, in its heights [default: 0]
     #[arg(long, value_name = "HEIGHTS", allow_hyphen_values = true)]
     pub vl: Option<String>,
+    /// Fore clipping distance, scene units: what is nearer is not shown [default: 0, none]
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
+    pub vo: Option<String>,
+    /// Aft clipping distance, scene units: what is farther is black [default: 0, none]
+    #[arg(long, value_name = "LENGTH")]
+    pub va: Option<String>,
     /// A Radiance view file; the other options override it
     #[arg(long, value_name = "FILE")]
     pub vf: Option<PathBuf>,
@@ -89,7 +96,7 @@ impl ViewArgs {
         let mut said = ViewSpec::default();
         let (where_to, sides) =
             ([("vp", &self.vp), ("vd", &self.vd), ("vu", &self.vu)], [("vh", &self.vh), ("vv", &self.vv)]);
-        let others = [("vt", &self.vt), ("vs", &self.vs), ("vl", &self.vl)];
+        let others = [("vt", &self.vt), ("vs", &self.vs), ("vl", &self.vl), ("vo", &self.vo), ("va", &self.va)];
         for (name, value) in where_to.into_iter().chain(sides).chain(others) {
             if let Some(value) = value {
                 said.apply_option(name, value)?;

@@ -23,7 +23,7 @@ use holo_display::{
     pointimage::{Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stage, best_beam, far_depth},
     viewpoint_radius,
 };
-use holo_picture::{Picture, View, ViewKind};
+use holo_picture::{Clip, Picture, View, ViewKind};
 use holo_section::{BeamId, RayCoords, Sample, Section, ray_eye_distance};
 use serde::Serialize;
 
@@ -163,20 +163,24 @@ impl Points {
     pub fn draw(&self) -> (Frame, Vec<StageTime>) {
         let mut state = self.lock();
         let State { sections, shown, sky, .. } = &mut *state;
-        let nothing = || Frame {
-            picture: Picture::new(1, 1),
-            depth: vec![0.0],
-            uncovered_pixels: 1,
-            empty_pixels: 0,
-            unseen_pixels: 0,
-            samples_used: 0,
-        };
         shown.as_mut().map_or_else(|| (nothing(), Vec::new()), |shown| shown.draw(sections, *sky))
     }
 
     /// A panic elsewhere leaves no picture half made that matters.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The picture before the first view.
+pub fn nothing() -> Frame {
+    Frame {
+        picture: Picture::new(1, 1),
+        depth: vec![0.0],
+        uncovered_pixels: 1,
+        empty_pixels: 0,
+        unseen_pixels: 0,
+        samples_used: 0,
     }
 }
 
@@ -229,8 +233,12 @@ impl State {
     }
 }
 
-/// Whether what is kept for one view is good for another. Parallel views keep what is infinitely far away by where it is seen.
+/// Whether what is kept for one view is good for another. Parallel views keep what is infinitely far away by where it is seen, and what
+/// is clipped is black.
 fn sees_alike(before: &View, now: &View) -> bool {
+    if (before.vo, before.va) != (now.vo, now.va) {
+        return false;
+    }
     before.kind.has_eye() && now.kind.has_eye() || before.kind == now.kind && before.vd == now.vd
 }
 
@@ -263,11 +271,22 @@ impl Shown {
                 let seen = self.view.project_direction(ray.direction);
                 (Place::Toward(ray.direction), seen.map(|(x, y)| (x, y, f64::INFINITY)))
             };
-            let Some((x, y, seen_at)) = seen else { continue };
+            let Some((x, y, mut seen_at)) = seen else { continue };
+            let clip = match place {
+                Place::At(place) => self.view.clip(place),
+                Place::Toward(_) if self.view.clips_sky() => Clip::Beyond,
+                Place::Toward(_) => Clip::Shown,
+            };
+            let mut rgb = sample.rgb();
+            match clip {
+                Clip::Before => continue,
+                Clip::Shown => {}
+                Clip::Beyond => (seen_at, rgb) = (f64::INFINITY, [0.0; 3]),
+            }
             let eye = match place {
                 Place::At(place) => self.view.ray_to(place).0,
                 // Of a parallel view, where the ray begins: it goes along with the view, or was not let in.
-                Place::Toward(_) if self.view.kind.has_eye() => self.view.vp,
+                Place::Toward(_) if self.view.kind.has_eye() => self.view.eye(),
                 Place::Toward(_) => ray.origin,
             };
             let is_near = ray_eye_distance(&ray, eye) <= near;
@@ -276,24 +295,24 @@ impl Shown {
                 (Driver::PointImage(cache), Some((column, row))) if is_near => {
                     if let Some(tag) = cache.pixel_tag(column, row) {
                         let noise = f32::INFINITY;
-                        cache.insert(&[PointSample { tag, noise, ..PointSample::new(place, sample.rgb()) }]);
+                        cache.insert(&[PointSample { tag, noise, ..PointSample::new(place, rgb) }]);
                         self.used += 1;
                     }
                 }
                 (Driver::PointImage(cache), Some((column, row))) => {
                     if let Some(tag) = cache.guess_tag(column, row) {
                         let noise = f32::INFINITY;
-                        cache.insert(&[PointSample { tag, noise, ..PointSample::new(place, sample.rgb()) }]);
+                        cache.insert(&[PointSample { tag, noise, ..PointSample::new(place, rgb) }]);
                         self.used += 1;
                     }
                 }
                 (Driver::Frameless(frameless), Some((column, row))) => {
                     if let Some(tag) = frameless.pixel_tag(column, row) {
                         if is_near {
-                            frameless.insert(tag, sample.rgb());
+                            frameless.insert(tag, rgb);
                             self.depth[row as usize * self.size.0 as usize + column as usize] = seen_at as f32;
                         } else {
-                            frameless.guess(tag, sample.rgb());
+                            frameless.guess(tag, rgb);
                         }
                         self.used += 1;
                     }
@@ -307,9 +326,10 @@ impl Shown {
         if self.best.is_empty() {
             let (width, height) = self.size;
             let middle = |pixel| View::pixel_centre(self.size, pixel % width, pixel / width);
-            let ray = |(x, y)| self.view.ray(x, y);
+            let ray = |(x, y)| self.view.clipped_ray(x, y);
             let rays = (0..width * height).map(|pixel| ray(middle(pixel)));
-            self.best = rays.map(|(eye, direction)| best_beam(sections, eye, direction)).collect();
+            self.best =
+                rays.map(|ray| ray.and_then(|(eye, direction, _)| best_beam(sections, eye, direction))).collect();
         }
         let mut stages = Vec::new();
         let (picture, depth) = match &mut self.driver {
@@ -342,6 +362,7 @@ impl Shown {
                     frame.uncovered_pixels += 1;
                 }
                 Some(beam) if self.unseen.contains(beam) => {
+                    let sky = if self.view.clips_sky() { [0.0; 3] } else { sky };
                     (*pixel, *depth) = (sky, f32::INFINITY);
                     frame.unseen_pixels += 1;
                 }
@@ -445,6 +466,7 @@ mod tests {
         let (perspective, fisheye) = (view("-vd 0 1 0"), view("-vd 0 1 0 -vta"));
         let (parallel, turned) = (view("-vd 0 1 0 -vtl -vh 3"), view("-vd 1 1 0 -vtl -vh 3"));
         assert!(sees_alike(&perspective, &fisheye) && sees_alike(&parallel, &view("-vd 0 2 0 -vtl -vh 9")));
+        assert!(!sees_alike(&perspective, &view("-vd 0 1 0 -va 3")));
         assert!(!sees_alike(&perspective, &parallel) && !sees_alike(&parallel, &turned));
     }
 }

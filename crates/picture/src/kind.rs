@@ -12,7 +12,7 @@
 //!
 //! Invariant: [`ViewKind::direction`] is the inverse of [`ViewKind::plane`]. Local coordinates are right, up and forward.
 
-use crate::view::ViewError;
+use crate::view_error::ViewError;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;

@@ -8,6 +8,7 @@
 //! What always holds: a [`View`] can be seen through (finite, not degenerate); a picture that was read has radiance
 //! with the file's exposure divided out, and never more than [`MAX_PIXELS`] pixels.
 
+mod clip;
 mod compare;
 mod error;
 mod files;
@@ -15,13 +16,16 @@ mod kind;
 mod picture;
 mod tonemap;
 mod view;
+mod view_error;
 mod view_spec;
 
+pub use clip::Clip;
 pub use compare::{BIAS_Z, CompareError, Measures, bias_interval, compare, worst_block_beyond_noise};
 pub use error::PictureError;
 pub use files::Format;
 pub use kind::ViewKind;
 pub use picture::{MAX_PIXELS, MAX_SIDE, Picture, luminance};
 pub use tonemap::ToneMap;
-pub use view::{DEFAULT_VH, View, ViewError, ViewParams};
+pub use view::{DEFAULT_VH, View, ViewParams};
+pub use view_error::ViewError;
 pub use view_spec::ViewSpec;

@@ -3,8 +3,10 @@
 //! Invariant: a [`View`] is finite and not degenerate: its axes are orthonormal and both sides of its picture are what its type
 //! allows. Its parameters can be read like fields, and never changed.
 
+use crate::clip;
 use crate::kind::{ACROSS, ALONG, ViewKind};
 use crate::picture::{MAX_PIXELS, MAX_SIDE};
+use crate::view_error::ViewError;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -15,120 +17,6 @@ pub const DEFAULT_VH: f64 = 60.0;
 
 /// Sine of the smallest angle allowed between the view direction and the up vector.
 const MIN_UP_SINE: f64 = 1e-6;
-
-/// Why a view cannot be used or understood.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ViewError {
-    /// An option that a view needs was not given.
-    #[error("the view lacks {0}")]
-    Missing(&'static str),
-    /// A number is infinite or not a number.
-    #[error("{option} must be finite")]
-    NotFinite {
-        /// The option, as typed in a view file.
-        option: &'static str,
-    },
-    /// A direction has length zero.
-    #[error("{option} has length zero: it must be a direction")]
-    ZeroDirection {
-        /// The option, as typed in a view file.
-        option: &'static str,
-    },
-    /// The view direction and the up vector are parallel.
-    #[error("-vd and -vu are parallel: no direction is up in this picture")]
-    UpIsAlongView,
-    /// An angle is not that of a perspective view.
-    #[error("{option} {degrees} must lie between 0 and 180 degrees, both excluded")]
-    Angle {
-        /// The option, as typed in a view file.
-        option: &'static str,
-        /// What was given.
-        degrees: f64,
-    },
-    /// An angle is not that of a fisheye or of a panorama.
-    #[error("{option} {degrees} must be above 0 and at most {most} degrees")]
-    WideAngle {
-        /// The option, as typed in a view file.
-        option: &'static str,
-        /// What was given.
-        degrees: f64,
-        /// The largest that there is.
-        most: f64,
-    },
-    /// A size of a parallel view is none.
-    #[error("{option} {length} must be a length above 0, in scene units")]
-    Length {
-        /// The option, as typed in a view file.
-        option: &'static str,
-        /// What was given.
-        length: f64,
-    },
-    /// With one size given, no other makes pixels square.
-    #[error("with {given} {size} this picture has no {other} that makes its pixels square: give both")]
-    NoSquare {
-        /// The option that was given.
-        given: &'static str,
-        /// Its value.
-        size: f64,
-        /// The option that was not.
-        other: &'static str,
-    },
-    /// A picture size is zero or above the limits.
-    #[error("a picture of {width}x{height} pixels: each side must be 1 to {MAX_SIDE}, and at most {MAX_PIXELS} in all")]
-    Size {
-        /// Pixels across.
-        width: u32,
-        /// Pixels down.
-        height: u32,
-    },
-    /// A Radiance view type that is not implemented, or none.
-    #[error(
-        "view type -vt{0} is not supported: there are v (perspective), l (parallel), c (cylindrical panorama), a (angular \
-         fisheye) and h (hemispherical fisheye)"
-    )]
-    UnsupportedKind(String),
-    /// A Radiance option that is not implemented, with a value that would change the picture.
-    #[error("{option} {value} is not supported: leave it out or give 0")]
-    UnsupportedOption {
-        /// The option, as typed in a view file.
-        option: &'static str,
-        /// What was given.
-        value: f64,
-    },
-    /// A word that is no view option.
-    #[error("`{0}` is not a view option (-vtv -vp -vd -vu -vh -vv -vo -va -vs -vl)")]
-    UnknownOption(String),
-    /// An option with the wrong number of numbers.
-    #[error("{option} takes {wanted} number(s), found {found}")]
-    Count {
-        /// The option, as typed.
-        option: String,
-        /// Numbers that it takes.
-        wanted: usize,
-        /// Numbers that follow it.
-        found: usize,
-    },
-    /// Something that is not a finite number stands where one must be.
-    #[error("{option}: `{word}` is not a finite number")]
-    Number {
-        /// The option, as typed.
-        option: String,
-        /// The word in question.
-        word: String,
-    },
-    /// A view file without a view.
-    #[error("no view found: a view is a line such as `rview -vtv -vp 0 0 0 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45`")]
-    NoView,
-    /// An error in a line of a view file.
-    #[error("line {line}: {error}")]
-    Line {
-        /// Line number, from 1.
-        line: usize,
-        /// What is wrong with it.
-        error: Box<ViewError>,
-    },
-}
 
 /// The parameters of a [`View`], readable through it: `view.vp`, `view.vh`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -152,6 +40,12 @@ pub struct ViewParams {
     /// Lift: how far above the view the picture lies, in heights of it.
     #[serde(default)]
     pub vl: f64,
+    /// Fore clipping distance, in scene units; 0: none. Of a parallel view, how far before `vp` rays begin.
+    #[serde(default)]
+    pub vo: f64,
+    /// Aft clipping distance, in scene units; 0: none.
+    #[serde(default)]
+    pub va: f64,
 }
 
 /// What is said of a view's picture.
@@ -162,6 +56,8 @@ pub(crate) struct Frame {
     pub vv: Option<f64>,
     pub vs: f64,
     pub vl: f64,
+    pub vo: f64,
+    pub va: f64,
 }
 
 /// A view of one of Radiance's types `v`, `l`, `c`, `a` and `h`.
@@ -255,7 +151,7 @@ impl View {
     /// As [`View::new`], of any type.
     fn framed(vp: DVec3, vd: DVec3, vu: DVec3, frame: &Frame, size: (u32, u32)) -> Result<View, ViewError> {
         check_size(size)?;
-        let Frame { kind, vh, vv, vs, vl } = *frame;
+        let Frame { kind, vh, vv, vs, vl, vo, va } = *frame;
         let aspect = f64::from(size.1) / f64::from(size.0);
         let from_width = |vh: f64| Ok((vh, other_size(kind, (ACROSS, vh), ALONG, aspect)?));
         let (vh, vv) = match (vh, vv) {
@@ -266,7 +162,7 @@ impl View {
                 from_width(kind.default_vh().ok_or(ViewError::Missing("-vh: how wide it is, in scene units"))?)?
             }
         };
-        View::from_params(ViewParams { kind, vp, vd, vu, vh, vv, vs, vl })
+        View::from_params(ViewParams { kind, vp, vd, vu, vh, vv, vs, vl, vo, va })
     }
 
     /// The same view from elsewhere, looking elsewhere.
@@ -291,7 +187,7 @@ impl View {
 
     /// The ray through picture coordinates (`x`, `y`), `y` = 0 at the bottom: its origin and its direction of length 1.
     ///
-    /// The direction is 0 where the picture shows none ([`try_ray`](Self::try_ray)): nothing is met along it, and no section
+    /// Clipping surfaces are not considered ([`clipped_ray`](Self::clipped_ray)). The direction is 0 where the picture shows none ([`try_ray`](Self::try_ray)): nothing is met along it, and no section
     /// covers it.
     #[inline]
     pub fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
@@ -307,7 +203,7 @@ impl View {
             ViewKind::Perspective => {
                 Some((self.params.vp, (self.params.vd + self.right * across + self.up * along).normalize()))
             }
-            ViewKind::Parallel => Some((self.params.vp + self.right * across + self.up * along, self.params.vd)),
+            ViewKind::Parallel => Some((self.eye() + self.right * across + self.up * along, self.params.vd)),
             kind => {
                 let d = kind.direction([across, along])?;
                 Some((self.params.vp, (self.right * d.x + self.up * d.y + self.params.vd * d.z).normalize()))
@@ -319,8 +215,8 @@ impl View {
     /// view (behind which `p` may lie).
     #[inline]
     pub fn ray_to(&self, p: DVec3) -> (DVec3, DVec3) {
-        let ViewParams { vp, vd, .. } = self.params;
-        if self.params.kind.has_eye() { (vp, (p - vp).normalize_or(vd)) } else { (p - vd * (p - vp).dot(vd), vd) }
+        let (eye, vd) = (self.eye(), self.params.vd);
+        if self.params.kind.has_eye() { (eye, (p - eye).normalize_or(vd)) } else { (p - vd * (p - eye).dot(vd), vd) }
     }
 
     /// Where the point `p` is seen: (`x`, `y`, distance from where its ray begins), the inverse of [`View::ray`].
@@ -329,7 +225,7 @@ impl View {
     /// picture: behind the eye of a perspective view.
     #[inline]
     pub fn project(&self, p: DVec3) -> Option<(f64, f64, f64)> {
-        let d = p - self.params.vp;
+        let d = p - self.eye();
         if self.params.kind.has_eye() {
             let (x, y) = self.project_direction(d)?;
             return Some((x, y, d.length()));
@@ -374,7 +270,7 @@ impl View {
     }
 
     /// A vector as (right, up, forward).
-    fn to_local(self, d: DVec3) -> DVec3 {
+    pub(crate) fn to_local(self, d: DVec3) -> DVec3 {
         DVec3::new(d.dot(self.right), d.dot(self.up), d.dot(self.params.vd))
     }
 
@@ -418,9 +314,9 @@ impl View {
     /// The view as Radiance's options: `-vtv -vp 1 2 3 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45 -vo 0 -va 0 -vs 0 -vl 0`.
     /// Numbers are written so that they read back as they are.
     pub fn to_vf_options(&self) -> String {
-        let ViewParams { kind, vp, vd, vu, vh, vv, vs, vl } = self.params;
+        let ViewParams { kind, vp, vd, vu, vh, vv, vs, vl, vo, va } = self.params;
         format!(
-            "-vt{} -vp {} {} {} -vd {} {} {} -vu {} {} {} -vh {vh} -vv {vv} -vo 0 -va 0 -vs {vs} -vl {vl}",
+            "-vt{} -vp {} {} {} -vd {} {} {} -vu {} {} {} -vh {vh} -vv {vv} -vo {vo} -va {va} -vs {vs} -vl {vl}",
             kind.letter(),
             vp.x,
             vp.y,
@@ -435,12 +331,13 @@ impl View {
     }
 
     fn from_params(params: ViewParams) -> Result<View, ViewError> {
-        let ViewParams { kind, vp, vd, vu, vh, vv, vs, vl } = params;
+        let ViewParams { kind, vp, vd, vu, vh, vv, vs, vl, vo, va } = params;
         for (option, is_finite) in [("-vp", vp.is_finite()), ("-vs", vs.is_finite()), ("-vl", vl.is_finite())] {
             if !is_finite {
                 return Err(ViewError::NotFinite { option });
             }
         }
+        clip::check(kind, vo, va)?;
         let vd = unit("-vd", vd)?;
         let vu = unit("-vu", vu)?;
         let extent = [kind.extent(ACROSS, vh)?, kind.extent(ALONG, vv)?];

@@ -4,7 +4,8 @@
 //! [`ViewSpec`] is finite; whether they make a view is decided by [`ViewSpec::resolve`].
 
 use crate::kind::ViewKind;
-use crate::view::{Frame, View, ViewError};
+use crate::view::{Frame, View};
+use crate::view_error::ViewError;
 use glam::DVec3;
 
 /// Parts of a view; what is None was not said.
@@ -22,9 +23,9 @@ pub struct ViewSpec {
     pub vh: Option<f64>,
     /// `-vv`: full vertical angle, degrees; height of a parallel view, scene units.
     pub vv: Option<f64>,
-    /// `-vo`: fore clipping distance; only 0 is supported.
+    /// `-vo`: fore clipping distance, scene units; 0: none.
     pub vo: Option<f64>,
-    /// `-va`: aft clipping distance; only 0 (none) is supported.
+    /// `-va`: aft clipping distance, scene units; 0: none.
     pub va: Option<f64>,
     /// `-vs`: shift to the right, in widths of the picture.
     pub vs: Option<f64>,
@@ -90,14 +91,9 @@ impl ViewSpec {
     /// The view and the size of its picture, as [`View::resolve`]; `-vu` is +z when not given, as in Radiance.
     ///
     /// # Errors
-    /// As [`View::resolve`]; a missing `-vp` or `-vd`; clipping planes other than 0; sizes that the type does not have; a
+    /// As [`View::resolve`]; a missing `-vp` or `-vd`; clipping surfaces that hide everything; sizes that the type does not have; a
     /// parallel view of no size.
     pub fn resolve(&self, max_size: (u32, u32)) -> Result<(View, (u32, u32)), ViewError> {
-        for (option, value) in [("-vo", self.vo), ("-va", self.va)] {
-            if let Some(value) = value.filter(|value| *value != 0.0) {
-                return Err(ViewError::UnsupportedOption { option, value });
-            }
-        }
         let vp = self.vp.ok_or(ViewError::Missing("-vp"))?;
         let vd = self.vd.ok_or(ViewError::Missing("-vd"))?;
         let frame = Frame {
@@ -106,6 +102,8 @@ impl ViewSpec {
             vv: self.vv,
             vs: self.vs.unwrap_or(0.0),
             vl: self.vl.unwrap_or(0.0),
+            vo: self.vo.unwrap_or(0.0),
+            va: self.va.unwrap_or(0.0),
         };
         View::fitted(vp, vd, self.vu.unwrap_or(DVec3::Z), &frame, max_size)
     }

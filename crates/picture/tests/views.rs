@@ -201,7 +201,9 @@ fn what_is_wrong_with_a_view_is_named() {
     assert_eq!(unresolved("-vd 0 1 0"), "the view lacks -vp");
     assert_eq!(unresolved("-vp 0 0 0"), "the view lacks -vd");
     let from_here = |text: &str| unresolved(&format!("-vp 0 0 0 -vd 0 1 0 {text}"));
-    assert_eq!(from_here("-vo .5"), "-vo 0.5 is not supported: leave it out or give 0");
+    assert_eq!(from_here("-vo -.5"), "-vo -0.5 is behind the eye: it must be at least 0, but in parallel views");
+    assert_eq!(from_here("-vo 2 -va 2"), "-va 2 must be larger than -vo 2, or 0 for none");
+    assert_eq!(from_here("-vtl -vh 4 -vo -3 -va -2"), "-va -2 must be larger than -vo -3, or 0 for none");
     assert_eq!(from_here("-vtl"), "the view lacks -vh: how wide it is, in scene units");
     assert_eq!(from_here("-vtl -vh -2"), "-vh -2 must be a length above 0, in scene units");
     assert_eq!(from_here("-vta -vh 361"), "-vh 361 must be above 0 and at most 360 degrees");

@@ -1,5 +1,6 @@
 //! A session, and the same again from the file.
 
+use holo_picture::{Picture, compare};
 use holo_tests::{CORNELL_SMALL_SECTION, Place, stored};
 
 const VIEW: [&str; 8] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60", "--size", "96x72"];
@@ -28,4 +29,32 @@ fn a_replay_without_tracing_gives_the_sessions_last_picture_bit_by_bit() {
     assert_eq!(more["stored"], report["traced"]);
     assert!(more["traced"].as_u64().unwrap() > 100, "{more}");
     stored(&place.path("s.holo")).assert_no_gaps();
+}
+
+#[test]
+fn the_quadtree_shows_what_it_has_while_one_turns_and_comes_to_rest_at_the_view_s_own_picture() {
+    let place = Place::new();
+    place.fill_small_with("a.holo", "400k", &["--bounces", "0"]);
+    let (before, turned) = ("-vp 2.78 2.73 -2 -vd 0 0 1 -vh 60", "-vp 2.78 2.73 -2 -vd .1 0 1 -vh 60");
+    let follow = |name: &str, script: String| {
+        let script = place.write(&format!("{name}.txt"), &script);
+        let words =
+            ["replay", "{}/a.holo", "--headless", "--script", &script, "--size", "64x64", "--driver", "quadtree"];
+        place.run(&words).ok();
+    };
+    let [moved, rested, fresh, alone] =
+        ["moved", "rested", "fresh", "alone"].map(|name| place.text(&format!("{name}.pfm")));
+    follow(
+        "walk",
+        format!(
+            "0 view {before}\n3 picture {}\nview {turned}\npicture {moved}\n3 picture {rested}\nquit\n",
+            place.text("x.pfm")
+        ),
+    );
+    follow("stay", format!("0 view {turned}\npicture {fresh}\n3 picture {alone}\nquit\n"));
+    let read = |path: &str| Picture::read(path).unwrap();
+    assert!(read(&rested).pixels == read(&alone).pixels, "at rest it depends on where one came from");
+    let psnr = |path: &str| compare(&read(path), &read(&alone)).unwrap().psnr_disp;
+    println!("at once {:.1} dB after a turn, {:.1} dB from nothing", psnr(&moved), psnr(&fresh));
+    assert!(psnr(&moved) > psnr(&fresh) + 5.0, "{} {}", psnr(&moved), psnr(&fresh));
 }

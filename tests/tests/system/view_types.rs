@@ -85,3 +85,41 @@ fn parts_of_the_render_cache_are_switched_while_it_shows_a_view() {
     let wrong = ["replay", "{}/a.holo", "--headless", "--script", &script, "--size", "64x64", "--driver", "quadtree"];
     place.run(&wrong).failed(1, &["only --driver pointimage has parts"]);
 }
+
+#[test]
+fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
+    let place = Place::new();
+    place.fill_small_with("a.holo", "400k", &["--bounces", "0"]);
+    // From before the open side to before the back wall: beyond is black.
+    let file = place.write("cut.vf", "rview -vtv -vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60 -vv 60 -vo 0 -va 7\n");
+    let same = place.write("zero.vf", "rview -vtv -vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60 -vv 60 -vo 0 -va 0\n");
+    let (truth, output, whole) = (place.text("truth.pfm"), place.text("shown.pfm"), place.text("whole.pfm"));
+    let render = |vf: &str, more: &[&str], output: &str| {
+        let words = ["--spp", "100", "-o", output, "--vf", vf, "--size", "64x64"];
+        place.run(&[&RENDER[..], &words, more].concat()).ok();
+    };
+    render(&file, &[], &truth);
+    render(&same, &[], &whole);
+    let black = |name: &str| Picture::read(place.path(name)).unwrap().pixels.iter().filter(|p| **p == [0.0; 3]).count();
+    // The back wall is 5.5 wide at 7.6 from the eye, and 60 degrees are 8.8 there.
+    assert!(black("truth.pfm") > black("whole.pfm") + 600, "{} {}", black("truth.pfm"), black("whole.pfm"));
+    for driver in ["voronoi", "quadtree", "pointimage"] {
+        let words = ["picture", "{}/a.holo", "-o", &output, "--driver", driver, "--vf", &file, "--size", "64x64"];
+        place.run(&words).ok();
+        let quality = psnr(&place, "shown.pfm", "truth.pfm");
+        println!("{driver}: {quality:.1} dB");
+        assert!(quality > 14.0, "{driver}: {quality}");
+    }
+    // A fore plane in the box's depth takes the sides and the blocks before it away; the back wall is as it was.
+    render(&same, &["--vo", "6.5"], &truth);
+    assert!(black("truth.pfm") > black("whole.pfm") + 500, "{} {}", black("truth.pfm"), black("whole.pfm"));
+    let light = |name: &str| Picture::read(place.path(name)).unwrap().get(32, 19).unwrap()[1];
+    // Means of 100 points of the lamp each, which differ by a third of themselves: within ten deviations.
+    assert!((light("truth.pfm") / light("whole.pfm") - 1.0).abs() < 0.3);
+    place.run(&["picture", "{}/a.holo", "-o", &output, "--vf", &same, "--vo", "6.5", "--size", "64x64"]).ok();
+    let quality = psnr(&place, "shown.pfm", "truth.pfm");
+    println!("voronoi, fore: {quality:.1} dB");
+    assert!(quality > 14.0, "{quality}");
+    let wrong = ["picture", "{}/a.holo", "-o", &output, "--vf", &file, "--vo", "8"];
+    place.run(&wrong).failed(1, &["-va 7 must be larger than -vo 8, or 0 for none"]);
+}

@@ -1,6 +1,6 @@
 //! The picture from the buckets, slab after slab: a slab's rows go through all stages while they are in the second cache.
 //!
-//! A band of rows is one thread's. Culling needs a row beyond, filters three more: so each stage lags behind the one before, and the rows
+//! A band of rows is one thread's. Culling needs a row beyond, filters up to four more: so each stage lags behind the one before, and the rows
 //! on both sides of where two bands meet are made in the end.
 //!
 //! Always true: what is written to a row is a function of that row and its neighbours, so bands and slabs change no bit.
@@ -19,10 +19,8 @@ use std::ops::Range;
 const SLAB_PIXELS: usize = 1 << 14;
 /// Rows of a slab, and of a band, at least.
 const LEAST_ROWS: usize = 16;
-/// Rows around a pixel on which its colour depends, once points are culled.
-const REACH: usize = 3;
-/// Rows beside a seam that wait for those beyond.
-const SEAM: usize = REACH + 1;
+/// Rows beside a seam that wait for those beyond: those around a pixel on which its colour depends, and one for the cull.
+const SEAM: usize = prefilter::WIDEST / 2 + 1;
 
 /// What one thread needs to make rows.
 #[derive(Debug)]
@@ -54,8 +52,8 @@ pub(super) struct Work<'a> {
     pub fill: Fill<'a>,
     /// None: no cull.
     pub cull_threshold: Option<f32>,
-    /// Whether pixels without points nearby become 0, and whether only gaps matter. None: no prefilter.
-    pub prefilter: Option<(bool, bool)>,
+    /// Pixels along the window's side, whether pixels without points nearby become 0, and whether only gaps matter. None: no prefilter.
+    pub prefilter: Option<(usize, bool, bool)>,
     pub looks: Looks,
 }
 
@@ -134,10 +132,10 @@ impl Work<'_> {
         let (from, first_row) = (rows.start, band.rows.start);
         let at = rows.start * width..rows.end * width;
         let (colour, age) = (&*band.colour, &*band.age);
-        if let Some((black, gaps_only)) = self.prefilter {
+        if let Some((window, black, gaps_only)) = self.prefilter {
             let (picture, scratch) =
                 (band.picture.each_mut().map(|plane| &mut plane[at.clone()]), &mut scratch.prefilter);
-            self.isa.run(Prefilter { width, from, first_row, colour, picture, black, gaps_only, scratch });
+            self.isa.run(Prefilter { width, window, from, first_row, colour, picture, black, gaps_only, scratch });
             ended(Stage::Prefilter);
         }
         let (picture, scratch) =

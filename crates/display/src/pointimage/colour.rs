@@ -5,6 +5,8 @@
 
 /// No colour: decodes to 0.
 pub(super) const NONE: u32 = 0;
+/// No light: what [`encode`] gives for it.
+pub(super) const BLACK: u32 = 1 << 24;
 /// Largest radiance kept: above it sums of 49 would overflow.
 pub(super) const LARGEST: f32 = 1e30;
 /// Exponents of powers of two in f32.
@@ -65,6 +67,7 @@ mod tests {
     #[test]
     fn black_is_a_colour() {
         assert_ne!(encode([0.0; 3]), NONE);
+        assert_eq!(encode([0.0; 3]), BLACK);
         assert_eq!(decode(encode([0.0; 3])), [0.0; 3]);
         assert_eq!(decode(NONE), [0.0; 3]);
     }

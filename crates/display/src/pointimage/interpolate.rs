@@ -1,6 +1,6 @@
-//! Interpolation and smoothing over 3×3 pixels weighted 4-2-1, and the priority of each pixel (Walter et al. 1999, §3.1 and §4).
+//! Interpolation and smoothing over 3×3 pixels weighted 4-2-1 (or another square, its root, 1), and the priority of each pixel (Walter et al. 1999, §3.1 and §4).
 //!
-//! The weights are the product of 1-2-1 across and 1-2-1 down, so two passes of two additions make them: across when a row is decoded,
+//! The weights are the product of 1-2-1 across and 1-2-1 down, so two passes of three sums make them: across when a row is decoded,
 //! down when the row below it has been. Only where a pixel has no point among its 3×3 is the picture read that it is written to.
 //!
 //! Always true: a pixel with a point has its point's age as priority; one without has 255 if no neighbour has one either, and less
@@ -8,11 +8,9 @@
 
 use super::colour;
 use super::isa::Kernel;
+use super::params::PointImageParams;
 use super::rows::{row_of, strips};
 use std::ops::Range;
-
-/// Priority that a pixel without a point loses per unit of its neighbours' weight, of which there are 12: 135 are left.
-const PRIORITY_PER_WEIGHT: u8 = 10;
 
 /// Columns filtered at a time: their rows take 49 kB. Narrow strips touch a page for a few lines only, and wait for each.
 const STRIP: usize = 1024;
@@ -60,6 +58,24 @@ pub(super) struct Looks {
     pub fill: bool,
     /// Weight of what the picture holds, the prefilter's mean, beside the points'.
     pub prior: f32,
+    pub weights: Weights,
+}
+
+/// What neighbours count.
+#[derive(Clone, Copy)]
+pub(super) struct Weights {
+    /// Of the middle one of three, the others being 1: the 3×3 weights are its square, itself, and 1.
+    centre: u8,
+    /// Priority that a pixel without a point loses per unit of its neighbours' weight.
+    priority: u8,
+}
+
+impl Weights {
+    pub fn new(params: &PointImageParams) -> Self {
+        let centre = params.centre_weight;
+        // A pixel without a point has four neighbours of the centre's weight, and four of weight 1.
+        Self { centre, priority: (u8::MAX - params.gap_priority) / (4 * centre + 4) }
+    }
 }
 
 impl Kernel for Interpolate<'_> {
@@ -69,14 +85,14 @@ impl Kernel for Interpolate<'_> {
     fn run(self) {
         let Self { width, from, colour, age, picture: [red, green, blue], priority, looks, scratch } = self;
         let Scratch { decoded, ring, last } = scratch;
-        let rows = priority.len() / width;
+        let (rows, centre) = (priority.len() / width, looks.weights.centre);
         for columns in strips(width, STRIP) {
             let above = from.checked_sub(1).and_then(|y| row_of(colour, width, y));
-            ring[(from + 2) % 3].load(above, &columns, decoded);
-            ring[from % 3].load(row_of(colour, width, from), &columns, decoded);
+            ring[(from + 2) % 3].load(above, &columns, decoded, centre);
+            ring[from % 3].load(row_of(colour, width, from), &columns, decoded, centre);
             for row in 0..rows {
                 let y = from + row;
-                ring[(y + 1) % 3].load(row_of(colour, width, y + 1), &columns, decoded);
+                ring[(y + 1) % 3].load(row_of(colour, width, y + 1), &columns, decoded, centre);
                 let lines = [&ring[(y + 2) % 3], &ring[y % 3], &ring[(y + 1) % 3]];
                 let pixels = y * width + columns.start..y * width + columns.end;
                 let (age, colour) = (&age[pixels.clone()], &colour[pixels]);
@@ -151,7 +167,7 @@ impl Line {
 
     // Not a closure: those are compiled for any processor, whoever calls them (it took twice as long).
     #[inline(always)]
-    fn load(&mut self, row: Option<&[u32]>, columns: &Range<usize>, decoded: &mut Decoded) {
+    fn load(&mut self, row: Option<&[u32]>, columns: &Range<usize>, decoded: &mut Decoded, centre: u8) {
         let Some(row) = row else {
             self.sums.iter_mut().for_each(|sums| sums.fill(0.0));
             self.weights.fill(0);
@@ -171,10 +187,10 @@ impl Line {
         mark(row, &mut has_point[to..][..count]);
         let [sum_red, sum_green, sum_blue] = &mut self.sums;
         let count = columns.len();
-        across(red, &mut sum_red[..count]);
-        across(green, &mut sum_green[..count]);
-        across(blue, &mut sum_blue[..count]);
-        count_across(has_point, &mut self.weights[..count]);
+        across(red, centre, &mut sum_red[..count]);
+        across(green, centre, &mut sum_green[..count]);
+        across(blue, centre, &mut sum_blue[..count]);
+        count_across(has_point, centre, &mut self.weights[..count]);
         self.has_point[..count].copy_from_slice(&has_point[1..][..count]);
     }
 }
@@ -196,21 +212,22 @@ fn mark(colours: &[u32], has_point: &mut [u8]) {
 }
 
 #[inline(always)]
-fn across(row: &[f32], sums: &mut [f32]) {
-    let count = sums.len();
+fn across(row: &[f32], centre: u8, sums: &mut [f32]) {
+    let (count, centre) = (sums.len(), f32::from(centre));
     let (left, here, right) = (&row[..count], &row[1..][..count], &row[2..][..count]);
     for x in 0..count {
-        sums[x] = (left[x] + right[x]) + (here[x] + here[x]);
+        sums[x] = (left[x] + right[x]) + centre * here[x];
     }
 }
 
 /// Weights as numbers of one byte: 64 fit into a register.
 #[inline(always)]
-fn count_across(row: &[u8], weights: &mut [u8]) {
+fn count_across(row: &[u8], centre: u8, weights: &mut [u8]) {
     let count = weights.len();
     let (left, here, right) = (&row[..count], &row[1..][..count], &row[2..][..count]);
     for x in 0..count {
-        weights[x] = left[x].wrapping_add(here[x]).wrapping_add(here[x]).wrapping_add(right[x]);
+        // 1 or 0: bytes cannot be multiplied, and all ones or none can be masked.
+        weights[x] = left[x].wrapping_add(here[x].wrapping_neg() & centre).wrapping_add(right[x]);
     }
 }
 
@@ -225,11 +242,12 @@ fn filter(
     planes: [&mut [f32; PIECE]; 3],
     looks: Looks,
 ) {
-    let Looks { own_point, black, fill, prior } = looks;
+    let Looks { own_point, black, fill, prior, weights } = looks;
     let [above, here, below] = lines;
     let mut weight = [0; PIECE];
-    count_down(&above.weights[start..], &here.weights[start..], &below.weights[start..], &mut weight);
-    prioritise(&weight, &here.has_point[start..][..PIECE], age, priority);
+    let centre = f32::from(weights.centre);
+    count_down(&above.weights[start..], &here.weights[start..], &below.weights[start..], weights.centre, &mut weight);
+    prioritise(&weight, weights.priority, &here.has_point[start..][..PIECE], age, priority);
     let mut inverse = [0.0; PIECE];
     let mut is_covered = false;
     if fill {
@@ -240,11 +258,11 @@ fn filter(
         let (above, here) = (&above.sums[channel][start..], &here.sums[channel][start..]);
         let below = &below.sums[channel][start..];
         if prior > 0.0 {
-            mix(above, here, below, &inverse, prior, plane);
+            mix(above, here, below, (&inverse, centre, prior), plane);
         } else if is_covered {
-            show_all(above, here, below, &inverse, plane);
+            show_all(above, here, below, (&inverse, centre), plane);
         } else {
-            show(above, here, below, &inverse, black, plane);
+            show(above, here, below, (&inverse, centre), black, plane);
         }
         if own_point {
             keep_own(colour, channel, plane);
@@ -253,19 +271,19 @@ fn filter(
 }
 
 #[inline(always)]
-fn count_down(above: &[u8], here: &[u8], below: &[u8], weight: &mut [u8; PIECE]) {
+fn count_down(above: &[u8], here: &[u8], below: &[u8], centre: u8, weight: &mut [u8; PIECE]) {
     let (above, here, below) = (&above[..PIECE], &here[..PIECE], &below[..PIECE]);
     for x in 0..PIECE {
-        weight[x] = above[x].wrapping_add(here[x]).wrapping_add(here[x]).wrapping_add(below[x]);
+        weight[x] = above[x].wrapping_add(here[x].wrapping_mul(centre)).wrapping_add(below[x]);
     }
 }
 
 /// A pixel without a point adds nothing to its own weight.
 #[inline(always)]
-fn prioritise(weight: &[u8; PIECE], has_point: &[u8], age: &[u8; PIECE], priority: &mut [u8; PIECE]) {
+fn prioritise(weight: &[u8; PIECE], per_weight: u8, has_point: &[u8], age: &[u8; PIECE], priority: &mut [u8; PIECE]) {
     let has_point = &has_point[..PIECE];
     for x in 0..PIECE {
-        let gap = u8::MAX.wrapping_sub(PRIORITY_PER_WEIGHT.wrapping_mul(weight[x]));
+        let gap = u8::MAX.wrapping_sub(per_weight.wrapping_mul(weight[x]));
         // All ones with a point. Without AVX-512 a choice would be a branch for each pixel.
         let own = has_point[x].wrapping_neg();
         priority[x] = age[x] & own | gap & !own;
@@ -288,20 +306,33 @@ fn invert(weight: &[u8; PIECE], prior: f32, inverse: &mut [f32; PIECE]) {
 
 /// Sums down, and makes means of them.
 #[inline(always)]
-fn show_all(above: &[f32], here: &[f32], below: &[f32], inverse: &[f32; PIECE], plane: &mut [f32; PIECE]) {
+fn show_all(
+    above: &[f32],
+    here: &[f32],
+    below: &[f32],
+    (inverse, centre): (&[f32; PIECE], f32),
+    plane: &mut [f32; PIECE],
+) {
     let (above, here, below) = (&above[..PIECE], &here[..PIECE], &below[..PIECE]);
     for x in 0..PIECE {
-        plane[x] = ((above[x] + below[x]) + (here[x] + here[x])) * inverse[x];
+        plane[x] = ((above[x] + below[x]) + centre * here[x]) * inverse[x];
     }
 }
 
 /// As [`show_all`], where some pixels have no point among their 3×3.
 #[inline(always)]
-fn show(above: &[f32], here: &[f32], below: &[f32], inverse: &[f32; PIECE], black: bool, plane: &mut [f32; PIECE]) {
+fn show(
+    above: &[f32],
+    here: &[f32],
+    below: &[f32],
+    (inverse, centre): (&[f32; PIECE], f32),
+    black: bool,
+    plane: &mut [f32; PIECE],
+) {
     let (above, here, below) = (&above[..PIECE], &here[..PIECE], &below[..PIECE]);
     let kept = if black { 0.0 } else { 1.0 };
     for x in 0..PIECE {
-        let sum = (above[x] + below[x]) + (here[x] + here[x]);
+        let sum = (above[x] + below[x]) + centre * here[x];
         // Both are computed, and one is chosen: loads of some pixels only take far longer.
         let (mean, last) = (sum * inverse[x], plane[x] * kept);
         plane[x] = if inverse[x] > 0.0 { mean } else { last };
@@ -310,10 +341,16 @@ fn show(above: &[f32], here: &[f32], below: &[f32], inverse: &[f32; PIECE], blac
 
 /// As [`show`], with the mean that is there already weighing `prior`.
 #[inline(always)]
-fn mix(above: &[f32], here: &[f32], below: &[f32], inverse: &[f32; PIECE], prior: f32, plane: &mut [f32; PIECE]) {
+fn mix(
+    above: &[f32],
+    here: &[f32],
+    below: &[f32],
+    (inverse, centre, prior): (&[f32; PIECE], f32, f32),
+    plane: &mut [f32; PIECE],
+) {
     let (above, here, below) = (&above[..PIECE], &here[..PIECE], &below[..PIECE]);
     for x in 0..PIECE {
-        let sum = (above[x] + below[x]) + (here[x] + here[x]);
+        let sum = (above[x] + below[x]) + centre * here[x];
         let (last, mean) = (plane[x], (sum + prior * plane[x]) * inverse[x]);
         plane[x] = if inverse[x] > 0.0 { mean } else { last };
     }

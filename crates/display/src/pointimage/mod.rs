@@ -30,6 +30,7 @@
 //!   takes is told when it ends ([`PointImage::frame_watched`]).
 //! - At rest every pixel tends to the mean of its own rays, the box filter, and no other pixel's light is in it (where samples state
 //!   noise, in proportion to 1/n of n samples: [`PointImageParams::noise_smoothing`]).
+//! - What is before a view's fore clipping surface is not shown; what is beyond the aft one is black.
 //! - Nothing changes and nothing is wanted: nothing is computed.
 //! - No number that comes in makes it panic; samples that are not finite are left out and counted.
 
@@ -56,6 +57,7 @@ mod random;
 mod request;
 mod rows;
 mod sample;
+mod settings;
 mod shared;
 mod stages;
 mod truncate;
@@ -70,6 +72,7 @@ pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing, Stag
 pub(crate) use prefetch::prefetch;
 pub(crate) use random::{mix, pair};
 pub use sample::{Place, Sample, Tag};
+pub use settings::{SETTINGS, Setting};
 
 use bands::Scratch;
 use glam::DVec3;
@@ -149,10 +152,10 @@ impl PointImage {
         Ok(Self {
             scratch: std::iter::repeat_with(scratch).take(params.threads).collect(),
             isa,
-            points: Points::new(capacity),
+            points: Points::new(capacity, params.group as usize),
             planes: Planes::new(size, capacity as u32),
             buckets,
-            occupancy: Occupancy::new(size),
+            occupancy: Occupancy::new(size, params.predicted_block as usize),
             origin: params.origin.unwrap_or(DVec3::ZERO),
             has_origin: params.origin.is_some(),
             eye: DVec3::ZERO,
@@ -258,7 +261,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Depth along the view's direction of the point that each pixel shows, rows from the top; 0 without one. In views that are no
-    /// perspective the distance along the pixel's ray. From [`far_depth`] on it stands for infinity.
+    /// perspective the distance along the pixel's ray. From [`far_depth`] on it stands for infinity, or for what the view clips.
     pub fn depth(&self) -> impl Iterator<Item = f32> + 'a {
         let planes = &self.cache.planes;
         let depth = planes.depth.iter().zip(&planes.colour);
@@ -271,7 +274,7 @@ impl<'a> Frame<'a> {
         self.cache.planes.colour.iter().map(|&colour| colour != colour::NONE)
     }
 
-    /// The rays wanted: what to give back with the sample, origin, and direction of length 1 (0 in the corners of fisheyes, where
+    /// The rays wanted: what to give back with the sample, origin (on the view's fore clipping surface), and direction of length 1 (0 in the corners of fisheyes, where
     /// there is nothing to see). Predicted ones first.
     pub fn requests(&self) -> impl Iterator<Item = (Tag, DVec3, DVec3)> + 'a {
         let cache = self.cache;

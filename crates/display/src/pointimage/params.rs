@@ -1,6 +1,7 @@
 //! What can be chosen: stages on and off, the papers' constants, memory and processor.
 
 use super::isa::{Instructions, Isa};
+use super::settings::SETTINGS;
 use glam::DVec3;
 use holo_picture::PictureError;
 
@@ -20,6 +21,14 @@ pub enum PointImageError {
         value: f64,
         /// What it must be.
         wanted: &'static str,
+    },
+    /// A name that is no number's.
+    #[error("there is no setting {name}: there are {known}")]
+    Unknown {
+        /// What was given.
+        name: String,
+        /// What there is.
+        known: String,
     },
     /// Instructions that this processor lacks.
     #[error("this processor has no {0:?} instructions")]
@@ -137,12 +146,18 @@ pub enum Smoothing {
     Gaps,
 }
 
-/// Settings of a [`PointImage`](super::PointImage).
+/// Settings of a [`PointImage`](super::PointImage): every number of the two papers, theirs being the default. Numbers also go by their
+/// names ([`set`](Self::set), [`SETTINGS`]).
+///
+/// Some of the papers' numbers are the method itself, and fixed. Depths are compared with those of 3×3 pixels (1999, §3.1): farther off
+/// there are other surfaces, and near slanted ones they would differ by more than any threshold. What is left of a pixel's priority
+/// goes in halves to the next pixel and to the one below (§4): in whole numbers halves lose nothing, and so the choice is the same on any
+/// processor. Ages are bytes (2002, §3.4). How large tiles are (2002, §3.2) changes no picture, and follows from the caches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointImageParams {
     /// Which stages run.
     pub stages: Stages,
-    /// Points per pixel: 1 to 8. The papers keep "slightly more" than one.
+    /// Points per pixel: 1 to 8. The papers keep "slightly more" than one (1999, §4.3).
     pub points_per_pixel: f64,
     /// Positions are kept in f32 from here: a point of the scene near where eyes go. None: the first frame's eye.
     pub origin: Option<DVec3>,
@@ -150,20 +165,41 @@ pub struct PointImageParams {
     pub empty: EmptyPixels,
     /// Where pixels with a point are smoothed.
     pub smoothing: Smoothing,
-    /// A point is culled if it is deeper than 1 + this times its neighbourhood's mean: above 0.
+    /// New points take the oldest of this many slots (1999, §4.3): 1, 2, 4 and so on to 64.
+    pub group: u32,
+    /// Age at which points are overwritten on average if nothing makes them older: ageing is set by that (2002, §3.4). 1 to 254.
+    pub mean_last_age: f64,
+    /// Age at which points leave even if nothing overwrites them (2002, §3.4): 1 to 255.
+    pub eviction_age: u8,
+    /// A point is culled if it is deeper than 1 + this times its neighbourhood's mean (1999, §3.1): above 0.
     pub cull_threshold: f32,
-    /// Share of a frame's requests that prediction may take at most: 0 to 1.
+    /// Weight of the middle one of three pixels, those beside it counting 1: its square, itself and 1 are the 3×3 filter's (4-2-1 by 2;
+    /// 1999, §3.1). 1 to 8.
+    pub centre_weight: u8,
+    /// Pixels along the side of the wide filter's window (2002, §3.3): 3, 5, 7 or 9.
+    pub prefilter_window: u32,
+    /// Priority of a pixel without a point if all eight around it have one, of 255 if none has (1999, §4). 0 to 255.
+    pub gap_priority: u8,
+    /// Pixels along the side of a pixel of the predicted view (2002, §3.1): 1 to 16.
+    pub predicted_block: u32,
+    /// Share of a frame's requests that prediction may take at most (2002, §3.1): 0 to 1.
     pub predicted_share: f64,
     /// A resampled colour has changed if a channel differs by more than this share of the larger colour's largest
-    /// channel, and 3 standard deviations of the noise that the engine stated: above 0.
+    /// channel, and by more than the noise may be (1999, §4.1 and §4.2): above 0.
     pub change_threshold: f32,
-    /// Units of age by which points next to a changed one grow older.
+    /// Standard deviations of the noise that the engine stated that are not yet a change (1999, §4.2): at least 0.
+    pub noise_deviations: f32,
+    /// A resampled ray has met something else if its depth differs by more than this share of the old point's: above 0, below 1.
+    pub move_threshold: f64,
+    /// Units of age by which points next to a changed one grow older (1999, §4.1): 0 to 255.
     pub change_ageing: u8,
-    /// How many times as fast points age that are not visible: 1 to 16.
+    /// How many pixels from a changed one are next to it: 0 to 8.
+    pub change_reach: u32,
+    /// How many times as fast points age that are not visible (1999, §4.1): 1 to 16.
     pub hidden_ageing: u8,
-    /// How many times as fast points age that the engine says are likely to change (highlights): 1 to 16.
+    /// How many times as fast points age that the engine says are likely to change, such as highlights (1999, §4.2): 1 to 16.
     pub highlight_ageing: u8,
-    /// Weight of the mean over 7×7 pixels beside the 3×3 filter, whose own is up to 16, where samples state a noise of a tenth of
+    /// Weight of the mean over 7×7 pixels ([`prefilter_window`](Self::prefilter_window)) beside the 3×3 filter, whose own is up to 16, where samples state a noise of a tenth of
     /// themselves or more, or do not know it; in proportion below. 0: as in the papers. At rest it fades as samples of a pixel
     /// grow. At least 0.
     pub noise_smoothing: f32,
@@ -191,10 +227,20 @@ impl Default for PointImageParams {
             origin: None,
             empty: EmptyPixels::KeepLast,
             smoothing: Smoothing::WhereOld,
+            group: 8,
+            mean_last_age: 128.0,
+            eviction_age: 255,
             cull_threshold: 0.1,
+            centre_weight: 2,
+            prefilter_window: 7,
+            gap_priority: 135,
+            predicted_block: 4,
             predicted_share: 0.5,
             change_threshold: 0.1,
+            noise_deviations: 3.0,
+            move_threshold: 0.1,
             change_ageing: 64,
+            change_reach: 1,
             hidden_ageing: 3,
             highlight_ageing: 3,
             noise_smoothing: 8.0,
@@ -209,22 +255,25 @@ impl Default for PointImageParams {
 }
 
 impl PointImageParams {
-    pub(super) fn check(&self) -> Result<Isa, PointImageError> {
-        let within = |name, value: f64, range: std::ops::RangeInclusive<f64>, wanted| {
-            if range.contains(&value) { Ok(()) } else { Err(PointImageError::Parameter { name, value, wanted }) }
+    /// Changes a number by its name in [`SETTINGS`] (`-` is `_` too).
+    ///
+    /// # Errors
+    /// No such name, a number that it may not be.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), PointImageError> {
+        let wanted = name.replace('-', "_");
+        let Some(setting) = SETTINGS.iter().find(|setting| setting.name == wanted) else {
+            let known: Vec<_> = SETTINGS.iter().map(|setting| setting.name).collect();
+            return Err(PointImageError::Unknown { name: name.to_owned(), known: known.join(", ") });
         };
-        let above_0 = f64::MIN_POSITIVE..=f64::from(f32::MAX);
-        within("points_per_pixel", self.points_per_pixel, 1.0..=8.0, "1 to 8")?;
-        within("cull_threshold", self.cull_threshold.into(), above_0.clone(), "above 0 and finite")?;
-        within("change_threshold", self.change_threshold.into(), above_0, "above 0 and finite")?;
-        within("noise_smoothing", self.noise_smoothing.into(), 0.0..=f64::from(f32::MAX), "at least 0 and finite")?;
-        within("predicted_share", self.predicted_share, 0.0..=1.0, "0 to 1")?;
-        within("hidden_ageing", self.hidden_ageing.into(), 1.0..=16.0, "1 to 16")?;
-        within("highlight_ageing", self.highlight_ageing.into(), 1.0..=16.0, "1 to 16")?;
-        within("moving_mean", self.moving_mean.into(), 1.0..=f64::INFINITY, "at least 1")?;
-        within("resting_mean", self.resting_mean.into(), 1.0..=f64::INFINITY, "at least 1")?;
-        within("check_every", self.check_every.into(), 2.0..=f64::INFINITY, "at least 2")?;
-        within("threads", self.threads as f64, 1.0..=64.0, "1 to 64")?;
+        setting.put(self, value)
+    }
+
+    pub(super) fn check(&self) -> Result<Isa, PointImageError> {
+        SETTINGS.iter().try_for_each(|setting| setting.check(setting.value(self)))?;
+        if !(1..=64).contains(&self.threads) {
+            let value = self.threads as f64;
+            return Err(PointImageError::Parameter { name: "threads", value, wanted: "1 to 64" });
+        }
         if let Some(origin) = self.origin.filter(|origin| !origin.is_finite()) {
             let value = origin.x + origin.y + origin.z;
             return Err(PointImageError::Parameter { name: "origin", value, wanted: "finite" });

@@ -1,9 +1,9 @@
 //! Predicted projection and sampling (Walter et al. 2002, §3.1): asks for what is about to come into view.
 //!
-//! Always true: a byte per block of 4×4 pixels of the predicted view says whether a point falls there; depth does not matter.
+//! Always true: a byte per block of 4×4 pixels (or as many as are chosen) of the predicted view says whether a point falls there; depth does not matter.
 
 use super::isa::{Isa, Kernel};
-use super::map::{Lens, Map, NEAREST};
+use super::map::{Lens, Map};
 use super::points::{Block, State};
 use super::project::BLOCK;
 use super::random;
@@ -13,26 +13,25 @@ use super::truncate::truncate;
 use std::sync::atomic::AtomicU8;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// Pixels along a block's side.
-const COARSE: usize = 4;
-
 /// Which blocks of the predicted view have points.
 #[derive(Debug)]
 pub(super) struct Occupancy {
+    /// Pixels along a block's side.
+    side: usize,
     size: (usize, usize),
     /// A row of blocks after another, and one byte more for points that fall outside.
     is_occupied: Vec<u8>,
 }
 
 impl Occupancy {
-    pub fn new(size: (usize, usize)) -> Self {
-        let size = (size.0.div_ceil(COARSE), size.1.div_ceil(COARSE));
-        Self { size, is_occupied: vec![0; size.0 * size.1 + 1] }
+    pub fn new(size: (usize, usize), side: usize) -> Self {
+        let size = (size.0.div_ceil(side), size.1.div_ceil(side));
+        Self { side, size, is_occupied: vec![0; size.0 * size.1 + 1] }
     }
 
     /// The whole picture's size in blocks, which need not be whole.
-    pub fn scaled(size: (usize, usize)) -> (f64, f64) {
-        (size.0 as f64 / COARSE as f64, size.1 as f64 / COARSE as f64)
+    pub fn scaled(&self, size: (usize, usize)) -> (f64, f64) {
+        (size.0 as f64 / self.side as f64, size.1 as f64 / self.side as f64)
     }
 
     /// Empty, to be marked by [`Marks::add`].
@@ -52,11 +51,11 @@ impl Occupancy {
         let phase = random::mix(seed, 0) as usize % every;
         let chosen = blocks.iter().enumerate().filter(|&(_, &occupied)| occupied == 0).skip(phase).step_by(every);
         requests.extend(chosen.map(|(block, _)| {
-            let (column, row) = (block % self.size.0 * COARSE, block / self.size.0 * COARSE);
+            let (column, row) = (block % self.size.0 * self.side, block / self.size.0 * self.side);
             let (x, y) = random::pair(seed, block as u32);
             // The last block of a row or column may be narrower.
-            let across = column as f32 + x * COARSE.min(picture.0 - column) as f32;
-            let down = row as f32 + y * COARSE.min(picture.1 - row) as f32;
+            let across = column as f32 + x * self.side.min(picture.0 - column) as f32;
+            let down = row as f32 + y * self.side.min(picture.1 - row) as f32;
             let aim = Aim::Picture(across / picture.0 as f32, 1.0 - down / picture.1 as f32);
             Request { aim, predicted: true, tag: Tag::default() }
         }));
@@ -77,6 +76,7 @@ impl Marks<'_> {
         let Self { map, size, is_occupied } = self;
         match map {
             Map::Flat(map) => isa.run(Project { map, size, blocks, states, is_occupied }),
+            Map::Cut(map) => isa.run(Project { map, size, blocks, states, is_occupied }),
             Map::Curved(map) => isa.run(Project { map, size, blocks, states, is_occupied }),
         }
     }
@@ -118,9 +118,10 @@ fn place<L: Lens>(
 ) {
     let (right, bottom) = (size.0 as f32, size.1 as f32);
     let (across, outside) = (size.0 as i32, (size.0 * size.1) as i32);
+    let nearest = map.nearest();
     for i in 0..BLOCK {
         let (column, row, depth) = map.project([x[i], y[i], z[i]]);
-        let seen = (depth >= NEAREST)
+        let seen = (depth >= nearest)
             & (column >= 0.0)
             & (column < right)
             & (row >= 0.0)

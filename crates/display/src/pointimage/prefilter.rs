@@ -1,8 +1,9 @@
-//! The 7×7 prefilter (Walter et al. 2002, §3.3): means over the points near a pixel, for gaps that 3×3 pixels do not fill.
+//! The 7×7 prefilter (Walter et al. 2002, §3.3): means over the points near a pixel, for gaps that 3×3 pixels do not fill. The window's
+//! side may be another odd number up to 9.
 //!
-//! Sums down the columns take two additions a pixel whatever the height: running sums that start anew every 7 rows, one from the top of
+//! Sums down the columns take two additions a pixel whatever the height: running sums that start anew every window of rows, one from the top of
 //! each block and one from its bottom (van Herk; Gil & Werman 1993). Nothing is ever subtracted, so a lamp that left the
-//! window leaves no rounding error behind, as a sliding sum in f32 would. Across, the seven are added as a tree, after that and only
+//! window leaves no rounding error behind, as a sliding sum in f32 would. Across, the columns are added as a tree, after that and only
 //! where means are wanted.
 //!
 //! Always true: the result does not depend on where bands of rows begin.
@@ -12,10 +13,9 @@ use super::isa::Kernel;
 use super::rows::{ROOM, Row, row_of, strips};
 use std::ops::Range;
 
-/// Pixels along the window's side.
-const WINDOW: usize = 7;
-const REACH: usize = WINDOW / 2;
-const _: () = assert!(REACH <= ROOM);
+/// Pixels along the side of the widest window.
+pub(super) const WIDEST: usize = 9;
+const _: () = assert!(WIDEST / 2 <= ROOM);
 
 /// Columns looked through for gaps at a time.
 const WIDE: usize = 512;
@@ -25,13 +25,15 @@ const STRIP: usize = 128;
 const PIECE: usize = 64;
 const PIECES: usize = STRIP / PIECE;
 /// Rows filtered at a time.
-const ROWS: usize = 4 * WINDOW;
+const ROWS: usize = 28;
 /// One in how many pieces of a strip are filtered alone at most. With two, the filter took 30 % longer; with fourteen, as long.
 const FEW: usize = 5;
 
 /// Filters rows `from..` of a band, as many as `picture` has.
 pub(super) struct Prefilter<'a> {
     pub width: usize,
+    /// Pixels along the window's side: odd, at most [`WIDEST`].
+    pub window: usize,
     pub from: usize,
     /// Where the band begins in the picture.
     pub first_row: usize,
@@ -64,7 +66,8 @@ impl Kernel for Prefilter<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, from, first_row, colour, picture: [red, green, blue], black, gaps_only, scratch } = self;
+        let Self { width, window, from, first_row, colour, picture: [red, green, blue], black, gaps_only, scratch } =
+            self;
         let Scratch { buffers, single, gaps } = scratch;
         let rows = red.len() / width;
         for first in (0..rows).step_by(ROWS) {
@@ -80,14 +83,14 @@ impl Kernel for Prefilter<'_> {
                         let out =
                             [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[first * width..last * width]);
                         let gaps = gaps_only.then_some((&*gaps, strip));
-                        buffers.filter(colour, width, (first_row, from + first), columns, out, black, gaps);
+                        buffers.filter(colour, (width, window), (first_row, from + first), columns, out, black, gaps);
                     } else if count > 0 {
                         for row in first..last {
                             for start in gaps.pieces(row - first, strip).map(|piece| columns.start + piece * PIECE) {
                                 let columns = start..(start + PIECE).min(columns.end);
                                 let at = row * width + columns.start..row * width + columns.end;
                                 let out = [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[at.clone()]);
-                                single.filter(colour, width, (first_row, from + row), &columns, out, black);
+                                single.filter(colour, (width, window), (first_row, from + row), &columns, out, black);
                             }
                         }
                     }
@@ -190,29 +193,29 @@ impl Single {
     fn filter(
         &mut self,
         colour: &[u32],
-        width: usize,
+        (width, window): (usize, usize),
         (first_row, y): (usize, usize),
         columns: &Range<usize>,
         out: [&mut [f32]; 3],
         black: bool,
     ) {
         let Self { decoded, means, from_top, to_bottom } = self;
-        let count = columns.len() + 2 * ROOM;
-        // Rows are counted from REACH above the band, in blocks of WINDOW that do not depend on where it begins.
-        let last = y + 2 * REACH;
-        let boundary = last - (first_row + last) % WINDOW;
+        let (count, reach) = (columns.len() + 2 * ROOM, window / 2);
+        // Rows are counted from `reach` above the band, in blocks of a window that do not depend on where it begins.
+        let last = y + 2 * reach;
+        let boundary = last - (first_row + last) % window;
         from_top.clear();
         to_bottom.clear();
         for (row, is_below) in
             (y..boundary).rev().map(|row| (row, false)).chain((boundary..=last).map(|row| (row, true)))
         {
-            decoded.decode(row.checked_sub(REACH).and_then(|y| row_of(colour, width, y)), columns, REACH);
+            decoded.decode(row.checked_sub(reach).and_then(|y| row_of(colour, width, y)), columns, reach);
             let total = if is_below { &mut *from_top } else { &mut *to_bottom };
             for channel in 0..4 {
                 add(&mut total.channels[channel][..count], &decoded.channels[channel][..count], false);
             }
         }
-        means.show(from_top, to_bottom, 0, out, black);
+        means.show(from_top, to_bottom, 0, window, out, black);
     }
 }
 
@@ -231,7 +234,7 @@ struct Buffers {
 impl Buffers {
     fn new(width: usize) -> Self {
         let row = Row::new(width);
-        let [left, block] = [(); 2].map(|()| vec![row.clone(); WINDOW]);
+        let [left, block] = [(); 2].map(|()| vec![row.clone(); WIDEST]);
         Self { left, block, so_far: row.clone(), nothing: row, means: Means::new() }
     }
 
@@ -242,7 +245,7 @@ impl Buffers {
     fn filter(
         &mut self,
         colour: &[u32],
-        width: usize,
+        (width, window): (usize, usize),
         (first_row, from): (usize, usize),
         columns: Range<usize>,
         out: [&mut [f32]; 3],
@@ -252,30 +255,30 @@ impl Buffers {
         let Self { left, block, so_far, nothing, means } = self;
         let [red, green, blue] = out;
         let (rows, count) = (red.len() / width, columns.len());
-        let with_room = count + 2 * ROOM;
-        // Rows are counted from REACH above the band, in blocks of WINDOW that do not depend on where it begins; those outside are
+        let (with_room, reach) = (count + 2 * ROOM, window / 2);
+        // Rows are counted from `reach` above the band, in blocks of a window that do not depend on where it begins; those outside are
         // zeros. `last` is the last of a window. What the block of the first row has from before is in no window.
-        for last in from..from + rows + 2 * REACH {
-            let at = (first_row + last) % WINDOW;
+        for last in from..from + rows + 2 * reach {
+            let at = (first_row + last) % window;
             if at == 0 {
                 std::mem::swap(left, block);
-                finish_block(left, with_room);
+                finish_block(&mut left[..window], with_room);
             }
-            block[at].decode(last.checked_sub(REACH).and_then(|y| row_of(colour, width, y)), &columns, REACH);
+            block[at].decode(last.checked_sub(reach).and_then(|y| row_of(colour, width, y)), &columns, reach);
             for channel in 0..4 {
                 let (so_far, row) = (&mut so_far.channels[channel], &block[at].channels[channel]);
                 add(&mut so_far[..with_room], &row[..with_room], at == 0);
             }
-            let Some(row) = last.checked_sub(from + 2 * REACH) else { continue };
+            let Some(row) = last.checked_sub(from + 2 * reach) else { continue };
             // A window that ends with a block is that block: nothing of the one before is in it.
-            let before = if at + 1 < WINDOW { &left[at + 1] } else { &*nothing };
+            let before = if at + 1 < window { &left[at + 1] } else { &*nothing };
             let all = [true; PIECES];
             let pieces = gaps.map_or(all, |(gaps, strip)| gaps.of_strip(row, strip));
             for (from, _) in (0..count).step_by(PIECE).zip(pieces).filter(|&(_, has_gap)| has_gap) {
                 let to = (from + PIECE).min(count);
                 let place = row * width + columns.start + from..row * width + columns.start + to;
                 let out = [&mut red[place.clone()], &mut green[place.clone()], &mut blue[place]];
-                means.show(so_far, before, from, out, black);
+                means.show(so_far, before, from, window, out, black);
             }
         }
     }
@@ -307,13 +310,21 @@ impl Means {
 
     /// Shows the means of a piece whose columns' sums, in two parts, are in these rows at `from`.
     #[inline(always)]
-    fn show(&mut self, sums: &Row, before: &Row, from: usize, [red, green, blue]: [&mut [f32]; 3], black: bool) {
+    fn show(
+        &mut self,
+        sums: &Row,
+        before: &Row,
+        from: usize,
+        window: usize,
+        [red, green, blue]: [&mut [f32]; 3],
+        black: bool,
+    ) {
         let Self { down, all } = self;
         let count = red.len();
         let parts = sums.channels.iter().zip(&before.channels);
         for ((down, all), (sums, before)) in down.channels.iter_mut().zip(&mut *all).zip(parts) {
             add_two(&sums[from..], &before[from..], &mut down[..count + 2 * ROOM]);
-            seven(&down[ROOM - REACH..], &mut all[..count]);
+            across(&down[ROOM - window / 2..], window, &mut all[..count]);
         }
         show(all, red, green, blue, black);
     }
@@ -326,12 +337,30 @@ fn add_two(one: &[f32], other: &[f32], to: &mut [f32]) {
     }
 }
 
+/// Sums of `window` numbers each. A loop of its own for each window: its sums are a tree, not a chain.
 #[inline(always)]
-fn seven(from: &[f32], to: &mut [f32]) {
+fn across(from: &[f32], window: usize, to: &mut [f32]) {
+    match window {
+        3 => sums::<3>(from, to),
+        5 => sums::<5>(from, to),
+        7 => sums::<7>(from, to),
+        _ => sums::<WIDEST>(from, to),
+    }
+}
+
+#[inline(always)]
+fn sums<const N: usize>(from: &[f32], to: &mut [f32]) {
     let width = to.len();
-    let tap = [0, 1, 2, 3, 4, 5, 6].map(|offset| &from[offset..][..width]);
+    let tap: [&[f32]; N] = std::array::from_fn(|offset| &from[offset..][..width]);
     for x in 0..width {
-        to[x] = ((tap[0][x] + tap[1][x]) + (tap[2][x] + tap[3][x])) + ((tap[4][x] + tap[5][x]) + tap[6][x]);
+        let one = |number: usize| tap[number][x];
+        let two = |number: usize| one(number) + one(number + 1);
+        to[x] = match N {
+            3 => two(0) + one(2),
+            5 => (two(0) + two(2)) + one(4),
+            7 => (two(0) + two(2)) + (two(4) + one(6)),
+            _ => ((two(0) + two(2)) + (two(4) + two(6))) + one(8),
+        };
     }
 }
 
@@ -379,21 +408,31 @@ mod tests {
         (0..SIZE.0 * SIZE.1).map(point).collect()
     }
 
-    fn filtered(colour: &[u32], gaps_only: bool) -> [Vec<f32>; 3] {
+    fn filtered(colour: &[u32], window: usize, gaps_only: bool) -> [Vec<f32>; 3] {
         let mut picture = [(); 3].map(|()| vec![0.0; colour.len()]);
         let [red, green, blue] = picture.each_mut().map(Vec::as_mut_slice);
         let isa = Isa::new(Instructions::best()).unwrap();
-        let (planes, scratch) = ([red, green, blue], &mut Scratch::new(SIZE.0));
-        let width = SIZE.0;
-        isa.run(Prefilter { width, from: 0, first_row: 0, colour, picture: planes, black: true, gaps_only, scratch });
+        let (picture_of, scratch) = ([red, green, blue], &mut Scratch::new(SIZE.0));
+        let (width, black) = (SIZE.0, true);
+        isa.run(Prefilter {
+            width,
+            window,
+            from: 0,
+            first_row: 0,
+            colour,
+            picture: picture_of,
+            black,
+            gaps_only,
+            scratch,
+        });
         picture
     }
 
-    /// Mean of a channel over the points of 7×7 pixels.
-    fn mean(colour: &[u32], column: usize, row: usize, channel: usize) -> f64 {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for y in row.saturating_sub(REACH)..(row + REACH + 1).min(SIZE.1) {
-            for x in column.saturating_sub(REACH)..(column + REACH + 1).min(SIZE.0) {
+    /// Mean of a channel over the points of `window` × `window` pixels.
+    fn mean(colour: &[u32], window: usize, column: usize, row: usize, channel: usize) -> f64 {
+        let (mut sum, mut count, reach) = (0.0, 0.0, window / 2);
+        for y in row.saturating_sub(reach)..(row + reach + 1).min(SIZE.1) {
+            for x in column.saturating_sub(reach)..(column + reach + 1).min(SIZE.0) {
                 let point = colour[y * SIZE.0 + x];
                 count += if point == colour::NONE { 0.0 } else { 1.0 };
                 sum += f64::from(colour::decode(point)[channel]);
@@ -403,27 +442,32 @@ mod tests {
     }
 
     #[test]
-    fn gaps_filtered_alone_are_to_the_bit_what_the_whole_picture_gives_and_the_means_of_49_pixels() {
+    fn gaps_filtered_alone_are_to_the_bit_what_the_whole_picture_gives_and_the_means_of_the_window() {
         let colour = points();
-        let (all, gaps) = (filtered(&colour, false), filtered(&colour, true));
-        let (width, height) = SIZE;
-        let mut found = [0; 2];
-        for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
-            let around = |x: usize, y: usize| colour[y * width + x] == colour::NONE;
-            let rows = row.saturating_sub(1)..(row + 2).min(height);
-            let is_gap = rows.flat_map(|y| (column.saturating_sub(1)..(column + 2).min(width)).map(move |x| (x, y)));
-            let is_gap = is_gap.into_iter().all(|(x, y)| around(x, y));
-            let pixel = row * width + column;
-            for channel in 0..3 {
-                let expected = mean(&colour, column, row, channel);
-                // 49 roundings of an f32 at most, and a few.
-                let error = (f64::from(all[channel][pixel]) - expected).abs();
-                assert!(error <= 60.0 * f64::from(f32::EPSILON) * expected, "{column} {row}: {error}");
-                assert!(!is_gap || all[channel][pixel].to_bits() == gaps[channel][pixel].to_bits(), "{column} {row}");
+        for window in [3, 5, 7, WIDEST] {
+            let (all, gaps) = (filtered(&colour, window, false), filtered(&colour, window, true));
+            let (width, height) = SIZE;
+            let mut found = [0; 2];
+            for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
+                let around = |x: usize, y: usize| colour[y * width + x] == colour::NONE;
+                let rows = row.saturating_sub(1)..(row + 2).min(height);
+                let is_gap =
+                    rows.flat_map(|y| (column.saturating_sub(1)..(column + 2).min(width)).map(move |x| (x, y)));
+                let is_gap = is_gap.into_iter().all(|(x, y)| around(x, y));
+                let pixel = row * width + column;
+                for channel in 0..3 {
+                    let expected = mean(&colour, window, column, row, channel);
+                    // A rounding of an f32 for each of the window's pixels at most, and a few.
+                    let roundings = (window * window + 11) as f64;
+                    let error = (f64::from(all[channel][pixel]) - expected).abs();
+                    assert!(error <= roundings * f64::from(f32::EPSILON) * expected, "{column} {row}: {error}");
+                    let is_same = all[channel][pixel].to_bits() == gaps[channel][pixel].to_bits();
+                    assert!(!is_gap || is_same, "{window}: {column} {row}");
+                }
+                found[usize::from(column >= 300)] += usize::from(is_gap);
             }
-            found[usize::from(column >= 300)] += usize::from(is_gap);
+            // 0.67⁹ of 36,000 and 0.4⁹ of 48,000, and more at the edges.
+            assert!(found[0] > 500 && (5..200).contains(&found[1]), "{found:?}");
         }
-        // 0.67⁹ of 36,000 and 0.4⁹ of 48,000, and more at the edges.
-        assert!(found[0] > 500 && (5..200).contains(&found[1]), "{found:?}");
     }
 }

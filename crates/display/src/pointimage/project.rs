@@ -7,9 +7,10 @@
 //!
 //! Always true: the result does not depend on the number of threads.
 
+use super::colour;
 use super::huge::filled;
 use super::isa::{Isa, Kernel};
-use super::map::{Lens, Map, NEAREST};
+use super::map::{BEYOND, Lens, Map};
 use super::parallel;
 use super::points::{Block, FRESH, HIDDEN, State};
 use super::prefetch::prefetch_at;
@@ -160,6 +161,7 @@ impl Chains<'_> {
     pub fn add(&mut self, isa: Isa, screen: Screen, first: usize, blocks: &[Block], states: &mut [State]) {
         match screen.map {
             Map::Flat(lens) => self.add_by(isa, lens, screen, first, blocks, states),
+            Map::Cut(lens) => self.add_by(isa, lens, screen, first, blocks, states),
             Map::Curved(lens) => self.add_by(isa, lens, screen, first, blocks, states),
         }
     }
@@ -255,10 +257,11 @@ fn place<L: Lens>(
     let shift = tile_rows.ilog2();
     let trash = size.1.div_ceil(tile_rows) as u32;
     let [x, y, z] = &points.position;
+    let (nearest, farthest) = (map.nearest(), map.farthest());
     for i in 0..BLOCK {
         let (column, row, depth) = map.project([x[i], y[i], z[i]]);
         let state = states[i];
-        let seen = (NEAREST..f32::INFINITY).contains(&depth)
+        let seen = (nearest..f32::INFINITY).contains(&depth)
             & (column >= 0.0)
             & (column < right)
             & (row >= 0.0)
@@ -268,12 +271,13 @@ fn place<L: Lens>(
         let tile = row >> shift;
         let pixel = (row - (tile << shift)) * width + column;
         let old = if state.has(FRESH) { 0 } else { OLD };
+        let is_black = L::CLIPS && depth > farthest;
         tile_of[i] = if seen { tile as u32 } else { trash };
         found[i] = Record {
             about: (pixel as u32) << Record::PIXEL | u32::from(state.age()),
-            colour: points.colour[i],
+            colour: if is_black { colour::BLACK } else { points.colour[i] },
             slot: start + i as u32,
-            depth: depth.to_bits() | old,
+            depth: if is_black { BEYOND } else { depth }.to_bits() | old,
         };
     }
 }

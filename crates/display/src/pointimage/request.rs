@@ -2,7 +2,6 @@
 
 use super::PointImage;
 use super::colour;
-use super::map::NEAREST;
 use super::points::{FRESH, GENERATIONS};
 use super::random;
 use super::sample::{Aim, Purpose, Request, Tag};
@@ -81,7 +80,7 @@ impl PointImage {
         let (column, row, depth) = map.project(self.points.position(slot));
         let at = pixel as usize;
         // As the projection of all points has it: the whole part.
-        depth >= NEAREST
+        depth >= map.nearest()
             && column.floor() == (at % width) as f32
             && row.floor() == (at / width) as f32
             && !self.points.states[slot].is_empty()

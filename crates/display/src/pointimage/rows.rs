@@ -6,7 +6,7 @@ use super::colour;
 use std::ops::Range;
 
 /// Pixels of room at each end: the widest filter's reach.
-pub(super) const ROOM: usize = 3;
+pub(super) const ROOM: usize = 4;
 
 /// Sums of three channels and of weights.
 #[derive(Clone, Debug)]

@@ -58,15 +58,16 @@ pub(super) struct Request {
 }
 
 impl Request {
-    /// Origin and direction (of length 1) of the ray of `view`.
+    /// Origin (on the fore clipping surface) and direction (of length 1) of the ray of `view`.
     pub fn ray(&self, view: &View, origin: DVec3) -> (DVec3, DVec3) {
-        match self.aim {
+        let (start, direction) = match self.aim {
             Aim::Picture(x, y) => view.ray(x.into(), y.into()),
             Aim::Through(point) => {
                 let point = DVec3::from(point.map(f64::from)) + origin;
                 view.ray_to(point)
             }
-        }
+        };
+        (start + direction * view.span(direction)[0], direction)
     }
 }
 

@@ -1,11 +1,10 @@
 //! A frame, stage by stage (Walter et al. 2002, Figure 1).
 
 use super::bands::Work;
-use super::interpolate::Looks;
+use super::interpolate::{Looks, Weights};
 use super::map::Map;
 use super::params::{EmptyPixels, Smoothing, Stage, Stages};
 use super::points::{Age, NOISY};
-use super::predict::Occupancy;
 use super::prefetch::prefetch_at;
 use super::project::{BLOCK, Screen};
 use super::sample::{Purpose, Sample};
@@ -52,7 +51,7 @@ impl PointImage {
 
     fn look(&mut self, view: &View, moved: bool) {
         if !self.has_origin {
-            (self.origin, self.has_origin) = (view.vp, true);
+            (self.origin, self.has_origin) = (view.eye(), true);
         }
         if moved {
             self.epoch = self.epoch.wrapping_add(1);
@@ -61,7 +60,7 @@ impl PointImage {
             self.view = Some(*view);
             self.map = Some(Map::new(view, self.origin, width as f64, height as f64));
         }
-        self.eye = view.vp - self.origin;
+        self.eye = view.eye() - self.origin;
     }
 
     /// Ages the points by as much as `samples` are worth, if that is anything or they are to be looked through anyway; takes those in.
@@ -72,7 +71,8 @@ impl PointImage {
 
     /// Ages the points by as much as `samples` new ones are worth.
     pub(super) fn age(&mut self, samples: usize, moved: bool, is_hinted: bool) {
-        let increment = if self.params.stages.ageing { self.points.increment(samples) } else { 0 };
+        let increment =
+            if self.params.stages.ageing { self.points.increment(samples, self.params.mean_last_age) } else { 0 };
         if increment > 0 || moved || is_hinted {
             let lengths = self.buckets.lengths().iter().copied();
             let parts = parallel::cut(&mut self.points.states, lengths);
@@ -123,7 +123,7 @@ impl PointImage {
     /// in the second cache, so that they come from memory once.
     fn project(&mut self, predicted: Option<&View>, is_new: bool, ended: &mut dyn FnMut(Stage)) {
         let (isa, size) = (self.isa, self.planes.size);
-        let (width, height) = Occupancy::scaled(size);
+        let (width, height) = self.occupancy.scaled(size);
         let predicted = predicted.map(|view| Map::new(view, self.origin, width, height));
         let marks = predicted.as_ref().map(|map| self.occupancy.begin(map));
         let tile_rows = self.buckets.tile_rows;
@@ -161,6 +161,7 @@ impl PointImage {
     /// The picture of the points that were projected.
     fn show(&mut self, ended: &mut dyn FnMut(Stage)) {
         let prior = self.prior();
+        let (weights, window) = (Weights::new(&self.params), self.params.prefilter_window as usize);
         let (smoothing, stages, empty) = (self.params.smoothing, self.params.stages, self.params.empty);
         let fill = stages.interpolation;
         let looks = Looks {
@@ -168,6 +169,7 @@ impl PointImage {
             black: empty == EmptyPixels::Black && !stages.prefilter,
             fill,
             prior,
+            weights,
         };
         let states = states_as_atomic(&mut self.points.states);
         let work = Work {
@@ -175,7 +177,7 @@ impl PointImage {
             size: self.planes.size,
             fill: Fill { isa: self.isa, buckets: &self.buckets, states, frame: self.frames },
             cull_threshold: stages.depth_cull.then_some(self.params.cull_threshold),
-            prefilter: stages.prefilter.then_some((empty == EmptyPixels::Black, fill && prior == 0.0)),
+            prefilter: stages.prefilter.then_some((window, empty == EmptyPixels::Black, fill && prior == 0.0)),
             looks,
         };
         work.run(&mut self.planes, &mut self.scratch, ended);

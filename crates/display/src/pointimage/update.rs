@@ -8,12 +8,7 @@ use super::map::{far_along, far_away};
 use super::points::{Details, FRESH, GENERATION, GENERATIONS, HIDDEN, HIGHLIGHT, NOISY, REFINED, State};
 use super::sample::{Place, Purpose, Sample};
 use glam::DVec3;
-use holo_picture::View;
-
-/// Standard deviations of stated noise that are not yet a change.
-const NOISE_DEVIATIONS: f32 = 3.0;
-/// Depth differs by more than this share: the ray met something else.
-const MOVED: f64 = 0.1;
+use holo_picture::{Clip, View};
 
 impl PointImage {
     /// Takes a sample in; false if it has a number that is not finite.
@@ -30,6 +25,13 @@ impl PointImage {
         let mut radiance = sample.radiance.map(|channel| channel.clamp(0.0, colour::LARGEST));
         // +0 for -0, so that equal colours have equal bits.
         radiance.iter_mut().for_each(|channel| *channel += 0.0);
+        match self.clip(sample) {
+            Clip::Shown => {}
+            // Not what the view sees: whoever asked began the ray too early.
+            Clip::Before => return true,
+            // The mean over a pixel's rays is of what they show. Where it is kept it is black in such views anyway.
+            Clip::Beyond => radiance = [0.0; 3],
+        }
         let tag = sample.tag;
         let slot = tag.slot as usize;
         let is_current = tag.epoch == self.epoch && tag.purpose != Purpose::Fill;
@@ -59,9 +61,9 @@ impl PointImage {
                 Some(slot) if self.points.is_of_view(slot) => {}
                 Some(slot) => {
                     let (old, new) = self.distances(slot, position);
-                    if new < old * (1.0 - MOVED) {
+                    if new < old * (1.0 - self.params.move_threshold) {
                         self.put(slot, position, radiance, sample, false);
-                    } else if new <= old * (1.0 + MOVED) {
+                    } else if new <= old * (1.0 + self.params.move_threshold) {
                         self.confirm(slot, position, radiance, sample, false);
                     }
                 }
@@ -76,6 +78,19 @@ impl PointImage {
             }
         }
         true
+    }
+
+    /// Whether the view shows what a ray that is meant for it met.
+    #[inline]
+    fn clip(&self, sample: &Sample) -> Clip {
+        match self.view.as_ref().filter(|view| view.is_clipped() && sample.tag.purpose != Purpose::Fill) {
+            None => Clip::Shown,
+            Some(view) => match sample.place {
+                Place::At(position) => view.clip(position),
+                Place::Toward(_) if view.clips_sky() => Clip::Beyond,
+                Place::Toward(_) => Clip::Shown,
+            },
+        }
     }
 
     /// The first point of a pixel.
@@ -131,10 +146,10 @@ impl PointImage {
             // A mean of n samples has 1/n of their variance.
             variance += details.noise * details.noise / details.reference_count.max(1) as f32;
         }
-        let allowed = self.params.change_threshold * largest + NOISE_DEVIATIONS * variance.max(0.0).sqrt();
+        let allowed = self.params.change_threshold * largest + self.params.noise_deviations * variance.max(0.0).sqrt();
         let changed = radiance.iter().zip(&reference).any(|(new, old)| (new - old).abs() > allowed);
         let (old, new) = self.distances(slot, position);
-        changed || (new - old).abs() > MOVED * old
+        changed || (new - old).abs() > self.params.move_threshold * old
     }
 
     /// Mean of rays through a point.
@@ -207,8 +222,9 @@ impl PointImage {
     fn age_neighbours(&mut self, pixel: u32, changed: usize) {
         let (width, height) = self.planes.size;
         let (column, row) = (pixel as usize % width, pixel as usize / width);
-        for y in row.saturating_sub(1)..(row + 2).min(height) {
-            for x in column.saturating_sub(1)..(column + 2).min(width) {
+        let reach = self.params.change_reach as usize;
+        for y in row.saturating_sub(reach)..(row + reach + 1).min(height) {
+            for x in column.saturating_sub(reach)..(column + reach + 1).min(width) {
                 let slot = self.planes.slot[y * width + x] as usize;
                 if slot != changed && self.points.states.get(slot).is_some_and(|state| !state.is_empty()) {
                     self.points.age(slot, self.params.change_ageing);

@@ -83,7 +83,8 @@ impl Intersection {
 pub(crate) struct Reader<'a> {
     pub levels: &'a [Level],
     params: &'a QuadtreeParams,
-    last_noise: Cell<Option<KnownNoise>>,
+    /// To be forgotten from tile to tile, so that no tile depends on others.
+    pub last_noise: Cell<Option<KnownNoise>>,
     /// Highest level that was averaged over since it was last set.
     pub reach: Cell<usize>,
 }
@@ -91,7 +92,7 @@ pub(crate) struct Reader<'a> {
 /// The noise found last, and of what: pixels side by side mostly ask for the same, and climbing the levels is a good part of
 /// a drawing's time. Pixels are read in a fixed order, so this changes no picture by chance.
 #[derive(Clone, Copy)]
-struct KnownNoise {
+pub(crate) struct KnownNoise {
     level: usize,
     column: usize,
     row: usize,

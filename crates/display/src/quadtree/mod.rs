@@ -9,7 +9,7 @@
 //! - No mean is taken across a jump in depth.
 //! - As samples grow, every pixel tends to the mean of its own samples: the box filter.
 //! - A pixel whose middle no section covers is 0, whatever its neighbours are.
-//! - A pixel whose middle's best beam sees nothing is the sky, exactly: it is known, with or without samples.
+//! - A pixel whose middle's best beam sees nothing is the sky (black if the view clips it), exactly: it is known, with or without samples.
 
 mod beams;
 mod bins;
@@ -23,7 +23,9 @@ mod surface;
 mod wide;
 
 use crate::camera::Camera;
-use crate::candidates::{candidates, is_covered};
+use crate::candidates::candidates;
+use crate::parts::both;
+use crate::voronoi::covered::covered;
 use bins::{BINS_KEPT, Colour, PixelBins, merged};
 use drawing::Drawing;
 use glam::DVec3;
@@ -31,7 +33,6 @@ use holo_picture::{Picture, View};
 use holo_section::{BeamId, Sample, Section};
 use keep::Kept;
 pub use keep::REFETCH_DEGREES;
-use paint::{Painter, UnseenPixels, tile_count, tile_pixels};
 use reproject::{BeamProjector, DistanceTable, Landing, PlacedSection};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -212,7 +213,8 @@ impl Quadtree {
                     }
                     let bins = if landing.narrow { &self.narrow } else { &self.wide };
                     bins.prefetch_pixel(pixel);
-                    self.arrived.push((pixel, landing, sample.rgbe));
+                    let rgbe = if landing.is_black { [0; 4] } else { sample.rgbe };
+                    self.arrived.push((pixel, landing, rgbe));
                 }
             }
             for (pixel, landing, _) in &self.arrived {
@@ -252,14 +254,10 @@ impl Quadtree {
     /// The picture of all samples so far, and how samples of several depths were resolved in it.
     pub fn draw_and_count(&self) -> (Frame, MultiDepth) {
         let pyramids = Pyramids::new(self);
-        let (agreement, mut depths) = (self.agreement(&pyramids), MultiDepth::default());
-        let painter = Painter::new(&pyramids, agreement.as_ref(), &self.params);
+        let agreement = self.agreement(&pyramids);
+        let (painted, depths) = self.paint_all(&pyramids, agreement.as_ref());
         let mut frame = self.empty_frame();
-        let mut unseen = UnseenPixels::default();
-        for (column, row) in (0..tile_count(self.size)).flat_map(|number| tile_pixels(self.size, number)) {
-            let pixel = row * self.size.0 as usize + column;
-            frame.show(pixel, &self.paint(&painter, column, row, unseen.has(self, pixel), &mut depths));
-        }
+        painted.iter().enumerate().for_each(|(pixel, (painted, _))| frame.show(pixel, painted));
         (frame, depths)
     }
 
@@ -290,8 +288,7 @@ impl Quadtree {
     /// Works out all that depends on the view but on no sample.
     fn place(&mut self) {
         self.placed = self.sections.iter().map(|section| PlacedSection::new(section, &self.camera)).collect();
-        let mut hint = 0;
-        self.covered = self.middles().map(|(eye, along)| is_covered(&self.sections, eye, along, &mut hint)).collect();
+        self.covered = covered(&self.sections, &self.view, self.size);
         self.uncovered_pixels = self.covered.iter().filter(|&&covered| !covered).count() as u64;
         self.best.clear();
     }
@@ -320,7 +317,8 @@ impl Quadtree {
     /// The view ray of a pixel's middle.
     fn middle(&self, column: u32, row: u32) -> (DVec3, DVec3) {
         let (x, y) = View::pixel_centre(self.size, column, row);
-        self.view.ray(x, y)
+        let ray = self.view.clipped_ray(x, y);
+        ray.map_or((self.view.vp, DVec3::ZERO), |(origin, direction, _)| (origin, direction))
     }
 }
 
@@ -335,11 +333,15 @@ impl Pyramids {
     fn new(tree: &Quadtree) -> Self {
         let (width, height) = (tree.size.0 as usize, tree.size.1 as usize);
         let most = usize::from(tree.params.max_level);
-        let narrow = pyramid(|pixel| tree.narrow.of(pixel), |pixel| tree.prefetch(pixel), width, height, most);
-        let all = (!tree.wide.is_empty()).then(|| {
+        let narrow = || pyramid(|pixel| tree.narrow.of(pixel), |pixel| tree.prefetch(pixel), width, height, most);
+        if tree.wide.is_empty() {
+            return Self { narrow: narrow(), all: None };
+        }
+        let all = || {
             pyramid(|pixel| merged(&tree.narrow, &tree.wide, pixel), |pixel| tree.prefetch(pixel), width, height, most)
-        });
-        Self { narrow, all }
+        };
+        let (narrow, all) = both(narrow, all);
+        Self { narrow, all: Some(all) }
     }
 
     fn all(&self) -> &[Level] {

@@ -1,13 +1,16 @@
 //! What a pixel shows: the colours of its surfaces, in the shares that its samples tell.
 //!
-//! Invariant: a pixel is a function of the leaves and, by the noise found last, of the pixels of its tile before it.
+//! Invariant: a pixel is a function of the leaves and, by the noise found last, of the pixels of its tile before it: tiles are drawn on all
+//! cores, in any order.
 
 use super::bins::{BINS_AN_OCTAVE, NEAR_CLASSES, bin_distance};
 use super::leaf::{Reader, beside, own_surface};
 use super::surface::{Level, Surface, gap_allowed};
 use super::wide::Agreement;
 use super::{Frame, MultiDepth, Pyramids, Quadtree, QuadtreeParams, SEEN_SHARE};
+use crate::parts::for_parts;
 use holo_section::BeamId;
+use std::sync::{Mutex, PoisonError};
 
 /// Side of the squares of pixels that are drawn one after the other.
 pub(super) const TILE: usize = 16;
@@ -47,6 +50,14 @@ pub(super) struct Counts {
     pub samples: u32,
     pub empty: bool,
     pub unseen: bool,
+}
+
+impl MultiDepth {
+    fn add(&mut self, more: &Self) {
+        self.by_near_samples += more.by_near_samples;
+        self.by_leaves += more.by_leaves;
+        self.remaining += more.remaining;
+    }
 }
 
 impl Frame {
@@ -94,6 +105,12 @@ impl<'a> Painter<'a> {
     pub fn new(pyramids: &'a Pyramids, agreement: Option<&'a Agreement>, params: &'a QuadtreeParams) -> Self {
         let narrow = agreement.map(|agreement| (Reader::new(&pyramids.narrow, params), agreement));
         Self { all: Reader::new(pyramids.all(), params), narrow }
+    }
+
+    /// Forgets what other tiles' pixels found.
+    pub fn begin_tile(&self) {
+        self.all.last_noise.set(None);
+        self.narrow.iter().for_each(|(narrow, _)| narrow.last_noise.set(None));
     }
 
     /// The highest level that colours were read from since this was last asked.
@@ -207,6 +224,33 @@ fn fill(painter: &Painter, column: usize, row: usize) -> Option<([f32; 3], u16)>
 }
 
 impl Quadtree {
+    /// What every pixel shows, the highest level that it was averaged over, and how several depths were resolved. By all cores: no tile
+    /// knows of others.
+    pub(super) fn paint_all(
+        &self,
+        pyramids: &Pyramids,
+        agreement: Option<&Agreement>,
+    ) -> (Vec<(Painted, u8)>, MultiDepth) {
+        let width = self.size.0 as usize;
+        let across = width.div_ceil(TILE);
+        let mut all = vec![(Painted::default(), 0); self.covered.len()];
+        let sum = Mutex::new(MultiDepth::default());
+        for_parts(&mut all, width, TILE, |part, rows| {
+            let painter = Painter::new(pyramids, agreement, &self.params);
+            let (mut unseen, mut depths) = (UnseenPixels::default(), MultiDepth::default());
+            for tile in part * across..(part + 1) * across {
+                painter.begin_tile();
+                for (column, row) in tile_pixels(self.size, tile) {
+                    let is_unseen = unseen.has(self, row * width + column);
+                    let painted = self.paint(&painter, column, row, is_unseen, &mut depths);
+                    rows[(row - part * TILE) * width + column] = (painted, painter.reach() as u8);
+                }
+            }
+            sum.lock().unwrap_or_else(PoisonError::into_inner).add(&depths);
+        });
+        (all, sum.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+
     /// What a pixel shows.
     pub(super) fn paint(
         &self,
@@ -221,7 +265,8 @@ impl Quadtree {
         }
         if is_unseen {
             let counts = Counts { unseen: true, ..Counts::default() };
-            return Painted { colour: self.params.sky, depth: f32::INFINITY, counts };
+            let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
+            return Painted { colour, depth: f32::INFINITY, counts };
         }
         let own = painter.all.levels[0].leaf(column, row);
         // A radius that was given is that of the nearest surface already.

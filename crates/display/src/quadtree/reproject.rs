@@ -7,6 +7,7 @@ use crate::camera::Camera;
 use crate::quadtree::bins::{FAR, NEAR_CLASSES, depth_bin};
 use crate::quadtree::wide::NARROW;
 use glam::DVec3;
+use holo_picture::Clip;
 use holo_section::{CellIndex, CellPair, Sample, Section, distance};
 
 /// Steps of a ray coordinate in a cell.
@@ -77,6 +78,8 @@ pub(crate) struct Landing {
     pub near: Option<usize>,
     /// Whether the ray looks as the eye does ([`NARROW`]).
     pub narrow: bool,
+    /// Whether it is beyond the aft clipping surface, and so black.
+    pub is_black: bool,
 }
 
 /// A beam's set-up for reprojection.
@@ -116,7 +119,7 @@ impl<'a> BeamProjector<'a> {
         }
     }
 
-    /// None when the sample's surface is behind the eye or outside the picture.
+    /// None when the sample's surface is behind the eye, before the fore clipping surface or outside the picture.
     #[inline]
     pub fn land(&self, sample: &Sample) -> Option<Landing> {
         let [entry_u, entry_v, exit_u, exit_v] = sample.coords.0.map(f64::from);
@@ -143,6 +146,12 @@ impl<'a> BeamProjector<'a> {
         if !(is_ahead && x >= 0.0 && x < self.size.0 && y >= 0.0 && y < self.size.1) {
             return None;
         }
+        let is_black = match self.camera.clip(point) {
+            // What met nothing has no place but a direction.
+            _ if !hits => self.camera.clips_sky(),
+            Clip::Before => return None,
+            clip => clip == Clip::Beyond,
+        };
         let eye = self.camera.eye_of(point);
         let distance_squared = (point - eye).length_squared();
         let miss_squared = (entry - eye).cross(along).length_squared() / length_squared;
@@ -150,10 +159,11 @@ impl<'a> BeamProjector<'a> {
         Some(Landing {
             column: x as usize,
             row: y as usize,
-            bin: if hits { depth_bin(distance_squared) } else { FAR },
+            bin: if hits && !is_black { depth_bin(distance_squared) } else { FAR },
             weight: nearness_weight(miss_squared / footprint_squared),
             // What hit nothing is seen from everywhere alike.
             narrow: !hits || miss_squared <= NARROW * NARROW * distance_squared,
+            is_black,
             near: near_class(match self.radius_squared {
                 Some(radius_squared) => miss_squared / radius_squared,
                 None if hits => miss_squared / footprint_squared,

@@ -128,7 +128,7 @@ impl Caster<'_> {
             (x as f64 + 0.5, y as f64 + 0.5)
         };
         // Rays of one eye near the scene differ in their directions alone, which are then found many at once.
-        let one = self.is_perspective().then(|| self.ray(middle(0).0, middle(0).1)).flatten();
+        let one = self.is_plain_perspective().then(|| self.ray(middle(0).0, middle(0).1)).flatten();
         if let Some((first, 0.0)) = one {
             let mut points = [(0.0, 0.0); MAX_TILE];
             points.iter_mut().zip(0..rays.len()).for_each(|(point, number)| *point = middle(number));

@@ -5,6 +5,7 @@
 
 use crate::candidates::is_covered;
 use crate::parts::for_parts;
+use glam::DVec3;
 use holo_picture::{View, ViewKind};
 use holo_section::Section;
 
@@ -26,7 +27,8 @@ pub(crate) fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Ve
     let mut covered = vec![false; width * height];
     let ray = |column: usize, row: usize| {
         let x = (column as f64 + 0.5) / width as f64;
-        view.ray(x, 1.0 - (row as f64 + 0.5) / height as f64)
+        let ray = view.clipped_ray(x, 1.0 - (row as f64 + 0.5) / height as f64);
+        ray.map_or((view.vp, DVec3::ZERO), |(origin, direction, _)| (origin, direction))
     };
     for_parts(&mut covered, width, SIDE, |part, rows| {
         let (mut hint, top) = (0, part * SIDE);

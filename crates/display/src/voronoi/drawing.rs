@@ -162,7 +162,7 @@ impl<'a> Drawing<'a> {
         });
         let middles: &[[f32; 3]] = pixels;
         let colour = |pixel: usize, shows: &Shows| match shows {
-            Shows::Sky => Some(self.voronoi.shadings.sky),
+            Shows::Sky => Some(self.voronoi.shadings.nothing),
             // Without samples near, its middle has the light that is known of such surfaces.
             Shows::Lit { by, material } => main
                 .light
@@ -434,7 +434,7 @@ impl<'a> Lit<'a> {
     /// Radiance of a surface in this light; without any, as if the eye carried a lamp.
     fn colour(&self, seen: &Seen, light: Option<[f32; 3]>) -> [f32; 3] {
         if seen.is_sky() {
-            return self.shadings.sky;
+            return if seen.through { self.shadings.sky } else { self.shadings.nothing };
         }
         let shading = &self.shadings.materials[seen.material as usize];
         let unit = self.shadings.unit;

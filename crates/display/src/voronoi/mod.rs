@@ -8,12 +8,12 @@
 //! - The picture is a function of the set of samples: their order and batches change no bit of it.
 //! - No light crosses from one surface to another.
 //! - As samples grow, every pixel tends to the mean of the samples of its surface within it.
-//! - A pixel whose ray meets nothing is the sky, exactly; one that has no ray, in the corners of a fisheye, is 0.
+//! - A pixel whose ray meets nothing is the sky (black if the view clips it), exactly; one that has no ray, in the corners of a fisheye, is 0.
 
 mod beams;
 mod blocks;
 mod cast;
-mod covered;
+pub(crate) mod covered;
 mod deposit;
 mod drawing;
 mod edges;
@@ -144,7 +144,7 @@ impl Voronoi {
         let covered = covered::covered(&sections, &view, size);
         Self {
             placed: sections.iter().map(|section| PlacedSection::new(section, &camera)).collect(),
-            shadings: Shadings::new(raycaster.scene()),
+            shadings: Shadings::new(raycaster.scene(), view.clips_sky()),
             distances: DistanceTable::new(),
             sections,
             raycaster,

@@ -80,6 +80,8 @@ impl Shading {
 pub(crate) struct Shadings {
     pub materials: Vec<Shading>,
     pub sky: Rgb,
+    /// What a ray of the view itself shows that meets nothing: the sky, black if that is clipped.
+    pub nothing: Rgb,
     /// Radiance of one step.
     pub unit: f32,
 }
@@ -88,12 +90,14 @@ pub(crate) struct Shadings {
 const STEPS: f32 = (1_u64 << 26) as f32;
 
 impl Shadings {
-    pub fn new(scene: &Scene) -> Shadings {
+    /// `clips_sky`: whether the view shows black instead of the sky.
+    pub fn new(scene: &Scene, clips_sky: bool) -> Shadings {
         let brightest =
             scene.materials.iter().flat_map(|material| material.emission).chain(scene.sky).fold(0.0, f32::max);
         // A power of two: it scales without rounding.
         let unit = if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { STEPS.recip() };
-        Shadings { materials: scene.materials.iter().map(Shading::new).collect(), sky: scene.sky, unit }
+        let nothing = if clips_sky { [0.0; 3] } else { scene.sky };
+        Shadings { materials: scene.materials.iter().map(Shading::new).collect(), sky: scene.sky, nothing, unit }
     }
 
     /// Radiance of a material in this light.

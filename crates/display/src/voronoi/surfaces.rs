@@ -250,7 +250,7 @@ impl<'a> Caster<'a> {
     pub fn is_beyond(&self, column: f64, row: f64, seen: &Seen) -> bool {
         let Some(portals) = self.portals else { return false };
         let (eye, direction) = self.view.ray(column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
-        let near = portals.localize(eye, direction);
+        let near = portals.localize(eye, direction).map(|ray| self.clipped(ray, direction));
         let met = near.and_then(|(ray, skipped)| Some(skipped + f64::from(portals.nearest(&ray)?.t)));
         let reach = f64::from(self.camera.sight(seen.position).length()) * (1.0 + PORTAL_SLACK);
         met.is_some_and(|distance| seen.is_sky() || distance <= reach)
@@ -260,12 +260,18 @@ impl<'a> Caster<'a> {
     pub fn ray(&self, column: f64, row: f64) -> Option<(Ray, f64)> {
         let (x, y) = (column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
         let (eye, direction) = self.view.ray(x, y);
-        self.raycaster.localize(eye, direction)
+        self.raycaster.localize(eye, direction).map(|ray| self.clipped(ray, direction))
     }
 
-    /// Whether all rays begin at one point, towards points of a plane.
-    pub fn is_perspective(&self) -> bool {
-        self.camera.is_perspective()
+    /// A ray between the view's clipping surfaces.
+    fn clipped(&self, (ray, skipped): (Ray, f64), direction: DVec3) -> (Ray, f64) {
+        let [t_min, t_max] = self.view.span(direction).map(|distance| (distance - skipped).max(0.0) as f32);
+        (Ray { t_min, t_max, ..ray }, skipped)
+    }
+
+    /// Whether all rays begin at one point, towards points of a plane, and go on for ever.
+    pub fn is_plain_perspective(&self) -> bool {
+        self.camera.is_perspective() && !self.view.is_clipped()
     }
 
     /// Directions through points of a perspective's picture, in pixels.

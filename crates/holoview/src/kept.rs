@@ -1,0 +1,158 @@
+//! The quadtree from view to view: what it has is shown in the next view until that has samples of its own (Larson & Simmons 1999, §3).
+//!
+//! What always holds:
+//! - once the stored samples of a view have come, its pictures are of what was sent for this view and of nothing else, so a picture at
+//!   rest does not depend on where one came from;
+//! - beyond 20° of rotation, or with a picture of another size, nothing is kept.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use holo_display::{Frame, Quadtree, QuadtreeParams};
+use holo_picture::View;
+use holo_section::{BeamId, Sample, Section};
+
+/// Samples kept for the next view at most: what two views of a large file cross. They are put into it again in some 25 ms.
+const KEEP: usize = 500_000;
+
+/// The quadtree for all views of a session. Clones share it.
+#[derive(Clone, Default)]
+pub struct Trees(Arc<Mutex<Option<Shown>>>);
+
+struct Shown {
+    /// What was sent for this view.
+    own: Quadtree,
+    /// That, and what there was before; until the view's own is all there.
+    kept: Option<Quadtree>,
+    size: (u32, u32),
+}
+
+impl Trees {
+    /// Takes another view.
+    pub fn look(&self, sections: Arc<[Section]>, view: View, size: (u32, u32), sky: [f32; 3]) {
+        let mut shown = self.lock();
+        let before = shown.take().filter(|shown| shown.size == size);
+        let kept =
+            before.map(|shown| shown.kept.unwrap_or(shown.own)).and_then(|mut tree| tree.look(view).then_some(tree));
+        let params = QuadtreeParams { sky, keep: KEEP, ..QuadtreeParams::default() };
+        *shown = Some(Shown { own: Quadtree::new(sections, view, size, params), kept, size });
+    }
+
+    pub fn insert(&self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+        self.of_all(|tree| tree.insert(section, beam, paths, samples));
+    }
+
+    pub fn insert_unseen(&self, section: u16, beam: BeamId) {
+        self.of_all(|tree| tree.insert_unseen(section, beam));
+    }
+
+    /// The stored samples of the view, and those that tell most of what it sees, have come: nothing else is shown from now on.
+    pub fn settle(&self) {
+        if let Some(shown) = &mut *self.lock() {
+            shown.kept = None;
+        }
+    }
+
+    /// What a tree of the view's own samples says; the default before the first view.
+    pub fn own<T: Default>(&self, ask: impl FnOnce(&Quadtree) -> T) -> T {
+        self.lock().as_ref().map_or_else(T::default, |shown| ask(&shown.own))
+    }
+
+    /// The picture; `None` before the first view.
+    pub fn draw(&self) -> Option<Frame> {
+        self.lock().as_ref().map(|shown| shown.kept.as_ref().unwrap_or(&shown.own).draw())
+    }
+
+    fn of_all(&self, mut put: impl FnMut(&mut Quadtree)) {
+        if let Some(shown) = &mut *self.lock() {
+            put(&mut shown.own);
+            shown.kept.iter_mut().for_each(put);
+        }
+    }
+
+    /// A panic elsewhere leaves no picture half made that matters.
+    fn lock(&self) -> MutexGuard<'_, Option<Shown>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use holo_section::{SectionSpec, ViewClass};
+
+    const SIZE: (u32, u32) = (40, 30);
+
+    fn section() -> Section {
+        Section::new(SectionSpec {
+            origin: [-0.5; 3],
+            axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            grid: [4; 3],
+            class: ViewClass::Interior,
+            obstructions: false,
+        })
+        .unwrap()
+    }
+
+    fn view(degrees: f64) -> View {
+        let (sine, cosine) = degrees.to_radians().sin_cos();
+        View::new(DVec3::ZERO, DVec3::new(sine, cosine, 0.0), DVec3::Z, Some(60.0), None, SIZE).unwrap()
+    }
+
+    /// Samples of every pixel's middle of a view, on a sphere.
+    fn samples(view: &View) -> Vec<(BeamId, Sample)> {
+        let section = section();
+        let sample = |pixel: u32| {
+            let (x, y) = View::pixel_centre(SIZE, pixel % SIZE.0, pixel / SIZE.0);
+            let (eye, direction) = view.ray(x, y);
+            let hit = section.line(eye, direction).unwrap();
+            let sample = Sample::encode(hit.coords, [0.5; 3], 5.0 - hit.entry_t, section.diagonal(), 0);
+            (section.beam(hit.pair), sample)
+        };
+        (0..SIZE.0 * SIZE.1).map(sample).collect()
+    }
+
+    fn put(trees: &Trees, samples: &[(BeamId, Sample)]) {
+        samples.iter().for_each(|(beam, sample)| trees.insert(0, *beam, 1, std::slice::from_ref(sample)));
+    }
+
+    fn look(trees: &Trees, degrees: f64) -> Frame {
+        trees.look(Arc::from([section()]), view(degrees), SIZE, [0.0; 3]);
+        trees.draw().unwrap()
+    }
+
+    #[test]
+    fn the_last_view_s_samples_are_shown_until_the_next_one_s_have_come() {
+        let trees = Trees::default();
+        assert!(trees.draw().is_none());
+        let pixels = u64::from(SIZE.0 * SIZE.1);
+        assert_eq!(look(&trees, 0.0).samples_used, 0);
+        put(&trees, &samples(&view(0.0)));
+        let turned = look(&trees, 10.0);
+        // A sixth of the picture is new.
+        assert!(turned.samples_used > pixels * 3 / 4 && turned.empty_pixels < pixels / 3, "{}", turned.empty_pixels);
+        // On, before anything has come: they are still there.
+        assert!(look(&trees, 15.0).samples_used > pixels / 2);
+        assert_eq!(look(&trees, 40.0).samples_used, 0, "too far");
+    }
+
+    #[test]
+    fn a_picture_at_rest_does_not_depend_on_where_one_came_from() {
+        let (walked, alone) = (Trees::default(), Trees::default());
+        look(&walked, 0.0);
+        put(&walked, &samples(&view(0.0)));
+        let own = samples(&view(8.0));
+        look(&walked, 8.0);
+        look(&alone, 8.0);
+        put(&walked, &own[..600]);
+        put(&alone, &own[..600]);
+        assert!(walked.draw().unwrap().samples_used > alone.draw().unwrap().samples_used);
+        [&walked, &alone].into_iter().for_each(Trees::settle);
+        assert_eq!(walked.draw().unwrap().picture, alone.draw().unwrap().picture);
+        put(&walked, &own[600..]);
+        put(&alone, &own[600..]);
+        let (walked, alone) = (walked.draw().unwrap(), alone.draw().unwrap());
+        assert!(walked.picture == alone.picture && walked.depth == alone.depth);
+        assert!(alone.picture.pixels.iter().any(|pixel| pixel[0] > 0.4));
+    }
+}
