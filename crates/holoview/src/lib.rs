@@ -14,6 +14,7 @@ mod points;
 mod received;
 mod script;
 mod session;
+mod shown;
 mod stand_ins;
 
 use std::{net::SocketAddr, path::PathBuf};

@@ -30,6 +30,7 @@ use crate::{
     lights::Lights,
     received::Received,
     script::{Command, Next, Script, Step},
+    shown::{Asked, Shown},
 };
 
 /// The nearest visible surface, as a share of the section's diagonal, before anything is known of the scene. Too near
@@ -99,49 +100,6 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
     result
 }
 
-/// A view and what has arrived for it.
-struct Shown {
-    view: View,
-    size: (u32, u32),
-    wanted: Vec<Wanted>,
-    /// Distance of the nearest visible surface, as far as it is known.
-    nearest: f64,
-    canvas: Canvas,
-    /// How far its samples have been asked for.
-    asked: Asked,
-    /// Beams that it does not cross but whose rays may end on what it sees, once they have been asked for.
-    also: Vec<(u16, BeamId)>,
-    /// Number of its first request: samples of earlier views are dropped.
-    first_request: u32,
-    received: Received,
-    since: Instant,
-    stored: u64,
-    /// Of these, by section.
-    stored_of: Vec<u64>,
-    traced: u64,
-    first_samples: Option<f64>,
-    refined: bool,
-    /// When single rays were last asked for; `None`: the driver asks for none.
-    rays_asked: Option<Instant>,
-}
-
-impl Shown {
-    /// Stored samples of a beam of each section, by those of the view's own beams; of a section that it does not cross, by all. At
-    /// least one.
-    fn samples_of_beam(&self) -> Vec<f64> {
-        let mut beams = vec![0_u64; self.stored_of.len()];
-        for wanted in &self.wanted {
-            if let Some(beams) = beams.get_mut(usize::from(wanted.section)) {
-                *beams += 1;
-            }
-        }
-        let share = |stored: u64, beams: u64| (stored as f64 / beams.max(1) as f64).max(1.0);
-        let all = share(self.stored, self.wanted.len() as u64);
-        let of = |(&stored, &beams)| if beams == 0 { all } else { share(stored, beams) };
-        self.stored_of.iter().zip(&beams).map(of).collect()
-    }
-}
-
 struct Session {
     config: Config,
     welcome: Welcome,
@@ -155,19 +113,6 @@ struct Session {
     meter: Meter,
     start: Instant,
     duration: f64,
-}
-
-/// Which stored samples of a view have been asked for.
-#[derive(Clone, Copy, PartialEq)]
-enum Asked {
-    /// Those of the beams that it crosses.
-    Crossed,
-    /// And of some beams that end on what it sees, which hold the most.
-    Best,
-    /// And of all beams that end on what it sees.
-    Surfaces,
-    /// All that there are.
-    All,
 }
 
 /// What made a wait end.
