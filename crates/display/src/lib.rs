@@ -12,6 +12,7 @@ mod camera;
 mod candidates;
 mod ending;
 pub mod frameless;
+mod live;
 mod parts;
 pub mod pointimage;
 mod quadtree;
@@ -19,6 +20,7 @@ mod select;
 mod voronoi;
 
 pub use candidates::section_of;
+pub use live::LiveSample;
 pub use quadtree::{Frame, LeafSize, MultiDepth, Quadtree, QuadtreeParams, REFETCH_DEGREES};
 pub use select::{Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius};
 pub use voronoi::{Drawn, Voronoi};

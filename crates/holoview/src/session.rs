@@ -15,7 +15,7 @@ use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
-    bulk::{RaysWanted, Samples, Source, Unseen, ViewRequest, Wanted, WantedRay},
+    bulk::{LiveSamples, LiveWanted, RaysWanted, Samples, Source, Unseen, ViewRequest, Wanted, WantedRay},
     control::{Control, Welcome},
     frame::Kind,
     hello::Role,
@@ -24,10 +24,11 @@ use holo_section::{BeamId, Section};
 
 use crate::{
     Config, PictureReport,
-    canvas::{Canvas, Painter},
+    canvas::Painter,
     default_view,
     incoming::{self, Incoming},
     lights::Lights,
+    live::Live,
     received::Received,
     script::{Command, Next, Script, Step},
     shown::{Asked, Shown},
@@ -88,6 +89,7 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
             messages,
             shown: None,
             view_number: 0,
+            workers: None,
             meter,
             start: Instant::now(),
             duration: script.duration(),
@@ -110,6 +112,8 @@ struct Session {
     messages: mpsc::Receiver<Incoming>,
     shown: Option<Shown>,
     view_number: u32,
+    /// Workers that the server has, by what it said last.
+    workers: Option<u32>,
     meter: Meter,
     start: Instant,
     duration: f64,
@@ -189,12 +193,16 @@ impl Session {
         let nearest = GUESSED_DISTANCE * diagonal;
         // Asked first: samples are under way while the driver looks at the scene.
         self.request(&view, size, nearest, wanted.clone())?;
+        let canvas = self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky);
+        let paths = self.welcome.settings.paths_per_sample;
+        let live = Live::new(&canvas, view, size, self.welcome.sky, paths).filter(|_| self.welcome.tracing);
         self.shown = Some(Shown {
             view,
             size,
             wanted,
             nearest,
-            canvas: self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky),
+            canvas,
+            live,
             asked: Asked::Crossed,
             also: Vec::new(),
             first_request: self.view_number,
@@ -258,6 +266,9 @@ impl Session {
     /// A request under a new number: what is stored of these beams is sent from the beginning.
     fn ask_anew(&mut self, wanted: Vec<Wanted>) -> Result<()> {
         self.view_number += 1;
+        if let Some(live) = self.shown.as_mut().and_then(|shown| shown.live.as_mut()) {
+            live.lose();
+        }
         self.request_shown(wanted)
     }
 
@@ -290,11 +301,15 @@ impl Session {
                 self.ask_rays()?;
                 rays = Some(Instant::now() + RAYS_EVERY);
             }
+            if !for_settled {
+                self.ask_live()?;
+            }
             let until = [refine, rays].into_iter().flatten().fold(deadline, Instant::min);
             let left = until.saturating_duration_since(Instant::now());
             match self.messages.recv_timeout(left) {
                 Ok(Incoming::Message(Message::Samples(samples))) => self.insert(&samples),
                 Ok(Incoming::Message(Message::Unseen(unseen))) => self.insert_unseen(&unseen),
+                Ok(Incoming::Message(Message::LiveSamples(samples))) => self.insert_live(&samples),
                 Ok(Incoming::Message(Message::Control(Control::Settled { view })))
                     if for_settled && view == self.view_number =>
                 {
@@ -303,9 +318,12 @@ impl Session {
                 Ok(Incoming::Message(Message::Control(Control::Bye { reason }))) => {
                     bail!("the server ended the session: {reason}")
                 }
-                Ok(Incoming::Message(Message::Control(Control::Status(status)))) if self.duration > 0.0 => {
-                    let share = self.start.elapsed().as_secs_f64() / self.duration;
-                    self.meter.show(share, &status.words());
+                Ok(Incoming::Message(Message::Control(Control::Status(status)))) => {
+                    self.workers = Some(status.workers);
+                    if self.duration > 0.0 {
+                        let share = self.start.elapsed().as_secs_f64() / self.duration;
+                        self.meter.show(share, &status.words());
+                    }
                 }
                 Ok(Incoming::Message(Message::Control(Control::StoredSent { view }))) if view == self.view_number => {
                     let before = self.asked();
@@ -362,6 +380,27 @@ impl Session {
         Ok(self.outbox.send(Kind::Rays, &request.encode())?)
     }
 
+    /// Asks for rays that no section covers, if somebody may trace them.
+    fn ask_live(&mut self) -> Result<()> {
+        let live = self.shown.as_mut().and_then(|shown| shown.live.as_mut());
+        let Some(live) = live.filter(|_| self.workers != Some(0)) else { return Ok(()) };
+        let rays = live.wanted();
+        if rays.is_empty() {
+            return Ok(());
+        }
+        let request = LiveWanted { view: self.view_number, pixels: live.pixels(), rays };
+        Ok(self.outbox.send(Kind::LiveWanted, &request.encode())?)
+    }
+
+    /// What the server has forgotten with an earlier number of the view is asked for under the new one: earlier ones do not count.
+    fn insert_live(&mut self, message: &LiveSamples) {
+        if let Some(shown) = self.shown.as_mut().filter(|_| message.view == self.view_number)
+            && let Some(live) = &mut shown.live
+        {
+            live.insert(&shown.canvas, &message.samples);
+        }
+    }
+
     fn insert(&mut self, message: &Samples) {
         let Some(shown) =
             self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view))
@@ -372,7 +411,11 @@ impl Session {
         for (run, samples) in message.iter() {
             for fresh in shown.received.add(run) {
                 let count = fresh.len() as u64;
-                shown.canvas.insert(run.section, run.beam, run.paths, &samples[fresh]);
+                let fresh = &samples[fresh];
+                shown.canvas.insert(run.section, run.beam, run.paths, fresh);
+                if let Some(live) = &mut shown.live {
+                    live.insert_samples(run.section, run.beam, run.paths, fresh);
+                }
                 match message.source {
                     Source::Stored => {
                         shown.stored += count;
@@ -396,7 +439,10 @@ impl Session {
 
     fn picture(&self, path: PathBuf) -> Result<()> {
         let Some(shown) = &self.shown else { bail!("there is no view to take a picture of") };
-        let (frame, guessed_pixels, stages) = shown.canvas.draw();
+        let (mut frame, guessed_pixels, stages) = shown.canvas.draw();
+        if let Some(live) = &shown.live {
+            live.paint(&mut frame);
+        }
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         }
@@ -407,6 +453,7 @@ impl Session {
             samples: frame.samples_used,
             stored: shown.stored,
             traced: shown.traced,
+            live: shown.live.as_ref().map_or(0, Live::shown),
             beams: shown.wanted.len(),
             uncovered_pixels: frame.uncovered_pixels,
             empty_pixels: frame.empty_pixels,

@@ -6,7 +6,7 @@ use holo_picture::View;
 use holo_proto::bulk::Wanted;
 use holo_section::BeamId;
 
-use crate::{canvas::Canvas, received::Received};
+use crate::{canvas::Canvas, live::Live, received::Received};
 
 /// A view and what has arrived for it.
 pub struct Shown {
@@ -16,6 +16,8 @@ pub struct Shown {
     /// Distance of the nearest visible surface, as far as it is known.
     pub nearest: f64,
     pub canvas: Canvas,
+    /// Rays that no section covers, if something traces.
+    pub live: Option<Live>,
     /// How far its samples have been asked for.
     pub asked: Asked,
     /// Beams that it does not cross but whose rays may end on what it sees, once they have been asked for.

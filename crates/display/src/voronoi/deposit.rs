@@ -8,6 +8,7 @@
 use super::blocks;
 use super::shade::Shadings;
 use super::surfaces::{Caster, SMOOTH, Seen, Surfaces, Window};
+use crate::LiveSample;
 use crate::camera::Camera;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use bytemuck::Zeroable;
@@ -89,7 +90,24 @@ impl Depositor<'_> {
             let uncertainty = 2.5e-4 * beam.section.diagonal * diagonals.max(1.0);
             let place = Place { point, direction, uncertainty };
             for window in &self.surfaces.windows {
-                if let Some(pixel) = self.place(window, &place, sample, beam.paths, to.sums) {
+                if let Some(pixel) = self.place(window, &place, || sample.rgb(), beam.paths, to.sums) {
+                    used += 1;
+                    to.changes[blocks::of(pixel, self.surfaces.size.0)] = to.samples + used;
+                }
+            }
+        }
+        used
+    }
+
+    /// Adds rays of the view itself, as [`insert`](Self::insert) a beam's samples.
+    pub fn insert_live(&self, paths: u16, rays: &[LiveSample], to: &mut Deposits) -> u64 {
+        let mut used = 0;
+        for ray in rays.iter().filter(|ray| ray.distance.is_finite()) {
+            let (point, direction) = ray.place(self.camera);
+            // Their distance is exact but for rounding.
+            let place = Place { point, direction, uncertainty: 0.0 };
+            for window in &self.surfaces.windows {
+                if let Some(pixel) = self.place(window, &place, || ray.radiance, paths, to.sums) {
                     used += 1;
                     to.changes[blocks::of(pixel, self.surfaces.size.0)] = to.samples + used;
                 }
@@ -99,7 +117,14 @@ impl Depositor<'_> {
     }
 
     /// Adds one sample to the pixel that sees it in one image, and gives that.
-    fn place(&self, window: &Window, place: &Place, sample: &Sample, paths: u16, sums: &mut [Sums]) -> Option<usize> {
+    fn place(
+        &self,
+        window: &Window,
+        place: &Place,
+        radiance: impl Fn() -> [f32; 3],
+        paths: u16,
+        sums: &mut [Sums],
+    ) -> Option<usize> {
         let image = usize::from(window.image);
         let (mut point, mut direction) = (place.point.as_vec3(), place.direction.as_vec3());
         if image > 0 {
@@ -132,7 +157,7 @@ impl Depositor<'_> {
         if weight == 0 {
             return None;
         }
-        let rgb = sample.rgb();
+        let rgb = radiance();
         let light = [0, 1, 2].map(|channel| {
             let steps = rgb[channel] / shading.scale[channel] / self.shadings.unit;
             steps.min(MOST_LIGHT)

@@ -451,7 +451,7 @@ impl<'a> Lit<'a> {
 
     /// What of a pixel's light comes through the mirrors and panes before it; `None` if the layer has no such pixel.
     fn share(&self, pixel: usize, is_sparse: bool) -> Option<[f32; 3]> {
-        let Surfaces { seen, throughput, .. } = &self.layer.surfaces;
+        let Surfaces { seen, throughput, .. } = &*self.layer.surfaces;
         // Most pixels look through nothing: looking that up for each took a tenth of a picture's time.
         match seen[pixel].through {
             true => throughput.get(&(pixel as u32)).copied(),

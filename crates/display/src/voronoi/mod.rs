@@ -20,6 +20,7 @@ mod edges;
 mod guess;
 mod indirect;
 mod labels;
+mod live;
 mod portals;
 mod reconstruct;
 mod shade;
@@ -59,7 +60,7 @@ pub struct Drawn {
 
 /// One surface a pixel, with its samples.
 struct Layer {
-    surfaces: Surfaces,
+    surfaces: Arc<Surfaces>,
     sums: Vec<Sums>,
     /// Samples in the sums.
     samples: u64,
@@ -136,7 +137,7 @@ impl Voronoi {
         let layers = layers.map(|surfaces| Layer {
             sums: zeroed(surfaces.seen.len()),
             changes: vec![0; blocks::count(surfaces.size)],
-            surfaces,
+            surfaces: Arc::new(surfaces),
             samples: 0,
             made: Mutex::default(),
         });
