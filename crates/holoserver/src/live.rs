@@ -37,6 +37,7 @@ pub struct LiveAssignment {
 /// A display's live rays that no worker has been given, and whose turn it is: theirs, or its beams'.
 #[derive(Debug, Default)]
 pub struct LiveQueue {
+    view: u32,
     rays: VecDeque<LiveRay>,
     /// Pixels that they are for.
     pixels: u32,
@@ -45,8 +46,12 @@ pub struct LiveQueue {
 }
 
 impl LiveQueue {
-    /// Adds rays for so many pixels of the view. `false`: they are too many, and not taken.
-    pub fn add(&mut self, pixels: u32, rays: &[LiveRay]) -> bool {
+    /// Adds rays for so many pixels of a view; those of another view are forgotten. `false`: they are too many, and not taken.
+    pub fn add(&mut self, view: u32, pixels: u32, rays: &[LiveRay]) -> bool {
+        if self.view != view {
+            self.rays.clear();
+            self.view = view;
+        }
         let fits = self.rays.len() + rays.len() <= MAX_LIVE_RAYS_HELD;
         if fits {
             self.pixels = pixels;
@@ -62,12 +67,17 @@ impl LiveQueue {
         rays.iter().take(room).rev().for_each(|ray| self.rays.push_front(*ray));
     }
 
+    /// The view that they are of, as the display calls it.
+    pub fn view(&self) -> u32 {
+        self.view
+    }
+
     /// Whether there are no rays.
     pub fn is_empty(&self) -> bool {
         self.rays.is_empty()
     }
 
-    /// Forgets all rays: the view is another, or over.
+    /// Forgets all rays: the view is over.
     pub fn clear(&mut self) {
         self.rays.clear();
     }
@@ -124,11 +134,11 @@ mod tests {
                     let rays: Vec<LiveRay> = (asked..asked + count as u64).map(ray).collect();
                     // As a display does: no more than may be unanswered.
                     if held + count <= MAX_LIVE_RAYS_HELD {
-                        assert!(queue.add(10, &rays));
+                        assert!(queue.add(1, 10, &rays));
                         model.extend(numbers(&rays));
                         asked += count as u64;
                     } else if model.len() + count > MAX_LIVE_RAYS_HELD {
-                        assert!(!queue.add(10, &rays), "more than may be kept");
+                        assert!(!queue.add(1, 10, &rays), "more than may be kept");
                     }
                 }
                 2 if !under_way.is_empty() => {
@@ -152,6 +162,8 @@ mod tests {
             assert_eq!(queue.is_empty(), model.is_empty());
         }
         assert!(asked > MAX_LIVE_RAYS_HELD as u64, "the limit was met");
+        assert!(queue.add(2, 10, &[ray(1), ray(2)]) && numbers(&queue.next(10.0)) == [1, 2], "those of another view");
+        assert!(queue.add(2, 10, &[ray(3)]));
         queue.clear();
         assert!(queue.is_empty() && !queue.is_next() && queue.next(10.0).is_empty());
     }
@@ -160,7 +172,7 @@ mod tests {
     fn given(queue: &mut LiveQueue, other_pixels: f64, size: usize) -> [usize; 2] {
         let mut given = [0, 0];
         for _ in 0..1000 {
-            assert!(queue.add(600, &[ray(0); 21]));
+            assert!(queue.add(1, 600, &[ray(0); 21]));
             if queue.is_next() {
                 given[0] += queue.next(other_pixels).len();
             } else {
@@ -193,7 +205,7 @@ mod tests {
         // Only live rays for long, then both.
         let mut queue = LiveQueue::default();
         for _ in 0..10_000 {
-            assert!(queue.add(600, &[ray(0); 21]));
+            assert!(queue.add(1, 600, &[ray(0); 21]));
             queue.next(600.0);
         }
         let [live, beams] = given(&mut queue, 600.0, 21);

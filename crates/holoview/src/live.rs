@@ -47,8 +47,6 @@ pub struct Live {
     /// Number of the next ray: in each round one through each pixel.
     next: u64,
     under_way: FxHashSet<u64>,
-    /// Rays that were asked for in vain.
-    lost: Vec<u64>,
     /// `None` before the first ray has come.
     overlay: Option<Overlay>,
     /// Rays that have come.
@@ -67,8 +65,8 @@ impl Live {
             return None;
         }
         let stride = stride(pixels.len() as u64);
-        let (under_way, lost) = (FxHashSet::default(), Vec::new());
-        Some(Live { view, size, sky, paths, pixels, stride, next: 0, under_way, lost, overlay: None, shown: 0 })
+        let under_way = FxHashSet::default();
+        Some(Live { view, size, sky, paths, pixels, stride, next: 0, under_way, overlay: None, shown: 0 })
     }
 
     /// How many pixels it is about.
@@ -89,15 +87,9 @@ impl Live {
         }
         let last = self.pixels.len() as u64 * MAX_ROUNDS;
         let mut rays = Vec::new();
-        while rays.len() < room.min(MAX_LIVE_RAYS) {
-            let number = match self.lost.pop() {
-                Some(number) => number,
-                None if self.next < last => {
-                    self.next += 1;
-                    self.next - 1
-                }
-                None => break,
-            };
+        while rays.len() < room.min(MAX_LIVE_RAYS) && self.next < last {
+            let number = self.next;
+            self.next += 1;
             // Next to the border of a fisheye a point of a pixel may look nowhere.
             if let Some((origin, direction)) = self.ray(number) {
                 rays.push(LiveRay { origin: origin.to_array(), direction: direction.to_array(), number });
@@ -105,13 +97,6 @@ impl Live {
             }
         }
         rays
-    }
-
-    /// The server forgets what is under way: it is asked for again.
-    pub fn lose(&mut self) {
-        self.lost.extend(self.under_way.drain());
-        // A set has no order; the earliest are the most spread.
-        self.lost.sort_unstable_by(|a, b| b.cmp(a));
     }
 
     /// Takes what rays saw.
@@ -262,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn no_more_is_under_way_than_the_server_takes_and_what_it_forgets_is_asked_for_again_once() {
+    fn no_more_is_under_way_than_the_server_takes_and_every_ray_counts_once() {
         let size = (160, 120);
         let (canvas, view) = past(size);
         let mut live = Live::new(&canvas, view, size, [0.0; 3], 1).unwrap();
@@ -283,12 +268,8 @@ mod tests {
         let hit = LiveHit { radiance: [1.0; 3], distance: 1.0 };
         live.insert(&canvas, &[bulk::LiveSample { number: u64::MAX, hit }]);
         assert_eq!(live.shown(), 10_000);
-        live.lose();
-        let again: Vec<LiveRay> =
-            std::iter::from_fn(|| Some(live.wanted()).filter(|rays| !rays.is_empty())).flatten().collect();
-        assert_eq!(again[..under_way.len() - 10_000], under_way[10_000..], "the same rays, in their order");
-        live.insert(&canvas, &answer(&again));
-        assert_eq!(live.shown(), 10_000 + again.len() as u64);
+        // As much more as has come.
+        assert_eq!(live.wanted().len(), 10_000 + MAX_LIVE_RAYS_HELD - under_way.len());
     }
 
     #[test]

@@ -193,6 +193,11 @@ impl Session {
         let nearest = GUESSED_DISTANCE * diagonal;
         // Asked first: samples are under way while the driver looks at the scene.
         self.request(&view, size, nearest, wanted.clone())?;
+        if self.shown.as_ref().is_some_and(|shown| shown.live.is_some()) {
+            // Those of the view before are of no use any more.
+            let none = LiveWanted { view: self.view_number, pixels: 0, rays: Vec::new() };
+            self.outbox.send(Kind::LiveWanted, &none.encode())?;
+        }
         let canvas = self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky);
         let paths = self.welcome.settings.paths_per_sample;
         let live = Live::new(&canvas, view, size, self.welcome.sky, paths).filter(|_| self.welcome.tracing);
@@ -266,9 +271,6 @@ impl Session {
     /// A request under a new number: what is stored of these beams is sent from the beginning.
     fn ask_anew(&mut self, wanted: Vec<Wanted>) -> Result<()> {
         self.view_number += 1;
-        if let Some(live) = self.shown.as_mut().and_then(|shown| shown.live.as_mut()) {
-            live.lose();
-        }
         self.request_shown(wanted)
     }
 
@@ -382,19 +384,18 @@ impl Session {
 
     /// Asks for rays that no section covers, if somebody may trace them.
     fn ask_live(&mut self) -> Result<()> {
-        let live = self.shown.as_mut().and_then(|shown| shown.live.as_mut());
-        let Some(live) = live.filter(|_| self.workers != Some(0)) else { return Ok(()) };
+        let Some(shown) = self.shown.as_mut().filter(|_| self.workers != Some(0)) else { return Ok(()) };
+        let Some(live) = &mut shown.live else { return Ok(()) };
         let rays = live.wanted();
         if rays.is_empty() {
             return Ok(());
         }
-        let request = LiveWanted { view: self.view_number, pixels: live.pixels(), rays };
+        let request = LiveWanted { view: shown.first_request, pixels: live.pixels(), rays };
         Ok(self.outbox.send(Kind::LiveWanted, &request.encode())?)
     }
 
-    /// What the server has forgotten with an earlier number of the view is asked for under the new one: earlier ones do not count.
     fn insert_live(&mut self, message: &LiveSamples) {
-        if let Some(shown) = self.shown.as_mut().filter(|_| message.view == self.view_number)
+        if let Some(shown) = self.shown.as_mut().filter(|shown| message.view == shown.first_request)
             && let Some(live) = &mut shown.live
         {
             live.insert(&shown.canvas, &message.samples);

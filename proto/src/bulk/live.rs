@@ -39,10 +39,11 @@ impl LiveRay {
     }
 }
 
-/// Display to server: rays to trace and to forget, after those of its earlier messages for the same view.
+/// Display to server: rays to trace and to forget, after those of its earlier messages for the same view, and in place of those for
+/// another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveWanted {
-    /// The view that they are for; another than the display's last is passed over.
+    /// The view that they are for, by the number of its first request: it may be requested again under others meanwhile.
     pub view: u32,
     /// Pixels of the view that live rays are for: the share of tracing that they get is that of these pixels.
     pub pixels: u32,

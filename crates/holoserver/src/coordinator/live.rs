@@ -18,15 +18,16 @@ use crate::{
 impl Display {
     /// Whether live rays of this view are still of use.
     fn looks_at(&self, view: u32) -> bool {
-        self.settling.is_none() && self.wishes.as_ref().is_some_and(|wishes| wishes.view == view)
+        self.settling.is_none() && self.wishes.is_some() && self.live.view() == view
     }
 }
 
 impl Coordinator {
     /// A display's rays of its view that no section covers.
     pub(super) fn live_wanted(&mut self, id: ConnectionId, request: &LiveWanted) -> Result<()> {
-        if let Some(display) = self.displays.get_mut(&id).filter(|display| display.looks_at(request.view)) {
-            let taken = display.live.add(request.pixels, &request.rays);
+        let shows = |display: &&mut Display| display.settling.is_none() && display.wishes.is_some();
+        if let Some(display) = self.displays.get_mut(&id).filter(shows) {
+            let taken = display.live.add(request.view, request.pixels, &request.rays);
             ensure!(taken, "it asked for more than {MAX_LIVE_RAYS_HELD} live rays at a time");
         }
         Ok(())
@@ -36,7 +37,7 @@ impl Coordinator {
     pub(super) fn next_live(&mut self, id: ConnectionId) -> Option<LiveAssignment> {
         let display = self.displays.get_mut(&id)?;
         let wishes = display.wishes.as_ref()?;
-        let (view, rays) = (wishes.view, display.live.next(wishes.pixels()));
+        let (view, rays) = (display.live.view(), display.live.next(wishes.pixels()));
         if rays.is_empty() {
             return None;
         }

@@ -43,7 +43,6 @@ impl Coordinator {
             newest: Arc::clone(&display.newest),
         };
         display.wishes = Some(wishes);
-        display.live.clear();
         display.recalling = true;
         display.settling = None;
         let events = self.events.clone();
