@@ -6,7 +6,8 @@
 //! What always holds:
 //! - No input or output, no clock, no randomness but what the caller seeds: the same calls give the same bits.
 //! - A picture at rest does not depend on the order in which samples arrived, nor on how they were batched.
-//! - A pixel that no section covers is never invented: it stays 0 and is counted.
+//! - A pixel that no section covers is never invented: it stays 0, or what is known of its surface, and is counted; a picture of live
+//!   rays ([`LiveSample`]) is drawn apart.
 
 mod camera;
 mod candidates;

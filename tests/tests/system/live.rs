@@ -89,7 +89,7 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
         // What is less than a step of 255 nobody sees: drivers keep no more.
         assert!(shown < (1.5 * same).max(255.0_f64.powi(-2)), "{driver}: {shown:e}, {same:e}");
 
-        // A replay: what is covered is the same bit by bit, the rest is interpolated over surfaces, or black without the scene.
+        // A replay: what is covered is the same bit by bit, the rest is interpolated over surfaces like it, or black without the scene.
         let file = format!("{{}}/{driver}.holo");
         let replay = ["picture", &file, "-o", "{}/replay.pfm", "--json", "--driver", driver];
         let again = place.run(&[&replay[..], &VIEW].concat()).ok().json();
@@ -100,7 +100,7 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
             assert!(!covered[pixel] || before == after, "{driver}: pixel {pixel}");
             black += usize::from(!covered[pixel] && *after == [0.0; 3]);
         }
-        assert_eq!(black, if driver == "quadtree" { uncovered } else { 0 });
+        assert_eq!(black == uncovered, driver == "quadtree", "{driver}: {black} of {uncovered}");
     }
 }
 
