@@ -23,7 +23,7 @@ use holo_proto::{
 use holo_section::{BeamId, Section};
 
 use crate::{
-    Config, PictureReport,
+    Config,
     canvas::Painter,
     default_view,
     incoming::{self, Incoming},
@@ -440,30 +440,7 @@ impl Session {
 
     fn picture(&self, path: PathBuf) -> Result<()> {
         let Some(shown) = &self.shown else { bail!("there is no view to take a picture of") };
-        let (mut frame, guessed_pixels, stages) = shown.canvas.draw();
-        if let Some(live) = &shown.live {
-            live.paint(&mut frame);
-        }
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-        }
-        frame.picture.write(&path).with_context(|| format!("writing {}", path.display()))?;
-        let report = PictureReport {
-            picture: path,
-            seconds: shown.since.elapsed().as_secs_f64(),
-            samples: frame.samples_used,
-            stored: shown.stored,
-            traced: shown.traced,
-            live: shown.live.as_ref().map_or(0, Live::shown),
-            beams: shown.wanted.len(),
-            uncovered_pixels: frame.uncovered_pixels,
-            empty_pixels: frame.empty_pixels,
-            unseen_pixels: frame.unseen_pixels,
-            guessed_pixels,
-            driver: shown.canvas.name(),
-            first_samples: shown.first_samples,
-            stages,
-        };
+        let report = shown.write(path)?;
         if self.config.json {
             println!("{}", serde_json::to_string(&report)?);
         } else {

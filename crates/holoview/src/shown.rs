@@ -1,12 +1,13 @@
 //! A view that is shown, and what has arrived for it.
 
-use std::time::Instant;
+use std::{path::PathBuf, time::Instant};
 
+use anyhow::{Context, Result};
 use holo_picture::View;
 use holo_proto::bulk::Wanted;
 use holo_section::BeamId;
 
-use crate::{canvas::Canvas, live::Live, received::Received};
+use crate::{PictureReport, canvas::Canvas, live::Live, received::Received};
 
 /// A view and what has arrived for it.
 pub struct Shown {
@@ -50,6 +51,34 @@ impl Shown {
         let all = share(self.stored, self.wanted.len() as u64);
         let of = |(&stored, &beams)| if beams == 0 { all } else { share(stored, beams) };
         self.stored_of.iter().zip(&beams).map(of).collect()
+    }
+
+    /// Draws the view as it is known and writes the picture; says what it is made of.
+    pub fn write(&self, path: PathBuf) -> Result<PictureReport> {
+        let (mut frame, guessed_pixels, stages) = self.canvas.draw();
+        if let Some(live) = &self.live {
+            live.paint(&mut frame);
+        }
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        }
+        frame.picture.write(&path).with_context(|| format!("writing {}", path.display()))?;
+        Ok(PictureReport {
+            picture: path,
+            seconds: self.since.elapsed().as_secs_f64(),
+            samples: frame.samples_used,
+            stored: self.stored,
+            traced: self.traced,
+            live: self.live.as_ref().map_or(0, Live::shown),
+            beams: self.wanted.len(),
+            uncovered_pixels: frame.uncovered_pixels,
+            empty_pixels: frame.empty_pixels,
+            unseen_pixels: frame.unseen_pixels,
+            guessed_pixels,
+            driver: self.canvas.name(),
+            first_samples: self.first_samples,
+            stages,
+        })
     }
 }
 
