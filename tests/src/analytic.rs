@@ -4,7 +4,10 @@
 //! blue along z, and every wall has a brightness of its own: a wall, an axis, a channel or a unit that is mistaken for
 //! another changes the picture.
 
-use std::{net::SocketAddr, time::Duration};
+use std::{
+    net::SocketAddr,
+    time::{Duration, Instant},
+};
 
 use holo_net::{Inbox, Message, NetError, Outbox};
 use holo_picture::{Picture, View};
@@ -76,6 +79,7 @@ impl World {
     fn answer(&self, sections: &[Section], work: &Work) -> Results {
         let mut results = Results::default();
         for packet in &work.packets {
+            let start = Instant::now();
             let viewpoint = packet.viewpoint.map(|index| &work.viewpoints[usize::from(index)]);
             let section = &sections[usize::from(packet.section)];
             let sampler = section.beam_sampler(packet.section, packet.beam, viewpoint).expect("the beam exists");
@@ -85,7 +89,7 @@ impl World {
                 results.samples.push(self.sample(section, &sampler.ray(coords), coords));
             }
             let count = u32::from(packet.count);
-            results.packets.push(Traced { id: packet.id, count, nanoseconds: 2_000 * count });
+            results.packets.push(Traced { id: packet.id, count, nanoseconds: nanoseconds(start) });
         }
         results
     }
@@ -95,16 +99,21 @@ impl World {
     fn answer_live(&self, work: &LiveWork) -> LiveResults {
         let mut results = LiveResults::default();
         for packet in &work.packets {
+            let start = Instant::now();
             for ray in &packet.rays {
                 let hit = self.hit(DVec3::from_array(ray.origin), DVec3::from_array(ray.direction));
                 let distance = (hit.distance * self.stretch) as f32;
                 results.hits.push(LiveHit { radiance: hit.rgb.map(|x| x as f32), distance });
             }
             let count = packet.rays.len() as u32;
-            results.packets.push(Traced { id: packet.id, count, nanoseconds: 2_000 * count });
+            results.packets.push(Traced { id: packet.id, count, nanoseconds: nanoseconds(start) });
         }
         results
     }
+}
+
+fn nanoseconds(since: Instant) -> u32 {
+    u32::try_from(since.elapsed().as_nanos()).unwrap_or(u32::MAX)
 }
 
 /// Where a line enters and leaves a box, each with its wall (2·axis + side).

@@ -89,7 +89,7 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
             messages,
             shown: None,
             view_number: 0,
-            workers: None,
+            workers: 0,
             meter,
             start: Instant::now(),
             duration: script.duration(),
@@ -113,7 +113,7 @@ struct Session {
     shown: Option<Shown>,
     view_number: u32,
     /// Workers that the server has, by what it said last.
-    workers: Option<u32>,
+    workers: u32,
     meter: Meter,
     start: Instant,
     duration: f64,
@@ -321,7 +321,7 @@ impl Session {
                     bail!("the server ended the session: {reason}")
                 }
                 Ok(Incoming::Message(Message::Control(Control::Status(status)))) => {
-                    self.workers = Some(status.workers);
+                    self.workers = status.workers;
                     if self.duration > 0.0 {
                         let share = self.start.elapsed().as_secs_f64() / self.duration;
                         self.meter.show(share, &status.words());
@@ -382,9 +382,9 @@ impl Session {
         Ok(self.outbox.send(Kind::Rays, &request.encode())?)
     }
 
-    /// Asks for rays that no section covers, if somebody may trace them.
+    /// Asks for rays that no section covers, if somebody traces.
     fn ask_live(&mut self) -> Result<()> {
-        let Some(shown) = self.shown.as_mut().filter(|_| self.workers != Some(0)) else { return Ok(()) };
+        let Some(shown) = self.shown.as_mut().filter(|_| self.workers > 0) else { return Ok(()) };
         let Some(live) = &mut shown.live else { return Ok(()) };
         let rays = live.wanted();
         if rays.is_empty() {

@@ -54,7 +54,7 @@ fn look(world: World, sections: Vec<SectionSpec>, views: &[(&str, &str)], check:
 }
 
 fn show(place: &Place, address: SocketAddr, view: &str) {
-    let script = place.write("walk.txt", &format!("0 view {view}\n1 quit\n"));
+    let script = place.write("walk.txt", &format!("0 view {view}\n2 quit\n"));
     let output = place.text("a.pfm");
     place.viewer(address, &["--script", &script, "--size", "80x60", "-o", &output]).wait().ok();
 }
