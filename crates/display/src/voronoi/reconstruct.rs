@@ -82,6 +82,12 @@ impl Light {
         (state & KNOWN != 0).then(|| [0, 1, 2].map(|channel: usize| self.channels[channel][pixel]))
     }
 
+    /// That of some pixels, one after the other.
+    pub fn rows(&self, pixels: Range<usize>) -> Rows<'_> {
+        let states = &self.states[pixels.clone()];
+        Rows { channels: self.channels.each_ref().map(|channel| &channel[pixels.clone()]), states }
+    }
+
     /// Sets a pixel's.
     pub fn set(&mut self, pixel: usize, light: [f32; 3]) {
         if let Some(state) = self.states.get_mut(pixel) {
@@ -93,6 +99,21 @@ impl Light {
     /// Pixels of surfaces that have no samples of their own.
     pub fn without(&self) -> u64 {
         self.without.iter().map(|&count| u64::from(count)).sum()
+    }
+}
+
+/// Light of some pixels.
+pub(crate) struct Rows<'a> {
+    channels: [&'a [f32]; 3],
+    states: &'a [u8],
+}
+
+impl Rows<'_> {
+    /// As [`Light::at`], of the pixel with this number among them.
+    #[inline]
+    pub fn at(&self, number: usize) -> Option<[f32; 3]> {
+        let state = self.states.get(number)?;
+        (state & KNOWN != 0).then(|| self.channels.map(|channel| channel[number]))
     }
 }
 

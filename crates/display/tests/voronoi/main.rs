@@ -4,6 +4,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod half;
 mod light;
 mod order;
 mod stage;

@@ -2,7 +2,7 @@
 
 use crate::common::{self, Random, section, view};
 use glam::DVec3;
-use holo_display::{Drawn, Voronoi};
+use holo_display::{Drawn, Resolution, Voronoi};
 use holo_picture::View;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
@@ -106,6 +106,13 @@ impl Stage {
 
     pub fn empty(&self) -> Voronoi {
         Voronoi::new(Arc::from([self.section.clone()]), Arc::clone(&self.raycaster), self.view, SIZE)
+    }
+
+    /// A canvas of another size, or resolution.
+    pub fn sized(&self, size: (u32, u32), resolution: Resolution) -> Voronoi {
+        let view = View::new(self.view.vp, self.view.vd, self.view.vu, Some(50.0), None, size).unwrap();
+        let sections = Arc::from([self.section.clone()]);
+        Voronoi::at_resolution(sections, Arc::clone(&self.raycaster), None, view, size, resolution)
     }
 
     pub fn draw(&self, samples: &[(BeamId, Sample)]) -> Drawn {
