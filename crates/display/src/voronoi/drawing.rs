@@ -282,7 +282,7 @@ impl<'a> Drawing<'a> {
                     .or_insert_with_key(|&(_, first)| self.light(number, &lit.layer.surfaces.seen[first], Some(first))),
             };
             if light.is_none() && !lit.is_certain(seen) {
-                if !self.voronoi.covered[pixel] {
+                if !self.voronoi.is_covered(pixel) {
                     continue;
                 }
                 middle.is_guess = true;

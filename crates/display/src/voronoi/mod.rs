@@ -115,6 +115,7 @@ pub struct Voronoi {
     distances: DistanceTable,
     /// As [`Caster::surfaces`] has them.
     layers: Vec<Layer>,
+    /// By pixel of the picture, whether some section covers it.
     covered: Vec<bool>,
     uncovered: u64,
     samples: u64,
@@ -179,6 +180,7 @@ impl Voronoi {
         });
         let layers = layers.collect();
         let covered = covered::covered(&sections, &view, size);
+        let covered = scale.as_ref().map_or_else(|| covered.clone(), |scale| scale.spread(&covered));
         Self {
             placed: sections.iter().map(|section| PlacedSection::new(section, &camera)).collect(),
             shadings: Shadings::new(raycaster.scene()),
@@ -191,7 +193,7 @@ impl Voronoi {
             camera,
             size,
             layers,
-            uncovered: scale.as_ref().map_or_else(|| outside(&covered), |scale| outside(&scale.spread(&covered))),
+            uncovered: covered.iter().filter(|&&covered| !covered).count() as u64,
             scale,
             covered,
             samples: 0,
@@ -221,6 +223,16 @@ impl Voronoi {
     /// The view shown.
     pub fn view(&self) -> &View {
         &self.view
+    }
+
+    /// At how many pixels surfaces are cast.
+    pub fn resolution(&self) -> Resolution {
+        if self.scale.is_some() { Resolution::Half } else { Resolution::Full }
+    }
+
+    /// Whether some section covers a pixel that is cast.
+    fn is_covered(&self, pixel: usize) -> bool {
+        self.covered[self.scale.as_ref().map_or(pixel, |scale| scale.first_held(pixel))]
     }
 
     /// Distance from the eye of what each pixel sees, as [`Frame::depth`].
@@ -323,9 +335,4 @@ impl Voronoi {
         }
         Drawn { frame, guessed_pixels }
     }
-}
-
-/// How many pixels no section covers.
-fn outside(covered: &[bool]) -> u64 {
-    covered.iter().filter(|covered| !**covered).count() as u64
 }

@@ -24,6 +24,7 @@ const _: () = assert!(4 * SIDE * SIDE <= MAX_TILE);
 const ROWS: usize = 16;
 
 /// Where the pixels of one axis of a picture lie among fewer ones.
+#[derive(Clone)]
 struct Axis {
     coarse: usize,
     /// Coarse pixels for each of the picture's.
@@ -69,6 +70,7 @@ impl Axis {
 }
 
 /// How a picture lies on a coarse one.
+#[derive(Clone)]
 pub(crate) struct Scale {
     columns: Axis,
     rows: Axis,
@@ -87,6 +89,12 @@ impl Scale {
     /// The coarse pixel that holds a pixel.
     pub fn holder(&self, (column, row): (usize, usize)) -> usize {
         self.rows.holder(row) * self.coarse.0 + self.columns.holder(column)
+    }
+
+    /// The first pixel that a coarse one holds.
+    pub fn first_held(&self, coarse: usize) -> usize {
+        let (column, row) = (coarse % self.coarse.0, coarse / self.coarse.0);
+        self.rows.held(row).start * self.fine.0 + self.columns.held(column).start
     }
 
     /// The four coarse pixels around a pixel's middle, and their parts in it.
