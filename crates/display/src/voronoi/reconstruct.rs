@@ -344,7 +344,7 @@ impl Kernel for Part<'_, '_> {
 /// The sums of each pixel of these columns alone, and which labels have any.
 #[inline(always)]
 fn alone(sums: &[Sums], labels: &[u32], one: f32, columns: &Range<usize>, with_samples: &Labels, cells: &mut [f32]) {
-    let width = labels.len();
+    let (width, share) = (labels.len(), one.recip());
     for cells in cells.chunks_mut(width) {
         cells[columns.clone()].fill(0.0);
     }
@@ -357,7 +357,7 @@ fn alone(sums: &[Sums], labels: &[u32], one: f32, columns: &Range<usize>, with_s
         let square = u64::try_from(sum.square).map_or_else(|_| sum.square as f32, |square| square as f32);
         let [red, green, blue] = sum.light.map(|x| x as f32);
         for (kind, value) in [red, green, blue, sum.weight as f32, square].into_iter().enumerate() {
-            cells[kind * width + column] = value / one;
+            cells[kind * width + column] = value * share;
         }
         with_samples.insert(labels[column]);
     }
@@ -443,13 +443,14 @@ impl Choices<'_> {
         let (mut values, mut samples, mut variances) = ([0.0; COLUMNS], [0.0; COLUMNS], [0.0; COLUMNS]);
         // A tent's weights w have (Σw)²/Σw² = 9/4 Σw / max w.
         let spread = if means.is_empty() { 1.0 } else { 2.25 };
+        let mut shares = [0.0; COLUMNS];
         for i in 0..count {
-            let value = luminance([red[i], green[i], blue[i]]) / weight[i];
-            let variance = square[i] / weight[i] - value * value;
-            let is_there = weight[i] > 0.0;
+            let share = if weight[i] > 0.0 { weight[i].recip() } else { 0.0 };
+            let value = luminance([red[i], green[i], blue[i]]) * share;
+            let variance = square[i] * share - value * value;
             samples[i] = weight[i] * spread;
-            values[i] = if is_there { value } else { 0.0 };
-            variances[i] = if is_there && variance > 0.0 { variance } else { 0.0 };
+            (shares[i], values[i]) = (share, value);
+            variances[i] = if variance > 0.0 { variance } else { 0.0 };
         }
         // The variance of the widest mean judges all: narrow ones, of few samples, would think that they agree. An edge
         // within it makes it too large, by so much that two samples on one side still tell. A narrow mean with a rare
@@ -482,7 +483,7 @@ impl Choices<'_> {
         for (light, sums) in self.light.iter_mut().zip([red, green, blue]) {
             let light = &mut light[left..][..count];
             for i in 0..count {
-                let mean = sums[i] / weight[i];
+                let mean = sums[i] * shares[i];
                 light[i] = if samples[i] > 0.0 { mean } else { light[i] };
             }
         }
