@@ -30,6 +30,9 @@ const POLISHED: usize = 2;
 /// Samples along the eye's ray that what a metal reflects by geometry counts for.
 const REFLECTION_COUNTS: f32 = 4.0;
 
+/// Samples that tell more of the light on a narrow face than surfaces like it.
+const FEW_NARROW: f32 = 4.0;
+
 /// Pixels a side of blocks in which a surface without samples near has one light.
 const BLOCK: usize = 8;
 
@@ -348,7 +351,8 @@ impl<'a> Drawing<'a> {
     /// Light on a surface: that of a pixel that sees it, else what is known of such surfaces.
     fn lit(&self, lit: &Lit, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
         let voronoi = self.voronoi;
-        pixel.and_then(|pixel| lit.light.at(pixel)).or_else(|| {
+        let near = pixel.and_then(|pixel| lit.light.at(pixel));
+        near.or_else(|| lit.narrow(seen)).or_else(|| {
             let store = voronoi.records.as_deref().filter(|store| !store.is_empty());
             let indirect = store.map(|store| Indirect { store, caster: &self.caster, shadings: &voronoi.shadings });
             lit.guesses.alike(seen, &lit.layer.surfaces, indirect.as_ref())
@@ -518,6 +522,14 @@ impl<'a> Lit<'a> {
         let rows = (top..=pixel / width).map(|row| row * width);
         let mut all = rows.flat_map(|row| row + left..row + (left + BLOCK).min(width));
         all.find(|&other| surfaces.labels[other] == surfaces.labels[pixel]).unwrap_or(pixel)
+    }
+
+    /// Mean light on the side of its triangle, if no pixel's middle sees that.
+    fn narrow(&self, seen: &Seen) -> Option<[f32; 3]> {
+        let sums = self.layer.narrow.get(&seen.side()).filter(|_| seen.image == 0 && !seen.through)?;
+        let enough = FEW_NARROW * self.one(1);
+        let is_enough = sums.weight as f32 >= enough && !self.guesses.knows(seen);
+        is_enough.then(|| sums.light.map(|sum| sum as f32 / sums.weight as f32))
     }
 
     /// Whether something is seen through a mirror or pane that ought to have samples and has none.

@@ -8,23 +8,35 @@ use crate::parts::for_parts;
 use holo_raycast::{Hit, MAX_TILE, Ray};
 use holo_scene::Rgb;
 
-/// Points of an edge pixel.
-const POINTS: usize = 8;
-const _: () = assert!(POINTS <= MAX_TILE);
+/// Points of an edge pixel that are always looked through.
+const FIRST: usize = 8;
+
+/// Points of a pixel of which the first show several things: half the error of an edge's place.
+const POINTS: usize = 16;
+const _: () = assert!(POINTS == 2 * FIRST && FIRST <= MAX_TILE);
 
 /// Pixels of one piece of work.
 const PIECE: usize = 256;
 
-/// Places of the points: eight rooks, each in a column and a row of its own, well apart.
+/// Places of the points: the first of Sobol's sequence in two dimensions, each in a column and a row of its own, well apart; so are the
+/// first half of them.
 const PLACES: [(f64, f64); POINTS] = [
-    (0.0625, 0.4375),
-    (0.1875, 0.8125),
-    (0.3125, 0.1875),
-    (0.4375, 0.5625),
-    (0.5625, 0.9375),
-    (0.6875, 0.3125),
-    (0.8125, 0.6875),
-    (0.9375, 0.0625),
+    (0.03125, 0.03125),
+    (0.53125, 0.53125),
+    (0.28125, 0.78125),
+    (0.78125, 0.28125),
+    (0.15625, 0.65625),
+    (0.65625, 0.15625),
+    (0.40625, 0.40625),
+    (0.90625, 0.90625),
+    (0.09375, 0.96875),
+    (0.59375, 0.46875),
+    (0.34375, 0.21875),
+    (0.84375, 0.71875),
+    (0.21875, 0.34375),
+    (0.71875, 0.84375),
+    (0.46875, 0.59375),
+    (0.96875, 0.09375),
 ];
 
 /// What a point shows, as far as samples do not change it.
@@ -105,14 +117,21 @@ impl EdgePoints {
             for Piece { groups, ends } in piece {
                 for &pixel in pixels.iter().skip(part * PIECE).take(PIECE) {
                     let first = groups.len();
-                    let rays = PLACES.map(|place| ray(caster, width, pixel as usize, place));
-                    let mut hits = [None; POINTS];
-                    caster.nearest_tile(&rays, &mut hits);
-                    for (place, (ray, hit)) in (0_u8..).zip(rays.iter().zip(hits)) {
-                        let shows = shows(pixel as usize, PLACES[usize::from(place)], ray, &hit);
-                        match groups[first..].iter_mut().find(|group| group.shows.is_same(&shows)) {
-                            Some(group) => group.count += 1,
-                            None => groups.push(Group { shows, hit, place, count: 1 }),
+                    for places in [0..FIRST, FIRST..POINTS] {
+                        if groups.len() == first + 1 {
+                            // The whole pixel shows one thing.
+                            break;
+                        }
+                        let rays: [Ray; FIRST] =
+                            std::array::from_fn(|i| ray(caster, width, pixel as usize, PLACES[places.start + i]));
+                        let mut hits = [None; FIRST];
+                        caster.nearest_tile(&rays, &mut hits);
+                        for (place, (ray, hit)) in places.zip(rays.iter().zip(hits)) {
+                            let shows = shows(pixel as usize, PLACES[place], ray, &hit);
+                            match groups[first..].iter_mut().find(|group| group.shows.is_same(&shows)) {
+                                Some(group) => group.count += 1,
+                                None => groups.push(Group { shows, hit, place: place as u8, count: 1 }),
+                            }
                         }
                     }
                     ends.push(groups.len() as u32);

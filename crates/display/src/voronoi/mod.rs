@@ -20,6 +20,7 @@ mod edges;
 mod guess;
 mod indirect;
 mod labels;
+mod lone;
 mod portals;
 mod reconstruct;
 mod shade;
@@ -32,7 +33,7 @@ use crate::camera::Camera;
 use crate::parts::for_parts;
 use crate::pointimage::zeroed;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
-use deposit::{Beam, Depositor, Deposits, Sums};
+use deposit::{Beam, Depositor, Deposits, SideSums, Sums};
 use drawing::Drawing;
 use edges::EdgePoints;
 use guess::Guesses;
@@ -78,6 +79,8 @@ struct Layer {
     samples: u64,
     /// By block, how many there were with the last one that came into it.
     changes: Vec<u64>,
+    /// Sums of faces that only points next to edges see.
+    narrow: SideSums,
     /// What was made of them for the last picture: nothing is done again for layers that have no new samples.
     made: Mutex<Option<Made>>,
 }
@@ -174,6 +177,7 @@ impl Voronoi {
         let layers = layers.map(|surfaces| Layer {
             sums: zeroed(surfaces.seen.len()),
             changes: vec![0; blocks::count(surfaces.size)],
+            narrow: SideSums::default(),
             surfaces,
             samples: 0,
             made: Mutex::default(),
@@ -270,7 +274,8 @@ impl Voronoi {
                 caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
             };
             let beam = Beam { section: placed, pair, paths };
-            let to = &mut Deposits { sums: &mut layer.sums, changes: &mut layer.changes, samples: layer.samples };
+            let Layer { sums, changes, narrow, samples: before, .. } = layer;
+            let to = &mut Deposits { sums, changes, narrow, samples: *before };
             let used = depositor.insert(&beam, samples, to);
             layer.samples += used;
             self.samples += used;

@@ -14,6 +14,7 @@
 
 use super::blocks::{self, COLUMNS, Mask, ROWS};
 use super::deposit::{Sums, luminance};
+use super::lone;
 use super::shade::FULL_WEIGHT;
 use super::surfaces::{NO_LABEL, Surfaces};
 use super::tents::{KINDS, Passes};
@@ -61,6 +62,8 @@ pub(crate) struct Light {
     reaches: Vec<u8>,
     /// By block, pixels of surfaces that have no samples of their own.
     without: Vec<u32>,
+    /// Lone pixels, and what was found for them before they took what is beside them.
+    lone: Vec<(u32, [f32; 3])>,
 }
 
 impl Light {
@@ -72,7 +75,21 @@ impl Light {
             states: zeroed(count),
             reaches: vec![0; blocks::count(size)],
             without: vec![0; blocks::count(size)],
+            lone: Vec::new(),
         }
+    }
+
+    /// Gives lone pixels the light of others, as it was found.
+    fn replace(&mut self, lone: &[(u32, u32)]) {
+        let found = lone.iter().map(|&(pixel, other)| (pixel, self.at(pixel as usize), self.at(other as usize)));
+        let found: Vec<_> = found.filter_map(|(pixel, own, other)| Some((pixel, own?, other?))).collect();
+        self.lone = found.iter().map(|&(pixel, own, _)| (pixel, own)).collect();
+        found.into_iter().for_each(|(pixel, _, other)| self.set(pixel as usize, other));
+    }
+
+    /// Gives lone pixels back what was found for them.
+    fn restore(&mut self) {
+        std::mem::take(&mut self.lone).into_iter().for_each(|(pixel, own)| self.set(pixel as usize, own));
     }
 
     /// `None` where no sample of a pixel's surface is near enough.
@@ -156,6 +173,7 @@ pub(crate) fn light(
     let is_all = (0..blocks::count(size)).all(|block| wanted.has(block) || !seen.has(block));
     let before = before.filter(|_| !is_all);
     let mut light = before.map_or_else(|| Light::unknown(size), |(light, _)| light.clone());
+    light.restore();
     let labels = &surfaces.labels;
     let Scratch { cells, wider, means } = scratch;
     for memory in [&mut *cells, &mut *wider] {
@@ -223,6 +241,8 @@ pub(crate) fn light(
         }
         std::mem::swap(cells, wider);
     }
+    let lone = lone::find(surfaces, sums, &light, one);
+    light.replace(&lone);
     light
 }
 

@@ -45,8 +45,7 @@ fn a_moving_picture_is_as_bright_as_one_at_rest() {
     };
     // Independent sets of samples: of each the means at both resolutions.
     let sets = all.chunks(all.len() / 16).take(16);
-    let means: Vec<(f64, f64)> =
-        sets.map(|set| (mean(Resolution::Full, set), mean(Resolution::Half, set))).collect();
+    let means: Vec<(f64, f64)> = sets.map(|set| (mean(Resolution::Full, set), mean(Resolution::Half, set))).collect();
     let count = means.len() as f64;
     let bright = means.iter().map(|(full, _)| full).sum::<f64>() / count;
     let apart = means.iter().map(|(full, half)| half - full).sum::<f64>() / count;
