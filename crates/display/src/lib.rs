@@ -24,4 +24,4 @@ pub use candidates::section_of;
 pub use live::LiveSample;
 pub use quadtree::{Frame, LeafSize, MultiDepth, Quadtree, QuadtreeParams, REFETCH_DEGREES};
 pub use select::{Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius};
-pub use voronoi::{Drawn, Voronoi};
+pub use voronoi::{Drawn, Resolution, Voronoi};

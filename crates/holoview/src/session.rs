@@ -24,7 +24,7 @@ use holo_section::{BeamId, Section};
 
 use crate::{
     Config,
-    canvas::Painter,
+    canvas::{AT_REST, Painter},
     default_view,
     incoming::{self, Incoming},
     lights::Lights,
@@ -179,6 +179,18 @@ impl Session {
     /// Asks for a view.
     fn show(&mut self, spec: ViewSpec) -> Result<()> {
         let (view, size) = spec.resolve(self.config.view.size)?;
+        self.look(view, size)
+    }
+
+    /// Shows a view again that was asked for while moving, now at full resolution. Its seconds go on.
+    fn rest(&mut self) -> Result<()> {
+        let Some(Shown { view, size, since, .. }) = self.shown else { return Ok(()) };
+        self.look(view, size)?;
+        self.shown.iter_mut().for_each(|shown| shown.since = since);
+        Ok(())
+    }
+
+    fn look(&mut self, view: View, size: (u32, u32)) -> Result<()> {
         let Selection { beams, covered } = select_beams(&self.sections, &view, size, &SelectOptions::default());
         if covered.covered_rays == 0 {
             bail!("no section of the holodeck covers anything of this view ({})", view.to_vf_options());
@@ -306,7 +318,13 @@ impl Session {
             if !for_settled {
                 self.ask_live()?;
             }
-            let until = [refine, rays].into_iter().flatten().fold(deadline, Instant::min);
+            let moving = self.shown.as_ref().filter(|shown| shown.canvas.is_moving());
+            let rest = moving.map(|shown| shown.since + AT_REST);
+            if rest.is_some_and(|rest| Instant::now() >= rest) {
+                self.rest()?;
+                continue;
+            }
+            let until = [refine, rays, rest].into_iter().flatten().fold(deadline, Instant::min);
             let left = until.saturating_duration_since(Instant::now());
             match self.messages.recv_timeout(left) {
                 Ok(Incoming::Message(Message::Samples(samples))) => self.insert(&samples),

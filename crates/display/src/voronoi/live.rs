@@ -21,6 +21,7 @@ impl Voronoi {
             sums: layer.sums.clone(),
             samples: layer.samples,
             changes: layer.changes.clone(),
+            narrow: layer.narrow.clone(),
             made: Mutex::default(),
         };
         Voronoi {
@@ -33,6 +34,7 @@ impl Voronoi {
             view: self.view,
             camera: self.camera.clone(),
             size: self.size,
+            scale: self.scale.clone(),
             distances: DistanceTable::new(),
             layers: self.layers.iter().map(copied).collect(),
             covered: self.covered.clone(),
@@ -41,6 +43,9 @@ impl Voronoi {
             paths: self.paths,
             records: self.records.clone(),
             edge_points: OnceLock::new(),
+            fine_points: OnceLock::new(),
+            plain: OnceLock::new(),
+            depths: OnceLock::new(),
             metals: OnceLock::new(),
             scratch: Mutex::default(),
         }
@@ -56,7 +61,8 @@ impl Voronoi {
                 shadings: &self.shadings,
                 caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
             };
-            let to = &mut Deposits { sums: &mut layer.sums, changes: &mut layer.changes, samples: layer.samples };
+            let Layer { sums, changes, narrow, samples: before, .. } = layer;
+            let to = &mut Deposits { sums, changes, narrow, samples: *before };
             let used = depositor.insert_live(paths, rays, to);
             layer.samples += used;
             self.samples += used;
@@ -68,8 +74,11 @@ impl Voronoi {
     }
 
     /// The pixels that no section covers and that see something, by their number, row by row from the top: the sky is known, and
-    /// corners of fisheyes look nowhere.
+    /// corners of fisheyes look nowhere. None at a lower resolution: that is for views that are soon left.
     pub fn uncovered(&self) -> Vec<u32> {
+        if self.scale.is_some() {
+            return Vec::new();
+        }
         let (width, _) = self.size;
         let sees = |&(pixel, _): &(u32, &bool)| {
             let is_beyond = self.beyond.as_ref().is_some_and(|beyond| beyond.has(pixel as usize));
