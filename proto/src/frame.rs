@@ -9,6 +9,8 @@ pub const HEADER_BYTES: usize = 8;
 pub const MAX_CONTROL_BYTES: u64 = 1 << 20;
 /// Longest bulk message: a million wanted beams, or 1.6 million samples.
 pub const MAX_BULK_BYTES: u64 = 16 << 20;
+/// Longest message of live rays: [`crate::bulk::MAX_LIVE_RAYS`] of them.
+pub const MAX_LIVE_WANTED_BYTES: u64 = 1 << 20;
 /// Longest hello, either way. Small, because it is read from whoever connects.
 pub const MAX_HELLO_BYTES: u64 = 4096;
 
@@ -38,6 +40,14 @@ pub enum Kind {
     Light = 10,
     /// [`crate::bulk::RaysWanted`], display to server.
     Rays = 11,
+    /// [`crate::bulk::LiveWanted`], display to server.
+    LiveWanted = 12,
+    /// [`crate::bulk::LiveWork`], server to worker.
+    LiveWork = 13,
+    /// [`crate::bulk::LiveResults`], worker to server.
+    LiveResults = 14,
+    /// [`crate::bulk::LiveSamples`], server to display.
+    LiveSamples = 15,
 }
 
 impl Kind {
@@ -55,6 +65,10 @@ impl Kind {
             Kind::Unseen,
             Kind::Light,
             Kind::Rays,
+            Kind::LiveWanted,
+            Kind::LiveWork,
+            Kind::LiveResults,
+            Kind::LiveSamples,
         ]
         .into_iter()
         .find(|&kind| kind as u8 == byte)
@@ -73,7 +87,11 @@ impl Kind {
             | Kind::BlobChunk
             | Kind::Unseen
             | Kind::Light
-            | Kind::Rays => MAX_BULK_BYTES,
+            | Kind::Rays
+            | Kind::LiveWork
+            | Kind::LiveResults
+            | Kind::LiveSamples => MAX_BULK_BYTES,
+            Kind::LiveWanted => MAX_LIVE_WANTED_BYTES,
         }
     }
 }

@@ -26,7 +26,7 @@ pub(crate) fn printable(text: &str) -> String {
 }
 
 /// The version of everything after the hello. Raised by any change to a message's bytes.
-pub const PROTOCOL_VERSION: u16 = 2;
+pub const PROTOCOL_VERSION: u16 = 3;
 
 /// Rays in one packet: what fitted the original's 512-byte packets (Larson & Simmons 1999, §2.2, footnote 4), and still
 /// a good unit of work: one beam's set-up is shared and a lost packet costs little.

@@ -37,6 +37,10 @@ enum Any {
     Unseen(Unseen),
     Light(Light),
     Rays(RaysWanted),
+    LiveWanted(LiveWanted),
+    LiveWork(LiveWork),
+    LiveResults(LiveResults),
+    LiveSamples(LiveSamples),
 }
 
 impl Any {
@@ -53,6 +57,10 @@ impl Any {
             Any::Unseen(message) => (Kind::Unseen, message.encode()),
             Any::Light(message) => (Kind::Light, message.encode()),
             Any::Rays(message) => (Kind::Rays, message.encode()),
+            Any::LiveWanted(message) => (Kind::LiveWanted, message.encode()),
+            Any::LiveWork(message) => (Kind::LiveWork, message.encode()),
+            Any::LiveResults(message) => (Kind::LiveResults, message.encode()),
+            Any::LiveSamples(message) => (Kind::LiveSamples, message.encode()),
         };
         frame::encode(kind, &payload).unwrap()
     }
@@ -73,6 +81,10 @@ impl Any {
             Kind::Unseen => Any::Unseen(Unseen::decode(payload)?),
             Kind::Light => Any::Light(Light::decode(payload)?),
             Kind::Rays => Any::Rays(RaysWanted::decode(payload)?),
+            Kind::LiveWanted => Any::LiveWanted(LiveWanted::decode(payload)?),
+            Kind::LiveWork => Any::LiveWork(LiveWork::decode(payload)?),
+            Kind::LiveResults => Any::LiveResults(LiveResults::decode(payload)?),
+            Kind::LiveSamples => Any::LiveSamples(LiveSamples::decode(payload)?),
         })
     }
 }
@@ -91,6 +103,37 @@ fn record() -> Record {
         flags: 0,
         id: 0x0102_0304_0506_0708,
     }
+}
+
+fn live_rays() -> [LiveRay; 3] {
+    [
+        LiveRay { origin: [1.0, -2.5, 1e6], direction: [0.6, 0.0, -0.8], number: 1 },
+        LiveRay { origin: [0.0, 0.0, 0.5], direction: [0.0, -1.0, 0.0], number: 0x1122_3344_5566_7788 },
+        LiveRay { origin: [-1.5, 3.0, 0.25], direction: [1.0, 0.0, 0.0], number: 1 << 63 },
+    ]
+}
+
+fn live_hits() -> [LiveHit; 3] {
+    [
+        LiveHit { radiance: [1.5, 0.25, 0.0], distance: 2.5 },
+        LiveHit { radiance: [0.0; 3], distance: f32::INFINITY },
+        LiveHit { radiance: [1e30, 8.0, 1.0], distance: 0.0 },
+    ]
+}
+
+fn live() -> [(&'static str, Any); 4] {
+    let ([a, b, c], hits) = (live_rays(), live_hits());
+    let packets =
+        vec![LivePacket { id: 1, paths: 16, rays: vec![a, b] }, LivePacket { id: 1 << 63, paths: 1, rays: vec![c] }];
+    let traced =
+        vec![Traced { id: 1, count: 2, nanoseconds: 1000 }, Traced { id: 1 << 63, count: 1, nanoseconds: u32::MAX }];
+    let samples = [a, b].iter().zip(hits).map(|(ray, hit)| LiveSample { number: ray.number, hit }).collect();
+    [
+        ("live-wanted", Any::LiveWanted(LiveWanted { view: 7, pixels: 1000, rays: vec![a, b] })),
+        ("live-work", Any::LiveWork(LiveWork { packets })),
+        ("live-results", Any::LiveResults(LiveResults { packets: traced, hits: hits.to_vec() })),
+        ("live-samples", Any::LiveSamples(LiveSamples { view: 7, samples })),
+    ]
 }
 
 fn hello(role: Role, name: &str) -> Any {
@@ -228,7 +271,7 @@ fn traced() -> Any {
 
 fn cases() -> Vec<(&'static str, Any)> {
     let number = 0x1122_3344_5566_7788;
-    vec![
+    let mut cases = vec![
         ("hello-worker", hello(Role::Worker, "rtworker 42")),
         ("hello-display", hello(Role::Display, "holoview – 7")),
         ("answer-accepted", Any::Answer(Answer::Accepted)),
@@ -296,7 +339,9 @@ fn cases() -> Vec<(&'static str, Any)> {
             }),
         ),
         ("blob-chunk", Any::BlobChunk(BlobChunk { offset: 1 << 32, bytes: b"holoscn\n".to_vec() })),
-    ]
+    ];
+    cases.extend(live());
+    cases
 }
 
 #[test]

@@ -45,6 +45,24 @@ fn decode_all(bytes: &[u8]) {
         assert!(message.records.iter().all(Record::is_valid));
         assert_eq!(message.encode(), bytes);
     }
+    if let Ok(message) = LiveWanted::decode(bytes) {
+        assert!(message.rays.len() <= MAX_LIVE_RAYS && message.rays.iter().all(is_ray));
+        assert_eq!(LiveWanted::decode(&message.encode()), Ok(message));
+    }
+    if let Ok(message) = LiveWork::decode(bytes) {
+        assert!(message.packets.iter().all(|p| (1..=MAX_RAYS_PER_PACKET).contains(&p.rays.len()) && p.paths > 0));
+        assert!(message.packets.iter().flat_map(|packet| &packet.rays).all(is_ray));
+        assert_eq!(LiveWork::decode(&message.encode()), Ok(message));
+    }
+    if let Ok(message) = LiveResults::decode(bytes) {
+        assert_eq!(message.packets.iter().map(|p| p.count as usize).sum::<usize>(), message.hits.len());
+        assert!(message.hits.iter().all(is_hit));
+        assert_eq!(message.encode(), bytes);
+    }
+    if let Ok(message) = LiveSamples::decode(bytes) {
+        assert!(message.samples.iter().all(|sample| is_hit(&sample.hit)));
+        assert_eq!(message.encode(), bytes);
+    }
     if let Ok(message) = BlobChunk::decode(bytes) {
         assert_eq!(message.encode(), bytes);
     }
@@ -56,6 +74,15 @@ fn decode_all(bytes: &[u8]) {
     }
 }
 
+fn is_ray(ray: &LiveRay) -> bool {
+    let length: f64 = ray.direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+    ray.origin.iter().all(|x| x.is_finite()) && (length - 1.0).abs() < 1e-6
+}
+
+fn is_hit(hit: &LiveHit) -> bool {
+    hit.radiance.iter().all(|x| x.is_finite() && *x >= 0.0) && !hit.distance.is_nan() && hit.distance >= 0.0
+}
+
 fn any_payload() -> impl Strategy<Value = Vec<u8>> {
     let hello = "\\PC{0,40}".prop_map(|name| Hello::new(Role::Worker, name).encode());
     prop_oneof![
@@ -65,6 +92,10 @@ fn any_payload() -> impl Strategy<Value = Vec<u8>> {
         common::view().prop_map(|message| message.encode()),
         common::samples().prop_map(|message| message.encode()),
         common::unseen().prop_map(|message| message.encode()),
+        common::live_wanted().prop_map(|message| message.encode()),
+        common::live_work().prop_map(|message| message.encode()),
+        common::live_results().prop_map(|message| message.encode()),
+        common::live_samples().prop_map(|message| message.encode()),
         hello,
     ]
 }
@@ -77,7 +108,12 @@ proptest! {
         control in common::control(), work in common::work(), results in common::results(),
         view in common::view(), samples in common::samples(), unseen in common::unseen(),
         chunk in common::chunk(), light in common::light(),
+        live in (common::live_wanted(), common::live_work(), common::live_results(), common::live_samples()),
     ) {
+        prop_assert_eq!(LiveWanted::decode(&live.0.encode()), Ok(live.0));
+        prop_assert_eq!(LiveWork::decode(&live.1.encode()), Ok(live.1));
+        prop_assert_eq!(LiveResults::decode(&live.2.encode()), Ok(live.2));
+        prop_assert_eq!(LiveSamples::decode(&live.3.encode()), Ok(live.3));
         prop_assert_eq!(Control::decode(&control.encode().unwrap()), Ok(control));
         prop_assert_eq!(Work::decode(&work.encode()), Ok(work));
         prop_assert_eq!(Results::decode(&results.encode()), Ok(results));
@@ -94,7 +130,7 @@ proptest! {
         // With a small first number more of them get past the first count, or to a control variant.
         if let [first, .., _, _, _, _] = bytes.as_slice() {
             let rest = &bytes[4..];
-            decode_all(&[&[first % 11, 0, 0, 0], rest].concat());
+            decode_all(&[&[first % 16, 0, 0, 0], rest].concat());
         }
     }
 
@@ -113,7 +149,7 @@ proptest! {
     }
 
     #[test]
-    fn a_header_is_taken_only_if_it_says_what_it_must(bytes in any::<[u8; 8]>(), kind in 0..13u8, small in any::<bool>()) {
+    fn a_header_is_taken_only_if_it_says_what_it_must(bytes in any::<[u8; 8]>(), kind in 0..17u8, small in any::<bool>()) {
         let mut bytes = bytes;
         bytes[4] = kind;
         if small {
@@ -127,7 +163,7 @@ proptest! {
                 prop_assert!(u64::from(length) <= header.kind.max_bytes());
                 prop_assert_eq!(header.to_bytes(), bytes);
             }
-            Err(ProtoError::Kind(found)) => prop_assert!(found == kind && !(1..=9).contains(&kind)),
+            Err(ProtoError::Kind(found)) => prop_assert!(found == kind && !(1..=15).contains(&kind)),
             Err(ProtoError::TooLong { kind, limit, .. }) => prop_assert!(u64::from(length) > limit && limit == kind.max_bytes()),
             Err(ProtoError::Trailing(_)) => prop_assert!(bytes[5..] != [0; 3]),
             Err(other) => prop_assert!(false, "{other}"),
@@ -153,7 +189,7 @@ proptest! {
 
 #[test]
 fn each_kind_of_frame_has_its_limit_at_both_ends() {
-    for kind in (1..=9).map(|byte| Kind::from_byte(byte).unwrap()) {
+    for kind in (1..=15).map(|byte| Kind::from_byte(byte).unwrap()) {
         let limit = kind.max_bytes();
         let header = Header { kind, length: limit as u32 };
         assert_eq!(Header::parse(header.to_bytes()), Ok(header));
@@ -303,6 +339,53 @@ fn wrong_numbers_in_bulk_messages_are_named() {
     assert!(matches!(results([3, 1]), Err(ProtoError::Truncated { needed: 40, found: 30, .. })));
     assert_eq!(results([0, 3]), Err(ProtoError::RayCount(0)));
     assert_eq!(results([22, 3]), Err(ProtoError::RayCount(22)));
+}
+
+#[test]
+fn live_rays_that_are_none_and_what_none_can_see_are_refused() {
+    let ray = |origin: f64, direction: [f64; 3]| LiveRay { origin: [0.0, origin, 0.0], direction, number: 5 };
+    let good = ray(1.0, [0.6, 0.0, 0.8]);
+    let wanted = |ray: LiveRay, count: usize| {
+        LiveWanted::decode(&LiveWanted { view: 1, pixels: 9, rays: vec![ray; count] }.encode())
+    };
+    let work = |ray: LiveRay, count: usize, paths: u16| {
+        LiveWork::decode(&LiveWork { packets: vec![LivePacket { id: 1, paths, rays: vec![ray; count] }] }.encode())
+    };
+    assert!(wanted(good, MAX_LIVE_RAYS).is_ok() && work(good, 21, 1).is_ok());
+    let (found, limit) = (MAX_LIVE_RAYS as u64 + 1, MAX_LIVE_RAYS as u64);
+    assert_eq!(wanted(good, MAX_LIVE_RAYS + 1), Err(ProtoError::TooMany { what: "live rays", found, limit }));
+    assert_eq!(work(good, 22, 1), Err(ProtoError::RayCount(22)));
+    assert_eq!(work(good, 0, 1), Err(ProtoError::RayCount(0)));
+    assert!(matches!(work(good, 1, 0), Err(ProtoError::Number(_))));
+    for bad in [
+        ray(f64::NAN, good.direction),
+        ray(f64::INFINITY, good.direction),
+        ray(0.0, [0.0; 3]),
+        ray(0.0, [1.0, 0.01, 0.0]),
+        ray(0.0, [1.0, f64::NAN, 0.0]),
+        ray(0.0, [f64::INFINITY, 0.0, 0.0]),
+    ] {
+        assert!(matches!(wanted(bad, 2), Err(ProtoError::Number(_))), "{bad:?}");
+        assert!(matches!(work(bad, 2, 1), Err(ProtoError::Number(_))), "{bad:?}");
+    }
+    // Work that says more rays of a packet than follow.
+    let mut bytes = LiveWork { packets: vec![LivePacket { id: 1, paths: 1, rays: vec![good; 2] }] }.encode();
+    bytes[16] = 3;
+    assert!(matches!(LiveWork::decode(&bytes), Err(ProtoError::Truncated { needed: 3, found: 2, .. })));
+
+    let hit = |radiance: f32, distance: f32| LiveHit { radiance: [1.0, radiance, 0.0], distance };
+    let results = |hit: LiveHit| {
+        let packets = vec![Traced { id: 1, count: 1, nanoseconds: 1 }];
+        LiveResults::decode(&LiveResults { packets, hits: vec![hit] }.encode())
+    };
+    let samples = |hit: LiveHit| {
+        LiveSamples::decode(&LiveSamples { view: 1, samples: vec![LiveSample { number: 1, hit }] }.encode())
+    };
+    assert!(results(hit(0.0, f32::INFINITY)).is_ok() && samples(hit(0.0, 0.0)).is_ok());
+    for (radiance, distance) in [(-1.0, 1.0), (f32::NAN, 1.0), (f32::INFINITY, 1.0), (1.0, f32::NAN), (1.0, -1.0)] {
+        assert!(matches!(results(hit(radiance, distance)), Err(ProtoError::Number(_))), "{radiance} {distance}");
+        assert!(matches!(samples(hit(radiance, distance)), Err(ProtoError::Number(_))), "{radiance} {distance}");
+    }
 }
 
 #[test]

@@ -6,7 +6,9 @@ use std::{
 };
 
 use holo_proto::{
-    bulk::{BlobChunk, Light, Results, Samples, Unseen, ViewRequest, Work},
+    bulk::{
+        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, Results, Samples, Unseen, ViewRequest, Work,
+    },
     control::Control,
     frame::MAX_CONTROL_BYTES,
     hello::{Answer, Hello, MAGIC},
@@ -69,6 +71,10 @@ fn bulk_messages_that_claim_more_than_they_bring_take_no_memory() {
                 let _ = Samples::decode(&payload);
                 let _ = Unseen::decode(&payload);
                 let _ = Light::decode(&payload);
+                let _ = LiveWanted::decode(&payload);
+                let _ = LiveWork::decode(&payload);
+                let _ = LiveResults::decode(&payload);
+                let _ = LiveSamples::decode(&payload);
                 let _ = Hello::decode(&payload);
                 let _ = Answer::decode(&payload);
             });

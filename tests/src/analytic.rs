@@ -4,12 +4,15 @@
 //! blue along z, and every wall has a brightness of its own: a wall, an axis, a channel or a unit that is mistaken for
 //! another changes the picture.
 
-use std::{net::SocketAddr, time::Duration};
+use std::{
+    net::SocketAddr,
+    time::{Duration, Instant},
+};
 
 use holo_net::{Inbox, Message, NetError, Outbox};
 use holo_picture::{Picture, View};
 use holo_proto::{
-    bulk::{Results, Traced, Work},
+    bulk::{LiveHit, LiveResults, LiveWork, Results, Traced, Work},
     control::Control,
     frame::Kind,
     hello::Role,
@@ -76,6 +79,7 @@ impl World {
     fn answer(&self, sections: &[Section], work: &Work) -> Results {
         let mut results = Results::default();
         for packet in &work.packets {
+            let start = Instant::now();
             let viewpoint = packet.viewpoint.map(|index| &work.viewpoints[usize::from(index)]);
             let section = &sections[usize::from(packet.section)];
             let sampler = section.beam_sampler(packet.section, packet.beam, viewpoint).expect("the beam exists");
@@ -85,10 +89,31 @@ impl World {
                 results.samples.push(self.sample(section, &sampler.ray(coords), coords));
             }
             let count = u32::from(packet.count);
-            results.packets.push(Traced { id: packet.id, count, nanoseconds: 2_000 * count });
+            results.packets.push(Traced { id: packet.id, count, nanoseconds: nanoseconds(start) });
         }
         results
     }
+}
+
+impl World {
+    fn answer_live(&self, work: &LiveWork) -> LiveResults {
+        let mut results = LiveResults::default();
+        for packet in &work.packets {
+            let start = Instant::now();
+            for ray in &packet.rays {
+                let hit = self.hit(DVec3::from_array(ray.origin), DVec3::from_array(ray.direction));
+                let distance = (hit.distance * self.stretch) as f32;
+                results.hits.push(LiveHit { radiance: hit.rgb.map(|x| x as f32), distance });
+            }
+            let count = packet.rays.len() as u32;
+            results.packets.push(Traced { id: packet.id, count, nanoseconds: nanoseconds(start) });
+        }
+        results
+    }
+}
+
+fn nanoseconds(since: Instant) -> u32 {
+    u32::try_from(since.elapsed().as_nanos()).unwrap_or(u32::MAX)
 }
 
 /// Where a line enters and leaves a box, each with its wall (2·axis + side).
@@ -126,6 +151,10 @@ pub async fn work(address: SocketAddr, world: World) {
                 let results = world.answer(&sections, &work);
                 outbox.send(Kind::Results, &results.encode()).expect("it fits");
             }
+            Ok(Message::LiveWork(work)) => {
+                let results = world.answer_live(&work);
+                outbox.send(Kind::LiveResults, &results.encode()).expect("it fits");
+            }
             Ok(Message::Control(Control::Ping(number))) => outbox.control(&Control::Pong(number)).expect("it fits"),
             Ok(Message::Control(Control::Bye { .. })) | Err(NetError::Closed | NetError::Io(_)) => return,
             Ok(_) => {}
@@ -144,7 +173,7 @@ pub async fn join(address: SocketAddr, role: Role) -> (Inbox, Outbox, Vec<holo_s
 /// How a picture compares with the room.
 #[derive(Debug)]
 pub struct Verdict {
-    /// Pixels compared: covered, and far enough from edges.
+    /// Pixels compared: far enough from edges, and covered or traced live.
     pub compared: usize,
     /// Of these, those whose colour is not to be found within two pixels: column, row, shown, expected.
     pub wrong: Vec<(u32, u32, [f64; 3], [f64; 3])>,
@@ -152,8 +181,10 @@ pub struct Verdict {
     pub mean_error: f64,
     /// Covered pixels.
     pub covered: usize,
-    /// Pixels that no section covers and that are not exactly 0.
-    pub invented: usize,
+    /// Pixels that no section covers.
+    pub uncovered: usize,
+    /// Of these, those that are not exactly 0: traced live.
+    pub live: usize,
 }
 
 /// How far an edge must be for a pixel to be compared.
@@ -183,15 +214,17 @@ pub fn compare(world: &World, sections: &[Section], view: &View, picture: &Pictu
         let expected = &expected;
         rows.flat_map(move |row| columns.clone().map(move |column| expected[(row * across + column) as usize]))
     };
-    let mut verdict = Verdict { compared: 0, wrong: Vec::new(), mean_error: 0.0, covered: 0, invented: 0 };
+    let mut verdict = Verdict { compared: 0, wrong: Vec::new(), mean_error: 0.0, covered: 0, uncovered: 0, live: 0 };
     for row in 0..height {
         for column in 0..width {
             let (covered, hit) = expected[((row + MARGIN) * across + column + MARGIN) as usize];
             let rgb = picture.get(column, row).expect("inside").map(f64::from);
             verdict.covered += usize::from(covered);
-            verdict.invented += usize::from(!covered && rgb != [0.0; 3]);
-            let plain = around(column, row, MARGIN).all(|(covered, near)| covered && near.wall == hit.wall);
-            if !plain {
+            verdict.uncovered += usize::from(!covered);
+            let is_shown = covered || rgb != [0.0; 3];
+            verdict.live += usize::from(!covered && is_shown);
+            let plain = around(column, row, MARGIN).all(|(other, near)| other == covered && near.wall == hit.wall);
+            if !plain || !is_shown {
                 continue;
             }
             verdict.compared += 1;

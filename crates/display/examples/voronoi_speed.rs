@@ -2,7 +2,7 @@
 //! the cabin beside the project.
 
 use glam::DVec3;
-use holo_display::Voronoi;
+use holo_display::{Resolution, Voronoi};
 use holo_picture::View;
 use holo_raycast::Raycaster;
 use holo_scene::{LoadOptions, load_obj};
@@ -44,9 +44,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let section = Section::new(spec)?;
     let size = (1280, 720);
     let view = View::new(DVec3::new(12.5, 0.5, 5.0), DVec3::new(1.0, 1.0, 0.0), DVec3::Z, Some(60.0), None, size)?;
-    let mut canvas = timed("surfaces, 1280x720", 20, || {
-        Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), view, size)
-    });
+    let canvas = |resolution| {
+        Voronoi::at_resolution(Arc::from([section.clone()]), Arc::clone(&raycaster), None, view, size, resolution)
+    };
+    let mut half = timed("surfaces, half of 1280x720", 20, || canvas(Resolution::Half));
+    let mut canvas = timed("surfaces, 1280x720", 20, || canvas(Resolution::Full));
     let beams = timed("beams of what is seen", 3, || canvas.surface_beams());
     // Rays that see what is there, all equally bright: where they land is what takes time.
     let packets: Vec<(BeamId, Vec<Sample>)> =
@@ -54,6 +56,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let count: usize = packets.iter().map(|(_, samples)| samples.len()).sum();
     timed(&format!("insert {count} samples"), 3, || {
         packets.iter().for_each(|(beam, samples)| canvas.insert(0, *beam, 1, samples));
+    });
+    timed("the same at half resolution", 3, || {
+        packets.iter().for_each(|(beam, samples)| half.insert(0, *beam, 1, samples));
+    });
+    timed("draw with all beams' new samples, half resolution", 10, || {
+        packets.iter().for_each(|(beam, samples)| half.insert(0, *beam, 1, &samples[..samples.len().min(1)]));
+        half.draw()
     });
     let mut beams = packets.iter().cycle();
     timed("draw with a beam's new samples", 10, || {

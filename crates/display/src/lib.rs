@@ -6,12 +6,14 @@
 //! What always holds:
 //! - No input or output, no clock, no randomness but what the caller seeds: the same calls give the same bits.
 //! - A picture at rest does not depend on the order in which samples arrived, nor on how they were batched.
-//! - A pixel that no section covers is never invented: it stays 0 and is counted.
+//! - A pixel that no section covers is never invented: it stays 0, or what is known of its surface, and is counted; a picture of live
+//!   rays ([`LiveSample`]) is drawn apart.
 
 mod camera;
 mod candidates;
 mod ending;
 pub mod frameless;
+mod live;
 mod parts;
 pub mod pointimage;
 mod quadtree;
@@ -19,6 +21,7 @@ mod select;
 mod voronoi;
 
 pub use candidates::section_of;
+pub use live::LiveSample;
 pub use quadtree::{Frame, LeafSize, MultiDepth, Quadtree, QuadtreeParams, REFETCH_DEGREES};
 pub use select::{Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius};
-pub use voronoi::{Drawn, Voronoi};
+pub use voronoi::{Drawn, Resolution, Voronoi};

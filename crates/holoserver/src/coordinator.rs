@@ -7,9 +7,11 @@
 //! - a display gets every sample of its view's beams, stored or traced, from whatever cause they were traced, and is told
 //!   which of them see nothing;
 //! - a beam known to see nothing is given to no worker;
+//! - what is traced live goes to the display that asked for it, and nowhere else;
 //! - a sample that a display may have is not replaced by a better one while it looks at the sample's beam.
 
 mod dealing;
+mod live;
 mod results;
 mod sharing;
 mod views;
@@ -40,6 +42,7 @@ use crate::{
     batch::{BatchOrder, Wanted},
     holodeck::Holodeck,
     listen::ConnectionId,
+    live::LiveQueue,
     progress::{Done, Progress},
     recall::{send_scene, send_stand_ins},
     wishes::Wishes,
@@ -103,6 +106,8 @@ pub struct Filling {
 struct Display {
     outbox: Outbox,
     wishes: Option<Wishes>,
+    /// Rays of its view that no section covers.
+    live: LiveQueue,
     newest: Arc<AtomicU32>,
     recalling: bool,
     /// If it settles: the number of the last packet that was given out before. A file that is filled at the same time has always
@@ -342,7 +347,8 @@ impl Coordinator {
             Event::Joined { id, role: Role::Display, name, outbox } => {
                 self.progress.say(&format!("{name} joined"));
                 let newest = Arc::default();
-                let display = Display { outbox, wishes: None, newest, recalling: false, settling: None };
+                let live = LiveQueue::default();
+                let display = Display { outbox, wishes: None, live, newest, recalling: false, settling: None };
                 self.displays.insert(id, display);
             }
             Event::Message { id, message } => {
@@ -400,10 +406,12 @@ impl Coordinator {
             }
             Message::Control(Control::Failed { reason }) if is_worker => bail!("{reason}"),
             Message::Results(results) if is_worker => self.results(id, &results)?,
+            Message::LiveResults(results) if is_worker => self.live_results(id, &results)?,
             Message::Light(light) if is_worker => self.light(id, &light)?,
             Message::Control(Control::LightWanted) => self.light_wanted(id),
             Message::View(request) if is_display => self.view(id, request)?,
             Message::Rays(request) if is_display => self.rays(id, &request)?,
+            Message::LiveWanted(request) if is_display => self.live_wanted(id, &request)?,
             Message::Control(Control::Settle { view }) if is_display => self.settle(id, view),
             _ => bail!("it sent a message that is not for a server"),
         }
@@ -442,8 +450,9 @@ impl Coordinator {
     fn leave(&mut self, id: ConnectionId, reason: Option<String>) {
         let reason = reason.unwrap_or_else(|| "it closed its connection".into());
         self.listeners.remove(&id);
-        if let Some(worker) = self.workers.remove(&id) {
+        if let Some(mut worker) = self.workers.remove(&id) {
             self.progress.say(&format!("{} left: {reason}", worker.name));
+            self.live_again(&mut worker);
             self.again.extend(worker.into_assignments());
             // What was traced for a view that is no longer looked at need not be traced again.
             self.forget_stale();

@@ -12,6 +12,7 @@ mod coordinator;
 mod holodeck;
 mod light;
 mod listen;
+mod live;
 mod progress;
 mod recall;
 mod unseen;

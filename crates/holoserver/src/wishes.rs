@@ -31,6 +31,7 @@ pub struct Wishes {
     rays: VecDeque<RayPacket>,
     /// Single rays that may still be given out.
     rays_left: u64,
+    pixels: f64,
 }
 
 /// Single rays of one beam.
@@ -80,7 +81,7 @@ impl Wishes {
         let queue = traced.map(|(wish, index)| Reverse((wish.ratio(), index))).collect();
         let pixels: f64 = beams.iter().map(|wish| f64::from(wish.weight)).sum();
         let rays_left = (pixels * MAX_RAYS_PER_PIXEL) as u64;
-        Wishes { view, viewpoint, beams, index, queue, rays: VecDeque::new(), rays_left }
+        Wishes { view, viewpoint, beams, index, queue, rays: VecDeque::new(), rays_left, pixels }
     }
 
     /// Takes the rays that are wanted most, in place of those that are left of the last such list.
@@ -132,6 +133,11 @@ impl Wishes {
     /// Whether the view crosses this beam.
     pub fn contains(&self, key: BeamKey) -> bool {
         self.index.contains_key(&key)
+    }
+
+    /// Pixels that its beams serve.
+    pub fn pixels(&self) -> f64 {
+        self.pixels
     }
 
     /// The view's beams.

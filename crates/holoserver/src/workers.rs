@@ -3,11 +3,11 @@
 use std::{collections::HashMap, time::Duration};
 
 use holo_net::Outbox;
-use holo_proto::bulk::{Packet, Traced, Work};
+use holo_proto::bulk::{LivePacket, LiveWork, Packet, Traced, Work};
 use holo_section::{SampleKind, Viewpoint};
 use thiserror::Error;
 
-use crate::listen::ConnectionId;
+use crate::{listen::ConnectionId, live::LiveAssignment};
 
 /// Work that a worker is given ahead: long enough that it never waits for the server, short enough that a new view is
 /// traced at once (the paper allowed five seconds, §2.2).
@@ -69,6 +69,8 @@ pub struct Worker {
     rays_ahead: f64,
     work_ahead: f64,
     assigned: HashMap<u64, Assignment>,
+    /// Rays that are not stored.
+    live: HashMap<u64, LiveAssignment>,
     waits_for_light: bool,
 }
 
@@ -84,6 +86,7 @@ impl Worker {
             rays_ahead: 0.0,
             work_ahead: 0.0,
             assigned: HashMap::new(),
+            live: HashMap::new(),
             waits_for_light: false,
         }
     }
@@ -112,7 +115,7 @@ impl Worker {
         }
     }
 
-    /// Rays that it was given and has not done.
+    /// Rays that it was given and has not done, but for live ones.
     pub fn rays_ahead(&self) -> f64 {
         self.rays_ahead
     }
@@ -137,6 +140,36 @@ impl Worker {
         let _ = self.outbox.send(holo_proto::frame::Kind::Work, &work.encode());
     }
 
+    /// Gives it live rays.
+    pub fn assign_live(&mut self, assignments: Vec<LiveAssignment>) {
+        let mut work = LiveWork::default();
+        for assignment in assignments {
+            let LiveAssignment { id, paths, ref rays, .. } = assignment;
+            work.packets.push(LivePacket { id, paths, rays: rays.clone() });
+            self.work_ahead += rays.len() as f64;
+            self.live.insert(id, assignment);
+        }
+        // As with packets of beams.
+        let _ = self.outbox.send(holo_proto::frame::Kind::LiveWork, &work.encode());
+    }
+
+    /// Takes live rays' results off the list, once.
+    pub fn finish_live(&mut self, traced: &Traced) -> Result<LiveAssignment, ResultsError> {
+        let asked = self.live.get(&traced.id).ok_or(ResultsError::Unknown)?.rays.len();
+        if asked != traced.count as usize {
+            return Err(ResultsError::Count { found: traced.count, asked: asked as u8 });
+        }
+        let assignment = self.live.remove(&traced.id).ok_or(ResultsError::Unknown)?;
+        self.work_ahead -= asked as f64;
+        self.took(traced, asked as f64, asked as f64);
+        Ok(assignment)
+    }
+
+    /// Takes all live rays off the list.
+    pub fn take_live(&mut self) -> impl Iterator<Item = LiveAssignment> + use<> {
+        std::mem::take(&mut self.live).into_values()
+    }
+
     /// Takes a packet's results off the list, once.
     pub fn finish(&mut self, traced: &Traced) -> Result<Assignment, ResultsError> {
         let assignment = *self.assigned.get(&traced.id).ok_or(ResultsError::Unknown)?;
@@ -149,11 +182,16 @@ impl Worker {
         let work = assignment.work(self.usual_paths);
         self.rays_ahead -= f64::from(asked);
         self.work_ahead -= work;
+        self.took(traced, work, f64::from(asked));
+        Ok(assignment)
+    }
+
+    /// Learns of its speed: a packet of so many rays, and of so much work.
+    fn took(&mut self, traced: &Traced, work: f64, rays: f64) {
         // Smoothed over some hundred rays: beams differ much in what a ray costs.
         let seconds = f64::from(traced.nanoseconds.max(1)) * 1e-9 / work;
-        let share = 0.005 * f64::from(asked);
+        let share = 0.005 * rays;
         self.seconds_per_ray = Some(self.seconds_per_ray.map_or(seconds, |mean| mean + share * (seconds - mean)));
-        Ok(assignment)
     }
 
     /// Takes a packet off the list that it did not trace, since its beam sees nothing. Says nothing of its speed.
@@ -174,7 +212,7 @@ impl Worker {
         self.assigned.values()
     }
 
-    /// Whether it has anything to do.
+    /// Whether it has anything to do that is stored.
     pub fn is_idle(&self) -> bool {
         self.assigned.is_empty()
     }

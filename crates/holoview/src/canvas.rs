@@ -2,10 +2,13 @@
 //!
 //! Invariant: a scene is used only if its bytes have the announced hash.
 
-use std::{sync::Arc, time::Duration};
+use std::{
+    sync::{Arc, Mutex, PoisonError},
+    time::{Duration, Instant},
+};
 
 use anyhow::{Context, Result, bail, ensure};
-use holo_display::{Frame, Voronoi, WantedBeam, viewpoint_radius};
+use holo_display::{Frame, Resolution, Voronoi, WantedBeam, viewpoint_radius};
 use holo_light::Store;
 use holo_net::{Inbox, Message, Outbox, SceneReceiver};
 use holo_picture::View;
@@ -28,12 +31,28 @@ const SCENE_TIME: Duration = Duration::from_secs(10);
 /// Least radius of records that are told apart, as a share of the scene's size.
 const LEAST_RADIUS: f64 = 1e-5;
 
+/// Views that follow each other more quickly are those of somebody who moves: full pictures could not follow. One that has been looked at
+/// for longer is at rest.
+pub const AT_REST: Duration = Duration::from_millis(150);
+
+/// Tells moving from resting by when the last view was asked for.
+#[derive(Default)]
+pub struct Pace(Mutex<Option<Instant>>);
+
+impl Pace {
+    /// For a view that is asked for now.
+    fn next(&self) -> Resolution {
+        let last = self.0.lock().unwrap_or_else(PoisonError::into_inner).replace(Instant::now());
+        if last.is_some_and(|last| last.elapsed() < AT_REST) { Resolution::Half } else { Resolution::Full }
+    }
+}
+
 /// Makes canvases for views.
 pub enum Painter {
     /// It keeps what it has for the next view.
     Quadtree(Trees),
     /// With the records of indirect light that have come.
-    Voronoi(Arc<Raycaster>, Arc<Store>, StandIns),
+    Voronoi(Arc<Raycaster>, Arc<Store>, StandIns, Pace),
     /// One driver for all views: it keeps what it has.
     Points(Points),
 }
@@ -75,7 +94,7 @@ impl Painter {
                 outbox.control(&Control::LightWanted)?;
                 let (low, high) = raycaster.scene().bounds();
                 let records = Store::new((LEAST_RADIUS * low.distance(high)).max(f64::from(f32::MIN_POSITIVE)) as f32);
-                Ok(Painter::Voronoi(Arc::new(raycaster), Arc::new(records), stand_ins))
+                Ok(Painter::Voronoi(Arc::new(raycaster), Arc::new(records), stand_ins, Pace::default()))
             }
             (Some(Err(error)), Driver::Voronoi) => Err(error),
             (None, Driver::Voronoi) => bail!("the holodeck has no scene; use --driver quadtree"),
@@ -115,24 +134,24 @@ impl Painter {
     /// Where records of indirect light go, if the driver uses them.
     pub fn records(&self) -> Option<Arc<Store>> {
         match self {
-            Painter::Voronoi(_, records, _) => Some(Arc::clone(records)),
+            Painter::Voronoi(_, records, ..) => Some(Arc::clone(records)),
             Painter::Quadtree(_) | Painter::Points(_) => None,
         }
     }
 
-    /// An empty picture of a view.
+    /// An empty picture of a view; for the driver that knows the scene at half resolution if the last view was asked for only just now.
     pub fn canvas(&self, sections: Arc<[Section]>, view: View, size: (u32, u32), sky: [f32; 3]) -> Canvas {
         match self {
             Painter::Quadtree(trees) => {
                 trees.look(sections, view, size, sky);
                 Canvas::Quadtree(trees.clone())
             }
-            Painter::Voronoi(raycaster, records, stand_ins) => {
+            Painter::Voronoi(raycaster, records, stand_ins, pace) => {
                 let (geometry, portals) = stand_ins.of(&sections, &view);
                 // Records are of the scene's own surfaces.
                 let records = geometry.is_none().then(|| Arc::clone(records));
                 let raycaster = geometry.unwrap_or_else(|| Arc::clone(raycaster));
-                let driver = Voronoi::through_portals(sections, raycaster, portals, view, size);
+                let driver = Voronoi::at_resolution(sections, raycaster, portals, view, size, pace.next());
                 Canvas::Voronoi(Box::new(match records {
                     Some(records) => driver.with_records(records),
                     None => driver,
@@ -196,6 +215,11 @@ impl Canvas {
             Canvas::Quadtree(_) => "quadtree",
             Canvas::Voronoi(_) => "voronoi",
         }
+    }
+
+    /// Whether its pictures are those of somebody who moves: of fewer surfaces than pixels.
+    pub fn is_moving(&self) -> bool {
+        matches!(self, Canvas::Voronoi(driver) if driver.resolution() == Resolution::Half)
     }
 
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
@@ -274,5 +298,20 @@ impl Canvas {
                 (frame, 0, stages)
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_in_quick_succession_are_of_half_resolution_and_one_after_a_rest_is_full() {
+        let pace = Pace::default();
+        assert_eq!(pace.next(), Resolution::Full);
+        assert_eq!(pace.next(), Resolution::Half);
+        assert_eq!(pace.next(), Resolution::Half);
+        std::thread::sleep(AT_REST);
+        assert_eq!(pace.next(), Resolution::Full);
     }
 }

@@ -10,11 +10,13 @@ mod default_view;
 mod incoming;
 mod kept;
 mod lights;
+mod live;
 mod point_args;
 mod points;
 mod received;
 mod script;
 mod session;
+mod shown;
 mod stand_ins;
 
 use std::{net::SocketAddr, path::PathBuf};
@@ -182,6 +184,8 @@ pub struct PictureReport {
     pub stored: u64,
     /// And traced.
     pub traced: u64,
+    /// Rays that no section covers, traced for the view alone.
+    pub live: u64,
     /// Beams that the view crosses.
     pub beams: usize,
     /// Pixels that no section covers.
@@ -214,6 +218,9 @@ impl std::fmt::Display for PictureReport {
         )?;
         if self.uncovered_pixels > 0 {
             write!(f, ", {} pixels that no section covers", self.uncovered_pixels)?;
+        }
+        if self.live > 0 {
+            write!(f, " (by {} rays traced for this view alone)", self.live)?;
         }
         if self.guessed_pixels > 0 {
             write!(f, ", {} pixels without light known, lit from the eye", self.guessed_pixels)?;

@@ -15,7 +15,7 @@ use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
-    bulk::{RaysWanted, Samples, Source, Unseen, ViewRequest, Wanted, WantedRay},
+    bulk::{LiveSamples, LiveWanted, RaysWanted, Samples, Source, Unseen, ViewRequest, Wanted, WantedRay},
     control::{Control, Welcome},
     frame::Kind,
     hello::Role,
@@ -23,13 +23,15 @@ use holo_proto::{
 use holo_section::{BeamId, Section};
 
 use crate::{
-    Config, PictureReport,
-    canvas::{Canvas, Painter},
+    Config,
+    canvas::{AT_REST, Painter},
     default_view,
     incoming::{self, Incoming},
     lights::Lights,
+    live::Live,
     received::Received,
     script::{Command, Next, Script, Step},
+    shown::{Asked, Shown},
 };
 
 /// The nearest visible surface, as a share of the section's diagonal, before anything is known of the scene. Too near
@@ -87,6 +89,7 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
             messages,
             shown: None,
             view_number: 0,
+            workers: 0,
             meter,
             start: Instant::now(),
             duration: script.duration(),
@@ -99,49 +102,6 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
     result
 }
 
-/// A view and what has arrived for it.
-struct Shown {
-    view: View,
-    size: (u32, u32),
-    wanted: Vec<Wanted>,
-    /// Distance of the nearest visible surface, as far as it is known.
-    nearest: f64,
-    canvas: Canvas,
-    /// How far its samples have been asked for.
-    asked: Asked,
-    /// Beams that it does not cross but whose rays may end on what it sees, once they have been asked for.
-    also: Vec<(u16, BeamId)>,
-    /// Number of its first request: samples of earlier views are dropped.
-    first_request: u32,
-    received: Received,
-    since: Instant,
-    stored: u64,
-    /// Of these, by section.
-    stored_of: Vec<u64>,
-    traced: u64,
-    first_samples: Option<f64>,
-    refined: bool,
-    /// When single rays were last asked for; `None`: the driver asks for none.
-    rays_asked: Option<Instant>,
-}
-
-impl Shown {
-    /// Stored samples of a beam of each section, by those of the view's own beams; of a section that it does not cross, by all. At
-    /// least one.
-    fn samples_of_beam(&self) -> Vec<f64> {
-        let mut beams = vec![0_u64; self.stored_of.len()];
-        for wanted in &self.wanted {
-            if let Some(beams) = beams.get_mut(usize::from(wanted.section)) {
-                *beams += 1;
-            }
-        }
-        let share = |stored: u64, beams: u64| (stored as f64 / beams.max(1) as f64).max(1.0);
-        let all = share(self.stored, self.wanted.len() as u64);
-        let of = |(&stored, &beams)| if beams == 0 { all } else { share(stored, beams) };
-        self.stored_of.iter().zip(&beams).map(of).collect()
-    }
-}
-
 struct Session {
     config: Config,
     welcome: Welcome,
@@ -152,22 +112,11 @@ struct Session {
     messages: mpsc::Receiver<Incoming>,
     shown: Option<Shown>,
     view_number: u32,
+    /// Workers that the server has, by what it said last.
+    workers: u32,
     meter: Meter,
     start: Instant,
     duration: f64,
-}
-
-/// Which stored samples of a view have been asked for.
-#[derive(Clone, Copy, PartialEq)]
-enum Asked {
-    /// Those of the beams that it crosses.
-    Crossed,
-    /// And of some beams that end on what it sees, which hold the most.
-    Best,
-    /// And of all beams that end on what it sees.
-    Surfaces,
-    /// All that there are.
-    All,
 }
 
 /// What made a wait end.
@@ -230,6 +179,18 @@ impl Session {
     /// Asks for a view.
     fn show(&mut self, spec: ViewSpec) -> Result<()> {
         let (view, size) = spec.resolve(self.config.view.size)?;
+        self.look(view, size)
+    }
+
+    /// Shows a view again that was asked for while moving, now at full resolution. Its seconds go on.
+    fn rest(&mut self) -> Result<()> {
+        let Some(Shown { view, size, since, .. }) = self.shown else { return Ok(()) };
+        self.look(view, size)?;
+        self.shown.iter_mut().for_each(|shown| shown.since = since);
+        Ok(())
+    }
+
+    fn look(&mut self, view: View, size: (u32, u32)) -> Result<()> {
         let Selection { beams, covered } = select_beams(&self.sections, &view, size, &SelectOptions::default());
         if covered.covered_rays == 0 {
             bail!("no section of the holodeck covers anything of this view ({})", view.to_vf_options());
@@ -244,12 +205,21 @@ impl Session {
         let nearest = GUESSED_DISTANCE * diagonal;
         // Asked first: samples are under way while the driver looks at the scene.
         self.request(&view, size, nearest, wanted.clone())?;
+        if self.shown.as_ref().is_some_and(|shown| shown.live.is_some()) {
+            // Those of the view before are of no use any more.
+            let none = LiveWanted { view: self.view_number, pixels: 0, rays: Vec::new() };
+            self.outbox.send(Kind::LiveWanted, &none.encode())?;
+        }
+        let canvas = self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky);
+        let paths = self.welcome.settings.paths_per_sample;
+        let live = Live::new(&canvas, view, size, self.welcome.sky, paths).filter(|_| self.welcome.tracing);
         self.shown = Some(Shown {
             view,
             size,
             wanted,
             nearest,
-            canvas: self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky),
+            canvas,
+            live,
             asked: Asked::Crossed,
             also: Vec::new(),
             first_request: self.view_number,
@@ -345,11 +315,21 @@ impl Session {
                 self.ask_rays()?;
                 rays = Some(Instant::now() + RAYS_EVERY);
             }
-            let until = [refine, rays].into_iter().flatten().fold(deadline, Instant::min);
+            if !for_settled {
+                self.ask_live()?;
+            }
+            let moving = self.shown.as_ref().filter(|shown| shown.canvas.is_moving());
+            let rest = moving.map(|shown| shown.since + AT_REST);
+            if rest.is_some_and(|rest| Instant::now() >= rest) {
+                self.rest()?;
+                continue;
+            }
+            let until = [refine, rays, rest].into_iter().flatten().fold(deadline, Instant::min);
             let left = until.saturating_duration_since(Instant::now());
             match self.messages.recv_timeout(left) {
                 Ok(Incoming::Message(Message::Samples(samples))) => self.insert(&samples),
                 Ok(Incoming::Message(Message::Unseen(unseen))) => self.insert_unseen(&unseen),
+                Ok(Incoming::Message(Message::LiveSamples(samples))) => self.insert_live(&samples),
                 Ok(Incoming::Message(Message::Control(Control::Settled { view })))
                     if for_settled && view == self.view_number =>
                 {
@@ -358,9 +338,12 @@ impl Session {
                 Ok(Incoming::Message(Message::Control(Control::Bye { reason }))) => {
                     bail!("the server ended the session: {reason}")
                 }
-                Ok(Incoming::Message(Message::Control(Control::Status(status)))) if self.duration > 0.0 => {
-                    let share = self.start.elapsed().as_secs_f64() / self.duration;
-                    self.meter.show(share, &status.words());
+                Ok(Incoming::Message(Message::Control(Control::Status(status)))) => {
+                    self.workers = status.workers;
+                    if self.duration > 0.0 {
+                        let share = self.start.elapsed().as_secs_f64() / self.duration;
+                        self.meter.show(share, &status.words());
+                    }
                 }
                 Ok(Incoming::Message(Message::Control(Control::StoredSent { view }))) if view == self.view_number => {
                     let before = self.asked();
@@ -417,6 +400,26 @@ impl Session {
         Ok(self.outbox.send(Kind::Rays, &request.encode())?)
     }
 
+    /// Asks for rays that no section covers, if somebody traces.
+    fn ask_live(&mut self) -> Result<()> {
+        let Some(shown) = self.shown.as_mut().filter(|_| self.workers > 0) else { return Ok(()) };
+        let Some(live) = &mut shown.live else { return Ok(()) };
+        let rays = live.wanted();
+        if rays.is_empty() {
+            return Ok(());
+        }
+        let request = LiveWanted { view: shown.first_request, pixels: live.pixels(), rays };
+        Ok(self.outbox.send(Kind::LiveWanted, &request.encode())?)
+    }
+
+    fn insert_live(&mut self, message: &LiveSamples) {
+        if let Some(shown) = self.shown.as_mut().filter(|shown| message.view == shown.first_request)
+            && let Some(live) = &mut shown.live
+        {
+            live.insert(&shown.canvas, &message.samples);
+        }
+    }
+
     fn insert(&mut self, message: &Samples) {
         let Some(shown) =
             self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view))
@@ -427,7 +430,11 @@ impl Session {
         for (run, samples) in message.iter() {
             for fresh in shown.received.add(run) {
                 let count = fresh.len() as u64;
-                shown.canvas.insert(run.section, run.beam, run.paths, &samples[fresh]);
+                let fresh = &samples[fresh];
+                shown.canvas.insert(run.section, run.beam, run.paths, fresh);
+                if let Some(live) = &mut shown.live {
+                    live.insert_samples(run.section, run.beam, run.paths, fresh);
+                }
                 match message.source {
                     Source::Stored => {
                         shown.stored += count;
@@ -451,26 +458,7 @@ impl Session {
 
     fn picture(&self, path: PathBuf) -> Result<()> {
         let Some(shown) = &self.shown else { bail!("there is no view to take a picture of") };
-        let (frame, guessed_pixels, stages) = shown.canvas.draw();
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-        }
-        frame.picture.write(&path).with_context(|| format!("writing {}", path.display()))?;
-        let report = PictureReport {
-            picture: path,
-            seconds: shown.since.elapsed().as_secs_f64(),
-            samples: frame.samples_used,
-            stored: shown.stored,
-            traced: shown.traced,
-            beams: shown.wanted.len(),
-            uncovered_pixels: frame.uncovered_pixels,
-            empty_pixels: frame.empty_pixels,
-            unseen_pixels: frame.unseen_pixels,
-            guessed_pixels,
-            driver: shown.canvas.name(),
-            first_samples: shown.first_samples,
-            stages,
-        };
+        let report = shown.write(path)?;
         if self.config.json {
             println!("{}", serde_json::to_string(&report)?);
         } else {

@@ -10,7 +10,10 @@ use std::{
 
 use holo_proto::{
     ProtoError,
-    bulk::{BlobChunk, Light, RaysWanted, Results, Samples, Unseen, ViewRequest, Work},
+    bulk::{
+        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results, Samples, Unseen,
+        ViewRequest, Work,
+    },
     control::Control,
     frame::{self, HEADER_BYTES, Header, Kind},
 };
@@ -47,6 +50,14 @@ pub enum Message {
     Light(Light),
     /// Single rays that a display wants.
     Rays(RaysWanted),
+    /// Rays that a display wants traced and not stored.
+    LiveWanted(LiveWanted),
+    /// Such rays, for a worker.
+    LiveWork(LiveWork),
+    /// What they saw, from a worker.
+    LiveResults(LiveResults),
+    /// What they saw, for a display.
+    LiveSamples(LiveSamples),
 }
 
 impl Message {
@@ -62,6 +73,10 @@ impl Message {
             Kind::Unseen => Message::Unseen(Unseen::decode(payload)?),
             Kind::Light => Message::Light(Light::decode(payload)?),
             Kind::Rays => Message::Rays(RaysWanted::decode(payload)?),
+            Kind::LiveWanted => Message::LiveWanted(LiveWanted::decode(payload)?),
+            Kind::LiveWork => Message::LiveWork(LiveWork::decode(payload)?),
+            Kind::LiveResults => Message::LiveResults(LiveResults::decode(payload)?),
+            Kind::LiveSamples => Message::LiveSamples(LiveSamples::decode(payload)?),
         })
     }
 }

@@ -8,7 +8,7 @@
 use crate::kernel::Query;
 use crate::node::{Block, Hierarchy, LANES, LEAF, Node, ROW, WIDTH};
 use crate::simd::{Near, Simd, parts};
-use crate::triangle::consider;
+use crate::triangle::{Directions, Located, consider, inside_exactly, locate_row, replace};
 use crate::{Hit, MAX_TILE, NO_TRIANGLE};
 
 /// By what share of the scene's size, and of a distance, the pyramid is wider than its rays: some fifty roundings.
@@ -16,6 +16,9 @@ const SLACK: f32 = 4e-6;
 
 /// A slope taken for 0: rays move by less than the slack.
 const LEAST_SLOPE: f32 = 1e-7;
+
+/// Rays of a row from which on it is faster to find together where they meet a triangle.
+const MANY: u32 = 3;
 
 /// A side of the pyramid against one side of a box: `(row * step + origin + shift) * factor` bounds the distances along the main axis at
 /// which a ray may be in the box.
@@ -46,6 +49,7 @@ pub(crate) struct Bundle<'a> {
     shear: [[[f32; ROW]; MAX_TILE / ROW]; 2],
     /// How far along the main axis a ray gets in a unit of `t`.
     speed: [f32; MAX_TILE],
+    directions: [Directions; MAX_TILE / ROW],
 }
 
 impl<'a> Bundle<'a> {
@@ -59,10 +63,12 @@ impl<'a> Bundle<'a> {
         let mut slopes = [(f32::INFINITY, f32::NEG_INFINITY); 2];
         let mut shear = [[[0.0; ROW]; MAX_TILE / ROW]; 2];
         let mut speed = [0.0; MAX_TILE];
+        let mut directions = [Directions::NONE; MAX_TILE / ROW];
         let mut is_one = queries.len() <= MAX_TILE;
         for (i, query) in queries.iter().enumerate().take(MAX_TILE) {
             let ray = &query.ray;
             speed[i] = ray.direction[main % 3] * sign;
+            directions[i / ROW].set(i, ray.direction);
             is_one &= ray.origin == first.origin && ray.axes[2] == main && speed[i] > 0.0;
             for (axis, (low, high)) in slopes.iter_mut().enumerate() {
                 shear[axis][i / ROW][i % ROW] = ray.shear[axis];
@@ -87,7 +93,8 @@ impl<'a> Bundle<'a> {
             sides[2 + 2 * other] = Side { axis, row: 0, shift: -slack, factor: high.recip(), is_lower: high > 0.0 };
             sides[3 + 2 * other] = Side { axis, row: 1, shift: slack, factor: low.recip(), is_lower: low < 0.0 };
         }
-        Some(Self { queries, origin: first.sheared_origin, axes: first.axes, sign, slopes, sides, slack, shear, speed })
+        let (origin, axes) = (first.sheared_origin, first.axes);
+        Some(Self { queries, origin, axes, sign, slopes, sides, slack, shear, speed, directions })
     }
 
     /// Distances at which the pyramid may enter the eight boxes, and a bit per box that it may enter before `limit`.
@@ -271,6 +278,10 @@ fn meet<S: Simd>(
         let row = row % (MAX_TILE / ROW);
         let straddled = simd.straddled_rays(corners, &bundle.shear[0][row], &bundle.shear[1][row]);
         let mut candidates = straddled.inside | straddled.on_edge;
+        if candidates.count_ones() >= MANY {
+            found |= meet_row(bundle, (triangle, id), (first, candidates, straddled.on_edge), nearest, depth, best);
+            continue;
+        }
         while candidates != 0 {
             let bit = candidates.trailing_zeros() as usize;
             candidates &= candidates - 1;
@@ -287,6 +298,43 @@ fn meet<S: Simd>(
                 depth[i] = best[i].t * bundle.speed[i];
                 found = true;
             }
+        }
+    }
+    found
+}
+
+/// One triangle that many rays of a row, from the `first` on, may meet: their distances are found together.
+///
+/// A tile's rays mostly meet the same few triangles. One by one, finding where took two thirds of the time of all a picture's rays.
+#[inline(always)]
+fn meet_row(
+    bundle: &Bundle,
+    (triangle, id): ([[f32; 3]; 3], u32),
+    (first, mut candidates, on_edge): (usize, u32, u32),
+    nearest: f32,
+    depth: &mut [f32; MAX_TILE],
+    best: &mut [Hit; MAX_TILE],
+) -> bool {
+    let Some(origin) = bundle.queries.first().map(|query| query.ray.origin) else { return false };
+    let Located { t, u, v } = locate_row(triangle, origin, &bundle.directions[first / ROW % (MAX_TILE / ROW)]);
+    let mut found = false;
+    while candidates != 0 {
+        let bit = candidates.trailing_zeros() as usize % ROW;
+        candidates &= candidates - 1;
+        let i = (first + bit) % MAX_TILE;
+        // Also rays that are not there.
+        let Some(query) = bundle.queries.get(i) else { break };
+        if nearest > depth[i] * (1.0 + SLACK) + bundle.slack || query.skip.contains(&id) {
+            continue;
+        }
+        if on_edge >> bit & 1 != 0 && !inside_exactly(triangle, &query.ray) {
+            continue;
+        }
+        let before = best[i];
+        replace(&mut best[i], Hit { t: t[bit], triangle: id, u: u[bit], v: v[bit] }, query.t_min);
+        if best[i].triangle != before.triangle && best[i].triangle != NO_TRIANGLE {
+            depth[i] = best[i].t * bundle.speed[i];
+            found = true;
         }
     }
     found

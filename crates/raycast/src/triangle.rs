@@ -5,9 +5,9 @@
 //! triangles that share an edge get edge functions that are exact negatives, so no ray passes between them. Fused
 //! multiply-add would break that; Rust never contracts on its own.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
-use crate::node::Block;
+use crate::node::{Block, ROW};
 use crate::simd::Simd;
 use crate::{Hit, NO_TRIANGLE};
 
@@ -109,10 +109,14 @@ pub(crate) fn consider(
     t_min: f32,
     best: &mut Nearest,
 ) {
-    if on_edge && !inside_exactly(vertices, ray) {
-        return;
+    if !on_edge || inside_exactly(vertices, ray) {
+        replace(best, Hit { triangle, ..locate(vertices, ray) }, t_min);
     }
-    let hit = Hit { triangle, ..locate(vertices, ray) };
+}
+
+/// Replaces `best` by a hit that is nearer, and beyond `t_min`.
+#[inline(always)]
+pub(crate) fn replace(best: &mut Nearest, hit: Hit, t_min: f32) {
     let nearer = hit.t < best.t || (hit.t == best.t && best.triangle != NO_TRIANGLE && hit.triangle < best.triangle);
     if nearer && hit.t > t_min {
         *best = hit;
@@ -121,7 +125,7 @@ pub(crate) fn consider(
 
 /// The inside test in f64, where the products of f32 are exact. An edge-on triangle is not met.
 #[cold]
-fn inside_exactly(vertices: [[f32; 3]; 3], ray: &Prepared) -> bool {
+pub(crate) fn inside_exactly(vertices: [[f32; 3]; 3], ray: &Prepared) -> bool {
     let [kx, ky, kz] = ray.axes;
     let [ox, oy, oz] = ray.sheared_origin;
     let [a, b, c] = vertices.map(|vertex| {
@@ -160,4 +164,57 @@ fn locate(vertices: [[f32; 3]; 3], ray: &Prepared) -> Hit {
     let length_squared = direction.length_squared();
     let t = (e2.dot(q) * scale).max(ta.min(tb).min(tc) / length_squared).min(ta.max(tb).max(tc) / length_squared);
     Hit { t: t as f32, triangle: NO_TRIANGLE, u: u as f32, v: v as f32 }
+}
+
+/// Directions of a row of rays from one origin, as [`locate`] has them.
+#[derive(Clone, Copy)]
+pub(crate) struct Directions {
+    axes: [[f64; ROW]; 3],
+    length_squared: [f64; ROW],
+}
+
+impl Directions {
+    /// Fills arrays.
+    pub(crate) const NONE: Self = Self { axes: [[0.0; ROW]; 3], length_squared: [0.0; ROW] };
+
+    #[inline(always)]
+    pub(crate) fn set(&mut self, number: usize, direction: [f32; 3]) {
+        let direction = Vec3::from_array(direction).as_dvec3();
+        for (axis, value) in self.axes.iter_mut().zip(direction.to_array()) {
+            axis[number % ROW] = value;
+        }
+        self.length_squared[number % ROW] = direction.length_squared();
+    }
+}
+
+/// Where a row of rays meets one triangle.
+pub(crate) struct Located {
+    pub t: [f32; ROW],
+    pub u: [f32; ROW],
+    pub v: [f32; ROW],
+}
+
+/// As [`locate`] of each ray, bit for bit: the same operations in the same order, on many rays at once.
+#[inline(always)]
+#[allow(clippy::manual_clamp, reason = "clamp keeps a NaN")]
+pub(crate) fn locate_row(vertices: [[f32; 3]; 3], origin: [f32; 3], rays: &Directions) -> Located {
+    let origin = Vec3::from_array(origin).as_dvec3();
+    let [a, b, c] = vertices.map(|v| Vec3::from_array(v).as_dvec3() - origin);
+    let (e1, e2) = (b - a, c - a);
+    let q = e1.cross(a);
+    let height = e2.dot(q);
+    let [x, y, z] = &rays.axes;
+    let mut located = Located { t: [0.0; ROW], u: [0.0; ROW], v: [0.0; ROW] };
+    for i in 0..ROW {
+        let direction = DVec3::new(x[i], y[i], z[i]);
+        let p = direction.cross(e2);
+        let scale = 1.0 / e1.dot(p);
+        let u = (-a.dot(p) * scale).max(0.0).min(1.0);
+        let v = (direction.dot(q) * scale).max(0.0).min(1.0 - u);
+        let (ta, tb, tc) = (a.dot(direction), b.dot(direction), c.dot(direction));
+        let length_squared = rays.length_squared[i];
+        let t = (height * scale).max(ta.min(tb).min(tc) / length_squared).min(ta.max(tb).max(tc) / length_squared);
+        (located.t[i], located.u[i], located.v[i]) = (t as f32, u as f32, v as f32);
+    }
+    located
 }

@@ -9,9 +9,9 @@ use std::{
 
 use holo_proto::{
     MAX_RAYS_PER_PACKET,
-    bulk::{Packet, Traced},
+    bulk::{LiveHit, LivePacket, LiveRay, Packet, Traced},
 };
-use holo_section::{BeamSampler, RayCoords, Sample, SampleKind, Section, Viewpoint};
+use holo_section::{BeamId, BeamSampler, DVec3, RayCoords, Sample, SampleKind, Section, Viewpoint};
 use holo_tracer::Tracer;
 use tokio::sync::mpsc;
 
@@ -26,15 +26,27 @@ const TAKE: usize = 4;
 const EFFORT: u32 = 2;
 const EFFORT_UNWATCHED: u32 = 16;
 
+/// Makes the random numbers of live rays others than those of samples, whose kinds are 0 to 2.
+const LIVE_SALT: u64 = 3 << 56;
+
 /// A packet with the viewpoint that it refers to.
 #[derive(Clone, Copy, Debug)]
-pub struct Job {
+pub struct BeamJob {
     /// What to trace. Its beam is known to exist.
     pub packet: Packet,
     /// Near which point the rays must pass.
     pub viewpoint: Option<Viewpoint>,
     /// The holodeck's seed.
     pub seed: u64,
+}
+
+/// A packet of either sort.
+#[derive(Debug)]
+pub enum Job {
+    /// Of a beam.
+    Beam(BeamJob),
+    /// Of live rays, with the holodeck's seed.
+    Live(LivePacket, u64),
 }
 
 /// A packet done.
@@ -44,6 +56,8 @@ pub enum Done {
     Traced(Traced, Vec<Sample>),
     /// Not traced, since no ray of its beam meets anything: the packet's name.
     Unseen(u64),
+    /// Live rays traced, and what they saw in their order.
+    Live(Traced, Vec<LiveHit>),
 }
 
 /// What all threads of a session trace.
@@ -146,6 +160,32 @@ fn work(shared: &Shared, task: &Task, done: &mpsc::UnboundedSender<Done>) {
 }
 
 fn trace(job: &Job, task: &Task) -> Option<Done> {
+    match job {
+        Job::Beam(job) => trace_beam(job, task),
+        Job::Live(packet, seed) => Some(trace_live(packet, *seed, &task.tracer)),
+    }
+}
+
+fn trace_live(packet: &LivePacket, seed: u64, tracer: &Tracer) -> Done {
+    let start = Instant::now();
+    // Somebody waits for them.
+    tracer.set_effort(EFFORT);
+    let hits: Vec<LiveHit> = packet.rays.iter().map(|ray| live_hit(tracer, ray, seed, packet.paths)).collect();
+    let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
+    Done::Live(Traced { id: packet.id, count: hits.len() as u32, nanoseconds }, hits)
+}
+
+fn live_hit(tracer: &Tracer, ray: &LiveRay, seed: u64, paths: u16) -> LiveHit {
+    let seed = holo_section::seed(0, BeamId(ray.number), 0) ^ seed ^ LIVE_SALT;
+    let (origin, direction) = (DVec3::from_array(ray.origin), DVec3::from_array(ray.direction).normalize());
+    let traced = tracer.trace_paths(origin, direction, seed, 0..u64::from(paths));
+    // A display may ask for rays from anywhere; what numbers cannot hold there, it does not see.
+    let usable = |x: f32| if x.is_finite() { x.max(0.0) } else { 0.0 };
+    let distance = if traced.distance >= 0.0 { traced.distance as f32 } else { f32::INFINITY };
+    LiveHit { radiance: traced.radiance.map(usable), distance }
+}
+
+fn trace_beam(job: &BeamJob, task: &Task) -> Option<Done> {
     let start = Instant::now();
     let Packet { section: index, beam, first, count, paths, .. } = job.packet;
     let section = task.sections.get(usize::from(index))?;

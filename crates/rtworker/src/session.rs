@@ -8,7 +8,7 @@ use holo_light::Store;
 use holo_net::{Inbox, Message, NetError, Outbox, SceneReceiver};
 use holo_proto::{
     ProtoError,
-    bulk::{Light, Results, Work},
+    bulk::{Light, LiveResults, Results, Work},
     control::{Control, Engine, RenderSettings, SceneInfo, Welcome},
     frame::Kind,
     hello::Role,
@@ -21,7 +21,7 @@ use tokio::sync::mpsc;
 use crate::{
     Config,
     cache::{SceneCache, unpack},
-    pool::{Done, Job, Pool, Task},
+    pool::{BeamJob, Done, Job, Pool, Task},
     unseen::Answers,
 };
 
@@ -101,6 +101,10 @@ impl Worker {
                     Ok(jobs) => pool.push(jobs),
                     Err(error) => break Err(error),
                 },
+                Ok(Message::LiveWork(work)) => {
+                    let seed = welcome.settings.seed;
+                    pool.push(work.packets.into_iter().map(|packet| Job::Live(packet, seed)));
+                }
                 Ok(Message::Light(message)) => {
                     if let Some(store) = &light {
                         message.records.into_iter().for_each(|record| {
@@ -213,6 +217,10 @@ fn unexpected(message: &Message) -> anyhow::Error {
         Message::Unseen(_) => "unseen beams",
         Message::Light(_) => "light",
         Message::Rays(_) => "wanted rays",
+        Message::LiveWanted(_) => "live rays",
+        Message::LiveWork(_) => "live work",
+        Message::LiveResults(_) => "live results",
+        Message::LiveSamples(_) => "live samples",
     };
     anyhow::anyhow!("the server sent a {name} message, which workers do not take")
 }
@@ -226,7 +234,7 @@ fn jobs(work: &Work, sections: &[Section], seed: u64) -> Result<Vec<Job>> {
             let known = section.is_some_and(|section| packet.beam.0 < section.beam_count());
             ensure!(known, "the server asked for beam {} of section {}", packet.beam.0, packet.section);
             let viewpoint = packet.viewpoint.and_then(|index| work.viewpoints.get(usize::from(index))).copied();
-            Ok(Job { packet: *packet, viewpoint, seed })
+            Ok(Job::Beam(BeamJob { packet: *packet, viewpoint, seed }))
         })
         .collect()
 }
@@ -258,7 +266,7 @@ async fn send_results(mut results: mpsc::UnboundedReceiver<Done>, outbox: Outbox
                 }
             }
         }
-        let mut message = Results::default();
+        let (mut message, mut live) = (Results::default(), LiveResults::default());
         for done in batch.drain(..) {
             match done {
                 Done::Traced(traced, samples) => {
@@ -266,10 +274,19 @@ async fn send_results(mut results: mpsc::UnboundedReceiver<Done>, outbox: Outbox
                     message.samples.extend_from_slice(&samples);
                 }
                 Done::Unseen(id) => message.unseen.push(id),
+                Done::Live(traced, hits) => {
+                    live.packets.push(traced);
+                    live.hits.extend(hits);
+                }
             }
         }
         // 256 packets of 21 samples are far below a frame's limit.
-        if outbox.send(Kind::Results, &message.encode()).is_err() {
+        let has_live = !live.packets.is_empty();
+        if has_live && outbox.send(Kind::LiveResults, &live.encode()).is_err() {
+            return;
+        }
+        let has_samples = !message.packets.is_empty() || !message.unseen.is_empty();
+        if has_samples && outbox.send(Kind::Results, &message.encode()).is_err() {
             return;
         }
     }

@@ -1,5 +1,6 @@
-//! Bulk messages: packets to trace, samples traced, beams wanted. A fixed head, then arrays of plain-old-data records.
+//! Bulk messages: packets to trace, samples traced, beams wanted, rays that are only shown. A fixed head, then arrays of plain-old-data records.
 
+mod live;
 mod results;
 mod samples;
 mod shared;
@@ -8,13 +9,17 @@ mod work;
 
 use bytemuck::{Pod, Zeroable};
 use holo_section::Viewpoint;
+pub use live::{
+    LiveHit, LivePacket, LiveRay, LiveResults, LiveSample, LiveSamples, LiveWanted, LiveWork, MAX_LIVE_RAYS,
+    MAX_LIVE_RAYS_HELD,
+};
 pub use results::{Results, Traced};
 pub use samples::{MAX_RUN, Run, Samples, Source, Unseen};
 pub use shared::{BlobChunk, Light, Record};
 pub use view::{RaysWanted, ViewRequest, Wanted, WantedRay};
 pub use work::{Packet, Work};
 
-use crate::ProtoError;
+use crate::{MAX_RAYS_PER_PACKET, ProtoError};
 
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
@@ -85,4 +90,19 @@ fn expect_total(what: &'static str, said: u64, found: u32) -> Result<(), ProtoEr
         return Ok(());
     }
     Err(ProtoError::Truncated { what, needed: said * 10, found: u64::from(found) * 10 })
+}
+
+/// Checks that packets of 1 to 21 rays add up to the rays that follow them.
+fn expect_rays(what: &'static str, said: impl Iterator<Item = u32>, found: u32) -> Result<(), ProtoError> {
+    let mut total = 0;
+    for count in said {
+        if !(1..=MAX_RAYS_PER_PACKET as u32).contains(&count) {
+            return Err(ProtoError::RayCount(count));
+        }
+        total += u64::from(count);
+    }
+    if total == u64::from(found) {
+        return Ok(());
+    }
+    Err(ProtoError::Truncated { what, needed: total, found: u64::from(found) })
 }

@@ -120,6 +120,48 @@ pub fn light() -> impl Strategy<Value = Light> {
     vec(record, 0..10).prop_map(|records| Light { records })
 }
 
+pub fn live_ray() -> impl Strategy<Value = LiveRay> {
+    let direction = prop::array::uniform3(-1.0..1.0).prop_filter_map("a direction", |d: [f64; 3]| {
+        let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();
+        (length > 1e-3).then(|| d.map(|x| x / length))
+    });
+    ([finite(), finite(), finite()], direction, any::<u64>()).prop_map(|(origin, direction, number)| LiveRay {
+        origin,
+        direction,
+        number,
+    })
+}
+
+fn live_hit() -> impl Strategy<Value = LiveHit> {
+    (prop::array::uniform3(0.0..=f32::MAX), prop_oneof![0.0..=f32::MAX, Just(f32::INFINITY)])
+        .prop_map(|(radiance, distance)| LiveHit { radiance, distance })
+}
+
+pub fn live_wanted() -> impl Strategy<Value = LiveWanted> {
+    (any::<(u32, u32)>(), vec(live_ray(), 0..30)).prop_map(|((view, pixels), rays)| LiveWanted { view, pixels, rays })
+}
+
+pub fn live_work() -> impl Strategy<Value = LiveWork> {
+    let packet = (any::<u64>(), 1..=u16::MAX, vec(live_ray(), 1..=21));
+    vec(packet.prop_map(|(id, paths, rays)| LivePacket { id, paths, rays }), 0..6)
+        .prop_map(|packets| LiveWork { packets })
+}
+
+pub fn live_results() -> impl Strategy<Value = LiveResults> {
+    vec((any::<u64>(), any::<u32>(), vec(live_hit(), 1..=21)), 0..6).prop_map(|packets| LiveResults {
+        packets: packets
+            .iter()
+            .map(|(id, nanoseconds, hits)| Traced { id: *id, count: hits.len() as u32, nanoseconds: *nanoseconds })
+            .collect(),
+        hits: packets.into_iter().flat_map(|(.., hits)| hits).collect(),
+    })
+}
+
+pub fn live_samples() -> impl Strategy<Value = LiveSamples> {
+    let sample = (any::<u64>(), live_hit()).prop_map(|(number, hit)| LiveSample { number, hit });
+    (any::<u32>(), vec(sample, 0..30)).prop_map(|(view, samples)| LiveSamples { view, samples })
+}
+
 pub fn chunk() -> impl Strategy<Value = BlobChunk> {
     (any::<u64>(), vec(any::<u8>(), 0..200)).prop_map(|(offset, bytes)| BlobChunk { offset, bytes })
 }

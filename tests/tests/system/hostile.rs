@@ -9,7 +9,10 @@ use std::{
 use holo_net::{Inbox, Message, Outbox};
 use holo_proto::{
     PROTOCOL_VERSION,
-    bulk::{RaysWanted, Results, Traced, ViewRequest, Wanted, WantedRay, Work},
+    bulk::{
+        LiveHit, LiveRay, LiveResults, LiveSamples, LiveWanted, MAX_LIVE_RAYS, RaysWanted, Results, Traced,
+        ViewRequest, Wanted, WantedRay, Work,
+    },
     control::Control,
     frame::{self, Kind},
     hello::{Answer, Hello, Role},
@@ -132,7 +135,16 @@ fn displays_that_break_the_rules_are_dropped() {
         let coords = RayCoords::default();
         let rays =
             RaysWanted { view: 1, rays: vec![WantedRay { beam: 7_680, section: 0, coords, reserved: 0 }] }.encode();
+        let live = |direction: [f64; 3], count: usize| {
+            let rays = vec![LiveRay { origin: [0.0; 3], direction, number: 1 }; count];
+            LiveWanted { view: 1, pixels: 1, rays }.encode()
+        };
+        let samples = LiveSamples { view: 1, samples: Vec::new() }.encode();
         let bad = [
+            (Kind::LiveWanted, live([1.0, 1.0, 0.0], 1), "a ray's direction"),
+            (Kind::LiveWanted, live([1.0, 0.0, 0.0], MAX_LIVE_RAYS + 1), "live rays, more than the 16384 allowed"),
+            (Kind::LiveSamples, samples, "not for a server"),
+            (Kind::LiveResults, LiveResults::default().encode(), "not for a server"),
             (Kind::Rays, rays.clone(), "rays of beams that do not exist"),
             (Kind::Rays, rays[..20].to_vec(), "ray list"),
             (Kind::View, view(0, 7_680, 1.0), "beams that do not exist"),
@@ -202,6 +214,16 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
             assert!(said.as_ref().is_some_and(|said| said.contains(reason)), "`{reason}`: {said:?}");
             server.process.wait_for_error(reason);
         }
+        // Live rays that it was not given.
+        let (inbox, outbox, _) = join(server.address, Role::Worker).await;
+        let results = LiveResults { packets: vec![Traced { id: 1, count: 0, nanoseconds: 1 }], hits: Vec::new() };
+        outbox.send(Kind::LiveResults, &results.encode()).unwrap();
+        assert!(dropped((inbox, outbox)).await.is_some_and(|said| said.contains("a packet of 0 rays")));
+        let (inbox, outbox, _) = join(server.address, Role::Worker).await;
+        let hit = LiveHit { radiance: [1.0; 3], distance: 1.0 };
+        let results = LiveResults { packets: vec![Traced { id: 1, count: 1, nanoseconds: 1 }], hits: vec![hit] };
+        outbox.send(Kind::LiveResults, &results.encode()).unwrap();
+        assert!(dropped((inbox, outbox)).await.is_some_and(|said| said.contains("a packet that it was not given")));
         // The same packet twice: the first time it is taken.
         let (mut inbox, outbox, _) = join(server.address, Role::Worker).await;
         outbox.control(&Control::Ready { threads: 1 }).unwrap();

@@ -11,6 +11,7 @@ mod fill;
 mod hostile;
 mod interrupted;
 mod light;
+mod live;
 mod processes;
 mod render_cache;
 mod samples;

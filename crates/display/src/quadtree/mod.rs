@@ -17,6 +17,7 @@ mod depths;
 mod drawing;
 mod keep;
 mod leaf;
+mod live;
 mod paint;
 pub(crate) mod reproject;
 mod surface;

@@ -13,7 +13,7 @@ use holo_section::{CellIndex, CellPair, Sample, Section, distance};
 /// Steps of a ray coordinate in a cell.
 const STEPS: f64 = 256.0;
 /// Weight of a ray that passes within its own footprint of the eye.
-const FULL_WEIGHT: u32 = 64;
+pub(super) const FULL_WEIGHT: u32 = 64;
 /// What hit nothing counts as so many diagonals of the section away when its nearness is judged: the nearest class is then
 /// within the footprint at one diagonal.
 const FAR_DIAGONALS: f64 = 8.0;

@@ -3,16 +3,19 @@
 //! What always holds:
 //! - A sample serves only a pixel of its own surface: on its plane, on the side that the eye sees; next to an edge, of its own
 //!   material too, which a ray tells.
+//! - What lies before the surfaces around it and is seen by no pixel's middle, a face narrower than a pixel, is summed up by face.
 //! - Sums are of integers, so the order of samples changes no bit.
 
 use super::blocks;
 use super::shade::Shadings;
 use super::surfaces::{Caster, SMOOTH, Seen, Surfaces, Window};
+use crate::LiveSample;
 use crate::camera::Camera;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use bytemuck::Zeroable;
 use glam::DVec3;
 use holo_section::{CellPair, Sample, distance};
+use rustc_hash::FxHashMap;
 
 /// Paths a sample counts for at most.
 const MAX_PATHS: u16 = 1024;
@@ -30,6 +33,21 @@ pub(crate) struct Sums {
     pub weight: u64,
     /// Of squared luminance.
     pub square: u128,
+}
+
+/// Sums by sides of triangles.
+pub(crate) type SideSums = FxHashMap<(u32, bool), Sums>;
+
+impl Sums {
+    /// Adds light of so many steps.
+    fn add(&mut self, light: [f32; 3], weight: u64) {
+        for (sum, steps) in self.light.iter_mut().zip(light) {
+            *sum = sum.saturating_add((steps + 0.5) as u64 * weight);
+        }
+        let bright = luminance(light) as u64;
+        self.weight = self.weight.saturating_add(weight);
+        self.square = self.square.saturating_add(u128::from(bright) * u128::from(bright) * u128::from(weight));
+    }
 }
 
 /// Luminance, the scene's unit.
@@ -59,6 +77,8 @@ pub(crate) struct Deposits<'a> {
     pub sums: &'a mut [Sums],
     /// By block, how many samples there were with the last one that came into it.
     pub changes: &'a mut [u64],
+    /// Of faces that are seen next to edges, but by no pixel's middle.
+    pub narrow: &'a mut SideSums,
     /// Samples before these.
     pub samples: u64,
 }
@@ -69,6 +89,13 @@ struct Place {
     direction: DVec3,
     /// Half a step of the distance code, as a length.
     uncertainty: f64,
+}
+
+/// Where a sample next to an edge belongs.
+enum Own {
+    Pixel(usize),
+    /// On a side of a triangle that no pixel's middle around sees: its counter-clockwise one or not.
+    Narrow((u32, bool)),
 }
 
 impl Depositor<'_> {
@@ -89,7 +116,24 @@ impl Depositor<'_> {
             let uncertainty = 2.5e-4 * beam.section.diagonal * diagonals.max(1.0);
             let place = Place { point, direction, uncertainty };
             for window in &self.surfaces.windows {
-                if let Some(pixel) = self.place(window, &place, sample, beam.paths, to.sums) {
+                if let Some(pixel) = self.place(window, &place, || sample.rgb(), beam.paths, to) {
+                    used += 1;
+                    to.changes[blocks::of(pixel, self.surfaces.size.0)] = to.samples + used;
+                }
+            }
+        }
+        used
+    }
+
+    /// Adds rays of the view itself, as [`insert`](Self::insert) a beam's samples.
+    pub fn insert_live(&self, paths: u16, rays: &[LiveSample], to: &mut Deposits) -> u64 {
+        let mut used = 0;
+        for ray in rays.iter().filter(|ray| ray.distance.is_finite()) {
+            let (point, direction) = ray.place(self.camera);
+            // Their distance is exact but for rounding.
+            let place = Place { point, direction, uncertainty: 0.0 };
+            for window in &self.surfaces.windows {
+                if let Some(pixel) = self.place(window, &place, || ray.radiance, paths, to) {
                     used += 1;
                     to.changes[blocks::of(pixel, self.surfaces.size.0)] = to.samples + used;
                 }
@@ -99,7 +143,14 @@ impl Depositor<'_> {
     }
 
     /// Adds one sample to the pixel that sees it in one image, and gives that.
-    fn place(&self, window: &Window, place: &Place, sample: &Sample, paths: u16, sums: &mut [Sums]) -> Option<usize> {
+    fn place(
+        &self,
+        window: &Window,
+        place: &Place,
+        radiance: impl Fn() -> [f32; 3],
+        paths: u16,
+        to: &mut Deposits,
+    ) -> Option<usize> {
         let image = usize::from(window.image);
         let (mut point, mut direction) = (place.point.as_vec3(), place.direction.as_vec3());
         if image > 0 {
@@ -121,34 +172,43 @@ impl Depositor<'_> {
                 && (point - seen.position).dot(seen.normal).abs() <= tolerance
                 && direction.dot(seen.normal) < 0.0
         };
+        let mut narrow = None;
         if self.surfaces.edges[pixel] {
-            pixel = self.own_pixel(image, place, (x, y), lies_on)?;
+            match self.own_pixel(image, place, (x, y), lies_on) {
+                Some(Own::Pixel(own)) => pixel = own,
+                Some(Own::Narrow(side)) => narrow = Some(side),
+                None => return None,
+            }
         } else if !lies_on(&self.surfaces.seen[pixel]) {
             return None;
         }
-        let seen = &self.surfaces.seen[pixel];
-        let shading = self.shadings.materials.get(seen.material as usize)?;
+        let material =
+            narrow.map_or(self.surfaces.seen[pixel].material, |(triangle, _)| self.caster.material(triangle));
+        let shading = self.shadings.materials.get(material as usize)?;
         let weight = shading.weight(direction, self.camera.sight(point)) * u64::from(paths.clamp(1, MAX_PATHS));
         if weight == 0 {
             return None;
         }
-        let rgb = sample.rgb();
+        let rgb = radiance();
         let light = [0, 1, 2].map(|channel| {
             let steps = rgb[channel] / shading.scale[channel] / self.shadings.unit;
             steps.min(MOST_LIGHT)
         });
-        let sum = &mut sums[pixel];
-        for (sum, steps) in sum.light.iter_mut().zip(light) {
-            *sum = sum.saturating_add((steps + 0.5) as u64 * weight);
+        match narrow {
+            Some(side) => {
+                to.narrow.entry(side).or_default().add(light, weight);
+                None
+            }
+            None => {
+                to.sums[pixel].add(light, weight);
+                Some(pixel)
+            }
         }
-        let bright = luminance(light) as u64;
-        sum.weight = sum.weight.saturating_add(weight);
-        sum.square = sum.square.saturating_add(u128::from(bright) * u128::from(bright) * u128::from(weight));
-        Some(pixel)
     }
 
-    /// Next to an edge: the nearest of the pixels around that sees the very surface that the sample lies on.
-    fn own_pixel(&self, image: usize, place: &Place, at: (f32, f32), lies_on: impl Fn(&Seen) -> bool) -> Option<usize> {
+    /// Next to an edge: the nearest of the pixels around that sees the very surface that the sample lies on, or the side of its triangle
+    /// if none does and nothing hides it.
+    fn own_pixel(&self, image: usize, place: &Place, at: (f32, f32), lies_on: impl Fn(&Seen) -> bool) -> Option<Own> {
         let (width, height) = self.surfaces.size;
         let (column, row) = (at.0 as usize, at.1 as usize);
         let around = |middle: usize, size: usize| middle.saturating_sub(1)..(middle + 2).min(size);
@@ -159,20 +219,30 @@ impl Depositor<'_> {
         };
         let mut fitting: [Option<(f32, usize)>; 9] = [None; 9];
         let mut count = 0;
+        let mut farthest = 0.0_f32;
         for (column, row) in candidates {
             let pixel = row * width + column;
-            if lies_on(&self.surfaces.seen[pixel]) {
+            let seen = &self.surfaces.seen[pixel];
+            if lies_on(seen) {
                 fitting[count] = Some((away(column, row), pixel));
                 count += 1;
             }
+            farthest = farthest.max(self.camera.reach(seen.position));
         }
         let fitting = &mut fitting[..count];
-        fitting.first()?;
-        // The ray is cast only if some pixel fits: most samples near an edge lie far behind it.
+        if fitting.is_empty() && (image > 0 || self.camera.reach(place.point.as_vec3()) > farthest) {
+            return None;
+        }
+        // The ray is cast only if some pixel may fit: most samples near an edge lie far behind it.
         let reach = 2.0 * place.uncertainty + f64::from(ROUNDING) * place.point.length();
         let triangle = self.caster.triangle_at(place.point, place.direction, reach)?;
         let image = self.surfaces.images.get(image)?;
         let (material, normal) = (self.caster.material(triangle), image.direction(self.caster.normal(triangle)));
+        if fitting.is_empty() {
+            let [along, eye] =
+                [place.direction.as_vec3(), self.camera.sight(place.point.as_vec3())].map(|d| d.dot(normal));
+            return (along * eye > 0.0).then_some(Own::Narrow((triangle, eye <= 0.0)));
+        }
         fitting.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
         let all = || fitting.iter().flatten().map(|&(_, pixel)| pixel);
         let is = |pixel: &usize| self.surfaces.seen[*pixel].triangle() == triangle;
@@ -180,6 +250,6 @@ impl Depositor<'_> {
             let seen = &self.surfaces.seen[*pixel];
             seen.material == material && seen.normal.dot(normal).abs() > SMOOTH
         };
-        all().find(is).or_else(|| all().find(continues))
+        all().find(is).or_else(|| all().find(continues)).map(Own::Pixel)
     }
 }

@@ -4,15 +4,17 @@
 //! Invariant: a colour is a function of the samples' sums and the scene alone.
 
 use super::blocks::{self, Mask};
-use super::edges::{Behind, EdgePoints, Shows, alike, polished};
+use super::edges::{Behind, EdgePoints, Shows, alike, open, polished};
 use super::guess::Guesses;
 use super::indirect::Indirect;
 use super::reconstruct::{self, Light};
 use super::shade::Shadings;
 use super::surfaces::{Caster, NO_IMAGE, Seen, Surfaces, number_of};
+use super::upscale::{FinePoints, Scale};
 use super::{Layer, Made, MadeFrom, Voronoi};
 use crate::camera::Camera;
 use crate::parts::for_parts;
+use crate::pointimage::zeroed;
 use holo_light::Store;
 use holo_raycast::{Hit, Ray};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -28,8 +30,17 @@ const POLISHED: usize = 2;
 /// Samples along the eye's ray that what a metal reflects by geometry counts for.
 const REFLECTION_COUNTS: f32 = 4.0;
 
+/// Samples that tell more of the light on a narrow face than surfaces like it.
+const FEW_NARROW: f32 = 4.0;
+
 /// Pixels a side of blocks in which a surface without samples near has one light.
 const BLOCK: usize = 8;
+
+/// A material's number where the sky is seen through nothing.
+const PLAIN_SKY: u32 = u32::MAX;
+
+/// A material's number where a mirror or pane is looked through.
+const NOT_PLAIN: u32 = u32::MAX - 1;
 
 /// Pixels to the right and down at which a surface is looked for that something before it may hide, nearest first.
 const AROUND: [(f32, f32); 57] = [
@@ -134,34 +145,84 @@ impl<'a> Drawing<'a> {
         drawing
     }
 
-    /// Fills in the picture; gives how many pixels have no samples of their own, and of how many nothing at all is known.
+    /// Fills in what pixels' middles show; gives how many pixels have no samples of their own, and of how many nothing at all is known.
     pub fn paint(&self, pixels: &mut [[f32; 3]]) -> (u64, u64) {
         let Some(main) = self.layers.first() else { return (0, 0) };
         let (width, _) = main.layer.surfaces.size;
         let guessed = AtomicU64::new(0);
+        let plain = self.voronoi.plain.get_or_init(|| plain(&main.layer.surfaces));
         for_parts(pixels, width, BLOCK, |part, rows| {
             let mut guesses = 0;
             let mut known = Known::default();
-            for (colour, pixel) in rows.iter_mut().zip(part * BLOCK * width..) {
+            let first = part * BLOCK * width;
+            let mut others = Vec::new();
+            main.paint_plain(first, &plain[first..first + rows.len()], rows, &mut others);
+            for pixel in others {
                 let middle = self.middle(pixel, &mut known);
                 guesses += u64::from(middle.is_guess);
-                *colour = middle.colour;
+                rows[pixel - first] = middle.colour;
             }
             guessed.fetch_add(guesses, Ordering::Relaxed);
         });
+        (main.light.without(), guessed.into_inner())
+    }
+
+    /// Makes pixels next to edges means of several points.
+    pub fn smooth(&self, pixels: &mut [[f32; 3]]) {
+        let Some(main) = self.layers.first() else { return };
+        let (width, _) = main.layer.surfaces.size;
         let points = self.voronoi.edge_points.get_or_init(|| {
-            let mut edges = main.layer.surfaces.edges.clone();
-            if let Some(panes) = self.layers.get(IN_PANES) {
-                edges.iter_mut().zip(&panes.layer.surfaces.edges).for_each(|(edge, other)| *edge |= other);
-            }
-            EdgePoints::cast(&self.caster, &edges, width, |pixel, place, ray, hit| {
-                let (column, row) = ((pixel % width) as f64 + place.0, (pixel / width) as f64 + place.1);
-                let seen = hit.map_or(Seen::NOTHING, |hit| self.caster.first(ray, &hit));
-                if self.caster.is_beyond(column, row, &seen) { Shows::Beyond } else { self.shows(pixel, ray, hit) }
+            EdgePoints::cast(&self.caster, &self.edges(), width, |pixel, place, ray, hit| {
+                let at = ((pixel % width) as f64 + place.0, (pixel / width) as f64 + place.1);
+                self.look(at, pixel, ray, hit)
             })
         });
         let middles: &[[f32; 3]] = pixels;
-        let colour = |pixel: usize, shows: &Shows| match shows {
+        let colour = |pixel: usize, shows: &Shows| self.shown(pixel, shows, middles);
+        let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit);
+        let means: Vec<_> = points.smooth(&self.caster, width, colour, point).collect();
+        means.into_iter().for_each(|(pixel, colour)| pixels[pixel] = colour);
+    }
+
+    /// A picture of more pixels than were cast, from these colours of those.
+    pub fn upscale(&self, scale: &Scale, coarse: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let mut fine = vec![[0.0; 3]; scale.fine.0 * scale.fine.1];
+        scale.interpolate(coarse, &mut fine);
+        let points =
+            self.voronoi.fine_points.get_or_init(|| FinePoints::cast(self, scale, &self.caster, &self.edges()));
+        points.paint(self, scale, coarse, &mut fine);
+        fine
+    }
+
+    /// A pixel in or beside this one that sees nothing of the scene, but perhaps what is beyond a portal.
+    pub fn open(&self, pixel: usize) -> Option<usize> {
+        self.layers.first().and_then(|main| open(&main.layer.surfaces, pixel))
+    }
+
+    pub fn caster(&self) -> &Caster<'a> {
+        &self.caster
+    }
+
+    /// Pixels that have something else beside them.
+    fn edges(&self) -> Vec<bool> {
+        let edges = |number: usize| self.layers.get(number).map(|lit| &lit.layer.surfaces.edges);
+        let mut all = edges(0).cloned().unwrap_or_default();
+        if let Some(panes) = edges(IN_PANES) {
+            all.iter_mut().zip(panes).for_each(|(edge, other)| *edge |= other);
+        }
+        all
+    }
+
+    /// What a ray shows through a point of the picture, in pixels.
+    pub fn look(&self, (column, row): (f64, f64), pixel: usize, ray: &Ray, hit: &Option<Hit>) -> Shows {
+        let seen = hit.map_or(Seen::NOTHING, |hit| self.caster.first(ray, &hit));
+        if self.caster.is_beyond(column, row, &seen) { Shows::Beyond } else { self.shows(pixel, ray, hit) }
+    }
+
+    /// The colour of what a point in or beside a pixel shows, if that is known; `middles` has those of all pixels.
+    pub fn shown(&self, pixel: usize, shows: &Shows, middles: &[[f32; 3]]) -> Option<[f32; 3]> {
+        let main = self.layers.first()?;
+        match shows {
             Shows::Sky => Some(self.voronoi.shadings.nothing),
             // Without samples near, its middle has the light that is known of such surfaces.
             Shows::Lit { by, material } => main
@@ -173,11 +234,21 @@ impl<'a> Drawing<'a> {
                 self.through(behind).or_else(|| polished(&main.layer.surfaces, pixel).map(|near| middles[near]))
             }
             Shows::Other | Shows::Beyond => None,
-        };
-        let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit);
-        let means: Vec<_> = points.smooth(&self.caster, width, colour, point).collect();
-        means.into_iter().for_each(|(pixel, colour)| pixels[pixel] = colour);
-        (main.light.without(), guessed.into_inner())
+        }
+    }
+
+    /// The colour of a material in light between that of those of the pixels that see the same surface as pixel `by`.
+    pub fn between(&self, by: usize, material: u32, around: &[(usize, f32)]) -> Option<[f32; 3]> {
+        let main = self.layers.first()?;
+        let labels = &main.layer.surfaces.labels;
+        let (mut sum, mut whole) = ([0.0; 3], 0.0);
+        for &(pixel, part) in around.iter().filter(|(pixel, _)| labels[*pixel] == labels[by]) {
+            if let Some(light) = main.light.at(pixel) {
+                sum = plus(sum, [part; 3], light);
+                whole += part;
+            }
+        }
+        (whole > 0.0).then(|| self.voronoi.shadings.lit(material, sum.map(|sum| sum / whole)))
     }
 
     /// What of a point next to an edge does not depend on samples.
@@ -214,7 +285,7 @@ impl<'a> Drawing<'a> {
                     .or_insert_with_key(|&(_, first)| self.light(number, &lit.layer.surfaces.seen[first], Some(first))),
             };
             if light.is_none() && !lit.is_certain(seen) {
-                if !self.voronoi.covered[pixel] {
+                if !self.voronoi.is_covered(pixel) {
                     continue;
                 }
                 middle.is_guess = true;
@@ -225,7 +296,7 @@ impl<'a> Drawing<'a> {
     }
 
     /// The colour of what a ray next to an edge meets, if it is no mirror or pane; `None` if nothing is known of it.
-    fn point(&self, pixel: usize, ray: &Ray, hit: Option<Hit>) -> Option<[f32; 3]> {
+    pub fn point(&self, pixel: usize, ray: &Ray, hit: Option<Hit>) -> Option<[f32; 3]> {
         let (main, hit) = self.layers.first().zip(hit)?;
         if self.caster.is_polished(hit.triangle) {
             return None;
@@ -280,7 +351,8 @@ impl<'a> Drawing<'a> {
     /// Light on a surface: that of a pixel that sees it, else what is known of such surfaces.
     fn lit(&self, lit: &Lit, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
         let voronoi = self.voronoi;
-        pixel.and_then(|pixel| lit.light.at(pixel)).or_else(|| {
+        let near = pixel.and_then(|pixel| lit.light.at(pixel));
+        near.or_else(|| lit.narrow(seen)).or_else(|| {
             let store = voronoi.records.as_deref().filter(|store| !store.is_empty());
             let indirect = store.map(|store| Indirect { store, caster: &self.caster, shadings: &voronoi.shadings });
             lit.guesses.alike(seen, &lit.layer.surfaces, indirect.as_ref())
@@ -364,6 +436,22 @@ impl<'a> Drawing<'a> {
     }
 }
 
+/// By pixel, the material of what is seen through nothing, or [`PLAIN_SKY`], or [`NOT_PLAIN`].
+fn plain(surfaces: &Surfaces) -> Vec<u32> {
+    let width = surfaces.size.0;
+    let mut plain: Vec<u32> = zeroed(surfaces.seen.len());
+    for_parts(&mut plain, width, BLOCK, |part, plain| {
+        for (plain, seen) in plain.iter_mut().zip(&surfaces.seen[part * BLOCK * width..]) {
+            *plain = match seen {
+                _ if seen.through => NOT_PLAIN,
+                _ if seen.is_sky() => PLAIN_SKY,
+                _ => seen.material,
+            };
+        }
+    });
+    plain
+}
+
 fn plus(sum: [f32; 3], share: [f32; 3], part: [f32; 3]) -> [f32; 3] {
     [0, 1, 2].map(|channel| sum[channel] + part[channel] * share[channel])
 }
@@ -407,6 +495,21 @@ impl<'a> Lit<'a> {
         *self.layer.made.lock().unwrap_or_else(PoisonError::into_inner) = Some(made);
     }
 
+    /// Colours of pixels from `first` on whose light is known and that are seen through nothing; gives the others.
+    fn paint_plain(&self, first: usize, plain: &[u32], colours: &mut [[f32; 3]], others: &mut Vec<usize>) {
+        let Shadings { materials, sky, .. } = self.shadings;
+        let known = self.light.rows(first..first + colours.len());
+        for (at, (colour, &material)) in colours.iter_mut().zip(plain).enumerate() {
+            if material == PLAIN_SKY {
+                *colour = *sky;
+            } else if let Some(light) = known.at(at).filter(|_| (material as usize) < materials.len()) {
+                *colour = self.shadings.lit(material, light);
+            } else {
+                others.push(first + at);
+            }
+        }
+    }
+
     /// Weight of one sample along the eye's ray.
     fn one(&self, paths: u16) -> f32 {
         reconstruct::weight_of_one(paths)
@@ -419,6 +522,14 @@ impl<'a> Lit<'a> {
         let rows = (top..=pixel / width).map(|row| row * width);
         let mut all = rows.flat_map(|row| row + left..row + (left + BLOCK).min(width));
         all.find(|&other| surfaces.labels[other] == surfaces.labels[pixel]).unwrap_or(pixel)
+    }
+
+    /// Mean light on the side of its triangle, if no pixel's middle sees that.
+    fn narrow(&self, seen: &Seen) -> Option<[f32; 3]> {
+        let sums = self.layer.narrow.get(&seen.side()).filter(|_| seen.image == 0 && !seen.through)?;
+        let enough = FEW_NARROW * self.one(1);
+        let is_enough = sums.weight as f32 >= enough && !self.guesses.knows(seen);
+        is_enough.then(|| sums.light.map(|sum| sum as f32 / sums.weight as f32))
     }
 
     /// Whether something is seen through a mirror or pane that ought to have samples and has none.
@@ -451,7 +562,7 @@ impl<'a> Lit<'a> {
 
     /// What of a pixel's light comes through the mirrors and panes before it; `None` if the layer has no such pixel.
     fn share(&self, pixel: usize, is_sparse: bool) -> Option<[f32; 3]> {
-        let Surfaces { seen, throughput, .. } = &self.layer.surfaces;
+        let Surfaces { seen, throughput, .. } = &*self.layer.surfaces;
         // Most pixels look through nothing: looking that up for each took a tenth of a picture's time.
         match seen[pixel].through {
             true => throughput.get(&(pixel as u32)).copied(),

@@ -8,23 +8,35 @@ use crate::parts::for_parts;
 use holo_raycast::{Hit, MAX_TILE, Ray};
 use holo_scene::Rgb;
 
-/// Points of an edge pixel.
-const POINTS: usize = 8;
-const _: () = assert!(POINTS <= MAX_TILE);
+/// Points of an edge pixel that are always looked through.
+const FIRST: usize = 8;
+
+/// Points of a pixel of which the first show several things: half the error of an edge's place.
+const POINTS: usize = 16;
+const _: () = assert!(POINTS == 2 * FIRST && FIRST <= MAX_TILE);
 
 /// Pixels of one piece of work.
 const PIECE: usize = 256;
 
-/// Places of the points: eight rooks, each in a column and a row of its own, well apart.
+/// Places of the points: the first of Sobol's sequence in two dimensions, each in a column and a row of its own, well apart; so are the
+/// first half of them.
 const PLACES: [(f64, f64); POINTS] = [
-    (0.0625, 0.4375),
-    (0.1875, 0.8125),
-    (0.3125, 0.1875),
-    (0.4375, 0.5625),
-    (0.5625, 0.9375),
-    (0.6875, 0.3125),
-    (0.8125, 0.6875),
-    (0.9375, 0.0625),
+    (0.03125, 0.03125),
+    (0.53125, 0.53125),
+    (0.28125, 0.78125),
+    (0.78125, 0.28125),
+    (0.15625, 0.65625),
+    (0.65625, 0.15625),
+    (0.40625, 0.40625),
+    (0.90625, 0.90625),
+    (0.09375, 0.96875),
+    (0.59375, 0.46875),
+    (0.34375, 0.21875),
+    (0.84375, 0.71875),
+    (0.21875, 0.34375),
+    (0.71875, 0.84375),
+    (0.46875, 0.59375),
+    (0.96875, 0.09375),
 ];
 
 /// What a point shows, as far as samples do not change it.
@@ -44,6 +56,17 @@ pub(crate) enum Shows {
     Beyond,
 }
 
+impl Shows {
+    /// Whether both have one colour. What is looked through, or is nobody's else, is asked for point by point.
+    fn is_same(&self, other: &Shows) -> bool {
+        match (self, other) {
+            (Shows::Lit { by, material }, Shows::Lit { by: its, material: of }) => (by, material) == (its, of),
+            (Shows::Sky, Shows::Sky) | (Shows::Beyond, Shows::Beyond) => true,
+            _ => false,
+        }
+    }
+}
+
 /// What a point shows through mirrors and panes.
 #[derive(Clone, Debug)]
 pub(crate) struct Behind {
@@ -54,10 +77,29 @@ pub(crate) struct Behind {
     pub by: Option<usize>,
 }
 
+/// Points of a pixel that show the same.
+struct Group {
+    shows: Shows,
+    /// What the first of them meets.
+    hit: Option<Hit>,
+    place: u8,
+    count: u8,
+}
+
+/// Some pixels' groups, one pixel after the other.
+#[derive(Default)]
+struct Piece {
+    groups: Vec<Group>,
+    /// By pixel, the number of groups up to and with its own.
+    ends: Vec<u32>,
+}
+
 /// The pixels next to an edge, and what their points meet: found once for a view, since samples do not change it.
+///
+/// Most pixels' points show two surfaces, each in one light: kept by groups they take a quarter of the memory that a picture reads.
 pub(crate) struct EdgePoints {
     pixels: Vec<u32>,
-    points: Vec<[(Shows, Option<Hit>); POINTS]>,
+    pieces: Vec<Piece>,
 }
 
 impl EdgePoints {
@@ -69,18 +111,34 @@ impl EdgePoints {
         shows: impl Fn(usize, (f64, f64), &Ray, &Option<Hit>) -> Shows + Sync,
     ) -> EdgePoints {
         let pixels: Vec<u32> = (0..).zip(edges).filter(|(_, edge)| **edge).map(|(pixel, _)| pixel).collect();
-        let mut points = vec![[const { (Shows::Other, None) }; POINTS]; pixels.len()];
-        for_parts(&mut points, 1, PIECE, |part, points| {
-            for (points, &pixel) in points.iter_mut().zip(&pixels[part * PIECE..]) {
-                let rays = PLACES.map(|place| ray(caster, width, pixel as usize, place));
-                let mut hits = [None; POINTS];
-                caster.nearest_tile(&rays, &mut hits);
-                for (((point, ray), hit), place) in points.iter_mut().zip(&rays).zip(hits).zip(PLACES) {
-                    *point = (shows(pixel as usize, place, ray, &hit), hit);
+        let mut pieces: Vec<Piece> = Vec::new();
+        pieces.resize_with(pixels.len().div_ceil(PIECE), Piece::default);
+        for_parts(&mut pieces, 1, 1, |part, piece| {
+            for Piece { groups, ends } in piece {
+                for &pixel in pixels.iter().skip(part * PIECE).take(PIECE) {
+                    let first = groups.len();
+                    for places in [0..FIRST, FIRST..POINTS] {
+                        if groups.len() == first + 1 {
+                            // The whole pixel shows one thing.
+                            break;
+                        }
+                        let rays: [Ray; FIRST] =
+                            std::array::from_fn(|i| ray(caster, width, pixel as usize, PLACES[places.start + i]));
+                        let mut hits = [None; FIRST];
+                        caster.nearest_tile(&rays, &mut hits);
+                        for (place, (ray, hit)) in places.zip(rays.iter().zip(hits)) {
+                            let shows = shows(pixel as usize, PLACES[place], ray, &hit);
+                            match groups[first..].iter_mut().find(|group| group.shows.is_same(&shows)) {
+                                Some(group) => group.count += 1,
+                                None => groups.push(Group { shows, hit, place: place as u8, count: 1 }),
+                            }
+                        }
+                    }
+                    ends.push(groups.len() as u32);
                 }
             }
         });
-        EdgePoints { pixels, points }
+        EdgePoints { pixels, pieces }
     }
 
     /// The pixels as means over their points. `colour` gives the colour of what a point shows, and `point` that of what a ray in a
@@ -94,20 +152,25 @@ impl EdgePoints {
     ) -> impl Iterator<Item = (usize, [f32; 3])> {
         let mut means = vec![None; self.pixels.len()];
         for_parts(&mut means, 1, PIECE, |part, means| {
-            let first = part * PIECE;
-            for (mean, at) in means.iter_mut().zip(first..) {
-                let pixel = self.pixels[at] as usize;
+            let Piece { groups, ends } = &self.pieces[part];
+            let mut first = 0;
+            for ((mean, &pixel), &end) in means.iter_mut().zip(&self.pixels[part * PIECE..]).zip(ends) {
                 let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
-                for ((shows, hit), place) in self.points[at].iter().zip(PLACES) {
-                    if matches!(shows, Shows::Beyond) {
+                for group in &groups[first..end as usize] {
+                    if matches!(group.shows, Shows::Beyond) {
                         continue;
                     }
-                    let known = colour(pixel, shows).or_else(|| point(pixel, &ray(caster, width, pixel, place), *hit));
+                    let pixel = pixel as usize;
+                    let known = colour(pixel, &group.shows).or_else(|| {
+                        point(pixel, &ray(caster, width, pixel, PLACES[usize::from(group.place)]), group.hit)
+                    });
                     if let Some(colour) = known {
-                        sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
-                        count += 1.0;
+                        let points = f32::from(group.count);
+                        sum = [0, 1, 2].map(|channel| sum[channel] + points * colour[channel]);
+                        count += points;
                     }
                 }
+                first = end as usize;
                 *mean = (count > 0.0).then(|| sum.map(|channel| channel / count));
             }
         });
@@ -139,6 +202,11 @@ pub(crate) fn alike(surfaces: &Surfaces, pixel: usize, point: &Seen) -> Option<u
 /// A pixel of the 3 × 3 around that looks through a mirror or pane.
 pub(crate) fn polished(surfaces: &Surfaces, pixel: usize) -> Option<usize> {
     least(surfaces, pixel, |other| surfaces.throughput.contains_key(&(other as u32)).then_some(0))
+}
+
+/// A pixel of the 3 × 3 around that sees nothing of the scene.
+pub(crate) fn open(surfaces: &Surfaces, pixel: usize) -> Option<usize> {
+    least(surfaces, pixel, |other| surfaces.seen[other].is_sky().then_some(0))
 }
 
 /// Of the 3 × 3 pixels around, the first of least rank, the one in the middle before others.

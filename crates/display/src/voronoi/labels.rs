@@ -28,6 +28,9 @@ pub(crate) struct Labelled {
     pub windows: Vec<Window>,
 }
 
+/// No [`key`] of a surface.
+const NOTHING: u64 = u64::MAX;
+
 /// Labels, edges and windows of what pixels see, in so many images. Nothing is seen but in `rows`.
 pub(crate) fn label(
     seen: &[Seen],
@@ -75,19 +78,28 @@ impl Strip<'_> {
     /// Labels within the strip: one more than the number of a surface's first pixel in it. Gives the first pixels of triangles' parts.
     fn connect(&self, labels: &mut [u32]) -> FxHashMap<Part, u32> {
         let mut parts = FxHashMap::default();
+        // What the row above shows, in few bytes each.
+        let mut above_keys = vec![NOTHING; self.width];
+        let (mut column, mut left_key, mut corner_key) = (0, NOTHING, NOTHING);
         for (pixel, here) in self.seen.iter().enumerate() {
+            if column == self.width {
+                (column, left_key, corner_key) = (0, NOTHING, NOTHING);
+            }
+            let key = key(here);
+            let above_key = std::mem::replace(&mut above_keys[column], key);
+            let is_amid = (key == left_key) & (key == above_key) & (key == corner_key) & (key != NOTHING);
+            let is_first = column == 0;
+            (column, left_key, corner_key) = (column + 1, key, above_key);
+            // Most pixels are amid one triangle: what is to the left is known to be one with what is above.
+            if is_amid {
+                labels[pixel] = labels[pixel - 1];
+                continue;
+            }
             if here.is_sky() {
                 continue;
             }
-            let left = (!pixel.is_multiple_of(self.width)).then(|| pixel - 1);
+            let left = (!is_first).then(|| pixel - 1);
             let above = pixel.checked_sub(self.width);
-            // Most pixels are amid one triangle: what is to the left is known to be one with what is above.
-            if let (Some(left), Some(above)) = (left, above)
-                && [left, above, above - 1].iter().all(|&other| part(&self.seen[other]) == part(here))
-            {
-                labels[pixel] = labels[left];
-                continue;
-            }
             labels[pixel] = pixel as u32 + 1;
             let mut alone = true;
             for other in [left, above].into_iter().flatten() {
@@ -136,6 +148,13 @@ impl Strip<'_> {
         }
         windows
     }
+}
+
+/// [`part`] as one number; [`NOTHING`] of the sky.
+#[inline]
+fn key(seen: &Seen) -> u64 {
+    let flags = u64::from(seen.front) | u64::from(seen.through) << 1 | u64::from(seen.image) << 8;
+    if seen.is_sky() { NOTHING } else { u64::from(seen.triangle()) | flags << 32 }
 }
 
 fn part(seen: &Seen) -> Part {

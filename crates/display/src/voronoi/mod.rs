@@ -20,18 +20,21 @@ mod edges;
 mod guess;
 mod indirect;
 mod labels;
+mod live;
+mod lone;
 mod portals;
 mod reconstruct;
 mod shade;
 mod surfaces;
 mod tents;
+mod upscale;
 
 use crate::Frame;
 use crate::camera::Camera;
 use crate::parts::for_parts;
 use crate::pointimage::zeroed;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
-use deposit::{Beam, Depositor, Deposits, Sums};
+use deposit::{Beam, Depositor, Deposits, SideSums, Sums};
 use drawing::Drawing;
 use edges::EdgePoints;
 use guess::Guesses;
@@ -44,6 +47,7 @@ use reconstruct::{Light, Scratch};
 use shade::Shadings;
 use std::sync::{Arc, Mutex, OnceLock};
 use surfaces::{Caster, Seen, Surfaces};
+use upscale::{FinePoints, Scale};
 
 /// Rows of which depths are found together.
 const DEPTH_ROWS: usize = 32;
@@ -57,14 +61,27 @@ pub struct Drawn {
     pub guessed_pixels: u64,
 }
 
+/// At how many pixels surfaces are cast and light is reconstructed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Resolution {
+    /// At each.
+    #[default]
+    Full,
+    /// At every other column and row: for views that follow each other faster than full ones are made. The picture has all its pixels and
+    /// is as bright: next to edges each is cast, and colours are interpolated elsewhere. What is thinner than two pixels may be missed.
+    Half,
+}
+
 /// One surface a pixel, with its samples.
 struct Layer {
-    surfaces: Surfaces,
+    surfaces: Arc<Surfaces>,
     sums: Vec<Sums>,
     /// Samples in the sums.
     samples: u64,
     /// By block, how many there were with the last one that came into it.
     changes: Vec<u64>,
+    /// Sums of faces that only points next to edges see.
+    narrow: SideSums,
     /// What was made of them for the last picture: nothing is done again for layers that have no new samples.
     made: Mutex<Option<Made>>,
 }
@@ -95,10 +112,14 @@ pub struct Voronoi {
     shadings: Shadings,
     view: View,
     camera: Camera,
+    /// Pixels cast.
     size: (u32, u32),
+    /// How a picture of more pixels lies on these.
+    scale: Option<Scale>,
     distances: DistanceTable,
     /// As [`Caster::surfaces`] has them.
     layers: Vec<Layer>,
+    /// By pixel of the picture, whether some section covers it.
     covered: Vec<bool>,
     uncovered: u64,
     samples: u64,
@@ -106,8 +127,12 @@ pub struct Voronoi {
     records: Option<Arc<Store>>,
     /// Made with the first picture, as what follows.
     edge_points: OnceLock<EdgePoints>,
+    fine_points: OnceLock<FinePoints>,
     /// Pixels that see smooth metals.
     metals: OnceLock<Vec<usize>>,
+    /// By pixel, what it takes to paint most of them.
+    plain: OnceLock<Vec<u32>>,
+    depths: OnceLock<Vec<f32>>,
     scratch: Mutex<Scratch>,
 }
 
@@ -126,6 +151,23 @@ impl Voronoi {
         view: View,
         size: (u32, u32),
     ) -> Self {
+        Self::at_resolution(sections, raycaster, portals, view, size, Resolution::Full)
+    }
+
+    /// The same with surfaces and light at fewer pixels than the picture's `size`, if so wanted.
+    pub fn at_resolution(
+        sections: Arc<[Section]>,
+        raycaster: Arc<Raycaster>,
+        portals: Option<Arc<Raycaster>>,
+        view: View,
+        shown: (u32, u32),
+        resolution: Resolution,
+    ) -> Self {
+        let size = match resolution {
+            Resolution::Full => shown,
+            Resolution::Half => (shown.0.div_ceil(2), shown.1.div_ceil(2)),
+        };
+        let scale = (size != shown).then(|| Scale::new(shown, size));
         let camera = Camera::new(&view, size);
         let caster = Caster::new(&raycaster, &view, &camera, size).with_portals(portals.as_deref());
         let layers = caster.surfaces();
@@ -136,12 +178,14 @@ impl Voronoi {
         let layers = layers.map(|surfaces| Layer {
             sums: zeroed(surfaces.seen.len()),
             changes: vec![0; blocks::count(surfaces.size)],
-            surfaces,
+            narrow: SideSums::default(),
+            surfaces: Arc::new(surfaces),
             samples: 0,
             made: Mutex::default(),
         });
         let layers = layers.collect();
         let covered = covered::covered(&sections, &view, size);
+        let covered = scale.as_ref().map_or_else(|| covered.clone(), |scale| scale.spread(&covered));
         Self {
             placed: sections.iter().map(|section| PlacedSection::new(section, &camera)).collect(),
             shadings: Shadings::new(raycaster.scene(), view.clips_sky()),
@@ -155,12 +199,16 @@ impl Voronoi {
             size,
             layers,
             uncovered: covered.iter().filter(|&&covered| !covered).count() as u64,
+            scale,
             covered,
             samples: 0,
             paths: 1,
             records: None,
             edge_points: OnceLock::new(),
+            fine_points: OnceLock::new(),
             metals: OnceLock::new(),
+            plain: OnceLock::new(),
+            depths: OnceLock::new(),
             scratch: Mutex::default(),
         }
     }
@@ -182,8 +230,25 @@ impl Voronoi {
         &self.view
     }
 
+    /// At how many pixels surfaces are cast.
+    pub fn resolution(&self) -> Resolution {
+        if self.scale.is_some() { Resolution::Half } else { Resolution::Full }
+    }
+
+    /// Whether some section covers a pixel that is cast.
+    fn is_covered(&self, pixel: usize) -> bool {
+        self.covered[self.scale.as_ref().map_or(pixel, |scale| scale.first_held(pixel))]
+    }
+
     /// Distance from the eye of what each pixel sees, as [`Frame::depth`].
+    ///
+    /// At a lower resolution that of the pixel cast nearest to each.
     pub fn depth(&self) -> Vec<f32> {
+        let depths = self.depths.get_or_init(|| self.find_depth());
+        self.scale.as_ref().map_or_else(|| depths.clone(), |scale| scale.spread(depths))
+    }
+
+    fn find_depth(&self) -> Vec<f32> {
         let sight = |seen: &Seen| self.camera.sight(seen.position).length();
         let Some(main) = self.layers.first() else { return Vec::new() };
         let mut depths: Vec<f32> = zeroed(main.surfaces.seen.len());
@@ -210,7 +275,8 @@ impl Voronoi {
                 caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
             };
             let beam = Beam { section: placed, pair, paths };
-            let to = &mut Deposits { sums: &mut layer.sums, changes: &mut layer.changes, samples: layer.samples };
+            let Layer { sums, changes, narrow, samples: before, .. } = layer;
+            let to = &mut Deposits { sums, changes, narrow, samples: *before };
             let used = depositor.insert(&beam, samples, to);
             layer.samples += used;
             self.samples += used;
@@ -230,21 +296,22 @@ impl Voronoi {
 
     /// Corners of fisheyes look nowhere.
     fn blank_corners(&self, frame: &mut Frame) {
-        let (width, _) = self.size;
+        let size = (frame.picture.width, frame.picture.height);
         for ((number, pixel), depth) in (0..).zip(&mut frame.picture.pixels).zip(&mut frame.depth) {
-            let (x, y) = View::pixel_centre(self.size, number % width, number / width);
+            let (x, y) = View::pixel_centre(size, number % size.0, number / size.0);
             if self.view.try_ray(x, y).is_none() {
                 (*pixel, *depth) = ([0.0; 3], 0.0);
             }
         }
     }
 
-    /// The picture of all samples so far.
+    /// The picture of all samples so far. At a lower resolution, pixels that are counted are those cast, by how many of the picture's
+    /// there are for each.
     pub fn draw(&self) -> Drawn {
         let mut picture = Picture::new(self.size.0, self.size.1);
         picture.view = Some(self.view);
         let mut frame = Frame {
-            depth: self.depth(),
+            depth: self.depths.get_or_init(|| self.find_depth()).clone(),
             picture,
             uncovered_pixels: self.uncovered,
             empty_pixels: 0,
@@ -252,10 +319,22 @@ impl Voronoi {
             samples_used: self.samples,
         };
         let drawing = Drawing::new(self);
-        let guessed_pixels;
+        let mut guessed_pixels;
         (frame.empty_pixels, guessed_pixels) = drawing.paint(&mut frame.picture.pixels);
+        if self.scale.is_none() {
+            drawing.smooth(&mut frame.picture.pixels);
+        }
         if let Some(beyond) = &self.beyond {
             beyond.paint(&mut frame);
+        }
+        if let Some(scale) = &self.scale {
+            let (width, height) = scale.fine;
+            let of_all = |pixels: u64| pixels * (width * height) as u64 / (scale.coarse.0 * scale.coarse.1) as u64;
+            (frame.empty_pixels, guessed_pixels) = (of_all(frame.empty_pixels), of_all(guessed_pixels));
+            frame.depth = scale.spread(&frame.depth);
+            let pixels = drawing.upscale(scale, &frame.picture.pixels);
+            frame.picture = Picture { pixels, ..Picture::new(width as u32, height as u32) };
+            frame.picture.view = Some(self.view);
         }
         if !self.camera.is_perspective() {
             self.blank_corners(&mut frame);

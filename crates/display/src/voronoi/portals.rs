@@ -15,8 +15,8 @@ const ROWS: usize = 16;
 
 /// The pixels that look through portals, and what draws them: samples alone.
 pub(crate) struct Beyond {
-    pixels: Vec<bool>,
-    driver: Quadtree,
+    pub(super) pixels: Vec<bool>,
+    pub(super) driver: Quadtree,
 }
 
 impl Beyond {

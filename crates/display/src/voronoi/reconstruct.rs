@@ -14,6 +14,7 @@
 
 use super::blocks::{self, COLUMNS, Mask, ROWS};
 use super::deposit::{Sums, luminance};
+use super::lone;
 use super::shade::FULL_WEIGHT;
 use super::surfaces::{NO_LABEL, Surfaces};
 use super::tents::{KINDS, Passes};
@@ -61,6 +62,8 @@ pub(crate) struct Light {
     reaches: Vec<u8>,
     /// By block, pixels of surfaces that have no samples of their own.
     without: Vec<u32>,
+    /// Lone pixels, and what was found for them before they took what is beside them.
+    lone: Vec<(u32, [f32; 3])>,
 }
 
 impl Light {
@@ -72,7 +75,21 @@ impl Light {
             states: zeroed(count),
             reaches: vec![0; blocks::count(size)],
             without: vec![0; blocks::count(size)],
+            lone: Vec::new(),
         }
+    }
+
+    /// Gives lone pixels the light of others, as it was found.
+    fn replace(&mut self, lone: &[(u32, u32)]) {
+        let found = lone.iter().map(|&(pixel, other)| (pixel, self.at(pixel as usize), self.at(other as usize)));
+        let found: Vec<_> = found.filter_map(|(pixel, own, other)| Some((pixel, own?, other?))).collect();
+        self.lone = found.iter().map(|&(pixel, own, _)| (pixel, own)).collect();
+        found.into_iter().for_each(|(pixel, _, other)| self.set(pixel as usize, other));
+    }
+
+    /// Gives lone pixels back what was found for them.
+    fn restore(&mut self) {
+        std::mem::take(&mut self.lone).into_iter().for_each(|(pixel, own)| self.set(pixel as usize, own));
     }
 
     /// `None` where no sample of a pixel's surface is near enough.
@@ -80,6 +97,12 @@ impl Light {
     pub fn at(&self, pixel: usize) -> Option<[f32; 3]> {
         let state = self.states.get(pixel)?;
         (state & KNOWN != 0).then(|| [0, 1, 2].map(|channel: usize| self.channels[channel][pixel]))
+    }
+
+    /// That of some pixels, one after the other.
+    pub fn rows(&self, pixels: Range<usize>) -> Rows<'_> {
+        let states = &self.states[pixels.clone()];
+        Rows { channels: self.channels.each_ref().map(|channel| &channel[pixels.clone()]), states }
     }
 
     /// Sets a pixel's.
@@ -93,6 +116,21 @@ impl Light {
     /// Pixels of surfaces that have no samples of their own.
     pub fn without(&self) -> u64 {
         self.without.iter().map(|&count| u64::from(count)).sum()
+    }
+}
+
+/// Light of some pixels.
+pub(crate) struct Rows<'a> {
+    channels: [&'a [f32]; 3],
+    states: &'a [u8],
+}
+
+impl Rows<'_> {
+    /// As [`Light::at`], of the pixel with this number among them.
+    #[inline]
+    pub fn at(&self, number: usize) -> Option<[f32; 3]> {
+        let state = self.states.get(number)?;
+        (state & KNOWN != 0).then(|| self.channels.map(|channel| channel[number]))
     }
 }
 
@@ -135,6 +173,7 @@ pub(crate) fn light(
     let is_all = (0..blocks::count(size)).all(|block| wanted.has(block) || !seen.has(block));
     let before = before.filter(|_| !is_all);
     let mut light = before.map_or_else(|| Light::unknown(size), |(light, _)| light.clone());
+    light.restore();
     let labels = &surfaces.labels;
     let Scratch { cells, wider, means } = scratch;
     for memory in [&mut *cells, &mut *wider] {
@@ -202,6 +241,8 @@ pub(crate) fn light(
         }
         std::mem::swap(cells, wider);
     }
+    let lone = lone::find(surfaces, sums, &light, one);
+    light.replace(&lone);
     light
 }
 
@@ -323,7 +364,7 @@ impl Kernel for Part<'_, '_> {
 /// The sums of each pixel of these columns alone, and which labels have any.
 #[inline(always)]
 fn alone(sums: &[Sums], labels: &[u32], one: f32, columns: &Range<usize>, with_samples: &Labels, cells: &mut [f32]) {
-    let width = labels.len();
+    let (width, share) = (labels.len(), one.recip());
     for cells in cells.chunks_mut(width) {
         cells[columns.clone()].fill(0.0);
     }
@@ -336,7 +377,7 @@ fn alone(sums: &[Sums], labels: &[u32], one: f32, columns: &Range<usize>, with_s
         let square = u64::try_from(sum.square).map_or_else(|_| sum.square as f32, |square| square as f32);
         let [red, green, blue] = sum.light.map(|x| x as f32);
         for (kind, value) in [red, green, blue, sum.weight as f32, square].into_iter().enumerate() {
-            cells[kind * width + column] = value / one;
+            cells[kind * width + column] = value * share;
         }
         with_samples.insert(labels[column]);
     }
@@ -422,13 +463,14 @@ impl Choices<'_> {
         let (mut values, mut samples, mut variances) = ([0.0; COLUMNS], [0.0; COLUMNS], [0.0; COLUMNS]);
         // A tent's weights w have (Σw)²/Σw² = 9/4 Σw / max w.
         let spread = if means.is_empty() { 1.0 } else { 2.25 };
+        let mut shares = [0.0; COLUMNS];
         for i in 0..count {
-            let value = luminance([red[i], green[i], blue[i]]) / weight[i];
-            let variance = square[i] / weight[i] - value * value;
-            let is_there = weight[i] > 0.0;
+            let share = if weight[i] > 0.0 { weight[i].recip() } else { 0.0 };
+            let value = luminance([red[i], green[i], blue[i]]) * share;
+            let variance = square[i] * share - value * value;
             samples[i] = weight[i] * spread;
-            values[i] = if is_there { value } else { 0.0 };
-            variances[i] = if is_there && variance > 0.0 { variance } else { 0.0 };
+            (shares[i], values[i]) = (share, value);
+            variances[i] = if variance > 0.0 { variance } else { 0.0 };
         }
         // The variance of the widest mean judges all: narrow ones, of few samples, would think that they agree. An edge
         // within it makes it too large, by so much that two samples on one side still tell. A narrow mean with a rare
@@ -461,7 +503,7 @@ impl Choices<'_> {
         for (light, sums) in self.light.iter_mut().zip([red, green, blue]) {
             let light = &mut light[left..][..count];
             for i in 0..count {
-                let mean = sums[i] / weight[i];
+                let mean = sums[i] * shares[i];
                 light[i] = if samples[i] > 0.0 { mean } else { light[i] };
             }
         }

@@ -1,5 +1,5 @@
 //! Who traces what next: lost packets, then what displays wish, in turn, then batch order: beams that have too few samples, then
-//! samples that have too few paths.
+//! samples that have too few paths. A display's live rays and its beams share what is traced for it.
 
 use holo_proto::{MAX_RAYS_PER_PACKET, bulk::Packet};
 use holo_section::{RayCoords, SampleKind, Viewpoint};
@@ -10,6 +10,7 @@ use crate::{
     batch::Wanted,
     better,
     listen::ConnectionId,
+    live::LiveAssignment,
     wishes::RayPacket,
     workers::{Assignment, Worker},
 };
@@ -22,6 +23,14 @@ const PACKETS_PER_MESSAGE: usize = 16_384;
 
 /// Beams that batch filling looks at before it sees to its events again, if none wants a ray.
 const BATCH_LOOKS: usize = 20_000;
+
+/// What a worker is given.
+enum Next {
+    /// A packet whose samples are stored.
+    Packet(Assignment),
+    /// Rays that are not.
+    Live(LiveAssignment),
+}
 
 impl Coordinator {
     /// Gives work to every worker that has too little.
@@ -38,23 +47,35 @@ impl Coordinator {
         for (id, hunger) in hungry {
             let usual = self.holodeck.about.settings.paths_per_sample;
             let mut work = 0.0;
-            let mut assignments = Vec::new();
-            while work < hunger && left > 0.0 && assignments.len() < PACKETS_PER_MESSAGE {
-                let Some(assignment) = self.next_assignment() else { break };
-                work += assignment.work(usual);
-                left -= f64::from(assignment.packet.count);
-                assignments.push(assignment);
+            let (mut assignments, mut live) = (Vec::new(), Vec::new());
+            while work < hunger && left > 0.0 && assignments.len().max(live.len()) < PACKETS_PER_MESSAGE {
+                match self.next_assignment() {
+                    Some(Next::Packet(assignment)) => {
+                        work += assignment.work(usual);
+                        left -= f64::from(assignment.packet.count);
+                        assignments.push(assignment);
+                    }
+                    Some(Next::Live(assignment)) => {
+                        work += assignment.rays.len() as f64;
+                        live.push(assignment);
+                    }
+                    None => break,
+                }
             }
-            if let Some(worker) = self.workers.get_mut(&id).filter(|_| !assignments.is_empty()) {
+            let Some(worker) = self.workers.get_mut(&id) else { continue };
+            if !live.is_empty() {
+                worker.assign_live(live);
+            }
+            if !assignments.is_empty() {
                 worker.assign(assignments);
             }
         }
     }
 
     /// The most urgent packet: lost ones, then displays in turn, then batch order. At the end, lost ones only.
-    fn next_assignment(&mut self) -> Option<Assignment> {
+    fn next_assignment(&mut self) -> Option<Next> {
         if let Some(assignment) = self.again.pop_front() {
-            return Some(assignment);
+            return Some(Next::Packet(assignment));
         }
         if self.ending.is_some() {
             return None;
@@ -62,11 +83,11 @@ impl Coordinator {
         self.next_for_displays().or_else(|| {
             let assignment = self.next_in_batch();
             self.batch_packets += usize::from(assignment.is_some());
-            assignment
+            assignment.map(Next::Packet)
         })
     }
 
-    fn next_for_displays(&mut self) -> Option<Assignment> {
+    fn next_for_displays(&mut self) -> Option<Next> {
         // In turn: from the one after the last served, around to it.
         let after = |id: &&ConnectionId| self.last_served.is_some_and(|last| **id > last);
         let ids: Vec<ConnectionId> = {
@@ -74,37 +95,52 @@ impl Coordinator {
             later.chain(self.displays.keys().filter(|id| !after(id))).copied().collect()
         };
         for id in ids {
-            let unseen = self.holodeck.unseen();
-            let Some(display) = self.displays.get_mut(&id) else { continue };
+            let Some(display) = self.displays.get(&id) else { continue };
             if display.settling.is_some() || display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES {
                 continue;
             }
-            let Some(wishes) = display.wishes.as_mut() else { continue };
-            let viewpoint = wishes.viewpoint;
-            while let Some(RayPacket { key, mut rays, count }) = wishes.next_rays(|key| unseen.contains(key)) {
-                let taken = self.allotment.take(&self.holodeck.file, key, SampleKind::SingleRay, count);
-                let Some((first, given)) = taken else { continue };
-                // Numbers given back before come in the ranges that they were given in.
-                let used = given.min(count);
-                if used < given {
-                    let rest = first + u32::from(used);
-                    self.allotment.give_back(key, SampleKind::SingleRay, rest, given - used);
-                }
-                wishes.put_back(key, &rays[usize::from(used)..usize::from(count)]);
-                rays[usize::from(used)..].fill(RayCoords::default());
+            let live_first = display.live.is_next();
+            let next = match live_first {
+                true => self.next_live(id).map(Next::Live),
+                false => self.next_of_beams(id).map(Next::Packet).or_else(|| self.next_live(id).map(Next::Live)),
+            };
+            if next.is_some() {
                 self.last_served = Some(id);
-                drop(unseen);
-                let mut assignment = self.assignment(key, first, used, None, Some(id));
-                assignment.packet.rays = Some(rays);
-                return Some(assignment);
+                return next;
             }
-            while let Some((key, count)) = wishes.next(|key| unseen.contains(key)) {
-                let kind = SampleKind::ViewpointLimited;
-                let Some((first, count)) = self.allotment.take(&self.holodeck.file, key, kind, count) else { continue };
-                self.last_served = Some(id);
-                drop(unseen);
-                return Some(self.assignment(key, first, count, Some(viewpoint), Some(id)));
+        }
+        None
+    }
+
+    /// A display's most urgent packet: of single rays, then of its view's beams.
+    fn next_of_beams(&mut self, id: ConnectionId) -> Option<Assignment> {
+        let unseen = self.holodeck.unseen();
+        let display = self.displays.get_mut(&id)?;
+        let wishes = display.wishes.as_mut()?;
+        let (viewpoint, pixels) = (wishes.viewpoint, wishes.pixels());
+        while let Some(RayPacket { key, mut rays, count }) = wishes.next_rays(|key| unseen.contains(key)) {
+            let taken = self.allotment.take(&self.holodeck.file, key, SampleKind::SingleRay, count);
+            let Some((first, given)) = taken else { continue };
+            // Numbers given back before come in the ranges that they were given in.
+            let used = given.min(count);
+            if used < given {
+                let rest = first + u32::from(used);
+                self.allotment.give_back(key, SampleKind::SingleRay, rest, given - used);
             }
+            wishes.put_back(key, &rays[usize::from(used)..usize::from(count)]);
+            rays[usize::from(used)..].fill(RayCoords::default());
+            display.live.passed_over(f64::from(used), pixels);
+            drop(unseen);
+            let mut assignment = self.assignment(key, first, used, None, Some(id));
+            assignment.packet.rays = Some(rays);
+            return Some(assignment);
+        }
+        while let Some((key, count)) = wishes.next(|key| unseen.contains(key)) {
+            let kind = SampleKind::ViewpointLimited;
+            let Some((first, count)) = self.allotment.take(&self.holodeck.file, key, kind, count) else { continue };
+            display.live.passed_over(f64::from(count), pixels);
+            drop(unseen);
+            return Some(self.assignment(key, first, count, Some(viewpoint), Some(id)));
         }
         None
     }

@@ -87,6 +87,7 @@ impl Coordinator {
         if let Some(display) = self.displays.get_mut(&id) {
             let shown = display.wishes.as_ref().is_some_and(|wishes| wishes.view == view);
             display.settling = shown.then_some(self.next_packet);
+            display.live.clear();
             if !shown {
                 // No such view: nothing is under way for it.
                 let _ = display.outbox.control(&Control::Settled { view });

@@ -1,0 +1,91 @@
+//! Rays that are traced for one display and not stored: asked for, given out, and passed on.
+
+use std::collections::BTreeMap;
+
+use anyhow::{Result, ensure};
+use holo_proto::{
+    bulk::{LiveResults, LiveSample, LiveSamples, LiveWanted, MAX_LIVE_RAYS_HELD},
+    frame::Kind,
+};
+
+use super::{Coordinator, Display};
+use crate::{
+    listen::ConnectionId,
+    live::LiveAssignment,
+    workers::{ResultsError, Worker},
+};
+
+impl Display {
+    /// Whether live rays of this view are still of use.
+    fn looks_at(&self, view: u32) -> bool {
+        self.settling.is_none() && self.wishes.is_some() && self.live.view() == view
+    }
+}
+
+impl Coordinator {
+    /// A display's rays of its view that no section covers.
+    pub(super) fn live_wanted(&mut self, id: ConnectionId, request: &LiveWanted) -> Result<()> {
+        let shows = |display: &&mut Display| display.settling.is_none() && display.wishes.is_some();
+        if let Some(display) = self.displays.get_mut(&id).filter(shows) {
+            let taken = display.live.add(request.view, request.pixels, &request.rays);
+            ensure!(taken, "it asked for more than {MAX_LIVE_RAYS_HELD} live rays at a time");
+        }
+        Ok(())
+    }
+
+    /// The next live rays of a display.
+    pub(super) fn next_live(&mut self, id: ConnectionId) -> Option<LiveAssignment> {
+        let display = self.displays.get_mut(&id)?;
+        let wishes = display.wishes.as_ref()?;
+        let (view, rays) = (display.live.view(), display.live.next(wishes.pixels()));
+        if rays.is_empty() {
+            return None;
+        }
+        self.next_packet += 1;
+        let paths = self.holodeck.about.settings.paths_per_sample;
+        Some(LiveAssignment { id: self.next_packet, display: id, view, paths, rays })
+    }
+
+    /// What live rays saw: told to whoever asked, if it still looks.
+    pub(super) fn live_results(&mut self, id: ConnectionId, results: &LiveResults) -> Result<()> {
+        let mut outgoing = BTreeMap::new();
+        let taken = self.take_live(id, results, &mut outgoing);
+        // Even if a packet was refused, as with samples.
+        for (id, message) in outgoing {
+            if let Some(display) = self.displays.get(&id) {
+                display.outbox.send(Kind::LiveSamples, &LiveSamples::encode(&message))?;
+            }
+        }
+        Ok(taken?)
+    }
+
+    fn take_live(
+        &mut self,
+        id: ConnectionId,
+        results: &LiveResults,
+        outgoing: &mut BTreeMap<ConnectionId, LiveSamples>,
+    ) -> Result<(), ResultsError> {
+        let mut rest = results.hits.as_slice();
+        for traced in &results.packets {
+            let Some(worker) = self.workers.get_mut(&id) else { return Ok(()) };
+            let LiveAssignment { display, view, rays, .. } = worker.finish_live(traced)?;
+            let (hits, after) = rest.split_at(rays.len());
+            rest = after;
+            if self.displays.get(&display).is_some_and(|display| display.looks_at(view)) {
+                let message = outgoing.entry(display).or_insert_with(|| LiveSamples { view, samples: Vec::new() });
+                let numbers = rays.iter().map(|ray| ray.number);
+                message.samples.extend(numbers.zip(hits).map(|(number, &hit)| LiveSample { number, hit }));
+            }
+        }
+        Ok(())
+    }
+
+    /// Rays that a lost worker had are given to another, if they are still of use.
+    pub(super) fn live_again(&mut self, worker: &mut Worker) {
+        for LiveAssignment { display, view, rays, .. } in worker.take_live() {
+            if let Some(display) = self.displays.get_mut(&display).filter(|display| display.looks_at(view)) {
+                display.live.put_back(&rays);
+            }
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! A view that is shown, and what has arrived for it.
+
+use std::{path::PathBuf, time::Instant};
+
+use anyhow::{Context, Result};
+use holo_picture::View;
+use holo_proto::bulk::Wanted;
+use holo_section::BeamId;
+
+use crate::{PictureReport, canvas::Canvas, live::Live, received::Received};
+
+/// A view and what has arrived for it.
+pub struct Shown {
+    pub view: View,
+    pub size: (u32, u32),
+    pub wanted: Vec<Wanted>,
+    /// Distance of the nearest visible surface, as far as it is known.
+    pub nearest: f64,
+    pub canvas: Canvas,
+    /// Rays that no section covers, if something traces.
+    pub live: Option<Live>,
+    /// How far its samples have been asked for.
+    pub asked: Asked,
+    /// Beams that it does not cross but whose rays may end on what it sees, once they have been asked for.
+    pub also: Vec<(u16, BeamId)>,
+    /// Number of its first request: samples of earlier views are dropped.
+    pub first_request: u32,
+    pub received: Received,
+    pub since: Instant,
+    pub stored: u64,
+    /// Of these, by section.
+    pub stored_of: Vec<u64>,
+    pub traced: u64,
+    pub first_samples: Option<f64>,
+    pub refined: bool,
+    /// When single rays were last asked for; `None`: the driver asks for none.
+    pub rays_asked: Option<Instant>,
+}
+
+impl Shown {
+    /// Stored samples of a beam of each section, by those of the view's own beams; of a section that it does not cross, by all. At
+    /// least one.
+    pub fn samples_of_beam(&self) -> Vec<f64> {
+        let mut beams = vec![0_u64; self.stored_of.len()];
+        for wanted in &self.wanted {
+            if let Some(beams) = beams.get_mut(usize::from(wanted.section)) {
+                *beams += 1;
+            }
+        }
+        let share = |stored: u64, beams: u64| (stored as f64 / beams.max(1) as f64).max(1.0);
+        let all = share(self.stored, self.wanted.len() as u64);
+        let of = |(&stored, &beams)| if beams == 0 { all } else { share(stored, beams) };
+        self.stored_of.iter().zip(&beams).map(of).collect()
+    }
+
+    /// Draws the view as it is known and writes the picture; says what it is made of.
+    pub fn write(&self, path: PathBuf) -> Result<PictureReport> {
+        let (mut frame, guessed_pixels, stages) = self.canvas.draw();
+        if let Some(live) = &self.live {
+            live.paint(&mut frame);
+        }
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        }
+        frame.picture.write(&path).with_context(|| format!("writing {}", path.display()))?;
+        Ok(PictureReport {
+            picture: path,
+            seconds: self.since.elapsed().as_secs_f64(),
+            samples: frame.samples_used,
+            stored: self.stored,
+            traced: self.traced,
+            live: self.live.as_ref().map_or(0, Live::shown),
+            beams: self.wanted.len(),
+            uncovered_pixels: frame.uncovered_pixels,
+            empty_pixels: frame.empty_pixels,
+            unseen_pixels: frame.unseen_pixels,
+            guessed_pixels,
+            driver: self.canvas.name(),
+            first_samples: self.first_samples,
+            stages,
+        })
+    }
+}
+
+/// Which stored samples of a view have been asked for.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Asked {
+    /// Those of the beams that it crosses.
+    Crossed,
+    /// And of some beams that end on what it sees, which hold the most.
+    Best,
+    /// And of all beams that end on what it sees.
+    Surfaces,
+    /// All that there are.
+    All,
+}

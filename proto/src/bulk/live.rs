@@ -1,0 +1,256 @@
+//! Rays that no section covers: traced for one display, shown there, and never stored.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{Counts, Reader, Traced, expect_rays, put};
+use crate::ProtoError;
+
+/// Live rays in one message of a display: some hundredths of a second of work.
+pub const MAX_LIVE_RAYS: usize = 1 << 14;
+
+/// Live rays that a display may have sent for a view without an answer: workers are given work for 150 ms, and what is traced next
+/// must be here by then. They take 4 MB.
+pub const MAX_LIVE_RAYS_HELD: usize = 1 << 16;
+
+/// How much a direction's squared length may differ from 1.
+const UNIT_SLACK: f64 = 1e-6;
+
+/// A ray by its geometry. 56 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct LiveRay {
+    /// Where it begins, world coordinates.
+    pub origin: [f64; 3],
+    /// Where it goes; of length 1.
+    pub direction: [f64; 3],
+    /// The display's name for it, given back with what it saw; its random numbers follow from it, too.
+    pub number: u64,
+}
+const _: () = assert!(size_of::<LiveRay>() == 56);
+
+impl LiveRay {
+    fn check(&self) -> Result<(), ProtoError> {
+        if !self.origin.iter().all(|x| x.is_finite()) {
+            return Err(ProtoError::Number("a ray's origin"));
+        }
+        let squared: f64 = self.direction.iter().map(|x| x * x).sum();
+        // Also refuses NaN.
+        if (squared - 1.0).abs() <= UNIT_SLACK { Ok(()) } else { Err(ProtoError::Number("a ray's direction")) }
+    }
+}
+
+/// Display to server: rays to trace and to forget, after those of its earlier messages for the same view, and in place of those for
+/// another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LiveWanted {
+    /// The view that they are for, by the number of its first request: it may be requested again under others meanwhile.
+    pub view: u32,
+    /// Pixels of the view that live rays are for: the share of tracing that they get is that of these pixels.
+    pub pixels: u32,
+    /// The rays, at most [`MAX_LIVE_RAYS`].
+    pub rays: Vec<LiveRay>,
+}
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct WantedHead {
+    view: u32,
+    pixels: u32,
+    rays: u32,
+    reserved: u32,
+}
+const _: () = assert!(size_of::<WantedHead>() == 16);
+
+impl LiveWanted {
+    /// The payload of a frame of live rays: view, pixels, count, rays.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(16 + self.rays.len() * 56);
+        let head = WantedHead { view: self.view, pixels: self.pixels, rays: self.rays.len() as u32, reserved: 0 };
+        put(&mut out, &head);
+        out.extend_from_slice(bytemuck::cast_slice(&self.rays));
+        out
+    }
+
+    /// Parses a frame of live rays.
+    ///
+    /// # Errors
+    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for a ray that is none.
+    pub fn decode(bytes: &[u8]) -> Result<LiveWanted, ProtoError> {
+        let mut reader = Reader(bytes);
+        let head: WantedHead = reader.one("message of live rays")?;
+        if head.rays > MAX_LIVE_RAYS as u32 {
+            let (found, limit) = (u64::from(head.rays), MAX_LIVE_RAYS as u64);
+            return Err(ProtoError::TooMany { what: "live rays", found, limit });
+        }
+        let rays = reader.many::<LiveRay>("live ray list", u64::from(head.rays))?;
+        reader.end()?;
+        rays.iter().try_for_each(LiveRay::check)?;
+        Ok(LiveWanted { view: head.view, pixels: head.pixels, rays })
+    }
+}
+
+/// Live rays that one worker traces together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LivePacket {
+    /// The server's name for this assignment, given back with the results.
+    pub id: u64,
+    /// Paths averaged into each ray, at least 1.
+    pub paths: u16,
+    /// The rays, 1 to [`crate::MAX_RAYS_PER_PACKET`].
+    pub rays: Vec<LiveRay>,
+}
+
+/// Server to worker: live rays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LiveWork {
+    /// The packets, in the order wanted.
+    pub packets: Vec<LivePacket>,
+}
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct RawPacket {
+    id: u64,
+    count: u32,
+    paths: u16,
+    reserved: u16,
+}
+const _: () = assert!(size_of::<RawPacket>() == 16);
+
+impl LiveWork {
+    /// The payload of a frame of live work: counts of packets and rays, packets, rays.
+    pub fn encode(&self) -> Vec<u8> {
+        let rays: usize = self.packets.iter().map(|packet| packet.rays.len()).sum();
+        let mut out = Vec::with_capacity(8 + self.packets.len() * 16 + rays * 56);
+        put(&mut out, &Counts { first: self.packets.len() as u32, second: rays as u32 });
+        for packet in &self.packets {
+            let count = packet.rays.len() as u32;
+            put(&mut out, &RawPacket { id: packet.id, count, paths: packet.paths, reserved: 0 });
+        }
+        self.packets.iter().for_each(|packet| out.extend_from_slice(bytemuck::cast_slice(&packet.rays)));
+        out
+    }
+
+    /// Parses a frame of live work: every packet has 1 to 21 rays and all are there.
+    ///
+    /// # Errors
+    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for a ray that is none.
+    pub fn decode(bytes: &[u8]) -> Result<LiveWork, ProtoError> {
+        let mut reader = Reader(bytes);
+        let counts: Counts = reader.one("live work message")?;
+        let packets = reader.many::<RawPacket>("live packet list", u64::from(counts.first))?;
+        let rays = reader.many::<LiveRay>("live ray list", u64::from(counts.second))?;
+        reader.end()?;
+        expect_rays("live ray list", packets.iter().map(|packet| packet.count), counts.second)?;
+        rays.iter().try_for_each(LiveRay::check)?;
+        if packets.iter().any(|packet| packet.paths == 0) {
+            return Err(ProtoError::Number("a packet's number of paths"));
+        }
+        let mut rays = rays.into_iter();
+        let parse = |raw: RawPacket| LivePacket {
+            id: raw.id,
+            paths: raw.paths,
+            rays: rays.by_ref().take(raw.count as usize).collect(),
+        };
+        Ok(LiveWork { packets: packets.into_iter().map(parse).collect() })
+    }
+}
+
+/// What a live ray saw. 16 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct LiveHit {
+    /// Radiance, finite and not negative.
+    pub radiance: [f32; 3],
+    /// Distance from the ray's origin to the surface that it met, not negative; infinite if it met nothing.
+    pub distance: f32,
+}
+const _: () = assert!(size_of::<LiveHit>() == 16);
+
+impl LiveHit {
+    fn check(&self) -> Result<(), ProtoError> {
+        if !self.radiance.iter().all(|x| x.is_finite() && *x >= 0.0) {
+            return Err(ProtoError::Number("a ray's radiance"));
+        }
+        // Also refuses NaN.
+        if self.distance >= 0.0 { Ok(()) } else { Err(ProtoError::Number("a ray's distance")) }
+    }
+}
+
+/// Worker to server: what live rays saw.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LiveResults {
+    /// The packets, in the order of what their rays saw.
+    pub packets: Vec<Traced>,
+    /// For each ray of each packet, in their order.
+    pub hits: Vec<LiveHit>,
+}
+
+impl LiveResults {
+    /// The payload of a frame of live results: counts of packets and rays, packets, what the rays saw.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(8 + (self.packets.len() + self.hits.len()) * 16);
+        put(&mut out, &Counts { first: self.packets.len() as u32, second: self.hits.len() as u32 });
+        out.extend_from_slice(bytemuck::cast_slice(&self.packets));
+        out.extend_from_slice(bytemuck::cast_slice(&self.hits));
+        out
+    }
+
+    /// Parses a frame of live results: every packet has 1 to 21 rays and all are there.
+    ///
+    /// # Errors
+    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for radiances or distances that are none.
+    pub fn decode(bytes: &[u8]) -> Result<LiveResults, ProtoError> {
+        let mut reader = Reader(bytes);
+        let counts: Counts = reader.one("live results message")?;
+        let packets = reader.many::<Traced>("live packet list", u64::from(counts.first))?;
+        let hits = reader.many::<LiveHit>("list of what live rays saw", u64::from(counts.second))?;
+        reader.end()?;
+        expect_rays("list of what live rays saw", packets.iter().map(|packet| packet.count), counts.second)?;
+        hits.iter().try_for_each(LiveHit::check)?;
+        Ok(LiveResults { packets, hits })
+    }
+}
+
+/// What one of a display's live rays saw. 24 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct LiveSample {
+    /// The display's name for the ray.
+    pub number: u64,
+    /// What it saw.
+    pub hit: LiveHit,
+}
+const _: () = assert!(size_of::<LiveSample>() == 24);
+
+/// Server to display: what its live rays saw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LiveSamples {
+    /// The view that they are for.
+    pub view: u32,
+    /// The rays.
+    pub samples: Vec<LiveSample>,
+}
+
+impl LiveSamples {
+    /// The payload of a frame of live samples: view, count, samples.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(8 + self.samples.len() * 24);
+        put(&mut out, &Counts { first: self.view, second: self.samples.len() as u32 });
+        out.extend_from_slice(bytemuck::cast_slice(&self.samples));
+        out
+    }
+
+    /// Parses a frame of live samples.
+    ///
+    /// # Errors
+    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for radiances or distances that are none.
+    pub fn decode(bytes: &[u8]) -> Result<LiveSamples, ProtoError> {
+        let mut reader = Reader(bytes);
+        let counts: Counts = reader.one("live samples message")?;
+        let samples = reader.many::<LiveSample>("live sample list", u64::from(counts.second))?;
+        reader.end()?;
+        samples.iter().try_for_each(|sample| sample.hit.check())?;
+        Ok(LiveSamples { view: counts.first, samples })
+    }
+}
