@@ -14,7 +14,7 @@
 //! - As samples grow, every pixel keeps its own.
 
 use super::deposit::{Sums, luminance};
-use super::reconstruct::Light;
+use super::light::Light;
 use super::surfaces::{NO_LABEL, Surfaces};
 use crate::parts::for_parts;
 use crate::pointimage::isa::{Isa, Kernel};
