@@ -1,6 +1,6 @@
 //! The light of a layer's pixels, as it was reconstructed.
 //!
-//! Invariant: what lone pixels had before they took what is beside them is kept, so that a picture made in parts is that made at once.
+//! Invariant: what was found for lone pixels and those beside them is kept, so that a picture made in parts is that made at once.
 
 use super::blocks;
 use crate::pointimage::zeroed;
@@ -22,7 +22,7 @@ pub(crate) struct Light {
     pub reaches: Vec<u8>,
     /// By block, pixels of surfaces that have no samples of their own.
     pub without: Vec<u32>,
-    /// Lone pixels, and what was found for them before they took what is beside them.
+    /// Pixels that have other light than was found for them, and that.
     lone: Vec<(u32, [f32; 3])>,
 }
 
@@ -39,15 +39,13 @@ impl Light {
         }
     }
 
-    /// Gives lone pixels the light of others, as it was found.
-    pub fn replace(&mut self, lone: &[(u32, u32)]) {
-        let found = lone.iter().map(|&(pixel, other)| (pixel, self.at(pixel as usize), self.at(other as usize)));
-        let found: Vec<_> = found.filter_map(|(pixel, own, other)| Some((pixel, own?, other?))).collect();
-        self.lone = found.iter().map(|&(pixel, own, _)| (pixel, own)).collect();
-        found.into_iter().for_each(|(pixel, _, other)| self.set(pixel as usize, other));
+    /// Gives pixels other light than was found, which is kept.
+    pub fn replace(&mut self, others: &[(u32, [f32; 3])]) {
+        self.lone = others.iter().filter_map(|&(pixel, _)| Some((pixel, self.at(pixel as usize)?))).collect();
+        others.iter().for_each(|&(pixel, light)| self.set(pixel as usize, light));
     }
 
-    /// Gives lone pixels back what was found for them.
+    /// Gives them back what was found for them.
     pub fn restore(&mut self) {
         std::mem::take(&mut self.lone).into_iter().for_each(|(pixel, own)| self.set(pixel as usize, own));
     }

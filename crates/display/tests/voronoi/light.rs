@@ -158,15 +158,17 @@ fn one_lamp(random: &mut Random) -> f32 {
 }
 
 #[test]
-fn chance_leaves_no_dark_dots() {
+fn chance_leaves_no_dots() {
     let stage = Stage::new(&[wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0)], vec![diffuse([0.5; 3])]);
     let drawn = stage.draw(&stage.samples(even, 1_200_000, one_lamp));
     let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
     let at = |x: usize, y: usize| drawn.frame.picture.pixels[y * width + x][1];
     let is_dot = |x: usize, y: usize| {
         let around = (y - 1..y + 2).flat_map(|y| (x - 1..x + 2).map(move |x| (x, y))).filter(|&other| other != (x, y));
-        let darkest = around.map(|(x, y)| at(x, y)).fold(f32::INFINITY, f32::min);
-        at(x, y) < 0.8 * darkest
+        let (darkest, brightest) = around
+            .map(|(x, y)| at(x, y))
+            .fold((f32::INFINITY, 0.0_f32), |(low, high), value| (low.min(value), high.max(value)));
+        at(x, y) < 0.8 * darkest || at(x, y) > 1.25 * brightest
     };
     let inner = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| (x, y)));
     let dots: Vec<_> = inner.filter(|&(x, y)| is_dot(x, y)).collect();
