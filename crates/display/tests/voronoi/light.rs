@@ -177,13 +177,13 @@ fn chance_leaves_no_dots() {
 
 /// Light on all but what lies between two depths.
 fn dark_side(at: DVec3, material: &Material) -> [f32; 3] {
-    if at.x > 5.001 && at.x < 5.299 { [0.0; 3] } else { kd(material) }
+    if at.x > 5.001 && at.x < 5.199 { [0.0; 3] } else { kd(material) }
 }
 
 #[test]
 fn a_face_narrower_than_a_pixel_has_its_own_light() {
-    // A bright board and its side, of which no pixel sees more than half of its width, before a wall.
-    let side = ([[5.0, 2.6, 1.4], [5.3, 2.6, 1.4], [5.3, 2.6, 3.1], [5.0, 2.6, 3.1]], 1);
+    // A bright board and its side, a third of a pixel wide and before no pixel's middle, before a wall.
+    let side = ([[5.0, 2.6, 1.4], [5.2, 2.6, 1.4], [5.2, 2.6, 3.1], [5.0, 2.6, 3.1]], 1);
     let quads = [wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0), wall(5.0, [2.6, 1.4], [3.6, 3.1], 1), side];
     let stage = Stage::new(&quads, vec![diffuse([0.5; 3]), diffuse([0.8; 3])]);
     let truth = stage.truth(dark_side);
@@ -194,6 +194,6 @@ fn a_face_narrower_than_a_pixel_has_its_own_light() {
         found += 1;
         error += f64::from((pixel[1] - truth[1]).abs());
     }
-    // As bright as the board's front, the side would be 0.8 too bright on a quarter to a half of each; sixteen points tell its part to 1/16.
+    // As bright as the board's front, the side would be 0.8 too bright on a third of each; sixteen points tell its part to 1/16.
     assert!(found > 15 && error / f64::from(found) < 0.8 / 16.0, "{found} {error}");
 }
