@@ -3,23 +3,17 @@
 //!
 //! Invariant: a colour is a function of the samples' sums and the scene alone.
 
-use super::blocks::{self, Mask};
+use super::Voronoi;
 use super::edges::{Behind, EdgePoints, Shows, alike, open, polished};
-use super::guess::Guesses;
 use super::indirect::Indirect;
-use super::reconstruct::{self, Light};
-use super::shade::Shadings;
-use super::surfaces::{Caster, NO_IMAGE, Seen, Surfaces, number_of};
+use super::lit::{Lit, plain};
+use super::surfaces::{Caster, NO_IMAGE, Seen, number_of};
 use super::upscale::{FinePoints, Scale};
-use super::{Layer, Made, MadeFrom, Voronoi};
-use crate::camera::Camera;
 use crate::parts::for_parts;
-use crate::pointimage::zeroed;
-use holo_light::Store;
 use holo_raycast::{Hit, Ray};
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::FxHashMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, PoisonError};
 
 /// The layer of what is seen in panes, besides what is seen through them.
 const IN_PANES: usize = 1;
@@ -30,17 +24,8 @@ const POLISHED: usize = 2;
 /// Samples along the eye's ray that what a metal reflects by geometry counts for.
 const REFLECTION_COUNTS: f32 = 4.0;
 
-/// Samples that tell more of the light on a narrow face than surfaces like it.
-const FEW_NARROW: f32 = 4.0;
-
 /// Pixels a side of blocks in which a surface without samples near has one light.
-const BLOCK: usize = 8;
-
-/// A material's number where the sky is seen through nothing.
-const PLAIN_SKY: u32 = u32::MAX;
-
-/// A material's number where a mirror or pane is looked through.
-const NOT_PLAIN: u32 = u32::MAX - 1;
+pub(crate) const BLOCK: usize = 8;
 
 /// Pixels to the right and down at which a surface is looked for that something before it may hide, nearest first.
 const AROUND: [(f32, f32); 57] = [
@@ -113,18 +98,6 @@ pub(crate) struct Drawing<'a> {
 /// What is known of the light on surfaces without samples near, by layer and the first pixel of the block that sees them: asking the
 /// records for each pixel took a second for a picture without samples.
 type Known = FxHashMap<(usize, usize), Option<[f32; 3]>>;
-
-/// A layer whose light is known.
-struct Lit<'a> {
-    layer: &'a Layer,
-    camera: &'a Camera,
-    shadings: &'a Shadings,
-    light: Arc<Light>,
-    guesses: Arc<Guesses>,
-    /// What it is made of; made for this very picture, or kept from the last one.
-    from: MadeFrom,
-    is_new: bool,
-}
 
 /// What a pixel's middle shows.
 struct Middle {
@@ -436,138 +409,6 @@ impl<'a> Drawing<'a> {
     }
 }
 
-/// By pixel, the material of what is seen through nothing, or [`PLAIN_SKY`], or [`NOT_PLAIN`].
-fn plain(surfaces: &Surfaces) -> Vec<u32> {
-    let width = surfaces.size.0;
-    let mut plain: Vec<u32> = zeroed(surfaces.seen.len());
-    for_parts(&mut plain, width, BLOCK, |part, plain| {
-        for (plain, seen) in plain.iter_mut().zip(&surfaces.seen[part * BLOCK * width..]) {
-            *plain = match seen {
-                _ if seen.through => NOT_PLAIN,
-                _ if seen.is_sky() => PLAIN_SKY,
-                _ => seen.material,
-            };
-        }
-    });
-    plain
-}
-
 fn plus(sum: [f32; 3], share: [f32; 3], part: [f32; 3]) -> [f32; 3] {
     [0, 1, 2].map(|channel| sum[channel] + part[channel] * share[channel])
-}
-
-impl<'a> Lit<'a> {
-    fn new(voronoi: &'a Voronoi, layer: &'a Layer) -> Self {
-        let Layer { surfaces, sums, .. } = layer;
-        let records = voronoi.records.as_deref().map_or(0, Store::len);
-        let from = MadeFrom { samples: layer.samples, paths: voronoi.paths, records };
-        let (camera, shadings) = (&voronoi.camera, &voronoi.shadings);
-        let made = layer.made.lock().unwrap_or_else(PoisonError::into_inner);
-        let of_these_paths = made.as_ref().filter(|made| made.from.paths == from.paths);
-        if let Some(made) = made.as_ref().filter(|made| made.from == from) {
-            let (light, guesses) = (Arc::clone(&made.light), Arc::clone(&made.guesses));
-            return Self { layer, camera, shadings, light, guesses, from, is_new: false };
-        }
-        // What metals reflect follows from more than the samples near.
-        let metals = voronoi.metals.get().map_or(&[][..], Vec::as_slice);
-        let metals: FxHashSet<usize> = metals.iter().map(|&pixel| blocks::of(pixel, surfaces.size.0)).collect();
-        let before = of_these_paths.map(|made| {
-            let is_new = |block: usize| layer.changes[block] > made.from.samples || metals.contains(&block);
-            (&*made.light, Mask::new(surfaces.size, is_new))
-        });
-        let before = before.as_ref().map(|(light, changed)| (*light, changed));
-        let mut scratch = voronoi.scratch.lock().unwrap_or_else(PoisonError::into_inner);
-        let light = reconstruct::light(surfaces, sums, voronoi.paths, before, &mut scratch);
-        Self {
-            layer,
-            camera,
-            shadings,
-            light: Arc::new(light),
-            guesses: Arc::new(Guesses::new(surfaces, sums, shadings)),
-            from,
-            is_new: true,
-        }
-    }
-
-    /// Keeps it for the next picture.
-    fn keep(&self) {
-        let made = Made { from: self.from, light: Arc::clone(&self.light), guesses: Arc::clone(&self.guesses) };
-        *self.layer.made.lock().unwrap_or_else(PoisonError::into_inner) = Some(made);
-    }
-
-    /// Colours of pixels from `first` on whose light is known and that are seen through nothing; gives the others.
-    fn paint_plain(&self, first: usize, plain: &[u32], colours: &mut [[f32; 3]], others: &mut Vec<usize>) {
-        let Shadings { materials, sky, .. } = self.shadings;
-        let known = self.light.rows(first..first + colours.len());
-        for (at, (colour, &material)) in colours.iter_mut().zip(plain).enumerate() {
-            if material == PLAIN_SKY {
-                *colour = *sky;
-            } else if let Some(light) = known.at(at).filter(|_| (material as usize) < materials.len()) {
-                *colour = self.shadings.lit(material, light);
-            } else {
-                others.push(first + at);
-            }
-        }
-    }
-
-    /// Weight of one sample along the eye's ray.
-    fn one(&self, paths: u16) -> f32 {
-        reconstruct::weight_of_one(paths)
-    }
-
-    /// The first pixel of the block around a pixel that sees the same surface.
-    fn first_alike(&self, pixel: usize) -> usize {
-        let (surfaces, width) = (&self.layer.surfaces, self.layer.surfaces.size.0);
-        let (left, top) = (pixel % width / BLOCK * BLOCK, pixel / width / BLOCK * BLOCK);
-        let rows = (top..=pixel / width).map(|row| row * width);
-        let mut all = rows.flat_map(|row| row + left..row + (left + BLOCK).min(width));
-        all.find(|&other| surfaces.labels[other] == surfaces.labels[pixel]).unwrap_or(pixel)
-    }
-
-    /// Mean light on the side of its triangle, if no pixel's middle sees that.
-    fn narrow(&self, seen: &Seen) -> Option<[f32; 3]> {
-        let sums = self.layer.narrow.get(&seen.side()).filter(|_| seen.image == 0 && !seen.through)?;
-        let enough = FEW_NARROW * self.one(1);
-        let is_enough = sums.weight as f32 >= enough && !self.guesses.knows(seen);
-        is_enough.then(|| sums.light.map(|sum| sum as f32 / sums.weight as f32))
-    }
-
-    /// Whether something is seen through a mirror or pane that ought to have samples and has none.
-    fn is_unknown(&self, behind: &Seen) -> bool {
-        behind.through && !behind.is_sky() && behind.image != NO_IMAGE && !self.guesses.knows(behind)
-    }
-
-    /// Whether its colour is known without samples: the sky's, a lamp's.
-    fn is_certain(&self, seen: &Seen) -> bool {
-        seen.is_sky() || self.shadings.materials[seen.material as usize].emits
-    }
-
-    /// Radiance of a surface in this light; without any, as if the eye carried a lamp.
-    fn colour(&self, seen: &Seen, light: Option<[f32; 3]>) -> [f32; 3] {
-        if seen.is_sky() {
-            return if seen.through { self.shadings.sky } else { self.shadings.nothing };
-        }
-        let shading = &self.shadings.materials[seen.material as usize];
-        let unit = self.shadings.unit;
-        match light {
-            Some(light) => self.shadings.lit(seen.material, light),
-            None if shading.emits => shading.emission,
-            None => {
-                let towards = -seen.normal.dot(self.camera.sight(seen.position).normalize_or_zero());
-                let bright = self.guesses.typical().unwrap_or(unit.recip()) * unit;
-                shading.scale.map(|scale| scale * bright * (0.25 + 0.75 * towards.max(0.0)))
-            }
-        }
-    }
-
-    /// What of a pixel's light comes through the mirrors and panes before it; `None` if the layer has no such pixel.
-    fn share(&self, pixel: usize, is_sparse: bool) -> Option<[f32; 3]> {
-        let Surfaces { seen, throughput, .. } = &*self.layer.surfaces;
-        // Most pixels look through nothing: looking that up for each took a tenth of a picture's time.
-        match seen[pixel].through {
-            true => throughput.get(&(pixel as u32)).copied(),
-            false if is_sparse => None,
-            false => Some([1.0; 3]),
-        }
-    }
 }

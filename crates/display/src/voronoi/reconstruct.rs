@@ -14,6 +14,7 @@
 
 use super::blocks::{self, COLUMNS, Mask, ROWS};
 use super::deposit::{Sums, luminance};
+use super::light::{KNOWN, Light, OPEN};
 use super::lone;
 use super::shade::FULL_WEIGHT;
 use super::surfaces::{NO_LABEL, Surfaces};
@@ -45,94 +46,6 @@ const MANY_ROWS: usize = 48;
 
 /// What is kept of each mean: its luminance, its samples and their variance.
 const KEPT: usize = 3;
-
-/// A pixel's choice may yet be a wider mean.
-const OPEN: u8 = 1;
-
-/// A pixel has a mean.
-const KNOWN: u8 = 2;
-
-/// Light of a layer's pixels, in fixed-point steps.
-#[derive(Clone, Debug)]
-pub(crate) struct Light {
-    channels: [Vec<f32>; 3],
-    /// [`OPEN`] and [`KNOWN`].
-    states: Vec<u8>,
-    /// By block, the widest tents that had a part in it.
-    reaches: Vec<u8>,
-    /// By block, pixels of surfaces that have no samples of their own.
-    without: Vec<u32>,
-    /// Lone pixels, and what was found for them before they took what is beside them.
-    lone: Vec<(u32, [f32; 3])>,
-}
-
-impl Light {
-    /// Of so many columns and rows.
-    fn unknown(size: (usize, usize)) -> Light {
-        let count = size.0 * size.1;
-        Light {
-            channels: std::array::from_fn(|_| zeroed(count)),
-            states: zeroed(count),
-            reaches: vec![0; blocks::count(size)],
-            without: vec![0; blocks::count(size)],
-            lone: Vec::new(),
-        }
-    }
-
-    /// Gives lone pixels the light of others, as it was found.
-    fn replace(&mut self, lone: &[(u32, u32)]) {
-        let found = lone.iter().map(|&(pixel, other)| (pixel, self.at(pixel as usize), self.at(other as usize)));
-        let found: Vec<_> = found.filter_map(|(pixel, own, other)| Some((pixel, own?, other?))).collect();
-        self.lone = found.iter().map(|&(pixel, own, _)| (pixel, own)).collect();
-        found.into_iter().for_each(|(pixel, _, other)| self.set(pixel as usize, other));
-    }
-
-    /// Gives lone pixels back what was found for them.
-    fn restore(&mut self) {
-        std::mem::take(&mut self.lone).into_iter().for_each(|(pixel, own)| self.set(pixel as usize, own));
-    }
-
-    /// `None` where no sample of a pixel's surface is near enough.
-    #[inline]
-    pub fn at(&self, pixel: usize) -> Option<[f32; 3]> {
-        let state = self.states.get(pixel)?;
-        (state & KNOWN != 0).then(|| [0, 1, 2].map(|channel: usize| self.channels[channel][pixel]))
-    }
-
-    /// That of some pixels, one after the other.
-    pub fn rows(&self, pixels: Range<usize>) -> Rows<'_> {
-        let states = &self.states[pixels.clone()];
-        Rows { channels: self.channels.each_ref().map(|channel| &channel[pixels.clone()]), states }
-    }
-
-    /// Sets a pixel's.
-    pub fn set(&mut self, pixel: usize, light: [f32; 3]) {
-        if let Some(state) = self.states.get_mut(pixel) {
-            *state |= KNOWN;
-            self.channels.iter_mut().zip(light).for_each(|(channel, light)| channel[pixel] = light);
-        }
-    }
-
-    /// Pixels of surfaces that have no samples of their own.
-    pub fn without(&self) -> u64 {
-        self.without.iter().map(|&count| u64::from(count)).sum()
-    }
-}
-
-/// Light of some pixels.
-pub(crate) struct Rows<'a> {
-    channels: [&'a [f32]; 3],
-    states: &'a [u8],
-}
-
-impl Rows<'_> {
-    /// As [`Light::at`], of the pixel with this number among them.
-    #[inline]
-    pub fn at(&self, number: usize) -> Option<[f32; 3]> {
-        let state = self.states.get(number)?;
-        (state & KNOWN != 0).then(|| self.channels.map(|channel| channel[number]))
-    }
-}
 
 /// Memory for reconstructing, kept from one picture to the next: to get it anew from the system took a sixth of a picture's time.
 #[derive(Default)]
