@@ -245,7 +245,7 @@ fn better_packets_of_dead_workers_are_dealt_again() {
             }
         }
     });
-    assert!(lost.iter().all(|packet| packet.paths >= 4) && lost.len() > 10, "{lost:?}");
+    assert!(lost.iter().all(|packet| packet.paths >= 4) && lost.len() > 1, "{lost:?}");
     drop((inbox, outbox));
     idle.shutdown_background();
     assert_eq!(killed.end(Signal::KILL).signal(), Some(9));
