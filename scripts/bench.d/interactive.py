@@ -32,7 +32,8 @@ def interactive(bench: Bench) -> Part:
             "that fits, and its shortest picture is one pass of four paths per pixel.",
             "*Taken at* is when the picture was written, seconds after the view was asked for; *ratio* is of the two "
             "relMSE. The last picture "
-            "is taken again by `replay`, without tracing, and has to be the same byte for byte.",
+            "is taken again by `replay`, without tracing, and has to be the same byte for byte, but for pixels that no section covers: those "
+            "are traced live and not stored.",
             "The original on 1999's hardware: 100,000 samples of a new view within 3 s. On a machine of this kind it "
             "gathers 13,700 rays/s in the "
             "cabin with all its light.",

@@ -315,14 +315,14 @@ impl Session {
                 self.ask_rays()?;
                 rays = Some(Instant::now() + RAYS_EVERY);
             }
-            if !for_settled {
-                self.ask_live()?;
-            }
-            let moving = self.shown.as_ref().filter(|shown| shown.canvas.is_moving());
-            let rest = moving.map(|shown| shown.since + AT_REST);
-            if rest.is_some_and(|rest| Instant::now() >= rest) {
+            let rest = self.shown.as_ref().map(|shown| shown.since + AT_REST).filter(|rest| *rest > Instant::now());
+            if rest.is_none() && self.shown.as_ref().is_some_and(|shown| shown.canvas.is_moving()) {
                 self.rest()?;
                 continue;
+            }
+            // Who moves on at once has no use for them, and they take time from what is stored.
+            if rest.is_none() && !for_settled {
+                self.ask_live()?;
             }
             let until = [refine, rays, rest].into_iter().flatten().fold(deadline, Instant::min);
             let left = until.saturating_duration_since(Instant::now());
