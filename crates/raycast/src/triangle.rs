@@ -148,22 +148,44 @@ pub(crate) fn inside_exactly(vertices: [[f32; 3]; 3], ray: &Prepared) -> bool {
 /// wall of slivers at 0.06 to 45 degrees, 124 met the neighbour of the triangle that they started on. The plane may be met
 /// outside the triangle by the rounding of the inside test: weights and distance are clamped to those of the triangle.
 #[inline(always)]
-#[allow(clippy::manual_clamp, reason = "clamp keeps a NaN")]
 fn locate(vertices: [[f32; 3]; 3], ray: &Prepared) -> Hit {
-    let origin = Vec3::from_array(ray.origin).as_dvec3();
     let direction = Vec3::from_array(ray.direction).as_dvec3();
-    let [a, b, c] = vertices.map(|v| Vec3::from_array(v).as_dvec3() - origin);
-    let (e1, e2) = (b - a, c - a);
-    let p = direction.cross(e2);
-    let q = e1.cross(a);
-    let scale = 1.0 / e1.dot(p);
-    // An infinite or NaN scale ends as some point of the triangle too: `max` and `min` drop a NaN.
-    let u = (-a.dot(p) * scale).max(0.0).min(1.0);
-    let v = (direction.dot(q) * scale).max(0.0).min(1.0 - u);
-    let (ta, tb, tc) = (a.dot(direction), b.dot(direction), c.dot(direction));
-    let length_squared = direction.length_squared();
-    let t = (e2.dot(q) * scale).max(ta.min(tb).min(tc) / length_squared).min(ta.max(tb).max(tc) / length_squared);
-    Hit { t: t as f32, triangle: NO_TRIANGLE, u: u as f32, v: v as f32 }
+    let [t, u, v] = Facing::new(vertices, ray.origin).along(direction, direction.length_squared());
+    Hit { t, triangle: NO_TRIANGLE, u, v }
+}
+
+/// A triangle as rays from one origin see it.
+struct Facing {
+    corners: [DVec3; 3],
+    /// Edges from the first corner, and the first one's cross product with that.
+    e1: DVec3,
+    e2: DVec3,
+    q: DVec3,
+}
+
+impl Facing {
+    #[inline(always)]
+    fn new(vertices: [[f32; 3]; 3], origin: [f32; 3]) -> Self {
+        let origin = Vec3::from_array(origin).as_dvec3();
+        let corners @ [a, b, c] = vertices.map(|v| Vec3::from_array(v).as_dvec3() - origin);
+        let (e1, e2) = (b - a, c - a);
+        Self { corners, e1, e2, q: e1.cross(a) }
+    }
+
+    /// `t`, `u` and `v` of a ray.
+    #[inline(always)]
+    #[allow(clippy::manual_clamp, reason = "clamp keeps a NaN")]
+    fn along(&self, direction: DVec3, length_squared: f64) -> [f32; 3] {
+        let Self { corners: [a, b, c], e1, e2, q } = *self;
+        let p = direction.cross(e2);
+        let scale = 1.0 / e1.dot(p);
+        // An infinite or NaN scale ends as some point of the triangle too: `max` and `min` drop a NaN.
+        let u = (-a.dot(p) * scale).max(0.0).min(1.0);
+        let v = (direction.dot(q) * scale).max(0.0).min(1.0 - u);
+        let (ta, tb, tc) = (a.dot(direction), b.dot(direction), c.dot(direction));
+        let t = (e2.dot(q) * scale).max(ta.min(tb).min(tc) / length_squared).min(ta.max(tb).max(tc) / length_squared);
+        [t, u, v].map(|x| x as f32)
+    }
 }
 
 /// Directions of a row of rays from one origin, as [`locate`] has them.
@@ -194,27 +216,15 @@ pub(crate) struct Located {
     pub v: [f32; ROW],
 }
 
-/// As [`locate`] of each ray, bit for bit: the same operations in the same order, on many rays at once.
+/// As [`locate`] of each ray, bit for bit: a loop of known length, which becomes vectors.
 #[inline(always)]
-#[allow(clippy::manual_clamp, reason = "clamp keeps a NaN")]
 pub(crate) fn locate_row(vertices: [[f32; 3]; 3], origin: [f32; 3], rays: &Directions) -> Located {
-    let origin = Vec3::from_array(origin).as_dvec3();
-    let [a, b, c] = vertices.map(|v| Vec3::from_array(v).as_dvec3() - origin);
-    let (e1, e2) = (b - a, c - a);
-    let q = e1.cross(a);
-    let height = e2.dot(q);
+    let seen = Facing::new(vertices, origin);
     let [x, y, z] = &rays.axes;
     let mut located = Located { t: [0.0; ROW], u: [0.0; ROW], v: [0.0; ROW] };
     for i in 0..ROW {
         let direction = DVec3::new(x[i], y[i], z[i]);
-        let p = direction.cross(e2);
-        let scale = 1.0 / e1.dot(p);
-        let u = (-a.dot(p) * scale).max(0.0).min(1.0);
-        let v = (direction.dot(q) * scale).max(0.0).min(1.0 - u);
-        let (ta, tb, tc) = (a.dot(direction), b.dot(direction), c.dot(direction));
-        let length_squared = rays.length_squared[i];
-        let t = (height * scale).max(ta.min(tb).min(tc) / length_squared).min(ta.max(tb).max(tc) / length_squared);
-        (located.t[i], located.u[i], located.v[i]) = (t as f32, u as f32, v as f32);
+        [located.t[i], located.u[i], located.v[i]] = seen.along(direction, rays.length_squared[i]);
     }
     located
 }
