@@ -371,7 +371,7 @@ fn live_rays_that_are_none_and_what_none_can_see_are_refused() {
     // Work that says more rays of a packet than follow.
     let mut bytes = LiveWork { packets: vec![LivePacket { id: 1, paths: 1, rays: vec![good; 2] }] }.encode();
     bytes[16] = 3;
-    assert!(matches!(LiveWork::decode(&bytes), Err(ProtoError::Truncated { needed: 3, found: 2, .. })));
+    assert!(matches!(LiveWork::decode(&bytes), Err(ProtoError::Truncated { needed: 168, found: 112, .. })));
 
     let hit = |radiance: f32, distance: f32| LiveHit { radiance: [1.0, radiance, 0.0], distance };
     let results = |hit: LiveHit| {

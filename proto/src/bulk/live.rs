@@ -141,7 +141,7 @@ impl LiveWork {
         let packets = reader.many::<RawPacket>("live packet list", u64::from(counts.first))?;
         let rays = reader.many::<LiveRay>("live ray list", u64::from(counts.second))?;
         reader.end()?;
-        expect_rays("live ray list", packets.iter().map(|packet| packet.count), counts.second)?;
+        expect_rays("live ray list", packets.iter().map(|packet| packet.count), &rays)?;
         rays.iter().try_for_each(LiveRay::check)?;
         if packets.iter().any(|packet| packet.paths == 0) {
             return Err(ProtoError::Number("a packet's number of paths"));
@@ -206,7 +206,7 @@ impl LiveResults {
         let packets = reader.many::<Traced>("live packet list", u64::from(counts.first))?;
         let hits = reader.many::<LiveHit>("list of what live rays saw", u64::from(counts.second))?;
         reader.end()?;
-        expect_rays("list of what live rays saw", packets.iter().map(|packet| packet.count), counts.second)?;
+        expect_rays("list of what live rays saw", packets.iter().map(|packet| packet.count), &hits)?;
         hits.iter().try_for_each(LiveHit::check)?;
         Ok(LiveResults { packets, hits })
     }

@@ -85,15 +85,16 @@ fn put<T: Pod>(out: &mut Vec<u8>, record: &T) {
 }
 
 /// Checks that runs add up to the samples that follow them.
-fn expect_total(what: &'static str, said: u64, found: u32) -> Result<(), ProtoError> {
-    if said == u64::from(found) {
+fn expect_total<T>(what: &'static str, said: u64, list: &[T]) -> Result<(), ProtoError> {
+    let (bytes, found) = (size_of::<T>() as u64, list.len() as u64);
+    if said == found {
         return Ok(());
     }
-    Err(ProtoError::Truncated { what, needed: said * 10, found: u64::from(found) * 10 })
+    Err(ProtoError::Truncated { what, needed: said * bytes, found: found * bytes })
 }
 
-/// Checks that packets of 1 to 21 rays add up to the rays that follow them.
-fn expect_rays(what: &'static str, said: impl Iterator<Item = u32>, found: u32) -> Result<(), ProtoError> {
+/// Checks that packets of 1 to 21 rays add up to what follows of them.
+fn expect_rays<T>(what: &'static str, said: impl Iterator<Item = u32>, list: &[T]) -> Result<(), ProtoError> {
     let mut total = 0;
     for count in said {
         if !(1..=MAX_RAYS_PER_PACKET as u32).contains(&count) {
@@ -101,8 +102,5 @@ fn expect_rays(what: &'static str, said: impl Iterator<Item = u32>, found: u32) 
         }
         total += u64::from(count);
     }
-    if total == u64::from(found) {
-        return Ok(());
-    }
-    Err(ProtoError::Truncated { what, needed: total, found: u64::from(found) })
+    expect_total(what, total, list)
 }

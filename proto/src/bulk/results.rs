@@ -3,8 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use holo_section::Sample;
 
-use super::{Reader, expect_total, put};
-use crate::{MAX_RAYS_PER_PACKET, ProtoError};
+use super::{Reader, expect_rays, put};
+use crate::ProtoError;
 
 /// Worker to server: what became of packets.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,11 +63,7 @@ impl Results {
         let samples = reader.many::<Sample>("sample list", u64::from(counts.samples))?;
         let unseen = reader.many::<u64>("unseen packet list", u64::from(counts.unseen))?;
         reader.end()?;
-        if let Some(bad) = packets.iter().find(|packet| !(1..=MAX_RAYS_PER_PACKET as u32).contains(&packet.count)) {
-            return Err(ProtoError::RayCount(bad.count));
-        }
-        let said = packets.iter().map(|packet| u64::from(packet.count)).sum();
-        expect_total("sample list", said, counts.samples)?;
+        expect_rays("sample list", packets.iter().map(|packet| packet.count), &samples)?;
         Ok(Results { packets, samples, unseen })
     }
 }

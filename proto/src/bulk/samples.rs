@@ -104,7 +104,7 @@ impl Samples {
         };
         let runs = raw.into_iter().map(parse_run).collect::<Result<Vec<_>, _>>()?;
         let said = runs.iter().map(|run| u64::from(run.count)).sum();
-        expect_total("sample list", said, counts.second)?;
+        expect_total("sample list", said, &samples)?;
         Ok(Samples { view: head.first, source, runs, samples })
     }
 
