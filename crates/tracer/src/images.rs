@@ -8,8 +8,6 @@
 //! before and after. What rays over the hemisphere find that way is weighed with it (Veach 1997, §9.2.2), so that neither is brighter than
 //! those rays alone would make it where little is known. A scene without such planes has no images, and pays nothing.
 
-use std::sync::Arc;
-
 use glam::Vec3;
 use holo_raycast::{Hit, Raycaster, SurfacePoint};
 
@@ -61,7 +59,7 @@ impl<'a> Images<'a> {
     pub(crate) fn seen(
         raycaster: &'a Raycaster,
         lights: &'a Lights,
-        panes: &'a Arc<Panes>,
+        panes: &'a Panes,
         mirrors: &'a Mirrors,
         [point, normal]: [Vec3; 2],
     ) -> Option<Self> {

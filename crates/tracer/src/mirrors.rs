@@ -75,11 +75,11 @@ impl Plane {
     }
 
     /// Whether a triangle lies in it, to within a length.
-    fn lies(&self, corners: [Vec3; 3], normal: Vec3, slack: f32) -> bool {
+    fn holds(&self, corners: [Vec3; 3], normal: Vec3, slack: f32) -> bool {
         self.normal.cross(normal).length() <= BENT && corners.iter().all(|&c| self.height(c).abs() <= slack)
     }
 
-    fn hold(&mut self, corners: [Vec3; 3], face: Face, area: f64) {
+    fn add(&mut self, corners: [Vec3; 3], face: Face, area: f64) {
         for corner in corners {
             (self.low, self.high) = (self.low.min(corner), self.high.max(corner));
         }
@@ -154,15 +154,13 @@ impl Mirrors {
         for (area, triangle, face) in shining {
             let (corners, normal) = (scene.corners(triangle), scene.normal(triangle));
             let slack = FLAT * size as f32;
-            if !found.iter().any(|(plane, _)| plane.lies(corners, normal, slack)) {
-                if found.len() == PLANES || normal == Vec3::ZERO {
-                    continue;
-                }
-                found.push((Plane::new(corners, normal, face), Vec::new()));
-            }
-            if let Some((plane, faces)) = found.iter_mut().find(|(plane, _)| plane.lies(corners, normal, slack)) {
-                plane.hold(corners, face, area);
+            if let Some((plane, faces)) = found.iter_mut().find(|(plane, _)| plane.holds(corners, normal, slack)) {
+                plane.add(corners, face, area);
                 faces.push((triangle, face));
+            } else if found.len() < PLANES && normal != Vec3::ZERO {
+                let mut plane = Plane::new(corners, normal, face);
+                plane.add(corners, face, area);
+                found.push((plane, vec![(triangle, face)]));
             }
         }
         found.retain(|(plane, _)| plane.is_large(size));
