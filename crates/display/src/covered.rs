@@ -23,7 +23,7 @@ enum Side {
 /// Whether some section covers each pixel's middle.
 pub(crate) fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Vec<bool> {
     let (width, height) = (size.0 as usize, size.1 as usize);
-    let is_perspective = view.kind == ViewKind::Perspective;
+    let has_one_eye = view.kind == ViewKind::Perspective && view.vo == 0.0;
     let mut covered = vec![false; width * height];
     let ray = |column: usize, row: usize| {
         let x = (column as f64 + 0.5) / width as f64;
@@ -48,7 +48,7 @@ pub(crate) fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Ve
                 let first = side(section, corners[0]);
                 first.is_some() && corners.iter().all(|&corner| side(section, corner) == first)
             };
-            if is_perspective && sections.get(hint).is_some_and(holds_all) {
+            if has_one_eye && sections.get(hint).is_some_and(holds_all) {
                 rows.chunks_mut(width).for_each(|line| line[left..=right].fill(true));
                 continue;
             }

@@ -11,6 +11,7 @@
 
 mod camera;
 mod candidates;
+mod covered;
 mod ending;
 pub mod frameless;
 mod live;

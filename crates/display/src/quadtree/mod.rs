@@ -25,8 +25,8 @@ mod wide;
 
 use crate::camera::Camera;
 use crate::candidates::candidates;
+use crate::covered::covered;
 use crate::parts::both;
-use crate::voronoi::covered::covered;
 use bins::{BINS_KEPT, Colour, PixelBins, merged};
 use drawing::Drawing;
 use glam::DVec3;

@@ -7,6 +7,7 @@ use super::Voronoi;
 use super::edges::{Behind, EdgePoints, Shows, alike, open, polished};
 use super::indirect::Indirect;
 use super::lit::{Lit, plain};
+use super::reconstruct;
 use super::surfaces::{Caster, NO_IMAGE, Seen, number_of};
 use super::upscale::{FinePoints, Scale};
 use crate::parts::for_parts;
@@ -123,7 +124,7 @@ impl<'a> Drawing<'a> {
         let Some(main) = self.layers.first() else { return (0, 0) };
         let (width, _) = main.layer.surfaces.size;
         let guessed = AtomicU64::new(0);
-        let plain = self.voronoi.plain.get_or_init(|| plain(&main.layer.surfaces));
+        let plain = self.voronoi.once.plain.get_or_init(|| plain(&main.layer.surfaces));
         for_parts(pixels, width, BLOCK, |part, rows| {
             let mut guesses = 0;
             let mut known = Known::default();
@@ -144,7 +145,7 @@ impl<'a> Drawing<'a> {
     pub fn smooth(&self, pixels: &mut [[f32; 3]]) {
         let Some(main) = self.layers.first() else { return };
         let (width, _) = main.layer.surfaces.size;
-        let points = self.voronoi.edge_points.get_or_init(|| {
+        let points = self.voronoi.once.edge_points.get_or_init(|| {
             EdgePoints::cast(&self.caster, &self.edges(), width, |pixel, place, ray, hit| {
                 let at = ((pixel % width) as f64 + place.0, (pixel / width) as f64 + place.1);
                 self.look(at, pixel, ray, hit)
@@ -162,7 +163,7 @@ impl<'a> Drawing<'a> {
         let mut fine = vec![[0.0; 3]; scale.fine.0 * scale.fine.1];
         scale.interpolate(coarse, &mut fine);
         let points =
-            self.voronoi.fine_points.get_or_init(|| FinePoints::cast(self, scale, &self.caster, &self.edges()));
+            self.voronoi.once.fine_points.get_or_init(|| FinePoints::cast(self, scale, &self.caster, &self.edges()));
         points.paint(self, scale, coarse, &mut fine);
         fine
     }
@@ -367,7 +368,7 @@ impl<'a> Drawing<'a> {
         let surfaces = &main.layer.surfaces;
         let (width, _) = surfaces.size;
         let is_metal = |seen: &Seen| !seen.through && !seen.is_sky() && self.voronoi.shadings.reflects(seen.material);
-        let metals = self.voronoi.metals.get_or_init(|| {
+        let metals = self.voronoi.once.metals.get_or_init(|| {
             let pixels = (0..).zip(&surfaces.seen);
             pixels.filter(|(_, seen)| is_metal(seen)).map(|(pixel, _)| pixel).collect()
         });
@@ -378,7 +379,7 @@ impl<'a> Drawing<'a> {
                 let reflected = self.reflection(column as f64 + 0.5, row as f64 + 0.5);
                 *light = reflected.map(|colour| {
                     let sums = &main.layer.sums[*pixel];
-                    let one = main.one(self.voronoi.paths);
+                    let one = reconstruct::weight_of_one(self.voronoi.paths);
                     let weight = sums.weight as f32 / one + REFLECTION_COUNTS;
                     let steps = self.voronoi.shadings.unit.recip();
                     [0, 1, 2].map(|channel| {

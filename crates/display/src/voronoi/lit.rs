@@ -67,7 +67,7 @@ impl<'a> Lit<'a> {
             return Self { layer, camera, shadings, light, guesses, from, is_new: false };
         }
         // What metals reflect follows from more than the samples near.
-        let metals = voronoi.metals.get().map_or(&[][..], Vec::as_slice);
+        let metals = voronoi.once.metals.get().map_or(&[][..], Vec::as_slice);
         let metals: FxHashSet<usize> = metals.iter().map(|&pixel| blocks::of(pixel, surfaces.size.0)).collect();
         let before = of_these_paths.map(|made| {
             let is_new = |block: usize| layer.changes[block] > made.from.samples || metals.contains(&block);
@@ -108,11 +108,6 @@ impl<'a> Lit<'a> {
         }
     }
 
-    /// Weight of one sample along the eye's ray.
-    pub fn one(&self, paths: u16) -> f32 {
-        reconstruct::weight_of_one(paths)
-    }
-
     /// The first pixel of the block around a pixel that sees the same surface.
     pub fn first_alike(&self, pixel: usize) -> usize {
         let (surfaces, width) = (&self.layer.surfaces, self.layer.surfaces.size.0);
@@ -125,7 +120,7 @@ impl<'a> Lit<'a> {
     /// Mean light on the side of its triangle, if no pixel's middle sees that.
     pub fn narrow(&self, seen: &Seen) -> Option<[f32; 3]> {
         let sums = self.layer.narrow.get(&seen.side()).filter(|_| seen.image == 0 && !seen.through)?;
-        let enough = FEW_NARROW * self.one(1);
+        let enough = FEW_NARROW * reconstruct::weight_of_one(1);
         let is_enough = sums.weight as f32 >= enough && !self.guesses.knows(seen);
         is_enough.then(|| sums.light.map(|sum| sum as f32 / sums.weight as f32))
     }

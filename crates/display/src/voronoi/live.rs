@@ -3,15 +3,13 @@
 //! They are shown by a copy of the driver ([`Voronoi::copied`]) that has these rays besides all samples: light is averaged along surfaces, and what
 //! is seen next to the covered pixels must not change those, which samples alone decide.
 
-use super::deposit::{Depositor, Deposits};
 use super::portals::Beyond;
 use super::shade::Shadings;
-use super::surfaces::Caster;
 use super::{Layer, Voronoi};
 use crate::quadtree::reproject::DistanceTable;
 use crate::{LiveSample, Quadtree, QuadtreeParams};
 use holo_picture::View;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex};
 
 impl Voronoi {
     /// Another driver of the same view that has the same samples. What the view sees is shared by the two.
@@ -42,32 +40,14 @@ impl Voronoi {
             samples: self.samples,
             paths: self.paths,
             records: self.records.clone(),
-            edge_points: OnceLock::new(),
-            fine_points: OnceLock::new(),
-            plain: OnceLock::new(),
-            depths: OnceLock::new(),
-            metals: OnceLock::new(),
+            once: Arc::clone(&self.once),
             scratch: Mutex::default(),
         }
     }
 
     /// Adds rays of the view itself, each the mean of `paths` paths.
     pub fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
-        for layer in &mut self.layers {
-            let depositor = Depositor {
-                camera: &self.camera,
-                distances: &self.distances,
-                surfaces: &layer.surfaces,
-                shadings: &self.shadings,
-                caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
-            };
-            let Layer { sums, changes, narrow, samples: before, .. } = layer;
-            let to = &mut Deposits { sums, changes, narrow, samples: *before };
-            let used = depositor.insert_live(paths, rays, to);
-            layer.samples += used;
-            self.samples += used;
-        }
-        self.paths = self.paths.max(paths);
+        self.deposit(paths, |_, depositor, to| depositor.insert_live(paths, rays, to));
         if let Some(beyond) = &mut self.beyond {
             beyond.insert_live(paths, rays);
         }

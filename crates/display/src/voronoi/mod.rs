@@ -13,7 +13,6 @@
 mod beams;
 mod blocks;
 mod cast;
-pub(crate) mod covered;
 mod deposit;
 mod drawing;
 mod edges;
@@ -33,6 +32,7 @@ mod upscale;
 
 use crate::Frame;
 use crate::camera::Camera;
+use crate::covered::covered;
 use crate::parts::for_parts;
 use crate::pointimage::zeroed;
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
@@ -104,6 +104,18 @@ struct MadeFrom {
     records: usize,
 }
 
+/// What is found once for a view, with its first picture: samples do not change it.
+#[derive(Default)]
+struct Once {
+    edge_points: OnceLock<EdgePoints>,
+    fine_points: OnceLock<FinePoints>,
+    /// Pixels that see smooth metals.
+    metals: OnceLock<Vec<usize>>,
+    /// By pixel, what it takes to paint most of them.
+    plain: OnceLock<Vec<u32>>,
+    depths: OnceLock<Vec<f32>>,
+}
+
 /// The geometry-guided driver: samples in, pictures out.
 pub struct Voronoi {
     sections: Arc<[Section]>,
@@ -128,14 +140,7 @@ pub struct Voronoi {
     samples: u64,
     paths: u16,
     records: Option<Arc<Store>>,
-    /// Made with the first picture, as what follows.
-    edge_points: OnceLock<EdgePoints>,
-    fine_points: OnceLock<FinePoints>,
-    /// Pixels that see smooth metals.
-    metals: OnceLock<Vec<usize>>,
-    /// By pixel, what it takes to paint most of them.
-    plain: OnceLock<Vec<u32>>,
-    depths: OnceLock<Vec<f32>>,
+    once: Arc<Once>,
     scratch: Mutex<Scratch>,
 }
 
@@ -187,8 +192,11 @@ impl Voronoi {
             made: Mutex::default(),
         });
         let layers = layers.collect();
-        let covered = covered::covered(&sections, &view, size);
-        let covered = scale.as_ref().map_or_else(|| covered.clone(), |scale| scale.spread(&covered));
+        let covered = covered(&sections, &view, size);
+        let covered = match &scale {
+            Some(scale) => scale.spread(&covered),
+            None => covered,
+        };
         Self {
             placed: sections.iter().map(|section| PlacedSection::new(section, &camera)).collect(),
             shadings: Shadings::new(raycaster.scene(), view.clips_sky()),
@@ -207,11 +215,7 @@ impl Voronoi {
             samples: 0,
             paths: 1,
             records: None,
-            edge_points: OnceLock::new(),
-            fine_points: OnceLock::new(),
-            metals: OnceLock::new(),
-            plain: OnceLock::new(),
-            depths: OnceLock::new(),
+            once: Arc::default(),
             scratch: Mutex::default(),
         }
     }
@@ -247,7 +251,7 @@ impl Voronoi {
     ///
     /// At a lower resolution that of the pixel cast nearest to each.
     pub fn depth(&self) -> Vec<f32> {
-        let depths = self.depths.get_or_init(|| self.find_depth());
+        let depths = self.once.depths.get_or_init(|| self.find_depth());
         self.scale.as_ref().map_or_else(|| depths.clone(), |scale| scale.spread(depths))
     }
 
@@ -267,8 +271,18 @@ impl Voronoi {
     /// Adds samples of one beam, each the mean of `paths` paths. Samples of an unknown section or beam are left out.
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
         let number = usize::from(section);
-        let Some((known, placed)) = self.sections.get(number).zip(self.placed.get(number)) else { return };
-        let Some(pair) = known.cells(beam) else { return };
+        let Some(pair) = self.sections.get(number).and_then(|section| section.cells(beam)) else { return };
+        self.deposit(paths, |placed, depositor, to| {
+            let section = placed.get(number);
+            section.map_or(0, |section| depositor.insert(&Beam { section, pair, paths }, samples, to))
+        });
+        if let Some(beyond) = &mut self.beyond {
+            beyond.insert(section, beam, paths, samples);
+        }
+    }
+
+    /// Has each layer take what has come; `put` says how many of it found a pixel.
+    fn deposit(&mut self, paths: u16, put: impl Fn(&[PlacedSection], &Depositor, &mut Deposits) -> u64) {
         for layer in &mut self.layers {
             let depositor = Depositor {
                 camera: &self.camera,
@@ -277,17 +291,12 @@ impl Voronoi {
                 shadings: &self.shadings,
                 caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
             };
-            let beam = Beam { section: placed, pair, paths };
             let Layer { sums, changes, narrow, samples: before, .. } = layer;
-            let to = &mut Deposits { sums, changes, narrow, samples: *before };
-            let used = depositor.insert(&beam, samples, to);
+            let used = put(&self.placed, &depositor, &mut Deposits { sums, changes, narrow, samples: *before });
             layer.samples += used;
             self.samples += used;
         }
         self.paths = self.paths.max(paths);
-        if let Some(beyond) = &mut self.beyond {
-            beyond.insert(section, beam, paths, samples);
-        }
     }
 
     /// Notes that a beam meets nothing. What it sees is known of the scene, but not beyond portals.
@@ -314,7 +323,7 @@ impl Voronoi {
         let mut picture = Picture::new(self.size.0, self.size.1);
         picture.view = Some(self.view);
         let mut frame = Frame {
-            depth: self.depths.get_or_init(|| self.find_depth()).clone(),
+            depth: self.once.depths.get_or_init(|| self.find_depth()).clone(),
             picture,
             uncovered_pixels: self.uncovered,
             empty_pixels: 0,
