@@ -58,3 +58,23 @@ fn the_quadtree_shows_what_it_has_while_one_turns_and_comes_to_rest_at_the_view_
     println!("at once {:.1} dB after a turn, {:.1} dB from nothing", psnr(&moved), psnr(&fresh));
     assert!(psnr(&moved) > psnr(&fresh) + 5.0, "{} {}", psnr(&moved), psnr(&fresh));
 }
+
+#[test]
+fn views_in_quick_succession_come_to_rest_at_the_picture_of_who_was_always_there() {
+    let place = Place::new();
+    place.fill_small_with("a.holo", "100k", &["--bounces", "0"]);
+    let (before, turned) = ("-vp 2.78 2.73 -2 -vd 0 0 1 -vh 60", "-vp 2.78 2.73 -2 -vd .1 0 1 -vh 60");
+    let follow = |name: &str, views: &[&str]| {
+        let picture = place.text(&format!("{name}.pfm"));
+        let views: String = views.iter().map(|view| format!("view {view}\n")).collect();
+        let script = place.write(&format!("{name}.txt"), &format!("{views}2 picture {picture}\nquit\n"));
+        let words =
+            ["replay", "{}/a.holo", "--headless", "--script", &script, "--size", "96x72", "--driver", "voronoi"];
+        let report = place.run(&[&words[..], &["--json"]].concat()).ok().json();
+        (Picture::read(&picture).unwrap().pixels, report["samples"].clone())
+    };
+    // The second and third are of somebody who moves, so that fewer surfaces than pixels are looked at; then nothing moves any more.
+    let (moved, alone) = (follow("moved", &[before, turned, before, turned]), follow("alone", &[turned]));
+    assert_eq!(moved.1, alone.1);
+    assert!(moved.0 == alone.0, "at rest it depends on how one came there");
+}
