@@ -32,6 +32,9 @@ const NONE: u32 = u32::MAX;
 /// Cosine between normals beyond which a record is of no use: about 12 degrees.
 const LEAST_COSINE: f32 = 0.978;
 
+/// How far a point may be out of a record's plane, over their distance, where both face the same way.
+const LEVEL: f32 = 0.02;
+
 #[derive(Debug, Default)]
 struct Slot {
     record: OnceLock<Record>,
@@ -214,8 +217,9 @@ impl Store {
             if distance >= radius || cosine < LEAST_COSINE {
                 return true;
             }
-            // Before or behind the record's plane is another surface, or a step.
-            if offset.dot(other).abs().max(offset.dot(normal).abs()) > 0.1 * radius {
+            // Before or behind the record's plane is another surface, or a step, but as far as the surface turns on the way.
+            let bend = (LEVEL + (1.0 - cosine * cosine).max(0.0).sqrt()) * distance;
+            if offset.dot(other).abs().max(offset.dot(normal).abs()) > bend.min(0.1 * radius) {
                 return true;
             }
             let turned = ((1.0 - cosine).max(0.0) / (1.0 - LEAST_COSINE)).sqrt();

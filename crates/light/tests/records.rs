@@ -195,6 +195,29 @@ fn no_light_comes_through_a_wall_without_thickness() {
 }
 
 #[test]
+fn a_record_is_for_its_own_surface_and_not_for_one_a_step_behind_or_before_it() {
+    let store = Store::new(0.01);
+    assert!(store.insert(record(Vec3::ZERO, 3.0, 2.0, 1)));
+    let known = |point: Vec3, normal: Vec3| store.irradiance(point, normal, f32::INFINITY, |_| false).is_some();
+    for distance in [0.1_f32, 0.5, 1.0, 1.9] {
+        assert!(known(Vec3::new(distance, 0.0, 0.0), Vec3::Z), "{distance}");
+        // As flat as meshes are.
+        assert!(known(Vec3::new(distance, 0.0, 0.005 * distance), Vec3::Z), "{distance}");
+        for step in [-0.1, -0.05, 0.05, 0.1] {
+            assert!(!known(Vec3::new(distance, 0.0, step * distance), Vec3::Z), "{distance} {step}");
+        }
+        // A ball and a bowl, smooth or in facets: the normal is that of the point or of half the way.
+        for radius in [10.0_f32, -10.0] {
+            let angle = distance / radius;
+            let point = Vec3::new(radius * angle.sin(), 0.0, radius * (angle.cos() - 1.0));
+            for turned in [angle, 0.5 * angle] {
+                assert!(known(point, Vec3::new(turned.sin(), 0.0, turned.cos())), "{distance} {radius}");
+            }
+        }
+    }
+}
+
+#[test]
 fn what_was_received_is_not_passed_on_as_made_here() {
     let store = Store::new(0.01);
     for id in 0..10 {

@@ -47,12 +47,16 @@ const LIGHT_SAMPLES: u32 = 8;
 /// Rays that tell how many a record needs.
 const PILOT_RAYS: u32 = 64;
 
+/// Rays of a record at least: where few tell that few are enough, they may have missed what is bright, and nothing tells a record so
+/// that has it.
+const LEAST_RAYS: u32 = 256;
+
 /// Rays of a record at most.
 const MOST_RAYS: u32 = 1 << 13;
 
 /// Standard error of a record over the accuracy: what is seen is the mean of several, and their strata make them better than
 /// they know.
-const ERROR: f32 = 1.5;
+const ERROR: f32 = 1.0;
 
 /// Radius of a record over the harmonic mean distance, over the root of the accuracy: what gradients leave grows with the square
 /// of the distance.
@@ -164,7 +168,7 @@ impl Cached {
         }
         // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
         let pilot = self.gather(engine, met, PILOT_RAYS, EXACT);
-        let rays = wanted(&pilot, self.quality.error).clamp(PILOT_RAYS, MOST_RAYS);
+        let rays = wanted(&pilot, self.quality.error).clamp(LEAST_RAYS, MOST_RAYS);
         let mut record = self.gather(engine, met, rays, EXACT);
         // Nor must its radius know its light: records that are too bright would count for less of the surface than those that are
         // too dark. What is noisy still is averaged with more neighbours.

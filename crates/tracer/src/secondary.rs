@@ -10,6 +10,7 @@
 //! powers gives the same expectation. Emitters are never among them. A scene without such places pays nothing.
 
 use std::collections::HashMap;
+use std::ops::AddAssign;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -39,9 +40,40 @@ const SHARE: f32 = 0.15;
 #[derive(Clone, Copy, Default)]
 struct Place {
     area: f64,
+    sent: Sent,
+}
+
+/// What light's paths bring to a triangle or a place, each path as much as any other.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Sent {
     /// Sent on from the counter-clockwise side, and from the other.
-    flux: [f64; 2],
-    paths: u32,
+    pub flux: [f64; 2],
+    /// Of that, what shows an emitter as a mirror does, and the same times the radiance that it shows.
+    pub shown: f64,
+    pub shown_radiance: f64,
+    pub paths: u32,
+}
+
+impl Sent {
+    fn flux(&self) -> f64 {
+        self.flux[0] + self.flux[1]
+    }
+
+    /// Root of the mean square of the radiance that leaves `area`, where a path brings `flux_of_path` (over π): samples had best be
+    /// so dense there. The mean, if it leaves in all directions; where a curved mirror shows a lamp to some, more.
+    pub(crate) fn rms_radiance(&self, area: f64, flux_of_path: f64) -> f64 {
+        let mean = self.flux() * flux_of_path / area;
+        ((self.shown_radiance + (self.flux() - self.shown) * mean) * flux_of_path / area).sqrt()
+    }
+}
+
+impl AddAssign for Sent {
+    fn add_assign(&mut self, other: Self) {
+        self.flux = [self.flux[0] + other.flux[0], self.flux[1] + other.flux[1]];
+        self.shown += other.shown;
+        self.shown_radiance += other.shown_radiance;
+        self.paths += other.paths;
+    }
 }
 
 /// The sources of a scene.
@@ -154,19 +186,22 @@ impl Secondary {
         if total.is_nan() || total <= 0.0 || !total.is_finite() {
             return None;
         }
-        let mut flux = HashMap::<u32, ([f64; 2], u32)>::new();
+        let mut sent = HashMap::<u32, Sent>::new();
         for path in 0..PATHS {
             let mut sampler = Sampler::new(SEED, u64::from(path));
             sampler.turn(0, Purpose::Light);
             let (choice, _) = sampler.pairs(1).at(0);
             let i = sums.partition_point(|&sum| sum <= choice * total).min(emitters.len() - 1);
-            follow(raycaster, surfaces, emitters[i], &mut sampler, &mut |t, side, share| {
-                let entry = flux.entry(t).or_default();
-                entry.0[side] += f64::from(share);
-                entry.1 += 1;
+            let radiance = strength[scene.material_ids[emitters[i] as usize] as usize];
+            follow(raycaster, surfaces, emitters[i], &mut sampler, &mut |t, side, share, shows| {
+                let share = f64::from(share);
+                let shown = if shows { share } else { 0.0 };
+                let mut one = Sent { shown, shown_radiance: shown * share * radiance, paths: 1, ..Sent::default() };
+                one.flux[side] = share;
+                *sent.entry(t).or_default() += one;
             });
         }
-        let tree = brightest(scene, &flux)?.with_cells(raycaster, &Arc::new(Panes::closed()));
+        let tree = brightest(scene, &sent, total / f64::from(PATHS))?.with_cells(raycaster, &Arc::new(Panes::closed()));
         let mut members = vec![0; scene.triangles.len().div_ceil(64)];
         tree.triangles().iter().for_each(|&t| members[t as usize / 64] |= 1 << (t % 64));
         Some(Self { tree, members })
@@ -185,31 +220,33 @@ impl Secondary {
 }
 
 /// The triangles of the places that send on most by area, by what each sends on.
-fn brightest(scene: &Scene, flux: &HashMap<u32, ([f64; 2], u32)>) -> Option<Lights> {
+fn brightest(scene: &Scene, sent: &HashMap<u32, Sent>, flux_of_path: f64) -> Option<Lights> {
     let (low, high) = scene.bounds();
     let side = ((high - low).max_element() as f32 * PLACES).max(f32::MIN_POSITIVE);
+    let is_large = |t: u32| {
+        let [a, b, c] = scene.corners(t);
+        (a.max(b).max(c) - a.min(b).min(c)).max_element() > side
+    };
     let place_of = |t: u32| {
         let corners = scene.corners(t);
         let center = (corners[0] + corners[1] + corners[2]) / 3.0;
-        let size =
-            (corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2])).max_element();
         let cube = (center / side).floor().as_ivec3().to_array();
         // A triangle that is larger than a cube is a place of its own.
-        if size > side { (cube, u32::MAX - t) } else { (cube, scene.material_ids[t as usize]) }
+        if is_large(t) { (cube, u32::MAX - t) } else { (cube, scene.material_ids[t as usize]) }
     };
     let candidates = || (0..scene.triangles.len() as u32).filter(|&t| !scene.material(t).emits());
     // Numbered in the order of triangles, so that sums are the same every time.
     let mut numbers = HashMap::new();
     let mut places: Vec<Place> = Vec::new();
     for t in candidates() {
-        if let Some((flux, paths)) = flux.get(&t) {
+        if let Some(&sent) = sent.get(&t) {
+            // What shows a lamp in a small part of itself is not worth being aimed at all over.
+            let sent = if is_large(t) { Sent { shown: 0.0, shown_radiance: 0.0, ..sent } } else { sent };
             let number = *numbers.entry(place_of(t)).or_insert(places.len());
             if number == places.len() {
                 places.push(Place::default());
             }
-            let place = &mut places[number];
-            place.flux = [place.flux[0] + flux[0], place.flux[1] + flux[1]];
-            place.paths += paths;
+            places[number].sent += sent;
         }
     }
     let numbers: Vec<Option<usize>> = candidates().map(|t| numbers.get(&place_of(t)).copied()).collect();
@@ -219,20 +256,20 @@ fn brightest(scene: &Scene, flux: &HashMap<u32, ([f64; 2], u32)>) -> Option<Ligh
         }
     }
     let area: f64 = places.iter().map(|p| p.area).sum();
-    let all: f64 = places.iter().map(|p| p.flux[0] + p.flux[1]).sum();
-    let mean = all / area;
+    let all: f64 = places.iter().map(|p| p.sent.flux()).sum();
+    let mean = all * flux_of_path / area;
     let mut triangles = Vec::new();
     let mut emitters = Vec::new();
     for (t, number) in candidates().zip(&numbers) {
-        let Some(place) = number.map(|number| &places[number]) else { continue };
-        let flux = place.flux[0] + place.flux[1];
-        if place.paths < LEAST_PATHS || flux < CONTRAST * mean * place.area {
+        let Some(Place { area, sent }) = number.map(|number| &places[number]) else { continue };
+        let radiance = sent.rms_radiance(*area, flux_of_path);
+        if sent.paths < LEAST_PATHS || radiance < CONTRAST * mean {
             continue;
         }
-        let (front, back) = (place.flux[0] > 0.1 * flux, place.flux[1] > 0.1 * flux);
+        let (front, back) = (sent.flux[0] > 0.0, sent.flux[1] > 0.0);
         let normal = if front { scene.normal(t) } else { -scene.normal(t) };
         triangles.push(t);
-        emitters.push(Emitter::new(scene.corners(t), normal, flux / place.area * scene.area(t) / all, front && back));
+        emitters.push(Emitter::new(scene.corners(t), normal, radiance / mean * scene.area(t) / area, front && back));
     }
     (!triangles.is_empty()).then(|| Lights::over(triangles, emitters))
 }
@@ -240,13 +277,14 @@ fn brightest(scene: &Scene, flux: &HashMap<u32, ([f64; 2], u32)>) -> Option<Ligh
 /// Of the numbers of light's paths: any will do.
 const SEED: u64 = 0x5EC0_DA2E;
 
-/// Follows light from a point of an emitter; says which triangles send on what share of it on which side.
+/// Follows light from a point of an emitter; says which triangles send on what share of it on which side, and whether as mirrors
+/// show it.
 fn follow(
     raycaster: &Raycaster,
     surfaces: &[Surface],
     emitter: u32,
     sampler: &mut Sampler,
-    sent: &mut impl FnMut(u32, usize, f32),
+    sent: &mut impl FnMut(u32, usize, f32, bool),
 ) {
     let material_ids = &raycaster.scene().material_ids;
     let (u, v) = triangle(sampler.two());
@@ -257,6 +295,7 @@ fn follow(
     }
     let mut direction = Frame::new(normal).to_world(cosine_hemisphere(sampler.two()));
     let mut share = 1.0;
+    let mut shows = true;
     for depth in 1..=DEPTH {
         let ray = Ray::new(spawn(point.point, point.error, point.normal, direction), direction);
         let Some(hit) = raycaster.nearest_from(&ray, point.triangle) else { return };
@@ -270,9 +309,10 @@ fn follow(
         sampler.turn(depth, Purpose::Scatter);
         let scatter = &surfaces[material_ids[hit.triangle as usize] as usize].scatter;
         let Some(sampled) = scatter.sample(wo, front, sampler) else { return };
+        shows &= sampled.pdf.is_none();
         share *= luminance(sampled.weight.to_array()).min(1.0);
         if sampled.wi.z > 0.0 {
-            sent(hit.triangle, usize::from(!front), share);
+            sent(hit.triangle, usize::from(!front), share, shows);
         }
         direction = frame.to_world(sampled.wi);
     }

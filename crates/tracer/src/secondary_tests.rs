@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 
 use crate::path::{Direct, PathEngine, Start, first_hit};
 use crate::sampler::Sampler;
+use crate::secondary::Sent;
 
 /// A floor that sees a lamp only by way of a small plate above it.
 fn scene(floor: Bsdf, plate: Bsdf) -> Arc<Raycaster> {
@@ -112,4 +113,50 @@ fn a_scene_whose_light_is_spread_has_none() {
     let scene = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1, 0, 0], materials, [0.0; 3]).expect("valid").0;
     let raycaster = Arc::new(Raycaster::build(Arc::new(scene)).expect("built"));
     assert!(PathEngine::new(&raycaster, None, Direct::Both, 1).secondary.is_none());
+}
+
+/// A plate between a strong lamp below it and one of a fiftieth of its power above.
+#[test]
+fn a_source_is_one_on_its_dimmer_side_too() {
+    let quad = |z: f64, h: f64, up: bool| {
+        let corners = [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
+        if up { corners } else { [corners[0], corners[3], corners[2], corners[1]] }
+    };
+    let positions = [
+        quad(0.0, 8.0, true),
+        quad(1.0, 0.05, true),
+        quad(1.2, 0.2, true),
+        quad(1.4, 0.05, false),
+        quad(3.0, 8.0, false),
+    ]
+    .concat();
+    let triangles: Vec<[u32; 3]> =
+        (0..5).flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]]).collect();
+    let lamp = |emission: f32| Material { emission: [emission; 3], ..Material::grey("lamp") };
+    let materials = vec![Material::grey("wall"), lamp(50.0), lamp(1.0)];
+    let ids = [0, 0, 1, 1, 0, 0, 2, 2, 0, 0];
+    let scene = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).expect("valid").0;
+    let raycaster = Arc::new(Raycaster::build(Arc::new(scene)).expect("built"));
+    let engine = PathEngine::new(&raycaster, None, Direct::Both, 1);
+    let sources = engine.secondary.as_ref().expect("the plate is a source");
+    for (eye, normal) in [(DVec3::new(1.0, 0.5, 0.1), Vec3::Z), (DVec3::new(1.0, 0.5, 2.9), Vec3::NEG_Z)] {
+        let towards = (DVec3::new(0.15, 0.02, 1.2) - eye).normalize();
+        let hit = first_hit(&raycaster, eye, towards).0.expect("the plate");
+        assert!([4, 5].contains(&hit.triangle), "{hit:?}");
+        // A point of a wall there.
+        let down = first_hit(&raycaster, eye, -normal.as_dvec3()).0.expect("a wall");
+        let point = raycaster.surface(down.triangle, down.u, down.v);
+        let density = sources.aimed_from(&point, normal).density(&raycaster, &hit);
+        assert!(density > 0.0, "{eye}: {density}");
+    }
+}
+
+#[test]
+fn what_shows_a_lamp_counts_by_the_lamp_and_what_spreads_its_light_by_its_own_radiance() {
+    // An area of 2, 3 of 5 paths sent on; each path is worth 0.4.
+    let spread = Sent { flux: [2.0, 1.0], paths: 5, ..Sent::default() };
+    assert!((spread.rms_radiance(2.0, 0.4) - 0.6).abs() < 1e-12);
+    // A mirror: the lamp's radiance of 50 on a share of directions.
+    let shown = Sent { shown: 3.0, shown_radiance: 150.0, ..spread };
+    assert!((shown.rms_radiance(2.0, 0.4) - (0.6 * 50.0_f64).sqrt()).abs() < 1e-12);
 }
