@@ -19,10 +19,11 @@
 
 use super::bins::merged;
 use super::leaf::own_surface;
-use super::paint::{Counts, Painter, TILE, UnseenPixels, tile_count, tile_pixels};
+use super::paint::{Counts, TILE, TilePainter, UnseenPixels, tile_count, tile_pixels};
 use super::surface::{Level, Surface, of_pixel};
 use super::wide::{Agreement, SMALLEST};
-use super::{Frame, MultiDepth, Pyramids, Quadtree};
+use super::{Frame, Pyramids, Quadtree};
+use std::cell::Cell;
 use std::time::Duration;
 
 /// New samples after which a picture is drawn (Larson & Simmons 1999, appendix B).
@@ -275,20 +276,20 @@ impl Drawing {
 
     /// Draws the pixels of some tiles that are to be drawn again.
     fn paint(&mut self, tree: &Quadtree, tiles: impl Iterator<Item = usize>) {
-        let painter = Painter::new(&self.pyramids, self.agreement.as_ref(), &tree.params);
-        let (mut unseen, mut depths) = (UnseenPixels::default(), MultiDepth::default());
+        let Self { frame, pyramids, agreement, counts, reach, .. } = self;
+        let mut painter = TilePainter::new(tree, pyramids, agreement.as_ref());
+        let reach = Cell::from_mut(reach.as_mut_slice()).as_slice_of_cells();
         for tile in tiles {
-            painter.begin_tile();
-            for (column, row) in tile_pixels(tree.size, tile) {
-                let pixel = row * tree.size.0 as usize + column;
-                if self.reach[pixel] == AGAIN {
-                    let painted = tree.paint(&painter, column, row, unseen.has(tree, pixel), &mut depths);
-                    self.frame.hide(&self.counts[pixel]);
-                    self.frame.show(pixel, &painted);
-                    self.counts[pixel] = painted.counts;
-                    self.reach[pixel] = painter.reach() as u8;
-                }
-            }
+            painter.paint(
+                tile,
+                |pixel| reach[pixel].get() == AGAIN,
+                |pixel, painted, level| {
+                    frame.hide(&counts[pixel]);
+                    frame.show(pixel, painted);
+                    counts[pixel] = painted.counts;
+                    reach[pixel].set(level as u8);
+                },
+            );
         }
     }
 }

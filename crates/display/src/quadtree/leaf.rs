@@ -35,7 +35,7 @@ const NOISE_FREEDOM: f32 = 256.0;
 const QUANTUM: f32 = 0.004;
 /// A half-width below this part of the mean compressed luminance (2.4 % of luminance, a standard error of 1.1 %) is not seen:
 /// no larger leaf is tried.
-const UNSEEN: f32 = 0.006;
+pub(crate) const UNSEEN: f32 = 0.006;
 
 /// Weighted mean over neighbouring leaves of one level, of one surface.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +53,13 @@ pub(crate) struct Noise {
     pub half_widths: Vec4,
     /// Variance of luminance over its mean squared.
     relative_variance: f32,
+}
+
+impl Noise {
+    /// By how much an interval is wider for few samples: times the standard error squared for samples of unit deviation.
+    pub fn few_samples(&self) -> f32 {
+        FEW_SAMPLES * (self.relative_variance + PLAIN_TAIL)
+    }
 }
 
 /// Running intersection of intervals, one for each thing compared.
@@ -82,7 +89,7 @@ impl Intersection {
 /// Reads colours from a pyramid.
 pub(crate) struct Reader<'a> {
     pub levels: &'a [Level],
-    params: &'a QuadtreeParams,
+    pub params: &'a QuadtreeParams,
     /// To be forgotten from tile to tile, so that no tile depends on others.
     pub last_noise: Cell<Option<KnownNoise>>,
     /// Highest level that was averaged over since it was last set.
@@ -112,7 +119,12 @@ impl<'a> Reader<'a> {
             return self.blend(column, row, level, bins).map_or([0.0; 3], |blend| blend.mean.truncate().to_array());
         }
         let noise = self.noise(column, row, start, bins);
-        let few_samples = FEW_SAMPLES * (noise.relative_variance + PLAIN_TAIL);
+        self.mean(column, row, start, bins, &noise)
+    }
+
+    /// The mean over the leaves that noise asks for.
+    pub fn mean(&self, column: usize, row: usize, start: usize, bins: (u16, u16), noise: &Noise) -> [f32; 3] {
+        let few_samples = noise.few_samples();
         let mut common = Intersection::everything();
         let mut best = Vec4::ZERO;
         for level in start..self.levels.len() {

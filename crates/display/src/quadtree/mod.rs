@@ -21,12 +21,14 @@ mod live;
 mod paint;
 pub(crate) mod reproject;
 mod surface;
+mod tile;
 mod wide;
 
 use crate::camera::Camera;
 use crate::candidates::candidates;
 use crate::covered::covered;
 use crate::parts::both;
+use crate::pointimage::isa::Isa;
 use bins::{BINS_KEPT, Colour, PixelBins, merged};
 use drawing::Drawing;
 use glam::DVec3;
@@ -115,6 +117,7 @@ pub struct Quadtree {
     camera: Camera,
     size: (u32, u32),
     params: QuadtreeParams,
+    isa: Isa,
     distances: DistanceTable,
     /// Samples that look as the eye does.
     narrow: PixelBins,
@@ -156,6 +159,7 @@ impl Quadtree {
             view,
             size,
             params,
+            isa: Isa::best(),
         };
         quadtree.place();
         quadtree

@@ -4,10 +4,11 @@
 //! cores, in any order.
 
 use super::bins::{BINS_AN_OCTAVE, NEAR_CLASSES, bin_distance};
-use super::leaf::{Reader, beside, own_surface};
+use super::leaf::{Noise, Reader, beside, own_surface};
 use super::surface::{Level, Surface, gap_allowed};
+use super::tile::TileColours;
 use super::wide::Agreement;
-use super::{Frame, MultiDepth, Pyramids, Quadtree, QuadtreeParams, SEEN_SHARE};
+use super::{Frame, LeafSize, MultiDepth, Pyramids, Quadtree, QuadtreeParams, SEEN_SHARE};
 use crate::parts::for_parts;
 use holo_section::BeamId;
 use std::sync::{Mutex, PoisonError};
@@ -20,6 +21,9 @@ const CLEARLY_IN_FRONT: u16 = 8;
 
 /// Samples a pixel from which a surface without one is not there: with 2 expected, one pixel in seven has none.
 const MANY_A_PIXEL: u32 = 2;
+
+/// Pixels of a tile from which on their colours are found together.
+const MANY_IN_A_TILE: usize = 24;
 
 /// How many tiles a picture has.
 pub(super) fn tile_count((width, height): (u32, u32)) -> usize {
@@ -124,23 +128,48 @@ impl Painter<'_> {
     /// As [`Reader::colour`].
     fn colour(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> [f32; 3] {
         let all = self.all.colour(column, row, start, bins);
-        let Some((narrow, agreement)) = &self.narrow else { return all };
+        self.narrow_part(column, row, start, bins).map_or(all, |part| part.mixed_with(all))
+    }
+
+    /// What samples that look as the eye does show, where the others may not stand for it.
+    fn narrow_part(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Option<NarrowPart> {
+        let (narrow, agreement) = self.narrow.as_ref()?;
         let share = agreement.of(&self.all, narrow, column, row, bins);
         if share == 1.0 {
-            return all;
+            return None;
         }
         // From the smallest leaf that has any: the comparison found one. Few as they are there, they may all lie a bin beside.
         let start = (start..narrow.levels.len()).find_map(|level| {
             let leaf = narrow.levels[level].leaf(column >> level, row >> level);
             beside(leaf, bins, gap_allowed(level)).map(|surface| (level, surface.bins))
         });
-        let Some((start, bins)) = start else { return all };
-        let own = narrow.colour(column, row, start, bins);
-        [0, 1, 2].map(|channel| own[channel] + share * (all[channel] - own[channel]))
+        let (start, bins) = start?;
+        Some(NarrowPart { own: narrow.colour(column, row, start, bins), share })
     }
 }
 
-/// Colour and nearest bin of a pixel with samples of its own.
+/// A colour of samples that look as the eye does, and how far that of all may be used.
+struct NarrowPart {
+    own: [f32; 3],
+    share: f32,
+}
+
+impl NarrowPart {
+    fn mixed_with(&self, all: [f32; 3]) -> [f32; 3] {
+        [0, 1, 2].map(|channel| self.own[channel] + self.share * (all[channel] - self.own[channel]))
+    }
+}
+
+/// What a pixel shows.
+enum Shown {
+    Nothing,
+    /// One surface, as from leaves of a level on, by its bins there.
+    Surface(usize, (u16, u16)),
+    /// A colour, and the nearest bin of what it is mixed of.
+    Mixed([f32; 3], u16),
+}
+
+/// What a pixel with samples of its own shows.
 ///
 /// Samples that pass near the eye are samples of this very pixel: their shares are the surfaces' coverage, which is what
 /// makes a silhouette smooth. With none of them the nearest surface is what is seen: whatever lies behind was seen past its
@@ -152,19 +181,19 @@ fn mix(
     own: &[Surface],
     ask_nearer: bool,
     depths: &mut MultiDepth,
-) -> Option<([f32; 3], u16)> {
-    let front = own.first()?;
+) -> Shown {
+    let Some(front) = own.first() else { return Shown::Nothing };
     let near = |surface: &Surface| near_count(surface, front, ask_nearer);
     let all: f32 = own.iter().map(near).sum();
-    let alone = || Some((painter.colour(column, row, 0, front.bins), front.bins.0));
+    let alone = Shown::Surface(0, front.bins);
     if all == 0.0 {
         let covered = covering(painter, column, row, front);
         depths.by_leaves += u64::from(covered.is_some());
         depths.remaining += u64::from(covered.is_none() && own.len() > 1);
-        return covered.or_else(alone);
+        return covered.map_or(alone, |(level, bins)| Shown::Surface(level, bins));
     }
     if own.len() == 1 {
-        return alone();
+        return alone;
     }
     depths.by_near_samples += 1;
     let mut colour = [0.0; 3];
@@ -176,10 +205,10 @@ fn mix(
         }
         nearest = nearest.or(Some(surface.bins.0));
     }
-    nearest.map(|bin| (colour, bin))
+    nearest.map_or(Shown::Nothing, |bin| Shown::Mixed(colour, bin))
 }
 
-/// Colour and nearest bin of a surface that hides a pixel's front surface, though the pixel has no sample of it.
+/// Level and bins of a surface that hides a pixel's front surface, though the pixel has no sample of it.
 ///
 /// Where samples are few, those of a far surface show through between those of a near one, having looked past its edge (the
 /// paper's Figure 6). A surface in front that most samples of the 4 × 4 or 2 × 2 pixels around are of is taken to go on
@@ -187,7 +216,7 @@ fn mix(
 /// see for themselves. On a disc before a wall eight times as far, batch samples of a 4³ grid, this took a tenth (0.4 a
 /// pixel) to four tenths (1 to 3 a pixel) off the error; a third instead of a half made some worse. On a ball before a near
 /// wall, 16³ grid, it costs 0.1 to 0.4 dB.
-fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Option<([f32; 3], u16)> {
+fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Option<(usize, (u16, u16))> {
     [2, 1].into_iter().find_map(|level| {
         let leaf = painter.all.levels.get(level)?.leaf(column >> level, row >> level);
         let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
@@ -197,7 +226,7 @@ fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Op
                 && surface.count <= MANY_A_PIXEL << (2 * level)
         };
         let hiding = leaf.iter().find(hides)?;
-        Some((painter.colour(column, row, level, hiding.bins), hiding.bins.0))
+        Some((level, hiding.bins))
     })
 }
 
@@ -212,15 +241,112 @@ fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
     surface.near.iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum()
 }
 
-/// Colour and nearest bin of a pixel without samples: those of the smallest leaf around it that has any.
-fn fill(painter: &Painter, column: usize, row: usize) -> Option<([f32; 3], u16)> {
-    painter.all.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
+/// What a pixel without samples shows: that of the smallest leaf around it that has any.
+fn fill(painter: &Painter, column: usize, row: usize) -> Shown {
+    let filling = painter.all.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
         let leaf = leaves.leaf(column >> level, row >> level);
         let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
         let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
-        let bins = own_surface(leaf, seen.bins)?.bins;
-        Some((painter.colour(column, row, level, bins), bins.0))
-    })
+        Some((level, own_surface(leaf, seen.bins)?.bins))
+    });
+    filling.map_or(Shown::Nothing, |(level, bins)| Shown::Surface(level, bins))
+}
+
+/// Draws pixels tile by tile.
+pub(super) struct TilePainter<'a> {
+    tree: &'a Quadtree,
+    painter: Painter<'a>,
+    unseen: UnseenPixels,
+    colours: Box<TileColours>,
+    asked: Vec<Asked>,
+    /// How several depths were resolved so far.
+    pub depths: MultiDepth,
+}
+
+/// A pixel whose colour has been asked for.
+struct Asked {
+    column: usize,
+    row: usize,
+    painted: Painted,
+    reach: usize,
+    /// Its surface, unless it has its colour.
+    surface: Option<(usize, (u16, u16), Noise)>,
+    narrow: Option<NarrowPart>,
+}
+
+impl<'a> TilePainter<'a> {
+    pub fn new(tree: &'a Quadtree, pyramids: &'a Pyramids, agreement: Option<&'a Agreement>) -> Self {
+        Self {
+            tree,
+            painter: Painter::new(pyramids, agreement, &tree.params),
+            unseen: UnseenPixels::default(),
+            colours: Box::new(TileColours::new()),
+            asked: Vec::with_capacity(TILE * TILE),
+            depths: MultiDepth::default(),
+        }
+    }
+
+    /// Draws those pixels of a tile that are wanted, by their number in the picture, and gives each to `show`, with the highest level
+    /// that it was averaged over.
+    pub fn paint(
+        &mut self,
+        tile: usize,
+        is_wanted: impl Fn(usize) -> bool,
+        mut show: impl FnMut(usize, &Painted, usize),
+    ) {
+        let width = self.tree.size.0 as usize;
+        self.painter.begin_tile();
+        self.asked.clear();
+        let mut asking = 0;
+        for (column, row) in tile_pixels(self.tree.size, tile) {
+            let pixel = row * width + column;
+            if !is_wanted(pixel) {
+                continue;
+            }
+            let is_unseen = self.unseen.has(self.tree, pixel);
+            let (mut painted, shown) = self.tree.shown(&self.painter, column, row, is_unseen, &mut self.depths);
+            let (mut surface, mut narrow) = (None, None);
+            match shown {
+                Shown::Nothing => {}
+                Shown::Mixed(colour, bin) => (painted.colour, painted.depth) = (colour, bin_distance(bin)),
+                Shown::Surface(level, bins) => {
+                    painted.depth = bin_distance(bins.0);
+                    if matches!(self.tree.params.leaf, LeafSize::Fixed(_)) {
+                        painted.colour = self.painter.colour(column, row, level, bins);
+                    } else {
+                        surface = Some((level, bins, self.painter.all.noise(column, row, level, bins)));
+                        narrow = self.painter.narrow_part(column, row, level, bins);
+                        asking += 1;
+                    }
+                }
+            }
+            self.asked.push(Asked { column, row, painted, reach: self.painter.reach(), surface, narrow });
+        }
+        if asking >= MANY_IN_A_TILE {
+            for asked in &self.asked {
+                if let Some((level, bins, noise)) = &asked.surface {
+                    self.colours.ask(TileColours::lane(asked.column, asked.row), *level, *bins, noise);
+                }
+            }
+            let across = width.div_ceil(TILE);
+            self.colours.find(&self.painter.all, tile % across * TILE, tile / across * TILE, self.tree.isa);
+            // Those are told pixel by pixel.
+            self.painter.reach();
+        }
+        for asked in &mut self.asked {
+            let (column, row) = (asked.column, asked.row);
+            if let Some((level, bins, noise)) = &asked.surface {
+                let (all, reach) = if asking >= MANY_IN_A_TILE {
+                    self.colours.found(TileColours::lane(column, row))
+                } else {
+                    (self.painter.all.mean(column, row, *level, *bins, noise), self.painter.reach())
+                };
+                asked.painted.colour = asked.narrow.as_ref().map_or(all, |narrow| narrow.mixed_with(all));
+                asked.reach = asked.reach.max(reach);
+            }
+            show(row * width + column, &asked.painted, asked.reach);
+        }
+    }
 }
 
 impl Quadtree {
@@ -236,37 +362,34 @@ impl Quadtree {
         let mut all = vec![(Painted::default(), 0); self.covered.len()];
         let sum = Mutex::new(MultiDepth::default());
         for_parts(&mut all, width, TILE, |part, rows| {
-            let painter = Painter::new(pyramids, agreement, &self.params);
-            let (mut unseen, mut depths) = (UnseenPixels::default(), MultiDepth::default());
+            let mut painter = TilePainter::new(self, pyramids, agreement);
             for tile in part * across..(part + 1) * across {
-                painter.begin_tile();
-                for (column, row) in tile_pixels(self.size, tile) {
-                    let is_unseen = unseen.has(self, row * width + column);
-                    let painted = self.paint(&painter, column, row, is_unseen, &mut depths);
-                    rows[(row - part * TILE) * width + column] = (painted, painter.reach() as u8);
-                }
+                let show =
+                    |pixel, painted: &Painted, reach| rows[pixel - part * TILE * width] = (*painted, reach as u8);
+                painter.paint(tile, |_| true, show);
             }
+            let depths = painter.depths;
             sum.lock().unwrap_or_else(PoisonError::into_inner).add(&depths);
         });
         (all, sum.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// What a pixel shows.
-    pub(super) fn paint(
+    /// What a pixel shows, and as what it is counted.
+    fn shown(
         &self,
         painter: &Painter,
         column: usize,
         row: usize,
         is_unseen: bool,
         depths: &mut MultiDepth,
-    ) -> Painted {
+    ) -> (Painted, Shown) {
         if !self.covered[row * self.size.0 as usize + column] {
-            return Painted::default();
+            return (Painted::default(), Shown::Nothing);
         }
         if is_unseen {
             let counts = Counts { unseen: true, ..Counts::default() };
             let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
-            return Painted { colour, depth: f32::INFINITY, counts };
+            return (Painted { colour, depth: f32::INFINITY, counts }, Shown::Nothing);
         }
         let own = painter.all.levels[0].leaf(column, row);
         // A radius that was given is that of the nearest surface already.
@@ -276,8 +399,8 @@ impl Quadtree {
         } else {
             mix(painter, column, row, own, ask_nearer, depths)
         };
-        let (colour, depth) = shown.map_or(([0.0; 3], 0.0), |(colour, bin)| (colour, bin_distance(bin)));
         let samples = own.iter().fold(0_u32, |sum, surface| sum.saturating_add(surface.count));
-        Painted { colour, depth, counts: Counts { samples, empty: own.is_empty(), unseen: false } }
+        let counts = Counts { samples, empty: own.is_empty(), unseen: false };
+        (Painted { counts, ..Painted::default() }, shown)
     }
 }

@@ -1,0 +1,429 @@
+//! Colours of all pixels of a tile together: what [`Reader::colour`] finds for one, for sixteen side by side.
+//!
+//! Level by level, the leaves of a tile and those around it are laid out in rows of numbers, of which a row of pixels takes its bilinear
+//! means and intersects its intervals. Leaves of up to half a tile have mostly one surface, and pixels for which they have more are read
+//! one by one; larger ones are laid out once for each of their surfaces that the tile shows.
+//!
+//! Always true: a colour is that of [`Reader::colour`], bit for bit: the same operations in the same order.
+
+use super::leaf::{Noise, Reader, UNSEEN};
+use super::paint::TILE;
+use super::surface::{Level, Surface, gap_allowed};
+use crate::pointimage::isa::{Isa, Kernel};
+
+/// Pixels of a tile.
+const LANES: usize = TILE * TILE;
+/// Start of a pixel that asks for nothing, and of one that is done.
+const IDLE: u32 = u32::MAX;
+/// Rows of leaves that a tile's pixels are read from at most: of leaves of 2 × 2 pixels, and one more on either side.
+const MOST_ROWS: usize = TILE / 2 + 2;
+
+/// A number for each pixel of a row of a tile.
+type Row = [f32; TILE];
+
+/// What a tile's pixels ask for, and what they get. Pixels are row by row.
+pub(super) struct TileColours {
+    /// Level that a pixel starts at.
+    start: [u32; LANES],
+    /// First and last bin of the surface that it asks for.
+    first: [i32; LANES],
+    last: [i32; LANES],
+    few_samples: [f32; LANES],
+    half_widths: [[f32; LANES]; 4],
+    low: [[f32; LANES]; 4],
+    high: [[f32; LANES]; 4],
+    best: [[f32; LANES]; 3],
+    /// Highest level that was averaged over.
+    reach: [u32; LANES],
+    waiting: usize,
+}
+
+impl TileColours {
+    pub fn new() -> Self {
+        Self {
+            start: [IDLE; LANES],
+            first: [0; LANES],
+            last: [0; LANES],
+            few_samples: [0.0; LANES],
+            half_widths: [[0.0; LANES]; 4],
+            low: [[0.0; LANES]; 4],
+            high: [[0.0; LANES]; 4],
+            best: [[0.0; LANES]; 3],
+            reach: [0; LANES],
+            waiting: 0,
+        }
+    }
+
+    /// Number of a pixel of the picture in its tile.
+    pub fn lane(column: usize, row: usize) -> usize {
+        row % TILE * TILE + column % TILE
+    }
+
+    /// Asks for the colour of a surface at a pixel, as [`Reader::colour`] takes it, given its noise.
+    pub fn ask(&mut self, lane: usize, start: usize, bins: (u16, u16), noise: &Noise) {
+        self.start[lane] = start as u32;
+        (self.first[lane], self.last[lane]) = (i32::from(bins.0), i32::from(bins.1));
+        self.few_samples[lane] = noise.few_samples();
+        for (all, own) in self.half_widths.iter_mut().zip(noise.half_widths.to_array()) {
+            all[lane] = own;
+        }
+        self.low.iter_mut().for_each(|low| low[lane] = f32::NEG_INFINITY);
+        self.high.iter_mut().for_each(|high| high[lane] = f32::INFINITY);
+        self.best.iter_mut().for_each(|best| best[lane] = 0.0);
+        self.reach[lane] = 0;
+        self.waiting += 1;
+    }
+
+    /// Finds the colours of all pixels that have asked, of the tile whose first pixel is given.
+    pub fn find(&mut self, reader: &Reader, column: usize, row: usize, isa: Isa) {
+        if self.waiting > 0 {
+            isa.run(Find { lanes: self, reader, column, row });
+            self.start.fill(IDLE);
+            self.waiting = 0;
+        }
+    }
+
+    /// The colour found, and the highest level that was averaged over.
+    pub fn found(&self, lane: usize) -> ([f32; 3], usize) {
+        ([self.best[0][lane], self.best[1][lane], self.best[2][lane]], self.reach[lane] as usize)
+    }
+}
+
+/// The leaves that a row of pixels is read from: of each pixel, one.
+#[derive(Clone, Copy)]
+struct Leaves {
+    weight: Row,
+    weight_squared: Row,
+    mean: [Row; 4],
+    first: [i32; TILE],
+    last: [i32; TILE],
+    /// Whether the leaf has several surfaces that may be read from (0: no), of which this is one.
+    many: [u32; TILE],
+}
+
+const NO_LEAVES: Leaves = Leaves {
+    weight: [0.0; TILE],
+    weight_squared: [0.0; TILE],
+    mean: [[0.0; TILE]; 4],
+    first: [0; TILE],
+    last: [0; TILE],
+    many: [0; TILE],
+};
+
+impl Leaves {
+    #[inline(always)]
+    fn set(&mut self, at: usize, surface: Option<&Surface>, many: bool) {
+        self.many[at] = u32::from(many);
+        if let Some(surface) = surface {
+            self.weight[at] = surface.weight;
+            self.weight_squared[at] = surface.weight_squared;
+            self.mean.iter_mut().zip(surface.mean).for_each(|(mean, own)| mean[at] = own);
+            (self.first[at], self.last[at]) = (i32::from(surface.bins.0), i32::from(surface.bins.1));
+        } else {
+            // Of no weight, so any finite mean does.
+            (self.weight[at], self.weight_squared[at]) = (0.0, 0.0);
+            self.mean.iter_mut().for_each(|mean| mean[at] = 0.0);
+        }
+    }
+
+    /// For each pixel the leaf at the place that is given.
+    #[inline(always)]
+    fn spread(&self, places: &[usize; TILE]) -> Self {
+        let mut spread = NO_LEAVES;
+        for (at, place) in places.iter().map(|place| place % TILE).enumerate() {
+            spread.weight[at] = self.weight[place];
+            spread.weight_squared[at] = self.weight_squared[place];
+            spread.mean.iter_mut().zip(&self.mean).for_each(|(to, from)| to[at] = from[place]);
+            spread.first[at] = self.first[place];
+            spread.last[at] = self.last[place];
+            spread.many[at] = self.many[place];
+        }
+        spread
+    }
+}
+
+/// Of one row of leaves, those that the pixels of a row lie in, and those beside them.
+#[derive(Clone, Copy)]
+struct Pair {
+    own: Leaves,
+    beside: Leaves,
+}
+
+/// Which leaves the pixels of a row or column are read from, counted from the one before the first, and their bilinear weights.
+struct Neighbours {
+    own: [usize; TILE],
+    beside: [usize; TILE],
+    weights: [Row; 2],
+}
+
+impl Neighbours {
+    #[inline(always)]
+    fn new(first: usize, level: usize) -> Self {
+        let size = 1_usize << level;
+        let mut neighbours = Self { own: [0; TILE], beside: [0; TILE], weights: [[0.0; TILE]; 2] };
+        for at in 0..TILE {
+            let pixel = first + at;
+            let offset = (2 * (pixel & (size - 1)) + 1) as f32 / (2 * size) as f32 - 0.5;
+            let own = (pixel >> level) - (first >> level) + 1;
+            neighbours.own[at] = own;
+            neighbours.beside[at] = if offset < 0.0 { own - 1 } else { own + 1 };
+            neighbours.weights[0][at] = 1.0 - offset.abs();
+            neighbours.weights[1][at] = offset.abs();
+        }
+        neighbours
+    }
+}
+
+/// Means over neighbouring leaves, of a row of pixels, as [`Blend`](super::leaf::Blend) has one.
+struct Blends {
+    mean: [Row; 4],
+    error: Row,
+    /// Whether a pixel's leaf has its surface; 0: no.
+    has_own: [u32; TILE],
+    /// Whether one of the leaves has several surfaces; 0: no.
+    many: [u32; TILE],
+}
+
+const NO_BLENDS: Blends = Blends { mean: [[0.0; TILE]; 4], error: [0.0; TILE], has_own: [0; TILE], many: [0; TILE] };
+
+struct Find<'a> {
+    lanes: &'a mut TileColours,
+    reader: &'a Reader<'a>,
+    /// First pixel of the tile.
+    column: usize,
+    row: usize,
+}
+
+impl Kernel for Find<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(mut self) {
+        for (number, level) in self.reader.levels.iter().enumerate() {
+            if self.lanes.start.iter().all(|&start| start == IDLE) {
+                break;
+            }
+            if self.lanes.start.iter().any(|&start| start as usize <= number) {
+                match number {
+                    0 => self.pixels(level),
+                    _ if 1 << number < TILE => self.small_leaves(number, level),
+                    _ => self.large_leaves(number, level),
+                }
+            }
+        }
+    }
+}
+
+impl Find<'_> {
+    #[inline(always)]
+    fn pixels(&mut self, level: &Level) {
+        for row in 0..TILE {
+            if !self.works(row, 0) {
+                continue;
+            }
+            let mut own = NO_LEAVES;
+            for at in 0..TILE {
+                let lane = row * TILE + at;
+                if self.lanes.start[lane] == 0 {
+                    let bins = (self.lanes.first[lane], self.lanes.last[lane]);
+                    let leaf = level.leaf(self.column + at, self.row + row);
+                    let is_own =
+                        |surface: &&Surface| i32::from(surface.bins.0) <= bins.0 && bins.1 <= i32::from(surface.bins.1);
+                    own.set(at, leaf.iter().find(is_own), false);
+                }
+            }
+            let mut blends = NO_BLENDS;
+            blends.mean = own.mean;
+            for at in 0..TILE {
+                blends.error[at] = own.weight_squared[at].sqrt() / own.weight[at];
+                blends.has_own[at] = u32::from(own.weight[at] > 0.0);
+            }
+            self.intersect(row, 0, &blends, false);
+        }
+    }
+
+    /// Leaves of which a tile has several in a row.
+    #[inline(always)]
+    fn small_leaves(&mut self, number: usize, level: &Level) {
+        let columns = Neighbours::new(self.column, number);
+        let mut pairs = [Pair { own: NO_LEAVES, beside: NO_LEAVES }; MOST_ROWS];
+        let count = (TILE >> number) + 2;
+        for (row, pair) in pairs.iter_mut().enumerate().take(count) {
+            let mut leaves = NO_LEAVES;
+            for at in 0..count {
+                let leaf = self.leaf(level, number, at, row);
+                leaves.set(at, leaf.first(), leaf.len() > 1);
+            }
+            *pair = Pair { own: leaves.spread(&columns.own), beside: leaves.spread(&columns.beside) };
+        }
+        self.rows(number, &columns, &pairs, None);
+    }
+
+    /// Leaves of which one contains the tile.
+    #[inline(always)]
+    fn large_leaves(&mut self, number: usize, level: &Level) {
+        let columns = Neighbours::new(self.column, number);
+        let own = self.leaf(level, number, 1, 1);
+        for lane in 0..LANES {
+            let has_own = own.iter().any(|surface| {
+                i32::from(surface.bins.0) <= self.lanes.first[lane]
+                    && self.lanes.last[lane] <= i32::from(surface.bins.1)
+            });
+            if self.lanes.start[lane] as usize <= number && !has_own {
+                self.lanes.start[lane] = IDLE;
+            }
+        }
+        let gap = gap_allowed(number);
+        for surface in own {
+            let (near, far) = (surface.bins.0.saturating_sub(gap), surface.bins.1.saturating_add(gap));
+            let mut pairs = [Pair { own: NO_LEAVES, beside: NO_LEAVES }; 3];
+            for (row, pair) in pairs.iter_mut().enumerate() {
+                let mut leaves = NO_LEAVES;
+                for at in 0..3 {
+                    let mut meeting = self
+                        .leaf(level, number, at, row)
+                        .iter()
+                        .filter(|surface| !(surface.bins.1 < near || surface.bins.0 > far));
+                    let first = meeting.next();
+                    let first = if (at, row) == (1, 1) { Some(surface) } else { first };
+                    leaves.set(at, first, meeting.next().is_some());
+                }
+                *pair = Pair { own: leaves.spread(&columns.own), beside: leaves.spread(&columns.beside) };
+            }
+            self.rows(number, &columns, &pairs, Some(surface));
+        }
+    }
+
+    /// A leaf around the tile, counted from the one before the first.
+    #[inline(always)]
+    fn leaf<'b>(&self, level: &'b Level, number: usize, column: usize, row: usize) -> &'b [Surface] {
+        let column = ((self.column >> number) + column).saturating_sub(1).min(level.width - 1);
+        let row = ((self.row >> number) + row).saturating_sub(1).min(level.height - 1);
+        level.leaf(column, row)
+    }
+
+    /// Whether pixels of a row are read from a level.
+    #[inline(always)]
+    fn works(&self, row: usize, level: usize) -> bool {
+        self.lanes.start[row * TILE..][..TILE].iter().fold(false, |any, &start| any | (start as usize <= level))
+    }
+
+    /// Reads all rows of pixels from the leaves that `pairs` has, row by row, those that ask for parts of one surface if it is given.
+    #[inline(always)]
+    fn rows(&mut self, number: usize, columns: &Neighbours, pairs: &[Pair], surface: Option<&Surface>) {
+        let rows = Neighbours::new(self.row, number);
+        for row in 0..TILE {
+            if !self.works(row, number) {
+                continue;
+            }
+            let (Some(own), Some(beside)) = (pairs.get(rows.own[row]), pairs.get(rows.beside[row])) else { continue };
+            let weights = [rows.weights[0][row], rows.weights[1][row]];
+            let mut blends = self.blend(row, [own, beside], weights, columns, i32::from(gap_allowed(number)));
+            if blends.many.iter().any(|&many| many != 0) {
+                self.read_alone(row, number, &mut blends, surface.is_some());
+            }
+            self.intersect(row, number, &blends, surface.is_some());
+        }
+    }
+
+    #[inline(always)]
+    fn blend(&self, row: usize, pairs: [&Pair; 2], weights: [f32; 2], columns: &Neighbours, gap: i32) -> Blends {
+        let mut blends = NO_BLENDS;
+        let (wanted_first, wanted_last) =
+            (&self.lanes.first[row * TILE..][..TILE], &self.lanes.last[row * TILE..][..TILE]);
+        let own = &pairs[0].own;
+        for at in 0..TILE {
+            let (near, far) = (own.first[at] - gap, own.last[at] + gap);
+            let (mut weight, mut weight_squared, mut sum) = (0.0_f32, 0.0_f32, [0.0_f32; 4]);
+            let mut add = |leaves: &Leaves, share: f32| {
+                let is_met = (leaves.last[at] >= near) & (leaves.first[at] <= far);
+                let part = share * if is_met { leaves.weight[at] } else { 0.0 };
+                weight += part;
+                weight_squared += share * share * if is_met { leaves.weight_squared[at] } else { 0.0 };
+                for (sum, mean) in sum.iter_mut().zip(&leaves.mean) {
+                    *sum += part * mean[at];
+                }
+            };
+            add(&pairs[0].own, weights[0] * columns.weights[0][at]);
+            add(&pairs[0].beside, weights[0] * columns.weights[1][at]);
+            add(&pairs[1].own, weights[1] * columns.weights[0][at]);
+            add(&pairs[1].beside, weights[1] * columns.weights[1][at]);
+            let scale = 1.0 / weight;
+            for (mean, sum) in blends.mean.iter_mut().zip(sum) {
+                mean[at] = sum * scale;
+            }
+            blends.error[at] = weight_squared.sqrt() * scale;
+            let has_own =
+                (own.weight[at] > 0.0) & (own.first[at] <= wanted_first[at]) & (wanted_last[at] <= own.last[at]);
+            blends.has_own[at] = u32::from(has_own);
+            blends.many[at] =
+                pairs[0].own.many[at] | pairs[0].beside.many[at] | pairs[1].own.many[at] | pairs[1].beside.many[at];
+        }
+        blends
+    }
+
+    /// Reads pixels near leaves of several surfaces one by one. `some` if others of the row are read again.
+    #[inline(always)]
+    fn read_alone(&self, row: usize, number: usize, blends: &mut Blends, some: bool) {
+        for at in 0..TILE {
+            let lane = row * TILE + at;
+            if blends.many[at] == 0 || self.lanes.start[lane] as usize > number || some && blends.has_own[at] == 0 {
+                continue;
+            }
+            let bins = (self.lanes.first[lane] as u16, self.lanes.last[lane] as u16);
+            let blend = self.reader.blend(self.column + at, self.row + row, number, bins);
+            blends.has_own[at] = u32::from(blend.is_some());
+            if let Some(blend) = blend {
+                blends.mean.iter_mut().zip(blend.mean.to_array()).for_each(|(mean, own)| mean[at] = own);
+                blends.error[at] = blend.error;
+            }
+        }
+    }
+
+    /// Takes the means of one level in, as far as their intervals meet those of all finer ones. Pixels whose leaf does not have their
+    /// surface are done, or, if `some`, left to others of the leaf's.
+    #[inline(always)]
+    fn intersect(&mut self, row: usize, number: usize, blends: &Blends, some: bool) {
+        let level = number as u32;
+        let lanes = &mut *self.lanes;
+        for at in 0..TILE {
+            let lane = row * TILE + at;
+            let start = lanes.start[lane];
+            let has_own = blends.has_own[at] != 0;
+            let works = (start <= level) & (has_own | !some);
+            let error = blends.error[at];
+            let width = error * (1.0 + lanes.few_samples[lane] * error * error);
+            let mut least = f32::INFINITY;
+            let mut half = 0.0;
+            for channel in 0..4 {
+                let mean = blends.mean[channel][at];
+                half = lanes.half_widths[channel][lane] * width;
+                let (low, high) = (lanes.low[channel][lane], lanes.high[channel][lane]);
+                let (low_here, high_here) = (mean - half, mean + half);
+                let new_low = if low > low_here { low } else { low_here };
+                let new_high = if high < high_here { high } else { high_here };
+                lanes.low[channel][lane] = if works { new_low } else { low };
+                lanes.high[channel][lane] = if works { new_high } else { high };
+                let left = new_high - new_low;
+                let point = if left >= 0.0 { 1.0 } else { 0.0 };
+                let common = 0.5 * left / half;
+                let common = if half > 0.0 { common } else { point };
+                least = if common < least { common } else { least };
+            }
+            let share = if least < 0.0 { 0.0 } else { least };
+            let share = if share > 1.0 { 1.0 } else { share };
+            let share = if start == level { 1.0 } else { share };
+            let is_taken = works & has_own & (share != 0.0);
+            for channel in 0..3 {
+                let best = lanes.best[channel][lane];
+                let better = best + share * (blends.mean[channel][at] - best);
+                lanes.best[channel][lane] = if is_taken { better } else { best };
+            }
+            let reach = lanes.reach[lane];
+            lanes.reach[lane] = if works & has_own { level } else { reach };
+            let is_enough = half < UNSEEN * blends.mean[3][at];
+            let goes_on = is_taken & !is_enough;
+            lanes.start[lane] = if works & !goes_on { IDLE } else { start };
+        }
+    }
+}
