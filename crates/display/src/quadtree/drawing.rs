@@ -20,9 +20,11 @@
 use super::bins::merged;
 use super::leaf::own_surface;
 use super::paint::{Counts, TILE, TilePainter, UnseenPixels, tile_count, tile_pixels};
-use super::surface::{Level, Surface, of_pixel};
+use super::pyramid::Level;
+use super::surface::{Surface, of_pixel};
 use super::wide::{Agreement, SMALLEST};
 use super::{Frame, Pyramids, Quadtree};
+use crate::pointimage::zeroed;
 use std::cell::Cell;
 use std::time::Duration;
 
@@ -70,7 +72,7 @@ pub(super) struct Drawing {
     frame: Frame,
     pyramids: Pyramids,
     agreement: Option<Agreement>,
-    /// Of each leaf, level by level.
+    /// Of each leaf, level by level; of none before samples come.
     growth: Vec<Vec<Growth>>,
     /// Of each pixel: what it is counted as, and the highest level that it was averaged over.
     counts: Vec<Counts>,
@@ -95,42 +97,52 @@ impl Drawing {
         self.landed.len() <= self.reach.len()
     }
 
-    /// Draws everything.
-    fn new(tree: &Quadtree) -> Self {
-        let pyramids = Pyramids::new(tree);
-        let of_level = |level: &Level| {
-            let places = (0..level.height).flat_map(|row| (0..level.width).map(move |column| (column, row)));
-            places.map(|(column, row)| Growth { known: samples(level.leaf(column, row)), new: 0 }).collect()
+    /// Draws everything. The memory of another drawing is used again.
+    fn new(tree: &Quadtree, old: Option<Box<Self>>) -> Box<Self> {
+        let mut drawing = match old {
+            Some(mut old) => {
+                old.pyramids = Pyramids::new(tree, Some(std::mem::take(&mut old.pyramids)));
+                old.frame.start(tree);
+                old
+            }
+            None => {
+                let (frame, pyramids) = (tree.empty_frame(), Pyramids::new(tree, None));
+                let pixels = frame.depth.len();
+                Box::new(Self {
+                    frame,
+                    pyramids,
+                    agreement: None,
+                    growth: Vec::new(),
+                    counts: zeroed(pixels),
+                    reach: zeroed(pixels),
+                    landed: Vec::new(),
+                    fresh: Vec::new(),
+                    next_tile: 0,
+                    unseen_known: 0,
+                    is_whole: true,
+                    parts: Vec::new(),
+                    surfaces: Vec::new(),
+                })
+            }
         };
-        let growth: Vec<Vec<Growth>> = pyramids.all().iter().map(of_level).collect();
-        let frame = tree.empty_frame();
-        let pixels = frame.depth.len();
-        let mut drawing = Self {
-            agreement: tree.agreement(&pyramids),
-            counts: vec![Counts::default(); pixels],
-            reach: vec![AGAIN; pixels],
-            landed: Vec::new(),
-            fresh: Vec::new(),
-            next_tile: 0,
-            unseen_known: tree.unseen.len(),
-            is_whole: true,
-            parts: Vec::new(),
-            surfaces: Vec::new(),
-            frame,
-            pyramids,
-            growth,
-        };
-        let (painted, _) = tree.paint_all(&drawing.pyramids, drawing.agreement.as_ref());
-        for (pixel, (painted, reach)) in painted.iter().enumerate() {
-            drawing.frame.show(pixel, painted);
-            (drawing.counts[pixel], drawing.reach[pixel]) = (painted.counts, *reach);
-        }
+        let Self { frame, pyramids, agreement, counts, reach, .. } = &mut *drawing;
+        *agreement = tree.agreement(pyramids);
+        tree.paint_all(pyramids, agreement.as_ref(), frame, counts, reach);
+        drawing.growth.clear();
+        drawing.landed.clear();
+        drawing.next_tile = 0;
+        drawing.unseen_known = tree.unseen.len();
+        drawing.is_whole = true;
         drawing
     }
 
     /// Draws again what has changed: tile by tile until there have been about `most` leaves and pixels.
     fn update(&mut self, tree: &Quadtree, most: usize) {
         self.is_whole = false;
+        if self.growth.is_empty() {
+            let of_level = |level: &Level| level.samples().map(|known| Growth { known, new: 0 }).collect();
+            self.growth = self.pyramids.all().iter().map(of_level).collect();
+        }
         self.grow(tree.size.0);
         if self.unseen_known != tree.unseen.len() {
             self.unseen_known = tree.unseen.len();
@@ -251,7 +263,7 @@ impl Drawing {
 
     /// What a leaf that has been worked out knows, and what its children still keep back.
     fn grown(&self, number: usize, column: usize, row: usize) -> Growth {
-        let known = samples(self.pyramids.all()[number].leaf(column, row));
+        let known = self.pyramids.all()[number].samples_of(column, row);
         let Some((growth, level)) =
             number.checked_sub(1).map(|below| (&self.growth[below], &self.pyramids.all()[below]))
         else {
@@ -310,10 +322,6 @@ fn halve(numbers: &mut Vec<u32>, width: usize, half: usize) {
     numbers.truncate(rows.div_ceil(2) * half);
 }
 
-fn samples(leaf: &[Surface]) -> u32 {
-    leaf.iter().fold(0, |sum, surface| sum.saturating_add(surface.count))
-}
-
 impl Quadtree {
     /// The picture, if it is time to draw it: what changed it since the last time is 50,000 samples, or anything at all and
     /// 33 ms are over. `since` is the time since the last picture that this gave.
@@ -333,7 +341,10 @@ impl Quadtree {
                 drawing.update(self, if is_late { usize::MAX } else { BURST_WORK });
                 drawing
             }
-            _ => Box::new(Drawing::new(self)),
+            old => {
+                let old = old.or_else(|| self.old.take());
+                Drawing::new(self, old)
+            }
         };
         self.changes = 0;
         Some(&self.drawing.insert(drawing).frame)

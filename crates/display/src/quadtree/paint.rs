@@ -3,15 +3,16 @@
 //! Invariant: a pixel is a function of the leaves and, by the noise found last, of the pixels of its tile before it: tiles are drawn on all
 //! cores, in any order.
 
-use super::bins::{BINS_AN_OCTAVE, NEAR_CLASSES, bin_distance};
-use super::leaf::{Noise, Reader, beside, own_surface};
-use super::surface::{Level, Surface, gap_allowed};
+use super::bins::{BINS_AN_OCTAVE, NEAR_CLASSES, bin_distance_squared};
+use super::leaf::{Reader, beside, own_surface};
+use super::pyramid::Level;
+use super::surface::{Surface, gap_allowed};
 use super::tile::TileColours;
 use super::wide::Agreement;
 use super::{Frame, LeafSize, MultiDepth, Pyramids, Quadtree, QuadtreeParams, SEEN_SHARE};
 use crate::parts::for_parts;
+use bytemuck::Zeroable;
 use holo_section::BeamId;
-use std::sync::{Mutex, PoisonError};
 
 /// Side of the squares of pixels that are drawn one after the other.
 pub(super) const TILE: usize = 16;
@@ -21,9 +22,6 @@ const CLEARLY_IN_FRONT: u16 = 8;
 
 /// Samples a pixel from which a surface without one is not there: with 2 expected, one pixel in seven has none.
 const MANY_A_PIXEL: u32 = 2;
-
-/// Pixels of a tile from which on their colours are found together.
-const MANY_IN_A_TILE: usize = 24;
 
 /// How many tiles a picture has.
 pub(super) fn tile_count((width, height): (u32, u32)) -> usize {
@@ -48,7 +46,7 @@ pub(super) struct Painted {
 }
 
 /// What a pixel is counted as.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Default, Zeroable)]
 pub(super) struct Counts {
     /// Samples of its own.
     pub samples: u32,
@@ -72,6 +70,13 @@ impl Frame {
         self.empty_pixels += u64::from(painted.counts.empty);
         self.unseen_pixels += u64::from(painted.counts.unseen);
         self.samples_used += u64::from(painted.counts.samples);
+    }
+
+    /// Counts nothing, before all pixels are drawn.
+    pub(super) fn start(&mut self, tree: &Quadtree) {
+        self.picture.view = Some(tree.view);
+        self.uncovered_pixels = tree.uncovered_pixels;
+        (self.empty_pixels, self.unseen_pixels, self.samples_used) = (0, 0, 0);
     }
 
     /// No longer counts a pixel.
@@ -113,8 +118,8 @@ impl<'a> Painter<'a> {
 
     /// Forgets what other tiles' pixels found.
     pub fn begin_tile(&self) {
-        self.all.last_noise.set(None);
-        self.narrow.iter().for_each(|(narrow, _)| narrow.last_noise.set(None));
+        self.all.begin_tile();
+        self.narrow.iter().for_each(|(narrow, _)| narrow.begin_tile());
     }
 
     /// The highest level that colours were read from since this was last asked.
@@ -162,12 +167,16 @@ impl NarrowPart {
 
 /// What a pixel shows.
 enum Shown {
-    Nothing,
+    /// A colour that is known, and a squared distance.
+    Known([f32; 3], f32),
     /// One surface, as from leaves of a level on, by its bins there.
     Surface(usize, (u16, u16)),
     /// A colour, and the nearest bin of what it is mixed of.
     Mixed([f32; 3], u16),
 }
+
+/// Of pixels that nothing is known of.
+const NOTHING: Shown = Shown::Known([0.0; 3], 0.0);
 
 /// What a pixel with samples of its own shows.
 ///
@@ -182,7 +191,7 @@ fn mix(
     ask_nearer: bool,
     depths: &mut MultiDepth,
 ) -> Shown {
-    let Some(front) = own.first() else { return Shown::Nothing };
+    let Some(front) = own.first() else { return NOTHING };
     let near = |surface: &Surface| near_count(surface, front, ask_nearer);
     let all: f32 = own.iter().map(near).sum();
     let alone = Shown::Surface(0, front.bins);
@@ -205,7 +214,7 @@ fn mix(
         }
         nearest = nearest.or(Some(surface.bins.0));
     }
-    nearest.map_or(Shown::Nothing, |bin| Shown::Mixed(colour, bin))
+    nearest.map_or(NOTHING, |bin| Shown::Mixed(colour, bin))
 }
 
 /// Level and bins of a surface that hides a pixel's front surface, though the pixel has no sample of it.
@@ -219,6 +228,10 @@ fn mix(
 fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Option<(usize, (u16, u16))> {
     [2, 1].into_iter().find_map(|level| {
         let leaf = painter.all.levels.get(level)?.leaf(column >> level, row >> level);
+        // The nearest comes first.
+        if leaf.first()?.bins.1.saturating_add(CLEARLY_IN_FRONT) >= front.bins.0 {
+            return None;
+        }
         let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
         let hides = |surface: &&Surface| {
             surface.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0
@@ -242,14 +255,18 @@ fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
 }
 
 /// What a pixel without samples shows: that of the smallest leaf around it that has any.
+#[inline(always)]
 fn fill(painter: &Painter, column: usize, row: usize) -> Shown {
     let filling = painter.all.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
         let leaf = leaves.leaf(column >> level, row >> level);
+        if let [only] = leaf {
+            return Some((level, only.bins));
+        }
         let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
         let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
         Some((level, own_surface(leaf, seen.bins)?.bins))
     });
-    filling.map_or(Shown::Nothing, |(level, bins)| Shown::Surface(level, bins))
+    filling.map_or(NOTHING, |(level, bins)| Shown::Surface(level, bins))
 }
 
 /// Draws pixels tile by tile.
@@ -258,20 +275,13 @@ pub(super) struct TilePainter<'a> {
     painter: Painter<'a>,
     unseen: UnseenPixels,
     colours: Box<TileColours>,
-    asked: Vec<Asked>,
+    /// What samples that look as the eye does show, by pixel of the tile.
+    narrow: Vec<(usize, NarrowPart)>,
+    /// Of each pixel of the tile.
+    distances_squared: [f32; TILE * TILE],
+    counts: [Counts; TILE * TILE],
     /// How several depths were resolved so far.
     pub depths: MultiDepth,
-}
-
-/// A pixel whose colour has been asked for.
-struct Asked {
-    column: usize,
-    row: usize,
-    painted: Painted,
-    reach: usize,
-    /// Its surface, unless it has its colour.
-    surface: Option<(usize, (u16, u16), Noise)>,
-    narrow: Option<NarrowPart>,
 }
 
 impl<'a> TilePainter<'a> {
@@ -281,13 +291,16 @@ impl<'a> TilePainter<'a> {
             painter: Painter::new(pyramids, agreement, &tree.params),
             unseen: UnseenPixels::default(),
             colours: Box::new(TileColours::new()),
-            asked: Vec::with_capacity(TILE * TILE),
+            narrow: Vec::new(),
+            distances_squared: [0.0; TILE * TILE],
+            counts: [Counts::default(); TILE * TILE],
             depths: MultiDepth::default(),
         }
     }
 
     /// Draws those pixels of a tile that are wanted, by their number in the picture, and gives each to `show`, with the highest level
     /// that it was averaged over.
+    #[inline(always)]
     pub fn paint(
         &mut self,
         tile: usize,
@@ -296,85 +309,135 @@ impl<'a> TilePainter<'a> {
     ) {
         let width = self.tree.size.0 as usize;
         self.painter.begin_tile();
-        self.asked.clear();
-        let mut asking = 0;
+        let is_fixed = matches!(self.tree.params.leaf, LeafSize::Fixed(_));
         for (column, row) in tile_pixels(self.tree.size, tile) {
             let pixel = row * width + column;
             if !is_wanted(pixel) {
                 continue;
             }
+            let lane = TileColours::lane(column, row);
             let is_unseen = self.unseen.has(self.tree, pixel);
-            let (mut painted, shown) = self.tree.shown(&self.painter, column, row, is_unseen, &mut self.depths);
-            let (mut surface, mut narrow) = (None, None);
+            let (counts, shown) = self.tree.shown(&self.painter, column, row, is_unseen, &mut self.depths);
+            self.counts[lane] = counts;
             match shown {
-                Shown::Nothing => {}
-                Shown::Mixed(colour, bin) => (painted.colour, painted.depth) = (colour, bin_distance(bin)),
-                Shown::Surface(level, bins) => {
-                    painted.depth = bin_distance(bins.0);
-                    if matches!(self.tree.params.leaf, LeafSize::Fixed(_)) {
-                        painted.colour = self.painter.colour(column, row, level, bins);
-                    } else {
-                        surface = Some((level, bins, self.painter.all.noise(column, row, level, bins)));
-                        narrow = self.painter.narrow_part(column, row, level, bins);
-                        asking += 1;
+                Shown::Surface(level, bins) if !is_fixed => {
+                    self.distances_squared[lane] = bin_distance_squared(bins.0);
+                    self.colours.ask(lane, level, bins, &self.painter.all.noise(column, row, level, bins));
+                    if self.painter.narrow.is_some() {
+                        let part = self.painter.narrow_part(column, row, level, bins);
+                        self.narrow.extend(part.map(|part| (lane, part)));
+                        self.colours.depends(lane, self.painter.reach());
                     }
                 }
-            }
-            self.asked.push(Asked { column, row, painted, reach: self.painter.reach(), surface, narrow });
-        }
-        if asking >= MANY_IN_A_TILE {
-            for asked in &self.asked {
-                if let Some((level, bins, noise)) = &asked.surface {
-                    self.colours.ask(TileColours::lane(asked.column, asked.row), *level, *bins, noise);
+                Shown::Surface(level, bins) => {
+                    self.distances_squared[lane] = bin_distance_squared(bins.0);
+                    self.colours.set(lane, self.painter.colour(column, row, level, bins), self.painter.reach());
+                }
+                Shown::Mixed(colour, bin) => {
+                    self.distances_squared[lane] = bin_distance_squared(bin);
+                    self.colours.set(lane, colour, self.painter.reach());
+                }
+                Shown::Known(colour, distance) => {
+                    self.distances_squared[lane] = distance;
+                    self.colours.set(lane, colour, 0);
                 }
             }
-            let across = width.div_ceil(TILE);
-            self.colours.find(&self.painter.all, tile % across * TILE, tile / across * TILE, self.tree.isa);
-            // Those are told pixel by pixel.
-            self.painter.reach();
         }
-        for asked in &mut self.asked {
-            let (column, row) = (asked.column, asked.row);
-            if let Some((level, bins, noise)) = &asked.surface {
-                let (all, reach) = if asking >= MANY_IN_A_TILE {
-                    self.colours.found(TileColours::lane(column, row))
-                } else {
-                    (self.painter.all.mean(column, row, *level, *bins, noise), self.painter.reach())
-                };
-                asked.painted.colour = asked.narrow.as_ref().map_or(all, |narrow| narrow.mixed_with(all));
-                asked.reach = asked.reach.max(reach);
+        let across = width.div_ceil(TILE);
+        self.colours.find(&self.painter.all, tile % across * TILE, tile / across * TILE, self.tree.isa);
+        for (lane, part) in self.narrow.drain(..) {
+            let (all, reach) = self.colours.get(lane);
+            self.colours.set(lane, part.mixed_with(all), reach);
+        }
+        for (column, row) in tile_pixels(self.tree.size, tile) {
+            let pixel = row * width + column;
+            if is_wanted(pixel) {
+                let lane = TileColours::lane(column, row);
+                let (colour, reach) = self.colours.get(lane);
+                let depth = self.distances_squared[lane].sqrt();
+                show(pixel, &Painted { colour, depth, counts: self.counts[lane] }, reach);
             }
-            show(row * width + column, &asked.painted, asked.reach);
         }
     }
 }
 
+/// Some whole rows of a picture that is drawn, and what is known of their pixels.
+struct RowsDrawn<'a> {
+    colours: &'a mut [[f32; 3]],
+    depths: &'a mut [f32],
+    counts: &'a mut [Counts],
+    reach: &'a mut [u8],
+    sum: Counted,
+}
+
+/// How many pixels, and samples, are counted as what.
+#[derive(Clone, Copy, Default)]
+struct Counted {
+    empty: u64,
+    unseen: u64,
+    samples: u64,
+    depths: MultiDepth,
+}
+
 impl Quadtree {
-    /// What every pixel shows, the highest level that it was averaged over, and how several depths were resolved. By all cores: no tile
-    /// knows of others.
+    /// Draws a picture: every pixel of `frame`, what each is counted as, and the highest level that each was averaged over. How several
+    /// depths were resolved. By all cores: no tile knows of others.
     pub(super) fn paint_all(
         &self,
         pyramids: &Pyramids,
         agreement: Option<&Agreement>,
-    ) -> (Vec<(Painted, u8)>, MultiDepth) {
+        frame: &mut Frame,
+        counts: &mut [Counts],
+        reach: &mut [u8],
+    ) -> MultiDepth {
         let width = self.size.0 as usize;
-        let across = width.div_ceil(TILE);
-        let mut all = vec![(Painted::default(), 0); self.covered.len()];
-        let sum = Mutex::new(MultiDepth::default());
-        for_parts(&mut all, width, TILE, |part, rows| {
-            let mut painter = TilePainter::new(self, pyramids, agreement);
-            for tile in part * across..(part + 1) * across {
-                let show =
-                    |pixel, painted: &Painted, reach| rows[pixel - part * TILE * width] = (*painted, reach as u8);
-                painter.paint(tile, |_| true, show);
+        let (across, most) = (width.div_ceil(TILE), (TILE * width).max(1));
+        let rows = frame.picture.pixels.chunks_mut(most).zip(frame.depth.chunks_mut(most));
+        let mut parts: Vec<RowsDrawn> = rows
+            .zip(counts.chunks_mut(most).zip(reach.chunks_mut(most)))
+            .map(|((colours, depths), (counts, reach))| RowsDrawn {
+                colours,
+                depths,
+                counts,
+                reach,
+                sum: Counted::default(),
+            })
+            .collect();
+        for_parts(&mut parts, 1, 1, |number, parts| {
+            for part in parts {
+                let mut painter = TilePainter::new(self, pyramids, agreement);
+                for tile in number * across..(number + 1) * across {
+                    painter.paint(
+                        tile,
+                        |_| true,
+                        |pixel, painted, reach| {
+                            let at = pixel - number * most;
+                            part.colours[at] = painted.colour;
+                            part.depths[at] = painted.depth;
+                            part.counts[at] = painted.counts;
+                            part.reach[at] = reach as u8;
+                            part.sum.empty += u64::from(painted.counts.empty);
+                            part.sum.unseen += u64::from(painted.counts.unseen);
+                            part.sum.samples += u64::from(painted.counts.samples);
+                        },
+                    );
+                }
+                part.sum.depths = painter.depths;
             }
-            let depths = painter.depths;
-            sum.lock().unwrap_or_else(PoisonError::into_inner).add(&depths);
         });
-        (all, sum.into_inner().unwrap_or_else(PoisonError::into_inner))
+        let mut depths = MultiDepth::default();
+        let sums: Vec<Counted> = parts.iter().map(|part| part.sum).collect();
+        for sum in sums {
+            frame.empty_pixels += sum.empty;
+            frame.unseen_pixels += sum.unseen;
+            frame.samples_used += sum.samples;
+            depths.add(&sum.depths);
+        }
+        depths
     }
 
     /// What a pixel shows, and as what it is counted.
+    #[inline(always)]
     fn shown(
         &self,
         painter: &Painter,
@@ -382,25 +445,24 @@ impl Quadtree {
         row: usize,
         is_unseen: bool,
         depths: &mut MultiDepth,
-    ) -> (Painted, Shown) {
+    ) -> (Counts, Shown) {
         if !self.covered[row * self.size.0 as usize + column] {
-            return (Painted::default(), Shown::Nothing);
+            return (Counts::default(), NOTHING);
         }
         if is_unseen {
-            let counts = Counts { unseen: true, ..Counts::default() };
             let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
-            return (Painted { colour, depth: f32::INFINITY, counts }, Shown::Nothing);
+            return (Counts { unseen: true, ..Counts::default() }, Shown::Known(colour, f32::INFINITY));
         }
         let own = painter.all.levels[0].leaf(column, row);
         // A radius that was given is that of the nearest surface already.
         let ask_nearer = self.params.viewpoint_radius.is_none();
-        let shown = if own.is_empty() {
-            fill(painter, column, row)
-        } else {
-            mix(painter, column, row, own, ask_nearer, depths)
+        let shown = match own {
+            [] => fill(painter, column, row),
+            // As below, which is more work.
+            [front] if front.near != [0; NEAR_CLASSES] => Shown::Surface(0, front.bins),
+            _ => mix(painter, column, row, own, ask_nearer, depths),
         };
-        let samples = own.iter().fold(0_u32, |sum, surface| sum.saturating_add(surface.count));
-        let counts = Counts { samples, empty: own.is_empty(), unseen: false };
-        (Painted { counts, ..Painted::default() }, shown)
+        let samples = painter.all.levels[0].samples_of(column, row);
+        (Counts { samples, empty: own.is_empty(), unseen: false }, shown)
     }
 }

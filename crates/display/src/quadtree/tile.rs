@@ -8,11 +8,15 @@
 
 use super::leaf::{Noise, Reader, UNSEEN};
 use super::paint::TILE;
-use super::surface::{Level, Surface, gap_allowed};
+use super::pyramid::Level;
+use super::surface::{Surface, gap_allowed};
 use crate::pointimage::isa::{Isa, Kernel};
+use glam::Vec4;
 
 /// Pixels of a tile.
 const LANES: usize = TILE * TILE;
+/// Pixels from which on finding them together is less work.
+const MANY: usize = 24;
 /// Start of a pixel that asks for nothing, and of one that is done.
 const IDLE: u32 = u32::MAX;
 /// Rows of leaves that a tile's pixels are read from at most: of leaves of 2 × 2 pixels, and one more on either side.
@@ -35,7 +39,7 @@ pub(super) struct TileColours {
     best: [[f32; LANES]; 3],
     /// Highest level that was averaged over.
     reach: [u32; LANES],
-    waiting: usize,
+    asking: usize,
 }
 
 impl TileColours {
@@ -50,42 +54,69 @@ impl TileColours {
             high: [[0.0; LANES]; 4],
             best: [[0.0; LANES]; 3],
             reach: [0; LANES],
-            waiting: 0,
+            asking: 0,
         }
     }
 
     /// Number of a pixel of the picture in its tile.
+    #[inline(always)]
     pub fn lane(column: usize, row: usize) -> usize {
         row % TILE * TILE + column % TILE
     }
 
     /// Asks for the colour of a surface at a pixel, as [`Reader::colour`] takes it, given its noise.
+    #[inline(always)]
     pub fn ask(&mut self, lane: usize, start: usize, bins: (u16, u16), noise: &Noise) {
         self.start[lane] = start as u32;
         (self.first[lane], self.last[lane]) = (i32::from(bins.0), i32::from(bins.1));
-        self.few_samples[lane] = noise.few_samples();
+        self.few_samples[lane] = noise.few_samples;
         for (all, own) in self.half_widths.iter_mut().zip(noise.half_widths.to_array()) {
             all[lane] = own;
         }
-        self.low.iter_mut().for_each(|low| low[lane] = f32::NEG_INFINITY);
-        self.high.iter_mut().for_each(|high| high[lane] = f32::INFINITY);
-        self.best.iter_mut().for_each(|best| best[lane] = 0.0);
         self.reach[lane] = 0;
-        self.waiting += 1;
+        self.asking += 1;
+    }
+
+    /// Takes in that a pixel depends on a level.
+    pub fn depends(&mut self, lane: usize, level: usize) {
+        self.reach[lane] = self.reach[lane].max(level as u32);
+    }
+
+    /// Takes a colour as a pixel's, that was averaged up to a level.
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, colour: [f32; 3], reach: usize) {
+        for (all, own) in self.best.iter_mut().zip(colour) {
+            all[lane] = own;
+        }
+        self.reach[lane] = reach as u32;
+    }
+
+    /// The colour of a pixel, and the highest level that was averaged over.
+    #[inline(always)]
+    pub fn get(&self, lane: usize) -> ([f32; 3], usize) {
+        ([self.best[0][lane], self.best[1][lane], self.best[2][lane]], self.reach[lane] as usize)
     }
 
     /// Finds the colours of all pixels that have asked, of the tile whose first pixel is given.
     pub fn find(&mut self, reader: &Reader, column: usize, row: usize, isa: Isa) {
-        if self.waiting > 0 {
+        if self.asking >= MANY {
             isa.run(Find { lanes: self, reader, column, row });
-            self.start.fill(IDLE);
-            self.waiting = 0;
+        } else if self.asking > 0 {
+            for lane in 0..LANES {
+                if self.start[lane] != IDLE {
+                    let half_widths = Vec4::from_array(self.half_widths.map(|all| all[lane]));
+                    let noise = Noise { half_widths, few_samples: self.few_samples[lane] };
+                    let bins = (self.first[lane] as u16, self.last[lane] as u16);
+                    let (column, row) = (column + lane % TILE, row + lane / TILE);
+                    let colour = reader.mean(column, row, self.start[lane] as usize, bins, &noise);
+                    self.set(lane, colour, reader.reach.take().max(self.reach[lane] as usize));
+                }
+            }
         }
-    }
-
-    /// The colour found, and the highest level that was averaged over.
-    pub fn found(&self, lane: usize) -> ([f32; 3], usize) {
-        ([self.best[0][lane], self.best[1][lane], self.best[2][lane]], self.reach[lane] as usize)
+        // Each pixel's is told.
+        reader.reach.set(0);
+        self.start.fill(IDLE);
+        self.asking = 0;
     }
 }
 
@@ -171,6 +202,28 @@ impl Neighbours {
             neighbours.weights[1][at] = offset.abs();
         }
         neighbours
+    }
+}
+
+/// Weighted sums over the leaves around one pixel.
+#[derive(Default)]
+struct Sums {
+    weight: f32,
+    weight_squared: f32,
+    sum: [f32; 4],
+}
+
+impl Sums {
+    /// Adds a share of a leaf, if it meets the bins from `near` to `far`.
+    #[inline(always)]
+    fn add(&mut self, leaves: &Leaves, at: usize, (near, far): (i32, i32), share: f32) {
+        let is_met = (leaves.last[at] >= near) & (leaves.first[at] <= far);
+        let part = share * if is_met { leaves.weight[at] } else { 0.0 };
+        self.weight += part;
+        self.weight_squared += share * share * if is_met { leaves.weight_squared[at] } else { 0.0 };
+        for channel in 0..4 {
+            self.sum[channel] += part * leaves.mean[channel][at];
+        }
     }
 }
 
@@ -264,14 +317,17 @@ impl Find<'_> {
     fn large_leaves(&mut self, number: usize, level: &Level) {
         let columns = Neighbours::new(self.column, number);
         let own = self.leaf(level, number, 1, 1);
-        for lane in 0..LANES {
-            let has_own = own.iter().any(|surface| {
-                i32::from(surface.bins.0) <= self.lanes.first[lane]
-                    && self.lanes.last[lane] <= i32::from(surface.bins.1)
-            });
-            if self.lanes.start[lane] as usize <= number && !has_own {
-                self.lanes.start[lane] = IDLE;
+        let mut has_own = [0_u32; LANES];
+        for surface in own {
+            let (first, last) = (i32::from(surface.bins.0), i32::from(surface.bins.1));
+            for (has_own, (wanted_first, wanted_last)) in
+                has_own.iter_mut().zip(self.lanes.first.iter().zip(&self.lanes.last))
+            {
+                *has_own |= u32::from((first <= *wanted_first) & (*wanted_last <= last));
             }
+        }
+        for (start, has_own) in self.lanes.start.iter_mut().zip(has_own) {
+            *start = if (*start as usize <= number) & (has_own == 0) { IDLE } else { *start };
         }
         let gap = gap_allowed(number);
         for surface in own {
@@ -334,20 +390,12 @@ impl Find<'_> {
         let own = &pairs[0].own;
         for at in 0..TILE {
             let (near, far) = (own.first[at] - gap, own.last[at] + gap);
-            let (mut weight, mut weight_squared, mut sum) = (0.0_f32, 0.0_f32, [0.0_f32; 4]);
-            let mut add = |leaves: &Leaves, share: f32| {
-                let is_met = (leaves.last[at] >= near) & (leaves.first[at] <= far);
-                let part = share * if is_met { leaves.weight[at] } else { 0.0 };
-                weight += part;
-                weight_squared += share * share * if is_met { leaves.weight_squared[at] } else { 0.0 };
-                for (sum, mean) in sum.iter_mut().zip(&leaves.mean) {
-                    *sum += part * mean[at];
-                }
-            };
-            add(&pairs[0].own, weights[0] * columns.weights[0][at]);
-            add(&pairs[0].beside, weights[0] * columns.weights[1][at]);
-            add(&pairs[1].own, weights[1] * columns.weights[0][at]);
-            add(&pairs[1].beside, weights[1] * columns.weights[1][at]);
+            let mut sums = Sums::default();
+            sums.add(&pairs[0].own, at, (near, far), weights[0] * columns.weights[0][at]);
+            sums.add(&pairs[0].beside, at, (near, far), weights[0] * columns.weights[1][at]);
+            sums.add(&pairs[1].own, at, (near, far), weights[1] * columns.weights[0][at]);
+            sums.add(&pairs[1].beside, at, (near, far), weights[1] * columns.weights[1][at]);
+            let Sums { weight, weight_squared, sum } = sums;
             let scale = 1.0 / weight;
             for (mean, sum) in blends.mean.iter_mut().zip(sum) {
                 mean[at] = sum * scale;
@@ -391,6 +439,7 @@ impl Find<'_> {
             let start = lanes.start[lane];
             let has_own = blends.has_own[at] != 0;
             let works = (start <= level) & (has_own | !some);
+            let starts = start == level;
             let error = blends.error[at];
             let width = error * (1.0 + lanes.few_samples[lane] * error * error);
             let mut least = f32::INFINITY;
@@ -398,12 +447,14 @@ impl Find<'_> {
             for channel in 0..4 {
                 let mean = blends.mean[channel][at];
                 half = lanes.half_widths[channel][lane] * width;
-                let (low, high) = (lanes.low[channel][lane], lanes.high[channel][lane]);
+                let (old_low, old_high) = (lanes.low[channel][lane], lanes.high[channel][lane]);
+                let low = if starts { f32::NEG_INFINITY } else { old_low };
+                let high = if starts { f32::INFINITY } else { old_high };
                 let (low_here, high_here) = (mean - half, mean + half);
                 let new_low = if low > low_here { low } else { low_here };
                 let new_high = if high < high_here { high } else { high_here };
-                lanes.low[channel][lane] = if works { new_low } else { low };
-                lanes.high[channel][lane] = if works { new_high } else { high };
+                lanes.low[channel][lane] = if works { new_low } else { old_low };
+                lanes.high[channel][lane] = if works { new_high } else { old_high };
                 let left = new_high - new_low;
                 let point = if left >= 0.0 { 1.0 } else { 0.0 };
                 let common = 0.5 * left / half;
@@ -412,18 +463,24 @@ impl Find<'_> {
             }
             let share = if least < 0.0 { 0.0 } else { least };
             let share = if share > 1.0 { 1.0 } else { share };
-            let share = if start == level { 1.0 } else { share };
+            let share = if starts { 1.0 } else { share };
             let is_taken = works & has_own & (share != 0.0);
             for channel in 0..3 {
-                let best = lanes.best[channel][lane];
+                let old = lanes.best[channel][lane];
+                let best = if starts { 0.0 } else { old };
                 let better = best + share * (blends.mean[channel][at] - best);
-                lanes.best[channel][lane] = if is_taken { better } else { best };
+                lanes.best[channel][lane] = if is_taken { better } else { old };
             }
             let reach = lanes.reach[lane];
-            lanes.reach[lane] = if works & has_own { level } else { reach };
+            lanes.reach[lane] = if works & has_own & (level > reach) { level } else { reach };
             let is_enough = half < UNSEEN * blends.mean[3][at];
             let goes_on = is_taken & !is_enough;
             lanes.start[lane] = if works & !goes_on { IDLE } else { start };
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+#[path = "tile_tests.rs"]
+mod tests;
