@@ -105,14 +105,14 @@ impl Colour {
 
 /// Sums over the samples of one depth bin of one pixel: two cache lines.
 #[derive(Clone, Copy, Default, Debug, PartialEq)]
-#[repr(align(64))]
+#[repr(C, align(64))]
 pub(crate) struct Sums {
-    weight: u64,
-    weight_squared: u64,
     rgb: [u128; 3],
     luminance_squared: u128,
-    compressed: u64,
     compressed_squared: u128,
+    compressed: u64,
+    weight: u64,
+    weight_squared: u64,
     pub count: u32,
     /// Samples whose ray passes so near the eye that they are samples of this very pixel, by how near: within the radius,
     /// within half of it, a quarter, and so on. Each counts for itself only, not in the wider ones.
@@ -153,6 +153,13 @@ impl Sums {
         for (near, other) in self.near.iter_mut().zip(other.near) {
             *near = near.saturating_add(other);
         }
+    }
+
+    /// Asks for both cache lines.
+    #[inline(always)]
+    fn prefetch(&self) {
+        prefetch(&self.rgb);
+        prefetch(&self.near);
     }
 
     #[inline(always)]
@@ -258,9 +265,7 @@ impl PixelBins {
         if let Some(rank) = slots.bins.iter().position(|&kept| bin == kept)
             && let Some(sums) = self.sums.get(slots.places[rank] as usize)
         {
-            // Two cache lines.
-            prefetch(&sums.weight);
-            prefetch(&sums.near);
+            sums.prefetch();
         }
     }
 
@@ -268,8 +273,7 @@ impl PixelBins {
     #[inline(always)]
     pub fn prefetch_all_sums(&self, pixel: usize) {
         for (_, sums) in self.of(pixel) {
-            prefetch(&sums.weight);
-            prefetch(&sums.near);
+            sums.prefetch();
         }
     }
 

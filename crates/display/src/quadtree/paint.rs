@@ -315,6 +315,8 @@ impl<'a> TilePainter<'a> {
             if !is_wanted(pixel) {
                 continue;
             }
+            // The next tile's.
+            self.painter.all.levels[0].prefetch(pixel + TILE);
             let lane = TileColours::lane(column, row);
             let is_unseen = self.unseen.has(self.tree, pixel);
             let (counts, shown) = self.tree.shown(&self.painter, column, row, is_unseen, &mut self.depths);

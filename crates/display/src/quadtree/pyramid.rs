@@ -11,7 +11,7 @@ use super::bins::Sums;
 use super::surface::{Surface, adjacent, gap_allowed, of_pixel};
 use crate::parts::for_parts;
 use crate::pointimage::isa::{Isa, Kernel};
-use crate::pointimage::zeroed;
+use crate::pointimage::{prefetch, zeroed};
 use bytemuck::Zeroable;
 use std::borrow::Borrow;
 
@@ -83,6 +83,13 @@ impl Level {
         }
     }
 
+    /// Asks for a leaf's place, counted row by row.
+    #[inline(always)]
+    pub fn prefetch(&self, index: usize) {
+        self.leaves.get(index).into_iter().for_each(prefetch);
+        self.single.get(index).into_iter().for_each(prefetch);
+    }
+
     /// Samples of each leaf, row by row.
     pub fn samples(&self) -> impl Iterator<Item = u32> {
         self.leaves.iter().map(|leaf| leaf.samples)
@@ -120,7 +127,8 @@ impl Level {
         parts: &mut Vec<Surface>,
         surfaces: &mut Vec<Surface>,
     ) {
-        of_children(self, number, column, row, parts, surfaces);
+        let last = of_children(self, number, column, row, parts, surfaces);
+        surfaces.extend(last);
     }
 }
 
@@ -159,6 +167,13 @@ impl LevelPart<'_> {
         put(self.leaves, self.single, self.several, index, surfaces);
     }
 
+    /// Gives a leaf one surface. Read from where it has just been put together, as a whole, it would be waited for.
+    #[inline(always)]
+    fn set_one(&mut self, index: usize, surface: Surface) {
+        self.leaves[index] = Leaf { first: 0, count: 1, room: 0, samples: surface.count };
+        self.single[index] = surface;
+    }
+
     /// Makes the leaves of level `number` above others.
     #[inline(always)]
     fn make(&mut self, number: usize, below: &impl Leaves, scratch: &mut [Vec<Surface>; 2]) {
@@ -166,8 +181,14 @@ impl LevelPart<'_> {
         for row in 0..self.height {
             for column in 0..self.width {
                 surfaces.clear();
-                of_children(below, number, column, row, parts, surfaces);
-                self.set(row * self.width + column, surfaces);
+                let last = of_children(below, number, column, row, parts, surfaces);
+                match last {
+                    Some(only) if surfaces.is_empty() => self.set_one(row * self.width + column, only),
+                    _ => {
+                        surfaces.extend(last);
+                        self.set(row * self.width + column, surfaces);
+                    }
+                }
             }
         }
     }
@@ -193,7 +214,7 @@ fn put(leaves: &mut [Leaf], single: &mut [Surface], several: &mut Vec<Surface>, 
     }
 }
 
-/// Adds to `surfaces` those of the leaf of level `number` above four others. `parts` is scratch.
+/// Adds to `surfaces` those of the leaf of level `number` above four others but the last, which it gives. `parts` is scratch.
 #[inline(always)]
 fn of_children(
     below: &impl Leaves,
@@ -202,7 +223,7 @@ fn of_children(
     row: usize,
     parts: &mut Vec<Surface>,
     surfaces: &mut Vec<Surface>,
-) {
+) -> Option<Surface> {
     let gap = gap_allowed(number);
     let (width, height) = below.size();
     let nothing: &[Surface] = &[];
@@ -226,19 +247,19 @@ fn of_children(
             }
             sorted[at] = Some(surface);
         }
-        join(sorted.into_iter().flatten(), gap, surfaces);
+        join(sorted.into_iter().flatten(), gap, surfaces)
     } else {
         parts.clear();
         children.into_iter().for_each(|child| parts.extend_from_slice(child));
         parts.sort_by_key(|part| part.bins.0);
-        join(parts.iter(), gap, surfaces);
+        join(parts.iter(), gap, surfaces)
     }
 }
 
-/// Adds to `surfaces` those that `parts`, nearest first, are of.
+/// Adds to `surfaces` those that `parts`, nearest first, are of but the last, which it gives.
 #[inline(always)]
-fn join<'a>(mut parts: impl Iterator<Item = &'a Surface>, gap: u16, surfaces: &mut Vec<Surface>) {
-    let Some(&nearest) = parts.next() else { return };
+fn join<'a>(mut parts: impl Iterator<Item = &'a Surface>, gap: u16, surfaces: &mut Vec<Surface>) -> Option<Surface> {
+    let &nearest = parts.next()?;
     let (mut open, mut joined) = (nearest, false);
     for part in parts {
         if adjacent(open.bins.1, part.bins.0, gap) {
@@ -255,7 +276,7 @@ fn join<'a>(mut parts: impl Iterator<Item = &'a Surface>, gap: u16, surfaces: &m
     if joined {
         open.close();
     }
-    surfaces.push(open);
+    Some(open)
 }
 
 /// The levels of one band, from the pixels on.
@@ -276,10 +297,18 @@ impl<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B, P: Fn(usi
         let Some(pixels) = self.levels.first_mut() else { return };
         for index in 0..pixels.leaves.len() {
             (self.prefetch)(self.first + index + AHEAD);
-            let surfaces = &mut scratch[0];
-            surfaces.clear();
-            of_pixel((self.bins)(self.first + index), surfaces);
-            pixels.set(index, surfaces);
+            let mut bins = (self.bins)(self.first + index);
+            // Most pixels have one bin.
+            match (bins.next(), bins.next()) {
+                (None, _) => pixels.set(index, &[]),
+                (Some((bin, sums)), None) => pixels.set_one(index, Surface::new((bin, bin), sums.borrow())),
+                (Some(first), Some(second)) => {
+                    let surfaces = &mut scratch[0];
+                    surfaces.clear();
+                    of_pixel([first, second].into_iter().chain(bins), surfaces);
+                    pixels.set(index, surfaces);
+                }
+            }
         }
         for number in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(number);

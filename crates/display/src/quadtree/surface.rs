@@ -64,7 +64,7 @@ pub(crate) struct Deviation {
 
 impl Surface {
     #[inline(always)]
-    fn new(bins: (u16, u16), sums: &Sums) -> Self {
+    pub fn new(bins: (u16, u16), sums: &Sums) -> Self {
         let [r, g, b] = sums.mean();
         let (weight, weight_squared) = (sums.weight(), sums.weight_squared());
         let (compressed, compressed_square) = sums.mean_compressed();
