@@ -16,7 +16,7 @@ use bytemuck::Zeroable;
 use std::borrow::Borrow;
 
 /// Pixels whose sums are asked for ahead: they lie in the order in which pixels were first hit.
-const AHEAD: usize = 12;
+const AHEAD: usize = 20;
 /// Levels that are made band by band, of 2 to their number less one rows of pixels.
 const BAND_LEVELS: usize = 6;
 
