@@ -228,10 +228,6 @@ fn mix(
 fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Option<(usize, (u16, u16))> {
     [2, 1].into_iter().find_map(|level| {
         let leaf = painter.all.levels.get(level)?.leaf(column >> level, row >> level);
-        // The nearest comes first.
-        if leaf.first()?.bins.1.saturating_add(CLEARLY_IN_FRONT) >= front.bins.0 {
-            return None;
-        }
         let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
         let hides = |surface: &&Surface| {
             surface.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0
@@ -241,6 +237,21 @@ fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Op
         let hiding = leaf.iter().find(hides)?;
         Some((level, hiding.bins))
     })
+}
+
+/// Whether a surface around lies so far in front of a pixel's that it may be found [`covering`] it.
+#[inline(always)]
+fn may_be_covered(painter: &Painter, column: usize, row: usize, front: &Surface) -> bool {
+    let covers = |level: usize| {
+        let leaf = painter
+            .all
+            .levels
+            .get(level)
+            .map_or(&[] as &[Surface], |leaves| leaves.leaf(column >> level, row >> level));
+        // The nearest comes first.
+        leaf.first().is_some_and(|nearest| nearest.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0)
+    };
+    covers(2) | covers(1)
 }
 
 /// Samples of a surface that pass so near the eye that they see past the front surface what the eye sees.
@@ -460,8 +471,10 @@ impl Quadtree {
         let ask_nearer = self.params.viewpoint_radius.is_none();
         let shown = match own {
             [] => fill(painter, column, row),
-            // As below, which is more work.
-            [front] if front.near != [0; NEAR_CLASSES] => Shown::Surface(0, front.bins),
+            // As below, which is more work. Which of the two it is no processor can tell beforehand: both are looked at.
+            [front] if (front.near != [0; NEAR_CLASSES]) | !may_be_covered(painter, column, row, front) => {
+                Shown::Surface(0, front.bins)
+            }
             _ => mix(painter, column, row, own, ask_nearer, depths),
         };
         let samples = painter.all.levels[0].samples_of(column, row);
