@@ -11,6 +11,7 @@
 //! - A pixel whose middle no section covers is 0, whatever its neighbours are.
 //! - A pixel whose middle's best beam sees nothing is the sky (black if the view clips it), exactly: it is known, with or without samples.
 
+mod around;
 mod beams;
 mod bins;
 mod depths;

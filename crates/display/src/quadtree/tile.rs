@@ -6,6 +6,7 @@
 //!
 //! Always true: a colour is that of [`Reader::colour`], bit for bit: the same operations in the same order.
 
+use super::around::{Leaves, NO_LEAVES, Neighbours, Pair, Row};
 use super::leaf::{Noise, Reader, UNSEEN};
 use super::paint::TILE;
 use super::pyramid::Level;
@@ -22,9 +23,6 @@ const IDLE: u32 = u32::MAX;
 /// Rows of leaves that a tile's pixels are read from at most: of leaves of 2 × 2 pixels, and one more on either side.
 const MOST_ROWS: usize = TILE / 2 + 2;
 
-/// A number for each pixel of a row of a tile.
-type Row = [f32; TILE];
-
 /// What a tile's pixels ask for, and what they get. Pixels are row by row.
 pub(super) struct TileColours {
     /// Level that a pixel starts at.
@@ -40,6 +38,8 @@ pub(super) struct TileColours {
     /// Highest level that was averaged over.
     reach: [u32; LANES],
     asking: usize,
+    /// What pixels are read from at a level; memory to be used again.
+    pairs: Vec<Pair>,
 }
 
 impl TileColours {
@@ -55,6 +55,7 @@ impl TileColours {
             best: [[0.0; LANES]; 3],
             reach: [0; LANES],
             asking: 0,
+            pairs: vec![Pair { own: NO_LEAVES, beside: NO_LEAVES }; MOST_ROWS],
         }
     }
 
@@ -117,91 +118,6 @@ impl TileColours {
         reader.reach.set(0);
         self.start.fill(IDLE);
         self.asking = 0;
-    }
-}
-
-/// The leaves that a row of pixels is read from: of each pixel, one.
-#[derive(Clone, Copy)]
-struct Leaves {
-    weight: Row,
-    weight_squared: Row,
-    mean: [Row; 4],
-    first: [i32; TILE],
-    last: [i32; TILE],
-    /// Whether the leaf has several surfaces that may be read from (0: no), of which this is one.
-    many: [u32; TILE],
-}
-
-const NO_LEAVES: Leaves = Leaves {
-    weight: [0.0; TILE],
-    weight_squared: [0.0; TILE],
-    mean: [[0.0; TILE]; 4],
-    first: [0; TILE],
-    last: [0; TILE],
-    many: [0; TILE],
-};
-
-impl Leaves {
-    #[inline(always)]
-    fn set(&mut self, at: usize, surface: Option<&Surface>, many: bool) {
-        self.many[at] = u32::from(many);
-        if let Some(surface) = surface {
-            self.weight[at] = surface.weight;
-            self.weight_squared[at] = surface.weight_squared;
-            self.mean.iter_mut().zip(surface.mean).for_each(|(mean, own)| mean[at] = own);
-            (self.first[at], self.last[at]) = (i32::from(surface.bins.0), i32::from(surface.bins.1));
-        } else {
-            // Of no weight, so any finite mean does.
-            (self.weight[at], self.weight_squared[at]) = (0.0, 0.0);
-            self.mean.iter_mut().for_each(|mean| mean[at] = 0.0);
-        }
-    }
-
-    /// For each pixel the leaf at the place that is given.
-    #[inline(always)]
-    fn spread(&self, places: &[usize; TILE]) -> Self {
-        let mut spread = NO_LEAVES;
-        for (at, place) in places.iter().map(|place| place % TILE).enumerate() {
-            spread.weight[at] = self.weight[place];
-            spread.weight_squared[at] = self.weight_squared[place];
-            spread.mean.iter_mut().zip(&self.mean).for_each(|(to, from)| to[at] = from[place]);
-            spread.first[at] = self.first[place];
-            spread.last[at] = self.last[place];
-            spread.many[at] = self.many[place];
-        }
-        spread
-    }
-}
-
-/// Of one row of leaves, those that the pixels of a row lie in, and those beside them.
-#[derive(Clone, Copy)]
-struct Pair {
-    own: Leaves,
-    beside: Leaves,
-}
-
-/// Which leaves the pixels of a row or column are read from, counted from the one before the first, and their bilinear weights.
-struct Neighbours {
-    own: [usize; TILE],
-    beside: [usize; TILE],
-    weights: [Row; 2],
-}
-
-impl Neighbours {
-    #[inline(always)]
-    fn new(first: usize, level: usize) -> Self {
-        let size = 1_usize << level;
-        let mut neighbours = Self { own: [0; TILE], beside: [0; TILE], weights: [[0.0; TILE]; 2] };
-        for at in 0..TILE {
-            let pixel = first + at;
-            let offset = (2 * (pixel & (size - 1)) + 1) as f32 / (2 * size) as f32 - 0.5;
-            let own = (pixel >> level) - (first >> level) + 1;
-            neighbours.own[at] = own;
-            neighbours.beside[at] = if offset < 0.0 { own - 1 } else { own + 1 };
-            neighbours.weights[0][at] = 1.0 - offset.abs();
-            neighbours.weights[1][at] = offset.abs();
-        }
-        neighbours
     }
 }
 
@@ -299,7 +215,7 @@ impl Find<'_> {
     #[inline(always)]
     fn small_leaves(&mut self, number: usize, level: &Level) {
         let columns = Neighbours::new(self.column, number);
-        let mut pairs = [Pair { own: NO_LEAVES, beside: NO_LEAVES }; MOST_ROWS];
+        let mut pairs = std::mem::take(&mut self.lanes.pairs);
         let count = (TILE >> number) + 2;
         for (row, pair) in pairs.iter_mut().enumerate().take(count) {
             let mut leaves = NO_LEAVES;
@@ -310,6 +226,7 @@ impl Find<'_> {
             *pair = Pair { own: leaves.spread(&columns.own), beside: leaves.spread(&columns.beside) };
         }
         self.rows(number, &columns, &pairs, None);
+        self.lanes.pairs = pairs;
     }
 
     /// Leaves of which one contains the tile.
@@ -330,10 +247,13 @@ impl Find<'_> {
             *start = if (*start as usize <= number) & (has_own == 0) { IDLE } else { *start };
         }
         let gap = gap_allowed(number);
+        let mut pairs = std::mem::take(&mut self.lanes.pairs);
         for surface in own {
+            if !self.is_wanted(number, surface) {
+                continue;
+            }
             let (near, far) = (surface.bins.0.saturating_sub(gap), surface.bins.1.saturating_add(gap));
-            let mut pairs = [Pair { own: NO_LEAVES, beside: NO_LEAVES }; 3];
-            for (row, pair) in pairs.iter_mut().enumerate() {
+            for (row, pair) in pairs.iter_mut().enumerate().take(3) {
                 let mut leaves = NO_LEAVES;
                 for at in 0..3 {
                     let mut meeting = self
@@ -348,6 +268,20 @@ impl Find<'_> {
             }
             self.rows(number, &columns, &pairs, Some(surface));
         }
+        self.lanes.pairs = pairs;
+    }
+
+    /// Whether pixels that ask for a surface are read from a level.
+    #[inline(always)]
+    fn is_wanted(&self, number: usize, surface: &Surface) -> bool {
+        let (first, last) = (i32::from(surface.bins.0), i32::from(surface.bins.1));
+        let mut wanted = 0;
+        for ((&start, &wanted_first), &wanted_last) in
+            self.lanes.start.iter().zip(&self.lanes.first).zip(&self.lanes.last)
+        {
+            wanted |= u32::from((start as usize <= number) & (first <= wanted_first) & (wanted_last <= last));
+        }
+        wanted != 0
     }
 
     /// A leaf around the tile, counted from the one before the first.
