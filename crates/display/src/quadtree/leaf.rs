@@ -83,7 +83,7 @@ impl Intersection {
 /// Reads colours from a pyramid.
 pub(crate) struct Reader<'a> {
     pub levels: &'a [Level],
-    pub params: &'a QuadtreeParams,
+    params: &'a QuadtreeParams,
     last_noise: Cell<Noise>,
     /// Whose that is.
     last_place: Cell<NoisePlace>,
