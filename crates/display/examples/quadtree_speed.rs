@@ -1,4 +1,4 @@
-//! Times the quadtree driver on one core: `cargo run --release -p holo-display --example quadtree_speed`.
+//! Times the quadtree driver, as its first thread's time on a core (whole pictures are drawn by all cores): `cargo run --release -p holo-display --example quadtree_speed`.
 //!
 //! For each kind of samples: insertions, the first picture, one of a burst after 50,000 more samples, one after so many when 33 ms
 //! are over, one after a hundred, and those at rest.

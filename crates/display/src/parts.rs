@@ -7,19 +7,6 @@ use std::sync::{Mutex, PoisonError};
 /// Threads at the most: a picture has not work for more.
 const MAX_THREADS: usize = 32;
 
-/// What two calls give, made side by side if there are cores for it.
-pub(crate) fn both<A, B: Send>(one: impl FnOnce() -> A, other: impl FnOnce() -> B + Send) -> (A, B) {
-    if std::thread::available_parallelism().map_or(1, usize::from) == 1 {
-        return (one(), other());
-    }
-    std::thread::scope(|scope| {
-        let other = scope.spawn(other);
-        let one = one();
-        // A panic there goes on here.
-        (one, other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-    })
-}
-
 /// Calls `work(number, rows)` for each part of `items`, `rows_a_part` rows of `width` items (the last may have fewer).
 pub(crate) fn for_parts<T: Send>(
     items: &mut [T],

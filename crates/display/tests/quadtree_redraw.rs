@@ -147,9 +147,10 @@ fn bursts_that_follow_each_other_draw_some_thousand_pixels_each_until_there_is_t
     let reached = errors[errors.len() - 1];
     assert!(reached < 0.2 * errors[0] && reached < 2.0 * all, "{errors:?} {all}");
     insert(&mut tree, &near_samples(room, &section, &view, 100, 99, some_paths));
-    let late = relative_error(tree.redraw(LATE).unwrap(), &reference);
-    assert!(late < 1.25 * all, "{late} {all}");
-    let rest = tree.redraw(LATE).map(bits).unwrap();
-    assert!(rest == bits(&tree.draw()));
+    let late = tree.redraw(LATE).unwrap().clone();
+    let error = relative_error(&late, &reference);
+    assert!(error < 1.25 * all, "{error} {all}");
+    // Nearly all pixels have grown since they were drawn: the whole picture is drawn at once, and none is needed at rest.
+    assert!(bits(&late) == bits(&tree.draw()));
     assert!(tree.redraw(LATE).is_none());
 }

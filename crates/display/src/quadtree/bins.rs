@@ -43,7 +43,13 @@ pub(crate) fn depth_bin(distance_squared: f64) -> u16 {
 
 /// Distance at the middle of a bin; infinity for [`FAR`].
 pub(crate) fn bin_distance(bin: u16) -> f32 {
-    if bin >= FAR { f32::INFINITY } else { f32::from_bits((u32::from(bin) << BIN_SHIFT) | 1 << (BIN_SHIFT - 1)).sqrt() }
+    bin_distance_squared(bin).sqrt()
+}
+
+/// Its square.
+#[inline(always)]
+pub(crate) fn bin_distance_squared(bin: u16) -> f32 {
+    if bin >= FAR { f32::INFINITY } else { f32::from_bits((u32::from(bin) << BIN_SHIFT) | 1 << (BIN_SHIFT - 1)) }
 }
 
 /// Luminance in the domain in which leaves are compared: its fourth root.
@@ -55,6 +61,7 @@ pub(crate) fn compress(luminance: f32) -> f32 {
 }
 
 /// Luminance of linear RGB in the scene's radiance unit (without Radiance's 179 lm/W).
+#[inline(always)]
 pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
     0.265 * rgb[0] + 0.670 * rgb[1] + 0.065 * rgb[2]
 }
@@ -96,20 +103,23 @@ impl Colour {
     }
 }
 
-/// Sums over the samples of one depth bin of one pixel.
+/// Sums over the samples of one depth bin of one pixel: two cache lines.
 #[derive(Clone, Copy, Default, Debug, PartialEq)]
+#[repr(C, align(64))]
 pub(crate) struct Sums {
-    weight: u64,
-    weight_squared: u64,
     rgb: [u128; 3],
     luminance_squared: u128,
-    compressed: u64,
     compressed_squared: u128,
+    compressed: u64,
+    weight: u64,
+    weight_squared: u64,
     pub count: u32,
     /// Samples whose ray passes so near the eye that they are samples of this very pixel, by how near: within the radius,
     /// within half of it, a quarter, and so on. Each counts for itself only, not in the wider ones.
     pub near: [u32; NEAR_CLASSES],
 }
+
+const _: () = assert!(size_of::<Sums>() == 128);
 
 impl Sums {
     fn add(&mut self, colour: &Colour, weight: u32, near: Option<usize>) {
@@ -145,26 +155,38 @@ impl Sums {
         }
     }
 
+    /// Asks for both cache lines.
+    #[inline(always)]
+    fn prefetch(&self) {
+        prefetch(&self.rgb);
+        prefetch(&self.near);
+    }
+
+    #[inline(always)]
     pub fn weight(&self) -> f64 {
         self.weight as f64
     }
 
+    #[inline(always)]
     pub fn weight_squared(&self) -> f64 {
         self.weight_squared as f64
     }
 
     /// Weighted mean colour. The sums must not be empty.
+    #[inline(always)]
     pub fn mean(&self) -> [f64; 3] {
         let scale = 1.0 / (self.weight() * (1_u64 << COLOUR_FRACTION) as f64);
         self.rgb.map(|sum| float(sum) * scale)
     }
 
     /// Weighted mean of luminance squared.
+    #[inline(always)]
     pub fn mean_luminance_squared(&self) -> f64 {
         float(self.luminance_squared) / (self.weight() * f64::from(LUMINANCE_SCALE).powi(2))
     }
 
     /// Weighted means of compressed luminance and of its square.
+    #[inline(always)]
     pub fn mean_compressed(&self) -> (f64, f64) {
         let scale = f64::from(COMPRESSED_SCALE);
         (
@@ -175,6 +197,7 @@ impl Sums {
 }
 
 /// A wide integer as a float, within two roundings; the language's own conversion is a call that takes several times as long.
+#[inline(always)]
 fn float(wide: u128) -> f64 {
     (wide >> 64) as u64 as f64 * 18_446_744_073_709_551_616.0 + wide as u64 as f64
 }
@@ -242,17 +265,15 @@ impl PixelBins {
         if let Some(rank) = slots.bins.iter().position(|&kept| bin == kept)
             && let Some(sums) = self.sums.get(slots.places[rank] as usize)
         {
-            // Two cache lines.
-            prefetch(&sums.weight);
-            prefetch(&sums.near);
+            sums.prefetch();
         }
     }
 
     /// Asks for all sums of a pixel.
+    #[inline(always)]
     pub fn prefetch_all_sums(&self, pixel: usize) {
         for (_, sums) in self.of(pixel) {
-            prefetch(&sums.weight);
-            prefetch(&sums.near);
+            sums.prefetch();
         }
     }
 
@@ -267,6 +288,7 @@ impl PixelBins {
     }
 
     /// The kept bins of a pixel, nearest first, with their sums. None of a pixel that there is no room for.
+    #[inline(always)]
     pub fn of(&self, pixel: usize) -> impl Iterator<Item = (u16, &Sums)> {
         let slots = self.slots.get(pixel).unwrap_or(&EMPTY);
         let kept = slots.bins.iter().take_while(|&&bin| bin != NONE).count();

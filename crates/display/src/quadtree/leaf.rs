@@ -9,7 +9,8 @@
 //! Invariant: only samples of one surface are averaged: bins connected to the pixel's own.
 
 use crate::quadtree::bins::luminance;
-use crate::quadtree::surface::{Deviation, Level, Surface, gap_allowed};
+use crate::quadtree::pyramid::Level;
+use crate::quadtree::surface::{Deviation, Surface, gap_allowed};
 use crate::quadtree::{LeafSize, QuadtreeParams};
 use glam::Vec4;
 use std::cell::Cell;
@@ -35,7 +36,7 @@ const NOISE_FREEDOM: f32 = 256.0;
 const QUANTUM: f32 = 0.004;
 /// A half-width below this part of the mean compressed luminance (2.4 % of luminance, a standard error of 1.1 %) is not seen:
 /// no larger leaf is tried.
-const UNSEEN: f32 = 0.006;
+pub(crate) const UNSEEN: f32 = 0.006;
 
 /// Weighted mean over neighbouring leaves of one level, of one surface.
 #[derive(Clone, Copy, Debug)]
@@ -51,8 +52,8 @@ pub(crate) struct Blend {
 pub(crate) struct Noise {
     /// Half-widths of intervals for a standard error of 1: of the channels and, last, of compressed luminance.
     pub half_widths: Vec4,
-    /// Variance of luminance over its mean squared.
-    relative_variance: f32,
+    /// By how much intervals are wider for few samples: times the standard error squared for samples of unit deviation.
+    pub few_samples: f32,
 }
 
 /// Running intersection of intervals, one for each thing compared.
@@ -83,26 +84,30 @@ impl Intersection {
 pub(crate) struct Reader<'a> {
     pub levels: &'a [Level],
     params: &'a QuadtreeParams,
-    /// To be forgotten from tile to tile, so that no tile depends on others.
-    pub last_noise: Cell<Option<KnownNoise>>,
+    last_noise: Cell<Noise>,
+    /// Whose that is.
+    last_place: Cell<NoisePlace>,
     /// Highest level that was averaged over since it was last set.
     pub reach: Cell<usize>,
 }
 
-/// The noise found last, and of what: pixels side by side mostly ask for the same, and climbing the levels is a good part of
-/// a drawing's time. Pixels are read in a fixed order, so this changes no picture by chance.
+/// The leaf whose noise was found last, and its bins: pixels side by side mostly ask for the same, and climbing the levels is a good
+/// part of a drawing's time. Pixels are read in a fixed order, so this changes no picture by chance.
 #[derive(Clone, Copy)]
-pub(crate) struct KnownNoise {
+struct NoisePlace {
     level: usize,
     column: usize,
     row: usize,
     bins: (u16, u16),
-    noise: Noise,
 }
+
+/// No leaf's.
+const NO_PLACE: NoisePlace = NoisePlace { level: 0, column: usize::MAX, row: usize::MAX, bins: (1, 0) };
+const NO_NOISE: Noise = Noise { half_widths: Vec4::ZERO, few_samples: 0.0 };
 
 impl<'a> Reader<'a> {
     pub fn new(levels: &'a [Level], params: &'a QuadtreeParams) -> Self {
-        Self { levels, params, last_noise: Cell::new(None), reach: Cell::new(0) }
+        Self { levels, params, last_noise: Cell::new(NO_NOISE), last_place: Cell::new(NO_PLACE), reach: Cell::new(0) }
     }
 
     /// Colour at a pixel of the surface that has `bins` in the pixel's leaf of level `start`.
@@ -112,7 +117,12 @@ impl<'a> Reader<'a> {
             return self.blend(column, row, level, bins).map_or([0.0; 3], |blend| blend.mean.truncate().to_array());
         }
         let noise = self.noise(column, row, start, bins);
-        let few_samples = FEW_SAMPLES * (noise.relative_variance + PLAIN_TAIL);
+        self.mean(column, row, start, bins, &noise)
+    }
+
+    /// The mean over the leaves that noise asks for.
+    pub fn mean(&self, column: usize, row: usize, start: usize, bins: (u16, u16), noise: &Noise) -> [f32; 3] {
+        let few_samples = noise.few_samples;
         let mut common = Intersection::everything();
         let mut best = Vec4::ZERO;
         for level in start..self.levels.len() {
@@ -133,15 +143,25 @@ impl<'a> Reader<'a> {
         best.truncate().to_array()
     }
 
+    /// Forgets the noise found last: no tile depends on others.
+    pub fn begin_tile(&self) {
+        self.last_place.set(NO_PLACE);
+    }
+
     /// Noise of the surface around a pixel: from the smallest leaf that has samples enough.
+    #[inline(always)]
     pub fn noise(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Noise {
-        if let Some(known) = self.last_noise.get().filter(|known| {
-            known.level >= start
-                && (known.column, known.row) == (column >> known.level, row >> known.level)
-                && (known.bins.0..=known.bins.1).contains(&bins.0)
-        }) {
-            return known.noise;
-        }
+        let place = self.last_place.get();
+        let is_near = (place.level >= start)
+            & (place.column == column >> place.level)
+            & (place.row == row >> place.level)
+            & (place.bins.0 <= bins.0)
+            & (bins.0 <= place.bins.1);
+        if is_near { self.last_noise.get() } else { self.find_noise(column, row, start, bins) }
+    }
+
+    #[inline(never)]
+    fn find_noise(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Noise {
         let mut found_at = (start, bins);
         let mut deviation = Deviation { luminance: 0.0, compressed: 0.0, freedom: -1.0 };
         let mut mean = [0.0; 4];
@@ -168,10 +188,11 @@ impl<'a> Reader<'a> {
                 channel(b),
                 KAPPA * deviation.compressed.max(0.25 * QUANTUM * compressed),
             ),
-            relative_variance: relative * relative,
+            few_samples: FEW_SAMPLES * (relative * relative + PLAIN_TAIL),
         };
         let (level, bins) = found_at;
-        self.last_noise.set(Some(KnownNoise { level, column: column >> level, row: row >> level, bins, noise }));
+        self.last_place.set(NoisePlace { level, column: column >> level, row: row >> level, bins });
+        self.last_noise.set(noise);
         noise
     }
 

@@ -35,7 +35,7 @@ impl Quadtree {
             self.narrow.add(pixel, bin, &Colour::from_rgbe(ray.rgbe()), weight, Some(NEAR_CLASSES - 1));
             self.changes += 1;
             if self.drawing.as_mut().is_some_and(|drawing| !drawing.has_landed([pixel].into_iter())) {
-                self.drawing = None;
+                self.give_up_drawing();
             }
         }
     }

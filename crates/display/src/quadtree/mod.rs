@@ -11,6 +11,7 @@
 //! - A pixel whose middle no section covers is 0, whatever its neighbours are.
 //! - A pixel whose middle's best beam sees nothing is the sky (black if the view clips it), exactly: it is known, with or without samples.
 
+mod around;
 mod beams;
 mod bins;
 mod depths;
@@ -19,14 +20,17 @@ mod keep;
 mod leaf;
 mod live;
 mod paint;
+mod pyramid;
 pub(crate) mod reproject;
 mod surface;
+mod tile;
 mod wide;
 
 use crate::camera::Camera;
 use crate::candidates::candidates;
 use crate::covered::covered;
-use crate::parts::both;
+use crate::pointimage::isa::Isa;
+use crate::pointimage::zeroed;
 use bins::{BINS_KEPT, Colour, PixelBins, merged};
 use drawing::Drawing;
 use glam::DVec3;
@@ -34,10 +38,10 @@ use holo_picture::{Picture, View};
 use holo_section::{BeamId, Sample, Section};
 use keep::Kept;
 pub use keep::REFETCH_DEGREES;
+use pyramid::{Level, pyramid};
 use reproject::{BeamProjector, DistanceTable, Landing, PlacedSection};
 use std::collections::HashSet;
 use std::sync::Arc;
-use surface::{Level, pyramid};
 use wide::Agreement;
 
 /// Paths a sample counts for at most: enough that more are not told apart, few enough that sums cannot overflow.
@@ -115,6 +119,7 @@ pub struct Quadtree {
     camera: Camera,
     size: (u32, u32),
     params: QuadtreeParams,
+    isa: Isa,
     distances: DistanceTable,
     /// Samples that look as the eye does.
     narrow: PixelBins,
@@ -126,6 +131,8 @@ pub struct Quadtree {
     kept: Kept,
     /// The last picture that [`redraw`](Self::redraw) gave, and what it was drawn from.
     drawing: Option<Box<Drawing>>,
+    /// One that is of no more use but for its memory.
+    old: Option<Box<Drawing>>,
     /// Samples that landed, and unseen beams, since the last [`redraw`](Self::redraw); a new view is a change, too.
     changes: u64,
     /// Those of one batch that landed: pixel, landing, colour.
@@ -149,6 +156,7 @@ impl Quadtree {
             unseen: HashSet::new(),
             kept: Kept::default(),
             drawing: None,
+            old: None,
             changes: 1,
             arrived: Vec::with_capacity(BATCH),
             best: Vec::new(),
@@ -156,6 +164,7 @@ impl Quadtree {
             view,
             size,
             params,
+            isa: Isa::best(),
         };
         quadtree.place();
         quadtree
@@ -169,7 +178,7 @@ impl Quadtree {
         self.wide.clear();
         self.unseen.clear();
         self.kept.clear();
-        self.drawing = None;
+        self.give_up_drawing();
         self.changes = 1;
         self.place();
     }
@@ -229,7 +238,7 @@ impl Quadtree {
             self.changes += self.arrived.len() as u64;
             let landed = self.arrived.iter().map(|(pixel, ..)| *pixel);
             if self.drawing.as_mut().is_some_and(|drawing| !drawing.has_landed(landed)) {
-                self.drawing = None;
+                self.old = self.drawing.take();
             }
         }
     }
@@ -254,12 +263,17 @@ impl Quadtree {
 
     /// The picture of all samples so far, and how samples of several depths were resolved in it.
     pub fn draw_and_count(&self) -> (Frame, MultiDepth) {
-        let pyramids = Pyramids::new(self);
+        let pyramids = Pyramids::new(self, None);
         let agreement = self.agreement(&pyramids);
-        let (painted, depths) = self.paint_all(&pyramids, agreement.as_ref());
         let mut frame = self.empty_frame();
-        painted.iter().enumerate().for_each(|(pixel, (painted, _))| frame.show(pixel, painted));
+        let (mut counts, mut reach) = (zeroed(frame.depth.len()), zeroed(frame.depth.len()));
+        let depths = self.paint_all(&pyramids, agreement.as_ref(), &mut frame, &mut counts, &mut reach);
         (frame, depths)
+    }
+
+    /// Everything is to be drawn again.
+    fn give_up_drawing(&mut self) {
+        self.old = self.drawing.take().or(self.old.take());
     }
 
     fn empty_frame(&self) -> Frame {
@@ -324,6 +338,7 @@ impl Quadtree {
 }
 
 /// The leaves that a picture is drawn from.
+#[derive(Default)]
 struct Pyramids {
     narrow: Vec<Level>,
     /// None: narrow samples are all.
@@ -331,18 +346,16 @@ struct Pyramids {
 }
 
 impl Pyramids {
-    fn new(tree: &Quadtree) -> Self {
-        let (width, height) = (tree.size.0 as usize, tree.size.1 as usize);
+    /// Of all samples so far. The memory of others is used again.
+    fn new(tree: &Quadtree, memory: Option<Self>) -> Self {
+        let (size, isa) = ((tree.size.0 as usize, tree.size.1 as usize), tree.isa);
         let most = usize::from(tree.params.max_level);
-        let narrow = || pyramid(|pixel| tree.narrow.of(pixel), |pixel| tree.prefetch(pixel), width, height, most);
-        if tree.wide.is_empty() {
-            return Self { narrow: narrow(), all: None };
-        }
-        let all = || {
-            pyramid(|pixel| merged(&tree.narrow, &tree.wide, pixel), |pixel| tree.prefetch(pixel), width, height, most)
-        };
-        let (narrow, all) = both(narrow, all);
-        Self { narrow, all: Some(all) }
+        let (narrow, all) = memory.map_or((None, None), |memory| (Some(memory.narrow), memory.all));
+        let prefetch = |pixel| tree.prefetch(pixel);
+        let narrow = pyramid(|pixel| tree.narrow.of(pixel), prefetch, size, most, narrow, isa);
+        let merged = |pixel| merged(&tree.narrow, &tree.wide, pixel);
+        let all = (!tree.wide.is_empty()).then(|| pyramid(merged, prefetch, size, most, all, isa));
+        Self { narrow, all }
     }
 
     fn all(&self) -> &[Level] {

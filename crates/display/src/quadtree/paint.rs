@@ -3,14 +3,16 @@
 //! Invariant: a pixel is a function of the leaves and, by the noise found last, of the pixels of its tile before it: tiles are drawn on all
 //! cores, in any order.
 
-use super::bins::{BINS_AN_OCTAVE, NEAR_CLASSES, bin_distance};
+use super::bins::{BINS_AN_OCTAVE, NEAR_CLASSES, bin_distance_squared};
 use super::leaf::{Reader, beside, own_surface};
-use super::surface::{Level, Surface, gap_allowed};
+use super::pyramid::Level;
+use super::surface::{Surface, gap_allowed};
+use super::tile::TileColours;
 use super::wide::Agreement;
-use super::{Frame, MultiDepth, Pyramids, Quadtree, QuadtreeParams, SEEN_SHARE};
+use super::{Frame, LeafSize, MultiDepth, Pyramids, Quadtree, QuadtreeParams, SEEN_SHARE};
 use crate::parts::for_parts;
+use bytemuck::Zeroable;
 use holo_section::BeamId;
-use std::sync::{Mutex, PoisonError};
 
 /// Side of the squares of pixels that are drawn one after the other.
 pub(super) const TILE: usize = 16;
@@ -44,7 +46,7 @@ pub(super) struct Painted {
 }
 
 /// What a pixel is counted as.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Default, Zeroable)]
 pub(super) struct Counts {
     /// Samples of its own.
     pub samples: u32,
@@ -68,6 +70,13 @@ impl Frame {
         self.empty_pixels += u64::from(painted.counts.empty);
         self.unseen_pixels += u64::from(painted.counts.unseen);
         self.samples_used += u64::from(painted.counts.samples);
+    }
+
+    /// Counts nothing, before all pixels are drawn.
+    pub(super) fn start(&mut self, tree: &Quadtree) {
+        self.picture.view = Some(tree.view);
+        self.uncovered_pixels = tree.uncovered_pixels;
+        (self.empty_pixels, self.unseen_pixels, self.samples_used) = (0, 0, 0);
     }
 
     /// No longer counts a pixel.
@@ -109,8 +118,8 @@ impl<'a> Painter<'a> {
 
     /// Forgets what other tiles' pixels found.
     pub fn begin_tile(&self) {
-        self.all.last_noise.set(None);
-        self.narrow.iter().for_each(|(narrow, _)| narrow.last_noise.set(None));
+        self.all.begin_tile();
+        self.narrow.iter().for_each(|(narrow, _)| narrow.begin_tile());
     }
 
     /// The highest level that colours were read from since this was last asked.
@@ -124,23 +133,52 @@ impl Painter<'_> {
     /// As [`Reader::colour`].
     fn colour(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> [f32; 3] {
         let all = self.all.colour(column, row, start, bins);
-        let Some((narrow, agreement)) = &self.narrow else { return all };
+        self.narrow_part(column, row, start, bins).map_or(all, |part| part.mixed_with(all))
+    }
+
+    /// What samples that look as the eye does show, where the others may not stand for it.
+    fn narrow_part(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Option<NarrowPart> {
+        let (narrow, agreement) = self.narrow.as_ref()?;
         let share = agreement.of(&self.all, narrow, column, row, bins);
         if share == 1.0 {
-            return all;
+            return None;
         }
         // From the smallest leaf that has any: the comparison found one. Few as they are there, they may all lie a bin beside.
         let start = (start..narrow.levels.len()).find_map(|level| {
             let leaf = narrow.levels[level].leaf(column >> level, row >> level);
             beside(leaf, bins, gap_allowed(level)).map(|surface| (level, surface.bins))
         });
-        let Some((start, bins)) = start else { return all };
-        let own = narrow.colour(column, row, start, bins);
-        [0, 1, 2].map(|channel| own[channel] + share * (all[channel] - own[channel]))
+        let (start, bins) = start?;
+        Some(NarrowPart { own: narrow.colour(column, row, start, bins), share })
     }
 }
 
-/// Colour and nearest bin of a pixel with samples of its own.
+/// A colour of samples that look as the eye does, and how far that of all may be used.
+struct NarrowPart {
+    own: [f32; 3],
+    share: f32,
+}
+
+impl NarrowPart {
+    fn mixed_with(&self, all: [f32; 3]) -> [f32; 3] {
+        [0, 1, 2].map(|channel| self.own[channel] + self.share * (all[channel] - self.own[channel]))
+    }
+}
+
+/// What a pixel shows.
+enum Shown {
+    /// A colour that is known, and a squared distance.
+    Known([f32; 3], f32),
+    /// One surface, as from leaves of a level on, by its bins there.
+    Surface(usize, (u16, u16)),
+    /// A colour, and the nearest bin of what it is mixed of.
+    Mixed([f32; 3], u16),
+}
+
+/// Of pixels that nothing is known of.
+const NOTHING: Shown = Shown::Known([0.0; 3], 0.0);
+
+/// What a pixel with samples of its own shows.
 ///
 /// Samples that pass near the eye are samples of this very pixel: their shares are the surfaces' coverage, which is what
 /// makes a silhouette smooth. With none of them the nearest surface is what is seen: whatever lies behind was seen past its
@@ -152,19 +190,19 @@ fn mix(
     own: &[Surface],
     ask_nearer: bool,
     depths: &mut MultiDepth,
-) -> Option<([f32; 3], u16)> {
-    let front = own.first()?;
+) -> Shown {
+    let Some(front) = own.first() else { return NOTHING };
     let near = |surface: &Surface| near_count(surface, front, ask_nearer);
     let all: f32 = own.iter().map(near).sum();
-    let alone = || Some((painter.colour(column, row, 0, front.bins), front.bins.0));
+    let alone = Shown::Surface(0, front.bins);
     if all == 0.0 {
         let covered = covering(painter, column, row, front);
         depths.by_leaves += u64::from(covered.is_some());
         depths.remaining += u64::from(covered.is_none() && own.len() > 1);
-        return covered.or_else(alone);
+        return covered.map_or(alone, |(level, bins)| Shown::Surface(level, bins));
     }
     if own.len() == 1 {
-        return alone();
+        return alone;
     }
     depths.by_near_samples += 1;
     let mut colour = [0.0; 3];
@@ -176,10 +214,10 @@ fn mix(
         }
         nearest = nearest.or(Some(surface.bins.0));
     }
-    nearest.map(|bin| (colour, bin))
+    nearest.map_or(NOTHING, |bin| Shown::Mixed(colour, bin))
 }
 
-/// Colour and nearest bin of a surface that hides a pixel's front surface, though the pixel has no sample of it.
+/// Level and bins of a surface that hides a pixel's front surface, though the pixel has no sample of it.
 ///
 /// Where samples are few, those of a far surface show through between those of a near one, having looked past its edge (the
 /// paper's Figure 6). A surface in front that most samples of the 4 × 4 or 2 × 2 pixels around are of is taken to go on
@@ -187,7 +225,7 @@ fn mix(
 /// see for themselves. On a disc before a wall eight times as far, batch samples of a 4³ grid, this took a tenth (0.4 a
 /// pixel) to four tenths (1 to 3 a pixel) off the error; a third instead of a half made some worse. On a ball before a near
 /// wall, 16³ grid, it costs 0.1 to 0.4 dB.
-fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Option<([f32; 3], u16)> {
+fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Option<(usize, (u16, u16))> {
     [2, 1].into_iter().find_map(|level| {
         let leaf = painter.all.levels.get(level)?.leaf(column >> level, row >> level);
         let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
@@ -197,8 +235,23 @@ fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Op
                 && surface.count <= MANY_A_PIXEL << (2 * level)
         };
         let hiding = leaf.iter().find(hides)?;
-        Some((painter.colour(column, row, level, hiding.bins), hiding.bins.0))
+        Some((level, hiding.bins))
     })
+}
+
+/// Whether a surface around lies so far in front of a pixel's that it may be found [`covering`] it.
+#[inline(always)]
+fn may_be_covered(painter: &Painter, column: usize, row: usize, front: &Surface) -> bool {
+    let covers = |level: usize| {
+        let leaf = painter
+            .all
+            .levels
+            .get(level)
+            .map_or(&[] as &[Surface], |leaves| leaves.leaf(column >> level, row >> level));
+        // The nearest comes first.
+        leaf.first().is_some_and(|nearest| nearest.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0)
+    };
+    covers(2) | covers(1)
 }
 
 /// Samples of a surface that pass so near the eye that they see past the front surface what the eye sees.
@@ -212,72 +265,219 @@ fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
     surface.near.iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum()
 }
 
-/// Colour and nearest bin of a pixel without samples: those of the smallest leaf around it that has any.
-fn fill(painter: &Painter, column: usize, row: usize) -> Option<([f32; 3], u16)> {
-    painter.all.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
+/// What a pixel without samples shows: that of the smallest leaf around it that has any.
+#[inline(always)]
+fn fill(painter: &Painter, column: usize, row: usize) -> Shown {
+    let filling = painter.all.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
         let leaf = leaves.leaf(column >> level, row >> level);
+        if let [only] = leaf {
+            return Some((level, only.bins));
+        }
         let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
         let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
-        let bins = own_surface(leaf, seen.bins)?.bins;
-        Some((painter.colour(column, row, level, bins), bins.0))
-    })
+        Some((level, own_surface(leaf, seen.bins)?.bins))
+    });
+    filling.map_or(NOTHING, |(level, bins)| Shown::Surface(level, bins))
+}
+
+/// Draws pixels tile by tile.
+pub(super) struct TilePainter<'a> {
+    tree: &'a Quadtree,
+    painter: Painter<'a>,
+    unseen: UnseenPixels,
+    colours: Box<TileColours>,
+    /// What samples that look as the eye does show, by pixel of the tile.
+    narrow: Vec<(usize, NarrowPart)>,
+    /// Of each pixel of the tile.
+    distances_squared: [f32; TILE * TILE],
+    counts: [Counts; TILE * TILE],
+    /// How several depths were resolved so far.
+    pub depths: MultiDepth,
+}
+
+impl<'a> TilePainter<'a> {
+    pub fn new(tree: &'a Quadtree, pyramids: &'a Pyramids, agreement: Option<&'a Agreement>) -> Self {
+        Self {
+            tree,
+            painter: Painter::new(pyramids, agreement, &tree.params),
+            unseen: UnseenPixels::default(),
+            colours: Box::new(TileColours::new()),
+            narrow: Vec::new(),
+            distances_squared: [0.0; TILE * TILE],
+            counts: [Counts::default(); TILE * TILE],
+            depths: MultiDepth::default(),
+        }
+    }
+
+    /// Draws those pixels of a tile that are wanted, by their number in the picture, and gives each to `show`, with the highest level
+    /// that it was averaged over.
+    #[inline(always)]
+    pub fn paint(
+        &mut self,
+        tile: usize,
+        is_wanted: impl Fn(usize) -> bool,
+        mut show: impl FnMut(usize, &Painted, usize),
+    ) {
+        let width = self.tree.size.0 as usize;
+        self.painter.begin_tile();
+        let is_fixed = matches!(self.tree.params.leaf, LeafSize::Fixed(_));
+        for (column, row) in tile_pixels(self.tree.size, tile) {
+            let pixel = row * width + column;
+            if !is_wanted(pixel) {
+                continue;
+            }
+            // The next tile's.
+            self.painter.all.levels[0].prefetch(pixel + TILE);
+            let lane = TileColours::lane(column, row);
+            let is_unseen = self.unseen.has(self.tree, pixel);
+            let (counts, shown) = self.tree.shown(&self.painter, column, row, is_unseen, &mut self.depths);
+            self.counts[lane] = counts;
+            match shown {
+                Shown::Surface(level, bins) if !is_fixed => {
+                    self.distances_squared[lane] = bin_distance_squared(bins.0);
+                    self.colours.ask(lane, level, bins, &self.painter.all.noise(column, row, level, bins));
+                    if self.painter.narrow.is_some() {
+                        let part = self.painter.narrow_part(column, row, level, bins);
+                        self.narrow.extend(part.map(|part| (lane, part)));
+                        self.colours.depends(lane, self.painter.reach());
+                    }
+                }
+                Shown::Surface(level, bins) => {
+                    self.distances_squared[lane] = bin_distance_squared(bins.0);
+                    self.colours.set(lane, self.painter.colour(column, row, level, bins), self.painter.reach());
+                }
+                Shown::Mixed(colour, bin) => {
+                    self.distances_squared[lane] = bin_distance_squared(bin);
+                    self.colours.set(lane, colour, self.painter.reach());
+                }
+                Shown::Known(colour, distance) => {
+                    self.distances_squared[lane] = distance;
+                    self.colours.set(lane, colour, 0);
+                }
+            }
+        }
+        let across = width.div_ceil(TILE);
+        self.colours.find(&self.painter.all, tile % across * TILE, tile / across * TILE, self.tree.isa);
+        for (lane, part) in self.narrow.drain(..) {
+            let (all, reach) = self.colours.get(lane);
+            self.colours.set(lane, part.mixed_with(all), reach);
+        }
+        for (column, row) in tile_pixels(self.tree.size, tile) {
+            let pixel = row * width + column;
+            if is_wanted(pixel) {
+                let lane = TileColours::lane(column, row);
+                let (colour, reach) = self.colours.get(lane);
+                let depth = self.distances_squared[lane].sqrt();
+                show(pixel, &Painted { colour, depth, counts: self.counts[lane] }, reach);
+            }
+        }
+    }
+}
+
+/// Some whole rows of a picture that is drawn, and what is known of their pixels.
+struct RowsDrawn<'a> {
+    colours: &'a mut [[f32; 3]],
+    depths: &'a mut [f32],
+    counts: &'a mut [Counts],
+    reach: &'a mut [u8],
+    sum: Counted,
+}
+
+/// How many pixels, and samples, are counted as what.
+#[derive(Clone, Copy, Default)]
+struct Counted {
+    empty: u64,
+    unseen: u64,
+    samples: u64,
+    depths: MultiDepth,
 }
 
 impl Quadtree {
-    /// What every pixel shows, the highest level that it was averaged over, and how several depths were resolved. By all cores: no tile
-    /// knows of others.
+    /// Draws a picture: every pixel of `frame`, what each is counted as, and the highest level that each was averaged over. How several
+    /// depths were resolved. By all cores: no tile knows of others.
     pub(super) fn paint_all(
         &self,
         pyramids: &Pyramids,
         agreement: Option<&Agreement>,
-    ) -> (Vec<(Painted, u8)>, MultiDepth) {
+        frame: &mut Frame,
+        counts: &mut [Counts],
+        reach: &mut [u8],
+    ) -> MultiDepth {
         let width = self.size.0 as usize;
-        let across = width.div_ceil(TILE);
-        let mut all = vec![(Painted::default(), 0); self.covered.len()];
-        let sum = Mutex::new(MultiDepth::default());
-        for_parts(&mut all, width, TILE, |part, rows| {
-            let painter = Painter::new(pyramids, agreement, &self.params);
-            let (mut unseen, mut depths) = (UnseenPixels::default(), MultiDepth::default());
-            for tile in part * across..(part + 1) * across {
-                painter.begin_tile();
-                for (column, row) in tile_pixels(self.size, tile) {
-                    let is_unseen = unseen.has(self, row * width + column);
-                    let painted = self.paint(&painter, column, row, is_unseen, &mut depths);
-                    rows[(row - part * TILE) * width + column] = (painted, painter.reach() as u8);
+        let (across, most) = (width.div_ceil(TILE), (TILE * width).max(1));
+        let rows = frame.picture.pixels.chunks_mut(most).zip(frame.depth.chunks_mut(most));
+        let mut parts: Vec<RowsDrawn> = rows
+            .zip(counts.chunks_mut(most).zip(reach.chunks_mut(most)))
+            .map(|((colours, depths), (counts, reach))| RowsDrawn {
+                colours,
+                depths,
+                counts,
+                reach,
+                sum: Counted::default(),
+            })
+            .collect();
+        for_parts(&mut parts, 1, 1, |number, parts| {
+            for part in parts {
+                let mut painter = TilePainter::new(self, pyramids, agreement);
+                for tile in number * across..(number + 1) * across {
+                    painter.paint(
+                        tile,
+                        |_| true,
+                        |pixel, painted, reach| {
+                            let at = pixel - number * most;
+                            part.colours[at] = painted.colour;
+                            part.depths[at] = painted.depth;
+                            part.counts[at] = painted.counts;
+                            part.reach[at] = reach as u8;
+                            part.sum.empty += u64::from(painted.counts.empty);
+                            part.sum.unseen += u64::from(painted.counts.unseen);
+                            part.sum.samples += u64::from(painted.counts.samples);
+                        },
+                    );
                 }
+                part.sum.depths = painter.depths;
             }
-            sum.lock().unwrap_or_else(PoisonError::into_inner).add(&depths);
         });
-        (all, sum.into_inner().unwrap_or_else(PoisonError::into_inner))
+        let mut depths = MultiDepth::default();
+        let sums: Vec<Counted> = parts.iter().map(|part| part.sum).collect();
+        for sum in sums {
+            frame.empty_pixels += sum.empty;
+            frame.unseen_pixels += sum.unseen;
+            frame.samples_used += sum.samples;
+            depths.add(&sum.depths);
+        }
+        depths
     }
 
-    /// What a pixel shows.
-    pub(super) fn paint(
+    /// What a pixel shows, and as what it is counted.
+    #[inline(always)]
+    fn shown(
         &self,
         painter: &Painter,
         column: usize,
         row: usize,
         is_unseen: bool,
         depths: &mut MultiDepth,
-    ) -> Painted {
+    ) -> (Counts, Shown) {
         if !self.covered[row * self.size.0 as usize + column] {
-            return Painted::default();
+            return (Counts::default(), NOTHING);
         }
         if is_unseen {
-            let counts = Counts { unseen: true, ..Counts::default() };
             let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
-            return Painted { colour, depth: f32::INFINITY, counts };
+            return (Counts { unseen: true, ..Counts::default() }, Shown::Known(colour, f32::INFINITY));
         }
         let own = painter.all.levels[0].leaf(column, row);
         // A radius that was given is that of the nearest surface already.
         let ask_nearer = self.params.viewpoint_radius.is_none();
-        let shown = if own.is_empty() {
-            fill(painter, column, row)
-        } else {
-            mix(painter, column, row, own, ask_nearer, depths)
+        let shown = match own {
+            [] => fill(painter, column, row),
+            // As below, which is more work. Which of the two it is no processor can tell beforehand: both are looked at.
+            [front] if (front.near != [0; NEAR_CLASSES]) | !may_be_covered(painter, column, row, front) => {
+                Shown::Surface(0, front.bins)
+            }
+            _ => mix(painter, column, row, own, ask_nearer, depths),
         };
-        let (colour, depth) = shown.map_or(([0.0; 3], 0.0), |(colour, bin)| (colour, bin_distance(bin)));
-        let samples = own.iter().fold(0_u32, |sum, surface| sum.saturating_add(surface.count));
-        Painted { colour, depth, counts: Counts { samples, empty: own.is_empty(), unseen: false } }
+        let samples = painter.all.levels[0].samples_of(column, row);
+        (Counts { samples, empty: own.is_empty(), unseen: false }, shown)
     }
 }

@@ -1,21 +1,18 @@
-//! The pyramid of leaves: what each square of the picture holds, surface by surface.
+//! What is known of one surface in one leaf: moments of its samples.
 //!
-//! Level 0 is the pixels, each further level the squares of 2 × 2 of the one below. A leaf lists its surfaces, nearest
-//! first: depth bins are one surface while they are adjacent, so no mean is ever taken across a jump in depth.
+//! Depth bins are one surface while they are adjacent, so no mean is ever taken across a jump in depth.
 //!
-//! Invariant: the surfaces of a leaf are disjoint in depth, and each surface of a child lies within one of its parent.
+//! Invariant: moments are functions of the bins' sums and of the order in which leaves are joined, which is fixed.
 
 use crate::quadtree::bins::{FAR, NEAR_CLASSES, Sums, luminance};
+use bytemuck::Zeroable;
 use std::borrow::Borrow;
 
 /// Degrees of freedom that an estimate of noise from finer leaves needs before a leaf's own spread is not used for it.
 const ENOUGH_FREEDOM: f32 = 6.0;
 
-/// Pixels whose sums are asked for ahead: they lie in the order in which pixels were first hit.
-const AHEAD: usize = 12;
-
 /// One surface in a leaf: moments of its samples. "Spread" is Σ w (x − mean)².
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Zeroable)]
 pub(crate) struct Surface {
     /// First and last depth bin.
     pub bins: (u16, u16),
@@ -34,7 +31,7 @@ pub(crate) struct Surface {
 }
 
 /// Noise pooled over small leaves, each counting by its degrees of freedom.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Zeroable)]
 struct Within {
     /// Sum of freedom × variance.
     luminance: f32,
@@ -46,6 +43,7 @@ struct Within {
 }
 
 impl Within {
+    #[inline(always)]
     fn plus(self, other: Self) -> Self {
         Self {
             luminance: self.luminance + other.luminance,
@@ -65,7 +63,8 @@ pub(crate) struct Deviation {
 }
 
 impl Surface {
-    fn new(bins: (u16, u16), sums: &Sums) -> Self {
+    #[inline(always)]
+    pub fn new(bins: (u16, u16), sums: &Sums) -> Self {
         let [r, g, b] = sums.mean();
         let (weight, weight_squared) = (sums.weight(), sums.weight_squared());
         let (compressed, compressed_square) = sums.mean_compressed();
@@ -92,7 +91,8 @@ impl Surface {
     }
 
     /// Adds a neighbour's part of the same surface (the update of Chan, Golub & LeVeque 1979).
-    fn join(&mut self, other: &Self) {
+    #[inline(always)]
+    pub fn join(&mut self, other: &Self) {
         let weight = self.weight + other.weight;
         let part = other.weight / weight;
         let cross = self.weight * part;
@@ -110,19 +110,22 @@ impl Surface {
         self.within = self.within.plus(other.within);
     }
 
+    #[inline(always)]
     fn luminance(&self) -> f32 {
         let [r, g, b, _] = self.mean;
         luminance([r, g, b])
     }
 
     /// Completes a surface joined of several.
-    fn close(&mut self) {
+    #[inline(always)]
+    pub fn close(&mut self) {
         if self.within.freedom < ENOUGH_FREEDOM {
             self.within = self.own_noise();
         }
     }
 
     /// Noise as the spread about the leaf's own mean.
+    #[inline(always)]
     fn own_noise(&self) -> Within {
         let freedom = self.weight * self.weight / self.weight_squared - 1.0;
         // Σw − Σw²/Σw: its product with a variance is the spread expected.
@@ -156,129 +159,8 @@ impl Surface {
     }
 }
 
-/// Where a leaf's surfaces are.
-#[derive(Clone, Copy)]
-struct Leaf {
-    first: u32,
-    count: u16,
-    /// Surfaces that there is room for.
-    room: u16,
-}
-
-/// All leaves of one size.
-pub(crate) struct Level {
-    pub width: usize,
-    pub height: usize,
-    leaves: Vec<Leaf>,
-    surfaces: Vec<Surface>,
-}
-
-impl Level {
-    fn new(width: usize, height: usize) -> Self {
-        Self { width, height, leaves: Vec::with_capacity(width * height), surfaces: Vec::with_capacity(width * height) }
-    }
-
-    /// Surfaces of a leaf, nearest first.
-    #[inline]
-    pub fn leaf(&self, column: usize, row: usize) -> &[Surface] {
-        let leaf = self.leaves[row * self.width + column];
-        &self.surfaces[leaf.first as usize..leaf.first as usize + usize::from(leaf.count)]
-    }
-
-    /// Takes the surfaces from `first` on for the next leaf.
-    fn end_leaf(&mut self, first: usize) {
-        // Depth bins are 16 bits and surfaces lie at least two apart.
-        let count = (self.surfaces.len() - first) as u16;
-        self.leaves.push(Leaf { first: first as u32, count, room: count });
-    }
-
-    /// Puts other surfaces in the place of a leaf's.
-    pub fn put(&mut self, column: usize, row: usize, surfaces: &[Surface]) {
-        let leaf = &mut self.leaves[row * self.width + column];
-        let count = surfaces.len() as u16;
-        if count <= leaf.room {
-            let first = leaf.first as usize;
-            self.surfaces[first..first + surfaces.len()].copy_from_slice(surfaces);
-            leaf.count = count;
-        } else if let Some(&last) = surfaces.last() {
-            // Twice the room each time: what is left behind is never more than what is in use.
-            let room = count.next_power_of_two();
-            *leaf = Leaf { first: self.surfaces.len() as u32, count, room };
-            self.surfaces.extend_from_slice(surfaces);
-            self.surfaces.extend(std::iter::repeat_n(last, usize::from(room - count)));
-        }
-    }
-
-    fn pixels<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>>(
-        bins: impl Fn(usize) -> B,
-        prefetch: impl Fn(usize),
-        width: usize,
-        height: usize,
-    ) -> Self {
-        let mut level = Self::new(width, height);
-        for pixel in 0..width * height {
-            prefetch(pixel + AHEAD);
-            let first = level.surfaces.len();
-            of_pixel(bins(pixel), &mut level.surfaces);
-            level.end_leaf(first);
-        }
-        level
-    }
-
-    fn parent(&self, number: usize) -> Self {
-        let mut level = Self::new(self.width.div_ceil(2), self.height.div_ceil(2));
-        let mut parts = Vec::new();
-        for row in 0..level.height {
-            for column in 0..level.width {
-                let first = level.surfaces.len();
-                self.of_children(number, column, row, &mut parts, &mut level.surfaces);
-                level.end_leaf(first);
-            }
-        }
-        level
-    }
-
-    /// Adds to `surfaces` those of the leaf of level `number` above four of this one's. `parts` is scratch.
-    pub fn of_children(
-        &self,
-        number: usize,
-        column: usize,
-        row: usize,
-        parts: &mut Vec<Surface>,
-        surfaces: &mut Vec<Surface>,
-    ) {
-        let gap = gap_allowed(number);
-        parts.clear();
-        for child_row in 2 * row..(2 * row + 2).min(self.height) {
-            for child_column in 2 * column..(2 * column + 2).min(self.width) {
-                parts.extend_from_slice(self.leaf(child_column, child_row));
-            }
-        }
-        // Stable, and the order of children is fixed: the same bits every time.
-        parts.sort_by_key(|part| part.bins.0);
-        let mut parts = parts.iter();
-        let Some(&nearest) = parts.next() else { return };
-        let (mut open, mut joined) = (nearest, false);
-        for part in parts {
-            if adjacent(open.bins.1, part.bins.0, gap) {
-                open.join(part);
-                joined = true;
-            } else {
-                if joined {
-                    open.close();
-                }
-                surfaces.push(open);
-                (open, joined) = (*part, false);
-            }
-        }
-        if joined {
-            open.close();
-        }
-        surfaces.push(open);
-    }
-}
-
 /// Adds to `surfaces` those of one pixel's bins, which are given nearest first.
+#[inline(always)]
 pub(crate) fn of_pixel<S: Borrow<Sums>>(bins: impl Iterator<Item = (u16, S)>, surfaces: &mut Vec<Surface>) {
     let mut bins = bins.peekable();
     while let Some((first, sums)) = bins.next() {
@@ -304,31 +186,14 @@ pub(crate) fn of_pixel<S: Borrow<Sums>>(bins: impl Iterator<Item = (u16, S)>, su
     }
 }
 
-/// All levels, from pixels, whose bins `bins` gives and `prefetch` asks for ahead, to leaves of at most `levels` doublings.
-pub(crate) fn pyramid<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>>(
-    bins: impl Fn(usize) -> B,
-    prefetch: impl Fn(usize),
-    width: usize,
-    height: usize,
-    levels: usize,
-) -> Vec<Level> {
-    let mut pyramid = vec![Level::pixels(bins, prefetch, width, height)];
-    while pyramid.len() <= levels {
-        let finest = &pyramid[pyramid.len() - 1];
-        if finest.width <= 1 && finest.height <= 1 {
-            break;
-        }
-        pyramid.push(finest.parent(pyramid.len()));
-    }
-    pyramid
-}
-
 /// Steps from one bin to the next that still are one surface: a slanted surface drops further across a larger leaf.
+#[inline(always)]
 pub(crate) fn gap_allowed(level: usize) -> u16 {
     1 + level.min(3) as u16
 }
 
 /// Whether a surface that ends at one bin goes on at another.
+#[inline(always)]
 pub(crate) fn adjacent(end: u16, next: u16, gap: u16) -> bool {
     next <= end || (next < FAR && next - end <= gap)
 }

@@ -1,0 +1,368 @@
+//! The pyramid of leaves: what each square of the picture holds, surface by surface.
+//!
+//! Level 0 is the pixels, each further level the squares of 2 × 2 of the one below. It is made in bands of rows, each through all the
+//! levels that lie within it while it is in the cache, by all cores.
+//!
+//! What always holds:
+//! - The surfaces of a leaf are disjoint in depth, nearest first, and each surface of a child lies within one of its parent.
+//! - The same bins give the same bits, whichever memory is used again and however many threads there are.
+
+use super::bins::Sums;
+use super::surface::{Surface, adjacent, gap_allowed, of_pixel};
+use crate::parts::for_parts;
+use crate::pointimage::isa::{Isa, Kernel};
+use crate::pointimage::{prefetch, zeroed};
+use bytemuck::Zeroable;
+use std::borrow::Borrow;
+
+/// Pixels whose sums are asked for ahead: they lie in the order in which pixels were first hit.
+const AHEAD: usize = 20;
+/// Levels that are made band by band, of 2 to their number less one rows of pixels.
+const BAND_LEVELS: usize = 6;
+
+/// Where a leaf's surfaces are: a single one at the leaf's own place.
+#[derive(Clone, Copy, Zeroable)]
+struct Leaf {
+    /// Several are elsewhere, from here on.
+    first: u32,
+    count: u16,
+    /// How many there is room for there.
+    room: u16,
+    samples: u32,
+}
+
+/// All leaves of one size.
+pub(crate) struct Level {
+    pub width: usize,
+    pub height: usize,
+    leaves: Vec<Leaf>,
+    /// Of each leaf that has one surface, that.
+    single: Vec<Surface>,
+    /// Those of leaves that have several, band by band.
+    several: Vec<Vec<Surface>>,
+    /// Rows of leaves to a band, as a logarithm.
+    band: usize,
+}
+
+/// Leaves side by side.
+trait Leaves {
+    fn size(&self) -> (usize, usize);
+    fn at(&self, column: usize, row: usize) -> &[Surface];
+}
+
+impl Leaves for Level {
+    fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    #[inline(always)]
+    fn at(&self, column: usize, row: usize) -> &[Surface] {
+        self.leaf(column, row)
+    }
+}
+
+impl Level {
+    fn new(number: usize, width: usize, height: usize) -> Self {
+        // Larger leaves are one band.
+        let band = (BAND_LEVELS - 1).checked_sub(number).unwrap_or(usize::BITS as usize - 1);
+        let bands = (height.saturating_sub(1) >> band) + 1;
+        let (leaves, single) = (zeroed(width * height), zeroed(width * height));
+        Self { width, height, leaves, single, several: vec![Vec::new(); bands], band }
+    }
+
+    /// Surfaces of a leaf, nearest first.
+    #[inline(always)]
+    pub fn leaf(&self, column: usize, row: usize) -> &[Surface] {
+        let index = row * self.width + column;
+        let leaf = self.leaves[index];
+        let count = usize::from(leaf.count);
+        if count <= 1 {
+            &self.single[index..index + count]
+        } else {
+            &self.several[row >> self.band][leaf.first as usize..leaf.first as usize + count]
+        }
+    }
+
+    /// Asks for a leaf's place, counted row by row.
+    #[inline(always)]
+    pub fn prefetch(&self, index: usize) {
+        self.leaves.get(index).into_iter().for_each(prefetch);
+        self.single.get(index).into_iter().for_each(prefetch);
+    }
+
+    /// Samples of each leaf, row by row.
+    pub fn samples(&self) -> impl Iterator<Item = u32> {
+        self.leaves.iter().map(|leaf| leaf.samples)
+    }
+
+    /// Samples of a leaf.
+    pub fn samples_of(&self, column: usize, row: usize) -> u32 {
+        self.leaves[row * self.width + column].samples
+    }
+
+    /// Puts other surfaces in the place of a leaf's.
+    pub fn put(&mut self, column: usize, row: usize, surfaces: &[Surface]) {
+        let several = &mut self.several[row >> self.band];
+        put(&mut self.leaves, &mut self.single, several, row * self.width + column, surfaces);
+    }
+
+    /// The rows of one band each.
+    fn parts(&mut self) -> impl Iterator<Item = LevelPart<'_>> {
+        let Self { width, leaves, single, several, band, .. } = self;
+        let most =
+            width.saturating_mul(1_usize.checked_shl(*band as u32).unwrap_or(usize::MAX)).min(leaves.len()).max(1);
+        let parts = leaves.chunks_mut(most).zip(single.chunks_mut(most)).zip(several);
+        parts.map(|((leaves, single), several)| {
+            several.clear();
+            LevelPart { width: *width, height: leaves.len() / *width, leaves, single, several }
+        })
+    }
+
+    /// Adds to `surfaces` those of the leaf of level `number` above four of this one's. `parts` is scratch.
+    pub fn of_children(
+        &self,
+        number: usize,
+        column: usize,
+        row: usize,
+        parts: &mut Vec<Surface>,
+        surfaces: &mut Vec<Surface>,
+    ) {
+        let last = of_children(self, number, column, row, parts, surfaces);
+        surfaces.extend(last);
+    }
+}
+
+/// Some rows of a level that is being made.
+struct LevelPart<'a> {
+    width: usize,
+    height: usize,
+    leaves: &'a mut [Leaf],
+    single: &'a mut [Surface],
+    several: &'a mut Vec<Surface>,
+}
+
+impl Leaves for LevelPart<'_> {
+    fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    #[inline(always)]
+    fn at(&self, column: usize, row: usize) -> &[Surface] {
+        let index = row * self.width + column;
+        let leaf = self.leaves[index];
+        let count = usize::from(leaf.count);
+        if count <= 1 {
+            &self.single[index..index + count]
+        } else {
+            &self.several[leaf.first as usize..leaf.first as usize + count]
+        }
+    }
+}
+
+impl LevelPart<'_> {
+    /// Gives a leaf that has none its surfaces.
+    #[inline(always)]
+    fn set(&mut self, index: usize, surfaces: &[Surface]) {
+        self.leaves[index] = Leaf::zeroed();
+        put(self.leaves, self.single, self.several, index, surfaces);
+    }
+
+    /// Gives a leaf one surface. Read from where it has just been put together, as a whole, it would be waited for.
+    #[inline(always)]
+    fn set_one(&mut self, index: usize, surface: Surface) {
+        self.leaves[index] = Leaf { first: 0, count: 1, room: 0, samples: surface.count };
+        self.single[index] = surface;
+    }
+
+    /// Makes the leaves of level `number` above others.
+    #[inline(always)]
+    fn make(&mut self, number: usize, below: &impl Leaves, scratch: &mut [Vec<Surface>; 2]) {
+        let [parts, surfaces] = scratch;
+        for row in 0..self.height {
+            for column in 0..self.width {
+                surfaces.clear();
+                let last = of_children(below, number, column, row, parts, surfaces);
+                match last {
+                    Some(only) if surfaces.is_empty() => self.set_one(row * self.width + column, only),
+                    _ => {
+                        surfaces.extend(last);
+                        self.set(row * self.width + column, surfaces);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn put(leaves: &mut [Leaf], single: &mut [Surface], several: &mut Vec<Surface>, index: usize, surfaces: &[Surface]) {
+    let leaf = &mut leaves[index];
+    // Depth bins are 16 bits and surfaces lie at least two apart.
+    leaf.count = surfaces.len() as u16;
+    leaf.samples = surfaces.iter().fold(0, |sum, surface| sum.saturating_add(surface.count));
+    match surfaces {
+        [] => {}
+        [surface] => single[index] = *surface,
+        [.., last] if leaf.count > leaf.room => {
+            // Twice the room each time: what is left behind is never more than what is in use.
+            leaf.room = leaf.count.next_power_of_two();
+            leaf.first = several.len() as u32;
+            several.extend_from_slice(surfaces);
+            several.extend(std::iter::repeat_n(*last, usize::from(leaf.room - leaf.count)));
+        }
+        _ => several[leaf.first as usize..][..surfaces.len()].copy_from_slice(surfaces),
+    }
+}
+
+/// Adds to `surfaces` those of the leaf of level `number` above four others but the last, which it gives. `parts` is scratch.
+#[inline(always)]
+fn of_children(
+    below: &impl Leaves,
+    number: usize,
+    column: usize,
+    row: usize,
+    parts: &mut Vec<Surface>,
+    surfaces: &mut Vec<Surface>,
+) -> Option<Surface> {
+    let gap = gap_allowed(number);
+    let (width, height) = below.size();
+    let nothing: &[Surface] = &[];
+    let mut children = [nothing; 4];
+    let mut most = 0;
+    for (number, child) in children.iter_mut().enumerate() {
+        let (column, row) = (2 * column + number % 2, 2 * row + number / 2);
+        if column < width && row < height {
+            *child = below.at(column, row);
+            most = most.max(child.len());
+        }
+    }
+    // Stable, and the order of children is fixed: the same bits every time.
+    if most <= 1 {
+        let mut sorted = [None; 4];
+        for (count, surface) in children.into_iter().flatten().enumerate() {
+            let mut at = count;
+            while at > 0 && sorted[at - 1].is_some_and(|before: &Surface| before.bins.0 > surface.bins.0) {
+                sorted[at] = sorted[at - 1];
+                at -= 1;
+            }
+            sorted[at] = Some(surface);
+        }
+        join(sorted.into_iter().flatten(), gap, surfaces)
+    } else {
+        parts.clear();
+        children.into_iter().for_each(|child| parts.extend_from_slice(child));
+        parts.sort_by_key(|part| part.bins.0);
+        join(parts.iter(), gap, surfaces)
+    }
+}
+
+/// Adds to `surfaces` those that `parts`, nearest first, are of but the last, which it gives.
+#[inline(always)]
+fn join<'a>(mut parts: impl Iterator<Item = &'a Surface>, gap: u16, surfaces: &mut Vec<Surface>) -> Option<Surface> {
+    let &nearest = parts.next()?;
+    let (mut open, mut joined) = (nearest, false);
+    for part in parts {
+        if adjacent(open.bins.1, part.bins.0, gap) {
+            open.join(part);
+            joined = true;
+        } else {
+            if joined {
+                open.close();
+            }
+            surfaces.push(open);
+            (open, joined) = (*part, false);
+        }
+    }
+    if joined {
+        open.close();
+    }
+    Some(open)
+}
+
+/// The levels of one band, from the pixels on.
+struct MakeBand<'a, 'b, F, P> {
+    bins: &'a F,
+    prefetch: &'a P,
+    /// Its first pixel.
+    first: usize,
+    levels: &'a mut [LevelPart<'b>],
+}
+
+impl<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B, P: Fn(usize)> Kernel for MakeBand<'_, '_, F, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let mut scratch = [const { Vec::new() }; 2];
+        let Some(pixels) = self.levels.first_mut() else { return };
+        for index in 0..pixels.leaves.len() {
+            (self.prefetch)(self.first + index + AHEAD);
+            let mut bins = (self.bins)(self.first + index);
+            // Most pixels have one bin.
+            match (bins.next(), bins.next()) {
+                (None, _) => pixels.set(index, &[]),
+                (Some((bin, sums)), None) => pixels.set_one(index, Surface::new((bin, bin), sums.borrow())),
+                (Some(first), Some(second)) => {
+                    let surfaces = &mut scratch[0];
+                    surfaces.clear();
+                    of_pixel([first, second].into_iter().chain(bins), surfaces);
+                    pixels.set(index, surfaces);
+                }
+            }
+        }
+        for number in 1..self.levels.len() {
+            let (below, above) = self.levels.split_at_mut(number);
+            if let (Some(below), Some(level)) = (below.last(), above.first_mut()) {
+                level.make(number, below, &mut scratch);
+            }
+        }
+    }
+}
+
+/// All levels, from pixels, whose bins `bins` gives and `prefetch` asks for ahead, to leaves of at most `levels` doublings. The memory
+/// of other levels is used again if it is of a picture of the same size.
+pub(crate) fn pyramid<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>>(
+    bins: impl Fn(usize) -> B + Sync,
+    prefetch: impl Fn(usize) + Sync,
+    (width, height): (usize, usize),
+    levels: usize,
+    memory: Option<Vec<Level>>,
+    isa: Isa,
+) -> Vec<Level> {
+    let is_alike = |memory: &Vec<Level>| memory.first().is_some_and(|level| level.size() == (width, height));
+    let mut pyramid = memory.filter(is_alike).unwrap_or_else(|| {
+        let mut pyramid = vec![Level::new(0, width, height)];
+        while pyramid.len() <= levels && pyramid.last().is_some_and(|last| last.width > 1 || last.height > 1) {
+            let number = pyramid.len();
+            pyramid.push(Level::new(
+                number,
+                pyramid[number - 1].width.div_ceil(2),
+                pyramid[number - 1].height.div_ceil(2),
+            ));
+        }
+        pyramid
+    });
+    let mut bands: Vec<Vec<LevelPart>> = Vec::new();
+    for level in pyramid.iter_mut().take(BAND_LEVELS) {
+        for (number, part) in level.parts().enumerate() {
+            if bands.len() <= number {
+                bands.push(Vec::new());
+            }
+            bands[number].push(part);
+        }
+    }
+    for_parts(&mut bands, 1, 1, |number, bands| {
+        for levels in bands {
+            let first = number * (width << (BAND_LEVELS - 1));
+            isa.run(MakeBand { bins: &bins, prefetch: &prefetch, first, levels });
+        }
+    });
+    let mut scratch = [const { Vec::new() }; 2];
+    for number in BAND_LEVELS..pyramid.len() {
+        let (below, above) = pyramid.split_at_mut(number);
+        if let (Some(below), Some(level)) = (below.last(), above.first_mut()) {
+            level.parts().for_each(|mut part| part.make(number, below, &mut scratch));
+        }
+    }
+    pyramid
+}
