@@ -14,8 +14,8 @@ use rustc_hash::FxHashSet;
 use crate::listen::ConnectionId;
 
 /// Blobs of records are named by this, the settings and the generation of the samples, and a number. (One name for all would
-/// have to be written anew with every record that is added.) Records by the names `light/0/0/` and `light-2/0/0/` hold light that
-/// samples now bring themselves, or lack light that they do not: they are passed over.
+/// have to be written anew with every record that is added.) Records by the names `light/0/0/` to `light-3/0/0/` hold light that
+/// samples now bring themselves, lack light that they do not, or err more: they are passed over.
 const BLOBS: &str = "light-4/0/0/";
 
 /// Records in one blob at the most: half of what a message may hold.
