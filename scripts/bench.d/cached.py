@@ -40,7 +40,8 @@ def cached(bench: Bench) -> Part:
             "pixel; *worst block* of the lit 16 × 16 ones: its error as it is, and with its variance by both pictures' standard errors taken off. The corridor's truth is "
             "a long render of our own by `path`, made once.",
             f"*Sharing*: the same job by one worker and by {MANY}, one thread each; the rays of records are work that would be done "
-            "several times if workers did not tell each other. Preparing the scene, which every worker does once, is said apart.",
+            "several times if workers did not tell each other. Preparing the scene, which every worker does once, is said apart. "
+            "Two workers share as little as one but keep as many cores busy as many do: what a sample costs them more than one worker is the machine's doing.",
         ],
     )
     seconds = Table("Seconds to an error", [["scene", ""], ["relMSE", ".3f"], ["path, s", ".2f"], ["cached, s", ".2f"], ["ratio", ".2f"], ["accuracy", "g"], ["paths", "d"]])
@@ -133,7 +134,7 @@ def sharing(bench: Bench, part: Part) -> Table:
     )  # fmt: skip
     for case, samples in ((bench.scenes.cornell(), 4_000_000), (bench.scenes.room(), 1_000_000)):
         found = {}
-        for workers in (1, MANY):
+        for workers in (1, 2, MANY):
             prepared = cpu_of_fill(bench, case, workers, 1)[0]
             cpu, info = cpu_of_fill(bench, case, workers, bench.paths(samples))
             found[workers] = ((cpu - prepared) / info["samples"], info["light_rays"])
