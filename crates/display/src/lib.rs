@@ -11,6 +11,7 @@
 
 mod camera;
 mod candidates;
+mod cells;
 mod covered;
 mod ending;
 pub mod frameless;
@@ -22,6 +23,7 @@ mod select;
 mod voronoi;
 
 pub use candidates::section_of;
+pub use cells::{Cells, CellsParams, Filling};
 pub use live::LiveSample;
 pub use quadtree::{Frame, LeafSize, MultiDepth, Quadtree, QuadtreeParams, REFETCH_DEGREES};
 pub use select::{Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius};
