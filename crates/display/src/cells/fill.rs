@@ -10,39 +10,64 @@ use super::near::Near;
 use super::step::Steps;
 
 /// Samples that a pixel's colour is made of, at the most.
-pub(super) const NEIGHBOURS: usize = 10;
+pub(super) const NEIGHBOURS: usize = 8;
 /// What is added to the squares of distances in the fit, as their share: samples that lie in a line tell nothing across it, and a fit to
 /// noise is no better than a mean.
-const STIFFNESS: f32 = 0.1;
+const STIFFNESS: f32 = 0.05;
+
+/// Distance below which a sample is no nearer, pixels: weights stay finite.
+const LEAST: f32 = 1e-3;
+
+/// A sample as seen from a pixel's middle.
+#[derive(Clone, Copy)]
+struct Sample {
+    offset: [f32; 2],
+    squared: f32,
+    seen: Seen,
+}
+
+const NOTHING: Seen = Seen { colour: [0.0; 3], depth: 0.0, aside: [0.0; 2] };
 
 /// What is known of a pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Seen {
     pub colour: [f32; 3],
     pub depth: f32,
+    /// How far from the pixel's middle that is: columns and rows.
+    pub aside: [f32; 2],
 }
 
-/// What a pixel shows by the samples nearest to it, at least one, the nearest first.
+/// What a pixel shows by the samples nearest to it, at least one.
+///
+/// They are found by the middles of their pixels, which is quicker, but are where they are: 0.3 dB at one sample a pixel.
 pub(super) fn between(nearest: &[Near], seen: impl Fn(usize) -> Seen, steps: &Steps) -> Option<Seen> {
-    let (first, last) = (nearest.first()?, nearest.last()?);
-    let own = seen(first.pixel as usize);
-    // Half as far again as the last if there are no more: it counts, too.
-    let reach = last.squared.sqrt() * if nearest.len() < NEIGHBOURS { 1.5 } else { 1.0 };
-    let mut used = [(0.0_f32, [0.0_f32; 2], [0.0_f32; 3]); NEIGHBOURS];
-    let mut count = 0;
-    for near in nearest {
-        let other = seen(near.pixel as usize);
-        let (across, down) = (near.offset[0] - first.offset[0], near.offset[1] - first.offset[1]);
-        if !steps.is_one_surface(own.depth, other.depth, across.hypot(down)) {
-            continue;
+    let mut samples = [Sample { offset: [0.0; 2], squared: f32::INFINITY, seen: NOTHING }; NEIGHBOURS];
+    let mut own = samples[0];
+    for (sample, near) in samples.iter_mut().zip(nearest) {
+        let seen = seen(near.pixel as usize);
+        let offset = [near.offset[0] + seen.aside[0], near.offset[1] + seen.aside[1]];
+        *sample = Sample { offset, squared: offset[0] * offset[0] + offset[1] * offset[1], seen };
+        if sample.squared < own.squared {
+            own = *sample;
         }
-        let distance = near.squared.sqrt().max(1e-3);
-        let falling = (reach - distance).max(0.0) / (reach * distance);
-        used[count] = (falling * falling, near.offset, other.colour);
-        count += 1;
     }
-    let colour = plane(&used[..count]).unwrap_or(own.colour);
-    Some(Seen { colour, depth: own.depth })
+    let count = nearest.len().min(NEIGHBOURS);
+    // Where there are no more than that, the farthest counts, too.
+    let farther = if count < NEIGHBOURS { 1.5 } else { 1.0 };
+    let reach = nearest.last()?.squared.sqrt() * farther + 0.5;
+    let mut used = [(0.0_f32, [0.0_f32; 2], [0.0_f32; 3]); NEIGHBOURS];
+    let mut len = 0;
+    for Sample { offset, squared, seen } in &samples[..count] {
+        let (across, down) = (offset[0] - own.offset[0], offset[1] - own.offset[1]);
+        if steps.is_one_surface(own.seen.depth, seen.depth, (across * across + down * down).sqrt()) {
+            let distance = squared.sqrt().max(LEAST);
+            let falling = (reach - distance).max(0.0) / (reach * distance);
+            used[len] = (falling * falling, *offset, seen.colour);
+            len += 1;
+        }
+    }
+    let colour = plane(&used[..len]).unwrap_or(own.seen.colour);
+    Some(Seen { colour, depth: own.seen.depth, aside: [0.0; 2] })
 }
 
 /// The value at the origin of a plane fitted to colours at places, by weights. `None` if all weights are 0.

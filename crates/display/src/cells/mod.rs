@@ -145,9 +145,12 @@ impl Cells {
         let depth: Vec<f32> = (0..).zip(&frame.depth).map(|(pixel, &shown)| self.depth_of(pixel, shown)).collect();
         let hidden = self.hidden(&known, &depth);
         let is_sample = |pixel: usize| !hidden[pixel] && matches!(known[pixel], Known::Afar | Known::Near);
-        let points = Points::new(self.tree.size(), |pixel| is_sample(pixel).then(|| self.place(pixel)));
+        let points = Points::in_middles(self.tree.size(), is_sample);
         let mut filled: Vec<Option<Seen>> = vec![None; known.len()];
-        let seen = |pixel: usize| Seen { colour: frame.picture.pixels[pixel], depth: depth[pixel] };
+        let seen = |pixel: usize| {
+            let aside = self.sites.of(pixel).map_or([0.0; 2], Site::aside);
+            Seen { colour: frame.picture.pixels[pixel], depth: depth[pixel], aside }
+        };
         let steps = Steps(&self.tree);
         points.for_each::<NEIGHBOURS, _>(
             &mut filled,
@@ -169,7 +172,7 @@ impl Cells {
         let depth: Vec<f32> = (0..known.len()).map(|pixel| self.sites.of(pixel).map_or(0.0, Site::depth)).collect();
         let hidden = self.hidden(&known, &depth);
         let site = |pixel: usize| self.sites.of(pixel).filter(|_| !hidden[pixel]);
-        let points = Points::new(self.tree.size(), |pixel| site(pixel).map(|_| self.place(pixel)));
+        let points = Points::in_pixels(self.tree.size(), |pixel| site(pixel).map(Site::within));
         let (width, height) = self.tree.size();
         let with_sites = (0..known.len()).filter(|&pixel| site(pixel).is_some());
         let radii = Radii::new((width as usize, height as usize), with_sites);
@@ -195,7 +198,7 @@ impl Cells {
     /// Which pixels' samples are of what a nearer surface hides.
     fn hidden(&self, known: &[Known], depth: &[f32]) -> Vec<bool> {
         let has_site = |pixel: usize| matches!(known[pixel], Known::Afar | Known::Near | Known::Mixture);
-        let points = Points::new(self.tree.size(), |pixel| has_site(pixel).then(|| self.place(pixel)));
+        let points = Points::in_middles(self.tree.size(), has_site);
         let (width, height) = self.tree.size();
         let size = (width as usize, height as usize);
         let may_be = |pixel: usize| known[pixel] == Known::Afar;
@@ -205,10 +208,5 @@ impl Cells {
     /// Depth of the surface that a pixel shows: its site's if that is of it, which is finer.
     fn depth_of(&self, pixel: usize, shown: f32) -> f32 {
         self.sites.of(pixel).filter(|site| site.bin() == bin_of(shown)).map_or(shown, Site::depth)
-    }
-
-    /// Where in a pixel its sample is.
-    fn place(&self, pixel: usize) -> [u8; 2] {
-        self.sites.of(pixel).map_or([127; 2], Site::within)
     }
 }

@@ -57,12 +57,21 @@ pub(crate) struct Points {
 }
 
 impl Points {
+    /// The middles of the pixels that have a point.
+    pub fn in_middles(size: (u32, u32), has_point: impl Fn(usize) -> bool) -> Self {
+        Self::new(size, true, |pixel| has_point(pixel).then_some(MIDDLE))
+    }
+
     /// The points that `of` gives for pixels: where in the pixel, in 256ths from its left and from its top.
-    pub fn new((width, height): (u32, u32), of: impl Fn(usize) -> Option<[u8; 2]>) -> Self {
+    pub fn in_pixels(size: (u32, u32), of: impl Fn(usize) -> Option<[u8; 2]>) -> Self {
+        Self::new(size, false, |pixel| of(pixel).map(Some))
+    }
+
+    fn new((width, height): (u32, u32), in_middles: bool, of: impl Fn(usize) -> Option<Option<[u8; 2]>>) -> Self {
         let size = (width as usize, height as usize);
         let tiles = (size.0.div_ceil(TILE), size.1.div_ceil(TILE));
         let (mut first, mut points) = (Vec::with_capacity(tiles.0 * tiles.1 + 1), Vec::new());
-        let mut window = Window::new(size);
+        let mut window = Window::new(size, in_middles);
         first.push(0);
         for tile in 0..tiles.0 * tiles.1 {
             let (left, top) = (tile % tiles.0 * TILE, tile / tiles.0 * TILE);
@@ -70,7 +79,7 @@ impl Points {
                 for pixel in row * size.0 + left..row * size.0 + (left + TILE).min(size.0) {
                     let Some(within) = of(pixel) else { continue };
                     window.put(pixel, within);
-                    points.push(Point { place: place(pixel, size.0, Some(within)), pixel: pixel as u32 });
+                    points.push(Point { place: place(pixel, size.0, within), pixel: pixel as u32 });
                 }
             }
             first.push(points.len() as u32);
@@ -101,27 +110,31 @@ impl Points {
             let mut rest = [false; TILE * TILE];
             for tile in 0..self.tiles.0 {
                 let square = Square { left: tile * TILE, top: part * TILE, side: TILE };
-                let within = |pixel: usize| (pixel / width - square.top) * TILE + pixel % width - square.left;
                 let is_dense = self.tile(tile, part).len() >= DENSE;
-                let (mut any, item) = (false, |pixel: usize| pixel - part * TILE * width);
-                for pixel in square.pixels(self.size) {
-                    let mut is_left = wanted(pixel);
-                    if is_left && is_dense && self.window.find(pixel, &mut nearest) {
-                        find(pixel, nearest.as_slice(), &mut rows[item(pixel)]);
-                        is_left = false;
+                let mut any = false;
+                let columns = square.left..(square.left + TILE).min(width);
+                for (down, items) in rows.chunks_mut(width).enumerate() {
+                    for column in columns.clone() {
+                        let pixel = (square.top + down) * width + column;
+                        let mut is_left = wanted(pixel);
+                        if is_left && is_dense && self.window.find(pixel, &mut nearest) {
+                            find(pixel, nearest.as_slice(), &mut items[column]);
+                            is_left = false;
+                        }
+                        rest[down * TILE + column - square.left] = is_left;
+                        any |= is_left;
                     }
-                    rest[within(pixel)] = is_left;
-                    any |= is_left;
                 }
                 if !any {
                     continue;
                 }
                 self.around(&square, K, &mut search.lists[0], &mut search.squares);
-                search.divide(0, square, self.size, &|pixel| rest[within(pixel)], &mut |pixel, points| {
+                let is_left = |pixel: usize| rest[(pixel / width - square.top) * TILE + pixel % width - square.left];
+                search.divide(0, square, self.size, &is_left, &mut |pixel, points| {
                     nearest.clear();
                     let middle = place(pixel, width, MIDDLE);
                     points.iter().for_each(|point| nearest.add(point.place, point.pixel, middle));
-                    find(pixel, nearest.as_slice(), &mut rows[item(pixel)]);
+                    find(pixel, nearest.as_slice(), &mut rows[pixel - part * TILE * width]);
                 });
             }
         });

@@ -41,6 +41,11 @@ impl Site {
     pub fn within(&self) -> [u8; 2] {
         [(self.rank >> 8) as u8, self.rank as u8]
     }
+
+    /// How far right of the pixel's middle and below it, pixels.
+    pub fn aside(&self) -> [f32; 2] {
+        self.within().map(|part| (f32::from(part) + 0.5) / 256.0 - 0.5)
+    }
 }
 
 /// The sites of all pixels.
