@@ -37,12 +37,18 @@ pub(super) struct Seen {
     pub aside: [f32; 2],
 }
 
-/// What a pixel shows by the samples nearest to it, at least one.
+/// What a pixel shows by the samples nearest to it, at least one; `own` is a sample of its own, if it has one: then it is of its surface.
 ///
 /// They are found by the middles of their pixels, which is quicker, but are where they are: 0.3 dB at one sample a pixel.
-pub(super) fn between(nearest: &[Near], seen: impl Fn(usize) -> Seen, steps: &Steps) -> Option<Seen> {
+pub(super) fn between(
+    nearest: &[Near],
+    own: Option<Seen>,
+    seen: impl Fn(usize) -> Seen,
+    steps: &Steps,
+) -> Option<Seen> {
     let mut samples = [Sample { offset: [0.0; 2], squared: f32::INFINITY, seen: NOTHING }; NEIGHBOURS];
-    let mut own = samples[0];
+    // Nothing is nearer than a sample of its own.
+    let mut own = own.map_or(samples[0], |seen| Sample { offset: seen.aside, squared: -1.0, seen });
     for (sample, near) in samples.iter_mut().zip(nearest) {
         let seen = seen(near.pixel as usize);
         let offset = [near.offset[0] + seen.aside[0], near.offset[1] + seen.aside[1]];

@@ -93,3 +93,32 @@ fn surround(points: &[[f32; 2]]) -> bool {
         && points.iter().all(|a| points.iter().any(|b| cross(a, b) < 0.0))
         && points.iter().all(|a| points.iter().any(|b| cross(a, b) > 0.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points in directions of so many degrees.
+    fn around(degrees: &[f32]) -> Vec<[f32; 2]> {
+        let at = |(number, degrees): (usize, &f32)| {
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            [cosine, sine].map(|along| along * (1.0 + number as f32))
+        };
+        degrees.iter().enumerate().map(at).collect()
+    }
+
+    #[test]
+    fn points_stand_around_a_place_if_no_half_of_its_surroundings_is_free_of_them() {
+        for turn in [0.0, 17.0, 133.0, 251.0] {
+            let degrees = |list: &[f32]| around(&list.iter().map(|at| at + turn).collect::<Vec<f32>>());
+            assert!(surround(&degrees(&[0.0, 120.0, 240.0])));
+            assert!(surround(&degrees(&[0.0, 90.0, 181.0])));
+            assert!(surround(&degrees(&[10.0, 350.0, 170.0, 200.0])));
+            assert!(!surround(&degrees(&[0.0, 90.0, 179.0])));
+            assert!(!surround(&degrees(&[0.0, 40.0, 80.0, 120.0, 160.0, 175.0])));
+            assert!(!surround(&degrees(&[0.0, 180.5])));
+        }
+        assert!(!surround(&[]));
+        assert!(!surround(&[[0.0, 0.0]; 4]), "where it is, nothing is around it");
+    }
+}

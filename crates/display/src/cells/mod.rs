@@ -142,20 +142,30 @@ impl Cells {
     /// A quadtree's picture with what is between its samples put right.
     fn filled(&self, mut frame: Frame) -> Frame {
         let known = self.tree.known();
-        let depth: Vec<f32> = (0..).zip(&frame.depth).map(|(pixel, &shown)| self.depth_of(pixel, shown)).collect();
+        let disputed: Vec<bool> =
+            (0..).zip(&frame.depth).map(|(pixel, &shown)| self.is_disputed(pixel, known[pixel], shown)).collect();
+        let depth: Vec<f32> =
+            (0..).zip(&frame.depth).map(|(pixel, &shown)| self.depth_of(pixel, shown, disputed[pixel])).collect();
         let hidden = self.hidden(&known, &depth);
-        let is_sample = |pixel: usize| !hidden[pixel] && matches!(known[pixel], Known::Afar | Known::Near);
+        let is_sample =
+            |pixel: usize| !hidden[pixel] && !disputed[pixel] && matches!(known[pixel], Known::Afar | Known::Near);
         let points = Points::in_middles(self.tree.size(), is_sample);
         let mut filled: Vec<Option<Seen>> = vec![None; known.len()];
-        let seen = |pixel: usize| {
-            let aside = self.sites.of(pixel).map_or([0.0; 2], Site::aside);
-            Seen { colour: frame.picture.pixels[pixel], depth: depth[pixel], aside }
+        let aside = |pixel: usize| self.sites.of(pixel).map_or([0.0; 2], Site::aside);
+        let seen = |pixel: usize| Seen {
+            colour: frame.picture.pixels[pixel],
+            depth: depth[pixel],
+            aside: aside(pixel),
+        };
+        let own = |pixel: usize| {
+            let site = self.sites.of(pixel).filter(|_| disputed[pixel] && !hidden[pixel])?;
+            Some(Seen { colour: rgbe::decode(site.rgbe), depth: site.depth(), aside: site.aside() })
         };
         let steps = Steps(&self.tree);
         points.for_each::<NEIGHBOURS, _>(
             &mut filled,
-            |pixel| hidden[pixel] || known[pixel] == Known::Nothing,
-            |_, nearest, filled| *filled = between(nearest, seen, &steps),
+            |pixel| hidden[pixel] || disputed[pixel] || known[pixel] == Known::Nothing,
+            |pixel, nearest, filled| *filled = between(nearest, own(pixel), seen, &steps),
         );
         let shown = frame.picture.pixels.iter_mut().zip(&mut frame.depth);
         for ((colour, depth), filled) in shown.zip(filled) {
@@ -205,8 +215,15 @@ impl Cells {
         hidden::hidden(&points, size, depth, &Steps(&self.tree), may_be, has_site)
     }
 
-    /// Depth of the surface that a pixel shows: its site's if that is of it, which is finer.
-    fn depth_of(&self, pixel: usize, shown: f32) -> f32 {
-        self.sites.of(pixel).filter(|site| site.bin() == bin_of(shown)).map_or(shown, Site::depth)
+    /// Whether the tree takes a pixel's samples for hidden by what most around it are of. Where those do not stand around it, they do not
+    /// hide it: they would grow by a pixel all around.
+    fn is_disputed(&self, pixel: usize, known: Known, shown: f32) -> bool {
+        known == Known::Afar && self.sites.of(pixel).is_some_and(|site| bin_of(shown).saturating_add(1) < site.bin())
+    }
+
+    /// Depth of a pixel's sample: its site's, which is finer, unless the pixel shows what is of another surface.
+    fn depth_of(&self, pixel: usize, shown: f32, is_disputed: bool) -> f32 {
+        let of_site = |site: &&Site| is_disputed || site.bin() == bin_of(shown);
+        self.sites.of(pixel).filter(of_site).map_or(shown, Site::depth)
     }
 }

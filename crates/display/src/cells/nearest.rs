@@ -253,3 +253,75 @@ impl<const K: usize> Search<K> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Some pixels of a picture with points in them: many in one corner, few elsewhere.
+    fn points() -> impl Strategy<Value = ((u32, u32), Vec<(usize, [u8; 2])>)> {
+        (1..150_u32, 1..110_u32, any::<u64>(), 0..5_u32).prop_map(|(width, height, seed, few)| {
+            let mut state = seed | 1;
+            let mut random = move || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 33) as u32
+            };
+            let mut has = move |pixel: u32| {
+                let (column, row) = (pixel % width, pixel / width);
+                let (many, here) = (column < width / 2 && row < height / 2, random());
+                (here % (if many { 3 } else { 9 << (2 * few) }) == 0).then(|| [(here >> 8) as u8, (here >> 16) as u8])
+            };
+            let found = (0..width * height).filter_map(|pixel| has(pixel).map(|within| (pixel as usize, within)));
+            ((width, height), found.collect())
+        })
+    }
+
+    /// The nearest by looking at all.
+    fn expected(size: (u32, u32), points: &[(usize, Option<[u8; 2]>)], pixel: usize, most: usize) -> Vec<(f32, u32)> {
+        let width = size.0 as usize;
+        let from = place(pixel, width, MIDDLE);
+        let squared = |&(other, within): &(usize, _)| {
+            (Point { place: place(other, width, within), pixel: other as u32 }.squared_from(from), other as u32)
+        };
+        let mut all: Vec<(f32, u32)> = points.iter().map(squared).collect();
+        all.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        all.truncate(most);
+        all
+    }
+
+    fn check<const K: usize>(size: (u32, u32), found: &Points, points: &[(usize, Option<[u8; 2]>)]) {
+        let mut items: Vec<Vec<(f32, u32)>> = vec![Vec::new(); (size.0 * size.1) as usize];
+        // Some pixels are not wanted.
+        let wanted = |pixel: usize| pixel % 5 != 3;
+        found.for_each::<K, _>(&mut items, wanted, |_, nearest, item| {
+            *item = nearest.iter().map(|near| (near.squared, near.pixel)).collect();
+        });
+        for (pixel, item) in items.iter().enumerate() {
+            let expected = if wanted(pixel) { expected(size, points, pixel, K) } else { Vec::new() };
+            assert_eq!(*item, expected, "{pixel} of {size:?}, {} points", points.len());
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        #[test]
+        fn what_is_found_is_what_looking_at_all_finds((size, points) in points()) {
+            let all: Vec<Option<[u8; 2]>> = {
+                let mut all = vec![None; (size.0 * size.1) as usize];
+                points.iter().for_each(|&(pixel, within)| all[pixel] = Some(within));
+                all
+            };
+            let placed: Vec<_> = points.iter().map(|&(pixel, within)| (pixel, Some(within))).collect();
+            let found = Points::in_pixels(size, |pixel| all[pixel]);
+            assert_eq!(found.count(), points.len());
+            check::<1>(size, &found, &placed);
+            check::<8>(size, &found, &placed);
+            let middles: Vec<_> = points.iter().map(|&(pixel, _)| (pixel, MIDDLE)).collect();
+            let found = Points::in_middles(size, |pixel| all[pixel].is_some());
+            check::<8>(size, &found, &middles);
+            check::<12>(size, &found, &middles);
+        }
+    }
+}

@@ -48,3 +48,23 @@ impl Radii {
         self.squared[pixel / self.width / self.side * self.across + pixel % self.width / self.side]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_cover_a_tenth_of_the_picture_at_the_most_and_one_in_ten_thousand_at_the_least() {
+        let circle = 640.0 * 480.0 / std::f32::consts::PI;
+        let none = Radii::new((640, 480), std::iter::empty());
+        let all = Radii::new((640, 480), 0..640 * 480);
+        for pixel in [0, 639, 640 * 240 + 320, 640 * 480 - 1] {
+            assert_eq!(none.squared_at(pixel), 0.1 * circle);
+            assert_eq!(all.squared_at(pixel), 0.0001 * circle);
+        }
+        // One sample in 100 pixels, all of them on the left: nine have room in a cell there, and cells are the largest far from them.
+        let some = Radii::new((640, 480), (0..640 * 480).filter(|pixel| pixel % 640 < 320 && pixel % 10 == pixel / 640 % 10 && pixel / 640 % 10 == 3));
+        assert!((some.squared_at(640 * 240 + 100) * std::f32::consts::PI / 900.0 - 1.0).abs() < 0.2);
+        assert_eq!(some.squared_at(640 * 240 + 600), 0.1 * circle);
+    }
+}
