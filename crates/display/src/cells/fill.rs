@@ -87,8 +87,7 @@ fn plane(used: &[(f32, [f32; 2], [f32; 3])]) -> Option<[f32; 3]> {
         xy += weight * across * down;
         yy += weight * down * down;
     }
-    // Also refuses NaN.
-    if !(sum > 0.0) {
+    if sum == 0.0 {
         return None;
     }
     // About the middle of the samples, where mean and slope know nothing of each other.

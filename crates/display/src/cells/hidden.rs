@@ -69,7 +69,8 @@ impl Around {
         let around = |index: usize| {
             let (column, row) = (index % across, index / across);
             let rows = row.saturating_sub(1)..(row + 2).min(down);
-            let squares = rows.flat_map(|row| &own[row * across + column.saturating_sub(1)..row * across + (column + 2).min(across)]);
+            let squares = rows
+                .flat_map(|row| &own[row * across + column.saturating_sub(1)..row * across + (column + 2).min(across)]);
             squares.fold(Summary { nearest: f32::INFINITY, count: 0 }, |sum, square| Summary {
                 nearest: sum.nearest.min(square.nearest),
                 count: sum.count + square.count,

@@ -152,11 +152,8 @@ impl Cells {
         let points = Points::in_middles(self.tree.size(), is_sample);
         let mut filled: Vec<Option<Seen>> = vec![None; known.len()];
         let aside = |pixel: usize| self.sites.of(pixel).map_or([0.0; 2], Site::aside);
-        let seen = |pixel: usize| Seen {
-            colour: frame.picture.pixels[pixel],
-            depth: depth[pixel],
-            aside: aside(pixel),
-        };
+        let seen =
+            |pixel: usize| Seen { colour: frame.picture.pixels[pixel], depth: depth[pixel], aside: aside(pixel) };
         let own = |pixel: usize| {
             let site = self.sites.of(pixel).filter(|_| disputed[pixel] && !hidden[pixel])?;
             Some(Seen { colour: rgbe::decode(site.rgbe), depth: site.depth(), aside: site.aside() })

@@ -259,8 +259,11 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    /// A picture's size, and pixels with points in them.
+    type Scattered = ((u32, u32), Vec<(usize, [u8; 2])>);
+
     /// Some pixels of a picture with points in them: many in one corner, few elsewhere.
-    fn points() -> impl Strategy<Value = ((u32, u32), Vec<(usize, [u8; 2])>)> {
+    fn points() -> impl Strategy<Value = Scattered> {
         (1..150_u32, 1..110_u32, any::<u64>(), 0..5_u32).prop_map(|(width, height, seed, few)| {
             let mut state = seed | 1;
             let mut random = move || {
@@ -270,7 +273,7 @@ mod tests {
             let mut has = move |pixel: u32| {
                 let (column, row) = (pixel % width, pixel / width);
                 let (many, here) = (column < width / 2 && row < height / 2, random());
-                (here % (if many { 3 } else { 9 << (2 * few) }) == 0).then(|| [(here >> 8) as u8, (here >> 16) as u8])
+                (here % (if many { 3 } else { 9 << (2 * few) }) == 0).then_some([(here >> 8) as u8, (here >> 16) as u8])
             };
             let found = (0..width * height).filter_map(|pixel| has(pixel).map(|within| (pixel as usize, within)));
             ((width, height), found.collect())

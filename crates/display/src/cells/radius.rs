@@ -7,6 +7,8 @@
 /// Shares of the picture's area that the largest and the smallest cell may cover.
 const LARGEST: f32 = 0.1;
 const SMALLEST: f32 = 0.0001;
+/// Square of how far a pixel's own sample is from its middle at the most: it is shown, however small the picture.
+const OWN: f32 = 0.5;
 /// Squares of the grid along the larger of the picture's sides.
 const SQUARES: usize = 32;
 /// Samples that a cell has room for where they are as many as around: of a place with so many expected within reach, e⁻⁹ have none.
@@ -29,14 +31,15 @@ impl Radii {
         let mut counts = vec![0_u32; across * down];
         pixels.for_each(|pixel| counts[pixel / width / side * across + pixel % width / side] += 1);
         let circle = (width * height) as f32 / std::f32::consts::PI;
-        let (least, most) = (SMALLEST * circle, LARGEST * circle);
+        let (least, most) = ((SMALLEST * circle).max(OWN), (LARGEST * circle).max(OWN));
         let radius = |index: usize| {
             // Of 3 × 3 squares: one alone has too few to tell.
             let (column, row) = (index % across, index / across);
             let columns = column.saturating_sub(1)..(column + 2).min(across);
             let rows = row.saturating_sub(1)..(row + 2).min(down);
             let area = side * side * columns.len() * rows.len();
-            let count: u32 = rows.flat_map(|row| &counts[row * across + columns.start..row * across + columns.end]).sum();
+            let count: u32 =
+                rows.flat_map(|row| &counts[row * across + columns.start..row * across + columns.end]).sum();
             (ROOM / std::f32::consts::PI * area as f32 / count as f32).clamp(least, most)
         };
         let squared = (0..across * down).map(radius).collect();
@@ -63,7 +66,10 @@ mod tests {
             assert_eq!(all.squared_at(pixel), 0.0001 * circle);
         }
         // One sample in 100 pixels, all of them on the left: nine have room in a cell there, and cells are the largest far from them.
-        let some = Radii::new((640, 480), (0..640 * 480).filter(|pixel| pixel % 640 < 320 && pixel % 10 == pixel / 640 % 10 && pixel / 640 % 10 == 3));
+        let some = Radii::new(
+            (640, 480),
+            (0..640 * 480).filter(|pixel| pixel % 640 < 320 && pixel % 10 == pixel / 640 % 10 && pixel / 640 % 10 == 3),
+        );
         assert!((some.squared_at(640 * 240 + 100) * std::f32::consts::PI / 900.0 - 1.0).abs() < 0.2);
         assert_eq!(some.squared_at(640 * 240 + 600), 0.1 * circle);
     }

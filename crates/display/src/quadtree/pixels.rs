@@ -2,11 +2,11 @@
 //!
 //! Invariant: a function of the view and of the set of samples, as the picture is.
 
-use super::{Frame, Quadtree};
 use super::bins::depth_bin;
 use super::paint::UnseenPixels;
 use super::reproject::Landing;
 use super::surface::adjacent;
+use super::{Frame, Quadtree};
 use holo_section::{BeamId, Sample};
 
 /// Pixels whose sums are asked for ahead.
