@@ -1,4 +1,5 @@
-//! The quadtree, and the cells that are made of its samples, from view to view: what it has is shown in the next view until that has samples of its own (Larson & Simmons 1999, §3).
+//! The quadtree, or cells of its samples, from view to view: what it has is shown in the next view until that has samples of its own
+//! (Larson & Simmons 1999, §3).
 //!
 //! What always holds:
 //! - once the stored samples of a view have come, its pictures are of what was sent for this view and of nothing else, so a picture at

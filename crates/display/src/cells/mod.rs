@@ -1,8 +1,16 @@
 //! The `voronoi` driver where there is no scene (Larson & Simmons 1999, §2.4.4): cells of samples, bounded by the samples' own depth.
 //!
-//! Samples are reprojected and summed as in the [`Quadtree`], which also says what a pixel with samples shows. Each other pixel belongs to the
-//! sample nearest to it on the picture, of those that no nearer surface hides ([`hidden`]): a Voronoi diagram, found exactly ([`nearest`]).
-//! It shows that sample's colour ([`Filling::Constant`]), or one that goes smoothly on to those of the same surface around it ([`fill`]).
+//! Samples are reprojected and summed as in the [`Quadtree`], which also says what a pixel with samples shows: their mean, over as many
+//! pixels around as noise asks. Each other pixel belongs to the sample nearest to it on the picture, of those that no nearer surface
+//! hides ([`hidden`]): a Voronoi diagram, found exactly ([`nearest`]). It shows that sample's colour ([`Filling::Constant`]), or one that
+//! goes smoothly on to those of the same surface around it ([`fill`]).
+//!
+//! Smooth pictures have no holes: what is far from all samples is filled, too, since a display has nothing better to show. Of the
+//! paper's constant cells the greatest radius is a part ([`radius`]), and it showed the scene between them; here that stays black.
+//!
+//! Whole pictures of 512 × 512 pixels with 200,000 clean samples on one core take 32 ms (constant) and 69 (smooth, of which the tree's
+//! part is 26); of one path each 32 and 116 (83); with 377,000 from all around 40 and 126 (64). Of a burst of samples the tree draws
+//! little ([`Quadtree::redraw`]); what is between them is filled anew, by all cores.
 //!
 //! What always holds:
 //! - The picture is a function of the set of samples: their order and batches change no bit of it.
