@@ -20,6 +20,7 @@
 
 mod fill;
 mod hidden;
+mod local;
 mod near;
 mod nearest;
 mod radius;
@@ -155,11 +156,31 @@ impl Cells {
         let depth: Vec<f32> =
             (0..).zip(&frame.depth).map(|(pixel, &shown)| self.depth_of(pixel, shown, disputed[pixel])).collect();
         let hidden = self.hidden(&known, &depth);
-        let is_sample =
-            |pixel: usize| !hidden[pixel] && !disputed[pixel] && matches!(known[pixel], Known::Afar | Known::Near);
+        let is_sample = |pixel: usize| {
+            // In a burst some pixels with samples have not been drawn yet.
+            let is_drawn = frame.depth[pixel] > 0.0;
+            is_drawn && !hidden[pixel] && !disputed[pixel] && matches!(known[pixel], Known::Afar | Known::Near)
+        };
         let points = Points::in_middles(self.tree.size(), is_sample);
         let mut filled: Vec<Option<Seen>> = vec![None; known.len()];
         let aside = |pixel: usize| self.sites.of(pixel).map_or([0.0; 2], Site::aside);
+        let single = |pixel: usize| {
+            let site = self.sites.of(pixel);
+            let colour = site.map_or(frame.picture.pixels[pixel], |site| rgbe::decode(site.rgbe));
+            Seen { colour, depth: depth[pixel], aside: aside(pixel) }
+        };
+        let has_few = self.tree.has_few();
+        let few = |pixel: usize| {
+            let is_shown = |site: &Site| site.depth() == depth[pixel];
+            has_few[pixel] && is_sample(pixel) && self.sites.of(pixel).is_some_and(is_shown)
+        };
+        let few: Vec<bool> = (0..known.len()).map(few).collect();
+        let few = |pixel: usize| few[pixel];
+        let mean = |pixel: usize| frame.picture.pixels[pixel];
+        let local = local::local(&points, known.len(), few, single, mean, &Steps(&self.tree));
+        for (colour, local) in frame.picture.pixels.iter_mut().zip(local) {
+            *colour = local.unwrap_or(*colour);
+        }
         let seen =
             |pixel: usize| Seen { colour: frame.picture.pixels[pixel], depth: depth[pixel], aside: aside(pixel) };
         let own = |pixel: usize| {
@@ -212,6 +233,9 @@ impl Cells {
 
     /// Which pixels' samples are of what a nearer surface hides.
     fn hidden(&self, known: &[Known], depth: &[f32]) -> Vec<bool> {
+        if !known.contains(&Known::Afar) {
+            return vec![false; known.len()];
+        }
         let has_site = |pixel: usize| matches!(known[pixel], Known::Afar | Known::Near | Known::Mixture);
         let points = Points::in_middles(self.tree.size(), has_site);
         let (width, height) = self.tree.size();

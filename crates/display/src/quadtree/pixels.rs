@@ -12,6 +12,9 @@ use holo_section::{BeamId, Sample};
 /// Pixels whose sums are asked for ahead.
 const AHEAD: usize = 12;
 
+/// Samples of a pixel up to which it has few.
+const FEW: u64 = 3;
+
 /// What a pixel's samples are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Known {
@@ -102,6 +105,16 @@ impl Quadtree {
             }
         };
         self.covered.iter().enumerate().map(known).collect()
+    }
+
+    /// Which pixels have samples, but not more than tell little of their mean.
+    pub(crate) fn has_few(&self) -> Vec<bool> {
+        let has_few = |pixel: usize| {
+            self.prefetch(pixel + AHEAD);
+            let bins = self.narrow.of(pixel).chain(self.wide.of(pixel));
+            (1..=FEW).contains(&bins.map(|(_, sums)| u64::from(sums.count)).sum())
+        };
+        (0..self.covered.len()).map(has_few).collect()
     }
 
     fn known_by_samples(&self, pixel: usize) -> Known {
