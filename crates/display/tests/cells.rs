@@ -413,3 +413,36 @@ fn pictures_of_one_pixel_and_of_a_large_screen_have_no_hole() {
         }
     }
 }
+
+/// A wall of which two fifths are in shadow.
+fn shadow(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
+    let (_, distance) = wall(origin, direction);
+    let place = origin + direction * distance;
+    ([if place.y + 0.4 * place.z > 4.7 { 0.8 } else { 0.0 }; 3], distance)
+}
+
+#[test]
+fn clean_samples_are_not_blurred_and_noisy_ones_are_not_believed() {
+    const SIZE: (u32, u32) = (120, 90);
+    let (section, view) = (room_section(8), view([3.0, 4.0, 3.0], [10.0, 4.0, 3.0], 60.0, SIZE));
+    let reference = truth(shadow, &view, SIZE, 4);
+    let (mut clean_ratio, mut noisy_ratio, mut bright) = (Vec::new(), Vec::new(), Vec::new());
+    for seed in 0..8 {
+        for (noise, ratios) in [(clean as Noise, &mut clean_ratio), (log_normal, &mut noisy_ratio)] {
+            let stored = near_samples(shadow, &section, &view, 700, seed, noise);
+            let frame = drawn(&section, &view, SIZE, Filling::Smooth, &stored);
+            let leaves = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored).draw();
+            ratios.push(relative_error(&frame, &reference) / relative_error(&leaves, &reference));
+            bright.push(bias(&frame, &reference));
+        }
+    }
+    let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+    println!(
+        "clean {:.2}, noisy {:.2} of the leaves' error; bias {:.3}",
+        mean(&clean_ratio),
+        mean(&noisy_ratio),
+        mean(&bright)
+    );
+    assert!(mean(&clean_ratio) < 0.8 && mean(&noisy_ratio) < 1.0);
+    assert!(mean(&bright).abs() < 0.05);
+}

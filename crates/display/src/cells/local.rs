@@ -14,6 +14,8 @@ use super::step::Steps;
 const CLEARLY: f32 = 8.0;
 /// Square of the distance, pixels, within which so many samples are dense enough for means.
 const DENSE: f32 = 8.0;
+/// Samples in 32 × 32 pixels of which nearly all are as dense as that, so that none need be looked at: 25 ms of 94 at 512².
+pub(super) const MANY: usize = 480;
 
 /// Squared errors of the two ways to foretell a sample.
 #[derive(Clone, Copy, Default)]

@@ -1,15 +1,15 @@
 //! The `voronoi` driver where there is no scene (Larson & Simmons 1999, §2.4.4): cells of samples, bounded by the samples' own depth.
 //!
 //! Samples are reprojected and summed as in the [`Quadtree`], which also says what a pixel with samples shows: their mean, over as many
-//! pixels around as noise asks. Each other pixel belongs to the sample nearest to it on the picture, of those that no nearer surface
+//! pixels around as noise asks, unless so few are around and so clean that those nearest to one tell more ([`local`]). Each other pixel belongs to the sample nearest to it on the picture, of those that no nearer surface
 //! hides ([`hidden`]): a Voronoi diagram, found exactly ([`nearest`]). It shows that sample's colour ([`Filling::Constant`]), or one that
 //! goes smoothly on to those of the same surface around it ([`fill`]).
 //!
 //! Smooth pictures have no holes: what is far from all samples is filled, too, since a display has nothing better to show. Of the
 //! paper's constant cells the greatest radius is a part ([`radius`]), and it showed the scene between them; here that stays black.
 //!
-//! Whole pictures of 512 × 512 pixels with 200,000 clean samples on one core take 32 ms (constant) and 69 (smooth, of which the tree's
-//! part is 26); of one path each 32 and 116 (83); with 377,000 from all around 40 and 126 (64). Of a burst of samples the tree draws
+//! Whole pictures of 512 × 512 pixels with 200,000 clean samples on one core take 28 ms (constant) and 76 (smooth, of which the tree's
+//! part is 26); of one path each 29 and 124 (84); with 377,000 from all around 39 and 132 (63). Of a burst of samples the tree draws
 //! little ([`Quadtree::redraw`]); what is between them is filled anew, by all cores.
 //!
 //! What always holds:
@@ -46,7 +46,7 @@ const BURST_TIME: Duration = Duration::from_millis(33);
 /// What a cell shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filling {
-    /// Pixels with samples show what a [`Quadtree`] does, their mean if they are many; what is between goes smoothly from sample to
+    /// Pixels with samples show what a [`Quadtree`] does, their mean if they are many, or the nearest samples where few are clean; what is between goes smoothly from sample to
     /// sample. There is no hole.
     #[default]
     Smooth,
@@ -172,7 +172,8 @@ impl Cells {
         let has_few = self.tree.has_few();
         let few = |pixel: usize| {
             let is_shown = |site: &Site| site.depth() == depth[pixel];
-            has_few[pixel] && is_sample(pixel) && self.sites.of(pixel).is_some_and(is_shown)
+            let are_many = points.count_around(pixel) > local::MANY;
+            !are_many && has_few[pixel] && is_sample(pixel) && self.sites.of(pixel).is_some_and(is_shown)
         };
         let few: Vec<bool> = (0..known.len()).map(few).collect();
         let few = |pixel: usize| few[pixel];

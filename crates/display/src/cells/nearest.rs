@@ -92,6 +92,12 @@ impl Points {
         self.points.len()
     }
 
+    /// Points in the tile of 32 × 32 pixels around a pixel.
+    pub fn count_around(&self, pixel: usize) -> usize {
+        let (column, row) = (pixel % self.size.0, pixel / self.size.0);
+        self.tile(column / TILE, row / TILE).len()
+    }
+
     /// Lets `find(pixel, nearest, item)` change the items of wanted pixels, `nearest` being the `K` points nearest to the pixel's middle, the
     /// nearest first: fewer only if there are no more. No item changes where there is no point at all.
     pub fn for_each<const K: usize, T: Send>(
