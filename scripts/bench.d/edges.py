@@ -12,7 +12,12 @@ from harness import Bench
 from program import compare, run
 from scenes import INTERIOR_LIVING, Case
 
-DRIVERS = ("quadtree", "voronoi")
+# The words that choose each; the cells are what `voronoi` makes without a scene.
+DRIVERS = {
+    "quadtree": ("--driver", "quadtree"),
+    "cells": ("--driver", "voronoi", "--cells", "smooth"),
+    "voronoi": ("--driver", "voronoi"),
+}
 # Samples in the file, the worst first: it is filled on and on.
 SAMPLES = (10_000, 100_000, 1_000_000, 10_000_000)
 # Decibels wanted at the most samples: over the quadtree, and in all; and the share of its error at edges.
@@ -52,8 +57,8 @@ def edges(bench: Bench) -> Part:
             run([*fill, "--samples", str(count - there)])
             there = count
             row: list = [count]
-            for driver in DRIVERS:
-                options = [*case.view.options(), "--driver", driver]
+            for driver, words in DRIVERS.items():
+                options = [*case.view.options(), *words]
                 picture, _, _ = bench.picture(file, options, case.size, f"edges-{case.name}-{driver}-{count}")
                 measures = compare(bench.holodeck, picture, truth)
                 at_edges = 1000 * displayed_error(picture, truth, mask)

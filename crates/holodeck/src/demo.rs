@@ -5,7 +5,7 @@ use std::{fmt::Write, path::PathBuf};
 use anyhow::{Context, Result};
 use holo_proto::control::Engine;
 use holo_scenes::Bundled;
-use holo_view::{Driver, PointArgs, ViewArgs};
+use holo_view::{DriverArgs, PointArgs, ViewArgs};
 
 use crate::{config::Config, prepare, view::LiveSession};
 
@@ -65,7 +65,7 @@ pub async fn run(args: Args) -> Result<()> {
         .run(|address| holo_view::Config {
             connect: address.to_string(),
             view: ViewArgs { size: args.size, ..ViewArgs::default() },
-            driver: Driver::default(),
+            driver: DriverArgs::default(),
             points: PointArgs::default(),
             script: Some(path),
             time: 0.0,

@@ -4,7 +4,7 @@ use std::{ffi::OsString, path::PathBuf};
 
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
-use holo_view::{Driver, PointArgs, ViewArgs};
+use holo_view::{DriverArgs, PointArgs, ViewArgs};
 use tokio::sync::oneshot;
 
 use crate::{
@@ -18,9 +18,8 @@ use crate::{
 pub struct SessionArgs {
     #[command(flatten)]
     view: ViewArgs,
-    /// What turns samples into a picture
-    #[arg(long, value_enum, default_value_t)]
-    driver: Driver,
+    #[command(flatten)]
+    driver: DriverArgs,
     #[command(flatten)]
     points: PointArgs,
     /// Without a window: follow a script and write pictures
@@ -58,6 +57,7 @@ impl SessionArgs {
     }
 
     fn check(&self) -> Result<()> {
+        self.driver.check().map_err(Usage)?;
         if self.headless {
             return Ok(());
         }
@@ -185,9 +185,8 @@ pub struct PictureCommand {
     output: PathBuf,
     #[command(flatten)]
     view: ViewArgs,
-    /// What turns samples into a picture
-    #[arg(long, value_enum, default_value_t)]
-    driver: Driver,
+    #[command(flatten)]
+    driver: DriverArgs,
     #[command(flatten)]
     points: PointArgs,
     /// Report as JSON
@@ -200,6 +199,7 @@ pub struct PictureCommand {
 
 /// See [`PictureCommand`].
 pub async fn picture(args: PictureCommand) -> Result<()> {
+    args.driver.check().map_err(Usage)?;
     show_stored(args.file, |address| holo_view::Config {
         connect: address.to_string(),
         view: args.view,

@@ -1,4 +1,5 @@
-//! The quadtree from view to view: what it has is shown in the next view until that has samples of its own (Larson & Simmons 1999, §3).
+//! The quadtree, or cells of its samples, from view to view: what it has is shown in the next view until that has samples of its own
+//! (Larson & Simmons 1999, §3).
 //!
 //! What always holds:
 //! - once the stored samples of a view have come, its pictures are of what was sent for this view and of nothing else, so a picture at
@@ -7,26 +8,82 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use holo_display::{Frame, Quadtree, QuadtreeParams};
+use holo_display::{Cells, CellsParams, Filling, Frame, Quadtree, QuadtreeParams};
 use holo_picture::View;
 use holo_section::{BeamId, Sample, Section};
 
 /// Samples kept for the next view at most: what two views of a large file cross. They are put into it again in some 25 ms.
 const KEEP: usize = 500_000;
 
-/// The quadtree for all views of a session. Clones share it.
+/// The quadtree for all views of a session, or the driver of cells. Clones share it.
 #[derive(Clone, Default)]
-pub struct Trees(Arc<Mutex<Option<Shown>>>);
+pub struct Trees {
+    shown: Arc<Mutex<Option<Shown>>>,
+    cells: Option<Filling>,
+}
 
 struct Shown {
     /// What was sent for this view.
-    own: Quadtree,
+    own: Shape,
     /// That, and what there was before; until the view's own is all there.
-    kept: Option<Quadtree>,
+    kept: Option<Shape>,
     size: (u32, u32),
 }
 
+/// What samples are shown as.
+enum Shape {
+    Leaves(Box<Quadtree>),
+    Cells(Box<Cells>),
+}
+
+impl Shape {
+    fn tree(&self) -> &Quadtree {
+        match self {
+            Shape::Leaves(tree) => tree,
+            Shape::Cells(cells) => cells.quadtree(),
+        }
+    }
+
+    fn look(&mut self, view: View) -> bool {
+        match self {
+            Shape::Leaves(tree) => tree.look(view),
+            Shape::Cells(cells) => cells.look(view),
+        }
+    }
+
+    fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+        match self {
+            Shape::Leaves(tree) => tree.insert(section, beam, paths, samples),
+            Shape::Cells(cells) => cells.insert(section, beam, paths, samples),
+        }
+    }
+
+    fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+        match self {
+            Shape::Leaves(tree) => tree.insert_unseen(section, beam),
+            Shape::Cells(cells) => cells.insert_unseen(section, beam),
+        }
+    }
+
+    fn draw(&self) -> Frame {
+        match self {
+            Shape::Leaves(tree) => tree.draw(),
+            Shape::Cells(cells) => cells.draw(),
+        }
+    }
+}
+
 impl Trees {
+    /// Cells in the place of leaves.
+    pub fn of_cells(filling: Filling) -> Self {
+        Self { cells: Some(filling), ..Self::default() }
+    }
+
+    /// Which driver it is.
+    pub fn name(&self) -> &'static str {
+        if self.cells.is_some() { "cells" } else { "quadtree" }
+    }
+
     /// Takes another view.
     pub fn look(&self, sections: Arc<[Section]>, view: View, size: (u32, u32), sky: [f32; 3]) {
         let mut shown = self.lock();
@@ -34,7 +91,14 @@ impl Trees {
         let kept =
             before.map(|shown| shown.kept.unwrap_or(shown.own)).and_then(|mut tree| tree.look(view).then_some(tree));
         let params = QuadtreeParams { sky, keep: KEEP, ..QuadtreeParams::default() };
-        *shown = Some(Shown { own: Quadtree::new(sections, view, size, params), kept, size });
+        let own = match self.cells {
+            Some(filling) => {
+                let params = CellsParams { filling, tree: params };
+                Shape::Cells(Box::new(Cells::new(sections, view, size, params)))
+            }
+            None => Shape::Leaves(Box::new(Quadtree::new(sections, view, size, params))),
+        };
+        *shown = Some(Shown { own, kept, size });
     }
 
     pub fn insert(&self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
@@ -52,9 +116,9 @@ impl Trees {
         }
     }
 
-    /// What a tree of the view's own samples says; the default before the first view.
+    /// What the sums of the view's own samples say; the default before the first view.
     pub fn own<T: Default>(&self, ask: impl FnOnce(&Quadtree) -> T) -> T {
-        self.lock().as_ref().map_or_else(T::default, |shown| ask(&shown.own))
+        self.lock().as_ref().map_or_else(T::default, |shown| ask(shown.own.tree()))
     }
 
     /// The picture; `None` before the first view.
@@ -62,7 +126,7 @@ impl Trees {
         self.lock().as_ref().map(|shown| shown.kept.as_ref().unwrap_or(&shown.own).draw())
     }
 
-    fn of_all(&self, mut put: impl FnMut(&mut Quadtree)) {
+    fn of_all(&self, mut put: impl FnMut(&mut Shape)) {
         if let Some(shown) = &mut *self.lock() {
             put(&mut shown.own);
             shown.kept.iter_mut().for_each(put);
@@ -71,7 +135,7 @@ impl Trees {
 
     /// A panic elsewhere leaves no picture half made that matters.
     fn lock(&self) -> MutexGuard<'_, Option<Shown>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.shown.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -123,22 +187,33 @@ mod tests {
 
     #[test]
     fn the_last_view_s_samples_are_shown_until_the_next_one_s_have_come() {
-        let trees = Trees::default();
+        for trees in [Trees::default(), Trees::of_cells(Filling::Smooth), Trees::of_cells(Filling::Constant)] {
+            are_shown_until_the_next_one_s_have_come(&trees);
+        }
+    }
+
+    fn are_shown_until_the_next_one_s_have_come(trees: &Trees) {
         assert!(trees.draw().is_none());
         let pixels = u64::from(SIZE.0 * SIZE.1);
-        assert_eq!(look(&trees, 0.0).samples_used, 0);
-        put(&trees, &samples(&view(0.0)));
-        let turned = look(&trees, 10.0);
+        assert_eq!(look(trees, 0.0).samples_used, 0);
+        put(trees, &samples(&view(0.0)));
+        let turned = look(trees, 10.0);
         // A sixth of the picture is new.
         assert!(turned.samples_used > pixels * 3 / 4 && turned.empty_pixels < pixels / 3, "{}", turned.empty_pixels);
         // On, before anything has come: they are still there.
-        assert!(look(&trees, 15.0).samples_used > pixels / 2);
-        assert_eq!(look(&trees, 40.0).samples_used, 0, "too far");
+        assert!(look(trees, 15.0).samples_used > pixels / 2);
+        assert_eq!(look(trees, 40.0).samples_used, 0, "too far");
     }
 
     #[test]
     fn a_picture_at_rest_does_not_depend_on_where_one_came_from() {
-        let (walked, alone) = (Trees::default(), Trees::default());
+        is_the_same_at_rest(Trees::default);
+        is_the_same_at_rest(|| Trees::of_cells(Filling::Smooth));
+        is_the_same_at_rest(|| Trees::of_cells(Filling::Constant));
+    }
+
+    fn is_the_same_at_rest(make: impl Fn() -> Trees) {
+        let (walked, alone) = (make(), make());
         look(&walked, 0.0);
         put(&walked, &samples(&view(0.0)));
         let own = samples(&view(8.0));

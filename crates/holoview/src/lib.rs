@@ -122,10 +122,10 @@ pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
 /// What turns samples into a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Driver {
-    /// `voronoi` if the scene can be had, else `quadtree`
+    /// The same as `voronoi`, but that a scene which cannot be read is done without
     #[default]
     Auto,
-    /// Edges from the scene itself, light from all samples on what is seen
+    /// Edges from the scene itself, light from all samples on what is seen; where there is no scene, cells of the samples (`--cells`)
     Voronoi,
     /// Means over the leaves of a quadtree, as large as noise asks; needs no scene
     Quadtree,
@@ -133,6 +133,42 @@ pub enum Driver {
     Pointimage,
     /// Each pixel shows its newest rays; needs no scene
     Frameless,
+}
+
+/// Which driver, and what it is told.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct DriverArgs {
+    /// What turns samples into a picture
+    #[arg(long, value_enum, default_value_t)]
+    pub driver: Driver,
+    /// Of the driver `voronoi`: cells of samples alone, even where there is a scene, such as `--driver voronoi --cells constant`
+    #[arg(long, value_enum, value_name = "FILLING")]
+    pub cells: Option<CellsArg>,
+}
+
+impl DriverArgs {
+    /// Refuses what would do nothing.
+    ///
+    /// # Errors
+    /// A text for people, if cells are wanted of a driver that has none.
+    pub fn check(&self) -> Result<(), String> {
+        match (self.driver, self.cells) {
+            (Driver::Auto | Driver::Voronoi, _) | (_, None) => Ok(()),
+            (driver, Some(_)) => {
+                let name = driver.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
+                Err(format!("--cells is for --driver voronoi; {name} has no cells"))
+            }
+        }
+    }
+}
+
+/// What cells show: see [`holo_display::Filling`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CellsArg {
+    /// Colours that go from sample to sample of a surface; means where a pixel has many [what is used where there is no scene]
+    Smooth,
+    /// Each the colour of its sample, as in the paper (Larson & Simmons 1999)
+    Constant,
 }
 
 /// Options of `holoview`.
@@ -145,8 +181,8 @@ pub struct Config {
     #[command(flatten)]
     pub view: ViewArgs,
     /// What turns samples into a picture
-    #[arg(long, value_enum, default_value_t)]
-    pub driver: Driver,
+    #[command(flatten)]
+    pub driver: DriverArgs,
     /// How the render cache works
     #[command(flatten)]
     pub points: PointArgs,
@@ -196,7 +232,7 @@ pub struct PictureReport {
     pub unseen_pixels: u64,
     /// Pixels of whose surface nothing is known, shown as if the eye carried a lamp.
     pub guessed_pixels: u64,
-    /// The driver that made it.
+    /// The driver that made it; `cells` if it was `voronoi` by samples alone.
     pub driver: &'static str,
     /// Seconds until the first samples were here; none yet if absent.
     pub first_samples: Option<f64>,
@@ -239,6 +275,7 @@ impl std::fmt::Display for PictureReport {
 /// If the server cannot be reached, refuses or leaves before the end, the view cannot be seen, or a picture not be
 /// written.
 pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
+    config.driver.check().map_err(anyhow::Error::msg)?;
     let address: SocketAddr = holo_net::loopback(&config.connect)?;
     let steps = match &config.script {
         Some(path) => Script::open(path)?,

@@ -5,6 +5,7 @@
 
 mod analytic;
 mod better;
+mod cells;
 mod coming_and_going;
 mod display_only;
 mod fill;

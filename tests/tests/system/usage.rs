@@ -7,7 +7,7 @@ use holo_tests::Place;
 #[test]
 fn wrong_usage_ends_with_status_2() {
     let place = Place::new();
-    let cases: [(&[&str], &[&str]); 9] = [
+    let cases: [(&[&str], &[&str]); 11] = [
         (&["fil"], &["fil", "Usage"]),
         (&["fill", "{}/cornell.obj"], &["-o"]),
         (&["fill", "{}/cornell.obj", "-o", "{}/a.holo"], &["how long", "--time", "--samples"]),
@@ -17,6 +17,14 @@ fn wrong_usage_ends_with_status_2() {
         (&["render", "{}/cornell.obj", "-o", "{}/a.pfm"], &["--spp"]),
         (&["picture", "{}/a.holo", "-o", "{}/a.pfm", "--size", "0x7"], &["--size"]),
         (&["view", "{}/cornell.obj"], &["--headless"]),
+        (
+            &["picture", "{}/a.holo", "-o", "{}/a.pfm", "--driver", "quadtree", "--cells", "smooth"],
+            &["--cells", "--driver voronoi", "quadtree has no cells"],
+        ),
+        (
+            &["view", "{}/cornell.obj", "--headless", "--driver", "frameless", "--cells", "constant"],
+            &["--driver voronoi"],
+        ),
     ];
     for (words, said) in cases {
         place.run(words).failed(2, said);

@@ -4,6 +4,7 @@
 //! [`REFETCH_DEGREES`] is that of a new driver with the same samples.
 
 use super::Quadtree;
+use super::reproject::Landing;
 use holo_picture::View;
 use holo_section::{BeamId, Sample};
 
@@ -56,6 +57,11 @@ impl Quadtree {
     ///
     /// Kept samples count: their beams need not be sent again, and must not be, or they would count twice.
     pub fn look(&mut self, view: View) -> bool {
+        self.look_and_tell(view, &mut |_, _, _| {})
+    }
+
+    /// As [`look`](Self::look), telling of each kept sample that landed its pixel, where in it, and its colour.
+    pub(crate) fn look_and_tell(&mut self, view: View, also: &mut impl FnMut(usize, &Landing, [u8; 4])) -> bool {
         let keeps = self.params.keep > 0 && view.vd.dot(self.view.vd) >= REFETCH_DEGREES.to_radians().cos();
         let (mut kept, unseen) = (std::mem::take(&mut self.kept), std::mem::take(&mut self.unseen));
         self.reset(view);
@@ -69,7 +75,7 @@ impl Quadtree {
         let mut rest = kept.samples.as_slice();
         for run in &kept.runs {
             let (samples, tail) = rest.split_at(run.count);
-            self.land(run.section, run.beam, run.paths, samples);
+            self.land(run.section, run.beam, run.paths, samples, also);
             rest = tail;
         }
         self.kept = kept;

@@ -20,6 +20,7 @@ mod keep;
 mod leaf;
 mod live;
 mod paint;
+pub(crate) mod pixels;
 mod pyramid;
 pub(crate) mod reproject;
 mod surface;
@@ -199,11 +200,19 @@ impl Quadtree {
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
         if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count()) {
             self.kept.add(section, beam, paths, samples, self.params.keep);
-            self.land(section, beam, paths, samples);
+            self.land(section, beam, paths, samples, &mut |_, _, _| {});
         }
     }
 
-    fn land(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+    /// Sums samples, and tells of each that landed its pixel, where in it, and its colour.
+    fn land(
+        &mut self,
+        section: u16,
+        beam: BeamId,
+        paths: u16,
+        samples: &[Sample],
+        also: &mut impl FnMut(usize, &Landing, [u8; 4]),
+    ) {
         let Some((known, placed)) = self.sections.get(usize::from(section)).zip(self.placed.get(usize::from(section)))
         else {
             return;
@@ -234,6 +243,7 @@ impl Quadtree {
             for (pixel, landing, rgbe) in &self.arrived {
                 let bins = if landing.narrow { &mut self.narrow } else { &mut self.wide };
                 bins.add(*pixel, landing.bin, &Colour::from_rgbe(*rgbe), landing.weight * paths, landing.near);
+                also(*pixel, landing, *rgbe);
             }
             self.changes += self.arrived.len() as u64;
             let landed = self.arrived.iter().map(|(pixel, ..)| *pixel);

@@ -71,6 +71,10 @@ pub(crate) struct Landing {
     /// Pixels from the left and from the top.
     pub column: usize,
     pub row: usize,
+    /// Where in the pixel, in its 256ths from its left and from its top.
+    pub within: [u8; 2],
+    /// Distance from the eye; infinite for what is shown as nothing.
+    pub depth: f32,
     pub bin: u16,
     /// 8 to 64, by nearness of the ray to the eye.
     pub weight: u32,
@@ -156,10 +160,13 @@ impl<'a> BeamProjector<'a> {
         let distance_squared = (point - eye).length_squared();
         let miss_squared = (entry - eye).cross(along).length_squared() / length_squared;
         let footprint_squared = if hits { self.camera.pixel_width.squared_at(distance_squared) } else { f64::INFINITY };
+        let shown = hits && !is_black;
         Some(Landing {
             column: x as usize,
             row: y as usize,
-            bin: if hits && !is_black { depth_bin(distance_squared) } else { FAR },
+            within: [x, y].map(|at| (at.fract() * STEPS) as u8),
+            depth: if shown { (distance_squared as f32).sqrt() } else { f32::INFINITY },
+            bin: if shown { depth_bin(distance_squared) } else { FAR },
             weight: nearness_weight(miss_squared / footprint_squared),
             // What hit nothing is seen from everywhere alike.
             narrow: !hits || miss_squared <= NARROW * NARROW * distance_squared,

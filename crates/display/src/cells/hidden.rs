@@ -1,0 +1,125 @@
+//! Samples of what a nearer surface hides (Larson & Simmons 1999, Figure 6): their rays pass the eye at some distance and look behind it.
+//!
+//! Without a scene, the nearer surface is known by its samples alone. A sample is hidden if it lies among them: if those nearest to it on
+//! the picture that are in front of it stand around it, on every side. At the nearer surface's edge they do not, so the surface does
+//! not grow: no halo.
+//!
+//! Invariant: samples that pass near the eye see the pixel itself, and are never hidden.
+
+use super::nearest::Points;
+use super::step::Steps;
+
+/// Samples nearest to one that are looked at, itself included.
+const LOOKED_AT: usize = 12;
+/// Side of the squares of which the nearest depth is known, pixels.
+const SQUARE: usize = 8;
+/// Samples in 3 × 3 such squares from which on those nearest to one in the middle are all among them.
+const DENSE: u32 = 64;
+
+/// What squares of the picture hold.
+#[derive(Clone, Copy)]
+struct Summary {
+    nearest: f32,
+    count: u32,
+}
+
+/// Which of the pixels' sites are hidden. `depth` is the site's of each pixel, `points` are where they are; only those are looked at that
+/// `may_be` names.
+pub(super) fn hidden(
+    points: &Points,
+    (width, height): (usize, usize),
+    depth: &[f32],
+    steps: &Steps,
+    may_be: impl Fn(usize) -> bool + Sync,
+    has_site: impl Fn(usize) -> bool,
+) -> Vec<bool> {
+    let around = Around::new((width, height), depth, has_site);
+    let mut hidden = vec![false; depth.len()];
+    let wanted = |pixel: usize| may_be(pixel) && around.may_hide(pixel, depth[pixel], steps);
+    points.for_each::<LOOKED_AT, bool>(&mut hidden, wanted, |pixel, nearest, hidden| {
+        let mut front = [[0.0; 2]; LOOKED_AT];
+        let mut count = 0;
+        for near in nearest {
+            if steps.is_in_front(depth[near.pixel as usize], depth[pixel], near.squared.sqrt()) {
+                front[count] = near.offset;
+                count += 1;
+            }
+        }
+        *hidden = surround(&front[..count]);
+    });
+    hidden
+}
+
+/// The nearest depth around each square.
+struct Around {
+    width: usize,
+    across: usize,
+    squares: Vec<Summary>,
+}
+
+impl Around {
+    fn new((width, height): (usize, usize), depth: &[f32], has_site: impl Fn(usize) -> bool) -> Self {
+        let (across, down) = (width.div_ceil(SQUARE), height.div_ceil(SQUARE));
+        let mut own = vec![Summary { nearest: f32::INFINITY, count: 0 }; across * down];
+        for (pixel, &depth) in depth.iter().enumerate().filter(|(pixel, _)| has_site(*pixel)) {
+            let square = &mut own[pixel / width / SQUARE * across + pixel % width / SQUARE];
+            square.nearest = square.nearest.min(depth);
+            square.count += 1;
+        }
+        let around = |index: usize| {
+            let (column, row) = (index % across, index / across);
+            let rows = row.saturating_sub(1)..(row + 2).min(down);
+            let squares = rows
+                .flat_map(|row| &own[row * across + column.saturating_sub(1)..row * across + (column + 2).min(across)]);
+            squares.fold(Summary { nearest: f32::INFINITY, count: 0 }, |sum, square| Summary {
+                nearest: sum.nearest.min(square.nearest),
+                count: sum.count + square.count,
+            })
+        };
+        Self { width, across, squares: (0..across * down).map(around).collect() }
+    }
+
+    /// Whether something near a pixel may be in front of what is at this depth.
+    fn may_hide(&self, pixel: usize, depth: f32, steps: &Steps) -> bool {
+        let square = &self.squares[pixel / self.width / SQUARE * self.across + pixel % self.width / SQUARE];
+        square.count < DENSE || steps.may_be_in_front(square.nearest, depth)
+    }
+}
+
+/// Whether some points stand around the origin: no line through it has all of them on one side.
+fn surround(points: &[[f32; 2]]) -> bool {
+    let cross = |a: &[f32; 2], b: &[f32; 2]| a[0] * b[1] - a[1] * b[0];
+    // If some line has, one through a point has, with all others to the left of it.
+    points.len() > 2
+        && points.iter().all(|a| points.iter().any(|b| cross(a, b) < 0.0))
+        && points.iter().all(|a| points.iter().any(|b| cross(a, b) > 0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points in directions of so many degrees.
+    fn around(degrees: &[f32]) -> Vec<[f32; 2]> {
+        let at = |(number, degrees): (usize, &f32)| {
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            [cosine, sine].map(|along| along * (1.0 + number as f32))
+        };
+        degrees.iter().enumerate().map(at).collect()
+    }
+
+    #[test]
+    fn points_stand_around_a_place_if_no_half_of_its_surroundings_is_free_of_them() {
+        for turn in [0.0, 17.0, 133.0, 251.0] {
+            let degrees = |list: &[f32]| around(&list.iter().map(|at| at + turn).collect::<Vec<f32>>());
+            assert!(surround(&degrees(&[0.0, 120.0, 240.0])));
+            assert!(surround(&degrees(&[0.0, 90.0, 181.0])));
+            assert!(surround(&degrees(&[10.0, 350.0, 170.0, 200.0])));
+            assert!(!surround(&degrees(&[0.0, 90.0, 179.0])));
+            assert!(!surround(&degrees(&[0.0, 40.0, 80.0, 120.0, 160.0, 175.0])));
+            assert!(!surround(&degrees(&[0.0, 180.5])));
+        }
+        assert!(!surround(&[]));
+        assert!(!surround(&[[0.0, 0.0]; 4]), "where it is, nothing is around it");
+    }
+}
