@@ -241,6 +241,9 @@ pub struct PictureReport {
     pub stages: Vec<StageTime>,
 }
 
+/// Samples of which more than one would be seen if any could but by a gap between two surfaces.
+const ENOUGH_TO_TELL: u64 = 10_000;
+
 impl std::fmt::Display for PictureReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
@@ -252,6 +255,14 @@ impl std::fmt::Display for PictureReport {
             self.stored,
             self.traced
         )?;
+        let came = self.stored + self.traced;
+        if came >= ENOUGH_TO_TELL && self.samples <= came / ENOUGH_TO_TELL {
+            write!(
+                f,
+                ": none of what the view shows is seen from the walls of its section, something stands between; give a section \
+                 within the room, such as --section=\"X,Y,Z 10,0,0 0,8,0 0,0,3\""
+            )?;
+        }
         if self.uncovered_pixels > 0 {
             write!(f, ", {} pixels that no section covers", self.uncovered_pixels)?;
         }

@@ -108,3 +108,27 @@ fn pixels_that_no_section_covers_are_black_without_the_scene_and_counted() {
     let lit = picture.pixels.iter().filter(|rgb| rgb[0] > 0.0).count();
     assert!(lit > 400, "{lit} pixels are lit");
 }
+
+/// A closed box in the middle of its section: rays from the section's walls end on its outside.
+#[test]
+fn who_looks_where_no_section_reaches_is_told_what_to_do() {
+    let place = Place::new();
+    place.write("box.mtl", "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl lamp\nKe 5 5 5\n");
+    let mut obj = String::from("mtllib box.mtl\n");
+    for corner in 0..8 {
+        obj += &format!("v {} {} {}\n", corner & 1, corner >> 1 & 1, corner >> 2);
+    }
+    obj += "v -3 -3 3\nv 4 -3 3\nv 4 4 3\nv -3 4 3\nusemtl grey\n";
+    obj += "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\nusemtl lamp\nf 9 12 11 10\n";
+    place.write("box.obj", &obj);
+    let fill = ["fill", "{}/box.obj", "--section=-1,-1,-1 3,0,0 0,3,0 0,0,3", "-o", "{}/box.holo"];
+    place.run(&[&fill[..], &["--bounces", "0", "--samples", "400000"]].concat()).ok();
+    let picture = |eye: &str| {
+        let view = ["--vp", eye, "--vd", "1,0.2,-0.3", "--vh", "60", "--size", "64x64"];
+        place.run(&[&["picture", "{}/box.holo", "-o", "{}/box.png"][..], &view].concat()).ok().stderr
+    };
+    let inside = picture("0.5,0.5,0.5");
+    assert!(inside.contains("give a section within the room"), "{inside}");
+    let outside = picture("-0.8,0.5,0.5");
+    assert!(!outside.contains("give a section"), "{outside}");
+}
