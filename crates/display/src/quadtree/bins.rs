@@ -272,9 +272,17 @@ impl PixelBins {
     /// Asks for all sums of a pixel.
     #[inline(always)]
     pub fn prefetch_all_sums(&self, pixel: usize) {
-        for (_, sums) in self.of(pixel) {
-            sums.prefetch();
+        let Some(slots) = self.slots.get(pixel) else { return };
+        // Which pixels have samples no processor can tell beforehand: those of the first slot are asked for in any case.
+        self.prefetch_place(slots.places[0]);
+        if slots.bins[1] != NONE {
+            slots.places[1..].iter().for_each(|&place| self.prefetch_place(place));
         }
+    }
+
+    #[inline(always)]
+    fn prefetch_place(&self, place: u32) {
+        self.sums.get(place as usize).into_iter().for_each(Sums::prefetch);
     }
 
     /// Whether there is room for any pixel.
