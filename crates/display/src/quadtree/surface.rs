@@ -4,7 +4,7 @@
 //!
 //! Invariant: moments are functions of the bins' sums and of the order in which leaves are joined, which is fixed.
 
-use crate::quadtree::bins::{FAR, NEAR_CLASSES, Sums, luminance};
+use crate::quadtree::bins::{FAR, Moments, NEAR_CLASSES, Sums, luminance};
 use bytemuck::Zeroable;
 use std::borrow::Borrow;
 
@@ -65,16 +65,16 @@ pub(crate) struct Deviation {
 impl Surface {
     #[inline(always)]
     pub fn new(bins: (u16, u16), sums: &Sums) -> Self {
-        let [r, g, b] = sums.mean();
-        let (weight, weight_squared) = (sums.weight(), sums.weight_squared());
-        let (compressed, compressed_square) = sums.mean_compressed();
-        let (mut spread_luminance, mut spread_compressed) = (0.0, 0.0);
-        if sums.count > 1 {
-            let mean_luminance = 0.265 * r + 0.670 * g + 0.065 * b;
-            let variance = sums.mean_luminance_squared() - mean_luminance * mean_luminance;
-            spread_luminance = (variance.max(0.0) * weight) as f32;
-            spread_compressed = ((compressed_square - compressed * compressed).max(0.0) * weight) as f32;
-        }
+        let Moments { weight, weight_squared, mean: [r, g, b], luminance_squared, compressed, compressed_squared } =
+            sums.moments();
+        let mean_luminance = 0.265 * r + 0.670 * g + 0.065 * b;
+        let variance = luminance_squared - mean_luminance * mean_luminance;
+        let spread_luminance = (variance.max(0.0) * weight) as f32;
+        let spread_compressed = ((compressed_squared - compressed * compressed).max(0.0) * weight) as f32;
+        // Chosen, not skipped: which pixels have one sample no processor can tell beforehand.
+        let is_one = sums.count < 2;
+        let (spread_luminance, spread_compressed) =
+            (if is_one { 0.0 } else { spread_luminance }, if is_one { 0.0 } else { spread_compressed });
         let mut surface = Self {
             bins,
             count: sums.count,
@@ -130,14 +130,12 @@ impl Surface {
         let freedom = self.weight * self.weight / self.weight_squared - 1.0;
         // Σw − Σw²/Σw: its product with a variance is the spread expected.
         let divisor = self.weight - self.weight_squared / self.weight;
-        if self.count < 2 || freedom <= 0.0 || divisor <= 0.0 {
-            return Within::default();
-        }
-        Within {
-            luminance: freedom * self.spread_luminance / divisor,
-            compressed: freedom * (self.spread_compressed / divisor).sqrt(),
-            freedom,
-        }
+        let is_none = (self.count < 2) | (freedom <= 0.0) | (divisor <= 0.0);
+        let luminance = freedom * self.spread_luminance / divisor;
+        let compressed = freedom * (self.spread_compressed / divisor).sqrt();
+        // Chosen, as in `new`.
+        let chosen = |value: f32| if is_none { 0.0 } else { value };
+        Within { luminance: chosen(luminance), compressed: chosen(compressed), freedom: chosen(freedom) }
     }
 
     /// Standard deviations of one sample about the surface's mean in this leaf, noise and the picture's own variation
