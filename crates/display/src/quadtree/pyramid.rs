@@ -15,8 +15,8 @@ use crate::pointimage::{prefetch, zeroed};
 use bytemuck::Zeroable;
 use std::borrow::Borrow;
 
-/// Pixels whose sums are asked for ahead: they lie in the order in which pixels were first hit.
-const AHEAD: usize = 20;
+/// Pixels whose sums are asked for ahead: they lie in the order in which pixels were first hit. With 20 a picture took 3 to 5 % longer.
+const AHEAD: usize = 40;
 /// Levels that are made band by band, of 2 to their number less one rows of pixels.
 const BAND_LEVELS: usize = 6;
 
