@@ -43,19 +43,68 @@ impl Leaves {
         }
     }
 
-    /// For each pixel the leaf at the place that is given.
+    /// Of these leaves of a level, from the one before the first of a tile on: those that the pixels lie in, and those beside them, as
+    /// [`Neighbours`] counts them for a tile's first pixel.
     #[inline(always)]
-    pub fn spread(&self, places: &[usize; TILE]) -> Self {
-        let mut spread = NO_LEAVES;
-        for (at, place) in places.iter().map(|place| place % TILE).enumerate() {
-            spread.weight[at] = self.weight[place];
-            spread.weight_squared[at] = self.weight_squared[place];
-            spread.mean.iter_mut().zip(&self.mean).for_each(|(to, from)| to[at] = from[place]);
-            spread.first[at] = self.first[place];
-            spread.last[at] = self.last[place];
-            spread.many[at] = self.many[place];
+    pub fn pair(&self, first: usize, level: usize) -> Pair {
+        // Sizes that are known make them moves of whole rows: place by place they took a quarter of the time of finding colours.
+        match level {
+            1 => self.moved(Small::<2>),
+            2 => self.moved(Small::<4>),
+            3 => self.moved(Small::<8>),
+            4 => self.moved(Small::<TILE>),
+            // All pixels lie in one half of one leaf.
+            _ => self.moved(Large { beside: if first & (1 << (level - 1)) == 0 { 0 } else { 2 } }),
         }
-        spread
+    }
+
+    #[inline(always)]
+    fn moved(&self, moves: impl Moves) -> Pair {
+        let mut pair = Pair { own: NO_LEAVES, beside: NO_LEAVES };
+        let Pair { own, beside } = &mut pair;
+        moves.row(&self.weight, &mut own.weight, &mut beside.weight);
+        moves.row(&self.weight_squared, &mut own.weight_squared, &mut beside.weight_squared);
+        for (from, (own, beside)) in self.mean.iter().zip(own.mean.iter_mut().zip(&mut beside.mean)) {
+            moves.row(from, own, beside);
+        }
+        moves.row(&self.first, &mut own.first, &mut beside.first);
+        moves.row(&self.last, &mut own.last, &mut beside.last);
+        moves.row(&self.many, &mut own.many, &mut beside.many);
+        pair
+    }
+}
+
+/// How a row of leaves becomes those that pixels lie in and those beside them.
+trait Moves: Copy {
+    fn row<T: Copy>(self, from: &[T; TILE], own: &mut [T; TILE], beside: &mut [T; TILE]);
+}
+
+/// Leaves of so many pixels, of which a tile holds some whole ones.
+#[derive(Clone, Copy)]
+struct Small<const SIZE: usize>;
+
+impl<const SIZE: usize> Moves for Small<SIZE> {
+    #[inline(always)]
+    fn row<T: Copy>(self, from: &[T; TILE], own: &mut [T; TILE], beside: &mut [T; TILE]) {
+        for at in 0..TILE / SIZE {
+            own[at * SIZE..][..SIZE].fill(from[at + 1]);
+            beside[at * SIZE..][..SIZE / 2].fill(from[at]);
+            beside[at * SIZE + SIZE / 2..][..SIZE / 2].fill(from[at + 2]);
+        }
+    }
+}
+
+/// Leaves of which one holds the tile, in one of its halves.
+#[derive(Clone, Copy)]
+struct Large {
+    beside: usize,
+}
+
+impl Moves for Large {
+    #[inline(always)]
+    fn row<T: Copy>(self, from: &[T; TILE], own: &mut [T; TILE], beside: &mut [T; TILE]) {
+        own.fill(from[1]);
+        beside.fill(from[self.beside]);
     }
 }
 

@@ -10,6 +10,8 @@
 //! - Memory is at most [`BINS_KEPT`] × (`Sums` + 6 bytes) a pixel, and grows only with the bins really met.
 
 use crate::pointimage::{filled, prefetch, reserved};
+use bytemuck::{Pod, Zeroable, cast_ref};
+use std::mem::offset_of;
 
 /// Nearest depth bins kept for each pixel. A pixel rarely sees more than two surfaces.
 pub(crate) const BINS_KEPT: usize = 4;
@@ -104,7 +106,7 @@ impl Colour {
 }
 
 /// Sums over the samples of one depth bin of one pixel: two cache lines.
-#[derive(Clone, Copy, Default, Debug, PartialEq)]
+#[derive(Clone, Copy, Default, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Sums {
     rgb: [u128; 3],
@@ -117,6 +119,8 @@ pub(crate) struct Sums {
     /// Samples whose ray passes so near the eye that they are samples of this very pixel, by how near: within the radius,
     /// within half of it, a quarter, and so on. Each counts for itself only, not in the wider ones.
     pub near: [u32; NEAR_CLASSES],
+    /// 0: none of its bytes is without a value.
+    rest: u32,
 }
 
 const _: () = assert!(size_of::<Sums>() == 128);
@@ -162,44 +166,46 @@ impl Sums {
         prefetch(&self.near);
     }
 
+    /// What the sums tell. They must not be empty.
     #[inline(always)]
-    pub fn weight(&self) -> f64 {
-        self.weight as f64
-    }
-
-    #[inline(always)]
-    pub fn weight_squared(&self) -> f64 {
-        self.weight_squared as f64
-    }
-
-    /// Weighted mean colour. The sums must not be empty.
-    #[inline(always)]
-    pub fn mean(&self) -> [f64; 3] {
-        let scale = 1.0 / (self.weight() * (1_u64 << COLOUR_FRACTION) as f64);
-        self.rgb.map(|sum| float(sum) * scale)
-    }
-
-    /// Weighted mean of luminance squared.
-    #[inline(always)]
-    pub fn mean_luminance_squared(&self) -> f64 {
-        float(self.luminance_squared) / (self.weight() * f64::from(LUMINANCE_SCALE).powi(2))
-    }
-
-    /// Weighted means of compressed luminance and of its square.
-    #[inline(always)]
-    pub fn mean_compressed(&self) -> (f64, f64) {
-        let scale = f64::from(COMPRESSED_SCALE);
-        (
-            self.compressed as f64 / (self.weight() * scale),
-            float(self.compressed_squared) / (self.weight() * scale * scale),
-        )
+    pub fn moments(&self) -> Moments {
+        // All at once: as floats, and divided by the weight. Every scale is a power of two, so where it is applied changes no bit.
+        let words = cast_ref::<Self, [u64; WORDS]>(self).map(|word| word as f64);
+        let wide = |number: usize| words[2 * number + 1 - LOW] * 18_446_744_073_709_551_616.0 + words[2 * number + LOW];
+        let (compressed, weight, weight_squared) = (words[10], words[11], words[12]);
+        let [scale, luminance_squared, compressed, compressed_squared] =
+            [1.0, wide(3), compressed, wide(4)].map(|sum| sum / weight);
+        let scale = scale / (1_u64 << COLOUR_FRACTION) as f64;
+        let compressed_scale = f64::from(COMPRESSED_SCALE);
+        Moments {
+            weight,
+            weight_squared,
+            mean: [wide(0) * scale, wide(1) * scale, wide(2) * scale],
+            luminance_squared: luminance_squared / f64::from(LUMINANCE_SCALE).powi(2),
+            compressed: compressed / compressed_scale,
+            compressed_squared: compressed_squared / (compressed_scale * compressed_scale),
+        }
     }
 }
 
-/// A wide integer as a float, within two roundings; the language's own conversion is a call that takes several times as long.
-#[inline(always)]
-fn float(wide: u128) -> f64 {
-    (wide >> 64) as u64 as f64 * 18_446_744_073_709_551_616.0 + wide as u64 as f64
+/// Sums as words: the wide ones within two roundings, where the language's own conversion is a call that takes several times as long.
+const WORDS: usize = size_of::<Sums>() / size_of::<u64>();
+/// Of two words of a wide sum, the lower.
+const LOW: usize = if cfg!(target_endian = "big") { 1 } else { 0 };
+const _: () = assert!(offset_of!(Sums, luminance_squared) == 3 * 16 && offset_of!(Sums, compressed_squared) == 4 * 16);
+const _: () = assert!(offset_of!(Sums, compressed) == 10 * 8 && offset_of!(Sums, weight_squared) == 12 * 8);
+
+/// What sums tell.
+pub(crate) struct Moments {
+    pub weight: f64,
+    pub weight_squared: f64,
+    /// Weighted mean colour.
+    pub mean: [f64; 3],
+    /// Weighted mean of luminance squared.
+    pub luminance_squared: f64,
+    /// Weighted means of compressed luminance and of its square.
+    pub compressed: f64,
+    pub compressed_squared: f64,
 }
 
 /// The bins of one pixel, nearest first: their keys, and where their sums are.
@@ -272,9 +278,17 @@ impl PixelBins {
     /// Asks for all sums of a pixel.
     #[inline(always)]
     pub fn prefetch_all_sums(&self, pixel: usize) {
-        for (_, sums) in self.of(pixel) {
-            sums.prefetch();
+        let Some(slots) = self.slots.get(pixel) else { return };
+        // Which pixels have samples no processor can tell beforehand: those of the first slot are asked for in any case.
+        self.prefetch_place(slots.places[0]);
+        if slots.bins[1] != NONE {
+            slots.places[1..].iter().for_each(|&place| self.prefetch_place(place));
         }
+    }
+
+    #[inline(always)]
+    fn prefetch_place(&self, place: u32) {
+        self.sums.get(place as usize).into_iter().for_each(Sums::prefetch);
     }
 
     /// Whether there is room for any pixel.
@@ -369,7 +383,7 @@ mod tests {
                     *sum += f64::from(weight) * f64::from(channel);
                 }
             }
-            for (mean, sum) in sums.mean().into_iter().zip(expected) {
+            for (mean, sum) in sums.moments().mean.into_iter().zip(expected) {
                 prop_assert!((mean - sum / weights).abs() <= 1e-12 * mean, "{} {}", mean, sum / weights);
             }
         }
@@ -390,8 +404,8 @@ mod tests {
             root_square += weight * luminance.sqrt();
         }
         // Fixed point keeps luminance to 2⁻²⁰ and its root to 2⁻¹², cut off.
-        assert!((sums.mean_luminance_squared() / (square / weights) - 1.0).abs() < 1e-5);
-        let (mean, mean_square) = sums.mean_compressed();
+        assert!((sums.moments().luminance_squared / (square / weights) - 1.0).abs() < 1e-5);
+        let Moments { compressed: mean, compressed_squared: mean_square, .. } = sums.moments();
         assert!((mean - root / weights).abs() < 1.0 / 4096.0);
         assert!((mean_square - root_square / weights).abs() < 4.0 / 4096.0);
     }
@@ -421,7 +435,7 @@ mod tests {
             sums.add(&Colour::from_rgbe([255; 4]), 65_536, Some(0));
             sums.add(&Colour::from_rgbe([255, 255, 255, 1]), 65_536, Some(7));
         }
-        assert!(sums.mean().iter().all(|mean| mean.is_finite() && *mean > 1e12));
+        assert!(sums.moments().mean.iter().all(|mean| mean.is_finite() && *mean > 1e12));
         assert_eq!(sums.near, [1000, 0, 0, 0]);
     }
 }

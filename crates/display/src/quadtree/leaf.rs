@@ -167,7 +167,7 @@ impl<'a> Reader<'a> {
         let mut mean = [0.0; 4];
         for (number, level) in self.levels.iter().enumerate().skip(start) {
             let Some(own) = own_surface(level.leaf(column >> number, row >> number), bins) else { break };
-            let found = own.deviation();
+            let found = own.deviation(number);
             if found.freedom > deviation.freedom {
                 (deviation, mean) = (found, own.mean);
                 found_at = (number, own.bins);

@@ -305,6 +305,7 @@ impl Quadtree {
     }
 
     /// Asks for the sums of a pixel.
+    #[inline(always)]
     fn prefetch(&self, pixel: usize) {
         self.narrow.prefetch_all_sums(pixel);
         self.wide.prefetch_all_sums(pixel);

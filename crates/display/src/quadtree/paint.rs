@@ -262,7 +262,7 @@ fn may_be_covered(painter: &Painter, column: usize, row: usize, front: &Surface)
 fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
     let behind = surface.bins.0.saturating_sub(front.bins.0);
     let halvings = if ask_nearer { usize::from(behind / BINS_AN_OCTAVE) } else { 0 };
-    surface.near.iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum()
+    surface.near().iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum()
 }
 
 /// What a pixel without samples shows: that of the smallest leaf around it that has any.
@@ -472,7 +472,7 @@ impl Quadtree {
         let shown = match own {
             [] => fill(painter, column, row),
             // As below, which is more work. Which of the two it is no processor can tell beforehand: both are looked at.
-            [front] if (front.near != [0; NEAR_CLASSES]) | !may_be_covered(painter, column, row, front) => {
+            [front] if (front.near() != [0; NEAR_CLASSES]) | !may_be_covered(painter, column, row, front) => {
                 Shown::Surface(0, front.bins)
             }
             _ => mix(painter, column, row, own, ask_nearer, depths),

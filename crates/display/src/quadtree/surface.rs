@@ -4,7 +4,7 @@
 //!
 //! Invariant: moments are functions of the bins' sums and of the order in which leaves are joined, which is fixed.
 
-use crate::quadtree::bins::{FAR, NEAR_CLASSES, Sums, luminance};
+use crate::quadtree::bins::{FAR, Moments, NEAR_CLASSES, Sums, luminance};
 use bytemuck::Zeroable;
 use std::borrow::Borrow;
 
@@ -17,18 +17,19 @@ pub(crate) struct Surface {
     /// First and last depth bin.
     pub bins: (u16, u16),
     pub count: u32,
-    /// Samples that pass near the eye, as [`Sums::near`] has them; of a single pixel only.
-    pub near: [u32; NEAR_CLASSES],
     pub weight: f32,
     pub weight_squared: f32,
     /// Means of the colour and, last, of compressed luminance.
     pub mean: [f32; 4],
     spread_luminance: f32,
     spread_compressed: f32,
-    /// Noise about the means of the smallest leaves that have enough samples to tell, without the picture's own variation
-    /// across larger leaves.
-    within: Within,
+    /// Of a single pixel, samples that pass near the eye, as [`Sums::near`] has them; of larger leaves, [`Within`], as bits: noise about
+    /// the means of the smallest leaves that have enough samples to tell, without the picture's own variation across larger leaves.
+    near_or_within: [u32; NEAR_CLASSES],
 }
+
+/// With what a pyramid keeps beside it, a surface is one cache line.
+const _: () = assert!(size_of::<Surface>() == 56);
 
 /// Noise pooled over small leaves, each counting by its degrees of freedom.
 #[derive(Clone, Copy, Debug, Default, Zeroable)]
@@ -43,6 +44,17 @@ struct Within {
 }
 
 impl Within {
+    #[inline(always)]
+    fn to_bits(self) -> [u32; NEAR_CLASSES] {
+        [self.luminance.to_bits(), self.compressed.to_bits(), self.freedom.to_bits(), 0]
+    }
+
+    #[inline(always)]
+    fn from_bits([luminance, compressed, freedom, _]: [u32; NEAR_CLASSES]) -> Self {
+        let [luminance, compressed, freedom] = [luminance, compressed, freedom].map(f32::from_bits);
+        Self { luminance, compressed, freedom }
+    }
+
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
         Self {
@@ -65,32 +77,47 @@ pub(crate) struct Deviation {
 impl Surface {
     #[inline(always)]
     pub fn new(bins: (u16, u16), sums: &Sums) -> Self {
-        let [r, g, b] = sums.mean();
-        let (weight, weight_squared) = (sums.weight(), sums.weight_squared());
-        let (compressed, compressed_square) = sums.mean_compressed();
-        let (mut spread_luminance, mut spread_compressed) = (0.0, 0.0);
-        if sums.count > 1 {
-            let mean_luminance = 0.265 * r + 0.670 * g + 0.065 * b;
-            let variance = sums.mean_luminance_squared() - mean_luminance * mean_luminance;
-            spread_luminance = (variance.max(0.0) * weight) as f32;
-            spread_compressed = ((compressed_square - compressed * compressed).max(0.0) * weight) as f32;
-        }
-        let mut surface = Self {
+        let Moments { weight, weight_squared, mean: [r, g, b], luminance_squared, compressed, compressed_squared } =
+            sums.moments();
+        let mean_luminance = 0.265 * r + 0.670 * g + 0.065 * b;
+        let variance = luminance_squared - mean_luminance * mean_luminance;
+        let spread_luminance = (variance.max(0.0) * weight) as f32;
+        let spread_compressed = ((compressed_squared - compressed * compressed).max(0.0) * weight) as f32;
+        // Chosen, not skipped: which pixels have one sample no processor can tell beforehand.
+        let is_one = sums.count < 2;
+        let (spread_luminance, spread_compressed) =
+            (if is_one { 0.0 } else { spread_luminance }, if is_one { 0.0 } else { spread_compressed });
+        Self {
             bins,
             count: sums.count,
-            near: sums.near,
             weight: weight as f32,
             weight_squared: weight_squared as f32,
             mean: [r as f32, g as f32, b as f32, compressed as f32],
             spread_luminance,
             spread_compressed,
-            within: Within::default(),
-        };
-        surface.within = surface.own_noise();
-        surface
+            near_or_within: sums.near,
+        }
     }
 
-    /// Adds a neighbour's part of the same surface (the update of Chan, Golub & LeVeque 1979).
+    /// Samples of a single pixel's surface that pass near the eye, as [`Sums::near`] has them.
+    #[inline(always)]
+    pub fn near(&self) -> [u32; NEAR_CLASSES] {
+        self.near_or_within
+    }
+
+    /// The surface of a leaf of level `number` as part of a larger leaf's.
+    #[inline(always)]
+    pub fn risen(&self, number: usize) -> Self {
+        Self { near_or_within: self.within(number).to_bits(), ..*self }
+    }
+
+    /// Noise of a leaf of level `number`.
+    #[inline(always)]
+    fn within(&self, number: usize) -> Within {
+        if number == 0 { self.own_noise() } else { Within::from_bits(self.near_or_within) }
+    }
+
+    /// Adds a neighbour's part of the same surface, both [`risen`](Self::risen) (the update of Chan, Golub & LeVeque 1979).
     #[inline(always)]
     pub fn join(&mut self, other: &Self) {
         let weight = self.weight + other.weight;
@@ -107,7 +134,8 @@ impl Surface {
         self.weight_squared += other.weight_squared;
         self.count = self.count.saturating_add(other.count);
         self.bins = (self.bins.0.min(other.bins.0), self.bins.1.max(other.bins.1));
-        self.within = self.within.plus(other.within);
+        let within = Within::from_bits(self.near_or_within).plus(Within::from_bits(other.near_or_within));
+        self.near_or_within = within.to_bits();
     }
 
     #[inline(always)]
@@ -119,8 +147,8 @@ impl Surface {
     /// Completes a surface joined of several.
     #[inline(always)]
     pub fn close(&mut self) {
-        if self.within.freedom < ENOUGH_FREEDOM {
-            self.within = self.own_noise();
+        if Within::from_bits(self.near_or_within).freedom < ENOUGH_FREEDOM {
+            self.near_or_within = self.own_noise().to_bits();
         }
     }
 
@@ -130,14 +158,12 @@ impl Surface {
         let freedom = self.weight * self.weight / self.weight_squared - 1.0;
         // Σw − Σw²/Σw: its product with a variance is the spread expected.
         let divisor = self.weight - self.weight_squared / self.weight;
-        if self.count < 2 || freedom <= 0.0 || divisor <= 0.0 {
-            return Within::default();
-        }
-        Within {
-            luminance: freedom * self.spread_luminance / divisor,
-            compressed: freedom * (self.spread_compressed / divisor).sqrt(),
-            freedom,
-        }
+        let is_none = (self.count < 2) | (freedom <= 0.0) | (divisor <= 0.0);
+        let luminance = freedom * self.spread_luminance / divisor;
+        let compressed = freedom * (self.spread_compressed / divisor).sqrt();
+        // Chosen, as in `new`.
+        let chosen = |value: f32| if is_none { 0.0 } else { value };
+        Within { luminance: chosen(luminance), compressed: chosen(compressed), freedom: chosen(freedom) }
     }
 
     /// Standard deviations of one sample about the surface's mean in this leaf, noise and the picture's own variation
@@ -148,13 +174,14 @@ impl Surface {
         ((self.spread_luminance / divisor).sqrt() / mean, (self.spread_compressed / divisor).sqrt())
     }
 
-    /// The noise of its samples, as far as it can be told.
-    pub fn deviation(&self) -> Deviation {
-        let scale = if self.within.freedom > 0.0 { 1.0 / self.within.freedom } else { 0.0 };
+    /// The noise of its samples, as far as it can be told, in a leaf of level `number`.
+    pub fn deviation(&self, number: usize) -> Deviation {
+        let within = self.within(number);
+        let scale = if within.freedom > 0.0 { 1.0 / within.freedom } else { 0.0 };
         Deviation {
-            luminance: (self.within.luminance * scale).sqrt(),
-            compressed: self.within.compressed * scale,
-            freedom: self.within.freedom,
+            luminance: (within.luminance * scale).sqrt(),
+            compressed: within.compressed * scale,
+            freedom: within.freedom,
         }
     }
 }

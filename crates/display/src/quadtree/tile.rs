@@ -223,7 +223,7 @@ impl Find<'_> {
                 let leaf = self.leaf(level, number, at, row);
                 leaves.set(at, leaf.first(), leaf.len() > 1);
             }
-            *pair = Pair { own: leaves.spread(&columns.own), beside: leaves.spread(&columns.beside) };
+            *pair = leaves.pair(self.column, number);
         }
         self.rows(number, &columns, &pairs, None);
         self.lanes.pairs = pairs;
@@ -264,7 +264,7 @@ impl Find<'_> {
                     let first = if (at, row) == (1, 1) { Some(surface) } else { first };
                     leaves.set(at, first, meeting.next().is_some());
                 }
-                *pair = Pair { own: leaves.spread(&columns.own), beside: leaves.spread(&columns.beside) };
+                *pair = leaves.pair(self.column, number);
             }
             self.rows(number, &columns, &pairs, Some(surface));
         }
