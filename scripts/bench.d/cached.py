@@ -15,7 +15,7 @@ from scenes import Case
 # Error to reach and seconds allowed over those of `path`, by scene.
 WANTED = {"cornell": (0.005, 0.15), "cabin": (0.02, 0.3), "corridor": (0.03, 0.3)}
 # Settings tried, coarse ones first: the quickest that reaches the error counts.
-ACCURACIES = (0.2, 0.1, 0.06, 0.03)
+ACCURACIES = (0.3, 0.2, 0.1, 0.06, 0.03)
 COUNTS = (1, 2, 3, 4, 6, 8)
 BIAS_BAR = 0.01
 BLOCK_BAR = 0.05

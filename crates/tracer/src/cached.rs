@@ -47,9 +47,17 @@ const LIGHT_SAMPLES: u32 = 8;
 /// Rays that tell how many a record needs.
 const PILOT_RAYS: u32 = 64;
 
-/// Rays of a record at least: where few tell that few are enough, they may have missed what is bright, and nothing tells a record so
-/// that has it.
-const LEAST_RAYS: u32 = 256;
+/// Standard deviation of a record's rays, over their mean, that is reckoned with at least, over that of records so far: where few rays
+/// tell that they differ by much less than elsewhere, they may have missed what is bright.
+const LEAST_DEVIATION: f32 = 0.7;
+
+/// What is reckoned with before there are records, as if there were so many; and what one counts at most.
+const FIRST_DEVIATION: f32 = 1.0;
+const FIRST_RECORDS: f32 = 8.0;
+const MOST_DEVIATION: f32 = 16.0;
+
+/// Unit of [`Cached::deviations`].
+const DEVIATION_STEPS: f32 = 1024.0;
 
 /// Rays of a record at most.
 const MOST_RAYS: u32 = 1 << 13;
@@ -122,6 +130,9 @@ pub(crate) struct Cached {
     allowed: AtomicU64,
     /// Rays for records so far.
     rays: AtomicU64,
+    /// Sum of [`Cached::deviation`] of pilots, in steps, and their number.
+    deviations: AtomicU64,
+    pilots: AtomicU64,
     /// Records' names: this engine's own, and how many it has made.
     salt: u64,
     made: AtomicU64,
@@ -134,11 +145,11 @@ impl Cached {
         let reach = REACH * accuracy.sqrt();
         let quality = Quality { error: ERROR * accuracy, reach, greatest: size * GREATEST * reach };
         let store = Arc::new(Store::new(quality.greatest / SPREAD));
-        let [allowed, rays, made] = Default::default();
+        let [allowed, rays, made, deviations, pilots] = Default::default();
         let effort = AtomicU32::new(WHATEVER_IT_TAKES);
         let mirrors = Mirrors::find(raycaster.scene(), &engine.surfaces);
         let has_caustics = engine.nesting.is_some() || engine.surfaces.iter().any(|s| s.scatter.is_delta());
-        Self { store, quality, mirrors, has_caustics, effort, allowed, rays, salt: mix(name), made }
+        Self { store, quality, mirrors, has_caustics, effort, allowed, rays, deviations, pilots, salt: mix(name), made }
     }
 
     pub(crate) fn store(&self) -> &Arc<Store> {
@@ -168,11 +179,12 @@ impl Cached {
         }
         // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
         let pilot = self.gather(engine, met, PILOT_RAYS, EXACT);
-        let rays = wanted(&pilot, self.quality.error).clamp(LEAST_RAYS, MOST_RAYS);
+        let deviation = self.deviation(&pilot);
+        let rays = ((deviation / self.quality.error).powi(2) as u32).clamp(PILOT_RAYS, MOST_RAYS);
         let mut record = self.gather(engine, met, rays, EXACT);
         // Nor must its radius know its light: records that are too bright would count for less of the surface than those that are
         // too dark. What is noisy still is averaged with more neighbours.
-        let error = pilot.error * (pilot.rays as f32 / record.rays as f32).sqrt();
+        let error = deviation / (record.rays as f32).sqrt();
         record.radius = record.radius.min(gradient_limit(&pilot)) * (self.quality.error / error).clamp(0.25, 1.0);
         self.store.insert(record);
         let made = Vec3::from(record.irradiance);
@@ -195,6 +207,16 @@ impl Cached {
         self.rays.load(Ordering::Relaxed) <= allowed
     }
 
+    /// Standard deviation of a record's rays over their mean, by those of its pilot and of all pilots so far.
+    fn deviation(&self, pilot: &Record) -> f32 {
+        let own = pilot.error * (pilot.rays as f32).sqrt();
+        let sum = self.deviations.fetch_add((own.min(MOST_DEVIATION) * DEVIATION_STEPS) as u64, Ordering::Relaxed);
+        let count = self.pilots.fetch_add(1, Ordering::Relaxed);
+        let first = FIRST_RECORDS * FIRST_DEVIATION;
+        let usual = (sum as f32 / DEVIATION_STEPS + first) / (count as f32 + FIRST_RECORDS);
+        own.max(LEAST_DEVIATION * usual)
+    }
+
     /// Irradiance by indirect light, as far as there are records in sight that go to the point: exact ones, or for the rays of records
     /// any.
     fn known(&self, met: &Met, coarse: u32) -> Option<Found> {
@@ -207,7 +229,8 @@ impl Cached {
     /// Irradiance by indirect light at a point that a record's ray meets where there is none at all near: by a coarse record that is made.
     fn coarse(&self, engine: &PathEngine, met: &Met) -> Vec3 {
         let pilot = self.gather(engine, met, COARSE_PILOT_RAYS, COARSE);
-        let rays = wanted(&pilot, COARSE_ERROR * self.quality.error).clamp(COARSE_RAYS, MOST_RAYS);
+        let rays = (self.deviation(&pilot) / (COARSE_ERROR * self.quality.error)).powi(2) as u32;
+        let rays = rays.clamp(COARSE_RAYS, MOST_RAYS);
         let record = self.gather(engine, met, rays, COARSE);
         self.store.insert(record);
         record.irradiance.into()
@@ -434,11 +457,6 @@ impl Gathering<'_> {
 fn coarse_is_due(met: &Met, sampler: &mut Sampler) -> bool {
     sampler.turn(met.depth, Purpose::Record);
     sampler.one() * (COARSE_PATIENCE as f32) < 1.0
-}
-
-/// Rays for a record with that error, where some have the error of `pilot`.
-fn wanted(pilot: &Record, error: f32) -> u32 {
-    ((pilot.error / error).powi(2) * pilot.rays as f32) as u32
 }
 
 /// As far as the light changes by its own size.
