@@ -56,7 +56,7 @@ const FIRST_DEVIATION: f32 = 1.0;
 const FIRST_RECORDS: f32 = 8.0;
 const MOST_DEVIATION: f32 = 16.0;
 
-/// Unit of [`Cached::deviations`].
+/// Unit of [`Deviations`].
 const DEVIATION_STEPS: f32 = 1024.0;
 
 /// Rays of a record at most.
@@ -115,6 +115,26 @@ struct Quality {
     greatest: f32,
 }
 
+/// By how much the rays of a scene's records differ, as their pilots tell.
+#[derive(Debug, Default)]
+struct Deviations {
+    /// Sum of standard deviations over means, in steps.
+    sum: AtomicU64,
+    pilots: AtomicU64,
+}
+
+impl Deviations {
+    /// Standard deviation of a record's rays over their mean, by those of its pilot and of all pilots before it.
+    fn take_in(&self, pilot: &Record) -> f32 {
+        let own = pilot.error * (pilot.rays as f32).sqrt();
+        let sum = self.sum.fetch_add((own.min(MOST_DEVIATION) * DEVIATION_STEPS) as u64, Ordering::Relaxed);
+        let count = self.pilots.fetch_add(1, Ordering::Relaxed);
+        let first = FIRST_RECORDS * FIRST_DEVIATION;
+        let usual = (sum as f32 / DEVIATION_STEPS + first) / (count as f32 + FIRST_RECORDS);
+        own.max(LEAST_DEVIATION * usual)
+    }
+}
+
 /// The cache of one scene, and what makes its records.
 #[derive(Debug)]
 pub(crate) struct Cached {
@@ -130,9 +150,7 @@ pub(crate) struct Cached {
     allowed: AtomicU64,
     /// Rays for records so far.
     rays: AtomicU64,
-    /// Sum of [`Cached::deviation`] of pilots, in steps, and their number.
-    deviations: AtomicU64,
-    pilots: AtomicU64,
+    deviations: Deviations,
     /// Records' names: this engine's own, and how many it has made.
     salt: u64,
     made: AtomicU64,
@@ -145,11 +163,12 @@ impl Cached {
         let reach = REACH * accuracy.sqrt();
         let quality = Quality { error: ERROR * accuracy, reach, greatest: size * GREATEST * reach };
         let store = Arc::new(Store::new(quality.greatest / SPREAD));
-        let [allowed, rays, made, deviations, pilots] = Default::default();
+        let [allowed, rays, made] = Default::default();
+        let deviations = Deviations::default();
         let effort = AtomicU32::new(WHATEVER_IT_TAKES);
         let mirrors = Mirrors::find(raycaster.scene(), &engine.surfaces);
         let has_caustics = engine.nesting.is_some() || engine.surfaces.iter().any(|s| s.scatter.is_delta());
-        Self { store, quality, mirrors, has_caustics, effort, allowed, rays, deviations, pilots, salt: mix(name), made }
+        Self { store, quality, mirrors, has_caustics, effort, allowed, rays, deviations, salt: mix(name), made }
     }
 
     pub(crate) fn store(&self) -> &Arc<Store> {
@@ -179,7 +198,7 @@ impl Cached {
         }
         // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
         let pilot = self.gather(engine, met, PILOT_RAYS, EXACT);
-        let deviation = self.deviation(&pilot);
+        let deviation = self.deviations.take_in(&pilot);
         let rays = ((deviation / self.quality.error).powi(2) as u32).clamp(PILOT_RAYS, MOST_RAYS);
         let mut record = self.gather(engine, met, rays, EXACT);
         // Nor must its radius know its light: records that are too bright would count for less of the surface than those that are
@@ -207,16 +226,6 @@ impl Cached {
         self.rays.load(Ordering::Relaxed) <= allowed
     }
 
-    /// Standard deviation of a record's rays over their mean, by those of its pilot and of all pilots so far.
-    fn deviation(&self, pilot: &Record) -> f32 {
-        let own = pilot.error * (pilot.rays as f32).sqrt();
-        let sum = self.deviations.fetch_add((own.min(MOST_DEVIATION) * DEVIATION_STEPS) as u64, Ordering::Relaxed);
-        let count = self.pilots.fetch_add(1, Ordering::Relaxed);
-        let first = FIRST_RECORDS * FIRST_DEVIATION;
-        let usual = (sum as f32 / DEVIATION_STEPS + first) / (count as f32 + FIRST_RECORDS);
-        own.max(LEAST_DEVIATION * usual)
-    }
-
     /// Irradiance by indirect light, as far as there are records in sight that go to the point: exact ones, or for the rays of records
     /// any.
     fn known(&self, met: &Met, coarse: u32) -> Option<Found> {
@@ -229,7 +238,7 @@ impl Cached {
     /// Irradiance by indirect light at a point that a record's ray meets where there is none at all near: by a coarse record that is made.
     fn coarse(&self, engine: &PathEngine, met: &Met) -> Vec3 {
         let pilot = self.gather(engine, met, COARSE_PILOT_RAYS, COARSE);
-        let rays = (self.deviation(&pilot) / (COARSE_ERROR * self.quality.error)).powi(2) as u32;
+        let rays = (self.deviations.take_in(&pilot) / (COARSE_ERROR * self.quality.error)).powi(2) as u32;
         let rays = rays.clamp(COARSE_RAYS, MOST_RAYS);
         let record = self.gather(engine, met, rays, COARSE);
         self.store.insert(record);
@@ -473,4 +482,44 @@ fn extent(raycaster: &Raycaster) -> f32 {
         (low, high) = (low.min(vertex.into()), high.max(vertex.into()));
     }
     (high - low).max_element().max(f32::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pilot(error: f32, rays: u32) -> Record {
+        Record {
+            point: [0.0; 3],
+            radius: 1.0,
+            normal: [0.0, 0.0, 1.0],
+            nearest: 1.0,
+            irradiance: [1.0; 3],
+            error,
+            shift: [[0.0; 3]; 3],
+            turn: [[0.0; 3]; 3],
+            rays,
+            flags: EXACT,
+            id: 0,
+        }
+    }
+
+    #[test]
+    fn a_pilot_that_missed_what_is_bright_is_reckoned_with_as_others_were() {
+        let near =
+            |found: f32, expected: f32| assert!((found - expected).abs() < 1e-3 * expected, "{found} {expected}");
+        let deviations = Deviations::default();
+        near(deviations.take_in(&pilot(0.0, 64)), LEAST_DEVIATION * FIRST_DEVIATION);
+        let deviations = Deviations::default();
+        (0..1992).for_each(|_| near(deviations.take_in(&pilot(3.0 / 8.0, 64)), 3.0));
+        // As the mean of 1992 of 3 and of what is reckoned with at first.
+        let usual = (1992.0 * 3.0 + FIRST_RECORDS * FIRST_DEVIATION) / 2000.0;
+        near(deviations.take_in(&pilot(0.0, 32)), LEAST_DEVIATION * usual);
+        // Its own counts in full, but no more than others to those after it, whatever it is.
+        near(deviations.take_in(&pilot(5.0, 64)), 40.0);
+        deviations.take_in(&pilot(f32::INFINITY, 64));
+        deviations.take_in(&pilot(f32::NAN, 64));
+        let usual = (1992.0 * 3.0 + 3.0 * MOST_DEVIATION + FIRST_RECORDS * FIRST_DEVIATION) / 2004.0;
+        near(deviations.take_in(&pilot(0.0, 64)), LEAST_DEVIATION * usual);
+    }
 }

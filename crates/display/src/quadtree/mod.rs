@@ -198,10 +198,7 @@ impl Quadtree {
     ///
     /// Samples of an unknown section or beam are left out: a driver has no use for them, and nothing depends on them.
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
-        if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count()) {
-            self.kept.add(section, beam, paths, samples, self.params.keep);
-            self.land(section, beam, paths, samples, &mut |_, _, _| {});
-        }
+        self.insert_and_tell(section, beam, paths, samples, &mut |_, _, _| {});
     }
 
     /// Sums samples, and tells of each that landed its pixel, where in it, and its colour.
