@@ -203,9 +203,14 @@ impl<'a> Drawing<'a> {
                 .light
                 .at(*by as usize)
                 .map_or(Some(middles[*by as usize]), |light| Some(main.shadings.lit(*material, light))),
-            // Where only the pane itself has samples, a neighbour's are as good.
+            // Where only the pane or mirror itself has samples, a neighbour's are as good.
             Shows::Through(behind) => {
-                self.through(behind).or_else(|| polished(&main.layer.surfaces, pixel).map(|near| middles[near]))
+                let near = polished(&main.layer.surfaces, pixel);
+                let plain = behind[0].as_ref().filter(|behind| main.is_unplaced(&behind.seen)).and(near);
+                plain
+                    .and_then(|near| self.plainly(near))
+                    .or_else(|| self.through(behind))
+                    .or_else(|| near.map(|near| middles[near]))
             }
             Shows::Other | Shows::Beyond => None,
         }
@@ -351,10 +356,12 @@ impl<'a> Drawing<'a> {
     }
 
     /// What samples of the mirror or pane itself show along the eye's ray, for a pixel that looks through one at something of
-    /// which there is no sample: stored rays end at panes, so what stands behind all panes has none.
+    /// which there is no sample: stored rays end at panes, so what stands behind all panes has none, and curved mirrors show no
+    /// image that samples could be put into.
     fn plainly(&self, pixel: usize) -> Option<[f32; 3]> {
         let (main, polished) = self.layers.first().zip(self.layers.get(POLISHED))?;
-        if !main.is_unknown(&main.layer.surfaces.seen[pixel]) {
+        let behind = &main.layer.surfaces.seen[pixel];
+        if !main.is_unplaced(behind) && !main.is_unknown(behind) {
             return None;
         }
         let seen = &polished.layer.surfaces.seen[pixel];

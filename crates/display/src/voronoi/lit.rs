@@ -130,6 +130,11 @@ impl<'a> Lit<'a> {
         behind.through && !behind.is_sky() && behind.image != NO_IMAGE && !self.guesses.knows(behind)
     }
 
+    /// Whether something is seen in a mirror whose image has no place that samples could be put into: a curved one.
+    pub fn is_unplaced(&self, behind: &Seen) -> bool {
+        behind.through && behind.image == NO_IMAGE && !self.is_certain(behind)
+    }
+
     /// Whether its colour is known without samples: the sky's, a lamp's.
     pub fn is_certain(&self, seen: &Seen) -> bool {
         seen.is_sky() || self.shadings.materials[seen.material as usize].emits

@@ -1,10 +1,12 @@
 //! What is seen where: silhouettes, colours, mirrors, the sky, portals.
 
-use crate::common::{self, view};
-use crate::stage::{Quad, SIZE, Stage, diffuse, error, even, plate, raycaster, wall};
+use crate::common::{self, section, view};
+use crate::stage::{Quad, SIZE, Stage, diffuse, error, even, plate, raycaster, shadow, wall};
 use holo_display::Voronoi;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material};
+use holo_section::ViewClass;
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 #[test]
@@ -58,6 +60,44 @@ fn a_mirror_shows_what_lies_before_it_with_its_edges() {
         let pure = (truth[1] - 0.48).abs() < 1e-5 || (truth[1] - 0.08).abs() < 1e-5;
         assert!(!pure || (colour[1] - truth[1]).abs() < 0.008 * truth[1], "{pixel}: {colour:?} {truth:?}");
     }
+}
+
+#[test]
+fn a_curved_mirror_comes_to_show_what_its_own_samples_do() {
+    // A column of more facets than there are images of, before the eye; behind that a wall in half shadow.
+    let facets = 200;
+    let corner = |number: u32| {
+        let (sin, cos) = (f64::from(number % facets) / f64::from(facets) * TAU).sin_cos();
+        [8.0 + 3.6 * cos, 2.03 + 3.6 * sin]
+    };
+    let facet = |number: u32| {
+        let ([a, b], [c, d]) = (corner(number), corner(number + 1));
+        ([[a, b, -8.0], [c, d, -8.0], [c, d, 12.0], [a, b, 12.0]], 0)
+    };
+    let side = |y: f64| ([[-2.0, y, -30.0], [12.0, y, -30.0], [12.0, y, 30.0], [-2.0, y, 30.0]], 1);
+    let walls =
+        [wall(12.0, [-8.0, -8.0], [12.0, 12.0], 1), wall(-2.0, [-8.0, -30.0], [12.0, 30.0], 2), side(-8.0), side(12.0)];
+    let quads: Vec<Quad> = (0..facets).map(facet).chain(walls).collect();
+    let mirror = Material { bsdf: Bsdf::Mirror { ks: [0.8; 3] }, ..Material::grey("mirror") };
+    let mut stage = Stage::new(&quads, vec![mirror, diffuse([0.3; 3]), diffuse([0.9; 3])]);
+    // Rays that all pass near the eye.
+    stage.section = section([0.3, 1.83, 1.81], [0.4; 3], [6; 3], ViewClass::Interior, true);
+    let truth = stage.truth(shadow);
+    let rms = |count: usize| {
+        let drawn = stage.draw(&stage.samples(shadow, count, common::clean));
+        let (mut sum, mut pixels) = (0.0, 0);
+        for (pixel, (colour, truth)) in drawn.frame.picture.pixels.iter().zip(&truth).enumerate() {
+            // The column, without its sides, where it is narrow and reflects at grazing angles.
+            if (16..48).contains(&(pixel as u32 % SIZE.0)) {
+                sum += (colour[1] - truth[1]).powi(2);
+                pixels += 1;
+            }
+        }
+        (sum / pixels as f32).sqrt()
+    };
+    // What is guessed is wrong for most of it. Samples replace it where they are, then come closer together.
+    let [none, few, many] = [0, 10_000, 300_000].map(rms);
+    assert!(few < none && many < 0.5 * few, "{none} {few} {many}");
 }
 
 #[test]
