@@ -141,7 +141,7 @@ impl<'a> Bundle<'a> {
             for i in 0..ROW {
                 let [a, b, c] = [x[i].abs(), y[i].abs(), z[i].abs()];
                 let square = x[i] * x[i] + y[i] * y[i] + z[i] * z[i];
-                let goes_far = (square >= LENGTH_SQUARED.start) & (square < LENGTH_SQUARED.end);
+                let goes_far = LENGTH_SQUARED.contains(&square);
                 let is_main = [(a >= b) & (a >= c), (a < b) | (a < c), (a < b) | (a < c)][main % 3]
                     & [true, b >= c, b < c][main % 3];
                 shear[0][row][i] = across[i] / along[i];
