@@ -8,9 +8,13 @@ use crate::parts::for_parts;
 use glam::DVec3;
 use holo_picture::{View, ViewKind};
 use holo_section::Section;
+use std::ops::Range;
 
 /// Rows of one piece of work, and columns that are looked at together.
-const SIDE: usize = 8;
+const SIDE: usize = 32;
+
+/// The same where those are not all alike.
+const SMALL: usize = 8;
 
 /// On which side of the eye a section lies on a ray.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -30,35 +34,52 @@ pub(crate) fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Ve
         let ray = view.clipped_ray(x, 1.0 - (row as f64 + 0.5) / height as f64);
         ray.map_or((view.vp, DVec3::ZERO), |(origin, direction, _)| (origin, direction))
     };
-    for_parts(&mut covered, width, SIDE, |part, rows| {
+    let side = |section: &Section, (column, row): (usize, usize)| {
+        let (eye, along) = ray(column, row);
+        section.line(eye, along).map(|hit| match hit.entry_t {
+            entry if entry > 0.0 => Side::Ahead,
+            _ if hit.exit_t < 0.0 => Side::Behind,
+            _ => Side::Around,
+        })
+    };
+    let holds = |section: &Section, columns: &Range<usize>, rows: &Range<usize>| {
+        let (right, bottom) = (columns.end - 1, rows.end - 1);
+        let corners = [(columns.start, rows.start), (right, rows.start), (columns.start, bottom), (right, bottom)];
+        let first = side(section, corners[0]);
+        first.is_some() && corners.iter().all(|&corner| side(section, corner) == first)
+    };
+    for_parts(&mut covered, width, SIDE, |part, lines| {
         let (mut hint, top) = (0, part * SIDE);
-        let bottom = top + rows.len() / width - 1;
-        for left in (0..width).step_by(SIDE) {
-            let right = (left + SIDE).min(width) - 1;
-            let corners = [(left, top), (right, top), (left, bottom), (right, bottom)];
-            let side = |section: &Section, (column, row): (usize, usize)| {
-                let (eye, along) = ray(column, row);
-                section.line(eye, along).map(|hit| match hit.entry_t {
-                    entry if entry > 0.0 => Side::Ahead,
-                    _ if hit.exit_t < 0.0 => Side::Behind,
-                    _ => Side::Around,
-                })
-            };
-            let holds_all = |section: &Section| {
-                let first = side(section, corners[0]);
-                first.is_some() && corners.iter().all(|&corner| side(section, corner) == first)
-            };
-            if has_one_eye && sections.get(hint).is_some_and(holds_all) {
-                rows.chunks_mut(width).for_each(|line| line[left..=right].fill(true));
+        let bottom = top + lines.len() / width;
+        let is_held = |hint: usize, columns: &Range<usize>, rows: &Range<usize>| {
+            has_one_eye && sections.get(hint).is_some_and(|section| holds(section, columns, rows))
+        };
+        for columns in pieces(0..width, SIDE) {
+            if is_held(hint, &columns, &(top..bottom)) {
+                lines.chunks_mut(width).for_each(|line| line[columns.clone()].fill(true));
                 continue;
             }
-            for (row, line) in rows.chunks_mut(width).enumerate() {
-                for (column, covered) in line.iter_mut().enumerate().take(right + 1).skip(left) {
-                    let (eye, along) = ray(column, top + row);
-                    *covered = is_covered(sections, eye, along, &mut hint);
+            for rows in pieces(top..bottom, SMALL) {
+                let lines = &mut lines[(rows.start - top) * width..(rows.end - top) * width];
+                for columns in pieces(columns.clone(), SMALL) {
+                    if is_held(hint, &columns, &rows) {
+                        lines.chunks_mut(width).for_each(|line| line[columns.clone()].fill(true));
+                        continue;
+                    }
+                    for (row, line) in rows.clone().zip(lines.chunks_mut(width)) {
+                        for column in columns.clone() {
+                            let (eye, along) = ray(column, row);
+                            line[column] = is_covered(sections, eye, along, &mut hint);
+                        }
+                    }
                 }
             }
         }
     });
     covered
+}
+
+/// A range cut into pieces of this length; the last one may be shorter.
+fn pieces(range: Range<usize>, length: usize) -> impl Iterator<Item = Range<usize>> {
+    range.clone().step_by(length).map(move |start| start..(start + length).min(range.end))
 }

@@ -10,7 +10,7 @@ use crate::simd::{Portable, RAYS, Simd};
 use crate::tile::{Bundle, traverse_tile};
 #[cfg(target_arch = "x86_64")]
 use crate::x86::{Avx2, Avx512};
-use crate::{Hit, MAX_TILE, NO_TRIANGLE};
+use crate::{Hit, NO_TRIANGLE, Ray};
 
 /// Stack of ordinary hierarchies; small, since it is cleared for every ray. Half of it gained 1 to 2 %, but is too small for 10⁶ triangles.
 pub(crate) const SMALL_STACK: usize = 96;
@@ -79,23 +79,17 @@ impl Isa {
 }
 
 impl Isa {
-    /// Nearest hits of at most [`MAX_TILE`] queries from one eye; `best` has [`Query::nothing`] of each. `false` if they are not.
+    /// Nearest hits of at most [`MAX_TILE`](crate::MAX_TILE) rays from one eye. `false` if they are not.
     #[allow(unsafe_code)]
-    pub(crate) fn trace_tile(
-        self,
-        hierarchy: &Hierarchy,
-        reach: f32,
-        queries: &[Query],
-        best: &mut [Hit; MAX_TILE],
-    ) -> bool {
+    pub(crate) fn trace_tile(self, hierarchy: &Hierarchy, reach: f32, rays: &[Ray], hits: &mut [Option<Hit>]) -> bool {
         match self {
-            Self::Portable => tile(Portable, hierarchy, reach, queries, best),
+            Self::Portable => tile(Portable, hierarchy, reach, rays, hits),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the value proves that the processor has AVX2 and FMA.
-            Self::Avx2(simd) => unsafe { avx2_tile(simd, hierarchy, reach, queries, best) },
+            Self::Avx2(simd) => unsafe { avx2_tile(simd, hierarchy, reach, rays, hits) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the value proves that the processor has these parts of AVX-512.
-            Self::Avx512(simd) => unsafe { avx512_tile(simd, hierarchy, reach, queries, best) },
+            Self::Avx512(simd) => unsafe { avx512_tile(simd, hierarchy, reach, rays, hits) },
         }
     }
 
@@ -137,29 +131,30 @@ fn avx512_many(simd: Avx512, hierarchy: &Hierarchy, queries: &[Query], best: &mu
 }
 
 #[inline(always)]
-fn tile<S: Simd>(simd: S, hierarchy: &Hierarchy, reach: f32, queries: &[Query], best: &mut [Hit; MAX_TILE]) -> bool {
-    if hierarchy.nodes.is_empty() || queries.is_empty() {
+fn tile<S: Simd>(simd: S, hierarchy: &Hierarchy, reach: f32, rays: &[Ray], hits: &mut [Option<Hit>]) -> bool {
+    if hierarchy.nodes.is_empty() || rays.is_empty() {
+        hits.fill(None);
         return true;
     }
-    let Some(bundle) = Bundle::new(queries, reach) else { return false };
+    let Some(bundle) = Bundle::new(rays, reach) else { return false };
     if hierarchy.stack_need <= SMALL_STACK {
-        traverse_tile::<S, SMALL_STACK>(simd, hierarchy, &bundle, best);
+        traverse_tile::<S, SMALL_STACK>(simd, hierarchy, &bundle, hits);
     } else {
-        traverse_tile::<S, LARGE_STACK>(simd, hierarchy, &bundle, best);
+        traverse_tile::<S, LARGE_STACK>(simd, hierarchy, &bundle, hits);
     }
     true
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2")]
-fn avx2_tile(simd: Avx2, hierarchy: &Hierarchy, reach: f32, queries: &[Query], best: &mut [Hit; MAX_TILE]) -> bool {
-    tile(simd, hierarchy, reach, queries, best)
+fn avx2_tile(simd: Avx2, hierarchy: &Hierarchy, reach: f32, rays: &[Ray], hits: &mut [Option<Hit>]) -> bool {
+    tile(simd, hierarchy, reach, rays, hits)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,avx512f,avx512vl,avx512bw,avx512dq")]
-fn avx512_tile(simd: Avx512, hierarchy: &Hierarchy, reach: f32, queries: &[Query], best: &mut [Hit; MAX_TILE]) -> bool {
-    tile(simd, hierarchy, reach, queries, best)
+fn avx512_tile(simd: Avx512, hierarchy: &Hierarchy, reach: f32, rays: &[Ray], hits: &mut [Option<Hit>]) -> bool {
+    tile(simd, hierarchy, reach, rays, hits)
 }
 
 #[inline(always)]

@@ -126,21 +126,28 @@ impl Raycaster {
     /// traced as the shorter of the two slices has.
     pub fn nearest_many(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (rays, hits) in rays.chunks(MAX_TOGETHER).zip(hits.chunks_mut(MAX_TOGETHER)) {
-            self.nearest_together(rays, hits);
+            self.nearest_together(rays, &[NO_TRIANGLE; MAX_TOGETHER], hits);
         }
     }
 
-    fn nearest_together(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+    /// The first surface along each of many rays, each of which leaves the triangle `from` that has its place: the same as
+    /// [`nearest_from`](Self::nearest_from) of each, bit for bit. As many are traced as the shortest of the three slices has.
+    pub fn nearest_many_from(&self, rays: &[Ray], from: &[u32], hits: &mut [Option<Hit>]) {
+        let chunks = rays.chunks(MAX_TOGETHER).zip(from.chunks(MAX_TOGETHER)).zip(hits.chunks_mut(MAX_TOGETHER));
+        chunks.for_each(|((rays, from), hits)| self.nearest_together(rays, from, hits));
+    }
+
+    fn nearest_together(&self, rays: &[Ray], from: &[u32], hits: &mut [Option<Hit>]) {
         let nothing = Hit { t: 0.0, triangle: NO_TRIANGLE, u: 0.0, v: 0.0 };
         let mut queries = [Query::NONE; MAX_TOGETHER];
         let mut best = [nothing; RAYS];
         let mut slots = [0; MAX_TOGETHER];
         let mut count = 0;
-        for (slot, (ray, hit)) in rays.iter().zip(hits.iter_mut()).enumerate() {
+        for (slot, ((ray, &from), hit)) in rays.iter().zip(from).zip(hits.iter_mut()).enumerate() {
             *hit = None;
             if self.is_far(ray) {
-                *hit = self.nearest(ray);
-            } else if let Some(query) = prepare(ray, [NO_TRIANGLE; 2]) {
+                *hit = self.nearest_from(ray, from);
+            } else if let Some(query) = prepare(ray, [from, NO_TRIANGLE]) {
                 (queries[count], best[count], slots[count]) = (query, query.nothing(), slot);
                 count += 1;
             }
@@ -157,22 +164,8 @@ impl Raycaster {
     /// one point, or that differ in the axis along which they go farthest, are traced as [`nearest_many`](Self::nearest_many) does.
     pub fn nearest_tile(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (rays, hits) in rays.chunks(MAX_TILE).zip(hits.chunks_mut(MAX_TILE)) {
-            let nothing = Hit { t: 0.0, triangle: NO_TRIANGLE, u: 0.0, v: 0.0 };
-            let mut queries = [Query::NONE; MAX_TILE];
-            let mut best = [nothing; MAX_TILE];
-            let mut ready = 0;
-            for ((query, best), ray) in queries.iter_mut().zip(&mut best).zip(rays) {
-                let Some(prepared) = prepare(ray, [NO_TRIANGLE; 2]).filter(|_| !self.is_far(ray)) else { break };
-                (*query, *best) = (prepared, prepared.nothing());
-                ready += 1;
-            }
             let used = rays.len().min(hits.len());
-            let all = ready == rays.len();
-            if all && self.isa.trace_tile(&self.hierarchy, self.reach, &queries[..used], &mut best) {
-                for (hit, best) in hits.iter_mut().zip(best) {
-                    *hit = (best.triangle != NO_TRIANGLE).then_some(best);
-                }
-            } else {
+            if !self.isa.trace_tile(&self.hierarchy, self.reach, &rays[..used], &mut hits[..used]) {
                 self.nearest_many(rays, hits);
             }
         }

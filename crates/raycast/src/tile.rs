@@ -5,11 +5,10 @@
 //! the rounding of the tests, so that no box or triangle is left out that one of them may meet; the triangles are tested by the same
 //! operations, in the same roundings.
 
-use crate::kernel::Query;
 use crate::node::{Block, Hierarchy, LANES, LEAF, Node, ROW, WIDTH};
 use crate::simd::{Near, Simd, parts};
-use crate::triangle::{Directions, Located, consider, inside_exactly, locate_row, replace};
-use crate::{Hit, MAX_TILE, NO_TRIANGLE};
+use crate::triangle::{Directions, LENGTH_SQUARED, Located, Prepared, consider, inside_exactly, locate_row};
+use crate::{Hit, MAX_TILE, NO_TRIANGLE, Ray};
 
 /// By what share of the scene's size, and of a distance, the pyramid is wider than its rays: some fifty roundings.
 const SLACK: f32 = 4e-6;
@@ -19,6 +18,9 @@ const LEAST_SLOPE: f32 = 1e-7;
 
 /// Rays of a row from which on it is faster to find together where they meet a triangle.
 const MANY: u32 = 3;
+
+/// Rows of rays.
+const ROWS: usize = MAX_TILE / ROW;
 
 /// A side of the pyramid against one side of a box: `(row * step + origin + shift) * factor` bounds the distances along the main axis at
 /// which a ray may be in the box.
@@ -35,8 +37,9 @@ struct Side {
 
 /// The rays, and the pyramid around them. Distances are along the main axis, in which the rays go farthest.
 pub(crate) struct Bundle<'a> {
-    queries: &'a [Query],
-    /// The origin along the axes of the rays' shears.
+    rays: &'a [Ray],
+    eye: [f32; 3],
+    /// The eye along the axes of the rays' shears.
     origin: [f32; 3],
     axes: [usize; 3],
     /// 1 or -1: which way the rays go along the main axis.
@@ -46,34 +49,112 @@ pub(crate) struct Bundle<'a> {
     sides: [Side; 6],
     slack: f32,
     /// Shears by axis, and rays in rows.
-    shear: [[[f32; ROW]; MAX_TILE / ROW]; 2],
+    shear: [[[f32; ROW]; ROWS]; 2],
     /// How far along the main axis a ray gets in a unit of `t`.
-    speed: [f32; MAX_TILE],
-    directions: [Directions; MAX_TILE / ROW],
+    speed: [[f32; ROW]; ROWS],
+    t_min: [[f32; ROW]; ROWS],
+    directions: [Directions; ROWS],
+}
+
+/// The nearest hits so far, by what is known of each; no triangle, and `t` the end of the ray, if there is none.
+struct Best {
+    t: [[f32; ROW]; ROWS],
+    triangle: [[u32; ROW]; ROWS],
+    u: [[f32; ROW]; ROWS],
+    v: [[f32; ROW]; ROWS],
+    /// How far along the main axis what a ray meets still counts; 0 for rays that are not there.
+    depth: [[f32; ROW]; ROWS],
+}
+
+impl Best {
+    #[inline(always)]
+    fn nothing(bundle: &Bundle) -> Self {
+        let mut best = Self {
+            t: [[0.0; ROW]; ROWS],
+            triangle: [[NO_TRIANGLE; ROW]; ROWS],
+            u: [[0.0; ROW]; ROWS],
+            v: [[0.0; ROW]; ROWS],
+            depth: [[0.0; ROW]; ROWS],
+        };
+        for (i, ray) in bundle.rays.iter().enumerate() {
+            let (row, lane) = (i / ROW % ROWS, i % ROW);
+            best.t[row][lane] = ray.t_max;
+            best.depth[row][lane] = ray.t_max * bundle.speed[row][lane];
+        }
+        best
+    }
+
+    #[inline(always)]
+    fn get(&self, row: usize, lane: usize) -> Hit {
+        let (row, lane) = (row % ROWS, lane % ROW);
+        Hit { t: self.t[row][lane], triangle: self.triangle[row][lane], u: self.u[row][lane], v: self.v[row][lane] }
+    }
+
+    /// The depth from which on nothing counts for any ray.
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        let mut most = self.depth[0];
+        for depth in &self.depth[1..] {
+            for (most, depth) in most.iter_mut().zip(depth) {
+                *most = greater(*depth, *most);
+            }
+        }
+        most.into_iter().fold(0.0, greater)
+    }
 }
 
 impl<'a> Bundle<'a> {
-    /// `None` if the rays do not begin at one point or do not go one way.
+    /// `None` if the rays do not begin at one point near the scene or do not go one way, or if one of them cannot hit anything.
     #[inline(always)]
-    pub(crate) fn new(queries: &'a [Query], reach: f32) -> Option<Self> {
-        let first = &queries.first()?.ray;
-        let main = first.axes[2];
-        let is_reversed = first.direction[main % 3] < 0.0;
+    pub(crate) fn new(rays: &'a [Ray], reach: f32) -> Option<Self> {
+        let first = rays.first()?;
+        let eye = first.origin.to_array();
+        let Prepared { axes, sheared_origin: origin, direction, .. } = Prepared::new(first.origin, first.direction)?;
+        let main = axes[2];
+        let is_reversed = direction[main % 3] < 0.0;
         let sign = if is_reversed { -1.0 } else { 1.0 };
+        let mut is_one = rays.len() <= MAX_TILE && first.origin.abs().max_element() <= 2.0 * reach;
+        let mut towards = [[[0.0_f32; ROW]; ROWS]; 3];
+        let mut t_min = [[0.0; ROW]; ROWS];
+        for (i, ray) in rays.iter().enumerate().take(MAX_TILE) {
+            let (row, lane) = (i / ROW, i % ROW);
+            for (axis, towards) in towards.iter_mut().enumerate() {
+                towards[row][lane] = ray.direction[axis];
+            }
+            t_min[row][lane] = ray.t_min.max(0.0);
+            is_one &= (ray.origin == first.origin) & !ray.t_min.is_nan() & (t_min[row][lane] < ray.t_max);
+        }
+        // Rays that are not there go where the first one goes.
+        for i in rays.len()..MAX_TILE {
+            for (axis, towards) in towards.iter_mut().enumerate() {
+                towards[i / ROW][i % ROW] = direction[axis];
+            }
+        }
         let mut slopes = [(f32::INFINITY, f32::NEG_INFINITY); 2];
-        let mut shear = [[[0.0; ROW]; MAX_TILE / ROW]; 2];
-        let mut speed = [0.0; MAX_TILE];
-        let mut directions = [Directions::NONE; MAX_TILE / ROW];
-        let mut is_one = queries.len() <= MAX_TILE;
-        for (i, query) in queries.iter().enumerate().take(MAX_TILE) {
-            let ray = &query.ray;
-            speed[i] = ray.direction[main % 3] * sign;
-            directions[i / ROW].set(i, ray.direction);
-            is_one &= ray.origin == first.origin && ray.axes[2] == main && speed[i] > 0.0;
+        let mut shear = [[[0.0; ROW]; ROWS]; 2];
+        let mut speed = [[0.0; ROW]; ROWS];
+        let mut directions = [Directions::NONE; ROWS];
+        for row in 0..ROWS {
+            let [x, y, z] = [0, 1, 2].map(|axis: usize| &towards[axis][row]);
+            let [across, up, along] = axes.map(|axis| &towards[axis % 3][row]);
+            let mut fits = [true; ROW];
+            for i in 0..ROW {
+                let [a, b, c] = [x[i].abs(), y[i].abs(), z[i].abs()];
+                let square = x[i] * x[i] + y[i] * y[i] + z[i] * z[i];
+                let goes_far = LENGTH_SQUARED.contains(&square);
+                let is_main = [(a >= b) & (a >= c), (a < b) | (a < c), (a < b) | (a < c)][main % 3]
+                    & [true, b >= c, b < c][main % 3];
+                shear[0][row][i] = across[i] / along[i];
+                shear[1][row][i] = up[i] / along[i];
+                speed[row][i] = along[i] * sign;
+                fits[i] = goes_far & is_main & (speed[row][i] > 0.0);
+            }
+            is_one &= fits.iter().all(|&fits| fits);
+            directions[row] = Directions::new(x, y, z);
             for (axis, (low, high)) in slopes.iter_mut().enumerate() {
-                shear[axis][i / ROW][i % ROW] = ray.shear[axis];
-                let slope = ray.shear[axis] * sign;
-                (*low, *high) = (low.min(slope), high.max(slope));
+                for slope in shear[axis][row].map(|shear| shear * sign) {
+                    (*low, *high) = (lesser(slope, *low), greater(slope, *high));
+                }
             }
         }
         if !is_one {
@@ -88,13 +169,12 @@ impl<'a> Bundle<'a> {
             // Neither is 0: the pyramid becomes wider.
             let low = if low.abs() < LEAST_SLOPE { -LEAST_SLOPE } else { low };
             let high = if high.abs() < LEAST_SLOPE { LEAST_SLOPE } else { high };
-            let axis = first.axes[other];
+            let axis = axes[other];
             // high * distance >= the box's least coordinate, low * distance <= its greatest.
             sides[2 + 2 * other] = Side { axis, row: 0, shift: -slack, factor: high.recip(), is_lower: high > 0.0 };
             sides[3 + 2 * other] = Side { axis, row: 1, shift: slack, factor: low.recip(), is_lower: low < 0.0 };
         }
-        let (origin, axes) = (first.sheared_origin, first.axes);
-        Some(Self { queries, origin, axes, sign, slopes, sides, slack, shear, speed, directions })
+        Some(Self { rays, eye, origin, axes, sign, slopes, sides, slack, shear, speed, t_min, directions })
     }
 
     /// Distances at which the pyramid may enter the eight boxes, and a bit per box that it may enter before `limit`.
@@ -102,7 +182,7 @@ impl<'a> Bundle<'a> {
     fn enter(&self, node: &Node, limit: f32) -> (Near, u32) {
         let mut near = [0.0_f32; WIDTH];
         let mut far = [limit; WIDTH];
-        let origin = &self.queries[0].ray.origin;
+        let origin = &self.eye;
         for side in &self.sides {
             let axis = side.axis % 3;
             let base = (node.origin[axis] - origin[axis] + side.shift) * side.factor;
@@ -203,20 +283,15 @@ impl Corners {
     }
 }
 
-/// Nearest hits of a bundle's rays; `best` has [`Query::nothing`] of each.
+/// Nearest hits of a bundle's rays.
 #[inline(always)]
 pub(crate) fn traverse_tile<S: Simd, const STACK: usize>(
     simd: S,
     hierarchy: &Hierarchy,
     bundle: &Bundle,
-    best: &mut [Hit; MAX_TILE],
+    hits: &mut [Option<Hit>],
 ) {
-    let count = bundle.queries.len().min(MAX_TILE);
-    // How far along the main axis what a ray meets still counts; 0 for rays that are not there.
-    let mut depth = [0.0_f32; MAX_TILE];
-    for i in 0..count {
-        depth[i] = best[i].t * bundle.speed[i];
-    }
+    let mut best = Best::nothing(bundle);
     let mut limit = f32::INFINITY;
     let mut stack = [0_u64; STACK];
     let (mut current, mut top) = (0_u32, 0);
@@ -238,14 +313,17 @@ pub(crate) fn traverse_tile<S: Simd, const STACK: usize>(
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize % LANES;
                 lanes &= lanes - 1;
-                found |= meet(simd, bundle, block, lane, &corners.of(lane), nearest[lane], &mut depth, best);
+                found |= meet(simd, bundle, block, lane, &corners.of(lane), nearest[lane], &mut best);
             }
             if found {
-                limit = depth[..count].iter().fold(0.0, |most, &depth| greater(depth, most));
+                limit = best.limit();
             }
         }
         loop {
             if top == 0 {
+                for (i, hit) in hits.iter_mut().enumerate().take(bundle.rays.len()) {
+                    *hit = Some(best.get(i / ROW, i % ROW)).filter(|hit| hit.triangle != NO_TRIANGLE);
+                }
                 return;
             }
             top -= 1;
@@ -260,7 +338,6 @@ pub(crate) fn traverse_tile<S: Simd, const STACK: usize>(
 
 /// One triangle against all rays; whether any meets it.
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "the state of one loop, which is inlined")]
 fn meet<S: Simd>(
     simd: S,
     bundle: &Bundle,
@@ -268,76 +345,91 @@ fn meet<S: Simd>(
     lane: usize,
     corners: &[[f32; 3]; 3],
     nearest: f32,
-    depth: &mut [f32; MAX_TILE],
-    best: &mut [Hit; MAX_TILE],
+    best: &mut Best,
 ) -> bool {
     let (triangle, id) = (block.triangle(lane), block.id(lane));
-    let count = bundle.queries.len().min(MAX_TILE);
     let mut found = false;
-    for (row, first) in (0..count).step_by(ROW).enumerate() {
-        let row = row % (MAX_TILE / ROW);
+    for (row, rays) in bundle.rays.chunks(ROW).enumerate() {
+        let row = row % ROWS;
         let straddled = simd.straddled_rays(corners, &bundle.shear[0][row], &bundle.shear[1][row]);
-        let mut candidates = straddled.inside | straddled.on_edge;
-        if candidates.count_ones() >= MANY {
-            found |= meet_row(bundle, (triangle, id), (first, candidates, straddled.on_edge), nearest, depth, best);
+        let there = u32::MAX >> (u32::BITS as usize - rays.len());
+        let mut candidates = (straddled.inside | straddled.on_edge) & there;
+        let mut on_edge = straddled.on_edge & there;
+        if candidates.count_ones() < MANY {
+            while candidates != 0 {
+                let i = candidates.trailing_zeros() as usize % ROW;
+                candidates &= candidates - 1;
+                if nearest <= best.depth[row][i] * (1.0 + SLACK) + bundle.slack {
+                    found |= meet_one(bundle, (triangle, id), (row, i), on_edge >> i & 1 != 0, best);
+                }
+            }
             continue;
         }
-        while candidates != 0 {
-            let bit = candidates.trailing_zeros() as usize;
-            candidates &= candidates - 1;
-            let i = (first + bit) % MAX_TILE;
-            // Also rays that are not there.
-            let Some(query) = bundle.queries.get(i) else { break };
-            if nearest > depth[i] * (1.0 + SLACK) + bundle.slack || query.skip.contains(&id) {
-                continue;
-            }
-            let on_edge = straddled.on_edge >> bit & 1 != 0;
-            let before = best[i];
-            consider(triangle, id, on_edge, &query.ray, query.t_min, &mut best[i]);
-            if best[i].triangle != before.triangle && best[i].triangle != NO_TRIANGLE {
-                depth[i] = best[i].t * bundle.speed[i];
-                found = true;
+        while on_edge != 0 {
+            let i = on_edge.trailing_zeros() as usize % ROW;
+            on_edge &= on_edge - 1;
+            let is_inside = Prepared::new(rays[i].origin, rays[i].direction);
+            if !is_inside.is_some_and(|ray| inside_exactly(triangle, &ray)) {
+                candidates &= !(1 << i);
             }
         }
+        found |= meet_row(bundle, (triangle, id), row, candidates, best);
     }
     found
 }
 
-/// One triangle that many rays of a row, from the `first` on, may meet: their distances are found together.
+/// One triangle that a ray may meet.
+#[inline(always)]
+fn meet_one(
+    bundle: &Bundle,
+    (triangle, id): ([[f32; 3]; 3], u32),
+    (row, lane): (usize, usize),
+    on_edge: bool,
+    best: &mut Best,
+) -> bool {
+    let Some(ray) = bundle.rays.get(row * ROW + lane) else { return false };
+    let Some(prepared) = Prepared::new(ray.origin, ray.direction) else { return false };
+    let before = best.get(row, lane);
+    let mut hit = before;
+    consider(triangle, id, on_edge, &prepared, bundle.t_min[row][lane], &mut hit);
+    if hit.triangle == before.triangle {
+        return false;
+    }
+    (best.t[row][lane], best.triangle[row][lane]) = (hit.t, hit.triangle);
+    (best.u[row][lane], best.v[row][lane]) = (hit.u, hit.v);
+    best.depth[row][lane] = hit.t * bundle.speed[row][lane];
+    true
+}
+
+/// One triangle that many rays of a row may meet: their distances are found together, and held against what they met before.
 ///
 /// A tile's rays mostly meet the same few triangles. One by one, finding where took two thirds of the time of all a picture's rays.
 #[inline(always)]
 fn meet_row(
     bundle: &Bundle,
     (triangle, id): ([[f32; 3]; 3], u32),
-    (first, mut candidates, on_edge): (usize, u32, u32),
-    nearest: f32,
-    depth: &mut [f32; MAX_TILE],
-    best: &mut [Hit; MAX_TILE],
+    row: usize,
+    candidates: u32,
+    best: &mut Best,
 ) -> bool {
-    let Some(origin) = bundle.queries.first().map(|query| query.ray.origin) else { return false };
-    let Located { t, u, v } = locate_row(triangle, origin, &bundle.directions[first / ROW % (MAX_TILE / ROW)]);
-    let mut found = false;
-    while candidates != 0 {
-        let bit = candidates.trailing_zeros() as usize % ROW;
-        candidates &= candidates - 1;
-        let i = (first + bit) % MAX_TILE;
-        // Also rays that are not there.
-        let Some(query) = bundle.queries.get(i) else { break };
-        if nearest > depth[i] * (1.0 + SLACK) + bundle.slack || query.skip.contains(&id) {
-            continue;
-        }
-        if on_edge >> bit & 1 != 0 && !inside_exactly(triangle, &query.ray) {
-            continue;
-        }
-        let before = best[i];
-        replace(&mut best[i], Hit { t: t[bit], triangle: id, u: u[bit], v: v[bit] }, query.t_min);
-        if best[i].triangle != before.triangle && best[i].triangle != NO_TRIANGLE {
-            depth[i] = best[i].t * bundle.speed[i];
-            found = true;
-        }
+    let Located { t, u, v } = locate_row(triangle, bundle.eye, &bundle.directions[row]);
+    let (speed, t_min) = (&bundle.speed[row], &bundle.t_min[row]);
+    let (best_t, best_triangle) = (&mut best.t[row], &mut best.triangle[row]);
+    let (best_u, best_v, depth) = (&mut best.u[row], &mut best.v[row], &mut best.depth[row]);
+    let mut found = 0;
+    for i in 0..ROW {
+        // As `replace`, which see.
+        let first = (best_triangle[i] != NO_TRIANGLE) & (id < best_triangle[i]);
+        let nearer = (t[i] < best_t[i]) | ((t[i] == best_t[i]) & first);
+        let takes = nearer & (t[i] > t_min[i]) & (candidates >> i & 1 != 0);
+        best_t[i] = if takes { t[i] } else { best_t[i] };
+        best_triangle[i] = if takes { id } else { best_triangle[i] };
+        best_u[i] = if takes { u[i] } else { best_u[i] };
+        best_v[i] = if takes { v[i] } else { best_v[i] };
+        depth[i] = if takes { t[i] * speed[i] } else { depth[i] };
+        found |= u32::from(takes);
     }
-    found
+    found != 0
 }
 
 #[cfg(test)]

@@ -29,7 +29,7 @@ pub(crate) struct Prepared {
 }
 
 /// Directions shorter or longer than this (squared) are refused: their inverses and products overflow.
-const LENGTH_SQUARED: std::ops::Range<f32> = 1e-24..1e24;
+pub(crate) const LENGTH_SQUARED: std::ops::Range<f32> = 1e-24..1e24;
 
 impl Prepared {
     /// Fills arrays.
@@ -200,12 +200,13 @@ impl Directions {
     pub(crate) const NONE: Self = Self { axes: [[0.0; ROW]; 3], length_squared: [0.0; ROW] };
 
     #[inline(always)]
-    pub(crate) fn set(&mut self, number: usize, direction: [f32; 3]) {
-        let direction = Vec3::from_array(direction).as_dvec3();
-        for (axis, value) in self.axes.iter_mut().zip(direction.to_array()) {
-            axis[number % ROW] = value;
+    pub(crate) fn new(x: &[f32; ROW], y: &[f32; ROW], z: &[f32; ROW]) -> Self {
+        let axes @ [x, y, z] = [x, y, z].map(|axis| axis.map(f64::from));
+        let mut length_squared = [0.0; ROW];
+        for i in 0..ROW {
+            length_squared[i] = DVec3::new(x[i], y[i], z[i]).length_squared();
         }
-        self.length_squared[number % ROW] = direction.length_squared();
+        Self { axes, length_squared }
     }
 }
 

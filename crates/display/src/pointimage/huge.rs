@@ -7,6 +7,12 @@
 
 use bytemuck::Zeroable;
 
+/// Smallest page of any processor that Linux runs on here.
+const PAGE: usize = 4096;
+
+/// Bytes that take as long to clear as to ask the system for.
+const MUCH: usize = 1 << 19;
+
 /// `count` times `value`.
 pub(crate) fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
     let mut memory = reserved(count);
@@ -14,10 +20,33 @@ pub(crate) fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
     memory
 }
 
+/// Bytes that the C library takes from the system anew, which are 0, rather than clear memory that was freed: glibc's greatest
+/// `M_MMAP_THRESHOLD`, and the block's own header.
+const ANEW: usize = (32 << 20) + PAGE;
+
 /// `count` zeros: what is never touched takes no time.
+///
+/// Of much memory more is asked for than is used, none of which is touched: cleared by one thread before others fill it, a view's surfaces
+/// took a tenth longer.
 pub(crate) fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
-    let mut memory = bytemuck::zeroed_vec(count);
+    let mut memory = sparse(count);
     advise(&mut memory);
+    memory
+}
+
+/// The same in small pages, for memory little of which is touched, here and there.
+pub(crate) fn sparse<T: Zeroable>(count: usize) -> Vec<T> {
+    let size = size_of::<T>().max(1);
+    let is_much = count.saturating_mul(size) >= MUCH;
+    let mut memory = bytemuck::zeroed_vec(if is_much { count.max(ANEW.div_ceil(size)) } else { count });
+    memory.truncate(count);
+    memory
+}
+
+/// The same once more.
+pub(crate) fn copied<T: Copy>(values: &[T]) -> Vec<T> {
+    let mut memory = reserved(values.len());
+    memory.extend_from_slice(values);
     memory
 }
 
@@ -37,8 +66,6 @@ fn advise<T>(memory: &mut [T]) {
         use rustix::mm::{Advice, madvise};
         /// Bytes from which it is worth asking: below, the memory is not the system's to give page by page.
         const LEAST: usize = 1 << 18;
-        /// Smallest page of any processor that Linux runs on here.
-        const PAGE: usize = 4096;
         let bytes = size_of_val(memory);
         if bytes >= LEAST {
             let start = memory.as_mut_ptr().addr() / PAGE * PAGE;

@@ -67,6 +67,12 @@ impl Mask {
         self.widened_by(0, rows.div_ceil(ROWS))
     }
 
+    /// Those of its blocks that are in another one of the same picture too.
+    pub fn within(&self, other: &Mask) -> Mask {
+        let marks = self.marks.iter().zip(&other.marks).map(|(mark, other)| mark & other).collect();
+        Mask { across: self.across, marks }
+    }
+
     fn widened_by(&self, beside: usize, above: usize) -> Mask {
         let across = self.across.max(1);
         let down = self.marks.len() / across;

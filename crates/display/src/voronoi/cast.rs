@@ -2,17 +2,17 @@
 //!
 //! Invariant: what a pixel sees is a function of the view and the scene; layers cover only what they show.
 
+use super::follow::{End, number_of};
 use super::labels::{Labelled, label};
-use super::surfaces::{Caster, Image, Seen, Surfaces, number_of};
+use super::surfaces::{Caster, Face, Image, Seen, Surfaces};
 use crate::parts::for_parts;
 use crate::pointimage::isa::Isa;
-use crate::pointimage::zeroed;
+use crate::pointimage::{filled, sparse, zeroed};
 use glam::Vec3;
-use holo_raycast::{Hit, MAX_TILE, Ray};
+use holo_raycast::{Hit, MAX_TILE, MAX_TOGETHER, Ray};
 use holo_scene::Rgb;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
 
 /// Pixels a side of a tile traced together.
 const SIDE: usize = 8;
@@ -25,6 +25,9 @@ const MAX_IMAGES: usize = 12;
 /// image. What smaller ones show has the light of where else it is seen.
 const LEAST_MIRROR: u32 = 400;
 
+/// Rays of one piece of work that are followed through mirrors and panes.
+const FOLLOWED: usize = 12 * MAX_TOGETHER;
+
 /// A ray that meets nothing.
 const NOWHERE: Ray = Ray { origin: Vec3::ZERO, direction: Vec3::ZERO, t_min: 0.0, t_max: 0.0 };
 
@@ -34,90 +37,102 @@ type Special = (usize, Ray, Hit);
 /// What one of them shows, and how much of its light comes back.
 type Shown = (usize, Seen, Rgb);
 
+/// What pixels see, and the [key](Seen::key) of each: where edges are is found by those, which are a quarter of the memory.
+struct Pixels {
+    seen: Vec<Seen>,
+    keys: Vec<u64>,
+}
+
+impl Pixels {
+    fn unseen(count: usize) -> Pixels {
+        Pixels { seen: zeroed(count), keys: zeroed(count) }
+    }
+
+    /// The same, of which few are going to see anything.
+    fn mostly_unseen(count: usize) -> Pixels {
+        Pixels { seen: sparse(count), keys: sparse(count) }
+    }
+
+    fn set(&mut self, pixel: usize, seen: Seen) {
+        (self.seen[pixel], self.keys[pixel]) = (seen, seen.key());
+    }
+}
+
 impl Caster<'_> {
     /// What every pixel's middle sees. If there are mirrors or panes in the picture, then what is seen in panes besides what
     /// is seen through them, and then the mirrors and panes themselves.
     pub fn surfaces(&self) -> Vec<Surfaces> {
         let (width, height) = self.size;
-        let mut seen: Vec<Seen> = zeroed(width * height);
-        let special = Mutex::new(Vec::new());
-        for_parts(&mut seen, width, SIDE, |part, rows| {
-            let found = self.cast_rows(part * SIDE, rows);
-            if !found.is_empty() {
-                special.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
+        let mut seen = Pixels::unseen(width * height);
+        let size = (width * SIDE).max(1);
+        let parts = seen.seen.chunks_mut(size).zip(seen.keys.chunks_mut(size));
+        let mut parts: Vec<_> = parts.map(|rows| (rows, Vec::new())).collect();
+        for_parts(&mut parts, 1, 1, |part, rows| {
+            for ((seen, keys), special) in rows {
+                *special = self.cast_rows(part * SIDE, seen, keys);
+                // Tiles cross rows; images are numbered in the order of the pixels.
+                special.sort_unstable_by_key(|&(pixel, ..)| pixel);
             }
         });
-        let mut special: Vec<Special> = special.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let special: Vec<Special> = parts.into_iter().flat_map(|(_, special)| special).collect();
         if special.is_empty() {
             return vec![self.layer(seen, &(0..height), vec![Image::ITSELF], FxHashMap::default())];
         }
-        // Threads finish in any order; images are numbered in the order of the pixels.
-        special.sort_unstable_by_key(|&(pixel, ..)| pixel);
         let row = |special: Option<&Special>| special.map_or(0, |&(pixel, ..)| pixel / width);
         let rows = row(special.first())..row(special.last()) + 1;
-        let (through, images) = self.follow_all(&special, false);
-        let (in_panes, pane_images) = self.follow_all(&special, true);
-        let mut polished: Vec<Seen> = zeroed(width * height);
-        let mut throughput = FxHashMap::default();
-        for (pixel, behind, share) in through {
-            polished[pixel] = std::mem::replace(&mut seen[pixel], behind);
-            throughput.insert(pixel as u32, share);
-        }
-        let mut reflected: Vec<Seen> = zeroed(width * height);
-        let mut pane_throughput = FxHashMap::default();
-        for (pixel, there, share) in in_panes {
-            // Where the way through was too long there is nothing to add to.
-            if throughput.contains_key(&(pixel as u32)) {
-                reflected[pixel] = there;
-                pane_throughput.insert(pixel as u32, share);
+        let [through, in_panes] = [false, true].map(|off_pane| self.follow_all(&special, off_pane));
+        let is_large = &is_large(&special);
+        // What cannot be shared out pixel by pixel is done for both kinds at once.
+        std::thread::scope(|scope| {
+            let in_panes = scope.spawn(|| {
+                let (shown, images) = number(&special, &in_panes, is_large);
+                // Where the way through was too long there is nothing to add to.
+                let shown = shown.into_iter().zip(&through).filter(|(_, through)| through.is_some());
+                let mut reflected = Pixels::mostly_unseen(width * height);
+                let mut throughput = FxHashMap::with_capacity_and_hasher(special.len(), FxBuildHasher);
+                for (pixel, there, share) in shown.filter_map(|(shown, _)| shown) {
+                    reflected.set(pixel, there);
+                    throughput.insert(pixel as u32, share);
+                }
+                self.layer(reflected, &rows, images, throughput)
+            });
+            let (shown, images) = number(&special, &through, is_large);
+            let mut polished = Pixels::mostly_unseen(width * height);
+            let mut throughput = FxHashMap::with_capacity_and_hasher(special.len(), FxBuildHasher);
+            for (pixel, behind, share) in shown.into_iter().flatten() {
+                polished.set(pixel, seen.seen[pixel]);
+                seen.set(pixel, behind);
+                throughput.insert(pixel as u32, share);
             }
-        }
-        vec![
-            self.layer(seen, &(0..height), images, throughput),
-            self.layer(reflected, &rows, pane_images, pane_throughput),
-            self.layer(polished, &rows, vec![Image::ITSELF], FxHashMap::default()),
-        ]
+            let main = self.layer(seen, &(0..height), images, throughput);
+            let polished = self.layer(polished, &rows, vec![Image::ITSELF], FxHashMap::default());
+            let in_panes = in_panes.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            vec![main, in_panes, polished]
+        })
     }
 
-    /// What these pixels show through mirrors and panes, or in panes, and the images that they see it in.
-    fn follow_all(&self, special: &[Special], off_pane: bool) -> (Vec<Shown>, Vec<Image>) {
-        let mut looking_into: FxHashMap<u32, u32> = FxHashMap::default();
-        for (_, _, hit) in special {
-            *looking_into.entry(hit.triangle).or_default() += 1;
-        }
-        let is_large = |triangle| looking_into.get(&triangle).is_some_and(|&pixels| pixels >= LEAST_MIRROR);
-        let mut ends = vec![None; special.len()];
-        for_parts(&mut ends, 1, 256, |part, ends| {
-            for (end, &(_, ray, hit)) in ends.iter_mut().zip(&special[part * 256..]) {
-                *end = self.follow(ray, hit, off_pane);
+    /// Where these pixels' rays end behind mirrors and panes, or in panes.
+    fn follow_all(&self, special: &[Special], off_pane: bool) -> Vec<Option<End>> {
+        let mut ends = filled(None, special.len());
+        for_parts(&mut ends, 1, FOLLOWED, |part, ends| {
+            let special = special[part * FOLLOWED..].chunks(MAX_TOGETHER);
+            for (ends, special) in ends.chunks_mut(MAX_TOGETHER).zip(special) {
+                self.follow_together(special.iter().map(|&(_, ray, hit)| (ray, hit)), off_pane, ends);
             }
         });
-        let mut images = vec![Image::ITSELF];
-        let mut shown = Vec::with_capacity(special.len());
-        for (&(pixel, ..), end) in special.iter().zip(ends) {
-            let Some(end) = end else { continue };
-            let reach = end.seen.position.length();
-            let mut number = number_of(&images, &end.image, reach);
-            let has_room = images.len() < MAX_IMAGES && !end.seen.is_sky();
-            if number.is_none() && has_room && end.mirrors().iter().all(|&mirror| is_large(mirror)) {
-                number = Some(images.len());
-                images.push(end.image);
-            }
-            shown.push((pixel, end.placed(number), end.share));
-        }
-        (shown, images)
+        ends
     }
 
     /// A layer of which only these rows see anything.
     fn layer(
         &self,
-        seen: Vec<Seen>,
+        Pixels { seen, keys }: Pixels,
         rows: &Range<usize>,
         images: Vec<Image>,
         throughput: FxHashMap<u32, Rgb>,
     ) -> Surfaces {
         let pixel_width = self.camera.pixel_width;
-        let Labelled { labels, edges, windows } = label(&seen, self.size.0, rows, pixel_width, images.len());
+        let Labelled { labels, edges, windows } = label((&seen, &keys), self.size.0, rows, pixel_width, images.len());
         Surfaces { size: self.size, seen, labels, edges, images, windows, throughput, pixel_width }
     }
 
@@ -132,9 +147,7 @@ impl Caster<'_> {
         if let Some((first, 0.0)) = one {
             let mut points = [(0.0, 0.0); MAX_TILE];
             points.iter_mut().zip(0..rays.len()).for_each(|(point, number)| *point = middle(number));
-            let directions = Isa::best().run(self.directions(&points));
-            rays.iter_mut().zip(directions).for_each(|(ray, towards)| *ray = Ray::new(first.origin, towards));
-            return;
+            return Isa::best().run(self.fan(first.origin, &points, rays));
         }
         for (number, ray) in rays.iter_mut().enumerate() {
             let (x, y) = middle(number);
@@ -143,8 +156,9 @@ impl Caster<'_> {
     }
 
     /// Some rows from `top`; gives the pixels that look at a mirror or pane.
-    fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Vec<Special> {
+    fn cast_rows(&self, top: usize, rows: &mut [Seen], keys: &mut [u64]) -> Vec<Special> {
         let mut found = Vec::new();
+        let mut known: Option<Face> = None;
         let width = self.size.0;
         let count = rows.len() / width.max(1);
         for left in (0..width).step_by(SIDE) {
@@ -158,16 +172,48 @@ impl Caster<'_> {
             for ((ray, hit), (x, y)) in rays.iter().zip(&hits).zip(places) {
                 let Some(hit) = hit else { continue };
                 let pixel = y * width + x;
-                let seen = self.first(ray, hit);
+                // Neighbours mostly see the same.
+                if !known.as_ref().is_some_and(|face| face.is_met(ray, hit.triangle)) {
+                    known = Some(self.face(ray, hit.triangle));
+                }
+                let Some(face) = &known else { continue };
+                let seen = self.on(face, hit);
                 if self.is_beyond(x as f64 + 0.5, (top + y) as f64 + 0.5, &seen) {
                     continue;
                 }
-                rows[pixel] = seen;
-                if self.is_polished(hit.triangle) {
+                (rows[pixel], keys[pixel]) = (seen, seen.key());
+                if face.is_polished {
                     found.push((top * width + pixel, *ray, *hit));
                 }
             }
         }
         found
     }
+}
+
+/// The mirrors' triangles, and panes', that many pixels look into.
+fn is_large(special: &[Special]) -> FxHashSet<u32> {
+    let mut looking_into: FxHashMap<u32, u32> = FxHashMap::default();
+    for (_, _, hit) in special {
+        *looking_into.entry(hit.triangle).or_default() += 1;
+    }
+    let large = looking_into.into_iter().filter(|&(_, pixels)| pixels >= LEAST_MIRROR);
+    large.map(|(triangle, _)| triangle).collect()
+}
+
+/// What pixels show whose rays end there, and the images that they see it in, numbered in the order of the pixels.
+fn number(special: &[Special], ends: &[Option<End>], is_large: &FxHashSet<u32>) -> (Vec<Option<Shown>>, Vec<Image>) {
+    let mut images = vec![Image::ITSELF];
+    let shown = special.iter().zip(ends).map(|(&(pixel, ..), end)| {
+        let end = end.as_ref()?;
+        let reach = end.seen.position.length();
+        let mut number = number_of(&images, &end.image, reach);
+        let has_room = images.len() < MAX_IMAGES && !end.seen.is_sky();
+        if number.is_none() && has_room && end.mirrors().iter().all(|mirror| is_large.contains(mirror)) {
+            number = Some(images.len());
+            images.push(end.image);
+        }
+        Some((pixel, end.placed(number), end.share))
+    });
+    (shown.collect(), images)
 }

@@ -5,10 +5,11 @@
 
 use super::Voronoi;
 use super::edges::{Behind, EdgePoints, Shows, alike, open, polished};
+use super::follow::number_of;
 use super::indirect::Indirect;
 use super::lit::{Lit, plain};
 use super::reconstruct;
-use super::surfaces::{Caster, NO_IMAGE, Seen, number_of};
+use super::surfaces::{Caster, NO_IMAGE, Seen};
 use super::upscale::{FinePoints, Scale};
 use crate::parts::for_parts;
 use holo_raycast::{Hit, Ray};
@@ -154,8 +155,12 @@ impl<'a> Drawing<'a> {
         let middles: &[[f32; 3]] = pixels;
         let colour = |pixel: usize, shows: &Shows| self.shown(pixel, shows, middles);
         let point = |pixel: usize, ray: &Ray, hit: Option<Hit>| self.point(pixel, ray, hit);
-        let means: Vec<_> = points.smooth(&self.caster, width, colour, point).collect();
-        means.into_iter().for_each(|(pixel, colour)| pixels[pixel] = colour);
+        let means = points.smooth(&self.caster, width, colour, point);
+        for (&pixel, mean) in points.pixels().iter().zip(means) {
+            if let Some(mean) = mean {
+                pixels[pixel as usize] = mean;
+            }
+        }
     }
 
     /// A picture of more pixels than were cast, from these colours of those.

@@ -141,7 +141,7 @@ impl EdgePoints {
         EdgePoints { pixels, pieces }
     }
 
-    /// The pixels as means over their points. `colour` gives the colour of what a point shows, and `point` that of what a ray in a
+    /// The pixels as means over their points, in their order. `colour` gives the colour of what a point shows, and `point` that of what a ray in a
     /// pixel meets, if it is known.
     pub fn smooth(
         &self,
@@ -149,7 +149,7 @@ impl EdgePoints {
         width: usize,
         colour: impl Fn(usize, &Shows) -> Option<[f32; 3]> + Sync,
         point: impl Fn(usize, &Ray, Option<Hit>) -> Option<[f32; 3]> + Sync,
-    ) -> impl Iterator<Item = (usize, [f32; 3])> {
+    ) -> Vec<Option<[f32; 3]>> {
         let mut means = vec![None; self.pixels.len()];
         for_parts(&mut means, 1, PIECE, |part, means| {
             let Piece { groups, ends } = &self.pieces[part];
@@ -174,7 +174,12 @@ impl EdgePoints {
                 *mean = (count > 0.0).then(|| sum.map(|channel| channel / count));
             }
         });
-        self.pixels.iter().zip(means).filter_map(|(&pixel, mean)| Some((pixel as usize, mean?)))
+        means
+    }
+
+    /// The pixels, each once.
+    pub fn pixels(&self) -> &[u32] {
+        &self.pixels
     }
 }
 

@@ -4,9 +4,10 @@
 //!
 //! Invariant: labels follow from what the pixels see alone: a surface's is that of its first pixel, whatever the strips.
 
-use super::surfaces::{NO_LABEL, Seen, Window};
+use super::surfaces::{NO_KEY, NO_LABEL, Seen, Window, image_of};
 use crate::camera::PixelWidth;
 use crate::parts::for_parts;
+use crate::pointimage::isa::{Isa, Kernel};
 use crate::pointimage::zeroed;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
@@ -28,12 +29,9 @@ pub(crate) struct Labelled {
     pub windows: Vec<Window>,
 }
 
-/// No [`key`] of a surface.
-const NOTHING: u64 = u64::MAX;
-
-/// Labels, edges and windows of what pixels see, in so many images. Nothing is seen but in `rows`.
+/// Labels, edges and windows of what pixels see, of which the keys are told too, in so many images. Nothing is seen but in `rows`.
 pub(crate) fn label(
-    seen: &[Seen],
+    (seen, keys): (&[Seen], &[u64]),
     width: usize,
     rows: &Range<usize>,
     pixel_width: PixelWidth,
@@ -46,7 +44,8 @@ pub(crate) fn label(
             return;
         }
         let first = part * ROWS * width;
-        let strip = Strip { seen: &seen[first..first + labels.len()], width, pixel_width };
+        let pixels = first..first + labels.len();
+        let strip = Strip { seen: &seen[pixels.clone()], keys: &keys[pixels], width, pixel_width };
         let parts = strip.connect(labels);
         let windows = strip.windows(part * ROWS, images);
         let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
@@ -70,6 +69,7 @@ fn touches(rows: &Range<usize>, strip: usize) -> bool {
 /// Some rows of a picture.
 struct Strip<'a> {
     seen: &'a [Seen],
+    keys: &'a [u64],
     width: usize,
     pixel_width: PixelWidth,
 }
@@ -78,57 +78,81 @@ impl Strip<'_> {
     /// Labels within the strip: one more than the number of a surface's first pixel in it. Gives the first pixels of triangles' parts.
     fn connect(&self, labels: &mut [u32]) -> FxHashMap<Part, u32> {
         let mut parts = FxHashMap::default();
-        // What the row above shows, in few bytes each.
-        let mut above_keys = vec![NOTHING; self.width];
-        let (mut column, mut left_key, mut corner_key) = (0, NOTHING, NOTHING);
-        for (pixel, here) in self.seen.iter().enumerate() {
-            if column == self.width {
-                (column, left_key, corner_key) = (0, NOTHING, NOTHING);
-            }
-            let key = key(here);
-            let above_key = std::mem::replace(&mut above_keys[column], key);
-            let is_amid = (key == left_key) & (key == above_key) & (key == corner_key) & (key != NOTHING);
-            let is_first = column == 0;
-            (column, left_key, corner_key) = (column + 1, key, above_key);
-            // Most pixels are amid one triangle: what is to the left is known to be one with what is above.
-            if is_amid {
-                labels[pixel] = labels[pixel - 1];
-                continue;
-            }
-            if here.is_sky() {
-                continue;
-            }
-            let left = (!is_first).then(|| pixel - 1);
-            let above = pixel.checked_sub(self.width);
-            labels[pixel] = pixel as u32 + 1;
-            let mut alone = true;
-            for other in [left, above].into_iter().flatten() {
-                if here.continues(&self.seen[other], self.pixel_width) {
-                    alone = alone && self.seen[other].side() != here.side();
-                    join(labels, pixel as u32, other as u32);
+        let pixels = self.keys.len();
+        for start in (0..pixels).step_by(self.width.max(1)) {
+            let end = (start + self.width).min(pixels);
+            let mut pixel = start;
+            while pixel < end {
+                // Most pixels are amid one triangle: what is to the left is known to be one with what is above.
+                let amid = self.amid(pixel, end);
+                if amid > 0 {
+                    let label = labels[pixel - 1];
+                    labels[pixel..pixel + amid].fill(label);
+                    pixel += amid;
+                    continue;
                 }
-            }
-            // Only where a triangle begins can it be a new part of one: most pixels continue their neighbour's.
-            if alone {
-                let first = *parts.entry(part(here)).or_insert(pixel as u32);
-                join(labels, pixel as u32, first);
+                let skies = self.keys[pixel..end].iter().take_while(|&&key| key == NO_KEY).count();
+                if skies == 0 {
+                    self.connect_one(pixel, pixel > start, labels, &mut parts);
+                }
+                pixel += skies.max(1);
             }
         }
+        let (mut last, mut first) = (NO_LABEL, NO_LABEL);
         for pixel in 0..labels.len() {
-            // A label is that of an earlier pixel, which is done.
-            if let Some(first) = labels[pixel].checked_sub(1) {
-                labels[pixel] = labels[first as usize];
+            let label = labels[pixel];
+            // A label is that of an earlier pixel, which is done. Neighbours mostly have the same.
+            if label != last {
+                (last, first) = (label, label.checked_sub(1).map_or(NO_LABEL, |earlier| labels[earlier as usize]));
+            }
+            // Where nothing is seen, memory stays untouched.
+            if label != first {
+                labels[pixel] = first;
             }
         }
         parts
+    }
+
+    /// How many pixels from this one on, before `end`, see the same part as those to their left and above them.
+    fn amid(&self, pixel: usize, end: usize) -> usize {
+        let Some(above) = pixel.checked_sub(self.width) else { return 0 };
+        if pixel.is_multiple_of(self.width.max(1)) {
+            return 0;
+        }
+        let key = self.keys[pixel - 1];
+        if key == NO_KEY || self.keys[above - 1] != key {
+            return 0;
+        }
+        let rows = self.keys[pixel..end].iter().zip(&self.keys[above..]);
+        rows.take_while(|&(&here, &above)| (here == key) & (above == key)).count()
+    }
+
+    /// Connects a pixel with its neighbours to the left, if it has one, and above.
+    fn connect_one(&self, pixel: usize, has_left: bool, labels: &mut [u32], parts: &mut FxHashMap<Part, u32>) {
+        let here = &self.seen[pixel];
+        let left = has_left.then(|| pixel - 1);
+        let above = pixel.checked_sub(self.width);
+        labels[pixel] = pixel as u32 + 1;
+        let mut alone = true;
+        for other in [left, above].into_iter().flatten() {
+            if here.continues(&self.seen[other], self.pixel_width) {
+                alone = alone && self.seen[other].side() != here.side();
+                join(labels, pixel as u32, other as u32);
+            }
+        }
+        // Only where a triangle begins can it be a new part of one: most pixels continue their neighbour's.
+        if alone {
+            let first = *parts.entry(part(here)).or_insert(pixel as u32);
+            join(labels, pixel as u32, first);
+        }
     }
 
     /// Where in the picture these rows, from `top`, show each image.
     fn windows(&self, top: usize, images: usize) -> Vec<Window> {
         let mut windows = vec![Window::nowhere(); images];
         if let [window] = &mut windows[..] {
-            for (row, line) in self.seen.chunks(self.width.max(1)).enumerate() {
-                let is_there = |seen: &Seen| !seen.is_sky() && seen.image == 0;
+            for (row, line) in self.keys.chunks(self.width.max(1)).enumerate() {
+                let is_there = |key: &u64| *key != NO_KEY && image_of(*key) == 0;
                 let Some((first, last)) = line.iter().position(is_there).zip(line.iter().rposition(is_there)) else {
                     continue;
                 };
@@ -137,9 +161,9 @@ impl Strip<'_> {
             }
             return windows;
         }
-        for (row, line) in self.seen.chunks(self.width.max(1)).enumerate() {
-            for (column, seen) in line.iter().enumerate().filter(|(_, seen)| !seen.is_sky()) {
-                if let Some(window) = windows.get_mut(usize::from(seen.image)) {
+        for (row, line) in self.keys.chunks(self.width.max(1)).enumerate() {
+            for (column, &key) in line.iter().enumerate().filter(|(_, key)| **key != NO_KEY) {
+                if let Some(window) = windows.get_mut(usize::from(image_of(key))) {
                     let (x, y) = (column as f32, (top + row) as f32);
                     window.low = (window.low.0.min(x), window.low.1.min(y));
                     window.high = (window.high.0.max(x + 1.0), window.high.1.max(y + 1.0));
@@ -148,13 +172,6 @@ impl Strip<'_> {
         }
         windows
     }
-}
-
-/// [`part`] as one number; [`NOTHING`] of the sky.
-#[inline]
-fn key(seen: &Seen) -> u64 {
-    let flags = u64::from(seen.front) | u64::from(seen.through) << 1 | u64::from(seen.image) << 8;
-    if seen.is_sky() { NOTHING } else { u64::from(seen.triangle()) | flags << 32 }
 }
 
 fn part(seen: &Seen) -> Part {
@@ -245,17 +262,36 @@ fn edges(labels: &[u32], width: usize, rows: &Range<usize>) -> Vec<bool> {
             return;
         }
         for (line, row) in lines.chunks_mut(width).zip(part * ROWS..) {
-            let here = &labels[row * width..][..width];
-            let rows = row.saturating_sub(1)..(row + 2).min(labels.len() / width);
-            for around in rows.map(|row| &labels[row * width..][..width]) {
-                differ(line, here, around);
-            }
+            Isa::best().run(Edges { line, row, labels });
         }
     });
     edges
 }
 
+/// Marks pixels of a row whose labels are not those of all around them.
+struct Edges<'a> {
+    line: &'a mut [bool],
+    row: usize,
+    labels: &'a [u32],
+}
+
+impl Kernel for Edges<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Edges { line, row, labels } = self;
+        let width = line.len();
+        let here = &labels[row * width..][..width];
+        let rows = row.saturating_sub(1)..(row + 2).min(labels.len() / width);
+        for around in rows.map(|row| &labels[row * width..][..width]) {
+            differ(line, here, around);
+        }
+    }
+}
+
 /// Marks pixels of a row that differ from one of three in a row beside it, or in their own.
+#[inline(always)]
 fn differ(line: &mut [bool], here: &[u32], around: &[u32]) {
     for ((edge, here), beside) in line.iter_mut().zip(here).zip(around) {
         *edge |= here != beside;

@@ -84,6 +84,11 @@ pub(crate) struct Rows<'a> {
 }
 
 impl Rows<'_> {
+    /// Whether there is light on any of them.
+    pub fn any(&self) -> bool {
+        self.states.iter().any(|state| state & KNOWN != 0)
+    }
+
     /// As [`Light::at`], of the pixel with this number among them.
     #[inline]
     pub fn at(&self, number: usize) -> Option<[f32; 3]> {

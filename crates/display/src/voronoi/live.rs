@@ -42,6 +42,7 @@ impl Voronoi {
             records: self.records.clone(),
             once: Arc::clone(&self.once),
             scratch: Mutex::default(),
+            painted: Mutex::default(),
         }
     }
 

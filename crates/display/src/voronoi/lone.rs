@@ -48,6 +48,9 @@ pub(crate) fn find(surfaces: &Surfaces, sums: &[Sums], light: &Light, one: f32) 
             let Some(row) = row.filter(|&row| row < height) else { return };
             let pixels = row * width..(row + 1) * width;
             let (known, of) = (light.rows(pixels.clone()), &surfaces.labels[pixels]);
+            if !known.any() {
+                return;
+            }
             for (column, (bright, label)) in rows[number].iter_mut().zip(&mut labels[number]).enumerate() {
                 if let Some(light) = known.at(column) {
                     (*bright, *label) = (luminance(light), of[column]);
@@ -60,7 +63,11 @@ pub(crate) fn find(surfaces: &Surfaces, sums: &[Sums], light: &Light, one: f32) 
             fill(1, Some(first), &mut rows, &mut labels);
             for row in first..(first + ROWS).min(height) {
                 fill(2, Some(row + 1), &mut rows, &mut labels);
-                Isa::best().run(Compare { rows: &rows, labels: &labels, stands_out: &mut stands_out });
+                if labels[1].iter().any(|&label| label != NO_LABEL) {
+                    Isa::best().run(Compare { rows: &rows, labels: &labels, stands_out: &mut stands_out });
+                } else {
+                    stands_out.fill(0);
+                }
                 for column in (0..width).filter(|&column| stands_out[column] != 0) {
                     let pixel = row * width + column;
                     found.extend(judge(surfaces, sums, light, pixel, one).map(|other| (pixel as u32, other as u32)));

@@ -16,6 +16,7 @@ mod cast;
 mod deposit;
 mod drawing;
 mod edges;
+mod follow;
 mod guess;
 mod indirect;
 mod labels;
@@ -34,7 +35,7 @@ use crate::Frame;
 use crate::camera::Camera;
 use crate::covered::covered;
 use crate::parts::for_parts;
-use crate::pointimage::zeroed;
+use crate::pointimage::{copied, zeroed};
 use crate::quadtree::reproject::{DistanceTable, PlacedSection};
 use deposit::{Beam, Depositor, Deposits, SideSums, Sums};
 use drawing::Drawing;
@@ -48,7 +49,7 @@ use light::Light;
 use portals::Beyond;
 use reconstruct::Scratch;
 use shade::Shadings;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use surfaces::{Caster, Seen, Surfaces};
 use upscale::{FinePoints, Scale};
 
@@ -142,6 +143,17 @@ pub struct Voronoi {
     records: Option<Arc<Store>>,
     once: Arc<Once>,
     scratch: Mutex<Scratch>,
+    painted: Mutex<Painted>,
+}
+
+/// The pixels cast, as last painted: what is drawn again with nothing new is copied.
+#[derive(Default)]
+struct Painted {
+    pixels: Vec<[f32; 3]>,
+    empty_pixels: u64,
+    guessed_pixels: u64,
+    /// Of how many records of indirect light, if no samples came since.
+    of: Option<usize>,
 }
 
 impl Voronoi {
@@ -217,6 +229,7 @@ impl Voronoi {
             records: None,
             once: Arc::default(),
             scratch: Mutex::default(),
+            painted: Mutex::default(),
         }
     }
 
@@ -224,7 +237,7 @@ impl Voronoi {
     /// relative to the scene's origin.
     #[must_use]
     pub fn with_records(self, records: Arc<Store>) -> Self {
-        Self { records: Some(records), ..self }
+        Self { records: Some(records), painted: Mutex::default(), ..self }
     }
 
     fn caster(&self) -> Caster<'_> {
@@ -297,6 +310,7 @@ impl Voronoi {
             self.samples += used;
         }
         self.paths = self.paths.max(paths);
+        self.painted.get_mut().unwrap_or_else(PoisonError::into_inner).of = None;
     }
 
     /// Notes that a beam meets nothing. What it sees is known of the scene, but not beyond portals.
@@ -317,29 +331,49 @@ impl Voronoi {
         }
     }
 
+    /// Records of indirect light that there are.
+    fn records(&self) -> usize {
+        self.records.as_deref().map_or(0, Store::len)
+    }
+
+    /// Paints the pixels that are cast.
+    fn paint(&self, drawing: &Drawing, painted: &mut Painted) {
+        let count = self.size.0 as usize * self.size.1 as usize;
+        if painted.pixels.len() != count {
+            painted.pixels = zeroed(count);
+        }
+        (painted.empty_pixels, painted.guessed_pixels) = drawing.paint(&mut painted.pixels);
+        if self.scale.is_none() {
+            drawing.smooth(&mut painted.pixels);
+        }
+        painted.of = Some(self.records());
+    }
+
     /// The picture of all samples so far. At a lower resolution, pixels that are counted are those cast, by how many of the picture's
     /// there are for each.
     pub fn draw(&self) -> Drawn {
-        let mut picture = Picture::new(self.size.0, self.size.1);
-        picture.view = Some(self.view);
+        let mut painted = self.painted.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_current = painted.of == Some(self.records());
+        let drawing = (!is_current || self.scale.is_some()).then(|| Drawing::new(self));
+        if let Some(drawing) = drawing.as_ref().filter(|_| !is_current) {
+            self.paint(drawing, &mut painted);
+        }
+        let mut guessed_pixels = painted.guessed_pixels;
+        let picture = Picture::new(0, 0);
+        let (width, height) = self.size;
         let mut frame = Frame {
-            depth: self.once.depths.get_or_init(|| self.find_depth()).clone(),
-            picture,
+            depth: copied(self.once.depths.get_or_init(|| self.find_depth())),
+            picture: Picture { width, height, pixels: copied(&painted.pixels), view: Some(self.view), ..picture },
             uncovered_pixels: self.uncovered,
-            empty_pixels: 0,
+            empty_pixels: painted.empty_pixels,
             unseen_pixels: 0,
             samples_used: self.samples,
         };
-        let drawing = Drawing::new(self);
-        let mut guessed_pixels;
-        (frame.empty_pixels, guessed_pixels) = drawing.paint(&mut frame.picture.pixels);
-        if self.scale.is_none() {
-            drawing.smooth(&mut frame.picture.pixels);
-        }
+        drop(painted);
         if let Some(beyond) = &self.beyond {
             beyond.paint(&mut frame);
         }
-        if let Some(scale) = &self.scale {
+        if let Some((scale, drawing)) = self.scale.as_ref().zip(drawing) {
             let (width, height) = scale.fine;
             let of_all = |pixels: u64| pixels * (width * height) as u64 / (scale.coarse.0 * scale.coarse.1) as u64;
             (frame.empty_pixels, guessed_pixels) = (of_all(frame.empty_pixels), of_all(guessed_pixels));

@@ -70,22 +70,20 @@ pub(crate) fn light(
     surfaces: &Surfaces,
     sums: &[Sums],
     paths: u16,
-    before: Option<(&Light, &Mask)>,
+    before: Option<(Light, Mask)>,
     scratch: &mut Scratch,
 ) -> Light {
     let size = surfaces.size;
     let (width, height) = size;
     let seen = seen_blocks(surfaces);
-    let wanted = match before {
-        None => seen.clone(),
+    let (mut light, wanted) = match before {
+        None => (Light::unknown(size), seen.clone()),
         Some((light, changed)) => {
             let reach = |block: usize| (1 << light.reaches[block]) - 1;
-            Mask::new(size, |block| seen.has(block) && changed.has_near(block, reach(block)))
+            let wanted = Mask::new(size, |block| seen.has(block) && changed.has_near(block, reach(block)));
+            (light, wanted)
         }
     };
-    let is_all = (0..blocks::count(size)).all(|block| wanted.has(block) || !seen.has(block));
-    let before = before.filter(|_| !is_all);
-    let mut light = before.map_or_else(|| Light::unknown(size), |(light, _)| light.clone());
     light.restore();
     let labels = &surfaces.labels;
     let Scratch { cells, wider, means } = scratch;
@@ -99,8 +97,8 @@ pub(crate) fn light(
     for level in 0..LEVELS {
         let step = (1_usize << level) / 2;
         // Narrow tents have a part in wide ones: as far off as all wider ones reach.
-        let needed = open.widened((1 << (LEVELS - 1)) - (1 << level));
-        let runs = [needed.heightened(step).runs(width), needed.runs(width)];
+        let needed = open.widened((1 << (LEVELS - 1)) - (1 << level)).within(&seen);
+        let runs = [needed.heightened(step).within(&seen).runs(width), needed.runs(width)];
         if means.len() == level {
             means.push(Vec::new());
         }
@@ -159,14 +157,22 @@ pub(crate) fn light(
     light
 }
 
-/// Blocks that see anything but the sky.
+/// Blocks that see anything but the sky: no others have a part in any light, since the sky's label is no surface's.
+///
+/// Mirrors and panes are mostly small and far apart: their layers took a fifth of a picture's time where all that lies between them was
+/// added up too.
 fn seen_blocks(surfaces: &Surfaces) -> Mask {
+    let (width, height) = surfaces.size;
     let (columns, rows) = surfaces.bounds();
-    let across = blocks::across(surfaces.size.0).max(1);
-    let overlaps =
-        |block: usize, size: usize, range: &Range<usize>| block * size < range.end && (block + 1) * size > range.start;
+    let across = blocks::across(width).max(1);
+    let part = |block: usize, size: usize, whole: usize, range: &Range<usize>| {
+        (block * size).max(range.start)..((block + 1) * size).min(whole).min(range.end)
+    };
     Mask::new(surfaces.size, |block| {
-        overlaps(block % across, COLUMNS, &columns) && overlaps(block / across, ROWS, &rows)
+        let columns = part(block % across, COLUMNS, width, &columns);
+        let mut rows = part(block / across, ROWS, height, &rows);
+        let sees = |row: usize| surfaces.labels[row * width..][columns.clone()].iter().any(|&label| label != NO_LABEL);
+        !columns.is_empty() && rows.any(sees)
     })
 }
 
@@ -274,25 +280,39 @@ impl Kernel for Part<'_, '_> {
     }
 }
 
+/// Pixels whose sums are converted together.
+const TOGETHER: usize = 16;
+
 /// The sums of each pixel of these columns alone, and which labels have any.
 #[inline(always)]
 fn alone(sums: &[Sums], labels: &[u32], one: f32, columns: &Range<usize>, with_samples: &Labels, cells: &mut [f32]) {
     let (width, share) = (labels.len(), one.recip());
-    for cells in cells.chunks_mut(width) {
-        cells[columns.clone()].fill(0.0);
-    }
-    for column in columns.clone() {
-        let sum = &sums[column];
-        if sum.weight == 0 {
-            continue;
+    let mut last = NO_LABEL;
+    for first in columns.clone().step_by(TOGETHER) {
+        let pixels = first..(first + TOGETHER).min(columns.end);
+        let (mut kinds, mut upper) = ([[0_u64; TOGETHER]; KINDS], 0);
+        for (i, (sum, &label)) in sums[pixels.clone()].iter().zip(&labels[pixels.clone()]).enumerate() {
+            let [red, green, blue] = sum.light;
+            for (kind, value) in kinds.iter_mut().zip([red, green, blue, sum.weight, sum.square as u64]) {
+                kind[i % TOGETHER] = value;
+            }
+            upper |= sum.square >> 64;
+            // Neighbours mostly have the same.
+            if sum.weight != 0 && label != last {
+                with_samples.insert(label);
+                last = label;
+            }
         }
-        // Of 128 bits mostly the lower half is used, which converts ten times as fast.
-        let square = u64::try_from(sum.square).map_or_else(|_| sum.square as f32, |square| square as f32);
-        let [red, green, blue] = sum.light.map(|x| x as f32);
-        for (kind, value) in [red, green, blue, sum.weight as f32, square].into_iter().enumerate() {
-            cells[kind * width + column] = value * share;
+        for (kind, values) in kinds.iter().enumerate() {
+            let cells = &mut cells[kind * width..][pixels.clone()];
+            let converted = values.map(|value| value as f32 * share);
+            cells.copy_from_slice(&converted[..cells.len()]);
         }
-        with_samples.insert(labels[column]);
+        // Of 128 bits mostly the lower half alone is used.
+        if upper != 0 {
+            let squares = cells[(KINDS - 1) * width..][pixels.clone()].iter_mut();
+            squares.zip(&sums[pixels]).for_each(|(square, sum)| *square = sum.square as f32 * share);
+        }
     }
 }
 

@@ -18,9 +18,6 @@ use holo_scene::{Bsdf, Rgb};
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 
-/// Mirrors and panes that are followed at the most.
-const MAX_CHAIN: usize = 8;
-
 /// Metals of at most this roughness look nearly like mirrors: their highlights are some degrees wide.
 pub(crate) const SMOOTH_METAL: f32 = 0.05;
 
@@ -36,6 +33,15 @@ const PORTAL_SLACK: f64 = 1e-4;
 /// No triangle: the pixel sees the sky.
 pub(crate) const SKY: u32 = u32::MAX;
 
+/// The [`key`](Seen::key) of the sky.
+pub(crate) const NO_KEY: u64 = 0;
+
+/// The image of a [`key`](Seen::key).
+#[inline]
+pub(crate) fn image_of(key: u64) -> u8 {
+    (key >> 40) as u8
+}
+
 /// The label of pixels that see the sky.
 pub(crate) const NO_LABEL: u32 = 0;
 
@@ -48,7 +54,7 @@ pub(crate) struct Seen {
     pub normal: Vec3,
     /// The complement of the triangle's number, so that memory that is 0 sees the sky: layers of which a picture has little take no
     /// time to clear.
-    complement: u32,
+    pub(super) complement: u32,
     pub material: u32,
     /// Whether its counter-clockwise side is seen.
     pub front: bool,
@@ -78,6 +84,13 @@ impl Seen {
     #[inline]
     pub fn is_sky(&self) -> bool {
         self.complement == !SKY
+    }
+
+    /// What belongs together as one number: the side of the triangle, and how it is seen. [`NO_KEY`] of the sky.
+    #[inline]
+    pub fn key(&self) -> u64 {
+        let flags = u64::from(self.front) | u64::from(self.through) << 1 | u64::from(self.image) << 8;
+        if self.is_sky() { NO_KEY } else { u64::from(self.complement) | flags << 32 }
     }
 
     /// The side of a triangle that it is of.
@@ -129,14 +142,14 @@ impl Image {
     }
 
     /// This image, seen in a mirror of the scene at `point` with `normal`.
-    fn mirrored(&self, point: Vec3, normal: Vec3) -> Image {
+    pub fn mirrored(&self, point: Vec3, normal: Vec3) -> Image {
         let columns = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis - 2.0 * axis.dot(normal) * normal);
         let mirror = glam::Mat3::from_cols(columns[0], columns[1], columns[2]);
         let shift = 2.0 * point.dot(normal) * normal;
         Image { turn: self.turn * mirror, shift: self.turn * shift + self.shift }
     }
 
-    fn is_like(&self, other: &Image, reach: f32) -> bool {
+    pub fn is_like(&self, other: &Image, reach: f32) -> bool {
         let turns = (self.turn - other.turn).to_cols_array().iter().fold(0.0_f32, |most, x| most.max(x.abs()));
         turns < 1e-4 && (self.shift - other.shift).length() < 1e-4 * reach
     }
@@ -193,20 +206,22 @@ impl Surfaces {
     }
 }
 
-/// Finds directions of rays through points of a picture.
-pub(crate) struct Directions<'a> {
+/// Finds the rays from one eye through points of a picture.
+pub(crate) struct Fan<'a> {
+    eye: Vec3,
     points: &'a [(f64, f64); MAX_TILE],
+    rays: &'a mut [Ray],
     /// Towards the picture's left upper corner, and from pixel to pixel.
     corner: DVec3,
     right: DVec3,
     down: DVec3,
 }
 
-impl Kernel for Directions<'_> {
-    type Output = [Vec3; MAX_TILE];
+impl Kernel for Fan<'_> {
+    type Output = ();
 
     #[inline(always)]
-    fn run(self) -> [Vec3; MAX_TILE] {
+    fn run(self) {
         let mut axes = [[0.0_f64; MAX_TILE]; 3];
         let (corner, right, down) = (self.corner.to_array(), self.right.to_array(), self.down.to_array());
         for axis in 0..3 {
@@ -222,7 +237,9 @@ impl Kernel for Directions<'_> {
             directions[1][i] = (y * shorter) as f32;
             directions[2][i] = (z * shorter) as f32;
         }
-        std::array::from_fn(|i| Vec3::new(directions[0][i], directions[1][i], directions[2][i]))
+        for (i, ray) in self.rays.iter_mut().enumerate().take(MAX_TILE) {
+            *ray = Ray::new(self.eye, Vec3::new(directions[0][i], directions[1][i], directions[2][i]));
+        }
     }
 }
 
@@ -274,13 +291,13 @@ impl<'a> Caster<'a> {
         self.camera.is_perspective() && !self.view.is_clipped()
     }
 
-    /// Directions through points of a perspective's picture, in pixels.
-    pub fn directions<'b>(&self, points: &'b [(f64, f64); MAX_TILE]) -> Directions<'b> {
+    /// The rays from an eye through points of a perspective's picture, in pixels.
+    pub fn fan<'b>(&self, eye: Vec3, points: &'b [(f64, f64); MAX_TILE], rays: &'b mut [Ray]) -> Fan<'b> {
         let (across, along) = self.view.extent();
         let (right, up) = (self.view.right() * across, self.view.up() * along);
         let (width, height) = (self.size.0 as f64, self.size.1 as f64);
         let corner = self.view.vd + right * (self.view.vs - 0.5) + up * (self.view.vl + 0.5);
-        Directions { points, corner, right: right / width, down: -up / height }
+        Fan { eye, points, rays, corner, right: right / width, down: -up / height }
     }
 
     /// Material number of a triangle.
@@ -307,12 +324,12 @@ impl<'a> Caster<'a> {
         self.raycaster.nearest_tile(rays, hits);
     }
 
-    fn vector(&self, local: Vec3) -> Vec3 {
+    pub fn vector(&self, local: Vec3) -> Vec3 {
         self.camera.to_camera(local.as_dvec3()).as_vec3()
     }
 
     /// A point of the scene's coordinates as the camera has it.
-    fn point(&self, local: Vec3) -> Vec3 {
+    pub fn point(&self, local: Vec3) -> Vec3 {
         self.camera.to_camera(local.as_dvec3() + self.raycaster.scene().origin - self.camera.eye).as_vec3()
     }
 
@@ -336,92 +353,29 @@ impl<'a> Caster<'a> {
 
     /// What a hit of a view ray is, whatever its material.
     pub fn first(&self, ray: &Ray, hit: &Hit) -> Seen {
-        let scene = self.raycaster.scene();
-        let normal = self.raycaster.geometric_normal(hit.triangle);
-        let front = normal.dot(ray.direction) <= 0.0;
-        let facing = if front { normal } else { -normal };
-        Seen {
-            position: self.point(self.raycaster.surface_point(hit).0),
-            normal: self.vector(facing),
-            complement: !hit.triangle,
-            material: scene.material_ids[hit.triangle as usize],
+        self.on(&self.face(ray, hit.triangle), hit)
+    }
+
+    /// What all hits of rays on this side of a triangle have in common.
+    pub fn face(&self, ray: &Ray, triangle: u32) -> Face {
+        let normal = self.raycaster.geometric_normal(triangle);
+        let front = faces(normal, ray);
+        let seen = Seen {
+            position: Vec3::ZERO,
+            normal: self.vector(if front { normal } else { -normal }),
+            complement: !triangle,
+            material: self.material(triangle),
             front,
             image: 0,
             through: false,
-        }
+        };
+        Face { normal, seen, is_polished: self.is_polished(triangle) }
     }
 
-    /// Follows a ray from a mirror or pane to the first surface that is neither, and what of its light comes back: through
-    /// all panes, or off the first one and then through the others if `off_pane`.
-    ///
-    /// `None` if there are too many of them, or no pane to come off.
-    pub fn follow(&self, mut ray: Ray, mut hit: Hit, mut off_pane: bool) -> Option<End> {
-        let scene = self.raycaster.scene();
-        let mut end =
-            End { seen: Seen::NOTHING, share: [1.0; 3], image: Image::ITSELF, mirrors: [0; MAX_CHAIN], count: 0 };
-        for _ in 0..MAX_CHAIN {
-            let material = scene.material(hit.triangle);
-            let normal = self.raycaster.geometric_normal(hit.triangle);
-            let (at, error) = self.raycaster.surface_point(&hit);
-            let mirrored = ray.direction - 2.0 * ray.direction.dot(normal) * normal;
-            let (colour, onward) = match material.bsdf {
-                Bsdf::Mirror { ks } => {
-                    end.image = end.image.mirrored(self.point(at), self.vector(normal));
-                    end.mirrors[end.count] = hit.triangle;
-                    end.count += 1;
-                    (ks, mirrored)
-                }
-                Bsdf::ThinGlass { ior, .. } if off_pane => {
-                    off_pane = false;
-                    end.image = end.image.mirrored(self.point(at), self.vector(normal));
-                    ([pane_reflectance(ray.direction.dot(normal).abs(), ior); 3], mirrored)
-                }
-                Bsdf::ThinGlass { ior, transmittance } => {
-                    let passes = 1.0 - pane_reflectance(ray.direction.dot(normal).abs(), ior);
-                    (transmittance.map(|t| t * passes), ray.direction)
-                }
-                _ if off_pane => return None,
-                _ => {
-                    end.seen = self.first(&ray, &hit);
-                    return Some(end);
-                }
-            };
-            end.share = [0, 1, 2].map(|channel| end.share[channel] * colour[channel]);
-            ray = Ray::new(holo_raycast::spawn(at, error, normal, onward), onward);
-            match self.raycaster.nearest_from(&ray, hit.triangle) {
-                Some(next) => hit = next,
-                None if off_pane => return None,
-                None => return Some(end),
-            }
-        }
-        None
-    }
-
-    /// What a smooth metal that a ray meets shows, followed through mirrors, panes and other such metals, and how much of it.
-    /// Its place is where it is.
-    pub fn glance(&self, mut ray: Ray, mut hit: Hit) -> Option<(Seen, Rgb)> {
-        let mut share = [1.0_f32; 3];
-        for _ in 0..MAX_CHAIN {
-            let normal = self.raycaster.geometric_normal(hit.triangle);
-            let mirrored = ray.direction - 2.0 * ray.direction.dot(normal) * normal;
-            let (colour, onward) = match self.scene().material(hit.triangle).bsdf {
-                Bsdf::Mirror { ks } => (ks, mirrored),
-                Bsdf::Conductor { ks, alpha } if alpha <= SMOOTH_METAL => (ks, mirrored),
-                Bsdf::ThinGlass { ior, transmittance } => {
-                    let passes = 1.0 - pane_reflectance(ray.direction.dot(normal).abs(), ior);
-                    (transmittance.map(|t| t * passes), ray.direction)
-                }
-                _ => return Some((Seen { image: NO_IMAGE, through: true, ..self.first(&ray, &hit) }, share)),
-            };
-            share = [0, 1, 2].map(|channel| share[channel] * colour[channel]);
-            let (at, error) = self.raycaster.surface_point(&hit);
-            ray = Ray::new(holo_raycast::spawn(at, error, normal, onward), onward);
-            match self.raycaster.nearest_from(&ray, hit.triangle) {
-                Some(next) => hit = next,
-                None => return Some((Seen { through: true, ..Seen::NOTHING }, share)),
-            }
-        }
-        None
+    /// What a hit on a face is.
+    #[inline]
+    pub fn on(&self, face: &Face, hit: &Hit) -> Seen {
+        Seen { position: self.point(self.raycaster.surface_point(hit).0), ..face.seen }
     }
 
     /// The nearest hit of a ray.
@@ -439,51 +393,24 @@ impl<'a> Caster<'a> {
     }
 }
 
-/// Where a ray ends that goes through panes and off mirrors.
-#[derive(Clone, Copy)]
-pub(crate) struct End {
-    /// Where it is.
-    pub seen: Seen,
-    /// What of its light comes back.
-    pub share: Rgb,
-    /// Where it is seen.
-    pub image: Image,
-    mirrors: [u32; MAX_CHAIN],
-    count: usize,
+/// A side of a triangle: what all that is seen of it has in common.
+pub(crate) struct Face {
+    normal: Vec3,
+    seen: Seen,
+    /// Whether it is a mirror's or pane's.
+    pub is_polished: bool,
 }
 
-impl End {
-    /// The triangles of the mirrors on the way.
-    pub fn mirrors(&self) -> &[u32] {
-        &self.mirrors[..self.count]
-    }
-
-    /// What is seen there, in the image of this number if it has one.
-    pub fn placed(&self, number: Option<usize>) -> Seen {
-        let seen = Seen { through: true, ..self.seen };
-        match number {
-            _ if seen.is_sky() => seen,
-            None => Seen { image: NO_IMAGE, ..seen },
-            Some(number) => Seen {
-                position: self.image.point(seen.position),
-                normal: self.image.direction(seen.normal),
-                image: number as u8,
-                ..seen
-            },
-        }
+impl Face {
+    /// Whether a ray that meets this triangle meets this side.
+    #[inline]
+    pub fn is_met(&self, ray: &Ray, triangle: u32) -> bool {
+        self.seen.triangle() == triangle && self.seen.front == faces(self.normal, ray)
     }
 }
 
-/// The number of an image, if it is among these.
-pub(crate) fn number_of(images: &[Image], image: &Image, reach: f32) -> Option<usize> {
-    images.iter().position(|known| known.is_like(image, reach))
-}
-
-/// What a thin pane reflects of unpolarised light at this cosine, all passes between its faces together.
-fn pane_reflectance(cosine: f32, ior: f32) -> f32 {
-    let inside = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).max(0.0).sqrt();
-    let parallel = (ior * cosine - inside) / (ior * cosine + inside);
-    let across = (cosine - ior * inside) / (cosine + ior * inside);
-    let once = 0.5 * (parallel * parallel + across * across);
-    2.0 * once / (1.0 + once)
+/// Whether a ray comes from the side that a normal points to.
+#[inline]
+fn faces(normal: Vec3, ray: &Ray) -> bool {
+    normal.dot(ray.direction) <= 0.0
 }
