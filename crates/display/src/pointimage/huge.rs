@@ -14,8 +14,15 @@ pub(crate) fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
     memory
 }
 
-/// `count` zeros: what is never touched takes no time.
+/// `count` zeros: what is never touched takes no time, if the alignment is no larger than the allocator's.
 pub(crate) fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
+    /// Beyond, the standard library writes the zeros itself: that must not be before large pages are asked for.
+    const ALIGNMENT: usize = 16;
+    if align_of::<T>() > ALIGNMENT {
+        let mut memory = reserved(count);
+        memory.resize_with(count, T::zeroed);
+        return memory;
+    }
     let mut memory = bytemuck::zeroed_vec(count);
     advise(&mut memory);
     memory

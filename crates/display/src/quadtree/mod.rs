@@ -235,7 +235,7 @@ impl Quadtree {
             }
             for (pixel, landing, _) in &self.arrived {
                 let bins = if landing.narrow { &self.narrow } else { &self.wide };
-                bins.prefetch_sums(*pixel, landing.bin);
+                bins.prefetch_further(*pixel, landing.bin);
             }
             for (pixel, landing, rgbe) in &self.arrived {
                 let bins = if landing.narrow { &mut self.narrow } else { &mut self.wide };
