@@ -7,7 +7,8 @@
 //!   bin is refused only if [`BINS_KEPT`] nearer bins are already known, and evicted only when that many are. Known bins
 //!   never go away but for nearer ones, so a bin once refused or evicted is not among the nearest at the end; and a bin
 //!   that is among the nearest at the end was never refused nor evicted.
-//! - Memory is at most [`BINS_KEPT`] × (`Sums` + 6 bytes) a pixel, and grows only with the bins really met.
+//! - Memory is at most [`BINS_KEPT`] × (`Sums` + 6 bytes) a pixel, and beyond one bin of each pixel it grows only with the bins really
+//!   met.
 
 use crate::pointimage::{filled, prefetch, reserved, zeroed};
 use bytemuck::{Pod, Zeroable, cast_ref};
