@@ -1,7 +1,9 @@
-//! Times the quadtree driver, as its first thread's time on a core (whole pictures are drawn by all cores): `cargo run --release -p holo-display --example quadtree_speed`.
+//! Times the quadtree driver: `cargo run --release -p holo-display --example quadtree_speed`, on one core alone behind `taskset -c 0`.
 //!
-//! For each kind of samples: insertions, the first picture, one of a burst after 50,000 more samples, one after so many when 33 ms
-//! are over, one after a hundred, and those at rest.
+//! For each kind of samples: a new quadtree, insertions into it and into one whose memory has been used, the first picture of either,
+//! one of a burst after 50,000 more samples, one after so many when 33 ms are over, one after a hundred, and those at rest. Of each
+//! the processor time of the first thread, then that of all threads (whole pictures are drawn by all cores), then the time passed, in
+//! ms: the least of some rounds.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -9,6 +11,7 @@ mod common;
 use common::*;
 use holo_display::{Quadtree, QuadtreeParams, SelectOptions, select_beams};
 use holo_section::{BeamId, Sample};
+use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -16,22 +19,58 @@ use std::time::{Duration, Instant};
 const LATE: Duration = Duration::from_millis(33);
 /// New samples that are a burst.
 const BURST: usize = 50_000;
-/// Times are means of so many: the clock has steps of some milliseconds.
-const ROUNDS: u64 = 8;
+/// Times are the least of so many: other programs only add to them.
+const ROUNDS: u64 = 4;
 
-/// Time this process has had a core, where Linux tells (other programs then do not count), else time passed.
-fn processor_time(start: Instant) -> Duration {
-    std::fs::read_to_string("/proc/self/schedstat")
-        .ok()
-        .and_then(|text| text.split_whitespace().next().and_then(|first| first.parse().ok()))
-        .map_or_else(|| start.elapsed(), Duration::from_nanos)
+/// Times in ms.
+#[derive(Clone, Copy)]
+struct Times {
+    first_thread: f64,
+    all_threads: f64,
+    passed: f64,
 }
 
-fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
+impl Times {
+    const NONE: Self = Self { first_thread: f64::INFINITY, all_threads: f64::INFINITY, passed: f64::INFINITY };
+
+    fn least(self, other: Self) -> Self {
+        Self {
+            first_thread: self.first_thread.min(other.first_thread),
+            all_threads: self.all_threads.min(other.all_threads),
+            passed: self.passed.min(other.passed),
+        }
+    }
+}
+
+impl Display for Times {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        write!(f, "{:.2}/{:.2}/{:.2}", self.first_thread, self.all_threads, self.passed)
+    }
+}
+
+/// Processor time of this thread and of all, where Linux tells: in nanoseconds, where `/proc` has steps of some milliseconds.
+#[cfg(target_os = "linux")]
+fn processor_times(_: Instant) -> [f64; 2] {
+    use rustix::time::{ClockId, clock_gettime};
+    [ClockId::ThreadCPUTime, ClockId::ProcessCPUTime].map(|clock| {
+        let time = clock_gettime(clock);
+        1e3 * time.tv_sec as f64 + 1e-6 * time.tv_nsec as f64
+    })
+}
+
+/// Time passed, in place of processor time.
+#[cfg(not(target_os = "linux"))]
+fn processor_times(start: Instant) -> [f64; 2] {
+    [1e3 * start.elapsed().as_secs_f64(); 2]
+}
+
+fn timed<T>(work: impl FnOnce() -> T) -> (T, Times) {
     let start = Instant::now();
-    let before = processor_time(start);
+    let before = processor_times(start);
     let result = work();
-    (result, processor_time(start) - before)
+    let after = processor_times(start);
+    let passed = 1e3 * start.elapsed().as_secs_f64();
+    (result, Times { first_thread: after[0] - before[0], all_threads: after[1] - before[1], passed })
 }
 
 /// Samples by beam, as they come.
@@ -50,19 +89,21 @@ fn main() {
         let (section, view) = (room_section(8), room_view(size));
         let (selection, select) =
             timed(|| select_beams(std::slice::from_ref(&section), &view, size, &SelectOptions::default()));
-        println!("{size:?}: select {} beams {select:?}", selection.beams.len());
+        println!("{size:?}: select {} beams {select}", selection.beams.len());
         for (name, noise) in [("clean", clean as Noise), ("1 path", one_path)] {
             for density in [1.0, 4.0, 16.0] {
                 let count = (f64::from(size.0 * size.1) * density) as usize;
                 let first = packets(near_samples(room, &section, &view, count, 1, noise));
-                let (mut tree, new) =
-                    timed(|| Quadtree::new(Arc::from([section.clone()]), view, size, QuadtreeParams::default()));
-                let ((), inserted) = timed(|| insert(&mut tree, &first));
-                let drawn = timed(|| tree.redraw(LATE).is_some()).1;
-                let mut times = [Duration::ZERO; 5];
-                for seed in 0..ROUNDS {
-                    let new = |seed| near_samples(room, &section, &view, BURST + 1000, seed, noise);
-                    let (burst, all) = (packets(new(2 * seed + 2)), new(2 * seed + 3));
+                let [mut new, mut inserted, mut drawn, mut again, mut redrawn] = [Times::NONE; 5];
+                let mut times = [Times::NONE; 5];
+                for round in 0..ROUNDS {
+                    let (mut tree, took) =
+                        timed(|| Quadtree::new(Arc::from([section.clone()]), view, size, QuadtreeParams::default()));
+                    new = new.least(took);
+                    inserted = inserted.least(timed(|| insert(&mut tree, &first)).1);
+                    drawn = drawn.least(timed(|| tree.redraw(LATE).is_some()).1);
+                    let more = |seed| near_samples(room, &section, &view, BURST + 1000, seed, noise);
+                    let (burst, all) = (packets(more(2 * round + 2)), more(2 * round + 3));
                     let (few, all) = (packets(all[..100].to_vec()), packets(all));
                     for (time, (samples, since)) in times.iter_mut().zip([
                         (burst.as_slice(), Duration::ZERO),
@@ -72,14 +113,19 @@ fn main() {
                         (&[], LATE),
                     ]) {
                         insert(&mut tree, samples);
-                        *time += timed(|| tree.redraw(since).is_some()).1 / ROUNDS as u32;
+                        *time = time.least(timed(|| tree.redraw(since).is_some()).1);
                     }
+                    tree.reset(view);
+                    again = again.least(timed(|| insert(&mut tree, &first)).1);
+                    redrawn = redrawn.least(timed(|| tree.redraw(LATE).is_some()).1);
                 }
                 let [burst, all, few, whole, none] = times;
+                let speed = |times: Times| 1e-3 * count as f64 / times.first_thread;
                 println!(
-                    "  {name:6} {density:2} a pixel: new {new:?}; insert {:.1} M/s; first picture {drawn:?}, in a burst of {BURST} {burst:?}, all of \
-                     them {all:?}, after 100 {few:?}, at rest {whole:?}, then {none:?}",
-                    1e-6 * count as f64 / inserted.as_secs_f64(),
+                    "  {name:6} {density:2} a pixel: new {new}; insert {:.1} M/s, again {:.1} M/s; first picture {drawn}, of another \
+                     view {redrawn}, in a burst of {BURST} {burst}, all of them {all}, after 100 {few}, at rest {whole}, then {none}",
+                    speed(inserted),
+                    speed(again),
                 );
             }
         }

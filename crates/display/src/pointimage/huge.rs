@@ -10,9 +10,6 @@ use bytemuck::Zeroable;
 /// Smallest page of any processor that Linux runs on here.
 const PAGE: usize = 4096;
 
-/// Bytes that take as long to clear as to ask the system for.
-const MUCH: usize = 1 << 19;
-
 /// `count` times `value`.
 pub(crate) fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
     let mut memory = reserved(count);
@@ -20,15 +17,15 @@ pub(crate) fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
     memory
 }
 
-/// Bytes that the C library takes from the system anew, which are 0, rather than clear memory that was freed: glibc's greatest
-/// `M_MMAP_THRESHOLD`, and the block's own header.
-const ANEW: usize = (32 << 20) + PAGE;
-
-/// `count` zeros: what is never touched takes no time.
-///
-/// Of much memory more is asked for than is used, none of which is touched: cleared by one thread before others fill it, a view's surfaces
-/// took a tenth longer.
+/// `count` zeros: what is never touched takes no time, if the alignment is no larger than the allocator's.
 pub(crate) fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
+    /// Beyond, the standard library writes the zeros itself: that must not be before large pages are asked for.
+    const ALIGNMENT: usize = 16;
+    if align_of::<T>() > ALIGNMENT {
+        let mut memory = reserved(count);
+        memory.resize_with(count, T::zeroed);
+        return memory;
+    }
     let mut memory = sparse(count);
     advise(&mut memory);
     memory
@@ -36,14 +33,10 @@ pub(crate) fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
 
 /// The same in small pages, for memory little of which is touched, here and there.
 pub(crate) fn sparse<T: Zeroable>(count: usize) -> Vec<T> {
-    let size = size_of::<T>().max(1);
-    let is_much = count.saturating_mul(size) >= MUCH;
-    let mut memory = bytemuck::zeroed_vec(if is_much { count.max(ANEW.div_ceil(size)) } else { count });
-    memory.truncate(count);
-    memory
+    bytemuck::zeroed_vec(count)
 }
 
-/// The same once more.
+/// A copy of these.
 pub(crate) fn copied<T: Copy>(values: &[T]) -> Vec<T> {
     let mut memory = reserved(values.len());
     memory.extend_from_slice(values);

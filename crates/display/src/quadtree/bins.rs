@@ -7,9 +7,10 @@
 //!   bin is refused only if [`BINS_KEPT`] nearer bins are already known, and evicted only when that many are. Known bins
 //!   never go away but for nearer ones, so a bin once refused or evicted is not among the nearest at the end; and a bin
 //!   that is among the nearest at the end was never refused nor evicted.
-//! - Memory is at most [`BINS_KEPT`] × (`Sums` + 6 bytes) a pixel, and grows only with the bins really met.
+//! - Memory is at most [`BINS_KEPT`] × (`Sums` + 6 bytes) a pixel, and beyond one bin of each pixel it grows only with the bins really
+//!   met.
 
-use crate::pointimage::{filled, prefetch, reserved};
+use crate::pointimage::{filled, prefetch, reserved, zeroed};
 use bytemuck::{Pod, Zeroable, cast_ref};
 use std::mem::offset_of;
 
@@ -208,87 +209,110 @@ pub(crate) struct Moments {
     pub compressed_squared: f64,
 }
 
-/// The bins of one pixel, nearest first: their keys, and where their sums are.
+/// The bins of one pixel, nearest first: their keys, and where the sums of all but the nearest are.
 #[derive(Clone, Copy)]
 struct Slots {
     bins: [u16; BINS_KEPT],
-    places: [u32; BINS_KEPT],
+    places: [u32; BINS_KEPT - 1],
 }
 
-const EMPTY: Slots = Slots { bins: [NONE; BINS_KEPT], places: [0; BINS_KEPT] };
+const EMPTY: Slots = Slots { bins: [NONE; BINS_KEPT], places: [0; BINS_KEPT - 1] };
 
 /// The bins of all pixels.
 #[derive(Clone)]
 pub(crate) struct PixelBins {
     slots: Vec<Slots>,
-    /// Most pixels see one surface: sums lie here in order of first use, not four to each pixel.
-    sums: Vec<Sums>,
+    /// Of each pixel's nearest bin, pixel by pixel: they are read in this order, and a sample's are asked for by its pixel alone.
+    /// Of no meaning where there is none.
+    nearest: Vec<Sums>,
+    /// Of all others: most pixels see one surface.
+    further: Vec<Sums>,
+    is_empty: bool,
 }
 
 impl PixelBins {
     pub fn new(pixels: usize) -> Self {
-        // Room for one bin a pixel is taken at once: growing would move what is there ten times over. Pages that are not used
-        // cost nothing.
-        Self { slots: filled(EMPTY, pixels), sums: reserved(pixels) }
+        // Growing would move what is there. Pages that are not used cost nothing.
+        Self { slots: filled(EMPTY, pixels), nearest: zeroed(pixels), further: reserved(pixels), is_empty: true }
     }
 
     pub fn clear(&mut self) {
         self.slots.fill(EMPTY);
-        self.sums.clear();
+        self.further.clear();
+        self.is_empty = true;
     }
 
     pub fn add(&mut self, pixel: usize, bin: u16, colour: &Colour, weight: u32, near: Option<usize>) {
-        let slots = &mut self.slots[pixel];
+        let slots = &self.slots[pixel];
         let rank = slots.bins.iter().position(|&kept| bin <= kept).unwrap_or(BINS_KEPT);
         if rank == BINS_KEPT {
             return;
         }
         if slots.bins[rank] != bin {
-            let last = BINS_KEPT - 1;
-            let place = if slots.bins[last] == NONE {
-                self.sums.push(Sums::default());
-                (self.sums.len() - 1) as u32
-            } else {
-                self.sums[slots.places[last] as usize] = Sums::default();
-                slots.places[last]
-            };
-            slots.bins.copy_within(rank..last, rank + 1);
-            slots.places.copy_within(rank..last, rank + 1);
-            slots.bins[rank] = bin;
-            slots.places[rank] = place;
+            self.make_room(pixel, rank, bin);
         }
-        self.sums[slots.places[rank] as usize].add(colour, weight, near);
+        let sums = match rank.checked_sub(1) {
+            None => &mut self.nearest[pixel],
+            Some(rank) => &mut self.further[self.slots[pixel].places[rank] as usize],
+        };
+        sums.add(colour, weight, near);
     }
 
-    /// Asks for what [`prefetch_sums`](Self::prefetch_sums) needs.
+    /// Gives a pixel a bin without samples, which has this rank among its own.
+    fn make_room(&mut self, pixel: usize, rank: usize, bin: u16) {
+        const LAST: usize = BINS_KEPT - 1;
+        self.is_empty = false;
+        let slots = &mut self.slots[pixel];
+        if slots.bins[0] == NONE {
+            slots.bins[0] = bin;
+            self.nearest[pixel] = Sums::default();
+            return;
+        }
+        let sums = if rank == 0 { std::mem::take(&mut self.nearest[pixel]) } else { Sums::default() };
+        let place = if slots.bins[LAST] == NONE {
+            self.further.push(sums);
+            (self.further.len() - 1) as u32
+        } else {
+            let place = slots.places[LAST - 1];
+            self.further[place as usize] = sums;
+            place
+        };
+        slots.bins.copy_within(rank..LAST, rank + 1);
+        slots.bins[rank] = bin;
+        let rank = rank.saturating_sub(1);
+        slots.places.copy_within(rank..LAST - 1, rank + 1);
+        slots.places[rank] = place;
+    }
+
+    /// Asks for what [`prefetch_further`](Self::prefetch_further) needs, and for the sums of the nearest bin.
+    #[inline(always)]
     pub fn prefetch_pixel(&self, pixel: usize) {
         self.slots.get(pixel).into_iter().for_each(prefetch);
+        self.nearest.get(pixel).into_iter().for_each(Sums::prefetch);
     }
 
-    /// Asks for the sums that a sample of a pixel will be added to, if they are there already.
-    pub fn prefetch_sums(&self, pixel: usize, bin: u16) {
+    /// Asks for the sums of a pixel's bin, if they are there already and not of the nearest.
+    #[inline(always)]
+    pub fn prefetch_further(&self, pixel: usize, bin: u16) {
         let Some(slots) = self.slots.get(pixel) else { return };
-        if let Some(rank) = slots.bins.iter().position(|&kept| bin == kept)
-            && let Some(sums) = self.sums.get(slots.places[rank] as usize)
-        {
-            sums.prefetch();
+        if let Some(rank) = slots.bins[1..].iter().position(|&kept| bin == kept) {
+            self.prefetch_place(slots.places[rank]);
         }
     }
 
     /// Asks for all sums of a pixel.
     #[inline(always)]
     pub fn prefetch_all_sums(&self, pixel: usize) {
+        self.nearest.get(pixel).into_iter().for_each(Sums::prefetch);
         let Some(slots) = self.slots.get(pixel) else { return };
-        // Which pixels have samples no processor can tell beforehand: those of the first slot are asked for in any case.
-        self.prefetch_place(slots.places[0]);
         if slots.bins[1] != NONE {
-            slots.places[1..].iter().for_each(|&place| self.prefetch_place(place));
+            slots.places.iter().for_each(|&place| self.prefetch_place(place));
         }
     }
 
     #[inline(always)]
     fn prefetch_place(&self, place: u32) {
-        self.sums.get(place as usize).into_iter().for_each(Sums::prefetch);
+        self.further.get(place as usize).into_iter().for_each(Sums::prefetch);
     }
 
     /// Whether there is room for any pixel.
@@ -298,7 +322,7 @@ impl PixelBins {
 
     /// Whether there are no samples at all.
     pub fn is_empty(&self) -> bool {
-        self.sums.is_empty()
+        self.is_empty
     }
 
     /// The kept bins of a pixel, nearest first, with their sums. None of a pixel that there is no room for.
@@ -306,7 +330,13 @@ impl PixelBins {
     pub fn of(&self, pixel: usize) -> impl Iterator<Item = (u16, &Sums)> {
         let slots = self.slots.get(pixel).unwrap_or(&EMPTY);
         let kept = slots.bins.iter().take_while(|&&bin| bin != NONE).count();
-        (0..kept).map(move |rank| (slots.bins[rank], &self.sums[slots.places[rank] as usize]))
+        (0..kept).map(move |rank| {
+            let sums = match rank.checked_sub(1) {
+                None => &self.nearest[pixel],
+                Some(rank) => &self.further[slots.places[rank] as usize],
+            };
+            (slots.bins[rank], sums)
+        })
     }
 }
 
@@ -351,7 +381,7 @@ mod tests {
             let expected: Vec<(u16, Sums)> = model.into_iter().take(BINS_KEPT).collect();
             prop_assert_eq!(kept, expected);
             prop_assert_eq!(bins.of(0).count() + bins.of(2).count(), 0);
-            prop_assert!(bins.sums.len() <= BINS_KEPT);
+            prop_assert!(bins.further.len() < BINS_KEPT);
         }
 
         #[test]

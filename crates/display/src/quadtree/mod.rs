@@ -39,7 +39,7 @@ use holo_picture::{Picture, View};
 use holo_section::{BeamId, Sample, Section};
 use keep::Kept;
 pub use keep::REFETCH_DEGREES;
-use pyramid::{Level, pyramid};
+use pyramid::{Level, Source};
 use reproject::{BeamProjector, DistanceTable, Landing, PlacedSection};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -235,7 +235,7 @@ impl Quadtree {
             }
             for (pixel, landing, _) in &self.arrived {
                 let bins = if landing.narrow { &self.narrow } else { &self.wide };
-                bins.prefetch_sums(*pixel, landing.bin);
+                bins.prefetch_further(*pixel, landing.bin);
             }
             for (pixel, landing, rgbe) in &self.arrived {
                 let bins = if landing.narrow { &mut self.narrow } else { &mut self.wide };
@@ -301,6 +301,13 @@ impl Quadtree {
         pyramids.all.is_some().then(|| Agreement::new(self.size.0 as usize, self.size.1 as usize))
     }
 
+    /// What a pyramid over some bins is made from.
+    fn source<B>(&self, bins: impl Fn(usize) -> B) -> Source<impl Fn(usize) -> B, impl Fn(usize)> {
+        let size = (self.size.0 as usize, self.size.1 as usize);
+        let levels = usize::from(self.params.max_level);
+        Source { size, levels, bins, prefetch: |pixel| self.prefetch(pixel), isa: self.isa }
+    }
+
     /// Asks for the sums of a pixel.
     #[inline(always)]
     fn prefetch(&self, pixel: usize) {
@@ -356,14 +363,18 @@ struct Pyramids {
 impl Pyramids {
     /// Of all samples so far. The memory of others is used again.
     fn new(tree: &Quadtree, memory: Option<Self>) -> Self {
-        let (size, isa) = ((tree.size.0 as usize, tree.size.1 as usize), tree.isa);
-        let most = usize::from(tree.params.max_level);
         let (narrow, all) = memory.map_or((None, None), |memory| (Some(memory.narrow), memory.all));
-        let prefetch = |pixel| tree.prefetch(pixel);
-        let narrow = pyramid(|pixel| tree.narrow.of(pixel), prefetch, size, most, narrow, isa);
-        let merged = |pixel| merged(&tree.narrow, &tree.wide, pixel);
-        let all = (!tree.wide.is_empty()).then(|| pyramid(merged, prefetch, size, most, all, isa));
-        Self { narrow, all }
+        let narrow = tree.source(|pixel| tree.narrow.of(pixel)).pyramid(narrow);
+        let merged = tree.source(|pixel| merged(&tree.narrow, &tree.wide, pixel));
+        Self { narrow, all: (!tree.wide.is_empty()).then(|| merged.pyramid(all)) }
+    }
+
+    /// Makes those leaves anew, by level and number, to whose pixels samples have come.
+    fn renew(&mut self, tree: &Quadtree, is_stale: &(impl Fn(usize, usize) -> bool + Sync)) {
+        tree.source(|pixel| tree.narrow.of(pixel)).renew(&mut self.narrow, is_stale);
+        if let Some(all) = &mut self.all {
+            tree.source(|pixel| merged(&tree.narrow, &tree.wide, pixel)).renew(all, is_stale);
+        }
     }
 
     fn all(&self) -> &[Level] {

@@ -136,6 +136,25 @@ impl Painter<'_> {
         self.narrow_part(column, row, start, bins).map_or(all, |part| part.mixed_with(all))
     }
 
+    /// Whether a pixel of one surface shows it, as far as can be told at once: others are looked at closer. Which samples pass near the
+    /// eye no processor can tell beforehand: both conditions are looked at.
+    #[inline(always)]
+    fn shows_own(&self, column: usize, row: usize, own: &Surface) -> bool {
+        (own.near() != [0; NEAR_CLASSES]) | !self.may_be_covered(column, row, own)
+    }
+
+    /// Whether a surface around lies so far in front of a pixel's that it may be found [`covering`] it.
+    #[inline(always)]
+    fn may_be_covered(&self, column: usize, row: usize, front: &Surface) -> bool {
+        let covers = |level: usize| {
+            let Some(leaves) = self.all.levels.get(level) else { return false };
+            // The nearest comes first.
+            let nearest = leaves.leaf(column >> level, row >> level).first();
+            nearest.is_some_and(|nearest| nearest.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0)
+        };
+        covers(2) | covers(1)
+    }
+
     /// What samples that look as the eye does show, where the others may not stand for it.
     fn narrow_part(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Option<NarrowPart> {
         let (narrow, agreement) = self.narrow.as_ref()?;
@@ -166,35 +185,37 @@ impl NarrowPart {
 }
 
 /// What a pixel shows.
-enum Shown {
+enum Shown<'a> {
     /// A colour that is known, and a squared distance.
     Known([f32; 3], f32),
-    /// One surface, as from leaves of a level on, by its bins there.
+    /// A surface of its own.
+    Own(&'a Surface),
+    /// One surface, as from larger leaves of a level on, by its bins there.
     Surface(usize, (u16, u16)),
     /// A colour, and the nearest bin of what it is mixed of.
     Mixed([f32; 3], u16),
 }
 
 /// Of pixels that nothing is known of.
-const NOTHING: Shown = Shown::Known([0.0; 3], 0.0);
+const NOTHING: Shown<'static> = Shown::Known([0.0; 3], 0.0);
 
 /// What a pixel with samples of its own shows.
 ///
 /// Samples that pass near the eye are samples of this very pixel: their shares are the surfaces' coverage, which is what
 /// makes a silhouette smooth. With none of them the nearest surface is what is seen: whatever lies behind was seen past its
 /// edge.
-fn mix(
+fn mix<'a>(
     painter: &Painter,
     column: usize,
     row: usize,
-    own: &[Surface],
+    own: &'a [Surface],
     ask_nearer: bool,
     depths: &mut MultiDepth,
-) -> Shown {
+) -> Shown<'a> {
     let Some(front) = own.first() else { return NOTHING };
     let near = |surface: &Surface| near_count(surface, front, ask_nearer);
     let all: f32 = own.iter().map(near).sum();
-    let alone = Shown::Surface(0, front.bins);
+    let alone = Shown::Own(front);
     if all == 0.0 {
         let covered = covering(painter, column, row, front);
         depths.by_leaves += u64::from(covered.is_some());
@@ -239,21 +260,6 @@ fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Op
     })
 }
 
-/// Whether a surface around lies so far in front of a pixel's that it may be found [`covering`] it.
-#[inline(always)]
-fn may_be_covered(painter: &Painter, column: usize, row: usize, front: &Surface) -> bool {
-    let covers = |level: usize| {
-        let leaf = painter
-            .all
-            .levels
-            .get(level)
-            .map_or(&[] as &[Surface], |leaves| leaves.leaf(column >> level, row >> level));
-        // The nearest comes first.
-        leaf.first().is_some_and(|nearest| nearest.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0)
-    };
-    covers(2) | covers(1)
-}
-
 /// Samples of a surface that pass so near the eye that they see past the front surface what the eye sees.
 ///
 /// Within the footprint of a pixel at their own distance is not near enough: with `front` at an eighth of the distance they
@@ -267,7 +273,7 @@ fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
 
 /// What a pixel without samples shows: that of the smallest leaf around it that has any.
 #[inline(always)]
-fn fill(painter: &Painter, column: usize, row: usize) -> Shown {
+fn fill(painter: &Painter, column: usize, row: usize) -> Shown<'static> {
     let filling = painter.all.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
         let leaf = leaves.leaf(column >> level, row >> level);
         if let [only] = leaf {
@@ -309,18 +315,11 @@ impl<'a> TilePainter<'a> {
         }
     }
 
-    /// Draws those pixels of a tile that are wanted, by their number in the picture, and gives each to `show`, with the highest level
-    /// that it was averaged over.
+    /// Draws those pixels of a tile that are wanted, by their number in the picture: [`painted`](Self::painted) has them.
     #[inline(always)]
-    pub fn paint(
-        &mut self,
-        tile: usize,
-        is_wanted: impl Fn(usize) -> bool,
-        mut show: impl FnMut(usize, &Painted, usize),
-    ) {
+    pub fn paint(&mut self, tile: usize, is_wanted: impl Fn(usize) -> bool) {
         let width = self.tree.size.0 as usize;
         self.painter.begin_tile();
-        let is_fixed = matches!(self.tree.params.leaf, LeafSize::Fixed(_));
         for (column, row) in tile_pixels(self.tree.size, tile) {
             let pixel = row * width + column;
             if !is_wanted(pixel) {
@@ -330,30 +329,13 @@ impl<'a> TilePainter<'a> {
             self.painter.all.levels[0].prefetch(pixel + TILE);
             let lane = TileColours::lane(column, row);
             let is_unseen = self.unseen.has(self.tree, pixel);
-            let (counts, shown) = self.tree.shown(&self.painter, column, row, is_unseen, &mut self.depths);
-            self.counts[lane] = counts;
-            match shown {
-                Shown::Surface(level, bins) if !is_fixed => {
-                    self.distances_squared[lane] = bin_distance_squared(bins.0);
-                    self.colours.ask(lane, level, bins, &self.painter.all.noise(column, row, level, bins));
-                    if self.painter.narrow.is_some() {
-                        let part = self.painter.narrow_part(column, row, level, bins);
-                        self.narrow.extend(part.map(|part| (lane, part)));
-                        self.colours.depends(lane, self.painter.reach());
-                    }
+            // What most pixels show is told here: of all that a pixel may show, it would be written to memory and read again.
+            match self.painter.all.levels[0].leaf(column, row) {
+                [own] if !is_unseen && self.tree.covered[pixel] && self.painter.shows_own(column, row, own) => {
+                    self.counts[lane] = Counts { samples: own.count, empty: false, unseen: false };
+                    self.show_own(lane, column, row, own);
                 }
-                Shown::Surface(level, bins) => {
-                    self.distances_squared[lane] = bin_distance_squared(bins.0);
-                    self.colours.set(lane, self.painter.colour(column, row, level, bins), self.painter.reach());
-                }
-                Shown::Mixed(colour, bin) => {
-                    self.distances_squared[lane] = bin_distance_squared(bin);
-                    self.colours.set(lane, colour, self.painter.reach());
-                }
-                Shown::Known(colour, distance) => {
-                    self.distances_squared[lane] = distance;
-                    self.colours.set(lane, colour, 0);
-                }
+                leaf => self.paint_other(lane, column, row, leaf, is_unseen),
             }
         }
         let across = width.div_ceil(TILE);
@@ -362,13 +344,60 @@ impl<'a> TilePainter<'a> {
             let (all, reach) = self.colours.get(lane);
             self.colours.set(lane, part.mixed_with(all), reach);
         }
-        for (column, row) in tile_pixels(self.tree.size, tile) {
-            let pixel = row * width + column;
-            if is_wanted(pixel) {
-                let lane = TileColours::lane(column, row);
-                let (colour, reach) = self.colours.get(lane);
-                let depth = self.distances_squared[lane].sqrt();
-                show(pixel, &Painted { colour, depth, counts: self.counts[lane] }, reach);
+    }
+
+    /// A pixel that has been drawn, and the highest level that it was averaged over.
+    #[inline(always)]
+    pub fn painted(&self, lane: usize) -> (Painted, usize) {
+        let (colour, reach) = self.colours.get(lane);
+        (Painted { colour, depth: self.distances_squared[lane].sqrt(), counts: self.counts[lane] }, reach)
+    }
+
+    /// Shows a pixel's own surface, with samples of its own.
+    #[inline(always)]
+    fn show_own(&mut self, lane: usize, column: usize, row: usize, own: &Surface) {
+        self.distances_squared[lane] = bin_distance_squared(own.bins.0);
+        if matches!(self.tree.params.leaf, LeafSize::Fixed(_)) {
+            self.colours.set(lane, self.painter.colour(column, row, 0, own.bins), self.painter.reach());
+        } else {
+            self.colours.ask_own(lane, own, &self.painter.all.noise(column, row, 0, own.bins));
+            self.ask_narrow(lane, column, row, 0, own.bins);
+        }
+    }
+
+    #[inline(always)]
+    fn ask_narrow(&mut self, lane: usize, column: usize, row: usize, level: usize, bins: (u16, u16)) {
+        if self.painter.narrow.is_some() {
+            let part = self.painter.narrow_part(column, row, level, bins);
+            self.narrow.extend(part.map(|part| (lane, part)));
+            self.colours.depends(lane, self.painter.reach());
+        }
+    }
+
+    /// Draws a pixel that may show anything.
+    #[inline(never)]
+    fn paint_other(&mut self, lane: usize, column: usize, row: usize, leaf: &[Surface], is_unseen: bool) {
+        let (counts, shown) = self.tree.shown(&self.painter, column, row, leaf, is_unseen, &mut self.depths);
+        self.counts[lane] = counts;
+        let is_fixed = matches!(self.tree.params.leaf, LeafSize::Fixed(_));
+        match shown {
+            Shown::Own(own) => self.show_own(lane, column, row, own),
+            Shown::Surface(level, bins) => {
+                self.distances_squared[lane] = bin_distance_squared(bins.0);
+                if is_fixed {
+                    self.colours.set(lane, self.painter.colour(column, row, level, bins), self.painter.reach());
+                } else {
+                    self.colours.ask(lane, level, bins, &self.painter.all.noise(column, row, level, bins));
+                    self.ask_narrow(lane, column, row, level, bins);
+                }
+            }
+            Shown::Mixed(colour, bin) => {
+                self.distances_squared[lane] = bin_distance_squared(bin);
+                self.colours.set(lane, colour, self.painter.reach());
+            }
+            Shown::Known(colour, distance) => {
+                self.distances_squared[lane] = distance;
+                self.colours.set(lane, colour, 0);
             }
         }
     }
@@ -381,6 +410,26 @@ struct RowsDrawn<'a> {
     counts: &'a mut [Counts],
     reach: &'a mut [u8],
     sum: Counted,
+}
+
+impl RowsDrawn<'_> {
+    /// Takes in a tile that has been drawn, which begins at a column.
+    fn take(&mut self, painter: &TilePainter, first: usize, width: usize) {
+        let across = TILE.min(width - first);
+        for row in 0..self.depths.len() / width {
+            let pixels = row * width + first..row * width + first + across;
+            let lanes = row * TILE..row * TILE + across;
+            painter.colours.copy(lanes.clone(), &mut self.colours[pixels.clone()], &mut self.reach[pixels.clone()]);
+            let squared = &painter.distances_squared[lanes.clone()];
+            self.depths[pixels.clone()].iter_mut().zip(squared).for_each(|(depth, squared)| *depth = squared.sqrt());
+            self.counts[pixels].copy_from_slice(&painter.counts[lanes.clone()]);
+            for counts in &painter.counts[lanes] {
+                self.sum.empty += u64::from(counts.empty);
+                self.sum.unseen += u64::from(counts.unseen);
+                self.sum.samples += u64::from(counts.samples);
+            }
+        }
+    }
 }
 
 /// How many pixels, and samples, are counted as what.
@@ -419,21 +468,9 @@ impl Quadtree {
         for_parts(&mut parts, 1, 1, |number, parts| {
             for part in parts {
                 let mut painter = TilePainter::new(self, pyramids, agreement);
-                for tile in number * across..(number + 1) * across {
-                    painter.paint(
-                        tile,
-                        |_| true,
-                        |pixel, painted, reach| {
-                            let at = pixel - number * most;
-                            part.colours[at] = painted.colour;
-                            part.depths[at] = painted.depth;
-                            part.counts[at] = painted.counts;
-                            part.reach[at] = reach as u8;
-                            part.sum.empty += u64::from(painted.counts.empty);
-                            part.sum.unseen += u64::from(painted.counts.unseen);
-                            part.sum.samples += u64::from(painted.counts.samples);
-                        },
-                    );
+                for tile in 0..across {
+                    painter.paint(number * across + tile, |_| true);
+                    part.take(&painter, tile * TILE, width);
                 }
                 part.sum.depths = painter.depths;
             }
@@ -449,16 +486,16 @@ impl Quadtree {
         depths
     }
 
-    /// What a pixel shows, and as what it is counted.
-    #[inline(always)]
-    fn shown(
+    /// What a pixel shows, given its leaf, and as what it is counted.
+    fn shown<'a>(
         &self,
         painter: &Painter,
         column: usize,
         row: usize,
+        own: &'a [Surface],
         is_unseen: bool,
         depths: &mut MultiDepth,
-    ) -> (Counts, Shown) {
+    ) -> (Counts, Shown<'a>) {
         if !self.covered[row * self.size.0 as usize + column] {
             return (Counts::default(), NOTHING);
         }
@@ -466,18 +503,13 @@ impl Quadtree {
             let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
             return (Counts { unseen: true, ..Counts::default() }, Shown::Known(colour, f32::INFINITY));
         }
-        let own = painter.all.levels[0].leaf(column, row);
         // A radius that was given is that of the nearest surface already.
         let ask_nearer = self.params.viewpoint_radius.is_none();
         let shown = match own {
             [] => fill(painter, column, row),
-            // As below, which is more work. Which of the two it is no processor can tell beforehand: both are looked at.
-            [front] if (front.near() != [0; NEAR_CLASSES]) | !may_be_covered(painter, column, row, front) => {
-                Shown::Surface(0, front.bins)
-            }
             _ => mix(painter, column, row, own, ask_nearer, depths),
         };
-        let samples = painter.all.levels[0].samples_of(column, row);
+        let samples = painter.all.levels[0].samples_of(row * self.size.0 as usize + column);
         (Counts { samples, empty: own.is_empty(), unseen: false }, shown)
     }
 }

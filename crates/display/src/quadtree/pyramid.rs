@@ -14,8 +14,9 @@ use crate::pointimage::isa::{Isa, Kernel};
 use crate::pointimage::{prefetch, zeroed};
 use bytemuck::Zeroable;
 use std::borrow::Borrow;
+use std::ops::Range;
 
-/// Pixels whose sums are asked for ahead: they lie in the order in which pixels were first hit. With 20 a picture took 3 to 5 % longer.
+/// Pixels whose sums are asked for ahead, of those that are made.
 const AHEAD: usize = 40;
 /// Levels that are made band by band, of 2 to their number less one rows of pixels.
 const BAND_LEVELS: usize = 6;
@@ -122,9 +123,9 @@ impl Level {
         self.leaves.iter().map(|leaf| leaf.single.count)
     }
 
-    /// Samples of a leaf.
-    pub fn samples_of(&self, column: usize, row: usize) -> u32 {
-        self.leaves[row * self.width + column].single.count
+    /// Samples of a leaf, counted row by row.
+    pub fn samples_of(&self, index: usize) -> u32 {
+        self.leaves[index].single.count
     }
 
     /// Puts other surfaces in the place of a leaf's.
@@ -133,14 +134,16 @@ impl Level {
         self.leaves[row * self.width + column].put(several, surfaces);
     }
 
-    /// The rows of one band each.
-    fn parts(&mut self) -> impl Iterator<Item = LevelPart<'_>> {
+    /// The rows of one band each: empty, or as they are.
+    fn parts(&mut self, is_empty: bool) -> impl Iterator<Item = LevelPart<'_>> {
         let Self { width, leaves, several, band, .. } = self;
         let most =
             width.saturating_mul(1_usize.checked_shl(*band as u32).unwrap_or(usize::MAX)).min(leaves.len()).max(1);
-        leaves.chunks_mut(most).zip(several).map(|(leaves, several)| {
-            several.clear();
-            LevelPart { width: *width, height: leaves.len() / *width, leaves, several }
+        leaves.chunks_mut(most).zip(several).enumerate().map(move |(number, (leaves, several))| {
+            if is_empty {
+                several.clear();
+            }
+            LevelPart { width: *width, height: leaves.len() / *width, first: number * most, leaves, several, is_empty }
         })
     }
 
@@ -162,8 +165,12 @@ impl Level {
 struct LevelPart<'a> {
     width: usize,
     height: usize,
+    /// Number of its first leaf in the level.
+    first: usize,
     leaves: &'a mut [Leaf],
     several: &'a mut Vec<Surface>,
+    /// Whether what its leaves hold is of no meaning.
+    is_empty: bool,
 }
 
 impl Leaves for LevelPart<'_> {
@@ -178,32 +185,50 @@ impl Leaves for LevelPart<'_> {
 }
 
 impl LevelPart<'_> {
-    /// Gives a leaf that has none its surfaces.
+    /// Gives a leaf its surfaces.
     #[inline(always)]
     fn set(&mut self, index: usize, surfaces: &[Surface]) {
-        self.leaves[index] = Leaf::zeroed();
+        if self.is_empty {
+            self.leaves[index] = Leaf::zeroed();
+        }
         self.leaves[index].put(self.several, surfaces);
     }
 
     /// Gives a leaf one surface. Read from where it has just been put together, as a whole, it would be waited for.
     #[inline(always)]
     fn set_one(&mut self, index: usize, surface: Surface) {
-        self.leaves[index] = Leaf { single: surface, first: 0, count: 1, room: 0 };
+        let leaf = &mut self.leaves[index];
+        if self.is_empty {
+            *leaf = Leaf { single: surface, first: 0, count: 1, room: 0 };
+        } else {
+            // What is there is not read: it would be waited for.
+            leaf.single = surface;
+            leaf.count = 1;
+        }
     }
 
-    /// Makes the leaves of level `number` above others.
+    /// Makes those leaves of level `number` above others that are stale, by level and number.
     #[inline(always)]
-    fn make(&mut self, number: usize, below: &impl Leaves, scratch: &mut [Vec<Surface>; 2]) {
-        let [parts, surfaces] = scratch;
+    fn make(
+        &mut self,
+        number: usize,
+        below: &impl Leaves,
+        is_stale: &impl Fn(usize, usize) -> bool,
+        scratch: &mut Scratch,
+    ) {
+        let Scratch { parts, surfaces, stale } = scratch;
         for row in 0..self.height {
-            for column in 0..self.width {
+            let leaves = row * self.width..(row + 1) * self.width;
+            list(leaves, |&index| is_stale(number, self.first + index), stale);
+            for &index in &*stale {
+                let column = index - row * self.width;
                 surfaces.clear();
                 let last = of_children(below, number, column, row, parts, surfaces);
                 match last {
-                    Some(only) if surfaces.is_empty() => self.set_one(row * self.width + column, only),
+                    Some(only) if surfaces.is_empty() => self.set_one(index, only),
                     _ => {
                         surfaces.extend(last);
-                        self.set(row * self.width + column, surfaces);
+                        self.set(index, surfaces);
                     }
                 }
             }
@@ -281,31 +306,60 @@ fn join<'a>(
     Some(open)
 }
 
+/// Memory to be used again.
+#[derive(Default)]
+struct Scratch {
+    parts: Vec<Surface>,
+    surfaces: Vec<Surface>,
+    stale: Vec<usize>,
+}
+
+/// Puts those numbers into `list` that are wanted. Without a branch: which these are no processor can tell beforehand.
+#[inline(always)]
+fn list(numbers: Range<usize>, is_wanted: impl Fn(&usize) -> bool, list: &mut Vec<usize>) {
+    list.clear();
+    list.resize(numbers.len(), 0);
+    let mut count = 0;
+    for number in numbers {
+        list[count] = number;
+        count += usize::from(is_wanted(&number));
+    }
+    list.truncate(count);
+}
+
 /// The levels of one band, from the pixels on.
-struct MakeBand<'a, 'b, F, P> {
+struct MakeBand<'a, 'b, F, P, I> {
     bins: &'a F,
     prefetch: &'a P,
-    /// Its first pixel.
-    first: usize,
+    is_stale: &'a I,
     levels: &'a mut [LevelPart<'b>],
 }
 
-impl<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B, P: Fn(usize)> Kernel for MakeBand<'_, '_, F, P> {
+impl<S, B, F, P, I> Kernel for MakeBand<'_, '_, F, P, I>
+where
+    S: Borrow<Sums>,
+    B: Iterator<Item = (u16, S)>,
+    F: Fn(usize) -> B,
+    P: Fn(usize),
+    I: Fn(usize, usize) -> bool,
+{
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let mut scratch = [const { Vec::new() }; 2];
+        let mut scratch = Scratch::default();
         let Some(pixels) = self.levels.first_mut() else { return };
-        for index in 0..pixels.leaves.len() {
-            (self.prefetch)(self.first + index + AHEAD);
-            let mut bins = (self.bins)(self.first + index);
+        list(0..pixels.leaves.len(), |&index| (self.is_stale)(0, pixels.first + index), &mut scratch.stale);
+        for (at, &index) in scratch.stale.iter().enumerate() {
+            let pixel = pixels.first + index;
+            scratch.stale.get(at + AHEAD).into_iter().for_each(|&ahead| (self.prefetch)(pixels.first + ahead));
+            let mut bins = (self.bins)(pixel);
             // Most pixels have one bin.
             match (bins.next(), bins.next()) {
                 (None, _) => pixels.set(index, &[]),
                 (Some((bin, sums)), None) => pixels.set_one(index, Surface::new((bin, bin), sums.borrow())),
                 (Some(first), Some(second)) => {
-                    let surfaces = &mut scratch[0];
+                    let surfaces = &mut scratch.surfaces;
                     surfaces.clear();
                     of_pixel([first, second].into_iter().chain(bins), surfaces);
                     pixels.set(index, surfaces);
@@ -315,56 +369,72 @@ impl<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B, P: Fn(usi
         for number in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(number);
             if let (Some(below), Some(level)) = (below.last(), above.first_mut()) {
-                level.make(number, below, &mut scratch);
+                level.make(number, below, self.is_stale, &mut scratch);
             }
         }
     }
 }
 
-/// All levels, from pixels, whose bins `bins` gives and `prefetch` asks for ahead, to leaves of at most `levels` doublings. The memory
-/// of other levels is used again if it is of a picture of the same size.
-pub(crate) fn pyramid<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>>(
-    bins: impl Fn(usize) -> B + Sync,
-    prefetch: impl Fn(usize) + Sync,
-    (width, height): (usize, usize),
-    levels: usize,
-    memory: Option<Vec<Level>>,
-    isa: Isa,
-) -> Vec<Level> {
-    let is_alike = |memory: &Vec<Level>| memory.first().is_some_and(|level| level.size() == (width, height));
-    let mut pyramid = memory.filter(is_alike).unwrap_or_else(|| {
-        let mut pyramid = vec![Level::new(0, width, height)];
-        while pyramid.len() <= levels && pyramid.last().is_some_and(|last| last.width > 1 || last.height > 1) {
-            let number = pyramid.len();
-            pyramid.push(Level::new(
-                number,
-                pyramid[number - 1].width.div_ceil(2),
-                pyramid[number - 1].height.div_ceil(2),
-            ));
-        }
-        pyramid
-    });
-    let mut bands: Vec<Vec<LevelPart>> = Vec::new();
-    for level in pyramid.iter_mut().take(BAND_LEVELS) {
-        for (number, part) in level.parts().enumerate() {
-            if bands.len() <= number {
-                bands.push(Vec::new());
+/// What a pyramid is made from.
+pub(crate) struct Source<F, P> {
+    /// Width and height of the picture.
+    pub size: (usize, usize),
+    /// Doublings from pixels to the largest leaves at most.
+    pub levels: usize,
+    /// The bins of a pixel, nearest first.
+    pub bins: F,
+    /// Asks for them.
+    pub prefetch: P,
+    pub isa: Isa,
+}
+
+impl<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B + Sync, P: Fn(usize) + Sync> Source<F, P> {
+    /// All levels, from pixels on. The memory of others is used again if it is of a picture of the same size.
+    pub fn pyramid(&self, memory: Option<Vec<Level>>) -> Vec<Level> {
+        let is_alike = |memory: &Vec<Level>| memory.first().is_some_and(|level| level.size() == self.size);
+        let mut pyramid = memory.filter(is_alike).unwrap_or_else(|| {
+            let mut pyramid = vec![Level::new(0, self.size.0, self.size.1)];
+            while pyramid.len() <= self.levels && pyramid.last().is_some_and(|last| last.width > 1 || last.height > 1) {
+                let number = pyramid.len();
+                pyramid.push(Level::new(
+                    number,
+                    pyramid[number - 1].width.div_ceil(2),
+                    pyramid[number - 1].height.div_ceil(2),
+                ));
             }
-            bands[number].push(part);
+            pyramid
+        });
+        self.make(&mut pyramid, true, &|_, _| true);
+        pyramid
+    }
+
+    /// Makes the leaves of a pyramid anew whose samples are no longer those that they were made of: with all above them, by level and
+    /// number.
+    pub fn renew(&self, pyramid: &mut [Level], is_stale: &(impl Fn(usize, usize) -> bool + Sync)) {
+        self.make(pyramid, false, is_stale);
+    }
+
+    fn make(&self, pyramid: &mut [Level], is_empty: bool, is_stale: &(impl Fn(usize, usize) -> bool + Sync)) {
+        let mut bands: Vec<Vec<LevelPart>> = Vec::new();
+        for level in pyramid.iter_mut().take(BAND_LEVELS) {
+            for (number, part) in level.parts(is_empty).enumerate() {
+                if bands.len() <= number {
+                    bands.push(Vec::new());
+                }
+                bands[number].push(part);
+            }
+        }
+        for_parts(&mut bands, 1, 1, |_, bands| {
+            for levels in bands {
+                self.isa.run(MakeBand { bins: &self.bins, prefetch: &self.prefetch, is_stale, levels });
+            }
+        });
+        let mut scratch = Scratch::default();
+        for number in BAND_LEVELS..pyramid.len() {
+            let (below, above) = pyramid.split_at_mut(number);
+            if let (Some(below), Some(level)) = (below.last(), above.first_mut()) {
+                level.parts(is_empty).for_each(|mut part| part.make(number, below, is_stale, &mut scratch));
+            }
         }
     }
-    for_parts(&mut bands, 1, 1, |number, bands| {
-        for levels in bands {
-            let first = number * (width << (BAND_LEVELS - 1));
-            isa.run(MakeBand { bins: &bins, prefetch: &prefetch, first, levels });
-        }
-    });
-    let mut scratch = [const { Vec::new() }; 2];
-    for number in BAND_LEVELS..pyramid.len() {
-        let (below, above) = pyramid.split_at_mut(number);
-        if let (Some(below), Some(level)) = (below.last(), above.first_mut()) {
-            level.parts().for_each(|mut part| part.make(number, below, &mut scratch));
-        }
-    }
-    pyramid
 }

@@ -13,6 +13,7 @@ use super::pyramid::Level;
 use super::surface::{Surface, gap_allowed};
 use crate::pointimage::isa::{Isa, Kernel};
 use glam::Vec4;
+use std::ops::Range;
 
 /// Pixels of a tile.
 const LANES: usize = TILE * TILE;
@@ -32,6 +33,10 @@ pub(super) struct TileColours {
     last: [i32; LANES],
     few_samples: [f32; LANES],
     half_widths: [[f32; LANES]; 4],
+    /// Of pixels that start at level 0, their own means.
+    own_mean: [[f32; LANES]; 4],
+    own_weight: [f32; LANES],
+    own_weight_squared: [f32; LANES],
     low: [[f32; LANES]; 4],
     high: [[f32; LANES]; 4],
     best: [[f32; LANES]; 3],
@@ -50,6 +55,9 @@ impl TileColours {
             last: [0; LANES],
             few_samples: [0.0; LANES],
             half_widths: [[0.0; LANES]; 4],
+            own_mean: [[0.0; LANES]; 4],
+            own_weight: [1.0; LANES],
+            own_weight_squared: [1.0; LANES],
             low: [[0.0; LANES]; 4],
             high: [[0.0; LANES]; 4],
             best: [[0.0; LANES]; 3],
@@ -65,7 +73,16 @@ impl TileColours {
         row % TILE * TILE + column % TILE
     }
 
-    /// Asks for the colour of a surface at a pixel, as [`Reader::colour`] takes it, given its noise.
+    /// Asks for the colour of a pixel's own surface, given its noise.
+    #[inline(always)]
+    pub fn ask_own(&mut self, lane: usize, own: &Surface, noise: &Noise) {
+        self.ask(lane, 0, own.bins, noise);
+        self.own_mean.iter_mut().zip(own.mean).for_each(|(all, own)| all[lane] = own);
+        (self.own_weight[lane], self.own_weight_squared[lane]) = (own.weight, own.weight_squared);
+    }
+
+    /// Asks for the colour of a surface at a pixel, as [`Reader::colour`] takes it, given its noise. Of the pixel's own:
+    /// [`ask_own`](Self::ask_own).
     #[inline(always)]
     pub fn ask(&mut self, lane: usize, start: usize, bins: (u16, u16), noise: &Noise) {
         self.start[lane] = start as u32;
@@ -96,6 +113,16 @@ impl TileColours {
     #[inline(always)]
     pub fn get(&self, lane: usize) -> ([f32; 3], usize) {
         ([self.best[0][lane], self.best[1][lane], self.best[2][lane]], self.reach[lane] as usize)
+    }
+
+    /// As [`get`](Self::get), of some pixels.
+    #[inline(always)]
+    pub fn copy(&self, lanes: Range<usize>, colours: &mut [[f32; 3]], reach: &mut [u8]) {
+        let [red, green, blue] = [0, 1, 2].map(|channel| &self.best[channel][lanes.clone()]);
+        for (colour, ((&red, &green), &blue)) in colours.iter_mut().zip(red.iter().zip(green).zip(blue)) {
+            *colour = [red, green, blue];
+        }
+        reach.iter_mut().zip(&self.reach[lanes]).for_each(|(reach, &level)| *reach = level as u8);
     }
 
     /// Finds the colours of all pixels that have asked, of the tile whose first pixel is given.
@@ -174,7 +201,7 @@ impl Kernel for Find<'_> {
             }
             if self.lanes.start.iter().any(|&start| start as usize <= number) {
                 match number {
-                    0 => self.pixels(level),
+                    0 => self.pixels(),
                     _ if 1 << number < TILE => self.small_leaves(number, level),
                     _ => self.large_leaves(number, level),
                 }
@@ -184,28 +211,23 @@ impl Kernel for Find<'_> {
 }
 
 impl Find<'_> {
+    /// The pixels' own surfaces.
     #[inline(always)]
-    fn pixels(&mut self, level: &Level) {
+    fn pixels(&mut self) {
+        let mut blends = NO_BLENDS;
+        blends.has_own = [1; TILE];
         for row in 0..TILE {
             if !self.works(row, 0) {
                 continue;
             }
-            let mut own = NO_LEAVES;
-            for at in 0..TILE {
-                let lane = row * TILE + at;
-                if self.lanes.start[lane] == 0 {
-                    let bins = (self.lanes.first[lane], self.lanes.last[lane]);
-                    let leaf = level.leaf(self.column + at, self.row + row);
-                    let is_own =
-                        |surface: &&Surface| i32::from(surface.bins.0) <= bins.0 && bins.1 <= i32::from(surface.bins.1);
-                    own.set(at, leaf.iter().find(is_own), false);
-                }
+            let first = row * TILE;
+            for (mean, own) in blends.mean.iter_mut().zip(&self.lanes.own_mean) {
+                mean.copy_from_slice(&own[first..][..TILE]);
             }
-            let mut blends = NO_BLENDS;
-            blends.mean = own.mean;
-            for at in 0..TILE {
-                blends.error[at] = own.weight_squared[at].sqrt() / own.weight[at];
-                blends.has_own[at] = u32::from(own.weight[at] > 0.0);
+            let weights =
+                self.lanes.own_weight[first..][..TILE].iter().zip(&self.lanes.own_weight_squared[first..][..TILE]);
+            for (error, (weight, weight_squared)) in blends.error.iter_mut().zip(weights) {
+                *error = weight_squared.sqrt() / weight;
             }
             self.intersect(row, 0, &blends, false);
         }

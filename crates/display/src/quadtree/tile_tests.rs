@@ -61,7 +61,12 @@ fn every_pixel_of_a_tile_is_that_which_is_read_alone_with_all_instructions() {
                             Some((level, leaves.leaf(column >> level, row >> level).get(number)?.bins))
                         });
                         let Some((start, bins)) = found else { continue };
-                        colours.ask(lane, start, bins, &reader.noise(column, row, start, bins));
+                        let noise = reader.noise(column, row, start, bins);
+                        if start == 0 {
+                            colours.ask_own(lane, &reader.levels[0].leaf(column, row)[number], &noise);
+                        } else {
+                            colours.ask(lane, start, bins, &noise);
+                        }
                         reader.reach.set(0);
                         let colour = reader.colour(column, row, start, bins);
                         expected.push((lane, colour, reader.reach.take()));
