@@ -25,8 +25,9 @@ SHARING_BAR = 1.1
 # A warm sample beside one path: rate at least, variance at most.
 RATE_BAR = 0.5
 VARIANCE_BAR = 1 / 30
-# A view at rest: seconds of its pictures, and the accuracy that they may differ by.
-REST = (2, 4, 6, 8, 10)
+# A view at rest: seconds of its pictures, from which on it has settled, and the accuracy that they may differ by.
+REST = (2, 4, 6, 8, 10, 20, 30, 40)
+SETTLED = 10
 ACCURACY = 0.03
 
 
@@ -42,6 +43,9 @@ def cached(bench: Bench) -> Part:
             f"*Sharing*: the same job by one worker and by {MANY}, one thread each; the rays of records are work that would be done "
             "several times if workers did not tell each other. Preparing the scene, which every worker does once, is said apart. "
             "Two workers share as little as one but keep as many cores busy as many do: what a sample costs them more than one worker is the machine's doing.",
+            "*A view at rest* settles first: where samples are few, means are over wide parts of a surface, and become narrower as samples "
+            f"tell that they may not be; from {SETTLED} s on it has. As displayed: what is brighter than the 95th percentile is white; as radiance, a "
+            "pixel at the edge of a lamp 500 times as bright as the wall decides about its whole block.",
         ],
     )
     seconds = Table("Seconds to an error", [["scene", ""], ["relMSE", ".3f"], ["path, s", ".2f"], ["cached, s", ".2f"], ["ratio", ".2f"], ["accuracy", "g"], ["paths", "d"]])
@@ -109,8 +113,9 @@ def warm(bench: Bench, part: Part) -> Table:
 
 def flicker(bench: Bench, part: Part) -> Table:
     """How much pictures of a view at rest differ, block by block, while samples come in."""
-    columns = [["scene", ""], ["driver", ""], *([f"{a} to {b} s", ".2%"] for a, b in zip(REST, REST[1:]))]
-    table = Table("A view at rest: the worst lit 16 × 16 block from one picture to the next", columns)
+    steps = list(zip(REST, REST[1:]))
+    columns = [["scene", ""], ["driver", ""], ["", ""], *([f"{a} to {b} s", ".2%"] for a, b in steps)]
+    table = Table("A view at rest, from an empty file: the worst lit 16 × 16 block from one picture to the next", columns)
     for case in (bench.scenes.cornell(), bench.scenes.room()):
         for driver in ("voronoi", "quadtree"):
             pictures = [bench.work / f"rest-{case.name}-{driver}-{at}.pfm" for at in REST]
@@ -119,10 +124,16 @@ def flicker(bench: Bench, part: Part) -> Table:
             script.write_text("\n".join([*lines, ""]), encoding="utf-8")
             run([bench.holodeck, "view", *case.scene, "--engine", "cached", "--headless", "--quiet", "--size", case.size,
                  "--driver", driver, "--script", script])  # fmt: skip
-            changes = [compare(bench.holodeck, b, a)["worst_block"] for a, b in zip(pictures, pictures[1:])]
-            table.rows.append([case.title, driver, *changes])
-            # The first is while records are still made.
-            part.bars.append(Bar(f"flicker, {case.title}, {driver}", f"{max(changes[1:]):.1%}", f"≤ {ACCURACY:.0%}", max(changes[1:]) <= ACCURACY))
+            changes = [compare(bench.holodeck, b, a) for a, b in zip(pictures, pictures[1:])]
+            shown = [change["worst_block_shown"] for change in changes]
+            table.rows.append([case.title, driver, "as displayed", *shown])
+            table.rows.append([case.title, driver, "radiance", *(change["worst_block"] for change in changes)])
+            for what, worst in (
+                ("settled", max(change for change, (since, _) in zip(shown, steps) if since >= SETTLED)),
+                ("from 4 s on", max(shown[1:])),
+            ):
+                title = f"flicker as displayed, {what}, {case.title}, {driver}"
+                part.bars.append(Bar(title, f"{worst:.1%}", f"≤ {ACCURACY:.0%}", worst <= ACCURACY))
     return table
 
 

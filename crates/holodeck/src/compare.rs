@@ -30,6 +30,8 @@ pub struct Args {
 struct Report {
     #[serde(flatten)]
     measures: holo_picture::Measures,
+    /// The worst block's error as displayed: clipped at white.
+    worst_block_shown: f64,
     /// Half the width of the bias' 99 % confidence interval.
     #[serde(skip_serializing_if = "Option::is_none")]
     bias_99: Option<f64>,
@@ -43,6 +45,7 @@ pub fn run(args: &Args) -> Result<()> {
     let read = |path: &PathBuf| Picture::read(path).with_context(|| format!("reading {}", path.display()));
     let (picture, reference) = (read(&args.picture)?, read(&args.reference)?);
     let measures = holo_picture::compare(&picture, &reference)?;
+    let worst_block_shown = holo_picture::worst_block_shown(&picture, &reference)?;
     let picture_se = args.se.as_ref().map(read).transpose()?;
     let reference_se = args.reference_se.as_ref().map(read).transpose()?;
     let (se, reference_se) = (picture_se.as_ref(), reference_se.as_ref());
@@ -54,10 +57,13 @@ pub fn run(args: &Args) -> Result<()> {
         ),
     };
     if args.json {
-        println!("{}", serde_json::to_string(&Report { measures, bias_99, worst_block_beyond_noise })?);
+        println!(
+            "{}",
+            serde_json::to_string(&Report { measures, worst_block_shown, bias_99, worst_block_beyond_noise })?
+        );
         return Ok(());
     }
-    print!("{measures}");
+    print!("{measures} worst_block_shown={worst_block_shown:.5}");
     if let Some((half, worst)) = bias_99.zip(worst_block_beyond_noise) {
         print!(" bias_99=±{half:.5} worst_block_beyond_noise={worst:.5}");
     }

@@ -13,6 +13,9 @@ const REC709: [f64; 3] = [0.2126, 0.7152, 0.0722];
 /// Pixels brighter than this times the reference's median are left out of the bias: a lamp in view would hide the rest.
 const LAMP: f64 = 20.0;
 
+/// Percentile of the reference's luminance that a display shows as white.
+const WHITE: f64 = 95.0;
+
 /// Side, in pixels, of the blocks of [`Measures::worst_block`].
 const BLOCK: usize = 16;
 
@@ -131,7 +134,7 @@ pub fn compare(picture: &Picture, reference: &Picture) -> Result<Measures, Compa
     let mut sorted = lr.clone();
     sorted.sort_unstable_by(f64::total_cmp);
     let dim = dim_pixels(&lr, &sorted);
-    let white = percentile(&sorted, 95.0) + 1e-9;
+    let white = percentile(&sorted, WHITE) + 1e-9;
     let shown = |value: f32| (f64::from(value) / white).clamp(0.0, 1.0).powf(1.0 / 2.2);
     // compare.py clips each channel at the luminance's percentile.
     let both = picture.pixels.as_flattened().iter().zip(reference.pixels.as_flattened());
@@ -201,6 +204,23 @@ pub fn worst_block_beyond_noise(
         (ratio - 1.0).powi(2) - (sum(&of_picture) + ratio * ratio * sum(&of_reference)) / (r * r)
     };
     Ok(lit_blocks(&lr, &dim, reference.width as usize).map(beyond).fold(0.0, f64::max).sqrt())
+}
+
+/// Largest relative difference of what a display shows of a lit 16×16 block: its mean luminance where all that is brighter than
+/// the reference's 95th percentile is white, as [`Measures::psnr_disp`] has it. How much one picture of a view flickers beside the
+/// next: a pixel at a lamp's edge that shows more of the lamp is no more than white.
+///
+/// # Errors
+/// As [`compare()`].
+pub fn worst_block_shown(picture: &Picture, reference: &Picture) -> Result<f64, CompareError> {
+    check(picture, "picture", reference)?;
+    check(reference, "reference", reference)?;
+    let (mut la, mut lr) = (luminances(picture), luminances(reference));
+    let mut sorted = lr.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let white = percentile(&sorted, WHITE);
+    la.iter_mut().chain(&mut lr).for_each(|value| *value = value.min(white));
+    Ok(worst_block(&la, &lr, &vec![true; lr.len()], reference.width as usize))
 }
 
 /// Luminances of two pictures, and which pixels of the reference are no lamps.

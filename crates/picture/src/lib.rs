@@ -20,7 +20,9 @@ mod view_error;
 mod view_spec;
 
 pub use clip::Clip;
-pub use compare::{BIAS_Z, CompareError, Measures, bias_interval, compare, worst_block_beyond_noise};
+pub use compare::{
+    BIAS_Z, CompareError, Measures, bias_interval, compare, worst_block_beyond_noise, worst_block_shown,
+};
 pub use error::PictureError;
 pub use files::Format;
 pub use kind::ViewKind;

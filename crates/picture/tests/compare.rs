@@ -3,7 +3,9 @@
 // Helpers of tests may fail as tests do; clippy allows it only inside the test functions themselves.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use holo_picture::{BIAS_Z, CompareError, Measures, Picture, bias_interval, compare, worst_block_beyond_noise};
+use holo_picture::{
+    BIAS_Z, CompareError, Measures, Picture, bias_interval, compare, worst_block_beyond_noise, worst_block_shown,
+};
 use std::path::PathBuf;
 
 /// x ← 1664525·x + 1013904223 mod 2³², u = x / 2³² (Numerical Recipes, "quick and dirty").
@@ -174,6 +176,24 @@ fn a_block_counts_only_with_half_of_its_pixels_lit_by_no_lamp() {
     };
     assert!((worst(0) - 2.0).abs() < 1e-12 && (worst(128) - 2.0).abs() < 1e-12);
     assert_eq!(worst(129), 0.0);
+}
+
+#[test]
+fn a_block_is_shown_no_brighter_than_white() {
+    // Four blocks: one at a half, one with 16 pixels of a lamp, fewer than 5 % of all. White is 1.
+    let of_block = |column: usize, index: usize| index / 16 * 64 + column * 16 + index % 16;
+    let mut reference = Picture::from_pixels(64, 16, vec![[1.0; 3]; 1024]).unwrap();
+    (0..256).for_each(|index| reference.pixels[of_block(1, index)] = [0.5; 3]);
+    (0..16).for_each(|index| reference.pixels[of_block(3, index)] = [500.0; 3]);
+    let shown = |change: fn(&mut Picture, usize), column: usize| {
+        let mut picture = reference.clone();
+        (0..16).for_each(|index| change(&mut picture, of_block(column, index)));
+        worst_block_shown(&picture, &reference).unwrap()
+    };
+    assert_eq!(shown(|picture, at| picture.pixels[at] = [400.0; 3], 0), 0.0);
+    // 16 of 256 pixels, at 0.5, change by 0.25.
+    assert!((shown(|picture, at| picture.pixels[at] = [0.25; 3], 1) - 16.0 * 0.25 / 128.0).abs() < 1e-7);
+    assert!((shown(|picture, at| picture.pixels[at] = [400.0; 3], 1) - 16.0 * 0.5 / 128.0).abs() < 1e-7);
 }
 
 #[test]
