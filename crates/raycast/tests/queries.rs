@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use common::{Mesh, Random};
 use glam::{DVec3, Vec3};
-use holo_raycast::{BuildError, Quality, Ray, Raycaster, SurfacePoint};
+use holo_raycast::{BuildError, NO_TRIANGLE, Quality, Ray, Raycaster, SurfacePoint};
 use holo_scene::{Material, Scene};
 use proptest::prelude::*;
 
@@ -258,10 +258,16 @@ fn rays_traced_together_find_what_each_finds_alone() {
             // What was in the array before does not count.
             let mut together = vec![Some(holo_raycast::Hit { t: 1.0, triangle: 0, u: 0.0, v: 0.0 }); rays.len()];
             raycaster.nearest_many(&rays, &mut together);
-            for (ray, together) in rays.iter().zip(together) {
+            for (ray, together) in rays.iter().zip(&together) {
                 let alone = raycaster.nearest(ray);
-                assert_eq!(bits(together), bits(alone), "{ray:?}");
+                assert_eq!(bits(*together), bits(alone), "{ray:?}");
                 hits += usize::from(alone.is_some());
+            }
+            // The same rays without what they met.
+            let left: Vec<u32> = together.iter().map(|hit| hit.map_or(NO_TRIANGLE, |hit| hit.triangle)).collect();
+            raycaster.nearest_many_from(&rays, &left, &mut together);
+            for ((ray, &left), together) in rays.iter().zip(&left).zip(together) {
+                assert_eq!(bits(together), bits(raycaster.nearest_from(ray, left)), "{ray:?} from {left}");
             }
         }
     }
