@@ -446,3 +446,26 @@ fn clean_samples_are_not_blurred_and_noisy_ones_are_not_believed() {
     assert!(mean(&clean_ratio) < 0.8 && mean(&noisy_ratio) < 1.0);
     assert!(mean(&bright).abs() < 0.05);
 }
+
+#[test]
+fn few_samples_of_one_path_make_no_darker_picture_than_their_leaves() {
+    const SIZE: (u32, u32) = (120, 90);
+    let (section, view) = (room_section(8), room_view(SIZE));
+    let reference = truth(room, &view, SIZE, 4);
+    for count in [1080, 3240] {
+        let (mut darker, mut worse) = (Vec::new(), Vec::new());
+        for seed in 0..16 {
+            let stored = near_samples(room, &section, &view, count, seed, one_path);
+            let frame = drawn(&section, &view, SIZE, Filling::Smooth, &stored);
+            let leaves = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored).draw();
+            darker.push(bias(&leaves, &reference) - bias(&frame, &reference));
+            worse.push(relative_error(&frame, &reference) / relative_error(&leaves, &reference));
+        }
+        let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+        // A fiftieth of such samples has a third of their light: the others agree on too little. Pairs' differences, at 3 standard errors.
+        let squares: Vec<f64> = darker.iter().map(|by| (by - mean(&darker)).powi(2)).collect();
+        let error = (mean(&squares) / (darker.len() - 1) as f64).sqrt();
+        println!("{count}: darker by {:.3} ± {error:.3}, {:.2} of the leaves' error", mean(&darker), mean(&worse));
+        assert!(mean(&darker) < 3.0 * error && mean(&worse) < 1.0, "{count}: {darker:?}");
+    }
+}

@@ -178,7 +178,8 @@ impl Cells {
         let few: Vec<bool> = (0..known.len()).map(few).collect();
         let few = |pixel: usize| few[pixel];
         let mean = |pixel: usize| frame.picture.pixels[pixel];
-        let local = local::local(&points, known.len(), few, single, mean, &Steps(&self.tree));
+        let local =
+            local::local(&points, (self.tree.size().0 as usize, known.len()), few, single, mean, &Steps(&self.tree));
         for (colour, local) in frame.picture.pixels.iter_mut().zip(local) {
             *colour = local.unwrap_or(*colour);
         }
