@@ -3,7 +3,9 @@
 //! Means over ever wider tents (half-widths of 1, 2, 4, ... pixels), each over pixels of one label only. A pixel takes the
 //! widest mean that lies within the confidence intervals of all narrower ones (the rule of intersecting confidence intervals:
 //! Goldenshluger & Nemirovski 1997; Katkovnik 1999), or the first that is exact enough. So noise is averaged where light is
-//! even, and a shadow's edge stays where the samples tell it from noise.
+//! even, and a shadow's edge stays where the samples tell it from noise. The less it is sure that a mean lies within those
+//! intervals, the more a pixel keeps of the narrower ones: a mean that is only just taken changes nothing, so that neither pixels side by
+//! side nor one picture and the next differ by which was.
 //!
 //! Pictures are made block by block: what a block's light was made of reaches as far as the widest tent that one of its pixels
 //! looked at, so that new samples farther off than that change no bit of it.
@@ -55,6 +57,8 @@ pub(crate) struct Scratch {
     wider: Vec<f32>,
     /// By level: rows of each of what is kept of means.
     means: Vec<Vec<f32>>,
+    /// How near any mean that a pixel took came to not being taken, 1 being as near as may be.
+    doubts: Vec<f32>,
 }
 
 /// Weight in sums of one sample along the eye's ray.
@@ -86,7 +90,10 @@ pub(crate) fn light(
     };
     light.restore();
     let labels = &surfaces.labels;
-    let Scratch { cells, wider, means } = scratch;
+    let Scratch { cells, wider, means, doubts } = scratch;
+    if doubts.len() != width * height {
+        *doubts = zeroed(width * height);
+    }
     for memory in [&mut *cells, &mut *wider] {
         if memory.len() != KINDS * width * height {
             *memory = zeroed(KINDS * width * height);
@@ -108,8 +115,8 @@ pub(crate) fn light(
             *kept = zeroed(KEPT * width * height);
         }
         let lines = choices(&mut light, size).into_iter().zip(wider.chunks_mut(KINDS * width));
-        let lines = lines.zip(kept.chunks_mut(KEPT * width));
-        let lines = lines.map(|((choices, sums), kept)| Line { choices, sums, kept });
+        let lines = lines.zip(kept.chunks_mut(KEPT * width)).zip(doubts.chunks_mut(width));
+        let lines = lines.map(|(((choices, sums), kept), doubts)| Line { choices, sums, kept, doubts });
         let mut lines: Vec<Line> = lines.filter(|line| !runs[1][line.choices.row / ROWS].is_empty()).collect();
         if level > 0 {
             // Rows a step apart, one after the other.
@@ -210,11 +217,12 @@ struct Found {
     without: AtomicU32,
 }
 
-/// A row: its choices, where its sums go, and where what is kept of its means goes.
+/// A row: its choices, where its sums go, where what is kept of its means goes, and its doubts.
 struct Line<'a> {
     choices: Choices<'a>,
     sums: &'a mut [f32],
     kept: &'a mut [f32],
+    doubts: &'a mut [f32],
 }
 
 /// Some rows' tents and choices of a level.
@@ -246,7 +254,7 @@ impl Kernel for Part<'_, '_> {
     fn run(self) {
         let Part { lines, labels, width, sums, one, from, means, step, runs, edges, open, with_samples, found } = self;
         let mut passes = (step > 0).then(|| Passes::new(from, labels, width, step, [&runs[0], &runs[1]]));
-        for Line { choices, sums: line, kept } in lines {
+        for Line { choices, sums: line, kept, doubts } in lines {
             let row = choices.row;
             let pixels = row * width..(row + 1) * width;
             let labels = &labels[pixels.clone()];
@@ -270,7 +278,7 @@ impl Kernel for Part<'_, '_> {
                     }
                     if choices.is_open(&segment) {
                         let limits = limits(edges, width, row, &segment);
-                        if choices.consider(line, means, kept, &segment, &limits) {
+                        if choices.consider(line, means, (kept, doubts), &segment, &limits) {
                             found.is_open.store(true, Ordering::Relaxed);
                         }
                     }
@@ -386,7 +394,7 @@ impl Choices<'_> {
         &mut self,
         cells: &[f32],
         means: &[Vec<f32>],
-        kept: &mut [f32],
+        (kept, doubted): (&mut [f32], &mut [f32]),
         segment: &Range<usize>,
         limits: &[f32; COLUMNS],
     ) -> bool {
@@ -408,7 +416,10 @@ impl Choices<'_> {
         // The variance of the widest mean judges all: narrow ones, of few samples, would think that they agree. An edge
         // within it makes it too large, by so much that two samples on one side still tell. A narrow mean with a rare
         // bright sample knows best how little it knows.
-        let mut stops = [0_u8; COLUMNS];
+        let (mut stops, mut doubts) = ([0_u8; COLUMNS], [0.0_f32; COLUMNS]);
+        if !means.is_empty() {
+            doubts[..count].copy_from_slice(&doubted[left..][..count]);
+        }
         for narrower in means {
             let its = |what: usize| &narrower[(self.row * KEPT + what) * width + left..][..count];
             let (its_values, its_samples, its_variances) = (its(0), its(1), its(2));
@@ -417,12 +428,15 @@ impl Choices<'_> {
                 let apart = values[i] - its_values[i];
                 let wanted = ENOUGH * its_values[i];
                 // Its error is the root of the variance over the samples.
-                let stop = (larger <= wanted * wanted * its_samples[i])
-                    | (apart * apart * its_samples[i] > limits[i] * larger);
+                let (off, limit) = (apart * apart * its_samples[i], limits[i] * larger);
+                let stop = (larger <= wanted * wanted * its_samples[i]) | (off > limit);
                 stops[i] |= u8::from(stop & (its_samples[i] > 0.0));
+                let doubt = off / if limit > f32::MIN_POSITIVE { limit } else { f32::MIN_POSITIVE };
+                doubts[i] = if doubt > doubts[i] { doubt } else { doubts[i] };
             }
         }
         let states = &mut self.states[left..][..count];
+        let doubted = &mut doubted[left..][..count];
         let mut open = 0;
         for i in 0..count {
             let stops = (samples[i] >= FEWEST) & (stops[i] != 0);
@@ -430,6 +444,9 @@ impl Choices<'_> {
             let takes = (state & OPEN != 0) & (samples[i] > 0.0);
             states[i] = state | if takes { KNOWN } else { 0 };
             open |= state;
+            let is_told = samples[i] >= FEWEST;
+            doubted[i] = if is_told { doubts[i] } else { 0.0 };
+            doubts[i] = if is_told { doubts[i] * doubts[i] } else { 0.0 };
             // Of what is not taken no samples are kept.
             samples[i] = if takes { samples[i] } else { 0.0 };
         }
@@ -437,7 +454,8 @@ impl Choices<'_> {
             let light = &mut light[left..][..count];
             for i in 0..count {
                 let mean = sums[i] * shares[i];
-                light[i] = if samples[i] > 0.0 { mean } else { light[i] };
+                let kept = if doubts[i] > 0.0 { doubts[i] * (light[i] - mean) } else { 0.0 };
+                light[i] = if samples[i] > 0.0 { mean + kept } else { light[i] };
             }
         }
         for (what, from) in [values, samples, variances].into_iter().enumerate() {

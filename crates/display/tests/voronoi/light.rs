@@ -7,6 +7,7 @@ use holo_light::{Record, Store};
 use holo_scene::{Bsdf, Material, Scene};
 use holo_section::{BeamId, Sample};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 #[test]
 fn light_converges_to_the_mean_of_each_pixel_and_shadows_stay_sharp() {
@@ -196,4 +197,31 @@ fn a_face_narrower_than_a_pixel_has_its_own_light() {
     }
     // As bright as the board's front, the side would be 0.8 too bright on a third of each; sixteen points tell its part to 1/16.
     assert!(found > 15 && error / f64::from(found) < 0.8 / 16.0, "{found} {error}");
+}
+
+/// Light on the left of what the eye sees, in thousandths.
+static LEFT: AtomicU32 = AtomicU32::new(0);
+
+fn stepped(at: DVec3, material: &Material) -> [f32; 3] {
+    let left = LEFT.load(Ordering::Relaxed) as f32 / 1000.0;
+    kd(material).map(|channel| channel * if at.y > 2.03 { left } else { 1.0 })
+}
+
+#[test]
+fn a_little_more_light_on_a_part_never_changes_a_pixel_by_much_more() {
+    let stage = Stage::new(&[wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0)], vec![diffuse([0.5; 3])]);
+    let mut before: Option<Vec<f32>> = None;
+    let mut grown = 0.0_f32;
+    // From even light to twice as much on the left: from one step to the next, wide means come to be rejected one by one.
+    for left in (1000..2000).step_by(20) {
+        LEFT.store(left, Ordering::Relaxed);
+        let drawn = stage.draw(&stage.samples(stepped, 20_000, common::exponential));
+        let light: Vec<f32> = drawn.frame.picture.pixels.iter().map(|pixel| pixel[1]).collect();
+        if let Some(before) = before.replace(light.clone()) {
+            grown = light.iter().zip(&before).fold(grown, |most, (now, before)| most.max(now / before));
+        }
+    }
+    // A mean is left by the fourth power of how near it is to being rejected: four times as fast as the light grows, 2 % a step, and
+    // RGBE's dither of 0.4 % at either end.
+    assert!(grown < 1.0 + 4.0 * 0.02 + 0.008, "{grown}");
 }
