@@ -4,8 +4,8 @@
 //! widest mean that lies within the confidence intervals of all narrower ones (the rule of intersecting confidence intervals:
 //! Goldenshluger & Nemirovski 1997; Katkovnik 1999), or the first that is exact enough. So noise is averaged where light is
 //! even, and a shadow's edge stays where the samples tell it from noise. The less it is sure that a mean lies within those
-//! intervals, the more a pixel keeps of the narrower ones: a mean that is only just taken changes nothing, so that neither pixels side by
-//! side nor one picture and the next differ by which was.
+//! intervals, the more a pixel keeps of the narrower ones, where those are of samples enough: a mean that is only just taken changes
+//! nothing, so that neither pixels side by side nor one picture and the next differ by which was.
 //!
 //! Pictures are made block by block: what a block's light was made of reaches as far as the widest tent that one of its pixels
 //! looked at, so that new samples farther off than that change no bit of it.
@@ -432,7 +432,8 @@ impl Choices<'_> {
                 let stop = (larger <= wanted * wanted * its_samples[i]) | (off > limit);
                 stops[i] |= u8::from(stop & (its_samples[i] > 0.0));
                 let doubt = off / if limit > f32::MIN_POSITIVE { limit } else { f32::MIN_POSITIVE };
-                doubts[i] = if doubt > doubts[i] { doubt } else { doubts[i] };
+                // A few samples far off are not half believed: they would be seen as specks.
+                doubts[i] = if (doubt > doubts[i]) & (its_samples[i] >= FEWEST) { doubt } else { doubts[i] };
             }
         }
         let states = &mut self.states[left..][..count];
