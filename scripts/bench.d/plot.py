@@ -59,20 +59,20 @@ class Linear:
 def error_over_seconds(path: Path, title: str, series: Series) -> None:
     """Draws one line per series, with a legend; points that are not positive have no place and are left out."""
     series = {name: [(x, y) for x, y in points if x > 0 and y > 0] for name, points in series.items()}
-    _draw(path, title, series, Axis, "relMSE")
+    _draw(path, title, series, (Axis, Axis), "relMSE")
 
 
-def decibels_over_seconds(path: Path, title: str, series: Series) -> None:
-    """Draws one line per series, with a legend."""
-    _draw(path, title, series, Linear, "PSNR, dB")
+def decibels_over_seconds(path: Path, title: str, series: Series, across: type[Axis] | type[Linear] = Linear) -> None:
+    """Draws one line per series, with a legend; seconds are linear unless `across` says otherwise."""
+    _draw(path, title, series, (across, Linear), "PSNR, dB")
 
 
-def _draw(path: Path, title: str, series: Series, axis: type[Axis] | type[Linear], upwards: str) -> None:
+def _draw(path: Path, title: str, series: Series, axes: tuple[type[Axis] | type[Linear], type[Axis] | type[Linear]], upwards: str) -> None:
     points = [point for line in series.values() for point in line]
     if not points:
         return
-    across = axis([x for x, _ in points], LEFT, WIDTH - RIGHT)
-    up = axis([y for _, y in points], HEIGHT - BOTTOM, TOP)
+    across = axes[0]([x for x, _ in points], LEFT, WIDTH - RIGHT)
+    up = axes[1]([y for _, y in points], HEIGHT - BOTTOM, TOP)
     legend = min(LEGEND, (WIDTH - LEFT - RIGHT) / len(series))
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}"',

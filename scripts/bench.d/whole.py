@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from document import Bar, Part, Plot, Table
 from harness import Bench
-from plot import error_over_seconds
+from plot import Axis, Series, decibels_over_seconds
 from program import compare, run
 from scenes import CABIN_VIEWS, Case
 
@@ -32,8 +32,14 @@ def whole(bench: Bench) -> Part:
             "Truth where there is no reference: a render of our own, `--engine path --spp 2048`.",
         ],
     )
+    # By scene: the worst view's decibels over seconds, by driver.
+    lines: dict[str, Series] = {}
     for driver in WANTED:
-        part.tables.append(views(bench, part, driver))
+        part.tables.append(views(bench, part, driver, lines))
+    for scene, series in lines.items():
+        file, title = bench.plots / f"whole-{scene}.svg", f"Seconds after a view is asked for, worst view: {scene}"
+        decibels_over_seconds(file, title, series, Axis)
+        part.plots.append(Plot(f"benchmarks/{file.name}", f"PSNR over seconds, worst view, {scene}"))
     return part
 
 
@@ -50,7 +56,7 @@ def cases(bench: Bench) -> list[tuple[Case, str, tuple[Case, ...]]]:
     return [(cornell, 20, (cornell,)), (room, 60, rooms)]
 
 
-def views(bench: Bench, part: Part, driver: str) -> Table:
+def views(bench: Bench, part: Part, driver: str, lines: dict[str, Series]) -> Table:
     columns = [["view", ""]]
     for seconds in ASKED:
         columns += [[f"at {seconds:g} s, dB", ".1f"], ["relMSE", ".4f"]]
@@ -73,7 +79,7 @@ def views(bench: Bench, part: Part, driver: str) -> Table:
         script.write_text("\n".join([*lines, "quit", ""]), encoding="utf-8")
         common = ["--headless", "--quiet", "--size", case.size, "--driver", driver]
         run([bench.holodeck, "view", file, *common, "--script", script])
-        lowest = [float("inf")] * len(ASKED)
+        lowest, lowest_alone = [float("inf")] * len(ASKED), [float("inf")] * len(ASKED[1:])
         for look in looks:
             row: list = [look.title]
             truth = bench.truth(look)
@@ -82,6 +88,7 @@ def views(bench: Bench, part: Part, driver: str) -> Table:
             for measures in found:
                 row += [measures["psnr_disp"], measures["relmse_trim"]]
             alone = [tracer_alone(bench, look, asked) for asked in ASKED[1:]]
+            lowest_alone = [min(pair) for pair in zip(lowest_alone, alone)]
             row += alone
             table.rows.append(row)
             if driver == "voronoi":
@@ -89,6 +96,7 @@ def views(bench: Bench, part: Part, driver: str) -> Table:
                 met = margin >= -BELOW_TRACER
                 part.bars.append(Bar(f"above the tracer alone at 1 and 10 s, {look.title}", f"{margin:+.1f} dB", f"≥ -{BELOW_TRACER:g} dB", met))
         wanted = (CORNELL_WANTED[driver],) if case.name == "cornell" else WANTED[driver]
+        lines.setdefault(case.name, {}).update({driver: list(zip(ASKED, lowest)), "tracer alone": list(zip(ASKED[1:], lowest_alone))})
         for asked, low, want in zip(ASKED, lowest, wanted):
             part.bars.append(Bar(f"{driver}, {case.title.split(',')[0]}, worst view at {asked:g} s", f"{low:.1f} dB", f"≥ {want} dB", low >= want))
     return table
