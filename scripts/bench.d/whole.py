@@ -33,10 +33,10 @@ def whole(bench: Bench) -> Part:
         ],
     )
     # By scene: the worst view's decibels over seconds, by driver.
-    lines: dict[str, Series] = {}
+    worst: dict[str, Series] = {}
     for driver in WANTED:
-        part.tables.append(views(bench, part, driver, lines))
-    for scene, series in lines.items():
+        part.tables.append(views(bench, part, driver, worst))
+    for scene, series in worst.items():
         file, title = bench.plots / f"whole-{scene}.svg", f"Seconds after a view is asked for, worst view: {scene}"
         decibels_over_seconds(file, title, series, Axis)
         part.plots.append(Plot(f"benchmarks/{file.name}", f"PSNR over seconds, worst view, {scene}"))
@@ -56,7 +56,7 @@ def cases(bench: Bench) -> list[tuple[Case, str, tuple[Case, ...]]]:
     return [(cornell, 20, (cornell,)), (room, 60, rooms)]
 
 
-def views(bench: Bench, part: Part, driver: str, lines: dict[str, Series]) -> Table:
+def views(bench: Bench, part: Part, driver: str, worst: dict[str, Series]) -> Table:
     columns = [["view", ""]]
     for seconds in ASKED:
         columns += [[f"at {seconds:g} s, dB", ".1f"], ["relMSE", ".4f"]]
@@ -96,7 +96,7 @@ def views(bench: Bench, part: Part, driver: str, lines: dict[str, Series]) -> Ta
                 met = margin >= -BELOW_TRACER
                 part.bars.append(Bar(f"above the tracer alone at 1 and 10 s, {look.title}", f"{margin:+.1f} dB", f"≥ -{BELOW_TRACER:g} dB", met))
         wanted = (CORNELL_WANTED[driver],) if case.name == "cornell" else WANTED[driver]
-        lines.setdefault(case.name, {}).update({driver: list(zip(ASKED, lowest)), "tracer alone": list(zip(ASKED[1:], lowest_alone))})
+        worst.setdefault(case.name, {}).update({driver: list(zip(ASKED, lowest)), "tracer alone": list(zip(ASKED[1:], lowest_alone))})
         for asked, low, want in zip(ASKED, lowest, wanted):
             part.bars.append(Bar(f"{driver}, {case.title.split(',')[0]}, worst view at {asked:g} s", f"{low:.1f} dB", f"≥ {want} dB", low >= want))
     return table
