@@ -7,6 +7,7 @@
 //! Invariant: samples that pass near the eye see the pixel itself, and are never hidden.
 
 use super::nearest::Points;
+use super::squares::Squares;
 use super::step::Steps;
 
 /// Samples nearest to one that are looked at, itself included.
@@ -27,15 +28,21 @@ struct Summary {
 /// `may_be` names.
 pub(super) fn hidden(
     points: &Points,
-    (width, height): (usize, usize),
+    size: (usize, usize),
     depth: &[f32],
     steps: &Steps,
     may_be: impl Fn(usize) -> bool + Sync,
     has_site: impl Fn(usize) -> bool,
 ) -> Vec<bool> {
-    let around = Around::new((width, height), depth, has_site);
+    let sites = (0..).zip(depth).filter(|(pixel, _)| has_site(*pixel));
+    let sites = sites.map(|(pixel, &nearest)| (pixel, Summary { nearest, count: 1 }));
+    let nothing = Summary { nearest: f32::INFINITY, count: 0 };
+    let around = Squares::<Summary, SQUARE>::new(size, nothing, sites, |a, b| Summary {
+        nearest: a.nearest.min(b.nearest),
+        count: a.count + b.count,
+    });
     let mut hidden = vec![false; depth.len()];
-    let wanted = |pixel: usize| may_be(pixel) && around.may_hide(pixel, depth[pixel], steps);
+    let wanted = |pixel: usize| may_be(pixel) && may_hide(around.around(pixel), depth[pixel], steps);
     points.for_each::<LOOKED_AT, bool>(&mut hidden, wanted, |pixel, nearest, hidden| {
         let mut front = [[0.0; 2]; LOOKED_AT];
         let mut count = 0;
@@ -50,40 +57,9 @@ pub(super) fn hidden(
     hidden
 }
 
-/// The nearest depth around each square.
-struct Around {
-    width: usize,
-    across: usize,
-    squares: Vec<Summary>,
-}
-
-impl Around {
-    fn new((width, height): (usize, usize), depth: &[f32], has_site: impl Fn(usize) -> bool) -> Self {
-        let (across, down) = (width.div_ceil(SQUARE), height.div_ceil(SQUARE));
-        let mut own = vec![Summary { nearest: f32::INFINITY, count: 0 }; across * down];
-        for (pixel, &depth) in depth.iter().enumerate().filter(|(pixel, _)| has_site(*pixel)) {
-            let square = &mut own[pixel / width / SQUARE * across + pixel % width / SQUARE];
-            square.nearest = square.nearest.min(depth);
-            square.count += 1;
-        }
-        let around = |index: usize| {
-            let (column, row) = (index % across, index / across);
-            let rows = row.saturating_sub(1)..(row + 2).min(down);
-            let squares = rows
-                .flat_map(|row| &own[row * across + column.saturating_sub(1)..row * across + (column + 2).min(across)]);
-            squares.fold(Summary { nearest: f32::INFINITY, count: 0 }, |sum, square| Summary {
-                nearest: sum.nearest.min(square.nearest),
-                count: sum.count + square.count,
-            })
-        };
-        Self { width, across, squares: (0..across * down).map(around).collect() }
-    }
-
-    /// Whether something near a pixel may be in front of what is at this depth.
-    fn may_hide(&self, pixel: usize, depth: f32, steps: &Steps) -> bool {
-        let square = &self.squares[pixel / self.width / SQUARE * self.across + pixel % self.width / SQUARE];
-        square.count < DENSE || steps.may_be_in_front(square.nearest, depth)
-    }
+/// Whether something near may be in front of what is at this depth, given what is around.
+fn may_hide(around: Summary, depth: f32, steps: &Steps) -> bool {
+    around.count < DENSE || steps.may_be_in_front(around.nearest, depth)
 }
 
 /// Whether some points stand around the origin: no line through it has all of them on one side.

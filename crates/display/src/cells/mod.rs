@@ -25,6 +25,7 @@ mod near;
 mod nearest;
 mod radius;
 mod sites;
+mod squares;
 mod step;
 
 use crate::quadtree::pixels::{Known, bin_of};
@@ -178,8 +179,7 @@ impl Cells {
         let few: Vec<bool> = (0..known.len()).map(few).collect();
         let few = |pixel: usize| few[pixel];
         let mean = |pixel: usize| frame.picture.pixels[pixel];
-        let local =
-            local::local(&points, (self.tree.size().0 as usize, known.len()), few, single, mean, &Steps(&self.tree));
+        let local = local::local(&points, self.size(), few, single, mean, &Steps(&self.tree));
         for (colour, local) in frame.picture.pixels.iter_mut().zip(local) {
             *colour = local.unwrap_or(*colour);
         }
@@ -211,9 +211,8 @@ impl Cells {
         let hidden = self.hidden(&known, &depth);
         let site = |pixel: usize| self.sites.of(pixel).filter(|_| !hidden[pixel]);
         let points = Points::in_pixels(self.tree.size(), |pixel| site(pixel).map(Site::within));
-        let (width, height) = self.tree.size();
         let with_sites = (0..known.len()).filter(|&pixel| site(pixel).is_some());
-        let radii = Radii::new((width as usize, height as usize), with_sites);
+        let radii = Radii::new(self.size(), with_sites);
         let mut frame = self.tree.frame_of(&known);
         frame.samples_used = points.count() as u64;
         let mut cells: Vec<Option<u32>> = vec![None; known.len()];
@@ -233,6 +232,12 @@ impl Cells {
         frame
     }
 
+    /// Columns and rows.
+    fn size(&self) -> (usize, usize) {
+        let (width, height) = self.tree.size();
+        (width as usize, height as usize)
+    }
+
     /// Which pixels' samples are of what a nearer surface hides.
     fn hidden(&self, known: &[Known], depth: &[f32]) -> Vec<bool> {
         if !known.contains(&Known::Afar) {
@@ -240,10 +245,8 @@ impl Cells {
         }
         let has_site = |pixel: usize| matches!(known[pixel], Known::Afar | Known::Near | Known::Mixture);
         let points = Points::in_middles(self.tree.size(), has_site);
-        let (width, height) = self.tree.size();
-        let size = (width as usize, height as usize);
         let may_be = |pixel: usize| known[pixel] == Known::Afar;
-        hidden::hidden(&points, size, depth, &Steps(&self.tree), may_be, has_site)
+        hidden::hidden(&points, self.size(), depth, &Steps(&self.tree), may_be, has_site)
     }
 
     /// Whether the tree takes a pixel's samples for hidden by what most around it are of. Where those do not stand around it, they do not
