@@ -7,9 +7,6 @@
 
 use bytemuck::Zeroable;
 
-/// Smallest page of any processor that Linux runs on here.
-const PAGE: usize = 4096;
-
 /// `count` times `value`.
 pub(crate) fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
     let mut memory = reserved(count);
@@ -26,14 +23,9 @@ pub(crate) fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
         memory.resize_with(count, T::zeroed);
         return memory;
     }
-    let mut memory = sparse(count);
+    let mut memory = bytemuck::zeroed_vec(count);
     advise(&mut memory);
     memory
-}
-
-/// The same in small pages, for memory little of which is touched, here and there.
-pub(crate) fn sparse<T: Zeroable>(count: usize) -> Vec<T> {
-    bytemuck::zeroed_vec(count)
 }
 
 /// A copy of these.
@@ -59,6 +51,8 @@ fn advise<T>(memory: &mut [T]) {
         use rustix::mm::{Advice, madvise};
         /// Bytes from which it is worth asking: below, the memory is not the system's to give page by page.
         const LEAST: usize = 1 << 18;
+        /// Smallest page of any processor that Linux runs on here.
+        const PAGE: usize = 4096;
         let bytes = size_of_val(memory);
         if bytes >= LEAST {
             let start = memory.as_mut_ptr().addr() / PAGE * PAGE;

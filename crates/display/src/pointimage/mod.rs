@@ -65,7 +65,7 @@ mod update;
 mod zbuffer;
 
 pub use beams::best_beam;
-pub(crate) use huge::{copied, filled, reserved, sparse, zeroed};
+pub(crate) use huge::{copied, filled, reserved, zeroed};
 pub use isa::Instructions;
 pub use map::far_depth;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing, Stage, Stages};

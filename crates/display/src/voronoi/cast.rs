@@ -7,7 +7,8 @@ use super::labels::{Labelled, label};
 use super::surfaces::{Caster, Face, Image, Seen, Surfaces};
 use crate::parts::for_parts;
 use crate::pointimage::isa::Isa;
-use crate::pointimage::{filled, sparse, zeroed};
+use crate::pointimage::{filled, zeroed};
+use bytemuck::zeroed_vec;
 use glam::Vec3;
 use holo_raycast::{Hit, MAX_TILE, MAX_TOGETHER, Ray};
 use holo_scene::Rgb;
@@ -48,9 +49,9 @@ impl Pixels {
         Pixels { seen: zeroed(count), keys: zeroed(count) }
     }
 
-    /// The same, of which few are going to see anything.
+    /// The same, of which few are going to see anything: in small pages, only those are touched.
     fn mostly_unseen(count: usize) -> Pixels {
-        Pixels { seen: sparse(count), keys: sparse(count) }
+        Pixels { seen: zeroed_vec(count), keys: zeroed_vec(count) }
     }
 
     fn set(&mut self, pixel: usize, seen: Seen) {

@@ -210,12 +210,10 @@ impl<'a> Drawing<'a> {
                 .map_or(Some(middles[*by as usize]), |light| Some(main.shadings.lit(*material, light))),
             // Where only the pane or mirror itself has samples, a neighbour's are as good.
             Shows::Through(behind) => {
-                let near = polished(&main.layer.surfaces, pixel);
-                let plain = behind[0].as_ref().filter(|behind| main.is_unplaced(&behind.seen)).and(near);
-                plain
-                    .and_then(|near| self.plainly(near))
-                    .or_else(|| self.through(behind))
-                    .or_else(|| near.map(|near| middles[near]))
+                let near = || polished(&main.layer.surfaces, pixel);
+                let is_unplaced = behind[0].as_ref().is_some_and(|behind| main.is_unplaced(&behind.seen));
+                let plain = if is_unplaced { near().and_then(|near| self.plainly(near)) } else { None };
+                plain.or_else(|| self.through(behind)).or_else(|| near().map(|near| middles[near]))
             }
             Shows::Other | Shows::Beyond => None,
         }

@@ -40,7 +40,7 @@ const BESIDE_EDGES: f32 = 2.0;
 /// A mean with no more relative error than this is not widened: a step of an 8-bit display.
 const ENOUGH: f32 = 0.004;
 
-/// Samples from which a variance is estimated at the least.
+/// Samples from which a variance is estimated at the least, and of which a mean is that wider ones are held against.
 const FEWEST: f32 = 12.0;
 
 /// Rows of one piece of work where a row is made of those above and below: so many that what is shared between pieces is not much.
@@ -445,9 +445,7 @@ impl Choices<'_> {
             let takes = (state & OPEN != 0) & (samples[i] > 0.0);
             states[i] = state | if takes { KNOWN } else { 0 };
             open |= state;
-            let is_told = samples[i] >= FEWEST;
-            doubted[i] = if is_told { doubts[i] } else { 0.0 };
-            doubts[i] = if is_told { doubts[i] * doubts[i] } else { 0.0 };
+            doubted[i] = if samples[i] >= FEWEST { doubts[i] } else { 0.0 };
             // Of what is not taken no samples are kept.
             samples[i] = if takes { samples[i] } else { 0.0 };
         }
@@ -455,7 +453,7 @@ impl Choices<'_> {
             let light = &mut light[left..][..count];
             for i in 0..count {
                 let mean = sums[i] * shares[i];
-                let kept = if doubts[i] > 0.0 { doubts[i] * (light[i] - mean) } else { 0.0 };
+                let kept = if doubted[i] > 0.0 { doubted[i] * doubted[i] * (light[i] - mean) } else { 0.0 };
                 light[i] = if samples[i] > 0.0 { mean + kept } else { light[i] };
             }
         }
