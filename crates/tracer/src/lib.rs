@@ -20,6 +20,7 @@ mod bsdf_tests;
 mod cached;
 mod coat;
 mod conductor;
+mod deviations;
 mod direct;
 #[cfg(test)]
 mod direct_tests;
