@@ -23,6 +23,7 @@ mod paint;
 pub(crate) mod pixels;
 mod pyramid;
 pub(crate) mod reproject;
+mod shown;
 mod surface;
 mod tile;
 mod wide;

@@ -3,13 +3,13 @@
 //! Invariant: a pixel is a function of the leaves and, by the noise found last, of the pixels of its tile before it: tiles are drawn on all
 //! cores, in any order.
 
-use super::bins::{BINS_AN_OCTAVE, NEAR_CLASSES, bin_distance_squared};
-use super::leaf::{Reader, beside, own_surface};
-use super::pyramid::Level;
+use super::bins::{NEAR_CLASSES, bin_distance_squared};
+use super::leaf::{Reader, beside};
+use super::shown::Shown;
 use super::surface::{Surface, gap_allowed};
 use super::tile::TileColours;
 use super::wide::Agreement;
-use super::{Frame, LeafSize, MultiDepth, Pyramids, Quadtree, QuadtreeParams, SEEN_SHARE};
+use super::{Frame, LeafSize, MultiDepth, Pyramids, Quadtree, QuadtreeParams};
 use crate::parts::for_parts;
 use bytemuck::Zeroable;
 use holo_section::BeamId;
@@ -18,10 +18,7 @@ use holo_section::BeamId;
 pub(super) const TILE: usize = 16;
 
 /// Depth bins between a surface and one that hides it: a fifth of the distance.
-const CLEARLY_IN_FRONT: u16 = 8;
-
-/// Samples a pixel from which a surface without one is not there: with 2 expected, one pixel in seven has none.
-const MANY_A_PIXEL: u32 = 2;
+pub(super) const CLEARLY_IN_FRONT: u16 = 8;
 
 /// How many tiles a picture has.
 pub(super) fn tile_count((width, height): (u32, u32)) -> usize {
@@ -105,7 +102,7 @@ impl UnseenPixels {
 
 /// Reads colours from all samples, or from those that look as the eye does where the others differ.
 pub(super) struct Painter<'a> {
-    all: Reader<'a>,
+    pub all: Reader<'a>,
     /// None: all are.
     narrow: Option<(Reader<'a>, &'a Agreement)>,
 }
@@ -131,7 +128,7 @@ impl<'a> Painter<'a> {
 
 impl Painter<'_> {
     /// As [`Reader::colour`].
-    fn colour(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> [f32; 3] {
+    pub fn colour(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> [f32; 3] {
         let all = self.all.colour(column, row, start, bins);
         self.narrow_part(column, row, start, bins).map_or(all, |part| part.mixed_with(all))
     }
@@ -182,108 +179,6 @@ impl NarrowPart {
     fn mixed_with(&self, all: [f32; 3]) -> [f32; 3] {
         [0, 1, 2].map(|channel| self.own[channel] + self.share * (all[channel] - self.own[channel]))
     }
-}
-
-/// What a pixel shows.
-enum Shown<'a> {
-    /// A colour that is known, and a squared distance.
-    Known([f32; 3], f32),
-    /// A surface of its own.
-    Own(&'a Surface),
-    /// One surface, as from larger leaves of a level on, by its bins there.
-    Surface(usize, (u16, u16)),
-    /// A colour, and the nearest bin of what it is mixed of.
-    Mixed([f32; 3], u16),
-}
-
-/// Of pixels that nothing is known of.
-const NOTHING: Shown<'static> = Shown::Known([0.0; 3], 0.0);
-
-/// What a pixel with samples of its own shows.
-///
-/// Samples that pass near the eye are samples of this very pixel: their shares are the surfaces' coverage, which is what
-/// makes a silhouette smooth. With none of them the nearest surface is what is seen: whatever lies behind was seen past its
-/// edge.
-fn mix<'a>(
-    painter: &Painter,
-    column: usize,
-    row: usize,
-    own: &'a [Surface],
-    ask_nearer: bool,
-    depths: &mut MultiDepth,
-) -> Shown<'a> {
-    let Some(front) = own.first() else { return NOTHING };
-    let near = |surface: &Surface| near_count(surface, front, ask_nearer);
-    let all: f32 = own.iter().map(near).sum();
-    let alone = Shown::Own(front);
-    if all == 0.0 {
-        let covered = covering(painter, column, row, front);
-        depths.by_leaves += u64::from(covered.is_some());
-        depths.remaining += u64::from(covered.is_none() && own.len() > 1);
-        return covered.map_or(alone, |(level, bins)| Shown::Surface(level, bins));
-    }
-    if own.len() == 1 {
-        return alone;
-    }
-    depths.by_near_samples += 1;
-    let mut colour = [0.0; 3];
-    let mut nearest = None;
-    for surface in own.iter().filter(|surface| near(surface) > 0.0) {
-        let coverage = near(surface) / all;
-        for (sum, part) in colour.iter_mut().zip(painter.colour(column, row, 0, surface.bins)) {
-            *sum += coverage * part;
-        }
-        nearest = nearest.or(Some(surface.bins.0));
-    }
-    nearest.map_or(NOTHING, |bin| Shown::Mixed(colour, bin))
-}
-
-/// Level and bins of a surface that hides a pixel's front surface, though the pixel has no sample of it.
-///
-/// Where samples are few, those of a far surface show through between those of a near one, having looked past its edge (the
-/// paper's Figure 6). A surface in front that most samples of the 4 × 4 or 2 × 2 pixels around are of is taken to go on
-/// here, unless it has so many samples that it would have had one here. Only for pixels with no sample near the eye: those
-/// see for themselves. On a disc before a wall eight times as far, batch samples of a 4³ grid, this took a tenth (0.4 a
-/// pixel) to four tenths (1 to 3 a pixel) off the error; a third instead of a half made some worse. On a ball before a near
-/// wall, 16³ grid, it costs 0.1 to 0.4 dB.
-fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Option<(usize, (u16, u16))> {
-    [2, 1].into_iter().find_map(|level| {
-        let leaf = painter.all.levels.get(level)?.leaf(column >> level, row >> level);
-        let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
-        let hides = |surface: &&Surface| {
-            surface.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0
-                && surface.count as f32 >= 0.5 * all
-                && surface.count <= MANY_A_PIXEL << (2 * level)
-        };
-        let hiding = leaf.iter().find(hides)?;
-        Some((level, hiding.bins))
-    })
-}
-
-/// Samples of a surface that pass so near the eye that they see past the front surface what the eye sees.
-///
-/// Within the footprint of a pixel at their own distance is not near enough: with `front` at an eighth of the distance they
-/// would look behind it by seven pixels (batch pictures then got worse with more samples). The radius is halved for each
-/// whole doubling from the front to the surface, which keeps that below a pixel and a half.
-fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
-    let behind = surface.bins.0.saturating_sub(front.bins.0);
-    let halvings = if ask_nearer { usize::from(behind / BINS_AN_OCTAVE) } else { 0 };
-    surface.near().iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum()
-}
-
-/// What a pixel without samples shows: that of the smallest leaf around it that has any.
-#[inline(always)]
-fn fill(painter: &Painter, column: usize, row: usize) -> Shown<'static> {
-    let filling = painter.all.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
-        let leaf = leaves.leaf(column >> level, row >> level);
-        if let [only] = leaf {
-            return Some((level, only.bins));
-        }
-        let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
-        let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
-        Some((level, own_surface(leaf, seen.bins)?.bins))
-    });
-    filling.map_or(NOTHING, |(level, bins)| Shown::Surface(level, bins))
 }
 
 /// Draws pixels tile by tile.
@@ -484,32 +379,5 @@ impl Quadtree {
             depths.add(&sum.depths);
         }
         depths
-    }
-
-    /// What a pixel shows, given its leaf, and as what it is counted.
-    fn shown<'a>(
-        &self,
-        painter: &Painter,
-        column: usize,
-        row: usize,
-        own: &'a [Surface],
-        is_unseen: bool,
-        depths: &mut MultiDepth,
-    ) -> (Counts, Shown<'a>) {
-        if !self.covered[row * self.size.0 as usize + column] {
-            return (Counts::default(), NOTHING);
-        }
-        if is_unseen {
-            let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
-            return (Counts { unseen: true, ..Counts::default() }, Shown::Known(colour, f32::INFINITY));
-        }
-        // A radius that was given is that of the nearest surface already.
-        let ask_nearer = self.params.viewpoint_radius.is_none();
-        let shown = match own {
-            [] => fill(painter, column, row),
-            _ => mix(painter, column, row, own, ask_nearer, depths),
-        };
-        let samples = painter.all.levels[0].samples_of(row * self.size.0 as usize + column);
-        (Counts { samples, empty: own.is_empty(), unseen: false }, shown)
     }
 }
