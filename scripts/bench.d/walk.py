@@ -21,8 +21,6 @@ RATIOS = ((1, "120..180"), (8, "0..1000"), (64, "0..1000"), (256, "0..1000"))
 BAR_RATIO = 64
 # Paths of a sample.
 NOISES = (("noisy", 1), ("clean", 16))
-# One in how many frames has a truth.
-CABIN_EVERY, INTERIOR_EVERY = 10, 30
 # Decibels that the render cache has to be above its first paper, and above frameless.
 WANTED = 3.0
 
@@ -35,20 +33,18 @@ class Recorded:
     title: str
     scene: Path
     walk: Path
-    # One in how many frames is held against a truth.
-    every: int
 
 
 def walk(bench: Bench) -> Part:
     """Recorded walks through the bundled interior and the cabin, every driver, tracing in lockstep with frames."""
+    every = 80 if bench.quick else 10
     part = Part(
         "A recorded walk",
         [
             "`crates/display/examples/walk`: rest, turns of 90 to 120 degrees a second, a walk of 1.5 to 2 m/s through a door, rest, "
             "at 30 frames a second and 320×240. In each frame a driver gets pixels / *ratio* new samples that it asked for in the frame "
             "before; the next frame's view is what is predicted. Direct light and mirrors; *noisy* samples are of one path, *clean* of "
-            f"16. Every {CABIN_EVERY}th frame of the cabin's and every {INTERIOR_EVERY}th of the interior's, whose truths take a minute each, is held "
-            "against a render of relMSE ≤ 0.005 where 1024 paths do. *1999*: the stages of "
+            f"16. Every {every}th frame is held against a render of relMSE ≤ 0.005 where 1024 paths do. *1999*: the stages of "
             "the render cache's first paper; it keeps its last colours and smooths everywhere. `quadtree` and `voronoi` keep all samples so far, as a server "
             "would, and ask anywhere in the picture. PSNR as displayed, and structural similarity of luminance as displayed, means "
             f"over frames. With ratio 1, frames {RATIOS[0][1]} only.",
@@ -57,7 +53,7 @@ def walk(bench: Bench) -> Part:
     program = bench.cargo.build("holo-display", "--example", "walk")
     for recorded in walks(bench, part):
         found = {
-            (noise, ratio): shown(bench, program, recorded, paths, ratio, frames, DRIVERS)
+            (noise, ratio): shown(bench, program, recorded, paths, ratio, frames, every, DRIVERS)
             for noise, paths in NOISES
             for ratio, frames in (RATIOS[1:3] if bench.quick else RATIOS)
         }
@@ -69,17 +65,17 @@ def walk(bench: Bench) -> Part:
             strip = f"walk-{recorded.name}-{paths}-{BAR_RATIO}.png"
             caption = f"The {recorded.title}, {noise} samples: the truth, {', '.join(DRIVERS)} from above, five moments"
             part.plots.append(Plot(f"benchmarks/{strip}", caption))
-        part.tables.append(ablation(bench, program, recorded, found))
+        part.tables.append(ablation(bench, program, recorded, every, found))
     return part
 
 
 def walks(bench: Bench, part: Part) -> list[Recorded]:
     recordings = bench.root / "crates/display/examples/walk/walks"
     interior = bench.scenes.bundle() / "interior.obj"
-    found = [Recorded("interior", "bundled interior", interior, recordings / "interior.walk", INTERIOR_EVERY)]
+    found = [Recorded("interior", "bundled interior", interior, recordings / "interior.walk")]
     cabin = bench.shared / "scenes/cabin/cabin.obj"
     if cabin.exists():
-        found.append(Recorded("cabin", "cabin", cabin, recordings / "cabin.walk", CABIN_EVERY))
+        found.append(Recorded("cabin", "cabin", cabin, recordings / "cabin.walk"))
     else:
         part.skipped.append("the cabin is not in ../shared/scenes")
     return found
@@ -92,6 +88,7 @@ def shown(
     paths: int,
     ratio: int,
     frames: str,
+    every: int,
     drivers: tuple[str, ...],
 ) -> dict[str, dict]:
     """What the example says of each driver. Truths stay between runs, as long as scene and walk are the same."""
@@ -101,7 +98,7 @@ def shown(
     truths = bench.root / "target/walk-truths" / f"{recorded.name}-{state}-{most}"
     out = bench.plots / f"walk-{recorded.name}-{paths}-{ratio}"
     command = [program, recorded.scene, recorded.walk, "--bounces", "0", "--paths", str(paths), "--ratio", str(ratio),
-               "--frames", frames, "--every", str(80 if bench.quick else recorded.every), "--truth-paths", str(most), "--drivers", ",".join(drivers),
+               "--frames", frames, "--every", str(every), "--truth-paths", str(most), "--drivers", ",".join(drivers),
                "--truths", truths, "--out", out]  # fmt: skip
     said = [json.loads(line) for line in run(command).stdout.splitlines()]
     strip = out / "strip.png"
@@ -145,14 +142,14 @@ def over_time(bench: Bench, recorded: Recorded, noise: str, by_driver: dict[str,
     return Plot(f"benchmarks/{file}", title)
 
 
-def ablation(bench: Bench, program: Path, recorded: Recorded, found: dict) -> Table:
+def ablation(bench: Bench, program: Path, recorded: Recorded, every: int, found: dict) -> Table:
     """What each stage brings at the ratio of the bar."""
     table = Table(f"The {recorded.title}, ratio {BAR_RATIO}: the render cache without a stage", [["without", ""]])
     drivers = tuple(f"pointimage-{stage}" for stage in STAGES)
     rows: dict[str, list[Figure]] = {"nothing": [], **{stage: [] for stage in STAGES}}
     for noise, paths in NOISES:
         table.columns += [[f"{noise}, dB", ".2f"], ["SSIM", ".3f"]]
-        by_driver = shown(bench, program, recorded, paths, BAR_RATIO, "0..1000", drivers)
+        by_driver = shown(bench, program, recorded, paths, BAR_RATIO, "0..1000", every, drivers)
         by_driver["pointimage"] = found[noise, BAR_RATIO]["pointimage"]
         for name, row in rows.items():
             said = by_driver["pointimage" if name == "nothing" else f"pointimage-{name}"]
