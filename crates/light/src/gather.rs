@@ -29,6 +29,27 @@ pub struct Source {
     pub normal: Option<Vec3>,
 }
 
+/// Holds what each ray brings to a share of what all of them bring, `most`; infinite, it holds nothing. One in thousands of records has met something so rare and
+/// bright, a lamp in a bottle, that it alone would make a wall brighter by a quarter for as far as the record goes. What this takes
+/// away is as rare.
+pub fn hold(arrivals: &mut [Arrival], most: f32) {
+    /// Of holding, and of summing up what is left.
+    const ROUNDS: usize = 4;
+    if most.is_infinite() {
+        return;
+    }
+    let mut bound = f32::INFINITY;
+    for _ in 0..ROUNDS {
+        bound = most * arrivals.iter().map(|arrival| luminance(arrival.radiance).min(bound)).sum::<f32>();
+    }
+    for arrival in arrivals {
+        let brought = luminance(arrival.radiance);
+        if brought > bound {
+            arrival.radiance *= bound / brought;
+        }
+    }
+}
+
 impl Record {
     /// Adds what came from sources. A source's part grows and shrinks as (n·w)(n'·w)/|w|⁴ with the vector w towards it.
     pub fn add(&mut self, sources: &[Source]) {

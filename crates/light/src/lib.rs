@@ -8,6 +8,6 @@ mod gather;
 mod record;
 mod store;
 
-pub use gather::{Arrival, Hemisphere, Source};
+pub use gather::{Arrival, Hemisphere, Source, hold};
 pub use record::Record;
 pub use store::{Found, MAX_RECORDS, Store};

@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_light::{Arrival, Found, Hemisphere, Record, Source, Store};
+use holo_light::{Arrival, Found, Hemisphere, Record, Source, Store, hold};
 use holo_raycast::{Raycaster, SurfacePoint};
 use holo_scene::{Bsdf, Material, Scene};
 use proptest::prelude::*;
@@ -39,6 +39,29 @@ fn rays_lie_in_strata_of_equal_flux_and_even_light_is_found_exactly() {
         assert!(Vec3::from(record.shift[c]).length() < 1e-4, "even light has no gradient");
     }
     assert!((record.radius - 2.0).abs() < 1e-5 && record.nearest == 2.0 && record.error < 1e-3);
+}
+
+#[test]
+fn one_ray_in_thousands_does_not_decide_about_a_record() {
+    let gather = |outlier: f32, most: f32| {
+        let arrival = |index: usize| {
+            let radiance = if index == 123 { Vec3::new(2.0, 1.0, 0.5) * outlier } else { Vec3::ONE };
+            Arrival { radiance, distance: 1.0 }
+        };
+        let mut arrivals: Vec<Arrival> = (0..1000).map(arrival).collect();
+        hold(&mut arrivals, most);
+        arrivals.iter().map(|arrival| arrival.radiance).sum::<Vec3>()
+    };
+    let (fair, held) = (gather(20.0, 0.03), gather(400.0, 0.03));
+    assert_eq!(fair, gather(20.0, f32::INFINITY), "what is within the share stays as it is");
+    // What it may bring at the most is a share of itself and 999 others.
+    let brought = (held - 999.0).dot(Vec3::new(0.265, 0.670, 0.065));
+    assert!((brought / (999.0 + brought) - 0.03).abs() < 1e-3, "{brought}");
+    assert!(((held.x - 999.0) / (held.z - 999.0) - 4.0).abs() < 1e-2, "its hue stays");
+    assert_eq!(gather(0.0, 0.03), Vec3::splat(999.0));
+    let mut dark = [Arrival::default(); 8];
+    hold(&mut dark, 0.03);
+    assert!(dark.iter().all(|arrival| arrival.radiance == Vec3::ZERO));
 }
 
 #[test]
