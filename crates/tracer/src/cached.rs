@@ -44,7 +44,7 @@ pub const DEFAULT_ACCURACY: f32 = 0.03;
 pub const ACCURACIES: std::ops::RangeInclusive<f32> = 0.002..=0.5;
 
 /// Samples of the lights at a first diffuse surface: with clean indirect light, direct light is what is left of the noise.
-const LIGHT_SAMPLES: u32 = 8;
+const LIGHT_SAMPLES: u32 = 10;
 
 /// Rays that tell how many a record needs, at least and at most, and over those that it would need if they differed by their mean: with fewer,
 /// many pilots do not meet what is bright.
