@@ -140,7 +140,7 @@ impl Painter<'_> {
         (own.near() != [0; NEAR_CLASSES]) | !self.may_be_covered(column, row, own)
     }
 
-    /// Whether a surface around lies so far in front of a pixel's that it may be found [`covering`] it.
+    /// Whether a surface around lies so far in front of a pixel's that it may be found covering it.
     #[inline(always)]
     fn may_be_covered(&self, column: usize, row: usize, front: &Surface) -> bool {
         let covers = |level: usize| {
