@@ -35,6 +35,9 @@ const LEAST_COSINE: f32 = 0.978;
 /// How far a point may be out of a record's plane, over their distance, where both face the same way.
 const LEVEL: f32 = 0.02;
 
+/// Over the distance to the nearest surface that a record's rays met: nothing stands between it and a point so near.
+const CERTAINLY_SEEN: f32 = 0.5;
+
 #[derive(Debug, Default)]
 struct Slot {
     record: OnceLock<Record>,
@@ -119,14 +122,18 @@ impl Store {
 
     /// Adds a record, after its radius and those of its neighbours were made to agree: no radius is greater than another's by
     /// more than the distance between the two, so that what one record saw nearby is known to those around it (Křivánek et al. 2006,
-    /// "Making Radiance and Irradiance Caching Practical"). `false` if it is not valid, there already, or the store is full.
-    pub fn insert(&self, record: Record) -> bool {
-        self.add(record, false)
+    /// "Making Radiance and Irradiance Caching Practical"); and where two records of one kind contradict each other, neither reaches
+    /// far beyond the other. `false` if it is not valid, there already, or the store is full.
+    ///
+    /// `hidden` tells whether something stands between the new record and another, which then says nothing of it.
+    pub fn insert(&self, record: Record, hidden: impl FnMut(&Record) -> bool) -> bool {
+        self.add(record, false, hidden)
     }
 
-    /// As [`insert`](Self::insert), for a record that somebody else made.
+    /// As [`insert`](Self::insert), for a record that somebody else made: others that may be hidden from it say nothing of it.
     pub fn receive(&self, record: Record) -> bool {
-        self.add(record, true)
+        let point = Vec3::from(record.point);
+        self.add(record, true, |other| point.distance(other.point.into()) > CERTAINLY_SEEN * other.nearest)
     }
 
     /// At most `most` of the records from number `from` on, without those received, and the number to go on from.
@@ -147,7 +154,7 @@ impl Store {
         self.slots.get(index / CHUNK)?.get()?.get(index % CHUNK)
     }
 
-    fn add(&self, mut record: Record, received: bool) -> bool {
+    fn add(&self, mut record: Record, received: bool, mut hidden: impl FnMut(&Record) -> bool) -> bool {
         if !record.is_valid() {
             return false;
         }
@@ -161,6 +168,11 @@ impl Store {
             let distance = point.distance(Vec3::from(other.point));
             if normal.dot(Vec3::from(other.normal)) > LEAST_COSINE && distance < radius {
                 record.radius = record.radius.min(radius + distance);
+                let reach = distance * record.agreed_share(other);
+                if reach < distance && other.flags == record.flags && !hidden(other) {
+                    record.radius = record.radius.min(reach);
+                    slot.radius.fetch_min(reach.max(0.5 * self.width).to_bits(), Ordering::Relaxed);
+                }
                 slot.radius.fetch_min((record.radius + distance).to_bits(), Ordering::Relaxed);
             }
             true
@@ -224,7 +236,7 @@ impl Store {
             }
             let turned = ((1.0 - cosine).max(0.0) / (1.0 - LEAST_COSINE)).sqrt();
             let weight = 1.0 - (distance / radius).max(turned);
-            if weight <= 0.0 || distance > 0.5 * record.nearest && hidden(record) {
+            if weight <= 0.0 || distance > CERTAINLY_SEEN * record.nearest && hidden(record) {
                 return true;
             }
             found.irradiance += record.extrapolate(point, normal) * weight;

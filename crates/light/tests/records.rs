@@ -206,7 +206,7 @@ fn record(point: Vec3, light: f32, radius: f32, id: u64) -> Record {
 fn no_light_comes_through_a_wall_without_thickness() {
     let raycaster = walled();
     let store = Store::new(0.01);
-    assert!(store.insert(record(local(&raycaster, 0.5, 0.0).point, 7.0, 2.0, 1)));
+    assert!(store.insert(record(local(&raycaster, 0.5, 0.0).point, 7.0, 2.0, 1), |_| false));
     let beside = told(&store, &raycaster, &local(&raycaster, 0.1, 0.1), Vec3::Z);
     assert_eq!(beside.map(|found| found.irradiance), Some(Vec3::splat(7.0)));
     for x in [-0.01, -0.1, -0.5, -1.0] {
@@ -220,7 +220,7 @@ fn no_light_comes_through_a_wall_without_thickness() {
 #[test]
 fn a_record_is_for_its_own_surface_and_not_for_one_a_step_behind_or_before_it() {
     let store = Store::new(0.01);
-    assert!(store.insert(record(Vec3::ZERO, 3.0, 2.0, 1)));
+    assert!(store.insert(record(Vec3::ZERO, 3.0, 2.0, 1), |_| false));
     let known = |point: Vec3, normal: Vec3| store.irradiance(point, normal, f32::INFINITY, |_| false).is_some();
     for distance in [0.1_f32, 0.5, 1.0, 1.9] {
         assert!(known(Vec3::new(distance, 0.0, 0.0), Vec3::Z), "{distance}");
@@ -240,12 +240,34 @@ fn a_record_is_for_its_own_surface_and_not_for_one_a_step_behind_or_before_it() 
     }
 }
 
+/// What light does between two records that contradict each other no gradient tells: only what is near belongs to one of them. Noise is
+/// no contradiction, nor is what a wall keeps apart.
+#[test]
+fn records_that_contradict_each_other_beyond_their_noise_reach_less_far() {
+    let radii = |light: f32, error: f32, hidden: bool| {
+        let store = Store::new(0.01);
+        let noisy = |x: f32, light, id| Record { error, ..record(Vec3::X * x, light, 2.0, id) };
+        assert!(store.insert(noisy(0.0, 1.0, 1), |_| hidden));
+        assert!(store.insert(noisy(1.0, light, 2), |_| hidden));
+        [0, 1].map(|index| store.get(index).map(|record| record.radius))
+    };
+    let whole = [Some(2.0), Some(2.0)];
+    assert_eq!(radii(1.0, 0.03, false), whole);
+    assert_eq!(radii(1.1, 0.03, false), whole, "2.2 standard errors");
+    assert_eq!(radii(1.4, 0.03, true), whole, "behind a wall");
+    assert_eq!(radii(1.4, 0.0, false), whole, "of unknown noise");
+    for radius in radii(1.4, 0.03, false) {
+        // 0.4 is 7.75 standard errors of both: 1 over its root.
+        assert!(radius.is_some_and(|radius| (radius - 0.359).abs() < 1e-3), "{radius:?}");
+    }
+}
+
 #[test]
 fn what_was_received_is_not_passed_on_as_made_here() {
     let store = Store::new(0.01);
     for id in 0..10 {
         let record = record(Vec3::X * id as f32, 1.0, 0.5, id);
-        assert!(if id % 3 == 0 { store.receive(record) } else { store.insert(record) });
+        assert!(if id % 3 == 0 { store.receive(record) } else { store.insert(record, |_| false) });
     }
     let ids = |(records, next): (Vec<Record>, usize)| (records.iter().map(|r| r.id).collect::<Vec<_>>(), next);
     assert_eq!(ids(store.made_since(0, 3)), (vec![1, 2, 4], 5));
@@ -269,10 +291,10 @@ fn what_is_not_a_record_is_not_taken() {
     for spoil in bad {
         let mut record = good;
         spoil(&mut record);
-        assert!(!store.insert(record), "{record:?}");
+        assert!(!store.insert(record, |_| false), "{record:?}");
     }
-    assert!(store.insert(good));
-    assert!(!store.insert(good), "the same again");
+    assert!(store.insert(good, |_| false));
+    assert!(!store.insert(good, |_| false), "the same again");
     assert_eq!(store.len(), 1);
 }
 
@@ -286,7 +308,10 @@ fn readers_see_whole_records_while_others_add_to_them() {
             scope.spawn(move || {
                 for i in 0..500 {
                     let x = 1.0 + 0.01 * (i % 100) as f64;
-                    store.insert(record(local(raycaster, x, 0.02 * i as f64 / 10.0).point, 4.0, 0.5, writer << 32 | i));
+                    store.insert(
+                        record(local(raycaster, x, 0.02 * i as f64 / 10.0).point, 4.0, 0.5, writer << 32 | i),
+                        |_| false,
+                    );
                 }
             });
         }
@@ -322,9 +347,9 @@ proptest! {
             .collect();
         let (forwards, backwards) = (Store::new(0.01), Store::new(0.01));
         for record in records.iter().chain(&records) {
-            forwards.insert(*record);
+            forwards.insert(*record, |_| false);
         }
-        records.iter().rev().for_each(|record| { backwards.insert(*record); });
+        records.iter().rev().for_each(|record| { backwards.insert(*record, |_| false); });
         prop_assert_eq!(forwards.len(), records.len());
         prop_assert_eq!(backwards.len(), records.len());
         let point = local(&raycaster, at.0, at.1);

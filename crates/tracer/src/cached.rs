@@ -8,9 +8,10 @@
 //!
 //! Always true:
 //! - what is traced does not depend on the cache but within the engine's accuracy;
-//! - how many rays a record has, and how far it reaches, do not depend on the light that these rays bring: its expectation, and that
-//!   of what is interpolated, is that of paths, but for what gradients leave over a radius, and for what single rays bring beyond the
-//!   accuracy, in a cabin with bottles and mirrors 0.2 % of exact records' light and 1.5 % of coarse ones'.
+//! - how many rays a record has, and how far it reaches, do not depend on the light that these rays bring, unless it contradicts
+//!   records around, which then reach less far, too: its expectation, and that of what is interpolated, is that of paths, but for what
+//!   gradients leave over a radius, and for what single rays bring beyond the accuracy, in a cabin with bottles and mirrors 0.2 % of
+//!   exact records' light and 1.5 % of coarse ones'.
 
 use std::cell::Cell;
 use std::f32::consts::FRAC_1_PI;
@@ -180,7 +181,7 @@ impl Cached {
         // too dark. What is noisy still is averaged with more neighbours.
         let reached = deviation / (record.rays as f32).sqrt();
         record.radius = record.radius.min(gradient_limit(&pilot)) * (error / reached).clamp(0.25, 1.0);
-        self.store.insert(record);
+        self.insert(record, met);
         let made = Vec3::from(record.irradiance);
         // The new record has weight 1.
         Some(found.map_or(made, |found| (found.irradiance * found.weight + made) / (found.weight + 1.0)))
@@ -210,13 +211,18 @@ impl Cached {
         })
     }
 
+    fn insert(&self, record: Record, met: &Met) {
+        let &Met { raycaster, point, normal, .. } = met;
+        self.store.insert(record, |other| raycaster.parted(point, normal, other.point.into(), other.normal.into()));
+    }
+
     /// Irradiance by indirect light at a point that a record's ray meets where there is none at all near: by a coarse record that is made.
     fn coarse(&self, engine: &PathEngine, met: &Met) -> Vec3 {
         let error = COARSE_ERROR * self.quality.error;
         let pilot = self.gather(engine, met, pilot_rays(error, COARSE_PILOT_RAYS), COARSE, f32::INFINITY);
         let rays = ((self.deviations.take_in(&pilot) / error).powi(2) as u32).clamp(LEAST_RAYS, MOST_RAYS);
         let record = self.gather(engine, met, rays, COARSE, error);
-        self.store.insert(record);
+        self.insert(record, met);
         record.irradiance.into()
     }
 

@@ -63,7 +63,9 @@ fn records_of_indirect_light_light_what_has_no_samples_and_nothing_that_they_do_
     let records = Store::new(0.01);
     let even = std::f32::consts::PI * 0.5;
     for y in -4..=8 {
-        (-4..=8).for_each(|z| assert!(records.insert(record(y as f32, z as f32, even, stage.raycaster.scene()))));
+        (-4..=8).for_each(|z| {
+            assert!(records.insert(record(y as f32, z as f32, even, stage.raycaster.scene()), |_| false))
+        });
     }
     let records = Arc::new(records);
     let drawn = stage.empty().with_records(Arc::clone(&records)).draw();
@@ -103,7 +105,9 @@ fn a_material_without_samples_gets_the_direct_light_of_surfaces_and_not_that_of_
     let records = Store::new(0.01);
     let half = std::f32::consts::PI * 0.5;
     for y in -4..=8 {
-        (-4..=8).for_each(|z| assert!(records.insert(record(y as f32, z as f32, half, stage.raycaster.scene()))));
+        (-4..=8).for_each(|z| {
+            assert!(records.insert(record(y as f32, z as f32, half, stage.raycaster.scene()), |_| false))
+        });
     }
     let samples = stage.samples(lamp_or_lit, 20_000, common::clean);
     let mut canvas = stage.empty().with_records(Arc::new(records));
