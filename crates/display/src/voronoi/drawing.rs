@@ -334,10 +334,10 @@ impl<'a> Drawing<'a> {
     fn lit(&self, lit: &Lit, seen: &Seen, pixel: Option<usize>) -> Option<[f32; 3]> {
         let voronoi = self.voronoi;
         let near = pixel.and_then(|pixel| lit.light.at(pixel));
-        near.or_else(|| lit.narrow(seen)).or_else(|| {
+        near.or_else(|| {
             let store = voronoi.records.as_deref().filter(|store| !store.is_empty());
             let indirect = store.map(|store| Indirect { store, caster: &self.caster, shadings: &voronoi.shadings });
-            lit.guesses.alike(seen, &lit.layer.surfaces, indirect.as_ref())
+            lit.guess(seen, indirect.as_ref())
         })
     }
 

@@ -1,6 +1,6 @@
-//! Light of surfaces that have no sample near: that of the same side of the triangle elsewhere in the picture, else of others of the same
-//! material, turned the same way. Where records of indirect light are known, only the rest of the light is taken from there: the
-//! light straight from lamps and the sky.
+//! Light of surfaces that have no sample near: that of the same side of the triangle elsewhere, and as far as that has few samples, of
+//! others of the same material, turned the same way. Where records of indirect light are known, only the rest of the light is taken
+//! from there: the light straight from lamps and the sky.
 //!
 //! Invariant: sums are of integers, pixel by pixel, so that no order of samples changes a bit.
 
@@ -20,6 +20,9 @@ const STEPS: f32 = 1.5;
 
 /// Rows of one piece of work.
 const ROWS: usize = 32;
+
+/// Samples of the side of a triangle that tell as much of its light as all surfaces like it: with the first sample, light must not jump.
+const FEW: f32 = 4.0;
 
 /// Pixels whose indirect light stands for a class's.
 const EXAMPLES: usize = 8;
@@ -44,8 +47,25 @@ pub(crate) struct Guesses {
     indirect: Mutex<FxHashMap<Kin, Option<[f32; 3]>>>,
 }
 
+/// Mean light of some samples.
+#[derive(Clone, Copy)]
+pub(crate) struct Mean {
+    pub light: [f32; 3],
+    pub samples: f32,
+}
+
+impl Mean {
+    /// Of the samples of both.
+    fn with(self, other: Self) -> Self {
+        let samples = self.samples + other.samples;
+        let share = other.samples / samples;
+        let light = [0, 1, 2].map(|channel| self.light[channel] + share * (other.light[channel] - self.light[channel]));
+        Self { light, samples }
+    }
+}
+
 struct Known {
-    light: [f32; 3],
+    mean: Mean,
     examples: [u32; EXAMPLES],
     count: usize,
 }
@@ -93,11 +113,12 @@ impl Total {
         other.examples[..other.count].iter().for_each(|&pixel| self.add_example(pixel));
     }
 
-    fn known(&self) -> Known {
+    /// A sample's weight is `one`.
+    fn known(&self, one: f32) -> Known {
         let light = self.light.map(|sum| (sum as f64 / self.weight.max(1) as f64) as f32);
         let Total { mut examples, count, .. } = *self;
         examples[..count].sort_unstable();
-        Known { light, examples, count }
+        Known { mean: Mean { light, samples: self.weight as f32 / one }, examples, count }
     }
 }
 
@@ -140,7 +161,8 @@ fn sides(surfaces: &Surfaces, sums: &[Sums], pixels: Range<usize>) -> Sides {
 }
 
 impl Guesses {
-    pub fn new(surfaces: &Surfaces, sums: &[Sums], shadings: &Shadings) -> Guesses {
+    /// A sample's weight is `one`.
+    pub fn new(surfaces: &Surfaces, sums: &[Sums], shadings: &Shadings, one: f32) -> Guesses {
         let width = surfaces.size.0;
         let (_, rows) = surfaces.bounds();
         let mut strips: Vec<Sides> = Vec::new();
@@ -160,21 +182,40 @@ impl Guesses {
                 kin.entry(Kin::Diffuse).or_default().join(&total);
             }
         }
-        let kin = kin.into_iter().map(|(kin, total)| (kin, total.known())).collect();
+        let kin = kin.into_iter().map(|(kin, total)| (kin, total.known(one))).collect();
         Guesses { kin, indirect: Mutex::default() }
     }
 
-    /// Of the same side of the triangle, else of the same material and turned the same way, else of the same material. With
-    /// indirect light known there, the rest is of such surfaces, else of all diffuse ones.
-    pub fn alike(&self, seen: &Seen, surfaces: &Surfaces, indirect: Option<&Indirect>) -> Option<[f32; 3]> {
-        let kin = [Kin::Side(seen.side()), Kin::Class(class(seen)), Kin::Material(seen.material)];
-        let of = kin.into_iter().find(|kin| self.kin.contains_key(kin));
-        let there = indirect.and_then(|indirect| indirect.light(seen, surfaces));
-        let alike = of.and_then(|of| self.kin.get(&of)).map(|known| known.light);
-        let Some((there, indirect)) = there.zip(indirect) else { return alike };
-        match self.direct(of.unwrap_or(Kin::Diffuse), surfaces, indirect) {
-            Some(direct) => Some([0, 1, 2].map(|channel| there[channel] + direct[channel])),
-            None => alike.or(Some(there)),
+    /// Of the same side of the triangle, together with `more` of its samples that no pixel has; the fewer there are, the more of other
+    /// surfaces of the same material and turned the same way, else of the same material. With indirect light known there, the rest is
+    /// of such surfaces, else of all diffuse ones.
+    pub fn alike(
+        &self,
+        seen: &Seen,
+        more: Option<Mean>,
+        surfaces: &Surfaces,
+        indirect: Option<&Indirect>,
+    ) -> Option<[f32; 3]> {
+        let known_there = indirect.and_then(|indirect| Some((indirect.light(seen, surfaces)?, indirect)));
+        let here = |kin: Kin| match &known_there {
+            Some((there, indirect)) => {
+                let direct = self.direct(kin, surfaces, indirect)?;
+                Some([0, 1, 2].map(|channel| there[channel] + direct[channel]))
+            }
+            None => None,
+        };
+        let of = |kin: Kin| {
+            let known = self.kin.get(&kin)?;
+            Some(Mean { light: here(kin).unwrap_or(known.mean.light), ..known.mean })
+        };
+        let own = of(Kin::Side(seen.side()));
+        let own = own.zip(more).map(|(own, more)| own.with(more)).or(own).or(more);
+        let others = of(Kin::Class(class(seen))).or_else(|| of(Kin::Material(seen.material)));
+        let others = others.map(|others| others.light).or_else(|| here(Kin::Diffuse));
+        match (own, others) {
+            (Some(own), Some(light)) => Some(own.with(Mean { light, samples: FEW }).light),
+            (Some(own), None) => Some(own.light),
+            (None, others) => others.or(known_there.map(|(there, _)| there)),
         }
     }
 
@@ -193,7 +234,7 @@ impl Guesses {
             (count > 0.0).then(|| sum.map(|sum| sum / count))
         });
         let mean = (*mean)?;
-        Some([0, 1, 2].map(|channel| (known.light[channel] - mean[channel]).max(0.0)))
+        Some([0, 1, 2].map(|channel| (known.mean.light[channel] - mean[channel]).max(0.0)))
     }
 
     /// Whether there are samples of the very side of its triangle.
@@ -203,7 +244,7 @@ impl Guesses {
 
     /// Luminance of all light in the picture.
     pub fn typical(&self) -> Option<f32> {
-        self.kin.get(&Kin::All).map(|known| luminance(known.light))
+        self.kin.get(&Kin::All).map(|known| luminance(known.mean.light))
     }
 }
 

@@ -4,7 +4,8 @@
 
 use super::blocks::{self, Mask};
 use super::drawing::BLOCK;
-use super::guess::Guesses;
+use super::guess::{Guesses, Mean};
+use super::indirect::Indirect;
 use super::light::Light;
 use super::reconstruct;
 use super::shade::Shadings;
@@ -15,9 +16,6 @@ use crate::parts::for_parts;
 use crate::pointimage::zeroed;
 use rustc_hash::FxHashSet;
 use std::sync::{Arc, PoisonError};
-
-/// Samples that tell more of the light on a narrow face than surfaces like it.
-const FEW_NARROW: f32 = 4.0;
 
 /// A material's number where the sky is seen through nothing.
 const PLAIN_SKY: u32 = u32::MAX;
@@ -78,7 +76,7 @@ impl<'a> Lit<'a> {
             camera,
             shadings,
             light: Arc::new(light),
-            guesses: Arc::new(Guesses::new(surfaces, sums, shadings)),
+            guesses: Arc::new(Guesses::new(surfaces, sums, shadings, reconstruct::weight_of_one(voronoi.paths))),
             from,
             is_new: true,
         }
@@ -114,12 +112,14 @@ impl<'a> Lit<'a> {
         all.find(|&other| surfaces.labels[other] == surfaces.labels[pixel]).unwrap_or(pixel)
     }
 
-    /// Mean light on the side of its triangle, if no pixel's middle sees that.
-    pub fn narrow(&self, seen: &Seen) -> Option<[f32; 3]> {
-        let sums = self.layer.narrow.get(&seen.side()).filter(|_| seen.image == 0 && !seen.through)?;
-        let enough = FEW_NARROW * reconstruct::weight_of_one(1);
-        let is_enough = sums.weight as f32 >= enough && !self.guesses.knows(seen);
-        is_enough.then(|| sums.light.map(|sum| sum as f32 / sums.weight as f32))
+    /// Light of a surface without samples near, by what is known of such surfaces.
+    pub fn guess(&self, seen: &Seen, indirect: Option<&Indirect>) -> Option<[f32; 3]> {
+        let narrow = self.layer.narrow.get(&seen.side()).filter(|_| seen.image == 0 && !seen.through);
+        let narrow = narrow.map(|sums| Mean {
+            light: sums.light.map(|sum| sum as f32 / sums.weight as f32),
+            samples: sums.weight as f32 / reconstruct::weight_of_one(self.from.paths),
+        });
+        self.guesses.alike(seen, narrow, &self.layer.surfaces, indirect)
     }
 
     /// Whether something is seen through a mirror or pane that ought to have samples and has none.

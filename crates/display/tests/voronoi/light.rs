@@ -185,12 +185,16 @@ fn dark_side(at: DVec3, material: &Material) -> [f32; 3] {
     if at.x > 5.001 && at.x < 5.199 { [0.0; 3] } else { kd(material) }
 }
 
-#[test]
-fn a_face_narrower_than_a_pixel_has_its_own_light() {
-    // A bright board and its side, a third of a pixel wide and before no pixel's middle, before a wall.
+/// A bright board and its side, a third of a pixel wide and before no pixel's middle, before a wall.
+fn board() -> Stage {
     let side = ([[5.0, 2.6, 1.4], [5.2, 2.6, 1.4], [5.2, 2.6, 3.1], [5.0, 2.6, 3.1]], 1);
     let quads = [wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0), wall(5.0, [2.6, 1.4], [3.6, 3.1], 1), side];
-    let stage = Stage::new(&quads, vec![diffuse([0.5; 3]), diffuse([0.8; 3])]);
+    Stage::new(&quads, vec![diffuse([0.5; 3]), diffuse([0.8; 3])])
+}
+
+#[test]
+fn a_face_narrower_than_a_pixel_has_its_own_light() {
+    let stage = board();
     let truth = stage.truth(dark_side);
     let drawn = stage.draw(&stage.samples(dark_side, 400_000, common::clean));
     // Pixels darker than both the wall and the board show some of the side.
@@ -201,6 +205,27 @@ fn a_face_narrower_than_a_pixel_has_its_own_light() {
     }
     // As bright as the board's front, the side would be 0.8 too bright on a third of each; sixteen points tell its part to 1/16.
     assert!(found > 15 && error / f64::from(found) < 0.8 / 16.0, "{found} {error}");
+}
+
+#[test]
+fn no_single_sample_changes_the_light_of_a_narrow_face_by_much() {
+    let stage = board();
+    let truth = stage.truth(dark_side);
+    let (side, others): (Vec<_>, Vec<_>) =
+        stage.samples(dark_side, 400_000, common::clean).into_iter().partition(|(_, sample)| sample.rgb() == [0.0; 3]);
+    let dark: Vec<usize> = (0..truth.len()).filter(|&pixel| truth[pixel][1] < 0.45).collect();
+    let shown = |count: usize| {
+        let samples: Vec<_> = others.iter().chain(&side[..count]).copied().collect();
+        let frame = stage.draw(&samples).frame;
+        dark.iter().map(|&pixel| f64::from(frame.picture.pixels[pixel][1])).sum::<f64>()
+    };
+    assert!(side.len() > 100, "{}", side.len());
+    let (first, last) = (shown(0), shown(side.len()));
+    let counts: Vec<f64> = (0..24).map(shown).collect();
+    let steepest = counts.windows(2).fold(0.0, |most: f64, pair| most.max(pair[0] - pair[1]));
+    // The first of four that tell as much as all else takes it a fifth of the way.
+    assert!(first > last && steepest < 0.3 * (first - last), "{steepest} of {first} to {last}");
+    assert!(counts[23] < last + 0.3 * (first - last), "{counts:?}");
 }
 
 /// Light on the left of what the eye sees, in thousandths.
