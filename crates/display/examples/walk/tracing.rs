@@ -42,7 +42,9 @@ impl Engine {
             let seed = mix((frame as u64) << 32 | index as u64);
             if self.paths == 1 {
                 let traced = self.tracer.trace(ray.origin, ray.direction, seed);
-                let noise = self.relative_noise * largest(traced.radiance);
+                // One path that met no light tells nothing of how much others meet.
+                let largest = largest(traced.radiance);
+                let noise = if largest > 0.0 { self.relative_noise * largest } else { f32::INFINITY };
                 return Answer { radiance: traced.radiance, distance: traced.distance, noise };
             }
             let (traced, variance) = self.tracer.trace_with_variance(ray.origin, ray.direction, seed);

@@ -81,7 +81,7 @@ pub struct Sample {
     /// Radiance, W·sr⁻¹·m⁻² per RGB channel.
     pub radiance: [f32; 3],
     /// Expected standard deviation of `radiance`'s largest channel, if the renderer is random; 0 if it is not. Infinite if it is and
-    /// does not know: then no difference in colour is taken for a change.
+    /// does not know, as of a single path that met no light: then no difference in colour is taken for a change.
     pub noise: f32,
     /// The object that was met, as the application numbers them.
     pub object: u32,
