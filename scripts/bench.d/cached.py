@@ -42,7 +42,7 @@ def cached(bench: Bench) -> Part:
             "a long render of our own by `path`, made once.",
             f"*Sharing*: the same job by one worker and by {MANY}, one thread each; the rays of records are work that would be done "
             "several times if workers did not tell each other. Preparing the scene, which every worker does once, is said apart. "
-            "Two workers share as little as one but keep as many cores busy as many do: what a sample costs them more than one worker is the machine's doing.",
+            f"{MANY} programs on fewer cores take turns and push each other's data out of the caches: what each costs more than alone is measured with renders by `path`, which share nothing.",
             "*A view at rest* of a filled file (Cornell box 20 s, cabin 60 s) after the first seconds, in which its own samples come; one of an empty file settles first: where samples "
             "are few, means are over wide parts of a surface, and become narrower as samples "
             f"tell that they may not be; from {SETTLED} s on it has. As displayed: what is brighter than the 95th percentile is white; as radiance, a "
@@ -169,8 +169,31 @@ def sharing(bench: Bench, part: Part) -> Table:
                                cpu - prepared, prepared, found[workers][0] * 1e6])  # fmt: skip
         time, rays = (many / one for many, one in zip(found[MANY], found[1]))
         part.bars.append(Bar(f"CPU seconds per sample, {MANY} workers over one, {case.title}", f"{time:.2f} ×", f"≤ {SHARING_BAR:g} ×", time <= SHARING_BAR))
+        apart = time / crowding(bench, case)
+        title = f"the same over what {MANY} programs that share nothing cost more than one, {case.title}"
+        part.bars.append(Bar(title, f"{apart:.2f} ×", f"≤ {SHARING_BAR:g} ×", apart <= SHARING_BAR))
         part.bars.append(Bar(f"rays of records, the same, {case.title}", f"{rays:.2f} ×", f"≤ {SHARING_BAR:g} ×", rays <= SHARING_BAR))
     return table
+
+
+def crowding(bench: Bench, case: Case) -> float:
+    """CPU seconds of a program of one thread beside as many of its like as there are workers, over those of one alone."""
+    scene = [*case.scene, *case.view.options(), "--size", case.size, "--threads", "1", "--quiet"]
+    cpu = {}
+    for count in (1, MANY):
+        commands = [[bench.holodeck, "render", *scene, "--spp", bench.paths(16), "-o", bench.work / f"crowd-{one}.pfm"] for one in range(count)]
+        started = [subprocess.Popen([str(word) for word in command]) for command in commands]
+        cpu[count] = sum(waited(process) for process in started) / count
+    return cpu[MANY] / cpu[1]
+
+
+def waited(process: subprocess.Popen) -> float:
+    """CPU seconds of a program, which is waited for."""
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        raise Failed(f"a program ended with status {process.returncode}")
+    return usage.ru_utime + usage.ru_stime
 
 
 def cpu_of_fill(bench: Bench, case: Case, workers: int, samples: int) -> tuple[float, dict]:
@@ -185,12 +208,6 @@ def cpu_of_fill(bench: Bench, case: Case, workers: int, samples: int) -> tuple[f
         address = (server.stdout.readline().split() or [""])[-1]
         worker = [str(bench.holodeck), "rtworker", "--connect", address, "--threads", "1", "--quiet"]
         started = [subprocess.Popen(worker) for _ in range(workers)]
-        cpu = 0.0
-        for process in started:
-            _, status, usage = os.wait4(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(status)
-            if process.returncode != 0:
-                raise Failed(f"a worker ended with status {process.returncode}")
-            cpu += usage.ru_utime + usage.ru_stime
+        cpu = sum(waited(process) for process in started)
         server.wait()
     return cpu, json.loads(run([bench.holodeck, "info", file, "--json"]).stdout)
