@@ -238,7 +238,7 @@ pub(crate) fn own_surface(leaf: &[Surface], bins: (u16, u16)) -> Option<&Surface
 }
 
 /// The two leaves whose middles a pixel's middle lies between, along one direction, and their bilinear weights.
-fn neighbours(pixel: usize, level: usize, leaves: usize) -> ([usize; 2], [f32; 2]) {
+pub(crate) fn neighbours(pixel: usize, level: usize, leaves: usize) -> ([usize; 2], [f32; 2]) {
     let own = pixel >> level;
     let size = 1_usize << level;
     let offset = (2 * (pixel & (size - 1)) + 1) as f32 / (2 * size) as f32 - 0.5;

@@ -7,7 +7,8 @@
 //! What always holds:
 //! - The picture is a function of the set of samples: their order and batches change no bit of it.
 //! - No mean is taken across a jump in depth.
-//! - As samples grow, every pixel tends to the mean of its own samples: the box filter.
+//! - As samples grow, every pixel tends to the mean of its own samples: the box filter. But from outside a section, what stands before
+//!   its wall hides what its rays see behind.
 //! - A pixel whose middle no section covers is 0, whatever its neighbours are.
 //! - A pixel whose middle's best beam sees nothing is the sky (black if the view clips it), exactly: it is known, with or without samples.
 
@@ -24,6 +25,7 @@ pub(crate) mod pixels;
 mod pyramid;
 pub(crate) mod reproject;
 mod shown;
+mod standing;
 mod surface;
 mod tile;
 mod wide;
@@ -129,6 +131,8 @@ pub struct Quadtree {
     wide: PixelBins,
     covered: Vec<bool>,
     uncovered_pixels: u64,
+    /// Whether rays of some pixels may begin ahead of the eye.
+    is_outside: bool,
     unseen: HashSet<(u16, BeamId)>,
     kept: Kept,
     /// The last picture that [`redraw`](Self::redraw) gave, and what it was drawn from.
@@ -155,6 +159,7 @@ impl Quadtree {
             wide: PixelBins::new(0),
             covered: Vec::new(),
             uncovered_pixels: 0,
+            is_outside: false,
             unseen: HashSet::new(),
             kept: Kept::default(),
             drawing: None,
@@ -321,6 +326,7 @@ impl Quadtree {
         self.placed = self.sections.iter().map(|section| PlacedSection::new(section, &self.camera)).collect();
         self.covered = covered(&self.sections, &self.view, self.size);
         self.uncovered_pixels = self.covered.iter().filter(|&&covered| !covered).count() as u64;
+        self.is_outside = self.looks_from_outside();
         self.best.clear();
     }
 

@@ -6,6 +6,7 @@
 use super::bins::{NEAR_CLASSES, bin_distance_squared};
 use super::leaf::{Reader, beside};
 use super::shown::Shown;
+use super::standing::may_stand;
 use super::surface::{Surface, gap_allowed};
 use super::tile::TileColours;
 use super::wide::Agreement;
@@ -226,7 +227,12 @@ impl<'a> TilePainter<'a> {
             let is_unseen = self.unseen.has(self.tree, pixel);
             // What most pixels show is told here: of all that a pixel may show, it would be written to memory and read again.
             match self.painter.all.levels[0].leaf(column, row) {
-                [own] if !is_unseen && self.tree.covered[pixel] && self.painter.shows_own(column, row, own) => {
+                [own]
+                    if !is_unseen
+                        && self.tree.covered[pixel]
+                        && self.painter.shows_own(column, row, own)
+                        && !(self.tree.is_outside && may_stand(&self.painter, column, row, own.bins)) =>
+                {
                     self.counts[lane] = Counts { samples: own.count, empty: false, unseen: false };
                     self.show_own(lane, column, row, own);
                 }

@@ -132,9 +132,11 @@ impl Quadtree {
         }
         // A radius that was given is that of the nearest surface already.
         let ask_nearer = self.params.viewpoint_radius.is_none();
-        let shown = match own {
-            [] => fill(painter, column, row),
-            _ => mix(painter, column, row, own, ask_nearer, depths),
+        let shown = match (self.standing(painter, column, row, own), own) {
+            (Some((0, _)), [front, ..]) => Shown::Own(front),
+            (Some((level, bins)), _) => Shown::Surface(level, bins),
+            (None, []) => fill(painter, column, row),
+            (None, _) => mix(painter, column, row, own, ask_nearer, depths),
         };
         let samples = painter.all.levels[0].samples_of(row * self.size.0 as usize + column);
         (Counts { samples, empty: own.is_empty(), unseen: false }, shown)
