@@ -14,6 +14,7 @@ use super::{Frame, LeafSize, MultiDepth, Pyramids, Quadtree, QuadtreeParams};
 use crate::parts::for_parts;
 use bytemuck::Zeroable;
 use holo_section::BeamId;
+use std::ops::Range;
 
 /// Side of the squares of pixels that are drawn one after the other.
 pub(super) const TILE: usize = 16;
@@ -27,12 +28,24 @@ pub(super) fn tile_count((width, height): (u32, u32)) -> usize {
 }
 
 /// Columns and rows of a tile's pixels. Drawn tile by tile, neighbours in both directions mostly have the same noise.
-pub(super) fn tile_pixels((width, height): (u32, u32), number: usize) -> impl Iterator<Item = (usize, usize)> {
+pub(super) fn tile_pixels(size: (u32, u32), number: usize) -> impl Iterator<Item = (usize, usize)> {
+    let (columns, rows) = tile_place(size, number);
+    rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
+}
+
+/// A tile's pixels by their numbers in the picture, row by row.
+pub(super) fn tile_rows(size: (u32, u32), number: usize) -> impl Iterator<Item = Range<usize>> {
+    let (columns, rows) = tile_place(size, number);
+    let width = size.0 as usize;
+    rows.map(move |row| row * width + columns.start..row * width + columns.end)
+}
+
+/// Columns and rows of a tile.
+fn tile_place((width, height): (u32, u32), number: usize) -> (Range<usize>, Range<usize>) {
     let (width, height) = (width as usize, height as usize);
     let across = width.div_ceil(TILE);
     let (left, top) = (number % across * TILE, number / across * TILE);
-    let columns = left..(left + TILE).min(width);
-    (top..(top + TILE).min(height)).flat_map(move |row| columns.clone().map(move |column| (column, row)))
+    (left..(left + TILE).min(width), top..(top + TILE).min(height))
 }
 
 /// A pixel of a picture.

@@ -25,7 +25,7 @@ const BAND_LEVELS: usize = 6;
 #[derive(Clone, Copy, Zeroable)]
 #[repr(C, align(64))]
 struct Leaf {
-    /// Its surface, if that is a single one; else its count alone is of the leaf: that of all samples.
+    /// Its surface, if that is a single one; else of no meaning.
     single: Surface,
     /// Several are elsewhere, from here on.
     first: u32,
@@ -55,7 +55,6 @@ impl Leaf {
         match surfaces {
             [surface] => {
                 self.single = *surface;
-                return;
             }
             [.., last] if self.count > self.room => {
                 // Twice the room each time: what is left behind is never more than what is in use.
@@ -66,8 +65,12 @@ impl Leaf {
             }
             _ => several[self.first as usize..][..surfaces.len()].copy_from_slice(surfaces),
         }
-        self.single.count = surfaces.iter().fold(0, |sum, surface| sum.saturating_add(surface.count));
     }
+}
+
+/// Samples of surfaces together.
+fn samples(surfaces: &[Surface]) -> u32 {
+    surfaces.iter().fold(0, |sum, surface| sum.saturating_add(surface.count))
 }
 
 /// All leaves of one size.
@@ -75,6 +78,8 @@ pub(crate) struct Level {
     pub width: usize,
     pub height: usize,
     leaves: Vec<Leaf>,
+    /// Samples of each leaf, row by row. Apart: in a burst all are read, and few leaves.
+    pub samples: Vec<u32>,
     /// Those of leaves that have several, band by band.
     several: Vec<Vec<Surface>>,
     /// Rows of leaves to a band, as a logarithm.
@@ -103,7 +108,8 @@ impl Level {
         // Larger leaves are one band.
         let band = (BAND_LEVELS - 1).checked_sub(number).unwrap_or(usize::BITS as usize - 1);
         let bands = (height.saturating_sub(1) >> band) + 1;
-        Self { width, height, leaves: zeroed(width * height), several: vec![Vec::new(); bands], band }
+        let leaves = width * height;
+        Self { width, height, leaves: zeroed(leaves), samples: zeroed(leaves), several: vec![Vec::new(); bands], band }
     }
 
     /// Surfaces of a leaf, nearest first.
@@ -118,32 +124,26 @@ impl Level {
         self.leaves.get(index).into_iter().for_each(prefetch);
     }
 
-    /// Samples of each leaf, row by row.
-    pub fn samples(&self) -> impl Iterator<Item = u32> {
-        self.leaves.iter().map(|leaf| leaf.single.count)
-    }
-
-    /// Samples of a leaf, counted row by row.
-    pub fn samples_of(&self, index: usize) -> u32 {
-        self.leaves[index].single.count
-    }
-
     /// Puts other surfaces in the place of a leaf's.
     pub fn put(&mut self, column: usize, row: usize, surfaces: &[Surface]) {
         let several = &mut self.several[row >> self.band];
-        self.leaves[row * self.width + column].put(several, surfaces);
+        let index = row * self.width + column;
+        self.leaves[index].put(several, surfaces);
+        self.samples[index] = samples(surfaces);
     }
 
     /// The rows of one band each: empty, or as they are.
     fn parts(&mut self, is_empty: bool) -> impl Iterator<Item = LevelPart<'_>> {
-        let Self { width, leaves, several, band, .. } = self;
+        let Self { width, leaves, samples, several, band, .. } = self;
         let most =
             width.saturating_mul(1_usize.checked_shl(*band as u32).unwrap_or(usize::MAX)).min(leaves.len()).max(1);
-        leaves.chunks_mut(most).zip(several).enumerate().map(move |(number, (leaves, several))| {
+        let leaves = leaves.chunks_mut(most).zip(samples.chunks_mut(most));
+        leaves.zip(several).enumerate().map(move |(number, ((leaves, samples), several))| {
             if is_empty {
                 several.clear();
             }
-            LevelPart { width: *width, height: leaves.len() / *width, first: number * most, leaves, several, is_empty }
+            let (width, height) = (*width, leaves.len() / *width);
+            LevelPart { width, height, first: number * most, leaves, samples, several, is_empty }
         })
     }
 
@@ -168,6 +168,7 @@ struct LevelPart<'a> {
     /// Number of its first leaf in the level.
     first: usize,
     leaves: &'a mut [Leaf],
+    samples: &'a mut [u32],
     several: &'a mut Vec<Surface>,
     /// Whether what its leaves hold is of no meaning.
     is_empty: bool,
@@ -192,12 +193,14 @@ impl LevelPart<'_> {
             self.leaves[index] = Leaf::zeroed();
         }
         self.leaves[index].put(self.several, surfaces);
+        self.samples[index] = samples(surfaces);
     }
 
     /// Gives a leaf one surface. Read from where it has just been put together, as a whole, it would be waited for.
     #[inline(always)]
     fn set_one(&mut self, index: usize, surface: Surface) {
         let leaf = &mut self.leaves[index];
+        self.samples[index] = surface.count;
         if self.is_empty {
             *leaf = Leaf { single: surface, first: 0, count: 1, room: 0 };
         } else {

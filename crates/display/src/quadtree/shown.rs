@@ -138,7 +138,7 @@ impl Quadtree {
             (None, []) => fill(painter, column, row),
             (None, _) => mix(painter, column, row, own, ask_nearer, depths),
         };
-        let samples = painter.all.levels[0].samples_of(row * self.size.0 as usize + column);
+        let samples = painter.all.levels[0].samples[row * self.size.0 as usize + column];
         (Counts { samples, empty: own.is_empty(), unseen: false }, shown)
     }
 }
