@@ -26,7 +26,7 @@ SHARING_BAR = 1.1
 RATE_BAR = 0.5
 VARIANCE_BAR = 1 / 30
 # A view at rest: seconds of its pictures, from which on it has settled, and the accuracy that they may differ by.
-REST = (2, 4, 6, 8, 10, 20, 30)
+REST = (2, 4, 6, 8, 10, 20, 30, 40)
 SETTLED = 10
 ACCURACY = 0.03
 
@@ -119,37 +119,37 @@ def flicker(bench: Bench, part: Part) -> Table:
     table = Table("A view at rest: the worst lit 16 × 16 block from one picture to the next", columns)
     for case, seconds in ((bench.scenes.cornell(), 20), (bench.scenes.room(), 60)):
         filled, _ = bench.fill(f"{case.name}-cached", case, seconds, "--engine", "cached")
-        for state, opened in (("filled", [filled]), ("empty", [*case.scene, "--engine", "cached"])):
+        for state, file in (("filled", filled), ("empty", None)):
             for driver in ("voronoi", "quadtree"):
-                changes = changes_at_rest(bench, case, f"{state}-{driver}", [*opened, "--driver", driver])
+                changes = changes_at_rest(bench, case, driver, file)
                 kinds = {"as displayed": "worst_block_shown", "radiance": "worst_block"}
                 of = {kind: [change[measure] for change in changes] for kind, measure in kinds.items()}
                 for kind, values in of.items():
                     table.rows.append([case.title, state, driver, kind, *values])
-                if state == "filled":
-                    # The first step is while the view's own samples come.
-                    worst = {f", {kind}": max(values[1:]) for kind, values in of.items()}
-                else:
+                # The first step is while records are still made, or the view's own samples come.
+                worst = {kind: max(values[1:]) for kind, values in of.items()}
+                if file is None:
                     settled = [value for value, (since, _) in zip(of["as displayed"], steps) if since >= SETTLED]
-                    worst = {", from an empty file, as displayed, settled": max(settled)}
-                for what, value in worst.items():
-                    title = f"flicker, {case.title}, {driver}{what}"
+                    worst["as displayed, settled"] = max(settled)
+                for kind, value in worst.items():
+                    title = f"flicker, {case.title}, {driver}, {state} file, {kind}"
                     part.bars.append(Bar(title, f"{value:.1%}", f"≤ {ACCURACY:.0%}", value <= ACCURACY))
     return table
 
 
-def changes_at_rest(bench: Bench, case: Case, name: str, options: list) -> list[dict[str, float]]:
-    """A session that looks at a case's view and stays there: each picture of it beside the one before."""
-    pictures = [bench.work / f"rest-{case.name}-{name}-{at}.pfm" for at in REST]
+def changes_at_rest(bench: Bench, case: Case, driver: str, filled: Path | None) -> list[dict[str, float]]:
+    """A session, with a filled file or an empty one, that looks at a case's view and stays there: each picture of it beside the one before."""
+    pictures = [bench.work / f"rest-{at}.pfm" for at in REST]
     lines = [f"0 view {case.view.line()}", *(f"{bench.seconds(at)} picture {path}" for at, path in zip(REST, pictures)), "quit"]
     script = bench.work / "rest.txt"
     script.write_text("\n".join([*lines, ""]), encoding="utf-8")
-    if isinstance(options[0], Path):
+    opened = [*case.scene, "--engine", "cached"]
+    if filled is not None:
         # The session adds to the file: every one gets the same.
-        file = bench.work / f"rest-{case.name}.holo"
-        file.write_bytes(options[0].read_bytes())
-        options = [file, *options[1:]]
-    run([bench.holodeck, "view", *options, "--headless", "--quiet", "--size", case.size, "--script", script])
+        file = bench.work / "rest.holo"
+        file.write_bytes(filled.read_bytes())
+        opened = [file]
+    run([bench.holodeck, "view", *opened, "--driver", driver, "--headless", "--quiet", "--size", case.size, "--script", script])
     return [compare(bench.holodeck, after, before) for before, after in zip(pictures, pictures[1:])]
 
 

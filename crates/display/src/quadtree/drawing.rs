@@ -11,9 +11,8 @@
 //! quarter more; one after few samples a tenth to a fifth less, since leaves to which none came are kept. Nearly half of it is the
 //! pyramid's, half of that for the sums of pixels, which take as long as memory does. All cores share it. In a burst a leaf takes about
 //! 200, a pixel 250, so where nearly all pixels have grown everything is drawn.
-//! Sums of 64 bytes in place of 128, with what they carry elsewhere, saved no time: insertions and whole pictures took 5 to 10 % longer.
 //! Tried: pixels of the pyramid eight side by side, for the sake of their divisions, took 15 % longer; leaves of four of one surface each
-//! joined without branches, as long.
+//! joined without branches, as long; sums of 64 bytes in place of 128, with what they carry elsewhere, 5 to 10 % longer, as did insertions.
 //!
 //! What always holds:
 //! - Each surface of a leaf lies within one of its parent, as in a pyramid that was made at once.
