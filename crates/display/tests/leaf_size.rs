@@ -3,6 +3,7 @@
 mod common;
 
 use common::*;
+use glam::DVec3;
 use holo_display::{LeafSize, QuadtreeParams};
 use holo_picture::View;
 use holo_section::Section;
@@ -84,5 +85,45 @@ fn averaging_leaves_does_not_change_the_brightness_of_the_picture() {
         // What choosing leaves by their own noise costs in bias: below 1 % at 16 samples, and going with more.
         let allowed = 0.16 / density + 0.001;
         assert!(bias.abs() < allowed + 2.6 * error, "{bias} at {density}");
+    }
+}
+
+/// A dark wall, and a small lamp in it that is some thousand times brighter.
+fn lamp(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
+    let distance = (8.0 - origin.x) / direction.x;
+    let at = origin + direction * distance;
+    let is_lamp = (at.y - 4.0).abs() < 0.06 && (at.z - 3.0).abs() < 0.05;
+    (if is_lamp { [60.0, 50.0, 40.0] } else { [0.012, 0.009, 0.006] }, distance)
+}
+
+#[test]
+fn a_lamp_that_few_of_many_samples_see_stays_where_they_see_it() {
+    let (section, size) = (room_section(8), (256, 192));
+    let view = view([3.0, 4.0, 3.0], [8.0, 4.0, 3.0], 60.0, size);
+    let reference = truth(lamp, &view, size, 8);
+    for (name, noise) in [("clean", clean as Noise), ("one path", one_path)] {
+        let (mut shown, mut far) = (0.0, Vec::new());
+        let seeds = 1..=64;
+        let pictures = f64::from(*seeds.end() as u32);
+        for seed in seeds {
+            let stored = near_samples(lamp, &section, &view, 256 * 192 / 6, seed, noise);
+            let picture = quadtree(&section, &view, size, QuadtreeParams::default(), &stored).draw().picture;
+            shown += picture.pixels.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>() / pictures;
+            // The lamp is 5 × 4 pixels large.
+            let is_far = |number: usize| (number % 256).abs_diff(128) > 32 || (number / 256).abs_diff(96) > 32;
+            far.extend(
+                picture.pixels.iter().enumerate().filter(|(number, _)| is_far(*number)).map(|(_, pixel)| pixel[1]),
+            );
+        }
+        let truth: f64 = reference.iter().map(|pixel| f64::from(pixel[1])).sum();
+        let bright = far.iter().filter(|&&green| green > 0.09).count() as f64 / far.len() as f64;
+        println!(
+            "{name}: {bright:.4} of the pixels far from the lamp are bright; {:.3} of all light is shown",
+            shown / truth
+        );
+        assert!(bright < 0.005, "{name}: {bright}");
+        // Not less. More, where pixels of large leaves and of small ones in them show the same samples: with leaves of any size 1.5.
+        let shown = shown / truth;
+        assert!((0.9..1.4).contains(&shown), "{name}: {shown}");
     }
 }

@@ -3,10 +3,10 @@
 use glam::DVec3;
 use holo_display::frameless::{Frameless, PixelTag};
 use holo_display::pointimage::{Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stages, Tag};
-use holo_display::{Quadtree, QuadtreeParams, Voronoi};
+use holo_display::{LiveSample, Quadtree, QuadtreeParams, SelectOptions, Voronoi};
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
-use holo_section::{BeamId, Section};
+use holo_section::{BeamId, LineHit, Section};
 use std::error::Error;
 use std::sync::Arc;
 
@@ -22,6 +22,8 @@ enum Purpose {
     Pixel(PixelTag),
     /// Section, beam and sample coordinates; how far before the eye or behind it the ray begins in the section.
     Beam(u16, BeamId, holo_section::RayCoords, f64),
+    /// What no section covers of one view.
+    Live,
 }
 
 /// What the tracer said of a wanted ray.
@@ -35,13 +37,15 @@ pub struct Answer {
 pub enum Driver {
     Points(Box<PointImage>, Vec<Sample>),
     Frameless(Box<Frameless>),
-    Stored { stored: Stored, voronoi: Option<Arc<Raycaster>> },
+    Stored { stored: Box<Stored>, voronoi: Option<Arc<Raycaster>> },
 }
 
-/// Samples of the sections, as a server would keep them.
+/// Samples of the sections, as a server would keep them, and live rays of one view, as a display would.
 pub struct Stored {
     sections: Arc<[Section]>,
     samples: Vec<(u16, BeamId, holo_section::Sample)>,
+    live: Vec<LiveSample>,
+    live_view: View,
     paths: u16,
     random: u64,
     sky: [f32; 3],
@@ -69,12 +73,16 @@ impl Driver {
             change(&mut params.stages);
             params
         };
-        let stored = || Stored {
-            sections: Arc::clone(making.sections),
-            samples: Vec::new(),
-            paths: making.paths,
-            random: 1,
-            sky: making.sky,
+        let stored = || {
+            Box::new(Stored {
+                sections: Arc::clone(making.sections),
+                samples: Vec::new(),
+                live: Vec::new(),
+                live_view: making.first,
+                paths: making.paths,
+                random: 1,
+                sky: making.sky,
+            })
         };
         match name {
             "pointimage" => points(params),
@@ -124,7 +132,11 @@ impl Driver {
                     None => stored.quadtree(view, size),
                     Some(raycaster) => stored.voronoi(raycaster, view, size),
                 });
-                ((0..wanted).filter_map(|_| stored.wanted(&view)).collect(), picture)
+                if stored.live_view != predicted {
+                    stored.live.clear();
+                    stored.live_view = predicted;
+                }
+                ((0..wanted).map(|_| stored.wanted(&predicted)).collect(), picture)
             }
         }
     }
@@ -151,6 +163,11 @@ impl Driver {
                     let sample = holo_section::Sample::encode(*coords, answer.radiance, distance, diagonal, dither);
                     stored.samples.push((*section, *beam, sample));
                 }
+                (Self::Stored { stored, .. }, Purpose::Live) => {
+                    let (origin, direction) = (ray.origin, ray.direction);
+                    let Answer { radiance, distance, .. } = *answer;
+                    stored.live.push(LiveSample { origin, direction, radiance, distance });
+                }
                 _ => {}
             }
         }
@@ -164,7 +181,10 @@ impl Stored {
         for (section, beam, samples) in self.beams() {
             driver.insert(section, beam, self.paths, &samples);
         }
-        driver.draw().picture
+        let covered = driver.draw().picture;
+        let mut live = Quadtree::of_live_rays(view, size, params);
+        live.insert_live(self.paths, self.live_of(&view));
+        with_live(covered, &driver.uncovered(), &live.draw().picture)
     }
 
     fn voronoi(&self, raycaster: &Arc<Raycaster>, view: View, size: (u32, u32)) -> Picture {
@@ -172,7 +192,15 @@ impl Stored {
         for (section, beam, samples) in self.beams() {
             driver.insert(section, beam, self.paths, &samples);
         }
-        driver.draw().frame.picture
+        let covered = driver.draw().frame.picture;
+        let mut live = driver.copied();
+        live.insert_live(self.paths, self.live_of(&view));
+        with_live(covered, &driver.uncovered(), &live.draw().frame.picture)
+    }
+
+    /// Live rays of a view.
+    fn live_of(&self, view: &View) -> &[LiveSample] {
+        if self.live_view == *view { &self.live } else { &[] }
     }
 
     /// All samples so far, beam by beam.
@@ -186,21 +214,43 @@ impl Stored {
         beams.into_iter()
     }
 
-    /// A view ray anywhere in the picture, snapped to the coordinates of the section that serves it best: one around the eye,
-    /// else the nearest ahead. It begins where the eye is, as far as the snapped ray passes it, so that walls behind do not count.
-    fn wanted(&mut self, view: &View) -> Option<Wanted> {
+    /// A view ray anywhere in the picture, snapped to the coordinates of a section that it meets; where there is none it is of the view
+    /// alone. In a section around the eye it begins where the eye is, as far as the snapped ray passes it, so that walls behind do not
+    /// count.
+    fn wanted(&mut self, view: &View) -> Wanted {
         let (x, y) = (self.unit(), self.unit());
         let (eye, along) = view.ray(x, y);
-        let hits = (0_u16..).zip(self.sections.iter()).filter_map(|(number, section)| {
-            let hit = section.line(eye, along)?;
-            let far = if hit.entry_t > 0.0 { 1e9 + hit.entry_t } else { hit.exit_t - hit.entry_t };
-            (hit.exit_t > 0.0).then_some((far, number, section, hit))
-        });
-        let (_, number, section, hit) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let Some((number, hit)) = self.section_of(eye, along) else {
+            return Wanted { origin: eye, direction: along.normalize(), purpose: Purpose::Live };
+        };
+        let section = &self.sections[usize::from(number)];
         let ray = section.ray(hit.pair, hit.coords);
-        let ahead = (eye - ray.origin).dot(ray.direction).max(0.0);
+        let ahead = if hit.exit_t > 0.0 { (eye - ray.origin).dot(ray.direction).max(0.0) } else { 0.0 };
         let purpose = Purpose::Beam(number, section.beam(hit.pair), hit.coords, ahead);
-        Some(Wanted { origin: ray.origin + ray.direction * ahead, direction: ray.direction, purpose })
+        Wanted { origin: ray.origin + ray.direction * ahead, direction: ray.direction, purpose }
+    }
+
+    /// One of the sections that a view ray meets, chosen as displays weigh their beams ([`SelectOptions::others_share`]): mostly the
+    /// best, which is the smallest around the eye, else the nearest ahead, else the nearest behind.
+    fn section_of(&mut self, eye: DVec3, along: DVec3) -> Option<(u16, LineHit)> {
+        let (mut around, mut ahead, mut behind) = (Vec::new(), Vec::new(), Vec::new());
+        for (number, section) in (0_u16..).zip(self.sections.iter()) {
+            let Some(hit) = section.line(eye, along) else { continue };
+            match (hit.entry_t > 0.0, hit.exit_t < 0.0) {
+                (true, _) => ahead.push((hit.entry_t, number, hit)),
+                (_, true) => behind.push((-hit.exit_t, number, hit)),
+                _ => around.push((hit.exit_t - hit.entry_t, number, hit)),
+            }
+        }
+        for found in [&mut around, &mut ahead, &mut behind] {
+            found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        around.extend(ahead.first());
+        around.extend(behind.first());
+        let each = f64::from(SelectOptions::default().others_share);
+        let chosen = (self.unit() / each) as usize + 1;
+        let (_, number, hit) = around.get(chosen).or(around.first())?;
+        Some((*number, *hit))
     }
 
     fn unit(&mut self) -> f64 {
@@ -215,4 +265,12 @@ impl Stored {
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         z ^ (z >> 31)
     }
+}
+
+/// A picture whose uncovered pixels are those of another, of live rays.
+fn with_live(mut covered: Picture, uncovered: &[u32], live: &Picture) -> Picture {
+    for &pixel in uncovered {
+        covered.pixels[pixel as usize] = live.pixels[pixel as usize];
+    }
+    covered
 }

@@ -4,7 +4,7 @@
 //! a coarser one is taken as long as its confidence interval meets those of all finer ones. Where the picture is flat the
 //! intervals go on meeting and noise is averaged; where it is not, they part once the samples can tell. Samples without
 //! noise have intervals of no width and stay in their pixels; as samples grow every interval shrinks, so every pixel that
-//! is not flat ends with its own mean.
+//! is not flat ends with its own mean. Leaves whose mean one sample in hundreds makes, as one that sees a lamp does, are not taken.
 //!
 //! Invariant: only samples of one surface are averaged: bins connected to the pixel's own.
 
@@ -43,7 +43,7 @@ pub(crate) const UNSEEN: f32 = 0.006;
 pub(crate) struct Blend {
     /// Mean colour and, last, compressed luminance.
     pub mean: Vec4,
-    /// Standard error for samples of unit deviation: √Σw² / Σw.
+    /// Standard error for samples of unit deviation: √Σw² / Σw. Infinite if few of many samples make the mean of one of the leaves.
     pub error: f32,
 }
 
@@ -127,6 +127,9 @@ impl<'a> Reader<'a> {
         let mut best = Vec4::ZERO;
         for level in start..self.levels.len() {
             let Some(blend) = self.blend(column, row, level, bins) else { break };
+            if level > start && blend.error == f32::INFINITY {
+                break;
+            }
             let width = blend.error * (1.0 + few_samples * blend.error * blend.error);
             let half = noise.half_widths * width;
             let common_share = common.narrow(blend.mean, half);
@@ -222,7 +225,7 @@ impl<'a> Reader<'a> {
                     }
                     let part = share * surface.weight;
                     weight += part;
-                    weight_squared += share * share * surface.weight_squared;
+                    weight_squared += share * share * surface.weight_squared_of_mean();
                     sum += part * Vec4::from_array(surface.mean);
                 }
             }

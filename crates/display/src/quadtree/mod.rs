@@ -7,8 +7,8 @@
 //! What always holds:
 //! - The picture is a function of the set of samples: their order and batches change no bit of it.
 //! - No mean is taken across a jump in depth.
-//! - As samples grow, every pixel tends to the mean of its own samples: the box filter. But from outside a section, what stands before
-//!   its wall hides what its rays see behind.
+//! - As samples grow, every pixel tends to the mean of its own samples: the box filter. But what stands before a section that the eye is
+//!   not in hides what its rays see behind.
 //! - A pixel whose middle no section covers is 0, whatever its neighbours are.
 //! - A pixel whose middle's best beam sees nothing is the sky (black if the view clips it), exactly: it is known, with or without samples.
 
@@ -125,7 +125,7 @@ pub struct Quadtree {
     params: QuadtreeParams,
     isa: Isa,
     distances: DistanceTable,
-    /// Samples that look as the eye does.
+    /// Samples that look as the eye does, and from where it is or before: not of rays that begin ahead of it.
     narrow: PixelBins,
     /// All others; of no pixels as long as there are none.
     wide: PixelBins,
@@ -327,6 +327,11 @@ impl Quadtree {
         self.covered = covered(&self.sections, &self.view, self.size);
         self.uncovered_pixels = self.covered.iter().filter(|&&covered| !covered).count() as u64;
         self.is_outside = self.looks_from_outside();
+        let eye = self.view.vp;
+        // From outside of all sections, what stands before them is looked for pixel by pixel (`standing`).
+        for (placed, section) in self.placed.iter_mut().zip(self.sections.iter()) {
+            placed.is_elsewhere = !self.is_outside && !section.contains(eye);
+        }
         self.best.clear();
     }
 

@@ -166,6 +166,14 @@ impl Painter<'_> {
         covers(2) | covers(1)
     }
 
+    /// The surfaces of a leaf by those samples that tell best what hides what: those that look as the eye does, if there are any.
+    pub fn leaf_seen(&self, level: usize, column: usize, row: usize) -> &[Surface] {
+        let narrow = self.narrow.as_ref().map(|(narrow, _)| narrow.levels[level].leaf(column >> level, row >> level));
+        narrow
+            .filter(|leaf| !leaf.is_empty())
+            .unwrap_or_else(|| self.all.levels[level].leaf(column >> level, row >> level))
+    }
+
     /// What samples that look as the eye does show, where the others may not stand for it.
     fn narrow_part(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Option<NarrowPart> {
         let (narrow, agreement) = self.narrow.as_ref()?;

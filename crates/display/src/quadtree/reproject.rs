@@ -42,6 +42,8 @@ pub(crate) struct PlacedSection {
     /// One cell along each axis.
     cells: [DVec3; 3],
     pub diagonal: f64,
+    /// Whether the eye is in another section and not in this one: what stands before this one its rays do not know.
+    pub is_elsewhere: bool,
 }
 
 impl PlacedSection {
@@ -50,7 +52,7 @@ impl PlacedSection {
         let axes = spec.axes.map(|axis| camera.to_camera(DVec3::from_array(axis)));
         let cells = [0, 1, 2].map(|axis| axes[axis] / f64::from(spec.grid[axis]));
         let origin = camera.to_camera(DVec3::from_array(spec.origin) - camera.eye);
-        Self { origin, axes, cells, diagonal: section.diagonal() }
+        Self { origin, axes, cells, diagonal: section.diagonal(), is_elsewhere: false }
     }
 
     /// The cell's point for coordinates (0, 0), and a step of each coordinate. A point lies in the middle of its step.
@@ -98,6 +100,8 @@ pub(crate) struct BeamProjector<'a> {
     centre: (f64, f64),
     radius_squared: Option<f64>,
     size: (f64, f64),
+    /// Whether its rays begin ahead of an eye that is in another section: what the eye sees before that they may pass by.
+    begins_ahead: bool,
 }
 
 impl<'a> BeamProjector<'a> {
@@ -109,9 +113,11 @@ impl<'a> BeamProjector<'a> {
         viewpoint_radius: Option<f64>,
         distances: &'a DistanceTable,
     ) -> Self {
+        let (entry, exit) = (section.cell(pair.entry), section.cell(pair.exit));
         Self {
-            entry: section.cell(pair.entry),
-            exit: section.cell(pair.exit),
+            begins_ahead: section.is_elsewhere && entry.0.dot(exit.0 - entry.0) > 0.0,
+            entry,
+            exit,
             diagonal: section.diagonal,
             distances,
             camera,
@@ -123,7 +129,8 @@ impl<'a> BeamProjector<'a> {
         }
     }
 
-    /// None when the sample's surface is behind the eye, before the fore clipping surface or outside the picture.
+    /// None when the sample's surface is behind the eye, before the fore clipping surface or outside the picture, or when its ray comes
+    /// towards the eye: what such a ray meets is turned away from it, as the other side of a wall is.
     #[inline]
     pub fn land(&self, sample: &Sample) -> Option<Landing> {
         let [entry_u, entry_v, exit_u, exit_v] = sample.coords.0.map(f64::from);
@@ -159,6 +166,11 @@ impl<'a> BeamProjector<'a> {
         let eye = self.camera.eye_of(point);
         let distance_squared = (point - eye).length_squared();
         let miss_squared = (entry - eye).cross(along).length_squared() / length_squared;
+        let is_along = miss_squared <= NARROW * NARROW * distance_squared;
+        let sight = if self.camera.pixel_width.grows { point } else { DVec3::Z };
+        if hits && is_along && sight.dot(along) < 0.0 {
+            return None;
+        }
         let footprint_squared = if hits { self.camera.pixel_width.squared_at(distance_squared) } else { f64::INFINITY };
         let shown = hits && !is_black;
         Some(Landing {
@@ -169,9 +181,10 @@ impl<'a> BeamProjector<'a> {
             bin: if shown { depth_bin(distance_squared) } else { FAR },
             weight: nearness_weight(miss_squared / footprint_squared),
             // What hit nothing is seen from everywhere alike.
-            narrow: !hits || miss_squared <= NARROW * NARROW * distance_squared,
+            narrow: (!hits || is_along) && !self.begins_ahead,
             is_black,
             near: near_class(match self.radius_squared {
+                _ if self.begins_ahead => f64::INFINITY,
                 Some(radius_squared) => miss_squared / radius_squared,
                 None if hits => miss_squared / footprint_squared,
                 None => miss_squared / self.camera.pixel_width.squared_at((FAR_DIAGONALS * self.diagonal).powi(2)),

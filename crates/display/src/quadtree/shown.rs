@@ -43,7 +43,7 @@ fn mix<'a>(
     let all: f32 = own.iter().map(near).sum();
     let alone = Shown::Own(front);
     if all == 0.0 {
-        let covered = covering(painter, column, row, front);
+        let covered = covering(painter, column, row, front.bins);
         depths.by_leaves += u64::from(covered.is_some());
         depths.remaining += u64::from(covered.is_none() && own.len() > 1);
         return covered.map_or(alone, |(level, bins)| Shown::Surface(level, bins));
@@ -68,17 +68,20 @@ fn mix<'a>(
 ///
 /// Where samples are few, those of a far surface show through between those of a near one, having looked past its edge (the
 /// paper's Figure 6). A surface in front that most samples of the 4 × 4 or 2 × 2 pixels around are of is taken to go on
-/// here, unless it has so many samples that it would have had one here. Only for pixels with no sample near the eye: those
+/// here, unless it has so many samples that it would have had one here. Most of those that look as the eye does, if there are such: others may
+/// look from behind the surface, as from the next room, and be any number. Only for pixels with no sample near the eye: those
 /// see for themselves. On a disc before a wall eight times as far, batch samples of a 4³ grid, this took a tenth (0.4 a
 /// pixel) to four tenths (1 to 3 a pixel) off the error; a third instead of a half made some worse. On a ball before a near
 /// wall, 16³ grid, it costs 0.1 to 0.4 dB.
-fn covering(painter: &Painter, column: usize, row: usize, front: &Surface) -> Option<(usize, (u16, u16))> {
+fn covering(painter: &Painter, column: usize, row: usize, front: (u16, u16)) -> Option<(usize, (u16, u16))> {
     [2, 1].into_iter().find_map(|level| {
         let leaf = painter.all.levels.get(level)?.leaf(column >> level, row >> level);
-        let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
+        let seen = painter.leaf_seen(level, column, row);
+        let all: f32 = seen.iter().map(|surface| surface.count as f32).sum();
         let hides = |surface: &&Surface| {
-            surface.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0
-                && surface.count as f32 >= 0.5 * all
+            let parts = seen.iter().filter(|part| surface.bins.0 <= part.bins.0 && part.bins.1 <= surface.bins.1);
+            surface.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.0
+                && parts.map(|part| part.count as f32).sum::<f32>() >= 0.5 * all
                 && surface.count <= MANY_A_PIXEL << (2 * level)
         };
         let hiding = leaf.iter().find(hides)?;
@@ -109,7 +112,10 @@ fn fill(painter: &Painter, column: usize, row: usize) -> Shown<'static> {
         let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
         Some((level, own_surface(leaf, seen.bins)?.bins))
     });
-    filling.map_or(NOTHING, |(level, bins)| Shown::Surface(level, bins))
+    filling.map_or(NOTHING, |(level, bins)| {
+        let (level, bins) = covering(painter, column, row, bins).unwrap_or((level, bins));
+        Shown::Surface(level, bins)
+    })
 }
 
 impl Quadtree {

@@ -11,6 +11,13 @@ use std::borrow::Borrow;
 /// Degrees of freedom that an estimate of noise from finer leaves needs before a leaf's own spread is not used for it.
 const ENOUGH_FREEDOM: f32 = 6.0;
 
+/// A mean that so small a part of a leaf's samples make, all others being dark beside them, is shown by none of its pixels: where it shines
+/// smaller leaves tell. It may be a lamp; samples of noise alone, one in so many of which finds all light, are not told apart from that, and
+/// stay in the smaller leaves too. Either way no light is lost, since the bright part of the leaf does without the larger one as the dark
+/// part does. On recorded walks relative variances of one path are up to 4 in leaves without lamps, and 34 to 400 in those with; with 12 in
+/// place of 32 one-path samples of dark corners stayed dots, and the means over frames were the same.
+const FEW_OF: f32 = 32.0;
+
 /// One surface in a leaf: moments of its samples. "Spread" is Σ w (x − mean)².
 #[derive(Clone, Copy, Debug, Zeroable)]
 pub(crate) struct Surface {
@@ -136,6 +143,15 @@ impl Surface {
         self.bins = (self.bins.0.min(other.bins.0), self.bins.1.max(other.bins.1));
         let within = Within::from_bits(self.near_or_within).plus(Within::from_bits(other.near_or_within));
         self.near_or_within = within.to_bits();
+    }
+
+    /// Sum of squared weights, as the error of a mean over larger leaves is told by it: infinite where one in [`FEW_OF`] samples, or
+    /// fewer, make the mean.
+    #[inline(always)]
+    pub fn weight_squared_of_mean(&self) -> f32 {
+        let mean = self.luminance();
+        let is_of_few = self.spread_luminance > FEW_OF * mean * mean * self.weight;
+        if is_of_few { f32::INFINITY } else { self.weight_squared }
     }
 
     #[inline(always)]

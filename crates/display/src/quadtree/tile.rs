@@ -419,6 +419,7 @@ impl Find<'_> {
             }
             let share = if least < 0.0 { 0.0 } else { least };
             let share = if share > 1.0 { 1.0 } else { share };
+            let share = if error < f32::INFINITY { share } else { 0.0 };
             let share = if starts { 1.0 } else { share };
             let is_taken = works & has_own & (share != 0.0);
             for channel in 0..3 {
