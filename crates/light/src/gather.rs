@@ -31,13 +31,16 @@ pub struct Source {
 
 /// Holds what each ray brings to a share of what all of them bring, `most`; infinite, it holds nothing. One in thousands of records has met something so rare and
 /// bright, a lamp in a bottle, that it alone would make a wall brighter by a quarter for as far as the record goes. What this takes
-/// away is as rare.
+/// away is as rare. A few times what a ray brings on average each may bring, whatever the share.
 pub fn hold(arrivals: &mut [Arrival], most: f32) {
     /// Of holding, and of summing up what is left.
     const ROUNDS: usize = 4;
+    /// Over the mean of all rays: where light is even, records have so few that each brings more than the share.
+    const FAIR: f32 = 4.0;
     if most.is_infinite() {
         return;
     }
+    let most = most.max(FAIR / arrivals.len() as f32);
     let mut bound = f32::INFINITY;
     for _ in 0..ROUNDS {
         bound = most * arrivals.iter().map(|arrival| luminance(arrival.radiance).min(bound)).sum::<f32>();

@@ -59,6 +59,11 @@ fn one_ray_in_thousands_does_not_decide_about_a_record() {
     assert!((brought / (999.0 + brought) - 0.03).abs() < 1e-3, "{brought}");
     assert!(((held.x - 999.0) / (held.z - 999.0) - 4.0).abs() < 1e-2, "its hue stays");
     assert_eq!(gather(0.0, 0.03), Vec3::splat(999.0));
+    // 64 rays bring 1/64 each.
+    let even = [Arrival { radiance: Vec3::ONE, distance: 1.0 }; 64];
+    let mut few = even;
+    hold(&mut few, 0.002);
+    assert!(few.iter().zip(&even).all(|(held, whole)| held.radiance == whole.radiance), "even light stays whole");
     let mut dark = [Arrival::default(); 8];
     hold(&mut dark, 0.03);
     assert!(dark.iter().all(|arrival| arrival.radiance == Vec3::ZERO));

@@ -58,9 +58,13 @@ const LEAST_RAYS: u32 = 64;
 /// Rays of a record at most.
 const MOST_RAYS: u32 = 1 << 13;
 
-/// Standard error of a record over the accuracy: what is seen is the mean of several, and their strata make them better than
-/// they know.
-const ERROR: f32 = 1.0;
+/// Standard error over the accuracy of a record that reaches as far as any may. Those that reach less far serve less of the surface, by
+/// the square of their radius, and of what is seen many of them share: the same error of the whole costs least if rays grow like that, too (Neyman
+/// 1934, "On the Two Different Aspects of the Representative Method").
+const ERROR: f32 = 0.5;
+
+/// The same of any record at most: however small, it may fill what somebody looks at.
+const MOST_ERROR: f32 = 1.0;
 
 /// Radius of a record over the harmonic mean distance, over the root of the accuracy: what gradients leave grows with the square
 /// of the distance.
@@ -78,9 +82,12 @@ const AIMED: f32 = 0.2;
 /// Rays of records that end where there is no record, for each that makes one.
 const COARSE_PATIENCE: u32 = 8;
 
-/// Standard error of a coarse record over that of an exact one: it is seen by thousands of rays and by none that is looked at, but
-/// where light comes through a door, the few behind the door decide how bright all is on this side.
-const COARSE_ERROR: f32 = 2.0;
+/// [`ERROR`] of a coarse record: it is seen by thousands of rays and by none that is looked at, but large ones are part of what every
+/// record around sees, and where light comes through a door, the few behind the door decide how bright all is on this side.
+const COARSE_ERROR: f32 = 1.0;
+
+/// [`MOST_ERROR`] of a coarse record.
+const MOST_COARSE_ERROR: f32 = 8.0;
 
 /// [`PILOT_RAYS`] of a coarse record.
 const COARSE_PILOT_RAYS: [u32; 2] = [32, 128];
@@ -89,8 +96,9 @@ const COARSE_PILOT_RAYS: [u32; 2] = [32, 128];
 const EXACT: u32 = 0;
 const COARSE: u32 = 1;
 
-/// A record is made where the weights of those there add up to less.
-const LEAST_WEIGHT: f32 = 0.3;
+/// A record is made where the weights of those there add up to less: with 0.3, there are parts of surfaces that one alone decides about, and its
+/// error is theirs.
+const LEAST_WEIGHT: f32 = 0.6;
 
 /// Where the weights of records add up to so much, no more are looked for: what is looked at is the smoother for more, what is
 /// averaged over a hemisphere is not.
@@ -102,12 +110,19 @@ const WHATEVER_IT_TAKES: u32 = u32::MAX;
 /// What follows from the accuracy.
 #[derive(Clone, Copy, Debug)]
 struct Quality {
-    /// Relative standard error of a record.
-    error: f32,
+    /// Relative error that is wanted.
+    accuracy: f32,
     /// Radius of a record over the harmonic mean distance of what it sees.
     reach: f32,
     /// Radius at most.
     greatest: f32,
+}
+
+impl Quality {
+    /// Relative standard error that a record is made with, by how far what it sees lets it reach: `least` and `most` are over the accuracy.
+    fn error(&self, least: f32, radius: f32, most: f32) -> f32 {
+        self.accuracy * (least * self.greatest / radius).min(most)
+    }
 }
 
 /// The cache of one scene, and what makes its records.
@@ -136,7 +151,7 @@ impl Cached {
         let accuracy = accuracy.clamp(*ACCURACIES.start(), *ACCURACIES.end());
         let size = extent(raycaster);
         let reach = REACH * accuracy.sqrt();
-        let quality = Quality { error: ERROR * accuracy, reach, greatest: size * GREATEST * reach };
+        let quality = Quality { accuracy, reach, greatest: size * GREATEST * reach };
         let store = Arc::new(Store::new(quality.greatest / SPREAD));
         let [allowed, rays, made] = Default::default();
         let deviations = Deviations::default();
@@ -172,8 +187,9 @@ impl Cached {
             return None;
         }
         // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
-        let error = self.quality.error;
-        let pilot = self.gather(engine, met, pilot_rays(error, PILOT_RAYS), EXACT, f32::INFINITY);
+        let pilot =
+            self.gather(engine, met, pilot_rays(ERROR * self.quality.accuracy, PILOT_RAYS), EXACT, f32::INFINITY);
+        let error = self.quality.error(ERROR, pilot.radius, MOST_ERROR);
         let deviation = self.deviations.take_in(&pilot);
         let rays = ((deviation / error).powi(2) as u32).clamp(LEAST_RAYS, MOST_RAYS);
         let mut record = self.gather(engine, met, rays, EXACT, error);
@@ -218,8 +234,9 @@ impl Cached {
 
     /// Irradiance by indirect light at a point that a record's ray meets where there is none at all near: by a coarse record that is made.
     fn coarse(&self, engine: &PathEngine, met: &Met) -> Vec3 {
-        let error = COARSE_ERROR * self.quality.error;
-        let pilot = self.gather(engine, met, pilot_rays(error, COARSE_PILOT_RAYS), COARSE, f32::INFINITY);
+        let pilot_rays = pilot_rays(COARSE_ERROR * self.quality.accuracy, COARSE_PILOT_RAYS);
+        let pilot = self.gather(engine, met, pilot_rays, COARSE, f32::INFINITY);
+        let error = self.quality.error(COARSE_ERROR, pilot.radius, MOST_COARSE_ERROR);
         let rays = ((self.deviations.take_in(&pilot) / error).powi(2) as u32).clamp(LEAST_RAYS, MOST_RAYS);
         let record = self.gather(engine, met, rays, COARSE, error);
         self.insert(record, met);

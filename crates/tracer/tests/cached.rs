@@ -14,7 +14,7 @@ fn a_furnace_is_as_bright_as_it_must_be_at_any_accuracy() {
     let mut model = Model::default();
     let wall = model.material(GREY, [1.0, 2.0, 0.5]);
     model.cuboid([-1.0, -2.0, -1.5], [1.0, 2.0, 1.5], false, wall);
-    for accuracy in [0.02, 0.05, 0.2] {
+    for accuracy in [0.002, 0.02, 0.05, 0.2] {
         let tracer = model.tracer(None).with_cache(accuracy, 1);
         for direction in [[0.3, 0.2, 1.0], [1.0, -0.4, 0.1], [-0.2, 1.0, -0.6]] {
             let found = estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(direction), 64);
