@@ -3,7 +3,7 @@
 //! Invariant: a scene is used only if its bytes have the announced hash.
 
 use std::{
-    sync::{Arc, Mutex, PoisonError},
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -37,13 +37,20 @@ pub const AT_REST: Duration = Duration::from_millis(150);
 
 /// Tells moving from resting by when the last view was asked for.
 #[derive(Default)]
-pub struct Pace(Mutex<Option<Instant>>);
+pub struct Pace(Option<Instant>);
 
 impl Pace {
     /// For a view that is asked for now.
-    fn next(&self) -> Resolution {
-        let last = self.0.lock().unwrap_or_else(PoisonError::into_inner).replace(Instant::now());
+    pub fn next(&mut self) -> Resolution {
+        let last = self.0.replace(Instant::now());
         if last.is_some_and(|last| last.elapsed() < AT_REST) { Resolution::Half } else { Resolution::Full }
+    }
+
+    /// For a view that is shown again because nothing moves any more, however short a time ago that was: who says so has waited, and would ask
+    /// again and again.
+    pub fn rest(&mut self) -> Resolution {
+        self.0 = Some(Instant::now());
+        Resolution::Full
     }
 }
 
@@ -52,7 +59,7 @@ pub enum Painter {
     /// Of samples alone, in leaves or in cells. It keeps what it has for the next view.
     Quadtree(Trees),
     /// With the records of indirect light that have come.
-    Voronoi(Arc<Raycaster>, Arc<Store>, StandIns, Pace),
+    Voronoi(Arc<Raycaster>, Arc<Store>, StandIns),
     /// One driver for all views: it keeps what it has.
     Points(Points),
 }
@@ -100,7 +107,7 @@ impl Painter {
                 outbox.control(&Control::LightWanted)?;
                 let (low, high) = raycaster.scene().bounds();
                 let records = Store::new((LEAST_RADIUS * low.distance(high)).max(f64::from(f32::MIN_POSITIVE)) as f32);
-                Ok(Painter::Voronoi(Arc::new(raycaster), Arc::new(records), stand_ins, Pace::default()))
+                Ok(Painter::Voronoi(Arc::new(raycaster), Arc::new(records), stand_ins))
             }
             (Some(Err(error)), Driver::Voronoi) => Err(error),
             // 0.9 dB better than leaves of a quadtree, on average over 15 files of three scenes, and never worse.
@@ -145,19 +152,26 @@ impl Painter {
         }
     }
 
-    /// An empty picture of a view; for the driver that knows the scene at half resolution if the last view was asked for only just now.
-    pub fn canvas(&self, sections: Arc<[Section]>, view: View, size: (u32, u32), sky: [f32; 3]) -> Canvas {
+    /// An empty picture of a view; only the driver that knows the scene has another `resolution` than the full one.
+    pub fn canvas(
+        &self,
+        sections: Arc<[Section]>,
+        view: View,
+        size: (u32, u32),
+        sky: [f32; 3],
+        resolution: Resolution,
+    ) -> Canvas {
         match self {
             Painter::Quadtree(trees) => {
                 trees.look(sections, view, size, sky);
                 Canvas::Quadtree(trees.clone())
             }
-            Painter::Voronoi(raycaster, records, stand_ins, pace) => {
+            Painter::Voronoi(raycaster, records, stand_ins) => {
                 let (geometry, portals) = stand_ins.of(&sections, &view);
                 // Records are of the scene's own surfaces.
                 let records = geometry.is_none().then(|| Arc::clone(records));
                 let raycaster = geometry.unwrap_or_else(|| Arc::clone(raycaster));
-                let driver = Voronoi::at_resolution(sections, raycaster, portals, view, size, pace.next());
+                let driver = Voronoi::at_resolution(sections, raycaster, portals, view, size, resolution);
                 Canvas::Voronoi(Box::new(match records {
                     Some(records) => driver.with_records(records),
                     None => driver,
@@ -313,11 +327,21 @@ mod tests {
 
     #[test]
     fn views_in_quick_succession_are_of_half_resolution_and_one_after_a_rest_is_full() {
-        let pace = Pace::default();
+        let mut pace = Pace::default();
         assert_eq!(pace.next(), Resolution::Full);
         assert_eq!(pace.next(), Resolution::Half);
         assert_eq!(pace.next(), Resolution::Half);
         std::thread::sleep(AT_REST);
         assert_eq!(pace.next(), Resolution::Full);
+    }
+
+    #[test]
+    fn a_view_that_rests_is_full_however_little_time_is_left_of_moving() {
+        let mut pace = Pace::default();
+        pace.next();
+        assert_eq!(pace.next(), Resolution::Half);
+        // Asking for the view has taken a while, and so it rests earlier than a next one would be that of somebody at rest.
+        assert_eq!(pace.rest(), Resolution::Full);
+        assert_eq!(pace.next(), Resolution::Half);
     }
 }

@@ -9,7 +9,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{SelectOptions, Selection, select_beams};
+use holo_display::{Resolution, SelectOptions, Selection, select_beams};
 use holo_net::{Message, Outbox, Shutdown};
 use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
@@ -24,7 +24,7 @@ use holo_section::{BeamId, Section};
 
 use crate::{
     Config,
-    canvas::{AT_REST, Painter},
+    canvas::{AT_REST, Pace, Painter},
     default_view,
     incoming::{self, Incoming},
     lights::Lights,
@@ -89,6 +89,7 @@ pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: 
             messages,
             shown: None,
             view_number: 0,
+            pace: Pace::default(),
             workers: 0,
             meter,
             start: Instant::now(),
@@ -112,6 +113,7 @@ struct Session {
     messages: mpsc::Receiver<Incoming>,
     shown: Option<Shown>,
     view_number: u32,
+    pace: Pace,
     /// Workers that the server has, by what it said last.
     workers: u32,
     meter: Meter,
@@ -179,18 +181,20 @@ impl Session {
     /// Asks for a view.
     fn show(&mut self, spec: ViewSpec) -> Result<()> {
         let (view, size) = spec.resolve(self.config.view.size)?;
-        self.look(view, size)
+        let resolution = self.pace.next();
+        self.look(view, size, resolution)
     }
 
     /// Shows a view again that was asked for while moving, now at full resolution. Its seconds go on.
     fn rest(&mut self) -> Result<()> {
         let Some(Shown { view, size, since, .. }) = self.shown else { return Ok(()) };
-        self.look(view, size)?;
+        let resolution = self.pace.rest();
+        self.look(view, size, resolution)?;
         self.shown.iter_mut().for_each(|shown| shown.since = since);
         Ok(())
     }
 
-    fn look(&mut self, view: View, size: (u32, u32)) -> Result<()> {
+    fn look(&mut self, view: View, size: (u32, u32), resolution: Resolution) -> Result<()> {
         let Selection { beams, covered } = select_beams(&self.sections, &view, size, &SelectOptions::default());
         if covered.covered_rays == 0 {
             bail!("no section of the holodeck covers anything of this view ({})", view.to_vf_options());
@@ -210,7 +214,7 @@ impl Session {
             let none = LiveWanted { view: self.view_number, pixels: 0, rays: Vec::new() };
             self.outbox.send(Kind::LiveWanted, &none.encode())?;
         }
-        let canvas = self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky);
+        let canvas = self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky, resolution);
         let paths = self.welcome.settings.paths_per_sample;
         let live = Live::new(&canvas, view, size, self.welcome.sky, paths).filter(|_| self.welcome.tracing);
         self.shown = Some(Shown {
