@@ -14,14 +14,14 @@ fn a_furnace_is_as_bright_as_it_must_be_at_any_accuracy() {
     let mut model = Model::default();
     let wall = model.material(GREY, [1.0, 2.0, 0.5]);
     model.cuboid([-1.0, -2.0, -1.5], [1.0, 2.0, 1.5], false, wall);
-    for accuracy in [0.002, 0.02, 0.05, 0.2] {
+    for accuracy in [0.02, 0.05, 0.2] {
         let tracer = model.tracer(None).with_cache(accuracy, 1);
         for direction in [[0.3, 0.2, 1.0], [1.0, -0.4, 0.1], [-0.2, 1.0, -0.6]] {
             let found = estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(direction), 64);
             for (found, le) in found.mean.into_iter().zip([1.0, 2.0, 0.5]) {
-                // Half of the light is indirect, and a record's standard error is twice the accuracy.
+                // Half of the light is indirect, and a record's standard error is the accuracy at most.
                 let error = found / (2.0 * le) - 1.0;
-                assert!(error.abs() < 4.5 * f64::from(accuracy), "{accuracy}: {error}");
+                assert!(error.abs() < 2.25 * f64::from(accuracy), "{accuracy}: {error}");
             }
         }
     }
@@ -70,7 +70,8 @@ fn a_room_lit_from_above_only_is_within_the_accuracy_of_paths() {
     let (mean, rms) = (sum / count, (squares / count).sqrt());
     let accuracy = f64::from(accuracy);
     assert!(rms < 3.0 * accuracy + (noise / count).sqrt(), "errors of {rms}");
-    // A record's rays leave twice the accuracy, independent from record to record; some 40 of each cache are seen here.
+    // A record's rays leave the accuracy at most, coarse records that they end in as much again, independent from record to record; some 40 of
+    // each cache are seen here.
     let chance = 2.0 * accuracy / f64::from(40 * CACHES).sqrt();
     assert!(mean.abs() < accuracy + 3.0 * chance, "mean error {mean}");
 }

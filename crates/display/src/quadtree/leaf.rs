@@ -4,7 +4,7 @@
 //! a coarser one is taken as long as its confidence interval meets those of all finer ones. Where the picture is flat the
 //! intervals go on meeting and noise is averaged; where it is not, they part once the samples can tell. Samples without
 //! noise have intervals of no width and stay in their pixels; as samples grow every interval shrinks, so every pixel that
-//! is not flat ends with its own mean. Leaves whose mean one sample in hundreds makes, as one that sees a lamp does, are not taken.
+//! is not flat ends with its own mean. Leaves whose mean one sample in 32 or fewer make, as those that see a lamp do, are not taken.
 //!
 //! Invariant: only samples of one surface are averaged: bins connected to the pixel's own.
 
