@@ -301,6 +301,101 @@ fn nearness_weight(miss_in_footprints_squared: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pointimage::Instructions;
+    use crate::pointimage::isa::{Isa, Kernel};
+    use holo_picture::{ViewKind, ViewSpec};
+    use holo_section::{BeamId, RayCoords, SectionSpec, ViewClass};
+
+    struct Project<'a>(&'a BeamProjector<'a>, &'a [Sample]);
+
+    impl Kernel for Project<'_> {
+        type Output = Vec<Option<[u64; 8]>>;
+
+        #[inline(always)]
+        fn run(self) -> Self::Output {
+            let mut projected = Projected::new();
+            self.0.project(self.1, &mut projected);
+            let bits = |Landing { column, row, within, depth, bin, weight, near, narrow, is_black }| {
+                let flags = u64::from(narrow) << 1 | u64::from(is_black);
+                let [across, down] = within.map(u64::from);
+                let near = near.map_or(9, |near| near as u64);
+                [
+                    column as u64,
+                    row as u64,
+                    across << 8 | down,
+                    depth.to_bits().into(),
+                    bin.into(),
+                    weight.into(),
+                    near,
+                    flags,
+                ]
+            };
+            (0..self.1.len()).map(|at| self.0.land(&projected, at).map(bits)).collect()
+        }
+    }
+
+    #[test]
+    fn samples_land_where_they_land_with_all_instructions_and_where_they_were_seen() {
+        let spec = SectionSpec {
+            origin: [0.0; 3],
+            axes: [[4.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0]],
+            grid: [3; 3],
+            class: ViewClass::Interior,
+            obstructions: true,
+        };
+        let (section, size, distances) = (Section::new(spec).unwrap(), (40, 30), DistanceTable::new());
+        let mut state = 5_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state.rotate_left(13)
+        };
+        for (kind, vh) in [(ViewKind::Perspective, 70.0), (ViewKind::Parallel, 2.5), (ViewKind::Hemispherical, 170.0)] {
+            let (vp, vd, vu) = (DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z);
+            let spec = ViewSpec {
+                kind: Some(kind),
+                vp: Some(vp),
+                vd: Some(vd),
+                vu: Some(vu),
+                vh: Some(vh),
+                ..ViewSpec::default()
+            };
+            let view = spec.resolve(size).unwrap().0;
+            let camera = Camera::new(&view, size);
+            let placed = PlacedSection::new(&section, &camera);
+            let mut landed = [0; 2];
+            for beam in (0..section.beam_count()).step_by(7) {
+                let pair = section.cells(BeamId(beam)).unwrap();
+                let projector = BeamProjector::new(&placed, pair, &camera, size, None, &distances);
+                let samples: Vec<Sample> = (0..1 + beam as usize % BATCH)
+                    .map(|number| {
+                        let code = if number % 5 == 0 { distance::NOTHING_HIT } else { (random() % 3000) as u16 };
+                        Sample::from_codes(RayCoords(random().to_le_bytes()), [90; 4], code)
+                    })
+                    .collect();
+                let expected = Project(&projector, &samples).run();
+                for isa in [Instructions::Avx2, Instructions::Avx512].into_iter().filter_map(Isa::new) {
+                    assert_eq!(isa.run(Project(&projector, &samples)), expected, "{kind:?} {beam}");
+                }
+                for (sample, landing) in samples.iter().zip(expected) {
+                    // What the sample saw, by the section's own words.
+                    let ray = section.ray(pair, sample.coords);
+                    let hits = sample.distance_code() != distance::NOTHING_HIT;
+                    let seen = if hits {
+                        ray.origin + ray.direction * sample.distance(section.diagonal()) - camera.eye
+                    } else {
+                        ray.direction
+                    };
+                    let Some([column, row, ..]) = landing else { continue };
+                    let (x, y) = camera.project(camera.to_camera(seen)).unwrap();
+                    let is_at = (x - column as f64 - 0.5).abs().max((y - row as f64 - 0.5).abs()) < 0.5 + 1e-3;
+                    assert!(is_at || !hits && kind == ViewKind::Parallel, "{kind:?}: {x} {y} {column} {row}");
+                    landed[usize::from(hits)] += 1;
+                }
+            }
+            // Few rays go along a parallel view.
+            assert!(landed[1] > 20 && (landed[0] > 20 || kind == ViewKind::Parallel), "{kind:?}: {landed:?}");
+        }
+    }
 
     #[test]
     fn weight_falls_with_the_root_of_the_miss() {
