@@ -39,6 +39,7 @@ const COMPRESSED_SCALE: f32 = 4096.0;
 const COMPRESSED_MAX: f32 = (1_u64 << 26) as f32;
 
 /// Logarithmic depth bin of a squared distance from the eye.
+#[inline(always)]
 pub(crate) fn depth_bin(distance_squared: f64) -> u16 {
     // Positive floats sort as their bits do, and the bits are a logarithm good enough for bins.
     ((distance_squared as f32).to_bits() >> BIN_SHIFT) as u16
@@ -59,6 +60,7 @@ pub(crate) fn bin_distance_squared(bin: u16) -> f32 {
 ///
 /// A root rather than a logarithm: black samples are common, and a root does not ask what scale the scene has. The fourth
 /// brings a lamp a thousand times brighter than its surroundings down to six times.
+#[inline(always)]
 pub(crate) fn compress(luminance: f32) -> f32 {
     luminance.max(0.0).sqrt().sqrt()
 }
@@ -79,6 +81,7 @@ pub(crate) struct Colour {
 
 impl Colour {
     /// RGBE bytes: c·2^(e−136) each, which fixed point holds exactly from 2⁻⁴⁸ up.
+    #[inline(always)]
     pub fn from_rgbe(rgbe: [u8; 4]) -> Self {
         let [r, g, b, exponent] = rgbe;
         if exponent == 0 {
@@ -127,6 +130,7 @@ pub(crate) struct Sums {
 const _: () = assert!(size_of::<Sums>() == 128);
 
 impl Sums {
+    #[inline(always)]
     fn add(&mut self, colour: &Colour, weight: u32, near: Option<usize>) {
         let (wide, weight) = (u128::from(weight), u64::from(weight));
         self.weight = self.weight.saturating_add(weight);
@@ -242,6 +246,7 @@ impl PixelBins {
         self.is_empty = true;
     }
 
+    #[inline(always)]
     pub fn add(&mut self, pixel: usize, bin: u16, colour: &Colour, weight: u32, near: Option<usize>) {
         let slots = &self.slots[pixel];
         let rank = slots.bins.iter().position(|&kept| bin <= kept).unwrap_or(BINS_KEPT);
@@ -259,6 +264,7 @@ impl PixelBins {
     }
 
     /// Gives a pixel a bin without samples, which has this rank among its own.
+    #[inline(never)]
     fn make_room(&mut self, pixel: usize, rank: usize, bin: u16) {
         const LAST: usize = BINS_KEPT - 1;
         self.is_empty = false;

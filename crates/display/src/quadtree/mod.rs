@@ -33,7 +33,7 @@ mod wide;
 use crate::camera::Camera;
 use crate::candidates::candidates;
 use crate::covered::covered;
-use crate::pointimage::isa::Isa;
+use crate::pointimage::isa::{Isa, Kernel};
 use crate::pointimage::zeroed;
 use bins::{BINS_KEPT, Colour, PixelBins, merged};
 use drawing::Drawing;
@@ -43,15 +43,13 @@ use holo_section::{BeamId, Sample, Section};
 use keep::Kept;
 pub use keep::REFETCH_DEGREES;
 use pyramid::{Level, Source};
-use reproject::{BeamProjector, DistanceTable, Landing, PlacedSection};
+use reproject::{BATCH, BeamProjector, DistanceTable, Landing, PlacedSection, Projected};
 use std::collections::HashSet;
 use std::sync::Arc;
 use wide::Agreement;
 
 /// Paths a sample counts for at most: enough that more are not told apart, few enough that sums cannot overflow.
 const MAX_PATHS: u16 = 1024;
-/// Samples whose sums are fetched together: they lie anywhere, and one after another each would wait for memory twice.
-const BATCH: usize = 32;
 /// Share of a leaf's samples that its nearest surface needs to be what an empty pixel of the leaf shows.
 const SEEN_SHARE: f32 = 0.25;
 
@@ -143,6 +141,8 @@ pub struct Quadtree {
     changes: u64,
     /// Those of one batch that landed: pixel, landing, colour.
     arrived: Vec<(usize, Landing, [u8; 4])>,
+    /// Scratch.
+    projected: Box<Projected>,
     /// Best beam of every pixel's middle; empty while no unseen beam is known, since a scene may have none.
     best: Vec<Option<(u16, BeamId)>>,
 }
@@ -166,6 +166,7 @@ impl Quadtree {
             old: None,
             changes: 1,
             arrived: Vec::with_capacity(BATCH),
+            projected: Box::new(Projected::new()),
             best: Vec::new(),
             sections,
             view,
@@ -223,33 +224,23 @@ impl Quadtree {
         let Some(pair) = known.cells(beam) else { return };
         let radius = self.params.viewpoint_radius;
         let projector = BeamProjector::new(placed, pair, &self.camera, self.size, radius, &self.distances);
+        let Self { narrow, wide, arrived, projected, .. } = self;
         let paths = u32::from(paths.clamp(1, MAX_PATHS));
-        let width = self.size.0 as usize;
         for samples in samples.chunks(BATCH) {
-            self.arrived.clear();
-            for sample in samples {
-                if let Some(landing) = projector.land(sample) {
-                    let pixel = landing.row * width + landing.column;
-                    if !landing.narrow && !self.wide.has_pixels() {
-                        self.wide = PixelBins::new(width * self.size.1 as usize);
-                    }
-                    let bins = if landing.narrow { &self.narrow } else { &self.wide };
-                    bins.prefetch_pixel(pixel);
-                    let rgbe = if landing.is_black { [0; 4] } else { sample.rgbe };
-                    self.arrived.push((pixel, landing, rgbe));
-                }
-            }
-            for (pixel, landing, _) in &self.arrived {
-                let bins = if landing.narrow { &self.narrow } else { &self.wide };
-                bins.prefetch_further(*pixel, landing.bin);
-            }
-            for (pixel, landing, rgbe) in &self.arrived {
-                let bins = if landing.narrow { &mut self.narrow } else { &mut self.wide };
-                bins.add(*pixel, landing.bin, &Colour::from_rgbe(*rgbe), landing.weight * paths, landing.near);
-                also(*pixel, landing, *rgbe);
-            }
-            self.changes += self.arrived.len() as u64;
-            let landed = self.arrived.iter().map(|(pixel, ..)| *pixel);
+            let (narrow, wide) = (&mut *narrow, &mut *wide);
+            self.isa.run(Land {
+                projector: &projector,
+                samples,
+                paths,
+                size: self.size,
+                narrow,
+                wide,
+                arrived,
+                projected,
+                also,
+            });
+            self.changes += arrived.len() as u64;
+            let landed = arrived.iter().map(|(pixel, ..)| *pixel);
             if self.drawing.as_mut().is_some_and(|drawing| !drawing.has_landed(landed)) {
                 self.old = self.drawing.take();
             }
@@ -361,6 +352,53 @@ impl Quadtree {
         let (x, y) = View::pixel_centre(self.size, column, row);
         let ray = self.view.clipped_ray(x, y);
         ray.map_or((self.view.vp, DVec3::ZERO), |(origin, direction, _)| (origin, direction))
+    }
+}
+
+/// Sums the samples of a batch.
+struct Land<'a, A> {
+    projector: &'a BeamProjector<'a>,
+    samples: &'a [Sample],
+    paths: u32,
+    size: (u32, u32),
+    narrow: &'a mut PixelBins,
+    wide: &'a mut PixelBins,
+    /// Those that landed, once it is run.
+    arrived: &'a mut Vec<(usize, Landing, [u8; 4])>,
+    projected: &'a mut Projected,
+    also: &'a mut A,
+}
+
+impl<A: FnMut(usize, &Landing, [u8; 4])> Kernel for Land<'_, A> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { projector, samples, paths, size, narrow, wide, arrived, projected, also } = self;
+        let width = size.0 as usize;
+        arrived.clear();
+        projector.project(samples, projected);
+        for (at, sample) in samples.iter().enumerate() {
+            if let Some(landing) = projector.land(projected, at) {
+                let pixel = landing.row * width + landing.column;
+                if !landing.narrow && !wide.has_pixels() {
+                    *wide = PixelBins::new(width * size.1 as usize);
+                }
+                let bins = if landing.narrow { &*narrow } else { &*wide };
+                bins.prefetch_pixel(pixel);
+                let rgbe = if landing.is_black { [0; 4] } else { sample.rgbe };
+                arrived.push((pixel, landing, rgbe));
+            }
+        }
+        for (pixel, landing, _) in &*arrived {
+            let bins = if landing.narrow { &*narrow } else { &*wide };
+            bins.prefetch_further(*pixel, landing.bin);
+        }
+        for (pixel, landing, rgbe) in &*arrived {
+            let bins = if landing.narrow { &mut *narrow } else { &mut *wide };
+            bins.add(*pixel, landing.bin, &Colour::from_rgbe(*rgbe), landing.weight * paths, landing.near);
+            also(*pixel, landing, *rgbe);
+        }
     }
 }
 

@@ -10,6 +10,9 @@ use glam::DVec3;
 use holo_picture::Clip;
 use holo_section::{CellIndex, CellPair, Sample, Section, distance};
 
+/// Samples projected together, and whose sums are fetched together: they lie anywhere, and one after another each would wait for memory
+/// twice.
+pub(super) const BATCH: usize = 32;
 /// Steps of a ray coordinate in a cell.
 const STEPS: f64 = 256.0;
 /// Weight of a ray that passes within its own footprint of the eye.
@@ -29,6 +32,7 @@ impl DistanceTable {
     }
 
     /// Distance in diagonals; infinite for nothing.
+    #[inline(always)]
     pub fn of(&self, code: u16) -> f64 {
         f64::from(self.0.get(usize::from(code)).copied().unwrap_or(f32::INFINITY))
     }
@@ -88,6 +92,44 @@ pub(crate) struct Landing {
     pub is_black: bool,
 }
 
+/// Samples projected together. Of what there are fewer samples than room for, the rest is of no meaning.
+pub(crate) struct Projected {
+    coords: [[f64; BATCH]; 4],
+    /// 0: it met nothing; else 1.
+    hits: [f64; BATCH],
+    /// From the ray's entry point.
+    distance: [f64; BATCH],
+    /// What was seen, and where: in camera coordinates, and in pixels of a perspective view.
+    point: [[f64; BATCH]; 3],
+    x: [f64; BATCH],
+    y: [f64; BATCH],
+    /// From the eye to the point.
+    distance_squared: [f64; BATCH],
+    /// From the eye to the ray.
+    miss_squared: [f64; BATCH],
+    /// Of the ray between its cells: its squared length, and its product with where the eye sees the point.
+    length_squared: [f64; BATCH],
+    sight_along: [f64; BATCH],
+}
+
+impl Projected {
+    pub fn new() -> Self {
+        let none = [0.0; BATCH];
+        Self {
+            coords: [none; 4],
+            hits: none,
+            distance: none,
+            point: [none; 3],
+            x: none,
+            y: none,
+            distance_squared: none,
+            miss_squared: none,
+            length_squared: none,
+            sight_along: none,
+        }
+    }
+}
+
 /// A beam's set-up for reprojection.
 pub(crate) struct BeamProjector<'a> {
     entry: (DVec3, DVec3, DVec3),
@@ -129,26 +171,57 @@ impl<'a> BeamProjector<'a> {
         }
     }
 
-    /// None when the sample's surface is behind the eye, before the fore clipping surface or outside the picture, or when its ray comes
-    /// towards the eye: what such a ray meets is turned away from it, as the other side of a wall is.
-    #[inline]
-    pub fn land(&self, sample: &Sample) -> Option<Landing> {
-        let [entry_u, entry_v, exit_u, exit_v] = sample.coords.0.map(f64::from);
-        let entry = self.entry.0 + self.entry.1 * entry_u + self.entry.2 * entry_v;
-        let exit = self.exit.0 + self.exit.1 * exit_u + self.exit.2 * exit_v;
-        let along = exit - entry;
-        let length_squared = along.length_squared();
-        let code = sample.distance_code();
-        let hits = code != distance::NOTHING_HIT;
-        // A ray that hit nothing sees the same in its direction from everywhere.
-        let point = if hits {
-            entry + along * (self.distances.of(code) * self.diagonal / length_squared.sqrt())
-        } else {
-            self.far(entry, along)?
-        };
-        let inverse_depth = point.z.recip();
-        let mut x = self.centre.0 + self.focal.0 * point.x * inverse_depth;
-        let mut y = self.centre.1 - self.focal.1 * point.y * inverse_depth;
+    /// Projects up to [`BATCH`] samples, all of them alike and without branches: side by side. One by one, a sample took 40 % longer to be
+    /// summed.
+    #[inline(always)]
+    pub fn project(&self, samples: &[Sample], to: &mut Projected) {
+        for (at, sample) in samples.iter().enumerate().take(BATCH) {
+            for (all, own) in to.coords.iter_mut().zip(sample.coords.0) {
+                all[at] = f64::from(own);
+            }
+            let code = sample.distance_code();
+            to.hits[at] = if code == distance::NOTHING_HIT { 0.0 } else { 1.0 };
+            to.distance[at] = self.distances.of(code) * self.diagonal;
+        }
+        let grows = self.camera.pixel_width.grows;
+        let (entry_from, entry_u, entry_v) = self.entry;
+        let (exit_from, exit_u, exit_v) = self.exit;
+        let (focal, centre) = (self.focal, self.centre);
+        for at in 0..BATCH {
+            let [eu, ev, xu, xv] = [to.coords[0][at], to.coords[1][at], to.coords[2][at], to.coords[3][at]];
+            let entry = entry_from + entry_u * eu + entry_v * ev;
+            let exit = exit_from + exit_u * xu + exit_v * xv;
+            let along = exit - entry;
+            let length_squared = along.length_squared();
+            // A ray that hit nothing sees the same in its direction from everywhere: a parallel view sees it where it leaves the section.
+            let hits = to.hits[at] != 0.0;
+            let from = if hits | !grows { 1.0 } else { 0.0 };
+            let part = to.distance[at] / length_squared.sqrt();
+            let part = if hits { part } else { 1.0 };
+            let point = entry * from + along * part;
+            let inverse_depth = 1.0 / point.z;
+            to.x[at] = centre.0 + focal.0 * point.x * inverse_depth;
+            to.y[at] = centre.1 - focal.1 * point.y * inverse_depth;
+            let flat = if grows { 0.0 } else { 1.0 };
+            let eye = DVec3::new(point.x * flat, point.y * flat, 0.0);
+            to.distance_squared[at] = (point - eye).length_squared();
+            to.miss_squared[at] = (entry - eye).cross(along).length_squared() / length_squared;
+            let sight = if grows { point } else { DVec3::Z };
+            to.sight_along[at] = sight.dot(along);
+            to.length_squared[at] = length_squared;
+            to.point[0][at] = point.x;
+            to.point[1][at] = point.y;
+            to.point[2][at] = point.z;
+        }
+    }
+
+    /// Where a sample lands that is the one of this number of those projected. None when its surface is behind the eye, before the fore
+    /// clipping surface or outside the picture, or when its ray comes towards the eye: what such a ray meets is turned away from it, as
+    /// the other side of a wall is.
+    #[inline(always)]
+    pub fn land(&self, projected: &Projected, at: usize) -> Option<Landing> {
+        let point = DVec3::from_array(projected.point.map(|all| all[at]));
+        let (mut x, mut y) = (projected.x[at], projected.y[at]);
         if !self.is_perspective {
             (x, y) = self.camera.project(point)?;
         }
@@ -157,26 +230,31 @@ impl<'a> BeamProjector<'a> {
         if !(is_ahead && x >= 0.0 && x < self.size.0 && y >= 0.0 && y < self.size.1) {
             return None;
         }
+        let hits = projected.hits[at] != 0.0;
+        let (distance_squared, miss_squared) = (projected.distance_squared[at], projected.miss_squared[at]);
+        let sight_along = projected.sight_along[at];
+        let is_along = miss_squared <= NARROW * NARROW * distance_squared;
+        if hits && is_along && sight_along < 0.0 {
+            return None;
+        }
+        // What a parallel view does not look along is nowhere in it.
+        let grows = self.camera.pixel_width.grows;
+        let is_level = sight_along * sight_along >= (1.0 - NARROW * NARROW) * projected.length_squared[at];
+        if !(hits || grows || is_level) {
+            return None;
+        }
         let is_black = match self.camera.clip(point) {
             // What met nothing has no place but a direction.
             _ if !hits => self.camera.clips_sky(),
             Clip::Before => return None,
             clip => clip == Clip::Beyond,
         };
-        let eye = self.camera.eye_of(point);
-        let distance_squared = (point - eye).length_squared();
-        let miss_squared = (entry - eye).cross(along).length_squared() / length_squared;
-        let is_along = miss_squared <= NARROW * NARROW * distance_squared;
-        let sight = if self.camera.pixel_width.grows { point } else { DVec3::Z };
-        if hits && is_along && sight.dot(along) < 0.0 {
-            return None;
-        }
         let footprint_squared = if hits { self.camera.pixel_width.squared_at(distance_squared) } else { f64::INFINITY };
         let shown = hits && !is_black;
         Some(Landing {
             column: x as usize,
             row: y as usize,
-            within: [x, y].map(|at| (at.fract() * STEPS) as u8),
+            within: [x, y].map(|at| ((at - f64::from(at as u32)) * STEPS) as u8),
             depth: if shown { (distance_squared as f32).sqrt() } else { f32::INFINITY },
             bin: if shown { depth_bin(distance_squared) } else { FAR },
             weight: nearness_weight(miss_squared / footprint_squared),
@@ -191,19 +269,10 @@ impl<'a> BeamProjector<'a> {
             }),
         })
     }
-
-    /// A point that is seen where a ray that met nothing is: in its direction. A parallel view sees it where it leaves the
-    /// section, if it goes with the view.
-    #[inline]
-    fn far(&self, entry: DVec3, along: DVec3) -> Option<DVec3> {
-        if self.camera.pixel_width.grows {
-            return Some(along);
-        }
-        (along.z * along.z >= (1.0 - NARROW * NARROW) * along.length_squared()).then(|| entry + along)
-    }
 }
 
 /// Class of nearness of a ray that misses the eye by r radii, given r²: class n within 1/2ⁿ of the radius.
+#[inline(always)]
 fn near_class(miss_in_radii_squared: f64) -> Option<usize> {
     [1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0, 1.0]
         .iter()
@@ -217,6 +286,7 @@ fn near_class(miss_in_radii_squared: f64) -> Option<usize> {
 /// right for samples without noise. Rays of a batch miss the eye by tens of footprints nearly all; had the few near ones
 /// 64 times their weight, they would alone decide the mean: with 2 % of them near, it would be as noisy as 6 % of the
 /// samples. With this law it is as noisy as 57 %.
+#[inline(always)]
 fn nearness_weight(miss_in_footprints_squared: f64) -> u32 {
     // The exponent is the logarithm of r² to base 2; r² doubles while 1/√r falls by 2^(1/4).
     const FALL: [u32; 12] = [59, 49, 42, 35, 29, 25, 21, 17, 15, 12, 10, 9];
@@ -231,6 +301,101 @@ fn nearness_weight(miss_in_footprints_squared: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pointimage::Instructions;
+    use crate::pointimage::isa::{Isa, Kernel};
+    use holo_picture::{ViewKind, ViewSpec};
+    use holo_section::{BeamId, RayCoords, SectionSpec, ViewClass};
+
+    struct Project<'a>(&'a BeamProjector<'a>, &'a [Sample]);
+
+    impl Kernel for Project<'_> {
+        type Output = Vec<Option<[u64; 8]>>;
+
+        #[inline(always)]
+        fn run(self) -> Self::Output {
+            let mut projected = Projected::new();
+            self.0.project(self.1, &mut projected);
+            let bits = |Landing { column, row, within, depth, bin, weight, near, narrow, is_black }| {
+                let flags = u64::from(narrow) << 1 | u64::from(is_black);
+                let [across, down] = within.map(u64::from);
+                let near = near.map_or(9, |near| near as u64);
+                [
+                    column as u64,
+                    row as u64,
+                    across << 8 | down,
+                    depth.to_bits().into(),
+                    bin.into(),
+                    weight.into(),
+                    near,
+                    flags,
+                ]
+            };
+            (0..self.1.len()).map(|at| self.0.land(&projected, at).map(bits)).collect()
+        }
+    }
+
+    #[test]
+    fn samples_land_where_they_land_with_all_instructions_and_where_they_were_seen() {
+        let spec = SectionSpec {
+            origin: [0.0; 3],
+            axes: [[4.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0]],
+            grid: [3; 3],
+            class: ViewClass::Interior,
+            obstructions: true,
+        };
+        let (section, size, distances) = (Section::new(spec).unwrap(), (40, 30), DistanceTable::new());
+        let mut state = 5_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state.rotate_left(13)
+        };
+        for (kind, vh) in [(ViewKind::Perspective, 70.0), (ViewKind::Parallel, 2.5), (ViewKind::Hemispherical, 170.0)] {
+            let (vp, vd, vu) = (DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z);
+            let spec = ViewSpec {
+                kind: Some(kind),
+                vp: Some(vp),
+                vd: Some(vd),
+                vu: Some(vu),
+                vh: Some(vh),
+                ..ViewSpec::default()
+            };
+            let view = spec.resolve(size).unwrap().0;
+            let camera = Camera::new(&view, size);
+            let placed = PlacedSection::new(&section, &camera);
+            let mut landed = [0; 2];
+            for beam in (0..section.beam_count()).step_by(7) {
+                let pair = section.cells(BeamId(beam)).unwrap();
+                let projector = BeamProjector::new(&placed, pair, &camera, size, None, &distances);
+                let samples: Vec<Sample> = (0..1 + beam as usize % BATCH)
+                    .map(|number| {
+                        let code = if number % 5 == 0 { distance::NOTHING_HIT } else { (random() % 3000) as u16 };
+                        Sample::from_codes(RayCoords(random().to_le_bytes()), [90; 4], code)
+                    })
+                    .collect();
+                let expected = Project(&projector, &samples).run();
+                for isa in [Instructions::Avx2, Instructions::Avx512].into_iter().filter_map(Isa::new) {
+                    assert_eq!(isa.run(Project(&projector, &samples)), expected, "{kind:?} {beam}");
+                }
+                for (sample, landing) in samples.iter().zip(expected) {
+                    // What the sample saw, by the section's own words.
+                    let ray = section.ray(pair, sample.coords);
+                    let hits = sample.distance_code() != distance::NOTHING_HIT;
+                    let seen = if hits {
+                        ray.origin + ray.direction * sample.distance(section.diagonal()) - camera.eye
+                    } else {
+                        ray.direction
+                    };
+                    let Some([column, row, ..]) = landing else { continue };
+                    let (x, y) = camera.project(camera.to_camera(seen)).unwrap();
+                    let is_at = (x - column as f64 - 0.5).abs().max((y - row as f64 - 0.5).abs()) < 0.5 + 1e-3;
+                    assert!(is_at || !hits && kind == ViewKind::Parallel, "{kind:?}: {x} {y} {column} {row}");
+                    landed[usize::from(hits)] += 1;
+                }
+            }
+            // Few rays go along a parallel view.
+            assert!(landed[1] > 20 && (landed[0] > 20 || kind == ViewKind::Parallel), "{kind:?}: {landed:?}");
+        }
+    }
 
     #[test]
     fn weight_falls_with_the_root_of_the_miss() {
