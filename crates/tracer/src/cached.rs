@@ -7,7 +7,8 @@
 //! and for each of them so many rays of records are traced ([`Cached::set_effort`]), so that there are useful samples from the first moment on.
 //!
 //! Always true:
-//! - what is traced does not depend on the cache but within the engine's accuracy;
+//! - what is traced does not depend on the cache but within the engine's accuracy, and in what paths that stand in for records have of lamps by
+//!   way of mirrors ([`MOST_ALONE`]): none do once there are records;
 //! - how many rays a record has, and how far it reaches, do not depend on the light that these rays bring, unless it contradicts
 //!   records around, which then reach less far, too: its expectation, and that of what is interpolated, is that of paths, but for what
 //!   gradients leave over a radius, and for what single rays bring beyond the accuracy, in a cabin with bottles and mirrors 0.2 % of
@@ -28,11 +29,13 @@ use crate::direct::power_heuristic;
 use crate::ending::{Ending, Met};
 use crate::geometry::Frame;
 use crate::images::{Aims, Images};
+use crate::lights::luminance;
 use crate::medium::Inside;
 use crate::mirrors::Mirrors;
 use crate::path::{Arrived, PathEngine, Start};
 use crate::sampler::{Purpose, Sampler, mix};
 use crate::secondary::Aimed;
+use crate::usual::Usual;
 
 /// Smooth surfaces at which the light that comes straight to an eye or a record is followed both ways: of what a pane reflects, one ray in ten
 /// would have the weight of ten.
@@ -100,6 +103,14 @@ const COARSE: u32 = 1;
 /// error is theirs.
 const LEAST_WEIGHT: f32 = 0.6;
 
+/// The same for a sample that somebody waits for and that must not make one: a path is noisier than what there is.
+const WEIGHT_FOR_NOW: f32 = 0.3;
+
+/// Radiance that such a path brings from a lamp over facets of mirrors at most, over that of the scene's records: one path in ten thousand has
+/// hundreds of times as much as what is around, and shows for as long as hundreds of samples take to come. Of records' rays none may bring more
+/// than a few times the mean either.
+const MOST_ALONE: f32 = 8.0;
+
 /// Where the weights of records add up to so much, no more are looked for: what is looked at is the smoother for more, what is
 /// averaged over a hemisphere is not.
 const ENOUGH: [f32; 2] = [4.0, 1.0];
@@ -141,6 +152,7 @@ pub(crate) struct Cached {
     /// Rays for records so far.
     rays: AtomicU64,
     deviations: Deviations,
+    usual: Usual,
     /// Records' names: this engine's own, and how many it has made.
     salt: u64,
     made: AtomicU64,
@@ -154,11 +166,11 @@ impl Cached {
         let quality = Quality { accuracy, reach, greatest: size * GREATEST * reach };
         let store = Arc::new(Store::new(quality.greatest / SPREAD));
         let [allowed, rays, made] = Default::default();
-        let deviations = Deviations::default();
+        let (deviations, usual) = (Deviations::default(), Usual::new());
         let effort = AtomicU32::new(WHATEVER_IT_TAKES);
         let mirrors = Mirrors::find(raycaster.scene(), &engine.surfaces);
         let has_caustics = engine.nesting.is_some() || engine.surfaces.iter().any(|s| s.scatter.is_delta());
-        Self { store, quality, mirrors, has_caustics, effort, allowed, rays, deviations, salt: mix(name), made }
+        Self { store, quality, mirrors, has_caustics, effort, allowed, rays, deviations, usual, salt: mix(name), made }
     }
 
     pub(crate) fn store(&self) -> &Arc<Store> {
@@ -184,7 +196,7 @@ impl Cached {
             return Some(found.irradiance);
         }
         if self.store.is_full() || !self.affords_record() {
-            return None;
+            return found.filter(|found| found.weight >= WEIGHT_FOR_NOW).map(|found| found.irradiance);
         }
         // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
         let pilot =
@@ -357,10 +369,19 @@ impl Ending for Light<'_> {
     #[inline]
     fn forks(&self, scatterings: u32) -> u32 {
         let first = match self.role.get() {
-            Role::Eye | Role::Path => 0,
-            Role::Record | Role::Coarse => 1,
+            Role::Eye => 0,
+            Role::Path | Role::Record | Role::Coarse => 1,
         };
         if scatterings == first { FORKS } else { 0 }
+    }
+
+    fn held(&self, light: Vec3) -> Vec3 {
+        if self.role.get() != Role::Path {
+            return light;
+        }
+        let (most, shown) =
+            (MOST_ALONE * FRAC_1_PI * self.cached.usual.irradiance(&self.cached.store), luminance(light.into()));
+        if shown > most { light * (most / shown) } else { light }
     }
 
     #[inline]

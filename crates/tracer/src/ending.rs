@@ -30,6 +30,9 @@ pub(crate) trait Ending: Clone {
     /// At how many smooth surfaces a path with so many scatterings goes both ways.
     fn forks(&self, scatterings: u32) -> u32;
 
+    /// Light that came from a lamp over mirrors or glass to a surface that scatters it, and that nothing else finds, as far as it counts.
+    fn held(&self, light: Vec3) -> Vec3;
+
     /// Samples of the lights at a vertex, and whether the path ends there.
     fn light_samples(&self, engine: &PathEngine, scatterings: u32, ends: bool) -> u32;
 }
@@ -47,6 +50,11 @@ impl Ending for Never {
     #[inline]
     fn forks(&self, _: u32) -> u32 {
         0
+    }
+
+    #[inline]
+    fn held(&self, light: Vec3) -> Vec3 {
+        light
     }
 
     #[inline]

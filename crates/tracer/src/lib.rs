@@ -44,6 +44,7 @@ mod secondary;
 #[cfg(test)]
 mod secondary_tests;
 mod straight;
+mod usual;
 
 pub use cached::{ACCURACIES, DEFAULT_ACCURACY};
 pub use sampler::Sampler;

@@ -278,7 +278,9 @@ impl PathEngine {
                         .arrived
                         .weight(self.direct, |left| left.emitter_density(&self.lights, raycaster, &found, cosine)),
                 };
-                radiance += throughput * surface.emission * weight;
+                let light = throughput * surface.emission * weight;
+                let is_alone = matches!(path.arrived, Arrived::Alone) && path.shown.is_none() && path.scatterings > 0;
+                radiance += if is_alone { ending.held(light) } else { light };
             }
             let frame = Frame::new(if front { point.normal } else { -point.normal });
             let wo = frame.to_local(-direction);
