@@ -37,7 +37,7 @@ impl Scratch {
         Self {
             zbuffer: zbuffer::Scratch::new(width * tile_rows, no_slot),
             cull: cull::Scratch::new(width),
-            prefilter: prefilter::Scratch::new(width),
+            prefilter: prefilter::Scratch::new(),
             interpolate: interpolate::Scratch::new(width),
         }
     }
