@@ -37,7 +37,7 @@ impl Scratch {
         Self {
             zbuffer: zbuffer::Scratch::new(width * tile_rows, no_slot),
             cull: cull::Scratch::new(width),
-            prefilter: prefilter::Scratch::new(width),
+            prefilter: prefilter::Scratch::new(),
             interpolate: interpolate::Scratch::new(width),
         }
     }
@@ -63,7 +63,6 @@ struct Band<'a> {
     colour: &'a mut [u32],
     depth: &'a mut [u32],
     slot: &'a mut [u32],
-    age: &'a mut [u8],
     priority: &'a mut [u8],
     picture: [&'a mut [f32]; 3],
 }
@@ -101,7 +100,7 @@ impl Work<'_> {
                     colour: &mut band.colour[at.clone()],
                     depth: &mut band.depth[at.clone()],
                     slot: &mut band.slot[at.clone()],
-                    age: &mut band.age[at],
+                    age: &mut band.priority[at],
                 };
                 self.fill.tile((first + row) / tile_rows, rows, &mut scratch.zbuffer);
             }
@@ -131,7 +130,7 @@ impl Work<'_> {
         let width = self.size.0;
         let (from, first_row) = (rows.start, band.rows.start);
         let at = rows.start * width..rows.end * width;
-        let (colour, age) = (&*band.colour, &*band.age);
+        let colour = &*band.colour;
         if let Some((window, black, gaps_only)) = self.prefilter {
             let (picture, scratch) =
                 (band.picture.each_mut().map(|plane| &mut plane[at.clone()]), &mut scratch.prefilter);
@@ -141,7 +140,7 @@ impl Work<'_> {
         let (picture, scratch) =
             (band.picture.each_mut().map(|plane| &mut plane[at.clone()]), &mut scratch.interpolate);
         let (priority, looks) = (&mut band.priority[at], self.looks);
-        self.isa.run(Interpolate { width, from, colour, age, picture, priority, looks, scratch });
+        self.isa.run(Interpolate { width, from, colour, picture, priority, looks, scratch });
         ended(Stage::Interpolate);
     }
 }
@@ -153,15 +152,14 @@ fn cut<'a>(planes: &'a mut Planes, bands: &[Range<usize>]) -> Vec<Band<'a>> {
     let colour = parallel::cut(&mut planes.colour, lengths());
     let depth = parallel::cut(&mut planes.depth, lengths());
     let slot = parallel::cut(&mut planes.slot, lengths());
-    let age = parallel::cut(&mut planes.age, lengths());
     let priority = parallel::cut(&mut planes.priority, lengths());
     let [red, green, blue] = planes.picture.each_mut().map(|plane| parallel::cut(plane, lengths()));
     let picture = red.into_iter().zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue]);
-    let parts = bands.iter().zip(colour).zip(depth).zip(slot).zip(age).zip(priority).zip(picture);
+    let parts = bands.iter().zip(colour).zip(depth).zip(slot).zip(priority).zip(picture);
     parts
-        .map(|((((((rows, colour), depth), slot), age), priority), picture)| {
+        .map(|(((((rows, colour), depth), slot), priority), picture)| {
             let rows = rows.clone();
-            Band { rows, colour, depth, slot, age, priority, picture }
+            Band { rows, colour, depth, slot, priority, picture }
         })
         .collect()
 }

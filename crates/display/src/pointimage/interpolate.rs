@@ -23,8 +23,8 @@ pub(super) struct Interpolate<'a> {
     pub from: usize,
     /// Of the whole band; what is beyond it is taken for empty.
     pub colour: &'a [u32],
-    pub age: &'a [u8],
     pub picture: [&'a mut [f32]; 3],
+    /// Each pixel's own, and nobody else's: the age of its point, and then its priority.
     pub priority: &'a mut [u8],
     pub looks: Looks,
     pub scratch: &'a mut Scratch,
@@ -83,7 +83,7 @@ impl Kernel for Interpolate<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, from, colour, age, picture: [red, green, blue], priority, looks, scratch } = self;
+        let Self { width, from, colour, picture: [red, green, blue], priority, looks, scratch } = self;
         let Scratch { decoded, ring, last } = scratch;
         let (rows, centre) = (priority.len() / width, looks.weights.centre);
         for columns in strips(width, STRIP) {
@@ -95,25 +95,25 @@ impl Kernel for Interpolate<'_> {
                 ring[(y + 1) % 3].load(row_of(colour, width, y + 1), &columns, decoded, centre);
                 let lines = [&ring[(y + 2) % 3], &ring[y % 3], &ring[(y + 1) % 3]];
                 let pixels = y * width + columns.start..y * width + columns.end;
-                let (age, colour) = (&age[pixels.clone()], &colour[pixels]);
+                let colour = &colour[pixels];
                 let at = row * width + columns.start..row * width + columns.end;
                 let (red, green, blue) = (&mut red[at.clone()], &mut green[at.clone()], &mut blue[at.clone()]);
                 let priority = &mut priority[at];
                 let whole = columns.len() / PIECE;
-                let pieces = age.as_chunks().0.iter().zip(colour.as_chunks().0).zip(priority.as_chunks_mut().0);
+                let pieces = colour.as_chunks().0.iter().zip(priority.as_chunks_mut().0);
                 let planes = red.as_chunks_mut().0.iter_mut().zip(green.as_chunks_mut().0).zip(blue.as_chunks_mut().0);
-                for ((((age, colour), priority), ((red, green), blue)), piece) in pieces.zip(planes).zip(0..) {
-                    filter(lines, piece * PIECE, age, colour, priority, [red, green, blue], looks);
+                for (((colour, priority), ((red, green), blue)), piece) in pieces.zip(planes).zip(0..) {
+                    filter(lines, piece * PIECE, colour, priority, [red, green, blue], looks);
                 }
                 let at = whole * PIECE..columns.len();
                 if !at.is_empty() {
                     let count = at.len();
-                    last.age[..count].copy_from_slice(&age[at.clone()]);
+                    last.priority[..count].copy_from_slice(&priority[at.clone()]);
                     last.colour[..count].copy_from_slice(&colour[at.clone()]);
                     let planes = [&mut red[at.clone()], &mut green[at.clone()], &mut blue[at.clone()]];
-                    let Last { age, colour, priority: made, planes: copies } = last;
+                    let Last { colour, priority: made, planes: copies } = last;
                     copies.iter_mut().zip(&planes).for_each(|(copy, plane)| copy[..count].copy_from_slice(plane));
-                    filter(lines, at.start, age, colour, made, copies.each_mut(), looks);
+                    filter(lines, at.start, colour, made, copies.each_mut(), looks);
                     priority[at].copy_from_slice(&made[..count]);
                     planes.into_iter().zip(copies).for_each(|(plane, copy)| plane.copy_from_slice(&copy[..count]));
                 }
@@ -125,7 +125,6 @@ impl Kernel for Interpolate<'_> {
 /// The last piece of a row, if it is not a whole one.
 #[derive(Debug)]
 struct Last {
-    age: [u8; PIECE],
     colour: [u32; PIECE],
     priority: [u8; PIECE],
     planes: [[f32; PIECE]; 3],
@@ -133,7 +132,7 @@ struct Last {
 
 impl Default for Last {
     fn default() -> Self {
-        Self { age: [0; PIECE], colour: [0; PIECE], priority: [0; PIECE], planes: [[0.0; PIECE]; 3] }
+        Self { colour: [0; PIECE], priority: [0; PIECE], planes: [[0.0; PIECE]; 3] }
     }
 }
 
@@ -236,7 +235,6 @@ fn count_across(row: &[u8], centre: u8, weights: &mut [u8]) {
 fn filter(
     lines: [&Line; 3],
     start: usize,
-    age: &[u8; PIECE],
     colour: &[u32; PIECE],
     priority: &mut [u8; PIECE],
     planes: [&mut [f32; PIECE]; 3],
@@ -247,7 +245,7 @@ fn filter(
     let mut weight = [0; PIECE];
     let centre = f32::from(weights.centre);
     count_down(&above.weights[start..], &here.weights[start..], &below.weights[start..], weights.centre, &mut weight);
-    prioritise(&weight, weights.priority, &here.has_point[start..][..PIECE], age, priority);
+    prioritise(&weight, weights.priority, &here.has_point[start..][..PIECE], priority);
     let mut inverse = [0.0; PIECE];
     let mut is_covered = false;
     if fill {
@@ -280,13 +278,13 @@ fn count_down(above: &[u8], here: &[u8], below: &[u8], centre: u8, weight: &mut 
 
 /// A pixel without a point adds nothing to its own weight.
 #[inline(always)]
-fn prioritise(weight: &[u8; PIECE], per_weight: u8, has_point: &[u8], age: &[u8; PIECE], priority: &mut [u8; PIECE]) {
+fn prioritise(weight: &[u8; PIECE], per_weight: u8, has_point: &[u8], priority: &mut [u8; PIECE]) {
     let has_point = &has_point[..PIECE];
     for x in 0..PIECE {
         let gap = u8::MAX.wrapping_sub(per_weight.wrapping_mul(weight[x]));
         // All ones with a point. Without AVX-512 a choice would be a branch for each pixel.
         let own = has_point[x].wrapping_neg();
-        priority[x] = age[x] & own | gap & !own;
+        priority[x] = priority[x] & own | gap & !own;
     }
 }
 

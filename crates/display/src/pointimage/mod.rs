@@ -155,7 +155,7 @@ impl PointImage {
             points: Points::new(capacity, params.group as usize),
             planes: Planes::new(size, capacity as u32),
             buckets,
-            occupancy: Occupancy::new(size, params.predicted_block as usize),
+            occupancy: Occupancy::new(size, params.predicted_block as usize, params.threads),
             origin: params.origin.unwrap_or(DVec3::ZERO),
             has_origin: params.origin.is_some(),
             eye: DVec3::ZERO,

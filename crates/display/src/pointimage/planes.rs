@@ -13,8 +13,7 @@ pub(super) struct Planes {
     pub depth: Vec<u32>,
     /// The pixel's point; without one, the number of points.
     pub slot: Vec<u32>,
-    pub age: Vec<u8>,
-    /// How much a sample is wanted.
+    /// How much a sample is wanted; from z-buffer to interpolation, the age of the pixel's point.
     pub priority: Vec<u8>,
     /// Radiance, channel by channel.
     pub picture: [Vec<f32>; 3],
@@ -28,7 +27,6 @@ impl Planes {
             colour: filled(colour::NONE, pixels),
             depth: filled(0, pixels),
             slot: filled(no_slot, pixels),
-            age: filled(0, pixels),
             priority: filled(0, pixels),
             picture: std::array::from_fn(|_| filled(0.0, pixels)),
         }

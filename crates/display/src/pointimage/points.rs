@@ -29,6 +29,8 @@ pub(super) const GENERATIONS: u8 = !(GENERATION - 1);
 pub(super) const EVICTED: u8 = u8::MAX;
 /// Slots of a group in the papers: loops over it are compiled for it.
 const USUAL_GROUP: usize = 8;
+/// Numbers of a [`Block`]'s arrays in a cache line.
+pub(super) const LINE: usize = 64 / size_of::<f32>();
 
 /// What only new samples touch.
 #[derive(Clone, Copy, Debug, Default)]
@@ -65,7 +67,6 @@ impl Block {
     /// Asks for the positions of a block that will be read: processors on their own do not look beyond a page of memory.
     #[inline(always)]
     pub fn prefetch(blocks: &[Self], index: usize) {
-        const LINE: usize = 64 / size_of::<f32>();
         if let Some(block) = blocks.get(index) {
             for axis in &block.position {
                 axis.as_chunks::<LINE>().0.iter().for_each(prefetch);

@@ -1,5 +1,8 @@
 //! Predicted projection and sampling (Walter et al. 2002, §3.1): asks for what is about to come into view.
 //!
+//! Each thread marks a picture of its own: with one for all, in which most stores repeat what is there, each line went from one core
+//! to the other by turns, and two threads took three quarters of one's time.
+//!
 //! Always true: a byte per block of 4×4 pixels (or as many as are chosen) of the predicted view says whether a point falls there; depth does not matter.
 
 use super::isa::{Isa, Kernel};
@@ -8,10 +11,7 @@ use super::points::{Block, State};
 use super::project::BLOCK;
 use super::random;
 use super::sample::{Aim, Request, Tag};
-use super::shared::as_atomic;
 use super::truncate::truncate;
-use std::sync::atomic::AtomicU8;
-use std::sync::atomic::Ordering::Relaxed;
 
 /// Which blocks of the predicted view have points.
 #[derive(Debug)]
@@ -19,14 +19,14 @@ pub(super) struct Occupancy {
     /// Pixels along a block's side.
     side: usize,
     size: (usize, usize),
-    /// A row of blocks after another, and one byte more for points that fall outside.
-    is_occupied: Vec<u8>,
+    /// For each thread, a row of blocks after another, and one byte more for points that fall outside. The first has all in the end.
+    is_occupied: Vec<Vec<u8>>,
 }
 
 impl Occupancy {
-    pub fn new(size: (usize, usize), side: usize) -> Self {
+    pub fn new(size: (usize, usize), side: usize, threads: usize) -> Self {
         let size = (size.0.div_ceil(side), size.1.div_ceil(side));
-        Self { side, size, is_occupied: vec![0; size.0 * size.1 + 1] }
+        Self { side, size, is_occupied: vec![vec![0; size.0 * size.1 + 1]; threads] }
     }
 
     /// The whole picture's size in blocks, which need not be whole.
@@ -34,15 +34,24 @@ impl Occupancy {
         (size.0 as f64 / self.side as f64, size.1 as f64 / self.side as f64)
     }
 
-    /// Empty, to be marked by [`Marks::add`].
-    pub fn begin<'a>(&'a mut self, map: &'a Map) -> Marks<'a> {
-        self.is_occupied.fill(0);
-        Marks { map, size: self.size, is_occupied: as_atomic(&mut self.is_occupied) }
+    /// Empty, to be marked by [`Marks::add`], for each thread.
+    pub fn begin<'a>(&'a mut self, map: &'a Map) -> Vec<Marks<'a>> {
+        let (size, pictures) = (self.size, self.is_occupied.iter_mut());
+        pictures
+            .map(|is_occupied| {
+                is_occupied.fill(0);
+                Marks { map, size, is_occupied }
+            })
+            .collect()
     }
 
-    /// Requests for empty blocks, every n-th in scanline order so that there are at most `limit`.
-    pub fn request(&self, picture: (usize, usize), limit: usize, seed: u32, requests: &mut Vec<Request>) {
-        let blocks = &self.is_occupied[..self.size.0 * self.size.1];
+    /// Requests for blocks that no thread marked, every n-th in scanline order so that there are at most `limit`.
+    pub fn request(&mut self, picture: (usize, usize), limit: usize, seed: u32, requests: &mut Vec<Request>) {
+        let Some((blocks, others)) = self.is_occupied.split_first_mut() else { return };
+        for other in others {
+            blocks.iter_mut().zip(other).for_each(|(block, other)| *block |= *other);
+        }
+        let blocks = &blocks[..self.size.0 * self.size.1];
         let empty = blocks.iter().filter(|&&occupied| occupied == 0).count();
         if empty == 0 || limit == 0 {
             return;
@@ -62,18 +71,17 @@ impl Occupancy {
     }
 }
 
-/// The blocks of a predicted view, for several threads to mark.
-#[derive(Clone, Copy)]
+/// The blocks of a predicted view, for one thread to mark.
 pub(super) struct Marks<'a> {
     map: &'a Map,
     size: (usize, usize),
-    is_occupied: &'a [AtomicU8],
+    is_occupied: &'a mut [u8],
 }
 
 impl Marks<'_> {
     /// Marks the blocks into which points fall. A multiple of [`BLOCK`].
-    pub fn add(self, isa: Isa, blocks: &[Block], states: &[State]) {
-        let Self { map, size, is_occupied } = self;
+    pub fn add(&mut self, isa: Isa, blocks: &[Block], states: &[State]) {
+        let (map, size, is_occupied) = (self.map, self.size, &mut *self.is_occupied);
         match map {
             Map::Flat(map) => isa.run(Project { map, size, blocks, states, is_occupied }),
             Map::Cut(map) => isa.run(Project { map, size, blocks, states, is_occupied }),
@@ -87,7 +95,7 @@ struct Project<'a, L> {
     size: (usize, usize),
     blocks: &'a [Block],
     states: &'a [State],
-    is_occupied: &'a [AtomicU8],
+    is_occupied: &'a mut [u8],
 }
 
 impl<L: Lens> Kernel for Project<'_, L> {
@@ -102,7 +110,7 @@ impl<L: Lens> Kernel for Project<'_, L> {
             place(map, size, &points.position, states, &mut block);
             // Not by `get`: with another way out of it for each point the loop took a fifth longer.
             for &block in &block {
-                is_occupied[block as usize].store(1, Relaxed);
+                is_occupied[block as usize] = 1;
             }
         }
     }

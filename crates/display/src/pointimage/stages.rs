@@ -128,18 +128,20 @@ impl PointImage {
         let marks = predicted.as_ref().map(|map| self.occupancy.begin(map));
         let tile_rows = self.buckets.tile_rows;
         let screen = self.map.as_ref().filter(|_| is_new).map(|map| Screen { map, size, tile_rows });
-        if marks.is_none() && screen.is_none() {
+        if predicted.is_none() && screen.is_none() {
             return;
         }
         let lengths = self.buckets.lengths().to_vec();
         let states = parallel::cut(&mut self.points.states, lengths.into_iter());
         let blocks = &self.points.blocks;
-        let parts = self.buckets.begin().into_iter().zip(states);
-        parallel::for_each_telling(parts.collect(), ended, |(mut chains, states), ended| {
+        let mut marks = marks.into_iter().flatten();
+        let marks = std::iter::repeat_with(|| marks.next());
+        let parts = self.buckets.begin().into_iter().zip(states).zip(marks);
+        parallel::for_each_telling(parts.collect(), ended, |((mut chains, states), mut marks), ended| {
             let blocks = blocks[chains.points.start / BLOCK..chains.points.end / BLOCK].chunks(PORTION);
             let portions = blocks.zip(states.chunks_mut(PORTION * BLOCK));
             for ((blocks, states), first) in portions.zip((chains.points.start..).step_by(PORTION * BLOCK)) {
-                if let Some(marks) = marks {
+                if let Some(marks) = &mut marks {
                     marks.add(isa, blocks, states);
                     ended(Stage::PredictedProjection);
                 }
