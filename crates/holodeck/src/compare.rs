@@ -21,6 +21,9 @@ pub struct Args {
     /// Standard errors of the reference's pixels
     #[arg(long, value_name = "FILE")]
     reference_se: Option<PathBuf>,
+    /// An earlier picture of the same view: also by how much the worst block is further from the reference than in that one
+    #[arg(long, value_name = "FILE")]
+    before: Option<PathBuf>,
     /// Report as JSON
     #[arg(long)]
     json: bool,
@@ -32,6 +35,9 @@ struct Report {
     measures: holo_picture::Measures,
     /// The worst block's error as displayed: clipped at white.
     worst_block_shown: f64,
+    /// By how much a block's error as displayed is larger than before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    worst_block_away: Option<f64>,
     /// Half the width of the bias' 99 % confidence interval.
     #[serde(skip_serializing_if = "Option::is_none")]
     bias_99: Option<f64>,
@@ -46,6 +52,9 @@ pub fn run(args: &Args) -> Result<()> {
     let (picture, reference) = (read(&args.picture)?, read(&args.reference)?);
     let measures = holo_picture::compare(&picture, &reference)?;
     let worst_block_shown = holo_picture::worst_block_shown(&picture, &reference)?;
+    let before = args.before.as_ref().map(read).transpose()?;
+    let away = before.map(|before| holo_picture::worst_block_away(&picture, &before, &reference));
+    let worst_block_away = away.transpose()?;
     let picture_se = args.se.as_ref().map(read).transpose()?;
     let reference_se = args.reference_se.as_ref().map(read).transpose()?;
     let (se, reference_se) = (picture_se.as_ref(), reference_se.as_ref());
@@ -59,11 +68,20 @@ pub fn run(args: &Args) -> Result<()> {
     if args.json {
         println!(
             "{}",
-            serde_json::to_string(&Report { measures, worst_block_shown, bias_99, worst_block_beyond_noise })?
+            serde_json::to_string(&Report {
+                measures,
+                worst_block_shown,
+                worst_block_away,
+                bias_99,
+                worst_block_beyond_noise
+            })?
         );
         return Ok(());
     }
     print!("{measures} worst_block_shown={worst_block_shown:.5}");
+    if let Some(away) = worst_block_away {
+        print!(" worst_block_away={away:.5}");
+    }
     if let Some((half, worst)) = bias_99.zip(worst_block_beyond_noise) {
         print!(" bias_99=±{half:.5} worst_block_beyond_noise={worst:.5}");
     }

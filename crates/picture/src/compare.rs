@@ -213,14 +213,42 @@ pub fn worst_block_beyond_noise(
 /// # Errors
 /// As [`compare()`].
 pub fn worst_block_shown(picture: &Picture, reference: &Picture) -> Result<f64, CompareError> {
-    check(picture, "picture", reference)?;
+    let ([la], lr) = shown([(picture, "picture")], reference)?;
+    Ok(worst_block(&la, &lr, &vec![true; lr.len()], reference.width as usize))
+}
+
+/// By how much the relative error of what a display shows of a lit 16×16 block, as [`worst_block_shown`] has it, is larger than that of the
+/// same block of the picture `before`, where it grows most; 0 if none grows. A view at rest that only comes nearer to what it should be
+/// does not flicker, however much it changes.
+///
+/// # Errors
+/// As [`compare()`].
+pub fn worst_block_away(picture: &Picture, before: &Picture, reference: &Picture) -> Result<f64, CompareError> {
+    let ([la, lb], lr) = shown([(picture, "picture"), (before, "picture before")], reference)?;
+    let away = |block: Vec<usize>| {
+        let sum = |values: &[f64]| block.iter().map(|&at| values[at]).sum::<f64>();
+        let (a, b, r) = (sum(&la), sum(&lb), sum(&lr));
+        (a / r - 1.0).abs() - (b / r - 1.0).abs()
+    };
+    let all = vec![true; lr.len()];
+    Ok(lit_blocks(&lr, &all, reference.width as usize).map(away).fold(0.0, f64::max))
+}
+
+/// Luminances of pictures, which errors name, and of their reference, as a display shows them: what is brighter than the reference's 95th
+/// percentile is white.
+fn shown<const N: usize>(
+    pictures: [(&Picture, &'static str); N],
+    reference: &Picture,
+) -> Result<([Vec<f64>; N], Vec<f64>), CompareError> {
+    for (picture, which) in pictures {
+        check(picture, which, reference)?;
+    }
     check(reference, "reference", reference)?;
-    let (mut la, mut lr) = (luminances(picture), luminances(reference));
-    let mut sorted = lr.clone();
+    let mut sorted = luminances(reference);
     sorted.sort_unstable_by(f64::total_cmp);
     let white = percentile(&sorted, WHITE);
-    la.iter_mut().chain(&mut lr).for_each(|value| *value = value.min(white));
-    Ok(worst_block(&la, &lr, &vec![true; lr.len()], reference.width as usize))
+    let shown = |picture| luminances(picture).into_iter().map(|value| value.min(white)).collect();
+    Ok((pictures.map(|(picture, _)| shown(picture)), shown(reference)))
 }
 
 /// Luminances of two pictures, and which pixels of the reference are no lamps.

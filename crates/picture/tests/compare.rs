@@ -4,7 +4,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use holo_picture::{
-    BIAS_Z, CompareError, Measures, Picture, bias_interval, compare, worst_block_beyond_noise, worst_block_shown,
+    BIAS_Z, CompareError, Measures, Picture, bias_interval, compare, worst_block_away, worst_block_beyond_noise,
+    worst_block_shown,
 };
 use std::path::PathBuf;
 
@@ -194,6 +195,21 @@ fn a_block_is_shown_no_brighter_than_white() {
     // 16 of 256 pixels, at 0.5, change by 0.25.
     assert!((shown(|picture, at| picture.pixels[at] = [0.25; 3], 1) - 16.0 * 0.25 / 128.0).abs() < 1e-7);
     assert!((shown(|picture, at| picture.pixels[at] = [400.0; 3], 1) - 16.0 * 0.5 / 128.0).abs() < 1e-7);
+}
+
+#[test]
+fn a_block_that_comes_nearer_to_the_reference_is_not_away() {
+    let even = |values: [f32; 2]| {
+        let pixels = (0..512).map(|at| [values[at % 32 / 16]; 3]).collect();
+        Picture::from_pixels(32, 16, pixels).unwrap()
+    };
+    let reference = even([1.0, 0.5]);
+    let away = |picture, before| worst_block_away(&even(picture), &even(before), &reference).unwrap();
+    assert_eq!(away([0.9, 0.5], [0.7, 0.5]), 0.0);
+    assert_eq!(away([0.9, 0.45], [0.9, 0.55]), 0.0);
+    assert!((away([0.9, 0.4], [0.7, 0.55]) - 0.1).abs() < 1e-6);
+    // What is brighter than white is white.
+    assert_eq!(away([3.0, 0.5], [1.0, 0.5]), 0.0);
 }
 
 #[test]

@@ -33,7 +33,7 @@ impl Leaves {
         self.many[at] = u32::from(many);
         if let Some(surface) = surface {
             self.weight[at] = surface.weight;
-            self.weight_squared[at] = surface.weight_squared_of_mean();
+            self.weight_squared[at] = surface.weight_squared_of_shown();
             self.mean.iter_mut().zip(surface.mean).for_each(|(mean, own)| mean[at] = own);
             (self.first[at], self.last[at]) = (i32::from(surface.bins.0), i32::from(surface.bins.1));
         } else {

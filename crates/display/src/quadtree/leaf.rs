@@ -45,6 +45,15 @@ pub(crate) struct Blend {
     pub mean: Vec4,
     /// Standard error for samples of unit deviation: √Σw² / Σw. Infinite if few of many samples make the mean of one of the leaves.
     pub error: f32,
+    /// Whether quarters of one of the leaves differ by more than noise.
+    pub is_mixed: bool,
+}
+
+impl Blend {
+    /// Its error where it is to be shown: infinite of what is not.
+    pub fn error_of_shown(&self) -> f32 {
+        if self.is_mixed { f32::INFINITY } else { self.error }
+    }
 }
 
 /// What is known of the noise of samples.
@@ -127,10 +136,11 @@ impl<'a> Reader<'a> {
         let mut best = Vec4::ZERO;
         for level in start..self.levels.len() {
             let Some(blend) = self.blend(column, row, level, bins) else { break };
-            if level > start && blend.error == f32::INFINITY {
+            let error = blend.error_of_shown();
+            if level > start && error == f32::INFINITY {
                 break;
             }
-            let width = blend.error * (1.0 + few_samples * blend.error * blend.error);
+            let width = error * (1.0 + few_samples * error * error);
             let half = noise.half_widths * width;
             let common_share = common.narrow(blend.mean, half);
             // The finest leaf as a whole: the difference of its bounds is rounded.
@@ -209,13 +219,17 @@ impl<'a> Reader<'a> {
             self.reach.set(level);
         }
         if level == 0 {
-            return Some(Blend { mean: Vec4::from_array(own.mean), error: own.weight_squared.sqrt() / own.weight });
+            return Some(Blend {
+                mean: Vec4::from_array(own.mean),
+                error: own.weight_squared.sqrt() / own.weight,
+                is_mixed: false,
+            });
         }
         let gap = gap_allowed(level);
         let (near, far) = (own.bins.0.saturating_sub(gap), own.bins.1.saturating_add(gap));
         let (columns, column_weights) = neighbours(column, level, leaves.width);
         let (rows, row_weights) = neighbours(row, level, leaves.height);
-        let (mut weight, mut weight_squared, mut sum) = (0.0_f32, 0.0_f32, Vec4::ZERO);
+        let (mut weight, mut weight_squared, mut sum, mut is_mixed) = (0.0_f32, 0.0_f32, Vec4::ZERO, false);
         for (&leaf_row, row_weight) in rows.iter().zip(row_weights) {
             for (&leaf_column, column_weight) in columns.iter().zip(column_weights) {
                 let share = row_weight * column_weight;
@@ -226,12 +240,13 @@ impl<'a> Reader<'a> {
                     let part = share * surface.weight;
                     weight += part;
                     weight_squared += share * share * surface.weight_squared_of_mean();
+                    is_mixed |= surface.is_mixed();
                     sum += part * Vec4::from_array(surface.mean);
                 }
             }
         }
         let scale = weight.recip();
-        Some(Blend { mean: sum * scale, error: weight_squared.sqrt() * scale })
+        Some(Blend { mean: sum * scale, error: weight_squared.sqrt() * scale, is_mixed })
     }
 }
 

@@ -18,6 +18,23 @@ const ENOUGH_FREEDOM: f32 = 6.0;
 /// place of 32 one-path samples of dark corners stayed dots, and the means over frames were the same.
 const FEW_OF: f32 = 32.0;
 
+/// A leaf's quarters are of different brightness, as its samples tell, if the variance between them (of compressed luminance) is so many times
+/// what samples within them spread lets expect (the F-ratio of an analysis of variance, Fisher 1925),
+const MIXED_F: f32 = 8.0;
+/// if it is this part of that spread at least: a gradient over a large leaf is told by any number of samples and does no harm, since leaves are
+/// blended,
+const MIXED_PART: f32 = 0.1;
+/// and if there are more samples than that, beyond one for each quarter: with few, one bright one of noise alone makes its quarter differ.
+///
+/// Such a mean is of none of the leaf's quarters, and none shows it: without, the bars of a window came out of it long before its panes did,
+/// and the window was too bright until they did. On the same samples of recorded sessions of a cabin, 5 to 80 a pixel, display PSNR rose by
+/// 0.1 to 0.6 dB; on those of a room that is known, clean, of 16 paths and of one, 0.003 to 3 a pixel, by 0.2 on average and 0.7 at most, and
+/// fell by 0.01 at most. From 8 samples on, without regard to the part, those of one path lost up to 1.4 dB; with a ratio of 5 and 32
+/// samples, up to 0.3.
+const MIXED_SAMPLES: f32 = 20.0;
+/// Standard deviation of compressed luminance, over it, that is taken for none: that of RGBE's steps.
+const MIXED_STEP: f32 = 0.001;
+
 /// One surface in a leaf: moments of its samples. "Spread" is Σ w (x − mean)².
 #[derive(Clone, Copy, Debug, Zeroable)]
 pub(crate) struct Surface {
@@ -48,18 +65,20 @@ struct Within {
     compressed: f32,
     /// Effective number of samples less the number of means.
     freedom: f32,
+    /// Of this leaf alone: the part of its samples' spread of compressed luminance that lies between its quarters.
+    between: f32,
 }
 
 impl Within {
     #[inline(always)]
     fn to_bits(self) -> [u32; NEAR_CLASSES] {
-        [self.luminance.to_bits(), self.compressed.to_bits(), self.freedom.to_bits(), 0]
+        [self.luminance.to_bits(), self.compressed.to_bits(), self.freedom.to_bits(), self.between.to_bits()]
     }
 
     #[inline(always)]
-    fn from_bits([luminance, compressed, freedom, _]: [u32; NEAR_CLASSES]) -> Self {
-        let [luminance, compressed, freedom] = [luminance, compressed, freedom].map(f32::from_bits);
-        Self { luminance, compressed, freedom }
+    fn from_bits(bits: [u32; NEAR_CLASSES]) -> Self {
+        let [luminance, compressed, freedom, between] = bits.map(f32::from_bits);
+        Self { luminance, compressed, freedom, between }
     }
 
     #[inline(always)]
@@ -68,6 +87,7 @@ impl Within {
             luminance: self.luminance + other.luminance,
             compressed: self.compressed + other.compressed,
             freedom: self.freedom + other.freedom,
+            between: self.between + other.between,
         }
     }
 }
@@ -115,7 +135,8 @@ impl Surface {
     /// The surface of a leaf of level `number` as part of a larger leaf's.
     #[inline(always)]
     pub fn risen(&self, number: usize) -> Self {
-        Self { near_or_within: self.within(number).to_bits(), ..*self }
+        let within = Within { between: 0.0, ..self.within(number) };
+        Self { near_or_within: within.to_bits(), ..*self }
     }
 
     /// Noise of a leaf of level `number`.
@@ -133,7 +154,8 @@ impl Surface {
         let luminance_step = other.luminance() - self.luminance();
         let compressed_step = other.mean[3] - self.mean[3];
         self.spread_luminance += other.spread_luminance + luminance_step * luminance_step * cross;
-        self.spread_compressed += other.spread_compressed + compressed_step * compressed_step * cross;
+        let between = compressed_step * compressed_step * cross;
+        self.spread_compressed += other.spread_compressed + between;
         for (mean, new) in self.mean.iter_mut().zip(other.mean) {
             *mean += (new - *mean) * part;
         }
@@ -142,7 +164,7 @@ impl Surface {
         self.count = self.count.saturating_add(other.count);
         self.bins = (self.bins.0.min(other.bins.0), self.bins.1.max(other.bins.1));
         let within = Within::from_bits(self.near_or_within).plus(Within::from_bits(other.near_or_within));
-        self.near_or_within = within.to_bits();
+        self.near_or_within = Within { between: within.between + between, ..within }.to_bits();
     }
 
     /// Sum of squared weights, as the error of a mean over larger leaves is told by it: infinite where one in [`FEW_OF`] samples, or
@@ -152,6 +174,23 @@ impl Surface {
         let mean = self.luminance();
         let is_of_few = self.spread_luminance > FEW_OF * mean * mean * self.weight;
         if is_of_few { f32::INFINITY } else { self.weight_squared }
+    }
+
+    /// The same of a mean that pixels show: infinite, too, where the leaf's quarters differ by more than noise.
+    #[inline(always)]
+    pub fn weight_squared_of_shown(&self) -> f32 {
+        if self.is_mixed() { f32::INFINITY } else { self.weight_squared_of_mean() }
+    }
+
+    /// Whether the quarters of a leaf that is larger than a pixel differ by more than noise.
+    #[inline(always)]
+    pub fn is_mixed(&self) -> bool {
+        let between = Within::from_bits(self.near_or_within).between;
+        // Less one mean for each quarter, of which three are free.
+        let freedom = self.weight * self.weight / self.weight_squared - 4.0;
+        let step = MIXED_STEP * self.mean[3];
+        let within = (self.spread_compressed - between).max(0.0) + step * step * self.weight;
+        (freedom > MIXED_SAMPLES) & (between > MIXED_PART * within) & (between * freedom > MIXED_F * 3.0 * within)
     }
 
     #[inline(always)]
@@ -164,7 +203,8 @@ impl Surface {
     #[inline(always)]
     pub fn close(&mut self) {
         if Within::from_bits(self.near_or_within).freedom < ENOUGH_FREEDOM {
-            self.near_or_within = self.own_noise().to_bits();
+            let between = Within::from_bits(self.near_or_within).between;
+            self.near_or_within = Within { between, ..self.own_noise() }.to_bits();
         }
     }
 
@@ -179,7 +219,7 @@ impl Surface {
         let compressed = freedom * (self.spread_compressed / divisor).sqrt();
         // Chosen, as in `new`.
         let chosen = |value: f32| if is_none { 0.0 } else { value };
-        Within { luminance: chosen(luminance), compressed: chosen(compressed), freedom: chosen(freedom) }
+        Within { luminance: chosen(luminance), compressed: chosen(compressed), freedom: chosen(freedom), between: 0.0 }
     }
 
     /// Standard deviations of one sample about the surface's mean in this leaf, noise and the picture's own variation
@@ -239,4 +279,56 @@ pub(crate) fn gap_allowed(level: usize) -> u16 {
 #[inline(always)]
 pub(crate) fn adjacent(end: u16, next: u16, gap: u16) -> bool {
     next <= end || (next < FAR && next - end <= gap)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::quadtree::bins::{Colour, PixelBins};
+    use holo_section::{RayCoords, Sample};
+
+    /// A leaf of four pixels with so many samples each, of a mean of its own times a random number.
+    fn leaf(means: [f32; 4], samples: usize, mut random: impl FnMut() -> f32) -> Surface {
+        let quarters = means.map(|mean| {
+            let mut bins = PixelBins::new(1);
+            for _ in 0..samples {
+                let sample = Sample::encode(RayCoords::default(), [mean * random(); 3], 1.0, 1.0, 0x8000_0000);
+                bins.add(0, 7, &Colour::from_rgbe(sample.rgbe), 64, None);
+            }
+            Surface::new((7, 7), bins.of(0).next().unwrap().1).risen(0)
+        });
+        let mut whole = quarters[0];
+        quarters[1..].iter().for_each(|quarter| whole.join(quarter));
+        whole.close();
+        whole
+    }
+
+    #[test]
+    fn quarters_that_differ_are_told_from_noise() {
+        let mut state = 9_u32;
+        let mut uniform = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state.rotate_left(11) as f32 + 0.5) / 2.0_f32.powi(32)
+        };
+        let mut mixed = |means: [f32; 4], samples: usize, noise: fn(f32) -> f32| {
+            (0..500).filter(|_| leaf(means, samples, || noise(uniform())).is_mixed()).count()
+        };
+        let even: fn(f32) -> f32 = |u| 0.9 + 0.2 * u;
+        let exponential: fn(f32) -> f32 = |u| -u.ln();
+        let of_one_path: fn(f32) -> f32 = |u| if u < 0.9 { 0.1 } else { 9.0 };
+        // Of alike quarters one in a hundred at most: at five standard errors 16 of 500.
+        for noise in [even, exponential, of_one_path] {
+            for samples in [2, 6, 30] {
+                assert!(mixed([1.0; 4], samples, noise) <= 16, "{samples}");
+            }
+        }
+        // Bars before panes, with little noise and with as much as the light itself.
+        assert_eq!(mixed([3.0, 1.0, 3.0, 1.0], 7, even), 500);
+        assert!(mixed([9.0, 1.0, 9.0, 1.0], 30, exponential) > 450);
+        // Few samples tell nothing, any number of them nothing of what is below their spread, and steps of colours are none.
+        assert_eq!(mixed([3.0, 1.0, 3.0, 1.0], 4, even), 0);
+        assert_eq!(mixed([1.0, 1.03, 1.0, 1.03], 3000, exponential), 0);
+        assert_eq!(mixed([1.0, 1.003, 1.0, 1.003], 30, |_| 1.0), 0);
+    }
 }

@@ -379,7 +379,7 @@ impl Find<'_> {
             blends.has_own[at] = u32::from(blend.is_some());
             if let Some(blend) = blend {
                 blends.mean.iter_mut().zip(blend.mean.to_array()).for_each(|(mean, own)| mean[at] = own);
-                blends.error[at] = blend.error;
+                blends.error[at] = blend.error_of_shown();
             }
         }
     }
