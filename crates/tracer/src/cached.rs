@@ -3,12 +3,12 @@
 //!
 //! A record's rays end in records too; where there are none, they go on as paths, and one in [`COARSE_PATIENCE`] makes a coarse record
 //! there, whose own rays go on as paths. Where small surfaces beside lamps send on much light (`secondary`), or flat mirrors
-//! show lamps (`images`), some rays are aimed at them. A record takes as long as hundreds of paths: samples that somebody waits for go on as paths, too, where there are none,
+//! show lamps (`images`), some rays are aimed at them. A record takes as long as hundreds of paths: samples that somebody waits for take those that are near, or go on as paths, too, where there are none,
 //! and for each of them so many rays of records are traced ([`Cached::set_effort`]), so that there are useful samples from the first moment on.
 //!
 //! Always true:
-//! - what is traced does not depend on the cache but within the engine's accuracy, and in what paths that stand in for records have of lamps by
-//!   way of mirrors ([`MOST_ALONE`]): none do once there are records;
+//! - what is traced does not depend on the cache but within the engine's accuracy, and in what paths that stand in for records, while not all
+//!   that are wanted may be made, have of lamps by way of mirrors and glass ([`MOST_ALONE`]): such samples stay until better ones take their place;
 //! - how many rays a record has, and how far it reaches, do not depend on the light that these rays bring, unless it contradicts
 //!   records around, which then reach less far, too: its expectation, and that of what is interpolated, is that of paths, but for what
 //!   gradients leave over a radius, and for what single rays bring beyond the accuracy, in a cabin with bottles and mirrors 0.2 % of
@@ -37,7 +37,7 @@ use crate::sampler::{Purpose, Sampler, mix};
 use crate::secondary::Aimed;
 use crate::usual::Usual;
 
-/// Smooth surfaces at which the light that comes straight to an eye or a record is followed both ways: of what a pane reflects, one ray in ten
+/// Smooth surfaces at which the light that comes straight to an eye, a record or a path in its place is followed both ways: of what a pane reflects, one ray in ten
 /// would have the weight of ten.
 const FORKS: u32 = 2;
 
@@ -103,10 +103,10 @@ const COARSE: u32 = 1;
 /// error is theirs.
 const LEAST_WEIGHT: f32 = 0.6;
 
-/// The same for a sample that somebody waits for and that must not make one: a path is noisier than what there is.
+/// The same for a sample that must not make one: a path is noisier than what there is.
 const WEIGHT_FOR_NOW: f32 = 0.3;
 
-/// Radiance that such a path brings from a lamp over facets of mirrors at most, over that of the scene's records: one path in ten thousand has
+/// Radiance that a path in the place of a record brings from a lamp over mirrors or glass at most, over that of the scene's records: one path in ten thousand has
 /// hundreds of times as much as what is around, and shows for as long as hundreds of samples take to come. Of records' rays none may bring more
 /// than a few times the mean either.
 const MOST_ALONE: f32 = 8.0;
@@ -376,7 +376,8 @@ impl Ending for Light<'_> {
     }
 
     fn held(&self, light: Vec3) -> Vec3 {
-        if self.role.get() != Role::Path {
+        // Where no more records can be made, paths are not for a while.
+        if self.role.get() != Role::Path || self.cached.store.is_full() {
             return light;
         }
         let (most, shown) =

@@ -195,8 +195,8 @@ impl Tracer {
         self
     }
 
-    /// From now on, if the engine is `cached`: a sample that comes where there is no record of indirect light yet is a path, as noisy as
-    /// those of the engine `path`, until `effort` rays for each such sample make the next record. Unless this is called, every such sample
+    /// From now on, if the engine is `cached`: a sample that comes where there is no record of indirect light yet is a path, nearly as
+    /// noisy as those of the engine `path`, until `effort` rays for each such sample make the next record. Unless this is called, every such sample
     /// makes a record, whatever it takes, and none is noisy.
     pub fn set_effort(&self, effort: u32) {
         if let Some(cached) = &self.cached {

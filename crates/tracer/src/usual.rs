@@ -21,13 +21,14 @@ impl Usual {
         Self { records: AtomicUsize::new(0), irradiance: AtomicU32::new(f32::INFINITY.to_bits()) }
     }
 
-    /// Mean luminance of the irradiance of records; infinite as long as they are few.
+    /// Mean luminance of the irradiance of records; infinite as long as they are few, or all dark.
     pub fn irradiance(&self, store: &Store) -> f32 {
         let count = store.len();
         if count >= FEWEST.max(2 * self.records.load(Ordering::Relaxed)) {
             let records = (0..count).filter_map(|index| store.get(index));
             let sum: f32 = records.map(|record| luminance(record.irradiance)).sum();
-            self.irradiance.store((sum / count as f32).to_bits(), Ordering::Relaxed);
+            let mean = if sum > 0.0 { sum / count as f32 } else { f32::INFINITY };
+            self.irradiance.store(mean.to_bits(), Ordering::Relaxed);
             self.records.store(count, Ordering::Relaxed);
         }
         f32::from_bits(self.irradiance.load(Ordering::Relaxed))
@@ -56,6 +57,9 @@ mod tests {
             |found: f32, expected: f32| assert!((found - expected).abs() < 1e-4 * expected, "{found} {expected}");
         (0..FEWEST as u64 - 1).for_each(|id| assert!(store.receive(record(id, 2.0))));
         assert_eq!(usual.irradiance(&store), f32::INFINITY);
+        let (dark, of_dark) = (Store::new(0.01), Usual::new());
+        (0..2 * FEWEST as u64).for_each(|id| assert!(dark.receive(record(id, 0.0))));
+        assert_eq!(of_dark.irradiance(&dark), f32::INFINITY);
         store.receive(record(100, 2.0));
         near(usual.irradiance(&store), 2.0);
         (200..200 + FEWEST as u64 - 1).for_each(|id| assert!(store.receive(record(id, 4.0))));

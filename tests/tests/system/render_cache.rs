@@ -36,7 +36,7 @@ fn at_rest_both_tend_to_what_the_tracer_renders() {
     for driver in ["pointimage", "frameless"] {
         // Another view first: what it leaves behind must not stay.
         let script = format!(
-            "0 view -vp 2.5 2.5 -2.5 -vd 0.1 0 1 -vh 60\n0.5 view {LINE}\n0.05 picture {{0}}\n6 picture {{1}}\n7 quit\n"
+            "0 view -vp 2.5 2.5 -2.5 -vd 0.1 0 1 -vh 60\n0.5 view {LINE}\n0.05 picture {{0}}\n10 picture {{1}}\n11 quit\n"
         );
         let names = ["first", "last"].map(|when| format!("{driver}-{when}.pfm"));
         let script = script.replace("{0}", &place.text(&names[0])).replace("{1}", &place.text(&names[1]));

@@ -15,7 +15,7 @@ use super::prefilter::{self, Prefilter};
 use super::zbuffer::{self, Fill, Rows};
 use std::ops::Range;
 
-/// Pixels of a slab, about: their planes take 430 kB.
+/// Pixels of a slab, about: their planes take 410 kB.
 const SLAB_PIXELS: usize = 1 << 14;
 /// Rows of a slab, and of a band, at least.
 const LEAST_ROWS: usize = 16;

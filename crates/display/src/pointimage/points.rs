@@ -29,7 +29,7 @@ pub(super) const GENERATIONS: u8 = !(GENERATION - 1);
 pub(super) const EVICTED: u8 = u8::MAX;
 /// Slots of a group in the papers: loops over it are compiled for it.
 const USUAL_GROUP: usize = 8;
-/// Numbers of a [`Block`]'s arrays in a cache line.
+/// Numbers of a [`Block`]'s arrays, and of planes, in a cache line.
 pub(super) const LINE: usize = 64 / size_of::<f32>();
 
 /// What only new samples touch.

@@ -27,10 +27,13 @@ fn tree(size: (u32, u32), samples: usize) -> Quadtree {
         (state >> 33) as u32
     };
     for _ in 0..samples {
-        let rgbe = [100, 120, 140, 120 + (random() % 8) as u8];
+        let beam = u64::from(random()) % beams;
+        // One half by place, so that leaves have quarters that differ.
+        let exponent = [random(), beam as u32 / 5][random() as usize % 2] % 8;
+        let rgbe = [100, 120, 140, 120 + exponent as u8];
         let code = [1200, random() % 3000][random() as usize % 2] as u16;
         let sample = Sample::from_codes(RayCoords(random().to_le_bytes()), rgbe, code);
-        tree.insert(0, BeamId(u64::from(random()) % beams), 1, &[sample]);
+        tree.insert(0, BeamId(beam), 1, &[sample]);
     }
     tree
 }
@@ -42,6 +45,13 @@ fn every_pixel_of_a_tile_is_that_which_is_read_alone_with_all_instructions() {
         let pyramids = Pyramids::new(&tree, None);
         let reader = Reader::new(pyramids.all(), &tree.params);
         let (width, height) = (size.0 as usize, size.1 as usize);
+        let is_mixed = |level: &Level, place: usize| {
+            level.leaf(place % level.width, place / level.width).iter().any(Surface::is_mixed)
+        };
+        let mixed = reader.levels[1..]
+            .iter()
+            .map(|level| (0..level.width * level.height).filter(|&at| is_mixed(level, at)).count());
+        assert!(samples < 30_000 || mixed.sum::<usize>() > 20);
         let all = [Instructions::Portable, Instructions::Avx2, Instructions::Avx512];
         for isa in all.into_iter().filter_map(Isa::new) {
             let (mut colours, mut several) = (TileColours::new(), 0);
