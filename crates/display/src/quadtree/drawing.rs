@@ -380,9 +380,10 @@ impl Quadtree {
 mod tests {
     use super::*;
     use crate::quadtree::QuadtreeParams;
+    use crate::quadtree::room;
     use glam::DVec3;
     use holo_picture::View;
-    use holo_section::{BeamId, RayCoords, Sample, Section, SectionSpec, ViewClass};
+    use holo_section::{BeamId, RayCoords, Sample};
     use std::sync::Arc;
 
     const LATE: Duration = Duration::from_secs(1);
@@ -400,14 +401,7 @@ mod tests {
     /// Any samples, so that surfaces of all depths come and join.
     #[test]
     fn leaves_contain_their_childrens_surfaces_and_lack_less_than_a_quarter_of_what_they_have() {
-        let spec = SectionSpec {
-            origin: [0.0; 3],
-            axes: [[4.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0]],
-            grid: [3; 3],
-            class: ViewClass::Interior,
-            obstructions: true,
-        };
-        let (size, section) = ((37, 21), Section::new(spec).unwrap());
+        let (size, section) = ((37, 21), room());
         let view = View::new(DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z, Some(70.0), None, size).unwrap();
         let beams = section.beam_count();
         let mut tree = Quadtree::new(Arc::from([section]), view, size, QuadtreeParams::default());

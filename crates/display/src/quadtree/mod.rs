@@ -433,3 +433,17 @@ impl Pyramids {
 }
 
 const _: () = assert!(BINS_KEPT >= 2, "what is behind a silhouette needs a bin");
+
+/// A section of a room, for tests.
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+fn room() -> Section {
+    Section::new(holo_section::SectionSpec {
+        origin: [0.0; 3],
+        axes: [[4.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0]],
+        grid: [3; 3],
+        class: holo_section::ViewClass::Interior,
+        obstructions: true,
+    })
+    .unwrap()
+}

@@ -303,8 +303,9 @@ mod tests {
     use super::*;
     use crate::pointimage::Instructions;
     use crate::pointimage::isa::{Isa, Kernel};
+    use crate::quadtree::room;
     use holo_picture::{ViewKind, ViewSpec};
-    use holo_section::{BeamId, RayCoords, SectionSpec, ViewClass};
+    use holo_section::{BeamId, RayCoords};
 
     struct Project<'a>(&'a BeamProjector<'a>, &'a [Sample]);
 
@@ -336,14 +337,7 @@ mod tests {
 
     #[test]
     fn samples_land_where_they_land_with_all_instructions_and_where_they_were_seen() {
-        let spec = SectionSpec {
-            origin: [0.0; 3],
-            axes: [[4.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0]],
-            grid: [3; 3],
-            class: ViewClass::Interior,
-            obstructions: true,
-        };
-        let (section, size, distances) = (Section::new(spec).unwrap(), (40, 30), DistanceTable::new());
+        let (section, size, distances) = (room(), (40, 30), DistanceTable::new());
         let mut state = 5_u32;
         let mut random = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

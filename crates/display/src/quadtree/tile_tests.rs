@@ -1,23 +1,16 @@
 //! Tiles against pixels read one by one.
 
-use super::super::{Pyramids, Quadtree, QuadtreeParams};
+use super::super::{Pyramids, Quadtree, QuadtreeParams, room};
 use super::*;
 use crate::pointimage::Instructions;
 use glam::DVec3;
 use holo_picture::View;
-use holo_section::{BeamId, RayCoords, Sample, Section, SectionSpec, ViewClass};
+use holo_section::{BeamId, RayCoords, Sample};
 use std::sync::Arc;
 
 /// Samples of any depth and colour, some of them equal, so that leaves have surfaces of every kind.
 fn tree(size: (u32, u32), samples: usize) -> Quadtree {
-    let spec = SectionSpec {
-        origin: [0.0; 3],
-        axes: [[4.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0]],
-        grid: [3; 3],
-        class: ViewClass::Interior,
-        obstructions: true,
-    };
-    let section = Section::new(spec).unwrap();
+    let section = room();
     let view = View::new(DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z, Some(70.0), None, size).unwrap();
     let beams = section.beam_count();
     let mut tree = Quadtree::new(Arc::from([section]), view, size, QuadtreeParams::default());
