@@ -110,7 +110,8 @@ impl Painter {
                 Ok(Painter::Voronoi(Arc::new(raycaster), Arc::new(records), stand_ins))
             }
             (Some(Err(error)), Driver::Voronoi) => Err(error),
-            // 0.9 dB better than leaves of a quadtree, on average over 15 files of three scenes, and never worse.
+            // 0.6 dB better than leaves of a quadtree, on average over 42 sets of samples of a known room (example `cells_quality`), and
+            // never worse.
             (None | Some(Err(_)), _) => of_cells(Filling::Smooth),
         }
     }

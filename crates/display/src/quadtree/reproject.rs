@@ -171,8 +171,9 @@ impl<'a> BeamProjector<'a> {
         }
     }
 
-    /// Projects up to [`BATCH`] samples, all of them alike and without branches: side by side. One by one, a sample took 40 % longer to be
-    /// summed.
+    /// Projects up to [`BATCH`] samples, all of them alike and without branches: side by side. In packets of 21 or more a sample is summed in a
+    /// tenth to a fifth less time than one by one; a single one takes half as much again, packets of ten as long. With room for eight, single
+    /// ones took a third as much again, and those of 21 or more gained half as much.
     #[inline(always)]
     pub fn project(&self, samples: &[Sample], to: &mut Projected) {
         for (at, sample) in samples.iter().enumerate().take(BATCH) {
