@@ -1,13 +1,17 @@
-"""A recorded walk, tracing in lockstep with frames: how like the truth every driver is, by samples a frame, with and without noise."""
+"""A recorded walk, tracing in lockstep with frames: how like the truth every driver is, by samples a frame, with and without noise.
+
+What always holds: what is said of a driver is a function of the program, the scene, the walk and what is asked. It is kept under target/, so a run
+that was ended goes on where it was.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from statistics import mean
 
@@ -20,12 +24,16 @@ DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "voronoi")
 # The render cache without one of its stages.
 STAGES = ("noise", "prediction", "prefilter", "eviction", "ageing", "cull", "interpolation", "dither")
 # Pixels for each new sample of a frame, and the frames: with as many samples as pixels a part of the walk must do.
-RATIOS = ((1, "120..180"), (8, "0..1000"), (64, "0..1000"), (256, "0..1000"))
+WHOLE = "0..1000"
+RATIOS = ((1, "120..180"), (8, WHOLE), (64, WHOLE), (256, WHOLE))
 BAR_RATIO = 64
 # Paths of a sample.
 NOISES = (("noisy", 1), ("clean", 16))
 # Decibels that the render cache has to be above its first paper, and above frameless.
 WANTED = 3.0
+
+# What the example says of drivers, by kind of samples and ratio.
+Found = dict[tuple[str, int], dict[str, dict]]
 
 
 @dataclass(frozen=True)
@@ -36,6 +44,18 @@ class Recorded:
     title: str
     scene: Path
     walk: Path
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run of the example: drivers that are shown the same samples."""
+
+    recorded: Recorded
+    every: int
+    frames: str
+    ratio: int = BAR_RATIO
+    paths: int = 1
+    drivers: tuple[str, ...] = DRIVERS
 
 
 def walk(bench: Bench) -> Part:
@@ -55,17 +75,25 @@ def walk(bench: Bench) -> Part:
         ],
     )
     program = bench.cargo.build("holo-display", "--example", "walk")
+    ratios = RATIOS[1:3] if bench.quick else RATIOS
     for recorded in walks(bench, part):
-        jobs = {
-            (noise, ratio): partial(shown, bench, program, recorded, paths, ratio, frames, every, DRIVERS)
-            for noise, paths in NOISES
-            for ratio, frames in (RATIOS[1:3] if bench.quick else RATIOS)
-        }
-        # The first makes the truths of all; nothing is timed, so that the others may share the cores.
-        first = jobs[NOISES[0][0], BAR_RATIO]()
+        # Truths are made once for all.
+        run([*asking(bench, program, Job(recorded, every, WHOLE)), "--truths-only"])
+        jobs = [
+            Job(recorded, every, frames, ratio, paths, drivers)
+            for ratio, frames in ratios
+            for _, paths in NOISES
+            # A strip is of all drivers; else each has a run of its own, as none knows of others.
+            for drivers in ([DRIVERS] if ratio == BAR_RATIO else [(driver,) for driver in DRIVERS])
+        ]
+        stages = tuple(f"pointimage-{stage}" for stage in STAGES)
+        jobs += [Job(recorded, every, WHOLE, BAR_RATIO, paths, stages) for _, paths in NOISES]
+        found: Found = {(noise, ratio): {} for noise, _ in NOISES for ratio, _ in ratios}
+        names = {paths: noise for noise, paths in NOISES}
+        # Nothing is timed, so that they may share the cores.
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            rest = {key: pool.submit(job) for key, job in jobs.items() if key != (NOISES[0][0], BAR_RATIO)}
-            found = {key: rest[key].result() if key in rest else first for key in jobs}
+            for job, by_driver in zip(jobs, pool.map(lambda job: shown(bench, program, job), jobs)):
+                found[names[job.paths], job.ratio] |= by_driver
         part.tables.append(likeness(recorded, found))
         for noise, paths in NOISES:
             by_driver = found[noise, BAR_RATIO]
@@ -74,7 +102,7 @@ def walk(bench: Bench) -> Part:
             strip = f"walk-{recorded.name}-{paths}-{BAR_RATIO}.png"
             caption = f"The {recorded.title}, {noise} samples: the truth, {', '.join(DRIVERS)} from above, five moments"
             part.plots.append(Plot(f"benchmarks/{strip}", caption))
-        part.tables.append(ablation(bench, program, recorded, every, found))
+        part.tables.append(ablation(recorded, found))
     return part
 
 
@@ -90,36 +118,36 @@ def walks(bench: Bench, part: Part) -> list[Recorded]:
     return found
 
 
-def shown(
-    bench: Bench,
-    program: Path,
-    recorded: Recorded,
-    paths: int,
-    ratio: int,
-    frames: str,
-    every: int,
-    drivers: tuple[str, ...],
-) -> dict[str, dict]:
-    """What the example says of each driver. Truths stay between runs, as long as scene and walk are the same."""
-    state = hashlib.sha256(recorded.scene.read_bytes() + recorded.walk.read_bytes()).hexdigest()[:12]
+def asking(bench: Bench, program: Path, job: Job) -> list[str | Path]:
+    """The example's command, without a folder for what it makes. Truths stay between runs, as long as scene and walk are the same."""
+    scene, walk = job.recorded.scene, job.recorded.walk
+    state = hashlib.sha256(scene.read_bytes() + walk.read_bytes()).hexdigest()[:12]
     # A smoke run makes do with worse truths, of its own.
     most = 64 if bench.quick else 1024
-    truths = bench.root / "target/walk-truths" / f"{recorded.name}-{state}-{most}"
-    out = bench.plots / f"walk-{recorded.name}-{paths}-{ratio}"
-    command = [program, recorded.scene, recorded.walk, "--bounces", "0", "--paths", str(paths), "--ratio", str(ratio),
-               "--frames", frames, "--every", str(every), "--truth-paths", str(most), "--drivers", ",".join(drivers),
-               "--truths", truths, "--out", out]  # fmt: skip
-    said = [json.loads(line) for line in run(command).stdout.splitlines()]
-    strip = out / "strip.png"
-    if drivers == DRIVERS and ratio == BAR_RATIO:
-        strip.replace(out.with_suffix(".png"))
-    else:
-        strip.unlink()
-    out.rmdir()
-    return {line["driver"]: line for line in said}
+    truths = bench.root / "target/walk-truths" / f"{job.recorded.name}-{state}-{most}"
+    return [program, scene, walk, "--truths", truths, "--bounces", "0", "--paths", str(job.paths), "--ratio", str(job.ratio),
+            "--frames", job.frames, "--every", str(job.every), "--truth-paths", str(most)]  # fmt: skip
 
 
-def likeness(recorded: Recorded, found: dict[tuple[str, int], dict[str, dict]]) -> Table:
+def shown(bench: Bench, program: Path, job: Job) -> dict[str, dict]:
+    """What the example says of each driver, now or in an earlier run."""
+    files = (program, job.recorded.scene, job.recorded.scene.with_suffix(".mtl"), job.recorded.walk)
+    state = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
+    asked = (job.ratio, job.paths, job.frames, job.every, bench.quick, *job.drivers)
+    kept = bench.root / "target/walk-said" / hashlib.sha256(repr((state, asked)).encode()).hexdigest()[:24]
+    said = kept / "said"
+    if not said.exists():
+        command = [*asking(bench, program, job), "--drivers", ",".join(job.drivers), "--out", kept]
+        saying = run(command).stdout
+        (kept / "saying").write_text(saying, encoding="utf-8")
+        (kept / "saying").rename(said)
+    if job.drivers == DRIVERS:
+        bench.plots.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(kept / "strip.png", bench.plots / f"walk-{job.recorded.name}-{job.paths}-{job.ratio}.png")
+    return {line["driver"]: line for line in map(json.loads, said.read_text(encoding="utf-8").splitlines())}
+
+
+def likeness(recorded: Recorded, found: Found) -> Table:
     columns = [["samples", ""], ["ratio", "d"]]
     for driver in DRIVERS:
         columns += [[f"{driver}, dB", ".1f"], ["SSIM", ".3f"]]
@@ -142,8 +170,8 @@ def bars(part: Part, recorded: Recorded, noise: str, by_driver: dict[str, dict])
 
 def over_time(bench: Bench, recorded: Recorded, noise: str, by_driver: dict[str, dict]) -> Plot:
     series = {
-        driver: [(frame / 30, psnr) for frame, psnr in zip(said["frames"], said["psnr"])]
-        for driver, said in by_driver.items()
+        driver: [(frame / 30, psnr) for frame, psnr in zip(by_driver[driver]["frames"], by_driver[driver]["psnr"])]
+        for driver in DRIVERS
     }
     file = f"walk-{recorded.name}-{noise}.svg"
     title = f"The {recorded.title}, {noise} samples, one for {BAR_RATIO} pixels a frame"
@@ -151,17 +179,15 @@ def over_time(bench: Bench, recorded: Recorded, noise: str, by_driver: dict[str,
     return Plot(f"benchmarks/{file}", title)
 
 
-def ablation(bench: Bench, program: Path, recorded: Recorded, every: int, found: dict) -> Table:
+def ablation(recorded: Recorded, found: Found) -> Table:
     """What each stage brings at the ratio of the bar."""
     table = Table(f"The {recorded.title}, ratio {BAR_RATIO}: the render cache without a stage", [["without", ""]])
-    drivers = tuple(f"pointimage-{stage}" for stage in STAGES)
-    rows: dict[str, list[Figure]] = {"nothing": [], **{stage: [] for stage in STAGES}}
-    for noise, paths in NOISES:
+    for noise, _ in NOISES:
         table.columns += [[f"{noise}, dB", ".2f"], ["SSIM", ".3f"]]
-        by_driver = shown(bench, program, recorded, paths, BAR_RATIO, "0..1000", every, drivers)
-        by_driver["pointimage"] = found[noise, BAR_RATIO]["pointimage"]
-        for name, row in rows.items():
-            said = by_driver["pointimage" if name == "nothing" else f"pointimage-{name}"]
+    for name in ("nothing", *STAGES):
+        row: list[Figure] = [name]
+        for noise, _ in NOISES:
+            said = found[noise, BAR_RATIO]["pointimage" if name == "nothing" else f"pointimage-{name}"]
             row += [mean(said["psnr"]), mean(said["ssim"])]
-    table.rows = [[name, *row] for name, row in rows.items()]
+        table.rows.append(row)
     return table

@@ -15,7 +15,7 @@ use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
-    bulk::{LiveSamples, LiveWanted, RaysWanted, Samples, Source, Unseen, ViewRequest, Wanted, WantedRay},
+    bulk::{LiveWanted, RaysWanted, ViewRequest, Wanted, WantedRay},
     control::{Control, Welcome},
     frame::Kind,
     hello::Role,
@@ -331,9 +331,15 @@ impl Session {
             let until = [refine, rays, rest].into_iter().flatten().fold(deadline, Instant::min);
             let left = until.saturating_duration_since(Instant::now());
             match self.messages.recv_timeout(left) {
-                Ok(Incoming::Message(Message::Samples(samples))) => self.insert(&samples),
-                Ok(Incoming::Message(Message::Unseen(unseen))) => self.insert_unseen(&unseen),
-                Ok(Incoming::Message(Message::LiveSamples(samples))) => self.insert_live(&samples),
+                Ok(Incoming::Message(Message::Samples(samples))) => {
+                    self.shown_as(samples.view).into_iter().for_each(|shown| shown.insert(&samples));
+                }
+                Ok(Incoming::Message(Message::Unseen(unseen))) => {
+                    self.shown_as(unseen.view).into_iter().for_each(|shown| shown.insert_unseen(&unseen));
+                }
+                Ok(Incoming::Message(Message::LiveSamples(samples))) => {
+                    self.shown.iter_mut().for_each(|shown| shown.insert_live(&samples));
+                }
                 Ok(Incoming::Message(Message::Control(Control::Settled { view })))
                     if for_settled && view == self.view_number =>
                 {
@@ -416,48 +422,9 @@ impl Session {
         Ok(self.outbox.send(Kind::LiveWanted, &request.encode())?)
     }
 
-    fn insert_live(&mut self, message: &LiveSamples) {
-        if let Some(shown) = self.shown.as_mut().filter(|shown| message.view == shown.first_request)
-            && let Some(live) = &mut shown.live
-        {
-            live.insert(&shown.canvas, &message.samples);
-        }
-    }
-
-    fn insert(&mut self, message: &Samples) {
-        let Some(shown) =
-            self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view))
-        else {
-            return;
-        };
-        shown.first_samples.get_or_insert_with(|| shown.since.elapsed().as_secs_f64());
-        for (run, samples) in message.iter() {
-            for fresh in shown.received.add(run) {
-                let count = fresh.len() as u64;
-                let fresh = &samples[fresh];
-                shown.canvas.insert(run.section, run.beam, run.paths, fresh);
-                if let Some(live) = &mut shown.live {
-                    live.insert_samples(run.section, run.beam, run.paths, fresh);
-                }
-                match message.source {
-                    Source::Stored => {
-                        shown.stored += count;
-                        if let Some(of) = shown.stored_of.get_mut(usize::from(run.section)) {
-                            *of += count;
-                        }
-                    }
-                    Source::Traced => shown.traced += count,
-                }
-            }
-        }
-    }
-
-    fn insert_unseen(&mut self, message: &Unseen) {
-        if let Some(shown) =
-            self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&message.view))
-        {
-            message.beams.iter().for_each(|&(section, beam)| shown.canvas.insert_unseen(section, beam));
-        }
+    /// The view, if it is the one that samples were sent for under this number.
+    fn shown_as(&mut self, number: u32) -> Option<&mut Shown> {
+        self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&number))
     }
 
     fn picture(&self, path: PathBuf) -> Result<()> {

@@ -4,7 +4,7 @@ use std::{path::PathBuf, time::Instant};
 
 use anyhow::{Context, Result};
 use holo_picture::View;
-use holo_proto::bulk::Wanted;
+use holo_proto::bulk::{LiveSamples, Samples, Source, Unseen, Wanted};
 use holo_section::BeamId;
 
 use crate::{PictureReport, canvas::Canvas, live::Live, received::Received};
@@ -38,6 +38,42 @@ pub struct Shown {
 }
 
 impl Shown {
+    /// Adds samples that were sent for it, but for those that it has.
+    pub fn insert(&mut self, message: &Samples) {
+        self.first_samples.get_or_insert_with(|| self.since.elapsed().as_secs_f64());
+        for (run, samples) in message.iter() {
+            for fresh in self.received.add(run) {
+                let count = fresh.len() as u64;
+                let fresh = &samples[fresh];
+                self.canvas.insert(run.section, run.beam, run.paths, fresh);
+                if let Some(live) = &mut self.live {
+                    live.insert_samples(run.section, run.beam, run.paths, fresh);
+                }
+                match message.source {
+                    Source::Stored => {
+                        self.stored += count;
+                        if let Some(of) = self.stored_of.get_mut(usize::from(run.section)) {
+                            *of += count;
+                        }
+                    }
+                    Source::Traced => self.traced += count,
+                }
+            }
+        }
+    }
+
+    /// Adds beams sent for it whose rays meet nothing.
+    pub fn insert_unseen(&mut self, message: &Unseen) {
+        message.beams.iter().for_each(|&(section, beam)| self.canvas.insert_unseen(section, beam));
+    }
+
+    /// Adds live rays, if they are its own: those of earlier views are of no use.
+    pub fn insert_live(&mut self, message: &LiveSamples) {
+        if let Some(live) = self.live.as_mut().filter(|_| message.view == self.first_request) {
+            live.insert(&self.canvas, &message.samples);
+        }
+    }
+
     /// Stored samples of a beam of each section, by those of the view's own beams; of a section that it does not cross, by all. At
     /// least one.
     pub fn samples_of_beam(&self) -> Vec<f64> {

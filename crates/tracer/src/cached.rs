@@ -3,8 +3,9 @@
 //!
 //! A record's rays end in records too; where there are none, they go on as paths, and one in [`COARSE_PATIENCE`] makes a coarse record
 //! there, whose own rays go on as paths. Where small surfaces beside lamps send on much light (`secondary`), or flat mirrors
-//! show lamps (`images`), some rays are aimed at them. A record takes as long as hundreds of paths: samples that somebody waits for take those that are near, or go on as paths, too, where there are none,
-//! and for each of them so many rays of records are traced ([`Cached::set_effort`]), so that there are useful samples from the first moment on.
+//! show lamps (`images`), some rays are aimed at them. A record takes as long as hundreds of paths: samples that somebody waits for
+//! take those that are near, or go on as paths, too, where there are none, and for each of them so many rays of records are traced
+//! ([`Cached::set_effort`]), so that there are useful samples from the first moment on.
 //!
 //! Always true:
 //! - what is traced does not depend on the cache but within the engine's accuracy, and in what paths that stand in for records, while not all
@@ -37,8 +38,8 @@ use crate::sampler::{Purpose, Sampler, mix};
 use crate::secondary::Aimed;
 use crate::usual::Usual;
 
-/// Smooth surfaces at which the light that comes straight to an eye, a record or a path in its place is followed both ways: of what a pane reflects, one ray in ten
-/// would have the weight of ten.
+/// Smooth surfaces at which the light that comes straight to an eye, a record or a path in its place is followed both ways: of what a
+/// pane reflects, one ray in ten would have the weight of ten.
 const FORKS: u32 = 2;
 
 /// Relative error of indirect light that is aimed at unless said otherwise.
@@ -50,9 +51,13 @@ pub const ACCURACIES: std::ops::RangeInclusive<f32> = 0.002..=0.5;
 /// Samples of the lights at a first diffuse surface: with clean indirect light, direct light is what is left of the noise.
 const LIGHT_SAMPLES: u32 = 10;
 
+/// [`Record::flags`]: for what is looked at, or for the rays of other records only. What depends on it is a pair, in this order.
+const EXACT: u32 = 0;
+const COARSE: u32 = 1;
+
 /// Rays that tell how many a record needs, at least and at most, and over those that it would need if they differed by their mean: with fewer,
 /// many pilots do not meet what is bright.
-const PILOT_RAYS: [u32; 2] = [64, 256];
+const PILOT_RAYS: [[u32; 2]; 2] = [[64, 256], [32, 128]];
 const PILOT_SHARE: f32 = 0.3;
 
 /// Rays of a record at least.
@@ -63,11 +68,13 @@ const MOST_RAYS: u32 = 1 << 13;
 
 /// Standard error over the accuracy of a record that reaches as far as any may. Those that reach less far serve less of the surface, by
 /// the square of their radius, and of what is seen many of them share: the same error of the whole costs least if rays grow like that, too (Neyman
-/// 1934, "On the Two Different Aspects of the Representative Method").
-const ERROR: f32 = 0.5;
+/// 1934, "On the Two Different Aspects of the Representative Method"). A coarse one is seen by thousands of rays and by none that is
+/// looked at, but large ones are part of what every record around sees, and where light comes through a door, the few behind the door
+/// decide how bright all is on this side.
+const ERROR: [f32; 2] = [0.5, 1.0];
 
-/// The same of any record at most: however small, it may fill what somebody looks at.
-const MOST_ERROR: f32 = 1.0;
+/// The same of any record at most: however small, an exact one may fill what somebody looks at.
+const MOST_ERROR: [f32; 2] = [1.0, 8.0];
 
 /// Radius of a record over the harmonic mean distance, over the root of the accuracy: what gradients leave grows with the square
 /// of the distance.
@@ -85,20 +92,6 @@ const AIMED: f32 = 0.2;
 /// Rays of records that end where there is no record, for each that makes one.
 const COARSE_PATIENCE: u32 = 8;
 
-/// [`ERROR`] of a coarse record: it is seen by thousands of rays and by none that is looked at, but large ones are part of what every
-/// record around sees, and where light comes through a door, the few behind the door decide how bright all is on this side.
-const COARSE_ERROR: f32 = 1.0;
-
-/// [`MOST_ERROR`] of a coarse record.
-const MOST_COARSE_ERROR: f32 = 8.0;
-
-/// [`PILOT_RAYS`] of a coarse record.
-const COARSE_PILOT_RAYS: [u32; 2] = [32, 128];
-
-/// [`Record::flags`]: for what is looked at, or for the rays of other records only.
-const EXACT: u32 = 0;
-const COARSE: u32 = 1;
-
 /// A record is made where the weights of those there add up to less: with 0.3, there are parts of surfaces that one alone decides about, and its
 /// error is theirs.
 const LEAST_WEIGHT: f32 = 0.6;
@@ -106,9 +99,10 @@ const LEAST_WEIGHT: f32 = 0.6;
 /// The same for a sample that must not make one: a path is noisier than what there is.
 const WEIGHT_FOR_NOW: f32 = 0.3;
 
-/// Radiance that a path in the place of a record brings from a lamp over mirrors or glass at most, over that of the scene's records: one path in ten thousand has
-/// hundreds of times as much as what is around, and shows for as long as hundreds of samples take to come. Of records' rays none may bring more
-/// than a few times the mean either.
+/// Radiance that a path in the place of a record brings from a lamp over mirrors or glass at most, over that of the scene's records: one
+/// path in ten thousand has hundreds of times as much as what is around, and shows for as long as hundreds of samples take to come. Of
+/// records' rays none may bring more than a few times the mean either. Of all light in samples for a display this takes 0.03 ± 0.01 % in a
+/// cabin, and in a small room with a large mirror 1.4 ± 0.2 % of the first four a pixel and 0.09 ± 0.01 % from the 64th on.
 const MOST_ALONE: f32 = 8.0;
 
 /// Where the weights of records add up to so much, no more are looked for: what is looked at is the smoother for more, what is
@@ -198,19 +192,7 @@ impl Cached {
         if self.store.is_full() || !self.affords_record() {
             return found.filter(|found| found.weight >= WEIGHT_FOR_NOW).map(|found| found.irradiance);
         }
-        // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
-        let pilot =
-            self.gather(engine, met, pilot_rays(ERROR * self.quality.accuracy, PILOT_RAYS), EXACT, f32::INFINITY);
-        let error = self.quality.error(ERROR, pilot.radius, MOST_ERROR);
-        let deviation = self.deviations.take_in(&pilot);
-        let rays = ((deviation / error).powi(2) as u32).clamp(LEAST_RAYS, MOST_RAYS);
-        let mut record = self.gather(engine, met, rays, EXACT, error);
-        // Nor must its radius know its light: records that are too bright would count for less of the surface than those that are
-        // too dark. What is noisy still is averaged with more neighbours.
-        let reached = deviation / (record.rays as f32).sqrt();
-        record.radius = record.radius.min(gradient_limit(&pilot)) * (error / reached).clamp(0.25, 1.0);
-        self.insert(record, met);
-        let made = Vec3::from(record.irradiance);
+        let made = self.make(engine, met, EXACT);
         // The new record has weight 1.
         Some(found.map_or(made, |found| (found.irradiance * found.weight + made) / (found.weight + 1.0)))
     }
@@ -244,13 +226,22 @@ impl Cached {
         self.store.insert(record, |other| raycaster.parted(point, normal, other.point.into(), other.normal.into()));
     }
 
-    /// Irradiance by indirect light at a point that a record's ray meets where there is none at all near: by a coarse record that is made.
-    fn coarse(&self, engine: &PathEngine, met: &Met) -> Vec3 {
-        let pilot_rays = pilot_rays(COARSE_ERROR * self.quality.accuracy, COARSE_PILOT_RAYS);
-        let pilot = self.gather(engine, met, pilot_rays, COARSE, f32::INFINITY);
-        let error = self.quality.error(COARSE_ERROR, pilot.radius, MOST_COARSE_ERROR);
-        let rays = ((self.deviations.take_in(&pilot) / error).powi(2) as u32).clamp(LEAST_RAYS, MOST_RAYS);
-        let record = self.gather(engine, met, rays, COARSE, error);
+    /// Makes a record of what arrives at a point; its irradiance.
+    fn make(&self, engine: &PathEngine, met: &Met, coarse: u32) -> Vec3 {
+        let kind = coarse as usize;
+        // What decides how many rays there are must not be part of the record: where the first ones miss the light, they agree.
+        let pilot_rays = pilot_rays(ERROR[kind] * self.quality.accuracy, PILOT_RAYS[kind]);
+        let pilot = self.gather(engine, met, pilot_rays, coarse, f32::INFINITY);
+        let error = self.quality.error(ERROR[kind], pilot.radius, MOST_ERROR[kind]);
+        let deviation = self.deviations.take_in(&pilot);
+        let rays = ((deviation / error).powi(2) as u32).clamp(LEAST_RAYS, MOST_RAYS);
+        let mut record = self.gather(engine, met, rays, coarse, error);
+        if coarse == EXACT {
+            // Nor must its radius know its light: records that are too bright would count for less of the surface than those that are
+            // too dark. What is noisy still is averaged with more neighbours.
+            let reached = deviation / (record.rays as f32).sqrt();
+            record.radius = record.radius.min(gradient_limit(&pilot)) * (error / reached).clamp(0.25, 1.0);
+        }
         self.insert(record, met);
         record.irradiance.into()
     }
@@ -358,7 +349,7 @@ impl Ending for Light<'_> {
             match self.cached.known(met, COARSE) {
                 Some(found) => found.irradiance,
                 None if self.role.get() == Role::Record && met.scatterings == 2 && coarse_is_due(met, sampler) => {
-                    self.cached.coarse(self.engine, met)
+                    self.cached.make(self.engine, met, COARSE)
                 }
                 None => return None,
             }

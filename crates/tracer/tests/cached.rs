@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{BLACK, Model, estimate};
+use common::{BLACK, Model, estimate, form_factor};
 use glam::DVec3;
 use holo_scene::Bsdf;
 
@@ -159,6 +159,81 @@ fn what_a_mirror_throws_on_a_floor_is_as_bright_as_by_paths() {
             }
         }
     }
+}
+
+/// A lamp that shines only upwards, at a mirror, and two rugs that see it there and not each other: one for records, and one at
+/// [`FAR_RUG`], beyond their reach.
+fn two_rugs() -> Model {
+    let mut model = Model::default();
+    let rug = model.material(GREY, [0.0; 3]);
+    let mirror = model.material(Bsdf::Mirror { ks: [SHOWN; 3] }, [0.0; 3]);
+    let lamp = model.material(BLACK, [LAMP; 3]);
+    // In halves: where all light comes from one quad, a sample has two ways on.
+    for [west, east] in [[-LAMP_HALF, 0.0], [0.0, LAMP_HALF]] {
+        let [south, north] = [-LAMP_HALF, LAMP_HALF];
+        model.polygon(&[[west, south, 1.0], [east, south, 1.0], [east, north, 1.0], [west, north, 1.0]], lamp);
+    }
+    model.square(MIRROR_HEIGHT, 0.6, false, mirror);
+    model.polygon(&[[-1.5, 0.5, 0.0], [-0.6, 0.5, 0.0], [-0.6, 1.3, 0.0], [-1.5, 1.3, 0.0]], rug);
+    let [x, y, _] = FAR_RUG;
+    let [west, east, south, north] = [x - 0.05, x + 0.05, y - 0.05, y + 0.05];
+    model.polygon(&[[west, south, 0.0], [east, south, 0.0], [east, north, 0.0], [west, north, 0.0]], rug);
+    model
+}
+
+const LAMP: f32 = 100.0;
+const LAMP_HALF: f64 = 0.15;
+const SHOWN: f32 = 0.8;
+const MIRROR_HEIGHT: f64 = 2.0;
+const FAR_RUG: [f64; 3] = [1.2, 0.9, 0.0];
+
+/// One path in 500 meets the lamp by way of the mirror. As many do as must, and each brings eight times the usual in place of 230 times.
+#[test]
+fn what_paths_in_the_place_of_records_bring_by_mirrors_is_held_to_the_usual_of_records() {
+    const PATHS: u64 = 200_000;
+    let tracer = two_rugs().tracer(None).with_cache(0.01, 1);
+    let eye = DVec3::new(0.0, 0.0, 0.5);
+    let at = DVec3::from_array(FAR_RUG);
+    let luminances = || -> Vec<f64> {
+        let radiance = |seed| tracer.trace(eye, (at - eye).normalize(), seed).radiance;
+        // All is grey.
+        (0..PATHS).map(|seed| f64::from(radiance(seed)[1])).filter(|&radiance| radiance > 0.0).collect()
+    };
+    // The mirrored lamp, of which the rug sees the whole.
+    let above = 2.0 * MIRROR_HEIGHT - 1.0;
+    let corner = |(x, y)| [LAMP_HALF * f64::from(x), LAMP_HALF * f64::from(y), above];
+    let share = form_factor(&[(-1, -1), (1, -1), (1, 1), (-1, 1)].map(corner), at, DVec3::Z);
+    let expected = share * PATHS as f64;
+    let of_one = f64::from(0.5 * SHOWN * LAMP);
+    let check = |found: &[f64], each: f64, name: &str| {
+        // At 4.5 standard deviations of a number of rare events: by chance once in 150,000.
+        let number = found.len() as f64;
+        assert!((number - expected).abs() < 4.5 * expected.sqrt(), "{name}: {number} in place of {expected}");
+        let differs = |&&radiance: &&f64| (radiance / each - 1.0).abs() > 1e-4;
+        assert_eq!(found.iter().find(differs), None, "{name}: not {each}");
+    };
+
+    let furnish = |rows: std::ops::Range<u32>| {
+        tracer.set_effort(u32::MAX);
+        for (row, column) in rows.flat_map(|row| (0..12).map(move |column| (row, column))) {
+            let near = DVec3::new(-1.45 + 0.07 * f64::from(column), 0.55 + 0.06 * f64::from(row), 0.0);
+            let _ = tracer.trace(eye, (near - eye).normalize(), u64::from(12 * row + column));
+        }
+        tracer.set_effort(0);
+        let light = tracer.light().unwrap();
+        let records: Vec<_> = (0..light.len()).filter_map(|index| light.get(index)).collect();
+        let sum: f64 = records.iter().map(|record| f64::from(record.irradiance[1])).sum();
+        (records.len(), sum / records.len() as f64)
+    };
+
+    // Where few records tell what is usual, all count for what they bring.
+    let (few, _) = furnish(0..1);
+    check(&luminances(), of_one, "few");
+    let (count, usual) = furnish(1..12);
+    let held = 8.0 * std::f64::consts::FRAC_1_PI * usual;
+    assert!(few < 16 && count >= 16 && held < 0.1 * of_one, "{few} and {count} records of {usual}");
+    check(&luminances(), held, "many");
+    assert_eq!(tracer.light().map(|light| light.len()), Some(count));
 }
 
 #[test]
