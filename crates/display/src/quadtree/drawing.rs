@@ -167,7 +167,7 @@ impl Drawing {
             self.unseen_known = tree.unseen.len();
             let mut unseen = UnseenPixels::default();
             for (pixel, (reach, counts)) in self.reach.iter_mut().zip(&self.counts).enumerate() {
-                if counts.unseen != unseen.has(tree, pixel) {
+                if counts.is_unseen() != unseen.has(tree, pixel) {
                     *reach = AGAIN;
                 }
             }
@@ -316,7 +316,7 @@ impl Drawing {
                 let pixel = row * tree.size.0 as usize + column;
                 if reach[pixel] == AGAIN {
                     let (painted, level) = painter.painted(TileColours::lane(column, row));
-                    frame.hide(&counts[pixel]);
+                    frame.hide(counts[pixel]);
                     frame.show(pixel, &painted);
                     counts[pixel] = painted.counts;
                     reach[pixel] = level as u8;

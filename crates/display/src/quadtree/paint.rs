@@ -12,6 +12,7 @@ use super::tile::TileColours;
 use super::wide::Agreement;
 use super::{Frame, LeafSize, MultiDepth, Pyramids, Quadtree, QuadtreeParams};
 use crate::parts::for_parts;
+use crate::pointimage::isa::Kernel;
 use bytemuck::Zeroable;
 use holo_section::BeamId;
 use std::ops::Range;
@@ -56,13 +57,43 @@ pub(super) struct Painted {
     pub counts: Counts,
 }
 
-/// What a pixel is counted as.
+/// What a pixel is counted as: the samples of its own, and above them whether it is empty or unseen. One number: all pixels of a picture are
+/// added up.
 #[derive(Clone, Copy, Default, Zeroable)]
-pub(super) struct Counts {
-    /// Samples of its own.
-    pub samples: u32,
-    pub empty: bool,
-    pub unseen: bool,
+pub(super) struct Counts(u32);
+
+impl Counts {
+    const EMPTY: u32 = 1 << 30;
+    const UNSEEN: u32 = 1 << 31;
+
+    /// A pixel that has so many samples, as far as they can be counted.
+    #[inline(always)]
+    pub fn samples(samples: u32) -> Self {
+        Self(samples.min(Self::EMPTY - 1))
+    }
+
+    /// One that is filled from others' samples, if there are any.
+    #[inline(always)]
+    pub fn empty() -> Self {
+        Self(Self::EMPTY)
+    }
+
+    /// One whose beam sees nothing.
+    pub fn unseen() -> Self {
+        Self(Self::UNSEEN)
+    }
+
+    pub fn is_unseen(self) -> bool {
+        self.0 & Self::UNSEEN != 0
+    }
+
+    fn is_empty(self) -> bool {
+        self.0 & Self::EMPTY != 0
+    }
+
+    fn own_samples(self) -> u64 {
+        u64::from(self.0 & (Self::EMPTY - 1))
+    }
 }
 
 impl MultiDepth {
@@ -78,9 +109,9 @@ impl Frame {
     pub(super) fn show(&mut self, pixel: usize, painted: &Painted) {
         self.picture.pixels[pixel] = painted.colour;
         self.depth[pixel] = painted.depth;
-        self.empty_pixels += u64::from(painted.counts.empty);
-        self.unseen_pixels += u64::from(painted.counts.unseen);
-        self.samples_used += u64::from(painted.counts.samples);
+        self.empty_pixels += u64::from(painted.counts.is_empty());
+        self.unseen_pixels += u64::from(painted.counts.is_unseen());
+        self.samples_used += painted.counts.own_samples();
     }
 
     /// Counts nothing, before all pixels are drawn.
@@ -91,10 +122,10 @@ impl Frame {
     }
 
     /// No longer counts a pixel.
-    pub(super) fn hide(&mut self, counts: &Counts) {
-        self.empty_pixels -= u64::from(counts.empty);
-        self.unseen_pixels -= u64::from(counts.unseen);
-        self.samples_used -= u64::from(counts.samples);
+    pub(super) fn hide(&mut self, counts: Counts) {
+        self.empty_pixels -= u64::from(counts.is_empty());
+        self.unseen_pixels -= u64::from(counts.is_unseen());
+        self.samples_used -= counts.own_samples();
     }
 }
 
@@ -254,7 +285,7 @@ impl<'a> TilePainter<'a> {
                         && self.painter.shows_own(column, row, own)
                         && !(self.tree.is_outside && may_stand(&self.painter, column, row, own.bins)) =>
                 {
-                    self.counts[lane] = Counts { samples: own.count, empty: false, unseen: false };
+                    self.counts[lane] = Counts::samples(own.count);
                     self.show_own(lane, column, row, own);
                 }
                 leaf => self.paint_other(lane, column, row, leaf, is_unseen),
@@ -331,11 +362,13 @@ struct RowsDrawn<'a> {
     depths: &'a mut [f32],
     counts: &'a mut [Counts],
     reach: &'a mut [u8],
+    /// What all of them are counted as, once they are drawn.
     sum: Counted,
 }
 
 impl RowsDrawn<'_> {
     /// Takes in a tile that has been drawn, which begins at a column.
+    #[inline(always)]
     fn take(&mut self, painter: &TilePainter, first: usize, width: usize) {
         let across = TILE.min(width - first);
         for row in 0..self.depths.len() / width {
@@ -344,13 +377,42 @@ impl RowsDrawn<'_> {
             painter.colours.copy(lanes.clone(), &mut self.colours[pixels.clone()], &mut self.reach[pixels.clone()]);
             let squared = &painter.distances_squared[lanes.clone()];
             self.depths[pixels.clone()].iter_mut().zip(squared).for_each(|(depth, squared)| *depth = squared.sqrt());
-            self.counts[pixels].copy_from_slice(&painter.counts[lanes.clone()]);
-            for counts in &painter.counts[lanes] {
-                self.sum.empty += u64::from(counts.empty);
-                self.sum.unseen += u64::from(counts.unseen);
-                self.sum.samples += u64::from(counts.samples);
-            }
+            self.counts[pixels].copy_from_slice(&painter.counts[lanes]);
         }
+    }
+
+    /// What all its pixels are counted as. At the end: a sum kept in memory from tile to tile waits for all that is written between.
+    #[inline(always)]
+    fn counted(&self, depths: MultiDepth) -> Counted {
+        let sum = |of: fn(Counts) -> u64| self.counts.iter().map(|&counts| of(counts)).sum();
+        Counted {
+            empty: sum(|counts| u64::from(counts.is_empty())),
+            unseen: sum(|counts| u64::from(counts.is_unseen())),
+            samples: sum(Counts::own_samples),
+            depths,
+        }
+    }
+}
+
+/// Draws all tiles of some rows.
+struct PaintRows<'a, 'b> {
+    painter: TilePainter<'a>,
+    part: &'a mut RowsDrawn<'b>,
+    tiles: Range<usize>,
+    width: usize,
+}
+
+impl Kernel for PaintRows<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { mut painter, part, tiles, width } = self;
+        for tile in tiles.clone() {
+            painter.paint(tile, |_| true);
+            part.take(&painter, (tile - tiles.start) * TILE, width);
+        }
+        part.sum = part.counted(painter.depths);
     }
 }
 
@@ -389,12 +451,8 @@ impl Quadtree {
             .collect();
         for_parts(&mut parts, 1, 1, |number, parts| {
             for part in parts {
-                let mut painter = TilePainter::new(self, pyramids, agreement);
-                for tile in 0..across {
-                    painter.paint(number * across + tile, |_| true);
-                    part.take(&painter, tile * TILE, width);
-                }
-                part.sum.depths = painter.depths;
+                let painter = TilePainter::new(self, pyramids, agreement);
+                self.isa.run(PaintRows { painter, part, tiles: number * across..(number + 1) * across, width });
             }
         });
         let mut depths = MultiDepth::default();

@@ -134,7 +134,7 @@ impl Quadtree {
         }
         if is_unseen {
             let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
-            return (Counts { unseen: true, ..Counts::default() }, Shown::Known(colour, f32::INFINITY));
+            return (Counts::unseen(), Shown::Known(colour, f32::INFINITY));
         }
         // A radius that was given is that of the nearest surface already.
         let ask_nearer = self.params.viewpoint_radius.is_none();
@@ -145,6 +145,6 @@ impl Quadtree {
             (None, _) => mix(painter, column, row, own, ask_nearer, depths),
         };
         let samples = painter.all.levels[0].samples[row * self.size.0 as usize + column];
-        (Counts { samples, empty: own.is_empty(), unseen: false }, shown)
+        (if own.is_empty() { Counts::empty() } else { Counts::samples(samples) }, shown)
     }
 }
