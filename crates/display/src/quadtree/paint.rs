@@ -288,6 +288,15 @@ impl<'a> TilePainter<'a> {
                     self.counts[lane] = Counts::samples(own.count);
                     self.show_own(lane, column, row, own);
                 }
+                [] if !is_unseen
+                    && self.tree.covered[pixel]
+                    && !self.tree.is_outside
+                    && let Some([around]) = self.painter.all.levels.get(1).map(|level| level.leaf(column / 2, row / 2))
+                    && !self.painter.may_be_covered(column, row, around) =>
+                {
+                    self.counts[lane] = Counts::empty();
+                    self.show(lane, column, row, 1, around.bins);
+                }
                 leaf => self.paint_other(lane, column, row, leaf, is_unseen),
             }
         }
@@ -318,6 +327,18 @@ impl<'a> TilePainter<'a> {
         }
     }
 
+    /// Shows a surface as from larger leaves of a level on, by its bins there.
+    #[inline(always)]
+    fn show(&mut self, lane: usize, column: usize, row: usize, level: usize, bins: (u16, u16)) {
+        self.distances_squared[lane] = bin_distance_squared(bins.0);
+        if matches!(self.tree.params.leaf, LeafSize::Fixed(_)) {
+            self.colours.set(lane, self.painter.colour(column, row, level, bins), self.painter.reach());
+        } else {
+            self.colours.ask(lane, level, bins, &self.painter.all.noise(column, row, level, bins));
+            self.ask_narrow(lane, column, row, level, bins);
+        }
+    }
+
     #[inline(always)]
     fn ask_narrow(&mut self, lane: usize, column: usize, row: usize, level: usize, bins: (u16, u16)) {
         if self.painter.narrow.is_some() {
@@ -332,18 +353,9 @@ impl<'a> TilePainter<'a> {
     fn paint_other(&mut self, lane: usize, column: usize, row: usize, leaf: &[Surface], is_unseen: bool) {
         let (counts, shown) = self.tree.shown(&self.painter, column, row, leaf, is_unseen, &mut self.depths);
         self.counts[lane] = counts;
-        let is_fixed = matches!(self.tree.params.leaf, LeafSize::Fixed(_));
         match shown {
             Shown::Own(own) => self.show_own(lane, column, row, own),
-            Shown::Surface(level, bins) => {
-                self.distances_squared[lane] = bin_distance_squared(bins.0);
-                if is_fixed {
-                    self.colours.set(lane, self.painter.colour(column, row, level, bins), self.painter.reach());
-                } else {
-                    self.colours.ask(lane, level, bins, &self.painter.all.noise(column, row, level, bins));
-                    self.ask_narrow(lane, column, row, level, bins);
-                }
-            }
+            Shown::Surface(level, bins) => self.show(lane, column, row, level, bins),
             Shown::Mixed(colour, bin) => {
                 self.distances_squared[lane] = bin_distance_squared(bin);
                 self.colours.set(lane, colour, self.painter.reach());
