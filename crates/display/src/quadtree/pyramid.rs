@@ -196,6 +196,18 @@ impl LevelPart<'_> {
         self.samples[index] = samples(surfaces);
     }
 
+    /// Gives a leaf none, as most have where samples are few.
+    #[inline(always)]
+    fn set_none(&mut self, index: usize) {
+        let leaf = &mut self.leaves[index];
+        self.samples[index] = 0;
+        if self.is_empty {
+            *leaf = Leaf::zeroed();
+        } else {
+            leaf.count = 0;
+        }
+    }
+
     /// Gives a leaf one surface. Read from where it has just been put together, as a whole, it would be waited for.
     #[inline(always)]
     fn set_one(&mut self, index: usize, surface: Surface) {
@@ -359,7 +371,7 @@ where
             let mut bins = (self.bins)(pixel);
             // Most pixels have one bin.
             match (bins.next(), bins.next()) {
-                (None, _) => pixels.set(index, &[]),
+                (None, _) => pixels.set_none(index),
                 (Some((bin, sums)), None) => pixels.set_one(index, Surface::new((bin, bin), sums.borrow())),
                 (Some(first), Some(second)) => {
                     let surfaces = &mut scratch.surfaces;
