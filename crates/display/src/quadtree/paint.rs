@@ -291,7 +291,8 @@ impl<'a> TilePainter<'a> {
                 [] if !is_unseen
                     && self.tree.covered[pixel]
                     && !self.tree.is_outside
-                    && let Some([around]) = self.painter.all.levels.get(1).map(|level| level.leaf(column / 2, row / 2))
+                    && let Some([around]) =
+                        self.painter.all.levels.get(1).map(|level| level.leaf(column / 2, row / 2))
                     && !self.painter.may_be_covered(column, row, around) =>
                 {
                     self.counts[lane] = Counts::empty();
