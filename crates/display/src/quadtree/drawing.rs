@@ -6,7 +6,7 @@
 //! thousand pixels only, going on where the last one ended. Once no more samples come, everything is drawn as
 //! [`Quadtree::draw`] does.
 //!
-//! A whole picture of one to sixteen samples a pixel takes 50 to 65 ns a pixel of one core where samples are clean and 75 to 85 where
+//! A whole picture of one to sixteen samples a pixel takes 55 to 75 ns a pixel of one core where samples are clean and 80 to 90 where
 //! they are of one path each: what is more goes to colours averaged over more levels. The first, whose memory is new, takes up to a
 //! quarter more; one after few samples a tenth to a fifth less, since leaves to which none came are kept. Nearly half of it is the
 //! pyramid's, half of that for the sums of pixels. All cores share it. In a burst a leaf takes about 200, a pixel 250, so where nearly all
