@@ -35,7 +35,7 @@ impl Leaves {
             self.weight[at] = surface.weight;
             self.weight_squared[at] = surface.weight_squared_of_shown();
             self.mean.iter_mut().zip(surface.mean).for_each(|(mean, own)| mean[at] = own);
-            (self.first[at], self.last[at]) = (i32::from(surface.bins.0), i32::from(surface.bins.1));
+            (self.first[at], self.last[at]) = (i32::from(surface.bins.first), i32::from(surface.bins.last));
         } else {
             // Of no weight, so any finite mean does.
             (self.weight[at], self.weight_squared[at]) = (0.0, 0.0);

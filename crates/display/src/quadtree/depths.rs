@@ -6,7 +6,7 @@
 //! Invariant: depths are a function of the set of samples, as the picture is.
 
 use super::bins::{FAR, bin_distance};
-use super::surface::{adjacent, gap_allowed};
+use super::surface::{Bins, adjacent, gap_allowed};
 use super::{Quadtree, SEEN_SHARE};
 
 /// Doublings from a pixel to the leaves whose depths are looked at: 4 × 4 pixels.
@@ -15,7 +15,7 @@ const LEVEL: usize = 2;
 /// One surface in a leaf: its first and last depth bin, and its samples.
 #[derive(Clone, Copy)]
 struct Part {
-    bins: (u16, u16),
+    bins: Bins,
     count: u32,
 }
 
@@ -39,12 +39,12 @@ impl Leaves {
         for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
             found.clear();
             gather(column, row, &mut found);
-            found.sort_unstable_by_key(|part: &Part| part.bins);
+            found.sort_unstable_by_key(|part: &Part| (part.bins.first, part.bins.last));
             let start = leaves.parts.len();
             for part in &found {
                 match leaves.parts[start..].last_mut() {
-                    Some(open) if adjacent(open.bins.1, part.bins.0, gap) => {
-                        open.bins.1 = open.bins.1.max(part.bins.1);
+                    Some(open) if adjacent(open.bins.last, part.bins.first, gap) => {
+                        open.bins.last = open.bins.last.max(part.bins.last);
                         open.count = open.count.saturating_add(part.count);
                     }
                     _ => leaves.parts.push(*part),
@@ -84,7 +84,7 @@ impl Quadtree {
             for row in side * row..(side * row + side).min(height) {
                 for pixel in row * width + side * column..row * width + (side * column + side).min(width) {
                     let bins = self.narrow.of(pixel).chain(self.wide.of(pixel));
-                    found.extend(bins.map(|(bin, sums)| Part { bins: (bin, bin), count: sums.count }));
+                    found.extend(bins.map(|(bin, sums)| Part { bins: Bins::of(bin), count: sums.count }));
                 }
             }
         });
@@ -107,7 +107,7 @@ impl Quadtree {
             let leaf = leaves.leaf(column >> level, row >> level);
             let all: f32 = leaf.iter().map(|part| part.count as f32).sum();
             let seen = leaf.iter().find(|part| part.count as f32 >= SEEN_SHARE * all)?;
-            (seen.bins.0 < FAR).then(|| (x as u32, y as u32, bin_distance(seen.bins.0)))
+            (seen.bins.first < FAR).then(|| (x as u32, y as u32, bin_distance(seen.bins.first)))
         })
     }
 }

@@ -263,7 +263,7 @@ impl Drawing {
                 let above = above.leaf(column / 2, row / 2);
                 surfaces
                     .iter()
-                    .any(|surface| own_surface(above, surface.bins).is_none_or(|own| surface.bins.1 > own.bins.1))
+                    .any(|surface| own_surface(above, surface.bins).is_none_or(|own| surface.bins.last > own.bins.last))
             });
         };
         put(&mut pyramids.narrow, &|surfaces| of_pixel(tree.narrow.of(index), surfaces));
@@ -431,7 +431,7 @@ mod tests {
                         let parent = above.leaf(column / 2, row / 2);
                         for surface in below.leaf(column, row) {
                             let own = own_surface(parent, surface.bins).unwrap();
-                            assert!(own.bins.0 <= surface.bins.0 && surface.bins.1 <= own.bins.1);
+                            assert!(own.bins.first <= surface.bins.first && surface.bins.last <= own.bins.last);
                         }
                     }
                 }

@@ -10,7 +10,7 @@
 
 use crate::quadtree::bins::luminance;
 use crate::quadtree::pyramid::Level;
-use crate::quadtree::surface::{Deviation, Surface, gap_allowed};
+use crate::quadtree::surface::{Bins, Deviation, Surface, gap_allowed};
 use crate::quadtree::{LeafSize, QuadtreeParams};
 use glam::Vec4;
 use std::cell::Cell;
@@ -107,11 +107,12 @@ struct NoisePlace {
     level: usize,
     column: usize,
     row: usize,
-    bins: (u16, u16),
+    bins: Bins,
 }
 
 /// No leaf's.
-const NO_PLACE: NoisePlace = NoisePlace { level: 0, column: usize::MAX, row: usize::MAX, bins: (1, 0) };
+const NO_PLACE: NoisePlace =
+    NoisePlace { level: 0, column: usize::MAX, row: usize::MAX, bins: Bins { first: 1, last: 0 } };
 const NO_NOISE: Noise = Noise { half_widths: Vec4::ZERO, few_samples: 0.0 };
 
 impl<'a> Reader<'a> {
@@ -120,7 +121,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Colour at a pixel of the surface that has `bins` in the pixel's leaf of level `start`.
-    pub fn colour(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> [f32; 3] {
+    pub fn colour(&self, column: usize, row: usize, start: usize, bins: Bins) -> [f32; 3] {
         if let LeafSize::Fixed(level) = self.params.leaf {
             let level = start.max(usize::from(level)).min(self.levels.len() - 1);
             return self.blend(column, row, level, bins).map_or([0.0; 3], |blend| blend.mean.truncate().to_array());
@@ -130,7 +131,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The mean over the leaves that noise asks for.
-    pub fn mean(&self, column: usize, row: usize, start: usize, bins: (u16, u16), noise: &Noise) -> [f32; 3] {
+    pub fn mean(&self, column: usize, row: usize, start: usize, bins: Bins, noise: &Noise) -> [f32; 3] {
         let few_samples = noise.few_samples;
         let mut common = Intersection::everything();
         let mut best = Vec4::ZERO;
@@ -163,18 +164,18 @@ impl<'a> Reader<'a> {
 
     /// Noise of the surface around a pixel: from the smallest leaf that has samples enough.
     #[inline(always)]
-    pub fn noise(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Noise {
+    pub fn noise(&self, column: usize, row: usize, start: usize, bins: Bins) -> Noise {
         let place = self.last_place.get();
         let is_near = (place.level >= start)
             & (place.column == column >> place.level)
             & (place.row == row >> place.level)
-            & (place.bins.0 <= bins.0)
-            & (bins.0 <= place.bins.1);
+            & (place.bins.first <= bins.first)
+            & (bins.first <= place.bins.last);
         if is_near { self.last_noise.get() } else { self.find_noise(column, row, start, bins) }
     }
 
     #[inline(never)]
-    fn find_noise(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Noise {
+    fn find_noise(&self, column: usize, row: usize, start: usize, bins: Bins) -> Noise {
         let mut found_at = (start, bins);
         let mut deviation = Deviation { luminance: 0.0, compressed: 0.0, freedom: -1.0 };
         let mut mean = [0.0; 4];
@@ -212,7 +213,7 @@ impl<'a> Reader<'a> {
     /// Mean of one surface around a pixel at one level, leaves weighted bilinearly by the nearness of their middles.
     ///
     /// Bilinear weights centre the mean on the pixel: a gradient is then not biased, and no blocks show.
-    pub fn blend(&self, column: usize, row: usize, level: usize, bins: (u16, u16)) -> Option<Blend> {
+    pub fn blend(&self, column: usize, row: usize, level: usize, bins: Bins) -> Option<Blend> {
         let leaves = &self.levels[level];
         let own = own_surface(leaves.leaf(column >> level, row >> level), bins)?;
         if level > self.reach.get() {
@@ -226,7 +227,7 @@ impl<'a> Reader<'a> {
             });
         }
         let gap = gap_allowed(level);
-        let (near, far) = (own.bins.0.saturating_sub(gap), own.bins.1.saturating_add(gap));
+        let (near, far) = (own.bins.first.saturating_sub(gap), own.bins.last.saturating_add(gap));
         let (columns, column_weights) = neighbours(column, level, leaves.width);
         let (rows, row_weights) = neighbours(row, level, leaves.height);
         let (mut weight, mut weight_squared, mut sum, mut is_mixed) = (0.0_f32, 0.0_f32, Vec4::ZERO, false);
@@ -234,7 +235,7 @@ impl<'a> Reader<'a> {
             for (&leaf_column, column_weight) in columns.iter().zip(column_weights) {
                 let share = row_weight * column_weight;
                 for surface in leaves.leaf(leaf_column, leaf_row) {
-                    if surface.bins.1 < near || surface.bins.0 > far {
+                    if surface.bins.last < near || surface.bins.first > far {
                         continue;
                     }
                     let part = share * surface.weight;
@@ -251,8 +252,8 @@ impl<'a> Reader<'a> {
 }
 
 /// The surface of a leaf that holds a surface of one of its pixels.
-pub(crate) fn own_surface(leaf: &[Surface], bins: (u16, u16)) -> Option<&Surface> {
-    leaf.iter().find(|surface| surface.bins.0 <= bins.0 && bins.0 <= surface.bins.1)
+pub(crate) fn own_surface(leaf: &[Surface], bins: Bins) -> Option<&Surface> {
+    leaf.iter().find(|surface| surface.bins.first <= bins.first && bins.first <= surface.bins.last)
 }
 
 /// The two leaves whose middles a pixel's middle lies between, along one direction, and their bilinear weights.
@@ -265,7 +266,8 @@ pub(crate) fn neighbours(pixel: usize, level: usize, leaves: usize) -> ([usize; 
 }
 
 /// The nearest surface of a leaf that lies at most `gap` bins beside `bins`.
-pub(crate) fn beside(leaf: &[Surface], bins: (u16, u16), gap: u16) -> Option<&Surface> {
-    leaf.iter()
-        .find(|surface| surface.bins.0 <= bins.1.saturating_add(gap) && bins.0 <= surface.bins.1.saturating_add(gap))
+pub(crate) fn beside(leaf: &[Surface], bins: Bins, gap: u16) -> Option<&Surface> {
+    leaf.iter().find(|surface| {
+        surface.bins.first <= bins.last.saturating_add(gap) && bins.first <= surface.bins.last.saturating_add(gap)
+    })
 }

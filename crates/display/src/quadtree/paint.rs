@@ -7,7 +7,7 @@ use super::bins::{NEAR_CLASSES, bin_distance_squared};
 use super::leaf::{Reader, beside};
 use super::shown::Shown;
 use super::standing::may_stand;
-use super::surface::{Surface, gap_allowed};
+use super::surface::{Bins, Surface, gap_allowed};
 use super::tile::TileColours;
 use super::wide::Agreement;
 use super::{Frame, LeafSize, MultiDepth, Pyramids, Quadtree, QuadtreeParams};
@@ -173,7 +173,7 @@ impl<'a> Painter<'a> {
 
 impl Painter<'_> {
     /// As [`Reader::colour`].
-    pub fn colour(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> [f32; 3] {
+    pub fn colour(&self, column: usize, row: usize, start: usize, bins: Bins) -> [f32; 3] {
         let all = self.all.colour(column, row, start, bins);
         self.narrow_part(column, row, start, bins).map_or(all, |part| part.mixed_with(all))
     }
@@ -192,7 +192,7 @@ impl Painter<'_> {
             let Some(leaves) = self.all.levels.get(level) else { return false };
             // The nearest comes first.
             let nearest = leaves.leaf(column >> level, row >> level).first();
-            nearest.is_some_and(|nearest| nearest.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.bins.0)
+            nearest.is_some_and(|nearest| nearest.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.bins.first)
         };
         covers(2) | covers(1)
     }
@@ -206,7 +206,7 @@ impl Painter<'_> {
     }
 
     /// What samples that look as the eye does show, where the others may not stand for it.
-    fn narrow_part(&self, column: usize, row: usize, start: usize, bins: (u16, u16)) -> Option<NarrowPart> {
+    fn narrow_part(&self, column: usize, row: usize, start: usize, bins: Bins) -> Option<NarrowPart> {
         let (narrow, agreement) = self.narrow.as_ref()?;
         let share = agreement.of(&self.all, narrow, column, row, bins);
         if share == 1.0 {
@@ -319,7 +319,7 @@ impl<'a> TilePainter<'a> {
     /// Shows a pixel's own surface, with samples of its own.
     #[inline(always)]
     fn show_own(&mut self, lane: usize, column: usize, row: usize, own: &Surface) {
-        self.distances_squared[lane] = bin_distance_squared(own.bins.0);
+        self.distances_squared[lane] = bin_distance_squared(own.bins.first);
         if matches!(self.tree.params.leaf, LeafSize::Fixed(_)) {
             self.colours.set(lane, self.painter.colour(column, row, 0, own.bins), self.painter.reach());
         } else {
@@ -330,8 +330,8 @@ impl<'a> TilePainter<'a> {
 
     /// Shows a surface as from larger leaves of a level on, by its bins there.
     #[inline(always)]
-    fn show(&mut self, lane: usize, column: usize, row: usize, level: usize, bins: (u16, u16)) {
-        self.distances_squared[lane] = bin_distance_squared(bins.0);
+    fn show(&mut self, lane: usize, column: usize, row: usize, level: usize, bins: Bins) {
+        self.distances_squared[lane] = bin_distance_squared(bins.first);
         if matches!(self.tree.params.leaf, LeafSize::Fixed(_)) {
             self.colours.set(lane, self.painter.colour(column, row, level, bins), self.painter.reach());
         } else {
@@ -341,7 +341,7 @@ impl<'a> TilePainter<'a> {
     }
 
     #[inline(always)]
-    fn ask_narrow(&mut self, lane: usize, column: usize, row: usize, level: usize, bins: (u16, u16)) {
+    fn ask_narrow(&mut self, lane: usize, column: usize, row: usize, level: usize, bins: Bins) {
         if self.painter.narrow.is_some() {
             let part = self.painter.narrow_part(column, row, level, bins);
             self.narrow.extend(part.map(|part| (lane, part)));

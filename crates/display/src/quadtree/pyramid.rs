@@ -8,11 +8,11 @@
 //! - The same bins give the same bits, whichever memory is used again and however many threads there are.
 
 use super::bins::Sums;
-use super::surface::{Surface, adjacent, gap_allowed, of_pixel};
+use super::surface::{Bins, Surface, adjacent, gap_allowed, of_pixel};
 use crate::parts::for_parts;
 use crate::pointimage::isa::{Isa, Kernel};
 use crate::pointimage::{prefetch, zeroed};
-use bytemuck::Zeroable;
+use bytemuck::{Pod, Zeroable};
 use std::borrow::Borrow;
 use std::ops::Range;
 
@@ -22,7 +22,7 @@ const AHEAD: usize = 40;
 const BAND_LEVELS: usize = 6;
 
 /// A leaf, one cache line: what it is read for lies together.
-#[derive(Clone, Copy, Zeroable)]
+#[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, align(64))]
 struct Leaf {
     /// Its surface, if that is a single one; else of no meaning.
@@ -277,7 +277,7 @@ fn of_children(
         let mut sorted = [None; 4];
         for (count, surface) in children.into_iter().flatten().enumerate() {
             let mut at = count;
-            while at > 0 && sorted[at - 1].is_some_and(|before: &Surface| before.bins.0 > surface.bins.0) {
+            while at > 0 && sorted[at - 1].is_some_and(|before: &Surface| before.bins.first > surface.bins.first) {
                 sorted[at] = sorted[at - 1];
                 at -= 1;
             }
@@ -287,7 +287,7 @@ fn of_children(
     } else {
         parts.clear();
         children.into_iter().for_each(|child| parts.extend_from_slice(child));
-        parts.sort_by_key(|part| part.bins.0);
+        parts.sort_by_key(|part| part.bins.first);
         join(parts.iter(), number, surfaces)
     }
 }
@@ -304,7 +304,7 @@ fn join<'a>(
     let mut joined = false;
     for part in parts {
         let part = part.risen(number - 1);
-        if adjacent(open.bins.1, part.bins.0, gap) {
+        if adjacent(open.bins.last, part.bins.first, gap) {
             open.join(&part);
             joined = true;
         } else {
@@ -372,7 +372,7 @@ where
             // Most pixels have one bin.
             match (bins.next(), bins.next()) {
                 (None, _) => pixels.set_none(index),
-                (Some((bin, sums)), None) => pixels.set_one(index, Surface::new((bin, bin), sums.borrow())),
+                (Some((bin, sums)), None) => pixels.set_one(index, Surface::new(Bins::of(bin), sums.borrow())),
                 (Some(first), Some(second)) => {
                     let surfaces = &mut scratch.surfaces;
                     surfaces.clear();

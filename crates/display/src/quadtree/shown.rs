@@ -4,7 +4,7 @@ use super::bins::{BINS_AN_OCTAVE, NEAR_CLASSES};
 use super::leaf::own_surface;
 use super::paint::{CLEARLY_IN_FRONT, Counts, Painter};
 use super::pyramid::Level;
-use super::surface::Surface;
+use super::surface::{Bins, Surface};
 use super::{MultiDepth, Quadtree, SEEN_SHARE};
 
 /// Samples a pixel from which a surface without one is not there: with 2 expected, one pixel in seven has none.
@@ -17,7 +17,7 @@ pub(super) enum Shown<'a> {
     /// A surface of its own.
     Own(&'a Surface),
     /// One surface, as from larger leaves of a level on, by its bins there.
-    Surface(usize, (u16, u16)),
+    Surface(usize, Bins),
     /// A colour, and the nearest bin of what it is mixed of.
     Mixed([f32; 3], u16),
 }
@@ -59,7 +59,7 @@ fn mix<'a>(
         for (sum, part) in colour.iter_mut().zip(painter.colour(column, row, 0, surface.bins)) {
             *sum += coverage * part;
         }
-        nearest = nearest.or(Some(surface.bins.0));
+        nearest = nearest.or(Some(surface.bins.first));
     }
     nearest.map_or(NOTHING, |bin| Shown::Mixed(colour, bin))
 }
@@ -73,14 +73,15 @@ fn mix<'a>(
 /// see for themselves. On a disc before a wall eight times as far, batch samples of a 4³ grid, this took a tenth (0.4 a
 /// pixel) to four tenths (1 to 3 a pixel) off the error; a third instead of a half made some worse. On a ball before a near
 /// wall, 16³ grid, it costs 0.1 to 0.4 dB.
-fn covering(painter: &Painter, column: usize, row: usize, front: (u16, u16)) -> Option<(usize, (u16, u16))> {
+fn covering(painter: &Painter, column: usize, row: usize, front: Bins) -> Option<(usize, Bins)> {
     [2, 1].into_iter().find_map(|level| {
         let leaf = painter.all.levels.get(level)?.leaf(column >> level, row >> level);
         let seen = painter.leaf_seen(level, column, row);
         let all: f32 = seen.iter().map(|surface| surface.count as f32).sum();
         let hides = |surface: &&Surface| {
-            let parts = seen.iter().filter(|part| surface.bins.0 <= part.bins.0 && part.bins.1 <= surface.bins.1);
-            surface.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.0
+            let parts =
+                seen.iter().filter(|part| surface.bins.first <= part.bins.first && part.bins.last <= surface.bins.last);
+            surface.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.first
                 && parts.map(|part| part.count as f32).sum::<f32>() >= 0.5 * all
                 && surface.count <= MANY_A_PIXEL << (2 * level)
         };
@@ -95,7 +96,7 @@ fn covering(painter: &Painter, column: usize, row: usize, front: (u16, u16)) -> 
 /// would look behind it by seven pixels (batch pictures then got worse with more samples). The radius is halved for each
 /// whole doubling from the front to the surface, which keeps that below a pixel and a half.
 fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
-    let behind = surface.bins.0.saturating_sub(front.bins.0);
+    let behind = surface.bins.first.saturating_sub(front.bins.first);
     let halvings = if ask_nearer { usize::from(behind / BINS_AN_OCTAVE) } else { 0 };
     surface.near().iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum()
 }

@@ -9,7 +9,7 @@ use super::Quadtree;
 use super::bins::{FAR, depth_bin};
 use super::leaf::{beside, neighbours};
 use super::paint::{CLEARLY_IN_FRONT, Painter};
-use super::surface::{Surface, gap_allowed};
+use super::surface::{Bins, Surface, gap_allowed};
 use holo_section::LineHit;
 
 /// Level of the largest leaves around a pixel in which something that stands there is looked for.
@@ -48,19 +48,19 @@ impl Quadtree {
         column: usize,
         row: usize,
         own: &[Surface],
-    ) -> Option<(usize, (u16, u16))> {
-        let front = own.first().map_or((FAR, FAR), |front| front.bins);
+    ) -> Option<(usize, Bins)> {
+        let front = own.first().map_or(Bins::of(FAR), |front| front.bins);
         if !(self.is_outside && (own.len() > 1 || may_stand(painter, column, row, front))) {
             return None;
         }
         let wall = self.wall(column, row);
-        if front.1 < wall {
+        if front.last < wall {
             return (own.len() > 1).then_some((0, front));
         }
         (1..=LARGEST).find_map(|level| {
             let leaves = painter.all.levels.get(level)?;
             let nearest = leaves.leaf(column >> level, row >> level).first()?;
-            if nearest.count > MANY || nearest.bins.1 >= wall || !is_clearly_behind(front, nearest) {
+            if nearest.count > MANY || nearest.bins.last >= wall || !is_clearly_behind(front, nearest) {
                 return None;
             }
             // In the own leaf alone it may end before the pixel.
@@ -75,13 +75,13 @@ impl Quadtree {
 
 /// Whether anything around a pixel lies so far in front of its front surface that it may be found standing before it.
 #[inline(always)]
-pub(super) fn may_stand(painter: &Painter, column: usize, row: usize, front: (u16, u16)) -> bool {
+pub(super) fn may_stand(painter: &Painter, column: usize, row: usize, front: Bins) -> bool {
     let level = LARGEST.min(painter.all.levels.len() - 1);
     // Its surfaces hold those of all smaller leaves.
     let nearest = painter.all.levels[level].leaf(column >> level, row >> level).first();
-    nearest.is_some_and(|nearest| nearest.bins.0.saturating_add(CLEARLY_IN_FRONT) < front.0)
+    nearest.is_some_and(|nearest| nearest.bins.first.saturating_add(CLEARLY_IN_FRONT) < front.first)
 }
 
-fn is_clearly_behind(front: (u16, u16), nearest: &Surface) -> bool {
-    nearest.bins.1.saturating_add(CLEARLY_IN_FRONT) < front.0
+fn is_clearly_behind(front: Bins, nearest: &Surface) -> bool {
+    nearest.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.first
 }

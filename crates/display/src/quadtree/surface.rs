@@ -5,7 +5,7 @@
 //! Invariant: moments are functions of the bins' sums and of the order in which leaves are joined, which is fixed.
 
 use crate::quadtree::bins::{FAR, Moments, NEAR_CLASSES, Sums, luminance};
-use bytemuck::Zeroable;
+use bytemuck::{Pod, Zeroable};
 use std::borrow::Borrow;
 
 /// Degrees of freedom that an estimate of noise from finer leaves needs before a leaf's own spread is not used for it.
@@ -35,11 +35,27 @@ const MIXED_SAMPLES: f32 = 20.0;
 /// Standard deviation of compressed luminance, over it, that is taken for none: that of RGBE's steps.
 const MIXED_STEP: f32 = 0.001;
 
+/// The depth bins of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct Bins {
+    pub first: u16,
+    pub last: u16,
+}
+
+impl Bins {
+    /// One alone.
+    #[inline(always)]
+    pub fn of(bin: u16) -> Self {
+        Self { first: bin, last: bin }
+    }
+}
+
 /// One surface in a leaf: moments of its samples. "Spread" is Σ w (x − mean)².
-#[derive(Clone, Copy, Debug, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
 pub(crate) struct Surface {
-    /// First and last depth bin.
-    pub bins: (u16, u16),
+    pub bins: Bins,
     pub count: u32,
     pub weight: f32,
     pub weight_squared: f32,
@@ -103,7 +119,7 @@ pub(crate) struct Deviation {
 
 impl Surface {
     #[inline(always)]
-    pub fn new(bins: (u16, u16), sums: &Sums) -> Self {
+    pub fn new(bins: Bins, sums: &Sums) -> Self {
         let Moments { weight, weight_squared, mean: [r, g, b], luminance_squared, compressed, compressed_squared } =
             sums.moments();
         let mean_luminance = 0.265 * r + 0.670 * g + 0.065 * b;
@@ -162,7 +178,7 @@ impl Surface {
         self.weight = weight;
         self.weight_squared += other.weight_squared;
         self.count = self.count.saturating_add(other.count);
-        self.bins = (self.bins.0.min(other.bins.0), self.bins.1.max(other.bins.1));
+        self.bins = Bins { first: self.bins.first.min(other.bins.first), last: self.bins.last.max(other.bins.last) };
         let within = Within::from_bits(self.near_or_within).plus(Within::from_bits(other.near_or_within));
         self.near_or_within = Within { between: within.between + between, ..within }.to_bits();
     }
@@ -255,14 +271,14 @@ pub(crate) fn of_pixel<S: Borrow<Sums>>(bins: impl Iterator<Item = (u16, S)>, su
         };
         // Mostly there is one bin, whose sums are not copied.
         let surface = match next() {
-            None => Surface::new((first, first), sums.borrow()),
+            None => Surface::new(Bins::of(first), sums.borrow()),
             Some(second) => {
                 let mut joined = *sums.borrow();
                 joined.join(second.borrow());
                 while let Some(more) = next() {
                     joined.join(more.borrow());
                 }
-                Surface::new((first, last), &joined)
+                Surface::new(Bins { first, last }, &joined)
             }
         };
         surfaces.push(surface);
@@ -296,7 +312,7 @@ mod tests {
                 let sample = Sample::encode(RayCoords::default(), [mean * random(); 3], 1.0, 1.0, 0x8000_0000);
                 bins.add(0, 7, &Colour::from_rgbe(sample.rgbe), 64, None);
             }
-            Surface::new((7, 7), bins.of(0).next().unwrap().1).risen(0)
+            Surface::new(Bins::of(7), bins.of(0).next().unwrap().1).risen(0)
         });
         let mut whole = quarters[0];
         quarters[1..].iter().for_each(|quarter| whole.join(quarter));

@@ -10,7 +10,7 @@ use super::around::{Leaves, NO_LEAVES, Neighbours, Pair, Row};
 use super::leaf::{Noise, Reader, UNSEEN};
 use super::paint::TILE;
 use super::pyramid::Level;
-use super::surface::{Surface, gap_allowed};
+use super::surface::{Bins, Surface, gap_allowed};
 use crate::pointimage::isa::{Isa, Kernel};
 use glam::Vec4;
 use std::ops::Range;
@@ -84,9 +84,9 @@ impl TileColours {
     /// Asks for the colour of a surface at a pixel, as [`Reader::colour`] takes it, given its noise. Of the pixel's own:
     /// [`ask_own`](Self::ask_own).
     #[inline(always)]
-    pub fn ask(&mut self, lane: usize, start: usize, bins: (u16, u16), noise: &Noise) {
+    pub fn ask(&mut self, lane: usize, start: usize, bins: Bins, noise: &Noise) {
         self.start[lane] = start as u32;
-        (self.first[lane], self.last[lane]) = (i32::from(bins.0), i32::from(bins.1));
+        (self.first[lane], self.last[lane]) = (i32::from(bins.first), i32::from(bins.last));
         self.few_samples[lane] = noise.few_samples;
         for (all, own) in self.half_widths.iter_mut().zip(noise.half_widths.to_array()) {
             all[lane] = own;
@@ -134,7 +134,7 @@ impl TileColours {
                 if self.start[lane] != IDLE {
                     let half_widths = Vec4::from_array(self.half_widths.map(|all| all[lane]));
                     let noise = Noise { half_widths, few_samples: self.few_samples[lane] };
-                    let bins = (self.first[lane] as u16, self.last[lane] as u16);
+                    let bins = Bins { first: self.first[lane] as u16, last: self.last[lane] as u16 };
                     let (column, row) = (column + lane % TILE, row + lane / TILE);
                     let colour = reader.mean(column, row, self.start[lane] as usize, bins, &noise);
                     self.set(lane, colour, reader.reach.take().max(self.reach[lane] as usize));
@@ -258,7 +258,7 @@ impl Find<'_> {
         let own = self.leaf(level, number, 1, 1);
         let mut has_own = [0_u32; LANES];
         for surface in own {
-            let (first, last) = (i32::from(surface.bins.0), i32::from(surface.bins.1));
+            let (first, last) = (i32::from(surface.bins.first), i32::from(surface.bins.last));
             for (has_own, (wanted_first, wanted_last)) in
                 has_own.iter_mut().zip(self.lanes.first.iter().zip(&self.lanes.last))
             {
@@ -274,14 +274,14 @@ impl Find<'_> {
             if !self.is_wanted(number, surface) {
                 continue;
             }
-            let (near, far) = (surface.bins.0.saturating_sub(gap), surface.bins.1.saturating_add(gap));
+            let (near, far) = (surface.bins.first.saturating_sub(gap), surface.bins.last.saturating_add(gap));
             for (row, pair) in pairs.iter_mut().enumerate().take(3) {
                 let mut leaves = NO_LEAVES;
                 for at in 0..3 {
                     let mut meeting = self
                         .leaf(level, number, at, row)
                         .iter()
-                        .filter(|surface| !(surface.bins.1 < near || surface.bins.0 > far));
+                        .filter(|surface| !(surface.bins.last < near || surface.bins.first > far));
                     let first = meeting.next();
                     let first = if (at, row) == (1, 1) { Some(surface) } else { first };
                     leaves.set(at, first, meeting.next().is_some());
@@ -296,7 +296,7 @@ impl Find<'_> {
     /// Whether pixels that ask for a surface are read from a level.
     #[inline(always)]
     fn is_wanted(&self, number: usize, surface: &Surface) -> bool {
-        let (first, last) = (i32::from(surface.bins.0), i32::from(surface.bins.1));
+        let (first, last) = (i32::from(surface.bins.first), i32::from(surface.bins.last));
         let mut wanted = 0;
         for ((&start, &wanted_first), &wanted_last) in
             self.lanes.start.iter().zip(&self.lanes.first).zip(&self.lanes.last)
@@ -374,7 +374,7 @@ impl Find<'_> {
             if blends.many[at] == 0 || self.lanes.start[lane] as usize > number || some && blends.has_own[at] == 0 {
                 continue;
             }
-            let bins = (self.lanes.first[lane] as u16, self.lanes.last[lane] as u16);
+            let bins = Bins { first: self.lanes.first[lane] as u16, last: self.lanes.last[lane] as u16 };
             let blend = self.reader.blend(self.column + at, self.row + row, number, bins);
             blends.has_own[at] = u32::from(blend.is_some());
             if let Some(blend) = blend {

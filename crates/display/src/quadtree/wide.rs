@@ -7,6 +7,7 @@
 //! Invariant: as samples that look as the eye does grow, every difference is found, and the picture is made of them alone.
 
 use crate::quadtree::leaf::{KAPPA, KAPPA_LINEAR, Reader, own_surface};
+use crate::quadtree::surface::Bins;
 use glam::Vec4;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -47,23 +48,23 @@ impl Agreement {
     }
 
     /// How far all samples of a surface may be used at a pixel: 1 wholly, 0 not at all.
-    pub fn of(&self, all: &Reader, narrow: &Reader, column: usize, row: usize, bins: (u16, u16)) -> f32 {
+    pub fn of(&self, all: &Reader, narrow: &Reader, column: usize, row: usize, bins: Bins) -> f32 {
         let Some(known) = self.known.get((row >> SMALLEST) * self.width + (column >> SMALLEST)) else { return 1.0 };
         let last = known.load(Relaxed);
-        if last != NOTHING && ((last >> 32) as u16).abs_diff(bins.0) <= 1 {
+        if last != NOTHING && ((last >> 32) as u16).abs_diff(bins.first) <= 1 {
             return f32::from_bits(last as u32);
         }
         // From the leaf's middle, whichever of its pixels asks, as far as the picture goes.
         let middle = |pixel: usize, size: usize| ((pixel >> SMALLEST << SMALLEST) + (1 << SMALLEST) / 2).min(size - 1);
         let (column, row) = (middle(column, all.levels[0].width), middle(row, all.levels[0].height));
         let share = agreement(all, narrow, column, row, bins);
-        known.store(u64::from(bins.0) << 32 | u64::from(share.to_bits()), Relaxed);
+        known.store(u64::from(bins.first) << 32 | u64::from(share.to_bits()), Relaxed);
         share
     }
 }
 
 /// The comparison around one pixel.
-fn agreement(all: &Reader, narrow: &Reader, column: usize, row: usize, bins: (u16, u16)) -> f32 {
+fn agreement(all: &Reader, narrow: &Reader, column: usize, row: usize, bins: Bins) -> f32 {
     let mut share = 1.0_f32;
     for level in SMALLEST..all.levels.len().min(narrow.levels.len()) {
         let Some(own) = narrow.blend(column, row, level, bins) else { continue };
