@@ -61,6 +61,10 @@ impl Isa {
         here.then_some(Self(wanted))
     }
 
+    pub fn instructions(self) -> Instructions {
+        self.0
+    }
+
     #[inline]
     #[allow(unsafe_code)]
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {

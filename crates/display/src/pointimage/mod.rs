@@ -60,6 +60,7 @@ mod sample;
 mod settings;
 mod shared;
 mod stages;
+pub(crate) mod transpose;
 mod truncate;
 mod update;
 mod zbuffer;
