@@ -23,6 +23,7 @@ mod live;
 mod paint;
 pub(crate) mod pixels;
 mod pyramid;
+mod quarters;
 pub(crate) mod reproject;
 mod shown;
 mod standing;
@@ -446,4 +447,29 @@ fn room() -> Section {
         obstructions: true,
     })
     .unwrap()
+}
+
+/// Samples of any depth and colour, some of them equal, so that leaves have surfaces of every kind, for tests.
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+fn any_samples(size: (u32, u32), samples: usize) -> Quadtree {
+    let section = room();
+    let view = View::new(DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z, Some(70.0), None, size).unwrap();
+    let beams = section.beam_count();
+    let mut tree = Quadtree::new(Arc::from([section]), view, size, QuadtreeParams::default());
+    let mut state = 11_u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as u32
+    };
+    for _ in 0..samples {
+        let beam = u64::from(random()) % beams;
+        // One half by place, so that leaves have quarters that differ.
+        let exponent = [random(), beam as u32 / 5][random() as usize % 2] % 8;
+        let rgbe = [100, 120, 140, 120 + exponent as u8];
+        let code = [1200, random() % 3000][random() as usize % 2] as u16;
+        let sample = Sample::from_codes(holo_section::RayCoords(random().to_le_bytes()), rgbe, code);
+        tree.insert(0, BeamId(beam), 1, &[sample]);
+    }
+    tree
 }

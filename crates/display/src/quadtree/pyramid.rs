@@ -8,6 +8,7 @@
 //! - The same bins give the same bits, whichever memory is used again and however many threads there are.
 
 use super::bins::Sums;
+use super::quarters::{Joined, LANES};
 use super::surface::{Bins, Surface, adjacent, gap_allowed, of_pixel};
 use crate::parts::for_parts;
 use crate::pointimage::isa::{Isa, Kernel};
@@ -24,12 +25,12 @@ const BAND_LEVELS: usize = 6;
 /// A leaf, one cache line: what it is read for lies together.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, align(64))]
-struct Leaf {
+pub(super) struct Leaf {
     /// Its surface, if that is a single one; else of no meaning.
     single: Surface,
     /// Several are elsewhere, from here on.
     first: u32,
-    count: u16,
+    pub count: u16,
     /// How many there is room for there.
     room: u16,
 }
@@ -90,6 +91,7 @@ pub(crate) struct Level {
 trait Leaves {
     fn size(&self) -> (usize, usize);
     fn at(&self, column: usize, row: usize) -> &[Surface];
+    fn row(&self, row: usize) -> &[Leaf];
 }
 
 impl Leaves for Level {
@@ -100,6 +102,11 @@ impl Leaves for Level {
     #[inline(always)]
     fn at(&self, column: usize, row: usize) -> &[Surface] {
         self.leaf(column, row)
+    }
+
+    #[inline(always)]
+    fn row(&self, row: usize) -> &[Leaf] {
+        &self.leaves[row * self.width..][..self.width]
     }
 }
 
@@ -183,6 +190,11 @@ impl Leaves for LevelPart<'_> {
     fn at(&self, column: usize, row: usize) -> &[Surface] {
         self.leaves[row * self.width + column].surfaces(self.several)
     }
+
+    #[inline(always)]
+    fn row(&self, row: usize) -> &[Leaf] {
+        &self.leaves[row * self.width..][..self.width]
+    }
 }
 
 impl LevelPart<'_> {
@@ -222,6 +234,18 @@ impl LevelPart<'_> {
         }
     }
 
+    /// Takes a leaf of one surface or none.
+    #[inline(always)]
+    fn take(&mut self, index: usize, leaf: &Leaf, samples: u32) {
+        let own = &mut self.leaves[index];
+        self.samples[index] = samples;
+        if self.is_empty {
+            *own = *leaf;
+        } else {
+            (own.single, own.count) = (leaf.single, leaf.count);
+        }
+    }
+
     /// Makes those leaves of level `number` above others that are stale, by level and number.
     #[inline(always)]
     fn make(
@@ -230,23 +254,52 @@ impl LevelPart<'_> {
         below: &impl Leaves,
         is_stale: &impl Fn(usize, usize) -> bool,
         scratch: &mut Scratch,
+        isa: Isa,
     ) {
-        let Scratch { parts, surfaces, stale } = scratch;
+        let Scratch { parts, surfaces, joined, edges, .. } = scratch;
         for row in 0..self.height {
-            let leaves = row * self.width..(row + 1) * self.width;
-            list(leaves, |&index| is_stale(number, self.first + index), stale);
-            for &index in &*stale {
-                let column = index - row * self.width;
-                surfaces.clear();
-                let last = of_children(below, number, column, row, parts, surfaces);
-                match last {
-                    Some(only) if surfaces.is_empty() => self.set_one(index, only),
-                    _ => {
+            for first in (0..self.width).step_by(LANES) {
+                let start = row * self.width + first;
+                let lanes = 0..LANES.min(self.width - first);
+                if !lanes.clone().any(|lane| is_stale(number, self.first + start + lane)) {
+                    continue;
+                }
+                let [upper, lower] = &mut **edges;
+                let upper = quarters(below, first, 2 * row, upper);
+                joined.join(number, [upper, quarters(below, first, 2 * row + 1, lower)], isa);
+                for lane in lanes {
+                    if !is_stale(number, self.first + start + lane) {
+                        continue;
+                    }
+                    if joined.left[lane] == 0 {
+                        self.take(start + lane, &joined.leaves[lane], joined.samples[lane]);
+                    } else {
+                        surfaces.clear();
+                        let last = of_children(below, number, first + lane, row, parts, surfaces);
                         surfaces.extend(last);
-                        self.set(index, surfaces);
+                        self.set(start + lane, surfaces);
                     }
                 }
             }
+        }
+    }
+}
+
+/// Those leaves of a row that sixteen above them, from column `first` on, have as quarters. `edge` has them where the row ends before.
+#[inline(always)]
+fn quarters<'a>(
+    below: &'a impl Leaves,
+    first: usize,
+    row: usize,
+    edge: &'a mut [Leaf; 2 * LANES],
+) -> &'a [Leaf; 2 * LANES] {
+    let rest = if row < below.size().1 { &below.row(row)[2 * first..] } else { &[] };
+    match rest.first_chunk() {
+        Some(all) => all,
+        None => {
+            edge.fill(Leaf::zeroed());
+            edge[..rest.len()].copy_from_slice(rest);
+            edge
         }
     }
 }
@@ -308,25 +361,32 @@ fn join<'a>(
             open.join(&part);
             joined = true;
         } else {
-            if joined {
-                open.close();
-            }
-            surfaces.push(open);
+            surfaces.push(if joined { open.closed() } else { open });
             (open, joined) = (part, false);
         }
     }
-    if joined {
-        open.close();
-    }
-    Some(open)
+    Some(if joined { open.closed() } else { open })
 }
 
 /// Memory to be used again.
-#[derive(Default)]
 struct Scratch {
     parts: Vec<Surface>,
     surfaces: Vec<Surface>,
     stale: Vec<usize>,
+    joined: Box<Joined>,
+    edges: Box<[[Leaf; 2 * LANES]; 2]>,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self {
+            parts: Vec::new(),
+            surfaces: Vec::new(),
+            stale: Vec::new(),
+            joined: Box::default(),
+            edges: Box::new([[Leaf::zeroed(); 2 * LANES]; 2]),
+        }
+    }
 }
 
 /// Puts those numbers into `list` that are wanted. Without a branch: which these are no processor can tell beforehand.
@@ -348,6 +408,7 @@ struct MakeBand<'a, 'b, F, P, I> {
     prefetch: &'a P,
     is_stale: &'a I,
     levels: &'a mut [LevelPart<'b>],
+    isa: Isa,
 }
 
 impl<S, B, F, P, I> Kernel for MakeBand<'_, '_, F, P, I>
@@ -384,7 +445,7 @@ where
         for number in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(number);
             if let (Some(below), Some(level)) = (below.last(), above.first_mut()) {
-                level.make(number, below, self.is_stale, &mut scratch);
+                level.make(number, below, self.is_stale, &mut scratch, self.isa);
             }
         }
     }
@@ -441,14 +502,14 @@ impl<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B + Sync, P:
         }
         for_parts(&mut bands, 1, 1, |_, bands| {
             for levels in bands {
-                self.isa.run(MakeBand { bins: &self.bins, prefetch: &self.prefetch, is_stale, levels });
+                self.isa.run(MakeBand { bins: &self.bins, prefetch: &self.prefetch, is_stale, levels, isa: self.isa });
             }
         });
         let mut scratch = Scratch::default();
         for number in BAND_LEVELS..pyramid.len() {
             let (below, above) = pyramid.split_at_mut(number);
             if let (Some(below), Some(level)) = (below.last(), above.first_mut()) {
-                level.parts(is_empty).for_each(|mut part| part.make(number, below, is_stale, &mut scratch));
+                level.parts(is_empty).for_each(|mut part| part.make(number, below, is_stale, &mut scratch, self.isa));
             }
         }
     }

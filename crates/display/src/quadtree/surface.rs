@@ -5,7 +5,7 @@
 //! Invariant: moments are functions of the bins' sums and of the order in which leaves are joined, which is fixed.
 
 use crate::quadtree::bins::{FAR, Moments, NEAR_CLASSES, Sums, luminance};
-use bytemuck::{Pod, Zeroable};
+use bytemuck::{Pod, Zeroable, cast};
 use std::borrow::Borrow;
 
 /// Degrees of freedom that an estimate of noise from finer leaves needs before a leaf's own spread is not used for it.
@@ -215,13 +215,74 @@ impl Surface {
         luminance([r, g, b])
     }
 
-    /// Completes a surface joined of several.
+    /// A surface joined of several, complete.
     #[inline(always)]
-    pub fn close(&mut self) {
-        if Within::from_bits(self.near_or_within).freedom < ENOUGH_FREEDOM {
-            let between = Within::from_bits(self.near_or_within).between;
-            self.near_or_within = Within { between, ..self.own_noise() }.to_bits();
+    pub fn closed(self) -> Self {
+        let within = Within::from_bits(self.near_or_within);
+        let own = Within { between: within.between, ..self.own_noise() };
+        let is_few = within.freedom < ENOUGH_FREEDOM;
+        Self { near_or_within: chosen(is_few, own.to_bits(), self.near_or_within), ..self }
+    }
+
+    /// One of two. For the sake of many side by side, number by number.
+    #[inline(always)]
+    pub fn chosen(is_first: bool, first: Self, second: Self) -> Self {
+        let one = |first: f32, second: f32| if is_first { first } else { second };
+        Self {
+            bins: Bins {
+                first: if is_first { first.bins.first } else { second.bins.first },
+                last: if is_first { first.bins.last } else { second.bins.last },
+            },
+            count: if is_first { first.count } else { second.count },
+            weight: one(first.weight, second.weight),
+            weight_squared: one(first.weight_squared, second.weight_squared),
+            mean: [
+                one(first.mean[0], second.mean[0]),
+                one(first.mean[1], second.mean[1]),
+                one(first.mean[2], second.mean[2]),
+                one(first.mean[3], second.mean[3]),
+            ],
+            spread_luminance: one(first.spread_luminance, second.spread_luminance),
+            spread_compressed: one(first.spread_compressed, second.spread_compressed),
+            near_or_within: chosen(is_first, first.near_or_within, second.near_or_within),
         }
+    }
+
+    /// From the words that it is made of, by their number.
+    #[inline(always)]
+    pub fn from_words(word: impl Fn(usize) -> u32) -> Self {
+        let number = |at: usize| f32::from_bits(word(at));
+        Self {
+            bins: cast(word(0)),
+            count: word(1),
+            weight: number(2),
+            weight_squared: number(3),
+            mean: [number(4), number(5), number(6), number(7)],
+            spread_luminance: number(8),
+            spread_compressed: number(9),
+            near_or_within: [word(10), word(11), word(12), word(13)],
+        }
+    }
+
+    /// Gives the words that it is made of, by their number.
+    #[inline(always)]
+    pub fn to_words(self, mut put: impl FnMut(usize, u32)) {
+        let [red, green, blue, compressed] = self.mean;
+        let [a, b, c, d] = self.near_or_within;
+        put(0, cast(self.bins));
+        put(1, self.count);
+        put(2, self.weight.to_bits());
+        put(3, self.weight_squared.to_bits());
+        put(4, red.to_bits());
+        put(5, green.to_bits());
+        put(6, blue.to_bits());
+        put(7, compressed.to_bits());
+        put(8, self.spread_luminance.to_bits());
+        put(9, self.spread_compressed.to_bits());
+        put(10, a);
+        put(11, b);
+        put(12, c);
+        put(13, d);
     }
 
     /// Noise as the spread about the leaf's own mean.
@@ -256,6 +317,12 @@ impl Surface {
             freedom: within.freedom,
         }
     }
+}
+
+#[inline(always)]
+fn chosen(is_first: bool, [a, b, c, d]: [u32; 4], second: [u32; 4]) -> [u32; 4] {
+    let one = |first: u32, second: u32| if is_first { first } else { second };
+    [one(a, second[0]), one(b, second[1]), one(c, second[2]), one(d, second[3])]
 }
 
 /// Adds to `surfaces` those of one pixel's bins, which are given nearest first.
@@ -316,8 +383,7 @@ mod tests {
         });
         let mut whole = quarters[0];
         quarters[1..].iter().for_each(|quarter| whole.join(quarter));
-        whole.close();
-        whole
+        whole.closed()
     }
 
     #[test]

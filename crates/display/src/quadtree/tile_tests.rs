@@ -1,40 +1,13 @@
 //! Tiles against pixels read one by one.
 
-use super::super::{Pyramids, Quadtree, QuadtreeParams, room};
+use super::super::{Pyramids, any_samples};
 use super::*;
 use crate::pointimage::Instructions;
-use glam::DVec3;
-use holo_picture::View;
-use holo_section::{BeamId, RayCoords, Sample};
-use std::sync::Arc;
-
-/// Samples of any depth and colour, some of them equal, so that leaves have surfaces of every kind.
-fn tree(size: (u32, u32), samples: usize) -> Quadtree {
-    let section = room();
-    let view = View::new(DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z, Some(70.0), None, size).unwrap();
-    let beams = section.beam_count();
-    let mut tree = Quadtree::new(Arc::from([section]), view, size, QuadtreeParams::default());
-    let mut state = 11_u64;
-    let mut random = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as u32
-    };
-    for _ in 0..samples {
-        let beam = u64::from(random()) % beams;
-        // One half by place, so that leaves have quarters that differ.
-        let exponent = [random(), beam as u32 / 5][random() as usize % 2] % 8;
-        let rgbe = [100, 120, 140, 120 + exponent as u8];
-        let code = [1200, random() % 3000][random() as usize % 2] as u16;
-        let sample = Sample::from_codes(RayCoords(random().to_le_bytes()), rgbe, code);
-        tree.insert(0, BeamId(beam), 1, &[sample]);
-    }
-    tree
-}
 
 #[test]
 fn every_pixel_of_a_tile_is_that_which_is_read_alone_with_all_instructions() {
     for (size, samples) in [((37, 21), 300), ((37, 21), 30_000), ((64, 80), 40_000), ((3, 2), 500)] {
-        let tree = tree(size, samples);
+        let tree = any_samples(size, samples);
         let pyramids = Pyramids::new(&tree, None);
         let reader = Reader::new(pyramids.all(), &tree.params);
         let (width, height) = (size.0 as usize, size.1 as usize);
