@@ -213,19 +213,20 @@ pub(crate) struct Moments {
     pub compressed_squared: f64,
 }
 
-/// The bins of one pixel, nearest first: their keys, and where the sums of all but the nearest are.
-#[derive(Clone, Copy)]
-struct Slots {
-    bins: [u16; BINS_KEPT],
-    places: [u32; BINS_KEPT - 1],
-}
+/// The bins of one pixel, nearest first.
+type Slots = [u16; BINS_KEPT];
 
-const EMPTY: Slots = Slots { bins: [NONE; BINS_KEPT], places: [0; BINS_KEPT - 1] };
+/// Where the sums of all but the nearest of them are.
+type Places = [u32; BINS_KEPT - 1];
+
+const EMPTY: Slots = [NONE; BINS_KEPT];
 
 /// The bins of all pixels.
 #[derive(Clone)]
 pub(crate) struct PixelBins {
     slots: Vec<Slots>,
+    /// Apart: few pixels have several bins, and what is asked for of all of them stays in the caches.
+    places: Vec<Places>,
     /// Of each pixel's nearest bin, pixel by pixel: they are read in this order, and a sample's are asked for by its pixel alone.
     /// Of no meaning where there is none.
     nearest: Vec<Sums>,
@@ -237,7 +238,13 @@ pub(crate) struct PixelBins {
 impl PixelBins {
     pub fn new(pixels: usize) -> Self {
         // Growing would move what is there. Pages that are not used cost nothing.
-        Self { slots: filled(EMPTY, pixels), nearest: zeroed(pixels), further: reserved(pixels), is_empty: true }
+        Self {
+            slots: filled(EMPTY, pixels),
+            places: zeroed(pixels),
+            nearest: zeroed(pixels),
+            further: reserved(pixels),
+            is_empty: true,
+        }
     }
 
     pub fn clear(&mut self) {
@@ -249,16 +256,16 @@ impl PixelBins {
     #[inline(always)]
     pub fn add(&mut self, pixel: usize, bin: u16, colour: &Colour, weight: u32, near: Option<usize>) {
         let slots = &self.slots[pixel];
-        let rank = slots.bins.iter().position(|&kept| bin <= kept).unwrap_or(BINS_KEPT);
+        let rank = slots.iter().position(|&kept| bin <= kept).unwrap_or(BINS_KEPT);
         if rank == BINS_KEPT {
             return;
         }
-        if slots.bins[rank] != bin {
+        if slots[rank] != bin {
             self.make_room(pixel, rank, bin);
         }
         let sums = match rank.checked_sub(1) {
             None => &mut self.nearest[pixel],
-            Some(rank) => &mut self.further[self.slots[pixel].places[rank] as usize],
+            Some(rank) => &mut self.further[self.places[pixel][rank] as usize],
         };
         sums.add(colour, weight, near);
     }
@@ -268,26 +275,26 @@ impl PixelBins {
     fn make_room(&mut self, pixel: usize, rank: usize, bin: u16) {
         const LAST: usize = BINS_KEPT - 1;
         self.is_empty = false;
-        let slots = &mut self.slots[pixel];
-        if slots.bins[0] == NONE {
-            slots.bins[0] = bin;
+        let (slots, places) = (&mut self.slots[pixel], &mut self.places[pixel]);
+        if slots[0] == NONE {
+            slots[0] = bin;
             self.nearest[pixel] = Sums::default();
             return;
         }
         let sums = if rank == 0 { std::mem::take(&mut self.nearest[pixel]) } else { Sums::default() };
-        let place = if slots.bins[LAST] == NONE {
+        let place = if slots[LAST] == NONE {
             self.further.push(sums);
             (self.further.len() - 1) as u32
         } else {
-            let place = slots.places[LAST - 1];
+            let place = places[LAST - 1];
             self.further[place as usize] = sums;
             place
         };
-        slots.bins.copy_within(rank..LAST, rank + 1);
-        slots.bins[rank] = bin;
+        slots.copy_within(rank..LAST, rank + 1);
+        slots[rank] = bin;
         let rank = rank.saturating_sub(1);
-        slots.places.copy_within(rank..LAST - 1, rank + 1);
-        slots.places[rank] = place;
+        places.copy_within(rank..LAST - 1, rank + 1);
+        places[rank] = place;
     }
 
     /// Asks for what [`prefetch_further`](Self::prefetch_further) needs, and for the sums of the nearest bin.
@@ -301,8 +308,8 @@ impl PixelBins {
     #[inline(always)]
     pub fn prefetch_further(&self, pixel: usize, bin: u16) {
         let Some(slots) = self.slots.get(pixel) else { return };
-        if let Some(rank) = slots.bins[1..].iter().position(|&kept| bin == kept) {
-            self.prefetch_place(slots.places[rank]);
+        if let Some(rank) = slots[1..].iter().position(|&kept| bin == kept) {
+            self.prefetch_place(self.places[pixel][rank]);
         }
     }
 
@@ -311,8 +318,8 @@ impl PixelBins {
     pub fn prefetch_all_sums(&self, pixel: usize) {
         self.nearest.get(pixel).into_iter().for_each(Sums::prefetch);
         let Some(slots) = self.slots.get(pixel) else { return };
-        if slots.bins[1] != NONE {
-            slots.places.iter().for_each(|&place| self.prefetch_place(place));
+        if slots[1] != NONE {
+            self.places[pixel].iter().for_each(|&place| self.prefetch_place(place));
         }
     }
 
@@ -335,13 +342,13 @@ impl PixelBins {
     #[inline(always)]
     pub fn of(&self, pixel: usize) -> impl Iterator<Item = (u16, &Sums)> {
         let slots = self.slots.get(pixel).unwrap_or(&EMPTY);
-        let kept = slots.bins.iter().take_while(|&&bin| bin != NONE).count();
+        let kept = slots.iter().take_while(|&&bin| bin != NONE).count();
         (0..kept).map(move |rank| {
             let sums = match rank.checked_sub(1) {
                 None => &self.nearest[pixel],
-                Some(rank) => &self.further[slots.places[rank] as usize],
+                Some(rank) => &self.further[self.places[pixel][rank] as usize],
             };
-            (slots.bins[rank], sums)
+            (slots[rank], sums)
         })
     }
 }
