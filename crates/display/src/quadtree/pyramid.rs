@@ -294,6 +294,8 @@ fn quarters<'a>(
     edge: &'a mut [Leaf; 2 * LANES],
 ) -> &'a [Leaf; 2 * LANES] {
     let rest = if row < below.size().1 { &below.row(row)[2 * first..] } else { &[] };
+    // Those of the next sixteen.
+    rest.iter().skip(2 * LANES).take(2 * LANES).for_each(prefetch);
     match rest.first_chunk() {
         Some(all) => all,
         None => {
