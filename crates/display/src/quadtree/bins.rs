@@ -316,8 +316,10 @@ impl PixelBins {
     /// Asks for all sums of a pixel.
     #[inline(always)]
     pub fn prefetch_all_sums(&self, pixel: usize) {
-        self.nearest.get(pixel).into_iter().for_each(Sums::prefetch);
         let Some(slots) = self.slots.get(pixel) else { return };
+        // Of an empty pixel those of the first, which are near at hand. Chosen, not skipped: which are empty no processor can tell beforehand.
+        let nearest = if slots[0] == NONE { 0 } else { pixel };
+        self.nearest.get(nearest).into_iter().for_each(Sums::prefetch);
         if slots[1] != NONE {
             self.places[pixel].iter().for_each(|&place| self.prefetch_place(place));
         }
