@@ -14,8 +14,8 @@
 //! Tried: pixels of the pyramid eight side by side, for the sake of their divisions, took 15 % longer; leaves of four of one surface each
 //! joined without branches, or the noise of four pixels side by side, as long; sums of 64 bytes in place of 128, with what they carry
 //! elsewhere, 5 to 10 % longer, as did insertions; all leaves in rows of numbers, one for each thing that is known of them, joined and read
-//! sixteen side by side, 5 % less at one sample a pixel and up to a fifth more at sixteen, since every pixel is scattered over ten rows;
-//! one division in place of four where intervals are intersected, as long.
+//! sixteen side by side, 5 to 15 % less at one sample a pixel and up to a fifth more at sixteen, since every pixel is scattered over ten
+//! rows; one division in place of four where intervals are intersected, as long.
 //!
 //! What always holds:
 //! - Each surface of a leaf lies within one of its parent, as in a pyramid that was made at once.

@@ -449,14 +449,20 @@ fn room() -> Section {
     .unwrap()
 }
 
-/// Samples of any depth and colour, some of them equal, so that leaves have surfaces of every kind, for tests.
+/// A picture of the room from within, of such samples as [`add_any_samples`] adds, for tests.
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 fn any_samples(size: (u32, u32), samples: usize) -> Quadtree {
-    let section = room();
     let view = View::new(DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z, Some(70.0), None, size).unwrap();
-    let beams = section.beam_count();
-    let mut tree = Quadtree::new(Arc::from([section]), view, size, QuadtreeParams::default());
+    let mut tree = Quadtree::new(Arc::from([room()]), view, size, QuadtreeParams::default());
+    add_any_samples(&mut tree, samples);
+    tree
+}
+
+/// Adds samples of any depth and colour, some of them equal, so that leaves have surfaces of every kind, for tests.
+#[cfg(test)]
+fn add_any_samples(tree: &mut Quadtree, samples: usize) {
+    let beams = tree.sections[0].beam_count();
     let mut state = 11_u64;
     let mut random = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -471,5 +477,4 @@ fn any_samples(size: (u32, u32), samples: usize) -> Quadtree {
         let sample = Sample::from_codes(holo_section::RayCoords(random().to_le_bytes()), rgbe, code);
         tree.insert(0, BeamId(beam), 1, &[sample]);
     }
-    tree
 }

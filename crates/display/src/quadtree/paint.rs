@@ -479,3 +479,8 @@ impl Quadtree {
         depths
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+#[path = "paint_tests.rs"]
+mod tests;
