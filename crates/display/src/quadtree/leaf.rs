@@ -9,6 +9,7 @@
 //! Invariant: only samples of one surface are averaged: bins connected to the pixel's own.
 
 use crate::quadtree::bins::luminance;
+use crate::quadtree::paint::TILE;
 use crate::quadtree::pyramid::Level;
 use crate::quadtree::surface::{Bins, Deviation, Surface, gap_allowed};
 use crate::quadtree::{LeafSize, QuadtreeParams};
@@ -93,12 +94,16 @@ impl Intersection {
 pub(crate) struct Reader<'a> {
     pub levels: &'a [Level],
     params: &'a QuadtreeParams,
-    last_noise: Cell<Noise>,
-    /// Whose that is.
-    last_place: Cell<NoisePlace>,
+    /// The noise found last, and whose it is, of every [`NOISE_COLUMNS`] columns of a tile.
+    last_noise: [Cell<Noise>; TILE / NOISE_COLUMNS],
+    last_place: [Cell<NoisePlace>; TILE / NOISE_COLUMNS],
     /// Highest level that was averaged over since it was last set.
     pub reach: Cell<usize>,
 }
+
+/// Columns of pixels that noise is remembered for together: where samples are many, it is that of leaves of so many pixels, which a tile, drawn
+/// row by row, comes back to.
+const NOISE_COLUMNS: usize = 4;
 
 /// The leaf whose noise was found last, and its bins: pixels side by side mostly ask for the same, and climbing the levels is a good
 /// part of a drawing's time. Pixels are read in a fixed order, so this changes no picture by chance.
@@ -117,7 +122,13 @@ const NO_NOISE: Noise = Noise { half_widths: Vec4::ZERO, few_samples: 0.0 };
 
 impl<'a> Reader<'a> {
     pub fn new(levels: &'a [Level], params: &'a QuadtreeParams) -> Self {
-        Self { levels, params, last_noise: Cell::new(NO_NOISE), last_place: Cell::new(NO_PLACE), reach: Cell::new(0) }
+        Self {
+            levels,
+            params,
+            last_noise: [const { Cell::new(NO_NOISE) }; TILE / NOISE_COLUMNS],
+            last_place: [const { Cell::new(NO_PLACE) }; TILE / NOISE_COLUMNS],
+            reach: Cell::new(0),
+        }
     }
 
     /// Colour at a pixel of the surface that has `bins` in the pixel's leaf of level `start`.
@@ -159,19 +170,20 @@ impl<'a> Reader<'a> {
 
     /// Forgets the noise found last: no tile depends on others.
     pub fn begin_tile(&self) {
-        self.last_place.set(NO_PLACE);
+        self.last_place.iter().for_each(|place| place.set(NO_PLACE));
     }
 
     /// Noise of the surface around a pixel: from the smallest leaf that has samples enough.
     #[inline(always)]
     pub fn noise(&self, column: usize, row: usize, start: usize, bins: Bins) -> Noise {
-        let place = self.last_place.get();
+        let part = column / NOISE_COLUMNS % (TILE / NOISE_COLUMNS);
+        let place = self.last_place[part].get();
         let is_near = (place.level >= start)
             & (place.column == column >> place.level)
             & (place.row == row >> place.level)
             & (place.bins.first <= bins.first)
             & (bins.first <= place.bins.last);
-        if is_near { self.last_noise.get() } else { self.find_noise(column, row, start, bins) }
+        if is_near { self.last_noise[part].get() } else { self.find_noise(column, row, start, bins) }
     }
 
     #[inline(never)]
@@ -205,8 +217,9 @@ impl<'a> Reader<'a> {
             few_samples: FEW_SAMPLES * (relative * relative + PLAIN_TAIL),
         };
         let (level, bins) = found_at;
-        self.last_place.set(NoisePlace { level, column: column >> level, row: row >> level, bins });
-        self.last_noise.set(noise);
+        let part = column / NOISE_COLUMNS % (TILE / NOISE_COLUMNS);
+        self.last_place[part].set(NoisePlace { level, column: column >> level, row: row >> level, bins });
+        self.last_noise[part].set(noise);
         noise
     }
 
