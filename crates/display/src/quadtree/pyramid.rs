@@ -256,7 +256,7 @@ impl LevelPart<'_> {
         scratch: &mut Scratch,
         isa: Isa,
     ) {
-        let Scratch { parts, surfaces, joined, edges, .. } = scratch;
+        let Scratch { parts, surfaces, joined, .. } = scratch;
         for row in 0..self.height {
             for first in (0..self.width).step_by(LANES) {
                 let start = row * self.width + first;
@@ -264,9 +264,8 @@ impl LevelPart<'_> {
                 if !lanes.clone().any(|lane| is_stale(number, self.first + start + lane)) {
                     continue;
                 }
-                let [upper, lower] = &mut **edges;
-                let upper = quarters(below, first, 2 * row, upper);
-                joined.join(number, [upper, quarters(below, first, 2 * row + 1, lower)], isa);
+                let quarters = |row: usize| if row < below.size().1 { &below.row(row)[2 * first..] } else { &[] };
+                joined.join(number, [quarters(2 * row), quarters(2 * row + 1)], isa);
                 for lane in lanes {
                     if !is_stale(number, self.first + start + lane) {
                         continue;
@@ -281,27 +280,6 @@ impl LevelPart<'_> {
                     }
                 }
             }
-        }
-    }
-}
-
-/// Those leaves of a row that sixteen above them, from column `first` on, have as quarters. `edge` has them where the row ends before.
-#[inline(always)]
-fn quarters<'a>(
-    below: &'a impl Leaves,
-    first: usize,
-    row: usize,
-    edge: &'a mut [Leaf; 2 * LANES],
-) -> &'a [Leaf; 2 * LANES] {
-    let rest = if row < below.size().1 { &below.row(row)[2 * first..] } else { &[] };
-    // Those of the next sixteen.
-    rest.iter().skip(2 * LANES).take(2 * LANES).for_each(prefetch);
-    match rest.first_chunk() {
-        Some(all) => all,
-        None => {
-            edge.fill(Leaf::zeroed());
-            edge[..rest.len()].copy_from_slice(rest);
-            edge
         }
     }
 }
@@ -371,24 +349,12 @@ fn join<'a>(
 }
 
 /// Memory to be used again.
+#[derive(Default)]
 struct Scratch {
     parts: Vec<Surface>,
     surfaces: Vec<Surface>,
     stale: Vec<usize>,
     joined: Box<Joined>,
-    edges: Box<[[Leaf; 2 * LANES]; 2]>,
-}
-
-impl Default for Scratch {
-    fn default() -> Self {
-        Self {
-            parts: Vec::new(),
-            surfaces: Vec::new(),
-            stale: Vec::new(),
-            joined: Box::default(),
-            edges: Box::new([[Leaf::zeroed(); 2 * LANES]; 2]),
-        }
-    }
 }
 
 /// Puts those numbers into `list` that are wanted. Without a branch: which these are no processor can tell beforehand.

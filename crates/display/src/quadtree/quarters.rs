@@ -8,6 +8,7 @@
 use super::pyramid::Leaf;
 use super::surface::{Surface, adjacent, gap_allowed};
 use crate::pointimage::isa::Isa;
+use crate::pointimage::prefetch;
 use crate::pointimage::transpose::{WORDS, Words};
 use bytemuck::{Zeroable, cast, cast_ref};
 use std::mem::offset_of;
@@ -28,22 +29,40 @@ pub(super) struct Joined {
     pub samples: [u32; LANES],
     /// Of which leaves nothing is told, since they may have several surfaces; 0: this is not one of them.
     pub left: [u32; LANES],
+    /// Those below where a row ends, and empty ones beyond; scratch.
+    edges: [[Leaf; 2 * LANES]; 2],
 }
 
 impl Default for Joined {
     fn default() -> Self {
-        Self { leaves: [Leaf::zeroed(); LANES], samples: [0; LANES], left: [0; LANES] }
+        Self {
+            leaves: [Leaf::zeroed(); LANES],
+            samples: [0; LANES],
+            left: [0; LANES],
+            edges: [[Leaf::zeroed(); 2 * LANES]; 2],
+        }
     }
 }
 
 impl Joined {
-    /// Makes leaves of level `number` of those below, of two rows.
+    /// Makes leaves of level `number` of those below, which two rows begin with.
     #[inline(always)]
-    pub fn join(&mut self, number: usize, rows: [&[Leaf; 2 * LANES]; 2], isa: Isa) {
+    pub fn join(&mut self, number: usize, below: [&[Leaf]; 2], isa: Isa) {
         let mut quarters = [[[0; LANES]; WORDS]; 4];
-        for (quarter, words) in quarters.iter_mut().enumerate() {
-            let leaves = rows[quarter / 2];
-            isa.transpose(std::array::from_fn(|at| cast_ref(&leaves[2 * at + quarter % 2])), words);
+        for (half, row) in below.into_iter().enumerate() {
+            // Those of the next sixteen.
+            row.iter().skip(2 * LANES).take(2 * LANES).for_each(prefetch);
+            let leaves: &[Leaf; 2 * LANES] = match row.first_chunk() {
+                Some(all) => all,
+                None => {
+                    let edge = &mut self.edges[half];
+                    edge.fill(Leaf::zeroed());
+                    edge[..row.len()].copy_from_slice(row);
+                    edge
+                }
+            };
+            isa.transpose(std::array::from_fn(|at| cast_ref(&leaves[2 * at])), &mut quarters[2 * half]);
+            isa.transpose(std::array::from_fn(|at| cast_ref(&leaves[2 * at + 1])), &mut quarters[2 * half + 1]);
         }
         // Compiled for either: pixels' noise is still to be told.
         let joined = if number == 1 { self.joined(1, &quarters) } else { self.joined(number, &quarters) };
