@@ -38,7 +38,9 @@ fn tree(
     let mut tree = Quadtree::new(Arc::from([room()]), view, size, params);
     add_any_samples(&mut tree, samples);
     let best = tree.best_beams();
-    for (section, beam) in best.into_iter().flatten().filter(|(_, beam)| unseen > 0 && beam.0 as usize % unseen == 0) {
+    for (section, beam) in
+        best.into_iter().flatten().filter(|(_, beam)| unseen > 0 && (beam.0 as usize).is_multiple_of(unseen))
+    {
         tree.insert_unseen(section, beam);
     }
     tree
