@@ -6,16 +6,17 @@
 //! thousand pixels only, going on where the last one ended. Once no more samples come, everything is drawn as
 //! [`Quadtree::draw`] does.
 //!
-//! A whole picture of one to sixteen samples a pixel takes 55 to 75 ns a pixel of one core where samples are clean and 80 to 90 where
+//! A whole picture of one to sixteen samples a pixel takes 60 to 65 ns a pixel of one core where samples are clean and 83 to 88 where
 //! they are of one path each: what is more goes to colours averaged over more levels. The first, whose memory is new, takes up to a
-//! quarter more; one after few samples a tenth to a fifth less, since leaves to which none came are kept. Nearly half of it is the
-//! pyramid's, half of that for the sums of pixels. All cores share it. In a burst a leaf takes about 200, a pixel 250, so where nearly all
+//! quarter more; one after few samples a tenth to a fifth less, since leaves to which none came are kept. A third of it is the
+//! pyramid's, most of that for the sums of pixels. All cores share it. In a burst a leaf takes about 200, a pixel 250, so where nearly all
 //! pixels have grown everything is drawn.
-//! Tried: pixels of the pyramid eight side by side, for the sake of their divisions, took 15 % longer; leaves of four of one surface each
-//! joined without branches, or the noise of four pixels side by side, as long; sums of 64 bytes in place of 128, with what they carry
-//! elsewhere, 5 to 10 % longer, as did insertions; all leaves in rows of numbers, one for each thing that is known of them, joined and read
-//! sixteen side by side, 5 to 15 % less at one sample a pixel and up to a fifth more at sixteen, since every pixel is scattered over ten
-//! rows; one division in place of four where intervals are intersected, as long.
+//! Tried: pixels of the pyramid eight side by side, for the sake of their divisions, took 15 % longer, and sixteen, their sums turned into rows
+//! of numbers, half as long again: collecting those of one bin takes more than is won; the noise of four pixels side by side, as long; sums of
+//! 64 bytes in place of 128, with what they carry elsewhere, 5 to 10 % longer, as did insertions; all leaves kept in rows of numbers, one for each
+//! thing that is known of them, 5 to 15 % less at one sample a pixel and up to a fifth more at sixteen, since every pixel is scattered over ten
+//! rows; what pixels show told for a whole tile side by side, 5 % less at one sample a pixel and up to 5 % more at sixteen; leaves of a tile turned
+//! into rows where colours are found, with fewer divisions, 5 % less with one path and up to 5 % more with clean samples.
 //!
 //! What always holds:
 //! - Each surface of a leaf lies within one of its parent, as in a pyramid that was made at once.

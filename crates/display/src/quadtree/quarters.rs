@@ -93,7 +93,7 @@ impl Joined {
         let (open, meets_b) = b.joined_to(a.surface, gap);
         let (open, meets_c) = c.joined_to(open, gap);
         let (open, meets_d) = d.joined_to(open, gap);
-        let surface = Surface::chosen(b.is_any(), open.closed(), open);
+        let surface = Surface::chosen(b.is_any(), open.closed_among_many(), open);
         self.left[lane] = u32::from(is_several | !(meets_b & meets_c & meets_d));
         self.samples[lane] = if a.is_any() { surface.count } else { 0 };
         surface.to_words(|word, value| joined[word][lane] = value);
