@@ -1,8 +1,10 @@
 //! Sixteen records of sixteen words become sixteen rows of one word each, and back: records lie together where they are kept, and are worked
 //! on side by side.
 //!
-//! Written with the processor's own instructions where there are any: 64 shuffles with AVX-512. Of the same loop over places, compiled with
-//! AVX-512, LLVM 21 makes hundreds of moves of single words.
+//! Written with the processor's own instructions where there are any: 64 shuffles with AVX-512. Of the same loop over places the compiler, in
+//! large kernels, makes moves of single words.
+//!
+//! Always true: the same words, whichever instructions move them.
 
 use super::isa::{Instructions, Isa};
 

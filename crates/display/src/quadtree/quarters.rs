@@ -1,7 +1,8 @@
 //! Leaves of four smaller ones, sixteen side by side.
 //!
 //! Leaves lie in memory one by one, as they are read in bursts; to be joined, those of sixteen larger ones are turned into rows of numbers, and
-//! what comes out of it is turned back. Most leaves have one surface, which their quarters share. Others are joined one by one.
+//! what comes out of it is turned back. Most leaves have one surface, which their quarters share. Others are joined one by one. With AVX-512 it
+//! takes less than half the time that one by one takes; with AVX2, or what every processor has, as long.
 //!
 //! Always true: a leaf is what its quarters make joined one by one, bit for bit: the same operations in the same order.
 
