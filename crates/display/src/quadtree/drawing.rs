@@ -15,8 +15,8 @@
 //! of numbers, half as long again: collecting those of one bin takes more than is won; the noise of four pixels side by side, as long; sums of
 //! 64 bytes in place of 128, with what they carry elsewhere, 5 to 10 % longer, as did insertions; all leaves kept in rows of numbers, one for each
 //! thing that is known of them, 5 to 15 % less at one sample a pixel and up to a fifth more at sixteen, since every pixel is scattered over ten
-//! rows; what pixels show told for a whole tile side by side, 5 % less at one sample a pixel and up to 5 % more at sixteen; leaves of a tile turned
-//! into rows where colours are found, with fewer divisions, 5 % less with one path and up to 5 % more with clean samples.
+//! rows; what pixels show told for a whole tile side by side, 5 % less at one sample a pixel and up to 6 % more at sixteen; leaves of a tile turned
+//! into rows where colours are found, with fewer divisions, 5 % less with one path and up to 8 % more with clean samples.
 //!
 //! What always holds:
 //! - Each surface of a leaf lies within one of its parent, as in a pyramid that was made at once.

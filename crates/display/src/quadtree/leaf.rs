@@ -105,6 +105,12 @@ pub(crate) struct Reader<'a> {
 /// row by row, comes back to.
 const NOISE_COLUMNS: usize = 4;
 
+/// Which of them a column of the picture lies in, counted in its tile.
+#[inline(always)]
+fn noise_part(column: usize) -> usize {
+    column % TILE / NOISE_COLUMNS
+}
+
 /// The leaf whose noise was found last, and its bins: pixels side by side mostly ask for the same, and climbing the levels is a good
 /// part of a drawing's time. Pixels are read in a fixed order, so this changes no picture by chance.
 #[derive(Clone, Copy)]
@@ -176,7 +182,7 @@ impl<'a> Reader<'a> {
     /// Noise of the surface around a pixel: from the smallest leaf that has samples enough.
     #[inline(always)]
     pub fn noise(&self, column: usize, row: usize, start: usize, bins: Bins) -> Noise {
-        let part = column / NOISE_COLUMNS % (TILE / NOISE_COLUMNS);
+        let part = noise_part(column);
         let place = self.last_place[part].get();
         let is_near = (place.level >= start)
             & (place.column == column >> place.level)
@@ -217,7 +223,7 @@ impl<'a> Reader<'a> {
             few_samples: FEW_SAMPLES * (relative * relative + PLAIN_TAIL),
         };
         let (level, bins) = found_at;
-        let part = column / NOISE_COLUMNS % (TILE / NOISE_COLUMNS);
+        let part = noise_part(column);
         self.last_place[part].set(NoisePlace { level, column: column >> level, row: row >> level, bins });
         self.last_noise[part].set(noise);
         noise

@@ -223,25 +223,18 @@ impl LevelPart<'_> {
     /// Gives a leaf one surface. Read from where it has just been put together, as a whole, it would be waited for.
     #[inline(always)]
     fn set_one(&mut self, index: usize, surface: Surface) {
-        let leaf = &mut self.leaves[index];
-        self.samples[index] = surface.count;
-        if self.is_empty {
-            *leaf = Leaf { single: surface, first: 0, count: 1, room: 0 };
-        } else {
-            // What is there is not read: it would be waited for.
-            leaf.single = surface;
-            leaf.count = 1;
-        }
+        self.take(index, Leaf { single: surface, first: 0, count: 1, room: 0 }, surface.count);
     }
 
-    /// Takes a leaf of one surface or none.
+    /// Takes a leaf of one surface or none, and how many samples it has.
     #[inline(always)]
-    fn take(&mut self, index: usize, leaf: &Leaf, samples: u32) {
+    fn take(&mut self, index: usize, leaf: Leaf, samples: u32) {
         let own = &mut self.leaves[index];
         self.samples[index] = samples;
         if self.is_empty {
-            *own = *leaf;
+            *own = leaf;
         } else {
+            // Where it has room for several stays known. What is there is not read: it would be waited for.
             (own.single, own.count) = (leaf.single, leaf.count);
         }
     }
@@ -271,7 +264,7 @@ impl LevelPart<'_> {
                         continue;
                     }
                     if joined.left[lane] == 0 {
-                        self.take(start + lane, &joined.leaves[lane], joined.samples[lane]);
+                        self.take(start + lane, joined.leaves[lane], joined.samples[lane]);
                     } else {
                         surfaces.clear();
                         let last = of_children(below, number, first + lane, row, parts, surfaces);
