@@ -1,7 +1,7 @@
 //! Times the quadtree driver: `cargo run --release -p holo-display --example quadtree_speed`, on one core alone behind `taskset -c 0`.
 //!
-//! For each kind of samples: a new quadtree, insertions into it and into one whose memory has been used, the first picture of either,
-//! one of a burst after 50,000 more samples, one after so many when 33 ms are over, one after a hundred, and those at rest. Of each
+//! For each kind of samples: a new quadtree, insertions into it and into one whose memory has been used, the first pictures of either, a draft
+//! and a whole one, one of a burst after 50,000 more samples, one after so many when 33 ms are over, one after a hundred, and those at rest. Of each
 //! the processor time of the first thread, then that of all threads (whole pictures are drawn by all cores), then the time passed, in
 //! ms: the least of some rounds.
 
@@ -94,13 +94,15 @@ fn main() {
             for density in [1.0, 4.0, 16.0] {
                 let count = (f64::from(size.0 * size.1) * density) as usize;
                 let first = packets(near_samples(room, &section, &view, count, 1, noise));
-                let [mut new, mut inserted, mut drawn, mut again, mut redrawn] = [Times::NONE; 5];
+                let [mut new, mut inserted, mut again] = [Times::NONE; 3];
+                let [mut drafted, mut drawn, mut drafted_again, mut drawn_again] = [Times::NONE; 4];
                 let mut times = [Times::NONE; 5];
                 for round in 0..ROUNDS {
                     let (mut tree, took) =
                         timed(|| Quadtree::new(Arc::from([section.clone()]), view, size, QuadtreeParams::default()));
                     new = new.least(took);
                     inserted = inserted.least(timed(|| insert(&mut tree, &first)).1);
+                    drafted = drafted.least(timed(|| tree.redraw(LATE).is_some()).1);
                     drawn = drawn.least(timed(|| tree.redraw(LATE).is_some()).1);
                     let more = |seed| near_samples(room, &section, &view, BURST + 1000, seed, noise);
                     let (burst, all) = (packets(more(2 * round + 2)), more(2 * round + 3));
@@ -117,13 +119,14 @@ fn main() {
                     }
                     tree.reset(view);
                     again = again.least(timed(|| insert(&mut tree, &first)).1);
-                    redrawn = redrawn.least(timed(|| tree.redraw(LATE).is_some()).1);
+                    drafted_again = drafted_again.least(timed(|| tree.redraw(LATE).is_some()).1);
+                    drawn_again = drawn_again.least(timed(|| tree.redraw(LATE).is_some()).1);
                 }
                 let [burst, all, few, whole, none] = times;
                 let speed = |times: Times| 1e-3 * count as f64 / times.first_thread;
                 println!(
-                    "  {name:6} {density:2} a pixel: new {new}; insert {:.1} M/s, again {:.1} M/s; first picture {drawn}, of another \
-                     view {redrawn}, in a burst of {BURST} {burst}, all of them {all}, after 100 {few}, at rest {whole}, then {none}",
+                    "  {name:6} {density:2} a pixel: new {new}; insert {:.1} M/s, again {:.1} M/s; draft {drafted}, whole \
+                     picture {drawn}, of another view {drafted_again}, {drawn_again}, in a burst of {BURST} {burst}, all of them {all}, after 100 {few}, at rest {whole}, then {none}",
                     speed(inserted),
                     speed(again),
                 );

@@ -37,7 +37,15 @@ pub struct Answer {
 pub enum Driver {
     Points(Box<PointImage>, Vec<Sample>),
     Frameless(Box<Frameless>),
-    Stored { stored: Box<Stored>, voronoi: Option<Arc<Raycaster>> },
+    Stored { stored: Box<Stored>, draws: Draws },
+}
+
+/// What draws stored samples.
+pub enum Draws {
+    Quadtree,
+    /// Drafts, as displays show them while the camera moves.
+    Draft,
+    Voronoi(Arc<Raycaster>),
 }
 
 /// Samples of the sections, as a server would keep them, and live rays of one view, as a display would.
@@ -101,8 +109,9 @@ impl Driver {
             "pointimage-interpolation" => points(without(|stages| stages.interpolation = false)),
             "pointimage-dither" => points(without(|stages| stages.dither = false)),
             "frameless" => Ok(Self::Frameless(Box::new(Frameless::new(making.size, making.first, 1)?))),
-            "quadtree" => Ok(Self::Stored { stored: stored(), voronoi: None }),
-            "voronoi" => Ok(Self::Stored { stored: stored(), voronoi: Some(Arc::clone(making.raycaster)) }),
+            "quadtree" => Ok(Self::Stored { stored: stored(), draws: Draws::Quadtree }),
+            "quadtree-draft" => Ok(Self::Stored { stored: stored(), draws: Draws::Draft }),
+            "voronoi" => Ok(Self::Stored { stored: stored(), draws: Draws::Voronoi(Arc::clone(making.raycaster)) }),
             _ => Err(format!("`{name}` is not a driver").into()),
         }
     }
@@ -126,11 +135,12 @@ impl Driver {
                     rays.map(|(tag, origin, direction)| Wanted { origin, direction, purpose: Purpose::Pixel(tag) });
                 (rays.collect(), picture)
             }
-            Self::Stored { stored, voronoi } => {
+            Self::Stored { stored, draws } => {
                 let size = crate::SIZE;
-                let picture = shown.then(|| match voronoi {
-                    None => stored.quadtree(view, size),
-                    Some(raycaster) => stored.voronoi(raycaster, view, size),
+                let picture = shown.then(|| match draws {
+                    Draws::Quadtree => stored.quadtree(view, size, |tree| tree.draw().picture),
+                    Draws::Draft => stored.quadtree(view, size, |tree| tree.draft().picture.clone()),
+                    Draws::Voronoi(raycaster) => stored.voronoi(raycaster, view, size),
                 });
                 if stored.live_view != predicted {
                     stored.live.clear();
@@ -175,16 +185,16 @@ impl Driver {
 }
 
 impl Stored {
-    fn quadtree(&self, view: View, size: (u32, u32)) -> Picture {
+    fn quadtree(&self, view: View, size: (u32, u32), draw: fn(&mut Quadtree) -> Picture) -> Picture {
         let params = QuadtreeParams { sky: self.sky, ..QuadtreeParams::default() };
         let mut driver = Quadtree::new(Arc::clone(&self.sections), view, size, params);
         for (section, beam, samples) in self.beams() {
             driver.insert(section, beam, self.paths, &samples);
         }
-        let covered = driver.draw().picture;
+        let covered = draw(&mut driver);
         let mut live = Quadtree::of_live_rays(view, size, params);
         live.insert_live(self.paths, self.live_of(&view));
-        with_live(covered, &driver.uncovered(), &live.draw().picture)
+        with_live(covered, &driver.uncovered(), &draw(&mut live))
     }
 
     fn voronoi(&self, raycaster: &Arc<Raycaster>, view: View, size: (u32, u32)) -> Picture {

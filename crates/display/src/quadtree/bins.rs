@@ -13,6 +13,7 @@
 use crate::pointimage::{filled, prefetch, reserved, zeroed};
 use bytemuck::{Pod, Zeroable, cast_ref};
 use std::mem::offset_of;
+use std::ops::Range;
 
 /// Nearest depth bins kept for each pixel. A pixel rarely sees more than two surfaces.
 pub(crate) const BINS_KEPT: usize = 4;
@@ -23,19 +24,19 @@ pub(crate) const NEAR_CLASSES: usize = 4;
 /// Bin of samples that hit nothing: beyond every other, adjacent to none.
 pub(crate) const FAR: u16 = u16::MAX - 1;
 /// No bin.
-const NONE: u16 = u16::MAX;
+pub(crate) const NONE: u16 = u16::MAX;
 /// Bits cut from a squared distance as f32: 4 of its mantissa stay, so 16 bins to each doubling of the square, 32 to each
 /// doubling of the distance; the widest bin is 3.1 %, the narrowest 1.6 %.
 const BIN_SHIFT: u32 = 19;
 /// Fraction bits of the colour sums.
-const COLOUR_FRACTION: i32 = 48;
+pub(crate) const COLOUR_FRACTION: i32 = 48;
 /// Exponents above this are taken as this (radiances above 4e12), so that one sample cannot overflow its sum.
 const MAX_EXPONENT: u8 = 170;
 /// Fraction bits of luminance, for its second moment, and its upper bound.
-const LUMINANCE_SCALE: f32 = 1_048_576.0;
+pub(crate) const LUMINANCE_SCALE: f32 = 1_048_576.0;
 const LUMINANCE_MAX: f32 = (1_u64 << 50) as f32;
 /// Fraction bits of compressed luminance, and its upper bound.
-const COMPRESSED_SCALE: f32 = 4096.0;
+pub(crate) const COMPRESSED_SCALE: f32 = 4096.0;
 const COMPRESSED_MAX: f32 = (1_u64 << 26) as f32;
 
 /// Logarithmic depth bin of a squared distance from the eye.
@@ -200,6 +201,21 @@ const LOW: usize = if cfg!(target_endian = "big") { 1 } else { 0 };
 const _: () = assert!(offset_of!(Sums, luminance_squared) == 3 * 16 && offset_of!(Sums, compressed_squared) == 4 * 16);
 const _: () = assert!(offset_of!(Sums, compressed) == 10 * 8 && offset_of!(Sums, weight_squared) == 12 * 8);
 
+/// Where sums are, counted in words of 32 bits.
+pub(crate) mod places {
+    use super::Sums;
+    use std::mem::offset_of;
+
+    pub(crate) const RGB: usize = offset_of!(Sums, rgb) / 4;
+    pub(crate) const LUMINANCE_SQUARED: usize = offset_of!(Sums, luminance_squared) / 4;
+    pub(crate) const COMPRESSED_SQUARED: usize = offset_of!(Sums, compressed_squared) / 4;
+    pub(crate) const COMPRESSED: usize = offset_of!(Sums, compressed) / 4;
+    pub(crate) const WEIGHT: usize = offset_of!(Sums, weight) / 4;
+    pub(crate) const WEIGHT_SQUARED: usize = offset_of!(Sums, weight_squared) / 4;
+    pub(crate) const COUNT: usize = offset_of!(Sums, count) / 4;
+    pub(crate) const NEAR: usize = offset_of!(Sums, near) / 4;
+}
+
 /// What sums tell.
 pub(crate) struct Moments {
     pub weight: f64,
@@ -219,7 +235,7 @@ type Slots = [u16; BINS_KEPT];
 /// Where the sums of all but the nearest of them are.
 type Places = [u32; BINS_KEPT - 1];
 
-const EMPTY: Slots = [NONE; BINS_KEPT];
+pub(super) const EMPTY: Slots = [NONE; BINS_KEPT];
 
 /// The bins of all pixels.
 #[derive(Clone)]
@@ -330,6 +346,41 @@ impl PixelBins {
         self.further.get(place as usize).into_iter().for_each(Sums::prefetch);
     }
 
+    /// The bins of every other pixel from one on, as many as are asked for.
+    #[inline(always)]
+    pub fn slots_of_every_other<const COUNT: usize>(&self, first: usize, count: usize, to: &mut [Slots; COUNT]) {
+        let slots = self.slots.get(first..).unwrap_or_default();
+        to.iter_mut().take(count).zip(slots.iter().step_by(2)).for_each(|(to, slots)| *to = *slots);
+    }
+
+    /// The sums of the nearest bins from a pixel on: of no meaning where there is none.
+    #[inline(always)]
+    pub fn nearest_from(&self, first: usize) -> &[Sums] {
+        self.nearest.get(first..).unwrap_or_default()
+    }
+
+    /// Whether a pixel has samples.
+    #[inline(always)]
+    pub fn has(&self, pixel: usize) -> bool {
+        self.slots.get(pixel).is_some_and(|slots| slots[0] != NONE)
+    }
+
+    /// Asks for all sums of some pixels.
+    #[inline(always)]
+    pub fn prefetch_sums_of(&self, pixels: Range<usize>) {
+        let (Some(slots), Some(nearest)) = (self.slots.get(pixels.clone()), self.nearest.get(pixels.clone())) else {
+            return;
+        };
+        let Some(first) = nearest.first() else { return };
+        for ((slots, sums), pixel) in slots.iter().zip(nearest).zip(pixels) {
+            // As in `prefetch_all_sums`.
+            if slots[0] == NONE { first } else { sums }.prefetch();
+            if slots[1] != NONE {
+                self.places[pixel].iter().for_each(|&place| self.prefetch_place(place));
+            }
+        }
+    }
+
     /// Whether there is room for any pixel.
     pub fn has_pixels(&self) -> bool {
         !self.slots.is_empty()
@@ -374,113 +425,5 @@ pub(crate) fn merged(a: &PixelBins, b: &PixelBins, pixel: usize) -> impl Iterato
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use holo_section::rgbe;
-    use proptest::prelude::*;
-    use std::collections::BTreeMap;
-
-    proptest! {
-        #[test]
-        fn a_pixel_keeps_its_nearest_bins_with_complete_sums(
-            samples in prop::collection::vec((0..9_u16, any::<[u8; 4]>(), 1..70_000_u32), 0..200)
-        ) {
-            let mut bins = PixelBins::new(3);
-            let mut model: BTreeMap<u16, Sums> = BTreeMap::new();
-            for &(bin, rgbe, weight) in &samples {
-                let colour = Colour::from_rgbe(rgbe);
-                bins.add(1, bin, &colour, weight, Some(usize::from(bin) % NEAR_CLASSES));
-                model.entry(bin).or_default().add(&colour, weight, Some(usize::from(bin) % NEAR_CLASSES));
-            }
-            let kept: Vec<(u16, Sums)> = bins.of(1).map(|(bin, sums)| (bin, *sums)).collect();
-            let expected: Vec<(u16, Sums)> = model.into_iter().take(BINS_KEPT).collect();
-            prop_assert_eq!(kept, expected);
-            prop_assert_eq!(bins.of(0).count() + bins.of(2).count(), 0);
-            prop_assert!(bins.further.len() < BINS_KEPT);
-        }
-
-        #[test]
-        fn two_merged_are_as_if_all_had_been_added_to_one(
-            samples in prop::collection::vec((0..9_u16, any::<[u8; 4]>(), 1..70_000_u32, any::<bool>()), 0..60)
-        ) {
-            let mut parts = [PixelBins::new(1), PixelBins::new(1)];
-            let mut whole = PixelBins::new(1);
-            for &(bin, rgbe, weight, part) in &samples {
-                let colour = Colour::from_rgbe(rgbe);
-                parts[usize::from(part)].add(0, bin, &colour, weight, None);
-                whole.add(0, bin, &colour, weight, None);
-            }
-            let found: Vec<(u16, Sums)> = merged(&parts[0], &parts[1], 0).collect();
-            let expected: Vec<(u16, Sums)> = whole.of(0).map(|(bin, sums)| (bin, *sums)).collect();
-            prop_assert_eq!(found, expected);
-        }
-
-        /// Means are those of the decoded colours, over the whole range of scenes: 2⁻²⁰ to 4e12.
-        #[test]
-        fn means_are_exact(samples in prop::collection::vec((any::<[u8; 3]>(), 116..=170_u8, 1..70_000_u32), 1..20)) {
-            let mut sums = Sums::default();
-            let (mut weights, mut expected) = (0.0, [0.0; 3]);
-            for &([r, g, b], exponent, weight) in &samples {
-                let rgbe = [r, g, b, exponent];
-                sums.add(&Colour::from_rgbe(rgbe), weight, None);
-                weights += f64::from(weight);
-                for (sum, channel) in expected.iter_mut().zip(rgbe::decode(rgbe)) {
-                    *sum += f64::from(weight) * f64::from(channel);
-                }
-            }
-            for (mean, sum) in sums.moments().mean.into_iter().zip(expected) {
-                prop_assert!((mean - sum / weights).abs() <= 1e-12 * mean, "{} {}", mean, sum / weights);
-            }
-        }
-    }
-
-    #[test]
-    fn moments_are_those_of_the_samples() {
-        let rgbe = [[128, 64, 32, 129], [200, 220, 20, 127], [0, 0, 0, 0], [255, 255, 255, 133]];
-        let mut sums = Sums::default();
-        let (mut weights, mut square, mut root, mut root_square) = (0.0, 0.0, 0.0, 0.0);
-        for (rgbe, weight) in rgbe.into_iter().zip([3, 8, 64, 20_u32]) {
-            sums.add(&Colour::from_rgbe(rgbe), weight, None);
-            let luminance = f64::from(luminance(rgbe::decode(rgbe)));
-            let weight = f64::from(weight);
-            weights += weight;
-            square += weight * luminance * luminance;
-            root += weight * luminance.powf(0.25);
-            root_square += weight * luminance.sqrt();
-        }
-        // Fixed point keeps luminance to 2⁻²⁰ and its root to 2⁻¹², cut off.
-        assert!((sums.moments().luminance_squared / (square / weights) - 1.0).abs() < 1e-5);
-        let Moments { compressed: mean, compressed_squared: mean_square, .. } = sums.moments();
-        assert!((mean - root / weights).abs() < 1.0 / 4096.0);
-        assert!((mean_square - root_square / weights).abs() < 4.0 / 4096.0);
-    }
-
-    #[test]
-    fn bins_are_logarithmic_and_ordered() {
-        let mut last = (0, 0.0);
-        for step in 0..20_000 {
-            let distance = 1e-4 * 1.002_f64.powi(step);
-            let bin = depth_bin(distance * distance);
-            assert!(bin >= last.0 && bin < FAR);
-            if bin > last.0 && step > 0 && last.1 > 0.0 {
-                assert_eq!(bin, last.0 + 1, "no bin is skipped by steps of 0.2 %");
-            }
-            last = (bin, distance);
-            assert!((f64::from(bin_distance(bin)) / distance - 1.0).abs() < 0.016);
-        }
-        assert!(bin_distance(FAR).is_infinite());
-        let octave = depth_bin(4.0 * 7.0 * 7.0) - depth_bin(7.0 * 7.0);
-        assert_eq!(octave, BINS_AN_OCTAVE);
-    }
-
-    #[test]
-    fn extreme_colours_neither_overflow_nor_vanish_into_nonsense() {
-        let mut sums = Sums::default();
-        for _ in 0..1000 {
-            sums.add(&Colour::from_rgbe([255; 4]), 65_536, Some(0));
-            sums.add(&Colour::from_rgbe([255, 255, 255, 1]), 65_536, Some(7));
-        }
-        assert!(sums.moments().mean.iter().all(|mean| mean.is_finite() && *mean > 1e12));
-        assert_eq!(sums.near, [1000, 0, 0, 0]);
-    }
-}
+#[path = "bins_tests.rs"]
+mod tests;

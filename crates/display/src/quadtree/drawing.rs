@@ -353,11 +353,18 @@ impl Quadtree {
     /// Pixels are left as they are that few of the new samples belong to; if 33 ms are not over, only some thousand others are
     /// drawn, and more the next time, so that many samples do not wait for pictures. 33 ms after the last sample comes the
     /// picture that [`draw`](Self::draw) gives, and then none: no work is done while nothing changes.
+    ///
+    /// The first picture of a view that has samples is a [`draft`](Self::draft): while the camera moves every picture is the first of its view.
     pub fn redraw(&mut self, since: Duration) -> Option<&Frame> {
         let is_whole = self.drawing.as_ref().is_some_and(|drawing| drawing.is_whole);
         let is_late = since >= BURST_TIME;
         if !(self.changes >= BURST_SAMPLES || is_late && (self.changes > 0 || !is_whole)) {
             return None;
+        }
+        let has_samples = !(self.narrow.is_empty() && self.wide.is_empty());
+        if !self.is_begun && self.drawing.is_none() && has_samples && self.has_drafts() {
+            (self.is_begun, self.changes) = (true, 0);
+            return Some(self.draft());
         }
         let old = match self.drawing.take() {
             // With the first samples from elsewhere there is another pyramid.
@@ -374,7 +381,7 @@ impl Quadtree {
             old => old.or_else(|| self.old.take()),
         };
         let drawing = Drawing::new(self, old);
-        self.changes = 0;
+        (self.is_begun, self.changes) = (true, 0);
         Some(&self.drawing.insert(drawing).frame)
     }
 }

@@ -23,8 +23,8 @@ pub(crate) const KAPPA: f32 = 2.2;
 pub(crate) const KAPPA_LINEAR: f32 = 4.0;
 /// Intervals are wider by 1 + FEW_SAMPLES · (relative variance + PLAIN_TAIL) / n, for n samples: as long as n is not well
 /// above the relative variance of one, the mean is far from normal (n has to outgrow the square of the skewness).
-const FEW_SAMPLES: f32 = 4.0;
-const PLAIN_TAIL: f32 = 0.2;
+pub(crate) const FEW_SAMPLES: f32 = 4.0;
+pub(crate) const PLAIN_TAIL: f32 = 0.2;
 // Tried, as error over that of the best fixed size, with samples of one path, of 64, and without noise, 0.1 to 64 a pixel
 // (tests/leaf_size.rs prints such a table): without FEW_SAMPLES 1.0 to 1.1 clean but 2.4 to 17 with one path, whose bright
 // samples stay alone in their pixels; with 1 in place of the relative variance 1.1 to 1.5 clean and 1.2 to 2.7 with one path;
@@ -32,9 +32,9 @@ const PLAIN_TAIL: f32 = 0.2;
 // step, up to 1.6 with exponential noise, where it now is 1.3.
 /// Degrees of freedom wanted of an estimate of noise: with 12 of them an estimate goes up and down with the pixel's own
 /// mean, which darkened pictures of one-path samples by 3 to 6 %.
-const NOISE_FREEDOM: f32 = 256.0;
+pub(crate) const NOISE_FREEDOM: f32 = 256.0;
 /// RGBE keeps a colour to about this part of its largest channel: differences below are not the picture's.
-const QUANTUM: f32 = 0.004;
+pub(crate) const QUANTUM: f32 = 0.004;
 /// A half-width below this part of the mean compressed luminance (2.4 % of luminance, a standard error of 1.1 %) is not seen:
 /// no larger leaf is tried.
 pub(crate) const UNSEEN: f32 = 0.006;

@@ -4,6 +4,8 @@
 //! quadtree over those sums: each pixel takes the mean of its own surface over the leaf that its samples ask for; an empty
 //! leaf takes what its siblings have (the mean of its parent), as in the paper.
 //!
+//! The first picture of a view is a draft ([`Quadtree::draft`]), as every one is while the camera moves.
+//!
 //! What always holds:
 //! - The picture is a function of the set of samples: their order and batches change no bit of it.
 //! - No mean is taken across a jump in depth.
@@ -16,6 +18,7 @@ mod around;
 mod beams;
 mod bins;
 mod depths;
+mod draft;
 mod drawing;
 mod keep;
 mod leaf;
@@ -37,6 +40,7 @@ use crate::covered::covered;
 use crate::pointimage::isa::{Isa, Kernel};
 use crate::pointimage::zeroed;
 use bins::{BINS_KEPT, Colour, PixelBins, merged};
+use draft::Draft;
 use drawing::Drawing;
 use glam::DVec3;
 use holo_picture::{Picture, View};
@@ -138,6 +142,10 @@ pub struct Quadtree {
     drawing: Option<Box<Drawing>>,
     /// One that is of no more use but for its memory.
     old: Option<Box<Drawing>>,
+    /// The last draft.
+    draft: Option<Box<Draft>>,
+    /// Whether [`redraw`](Self::redraw) has given a picture of this view.
+    is_begun: bool,
     /// Samples that landed, and unseen beams, since the last [`redraw`](Self::redraw); a new view is a change, too.
     changes: u64,
     /// Those of one batch that landed: pixel, landing, colour.
@@ -165,6 +173,8 @@ impl Quadtree {
             kept: Kept::default(),
             drawing: None,
             old: None,
+            draft: None,
+            is_begun: false,
             changes: 1,
             arrived: Vec::with_capacity(BATCH),
             projected: Box::new(Projected::new()),
@@ -188,6 +198,7 @@ impl Quadtree {
         self.unseen.clear();
         self.kept.clear();
         self.give_up_drawing();
+        self.is_begun = false;
         self.changes = 1;
         self.place();
     }
@@ -335,6 +346,11 @@ impl Quadtree {
             found.first().map(|best| (best.section, best.beam))
         };
         self.middles().map(best).collect()
+    }
+
+    /// Whether pixels may show something else than samples.
+    fn may_hide_pixels(&self) -> bool {
+        self.uncovered_pixels > 0 || !self.best.is_empty()
     }
 
     /// Whether a pixel's best beam is known to see nothing.

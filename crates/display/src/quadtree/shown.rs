@@ -8,7 +8,7 @@ use super::surface::{Bins, Surface};
 use super::{MultiDepth, Quadtree, SEEN_SHARE};
 
 /// Samples a pixel from which a surface without one is not there: with 2 expected, one pixel in seven has none.
-const MANY_A_PIXEL: u32 = 2;
+pub(super) const MANY_A_PIXEL: u32 = 2;
 
 /// What a pixel shows.
 pub(super) enum Shown<'a> {

@@ -9,21 +9,21 @@ use bytemuck::{Pod, Zeroable, cast};
 use std::borrow::Borrow;
 
 /// Degrees of freedom that an estimate of noise from finer leaves needs before a leaf's own spread is not used for it.
-const ENOUGH_FREEDOM: f32 = 6.0;
+pub(crate) const ENOUGH_FREEDOM: f32 = 6.0;
 
 /// A mean that so small a part of a leaf's samples make, all others being dark beside them, is shown by none of its pixels: where it shines
 /// smaller leaves tell. It may be a lamp; samples of noise alone, one in so many of which finds all light, are not told apart from that, and
 /// stay in the smaller leaves too. Either way no light is lost, since the bright part of the leaf does without the larger one as the dark
 /// part does. On recorded walks relative variances of one path are up to 4 in leaves without lamps, and 34 to 400 in those with; with 12 in
 /// place of 32 one-path samples of dark corners stayed dots, and the means over frames were the same.
-const FEW_OF: f32 = 32.0;
+pub(crate) const FEW_OF: f32 = 32.0;
 
 /// A leaf's quarters are of different brightness, as its samples tell, if the variance between them (of compressed luminance) is so many times
 /// what samples within them spread lets expect (the F-ratio of an analysis of variance, Fisher 1925),
-const MIXED_F: f32 = 8.0;
+pub(crate) const MIXED_F: f32 = 8.0;
 /// if it is this part of that spread at least: a gradient over a large leaf is told by any number of samples and does no harm, since leaves are
 /// blended,
-const MIXED_PART: f32 = 0.1;
+pub(crate) const MIXED_PART: f32 = 0.1;
 /// and if there are more samples than that, beyond one for each quarter: with few, one bright one of noise alone makes its quarter differ.
 ///
 /// Such a mean is of none of the leaf's quarters, and no pixel takes it but an empty one that knows nothing smaller: without, the bars of a
@@ -31,9 +31,9 @@ const MIXED_PART: f32 = 0.1;
 /// cabin, 5 to 80 a pixel, display PSNR rose by 0.1 to 0.6 dB; on those of a room that is known, clean, of 16 paths and of one, 0.003 to 3 a
 /// pixel, by 0.2 on average and 0.7 at most, and fell by 0.01 at most. From 8 samples on, without regard to the part, those of one path lost up
 /// to 1.4 dB; with a ratio of 5 and 32 samples, up to 0.3. Where samples are noisy, whole pictures take up to 14 % longer.
-const MIXED_SAMPLES: f32 = 20.0;
+pub(crate) const MIXED_SAMPLES: f32 = 20.0;
 /// Standard deviation of compressed luminance, over it, that is taken for none: that of RGBE's steps.
-const MIXED_STEP: f32 = 0.001;
+pub(crate) const MIXED_STEP: f32 = 0.001;
 
 /// The depth bins of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]

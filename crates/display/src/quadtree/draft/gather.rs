@@ -1,0 +1,355 @@
+//! What pixels of a draft are made of: sums become means, sixteen pixels side by side.
+
+use super::super::Quadtree;
+use super::super::bins::{
+    BINS_AN_OCTAVE, BINS_KEPT, COLOUR_FRACTION, COMPRESSED_SCALE, EMPTY, LUMINANCE_SCALE, Moments, NEAR_CLASSES, NONE,
+    Sums, luminance, merged, places,
+};
+use super::super::paint::UnseenPixels;
+use super::super::surface::{Bins, adjacent, gap_allowed};
+use super::join::{join, own_noise, split};
+use super::*;
+use crate::pointimage::isa::{Isa, Kernel};
+use crate::pointimage::transpose::Words;
+use bytemuck::{Zeroable, cast_ref};
+
+/// Two rows of leaves of 2 × 2 pixels, and the four rows of pixels that they are made of.
+pub(super) struct Band<'a> {
+    pub tree: &'a Quadtree,
+    /// Of the level above.
+    pub row: usize,
+    pub pixels: &'a mut [Lanes],
+    pub above: &'a mut [Lanes],
+    pub mixed: &'a mut Vec<Mixed>,
+    /// Once it is gathered: samples, and pixels without.
+    pub samples: u64,
+    pub empty: u64,
+}
+
+/// Gathers them.
+pub(super) struct GatherBand<'a, 'b>(pub &'a mut Band<'b>);
+
+impl Kernel for GatherBand<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self(band) = self;
+        let tree = band.tree;
+        let (width, height) = (tree.size.0 as usize, tree.size.1 as usize);
+        let across = width.div_ceil(2).next_multiple_of(LANES);
+        band.mixed.clear();
+        let mut unseen = UnseenPixels::default();
+        let mut several = [Sums::zeroed(); LANES];
+        let mut found = [[NONE_LANES; FIELDS]; 4];
+        for (half, pixels) in band.pixels.chunks_mut(4 * OF_PIXELS * (across / LANES)).enumerate() {
+            let row = 2 * band.row + half;
+            for x in (0..across).step_by(LANES) {
+                for (plane, found) in found.iter_mut().enumerate() {
+                    let y = 2 * row + plane / 2;
+                    if y >= height {
+                        *found = [NONE_LANES; FIELDS];
+                        continue;
+                    }
+                    // One half of the next columns'.
+                    let next = (2 * (x + LANES) + plane % 2 * LANES).min(width);
+                    let next = y * width + next..y * width + (next + LANES).min(width);
+                    tree.narrow.prefetch_sums_of(next.clone());
+                    tree.wide.prefetch_sums_of(next);
+                    let columns = LANES.min(((width + 1 - plane % 2) / 2).saturating_sub(x));
+                    let first = y * width + 2 * x + plane % 2;
+                    pixel_lanes(tree, first, columns, (2 * x + plane % 2, y), band.mixed, &mut several, found);
+                    if tree.may_hide_pixels() {
+                        for lane in 0..columns {
+                            let pixel = first + 2 * lane;
+                            if tree.covered[pixel] && !unseen.has(tree, pixel) {
+                                band.samples += found[ALL][lane] as u64;
+                                band.empty += u64::from(found[ALL][lane] == 0.0);
+                            }
+                        }
+                    } else {
+                        let (mut samples, mut empty) = (0_u64, 0_u32);
+                        for lane in 0..LANES {
+                            samples += u64::from(found[ALL][lane] as u32);
+                            empty += u32::from((found[ALL][lane] == 0.0) & (lane < columns));
+                        }
+                        band.samples += samples;
+                        band.empty += u64::from(empty);
+                    }
+                    let at = (x / LANES * 4 + plane) * OF_PIXELS;
+                    pixels[at..at + OF_PIXELS].copy_from_slice(&found[..OF_PIXELS]);
+                }
+                let joined = join(1, [&found[0], &found[1], &found[2], &found[3]]);
+                split(&joined, band.above, row % 2, x);
+            }
+        }
+    }
+}
+
+/// Of two or four words of a wide number, the one of this rank.
+#[inline(always)]
+fn word(words: usize, rank: usize) -> usize {
+    if cfg!(target_endian = "big") { words - 1 - rank } else { rank }
+}
+
+/// The words of sums.
+type Record = [Words; 2];
+/// Of sixteen sums, word by word.
+type Rows = [[Words; WORDS]; 2];
+const NO_ROWS: Rows = [[[0; LANES]; WORDS]; 2];
+
+/// Sixteen sums side by side.
+#[inline(always)]
+fn rows(records: &[&Record; LANES], isa: Isa) -> Rows {
+    let [mut lower, mut upper] = [[&records[0][0]; LANES]; 2];
+    for lane in 0..LANES {
+        (lower[lane], upper[lane]) = (&records[lane][0], &records[lane][1]);
+    }
+    let mut rows = NO_ROWS;
+    isa.transpose(lower, &mut rows[0]);
+    isa.transpose(upper, &mut rows[1]);
+    rows
+}
+
+/// The surface that a pixel shows most of.
+struct Most {
+    bins: Bins,
+    /// Samples of all of the pixel's surfaces.
+    all: u32,
+    /// Of those that look as the eye does, the surface's, and all.
+    seen: u32,
+    seen_all: u32,
+}
+
+/// What is known of sixteen pixels, every other of a row from the one whose number and place are given; of them the first `columns` are in the
+/// picture. `several` is scratch.
+#[inline(always)]
+fn pixel_lanes(
+    tree: &Quadtree,
+    start: usize,
+    columns: usize,
+    place: (usize, usize),
+    mixed: &mut Vec<Mixed>,
+    several: &mut [Sums; LANES],
+    found: &mut [Lanes; FIELDS],
+) {
+    let has_wide = !tree.wide.is_empty();
+    let [mut slots, mut wide_slots] = [[EMPTY; LANES]; 2];
+    tree.narrow.slots_of_every_other(start, columns, &mut slots);
+    if has_wide {
+        tree.wide.slots_of_every_other(start, columns, &mut wide_slots);
+    }
+    let mut known = Known::default();
+    let [mut alone, mut alone_wide, mut many] = [[0_u32; LANES]; 3];
+    for lane in 0..LANES {
+        let ([own, more, ..], [wide, wide_more, ..]) = (slots[lane], wide_slots[lane]);
+        let (own, wide) = (u32::from(own), u32::from(wide));
+        let none = u32::from(NONE);
+        let is_both = (own != none) & (wide != none);
+        let is_apart = is_both & (own.abs_diff(wide) > u32::from(gap_allowed(0)));
+        let is_many = (more != NONE) | (wide_more != NONE) | is_apart;
+        many[lane] = u32::from(is_many);
+        alone[lane] = u32::from(!is_many & (own != none));
+        alone_wide[lane] = u32::from(!is_many & (wide != none));
+        known.first[lane] = own.min(wide);
+        known.last[lane] = if is_both { own.max(wide) } else { own.min(wide) };
+    }
+    let empty = Sums::zeroed();
+    let mut records: [&Record; LANES] = [cast_ref(&empty); LANES];
+    if let (LANES, Some(nearest)) = (columns, tree.narrow.nearest_from(start).first_chunk::<{ 2 * LANES - 1 }>()) {
+        for lane in 0..LANES {
+            records[lane] = if alone[lane] != 0 { cast_ref(&nearest[2 * lane]) } else { cast_ref(&empty) };
+        }
+    } else {
+        for (lane, sums) in tree.narrow.nearest_from(start).iter().step_by(2).take(columns).enumerate() {
+            records[lane] = if alone[lane] != 0 { cast_ref(sums) } else { cast_ref(&empty) };
+        }
+    }
+    if many != [0; LANES] {
+        for lane in 0..columns {
+            if many[lane] != 0 {
+                let place = (place.0 + 2 * lane, place.1);
+                let found = several_surfaces(tree, start + 2 * lane, place, mixed, &mut several[lane]);
+                (known.first[lane], known.last[lane]) = (found.bins.first.into(), found.bins.last.into());
+                (known.all[lane], known.seen[lane], known.seen_all[lane]) = (found.all, found.seen, found.seen_all);
+            }
+        }
+        for lane in 0..columns {
+            if many[lane] != 0 {
+                records[lane] = cast_ref(&several[lane]);
+            }
+        }
+    }
+    let own = rows(&records, tree.isa);
+    if has_wide {
+        records = [cast_ref(&empty); LANES];
+        for (lane, sums) in tree.wide.nearest_from(start).iter().step_by(2).take(columns).enumerate() {
+            records[lane] = if alone_wide[lane] != 0 { cast_ref(sums) } else { cast_ref(&empty) };
+        }
+        moments::<true>(&own, &rows(&records, tree.isa), &known, found);
+    } else {
+        moments::<false>(&own, &NO_ROWS, &known, found);
+    }
+}
+
+/// What is known of sixteen pixels besides their sums.
+#[derive(Default)]
+struct Known {
+    first: Words,
+    last: Words,
+    /// Of pixels with several surfaces: samples of all; 0: there is one surface.
+    all: Words,
+    seen: Words,
+    seen_all: Words,
+}
+
+/// What the sums of sixteen pixels tell, of those that look as the eye does and, if there are any, of others.
+///
+/// In single precision: variances are differences of numbers that agree in all but the last bits where samples have no noise, but are then below
+/// what RGBE's steps are taken for.
+#[inline(always)]
+fn moments<const HAS_WIDE: bool>(own: &Rows, wide: &Rows, known: &Known, found: &mut [Lanes; FIELDS]) {
+    for lane in 0..LANES {
+        let value = |at: usize| {
+            let own = own[at / WORDS][at % WORDS][lane] as f32;
+            if HAS_WIDE { own + wide[at / WORDS][at % WORDS][lane] as f32 } else { own }
+        };
+        /// Of the next word.
+        const NEXT: f32 = 4_294_967_296.0;
+        let wide = |at: usize, scale: f32| {
+            let [a, b, c, d] = four(|n| value(at + word(4, n)));
+            ((d * (NEXT * NEXT * NEXT * scale) + c * (NEXT * NEXT * scale)) + b * (NEXT * scale)) + a * scale
+        };
+        let long = |at: usize, scale: f32| {
+            let (a, b) = (value(at + word(2, 0)), value(at + word(2, 1)));
+            b * (NEXT * scale) + a * scale
+        };
+        let scale = 1.0 / (1_u64 << COLOUR_FRACTION) as f32;
+        let weight = long(places::WEIGHT, 1.0);
+        let weight_squared = long(places::WEIGHT_SQUARED, 1.0);
+        let part = 1.0 / greater(weight, 1.0);
+        let mean =
+            [wide(places::RGB, scale) * part, wide(places::RGB + 4, scale) * part, wide(places::RGB + 8, scale) * part];
+        let luminance_squared = wide(places::LUMINANCE_SQUARED, 1.0 / (LUMINANCE_SCALE * LUMINANCE_SCALE)) * part;
+        let compressed = long(places::COMPRESSED, 1.0 / COMPRESSED_SCALE) * part;
+        let compressed_scale = 1.0 / (COMPRESSED_SCALE * COMPRESSED_SCALE);
+        let compressed_squared = wide(places::COMPRESSED_SQUARED, compressed_scale) * part;
+        let count = value(places::COUNT);
+        let bright = luminance(mean);
+        let some = if count < 2.0 { 0.0 } else { weight };
+        let spread_luminance = greater(luminance_squared - bright * bright, 0.0) * some;
+        let spread_compressed = greater(compressed_squared - compressed * compressed, 0.0) * some;
+        found[MEAN][lane] = mean[0];
+        found[MEAN + 1][lane] = mean[1];
+        found[MEAN + 2][lane] = mean[2];
+        found[MEAN + 3][lane] = compressed;
+        found[ERROR][lane] = weight_squared.sqrt() * part;
+        found[FIRST][lane] = known.first[lane] as f32;
+        found[LAST][lane] = known.last[lane] as f32;
+        let [a, b, c, d] = four(|class| value(places::NEAR + class));
+        found[NEAR][lane] = (a + b) + (c + d);
+        found[WEIGHT][lane] = weight;
+        found[WEIGHT_SQUARED][lane] = weight_squared;
+        found[COUNT][lane] = count;
+        let is_one = known.all[lane] == 0;
+        let own_count = own[places::COUNT / WORDS][places::COUNT % WORDS][lane] as f32;
+        found[ALL][lane] = if is_one { count } else { known.all[lane] as f32 };
+        found[SEEN][lane] = if is_one { own_count } else { known.seen[lane] as f32 };
+        found[SEEN_ALL][lane] = if is_one { own_count } else { known.seen_all[lane] as f32 };
+        found[SPREAD_LUMINANCE][lane] = spread_luminance;
+        found[SPREAD_COMPRESSED][lane] = spread_compressed;
+        let noise = own_noise(count, weight, weight_squared, spread_luminance, spread_compressed);
+        found[WITHIN_LUMINANCE][lane] = noise[0];
+        found[WITHIN_COMPRESSED][lane] = noise[1];
+        found[FREEDOM][lane] = noise[2];
+    }
+}
+
+/// Of a pixel with several bins: the surface that it shows most of, and its sums. Its other ones are added to `mixed`.
+#[inline(never)]
+fn several_surfaces(
+    tree: &Quadtree,
+    pixel: usize,
+    (column, row): (usize, usize),
+    mixed: &mut Vec<Mixed>,
+    most: &mut Sums,
+) -> Most {
+    // Mostly bins side by side are of one surface.
+    if !tree.wide.has(pixel)
+        && let Some(bins) = join_alone(tree.narrow.of(pixel), most)
+    {
+        return Most { bins, all: most.count, seen: most.count, seen_all: most.count };
+    }
+    let mut found = [(Bins::of(NONE), Sums::zeroed()); BINS_KEPT];
+    let mut count = 0;
+    for (bin, sums) in merged(&tree.narrow, &tree.wide, pixel) {
+        match found[..count].last_mut() {
+            Some((bins, joined)) if adjacent(bins.last, bin, gap_allowed(0)) => {
+                joined.join(&sums);
+                bins.last = bin;
+            }
+            _ => {
+                found[count] = (Bins::of(bin), sums);
+                count += 1;
+            }
+        }
+    }
+    let (found, front) = (&found[..count], found[0].0);
+    let near = |(bins, sums): &(Bins, Sums)| {
+        let behind = bins.first.saturating_sub(front.first);
+        let halvings = if tree.params.viewpoint_radius.is_none() { usize::from(behind / BINS_AN_OCTAVE) } else { 0 };
+        sums.near.iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum::<f32>()
+    };
+    let (mut chosen, mut nearest) = (0, 0.0);
+    for (number, surface) in found.iter().enumerate() {
+        if near(surface) > nearest {
+            (chosen, nearest) = (number, near(surface));
+        }
+    }
+    let mut known = nearest;
+    for (_, surface) in found.iter().enumerate().filter(|&(number, _)| number != chosen) {
+        let part = near(surface);
+        if part > 0.0 {
+            known += part;
+            mixed.push(Mixed::new(column, row, part / known, surface));
+        }
+    }
+    let (bins, sums) = found[chosen];
+    *most = sums;
+    let [mut seen, mut seen_all] = [0; 2];
+    for (bin, sums) in tree.narrow.of(pixel) {
+        seen_all += sums.count;
+        seen += if bins.first <= bin && bin <= bins.last { sums.count } else { 0 };
+    }
+    Most { bins, all: found.iter().map(|(_, sums)| sums.count).sum(), seen, seen_all }
+}
+
+/// The bins of a pixel and the sums of all of them, if they are of one surface.
+#[inline(always)]
+fn join_alone<'a>(mut bins: impl Iterator<Item = (u16, &'a Sums)>, joined: &mut Sums) -> Option<Bins> {
+    let (first, sums) = bins.next()?;
+    *joined = *sums;
+    let mut last = first;
+    for (bin, sums) in bins {
+        if !adjacent(last, bin, gap_allowed(0)) {
+            return None;
+        }
+        joined.join(sums);
+        last = bin;
+    }
+    Some(Bins { first, last })
+}
+
+impl Mixed {
+    #[inline(always)]
+    fn new(column: usize, row: usize, part: f32, (bins, sums): &(Bins, Sums)) -> Self {
+        let Moments { weight, weight_squared, mean: [r, g, b], compressed, .. } = sums.moments();
+        let own = Own {
+            mean: [r as f32, g as f32, b as f32, compressed as f32],
+            error: (weight_squared.sqrt() / weight) as f32,
+            first: f32::from(bins.first),
+            last: f32::from(bins.last),
+        };
+        Self { column, row, part, own }
+    }
+}
