@@ -153,7 +153,7 @@ impl Painter {
         }
     }
 
-    /// An empty picture of a view; only the driver that knows the scene has another `resolution` than the full one.
+    /// An empty picture of a view. While the camera moves the driver that knows the scene has half the `resolution`, and the quadtree draws drafts.
     pub fn canvas(
         &self,
         sections: Arc<[Section]>,
@@ -164,7 +164,7 @@ impl Painter {
     ) -> Canvas {
         match self {
             Painter::Quadtree(trees) => {
-                trees.look(sections, view, size, sky);
+                trees.look(sections, view, size, sky, resolution);
                 Canvas::Quadtree(trees.clone())
             }
             Painter::Voronoi(raycaster, records, stand_ins) => {

@@ -4,11 +4,14 @@
 //! What always holds:
 //! - once the stored samples of a view have come, its pictures are of what was sent for this view and of nothing else, so a picture at
 //!   rest does not depend on where one came from;
+//! - while views follow each other in quick succession pictures are drafts, until a view's own samples have come or it rests;
 //! - beyond 20° of rotation, or with a picture of another size, nothing is kept.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
-use holo_display::{Cells, CellsParams, Filling, Frame, Quadtree, QuadtreeParams};
+use crate::canvas::AT_REST;
+use holo_display::{Cells, CellsParams, Filling, Frame, Quadtree, QuadtreeParams, Resolution};
 use holo_picture::View;
 use holo_section::{BeamId, Sample, Section};
 
@@ -28,6 +31,8 @@ struct Shown {
     /// That, and what there was before; until the view's own is all there.
     kept: Option<Shape>,
     size: (u32, u32),
+    /// Until when the camera is taken to move; none: it rests.
+    moves_until: Option<Instant>,
 }
 
 /// What samples are shown as.
@@ -71,6 +76,14 @@ impl Shape {
             Shape::Cells(cells) => cells.draw(),
         }
     }
+
+    /// The picture for somebody who moves.
+    fn draft(&mut self) -> Frame {
+        match self {
+            Shape::Leaves(tree) => tree.draft().clone(),
+            Shape::Cells(cells) => cells.draw(),
+        }
+    }
 }
 
 impl Trees {
@@ -84,8 +97,8 @@ impl Trees {
         if self.cells.is_some() { "cells" } else { "quadtree" }
     }
 
-    /// Takes another view.
-    pub fn look(&self, sections: Arc<[Section]>, view: View, size: (u32, u32), sky: [f32; 3]) {
+    /// Takes another view, which is of half resolution while the camera moves.
+    pub fn look(&self, sections: Arc<[Section]>, view: View, size: (u32, u32), sky: [f32; 3], resolution: Resolution) {
         let mut shown = self.lock();
         let before = shown.take().filter(|shown| shown.size == size);
         let kept =
@@ -98,7 +111,8 @@ impl Trees {
             }
             None => Shape::Leaves(Box::new(Quadtree::new(sections, view, size, params))),
         };
-        *shown = Some(Shown { own, kept, size });
+        let moves_until = (resolution == Resolution::Half).then(|| Instant::now() + AT_REST);
+        *shown = Some(Shown { own, kept, size, moves_until });
     }
 
     pub fn insert(&self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
@@ -112,7 +126,7 @@ impl Trees {
     /// The stored samples of the view, and those that tell most of what it sees, have come: nothing else is shown from now on.
     pub fn settle(&self) {
         if let Some(shown) = &mut *self.lock() {
-            shown.kept = None;
+            (shown.kept, shown.moves_until) = (None, None);
         }
     }
 
@@ -123,7 +137,11 @@ impl Trees {
 
     /// The picture; `None` before the first view.
     pub fn draw(&self) -> Option<Frame> {
-        self.lock().as_ref().map(|shown| shown.kept.as_ref().unwrap_or(&shown.own).draw())
+        self.lock().as_mut().map(|Shown { own, kept, moves_until, .. }| {
+            let shape = kept.as_mut().unwrap_or(own);
+            let moves = moves_until.is_some_and(|until| Instant::now() < until);
+            if moves { shape.draft() } else { shape.draw() }
+        })
     }
 
     fn of_all(&self, mut put: impl FnMut(&mut Shape)) {
@@ -181,7 +199,7 @@ mod tests {
     }
 
     fn look(trees: &Trees, degrees: f64) -> Frame {
-        trees.look(Arc::from([section()]), view(degrees), SIZE, [0.0; 3]);
+        trees.look(Arc::from([section()]), view(degrees), SIZE, [0.0; 3], Resolution::Full);
         trees.draw().unwrap()
     }
 
@@ -203,6 +221,30 @@ mod tests {
         // On, before anything has come: they are still there.
         assert!(look(trees, 15.0).samples_used > pixels / 2);
         assert_eq!(look(trees, 40.0).samples_used, 0, "too far");
+    }
+
+    #[test]
+    fn who_moves_sees_drafts_until_the_view_s_samples_have_come() {
+        let trees = Trees::default();
+        look(&trees, 0.0);
+        let few: Vec<_> = samples(&view(0.0)).into_iter().step_by(7).collect();
+        put(&trees, &few);
+        let whole = trees.draw().unwrap();
+        trees.look(Arc::from([section()]), view(0.0), SIZE, [0.0; 3], Resolution::Half);
+        let since = Instant::now();
+        let draft = trees.draw().unwrap();
+        assert_eq!(draft.samples_used, whole.samples_used);
+        let expected = {
+            let mut shown = trees.lock();
+            let kept = shown.as_mut().and_then(|shown| shown.kept.as_mut()).unwrap();
+            (kept.draft().picture, kept.draw().picture)
+        };
+        assert!(expected.0 != expected.1);
+        // A machine that is busy may take until the view rests.
+        assert!(draft.picture == expected.0 || since.elapsed() >= AT_REST);
+        put(&trees, &few);
+        trees.settle();
+        assert!(trees.draw().unwrap().picture == expected.1);
     }
 
     #[test]

@@ -198,6 +198,7 @@ mod tests {
 
     use super::*;
     use crate::kept::Trees;
+    use holo_display::Resolution;
 
     /// A view past the side of a section: of which some pixels are covered.
     fn past(size: (u32, u32)) -> (Canvas, View) {
@@ -208,7 +209,7 @@ mod tests {
         spec.apply_line("-vp -5 4 2 -vd 1 0 0 -vu 0 0 1 -vh 60").unwrap();
         let (view, size) = spec.resolve(size).unwrap();
         let trees = Trees::default();
-        trees.look(sections, view, size, [0.0; 3]);
+        trees.look(sections, view, size, [0.0; 3], Resolution::Full);
         (Canvas::Quadtree(trees), view)
     }
 
