@@ -68,6 +68,7 @@ fn a_picture_of_leaves_of_one_size_and_one_from_outside_have_no_drafts() {
     for tree in [&mut fixed, &mut outside] {
         assert!(tree.draw().samples_used > 1000);
         let whole = bits(&tree.draw());
+        assert!(bits(tree.draft()) == whole);
         assert!(tree.redraw(LATE).map(bits) == Some(whole));
     }
 }

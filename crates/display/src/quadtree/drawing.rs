@@ -362,7 +362,7 @@ impl Quadtree {
             return None;
         }
         let has_samples = !(self.narrow.is_empty() && self.wide.is_empty());
-        if !self.is_begun && self.drawing.is_none() && has_samples && self.has_drafts() {
+        if !self.is_begun && has_samples && self.has_drafts() {
             (self.is_begun, self.changes) = (true, 0);
             return Some(self.draft());
         }

@@ -111,6 +111,23 @@ fn rows(records: &[&Record; LANES], isa: Isa) -> Rows {
     rows
 }
 
+/// Of the first `columns` of every other sums those that are chosen (not 0), and `empty` in the place of others.
+#[inline(always)]
+fn every_other<'a>(sums: &'a [Sums], columns: usize, is_chosen: &Words, empty: &'a Sums) -> [&'a Record; LANES] {
+    let mut records: [&Record; LANES] = [cast_ref(empty); LANES];
+    // All but where rows end: without a bound to look at for each.
+    if let (LANES, Some(sums)) = (columns, sums.first_chunk::<{ 2 * LANES - 1 }>()) {
+        for lane in 0..LANES {
+            records[lane] = cast_ref(if is_chosen[lane] != 0 { &sums[2 * lane] } else { empty });
+        }
+    } else {
+        for (lane, sums) in sums.iter().step_by(2).take(columns).enumerate() {
+            records[lane] = cast_ref(if is_chosen[lane] != 0 { sums } else { empty });
+        }
+    }
+    records
+}
+
 /// The surface that a pixel shows most of.
 struct Most {
     bins: Bins,
@@ -155,16 +172,7 @@ fn pixel_lanes(
         known.last[lane] = if is_both { own.max(wide) } else { own.min(wide) };
     }
     let empty = Sums::zeroed();
-    let mut records: [&Record; LANES] = [cast_ref(&empty); LANES];
-    if let (LANES, Some(nearest)) = (columns, tree.narrow.nearest_from(start).first_chunk::<{ 2 * LANES - 1 }>()) {
-        for lane in 0..LANES {
-            records[lane] = if alone[lane] != 0 { cast_ref(&nearest[2 * lane]) } else { cast_ref(&empty) };
-        }
-    } else {
-        for (lane, sums) in tree.narrow.nearest_from(start).iter().step_by(2).take(columns).enumerate() {
-            records[lane] = if alone[lane] != 0 { cast_ref(sums) } else { cast_ref(&empty) };
-        }
-    }
+    let mut records = every_other(tree.narrow.nearest_from(start), columns, &alone, &empty);
     if many != [0; LANES] {
         for lane in 0..columns {
             if many[lane] != 0 {
@@ -182,10 +190,7 @@ fn pixel_lanes(
     }
     let own = rows(&records, tree.isa);
     if has_wide {
-        records = [cast_ref(&empty); LANES];
-        for (lane, sums) in tree.wide.nearest_from(start).iter().step_by(2).take(columns).enumerate() {
-            records[lane] = if alone_wide[lane] != 0 { cast_ref(sums) } else { cast_ref(&empty) };
-        }
+        records = every_other(tree.wide.nearest_from(start), columns, &alone_wide, &empty);
         moments::<true>(&own, &rows(&records, tree.isa), &known, found);
     } else {
         moments::<false>(&own, &NO_ROWS, &known, found);

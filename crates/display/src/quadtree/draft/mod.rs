@@ -1,4 +1,4 @@
-//! Drafts: pictures while the camera moves, in a fraction of the time that [`Drawing`](super::drawing::Drawing)s take.
+//! Drafts: pictures while the camera moves, in less time than [`Drawing`](super::drawing::Drawing)s take.
 //!
 //! A draft knows one surface of each leaf: the nearest that is a good part of it. Means are made from pixels upwards ([`gather`], [`join`]) and
 //! settled from the largest leaf downwards ([`settle`]): a leaf keeps its own as far as it differs by more than noise from what is shown around
@@ -232,7 +232,7 @@ impl Draft {
     }
 
     /// The picture of all samples so far.
-    pub fn draw(&mut self, tree: &Quadtree) -> &Frame {
+    pub fn draw(&mut self, tree: &Quadtree) {
         self.frame.start(tree);
         self.gather(tree);
         for number in 2..self.levels.len() {
@@ -248,7 +248,6 @@ impl Draft {
             }
         }
         self.paint(tree);
-        &self.frame
     }
 
     /// Sums of pixels become leaves, and four of these one of the next size.
@@ -313,11 +312,16 @@ fn push(tree: &Quadtree, number: usize, leaves: &Leaves, above: &Shown, below: &
 }
 
 impl Quadtree {
-    /// A picture of all samples so far, as drawn while the camera moves: up to 2 dB below [`draw`](Self::draw)'s, in a half to
-    /// a quarter of its time.
+    /// A picture of all samples so far, as drawn while the camera moves: up to 2 dB below [`draw`](Self::draw)'s, in 0.5 to
+    /// 0.9 of its time, and in a quarter to a third where samples look from elsewhere. From outside of all sections, and of leaves of one size, it
+    /// is the same.
     pub fn draft(&mut self) -> &Frame {
         let mut draft = self.draft.take().unwrap_or_else(|| Box::new(Draft::new(self)));
-        draft.draw(self);
+        if self.has_drafts() {
+            draft.draw(self);
+        } else {
+            draft.frame = self.draw();
+        }
         &self.draft.insert(draft).frame
     }
 
