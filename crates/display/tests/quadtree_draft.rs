@@ -186,6 +186,34 @@ fn colours_of_any_size_stay_finite_and_within_those_of_the_samples() {
     }
 }
 
+/// Sums that take more than what is kept of most: of samples of 1024 paths, a million times as bright, and both. What they tell is the same.
+#[test]
+fn pictures_of_large_sums_are_those_of_small_ones() {
+    for (batch, doublings, paths) in
+        [(false, 0, 1024), (true, 0, 1024), (false, 20, 1), (false, 20, 1024), (true, 28, 64)]
+    {
+        let stored = samples(SIZE, 3.0, some_paths, batch);
+        let mut small = tree(SIZE, &stored);
+        let mut large = tree(SIZE, &[]);
+        for (beam, sample) in &stored {
+            let [r, g, b, exponent] = sample.rgbe;
+            let sample = Sample::from_codes(sample.coords, [r, g, b, exponent + doublings], sample.distance_code());
+            large.insert(0, *beam, paths, &[sample]);
+        }
+        let scale = 2.0_f32.powi(doublings.into());
+        // Noise is told in steps that are coarser for dark colours.
+        let allowed = if doublings == 0 { 1e-3 } else { 0.02 };
+        let small = [small.draft().picture.pixels.clone(), small.draw().picture.pixels];
+        let large = [large.draft().picture.pixels.clone(), large.draw().picture.pixels];
+        for (small, large) in small.iter().flatten().flatten().zip(large.iter().flatten().flatten()) {
+            assert!(
+                (large - small * scale).abs() <= allowed * small * scale,
+                "{small} {large} {batch} {doublings} {paths}"
+            );
+        }
+    }
+}
+
 #[test]
 fn drafts_show_the_sky_where_beams_see_nothing_and_nothing_where_no_section_is() {
     let (section, size) = (room_section(8), SIZE);

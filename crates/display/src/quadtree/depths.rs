@@ -6,6 +6,7 @@
 //! Invariant: depths are a function of the set of samples, as the picture is.
 
 use super::bins::{FAR, bin_distance};
+use super::sums::Summed;
 use super::surface::{Bins, adjacent, gap_allowed};
 use super::{Quadtree, SEEN_SHARE};
 
@@ -84,7 +85,7 @@ impl Quadtree {
             for row in side * row..(side * row + side).min(height) {
                 for pixel in row * width + side * column..row * width + (side * column + side).min(width) {
                     let bins = self.narrow.of(pixel).chain(self.wide.of(pixel));
-                    found.extend(bins.map(|(bin, sums)| Part { bins: Bins::of(bin), count: sums.count }));
+                    found.extend(bins.map(|(bin, sums)| Part { bins: Bins::of(bin), count: sums.count() }));
                 }
             }
         });

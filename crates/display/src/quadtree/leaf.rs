@@ -8,9 +8,9 @@
 //!
 //! Invariant: only samples of one surface are averaged: bins connected to the pixel's own.
 
-use crate::quadtree::bins::luminance;
 use crate::quadtree::paint::TILE;
 use crate::quadtree::pyramid::Level;
+use crate::quadtree::sums::luminance;
 use crate::quadtree::surface::{Bins, Deviation, Surface, gap_allowed};
 use crate::quadtree::{LeafSize, QuadtreeParams};
 use glam::Vec4;

@@ -2,8 +2,9 @@
 //!
 //! Invariant: as in every quadtree, rays are summed, so that their order changes no bit.
 
-use super::bins::{Colour, FAR, NEAR_CLASSES, depth_bin};
+use super::bins::{FAR, depth_bin};
 use super::reproject::FULL_WEIGHT;
+use super::sums::{Colour, NEAR_CLASSES};
 use super::{MAX_PATHS, Quadtree, QuadtreeParams};
 use crate::LiveSample;
 use holo_picture::View;

@@ -30,6 +30,7 @@ mod quarters;
 pub(crate) mod reproject;
 mod shown;
 mod standing;
+mod sums;
 mod surface;
 mod tile;
 mod wide;
@@ -39,7 +40,7 @@ use crate::candidates::candidates;
 use crate::covered::covered;
 use crate::pointimage::isa::{Isa, Kernel};
 use crate::pointimage::zeroed;
-use bins::{BINS_KEPT, Colour, PixelBins, merged};
+use bins::{BINS_KEPT, PixelBins, merged};
 use draft::Draft;
 use drawing::Drawing;
 use glam::DVec3;
@@ -51,6 +52,7 @@ use pyramid::{Level, Source};
 use reproject::{BATCH, BeamProjector, DistanceTable, Landing, PlacedSection, Projected};
 use std::collections::HashSet;
 use std::sync::Arc;
+use sums::Colour;
 use wide::Agreement;
 
 /// Paths a sample counts for at most: enough that more are not told apart, few enough that sums cannot overflow.

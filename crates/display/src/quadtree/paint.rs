@@ -3,10 +3,11 @@
 //! Invariant: a pixel is a function of the leaves and, by the noise found last, of the pixels of its tile before it: tiles are drawn on all
 //! cores, in any order.
 
-use super::bins::{NEAR_CLASSES, bin_distance_squared};
+use super::bins::bin_distance_squared;
 use super::leaf::{Reader, beside};
 use super::shown::Shown;
 use super::standing::may_stand;
+use super::sums::NEAR_CLASSES;
 use super::surface::{Bins, Surface, gap_allowed};
 use super::tile::TileColours;
 use super::wide::Agreement;

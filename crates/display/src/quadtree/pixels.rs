@@ -5,6 +5,7 @@
 use super::bins::depth_bin;
 use super::paint::UnseenPixels;
 use super::reproject::Landing;
+use super::sums::Summed;
 use super::surface::adjacent;
 use super::{Frame, Quadtree};
 use holo_section::{BeamId, Sample};
@@ -112,7 +113,7 @@ impl Quadtree {
         let has_few = |pixel: usize| {
             self.prefetch(pixel + AHEAD);
             let bins = self.narrow.of(pixel).chain(self.wide.of(pixel));
-            (1..=FEW).contains(&bins.map(|(_, sums)| u64::from(sums.count)).sum())
+            (1..=FEW).contains(&bins.map(|(_, sums)| u64::from(sums.count())).sum())
         };
         (0..self.covered.len()).map(has_few).collect()
     }
@@ -120,7 +121,7 @@ impl Quadtree {
     fn known_by_samples(&self, pixel: usize) -> Known {
         let (mut known, mut near_bin) = (Known::Nothing, None);
         for (bin, sums) in self.narrow.of(pixel).chain(self.wide.of(pixel)) {
-            let is_near = sums.near.iter().any(|&count| count > 0);
+            let is_near = sums.near().iter().any(|&count| count > 0);
             known = match (known, near_bin) {
                 _ if !is_near && known != Known::Nothing => known,
                 _ if !is_near => Known::Afar,

@@ -7,14 +7,13 @@
 //! - The surfaces of a leaf are disjoint in depth, nearest first, and each surface of a child lies within one of its parent.
 //! - The same bins give the same bits, whichever memory is used again and however many threads there are.
 
-use super::bins::Sums;
 use super::quarters::{Joined, LANES};
+use super::sums::Summed;
 use super::surface::{Bins, Surface, adjacent, gap_allowed, of_pixel};
 use crate::parts::for_parts;
 use crate::pointimage::isa::{Isa, Kernel};
 use crate::pointimage::{prefetch, zeroed};
 use bytemuck::{Pod, Zeroable};
-use std::borrow::Borrow;
 use std::ops::Range;
 
 /// Pixels whose sums are asked for ahead, of those that are made.
@@ -374,7 +373,7 @@ struct MakeBand<'a, 'b, F, P, I> {
 
 impl<S, B, F, P, I> Kernel for MakeBand<'_, '_, F, P, I>
 where
-    S: Borrow<Sums>,
+    S: Summed,
     B: Iterator<Item = (u16, S)>,
     F: Fn(usize) -> B,
     P: Fn(usize),
@@ -394,7 +393,7 @@ where
             // Most pixels have one bin.
             match (bins.next(), bins.next()) {
                 (None, _) => pixels.set_none(index),
-                (Some((bin, sums)), None) => pixels.set_one(index, Surface::new(Bins::of(bin), sums.borrow())),
+                (Some((bin, sums)), None) => pixels.set_one(index, Surface::new(Bins::of(bin), &sums)),
                 (Some(first), Some(second)) => {
                     let surfaces = &mut scratch.surfaces;
                     surfaces.clear();
@@ -425,7 +424,7 @@ pub(crate) struct Source<F, P> {
     pub isa: Isa,
 }
 
-impl<S: Borrow<Sums>, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B + Sync, P: Fn(usize) + Sync> Source<F, P> {
+impl<S: Summed, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B + Sync, P: Fn(usize) + Sync> Source<F, P> {
     /// All levels, from pixels on. The memory of others is used again if it is of a picture of the same size.
     pub fn pyramid(&self, memory: Option<Vec<Level>>) -> Vec<Level> {
         let is_alike = |memory: &Vec<Level>| memory.first().is_some_and(|level| level.size() == self.size);

@@ -4,7 +4,8 @@
 //! in double precision, before anything is subtracted, so sections far from the origin lose nothing.
 
 use crate::camera::Camera;
-use crate::quadtree::bins::{FAR, NEAR_CLASSES, depth_bin};
+use crate::quadtree::bins::{FAR, depth_bin};
+use crate::quadtree::sums::NEAR_CLASSES;
 use crate::quadtree::wide::NARROW;
 use glam::DVec3;
 use holo_picture::Clip;
@@ -84,7 +85,7 @@ pub(crate) struct Landing {
     pub bin: u16,
     /// 8 to 64, by nearness of the ray to the eye.
     pub weight: u32,
-    /// How near the eye the ray passes, as [`bins::Sums::near`](crate::quadtree::bins::Sums::near) counts it; None: not near.
+    /// How near the eye the ray passes, as [`Summed::near`](crate::quadtree::sums::Summed::near) counts it; None: not near.
     pub near: Option<usize>,
     /// Whether the ray looks as the eye does ([`NARROW`]).
     pub narrow: bool,

@@ -1,9 +1,10 @@
 //! Which surface a pixel shows, or which colour, by the samples of its own and around it.
 
-use super::bins::{BINS_AN_OCTAVE, NEAR_CLASSES};
+use super::bins::BINS_AN_OCTAVE;
 use super::leaf::own_surface;
 use super::paint::{CLEARLY_IN_FRONT, Counts, Painter};
 use super::pyramid::Level;
+use super::sums::NEAR_CLASSES;
 use super::surface::{Bins, Surface};
 use super::{MultiDepth, Quadtree, SEEN_SHARE};
 

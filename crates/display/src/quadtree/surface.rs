@@ -4,9 +4,9 @@
 //!
 //! Invariant: moments are functions of the bins' sums and of the order in which leaves are joined, which is fixed.
 
-use crate::quadtree::bins::{FAR, Moments, NEAR_CLASSES, Sums, luminance};
+use crate::quadtree::bins::FAR;
+use crate::quadtree::sums::{Moments, NEAR_CLASSES, Summed, luminance};
 use bytemuck::{Pod, Zeroable, cast};
-use std::borrow::Borrow;
 
 /// Degrees of freedom that an estimate of noise from finer leaves needs before a leaf's own spread is not used for it.
 pub(crate) const ENOUGH_FREEDOM: f32 = 6.0;
@@ -63,7 +63,7 @@ pub(crate) struct Surface {
     pub mean: [f32; 4],
     spread_luminance: f32,
     spread_compressed: f32,
-    /// Of a single pixel, samples that pass near the eye, as [`Sums::near`] has them; of larger leaves, [`Within`], as bits: noise about
+    /// Of a single pixel, samples that pass near the eye, as [`Summed::near`] has them; of larger leaves, [`Within`], as bits: noise about
     /// the means of the smallest leaves that have enough samples to tell, without the picture's own variation across larger leaves.
     near_or_within: [u32; NEAR_CLASSES],
 }
@@ -119,7 +119,7 @@ pub(crate) struct Deviation {
 
 impl Surface {
     #[inline(always)]
-    pub fn new(bins: Bins, sums: &Sums) -> Self {
+    pub fn new(bins: Bins, sums: &impl Summed) -> Self {
         let Moments { weight, weight_squared, mean: [r, g, b], luminance_squared, compressed, compressed_squared } =
             sums.moments();
         let mean_luminance = 0.265 * r + 0.670 * g + 0.065 * b;
@@ -127,22 +127,22 @@ impl Surface {
         let spread_luminance = (variance.max(0.0) * weight) as f32;
         let spread_compressed = ((compressed_squared - compressed * compressed).max(0.0) * weight) as f32;
         // Chosen, not skipped: which pixels have one sample no processor can tell beforehand.
-        let is_one = sums.count < 2;
+        let is_one = sums.count() < 2;
         let (spread_luminance, spread_compressed) =
             (if is_one { 0.0 } else { spread_luminance }, if is_one { 0.0 } else { spread_compressed });
         Self {
             bins,
-            count: sums.count,
+            count: sums.count(),
             weight: weight as f32,
             weight_squared: weight_squared as f32,
             mean: [r as f32, g as f32, b as f32, compressed as f32],
             spread_luminance,
             spread_compressed,
-            near_or_within: sums.near,
+            near_or_within: sums.near(),
         }
     }
 
-    /// Samples of a single pixel's surface that pass near the eye, as [`Sums::near`] has them.
+    /// Samples of a single pixel's surface that pass near the eye, as [`Summed::near`] has them.
     #[inline(always)]
     pub fn near(&self) -> [u32; NEAR_CLASSES] {
         self.near_or_within
@@ -342,7 +342,7 @@ fn chosen(is_first: bool, [a, b, c, d]: [u32; 4], second: [u32; 4]) -> [u32; 4] 
 
 /// Adds to `surfaces` those of one pixel's bins, which are given nearest first.
 #[inline(always)]
-pub(crate) fn of_pixel<S: Borrow<Sums>>(bins: impl Iterator<Item = (u16, S)>, surfaces: &mut Vec<Surface>) {
+pub(crate) fn of_pixel<S: Summed>(bins: impl Iterator<Item = (u16, S)>, surfaces: &mut Vec<Surface>) {
     let mut bins = bins.peekable();
     while let Some((first, sums)) = bins.next() {
         let mut last = first;
@@ -353,12 +353,12 @@ pub(crate) fn of_pixel<S: Borrow<Sums>>(bins: impl Iterator<Item = (u16, S)>, su
         };
         // Mostly there is one bin, whose sums are not copied.
         let surface = match next() {
-            None => Surface::new(Bins::of(first), sums.borrow()),
+            None => Surface::new(Bins::of(first), &sums),
             Some(second) => {
-                let mut joined = *sums.borrow();
-                joined.join(second.borrow());
+                let mut joined = sums.sums();
+                joined.join(&second.sums());
                 while let Some(more) = next() {
-                    joined.join(more.borrow());
+                    joined.join(&more.sums());
                 }
                 Surface::new(Bins { first, last }, &joined)
             }
@@ -383,7 +383,8 @@ pub(crate) fn adjacent(end: u16, next: u16, gap: u16) -> bool {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use crate::quadtree::bins::{Colour, PixelBins};
+    use crate::quadtree::bins::PixelBins;
+    use crate::quadtree::sums::Colour;
     use holo_section::{RayCoords, Sample};
 
     /// A leaf of four pixels with so many samples each, of a mean of its own times a random number.
@@ -394,7 +395,7 @@ mod tests {
                 let sample = Sample::encode(RayCoords::default(), [mean * random(); 3], 1.0, 1.0, 0x8000_0000);
                 bins.add(0, 7, &Colour::from_rgbe(sample.rgbe), 64, None);
             }
-            Surface::new(Bins::of(7), bins.of(0).next().unwrap().1).risen(0)
+            Surface::new(Bins::of(7), &bins.of(0).next().unwrap().1).risen(0)
         });
         let mut whole = quarters[0];
         quarters[1..].iter().for_each(|quarter| whole.join(quarter));

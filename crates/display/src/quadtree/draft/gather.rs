@@ -1,11 +1,12 @@
 //! What pixels of a draft are made of: sums become means, sixteen pixels side by side.
 
 use super::super::Quadtree;
-use super::super::bins::{
-    BINS_AN_OCTAVE, BINS_KEPT, COLOUR_FRACTION, COMPRESSED_SCALE, EMPTY, LUMINANCE_SCALE, Moments, NEAR_CLASSES, NONE,
-    Sums, luminance, merged, places,
-};
+use super::super::bins::{BINS_AN_OCTAVE, BINS_KEPT, EMPTY, NONE, PixelBins, merged};
 use super::super::paint::UnseenPixels;
+use super::super::sums::{
+    COLOUR_FRACTION, COMPRESSED, COMPRESSED_SCALE, COMPRESSED_SQUARED, COUNTS, HAS_HIGH, High, Kept, LOW_BITS,
+    LOW_HALF_BITS, LUMINANCE_SCALE, LUMINANCE_SQUARED, Moments, NEAR_CLASSES, Packed, Summed, Sums, WEIGHTS, luminance,
+};
 use super::super::surface::{Bins, adjacent, gap_allowed};
 use super::join::{join, own_noise, split};
 use super::*;
@@ -40,7 +41,7 @@ impl Kernel for GatherBand<'_, '_> {
         let across = width.div_ceil(2).next_multiple_of(LANES);
         band.mixed.clear();
         let mut unseen = UnseenPixels::default();
-        let mut several = [Sums::zeroed(); LANES];
+        let mut several = [(Packed::zeroed(), High::zeroed()); LANES];
         let mut found = [[NONE_LANES; FIELDS]; 4];
         for (half, pixels) in band.pixels.chunks_mut(4 * OF_PIXELS * (across / LANES)).enumerate() {
             let row = 2 * band.row + half;
@@ -77,7 +78,7 @@ impl Kernel for GatherBand<'_, '_> {
                         band.empty += u64::from(empty);
                     }
                     let at = (x / LANES * 4 + plane) * OF_PIXELS;
-                    pixels[at..at + OF_PIXELS].copy_from_slice(&found[..OF_PIXELS]);
+                    put_pixels(found, &mut pixels[at..at + OF_PIXELS]);
                 }
                 let joined = join(1, [&found[0], &found[1], &found[2], &found[3]]);
                 split(&joined, band.above, row % 2, x);
@@ -86,43 +87,93 @@ impl Kernel for GatherBand<'_, '_> {
     }
 }
 
-/// Of two or four words of a wide number, the one of this rank.
+/// What of these pixels is kept.
 #[inline(always)]
-fn word(words: usize, rank: usize) -> usize {
-    if cfg!(target_endian = "big") { words - 1 - rank } else { rank }
+fn put_pixels(found: &[Lanes; FIELDS], to: &mut [Lanes]) {
+    to[..ERROR].copy_from_slice(&found[..ERROR]);
+    for lane in 0..LANES {
+        let error = found[ERROR][lane];
+        to[ERROR][lane] = if found[NEAR][lane] > 0.0 { -error } else { error };
+        let bins = found[FIRST][lane] as u32 | (found[LAST][lane] as u32) << 16;
+        to[BINS][lane] = f32::from_bits(bins);
+    }
 }
 
-/// The words of sums.
-type Record = [Words; 2];
-/// Of sixteen sums, word by word.
-type Rows = [[Words; WORDS]; 2];
-const NO_ROWS: Rows = [[[0; LANES]; WORDS]; 2];
+/// What sums of sixteen pixels are, in their fixed points, by number: the words of what is kept, and of those that hold two sums the upper.
+type Values = [Lanes; 10];
+const SUM_WEIGHT: usize = WEIGHTS;
+const SUM_COUNT: usize = COUNTS;
+const SUM_WEIGHT_SQUARED: usize = 8;
+/// Not 0 if there are any.
+const SUM_NEAR: usize = 9;
 
-/// Sixteen sums side by side.
+/// Of a word of 64 bits the lower half and the upper, by their places as words of 32.
 #[inline(always)]
-fn rows(records: &[&Record; LANES], isa: Isa) -> Rows {
-    let [mut lower, mut upper] = [[&records[0][0]; LANES]; 2];
+fn halves(word: usize) -> [usize; 2] {
+    if cfg!(target_endian = "big") { [2 * word + 1, 2 * word] } else { [2 * word, 2 * word + 1] }
+}
+
+/// Sums of sixteen pixels from their lower parts; and from those above, if there are any, which `high` has of a lane.
+#[inline(always)]
+fn values<'a>(packed: &[&Packed; LANES], isa: Isa, high: impl Fn(usize) -> Option<&'a High>) -> Values {
+    let mut records: [&Words; LANES] = [cast_ref(packed[0]); LANES];
     for lane in 0..LANES {
-        (lower[lane], upper[lane]) = (&records[lane][0], &records[lane][1]);
+        records[lane] = cast_ref(packed[lane]);
     }
-    let mut rows = NO_ROWS;
-    isa.transpose(lower, &mut rows[0]);
-    isa.transpose(upper, &mut rows[1]);
-    rows
+    let mut rows = [[0; LANES]; WORDS];
+    isa.transpose(records, &mut rows);
+    let mut values = [NONE_LANES; 10];
+    add_words(&rows, [1.0; 2], &mut values);
+    let [count, near] = halves(COUNTS).map(|at| rows[at]);
+    let mut has_high = 0;
+    for lane in 0..LANES {
+        values[SUM_COUNT][lane] = (count[lane] & !HAS_HIGH) as f32;
+        values[SUM_NEAR][lane] = near[lane] as f32;
+        has_high |= count[lane] & HAS_HIGH;
+    }
+    if has_high != 0 {
+        let none = High::zeroed();
+        for lane in 0..LANES {
+            records[lane] = cast_ref(high(lane).unwrap_or(&none));
+        }
+        isa.transpose(records, &mut rows);
+        add_words(&rows, [LOW_BITS, LOW_HALF_BITS].map(|bits| (1_u64 << bits) as f32), &mut values);
+        let near = halves(COUNTS).map(|at| rows[at]);
+        for lane in 0..LANES {
+            values[SUM_NEAR][lane] += near[0][lane] as f32 + near[1][lane] as f32;
+        }
+    }
+    values
+}
+
+/// Adds what words are worth, of wide sums and of those that are halves of a word.
+#[inline(always)]
+fn add_words(rows: &[Words; WORDS], [wide, half]: [f32; 2], values: &mut Values) {
+    /// Of the upper half of a word.
+    const UPPER: f32 = 4_294_967_296.0;
+    for lane in 0..LANES {
+        for word in 0..WEIGHTS {
+            let [low, high] = halves(word).map(|at| rows[at][lane] as f32);
+            values[word][lane] += high * (UPPER * wide) + low * wide;
+        }
+        let [weight, weight_squared] = halves(WEIGHTS).map(|at| rows[at][lane] as f32);
+        values[SUM_WEIGHT][lane] += weight * half;
+        values[SUM_WEIGHT_SQUARED][lane] += weight_squared * half;
+    }
 }
 
 /// Of the first `columns` of every other sums those that are chosen (not 0), and `empty` in the place of others.
 #[inline(always)]
-fn every_other<'a>(sums: &'a [Sums], columns: usize, is_chosen: &Words, empty: &'a Sums) -> [&'a Record; LANES] {
-    let mut records: [&Record; LANES] = [cast_ref(empty); LANES];
+fn every_other<'a>(sums: &'a [Packed], columns: usize, is_chosen: &Words, empty: &'a Packed) -> [&'a Packed; LANES] {
+    let mut records = [empty; LANES];
     // All but where rows end: without a bound to look at for each.
     if let (LANES, Some(sums)) = (columns, sums.first_chunk::<{ 2 * LANES - 1 }>()) {
         for lane in 0..LANES {
-            records[lane] = cast_ref(if is_chosen[lane] != 0 { &sums[2 * lane] } else { empty });
+            records[lane] = if is_chosen[lane] != 0 { &sums[2 * lane] } else { empty };
         }
     } else {
         for (lane, sums) in sums.iter().step_by(2).take(columns).enumerate() {
-            records[lane] = cast_ref(if is_chosen[lane] != 0 { sums } else { empty });
+            records[lane] = if is_chosen[lane] != 0 { sums } else { empty };
         }
     }
     records
@@ -147,7 +198,7 @@ fn pixel_lanes(
     columns: usize,
     place: (usize, usize),
     mixed: &mut Vec<Mixed>,
-    several: &mut [Sums; LANES],
+    several: &mut [(Packed, High); LANES],
     found: &mut [Lanes; FIELDS],
 ) {
     let has_wide = !tree.wide.is_empty();
@@ -171,30 +222,46 @@ fn pixel_lanes(
         known.first[lane] = own.min(wide);
         known.last[lane] = if is_both { own.max(wide) } else { own.min(wide) };
     }
-    let empty = Sums::zeroed();
+    let empty = Packed::zeroed();
     let mut records = every_other(tree.narrow.nearest_from(start), columns, &alone, &empty);
     if many != [0; LANES] {
         for lane in 0..columns {
             if many[lane] != 0 {
                 let place = (place.0 + 2 * lane, place.1);
-                let found = several_surfaces(tree, start + 2 * lane, place, mixed, &mut several[lane]);
+                let (found, sums) = several_surfaces(tree, start + 2 * lane, place, mixed);
+                several[lane] = sums.packed();
                 (known.first[lane], known.last[lane]) = (found.bins.first.into(), found.bins.last.into());
                 (known.all[lane], known.seen[lane], known.seen_all[lane]) = (found.all, found.seen, found.seen_all);
             }
         }
         for lane in 0..columns {
             if many[lane] != 0 {
-                records[lane] = cast_ref(&several[lane]);
+                records[lane] = &several[lane].0;
             }
         }
     }
-    let own = rows(&records, tree.isa);
+    let several = &*several;
+    let high = |lane: usize| {
+        if many[lane] != 0 { Some(&several[lane].1) } else { high_alone(&tree.narrow, start, lane, &alone) }
+    };
+    let mut sums = values(&records, tree.isa, high);
+    let own_count = sums[SUM_COUNT];
     if has_wide {
         records = every_other(tree.wide.nearest_from(start), columns, &alone_wide, &empty);
-        moments::<true>(&own, &rows(&records, tree.isa), &known, found);
-    } else {
-        moments::<false>(&own, &NO_ROWS, &known, found);
+        let wide = values(&records, tree.isa, |lane| high_alone(&tree.wide, start, lane, &alone_wide));
+        for (sums, wide) in sums.iter_mut().zip(&wide) {
+            for lane in 0..LANES {
+                sums[lane] += wide[lane];
+            }
+        }
     }
+    moments(&sums, &own_count, &known, found);
+}
+
+/// Words above those of one of every other pixel's nearest bin, if it is chosen (not 0) and has some.
+#[inline(always)]
+fn high_alone<'a>(bins: &'a PixelBins, start: usize, lane: usize, is_chosen: &Words) -> Option<&'a High> {
+    if is_chosen[lane] != 0 { bins.high_of_nearest(start + 2 * lane) } else { None }
 }
 
 /// What is known of sixteen pixels besides their sums.
@@ -208,38 +275,22 @@ struct Known {
     seen_all: Words,
 }
 
-/// What the sums of sixteen pixels tell, of those that look as the eye does and, if there are any, of others.
+/// What the sums of sixteen pixels tell: of samples that look as the eye does, which `own_count` counts, and, if there are any, of others.
 ///
 /// In single precision: variances are differences of numbers that agree in all but the last bits where samples have no noise, but are then below
 /// what RGBE's steps are taken for.
 #[inline(always)]
-fn moments<const HAS_WIDE: bool>(own: &Rows, wide: &Rows, known: &Known, found: &mut [Lanes; FIELDS]) {
+fn moments(sums: &Values, own_count: &Lanes, known: &Known, found: &mut [Lanes; FIELDS]) {
     for lane in 0..LANES {
-        let value = |at: usize| {
-            let own = own[at / WORDS][at % WORDS][lane] as f32;
-            if HAS_WIDE { own + wide[at / WORDS][at % WORDS][lane] as f32 } else { own }
-        };
-        /// Of the next word.
-        const NEXT: f32 = 4_294_967_296.0;
-        let wide = |at: usize, scale: f32| {
-            let [a, b, c, d] = four(|n| value(at + word(4, n)));
-            ((d * (NEXT * NEXT * NEXT * scale) + c * (NEXT * NEXT * scale)) + b * (NEXT * scale)) + a * scale
-        };
-        let long = |at: usize, scale: f32| {
-            let (a, b) = (value(at + word(2, 0)), value(at + word(2, 1)));
-            b * (NEXT * scale) + a * scale
-        };
-        let scale = 1.0 / (1_u64 << COLOUR_FRACTION) as f32;
-        let weight = long(places::WEIGHT, 1.0);
-        let weight_squared = long(places::WEIGHT_SQUARED, 1.0);
+        let value = |number: usize| sums[number][lane];
+        let (weight, weight_squared, count) = (value(SUM_WEIGHT), value(SUM_WEIGHT_SQUARED), value(SUM_COUNT));
         let part = 1.0 / greater(weight, 1.0);
-        let mean =
-            [wide(places::RGB, scale) * part, wide(places::RGB + 4, scale) * part, wide(places::RGB + 8, scale) * part];
-        let luminance_squared = wide(places::LUMINANCE_SQUARED, 1.0 / (LUMINANCE_SCALE * LUMINANCE_SCALE)) * part;
-        let compressed = long(places::COMPRESSED, 1.0 / COMPRESSED_SCALE) * part;
+        let scale = 1.0 / (1_u64 << COLOUR_FRACTION) as f32;
+        let mean = [0, 1, 2].map(|channel| value(channel) * scale * part);
+        let luminance_squared = value(LUMINANCE_SQUARED) * (1.0 / (LUMINANCE_SCALE * LUMINANCE_SCALE)) * part;
+        let compressed = value(COMPRESSED) * (1.0 / COMPRESSED_SCALE) * part;
         let compressed_scale = 1.0 / (COMPRESSED_SCALE * COMPRESSED_SCALE);
-        let compressed_squared = wide(places::COMPRESSED_SQUARED, compressed_scale) * part;
-        let count = value(places::COUNT);
+        let compressed_squared = value(COMPRESSED_SQUARED) * compressed_scale * part;
         let bright = luminance(mean);
         let some = if count < 2.0 { 0.0 } else { weight };
         let spread_luminance = greater(luminance_squared - bright * bright, 0.0) * some;
@@ -251,13 +302,12 @@ fn moments<const HAS_WIDE: bool>(own: &Rows, wide: &Rows, known: &Known, found: 
         found[ERROR][lane] = weight_squared.sqrt() * part;
         found[FIRST][lane] = known.first[lane] as f32;
         found[LAST][lane] = known.last[lane] as f32;
-        let [a, b, c, d] = four(|class| value(places::NEAR + class));
-        found[NEAR][lane] = (a + b) + (c + d);
+        found[NEAR][lane] = value(SUM_NEAR);
         found[WEIGHT][lane] = weight;
         found[WEIGHT_SQUARED][lane] = weight_squared;
         found[COUNT][lane] = count;
         let is_one = known.all[lane] == 0;
-        let own_count = own[places::COUNT / WORDS][places::COUNT % WORDS][lane] as f32;
+        let own_count = own_count[lane];
         found[ALL][lane] = if is_one { count } else { known.all[lane] as f32 };
         found[SEEN][lane] = if is_one { own_count } else { known.seen[lane] as f32 };
         found[SEEN_ALL][lane] = if is_one { own_count } else { known.seen_all[lane] as f32 };
@@ -277,15 +327,15 @@ fn several_surfaces(
     pixel: usize,
     (column, row): (usize, usize),
     mixed: &mut Vec<Mixed>,
-    most: &mut Sums,
-) -> Most {
+) -> (Most, Sums) {
     // Mostly bins side by side are of one surface.
     if !tree.wide.has(pixel)
-        && let Some(bins) = join_alone(tree.narrow.of(pixel), most)
+        && let Some((bins, sums)) = join_alone(tree.narrow.of(pixel))
     {
-        return Most { bins, all: most.count, seen: most.count, seen_all: most.count };
+        let count = sums.count();
+        return (Most { bins, all: count, seen: count, seen_all: count }, sums);
     }
-    let mut found = [(Bins::of(NONE), Sums::zeroed()); BINS_KEPT];
+    let mut found = [(Bins::of(NONE), Sums::default()); BINS_KEPT];
     let mut count = 0;
     for (bin, sums) in merged(&tree.narrow, &tree.wide, pixel) {
         match found[..count].last_mut() {
@@ -303,7 +353,7 @@ fn several_surfaces(
     let near = |(bins, sums): &(Bins, Sums)| {
         let behind = bins.first.saturating_sub(front.first);
         let halvings = if tree.params.viewpoint_radius.is_none() { usize::from(behind / BINS_AN_OCTAVE) } else { 0 };
-        sums.near.iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum::<f32>()
+        sums.near().iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum::<f32>()
     };
     let (mut chosen, mut nearest) = (0, 0.0);
     for (number, surface) in found.iter().enumerate() {
@@ -320,29 +370,29 @@ fn several_surfaces(
         }
     }
     let (bins, sums) = found[chosen];
-    *most = sums;
     let [mut seen, mut seen_all] = [0; 2];
     for (bin, sums) in tree.narrow.of(pixel) {
-        seen_all += sums.count;
-        seen += if bins.first <= bin && bin <= bins.last { sums.count } else { 0 };
+        seen_all += sums.count();
+        seen += if bins.first <= bin && bin <= bins.last { sums.count() } else { 0 };
     }
-    Most { bins, all: found.iter().map(|(_, sums)| sums.count).sum(), seen, seen_all }
+    let all = found.iter().map(|(_, sums)| sums.count()).sum();
+    (Most { bins, all, seen, seen_all }, sums)
 }
 
 /// The bins of a pixel and the sums of all of them, if they are of one surface.
 #[inline(always)]
-fn join_alone<'a>(mut bins: impl Iterator<Item = (u16, &'a Sums)>, joined: &mut Sums) -> Option<Bins> {
+fn join_alone<'a>(mut bins: impl Iterator<Item = (u16, Kept<'a>)>) -> Option<(Bins, Sums)> {
     let (first, sums) = bins.next()?;
-    *joined = *sums;
+    let mut joined = sums.sums();
     let mut last = first;
     for (bin, sums) in bins {
         if !adjacent(last, bin, gap_allowed(0)) {
             return None;
         }
-        joined.join(sums);
+        joined.join(&sums.sums());
         last = bin;
     }
-    Some(Bins { first, last })
+    Some((Bins { first, last }, joined))
 }
 
 impl Mixed {

@@ -1,7 +1,8 @@
 //! Leaves of a draft above four others, sixteen side by side.
 
 use super::super::SEEN_SHARE;
-use super::super::bins::{FAR, luminance};
+use super::super::bins::FAR;
+use super::super::sums::luminance;
 use super::super::surface::{ENOUGH_FREEDOM, FEW_OF, MIXED_F, MIXED_PART, MIXED_SAMPLES, MIXED_STEP, gap_allowed};
 use super::settle::LEAST_SHARE;
 use super::*;

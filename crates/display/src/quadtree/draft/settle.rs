@@ -1,9 +1,10 @@
 //! What leaves of a draft show: their own mean, or what is shown around them of the leaves above.
 
-use super::super::bins::{bin_distance_squared, luminance};
+use super::super::bins::bin_distance_squared;
 use super::super::leaf::{FEW_SAMPLES, KAPPA, KAPPA_LINEAR, NOISE_FREEDOM, PLAIN_TAIL, QUANTUM, UNSEEN};
 use super::super::paint::{CLEARLY_IN_FRONT, UnseenPixels};
 use super::super::shown::MANY_A_PIXEL;
+use super::super::sums::luminance;
 use super::super::surface::gap_allowed;
 use super::*;
 use crate::pointimage::isa::Kernel;
@@ -75,10 +76,10 @@ fn settle(
 }
 
 /// Whether a leaf's surface is hidden by that which the leaf above shows, as pixels' are by leaves around them
-/// ([`covering`](super::super::shown)): none of its own samples pass near the eye.
+/// ([`covering`](super::super::shown)), if none of its own samples pass near the eye.
 #[inline(always)]
-fn is_hidden(near: f32, first: f32, above: impl Fn(usize, usize) -> f32) -> bool {
-    (near == 0.0) & (above(0, HIDES) > 0.0) & (above(0, SHOWN_LAST) + f32::from(CLEARLY_IN_FRONT) < first)
+fn is_hidden(first: f32, above: impl Fn(usize, usize) -> f32) -> bool {
+    (above(0, HIDES) > 0.0) & (above(0, SHOWN_LAST) + f32::from(CLEARLY_IN_FRONT) < first)
 }
 
 /// Leaves that a plane's leaf lies between, above: its own, the one beside, the one over or under it, and the one beside that.
@@ -148,7 +149,7 @@ fn shown_lanes(
         let of = |field: usize| own[field][lane];
         let above = |part: usize, field: usize| above[part][field][lane];
         let mean = [of(MEAN), of(MEAN + 1), of(MEAN + 2), of(MEAN + 3)];
-        let is_some = (of(WEIGHT) > 0.0) & !is_hidden(of(NEAR), of(FIRST), above);
+        let is_some = (of(WEIGHT) > 0.0) & ((of(NEAR) > 0.0) | !is_hidden(of(FIRST), above));
         let scale = if of(FREEDOM) > 0.0 { 1.0 / of(FREEDOM) } else { 0.0 };
         let is_own = (of(FREEDOM) >= NOISE_FREEDOM) | (above(0, SHOWN_SHARE) == 0.0);
         let bright = luminance([mean[0], mean[1], mean[2]]);
@@ -253,13 +254,15 @@ fn pixel_colours(own: &[Lanes; OF_PIXELS], above: &[[&Lanes; SHOWN_FIELDS]; 4], 
     for lane in 0..LANES {
         let of = |field: usize| own[field][lane];
         let above = |part: usize, field: usize| above[part][field][lane];
+        let bins = of(BINS).to_bits();
         let leaf = Own {
             mean: [of(MEAN), of(MEAN + 1), of(MEAN + 2), of(MEAN + 3)],
-            error: of(ERROR),
-            first: of(FIRST),
-            last: of(LAST),
+            error: of(ERROR).abs(),
+            first: (bins & 0xffff) as f32,
+            last: (bins >> 16) as f32,
         };
-        let is_some = (leaf.error > 0.0) & !is_hidden(of(NEAR), leaf.first, above);
+        let is_near = of(ERROR) < 0.0;
+        let is_some = (leaf.error > 0.0) & (is_near | !is_hidden(leaf.first, above));
         let settled = settle(&leaf, is_some, above, [above(0, RELATIVE), above(0, COMPRESSED)], gap);
         for channel in 0..3 {
             found[channel][lane] = settled.colour[channel];
