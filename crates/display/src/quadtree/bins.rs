@@ -11,7 +11,7 @@
 
 use super::sums::{Colour, High, Kept, Packed, Summed, Sums};
 use crate::pointimage::{filled, prefetch, reserved, zeroed};
-use bytemuck::Zeroable;
+use bytemuck::{Zeroable, cast};
 use std::ops::Range;
 
 /// Nearest depth bins kept for each pixel. A pixel rarely sees more than two surfaces.
@@ -50,7 +50,7 @@ type Slots = [u16; BINS_KEPT];
 /// Where the sums of all but the nearest of them are.
 type Places = [u32; BINS_KEPT - 1];
 
-pub(super) const EMPTY: Slots = [NONE; BINS_KEPT];
+const EMPTY: Slots = [NONE; BINS_KEPT];
 
 /// Sums by their place.
 #[derive(Clone)]
@@ -215,20 +215,29 @@ impl PixelBins {
         }
     }
 
-    /// The bins of every other pixel from one on, as many as are asked for.
+    /// The nearest bin and the next of every other pixel from one on, as many as are asked for; [`NONE`] of others.
     #[inline(always)]
-    pub fn slots_of_every_other<const COUNT: usize>(&self, first: usize, count: usize, to: &mut [Slots; COUNT]) {
+    pub fn bins_of_every_other<const COUNT: usize>(&self, first: usize, count: usize) -> [[u32; COUNT]; 2] {
         let slots = self.slots.get(first..).unwrap_or_default();
-        to.iter_mut().take(count).zip(slots.iter().step_by(2)).for_each(|(to, slots)| *to = *slots);
+        // Whole words: numbers of 16 bits one by one the compiler moves one by one.
+        let mut words = [u64::MAX; COUNT];
+        words.iter_mut().take(count).zip(slots.iter().step_by(2)).for_each(|(word, &slots)| *word = cast(slots));
+        let [first, second] = if cfg!(target_endian = "big") { [48, 32] } else { [0, 16] };
+        let [mut nearest, mut next] = [[0; COUNT]; 2];
+        for (lane, word) in words.iter().enumerate() {
+            nearest[lane] = (word >> first) as u32 & 0xffff;
+            next[lane] = (word >> second) as u32 & 0xffff;
+        }
+        [nearest, next]
     }
 
-    /// Lower words of the sums of the nearest bins from a pixel on: of no meaning where there is none.
+    /// Lower parts of the sums of the nearest bins from a pixel on: of no meaning where there is none.
     #[inline(always)]
     pub fn nearest_from(&self, first: usize) -> &[Packed] {
         self.nearest.packed.get(first..).unwrap_or_default()
     }
 
-    /// The words above those, if there are any.
+    /// The parts above those, if there are any.
     #[inline(always)]
     pub fn high_of_nearest(&self, pixel: usize) -> Option<&High> {
         self.nearest.get(pixel).high

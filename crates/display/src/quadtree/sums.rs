@@ -253,6 +253,18 @@ impl Packed {
             long | (long * long) << 32,
             1 | near,
         ];
+        self.plus(added)
+    }
+
+    /// As [`Sums::join`], if neither has parts above nor gets any; else nothing changes, and it is false.
+    #[inline(always)]
+    #[must_use]
+    pub fn join(&mut self, other: &Self) -> bool {
+        !self.has_high() && !other.has_high() && self.plus(other.0)
+    }
+
+    #[inline(always)]
+    fn plus(&mut self, added: [u64; 8]) -> bool {
         let mut sums = self.0;
         let mut over = 0;
         for word in 0..8 {
@@ -270,6 +282,12 @@ impl Packed {
     pub fn has_high(&self) -> bool {
         self.0[COUNTS] & u64::from(HAS_HIGH) != 0
     }
+
+    /// Samples.
+    #[inline(always)]
+    pub fn count(&self) -> u32 {
+        self.0[COUNTS] as u32 & !HAS_HIGH
+    }
 }
 
 /// Sums as they are kept.
@@ -283,7 +301,7 @@ pub(crate) struct Kept<'a> {
 impl Summed for Kept<'_> {
     #[inline(always)]
     fn count(&self) -> u32 {
-        self.packed.0[COUNTS] as u32 & !HAS_HIGH
+        self.packed.count()
     }
 
     #[inline(always)]

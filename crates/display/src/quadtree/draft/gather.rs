@@ -1,102 +1,127 @@
 //! What pixels of a draft are made of: sums become means, sixteen pixels side by side.
 
 use super::super::Quadtree;
-use super::super::bins::{BINS_AN_OCTAVE, BINS_KEPT, EMPTY, NONE, PixelBins, merged};
+use super::super::bins::{BINS_AN_OCTAVE, BINS_KEPT, NONE, PixelBins, merged};
 use super::super::paint::UnseenPixels;
 use super::super::sums::{
     COLOUR_FRACTION, COMPRESSED, COMPRESSED_SCALE, COMPRESSED_SQUARED, COUNTS, HAS_HIGH, High, Kept, LOW_BITS,
     LOW_HALF_BITS, LUMINANCE_SCALE, LUMINANCE_SQUARED, Moments, NEAR_CLASSES, Packed, Summed, Sums, WEIGHTS, luminance,
 };
 use super::super::surface::{Bins, adjacent, gap_allowed};
-use super::join::{join, own_noise, split};
+use super::join::{join, keep_own, own_noise, pull_row, split};
 use super::*;
 use crate::pointimage::isa::{Isa, Kernel};
 use crate::pointimage::transpose::Words;
 use bytemuck::{Zeroable, cast_ref};
 
-/// Two rows of leaves of 2 × 2 pixels, and the four rows of pixels that they are made of.
+/// Two rows of leaves of 4 × 4 pixels, and all that they are made of: four of leaves of 2 × 2, and eight of pixels.
 pub(super) struct Band<'a> {
     pub tree: &'a Quadtree,
-    /// Of the level above.
+    /// Of the planes of the largest of them.
     pub row: usize,
     pub pixels: &'a mut [Lanes],
-    pub above: &'a mut [Lanes],
-    pub mixed: &'a mut Vec<Mixed>,
+    pub leaves: &'a mut [Lanes],
+    /// None: there are no leaves so large.
+    pub above: Option<&'a mut [Lanes]>,
+    /// Of each four rows of pixels.
+    pub mixed: &'a mut [Vec<Mixed>],
     /// Once it is gathered: samples, and pixels without.
     pub samples: u64,
     pub empty: u64,
 }
 
 /// Gathers them.
-pub(super) struct GatherBand<'a, 'b>(pub &'a mut Band<'b>);
+pub(super) struct GatherBands<'a, 'b>(pub &'a mut [Band<'b>]);
 
-impl Kernel for GatherBand<'_, '_> {
+impl Kernel for GatherBands<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Self(band) = self;
-        let tree = band.tree;
-        let (width, height) = (tree.size.0 as usize, tree.size.1 as usize);
-        let across = width.div_ceil(2).next_multiple_of(LANES);
-        band.mixed.clear();
-        let mut unseen = UnseenPixels::default();
-        let mut several = [(Packed::zeroed(), High::zeroed()); LANES];
-        let mut found = [[NONE_LANES; FIELDS]; 4];
-        for (half, pixels) in band.pixels.chunks_mut(4 * OF_PIXELS * (across / LANES)).enumerate() {
-            let row = 2 * band.row + half;
-            for x in (0..across).step_by(LANES) {
-                for (plane, found) in found.iter_mut().enumerate() {
-                    let y = 2 * row + plane / 2;
-                    if y >= height {
-                        *found = [NONE_LANES; FIELDS];
-                        continue;
-                    }
-                    // One half of the next columns'.
-                    let next = (2 * (x + LANES) + plane % 2 * LANES).min(width);
-                    let next = y * width + next..y * width + (next + LANES).min(width);
-                    tree.narrow.prefetch_sums_of(next.clone());
-                    tree.wide.prefetch_sums_of(next);
-                    let columns = LANES.min(((width + 1 - plane % 2) / 2).saturating_sub(x));
-                    let first = y * width + 2 * x + plane % 2;
-                    pixel_lanes(tree, first, columns, (2 * x + plane % 2, y), band.mixed, &mut several, found);
-                    if tree.may_hide_pixels() {
-                        for lane in 0..columns {
-                            let pixel = first + 2 * lane;
-                            if tree.covered[pixel] && !unseen.has(tree, pixel) {
-                                band.samples += found[ALL][lane] as u64;
-                                band.empty += u64::from(found[ALL][lane] == 0.0);
-                            }
-                        }
-                    } else {
-                        let (mut samples, mut empty) = (0_u64, 0_u32);
-                        for lane in 0..LANES {
-                            samples += u64::from(found[ALL][lane] as u32);
-                            empty += u32::from((found[ALL][lane] == 0.0) & (lane < columns));
-                        }
-                        band.samples += samples;
-                        band.empty += u64::from(empty);
-                    }
-                    let at = (x / LANES * 4 + plane) * OF_PIXELS;
-                    put_pixels(found, &mut pixels[at..at + OF_PIXELS]);
-                }
-                let joined = join(1, [&found[0], &found[1], &found[2], &found[3]]);
-                split(&joined, band.above, row % 2, x);
+        let Some(tree) = self.0.first().map(|band| band.tree) else { return };
+        let width = tree.size.0 as usize;
+        // Of leaves of 2 × 2: small enough to stay in the caches until those above are made of them.
+        let mut row = Leaves::new(width.div_ceil(2), 2, FIELDS);
+        for band in self.0 {
+            let halves = band.pixels.chunks_mut(2 * plane_len(width, OF_PIXELS)).zip(&mut *band.mixed);
+            let halves = halves.zip(band.leaves.chunks_mut(row.row_len() / FIELDS * OF_LEAVES));
+            for (half, ((pixels, mixed), leaves)) in halves.enumerate() {
+                let counts = gather_rows(tree, 2 * band.row + half, pixels, mixed, &mut row);
+                (band.samples, band.empty) = (band.samples + counts.0, band.empty + counts.1);
+                pull_row(1, row.row(0), row.across, leaves, band.above.as_deref_mut(), half);
             }
         }
     }
 }
 
-/// What of these pixels is kept.
+/// Numbers in a row of the planes of leaves of which there are so many across.
 #[inline(always)]
-fn put_pixels(found: &[Lanes; FIELDS], to: &mut [Lanes]) {
-    to[..ERROR].copy_from_slice(&found[..ERROR]);
-    for lane in 0..LANES {
-        let error = found[ERROR][lane];
-        to[ERROR][lane] = if found[NEAR][lane] > 0.0 { -error } else { error };
-        let bins = found[FIRST][lane] as u32 | (found[LAST][lane] as u32) << 16;
-        to[BINS][lane] = f32::from_bits(bins);
+fn plane_len(width: usize, fields: usize) -> usize {
+    4 * fields * width.div_ceil(2).div_ceil(LANES)
+}
+
+/// Two rows of leaves of 2 × 2 pixels, which are one of the planes, and the four rows of pixels that they are made of: their samples, and pixels
+/// without.
+#[inline(always)]
+fn gather_rows(
+    tree: &Quadtree,
+    row_of_planes: usize,
+    pixels: &mut [Lanes],
+    mixed: &mut Vec<Mixed>,
+    above: &mut Leaves,
+) -> (u64, u64) {
+    let (width, height) = (tree.size.0 as usize, tree.size.1 as usize);
+    let across = width.div_ceil(2).next_multiple_of(LANES);
+    mixed.clear();
+    let mut unseen = UnseenPixels::default();
+    let mut several = [(Packed::zeroed(), High::zeroed()); LANES];
+    let mut found = [[NONE_LANES; FIELDS]; 4];
+    let (mut samples, mut empty) = ([0.0_f64; LANES], [0_u32; LANES]);
+    let may_hide = tree.may_hide_pixels();
+    let len = plane_len(width, OF_PIXELS);
+    if pixels.len() <= len {
+        // The second row is not written.
+        above.values.fill(NONE_LANES);
     }
+    for (half, pixels) in pixels.chunks_mut(len).enumerate() {
+        let row = 2 * row_of_planes + half;
+        for x in (0..across).step_by(LANES) {
+            for (plane, found) in found.iter_mut().enumerate() {
+                let y = 2 * row + plane / 2;
+                if y >= height {
+                    *found = [NONE_LANES; FIELDS];
+                    continue;
+                }
+                // One half of the next columns'.
+                let next = (2 * (x + LANES) + plane % 2 * LANES).min(width);
+                let next = y * width + next..y * width + (next + LANES).min(width);
+                tree.narrow.prefetch_sums_of(next.clone());
+                tree.wide.prefetch_sums_of(next);
+                let columns = LANES.min(((width + 1 - plane % 2) / 2).saturating_sub(x));
+                let first = y * width + 2 * x + plane % 2;
+                pixel_lanes(tree, first, columns, (2 * x + plane % 2, y), mixed, &mut several, found);
+                let mut counts = [0_u32; LANES];
+                for lane in 0..columns {
+                    counts[lane] = 1;
+                }
+                if may_hide {
+                    for (lane, counts) in counts.iter_mut().enumerate().take(columns) {
+                        let pixel = first + 2 * lane;
+                        *counts = u32::from(tree.covered[pixel] && !unseen.has(tree, pixel));
+                    }
+                }
+                for lane in 0..LANES {
+                    let all = found[ALL][lane];
+                    samples[lane] += f64::from(if counts[lane] != 0 { all } else { 0.0 });
+                    empty[lane] += if all == 0.0 { counts[lane] } else { 0 };
+                }
+                keep_own(found, &mut pixels[(x / LANES * 4 + plane) * OF_PIXELS..][..OF_PIXELS]);
+            }
+            let joined = join(1, [&found[0], &found[1], &found[2], &found[3]]);
+            split(&joined, &mut above.values, half, x);
+        }
+    }
+    (samples.iter().sum::<f64>() as u64, empty.iter().map(|&empty| u64::from(empty)).sum())
 }
 
 /// What sums of sixteen pixels are, in their fixed points, by number: the words of what is kept, and of those that hold two sums the upper.
@@ -202,20 +227,17 @@ fn pixel_lanes(
     found: &mut [Lanes; FIELDS],
 ) {
     let has_wide = !tree.wide.is_empty();
-    let [mut slots, mut wide_slots] = [[EMPTY; LANES]; 2];
-    tree.narrow.slots_of_every_other(start, columns, &mut slots);
-    if has_wide {
-        tree.wide.slots_of_every_other(start, columns, &mut wide_slots);
-    }
+    let none = u32::from(NONE);
+    let [own_bins, more_bins]: [Words; 2] = tree.narrow.bins_of_every_other(start, columns);
+    let [wide_bins, more_wide_bins] =
+        if has_wide { tree.wide.bins_of_every_other(start, columns) } else { [[none; LANES]; 2] };
     let mut known = Known::default();
     let [mut alone, mut alone_wide, mut many] = [[0_u32; LANES]; 3];
     for lane in 0..LANES {
-        let ([own, more, ..], [wide, wide_more, ..]) = (slots[lane], wide_slots[lane]);
-        let (own, wide) = (u32::from(own), u32::from(wide));
-        let none = u32::from(NONE);
+        let (own, more, wide, wide_more) = (own_bins[lane], more_bins[lane], wide_bins[lane], more_wide_bins[lane]);
         let is_both = (own != none) & (wide != none);
         let is_apart = is_both & (own.abs_diff(wide) > u32::from(gap_allowed(0)));
-        let is_many = (more != NONE) | (wide_more != NONE) | is_apart;
+        let is_many = (more != none) | (wide_more != none) | is_apart;
         many[lane] = u32::from(is_many);
         alone[lane] = u32::from(!is_many & (own != none));
         alone_wide[lane] = u32::from(!is_many & (wide != none));
@@ -228,8 +250,7 @@ fn pixel_lanes(
         for lane in 0..columns {
             if many[lane] != 0 {
                 let place = (place.0 + 2 * lane, place.1);
-                let (found, sums) = several_surfaces(tree, start + 2 * lane, place, mixed);
-                several[lane] = sums.packed();
+                let found = several_surfaces(tree, start + 2 * lane, place, mixed, &mut several[lane]);
                 (known.first[lane], known.last[lane]) = (found.bins.first.into(), found.bins.last.into());
                 (known.all[lane], known.seen[lane], known.seen_all[lane]) = (found.all, found.seen, found.seen_all);
             }
@@ -327,13 +348,14 @@ fn several_surfaces(
     pixel: usize,
     (column, row): (usize, usize),
     mixed: &mut Vec<Mixed>,
-) -> (Most, Sums) {
+    most: &mut (Packed, High),
+) -> Most {
     // Mostly bins side by side are of one surface.
     if !tree.wide.has(pixel)
-        && let Some((bins, sums)) = join_alone(tree.narrow.of(pixel))
+        && let Some(bins) = join_alone(tree.narrow.of(pixel), most)
     {
-        let count = sums.count();
-        return (Most { bins, all: count, seen: count, seen_all: count }, sums);
+        let count = most.0.count();
+        return Most { bins, all: count, seen: count, seen_all: count };
     }
     let mut found = [(Bins::of(NONE), Sums::default()); BINS_KEPT];
     let mut count = 0;
@@ -375,24 +397,29 @@ fn several_surfaces(
         seen_all += sums.count();
         seen += if bins.first <= bin && bin <= bins.last { sums.count() } else { 0 };
     }
-    let all = found.iter().map(|(_, sums)| sums.count()).sum();
-    (Most { bins, all, seen, seen_all }, sums)
+    *most = sums.packed();
+    Most { bins, all: found.iter().map(|(_, sums)| sums.count()).sum(), seen, seen_all }
 }
 
 /// The bins of a pixel and the sums of all of them, if they are of one surface.
 #[inline(always)]
-fn join_alone<'a>(mut bins: impl Iterator<Item = (u16, Kept<'a>)>) -> Option<(Bins, Sums)> {
+fn join_alone<'a>(mut bins: impl Iterator<Item = (u16, Kept<'a>)>, joined: &mut (Packed, High)) -> Option<Bins> {
     let (first, sums) = bins.next()?;
-    let mut joined = sums.sums();
+    (joined.0, joined.1) = (*sums.packed, sums.high.copied().unwrap_or_default());
     let mut last = first;
     for (bin, sums) in bins {
         if !adjacent(last, bin, gap_allowed(0)) {
             return None;
         }
-        joined.join(&sums.sums());
+        if !joined.0.join(sums.packed) {
+            let (packed, high) = &*joined;
+            let mut all = Kept { packed, high: packed.has_high().then_some(high) }.sums();
+            all.join(&sums.sums());
+            *joined = all.packed();
+        }
         last = bin;
     }
-    Some((Bins { first, last }, joined))
+    Some(Bins { first, last })
 }
 
 impl Mixed {

@@ -2,9 +2,11 @@
 
 use super::super::SEEN_SHARE;
 use super::super::bins::FAR;
+use super::super::leaf::NOISE_FREEDOM;
+use super::super::shown::MANY_A_PIXEL;
 use super::super::sums::luminance;
 use super::super::surface::{ENOUGH_FREEDOM, FEW_OF, MIXED_F, MIXED_PART, MIXED_SAMPLES, MIXED_STEP, gap_allowed};
-use super::settle::LEAST_SHARE;
+use super::settle::{HIDING_LEVEL, LEAST_SHARE};
 use super::*;
 use crate::pointimage::isa::Kernel;
 
@@ -116,11 +118,12 @@ impl Cluster {
     }
 }
 
-/// Leaves of level `number` of those below.
+/// What is kept of leaves of level `number`, and those above them.
 pub(super) struct Pull<'a> {
     pub number: usize,
     pub below: &'a Leaves,
-    pub above: &'a mut Leaves,
+    pub kept: &'a mut Leaves,
+    pub above: Option<&'a mut Leaves>,
 }
 
 impl Kernel for Pull<'_> {
@@ -128,16 +131,70 @@ impl Kernel for Pull<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { number, below, above } = self;
-        let len = above.row_len();
-        for row in 0..below.down {
-            let planes = below.row(row);
-            for x in (0..below.across).step_by(LANES) {
-                let parts = [planes.lanes(0, x), planes.lanes(1, x), planes.lanes(2, x), planes.lanes(3, x)];
-                let joined = join(number, parts);
-                split(&joined, &mut above.values[row / 2 * len..][..len], row % 2, x);
-            }
+        let Self { number, below, kept, mut above } = self;
+        let len = kept.row_len();
+        for (row, kept) in kept.values.chunks_mut(len).enumerate() {
+            let above = above.as_deref_mut().map(|above| {
+                let len = above.row_len();
+                &mut above.values[row / 2 * len..][..len]
+            });
+            pull_row(number, below.row(row), below.across, kept, above, row % 2);
         }
+    }
+}
+
+/// Of a row of the planes: what is kept of leaves of level `number`, and those above them, which are one row of two.
+#[inline(always)]
+pub(super) fn pull_row(
+    number: usize,
+    below: Row,
+    across: usize,
+    kept: &mut [Lanes],
+    mut above: Option<&mut [Lanes]>,
+    parity: usize,
+) {
+    for x in (0..across).step_by(LANES) {
+        let parts = four(|plane| below.lanes(plane, x));
+        for plane in 0..4 {
+            keep(number, parts[plane], &mut kept[(x / LANES * 4 + plane) * OF_LEAVES..][..OF_LEAVES]);
+        }
+        if let Some(above) = &mut above {
+            split(&join(number + 1, parts), above, parity, x);
+        }
+    }
+}
+
+/// What is kept of sixteen leaves of level `number`.
+#[inline(always)]
+fn keep(number: usize, leaves: &[Lanes; FIELDS], kept: &mut [Lanes]) {
+    keep_own(leaves, kept);
+    // As `covering` asks. What hides a leaf hides its pixels, too.
+    let most = if number <= HIDING_LEVEL { (MANY_A_PIXEL << (2 * number)) as f32 } else { 0.0 };
+    for lane in 0..LANES {
+        let of = |field: usize| leaves[field][lane];
+        let scale = if of(FREEDOM) > 0.0 { 1.0 / of(FREEDOM) } else { 0.0 };
+        let bright = greater(luminance([of(MEAN), of(MEAN + 1), of(MEAN + 2)]), f32::MIN_POSITIVE);
+        let known = if of(FREEDOM) >= NOISE_FREEDOM { 1.0 } else { -1.0_f32 };
+        kept[KEPT_RELATIVE][lane] = ((of(WITHIN_LUMINANCE) * scale).sqrt() / bright).copysign(known);
+        kept[KEPT_COMPRESSED][lane] = of(WITHIN_COMPRESSED) * scale;
+        let (own, all) = if of(SEEN_ALL) > 0.0 { (of(SEEN), of(SEEN_ALL)) } else { (of(COUNT), of(ALL)) };
+        let hides = (own >= 0.5 * all) & (of(COUNT) <= most);
+        kept[KEPT_SHARE][lane] = of(SHARE).copysign(if hides { -1.0 } else { 1.0 });
+    }
+}
+
+/// The first of it: of pixels, all.
+#[inline(always)]
+pub(super) fn keep_own(leaves: &[Lanes; FIELDS], kept: &mut [Lanes]) {
+    /// 2²³: the last bits of a sum with it are those of the whole number added.
+    const WHOLE: f32 = 8_388_608.0;
+    kept[..MEAN + 4].copy_from_slice(&leaves[..MEAN + 4]);
+    for lane in 0..LANES {
+        let error = leaves[ERROR][lane];
+        kept[KEPT_ERROR][lane] = if leaves[NEAR][lane] > 0.0 { -error } else { error };
+        let bits = |bin: f32| (bin + WHOLE).to_bits() & 0xffff;
+        let bins = bits(leaves[FIRST][lane]) | bits(leaves[LAST][lane]) << 16;
+        kept[KEPT_BINS][lane] = f32::from_bits(bins);
     }
 }
 

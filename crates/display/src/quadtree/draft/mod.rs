@@ -9,8 +9,7 @@
 //! Leaves of a level lie in four planes, by whether their column and their row are even: the four of one leaf above then lie at one place of
 //! each. What is shown of them is laid out as in the picture, with a border of nothing, so that neighbours are a place beside.
 //!
-//! 512×512 pixels of 1 to 16 samples each take 35 to 50 ns of one core, where a drawing takes 60 to 90, and 35 to 55 where that takes 150 to 200,
-//! with samples from elsewhere. On the same samples of a room that is known, 0.1 to 16 a
+//! 512×512 pixels of 1 to 16 samples each take 25 to 33 ns of one core, where a drawing takes 50 to 75. On the same samples of a room that is known, 0.1 to 16 a
 //! pixel, display PSNR is 0.4 dB below a drawing's to 0.3 above; on recorded walks, with all samples so far, up to 2 dB below, one of them for what
 //! mirrors and glosses show from elsewhere.
 //!
@@ -27,7 +26,7 @@ use super::{Frame, LeafSize, Quadtree};
 use crate::parts::for_parts;
 use crate::pointimage::transpose::WORDS;
 use crate::pointimage::zeroed;
-use gather::{Band, GatherBand};
+use gather::{Band, GatherBands};
 use join::Pull;
 use settle::{Paint, PaintBand, Push};
 
@@ -36,19 +35,17 @@ const LANES: usize = WORDS;
 type Lanes = [f32; LANES];
 const NONE_LANES: Lanes = [0.0; LANES];
 
-// What is known of a leaf's surface, by number. Of pixels only the first ones are kept, and their bins in one number.
+// What is known of a leaf's surface while those above are made of it, by number.
 /// Mean colour and compressed luminance.
 const MEAN: usize = 0;
-/// Standard error of the mean for samples of unit deviation; 0: there are no samples. Of a pixel below 0 if some pass near the eye.
+/// Standard error of the mean for samples of unit deviation.
 const ERROR: usize = 4;
-/// Of a pixel, its depth bins: the first in the lower half of the number's bits, the last in the upper.
-const BINS: usize = 5;
-const OF_PIXELS: usize = 6;
-/// Depth bins of a leaf.
+/// Depth bins.
 const FIRST: usize = 5;
 const LAST: usize = 6;
 /// Not 0 if samples pass near the eye.
 const NEAR: usize = 7;
+/// 0: there are no samples.
 const WEIGHT: usize = 8;
 const WEIGHT_SQUARED: usize = 9;
 const COUNT: usize = 10;
@@ -66,6 +63,19 @@ const SHARE: usize = 17;
 const SEEN: usize = 18;
 const SEEN_ALL: usize = 19;
 const FIELDS: usize = 20;
+
+// What is kept of a leaf to settle what it shows, by number; of pixels the first ones. Signs tell more.
+/// As above; 0: there are no samples; below: some pass near the eye.
+const KEPT_ERROR: usize = 4;
+/// The first depth bin in the lower half of the number's bits, the last in the upper.
+const KEPT_BINS: usize = 5;
+const OF_PIXELS: usize = 6;
+/// Deviation of a sample: of luminance over its mean, and of compressed luminance. The sign is set if too few samples tell them.
+const KEPT_RELATIVE: usize = 6;
+const KEPT_COMPRESSED: usize = 7;
+/// The sign is set if the leaf's surface hides what pixels see behind it.
+const KEPT_SHARE: usize = 8;
+const OF_LEAVES: usize = 9;
 
 // What is shown of a leaf, by number: colour and compressed luminance,
 const COLOUR: usize = 0;
@@ -191,8 +201,10 @@ impl<'a> ShownRow<'a> {
 /// A draft, and what it was made of: memory to be used again.
 pub(super) struct Draft {
     frame: Frame,
-    /// From the pixels on.
+    /// What is kept of leaves, from the pixels on.
     levels: Vec<Leaves>,
+    /// What is known of leaves of each level but the first two, which is forgotten as soon as those above are made.
+    known: Vec<Leaves>,
     /// Of the leaves above those of each level. Above the largest nothing is shown.
     shown: Vec<Shown>,
     /// Of each four rows of pixels.
@@ -225,12 +237,16 @@ impl Draft {
         let (width, height) = (tree.size.0 as usize, tree.size.1 as usize);
         let mut levels = vec![Leaves::new(width, height, OF_PIXELS)];
         let (mut width, mut height) = (width, height);
+        let mut known = Vec::new();
         while levels.len() < 2 || levels.len() <= usize::from(tree.params.max_level) && (width > 1 || height > 1) {
             (width, height) = (width.div_ceil(2), height.div_ceil(2));
-            levels.push(Leaves::new(width, height, FIELDS));
+            if levels.len() > 1 {
+                known.push(Leaves::new(width, height, FIELDS));
+            }
+            levels.push(Leaves::new(width, height, OF_LEAVES));
         }
         let shown = levels.iter().map(Shown::new).collect();
-        Self { frame: tree.empty_frame(), levels, shown, mixed: Vec::new() }
+        Self { frame: tree.empty_frame(), levels, known, shown, mixed: Vec::new() }
     }
 
     /// The picture of all samples so far.
@@ -238,9 +254,9 @@ impl Draft {
         self.frame.start(tree);
         self.gather(tree);
         for number in 2..self.levels.len() {
-            let (below, above) = self.levels.split_at_mut(number);
-            if let (Some(below), Some(above)) = (below.last(), above.first_mut()) {
-                tree.isa.run(Pull { number, below, above });
+            let (below, above) = self.known.split_at_mut(number - 1);
+            if let Some(below) = below.last() {
+                tree.isa.run(Pull { number, below, kept: &mut self.levels[number], above: above.first_mut() });
             }
         }
         for number in (1..self.levels.len()).rev() {
@@ -252,17 +268,23 @@ impl Draft {
         self.paint(tree);
     }
 
-    /// Sums of pixels become leaves, and four of these one of the next size.
+    /// Sums of pixels become leaves, and four of these one of the next size, twice.
     fn gather(&mut self, tree: &Quadtree) {
-        let [pixels, above, ..] = self.levels.as_mut_slice() else { return };
-        let (len, above_len) = (pixels.row_len(), above.row_len());
-        self.mixed.resize_with(above.down, Vec::new);
-        let rows = pixels.values.chunks_mut(2 * len).zip(above.values.chunks_mut(above_len)).zip(&mut self.mixed);
+        let [pixels, leaves, ..] = self.levels.as_mut_slice() else { return };
+        let (len, leaves_len) = (pixels.row_len(), leaves.row_len());
+        self.mixed.resize_with(leaves.down, Vec::new);
+        let rows = pixels.values.chunks_mut(4 * len).zip(leaves.values.chunks_mut(2 * leaves_len));
+        let above_len = self.known.first().map_or(0, Leaves::row_len);
+        let mut above = self.known.first_mut().map(|known| known.values.chunks_mut(above_len));
         let mut bands: Vec<_> = rows
+            .zip(self.mixed.chunks_mut(2))
             .enumerate()
-            .map(|(row, ((pixels, above), mixed))| Band { tree, row, pixels, above, mixed, samples: 0, empty: 0 })
+            .map(|(row, ((pixels, leaves), mixed))| {
+                let above = above.as_mut().and_then(Iterator::next);
+                Band { tree, row, pixels, leaves, above, mixed, samples: 0, empty: 0 }
+            })
             .collect();
-        for_parts(&mut bands, 1, PART, |_, bands| bands.iter_mut().for_each(|band| tree.isa.run(GatherBand(band))));
+        for_parts(&mut bands, 1, PART / 2, |_, bands| tree.isa.run(GatherBands(bands)));
         for band in &bands {
             self.frame.samples_used += band.samples;
             self.frame.empty_pixels += band.empty;

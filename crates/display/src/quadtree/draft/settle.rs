@@ -1,10 +1,8 @@
 //! What leaves of a draft show: their own mean, or what is shown around them of the leaves above.
 
 use super::super::bins::bin_distance_squared;
-use super::super::leaf::{FEW_SAMPLES, KAPPA, KAPPA_LINEAR, NOISE_FREEDOM, PLAIN_TAIL, QUANTUM, UNSEEN};
+use super::super::leaf::{FEW_SAMPLES, KAPPA, KAPPA_LINEAR, PLAIN_TAIL, QUANTUM, UNSEEN};
 use super::super::paint::{CLEARLY_IN_FRONT, UnseenPixels};
-use super::super::shown::MANY_A_PIXEL;
-use super::super::sums::luminance;
 use super::super::surface::gap_allowed;
 use super::*;
 use crate::pointimage::isa::Kernel;
@@ -15,7 +13,7 @@ const SAME: f32 = 0.6;
 /// 0.4 and 1.4 the error of 16 paths was half as large again as a drawing's, which now it exceeds by a sixth at most.
 const OTHER: f32 = 1.8;
 /// Doublings from pixels to the largest leaves whose surface hides what a pixel sees behind it.
-const HIDING_LEVEL: usize = 2;
+pub(super) const HIDING_LEVEL: usize = 2;
 /// Share of a leaf whose colour only leaves without samples take.
 pub(super) const LEAST_SHARE: f32 = 1e-6;
 /// Least sum of shares that leaves with samples take a colour from.
@@ -119,7 +117,7 @@ impl Kernel for Push<'_> {
                 for beside in 0..2 {
                     let plane = 2 * down + beside;
                     let columns = leaves.width.saturating_sub(2 * x + beside).div_ceil(2);
-                    pair[beside] = shown_lanes(number, planes.lanes(plane, x), &around(&rows, plane, x), gap, columns);
+                    pair[beside] = shown_lanes(planes.lanes(plane, x), &around(&rows, plane, x), gap, columns);
                 }
                 for field in 0..SHOWN_FIELDS {
                     let at = field * stride + 2 * x + 1;
@@ -138,8 +136,7 @@ impl Kernel for Push<'_> {
 /// What sixteen leaves show, of which the first ones are in the picture.
 #[inline(always)]
 fn shown_lanes(
-    number: usize,
-    own: &[Lanes; FIELDS],
+    own: &[Lanes; OF_LEAVES],
     above: &[[&Lanes; SHOWN_FIELDS]; 4],
     gap: f32,
     columns: usize,
@@ -148,33 +145,40 @@ fn shown_lanes(
     for lane in 0..LANES {
         let of = |field: usize| own[field][lane];
         let above = |part: usize, field: usize| above[part][field][lane];
-        let mean = [of(MEAN), of(MEAN + 1), of(MEAN + 2), of(MEAN + 3)];
-        let is_some = (of(WEIGHT) > 0.0) & ((of(NEAR) > 0.0) | !is_hidden(of(FIRST), above));
-        let scale = if of(FREEDOM) > 0.0 { 1.0 / of(FREEDOM) } else { 0.0 };
-        let is_own = (of(FREEDOM) >= NOISE_FREEDOM) | (above(0, SHOWN_SHARE) == 0.0);
-        let bright = luminance([mean[0], mean[1], mean[2]]);
-        let bright = greater(bright, f32::MIN_POSITIVE);
-        let relative = if is_own { (of(WITHIN_LUMINANCE) * scale).sqrt() / bright } else { above(0, RELATIVE) };
-        let compressed = if is_own { of(WITHIN_COMPRESSED) * scale } else { above(0, COMPRESSED) };
-        let leaf = Own { mean, error: of(ERROR), first: of(FIRST), last: of(LAST) };
+        let (leaf, is_some) = own_surface(of, above);
+        let is_own = of(KEPT_RELATIVE).is_sign_positive() | (above(0, SHOWN_SHARE) == 0.0);
+        let relative = if is_own { of(KEPT_RELATIVE).abs() } else { above(0, RELATIVE) };
+        let compressed = if is_own { of(KEPT_COMPRESSED) } else { above(0, COMPRESSED) };
         let settled = settle(&leaf, is_some, above, [relative, compressed], gap);
         for channel in 0..4 {
             shown[COLOUR + channel][lane] = settled.colour[channel];
         }
-        shown[SHOWN_FIRST][lane] = if is_some { of(FIRST) } else { above(0, SHOWN_FIRST) };
-        shown[SHOWN_LAST][lane] = if is_some { of(LAST) } else { above(0, SHOWN_LAST) };
+        shown[SHOWN_FIRST][lane] = if is_some { leaf.first } else { above(0, SHOWN_FIRST) };
+        shown[SHOWN_LAST][lane] = if is_some { leaf.last } else { above(0, SHOWN_LAST) };
         let filled = if settled.is_any { 1.0 } else { 0.0 };
-        let share = if is_some { of(SHARE) } else { filled };
+        let share = if is_some { of(KEPT_SHARE).abs() } else { filled };
         shown[SHOWN_SHARE][lane] = if lane < columns { share } else { 0.0 };
         shown[RELATIVE][lane] = relative;
         shown[COMPRESSED][lane] = compressed;
-        // As `covering` asks. What hides a leaf hides its pixels, too.
-        let (own, all) = if of(SEEN_ALL) > 0.0 { (of(SEEN), of(SEEN_ALL)) } else { (of(COUNT), of(ALL)) };
-        let most = if number <= HIDING_LEVEL { (MANY_A_PIXEL << (2 * number)) as f32 } else { 0.0 };
-        let hides = (is_some & (own >= 0.5 * all) & (of(COUNT) <= most)) | (!is_some & (above(0, HIDES) > 0.0));
+        let hides = if is_some { of(KEPT_SHARE).is_sign_negative() } else { above(0, HIDES) > 0.0 };
         shown[HIDES][lane] = if hides { 1.0 } else { 0.0 };
     }
     shown
+}
+
+/// What is kept of a leaf's own surface, and whether there is one that is not hidden.
+#[inline(always)]
+fn own_surface(of: impl Fn(usize) -> f32, above: impl Fn(usize, usize) -> f32) -> (Own, bool) {
+    let bins = of(KEPT_BINS).to_bits();
+    let leaf = Own {
+        mean: [of(MEAN), of(MEAN + 1), of(MEAN + 2), of(MEAN + 3)],
+        error: of(KEPT_ERROR).abs(),
+        first: (bins & 0xffff) as f32,
+        last: (bins >> 16) as f32,
+    };
+    let is_near = of(KEPT_ERROR) < 0.0;
+    let is_some = (leaf.error > 0.0) & (is_near | !is_hidden(leaf.first, above));
+    (leaf, is_some)
 }
 
 /// Four rows of pixels.
@@ -254,15 +258,7 @@ fn pixel_colours(own: &[Lanes; OF_PIXELS], above: &[[&Lanes; SHOWN_FIELDS]; 4], 
     for lane in 0..LANES {
         let of = |field: usize| own[field][lane];
         let above = |part: usize, field: usize| above[part][field][lane];
-        let bins = of(BINS).to_bits();
-        let leaf = Own {
-            mean: [of(MEAN), of(MEAN + 1), of(MEAN + 2), of(MEAN + 3)],
-            error: of(ERROR).abs(),
-            first: (bins & 0xffff) as f32,
-            last: (bins >> 16) as f32,
-        };
-        let is_near = of(ERROR) < 0.0;
-        let is_some = (leaf.error > 0.0) & (is_near | !is_hidden(leaf.first, above));
+        let (leaf, is_some) = own_surface(of, above);
         let settled = settle(&leaf, is_some, above, [above(0, RELATIVE), above(0, COMPRESSED)], gap);
         for channel in 0..3 {
             found[channel][lane] = settled.colour[channel];
