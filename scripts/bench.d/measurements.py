@@ -21,6 +21,7 @@ from errors import errors
 from harness import Bench
 from interactive import interactive
 from program import Failed, available_memory, compare, median_of, run
+from quadtree import quadtree
 from radiance import radiance
 from rendercache import rendercache
 from rivals import rivals
@@ -308,5 +309,6 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "throughput": throughput,
     "embree": embree,
     "rendercache": rendercache,
+    "quadtree": quadtree,
     "rivals": rivals,
 }

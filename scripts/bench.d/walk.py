@@ -20,7 +20,7 @@ from harness import Bench
 from plot import decibels_over_seconds
 from program import run
 
-DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "voronoi")
+DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "quadtree-draft", "voronoi")
 # The render cache without one of its stages.
 STAGES = ("noise", "prediction", "prefilter", "eviction", "ageing", "cull", "interpolation", "dither")
 # Pixels for each new sample of a frame, and the frames: with as many samples as pixels a part of the walk must do.
@@ -68,9 +68,9 @@ def walk(bench: Bench) -> Part:
             "at 30 frames a second and 320×240. In each frame a driver gets pixels / *ratio* new samples that it asked for in the frame "
             "before; the next frame's view is what is predicted. Direct light and mirrors; *noisy* samples are of one path, *clean* of "
             f"16. Every {every}th frame is held against a render of relMSE ≤ 0.005 where 1024 paths do. *1999*: the stages of "
-            "the render cache's first paper; it keeps its last colours and smooths everywhere. `quadtree` and `voronoi` keep all samples so far, as a server "
-            "would, and ask anywhere in the picture: a section's ray, mostly of the best one, as displays weigh beams, and where there is "
-            "none a ray traced for its view alone. PSNR as displayed, and structural similarity of luminance as displayed, means "
+            "the render cache's first paper; it keeps its last colours and smooths everywhere. `quadtree` shows whole pictures, `quadtree-draft` "
+            "what is shown while the camera moves; both, and `voronoi`, keep all samples so far, as a server would, and ask anywhere in the "
+            "picture: a section's ray, mostly of the best one, as displays weigh beams, and where there is none a ray traced for its view alone. PSNR as displayed, and structural similarity of luminance as displayed, means "
             f"over frames. With ratio 1, frames {RATIOS[0][1]} only.",
         ],
     )

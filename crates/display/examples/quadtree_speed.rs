@@ -3,7 +3,7 @@
 //! For each kind of samples: a new quadtree, insertions into it and into one whose memory has been used, the first pictures of either, a draft
 //! and a whole one, one of a burst after 50,000 more samples, one after so many when 33 ms are over, one after a hundred, and those at rest. Of each
 //! the processor time of the first thread, then that of all threads (whole pictures are drawn by all cores), then the time passed, in
-//! ms: the least of some rounds.
+//! ms: the least of some rounds. `--json`: a line for each kind of samples, processor time of the first thread only.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -85,11 +85,14 @@ fn insert(tree: &mut Quadtree, packets: &[(BeamId, Vec<Sample>)]) {
 }
 
 fn main() {
+    let json = std::env::args().skip(1).any(|argument| argument == "--json");
     for size in [(320, 240), (512, 512)] {
         let (section, view) = (room_section(8), room_view(size));
         let (selection, select) =
             timed(|| select_beams(std::slice::from_ref(&section), &view, size, &SelectOptions::default()));
-        println!("{size:?}: select {} beams {select}", selection.beams.len());
+        if !json {
+            println!("{size:?}: select {} beams {select}", selection.beams.len());
+        }
         for (name, noise) in [("clean", clean as Noise), ("1 path", one_path)] {
             for density in [1.0, 4.0, 16.0] {
                 let count = (f64::from(size.0 * size.1) * density) as usize;
@@ -124,6 +127,16 @@ fn main() {
                 }
                 let [burst, all, few, whole, none] = times;
                 let speed = |times: Times| 1e-3 * count as f64 / times.first_thread;
+                if json {
+                    let (insert, [draft, drawn, burst, whole]) =
+                        (speed(again), [drafted_again, drawn_again, burst, whole].map(|times| times.first_thread));
+                    println!(
+                        "{{\"size\": \"{}x{}\", \"samples\": \"{name}\", \"a_pixel\": {density}, \"insert_m_per_s\": {insert:.2}, \
+                         \"draft_ms\": {draft:.3}, \"whole_ms\": {drawn:.3}, \"burst_ms\": {burst:.3}, \"rest_ms\": {whole:.3}}}",
+                        size.0, size.1
+                    );
+                    continue;
+                }
                 println!(
                     "  {name:6} {density:2} a pixel: new {new}; insert {:.1} M/s, again {:.1} M/s; draft {drafted}, whole \
                      picture {drawn}, of another view {drafted_again}, {drawn_again}, in a burst of {BURST} {burst}, all of them {all}, after 100 {few}, at rest {whole}, then {none}",

@@ -25,7 +25,7 @@ use super::bins::NONE;
 use super::{Frame, LeafSize, Quadtree};
 use crate::parts::for_parts;
 use crate::pointimage::transpose::WORDS;
-use crate::pointimage::zeroed;
+use crate::pointimage::{prefetch, zeroed};
 use gather::{Band, GatherBands};
 use join::Pull;
 use settle::{Paint, PaintBand, Push};
@@ -146,6 +146,13 @@ impl Leaves {
 }
 
 impl<'a> Row<'a> {
+    /// Asks for the leaves two steps on, of all planes.
+    #[inline(always)]
+    fn prefetch(&self, x: usize) {
+        let next = (x / LANES + 2) * 4 * self.fields;
+        self.values.iter().skip(next).take(4 * self.fields).for_each(prefetch);
+    }
+
     /// The first fields of sixteen leaves of a plane.
     #[inline(always)]
     fn lanes<const FIELDS: usize>(&self, plane: usize, x: usize) -> &'a [Lanes; FIELDS] {

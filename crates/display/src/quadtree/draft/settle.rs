@@ -213,6 +213,9 @@ impl Kernel for PaintBand<'_, '_> {
             let planes = leaves.row(row);
             let rows = [above.row(row + 1), above.row(row + 2 * down)];
             for x in (0..leaves.across).step_by(LANES) {
+                if down == 0 {
+                    planes.prefetch(x);
+                }
                 let (mut colours, mut distances) = ([[0.0; 3]; 2 * LANES], [0.0; 2 * LANES]);
                 for beside in 0..2 {
                     let plane = 2 * down + beside;
