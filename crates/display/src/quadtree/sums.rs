@@ -236,8 +236,11 @@ impl Packed {
     #[must_use]
     pub fn add(&mut self, colour: &Colour, weight: u32, near: Option<usize>) -> bool {
         let long = u64::from(weight);
+        if weight > colour.most_weight {
+            return false;
+        }
         let luminance_squared = u128::from(colour.luminance) * u128::from(colour.luminance * long);
-        if (weight > colour.most_weight) | (luminance_squared > u128::from(LOW)) {
+        if luminance_squared > u128::from(LOW) {
             return false;
         }
         let near = near.filter(|&class| class < NEAR_CLASSES).map_or(0, |class| 1 << (32 + 8 * class));
