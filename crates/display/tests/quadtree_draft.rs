@@ -192,9 +192,16 @@ fn pictures_of_large_sums_are_those_of_small_ones() {
     for (batch, doublings, paths) in
         [(false, 0, 1024), (true, 0, 1024), (false, 20, 1), (false, 20, 1024), (true, 28, 64)]
     {
-        let stored = samples(SIZE, 3.0, some_paths, batch);
-        let mut small = tree(SIZE, &stored);
-        let mut large = tree(SIZE, &[]);
+        // Large cells' beams have samples that look from elsewhere.
+        let (section, view) = (room_section(if batch { 2 } else { 8 }), room_view(SIZE));
+        let count = 3 * (SIZE.0 * SIZE.1) as usize;
+        let stored = if batch {
+            batch_samples(room, &section, &view, SIZE, count, 3, some_paths)
+        } else {
+            near_samples(room, &section, &view, count, 3, some_paths)
+        };
+        let tree = |stored: &[Stored]| quadtree(&section, &view, SIZE, QuadtreeParams::default(), stored);
+        let (mut small, mut large) = (tree(&stored), tree(&[]));
         for (beam, sample) in &stored {
             let [r, g, b, exponent] = sample.rgbe;
             let sample = Sample::from_codes(sample.coords, [r, g, b, exponent + doublings], sample.distance_code());
@@ -309,6 +316,23 @@ fn no_mean_is_taken_across_a_jump_in_depth() {
         let error = (variance / found.len() as f64).sqrt();
         println!("{mean:.4} ± {error:.4} for {expected}");
         assert!((mean - expected).abs() < 0.02 * expected + 4.0 * error, "{mean} ± {error}: {expected}");
+    }
+}
+
+/// Leaves of 2 × 2, 4 × 4 and 8 × 8 pixels at the most: as good as whole pictures of those.
+#[test]
+fn drafts_end_at_the_largest_leaves() {
+    let (section, view) = (room_section(8), room_view(SIZE));
+    let reference = truth(room, &view, SIZE, 6);
+    let stored = samples(SIZE, 2.0, some_paths, false);
+    for max_level in 1..=3 {
+        let mut tree =
+            quadtree(&section, &view, SIZE, QuadtreeParams { max_level, ..QuadtreeParams::default() }, &stored);
+        let whole = tree.draw();
+        let error = relative_error(tree.draft(), &reference);
+        assert_eq!(counts(tree.draft()), counts(&whole));
+        println!("{max_level}: {error:.5}, whole {:.5}", relative_error(&whole, &reference));
+        assert!(error < 1.26 * relative_error(&whole, &reference), "{max_level}: {error}");
     }
 }
 

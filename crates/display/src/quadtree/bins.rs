@@ -56,7 +56,7 @@ const EMPTY: Slots = [NONE; BINS_KEPT];
 #[derive(Clone)]
 struct Store {
     packed: Vec<Packed>,
-    /// As long as the first places that have any.
+    /// Of no meaning where there are none; empty as long as there never were any.
     high: Vec<High>,
 }
 
@@ -75,7 +75,9 @@ impl Store {
         let (packed, high) = sums.packed();
         self.packed[place] = packed;
         if packed.has_high() {
-            if self.high.len() <= place {
+            if self.high.is_empty() {
+                self.high = zeroed(self.packed.len());
+            } else if self.high.len() <= place {
                 self.high.resize(self.packed.len(), High::zeroed());
             }
             self.high[place] = high;
@@ -124,7 +126,7 @@ pub(crate) struct PixelBins {
 
 impl PixelBins {
     pub fn new(pixels: usize) -> Self {
-        // Growing would move what is there. Pages that are not used cost nothing.
+        // Growing would move what is there.
         Self {
             slots: filled(EMPTY, pixels),
             places: zeroed(pixels),

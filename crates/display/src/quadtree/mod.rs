@@ -55,7 +55,7 @@ use std::sync::Arc;
 use sums::Colour;
 use wide::Agreement;
 
-/// Paths a sample counts for at most: enough that more are not told apart, few enough that sums cannot overflow.
+/// Paths a sample counts for at most: enough that more are not told apart, few enough that no sample overflows a sum.
 const MAX_PATHS: u16 = 1024;
 /// Share of a leaf's samples that its nearest surface needs to be what an empty pixel of the leaf shows.
 const SEEN_SHARE: f32 = 0.25;

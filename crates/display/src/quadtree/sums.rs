@@ -8,12 +8,12 @@ use bytemuck::{Pod, Zeroable};
 
 /// Classes of nearness to the eye, each half as far as the last.
 pub(crate) const NEAR_CLASSES: usize = 4;
-/// Fraction bits of the colour sums: RGBE colours from 2⁻⁴⁰ · 256 up are exact, and a pixel of radiance 1 has room for 2²⁴ / 64 single paths before
-/// a word above is needed.
+/// Fraction bits of the colour sums: RGBE colours from 2⁻⁴⁰ · 256 up are exact, and a pixel of radiance 1 has room for 2²³ / 64 single paths before
+/// a part above is needed for its colour.
 pub(super) const COLOUR_FRACTION: i32 = 40;
 /// Exponents above this are taken as this (radiances above 4e12), so that one sample cannot overflow its sum.
 const MAX_EXPONENT: u8 = 170;
-/// Doublings of RGBE's bytes in fixed point that are in [`Colour::fixed`]: radiances up to 4080, whose squares fit 64 bits, too.
+/// Doublings of RGBE's bytes in fixed point that are in [`Colour::fixed`]: of radiances up to 4080, whose luminance takes 32 bits.
 const MOST_SHIFT: i32 = 44;
 /// Fraction bits of luminance, for its second moment, and its upper bound.
 pub(super) const LUMINANCE_SCALE: f32 = 1_048_576.0;
@@ -109,7 +109,9 @@ impl Sums {
     pub fn add(&mut self, colour: &Colour, weight: u32, near: Option<usize>) {
         let wide = u128::from(weight);
         let mut near_classes = [0; NEAR_CLASSES];
-        near.and_then(|class| near_classes.get_mut(class)).into_iter().for_each(|count| *count = 1);
+        if let Some(count) = near.and_then(|class| near_classes.get_mut(class)) {
+            *count = 1;
+        }
         let squared = |number: u64| u128::from(number) * u128::from(number);
         self.join(&Self {
             rgb: colour.fixed.map(|value| (u128::from(value) << colour.doublings) * wide),
@@ -126,17 +128,18 @@ impl Sums {
     /// Adds another bin's sums: two bins of one surface.
     #[inline(always)]
     pub fn join(&mut self, other: &Self) {
-        for (sum, value) in self.rgb.iter_mut().zip(other.rgb) {
-            *sum = sum.saturating_add(value);
-        }
-        self.luminance_squared = self.luminance_squared.saturating_add(other.luminance_squared);
-        self.compressed_squared = self.compressed_squared.saturating_add(other.compressed_squared);
-        self.compressed = self.compressed.saturating_add(other.compressed);
-        self.weight = self.weight.saturating_add(other.weight);
-        self.weight_squared = self.weight_squared.saturating_add(other.weight_squared);
-        self.count = self.count.saturating_add(other.count).min(MOST_COUNT);
+        // None is near the end of its type: a sum of two fits.
+        let wide = |sum: &mut u128, other: u128| *sum = (*sum + other).min(MOST_WIDE);
+        let long = |sum: &mut u64, other: u64| *sum = (*sum + other).min(MOST_LONG);
+        self.rgb.iter_mut().zip(other.rgb).for_each(|(sum, other)| wide(sum, other));
+        wide(&mut self.luminance_squared, other.luminance_squared);
+        wide(&mut self.compressed_squared, other.compressed_squared);
+        long(&mut self.compressed, other.compressed);
+        long(&mut self.weight, other.weight);
+        long(&mut self.weight_squared, other.weight_squared);
+        self.count = (self.count + other.count).min(MOST_COUNT);
         for (near, other) in self.near.iter_mut().zip(other.near) {
-            *near = near.saturating_add(other).min(MOST_NEAR);
+            *near = (*near + other).min(MOST_NEAR);
         }
     }
 
@@ -195,7 +198,10 @@ pub(super) const LOW_HALF_BITS: u32 = 31;
 const LOW_HALF: u64 = (1 << LOW_HALF_BITS) - 1;
 const LOW_NEAR_BITS: u32 = 7;
 const LOW_NEAR: u32 = (1 << LOW_NEAR_BITS) - 1;
-/// Most samples that are counted; beyond, it is so many. And of those of one class of nearness.
+/// What sums end at: there is room for it in both parts, and two of the wide ones are a finite number in single precision, too.
+const MOST_WIDE: u128 = (1 << (LOW_BITS + 63)) - 1;
+const MOST_LONG: u64 = (1 << (LOW_HALF_BITS + 32)) - 1;
+/// Most samples that are counted, and of those most of one class of nearness.
 const MOST_COUNT: u32 = (1 << 30) - 1;
 const MOST_NEAR: u32 = (1 << (LOW_NEAR_BITS + 16)) - 1;
 /// Of the word that counts: there are parts above.

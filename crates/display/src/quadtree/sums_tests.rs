@@ -56,7 +56,7 @@ fn extreme_colours_neither_overflow_nor_vanish_into_nonsense() {
     assert_eq!(sums.near, [1000, 0, 0, 0]);
 }
 
-/// Each word that has one above, alone: what is kept is the whole sum.
+/// Of few and of many, of all brightnesses: what is kept is the whole sum.
 #[test]
 fn words_above_are_kept_wherever_a_sum_needs_them() {
     let grey = |exponent: u8| [128, 128, 128, exponent];
@@ -68,6 +68,10 @@ fn words_above_are_kept_wherever_a_sum_needs_them() {
         (grey(137), 64, None, 1000, true),
         (grey(150), 64, None, 1, true),
         ([255; 4], 65_536, Some(0), 300, true),
+        // Blue alone: luminance tells nothing of a product that does not fit, nor of doublings.
+        ([0, 0, 255, 136], 46_340, None, 300, true),
+        ([0, 0, 1, 150], 64, None, 1, true),
+        ([0, 0, 1, 144], 64, None, 1, false),
     ];
     for (rgbe, weight, near, count, has_high) in cases {
         let mut whole = Sums::default();
@@ -102,4 +106,32 @@ fn counts_end_at_the_most_that_there_is_room_for() {
     assert!(packed.add(&colour, 8, None) && !packed.add(&colour, 8, None));
     (0..3).for_each(|_| sums.add(&colour, 8, None));
     assert!(sums.count() == MOST_COUNT && !sums.packed().0.has_high());
+}
+
+#[test]
+fn near_samples_of_a_class_end_at_the_most_that_there_is_room_for() {
+    let colour = Colour::from_rgbe([1, 1, 1, 128]);
+    let mut sums = Sums { count: 5, near: [MOST_NEAR - 1; NEAR_CLASSES], ..Sums::default() };
+    (0..3).for_each(|_| sums.add(&colour, 8, Some(1)));
+    let (packed, high) = sums.packed();
+    let kept = Kept { packed: &packed, high: Some(&high) };
+    assert_eq!(kept.near(), [MOST_NEAR - 1, MOST_NEAR, MOST_NEAR - 1, MOST_NEAR - 1]);
+    assert_eq!(kept.sums(), sums);
+}
+
+/// Squares of the brightest samples end at the most, at some 1000 of them: not at 0.
+#[test]
+fn sums_end_at_the_most_that_there_is_room_for() {
+    let colour = Colour::from_rgbe([255; 4]);
+    let mut whole = Sums::default();
+    let (mut packed, mut high) = (Packed::default(), High::default());
+    for _ in 0..5000 {
+        whole.add(&colour, 65_536, None);
+        assert!(!packed.add(&colour, 65_536, None));
+        let mut sums = Kept { packed: &packed, high: packed.has_high().then_some(&high) }.sums();
+        sums.add(&colour, 65_536, None);
+        (packed, high) = sums.packed();
+    }
+    assert_eq!(whole.luminance_squared, MOST_WIDE);
+    assert_eq!(Kept { packed: &packed, high: Some(&high) }.sums(), whole);
 }

@@ -260,7 +260,7 @@ impl Draft {
     /// The picture of all samples so far.
     pub fn draw(&mut self, tree: &Quadtree) {
         self.frame.start(tree);
-        self.gather(tree);
+        self.gather(tree, PART / 2);
         for number in 2..self.levels.len() {
             let (below, above) = self.known.split_at_mut(number - 1);
             if let Some(below) = below.last() {
@@ -276,8 +276,8 @@ impl Draft {
         self.paint(tree);
     }
 
-    /// Sums of pixels become leaves, and four of these one of the next size, twice.
-    fn gather(&mut self, tree: &Quadtree) {
+    /// Sums of pixels become leaves, and four of these one of the next size, twice; so many bands of rows at once.
+    fn gather(&mut self, tree: &Quadtree, bands_a_part: usize) {
         let [pixels, leaves, ..] = self.levels.as_mut_slice() else { return };
         let (len, leaves_len) = (pixels.row_len(), leaves.row_len());
         self.mixed.resize_with(leaves.down, Vec::new);
@@ -292,7 +292,7 @@ impl Draft {
                 Band { tree, row, pixels, leaves, above, mixed, samples: 0, empty: 0 }
             })
             .collect();
-        for_parts(&mut bands, 1, PART / 2, |_, bands| tree.isa.run(GatherBands(bands)));
+        for_parts(&mut bands, 1, bands_a_part, |_, bands| tree.isa.run(GatherBands(bands)));
         for band in &bands {
             self.frame.samples_used += band.samples;
             self.frame.empty_pixels += band.empty;
@@ -366,6 +366,7 @@ impl Quadtree {
 #[cfg(test)]
 mod tests {
     use super::super::any_samples;
+    use super::{Draft, Lanes};
     use crate::pointimage::Instructions;
     use crate::pointimage::isa::Isa;
 
@@ -384,6 +385,22 @@ mod tests {
                 let found: Vec<u32> = colours.chain(&draft.depth).map(|value| value.to_bits()).collect();
                 assert!(expected.get_or_insert_with(|| found.clone()) == &found, "{size:?} {samples} {isa:?}");
             }
+        }
+    }
+
+    /// Bands share memory, and the last one lacks rows.
+    #[test]
+    fn leaves_are_the_same_however_many_bands_are_gathered_at_once() {
+        for size in [(65, 41), (65, 44), (40, 37), (17, 63), (3, 9)] {
+            let tree = any_samples(size, 20_000);
+            let found = [1, 2, 100].map(|bands_a_part| {
+                let mut draft = Draft::new(&tree);
+                draft.gather(&tree, bands_a_part);
+                let bits = |lanes: &Lanes| lanes.map(f32::to_bits);
+                let leaves = draft.levels.iter().chain(&draft.known).flat_map(|leaves| &leaves.values);
+                leaves.map(bits).collect::<Vec<_>>()
+            });
+            assert!(found[0] == found[1] && found[0] == found[2], "{size:?}");
         }
     }
 }
