@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from statistics import median
 
 from document import Bar, Part, Table
 from harness import Bench
@@ -45,7 +46,7 @@ def quadtree(bench: Bench) -> Part:
                 found.setdefault((line["size"], line["samples"], line["a_pixel"]), []).append(line)
     columns = [["size", ""], ["samples", ""], ["a pixel", "g"], *([heading, ".1f"] for _, heading in FIGURES)]
     table = Table("", columns)
-    rows = {key: {name: median([line[name] for line in lines]) for name, _ in FIGURES} for key, lines in found.items()}
+    rows = {key: {name: median(line[name] for line in lines) for name, _ in FIGURES} for key, lines in found.items()}
     for (size, samples, density), figures in rows.items():
         table.rows.append([size, samples, density, *figures.values()])
     part.tables.append(table)
@@ -61,10 +62,6 @@ def quadtree(bench: Bench) -> Part:
         longest = max(figures[name] for figures in at_bar)
         bar(f"{what}, {SIZE}", name, f"≤ {MOST_MILLISECONDS:g} ms", longest <= MOST_MILLISECONDS, "ms")
     return part
-
-
-def median(values: list[float]) -> float:
-    return sorted(values)[len(values) // 2]
 
 
 @contextmanager

@@ -70,7 +70,8 @@ def walk(bench: Bench) -> Part:
             f"16. Every {every}th frame is held against a render of relMSE ≤ 0.005 where 1024 paths do. *1999*: the stages of "
             "the render cache's first paper; it keeps its last colours and smooths everywhere. `quadtree` shows whole pictures, `quadtree-draft` "
             "what is shown while the camera moves; both, and `voronoi`, keep all samples so far, as a server would, and ask anywhere in the "
-            "picture: a section's ray, mostly of the best one, as displays weigh beams, and where there is none a ray traced for its view alone. PSNR as displayed, and structural similarity of luminance as displayed, means "
+            "picture: a section's ray, mostly of the best one, as displays weigh beams, and where there is none a ray traced for its view "
+            "alone. PSNR as displayed, and structural similarity of luminance as displayed, means "
             f"over frames. With ratio 1, frames {RATIOS[0][1]} only.",
         ],
     )

@@ -1,8 +1,8 @@
 //! Exact sums over samples, and what they tell.
 //!
 //! Every sum is of integers, and saturates where it could overflow, which integers ≥ 0 do in any order: the same samples give the same bits
-//! whatever their order and batches. Wide as such sums have to be for scenes of any brightness, few need it: what is kept of each is its lower
-//! words, one cache line ([`Packed`]), and the words above only where they are not 0 ([`High`]).
+//! whatever their order and batches. Wide as such sums have to be for scenes of any brightness, few need it: what is kept of all is their lower
+//! parts, one cache line ([`Packed`]), and the parts above only where they are not 0 ([`High`]).
 
 use bytemuck::{Pod, Zeroable};
 
@@ -100,7 +100,7 @@ pub(crate) trait Summed {
     /// Means. There must be samples.
     fn moments(&self) -> Moments;
 
-    /// All words of all sums.
+    /// The sums themselves.
     fn sums(&self) -> Sums;
 }
 

@@ -279,7 +279,7 @@ fn pixel_lanes(
     moments(&sums, &own_count, &known, found);
 }
 
-/// Words above those of one of every other pixel's nearest bin, if it is chosen (not 0) and has some.
+/// Parts above those of one of every other pixel's nearest bin, if it is chosen (not 0) and has some.
 #[inline(always)]
 fn high_alone<'a>(bins: &'a PixelBins, start: usize, lane: usize, is_chosen: &Words) -> Option<&'a High> {
     if is_chosen[lane] != 0 { bins.high_of_nearest(start + 2 * lane) } else { None }

@@ -9,8 +9,8 @@
 //! Leaves of a level lie in four planes, by whether their column and their row are even: the four of one leaf above then lie at one place of
 //! each. What is shown of them is laid out as in the picture, with a border of nothing, so that neighbours are a place beside.
 //!
-//! 512×512 pixels of 1 to 16 samples each take 25 to 33 ns of one core with AVX-512 (35 to 40 with AVX2, 95 to 110 with portable code), where a
-//! drawing takes 50 to 75, and 30 to 36 where that takes 130 to 160, with samples from elsewhere. On the same samples of a room that is known, 0.1
+//! 512×512 pixels of 1 to 16 samples each take 28 to 33 ns of one core with AVX-512 (35 to 40 with AVX2, 95 to 110 with portable code), where a
+//! drawing takes 50 to 80, and 30 to 36 where that takes 130 to 160, with samples from elsewhere. On the same samples of a room that is known, 0.1
 //! to 16 a pixel, display PSNR is 0.4 dB below a drawing's to 0.3 above; on recorded walks, with all samples so far, up to 2 dB below, one of them
 //! for what mirrors and glosses show from elsewhere.
 //!
