@@ -99,8 +99,16 @@ pub struct Status {
 impl Status {
     /// How it goes, in words, such as `1.2 M samples, 350 k/s, 2 workers`.
     pub fn words(&self) -> String {
-        let workers = if self.workers == 1 { "1 worker".to_owned() } else { format!("{} workers", self.workers) };
-        format!("{} samples, {}/s, {workers}", short(self.samples as f64), short(self.samples_per_second))
+        let workers = if self.workers == 1 {
+            "1 worker".to_owned()
+        } else {
+            format!("{} workers", self.workers)
+        };
+        format!(
+            "{} samples, {}/s, {workers}",
+            short(self.samples as f64),
+            short(self.samples_per_second)
+        )
     }
 }
 
@@ -169,7 +177,9 @@ pub enum Control {
 type Wire = Configuration<LittleEndian, Fixint, Limit<{ MAX_CONTROL_BYTES as usize }>>;
 
 fn wire() -> Wire {
-    bincode::config::standard().with_fixed_int_encoding().with_limit::<{ MAX_CONTROL_BYTES as usize }>()
+    bincode::config::standard()
+        .with_fixed_int_encoding()
+        .with_limit::<{ MAX_CONTROL_BYTES as usize }>()
 }
 
 impl Control {
@@ -178,11 +188,16 @@ impl Control {
     /// # Errors
     /// [`ProtoError::TooLong`] if the message is larger than a control message may be.
     pub fn encode(&self) -> Result<Vec<u8>, ProtoError> {
-        let bytes = bincode::serde::encode_to_vec(self, wire()).map_err(|e| ProtoError::Control(e.to_string()))?;
+        let bytes = bincode::serde::encode_to_vec(self, wire())
+            .map_err(|e| ProtoError::Control(e.to_string()))?;
         // bincode's limit holds for decoding only.
         let length = bytes.len() as u64;
         if length > MAX_CONTROL_BYTES {
-            return Err(ProtoError::TooLong { kind: Kind::Control, length, limit: MAX_CONTROL_BYTES });
+            return Err(ProtoError::TooLong {
+                kind: Kind::Control,
+                length,
+                limit: MAX_CONTROL_BYTES,
+            });
         }
         Ok(bytes)
     }

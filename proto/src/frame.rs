@@ -115,7 +115,11 @@ impl Header {
         let kind = Kind::from_byte(kind)?;
         let length = u32::from_le_bytes([l0, l1, l2, l3]);
         if u64::from(length) > kind.max_bytes() {
-            return Err(ProtoError::TooLong { kind, length: u64::from(length), limit: kind.max_bytes() });
+            return Err(ProtoError::TooLong {
+                kind,
+                length: u64::from(length),
+                limit: kind.max_bytes(),
+            });
         }
         if reserved != [0; 3] {
             return Err(ProtoError::Trailing(3));
@@ -135,7 +139,8 @@ impl Header {
 /// # Errors
 /// [`ProtoError::TooLong`] where the payload is longer than its kind allows: the sender must split it.
 pub fn encode(kind: Kind, payload: &[u8]) -> Result<Vec<u8>, ProtoError> {
-    let too_long = ProtoError::TooLong { kind, length: payload.len() as u64, limit: kind.max_bytes() };
+    let too_long =
+        ProtoError::TooLong { kind, length: payload.len() as u64, limit: kind.max_bytes() };
     if payload.len() as u64 > kind.max_bytes() {
         return Err(too_long);
     }

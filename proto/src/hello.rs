@@ -55,10 +55,18 @@ fn take_text(bytes: &[u8]) -> Result<String, ProtoError> {
     })?;
     let length = usize::from(u16::from_le_bytes(*length));
     if length > MAX_TEXT_BYTES {
-        return Err(ProtoError::TooMany { what: "text bytes", found: length as u64, limit: MAX_TEXT_BYTES as u64 });
+        return Err(ProtoError::TooMany {
+            what: "text bytes",
+            found: length as u64,
+            limit: MAX_TEXT_BYTES as u64,
+        });
     }
     if text.len() < length {
-        return Err(ProtoError::Truncated { what: "text", needed: length as u64, found: text.len() as u64 });
+        return Err(ProtoError::Truncated {
+            what: "text",
+            needed: length as u64,
+            found: text.len() as u64,
+        });
     }
     // What follows the text is for later versions to add to: it is ignored, so that the hello can grow.
     Ok(crate::printable(&String::from_utf8_lossy(&text[..length])))
@@ -114,7 +122,11 @@ impl Hello {
 }
 
 fn check_version(theirs: u16) -> Result<(), ProtoError> {
-    if theirs == PROTOCOL_VERSION { Ok(()) } else { Err(ProtoError::Version { ours: PROTOCOL_VERSION, theirs }) }
+    if theirs == PROTOCOL_VERSION {
+        Ok(())
+    } else {
+        Err(ProtoError::Version { ours: PROTOCOL_VERSION, theirs })
+    }
 }
 
 impl Answer {

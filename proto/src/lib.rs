@@ -9,7 +9,9 @@
 //!   programs of different versions can always tell each other so.
 
 #[cfg(target_endian = "big")]
-compile_error!("bulk messages and samples are little-endian plain-old-data arrays: no big-endian machine is supported");
+compile_error!(
+    "bulk messages and samples are little-endian plain-old-data arrays: no big-endian machine is supported"
+);
 
 pub mod bulk;
 pub mod control;

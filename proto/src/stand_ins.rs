@@ -49,8 +49,13 @@ pub fn encode(parts: &[StandIn]) -> Vec<u8> {
 /// # Errors
 /// [`ProtoError::Truncated`], [`ProtoError::Number`] for another version or something unknown, or [`ProtoError::TooMany`].
 pub fn decode(bytes: &[u8]) -> Result<Vec<StandIn>, ProtoError> {
-    let truncated = |needed: u64, found: usize| ProtoError::Truncated { what: "stand-in", needed, found: found as u64 };
-    let (version, mut rest) = bytes.split_first_chunk::<HEAD>().ok_or(truncated(HEAD as u64, bytes.len()))?;
+    let truncated = |needed: u64, found: usize| ProtoError::Truncated {
+        what: "stand-in",
+        needed,
+        found: found as u64,
+    };
+    let (version, mut rest) =
+        bytes.split_first_chunk::<HEAD>().ok_or(truncated(HEAD as u64, bytes.len()))?;
     if u32::from_le_bytes(*version) != VERSION {
         return Err(ProtoError::Number("the version of the stand-ins"));
     }
@@ -60,7 +65,8 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<StandIn>, ProtoError> {
             let (found, limit) = (parts.len() as u64 + 1, 2 * MAX_SECTIONS as u64);
             return Err(ProtoError::TooMany { what: "stand-ins", found, limit });
         }
-        let (head, scene) = rest.split_first_chunk::<PART_HEAD>().ok_or(truncated(PART_HEAD as u64, rest.len()))?;
+        let (head, scene) =
+            rest.split_first_chunk::<PART_HEAD>().ok_or(truncated(PART_HEAD as u64, rest.len()))?;
         let [s0, s1, kind, zero, length @ ..] = *head;
         let kind = match (kind, zero) {
             (0, 0) => StandInKind::Geometry,
@@ -70,7 +76,11 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<StandIn>, ProtoError> {
         let length = u64::from_le_bytes(length);
         let split = usize::try_from(length).ok().and_then(|length| scene.split_at_checked(length));
         let (packed, after) = split.ok_or(truncated(length, scene.len()))?;
-        parts.push(StandIn { section: u16::from_le_bytes([s0, s1]), kind, packed: packed.to_vec() });
+        parts.push(StandIn {
+            section: u16::from_le_bytes([s0, s1]),
+            kind,
+            packed: packed.to_vec(),
+        });
         rest = after;
     }
     Ok(parts)
@@ -81,7 +91,8 @@ mod tests {
     use super::*;
 
     fn parts() -> Vec<StandIn> {
-        let part = |section, kind, packed: &[u8]| StandIn { section, kind, packed: packed.to_vec() };
+        let part =
+            |section, kind, packed: &[u8]| StandIn { section, kind, packed: packed.to_vec() };
         vec![part(0, StandInKind::Geometry, b"scene"), part(0x0102, StandInKind::Portals, b"")]
     }
 
@@ -104,7 +115,10 @@ mod tests {
             other[at] = value;
             assert!(decode(&other).is_err(), "{at}");
         }
-        let many = vec![StandIn { section: 0, kind: StandInKind::Portals, packed: vec![] }; 2 * MAX_SECTIONS + 1];
+        let many = vec![
+            StandIn { section: 0, kind: StandInKind::Portals, packed: vec![] };
+            2 * MAX_SECTIONS + 1
+        ];
         assert!(matches!(decode(&encode(&many)), Err(ProtoError::TooMany { .. })));
     }
 }

@@ -20,7 +20,8 @@ fn folder() -> PathBuf {
 /// The frame in a file: hexadecimal bytes, and comments from `#` to the end of the line.
 fn golden(name: &str) -> Vec<u8> {
     let text = fs::read_to_string(folder().join(name).with_extension("hex")).unwrap();
-    let digits = text.lines().flat_map(|line| line.split('#').next().unwrap_or("").split_whitespace());
+    let digits =
+        text.lines().flat_map(|line| line.split('#').next().unwrap_or("").split_whitespace());
     digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
 }
 
@@ -108,7 +109,11 @@ fn record() -> Record {
 fn live_rays() -> [LiveRay; 3] {
     [
         LiveRay { origin: [1.0, -2.5, 1e6], direction: [0.6, 0.0, -0.8], number: 1 },
-        LiveRay { origin: [0.0, 0.0, 0.5], direction: [0.0, -1.0, 0.0], number: 0x1122_3344_5566_7788 },
+        LiveRay {
+            origin: [0.0, 0.0, 0.5],
+            direction: [0.0, -1.0, 0.0],
+            number: 0x1122_3344_5566_7788,
+        },
         LiveRay { origin: [-1.5, 3.0, 0.25], direction: [1.0, 0.0, 0.0], number: 1 << 63 },
     ]
 }
@@ -123,11 +128,16 @@ fn live_hits() -> [LiveHit; 3] {
 
 fn live() -> [(&'static str, Any); 4] {
     let ([a, b, c], hits) = (live_rays(), live_hits());
-    let packets =
-        vec![LivePacket { id: 1, paths: 16, rays: vec![a, b] }, LivePacket { id: 1 << 63, paths: 1, rays: vec![c] }];
-    let traced =
-        vec![Traced { id: 1, count: 2, nanoseconds: 1000 }, Traced { id: 1 << 63, count: 1, nanoseconds: u32::MAX }];
-    let samples = [a, b].iter().zip(hits).map(|(ray, hit)| LiveSample { number: ray.number, hit }).collect();
+    let packets = vec![
+        LivePacket { id: 1, paths: 16, rays: vec![a, b] },
+        LivePacket { id: 1 << 63, paths: 1, rays: vec![c] },
+    ];
+    let traced = vec![
+        Traced { id: 1, count: 2, nanoseconds: 1000 },
+        Traced { id: 1 << 63, count: 1, nanoseconds: u32::MAX },
+    ];
+    let samples =
+        [a, b].iter().zip(hits).map(|(ray, hit)| LiveSample { number: ray.number, hit }).collect();
     [
         ("live-wanted", Any::LiveWanted(LiveWanted { view: 7, pixels: 1000, rays: vec![a, b] })),
         ("live-work", Any::LiveWork(LiveWork { packets })),
@@ -206,8 +216,16 @@ fn welcome_shown() -> Any {
 
 fn work() -> Any {
     let (viewpoint, rays) = (None, None);
-    let packet =
-        Packet { id: 1, section: 0, beam: BeamId(0x01_0203_0405), first: 0, count: 21, paths: 1, viewpoint, rays };
+    let packet = Packet {
+        id: 1,
+        section: 0,
+        beam: BeamId(0x01_0203_0405),
+        first: 0,
+        count: 21,
+        paths: 1,
+        viewpoint,
+        rays,
+    };
     Any::Work(Work {
         viewpoints: vec![
             Viewpoint { eye: [1.0, 2.0, 3.0], radius: 0.01 },
@@ -215,7 +233,16 @@ fn work() -> Any {
         ],
         packets: vec![
             packet,
-            Packet { id: 2, section: 3, beam: BeamId(6), first: 21, count: 1, paths: 16, viewpoint: Some(0), rays },
+            Packet {
+                id: 2,
+                section: 3,
+                beam: BeamId(6),
+                first: 21,
+                count: 1,
+                paths: 16,
+                viewpoint: Some(0),
+                rays,
+            },
             Packet {
                 id: 1 << 63,
                 section: 1023,
@@ -236,8 +263,16 @@ fn work_named() -> Any {
         rays.iter_mut().zip(known).for_each(|(to, ray)| *to = RayCoords(*ray));
         Some(rays)
     };
-    let packet =
-        Packet { id: 1, section: 2, beam: BeamId(6), first: 7, count: 2, paths: 1, viewpoint: None, rays: None };
+    let packet = Packet {
+        id: 1,
+        section: 2,
+        beam: BeamId(6),
+        first: 7,
+        count: 2,
+        paths: 1,
+        viewpoint: None,
+        rays: None,
+    };
     Any::Work(Work {
         viewpoints: Vec::new(),
         packets: vec![
@@ -257,10 +292,28 @@ fn samples() -> Vec<Sample> {
 }
 
 fn stored() -> Any {
-    let uniform =
-        Run { section: 0, beam: BeamId(0x01_0203_0405), kind: SampleKind::Uniform, first: 40, count: 2, paths: 16 };
-    let single = Run { section: 1023, beam: BeamId(9), kind: SampleKind::SingleRay, first: 0, count: 1, paths: 1 };
-    Any::Samples(Samples { view: 7, source: Source::Stored, runs: vec![uniform, single], samples: samples() })
+    let uniform = Run {
+        section: 0,
+        beam: BeamId(0x01_0203_0405),
+        kind: SampleKind::Uniform,
+        first: 40,
+        count: 2,
+        paths: 16,
+    };
+    let single = Run {
+        section: 1023,
+        beam: BeamId(9),
+        kind: SampleKind::SingleRay,
+        first: 0,
+        count: 1,
+        paths: 1,
+    };
+    Any::Samples(Samples {
+        view: 7,
+        source: Source::Stored,
+        runs: vec![uniform, single],
+        samples: samples(),
+    })
 }
 
 fn traced() -> Any {
@@ -297,7 +350,10 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("control-failed", Any::Control(Control::Failed { reason: "no memory".into() })),
         ("control-settle", Any::Control(Control::Settle { view: 7 })),
         ("control-light-wanted", Any::Control(Control::LightWanted)),
-        ("control-stand-ins", Any::Control(Control::StandIns(SceneInfo { hash: [0xAB; 32], bytes: 258 }))),
+        (
+            "control-stand-ins",
+            Any::Control(Control::StandIns(SceneInfo { hash: [0xAB; 32], bytes: 258 })),
+        ),
         ("control-stand-ins-wanted", Any::Control(Control::StandInsWanted)),
         ("work", work()),
         ("work-named", work_named()),
@@ -326,15 +382,31 @@ fn cases() -> Vec<(&'static str, Any)> {
         ),
         ("samples-stored", stored()),
         ("samples-traced", traced()),
-        ("unseen", Any::Unseen(Unseen { view: 7, beams: vec![(0, BeamId(0x01_0203_0405)), (1023, BeamId(9))] })),
+        (
+            "unseen",
+            Any::Unseen(Unseen {
+                view: 7,
+                beams: vec![(0, BeamId(0x01_0203_0405)), (1023, BeamId(9))],
+            }),
+        ),
         ("light", Any::Light(Light { records: vec![record()] })),
         (
             "rays",
             Any::Rays(RaysWanted {
                 view: 7,
                 rays: vec![
-                    WantedRay { beam: 0x01_0203_0405, section: 0, coords: RayCoords([1, 2, 3, 4]), reserved: 0 },
-                    WantedRay { beam: 9, section: 1023, coords: RayCoords([0, 255, 127, 128]), reserved: 0 },
+                    WantedRay {
+                        beam: 0x01_0203_0405,
+                        section: 0,
+                        coords: RayCoords([1, 2, 3, 4]),
+                        reserved: 0,
+                    },
+                    WantedRay {
+                        beam: 9,
+                        section: 1023,
+                        coords: RayCoords([0, 255, 127, 128]),
+                        reserved: 0,
+                    },
                 ],
             }),
         ),
@@ -355,8 +427,10 @@ fn every_message_has_exactly_the_bytes_written_down() {
 #[test]
 fn every_file_is_of_a_message_and_begins_with_a_comment() {
     let names: BTreeSet<_> = cases().into_iter().map(|(name, _)| format!("{name}.hex")).collect();
-    let files: BTreeSet<_> =
-        fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    let files: BTreeSet<_> = fs::read_dir(folder())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
     assert_eq!(names, files);
     for file in files {
         assert!(fs::read_to_string(folder().join(&file)).unwrap().starts_with("# "), "{file}");
@@ -369,8 +443,12 @@ fn every_kind_and_every_control_message_is_written_down() {
     let known: BTreeSet<u8> = (0..=u8::MAX).filter(|&byte| Kind::from_byte(byte).is_ok()).collect();
     assert_eq!(kinds, known);
     // A variant number is a message's first four bytes; of the next number there is none.
-    let controls: BTreeSet<u8> =
-        cases().iter().map(|(_, message)| message.frame()).filter(|f| f[4] == 3).map(|f| f[8]).collect();
+    let controls: BTreeSet<u8> = cases()
+        .iter()
+        .map(|(_, message)| message.frame())
+        .filter(|f| f[4] == 3)
+        .map(|f| f[8])
+        .collect();
     assert_eq!(controls, (0..=13).collect());
     let mut next = vec![0; 64];
     next[0] = 14;
@@ -382,7 +460,9 @@ fn every_kind_and_every_control_message_is_written_down() {
 fn a_message_cut_anywhere_or_with_a_byte_more_is_refused() {
     for (name, message) in cases() {
         let payload = &golden(name)[HEADER_BYTES..];
-        let decode = |payload: &[u8]| Any::decode(&frame::encode(Kind::from_byte(golden(name)[4])?, payload)?);
+        let decode = |payload: &[u8]| {
+            Any::decode(&frame::encode(Kind::from_byte(golden(name)[4])?, payload)?)
+        };
         // Pieces of the scene are as long as they are, and hellos and answers may grow in later versions.
         let (shortest, may_grow) = match message {
             Any::BlobChunk(_) => (8, true),
@@ -390,7 +470,11 @@ fn a_message_cut_anywhere_or_with_a_byte_more_is_refused() {
             _ => (payload.len(), false),
         };
         for length in 0..shortest {
-            assert!(decode(&payload[..length]).is_err(), "{name}: {length} of {} bytes", payload.len());
+            assert!(
+                decode(&payload[..length]).is_err(),
+                "{name}: {length} of {} bytes",
+                payload.len()
+            );
         }
         let longer = decode(&[payload, &[0]].concat());
         assert_eq!(longer.is_ok(), may_grow, "{name}: {longer:?}");

@@ -20,12 +20,25 @@ fn decode_all(bytes: &[u8]) {
         assert_eq!(Control::decode(&again).unwrap().encode().unwrap(), again);
     }
     if let Ok(message) = Work::decode(bytes) {
-        assert!(message.packets.iter().all(|p| (1..=MAX_RAYS_PER_PACKET).contains(&usize::from(p.count))));
-        assert!(message.packets.iter().all(|p| p.viewpoint.is_none_or(|v| usize::from(v) < message.viewpoints.len())));
+        assert!(
+            message
+                .packets
+                .iter()
+                .all(|p| (1..=MAX_RAYS_PER_PACKET).contains(&usize::from(p.count)))
+        );
+        assert!(
+            message
+                .packets
+                .iter()
+                .all(|p| p.viewpoint.is_none_or(|v| usize::from(v) < message.viewpoints.len()))
+        );
         assert_eq!(Work::decode(&message.encode()), Ok(message));
     }
     if let Ok(message) = Results::decode(bytes) {
-        assert_eq!(message.packets.iter().map(|p| p.count as usize).sum::<usize>(), message.samples.len());
+        assert_eq!(
+            message.packets.iter().map(|p| p.count as usize).sum::<usize>(),
+            message.samples.len()
+        );
         assert_eq!(message.encode(), bytes);
     }
     if let Ok(message) = ViewRequest::decode(bytes) {
@@ -33,7 +46,10 @@ fn decode_all(bytes: &[u8]) {
     }
     if let Ok(message) = Samples::decode(bytes) {
         assert_eq!(
-            message.iter().map(|(run, samples)| usize::from(run.count as usize == samples.len())).sum::<usize>(),
+            message
+                .iter()
+                .map(|(run, samples)| usize::from(run.count as usize == samples.len()))
+                .sum::<usize>(),
             message.runs.len()
         );
         assert_eq!(Samples::decode(&message.encode()), Ok(message));
@@ -50,12 +66,20 @@ fn decode_all(bytes: &[u8]) {
         assert_eq!(LiveWanted::decode(&message.encode()), Ok(message));
     }
     if let Ok(message) = LiveWork::decode(bytes) {
-        assert!(message.packets.iter().all(|p| (1..=MAX_RAYS_PER_PACKET).contains(&p.rays.len()) && p.paths > 0));
+        assert!(
+            message
+                .packets
+                .iter()
+                .all(|p| (1..=MAX_RAYS_PER_PACKET).contains(&p.rays.len()) && p.paths > 0)
+        );
         assert!(message.packets.iter().flat_map(|packet| &packet.rays).all(is_ray));
         assert_eq!(LiveWork::decode(&message.encode()), Ok(message));
     }
     if let Ok(message) = LiveResults::decode(bytes) {
-        assert_eq!(message.packets.iter().map(|p| p.count as usize).sum::<usize>(), message.hits.len());
+        assert_eq!(
+            message.packets.iter().map(|p| p.count as usize).sum::<usize>(),
+            message.hits.len()
+        );
         assert!(message.hits.iter().all(is_hit));
         assert_eq!(message.encode(), bytes);
     }
@@ -80,7 +104,9 @@ fn is_ray(ray: &LiveRay) -> bool {
 }
 
 fn is_hit(hit: &LiveHit) -> bool {
-    hit.radiance.iter().all(|x| x.is_finite() && *x >= 0.0) && !hit.distance.is_nan() && hit.distance >= 0.0
+    hit.radiance.iter().all(|x| x.is_finite() && *x >= 0.0)
+        && !hit.distance.is_nan()
+        && hit.distance >= 0.0
 }
 
 fn any_payload() -> impl Strategy<Value = Vec<u8>> {
@@ -198,7 +224,10 @@ fn each_kind_of_frame_has_its_limit_at_both_ends() {
         assert_eq!(Header::parse(longer.to_bytes()), Err(refused));
         let payload = vec![0; limit as usize + 1];
         assert!(frame::encode(kind, &payload).is_err());
-        assert_eq!(frame::encode(kind, &payload[1..]).unwrap().len(), HEADER_BYTES + limit as usize);
+        assert_eq!(
+            frame::encode(kind, &payload[1..]).unwrap().len(),
+            HEADER_BYTES + limit as usize
+        );
     }
 }
 
@@ -210,9 +239,16 @@ fn answers_tell_refusal_of_any_version_but_acceptance_only_of_ours() {
     let mut accepted = Answer::Accepted.encode();
     assert_eq!(Answer::decode(&accepted), Ok(Answer::Accepted));
     accepted[10] = 2;
-    assert_eq!(Answer::decode(&accepted), Err(ProtoError::NotHolodeck), "no such answer in this version");
+    assert_eq!(
+        Answer::decode(&accepted),
+        Err(ProtoError::NotHolodeck),
+        "no such answer in this version"
+    );
     accepted[8..10].copy_from_slice(&9u16.to_le_bytes());
-    assert_eq!(Answer::decode(&accepted), Err(ProtoError::Version { ours: PROTOCOL_VERSION, theirs: 9 }));
+    assert_eq!(
+        Answer::decode(&accepted),
+        Err(ProtoError::Version { ours: PROTOCOL_VERSION, theirs: 9 })
+    );
 }
 
 #[test]
@@ -227,23 +263,31 @@ fn hellos_that_are_none_are_told_from_those_of_unknown_roles() {
     assert_eq!(with(11, 1), Err(ProtoError::NotHolodeck));
     assert_eq!(with(10, 3), Err(ProtoError::Role(3)));
     assert_eq!(Hello::decode(&MAGIC), Err(ProtoError::NotHolodeck));
-    let huge = ProtoError::TooMany { what: "text bytes", found: 0xff01, limit: MAX_TEXT_BYTES as u64 };
+    let huge =
+        ProtoError::TooMany { what: "text bytes", found: 0xff01, limit: MAX_TEXT_BYTES as u64 };
     assert_eq!(with(13, 0xff), Err(huge));
 }
 
 #[test]
 fn long_texts_are_cut_between_characters_and_none_can_steer_a_terminal() {
     let name: String = "é".repeat(400);
-    let Ok(hello) = Hello::decode(&Hello::new(Role::Worker, &name).encode()) else { panic!("refused") };
+    let Ok(hello) = Hello::decode(&Hello::new(Role::Worker, &name).encode()) else {
+        panic!("refused")
+    };
     assert_eq!(hello.name, "é".repeat(256));
     let odd = format!("x{name}");
-    let Ok(hello) = Hello::decode(&Hello::new(Role::Worker, &odd).encode()) else { panic!("refused") };
+    let Ok(hello) = Hello::decode(&Hello::new(Role::Worker, &odd).encode()) else {
+        panic!("refused")
+    };
     assert_eq!(hello.name, format!("x{}", "é".repeat(255)));
 
     let evil = "a\x1b[2Jb\r\nc\u{9b}d";
     let plain = "a [2Jb  c d";
     assert_eq!(Hello::decode(&Hello::new(Role::Worker, evil).encode()).unwrap().name, plain);
-    assert_eq!(Answer::decode(&Answer::Refused(evil.into()).encode()), Ok(Answer::Refused(plain.into())));
+    assert_eq!(
+        Answer::decode(&Answer::Refused(evil.into()).encode()),
+        Ok(Answer::Refused(plain.into()))
+    );
     let bye = Control::Bye { reason: evil.into() };
     assert_eq!(Control::decode(&bye.encode().unwrap()), Ok(Control::Bye { reason: plain.into() }));
     let mut bytes = Hello::new(Role::Worker, "abc").encode();
@@ -301,7 +345,10 @@ fn wrong_numbers_in_bulk_messages_are_named() {
         (0.0, 0.0, f32::INFINITY),
         (0.0, 0.0, f32::NAN),
     ] {
-        assert!(matches!(view(eye, radius, weight), Err(ProtoError::Number(_))), "{eye} {radius} {weight}");
+        assert!(
+            matches!(view(eye, radius, weight), Err(ProtoError::Number(_))),
+            "{eye} {radius} {weight}"
+        );
     }
 
     // One run: beam, first, count, section, paths, kind.
@@ -343,17 +390,27 @@ fn wrong_numbers_in_bulk_messages_are_named() {
 
 #[test]
 fn live_rays_that_are_none_and_what_none_can_see_are_refused() {
-    let ray = |origin: f64, direction: [f64; 3]| LiveRay { origin: [0.0, origin, 0.0], direction, number: 5 };
+    let ray = |origin: f64, direction: [f64; 3]| LiveRay {
+        origin: [0.0, origin, 0.0],
+        direction,
+        number: 5,
+    };
     let good = ray(1.0, [0.6, 0.0, 0.8]);
     let wanted = |ray: LiveRay, count: usize| {
         LiveWanted::decode(&LiveWanted { view: 1, pixels: 9, rays: vec![ray; count] }.encode())
     };
     let work = |ray: LiveRay, count: usize, paths: u16| {
-        LiveWork::decode(&LiveWork { packets: vec![LivePacket { id: 1, paths, rays: vec![ray; count] }] }.encode())
+        LiveWork::decode(
+            &LiveWork { packets: vec![LivePacket { id: 1, paths, rays: vec![ray; count] }] }
+                .encode(),
+        )
     };
     assert!(wanted(good, MAX_LIVE_RAYS).is_ok() && work(good, 21, 1).is_ok());
     let (found, limit) = (MAX_LIVE_RAYS as u64 + 1, MAX_LIVE_RAYS as u64);
-    assert_eq!(wanted(good, MAX_LIVE_RAYS + 1), Err(ProtoError::TooMany { what: "live rays", found, limit }));
+    assert_eq!(
+        wanted(good, MAX_LIVE_RAYS + 1),
+        Err(ProtoError::TooMany { what: "live rays", found, limit })
+    );
     assert_eq!(work(good, 22, 1), Err(ProtoError::RayCount(22)));
     assert_eq!(work(good, 0, 1), Err(ProtoError::RayCount(0)));
     assert!(matches!(work(good, 1, 0), Err(ProtoError::Number(_))));
@@ -369,9 +426,13 @@ fn live_rays_that_are_none_and_what_none_can_see_are_refused() {
         assert!(matches!(work(bad, 2, 1), Err(ProtoError::Number(_))), "{bad:?}");
     }
     // Work that says more rays of a packet than follow.
-    let mut bytes = LiveWork { packets: vec![LivePacket { id: 1, paths: 1, rays: vec![good; 2] }] }.encode();
+    let mut bytes =
+        LiveWork { packets: vec![LivePacket { id: 1, paths: 1, rays: vec![good; 2] }] }.encode();
     bytes[16] = 3;
-    assert!(matches!(LiveWork::decode(&bytes), Err(ProtoError::Truncated { needed: 168, found: 112, .. })));
+    assert!(matches!(
+        LiveWork::decode(&bytes),
+        Err(ProtoError::Truncated { needed: 168, found: 112, .. })
+    ));
 
     let hit = |radiance: f32, distance: f32| LiveHit { radiance: [1.0, radiance, 0.0], distance };
     let results = |hit: LiveHit| {
@@ -379,12 +440,22 @@ fn live_rays_that_are_none_and_what_none_can_see_are_refused() {
         LiveResults::decode(&LiveResults { packets, hits: vec![hit] }.encode())
     };
     let samples = |hit: LiveHit| {
-        LiveSamples::decode(&LiveSamples { view: 1, samples: vec![LiveSample { number: 1, hit }] }.encode())
+        LiveSamples::decode(
+            &LiveSamples { view: 1, samples: vec![LiveSample { number: 1, hit }] }.encode(),
+        )
     };
     assert!(results(hit(0.0, f32::INFINITY)).is_ok() && samples(hit(0.0, 0.0)).is_ok());
-    for (radiance, distance) in [(-1.0, 1.0), (f32::NAN, 1.0), (f32::INFINITY, 1.0), (1.0, f32::NAN), (1.0, -1.0)] {
-        assert!(matches!(results(hit(radiance, distance)), Err(ProtoError::Number(_))), "{radiance} {distance}");
-        assert!(matches!(samples(hit(radiance, distance)), Err(ProtoError::Number(_))), "{radiance} {distance}");
+    for (radiance, distance) in
+        [(-1.0, 1.0), (f32::NAN, 1.0), (f32::INFINITY, 1.0), (1.0, f32::NAN), (1.0, -1.0)]
+    {
+        assert!(
+            matches!(results(hit(radiance, distance)), Err(ProtoError::Number(_))),
+            "{radiance} {distance}"
+        );
+        assert!(
+            matches!(samples(hit(radiance, distance)), Err(ProtoError::Number(_))),
+            "{radiance} {distance}"
+        );
     }
 }
 
@@ -392,9 +463,12 @@ fn live_rays_that_are_none_and_what_none_can_see_are_refused() {
 fn a_welcome_that_nothing_can_be_done_with_is_refused() {
     let hex = include_str!("../golden/control-welcome.hex");
     let digits = hex.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
-    let bytes: Vec<u8> = digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).skip(HEADER_BYTES).collect();
+    let bytes: Vec<u8> =
+        digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).skip(HEADER_BYTES).collect();
     let with = |change: &dyn Fn(&mut holo_proto::control::Welcome)| {
-        let Ok(Control::Welcome(mut welcome)) = Control::decode(&bytes) else { panic!("no welcome") };
+        let Ok(Control::Welcome(mut welcome)) = Control::decode(&bytes) else {
+            panic!("no welcome")
+        };
         change(&mut welcome);
         Control::decode(&Control::Welcome(welcome).encode().unwrap())
     };

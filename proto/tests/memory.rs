@@ -7,7 +7,8 @@ use std::{
 
 use holo_proto::{
     bulk::{
-        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, Results, Samples, Unseen, ViewRequest, Work,
+        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, Results, Samples, Unseen,
+        ViewRequest, Work,
     },
     control::Control,
     frame::MAX_CONTROL_BYTES,
@@ -54,7 +55,10 @@ fn peak(act: impl FnOnce()) -> usize {
 #[test]
 fn the_count_sees_what_is_taken() {
     assert!((1 << 20..2 << 20).contains(&peak(|| drop(std::hint::black_box(vec![1u8; 1 << 20])))));
-    assert!(peak(|| drop(std::hint::black_box(vec![0u8; 1 << 20]))) >= 1 << 20, "zeroed memory, too");
+    assert!(
+        peak(|| drop(std::hint::black_box(vec![0u8; 1 << 20]))) >= 1 << 20,
+        "zeroed memory, too"
+    );
 }
 
 #[test]
@@ -81,11 +85,17 @@ fn bulk_messages_that_claim_more_than_they_bring_take_no_memory() {
             assert!(taken <= 4 * payload.len(), "count {count} at {at}: {taken} bytes");
         }
     }
-    let full =
-        Work { packets: Vec::new(), viewpoints: vec![holo_section::Viewpoint { eye: [0.0; 3], radius: 1.0 }; 1 << 15] };
+    let full = Work {
+        packets: Vec::new(),
+        viewpoints: vec![holo_section::Viewpoint { eye: [0.0; 3], radius: 1.0 }; 1 << 15],
+    };
     let payload = full.encode();
     let taken = peak(|| drop(Work::decode(&payload)));
-    assert!((payload.len() - 8..=3 * payload.len()).contains(&taken), "{taken} of {}", payload.len());
+    assert!(
+        (payload.len() - 8..=3 * payload.len()).contains(&taken),
+        "{taken} of {}",
+        payload.len()
+    );
     let chunk = vec![7; 1 << 20];
     assert!(peak(|| drop(BlobChunk::decode(&chunk))) <= chunk.len());
 }
@@ -96,7 +106,9 @@ fn control_messages_take_no_more_than_a_few_of_the_longest_whatever_they_claim()
     let most = 4 * MAX_CONTROL_BYTES as usize;
     for variant in 0..14u8 {
         for at in 4..120 {
-            for claimed in [u64::MAX, 1 << 62, 1 << 40, 1 << 32, 1 << 24, 1 << 20, 1_000_000, 500_000] {
+            for claimed in
+                [u64::MAX, 1 << 62, 1 << 40, 1 << 32, 1 << 24, 1 << 20, 1_000_000, 500_000]
+            {
                 let mut payload = vec![0; 200];
                 payload[0] = variant;
                 payload[at..at + 8].copy_from_slice(&claimed.to_le_bytes());

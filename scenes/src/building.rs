@@ -3,7 +3,9 @@
 //! Always: walls, floor and ceiling are solids that meet without a gap, so that light enters by windows only; the space
 //! of a [`Room`] is free of them.
 
-use crate::material::{BRASS, CEILING, FACADE, GROUT, LACQUER, Material, OAK, OAK_DARK, OAK_LIGHT, TRIM, WINDOW};
+use crate::material::{
+    BRASS, CEILING, FACADE, GROUT, LACQUER, Material, OAK, OAK_DARK, OAK_LIGHT, TRIM, WINDOW,
+};
 use crate::mesh::Mesh;
 use crate::random::Random;
 use crate::shapes::{ball, cuboid, rectangle, rounded};
@@ -93,7 +95,13 @@ struct Wall<'a> {
 
 impl Wall<'_> {
     /// A box given along the wall, across it, and in height.
-    fn solid(&self, material: &'static Material, along: (f64, f64), across: (f64, f64), z: (f64, f64)) -> Mesh {
+    fn solid(
+        &self,
+        material: &'static Material,
+        along: (f64, f64),
+        across: (f64, f64),
+        z: (f64, f64),
+    ) -> Mesh {
         if self.along_x {
             cuboid(material, [along.0, across.0, z.0], [along.1, across.1, z.1])
         } else {
@@ -106,12 +114,15 @@ impl Wall<'_> {
         let mut piece = self.solid(&TRIM, along, (self.near, self.far), z);
         // A cuboid's faces come in pairs of triangles, -z +z -y +y -x +x.
         let first = if self.along_x { 4 } else { 8 };
-        for (face, material) in piece.faces[first..first + 4].iter_mut().zip([0, 0, 1, 1].map(|side| self.faces[side]))
+        for (face, material) in
+            piece.faces[first..first + 4].iter_mut().zip([0, 0, 1, 1].map(|side| self.faces[side]))
         {
             face.material = material;
         }
         if z.0 == 0.0 {
-            for (face, across) in [(0, (self.near - 0.012, self.near)), (1, (self.far, self.far + 0.012))] {
+            for (face, across) in
+                [(0, (self.near - 0.012, self.near)), (1, (self.far, self.far + 0.012))]
+            {
                 if !std::ptr::eq(self.faces[face], &FACADE) {
                     piece.add(self.solid(&TRIM, along, across, (0.0, 0.08)));
                 }
@@ -143,13 +154,22 @@ impl Wall<'_> {
     /// Boards around a door, on both sides of the wall.
     fn casing(&self, hole: &Opening) -> Mesh {
         let (wide, proud) = (0.07, 0.018);
-        Mesh::of([(self.near - proud, self.near), (self.far, self.far + proud)].into_iter().flat_map(|across| {
-            [
-                self.solid(&TRIM, (hole.from - wide, hole.from), across, (0.0, hole.head)),
-                self.solid(&TRIM, (hole.to, hole.to + wide), across, (0.0, hole.head)),
-                self.solid(&TRIM, (hole.from - wide, hole.to + wide), across, (hole.head, hole.head + wide)),
-            ]
-        }))
+        Mesh::of(
+            [(self.near - proud, self.near), (self.far, self.far + proud)].into_iter().flat_map(
+                |across| {
+                    [
+                        self.solid(&TRIM, (hole.from - wide, hole.from), across, (0.0, hole.head)),
+                        self.solid(&TRIM, (hole.to, hole.to + wide), across, (0.0, hole.head)),
+                        self.solid(
+                            &TRIM,
+                            (hole.from - wide, hole.to + wide),
+                            across,
+                            (hole.head, hole.head + wide),
+                        ),
+                    ]
+                },
+            ),
+        )
     }
 
     /// A frame with mullions and one pane of glass in the middle of the wall, and a sill inside and outside.
@@ -188,22 +208,53 @@ pub fn shell(paint: impl Fn(&Room) -> &'static Material) -> Mesh {
     let [living, kitchen, hall, bedroom, bath, study] = ROOMS.map(&paint);
     let (west, east, south, north) = (-OUTER, 11.15 + OUTER, -OUTER, 10.7 + OUTER);
     let wall = |along_x, span: (f64, f64), across: (f64, f64), faces, openings| {
-        Wall { along_x, from: span.0, to: span.1, near: across.0, far: across.1, faces, openings }.build()
+        Wall { along_x, from: span.0, to: span.1, near: across.0, far: across.1, faces, openings }
+            .build()
     };
     let mut shell = Mesh::of([
         cuboid(&CEILING, [west, south, HEIGHT], [east, north, HEIGHT + OUTER]),
         cuboid(&GROUT, [west, south, -0.02 - OUTER], [east, north, -0.02]),
         // From west to east, south of the hallway and north of it.
-        wall(true, (west, 6.075), (-OUTER, 0.0), [&FACADE, living], &[window(0.8, 5.2, 0.35, 2.4)][..]),
-        wall(true, (6.075, east), (-OUTER, 0.0), [&FACADE, kitchen], &[window(7.1, 9.7, 0.95, 2.3)]),
+        wall(
+            true,
+            (west, 6.075),
+            (-OUTER, 0.0),
+            [&FACADE, living],
+            &[window(0.8, 5.2, 0.35, 2.4)][..],
+        ),
+        wall(
+            true,
+            (6.075, east),
+            (-OUTER, 0.0),
+            [&FACADE, kitchen],
+            &[window(7.1, 9.7, 0.95, 2.3)],
+        ),
         wall(true, (0.0, 6.075), (5.0, 5.15), [living, hall], &[door(4.85)]),
         wall(true, (6.075, 11.15), (5.0, 5.15), [kitchen, hall], &[door(9.3)]),
         wall(true, (0.0, 5.075), (6.55, 6.7), [hall, bedroom], &[door(3.35)]),
         wall(true, (5.075, 8.225), (6.55, 6.7), [hall, bath], &[door(7.0)]),
         wall(true, (8.225, 11.15), (6.55, 6.7), [hall, study], &[door(9.3)]),
-        wall(true, (west, 5.075), (10.7, 10.7 + OUTER), [bedroom, &FACADE], &[window(1.1, 3.9, 0.8, 2.3)]),
-        wall(true, (5.075, 8.225), (10.7, 10.7 + OUTER), [bath, &FACADE], &[window(6.9, 7.7, 1.5, 2.2)]),
-        wall(true, (8.225, east), (10.7, 10.7 + OUTER), [study, &FACADE], &[window(9.0, 10.7, 0.95, 2.3)]),
+        wall(
+            true,
+            (west, 5.075),
+            (10.7, 10.7 + OUTER),
+            [bedroom, &FACADE],
+            &[window(1.1, 3.9, 0.8, 2.3)],
+        ),
+        wall(
+            true,
+            (5.075, 8.225),
+            (10.7, 10.7 + OUTER),
+            [bath, &FACADE],
+            &[window(6.9, 7.7, 1.5, 2.2)],
+        ),
+        wall(
+            true,
+            (8.225, east),
+            (10.7, 10.7 + OUTER),
+            [study, &FACADE],
+            &[window(9.0, 10.7, 0.95, 2.3)],
+        ),
         // From south to north.
         wall(false, (0.0, 5.0), (west, 0.0), [&FACADE, living], &[]),
         wall(false, (5.0, 6.7), (west, 0.0), [&FACADE, hall], &[]),
@@ -251,16 +302,26 @@ fn planks(room: &Room) -> Mesh {
 }
 
 /// A floor of square tiles in two colours, every fourth the second, 2 cm thick.
-pub fn tiled_floor(room: &Room, tile: &'static Material, second: &'static Material, size: f64) -> Mesh {
+pub fn tiled_floor(
+    room: &Room,
+    tile: &'static Material,
+    second: &'static Material,
+    size: f64,
+) -> Mesh {
     let [x0, y0, x1, y1] = room.panels();
-    let (columns, rows) = (((x1 - x0) / size).round() as usize, ((y1 - y0) / size).round() as usize);
+    let (columns, rows) =
+        (((x1 - x0) / size).round() as usize, ((y1 - y0) / size).round() as usize);
     let (w, d) = ((x1 - x0) / columns as f64, (y1 - y0) / rows as f64);
     let mut floor = Mesh::default();
     for i in 0..columns {
         for j in 0..rows {
             let (x, y) = (x0 + i as f64 * w, y0 + j as f64 * d);
             let colour = if i % 2 == 1 && j % 2 == 1 { second } else { tile };
-            floor.add(cuboid(colour, [x + 0.0015, y + 0.0015, -0.02], [x + w - 0.0015, y + d - 0.0015, 0.0]));
+            floor.add(cuboid(
+                colour,
+                [x + 0.0015, y + 0.0015, -0.02],
+                [x + w - 0.0015, y + d - 0.0015, 0.0],
+            ));
         }
     }
     floor

@@ -62,7 +62,10 @@ pub fn interior() -> String {
         );
     }
     for View { name, vp, vd, vh } in VIEWS {
-        let _ = writeln!(text, "\n[[view]]\nname = \"{name}\"\nvp = {vp:?}\nvd = {vd:?}\nvu = [0, 0, 1]\nvh = {vh:?}");
+        let _ = writeln!(
+            text,
+            "\n[[view]]\nname = \"{name}\"\nvp = {vp:?}\nvd = {vd:?}\nvu = [0, 0, 1]\nvh = {vh:?}"
+        );
     }
     text
 }

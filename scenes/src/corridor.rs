@@ -175,7 +175,8 @@ impl Rectangle {
             corner[second] = if on_second { high[second] } else { low[second] };
             corner
         };
-        let mut corners = [corner(false, false), corner(true, false), corner(true, true), corner(false, true)];
+        let mut corners =
+            [corner(false, false), corner(true, false), corner(true, true), corner(false, true)];
         if !self.along {
             corners.reverse();
         }
@@ -185,14 +186,16 @@ impl Rectangle {
 
 /// The OBJ file.
 pub fn obj() -> String {
-    let mut text = String::from("# A corridor lit only indirectly, metres, +Z up.\nmtllib corridor.mtl\n");
+    let mut text =
+        String::from("# A corridor lit only indirectly, metres, +Z up.\nmtllib corridor.mtl\n");
     for (i, rectangle) in RECTANGLES.iter().enumerate() {
         for [x, y, z] in rectangle.corners() {
             let _ = writeln!(text, "v {x} {y} {z}");
         }
         let first = 4 * i + 1;
         let (second, third, fourth) = (first + 1, first + 2, first + 3);
-        let _ = writeln!(text, "usemtl {}\nf {first} {second} {third} {fourth}", rectangle.material);
+        let _ =
+            writeln!(text, "usemtl {}\nf {first} {second} {third} {fourth}", rectangle.material);
     }
     text
 }

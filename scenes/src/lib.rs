@@ -82,7 +82,11 @@ pub fn obj_and_mtl(scene: Bundled) -> (String, String) {
         Bundled::Cornell => (cornell::obj(), cornell::MTL.to_owned()),
         Bundled::Corridor => (corridor::obj(), corridor::MTL.to_owned()),
         Bundled::Interior => {
-            let library = material::ALL.iter().map(|material| material.to_string()).collect::<Vec<_>>().join("\n");
+            let library = material::ALL
+                .iter()
+                .map(|material| material.to_string())
+                .collect::<Vec<_>>()
+                .join("\n");
             (obj::write(&rooms::interior(), "interior.mtl"), library)
         }
     }

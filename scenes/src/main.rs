@@ -28,7 +28,11 @@ fn main() -> ExitCode {
                 match write(scene, &dir) {
                     Ok(written) => println!("{}", written.obj.display()),
                     Err(error) => {
-                        eprintln!("holo-scenes: cannot write {} into {}: {error}", scene.name(), dir.display());
+                        eprintln!(
+                            "holo-scenes: cannot write {} into {}: {error}",
+                            scene.name(),
+                            dir.display()
+                        );
                         return ExitCode::FAILURE;
                     }
                 }
@@ -43,7 +47,9 @@ fn main() -> ExitCode {
 }
 
 /// What to write and where; nothing if help was asked for.
-fn parse(mut words: impl Iterator<Item = String>) -> Result<Option<(Vec<Bundled>, PathBuf)>, String> {
+fn parse(
+    mut words: impl Iterator<Item = String>,
+) -> Result<Option<(Vec<Bundled>, PathBuf)>, String> {
     let mut scenes = Vec::new();
     let mut dir = PathBuf::from(".");
     while let Some(word) = words.next() {
@@ -51,7 +57,8 @@ fn parse(mut words: impl Iterator<Item = String>) -> Result<Option<(Vec<Bundled>
             "--help" | "-h" => return Ok(None),
             "--out" => dir = words.next().ok_or("`--out` takes a directory")?.into(),
             "all" => scenes.extend(Bundled::ALL),
-            name => scenes.push(Bundled::named(name).ok_or_else(|| format!("there is no scene `{name}`"))?),
+            name => scenes
+                .push(Bundled::named(name).ok_or_else(|| format!("there is no scene `{name}`"))?),
         }
     }
     if scenes.is_empty() {

@@ -129,5 +129,16 @@ materials! {
 }
 
 /// Colours of book spines.
-pub static BOOKS: &[&Material] =
-    &[&CORAL, &TEAL, &MUSTARD, &RUG_NAVY, &PAPER, &LEATHER, &RUG_RED, &FABRIC_DARK, &LINEN, &CERAMIC_BLUE, &WALL_SAGE];
+pub static BOOKS: &[&Material] = &[
+    &CORAL,
+    &TEAL,
+    &MUSTARD,
+    &RUG_NAVY,
+    &PAPER,
+    &LEATHER,
+    &RUG_RED,
+    &FABRIC_DARK,
+    &LINEN,
+    &CERAMIC_BLUE,
+    &WALL_SAGE,
+];

@@ -38,7 +38,9 @@ impl Mesh {
     pub fn add(&mut self, part: Self) {
         let base = self.points.len() as u32;
         self.points.extend(part.points);
-        self.faces.extend(part.faces.iter().map(|face| Face { corners: face.corners.map(|c| c + base), ..*face }));
+        self.faces.extend(
+            part.faces.iter().map(|face| Face { corners: face.corners.map(|c| c + base), ..*face }),
+        );
     }
 
     /// Adds a point; returns its index.
@@ -121,7 +123,10 @@ mod tests {
             let outwards = volume(&shape);
             assert!(outwards > 0.0, "{name}: {outwards}");
             let mirrored = volume(&shape.scaled(-2.0, 1.0, 1.0).turned(30.0).at(1.0, 2.0, 3.0));
-            assert!((mirrored - 2.0 * outwards).abs() < 1e-9 * outwards.max(1.0), "{name}: {mirrored}");
+            assert!(
+                (mirrored - 2.0 * outwards).abs() < 1e-9 * outwards.max(1.0),
+                "{name}: {mirrored}"
+            );
         }
     }
 

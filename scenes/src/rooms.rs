@@ -2,7 +2,9 @@
 //!
 //! Always: the middle of every room, from about a metre up, stays free: the sections of the holodeck lie there.
 
-use crate::building::{self, BATH, BEDROOM, HALL, KITCHEN, LIVING, Room, STUDY, Side, leaf, tiled_floor};
+use crate::building::{
+    self, BATH, BEDROOM, HALL, KITCHEN, LIVING, Room, STUDY, Side, leaf, tiled_floor,
+};
 use crate::furniture::bath::{heated_rail, rolled_towels, towel, tub, vanity, water_closet};
 use crate::furniture::bed::{bed, wardrobe};
 use crate::furniture::decor::{
@@ -10,12 +12,15 @@ use crate::furniture::decor::{
 };
 use crate::furniture::kitchen::{refrigerator, run, tiles};
 use crate::furniture::lamp::{
-    bell, candle, ceiling_disc, desk_lamp, downlight, floor_lamp, garland, panel, pendant, raft, sconce, table_lamp,
+    bell, candle, ceiling_disc, desk_lamp, downlight, floor_lamp, garland, panel, pendant, raft,
+    sconce, table_lamp,
 };
 use crate::furniture::plant::{broadleaf, palm, tree};
 use crate::furniture::seat::{armchair, chair, desk_chair, sofa, stool};
 use crate::furniture::shelf::{bookcase, pile};
-use crate::furniture::table::{coffee_table, console, desk, dining_table, nightstand, side_table, sideboard};
+use crate::furniture::table::{
+    coffee_table, console, desk, dining_table, nightstand, side_table, sideboard,
+};
 use crate::garden::garden;
 use crate::material::*;
 use crate::mesh::Mesh;
@@ -127,7 +132,11 @@ fn kitchen() -> Vec<Mesh> {
         for side in [-1.0, 1.0] {
             // Sitters at the west side look east, and the other way round.
             parts.push(place_setting().turned(90.0 * side).at(x + side * 0.33, y + along, 0.75));
-            parts.push(chair(&OAK_LIGHT, &CURTAIN_BLUE).turned(90.0 * side).at(x + side * 0.74, y + along, 0.0));
+            parts.push(chair(&OAK_LIGHT, &CURTAIN_BLUE).turned(90.0 * side).at(
+                x + side * 0.74,
+                y + along,
+                0.0,
+            ));
         }
     }
     parts

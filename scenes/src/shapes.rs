@@ -17,7 +17,8 @@ pub fn cuboid(material: &'static Material, min: [f64; 3], max: [f64; 3]) -> Mesh
         let pick = |axis: usize| if i >> axis & 1 == 0 { min[axis] } else { max[axis] };
         mesh.point(DVec3::new(pick(0), pick(1), pick(2)));
     }
-    for quad in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+    for quad in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    {
         mesh.quad(material, quad);
     }
     mesh
@@ -61,7 +62,12 @@ pub fn cushion(material: &'static Material, size: [f64; 3]) -> Mesh {
 }
 
 /// A superellipsoid with its own exponents for the outline (x, y) and the profile (2 is an ellipse, more is squarer).
-pub fn superellipsoid(material: &'static Material, size: [f64; 3], outline: f64, profile: f64) -> Mesh {
+pub fn superellipsoid(
+    material: &'static Material,
+    size: [f64; 3],
+    outline: f64,
+    profile: f64,
+) -> Mesh {
     let half = DVec3::from(size) / 2.0;
     cube_faces(material, CUSHION, |face| {
         let at = DVec3::from(face.map(|along| match along {
@@ -101,11 +107,21 @@ fn cube_faces(material: &'static Material, n: usize, bend: impl Fn([Along; 3]) -
 }
 
 /// A sheet of `nu` by `nv` cells: `at(u, v)` with both in [0, 1]. Its outside is where ∂u × ∂v points.
-pub fn sheet(material: &'static Material, nu: usize, nv: usize, at: impl Fn(f64, f64) -> DVec3) -> Mesh {
+pub fn sheet(
+    material: &'static Material,
+    nu: usize,
+    nv: usize,
+    at: impl Fn(f64, f64) -> DVec3,
+) -> Mesh {
     indexed(material, nu, nv, |i, j| at(i as f64 / nu as f64, j as f64 / nv as f64))
 }
 
-fn indexed(material: &'static Material, nu: usize, nv: usize, at: impl Fn(usize, usize) -> DVec3) -> Mesh {
+fn indexed(
+    material: &'static Material,
+    nu: usize,
+    nv: usize,
+    at: impl Fn(usize, usize) -> DVec3,
+) -> Mesh {
     let mut mesh = Mesh::default();
     for j in 0..=nv {
         for i in 0..=nu {
@@ -115,7 +131,10 @@ fn indexed(material: &'static Material, nu: usize, nv: usize, at: impl Fn(usize,
     let index = |i: usize, j: usize| (j * (nu + 1) + i) as u32;
     for j in 0..nv {
         for i in 0..nu {
-            mesh.quad(material, [index(i, j), index(i + 1, j), index(i + 1, j + 1), index(i, j + 1)]);
+            mesh.quad(
+                material,
+                [index(i, j), index(i + 1, j), index(i + 1, j + 1), index(i, j + 1)],
+            );
         }
     }
     mesh
@@ -139,7 +158,10 @@ pub fn lathe(material: &'static Material, segments: usize, profile: &[(f64, f64)
     let index = |i: usize, j: usize| (j * segments + i % segments) as u32;
     for j in 0..profile.len().saturating_sub(1) {
         for i in 0..segments {
-            mesh.quad(material, [index(i, j), index(i + 1, j), index(i + 1, j + 1), index(i, j + 1)]);
+            mesh.quad(
+                material,
+                [index(i, j), index(i + 1, j), index(i + 1, j + 1), index(i, j + 1)],
+            );
         }
     }
     mesh
@@ -182,7 +204,10 @@ pub fn tube(material: &'static Material, path: &[DVec3], radius: f64, segments: 
     let index = |k: usize, i: usize| (i * segments + k % segments) as u32;
     for i in 0..last {
         for k in 0..segments {
-            mesh.quad(material, [index(k, i), index(k + 1, i), index(k + 1, i + 1), index(k, i + 1)]);
+            mesh.quad(
+                material,
+                [index(k, i), index(k + 1, i), index(k + 1, i + 1), index(k, i + 1)],
+            );
         }
     }
     let (foot, head) = (mesh.point(path[0]), mesh.point(path[last]));
@@ -197,7 +222,11 @@ pub fn tube(material: &'static Material, path: &[DVec3], radius: f64, segments: 
 pub fn bent(material: &'static Material, through: &[[f64; 3]], radius: f64) -> Mesh {
     let xy: Vec<_> = through.iter().map(|p| (p[0], p[1])).collect();
     let z: Vec<_> = through.iter().map(|p| (p[2], 0.0)).collect();
-    let path: Vec<_> = smooth(&xy, 4).iter().zip(smooth(&z, 4)).map(|(&(x, y), (z, _))| DVec3::new(x, y, z)).collect();
+    let path: Vec<_> = smooth(&xy, 4)
+        .iter()
+        .zip(smooth(&z, 4))
+        .map(|(&(x, y), (z, _))| DVec3::new(x, y, z))
+        .collect();
     // A stalk of a few millimetres needs no more sides than a pencil.
     tube(material, &path, radius, if radius < 0.0065 { 5 } else { 10 })
 }
@@ -211,7 +240,8 @@ fn smooth(points: &[(f64, f64)], steps: usize) -> Vec<(f64, f64)> {
         for step in 0..steps {
             let t = step as f64 / steps as f64;
             let blend = |[a, b, c, d]: [f64; 4]| {
-                let (linear, square, cube) = (c - a, 2.0 * a - 5.0 * b + 4.0 * c - d, 3.0 * (b - c) + d - a);
+                let (linear, square, cube) =
+                    (c - a, 2.0 * a - 5.0 * b + 4.0 * c - d, 3.0 * (b - c) + d - a);
                 b + 0.5 * t * (linear + t * (square + t * cube))
             };
             curve.push((blend(around.map(|p| p.0)), blend(around.map(|p| p.1))));

@@ -19,7 +19,11 @@ fn triangles() -> impl Iterator<Item = (Triangle, &'static Material)> {
 }
 
 fn shell() -> Vec<Triangle> {
-    INTERIOR.iter().filter(|o| o.name == SHELL).flat_map(|o| o.mesh.triangles().map(|(t, _)| t)).collect()
+    INTERIOR
+        .iter()
+        .filter(|o| o.name == SHELL)
+        .flat_map(|o| o.mesh.triangles().map(|(t, _)| t))
+        .collect()
 }
 
 /// Distance along a ray to a triangle (Möller and Trumbore 1997).
@@ -35,7 +39,8 @@ fn meets([a, b, c]: Triangle, origin: DVec3, direction: DVec3) -> Option<f64> {
 
 /// The lights as fixtures: triangles that touch, found by the corners that they share.
 fn fixtures() -> Vec<Vec<Triangle>> {
-    let lit: Vec<Triangle> = triangles().filter(|(_, material)| material.is_light()).map(|(t, _)| t).collect();
+    let lit: Vec<Triangle> =
+        triangles().filter(|(_, material)| material.is_light()).map(|(t, _)| t).collect();
     let mut parent: Vec<usize> = (0..lit.len()).collect();
     fn root(parent: &mut [usize], mut i: usize) -> usize {
         while parent[i] != i {
@@ -76,7 +81,8 @@ fn the_interior_is_large_finite_and_within_its_garden() {
         for p in triangle {
             assert!(p.is_finite());
             assert!(
-                p.cmpge(DVec3::new(-16.0, -18.0, -0.53)).all() && p.cmple(DVec3::new(28.0, 28.0, 6.0)).all(),
+                p.cmpge(DVec3::new(-16.0, -18.0, -0.53)).all()
+                    && p.cmple(DVec3::new(28.0, 28.0, 6.0)).all(),
                 "{p}"
             );
         }
@@ -91,7 +97,11 @@ fn furniture_stays_inside_the_house() {
         for p in &object.mesh.points {
             // Wall linings, and legs that end on the floor, may lie in the surface but not beyond the outer walls.
             let slack = DVec3::new(1e-6, 1e-6, 0.021);
-            assert!(p.cmpge(low - slack).all() && p.cmple(high + slack).all(), "{} at {p}", object.name);
+            assert!(
+                p.cmpge(low - slack).all() && p.cmple(high + slack).all(),
+                "{} at {p}",
+                object.name
+            );
         }
     }
 }
@@ -123,7 +133,8 @@ fn lights_shine_into_the_rooms() {
                     && (0.0..2.7).contains(&from.z)
             });
             assert!(inside, "the light at {middle} shines from {from}, outside every room");
-            let free = all.iter().filter_map(|&t| meets(t, from, normal)).fold(f64::INFINITY, f64::min);
+            let free =
+                all.iter().filter_map(|&t| meets(t, from, normal)).fold(f64::INFINITY, f64::min);
             assert!(free > 0.02, "the light at {middle} is covered at {free} m along {normal}");
             // From a solid's inside, the way along the normal would end at its far side, seen from within.
             let behind = fixture.iter().filter_map(|&t| meets(t, from, normal)).count();
@@ -144,7 +155,10 @@ fn no_light_leaks_between_walls() {
             let (sin, cos) = random.range(0.0, std::f64::consts::TAU).sin_cos();
             let ring = (1.0 - z * z).sqrt();
             let direction = DVec3::new(ring * cos, ring * sin, z);
-            let nearest = shell.iter().filter_map(|&t| meets(t, from, direction)).fold(f64::INFINITY, f64::min);
+            let nearest = shell
+                .iter()
+                .filter_map(|&t| meets(t, from, direction))
+                .fold(f64::INFINITY, f64::min);
             assert!(nearest.is_finite(), "{}: a way out along {direction}", room.name);
             let end = from + direction * nearest;
             assert!((-0.021..=2.7 + 1e-9).contains(&end.z), "{}: {end}", room.name);
@@ -158,8 +172,15 @@ fn every_section_lies_in_its_room_clear_of_walls_and_every_eye_in_a_section() {
     for section in &SECTIONS {
         let low = DVec3::from(section.origin);
         let high = low + DVec3::from(section.size);
-        let room = ROOMS.iter().find(|room| room.name == section.name).expect("sections are named as rooms");
-        assert!(low.x > room.x.0 && high.x < room.x.1 && low.y > room.y.0 && high.y < room.y.1, "{}", section.name);
+        let room = ROOMS
+            .iter()
+            .find(|room| room.name == section.name)
+            .expect("sections are named as rooms");
+        assert!(
+            low.x > room.x.0 && high.x < room.x.1 && low.y > room.y.0 && high.y < room.y.1,
+            "{}",
+            section.name
+        );
         assert!(low.z >= 0.9 && high.z < 2.7, "{}", section.name);
         // Walls are boxes along the axes: a triangle's own box is exact.
         for [a, b, c] in &walls {
@@ -193,7 +214,11 @@ fn the_interior_loads_without_a_warning_and_its_sections_are_empty() {
     for section in &SECTIONS {
         let [w, d, h] = section.size;
         let axes = [DVec3::X * w, DVec3::Y * d, DVec3::Z * h];
-        assert!(!loaded.scene.geometry_inside(DVec3::from(section.origin), axes), "{} is not empty", section.name);
+        assert!(
+            !loaded.scene.geometry_inside(DVec3::from(section.origin), axes),
+            "{} is not empty",
+            section.name
+        );
     }
 }
 
@@ -205,7 +230,10 @@ fn cornell_loads_and_has_the_published_measurements() {
     assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
     assert_eq!(loaded.scene.triangles.len(), 32);
     let (low, high) = loaded.scene.bounds();
-    assert!((low - DVec3::ZERO).length() < 1e-6 && (high - DVec3::new(5.56, 5.488, 5.592)).length() < 1e-6);
+    assert!(
+        (low - DVec3::ZERO).length() < 1e-6
+            && (high - DVec3::new(5.56, 5.488, 5.592)).length() < 1e-6
+    );
     // The published box: a lamp of 130 mm × 105 mm that looks down, blocks of 165 mm and 330 mm, in whole millimetres.
     let area = |[a, b, _, d]: [[f64; 3]; 4]| {
         let [a, b, d] = [a, b, d].map(DVec3::from);
@@ -219,7 +247,10 @@ fn cornell_loads_and_has_the_published_measurements() {
         for (i, side) in cornell::QUADS[first + 1..first + 5].iter().enumerate() {
             let feet = side.1.iter().filter(|corner| corner[1] == 0.0).count();
             assert_eq!(feet, 2, "side {i}");
-            assert!(side.1.iter().all(|c| top.iter().any(|t| t[0] == c[0] && t[2] == c[2])), "side {i}");
+            assert!(
+                side.1.iter().all(|c| top.iter().any(|t| t[0] == c[0] && t[2] == c[2])),
+                "side {i}"
+            );
         }
     }
 }
@@ -233,7 +264,10 @@ fn cornell_equals_the_shared_one() {
         return;
     };
     let numbers = |text: &str| -> Vec<String> {
-        text.lines().filter(|l| ["v ", "f ", "us"].iter().any(|k| l.starts_with(k))).map(str::to_owned).collect()
+        text.lines()
+            .filter(|l| ["v ", "f ", "us"].iter().any(|k| l.starts_with(k)))
+            .map(str::to_owned)
+            .collect()
     };
     assert_eq!(numbers(&cornell::obj()), numbers(&theirs));
 }
@@ -247,13 +281,16 @@ fn the_corridor_is_small_closed_and_loads_without_a_warning() {
     assert_eq!(loaded.scene.triangles.len(), 70);
     let all = corridor_triangles();
     let random = &mut crate::random::Random::new(2);
-    for from in [[2.2, 0.8, 1.55], [7.1, 0.6, 1.55], [7.0, 3.0, 1.5], [9.0, 7.0, 1.0]].map(DVec3::from) {
+    for from in
+        [[2.2, 0.8, 1.55], [7.1, 0.6, 1.55], [7.0, 3.0, 1.5], [9.0, 7.0, 1.0]].map(DVec3::from)
+    {
         for _ in 0..2000 {
             let z = random.range(-1.0, 1.0);
             let (sin, cos) = random.range(0.0, std::f64::consts::TAU).sin_cos();
             let ring = (1.0 - z * z).sqrt();
             let direction = DVec3::new(ring * cos, ring * sin, z);
-            let nearest = all.iter().filter_map(|&t| meets(t, from, direction)).fold(f64::INFINITY, f64::min);
+            let nearest =
+                all.iter().filter_map(|&t| meets(t, from, direction)).fold(f64::INFINITY, f64::min);
             assert!(nearest.is_finite(), "a way out from {from} along {direction}");
         }
     }
@@ -261,8 +298,10 @@ fn the_corridor_is_small_closed_and_loads_without_a_warning() {
 
 #[test]
 fn the_corridor_has_no_direct_light_and_sees_what_the_lamp_lights() {
-    let corners = || corridor::RECTANGLES.iter().flat_map(|r| r.corners().map(|corner| (r.material, corner)));
-    let lamp: Vec<[f64; 3]> = corners().filter(|(m, _)| *m == "lamp").map(|(_, corner)| corner).collect();
+    let corners =
+        || corridor::RECTANGLES.iter().flat_map(|r| r.corners().map(|corner| (r.material, corner)));
+    let lamp: Vec<[f64; 3]> =
+        corners().filter(|(m, _)| *m == "lamp").map(|(_, corner)| corner).collect();
     let [a, b, c] = [lamp[0], lamp[1], lamp[2]].map(DVec3::from);
     let normal = (b - a).cross(c - a).normalize();
     assert_eq!(normal, DVec3::Y, "the lamp shines into the room");
@@ -271,8 +310,9 @@ fn the_corridor_has_no_direct_light_and_sees_what_the_lamp_lights() {
     assert!(lamp.iter().all(|corner| corner[1] > corridor::ROOM_FROM));
     // From the bend, the room's far wall is in sight, and from there the lamp.
     let all = corridor_triangles();
-    let nearest =
-        |from: DVec3, to: DVec3| all.iter().filter_map(|&t| meets(t, from, to - from)).fold(f64::INFINITY, f64::min);
+    let nearest = |from: DVec3, to: DVec3| {
+        all.iter().filter_map(|&t| meets(t, from, to - from)).fold(f64::INFINITY, f64::min)
+    };
     let (bend, far_wall) = (DVec3::new(7.1, 0.6, 1.55), DVec3::new(7.2, 7.55, 1.5));
     assert!((nearest(bend, far_wall) - 1.0).abs() < 1e-9);
     let middle = (DVec3::from(lamp[0]) + DVec3::from(lamp[2])) / 2.0 + DVec3::new(0.05, 0.0, 0.02);
@@ -287,9 +327,13 @@ fn corridor_triangles() -> Vec<Triangle> {
 #[test]
 fn sections_of_the_corridor_are_empty() {
     let dir = tempfile::tempdir().unwrap();
-    let loaded = load_obj(&write(Bundled::Corridor, dir.path()).unwrap().obj, &LoadOptions::default()).unwrap();
+    let loaded =
+        load_obj(&write(Bundled::Corridor, dir.path()).unwrap().obj, &LoadOptions::default())
+            .unwrap();
     let numbers = |line: &str| -> Vec<f64> {
-        line.split(|c: char| !"-.0123456789".contains(c)).filter_map(|word| word.parse().ok()).collect()
+        line.split(|c: char| !"-.0123456789".contains(c))
+            .filter_map(|word| word.parse().ok())
+            .collect()
     };
     let text = config(Bundled::Corridor);
     let origins = text.lines().filter(|line| line.starts_with("origin")).map(numbers);
@@ -298,7 +342,10 @@ fn sections_of_the_corridor_are_empty() {
     for (origin, axes) in origins.zip(axes) {
         let axis = |i: usize| DVec3::from_slice(&axes[3 * i..]);
         let origin = DVec3::from_slice(&origin);
-        assert!(!loaded.scene.geometry_inside(origin, [axis(0), axis(1), axis(2)]), "the section at {origin}");
+        assert!(
+            !loaded.scene.geometry_inside(origin, [axis(0), axis(1), axis(2)]),
+            "the section at {origin}"
+        );
         count += 1;
     }
     assert_eq!(count, 3);

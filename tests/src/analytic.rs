@@ -62,7 +62,12 @@ impl World {
     }
 
     /// The sample that a tracer should give for one ray of a section.
-    fn sample(&self, section: &Section, ray: &holo_section::SectionRay, coords: holo_section::RayCoords) -> Sample {
+    fn sample(
+        &self,
+        section: &Section,
+        ray: &holo_section::SectionRay,
+        coords: holo_section::RayCoords,
+    ) -> Sample {
         let start = section.trace_start(ray);
         let hit = self.hit(ray.origin + ray.direction * start, ray.direction);
         let dither = (coords.0[0] as u32) << 24 | (coords.0[3] as u32) << 16 | 0x5aa5;
@@ -82,7 +87,9 @@ impl World {
             let start = Instant::now();
             let viewpoint = packet.viewpoint.map(|index| &work.viewpoints[usize::from(index)]);
             let section = &sections[usize::from(packet.section)];
-            let sampler = section.beam_sampler(packet.section, packet.beam, viewpoint).expect("the beam exists");
+            let sampler = section
+                .beam_sampler(packet.section, packet.beam, viewpoint)
+                .expect("the beam exists");
             for number in packet.first..packet.first + u32::from(packet.count) {
                 let named = packet.rays.map(|rays| rays[(number - packet.first) as usize]);
                 let coords = named.unwrap_or_else(|| sampler.coords(number));
@@ -143,7 +150,8 @@ fn slabs([low, high]: [DVec3; 2], origin: DVec3, direction: DVec3) -> [[f64; 2];
 /// Joins a server as a worker that knows `world`, until the server says goodbye or goes.
 pub async fn work(address: SocketAddr, world: World) {
     let (mut inbox, outbox, welcome) = join(address, Role::Worker).await;
-    let sections: Vec<Section> = welcome.iter().cloned().map(|spec| Section::new(spec).expect("valid")).collect();
+    let sections: Vec<Section> =
+        welcome.iter().cloned().map(|spec| Section::new(spec).expect("valid")).collect();
     outbox.control(&Control::Ready { threads: 1 }).expect("it fits");
     loop {
         match inbox.next().await {
@@ -155,8 +163,12 @@ pub async fn work(address: SocketAddr, world: World) {
                 let results = world.answer_live(&work);
                 outbox.send(Kind::LiveResults, &results.encode()).expect("it fits");
             }
-            Ok(Message::Control(Control::Ping(number))) => outbox.control(&Control::Pong(number)).expect("it fits"),
-            Ok(Message::Control(Control::Bye { .. })) | Err(NetError::Closed | NetError::Io(_)) => return,
+            Ok(Message::Control(Control::Ping(number))) => {
+                outbox.control(&Control::Pong(number)).expect("it fits")
+            }
+            Ok(Message::Control(Control::Bye { .. })) | Err(NetError::Closed | NetError::Io(_)) => {
+                return;
+            }
             Ok(_) => {}
             Err(error) => panic!("{error}"),
         }
@@ -164,8 +176,12 @@ pub async fn work(address: SocketAddr, world: World) {
 }
 
 /// Connects in a role; gives the sections too.
-pub async fn join(address: SocketAddr, role: Role) -> (Inbox, Outbox, Vec<holo_section::SectionSpec>) {
-    let joined = tokio::time::timeout(Duration::from_secs(10), holo_net::connect(address, role, "a test"));
+pub async fn join(
+    address: SocketAddr,
+    role: Role,
+) -> (Inbox, Outbox, Vec<holo_section::SectionSpec>) {
+    let joined =
+        tokio::time::timeout(Duration::from_secs(10), holo_net::connect(address, role, "a test"));
     let (inbox, outbox, welcome) = joined.await.expect("in time").expect("the server takes us");
     (inbox, outbox, welcome.sections)
 }
@@ -201,20 +217,31 @@ pub fn compare(world: &World, sections: &[Section], view: &View, picture: &Pictu
     let across = width + 2 * MARGIN;
     let at = |column: u32, row: u32| {
         let place = |index: u32| f64::from(index) - f64::from(MARGIN) + 0.5;
-        let (eye, direction) = view.ray(place(column) / f64::from(width), 1.0 - place(row) / f64::from(height));
+        let (eye, direction) =
+            view.ray(place(column) / f64::from(width), 1.0 - place(row) / f64::from(height));
         let covered = sections.iter().any(|section| section.line(eye, direction).is_some());
         (covered, world.hit(eye, direction))
     };
-    let expected: Vec<(bool, Hit)> =
-        (0..height + 2 * MARGIN).flat_map(|row| (0..across).map(move |column| at(column, row))).collect();
+    let expected: Vec<(bool, Hit)> = (0..height + 2 * MARGIN)
+        .flat_map(|row| (0..across).map(move |column| at(column, row)))
+        .collect();
     // All those up to `reach` pixels from one.
     let around = |column: u32, row: u32, reach: u32| {
         let rows = row + MARGIN - reach..=row + MARGIN + reach;
         let columns = column + MARGIN - reach..=column + MARGIN + reach;
         let expected = &expected;
-        rows.flat_map(move |row| columns.clone().map(move |column| expected[(row * across + column) as usize]))
+        rows.flat_map(move |row| {
+            columns.clone().map(move |column| expected[(row * across + column) as usize])
+        })
     };
-    let mut verdict = Verdict { compared: 0, wrong: Vec::new(), mean_error: 0.0, covered: 0, uncovered: 0, live: 0 };
+    let mut verdict = Verdict {
+        compared: 0,
+        wrong: Vec::new(),
+        mean_error: 0.0,
+        covered: 0,
+        uncovered: 0,
+        live: 0,
+    };
     for row in 0..height {
         for column in 0..width {
             let (covered, hit) = expected[((row + MARGIN) * across + column + MARGIN) as usize];
@@ -223,20 +250,23 @@ pub fn compare(world: &World, sections: &[Section], view: &View, picture: &Pictu
             verdict.uncovered += usize::from(!covered);
             let is_shown = covered || rgb != [0.0; 3];
             verdict.live += usize::from(!covered && is_shown);
-            let plain = around(column, row, MARGIN).all(|(other, near)| other == covered && near.wall == hit.wall);
+            let plain = around(column, row, MARGIN)
+                .all(|(other, near)| other == covered && near.wall == hit.wall);
             if !plain || !is_shown {
                 continue;
             }
             verdict.compared += 1;
             let wrong = (0..3).any(|channel| {
-                let near = around(column, row, 2).map(|(_, near)| (near.rgb[channel] - hit.rgb[channel]).abs());
+                let near = around(column, row, 2)
+                    .map(|(_, near)| (near.rgb[channel] - hit.rgb[channel]).abs());
                 let allowed = near.fold(0.0, f64::max) + 0.016 * hit.rgb[channel];
                 (rgb[channel] - hit.rgb[channel]).abs() > allowed
             });
             if wrong {
                 verdict.wrong.push((column, row, rgb, hit.rgb));
             }
-            verdict.mean_error += (0..3).map(|channel| rgb[channel] / hit.rgb[channel] - 1.0).sum::<f64>() / 3.0;
+            verdict.mean_error +=
+                (0..3).map(|channel| rgb[channel] / hit.rgb[channel] - 1.0).sum::<f64>() / 3.0;
         }
     }
     verdict.mean_error /= verdict.compared.max(1) as f64;

@@ -60,7 +60,8 @@ impl Place {
     /// Starts the program with these words; `{}` in a word stands for this folder.
     pub fn start(&self, words: &[&str]) -> Process {
         let folder = self.folder.path().to_str().expect("temporary folders have plain names");
-        let words: Vec<OsString> = words.iter().map(|word| word.replace("{}", folder).into()).collect();
+        let words: Vec<OsString> =
+            words.iter().map(|word| word.replace("{}", folder).into()).collect();
         Process::start(program().to_owned(), &words, &[("XDG_CACHE_HOME", self.path("cache"))])
     }
 
@@ -80,7 +81,15 @@ impl Place {
     #[track_caller]
     pub fn fill_small_with(&self, file: &str, samples: &str, words: &[&str]) -> Ended {
         let file = self.text(file);
-        let fill = ["fill", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "-o", &file];
+        let fill = [
+            "fill",
+            "--config",
+            "{}/cornell.toml",
+            "--section",
+            CORNELL_SMALL_SECTION,
+            "-o",
+            &file,
+        ];
         self.run(&[&fill[..], &["--samples", samples, "--json"], words].concat()).ok()
     }
 

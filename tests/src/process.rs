@@ -59,13 +59,15 @@ impl Ended {
     #[track_caller]
     pub fn json(&self) -> serde_json::Value {
         let last = self.stdout.lines().last().unwrap_or_default();
-        serde_json::from_str(last).unwrap_or_else(|error| panic!("{error}: {}\n{}", self.stdout, self.stderr))
+        serde_json::from_str(last)
+            .unwrap_or_else(|error| panic!("{error}: {}\n{}", self.stdout, self.stderr))
     }
 
     /// All of standard output, as one JSON value.
     #[track_caller]
     pub fn whole_json(&self) -> serde_json::Value {
-        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {}", self.stdout))
+        serde_json::from_str(&self.stdout)
+            .unwrap_or_else(|error| panic!("{error}: {}", self.stdout))
     }
 }
 
@@ -82,8 +84,16 @@ pub struct Process {
 
 impl Process {
     /// Starts `program` with standard input kept open, so that processes told `--with-parent` end with the test.
-    pub fn start(program: PathBuf, arguments: &[impl AsRef<OsStr>], environment: &[(&str, PathBuf)]) -> Process {
-        let what = arguments.iter().map(|word| word.as_ref().to_string_lossy()).collect::<Vec<_>>().join(" ");
+    pub fn start(
+        program: PathBuf,
+        arguments: &[impl AsRef<OsStr>],
+        environment: &[(&str, PathBuf)],
+    ) -> Process {
+        let what = arguments
+            .iter()
+            .map(|word| word.as_ref().to_string_lossy())
+            .collect::<Vec<_>>()
+            .join(" ");
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command.envs(environment.iter().map(|(name, value)| (name, value)));
@@ -124,8 +134,16 @@ impl Process {
                 return rest.to_owned();
             }
             let stderr = self.stderr();
-            assert!(!ended, "`{}` ended before it said `{beginning}`:\n{text}\n{stderr}", self.what);
-            assert!(start.elapsed() < LIMIT, "`{}` does not say `{beginning}`:\n{text}\n{stderr}", self.what);
+            assert!(
+                !ended,
+                "`{}` ended before it said `{beginning}`:\n{text}\n{stderr}",
+                self.what
+            );
+            assert!(
+                start.elapsed() < LIMIT,
+                "`{}` does not say `{beginning}`:\n{text}\n{stderr}",
+                self.what
+            );
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -133,9 +151,10 @@ impl Process {
     /// Waits until standard error contains `words`.
     #[track_caller]
     pub fn wait_for_error(&self, words: &str) {
-        wait_until(&format!("`{}` to say `{words}` (it says: {})", self.what, self.stderr()), || {
-            self.stderr().contains(words).then_some(())
-        });
+        wait_until(
+            &format!("`{}` to say `{words}` (it says: {})", self.what, self.stderr()),
+            || self.stderr().contains(words).then_some(()),
+        );
     }
 
     /// Whether it runs.
@@ -146,7 +165,8 @@ impl Process {
     /// Sends it a signal.
     pub fn signal(&self, signal: Signal) {
         let id = Pid::from_child(&self.child);
-        kill_process(id, signal).unwrap_or_else(|error| panic!("signalling `{}`: {error}", self.what));
+        kill_process(id, signal)
+            .unwrap_or_else(|error| panic!("signalling `{}`: {error}", self.what));
     }
 
     /// Waits for its end.

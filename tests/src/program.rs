@@ -28,21 +28,31 @@ pub fn program() -> &'static Path {
     PROGRAM.get_or_init(|| {
         // target/PROFILE/deps/TEST
         let test = std::env::current_exe().expect("the test's executable has a path");
-        let folder = test.parent().and_then(Path::parent).expect("the test's executable lies in target/PROFILE/deps");
+        let folder = test
+            .parent()
+            .and_then(Path::parent)
+            .expect("the test's executable lies in target/PROFILE/deps");
         if std::env::var_os("CARGO").is_some() {
             build(folder);
         }
         let program = folder.join(format!("holodeck{}", std::env::consts::EXE_SUFFIX));
-        assert!(program.exists(), "there is no {}; run `cargo build -p holodeck`", program.display());
+        assert!(
+            program.exists(),
+            "there is no {}; run `cargo build -p holodeck`",
+            program.display()
+        );
         program
     })
 }
 
 fn build(folder: &Path) {
-    let profile = folder.file_name().and_then(|name| name.to_str()).expect("the profile's folder has a name");
+    let profile =
+        folder.file_name().and_then(|name| name.to_str()).expect("the profile's folder has a name");
     let target = folder.parent().expect("the profile's folder lies in the target folder");
     let mut command = cargo();
-    command.args(["build", "--quiet", "--locked", "--package", "holodeck", "--target-dir"]).arg(target);
+    command
+        .args(["build", "--quiet", "--locked", "--package", "holodeck", "--target-dir"])
+        .arg(target);
     // The folder of the dev profile is called `debug`; all others have their profile's name.
     if profile != "debug" {
         command.args(["--profile", profile]);

@@ -37,14 +37,23 @@ struct Package {
 }
 
 fn packages() -> Vec<Package> {
-    let output = cargo().args(["metadata", "--format-version", "1", "--no-deps", "--locked"]).output().unwrap();
+    let output = cargo()
+        .args(["metadata", "--format-version", "1", "--no-deps", "--locked"])
+        .output()
+        .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
     let package = |value: &Value| {
-        let uses = value["dependencies"].as_array().unwrap().iter().filter(|used| used["source"].is_null());
+        let uses = value["dependencies"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(|used| used["source"].is_null());
         Package {
             name: value["name"].as_str().unwrap().to_owned(),
-            uses: uses.map(|used| (used["name"].as_str().unwrap().to_owned(), used["kind"] == "dev")).collect(),
+            uses: uses
+                .map(|used| (used["name"].as_str().unwrap().to_owned(), used["kind"] == "dev"))
+                .collect(),
         }
     };
     metadata["packages"].as_array().unwrap().iter().map(package).collect()
@@ -90,7 +99,11 @@ fn tests_of_libraries_use_no_binary() {
     let above: Vec<&str> = BINARIES.iter().chain(TOP).copied().collect();
     for package in packages().iter().filter(|package| !above.contains(&package.name.as_str())) {
         for (used, _) in &package.uses {
-            assert!(!above.contains(&used.as_str()), "{} must not use {used}, not even in tests", package.name);
+            assert!(
+                !above.contains(&used.as_str()),
+                "{} must not use {used}, not even in tests",
+                package.name
+            );
         }
     }
 }

@@ -20,7 +20,10 @@ fn key(beam: u64) -> BeamKey {
 fn report(what: &str, time: Duration, samples: u64) {
     let seconds = time.as_secs_f64();
     let rate = samples as f64 / seconds / 1e6;
-    println!("{what:34} {seconds:8.3} s  {rate:8.1} M samples/s  {:6.1} ns each", 1e9 * seconds / samples as f64);
+    println!(
+        "{what:34} {seconds:8.3} s  {rate:8.1} M samples/s  {:6.1} ns each",
+        1e9 * seconds / samples as f64
+    );
 }
 
 fn read(file: &BeamFile, keys: &[BeamKey], what: &str) -> holo_beamfile::Result<()> {
@@ -68,7 +71,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let file = BeamFile::open(&path, options)?;
     report("open", start.elapsed(), total);
     let report_text = file.report();
-    println!("    {} blocks, {} extents, {} bytes", report_text.blocks, report_text.extents, file.stats().file_bytes);
+    println!(
+        "    {} blocks, {} extents, {} bytes",
+        report_text.blocks,
+        report_text.extents,
+        file.stats().file_bytes
+    );
 
     let near: Vec<_> = (40_000..44_000).map(key).collect();
     read(&file, &near, "4000 beams side by side, cold")?;

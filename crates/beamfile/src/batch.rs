@@ -57,7 +57,8 @@ impl Batch {
 
     /// Memory that it takes, about.
     pub fn bytes(&self) -> u64 {
-        (self.samples.len() * size_of::<Sample>() + self.pieces.len() * 2 * size_of::<Piece>()) as u64
+        (self.samples.len() * size_of::<Sample>() + self.pieces.len() * 2 * size_of::<Piece>())
+            as u64
     }
 
     /// The caller bounds a batch by its bytes, so that numbers fit in 32 bits by far.
@@ -89,7 +90,8 @@ impl Batch {
 
     /// The extents in the order of (beam, kind, time), appends that continue each other joined, and the bytes to write.
     pub fn body(&self) -> (Vec<Entry>, Body) {
-        let mut order: Vec<_> = self.pieces.iter().enumerate().map(|(i, p)| (p.key, p.class.kind, i)).collect();
+        let mut order: Vec<_> =
+            self.pieces.iter().enumerate().map(|(i, p)| (p.key, p.class.kind, i)).collect();
         order.sort_unstable();
 
         let mut entries: Vec<Entry> = Vec::with_capacity(order.len());

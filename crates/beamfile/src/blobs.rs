@@ -10,7 +10,8 @@ use crate::batch::Body;
 use crate::directory::Block;
 use crate::file::{BeamFile, locked};
 use crate::format::{
-    BLOB_PART_BYTES, BlobPart, BlockKind, CHUNK_BYTES, MAX_BLOB_BYTES, MAX_BLOB_NAME, Table, push_chunk_crcs,
+    BLOB_PART_BYTES, BlobPart, BlockKind, CHUNK_BYTES, MAX_BLOB_BYTES, MAX_BLOB_NAME, Table,
+    push_chunk_crcs,
 };
 use crate::{Error, Result};
 
@@ -113,7 +114,8 @@ impl BeamFile {
         part.encode(&mut table);
         push_chunk_crcs(bytes, &mut table);
         let body = Body { kind: BlockKind::Blob, entries: 1, table, payload: bytes.to_vec() };
-        let written = self.shared.appender().write(&*self.shared.storage, self.shared.header.file_id, &body);
+        let written =
+            self.shared.appender().write(&*self.shared.storage, self.shared.header.file_id, &body);
         let block = written.map_err(|error| self.shared.io("writing a blob", error))?;
         let block = Block { blob: Some(part.name.as_str().into()), ..block };
         self.shared.state().found(block, Table::Blob(part))
@@ -124,7 +126,9 @@ impl BeamFile {
     /// # Errors
     /// If they are damaged ([`Error::BlobDamaged`]) or the disk cannot be read.
     pub fn blob(&self, name: &str) -> Result<Option<Vec<u8>>> {
-        let Some(blob) = self.shared.state().blobs.whole.get(name).cloned() else { return Ok(None) };
+        let Some(blob) = self.shared.state().blobs.whole.get(name).cloned() else {
+            return Ok(None);
+        };
         // The parts are in the file, so that `total` is no more than the file holds.
         let mut bytes = vec![0; blob.total as usize];
         let mut rest = bytes.as_mut_slice();
@@ -132,11 +136,20 @@ impl BeamFile {
             let (begin, _) = block.chunk_range(0);
             let length = rest.len().min(block.header.payload_bytes as usize);
             let (part, others) = rest.split_at_mut(length);
-            self.shared.storage.read_exact_at(part, begin).map_err(|e| self.shared.io("reading a blob", e))?;
-            for ((chunk, bytes), &crc) in (0..).zip(part.chunks(CHUNK_BYTES as usize)).zip(&*block.crcs) {
+            self.shared
+                .storage
+                .read_exact_at(part, begin)
+                .map_err(|e| self.shared.io("reading a blob", e))?;
+            for ((chunk, bytes), &crc) in
+                (0..).zip(part.chunks(CHUNK_BYTES as usize)).zip(&*block.crcs)
+            {
                 if crc32fast::hash(bytes) != crc {
                     let (offset, _) = block.chunk_range(chunk);
-                    return Err(Error::BlobDamaged { path: self.shared.path.clone(), name: name.into(), offset });
+                    return Err(Error::BlobDamaged {
+                        path: self.shared.path.clone(),
+                        name: name.into(),
+                        offset,
+                    });
                 }
             }
             rest = others;

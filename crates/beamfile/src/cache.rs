@@ -32,7 +32,11 @@ impl Cache {
     }
 
     pub fn get(&mut self, key: BeamKey, version: u32) -> Option<Arc<BeamSamples>> {
-        let found = self.beams.get(&key).filter(|cached| cached.version == version).map(|c| Arc::clone(&c.samples));
+        let found = self
+            .beams
+            .get(&key)
+            .filter(|cached| cached.version == version)
+            .map(|c| Arc::clone(&c.samples));
         match found {
             Some(_) => self.hits += 1,
             None => self.misses += 1,
@@ -41,7 +45,8 @@ impl Cache {
     }
 
     pub fn put(&mut self, key: BeamKey, version: u32, samples: &Arc<BeamSamples>) {
-        let bytes = (size_of_val(samples.samples.as_slice()) + samples.extents.len() * size_of::<ExtentMeta>()) as u64
+        let bytes = (size_of_val(samples.samples.as_slice())
+            + samples.extents.len() * size_of::<ExtentMeta>()) as u64
             + OVERHEAD;
         if let Some(old) = self.beams.pop(&key) {
             self.bytes -= old.bytes;

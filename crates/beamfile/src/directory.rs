@@ -31,7 +31,8 @@ impl Block {
     /// Bytes of the file that chunk `chunk` takes: first and one past the last.
     pub fn chunk_range(&self, chunk: u32) -> (u64, u64) {
         let payload = self.offset + self.header.payload_offset();
-        let begin = (u64::from(chunk) * u64::from(CHUNK_BYTES)).min(u64::from(self.header.payload_bytes));
+        let begin =
+            (u64::from(chunk) * u64::from(CHUNK_BYTES)).min(u64::from(self.header.payload_bytes));
         let end = (begin + u64::from(CHUNK_BYTES)).min(u64::from(self.header.payload_bytes));
         (payload + begin, payload + end)
     }
@@ -158,7 +159,9 @@ impl Directory {
 
     /// The sample numbers of `kind` that the beam's extents on disk have: first and one past the last.
     pub fn numbers_of(&self, key: BeamKey, kind: u8) -> impl Iterator<Item = (u32, u32)> {
-        self.extents_of(key).filter(move |e| self.class(e.class).kind == kind).map(|e| (e.first, e.first + e.count))
+        self.extents_of(key)
+            .filter(move |e| self.class(e.class).kind == kind)
+            .map(|e| (e.first, e.first + e.count))
     }
 
     /// Lists a block that is on disk; gives the number that stands for it.
@@ -178,7 +181,14 @@ impl Directory {
             return Err(Error::DirectoryFull);
         }
         let class = self.class_id(entry.class);
-        self.extents.push(Extent { block, at, first: entry.first, count: entry.count, class, next: NONE });
+        self.extents.push(Extent {
+            block,
+            at,
+            first: entry.first,
+            count: entry.count,
+            class,
+            next: NONE,
+        });
         if let Some(beam) = self.beams.get_mut(&entry.key) {
             match self.extents.get_mut(beam.tail as usize) {
                 Some(last) => last.next = new,

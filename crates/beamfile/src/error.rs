@@ -21,13 +21,17 @@ pub enum Error {
         source: io::Error,
     },
     /// Another process writes this file.
-    #[error("{path}: another process is writing this holodeck; close it first, or open the file read-only")]
+    #[error(
+        "{path}: another process is writing this holodeck; close it first, or open the file read-only"
+    )]
     Locked {
         /// The holodeck file.
         path: PathBuf,
     },
     /// No intact header: not a holodeck, or both copies of the header are damaged.
-    #[error("{path}: not a holodeck file, or both copies of its header are damaged ({bytes} bytes long)")]
+    #[error(
+        "{path}: not a holodeck file, or both copies of its header are damaged ({bytes} bytes long)"
+    )]
     NoHeader {
         /// The file.
         path: PathBuf,
@@ -80,7 +84,9 @@ pub enum Error {
         path: PathBuf,
     },
     /// Samples could not be written, are kept in memory, and will be tried again.
-    #[error("{path}: cannot write, {pending} bytes of samples are kept in memory and will be tried again: {reason}")]
+    #[error(
+        "{path}: cannot write, {pending} bytes of samples are kept in memory and will be tried again: {reason}"
+    )]
     NotWritten {
         /// The holodeck file.
         path: PathBuf,

@@ -83,7 +83,12 @@ impl Shared {
         Error::Io { path: self.path.clone(), doing, source }
     }
 
-    pub fn wait<'a>(&self, on: &Condvar, state: MutexGuard<'a, State>, time: Duration) -> MutexGuard<'a, State> {
+    pub fn wait<'a>(
+        &self,
+        on: &Condvar,
+        state: MutexGuard<'a, State>,
+        time: Duration,
+    ) -> MutexGuard<'a, State> {
         on.wait_timeout(state, time).unwrap_or_else(PoisonError::into_inner).0
     }
 
@@ -108,7 +113,8 @@ impl BeamFile {
     /// If the file exists, cannot be written, or the number of sections is not 1 to [`crate::format::MAX_SECTIONS`].
     pub fn create(path: impl AsRef<Path>, options: Options) -> Result<Self> {
         let path = path.as_ref();
-        let file = open::file(path, OpenOptions::new().read(true).write(true).create_new(true), true)?;
+        let file =
+            open::file(path, OpenOptions::new().read(true).write(true).create_new(true), true)?;
         Self::create_on(Box::new(DiskStorage(file)), path, options)
     }
 
@@ -130,7 +136,8 @@ impl BeamFile {
     /// If it cannot be read or is no holodeck.
     pub fn open_read_only(path: impl AsRef<Path>, cache_bytes: u64) -> Result<Self> {
         let path = path.as_ref();
-        let storage = Box::new(DiskStorage(open::file(path, OpenOptions::new().read(true), false)?));
+        let storage =
+            Box::new(DiskStorage(open::file(path, OpenOptions::new().read(true), false)?));
         let opened = open::open(&*storage, path, false)?;
         Self::start(storage, path, opened, cache_bytes, true)
     }
@@ -139,7 +146,11 @@ impl BeamFile {
     ///
     /// # Errors
     /// As [`BeamFile::create`].
-    pub fn create_on(storage: Box<dyn Storage>, path: impl AsRef<Path>, options: Options) -> Result<Self> {
+    pub fn create_on(
+        storage: Box<dyn Storage>,
+        path: impl AsRef<Path>,
+        options: Options,
+    ) -> Result<Self> {
         let opened = open::create(&*storage, path.as_ref(), &options.layout)?;
         Self::start(storage, path.as_ref(), opened, options.cache_bytes, false)
     }
@@ -148,7 +159,11 @@ impl BeamFile {
     ///
     /// # Errors
     /// As [`BeamFile::open`].
-    pub fn open_on(storage: Box<dyn Storage>, path: impl AsRef<Path>, options: Options) -> Result<Self> {
+    pub fn open_on(
+        storage: Box<dyn Storage>,
+        path: impl AsRef<Path>,
+        options: Options,
+    ) -> Result<Self> {
         let path = path.as_ref();
         let found = open::read_header(&*storage, path, &mut Vec::new())?.layout;
         if !options.layout.is_empty() && options.layout != found {
@@ -158,7 +173,13 @@ impl BeamFile {
         Self::start(storage, path, opened, options.cache_bytes, false)
     }
 
-    fn start(storage: Box<dyn Storage>, path: &Path, opened: Opened, cache: u64, read_only: bool) -> Result<Self> {
+    fn start(
+        storage: Box<dyn Storage>,
+        path: &Path,
+        opened: Opened,
+        cache: u64,
+        read_only: bool,
+    ) -> Result<Self> {
         let Opened { header, state, appender, report } = opened;
         let shared = Arc::new(Shared {
             path: path.to_owned(),
@@ -214,7 +235,11 @@ impl BeamFile {
     fn put(&self, meta: ExtentMeta, samples: &[Sample], supersedes: bool) -> Result<()> {
         self.writable()?;
         self.check(meta.key)?;
-        if u32::try_from(samples.len()).ok().and_then(|count| meta.first.checked_add(count)).is_none() {
+        if u32::try_from(samples.len())
+            .ok()
+            .and_then(|count| meta.first.checked_add(count))
+            .is_none()
+        {
             return Err(Error::SampleNumbers { first: meta.first, count: samples.len() });
         }
         let ExtentMeta { key, paths, settings, generation, .. } = meta;
@@ -256,7 +281,11 @@ impl BeamFile {
     }
 
     pub(crate) fn writable(&self) -> Result<()> {
-        if self.shared.read_only { Err(Error::ReadOnly { path: self.shared.path.clone() }) } else { Ok(()) }
+        if self.shared.read_only {
+            Err(Error::ReadOnly { path: self.shared.path.clone() })
+        } else {
+            Ok(())
+        }
     }
 
     fn check(&self, key: BeamKey) -> Result<()> {
@@ -339,7 +368,8 @@ impl BeamFile {
     /// Reads beams and keeps them in the cache. Where damage is found, plans again without it.
     fn load_group(&self, mut plans: Vec<Plan>) -> Result<Vec<(BeamKey, Arc<BeamSamples>)>> {
         loop {
-            let loaded = load(&*self.shared.storage, &plans).map_err(|e| self.shared.io("reading samples", e))?;
+            let loaded = load(&*self.shared.storage, &plans)
+                .map_err(|e| self.shared.io("reading samples", e))?;
             match loaded {
                 Ok(beams) => {
                     let mut cache = locked(&self.shared.cache);
@@ -378,8 +408,14 @@ impl BeamFile {
 
     /// Every beam that has samples, with their number, in order.
     pub fn for_each_beam(&self, f: &mut dyn FnMut(BeamKey, u64)) {
-        let mut beams: Vec<_> =
-            self.shared.state().directory.beams.iter().map(|(&key, beam)| (key, beam.samples)).collect();
+        let mut beams: Vec<_> = self
+            .shared
+            .state()
+            .directory
+            .beams
+            .iter()
+            .map(|(&key, beam)| (key, beam.samples))
+            .collect();
         beams.sort_unstable();
         beams.into_iter().for_each(|(key, samples)| f(key, samples));
     }

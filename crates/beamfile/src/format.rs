@@ -233,9 +233,13 @@ impl BlockHeader {
         bytes[..8].copy_from_slice(&BLOCK_MAGIC);
         bytes[8..16].copy_from_slice(&self.file_id.to_le_bytes());
         bytes[16..24].copy_from_slice(&self.sequence.to_le_bytes());
-        for (at, word) in
-            (24..).step_by(4).zip([kind, self.entries, self.table_bytes, self.table_crc, self.payload_bytes])
-        {
+        for (at, word) in (24..).step_by(4).zip([
+            kind,
+            self.entries,
+            self.table_bytes,
+            self.table_crc,
+            self.payload_bytes,
+        ]) {
             bytes[at..at + 4].copy_from_slice(&word.to_le_bytes());
         }
         let crc = crc32fast::hash(&bytes[..60]);
@@ -245,7 +249,9 @@ impl BlockHeader {
 
     /// `None` unless the bytes are a block header of this file, intact, with lengths within bounds.
     pub fn decode(bytes: &[u8], file_id: u64) -> Option<Self> {
-        if bytes.first_chunk() != Some(&BLOCK_MAGIC) || u32_at(bytes, 60)? != crc32fast::hash(&bytes[..60]) {
+        if bytes.first_chunk() != Some(&BLOCK_MAGIC)
+            || u32_at(bytes, 60)? != crc32fast::hash(&bytes[..60])
+        {
             return None;
         }
         let kind = match u32_at(bytes, 24)? {
@@ -262,7 +268,8 @@ impl BlockHeader {
             table_crc: u32_at(bytes, 36)?,
             payload_bytes: u32_at(bytes, 40)?,
         };
-        let bounded = header.table_bytes <= MAX_TABLE_BYTES && header.payload_bytes <= MAX_PAYLOAD_BYTES;
+        let bounded =
+            header.table_bytes <= MAX_TABLE_BYTES && header.payload_bytes <= MAX_PAYLOAD_BYTES;
         (bounded && header.file_id == file_id).then_some(header)
     }
 
@@ -344,7 +351,10 @@ impl Entry {
 
     fn decode(raw: &RawEntry, header: &FileHeader) -> Option<Self> {
         let entry = Self {
-            key: BeamKey { section: u16::from_le_bytes(raw.section), beam: BeamId(u64::from_le_bytes(raw.beam)) },
+            key: BeamKey {
+                section: u16::from_le_bytes(raw.section),
+                beam: BeamId(u64::from_le_bytes(raw.beam)),
+            },
             class: Class {
                 kind: raw.kind,
                 supersedes: raw.supersedes == 1,
@@ -385,7 +395,12 @@ impl BlobPart {
     fn decode(table: &[u8]) -> Option<(Self, usize)> {
         let name_bytes = usize::from(u16::from_le_bytes(*table.get(24..)?.first_chunk()?));
         let name = str::from_utf8(table.get(32..32 + name_bytes)?).ok()?.to_owned();
-        let part = Self { blob_id: u64_at(table, 0)?, total: u64_at(table, 8)?, offset: u64_at(table, 16)?, name };
+        let part = Self {
+            blob_id: u64_at(table, 0)?,
+            total: u64_at(table, 8)?,
+            offset: u64_at(table, 16)?,
+            name,
+        };
         let sound = (1..=MAX_BLOB_NAME).contains(&name_bytes) && part.total <= MAX_BLOB_BYTES;
         sound.then_some((part, (32 + name_bytes).next_multiple_of(4)))
     }
@@ -405,7 +420,11 @@ pub(crate) fn push_chunk_crcs(payload: &[u8], table: &mut Vec<u8>) {
 }
 
 /// The table and the chunk checksums in `bytes`; `None` where the checksum, or anything in it, is wrong.
-pub(crate) fn decode_table(block: &BlockHeader, bytes: &[u8], header: &FileHeader) -> Option<(Table, Box<[u32]>)> {
+pub(crate) fn decode_table(
+    block: &BlockHeader,
+    bytes: &[u8],
+    header: &FileHeader,
+) -> Option<(Table, Box<[u32]>)> {
     if crc32fast::hash(bytes) != block.table_crc {
         return None;
     }
@@ -413,7 +432,8 @@ pub(crate) fn decode_table(block: &BlockHeader, bytes: &[u8], header: &FileHeade
         BlockKind::Samples => {
             let used = (block.entries as usize).checked_mul(size_of::<RawEntry>())?;
             let raw: &[RawEntry] = bytemuck::try_cast_slice(bytes.get(..used)?).ok()?;
-            let entries = raw.iter().map(|raw| Entry::decode(raw, header)).collect::<Option<Vec<_>>>()?;
+            let entries =
+                raw.iter().map(|raw| Entry::decode(raw, header)).collect::<Option<Vec<_>>>()?;
             let samples: u64 = entries.iter().map(|e| u64::from(e.count)).sum();
             if samples * u64::from(SAMPLE_BYTES) != u64::from(block.payload_bytes) {
                 return None;

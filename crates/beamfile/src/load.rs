@@ -36,7 +36,10 @@ struct Piece<'a> {
 }
 
 /// The beams in the order of the plans; or the chunks among what they want that are damaged.
-pub(crate) fn load(storage: &dyn Storage, plans: &[Plan]) -> io::Result<Result<Vec<Arc<BeamSamples>>, BadChunks>> {
+pub(crate) fn load(
+    storage: &dyn Storage,
+    plans: &[Plan],
+) -> io::Result<Result<Vec<Arc<BeamSamples>>, BadChunks>> {
     let mut beams: Vec<Vec<Sample>> = Vec::with_capacity(plans.len());
     let mut pieces: Vec<Piece> = Vec::new();
     for (index, plan) in plans.iter().enumerate() {
@@ -52,7 +55,16 @@ pub(crate) fn load(storage: &dyn Storage, plans: &[Plan]) -> io::Result<Result<V
                 Place::Disk { id, block, at } => {
                     let (begin, _) = block.chunk_range(at / CHUNK_SAMPLES);
                     let (_, end) = block.chunk_range((at + run.count - 1) / CHUNK_SAMPLES);
-                    pieces.push(Piece { plan: index, to, id: *id, block, at: *at, count: run.count, begin, end });
+                    pieces.push(Piece {
+                        plan: index,
+                        to,
+                        id: *id,
+                        block,
+                        at: *at,
+                        count: run.count,
+                        begin,
+                        end,
+                    });
                 }
             }
             to += length;
@@ -82,7 +94,8 @@ pub(crate) fn load(storage: &dyn Storage, plans: &[Plan]) -> io::Result<Result<V
         if bad.is_empty() {
             for piece in span {
                 let (payload, _) = piece.block.chunk_range(0);
-                let from = (payload + u64::from(piece.at) * u64::from(SAMPLE_BYTES) - first.begin) as usize;
+                let from = (payload + u64::from(piece.at) * u64::from(SAMPLE_BYTES) - first.begin)
+                    as usize;
                 let bytes = &buffer[from..from + piece.count as usize * size_of::<Sample>()];
                 let to = &mut beams[piece.plan][piece.to..piece.to + piece.count as usize];
                 bytemuck::cast_slice_mut::<Sample, u8>(to).copy_from_slice(bytes);
@@ -92,8 +105,10 @@ pub(crate) fn load(storage: &dyn Storage, plans: &[Plan]) -> io::Result<Result<V
     if !bad.is_empty() {
         return Ok(Err(bad));
     }
-    let whole =
-        plans.iter().zip(beams).map(|(plan, samples)| Arc::new(BeamSamples { extents: extents(plan), samples }));
+    let whole = plans
+        .iter()
+        .zip(beams)
+        .map(|(plan, samples)| Arc::new(BeamSamples { extents: extents(plan), samples }));
     Ok(Ok(whole.collect()))
 }
 

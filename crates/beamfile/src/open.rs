@@ -10,7 +10,9 @@ use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::file::BeamFile;
-use crate::format::{FIRST_BLOCK, FORMAT, FileHeader, HEADER_COPY_BYTES, HeaderCopy, MAX_SECTIONS, aligned};
+use crate::format::{
+    FIRST_BLOCK, FORMAT, FileHeader, HEADER_COPY_BYTES, HeaderCopy, MAX_SECTIONS, aligned,
+};
 use crate::scan::{ScanEnd, Tail, scan};
 use crate::snapshot::State;
 use crate::storage::Storage;
@@ -37,7 +39,9 @@ pub(crate) fn file(path: &Path, options: &OpenOptions, lock: bool) -> Result<Fil
     if lock {
         file.try_lock().map_err(|error| match error {
             TryLockError::WouldBlock => Error::Locked { path: path.to_owned() },
-            TryLockError::Error(source) => Error::Io { path: path.to_owned(), doing: "locking", source },
+            TryLockError::Error(source) => {
+                Error::Io { path: path.to_owned(), doing: "locking", source }
+            }
         })?;
     }
     Ok(file)
@@ -66,7 +70,9 @@ pub(crate) fn create(storage: &dyn Storage, path: &Path, layout: &[u64]) -> Resu
 fn random_id() -> u64 {
     let mut hasher = RandomState::new().build_hasher();
     hasher.write_u32(std::process::id());
-    hasher.write_u128(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos()));
+    hasher.write_u128(
+        SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos()),
+    );
     hasher.finish()
 }
 
@@ -133,7 +139,9 @@ fn end_of_file(
         Tail::Torn(torn) => {
             damage.push(torn.clone());
             if writable {
-                storage.set_len(torn.offset).map_err(io_error(path, "cutting off an incomplete block"))?;
+                storage
+                    .set_len(torn.offset)
+                    .map_err(io_error(path, "cutting off an incomplete block"))?;
             }
         }
         Tail::Damaged(lost) => {
@@ -147,7 +155,11 @@ fn end_of_file(
 }
 
 /// The header, from whichever copy is intact; damaged copies are added to `damage`.
-pub(crate) fn read_header(storage: &dyn Storage, path: &Path, damage: &mut Vec<Damage>) -> Result<FileHeader> {
+pub(crate) fn read_header(
+    storage: &dyn Storage,
+    path: &Path,
+    damage: &mut Vec<Damage>,
+) -> Result<FileHeader> {
     let length = storage.length().map_err(io_error(path, "reading its length"))?;
     let mut intact = None;
     let mut other_format = None;
@@ -160,7 +172,11 @@ pub(crate) fn read_header(storage: &dyn Storage, path: &Path, damage: &mut Vec<D
             HeaderCopy::Intact(header) => intact = intact.or(Some(header)),
             HeaderCopy::OtherFormat(found) => other_format = Some(found),
             HeaderCopy::Damaged => {
-                damage.push(Damage { offset, bytes: HEADER_COPY_BYTES as u64, what: DamageKind::HeaderCopy(copy) });
+                damage.push(Damage {
+                    offset,
+                    bytes: HEADER_COPY_BYTES as u64,
+                    what: DamageKind::HeaderCopy(copy),
+                });
             }
         }
     }

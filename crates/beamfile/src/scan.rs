@@ -7,7 +7,8 @@ use std::io;
 
 use crate::directory::Block;
 use crate::format::{
-    BLOCK_ALIGNMENT, BLOCK_HEADER_BYTES, BLOCK_MAGIC, BlockHeader, FileHeader, Table, aligned, decode_table,
+    BLOCK_ALIGNMENT, BLOCK_HEADER_BYTES, BLOCK_MAGIC, BlockHeader, FileHeader, Table, aligned,
+    decode_table,
 };
 use crate::storage::Storage;
 use crate::types::{Damage, DamageKind};
@@ -59,7 +60,8 @@ pub(crate) fn scan<E: From<io::Error>>(
         let mut bytes = [0; BLOCK_HEADER_BYTES];
         storage.read_exact_at(&mut bytes, at)?;
         let Some(header) = header_after(&bytes, file, sequence) else {
-            let Some(next) = find_block(storage, file, sequence, at + BLOCK_ALIGNMENT, length)? else {
+            let Some(next) = find_block(storage, file, sequence, at + BLOCK_ALIGNMENT, length)?
+            else {
                 let unwritten = bytes == [0; BLOCK_HEADER_BYTES];
                 break if unwritten {
                     Tail::Torn(torn)
@@ -85,9 +87,11 @@ pub(crate) fn scan<E: From<io::Error>>(
                 };
                 found(Block { header, offset: at, crcs, blob }, table)?;
             }
-            None => {
-                damage.push(Damage { offset: at, bytes: header.block_bytes(), what: DamageKind::BlockTable(sequence) })
-            }
+            None => damage.push(Damage {
+                offset: at,
+                bytes: header.block_bytes(),
+                what: DamageKind::BlockTable(sequence),
+            }),
         }
         at += header.block_bytes();
     };
@@ -118,7 +122,9 @@ fn find_block(
             .step_by(BLOCK_ALIGNMENT as usize)
             .zip(window.windows(BLOCK_HEADER_BYTES).step_by(BLOCK_ALIGNMENT as usize))
         {
-            if candidate.first_chunk() == Some(&BLOCK_MAGIC) && header_after(candidate, file, sequence).is_some() {
+            if candidate.first_chunk() == Some(&BLOCK_MAGIC)
+                && header_after(candidate, file, sequence).is_some()
+            {
                 return Ok(Some(at + offset));
             }
         }

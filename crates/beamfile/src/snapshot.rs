@@ -86,9 +86,11 @@ impl Plan {
     /// Where in the file its first samples are; 0 when all are in memory.
     pub fn file_position(&self) -> u64 {
         let positions = self.runs.iter().filter_map(|run| match &run.place {
-            Place::Disk { block, at, .. } => {
-                Some(block.offset + block.header.payload_offset() + u64::from(*at) * u64::from(SAMPLE_BYTES))
-            }
+            Place::Disk { block, at, .. } => Some(
+                block.offset
+                    + block.header.payload_offset()
+                    + u64::from(*at) * u64::from(SAMPLE_BYTES),
+            ),
             _ => None,
         });
         positions.min().unwrap_or(0)
@@ -145,7 +147,9 @@ impl State {
         let (active, frozen) = (&self.active, &self.frozen);
         self.directory.account(key, class.kind, first, samples.len() as u32, |directory| {
             let batches = frozen.iter().map(|batch| &**batch).chain([active]);
-            let pieces = batches.flat_map(|batch| batch.pieces_of(key)).filter(|piece| piece.class.kind == class.kind);
+            let pieces = batches
+                .flat_map(|batch| batch.pieces_of(key))
+                .filter(|piece| piece.class.kind == class.kind);
             let pending = pieces.map(|piece| (piece.first, piece.first + piece.count));
             directory.numbers_of(key, class.kind).chain(pending).collect()
         });
@@ -170,7 +174,9 @@ impl State {
                 let mut at = 0;
                 for entry in &entries {
                     let Entry { key, class, first, count } = *entry;
-                    self.directory.account(key, class.kind, first, count, |d| d.numbers_of(key, class.kind).collect());
+                    self.directory.account(key, class.kind, first, count, |d| {
+                        d.numbers_of(key, class.kind).collect()
+                    });
                     self.directory.add_extent(id, at, entry)?;
                     at += count;
                 }
@@ -185,7 +191,10 @@ impl State {
             let Some(block) = self.directory.blocks.get(id as usize) else { continue };
             if self.bad.insert((id, chunk)) {
                 let (begin, end) = block.chunk_range(chunk);
-                let what = block.blob.as_deref().map_or(DamageKind::Samples, |name| DamageKind::Blob(name.into()));
+                let what = block
+                    .blob
+                    .as_deref()
+                    .map_or(DamageKind::Samples, |name| DamageKind::Blob(name.into()));
                 self.damage.push(Damage { offset: begin, bytes: end - begin, what });
             }
         }
@@ -202,12 +211,22 @@ impl State {
         for extent in self.directory.extents_of(key) {
             let class = self.directory.class(extent.class);
             for (skip, count) in self.intact(extent.block, extent.at, extent.count) {
-                offer(class, extent.first + skip, count, Source::Disk { id: extent.block, at: extent.at + skip });
+                offer(
+                    class,
+                    extent.first + skip,
+                    count,
+                    Source::Disk { id: extent.block, at: extent.at + skip },
+                );
             }
         }
         for batch in &self.frozen {
             for piece in batch.pieces_of(key) {
-                offer(piece.class, piece.first, piece.count, Source::Frozen { batch, at: piece.at });
+                offer(
+                    piece.class,
+                    piece.first,
+                    piece.count,
+                    Source::Frozen { batch, at: piece.at },
+                );
             }
         }
         for piece in self.active.pieces_of(key) {
@@ -231,11 +250,17 @@ impl State {
             let (class, source) = &sources[seen.offer];
             let skip = seen.first - offers[seen.offer].first;
             let place = match *source {
-                Source::Disk { id, at } => {
-                    Place::Disk { id, block: Arc::clone(&self.directory.blocks[id as usize]), at: at + skip }
+                Source::Disk { id, at } => Place::Disk {
+                    id,
+                    block: Arc::clone(&self.directory.blocks[id as usize]),
+                    at: at + skip,
+                },
+                Source::Frozen { batch, at } => {
+                    Place::Frozen { batch: Arc::clone(batch), at: at + skip }
                 }
-                Source::Frozen { batch, at } => Place::Frozen { batch: Arc::clone(batch), at: at + skip },
-                Source::Active { at } => Place::Copied(self.active.samples(at + skip, seen.count).to_vec()),
+                Source::Active { at } => {
+                    Place::Copied(self.active.samples(at + skip, seen.count).to_vec())
+                }
             };
             Run { class: *class, first: seen.first, count: seen.count, place }
         });

@@ -105,15 +105,29 @@ impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Damage { offset, bytes, what } = self;
         match what {
-            DamageKind::HeaderCopy(copy) => write!(f, "offset {offset}: copy {copy} of the file header is damaged"),
-            DamageKind::BlockHeader => write!(f, "offset {offset}: damaged block header, {bytes} bytes left out"),
-            DamageKind::BlockTable(sequence) => {
-                write!(f, "offset {offset}: damaged table of block {sequence}, {bytes} bytes left out")
+            DamageKind::HeaderCopy(copy) => {
+                write!(f, "offset {offset}: copy {copy} of the file header is damaged")
             }
-            DamageKind::Samples => write!(f, "offset {offset}: damaged samples, {bytes} bytes left out"),
-            DamageKind::Blob(name) => write!(f, "offset {offset}: {bytes} damaged bytes of blob {name}"),
+            DamageKind::BlockHeader => {
+                write!(f, "offset {offset}: damaged block header, {bytes} bytes left out")
+            }
+            DamageKind::BlockTable(sequence) => {
+                write!(
+                    f,
+                    "offset {offset}: damaged table of block {sequence}, {bytes} bytes left out"
+                )
+            }
+            DamageKind::Samples => {
+                write!(f, "offset {offset}: damaged samples, {bytes} bytes left out")
+            }
+            DamageKind::Blob(name) => {
+                write!(f, "offset {offset}: {bytes} damaged bytes of blob {name}")
+            }
             DamageKind::TornTail => {
-                write!(f, "offset {offset}: {bytes} bytes of a block that is not complete, left out")
+                write!(
+                    f,
+                    "offset {offset}: {bytes} bytes of a block that is not complete, left out"
+                )
             }
         }
     }

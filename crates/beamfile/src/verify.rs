@@ -30,7 +30,11 @@ pub(crate) fn bad_chunks(storage: &dyn Storage, block: &Block) -> io::Result<Vec
 }
 
 /// Damage of the block's header or table since it was read.
-pub(crate) fn block_damage(storage: &dyn Storage, file: &FileHeader, block: &Block) -> io::Result<Option<Damage>> {
+pub(crate) fn block_damage(
+    storage: &dyn Storage,
+    file: &FileHeader,
+    block: &Block,
+) -> io::Result<Option<Damage>> {
     let bytes = block.header.block_bytes();
     let mut head = [0; BLOCK_HEADER_BYTES];
     storage.read_exact_at(&mut head, block.offset)?;
@@ -56,11 +60,16 @@ impl BeamFile {
         open::read_header(&*self.shared.storage, &self.shared.path, &mut damage)?;
         let blocks = self.shared.state().directory.blocks.clone();
         for (id, block) in (0..).zip(&blocks) {
-            damage.extend(block_damage(&*self.shared.storage, &self.shared.header, block).map_err(failed)?);
+            damage.extend(
+                block_damage(&*self.shared.storage, &self.shared.header, block).map_err(failed)?,
+            );
             let bad = bad_chunks(&*self.shared.storage, block).map_err(failed)?;
-            self.shared.state().mark_bad(&bad.into_iter().map(|chunk| (id, chunk)).collect::<Vec<_>>());
+            self.shared
+                .state()
+                .mark_bad(&bad.into_iter().map(|chunk| (id, chunk)).collect::<Vec<_>>());
         }
-        let left_out = |d: &&Damage| !matches!(d.what, DamageKind::HeaderCopy(_) | DamageKind::TornTail);
+        let left_out =
+            |d: &&Damage| !matches!(d.what, DamageKind::HeaderCopy(_) | DamageKind::TornTail);
         damage.extend(self.shared.state().damage.iter().filter(left_out).cloned());
         damage.sort_by_key(|d| (d.offset, d.bytes));
         Ok(damage)

@@ -45,7 +45,11 @@ pub(crate) fn visible(offers: &[Offer]) -> Vec<Visible> {
             painted.fill(offer.kind, begin, end, i);
         }
     }
-    painted.0.into_iter().map(|((_, first), (end, offer))| Visible { offer, first, count: end - first }).collect()
+    painted
+        .0
+        .into_iter()
+        .map(|((_, first), (end, offer))| Visible { offer, first, count: end - first })
+        .collect()
 }
 
 /// Disjoint runs: (kind, first) to (end, offer).

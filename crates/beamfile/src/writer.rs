@@ -30,7 +30,12 @@ pub(crate) struct Appender {
 
 impl Appender {
     /// Appends one block; it is on the disk itself when this returns.
-    pub fn write(&mut self, storage: &dyn Storage, file_id: u64, body: &Body) -> std::io::Result<Block> {
+    pub fn write(
+        &mut self,
+        storage: &dyn Storage,
+        file_id: u64,
+        body: &Body,
+    ) -> std::io::Result<Block> {
         let header = BlockHeader {
             file_id,
             sequence: self.sequence + 1,
@@ -44,8 +49,9 @@ impl Appender {
         rest.extend_from_slice(&body.table);
         rest.resize(header.payload_offset() as usize - BLOCK_HEADER_BYTES, 0);
         let crcs_at = body.table.len() - 4 * body.payload.len().div_ceil(CHUNK_BYTES as usize);
-        let crcs =
-            body.table[crcs_at..].chunks_exact(4).map(|crc| u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]));
+        let crcs = body.table[crcs_at..]
+            .chunks_exact(4)
+            .map(|crc| u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]));
         let block = Block { header, offset: self.at, crcs: crcs.collect(), blob: None };
         rest.extend_from_slice(&body.payload);
         rest.resize(header.block_bytes() as usize - BLOCK_HEADER_BYTES, 0);
@@ -134,7 +140,9 @@ fn next_batch(shared: &Shared, failed_at: Option<Instant>) -> Option<Arc<Batch>>
             state.freeze();
         }
         let now = Instant::now();
-        let retry = failed_at.map(|at| at + RETRY_INTERVAL).filter(|&at| at > now && !state.hurry && !state.stop);
+        let retry = failed_at
+            .map(|at| at + RETRY_INTERVAL)
+            .filter(|&at| at > now && !state.hurry && !state.stop);
         let due = state.active_since.map(|since| since + WRITE_INTERVAL);
         if due.is_some_and(|due| due <= now) && state.frozen.is_empty() {
             state.freeze();

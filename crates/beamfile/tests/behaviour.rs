@@ -67,12 +67,16 @@ fn superseding_samples_replace_only_their_numbers_and_a_late_copy_changes_nothin
     file.append(rough, &samples(&rough, 40, 3)).unwrap();
     let check = |file: &BeamFile| {
         let read = file.read(rough.key).unwrap();
-        let runs: Vec<_> = read.runs().map(|(m, s)| (m.kind as u8, m.first, m.count, m.paths, s.to_vec())).collect();
+        let runs: Vec<_> = read
+            .runs()
+            .map(|(m, s)| (m.kind as u8, m.first, m.count, m.paths, s.to_vec()))
+            .collect();
         let expect = |meta: &ExtentMeta, first, count, tag| {
             let meta = ExtentMeta { first, ..*meta };
             (meta.kind as u8, first, count, meta.paths, samples(&meta, count, tag))
         };
-        let uniform = [expect(&rough, 0, 10, 1), expect(&better, 10, 20, 2), expect(&rough, 30, 10, 1)];
+        let uniform =
+            [expect(&rough, 0, 10, 1), expect(&better, 10, 20, 2), expect(&rough, 30, 10, 1)];
         assert_eq!(runs[..3], uniform);
         assert_eq!(runs[3..], [expect(&other_kind, 0, 3, 1)]);
         assert_eq!(file.count(rough.key), 43);
@@ -90,7 +94,8 @@ fn the_cache_stays_within_its_budget_and_keeps_what_was_used_last() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("test.holo");
     let budget = 50_000;
-    let file = BeamFile::create(&path, Options { cache_bytes: budget, layout: vec![1000] }).unwrap();
+    let file =
+        BeamFile::create(&path, Options { cache_bytes: budget, layout: vec![1000] }).unwrap();
     for beam in 0..200 {
         let meta = meta(key(0, beam), 0);
         file.append(meta, &samples(&meta, 100 + beam as u32, 0)).unwrap();
@@ -111,7 +116,11 @@ fn the_cache_stays_within_its_budget_and_keeps_what_was_used_last() {
 
     let huge = self::meta(key(0, 999), 0);
     file.append(huge, &samples(&huge, 6000, 0)).unwrap();
-    assert_eq!(file.read(huge.key).unwrap().samples.len(), 6000, "larger than the cache, and read all the same");
+    assert_eq!(
+        file.read(huge.key).unwrap().samples.len(),
+        6000,
+        "larger than the cache, and read all the same"
+    );
     assert!(file.stats().cache_bytes <= budget);
 }
 
@@ -126,7 +135,8 @@ fn read_many_gives_cached_beams_first_then_file_order_and_stops_when_told() {
         file.flush().unwrap();
     }
     file.read(key(0, 11)).unwrap();
-    let keys: Vec<_> = (0..40).map(|beam| key(0, beam)).filter(|k| order.contains(&k.beam.0)).collect();
+    let keys: Vec<_> =
+        (0..40).map(|beam| key(0, beam)).filter(|k| order.contains(&k.beam.0)).collect();
     let mut got = Vec::new();
     let mut collect = |beam: holo_beamfile::BeamKey, samples: Arc<BeamSamples>| {
         assert_eq!(samples.samples.len(), 21);
@@ -207,7 +217,10 @@ fn wrong_use_is_refused_and_changes_nothing() {
     assert!(matches!(file.append(meta(key(0, 40), 0), &one), Err(Error::NoSuchBeam { .. })));
     assert!(matches!(file.append(meta(key(2, 0), 0), &one), Err(Error::NoSuchBeam { .. })));
     assert!(matches!(file.read(key(1, 12)), Err(Error::NoSuchBeam { .. })));
-    assert!(matches!(file.append(meta(key(0, 0), u32::MAX), &one), Err(Error::SampleNumbers { .. })));
+    assert!(matches!(
+        file.append(meta(key(0, 0), u32::MAX), &one),
+        Err(Error::SampleNumbers { .. })
+    ));
     file.append(good, &[]).unwrap();
     assert!(matches!(file.put_blob("", &[]), Err(Error::BlobName(0))));
     assert!(matches!(file.put_blob(&"x".repeat(256), &[]), Err(Error::BlobName(256))));
@@ -223,7 +236,10 @@ fn wrong_use_is_refused_and_changes_nothing() {
     assert!(matches!(reader.put_blob("scene", &[]), Err(Error::ReadOnly { .. })));
     let folder = tempfile::tempdir().unwrap();
     let none = Options { cache_bytes: 0, layout: vec![] };
-    assert!(matches!(BeamFile::create(folder.path().join("none.holo"), none), Err(Error::SectionCount(0))));
+    assert!(matches!(
+        BeamFile::create(folder.path().join("none.holo"), none),
+        Err(Error::SectionCount(0))
+    ));
 }
 
 #[test]

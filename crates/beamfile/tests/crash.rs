@@ -78,7 +78,8 @@ fn a_killed_writer_loses_nothing_flushed_and_at_most_one_second_besides() {
             .unwrap();
         // By the child's own clock, so that a busy machine only makes the test longer.
         let log = folder.path().join("log");
-        let far_enough = |line: &Vec<u64>| line[0] >= 1000 * life && (!flushes || line[2] > kept_before);
+        let far_enough =
+            |line: &Vec<u64>| line[0] >= 1000 * life && (!flushes || line[2] > kept_before);
         let patience = Instant::now() + Duration::from_secs(60);
         while !noted(&log).last().is_some_and(far_enough) {
             assert!(Instant::now() < patience, "the child does not get on");
@@ -87,16 +88,23 @@ fn a_killed_writer_loses_nothing_flushed_and_at_most_one_second_besides() {
         if life == 1100 {
             let second = BeamFile::open(&path, options());
             let message = second.err().expect("one writer at a time").to_string();
-            assert!(message.contains("test.holo") && message.contains("another process"), "{message}");
+            assert!(
+                message.contains("test.holo") && message.contains("another process"),
+                "{message}"
+            );
         }
         child.kill().unwrap();
         child.wait().unwrap();
 
         let lines = noted(&log);
         let last = lines.last().expect("the child ran");
-        let old = lines.iter().rfind(|line| line[0] + 1_000_000 < last[0]).map_or(0, |line| line[1]);
+        let old =
+            lines.iter().rfind(|line| line[0] + 1_000_000 < last[0]).map_or(0, |line| line[1]);
 
-        assert!(if flushes { last[2] > kept_before } else { old > kept_before }, "the child got that far");
+        assert!(
+            if flushes { last[2] > kept_before } else { old > kept_before },
+            "the child got that far"
+        );
         let file = BeamFile::open(&path, options()).unwrap();
         let kept = u64::from(file.counts(key(0, 9)).uniform);
         assert!(kept >= last[2], "{kept} kept, {} flushed", last[2]);
@@ -124,7 +132,10 @@ fn a_second_writer_in_the_same_process_is_refused_too() {
     let path = folder.path().join("test.holo");
     let first = BeamFile::create(&path, options()).unwrap();
     assert!(matches!(BeamFile::open(&path, options()), Err(Error::Locked { .. })));
-    assert!(matches!(BeamFile::create(&path, options()), Err(Error::Io { .. })), "never overwritten");
+    assert!(
+        matches!(BeamFile::create(&path, options()), Err(Error::Io { .. })),
+        "never overwritten"
+    );
     drop(first);
     BeamFile::open(&path, options()).unwrap();
 }

@@ -22,13 +22,15 @@ fn build(blocks: u32, extents: u32) -> Built {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("test.holo");
     let file = BeamFile::create(&path, options()).unwrap();
-    let mut built = Built { _folder: folder, path, models: vec![Model::default()], ends: vec![FIRST_BLOCK] };
+    let mut built =
+        Built { _folder: folder, path, models: vec![Model::default()], ends: vec![FIRST_BLOCK] };
     for block in 0..blocks {
         let mut model = built.models.last().unwrap().clone();
         for i in 0..extents {
             let section = (i % 2) as u16;
             let key = key(section, u64::from(i * 7 % 12).min(LAYOUT[usize::from(section)] - 1));
-            let meta = ExtentMeta { kind: kind((i % 3) as u8), ..meta(key, block * 10_000 + i * 21) };
+            let meta =
+                ExtentMeta { kind: kind((i % 3) as u8), ..meta(key, block * 10_000 + i * 21) };
             let new = samples(&meta, 21, block);
             file.append(meta, &new).unwrap();
             model.put(&meta, &new, false);
@@ -60,7 +62,8 @@ fn a_tail_torn_at_any_byte_is_named_and_left_out_and_the_file_goes_on_after_it()
         let path = variant(folder.path(), &bytes[..cut as usize]);
         let reader = BeamFile::open_read_only(&path, 0).unwrap();
         assert_same(&reader, &built.models[2]);
-        let torn: Vec<_> = reader.report().damage.iter().map(|d| (d.offset, d.bytes, d.what.clone())).collect();
+        let torn: Vec<_> =
+            reader.report().damage.iter().map(|d| (d.offset, d.bytes, d.what.clone())).collect();
         let expected = [(begin, cut - begin, DamageKind::TornTail)];
         assert_eq!(torn, &expected[..usize::from(cut > begin)]);
 
@@ -103,7 +106,8 @@ fn a_flipped_bit_is_named_and_costs_only_what_it_belongs_to() {
     let mut random = 0x1234_5678_9abc_def0u64;
     let (mut harmless, mut lossy) = (0, 0);
     for trial in 0..1000 {
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        random =
+            random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         // One in ten in the header's pages, the others in blocks.
         let range = if trial % 10 == 0 { 0..FIRST_BLOCK } else { FIRST_BLOCK..bytes.len() as u64 };
         let at = range.start + (random >> 20) % (range.end - range.start);
@@ -118,8 +122,11 @@ fn a_flipped_bit_is_named_and_costs_only_what_it_belongs_to() {
         if damage.is_empty() {
             harmless += 1;
             assert!(lost.is_empty());
-            let padding =
-                if at < FIRST_BLOCK { at as usize % HEADER_COPY_BYTES >= 48 } else { bytes[at as usize] == 0 };
+            let padding = if at < FIRST_BLOCK {
+                at as usize % HEADER_COPY_BYTES >= 48
+            } else {
+                bytes[at as usize] == 0
+            };
             assert!(padding, "byte {at} is no padding, and its damage was not noticed");
         } else {
             assert!(named, "byte {at} damaged, but {damage:?} named");
@@ -127,7 +134,10 @@ fn a_flipped_bit_is_named_and_costs_only_what_it_belongs_to() {
             let in_block = block.map(|b| (b as u32 * 10_000, b as u32 * 10_000 + 60 * 21));
             for &(_, _, number) in &lost {
                 let (from, to) = in_block.expect("a damaged file header loses nothing");
-                assert!((from..to).contains(&number), "sample {number} lost by damage at {at} in block {block:?}");
+                assert!(
+                    (from..to).contains(&number),
+                    "sample {number} lost by damage at {at} in block {block:?}"
+                );
             }
             if matches!(damage[0].what, DamageKind::Samples) {
                 assert!((1..=409).contains(&lost.len()), "one chunk: {} samples lost", lost.len());
@@ -157,7 +167,11 @@ fn after_damage_in_every_block_header_the_writer_goes_on_and_destroys_nothing() 
     let file = BeamFile::open_read_only(&built.path, 0).unwrap();
     assert_same(&file, &model);
     assert_eq!(file.report().damage.len(), 1, "one stretch without a block");
-    assert_eq!(fs::read(&built.path).unwrap()[..bytes.len()], bytes, "what is damaged may be wanted by a rescuer");
+    assert_eq!(
+        fs::read(&built.path).unwrap()[..bytes.len()],
+        bytes,
+        "what is damaged may be wanted by a rescuer"
+    );
 }
 
 #[test]
@@ -176,7 +190,10 @@ fn a_damaged_copy_of_the_header_is_repaired_by_the_writer_and_two_are_an_error()
     fs::write(&built.path, &bytes).unwrap();
     assert!(matches!(BeamFile::open(&built.path, options()), Err(Error::NoHeader { .. })));
     fs::write(&built.path, b"").unwrap();
-    assert!(matches!(BeamFile::open_read_only(&built.path, 0), Err(Error::NoHeader { bytes: 0, .. })));
+    assert!(matches!(
+        BeamFile::open_read_only(&built.path, 0),
+        Err(Error::NoHeader { bytes: 0, .. })
+    ));
 }
 
 #[test]
@@ -220,7 +237,9 @@ fn hostile_lengths_take_no_memory_and_cost_no_sample() {
     let good = fs::read(&built.path).unwrap();
     let table = |words: [u32; 8]| words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
     // Beam, section and kind, first, count, paths, settings, generation; then the payload's one checksum.
-    let entry = |beam: u32, section: u32, first: u32, count: u32| table([beam, 0, section, first, count, 1, 0, 0]);
+    let entry = |beam: u32, section: u32, first: u32, count: u32| {
+        table([beam, 0, section, first, count, 1, 0, 0])
+    };
     let payload = [0u8; 10];
     let mut cases: Vec<(&str, [u32; 3], Vec<u8>, u32)> = vec![
         ("table longer than any", [1, 1, u32::MAX], vec![], 10),
@@ -236,10 +255,18 @@ fn hostile_lengths_take_no_memory_and_cost_no_sample() {
         ("a blob longer than any", [2, 1, 40], table([0, 0, 0, 2, 0, 0, 1, 0]), 10),
         ("an unknown block", [9, 1, 36], entry(0, 0, 0, 1), 10),
     ];
-    cases.push(("good, to show that the others differ from it", [1, 1, 36], entry(0, 0, 77_000, 1), 10));
+    cases.push((
+        "good, to show that the others differ from it",
+        [1, 1, 36],
+        entry(0, 0, 77_000, 1),
+        10,
+    ));
     for (what, [kind, entries, table_bytes], mut table, payload_bytes) in cases {
         table.extend_from_slice(&crc32fast::hash(&payload).to_le_bytes());
-        let header = hostile_header(&good, [kind, entries, table_bytes, crc32fast::hash(&table), payload_bytes]);
+        let header = hostile_header(
+            &good,
+            [kind, entries, table_bytes, crc32fast::hash(&table), payload_bytes],
+        );
         let mut bytes = [good.clone(), header, table].concat();
         bytes.resize(bytes.len().next_multiple_of(16), 0);
         bytes.extend_from_slice(&payload);

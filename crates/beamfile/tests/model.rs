@@ -40,7 +40,11 @@ fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
             let numbers = |runs: &[ExtentMeta]| {
                 let each = |run: &ExtentMeta| {
                     let run = *run;
-                    (0..run.count).map(move |at| ExtentMeta { first: run.first + at, count: 1, ..run })
+                    (0..run.count).map(move |at| ExtentMeta {
+                        first: run.first + at,
+                        count: 1,
+                        ..run
+                    })
                 };
                 runs.iter().flat_map(each).collect::<Vec<_>>()
             };
@@ -53,7 +57,8 @@ fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
     file.for_each_beam(&mut |key, samples| listed.push((key, samples as usize)));
     assert_eq!(listed, model.0.iter().map(|(&key, beam)| (key, beam.len())).collect::<Vec<_>>());
     for (&key, beam) in &model.0 {
-        let next = |code: u8| beam.keys().filter(|n| n.0 == code).map(|n| n.1 + 1).max().unwrap_or(0);
+        let next =
+            |code: u8| beam.keys().filter(|n| n.0 == code).map(|n| n.1 + 1).max().unwrap_or(0);
         let counts = file.counts(key);
         assert_eq!([counts.uniform, counts.limited, counts.single], [next(0), next(1), next(2)]);
         assert_eq!(file.count(key), beam.len() as u64);

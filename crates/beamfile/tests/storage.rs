@@ -25,7 +25,8 @@ impl Storage for SmallDisk {
     }
 
     fn write_all_at(&self, bytes: &[u8], offset: u64) -> io::Result<()> {
-        let room = self.room.load(Ordering::SeqCst).saturating_sub(offset).min(bytes.len() as u64) as usize;
+        let room = self.room.load(Ordering::SeqCst).saturating_sub(offset).min(bytes.len() as u64)
+            as usize;
         self.disk.write_all_at(&bytes[..room], offset)?;
         if room < bytes.len() { Err(io::Error::from(io::ErrorKind::StorageFull)) } else { Ok(()) }
     }
@@ -54,7 +55,11 @@ fn small_disk(room: u64) -> (BeamFile, Bench) {
     let bench = Bench { folder, room: Arc::new(AtomicU64::new(room)), no_sync: Arc::default() };
     let path = bench.folder.path().join("test.holo");
     let file = File::options().read(true).write(true).create_new(true).open(&path).unwrap();
-    let disk = SmallDisk { disk: DiskStorage(file), room: bench.room.clone(), no_sync: bench.no_sync.clone() };
+    let disk = SmallDisk {
+        disk: DiskStorage(file),
+        room: bench.room.clone(),
+        no_sync: bench.no_sync.clone(),
+    };
     (BeamFile::create_on(Box::new(disk), &path, options()).unwrap(), bench)
 }
 

@@ -17,7 +17,8 @@ const SIZE: (u32, u32) = (320, 240);
 /// Time this process has had a core, where Linux tells, else time passed.
 fn processor_time(start: Instant) -> Duration {
     let text = std::fs::read_to_string("/proc/self/schedstat").ok();
-    let first = text.and_then(|text| text.split_whitespace().next().and_then(|first| first.parse().ok()));
+    let first =
+        text.and_then(|text| text.split_whitespace().next().and_then(|first| first.parse().ok()));
     first.map_or_else(|| start.elapsed(), Duration::from_nanos)
 }
 
@@ -26,7 +27,9 @@ fn main() {
     let reference = Picture { pixels: truth(room, &view, SIZE, 8), ..Picture::new(SIZE.0, SIZE.1) };
     println!("samples        a pixel  quadtree      constant      smooth");
     for kind in ["through the eye", "batch"] {
-        for (name, noise) in [("clean", clean as Noise), ("16 paths", some_paths), ("1 path", one_path)] {
+        for (name, noise) in
+            [("clean", clean as Noise), ("16 paths", some_paths), ("1 path", one_path)]
+        {
             for density in [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0] {
                 let count = (f64::from(SIZE.0 * SIZE.1) * density) as usize;
                 let stored = match kind {
@@ -48,7 +51,9 @@ fn main() {
                 for filling in [Filling::Constant, Filling::Smooth] {
                     let params = CellsParams { filling, ..CellsParams::default() };
                     let mut cells = Cells::new(Arc::from([section.clone()]), view, SIZE, params);
-                    stored.iter().for_each(|(beam, sample)| cells.insert(0, *beam, 1, std::slice::from_ref(sample)));
+                    stored.iter().for_each(|(beam, sample)| {
+                        cells.insert(0, *beam, 1, std::slice::from_ref(sample))
+                    });
                     show(&|| cells.draw());
                 }
                 println!("{line}");

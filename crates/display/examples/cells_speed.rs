@@ -18,7 +18,8 @@ const ROUNDS: u32 = 10;
 /// Time this process has had a core, where Linux tells (other programs then do not count), else time passed.
 fn processor_time(start: Instant) -> Duration {
     let text = std::fs::read_to_string("/proc/self/schedstat").ok();
-    let first = text.and_then(|text| text.split_whitespace().next().and_then(|first| first.parse().ok()));
+    let first =
+        text.and_then(|text| text.split_whitespace().next().and_then(|first| first.parse().ok()));
     first.map_or_else(|| start.elapsed(), Duration::from_nanos)
 }
 
@@ -41,7 +42,10 @@ fn main() {
             stored.sort_by_key(|&(beam, _)| beam);
             let tree = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored);
             let drawn = mean_time(|| drop(tree.draw()));
-            println!("{kind}, {name}: {} samples land; quadtree {drawn:?}", tree.draw().samples_used);
+            println!(
+                "{kind}, {name}: {} samples land; quadtree {drawn:?}",
+                tree.draw().samples_used
+            );
             for filling in [Filling::Constant, Filling::Smooth] {
                 let mut cells = Cells::new(
                     Arc::from([section.clone()]),
@@ -59,7 +63,10 @@ fn main() {
                 let before = processor_time(start);
                 insert();
                 let inserted = processor_time(start) - before;
-                println!("  {filling:?}: insert {inserted:?}, picture {:?}", mean_time(|| drop(cells.draw())));
+                println!(
+                    "  {filling:?}: insert {inserted:?}, picture {:?}",
+                    mean_time(|| drop(cells.draw()))
+                );
             }
         }
     }

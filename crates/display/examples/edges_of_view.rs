@@ -27,15 +27,20 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (view, size) = spec.resolve((width.parse()?, height.parse()?))?;
     let raycaster = Raycaster::build(Arc::new(load_obj(&path, &LoadOptions::default())?.scene))?;
     let (width, height) = (size.0 as usize, size.1 as usize);
-    let seen: Vec<Seen> =
-        (0..width * height).map(|pixel| look(&raycaster, &view, pixel % width, pixel / width, size)).collect();
+    let seen: Vec<Seen> = (0..width * height)
+        .map(|pixel| look(&raycaster, &view, pixel % width, pixel / width, size))
+        .collect();
     let at = |column: usize, row: usize| seen[row * width + column];
     let mut marks = vec![false; seen.len()];
     for row in 0..height {
         for column in 0..width {
             let right = (column + 1 < width).then(|| at(column + 1, row));
             let below = (row + 1 < height).then(|| at(column, row + 1));
-            if [right, below].into_iter().flatten().any(|other| differ(at(column, row), other, &view, size)) {
+            if [right, below]
+                .into_iter()
+                .flatten()
+                .any(|other| differ(at(column, row), other, &view, size))
+            {
                 for y in row.saturating_sub(NEAR)..(row + NEAR + 1).min(height) {
                     for x in column.saturating_sub(NEAR)..(column + NEAR + 1).min(width) {
                         marks[y * width + x] = true;
@@ -56,12 +61,18 @@ fn look(raycaster: &Raycaster, view: &View, column: usize, row: usize, size: (u3
     let (ray, skipped) = raycaster.localize(eye, direction)?;
     let hit = raycaster.nearest(&ray)?;
     let place = direction.as_vec3() * (hit.t + skipped as f32);
-    Some((place, raycaster.geometric_normal(hit.triangle), raycaster.scene().material_ids[hit.triangle as usize]))
+    Some((
+        place,
+        raycaster.geometric_normal(hit.triangle),
+        raycaster.scene().material_ids[hit.triangle as usize],
+    ))
 }
 
 /// Whether two neighbours show different materials, or the step between them leaves the plane of both by more than a pixel.
 fn differ(a: Seen, b: Seen, view: &View, size: (u32, u32)) -> bool {
-    let (Some((here, normal, material)), Some((there, other, its))) = (a, b) else { return a.is_some() != b.is_some() };
+    let (Some((here, normal, material)), Some((there, other, its))) = (a, b) else {
+        return a.is_some() != b.is_some();
+    };
     let (_, left) = view.ray(0.5, 0.5);
     let (_, right) = view.ray(0.5 + 1.0 / f64::from(size.0), 0.5);
     let pixel = left.distance(right) as f32 * here.length();

@@ -61,9 +61,13 @@ struct Row {
 }
 
 fn measure(size: (u32, u32), samples: usize, frames: usize, params: &PointImageParams, json: bool) {
-    let Ok(mut cache) = PointImage::new(size, params.clone()) else { return eprintln!("{size:?}: not possible") };
+    let Ok(mut cache) = PointImage::new(size, params.clone()) else {
+        return eprintln!("{size:?}: not possible");
+    };
     // A walk at 1.5 m/s that turns by 30 degrees a second, 30 frames a second.
-    let at = |frame: f64| view(DVec3::new(-2.0 + 0.01 * frame, -2.0 + 0.005 * frame, 0.0), frame - 20.0, size);
+    let at = |frame: f64| {
+        view(DVec3::new(-2.0 + 0.01 * frame, -2.0 + 0.005 * frame, 0.0), frame - 20.0, size)
+    };
     let pixels = (size.0 * size.1) as usize;
     let mut results = Vec::new();
     let mut times: BTreeMap<Stage, Vec<Duration>> = BTreeMap::new();
@@ -97,14 +101,19 @@ fn measure(size: (u32, u32), samples: usize, frames: usize, params: &PointImageP
     let row = |stage: Stage| {
         let times = times.get_mut(&stage)?;
         let median = median(times).as_secs_f64();
-        let times_moved = bytes(stage)
-            .map(|(point, pixel)| median / copying(point * cache.capacity() + pixel * pixels, frames).as_secs_f64());
+        let times_moved = bytes(stage).map(|(point, pixel)| {
+            median / copying(point * cache.capacity() + pixel * pixels, frames).as_secs_f64()
+        });
         Some(Row { stage, median, least: times[0].as_secs_f64(), times_moved })
     };
     let rows: Vec<Row> = Stage::ALL.into_iter().filter_map(row).collect();
     let total = median(&mut totals).as_secs_f64();
     let least = totals.first().copied().unwrap_or_default().as_secs_f64();
-    if json { print_json(size, &rows, total, least) } else { print_table(size, samples, params, &rows, total, least) }
+    if json {
+        print_json(size, &rows, total, least)
+    } else {
+        print_table(size, samples, params, &rows, total, least)
+    }
 }
 
 fn per_pixel(seconds: f64, (width, height): (u32, u32)) -> f64 {
@@ -123,15 +132,27 @@ fn print_table(
         "\n{}x{}, {samples} samples a frame, {:?}, {} thread(s)",
         size.0, size.1, params.instructions, params.threads
     );
-    println!("{:24}{:>10}{:>10}{:>8}{:>12}{:>14}", "Stage", "ms", "least", "%", "ns/pixel", "times moved");
+    println!(
+        "{:24}{:>10}{:>10}{:>8}{:>12}{:>14}",
+        "Stage", "ms", "least", "%", "ns/pixel", "times moved"
+    );
     for Row { stage, median, least, times_moved } in rows {
         let ratio = times_moved.map_or(String::from("-"), |ratio| format!("{ratio:.1}"));
         let (share, each) = (100.0 * median / total, per_pixel(*median, size));
         let [median, least] = [median, least].map(|time| time * 1e3);
-        println!("{:24}{median:>10.3}{least:>10.3}{share:>8.1}{each:>12.2}{ratio:>14}", stage.name());
+        println!(
+            "{:24}{median:>10.3}{least:>10.3}{share:>8.1}{each:>12.2}{ratio:>14}",
+            stage.name()
+        );
     }
     let each = per_pixel(total, size);
-    println!("{:24}{:>10.3}{:>10.3}{:>8}{each:>12.2}", "Total", total * 1e3, least_total * 1e3, 100);
+    println!(
+        "{:24}{:>10.3}{:>10.3}{:>8}{each:>12.2}",
+        "Total",
+        total * 1e3,
+        least_total * 1e3,
+        100
+    );
 }
 
 fn print_json(size: (u32, u32), rows: &[Row], total: f64, least: f64) {
@@ -140,7 +161,9 @@ fn print_json(size: (u32, u32), rows: &[Row], total: f64, least: f64) {
         .map(|Row { stage, median, least, times_moved }| {
             let moved = times_moved.map_or(String::from("null"), |ratio| ratio.to_string());
             let (stage, ms, least) = (stage.name(), median * 1e3, least * 1e3);
-            format!("{{\"stage\":\"{stage}\",\"ms\":{ms},\"least_ms\":{least},\"times_moved\":{moved}}}")
+            format!(
+                "{{\"stage\":\"{stage}\",\"ms\":{ms},\"least_ms\":{least},\"times_moved\":{moved}}}"
+            )
         })
         .collect();
     println!(
@@ -171,7 +194,11 @@ fn main() {
                 let (width, height) = size.split_once('x').unwrap_or((size, size));
                 match (width.parse(), height.parse()) {
                     (Ok(width), Ok(height)) => sizes.push((width, height)),
-                    _ => return eprintln!("`{size}` is neither an option nor a size such as 512 or 1920x1080"),
+                    _ => {
+                        return eprintln!(
+                            "`{size}` is neither an option nor a size such as 512 or 1920x1080"
+                        );
+                    }
                 }
             }
         }

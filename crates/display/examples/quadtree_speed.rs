@@ -31,7 +31,8 @@ struct Times {
 }
 
 impl Times {
-    const NONE: Self = Self { first_thread: f64::INFINITY, all_threads: f64::INFINITY, passed: f64::INFINITY };
+    const NONE: Self =
+        Self { first_thread: f64::INFINITY, all_threads: f64::INFINITY, passed: f64::INFINITY };
 
     fn least(self, other: Self) -> Self {
         Self {
@@ -70,7 +71,10 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, Times) {
     let result = work();
     let after = processor_times(start);
     let passed = 1e3 * start.elapsed().as_secs_f64();
-    (result, Times { first_thread: after[0] - before[0], all_threads: after[1] - before[1], passed })
+    (
+        result,
+        Times { first_thread: after[0] - before[0], all_threads: after[1] - before[1], passed },
+    )
 }
 
 /// Samples by beam, as they come.
@@ -88,8 +92,9 @@ fn main() {
     let json = std::env::args().skip(1).any(|argument| argument == "--json");
     for size in [(320, 240), (512, 512)] {
         let (section, view) = (room_section(8), room_view(size));
-        let (selection, select) =
-            timed(|| select_beams(std::slice::from_ref(&section), &view, size, &SelectOptions::default()));
+        let (selection, select) = timed(|| {
+            select_beams(std::slice::from_ref(&section), &view, size, &SelectOptions::default())
+        });
         if !json {
             println!("{size:?}: select {} beams {select}", selection.beams.len());
         }
@@ -101,13 +106,20 @@ fn main() {
                 let [mut drafted, mut drawn, mut drafted_again, mut drawn_again] = [Times::NONE; 4];
                 let mut times = [Times::NONE; 5];
                 for round in 0..ROUNDS {
-                    let (mut tree, took) =
-                        timed(|| Quadtree::new(Arc::from([section.clone()]), view, size, QuadtreeParams::default()));
+                    let (mut tree, took) = timed(|| {
+                        Quadtree::new(
+                            Arc::from([section.clone()]),
+                            view,
+                            size,
+                            QuadtreeParams::default(),
+                        )
+                    });
                     new = new.least(took);
                     inserted = inserted.least(timed(|| insert(&mut tree, &first)).1);
                     drafted = drafted.least(timed(|| tree.redraw(LATE).is_some()).1);
                     drawn = drawn.least(timed(|| tree.redraw(LATE).is_some()).1);
-                    let more = |seed| near_samples(room, &section, &view, BURST + 1000, seed, noise);
+                    let more =
+                        |seed| near_samples(room, &section, &view, BURST + 1000, seed, noise);
                     let (burst, all) = (packets(more(2 * round + 2)), more(2 * round + 3));
                     let (few, all) = (packets(all[..100].to_vec()), packets(all));
                     for (time, (samples, since)) in times.iter_mut().zip([
@@ -128,8 +140,10 @@ fn main() {
                 let [burst, all, few, whole, none] = times;
                 let speed = |times: Times| 1e-3 * count as f64 / times.first_thread;
                 if json {
-                    let (insert, [draft, drawn, burst, whole]) =
-                        (speed(again), [drafted_again, drawn_again, burst, whole].map(|times| times.first_thread));
+                    let (insert, [draft, drawn, burst, whole]) = (
+                        speed(again),
+                        [drafted_again, drawn_again, burst, whole].map(|times| times.first_thread),
+                    );
                     println!(
                         "{{\"size\": \"{}x{}\", \"samples\": \"{name}\", \"a_pixel\": {density}, \"insert_m_per_s\": {insert:.2}, \
                          \"draft_ms\": {draft:.3}, \"whole_ms\": {drawn:.3}, \"burst_ms\": {burst:.3}, \"rest_ms\": {whole:.3}}}",

@@ -4,10 +4,14 @@
 //! `cargo run --release -p holo-display --example requests`
 
 use glam::DVec3;
-use holo_display::pointimage::{Moment, Place, PointImage, PointImageParams, Sample as PointSample};
+use holo_display::pointimage::{
+    Moment, Place, PointImage, PointImageParams, Sample as PointSample,
+};
 use holo_display::{SelectOptions, select_beams, viewpoint_radius};
 use holo_picture::{Picture, View, compare};
-use holo_section::{BeamId, RayCoords, Section, SectionSpec, ViewClass, Viewpoint, ray_eye_distance};
+use holo_section::{
+    BeamId, RayCoords, Section, SectionSpec, ViewClass, Viewpoint, ray_eye_distance,
+};
 use std::collections::HashMap;
 use std::error::Error;
 
@@ -36,9 +40,13 @@ fn room(origin: DVec3, along: DVec3) -> ([f32; 3], f64) {
         let distance = (wall - origin[axis]) / along[axis];
         if along[axis] != 0.0 && distance < nearest {
             let at = origin + along * distance;
-            let check = (0..3).filter(|&other| other != axis).map(|other| (at[other] * 1.5).floor()).sum::<f64>();
+            let check = (0..3)
+                .filter(|&other| other != axis)
+                .map(|other| (at[other] * 1.5).floor())
+                .sum::<f64>();
             let bright = 0.3 + 0.4 * check.rem_euclid(2.0) as f32;
-            (nearest, colour) = (distance, [bright, bright * (0.4 + 0.2 * axis as f32), 0.5 * bright]);
+            (nearest, colour) =
+                (distance, [bright, bright * (0.4 + 0.2 * axis as f32), 0.5 * bright]);
         }
     }
     let to_ball = BALL - origin;
@@ -97,7 +105,10 @@ impl Server {
             let ratio = |&(beam, weight): &(BeamId, f32)| {
                 f64::from(self.rays.get(&beam).copied().unwrap_or(0)) / f64::from(weight)
             };
-            let Some(&(beam, weight)) = beams.iter().min_by(|a, b| ratio(a).total_cmp(&ratio(b))) else { break };
+            let Some(&(beam, weight)) = beams.iter().min_by(|a, b| ratio(a).total_cmp(&ratio(b)))
+            else {
+                break;
+            };
             let number = self.rays.entry(beam).or_default();
             let Some(sampler) = section.beam_sampler(0, beam, Some(eye)) else { break };
             let packet = (weight / 2.0).max(*number as f32 / 4.0).clamp(1.0, 21.0) as u32;
@@ -110,8 +121,13 @@ impl Server {
 
 fn walk(way: Way, mismatch: usize) -> Result<[f64; 2], Box<dyn Error>> {
     let axes = [[9.6, 0.0, 0.0], [0.0, 7.6, 0.0], [0.0, 0.0, 3.6]];
-    let spec =
-        SectionSpec { origin: [0.2; 3], axes, grid: [24, 19, 9], class: ViewClass::Interior, obstructions: true };
+    let spec = SectionSpec {
+        origin: [0.2; 3],
+        axes,
+        grid: [24, 19, 9],
+        class: ViewClass::Interior,
+        obstructions: true,
+    };
     let sections = [Section::new(spec)?];
     let section = &sections[0];
     let (count, step) = ((SIZE.0 * SIZE.1) as usize / mismatch, 0.4 / 256.0);
@@ -121,7 +137,12 @@ fn walk(way: Way, mismatch: usize) -> Result<[f64; 2], Box<dyn Error>> {
     for frame in 0..FRAMES {
         let (now, next) = (view(frame)?, view(frame + 1)?);
         let radius = viewpoint_radius(&now, SIZE, 1.0, SPREAD).max(step);
-        let made = cache.frame(&Moment { view: now, predicted: Some(next), samples: &samples, wanted: count });
+        let made = cache.frame(&Moment {
+            view: now,
+            predicted: Some(next),
+            samples: &samples,
+            wanted: count,
+        });
         if frame % 10 == 9 {
             let quality = compare(&made.picture(), &truth(&now))?.psnr_disp;
             let sum = if frame < FRAMES - 30 { &mut moving } else { &mut resting };
@@ -132,16 +153,24 @@ fn walk(way: Way, mismatch: usize) -> Result<[f64; 2], Box<dyn Error>> {
                 samples = (made.requests())
                     .map(|(tag, eye, along)| {
                         let (radiance, distance) = room(eye, along);
-                        PointSample { tag, ..PointSample::new(Place::At(eye + along * distance), radiance) }
+                        PointSample {
+                            tag,
+                            ..PointSample::new(Place::At(eye + along * distance), radiance)
+                        }
                     })
                     .collect();
                 continue;
             }
-            Way::SingleRays => made.rays(&sections).into_iter().map(|(_, beam, coords)| (beam, coords)).collect(),
+            Way::SingleRays => {
+                made.rays(&sections).into_iter().map(|(_, beam, coords)| (beam, coords)).collect()
+            }
             Way::Beams => {
                 let beams = select_beams(&sections, &now, SIZE, &SelectOptions::default()).beams;
-                let weighed: Vec<_> =
-                    made.weigh(&sections, &beams, 0.75).iter().map(|wanted| (wanted.beam, wanted.weight)).collect();
+                let weighed: Vec<_> = made
+                    .weigh(&sections, &beams, 0.75)
+                    .iter()
+                    .map(|wanted| (wanted.beam, wanted.weight))
+                    .collect();
                 server.deal(section, &weighed, &Viewpoint { eye: now.vp.to_array(), radius }, count)
             }
         };
@@ -155,12 +184,13 @@ fn walk(way: Way, mismatch: usize) -> Result<[f64; 2], Box<dyn Error>> {
             let Some((x, y, _)) = now.project(place) else { continue };
             let is_near = ray_eye_distance(&ray, now.vp) <= radius + step;
             let pixel = View::pixel_at(SIZE, x, y);
-            let tag = pixel.and_then(
-                |(column, row)| {
-                    if is_near { cache.pixel_tag(column, row) } else { cache.guess_tag(column, row) }
-                },
-            );
-            samples.push(PointSample { tag: tag.unwrap_or_default(), ..PointSample::new(Place::At(place), radiance) });
+            let tag = pixel.and_then(|(column, row)| {
+                if is_near { cache.pixel_tag(column, row) } else { cache.guess_tag(column, row) }
+            });
+            samples.push(PointSample {
+                tag: tag.unwrap_or_default(),
+                ..PointSample::new(Place::At(place), radiance)
+            });
         }
     }
     Ok([moving, resting].map(|(sum, count)| sum / f64::from(count)))

@@ -24,13 +24,15 @@ fn timed<T>(name: &str, runs: u32, mut work: impl FnMut() -> T) -> T {
     let mut result = work();
     let (start, before) = (Instant::now(), processor_time());
     (0..runs).for_each(|_| result = work());
-    let used = processor_time().zip(before).map_or(Duration::ZERO, |(now, before)| (now - before) / runs);
+    let used =
+        processor_time().zip(before).map_or(Duration::ZERO, |(now, before)| (now - before) / runs);
     println!("{name}: {:?} passed, {used:?} of processors", start.elapsed() / runs);
     result
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let default = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes/cabin/cabin.obj");
+    let default =
+        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes/cabin/cabin.obj");
     let path = std::env::args_os().nth(1).map_or_else(default, PathBuf::from);
     let scene = Arc::new(load_obj(&path, &LoadOptions::default())?.scene);
     let raycaster = Arc::new(Raycaster::build(Arc::clone(&scene))?);
@@ -43,9 +45,23 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let section = Section::new(spec)?;
     let size = (1280, 720);
-    let view = View::new(DVec3::new(12.5, 0.5, 5.0), DVec3::new(1.0, 1.0, 0.0), DVec3::Z, Some(60.0), None, size)?;
+    let view = View::new(
+        DVec3::new(12.5, 0.5, 5.0),
+        DVec3::new(1.0, 1.0, 0.0),
+        DVec3::Z,
+        Some(60.0),
+        None,
+        size,
+    )?;
     let canvas = |resolution| {
-        Voronoi::at_resolution(Arc::from([section.clone()]), Arc::clone(&raycaster), None, view, size, resolution)
+        Voronoi::at_resolution(
+            Arc::from([section.clone()]),
+            Arc::clone(&raycaster),
+            None,
+            view,
+            size,
+            resolution,
+        )
     };
     let mut half = timed("surfaces, half of 1280x720", 20, || canvas(Resolution::Half));
     let mut canvas = timed("surfaces, 1280x720", 20, || canvas(Resolution::Full));
@@ -61,7 +77,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         packets.iter().for_each(|(beam, samples)| half.insert(0, *beam, 1, samples));
     });
     timed("draw with all beams' new samples, half resolution", 10, || {
-        packets.iter().for_each(|(beam, samples)| half.insert(0, *beam, 1, &samples[..samples.len().min(1)]));
+        packets
+            .iter()
+            .for_each(|(beam, samples)| half.insert(0, *beam, 1, &samples[..samples.len().min(1)]));
         half.draw()
     });
     let mut beams = packets.iter().cycle();
@@ -72,7 +90,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         canvas.draw()
     });
     timed("draw with all beams' new samples", 5, || {
-        packets.iter().for_each(|(beam, samples)| canvas.insert(0, *beam, 1, &samples[..samples.len().min(1)]));
+        packets.iter().for_each(|(beam, samples)| {
+            canvas.insert(0, *beam, 1, &samples[..samples.len().min(1)])
+        });
         canvas.draw()
     });
     timed("draw with nothing new", 10, || canvas.draw());
@@ -85,9 +105,9 @@ fn rays(section: &Section, beam: BeamId, raycaster: &Raycaster) -> Vec<Sample> {
         let coords = sampler.coords(number);
         let ray = sampler.ray(coords);
         let start = section.trace_start(&ray);
-        let hit = raycaster
-            .localize(ray.origin + ray.direction * start, ray.direction)
-            .and_then(|(local, skipped)| Some(start + skipped + f64::from(raycaster.nearest(&local)?.t)));
+        let hit = raycaster.localize(ray.origin + ray.direction * start, ray.direction).and_then(
+            |(local, skipped)| Some(start + skipped + f64::from(raycaster.nearest(&local)?.t)),
+        );
         Sample::encode(coords, [0.5; 3], hit.unwrap_or(f64::INFINITY), section.diagonal(), number)
     };
     (0..14).map(sample).collect()

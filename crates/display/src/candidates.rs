@@ -39,7 +39,12 @@ pub(crate) struct Candidate {
 ///
 /// "The holodeck section grid or grids the viewer is closest to" (§2.4.2): every section that contains the eye, the
 /// nearest ahead and the nearest behind.
-pub(crate) fn candidates(sections: &[Section], eye: DVec3, direction: DVec3, found: &mut Vec<Candidate>) {
+pub(crate) fn candidates(
+    sections: &[Section],
+    eye: DVec3,
+    direction: DVec3,
+    found: &mut Vec<Candidate>,
+) {
     found.clear();
     let (mut ahead, mut behind): (Option<Candidate>, Option<Candidate>) = (None, None);
     for (number, section) in (0..=u16::MAX).zip(sections) {
@@ -79,11 +84,17 @@ pub fn section_of(sections: &[Section], view: &View) -> Option<u16> {
 }
 
 /// Whether any section can show what the view ray sees. `hint` is a section to try first, and is set to the one found.
-pub(crate) fn is_covered(sections: &[Section], eye: DVec3, direction: DVec3, hint: &mut usize) -> bool {
+pub(crate) fn is_covered(
+    sections: &[Section],
+    eye: DVec3,
+    direction: DVec3,
+    hint: &mut usize,
+) -> bool {
     if sections.get(*hint).is_some_and(|section| section.line(eye, direction).is_some()) {
         return true;
     }
-    let met = sections.iter().take(1 << 16).position(|section| section.line(eye, direction).is_some());
+    let met =
+        sections.iter().take(1 << 16).position(|section| section.line(eye, direction).is_some());
     *hint = met.unwrap_or(*hint);
     met.is_some()
 }

@@ -44,7 +44,12 @@ pub(crate) fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Ve
     };
     let holds = |section: &Section, columns: &Range<usize>, rows: &Range<usize>| {
         let (right, bottom) = (columns.end - 1, rows.end - 1);
-        let corners = [(columns.start, rows.start), (right, rows.start), (columns.start, bottom), (right, bottom)];
+        let corners = [
+            (columns.start, rows.start),
+            (right, rows.start),
+            (columns.start, bottom),
+            (right, bottom),
+        ];
         let first = side(section, corners[0]);
         first.is_some() && corners.iter().all(|&corner| side(section, corner) == first)
     };

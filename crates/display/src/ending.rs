@@ -40,8 +40,13 @@ pub(crate) struct End {
 /// Beams that have rays which end on one of these points, ordered by section and beam, each once.
 ///
 /// `slack`: how far behind a section's wall points may seem to lie that lie on it, relative to the ray's length.
-pub(crate) fn beams_ending_on(sections: &[Section], points: &[End], slack: f64) -> Vec<(u16, BeamId)> {
-    let mut found: Vec<_> = by_lines(sections, points, slack, LINES).into_iter().map(|(at, _)| at).collect();
+pub(crate) fn beams_ending_on(
+    sections: &[Section],
+    points: &[End],
+    slack: f64,
+) -> Vec<(u16, BeamId)> {
+    let mut found: Vec<_> =
+        by_lines(sections, points, slack, LINES).into_iter().map(|(at, _)| at).collect();
     found.truncate(MOST_BEAMS);
     found
 }
@@ -69,7 +74,12 @@ pub(crate) fn beams_mostly_ending_on(
 }
 
 /// Beams that some of so many lines for each section belong to, and how likely rays of theirs are to end there, by their lines' weights.
-fn by_lines(sections: &[Section], points: &[End], slack: f64, count: usize) -> Vec<((u16, BeamId), u32)> {
+fn by_lines(
+    sections: &[Section],
+    points: &[End],
+    slack: f64,
+    count: usize,
+) -> Vec<((u16, BeamId), u32)> {
     let mut found = Vec::new();
     if points.is_empty() {
         return found;
@@ -91,7 +101,11 @@ fn by_lines(sections: &[Section], points: &[End], slack: f64, count: usize) -> V
             let all: u64 = same.iter().map(|&(_, weight)| u64::from(weight)).sum();
             (all / (same.len() as u64 + 1)) as u32
         };
-        found.extend(beams.chunk_by(|a, b| a.0 == b.0).map(|same| ((number, BeamId(same[0].0)), share(same))));
+        found.extend(
+            beams
+                .chunk_by(|a, b| a.0 == b.0)
+                .map(|same| ((number, BeamId(same[0].0)), share(same))),
+        );
     }
     found
 }

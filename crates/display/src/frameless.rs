@@ -62,7 +62,10 @@ impl Frameless {
 
     /// The next `count` rays of the newest view, anywhere in their pixels: what to give back, origin (on the fore clipping surface),
     /// direction of length 1.
-    pub fn requests(&mut self, count: usize) -> impl Iterator<Item = (PixelTag, DVec3, DVec3)> + '_ {
+    pub fn requests(
+        &mut self,
+        count: usize,
+    ) -> impl Iterator<Item = (PixelTag, DVec3, DVec3)> + '_ {
         (0..count).map(|_| {
             let (width, height) = self.picture.size();
             let pixel = self.permuted(self.next);
@@ -73,7 +76,8 @@ impl Frameless {
             if self.next as usize == self.shown.len() {
                 (self.next, self.round) = (0, self.round.wrapping_add(1));
             }
-            let (origin, direction, _) = self.view.clipped_ray(x, y).unwrap_or((self.view.vp, DVec3::ZERO, 0.0));
+            let (origin, direction, _) =
+                self.view.clipped_ray(x, y).unwrap_or((self.view.vp, DVec3::ZERO, 0.0));
             (PixelTag { pixel, epoch: self.epoch }, origin, direction)
         })
     }
@@ -81,7 +85,8 @@ impl Frameless {
     /// Takes a ray's radiance, 0 if it goes beyond the aft clipping surface (W·sr⁻¹·m⁻² per RGB channel). One that is not finite is left out and counted.
     pub fn insert(&mut self, tag: PixelTag, radiance: [f32; 3]) {
         let index = tag.pixel as usize;
-        let (Some(pixel), Some((epoch, count))) = (self.picture.pixels.get_mut(index), self.shown.get_mut(index))
+        let (Some(pixel), Some((epoch, count))) =
+            (self.picture.pixels.get_mut(index), self.shown.get_mut(index))
         else {
             return;
         };
@@ -102,13 +107,15 @@ impl Frameless {
     /// The tag of a ray that was traced for the current view of its own accord, through this pixel. `None` outside the picture.
     pub fn pixel_tag(&self, column: u32, row: u32) -> Option<PixelTag> {
         let (width, height) = self.picture.size();
-        (column < width && row < height).then(|| PixelTag { pixel: row * width + column, epoch: self.epoch })
+        (column < width && row < height)
+            .then(|| PixelTag { pixel: row * width + column, epoch: self.epoch })
     }
 
     /// Shows a radiance that is about right, a stored one say, until the first ray of the current view comes for the pixel.
     pub fn guess(&mut self, tag: PixelTag, radiance: [f32; 3]) {
         let index = tag.pixel as usize;
-        if let Some((shown, pixel)) = self.shown.get_mut(index).zip(self.picture.pixels.get_mut(index))
+        if let Some((shown, pixel)) =
+            self.shown.get_mut(index).zip(self.picture.pixels.get_mut(index))
             && shown.0 < tag.epoch
             && radiance.iter().all(|channel| channel.is_finite())
         {

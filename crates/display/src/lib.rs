@@ -27,5 +27,7 @@ pub use candidates::section_of;
 pub use cells::{Cells, CellsParams, Filling};
 pub use live::LiveSample;
 pub use quadtree::{Frame, LeafSize, MultiDepth, Quadtree, QuadtreeParams, REFETCH_DEGREES};
-pub use select::{Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius};
+pub use select::{
+    Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius,
+};
 pub use voronoi::{Drawn, Resolution, Voronoi};

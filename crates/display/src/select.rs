@@ -85,9 +85,15 @@ pub struct Selection {
 /// candidate: those that contain the eye, then the nearest ahead, then the nearest behind. The first has the pixels'
 /// weight but for `others_share` of it to each of the others (together never more than half). Cells that a stratum only
 /// grazes come in by the jitter.
-pub fn select_beams(sections: &[Section], view: &View, size: (u32, u32), options: &SelectOptions) -> Selection {
+pub fn select_beams(
+    sections: &[Section],
+    view: &View,
+    size: (u32, u32),
+    options: &SelectOptions,
+) -> Selection {
     let (across, down) = (strata(size.0, options), strata(size.1, options));
-    let pixels_per_ray = f64::from(size.0) * f64::from(size.1) / (f64::from(across) * f64::from(down));
+    let pixels_per_ray =
+        f64::from(size.0) * f64::from(size.1) / (f64::from(across) * f64::from(down));
     let mut covered = Coverage { rays: across * down, ..Coverage::default() };
     let mut shares: Vec<(u16, BeamId, f64)> = Vec::new();
     let mut found: Vec<Candidate> = Vec::new();
@@ -125,7 +131,12 @@ pub fn select_beams(sections: &[Section], view: &View, size: (u32, u32), options
 ///
 /// `nearest_visible_distance` is in scene units along the view's axis; with four wanted samples a pixel the radius is half
 /// a pixel's width. Zero or fewer samples count as one.
-pub fn viewpoint_radius(view: &View, size: (u32, u32), nearest_visible_distance: f64, samples_per_pixel: f64) -> f64 {
+pub fn viewpoint_radius(
+    view: &View,
+    size: (u32, u32),
+    nearest_visible_distance: f64,
+    samples_per_pixel: f64,
+) -> f64 {
     let samples = if samples_per_pixel > 0.0 { samples_per_pixel } else { 1.0 };
     view.pixel_footprint(size, nearest_visible_distance) / samples.sqrt()
 }
@@ -141,7 +152,11 @@ pub fn viewpoint(sections: &[Section], view: &View, radius: f64) -> Viewpoint {
     let (mut reach, mut rounding) = (view.extent().0, 0.0_f64);
     for section in sections {
         for corner in 0..8 {
-            let corner = DVec3::new(f64::from(corner & 1), f64::from(corner >> 1 & 1), f64::from(corner >> 2));
+            let corner = DVec3::new(
+                f64::from(corner & 1),
+                f64::from(corner >> 1 & 1),
+                f64::from(corner >> 2),
+            );
             reach = reach.max(section.local_to_world(corner).distance(view.eye()));
         }
         let spec = section.spec();
@@ -166,7 +181,8 @@ fn unit(bits: u32) -> f64 {
 
 /// The finaliser of SplitMix64 (Steele, Lea & Flood 2014), over a seed and a counter.
 fn hash(seed: u64, counter: u64) -> u64 {
-    let mut z = (seed ^ counter.wrapping_mul(0x9E37_79B9_7F4A_7C15)).wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let mut z =
+        (seed ^ counter.wrapping_mul(0x9E37_79B9_7F4A_7C15)).wrapping_add(0x9E37_79B9_7F4A_7C15);
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     z ^ (z >> 31)

@@ -6,7 +6,9 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::{Cells, CellsParams, Filling, Frame, QuadtreeParams, SelectOptions, select_beams};
+use holo_display::{
+    Cells, CellsParams, Filling, Frame, QuadtreeParams, SelectOptions, select_beams,
+};
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_section::{BeamId, RayCoords, Sample, Section};
 use proptest::prelude::*;
@@ -18,14 +20,27 @@ const SOON: Duration = Duration::from_millis(1);
 const LATE: Duration = Duration::from_millis(33);
 
 fn empty(section: &Section, view: &View, size: (u32, u32), filling: Filling) -> Cells {
-    Cells::new(Arc::from([section.clone()]), *view, size, CellsParams { filling, ..CellsParams::default() })
+    Cells::new(
+        Arc::from([section.clone()]),
+        *view,
+        size,
+        CellsParams { filling, ..CellsParams::default() },
+    )
 }
 
 fn put(cells: &mut Cells, stored: &[Stored]) {
-    stored.iter().for_each(|(beam, sample)| cells.insert(0, *beam, 1, std::slice::from_ref(sample)));
+    stored
+        .iter()
+        .for_each(|(beam, sample)| cells.insert(0, *beam, 1, std::slice::from_ref(sample)));
 }
 
-fn drawn(section: &Section, view: &View, size: (u32, u32), filling: Filling, stored: &[Stored]) -> Frame {
+fn drawn(
+    section: &Section,
+    view: &View,
+    size: (u32, u32),
+    filling: Filling,
+    stored: &[Stored],
+) -> Frame {
     let mut cells = empty(section, view, size, filling);
     put(&mut cells, stored);
     cells.draw()
@@ -116,16 +131,20 @@ fn numbered(
         let stored = (beam, Sample::from_codes(sample.coords, rgbe, sample.distance_code()));
         Some((stored, [x * f64::from(size.0), (1.0 - y) * f64::from(size.1)]))
     };
-    let mut found: Vec<(Stored, [f64; 2])> = stored.into_iter().enumerate().filter_map(place).collect();
+    let mut found: Vec<(Stored, [f64; 2])> =
+        stored.into_iter().enumerate().filter_map(place).collect();
     // Of two with one colour, one.
     found.sort_by_key(|((_, sample), _)| sample.rgbe);
     found.dedup_by_key(|((_, sample), _)| sample.rgbe);
-    found.retain(|(_, [x, y])| (0.0..f64::from(size.0)).contains(x) && (0.0..f64::from(size.1)).contains(y));
+    found.retain(|(_, [x, y])| {
+        (0.0..f64::from(size.0)).contains(x) && (0.0..f64::from(size.1)).contains(y)
+    });
     found
 }
 
 #[test]
-fn a_constant_cell_is_the_nearest_sample_s_and_none_reaches_over_more_than_a_tenth_of_the_picture() {
+fn a_constant_cell_is_the_nearest_sample_s_and_none_reaches_over_more_than_a_tenth_of_the_picture()
+{
     const SIZE: (u32, u32) = (120, 90);
     let (section, view) = (room_section(8), view([3.0, 4.0, 3.0], [10.0, 4.0, 3.0], 60.0, SIZE));
     let most = (0.1 * f64::from(SIZE.0 * SIZE.1) / std::f64::consts::PI).sqrt();
@@ -135,20 +154,25 @@ fn a_constant_cell_is_the_nearest_sample_s_and_none_reaches_over_more_than_a_ten
         let frame = drawn(&section, &view, SIZE, Filling::Constant, &stored);
         let (mut shown, mut far) = (0, 0);
         for (pixel, colour) in frame.picture.pixels.iter().enumerate() {
-            let middle = [pixel as u32 % SIZE.0, pixel as u32 / SIZE.0].map(|at| f64::from(at) + 0.5);
+            let middle =
+                [pixel as u32 % SIZE.0, pixel as u32 / SIZE.0].map(|at| f64::from(at) + 0.5);
             let distance = |place: &[f64; 2]| (place[0] - middle[0]).hypot(place[1] - middle[1]);
-            let nearest = samples.iter().map(|(_, place)| distance(place)).fold(f64::INFINITY, f64::min);
+            let nearest =
+                samples.iter().map(|(_, place)| distance(place)).fold(f64::INFINITY, f64::min);
             if *colour == [0.0; 3] {
                 assert!(nearest > 0.5, "a pixel with a sample shows one");
                 far += usize::from(nearest > most);
                 continue;
             }
             shown += 1;
-            let own = samples.iter().find(|((_, sample), _)| holo_section::rgbe::decode(sample.rgbe) == *colour);
+            let own = samples
+                .iter()
+                .find(|((_, sample), _)| holo_section::rgbe::decode(sample.rgbe) == *colour);
             let own = distance(&own.expect("a colour of a sample").1);
             // One sample stands for all in its pixel; places are known to 1/256 of one.
             let slack = if count <= 900 { 0.006 } else { std::f64::consts::SQRT_2 };
-            let is_alone = samples.iter().filter(|(_, place)| (distance(place) - own).abs() < 1.5).count() < 2;
+            let is_alone =
+                samples.iter().filter(|(_, place)| (distance(place) - own).abs() < 1.5).count() < 2;
             let slack = if is_alone { slack.min(0.006) } else { std::f64::consts::SQRT_2 };
             assert!(own <= nearest + slack, "{count}: {own} {nearest}");
             assert!(own <= most + 0.006, "{count}: {own} {most}");
@@ -159,7 +183,10 @@ fn a_constant_cell_is_the_nearest_sample_s_and_none_reaches_over_more_than_a_ten
         }
         if count >= 900 {
             // One place in 10,000 may be too far from all samples.
-            assert!(shown + 5 >= frame.picture.pixels.len(), "no holes where there are samples all over: {shown}");
+            assert!(
+                shown + 5 >= frame.picture.pixels.len(),
+                "no holes where there are samples all over: {shown}"
+            );
         }
     }
 }
@@ -185,7 +212,8 @@ fn spread_samples(
     seed: u64,
 ) -> Vec<Stored> {
     let mut random = Random(seed);
-    let selection = select_beams(std::slice::from_ref(section), view, size, &SelectOptions::default());
+    let selection =
+        select_beams(std::slice::from_ref(section), view, size, &SelectOptions::default());
     let mut stored = Vec::new();
     for wanted in &selection.beams {
         let share = f64::from(wanted.weight) * count as f64 / selection.covered.pixels;
@@ -204,7 +232,9 @@ fn no_light_crosses_a_step_in_depth_no_halo_grows_and_nothing_shows_through() {
     /// Of the disc, pixels.
     const RADIUS: f64 = 29.69;
     let (section, view) = (room_section(4), view([3.0, 4.0, 3.0], [10.0, 4.0, 3.0], 60.0, SIZE));
-    for (density, filling) in [0.05, 0.2, 0.7].into_iter().flat_map(|density| BOTH.map(|filling| (density, filling))) {
+    for (density, filling) in
+        [0.05, 0.2, 0.7].into_iter().flat_map(|density| BOTH.map(|filling| (density, filling)))
+    {
         let (mut growth, mut leaves) = (Vec::new(), Vec::new());
         let (mut through, mut inside, mut mixed) = (0_u32, 0_u32, 0_u32);
         for seed in 0..SEEDS {
@@ -218,8 +248,11 @@ fn no_light_crosses_a_step_in_depth_no_halo_grows_and_nothing_shows_through() {
             };
             growth.push(radius(&frame));
             leaves.push(radius(&tree));
-            for (pixel, (colour, depth)) in frame.picture.pixels.iter().zip(&frame.depth).enumerate() {
-                let middle = [pixel as u32 % SIZE.0, pixel as u32 / SIZE.0].map(|at| f64::from(at) + 0.5);
+            for (pixel, (colour, depth)) in
+                frame.picture.pixels.iter().zip(&frame.depth).enumerate()
+            {
+                let middle =
+                    [pixel as u32 % SIZE.0, pixel as u32 / SIZE.0].map(|at| f64::from(at) + 0.5);
                 let from_middle = (middle[0] - 60.0).hypot(middle[1] - 45.0);
                 // A pixel whose own samples pass near the eye and see both shows both.
                 if colour[0] > 0.0 && colour[1] > 0.0 {
@@ -244,7 +277,10 @@ fn no_light_crosses_a_step_in_depth_no_halo_grows_and_nothing_shows_through() {
         );
         // Half a pixel, since the nearer surface is shown of two in one; and rays from aside do not reach all of the wall beside the
         // disc. A nearer surface that won within its samples' spacing would grow by most of that.
-        assert!(mean < 0.5 + 0.25 / density.sqrt() && mean < leaves && mean > -0.5, "{mean} {leaves}");
+        assert!(
+            mean < 0.5 + 0.25 / density.sqrt() && mean < leaves && mean > -0.5,
+            "{mean} {leaves}"
+        );
         assert!(through * 1000 <= inside, "{through} of {inside}");
         assert!(u64::from(mixed) < SEEDS * 30, "{mixed}");
     }
@@ -269,17 +305,20 @@ fn as_samples_grow_every_pixel_tends_to_the_mean_over_it() {
         let of = |seed: usize| near_samples(stripes, &section, &view, count, seed as u64, clean);
         (0..SEEDS).map(|seed| drawn(&section, &view, SIZE, Filling::Smooth, &of(seed))).collect()
     };
-    let error =
-        |frames: &[Frame]| frames.iter().map(|frame| relative_error(frame, &reference)).sum::<f64>() / SEEDS as f64;
+    let error = |frames: &[Frame]| {
+        frames.iter().map(|frame| relative_error(frame, &reference)).sum::<f64>() / SEEDS as f64
+    };
     let (few, many) = (pictures(40), pictures(400));
     // The error of a mean of n falls as 1/n.
     let ratio = error(&few) / error(&many);
     assert!(ratio > 7.0, "ten times the samples: a {ratio:.1}th of the squared error");
     let (mut tested, mut worst) = (0, 0.0_f64);
     for (pixel, reference) in reference.iter().enumerate() {
-        let values: Vec<f64> = many.iter().map(|frame| f64::from(frame.picture.pixels[pixel][1])).collect();
+        let values: Vec<f64> =
+            many.iter().map(|frame| f64::from(frame.picture.pixels[pixel][1])).collect();
         let mean = values.iter().sum::<f64>() / SEEDS as f64;
-        let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (SEEDS - 1) as f64;
+        let variance =
+            values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (SEEDS - 1) as f64;
         // Where hardly anything differs within a pixel, what colours are rounded to does.
         let error = (variance / SEEDS as f64).sqrt().max(2e-4 * mean);
         worst = worst.max((mean - f64::from(reference[1])).abs() / error);
@@ -301,16 +340,29 @@ fn views_of_every_type_are_shown_as_well_as_by_leaves() {
             ViewKind::Angular => 300.0,
             _ => 170.0,
         };
-        let spec =
-            ViewSpec { kind: Some(kind), vh: Some(vh), vp: Some(DVec3::new(3.3, 4.1, 3.0)), ..ViewSpec::default() };
+        let spec = ViewSpec {
+            kind: Some(kind),
+            vh: Some(vh),
+            vp: Some(DVec3::new(3.3, 4.1, 3.0)),
+            ..ViewSpec::default()
+        };
         let spec = ViewSpec { vd: Some(DVec3::new(0.9, 0.35, -0.1)), ..spec };
         let (view, size) = spec.resolve(SIZE).unwrap();
         let mut random = Random(5);
         let mut stored = Vec::new();
         while stored.len() < 2000 {
-            let Some((origin, direction)) = view.try_ray(random.unit(), random.unit()) else { continue };
+            let Some((origin, direction)) = view.try_ray(random.unit(), random.unit()) else {
+                continue;
+            };
             let Some(hit) = section.line(origin, direction) else { continue };
-            stored.push(traced(room, &section, section.beam(hit.pair), hit.coords, &mut random, clean));
+            stored.push(traced(
+                room,
+                &section,
+                section.beam(hit.pair),
+                hit.coords,
+                &mut random,
+                clean,
+            ));
         }
         let mut reference = vec![[0.0; 3]; (size.0 * size.1) as usize];
         for (pixel, reference) in reference.iter_mut().enumerate() {
@@ -331,8 +383,13 @@ fn views_of_every_type_are_shown_as_well_as_by_leaves() {
             );
             // What looks nowhere, and only that, is black.
             let looks = |pixel: &usize| reference[*pixel] != [0.0; 3];
-            let black = (0..reference.len()).filter(looks).filter(|&pixel| frame.picture.pixels[pixel] == [0.0; 3]);
-            assert!(black.count() as u64 <= frame.uncovered_pixels + reference.len() as u64 / 1000, "{kind:?}");
+            let black = (0..reference.len())
+                .filter(looks)
+                .filter(|&pixel| frame.picture.pixels[pixel] == [0.0; 3]);
+            assert!(
+                black.count() as u64 <= frame.uncovered_pixels + reference.len() as u64 / 1000,
+                "{kind:?}"
+            );
         }
     }
 }
@@ -354,7 +411,10 @@ fn pictures_are_drawn_when_it_is_time_and_none_while_nothing_changes() {
         assert!(cells.redraw(SOON).is_none());
         while let Some(frame) = cells.redraw(LATE) {
             let shown = bits(frame);
-            assert!(shown == bits(&cells.draw()) || cells.redraw(LATE).is_some(), "at rest it is the whole picture");
+            assert!(
+                shown == bits(&cells.draw()) || cells.redraw(LATE).is_some(),
+                "at rest it is the whole picture"
+            );
         }
         cells.look(view);
         assert!(cells.redraw(LATE).is_some());
@@ -367,9 +427,12 @@ fn what_is_known_to_be_empty_is_the_sky_and_what_no_section_covers_is_0() {
     let section = room_section(4);
     // Past the section's side.
     let view = view([-4.0, 4.0, 5.0], [2.0, 4.0, 4.5], 70.0, SIZE);
-    let tree =
-        |filling| CellsParams { filling, tree: QuadtreeParams { sky: [0.1, 0.2, 0.4], ..QuadtreeParams::default() } };
-    let selection = select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
+    let tree = |filling| CellsParams {
+        filling,
+        tree: QuadtreeParams { sky: [0.1, 0.2, 0.4], ..QuadtreeParams::default() },
+    };
+    let selection =
+        select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     for filling in BOTH {
         let mut cells = Cells::new(Arc::from([section.clone()]), view, SIZE, tree(filling));
         put(&mut cells, &near_samples(room, &section, &view, 300, 1, clean));
@@ -388,22 +451,30 @@ fn what_is_known_to_be_empty_is_the_sky_and_what_no_section_covers_is_0() {
         let after = cells.draw();
         // Some pixels' middles are in beams that no jittered ray of theirs has met.
         assert!(after.unseen_pixels + after.uncovered_pixels > pixels * 98 / 100);
-        let is_sky =
-            |pixel: &usize| after.picture.pixels[*pixel] == [0.1, 0.2, 0.4] && after.depth[*pixel].is_infinite();
-        assert_eq!((0..pixels as usize).filter(covered).filter(is_sky).count() as u64, after.unseen_pixels);
+        let is_sky = |pixel: &usize| {
+            after.picture.pixels[*pixel] == [0.1, 0.2, 0.4] && after.depth[*pixel].is_infinite()
+        };
+        assert_eq!(
+            (0..pixels as usize).filter(covered).filter(is_sky).count() as u64,
+            after.unseen_pixels
+        );
     }
 }
 
 #[test]
 fn pictures_of_one_pixel_and_of_a_large_screen_have_no_hole() {
-    for (size, count) in [((1, 1), 1), ((1, 1), 50), ((3, 1), 2), ((2, 67), 9), ((3840, 2160), 4000)] {
-        let (section, view) = (room_section(4), view([3.3, 4.1, 3.2], [10.0, 4.3, 2.2], 60.0, size));
+    for (size, count) in
+        [((1, 1), 1), ((1, 1), 50), ((3, 1), 2), ((2, 67), 9), ((3840, 2160), 4000)]
+    {
+        let (section, view) =
+            (room_section(4), view([3.3, 4.1, 3.2], [10.0, 4.3, 2.2], 60.0, size));
         let stored = near_samples(room, &section, &view, count, 3, clean);
         for filling in BOTH {
             let frame = drawn(&section, &view, size, filling, &stored);
             assert_eq!(frame.picture.pixels.len(), (size.0 * size.1) as usize);
             let holes = frame.picture.pixels.iter().filter(|pixel| **pixel == [0.0; 3]).count();
-            let allowed = if filling == Filling::Constant { frame.picture.pixels.len() / 500 } else { 0 };
+            let allowed =
+                if filling == Filling::Constant { frame.picture.pixels.len() / 500 } else { 0 };
             // A tenth of a picture of few pixels is less than one.
             let is_small = filling == Filling::Constant && (2..1000).contains(&(size.0 * size.1));
             assert!(holes <= allowed || is_small, "{size:?} {filling:?}: {holes}");
@@ -428,7 +499,8 @@ fn clean_samples_are_not_blurred_and_noisy_ones_are_not_believed() {
     let reference = truth(shadow, &view, SIZE, 4);
     let (mut clean_ratio, mut noisy_ratio, mut bright) = (Vec::new(), Vec::new(), Vec::new());
     for seed in 0..8 {
-        for (noise, ratios) in [(clean as Noise, &mut clean_ratio), (log_normal, &mut noisy_ratio)] {
+        for (noise, ratios) in [(clean as Noise, &mut clean_ratio), (log_normal, &mut noisy_ratio)]
+        {
             let stored = near_samples(shadow, &section, &view, 700, seed, noise);
             let frame = drawn(&section, &view, SIZE, Filling::Smooth, &stored);
             let leaves = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored).draw();
@@ -465,7 +537,11 @@ fn few_samples_of_one_path_make_no_darker_picture_than_their_leaves() {
         // A fiftieth of such samples has a third of their light: the others agree on too little. Pairs' differences, at 3 standard errors.
         let squares: Vec<f64> = darker.iter().map(|by| (by - mean(&darker)).powi(2)).collect();
         let error = (mean(&squares) / (darker.len() - 1) as f64).sqrt();
-        println!("{count}: darker by {:.3} ± {error:.3}, {:.2} of the leaves' error", mean(&darker), mean(&worse));
+        println!(
+            "{count}: darker by {:.3} ± {error:.3}, {:.2} of the leaves' error",
+            mean(&darker),
+            mean(&worse)
+        );
         assert!(mean(&darker) < 3.0 * error && mean(&worse) < 1.0, "{count}: {darker:?}");
     }
 }

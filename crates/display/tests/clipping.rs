@@ -8,7 +8,9 @@ use common::{near_samples, quadtree, section};
 use glam::DVec3;
 use holo_display::QuadtreeParams;
 use holo_display::frameless::Frameless;
-use holo_display::pointimage::{EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing};
+use holo_display::pointimage::{
+    EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing,
+};
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_section::ViewClass;
 
@@ -37,8 +39,10 @@ fn hits(origin: DVec3, direction: DVec3) -> Vec<([f32; 3], f64)> {
         let half = radius * radius - ((centre - origin) - direction * along).length_squared();
         if half > 0.0 { [along - half.sqrt(), along + half.sqrt()] } else { [-1.0; 2] }
     };
-    let mut found: Vec<_> =
-        ball(DVec3::new(2.0, -0.2, -0.3), 0.6).into_iter().map(|t| ([0.9, 0.05, 0.05], t)).collect();
+    let mut found: Vec<_> = ball(DVec3::new(2.0, -0.2, -0.3), 0.6)
+        .into_iter()
+        .map(|t| ([0.9, 0.05, 0.05], t))
+        .collect();
     found.extend(ball(EYE, 20.0).into_iter().map(|t| ([0.1, 0.2, 0.8], t)));
     let wall = (6.0 - origin.x) / direction.x;
     let at = origin + direction * wall;
@@ -69,7 +73,8 @@ fn shown(view: &View, origin: DVec3, direction: DVec3) -> ([f32; 3], bool) {
     let all = hits(origin, direction);
     let depth_of = |t: f64| depth(view.kind, view, origin + direction * t);
     let is_hidden = all.first().is_some_and(|&(_, t)| depth_of(t) < FORE);
-    let seen = all.into_iter().find(|&(_, t)| depth_of(t) >= FORE).filter(|&(_, t)| depth_of(t) <= AFT);
+    let seen =
+        all.into_iter().find(|&(_, t)| depth_of(t) >= FORE).filter(|&(_, t)| depth_of(t) <= AFT);
     (seen.map_or([0.0; 3], |(colour, _)| colour), is_hidden)
 }
 
@@ -86,8 +91,10 @@ fn truth(view: &View) -> Truth {
     for (column, row) in (0..SIZE.1).flat_map(|row| (0..SIZE.0).map(move |column| (column, row))) {
         let (mut sum, mut squares, mut is_hidden) = ([0.0_f64; 3], 0.0, false);
         for (i, j) in (0..SIDE * SIDE).map(|part| (part % SIDE, part / SIDE)) {
-            let x = (f64::from(column) + (f64::from(i) + 0.5) / f64::from(SIDE)) / f64::from(SIZE.0);
-            let y = 1.0 - (f64::from(row) + (f64::from(j) + 0.5) / f64::from(SIDE)) / f64::from(SIZE.1);
+            let x =
+                (f64::from(column) + (f64::from(i) + 0.5) / f64::from(SIDE)) / f64::from(SIZE.0);
+            let y =
+                1.0 - (f64::from(row) + (f64::from(j) + 0.5) / f64::from(SIDE)) / f64::from(SIZE.1);
             let Some((origin, direction)) = view.try_ray(x, y) else { continue };
             // From the plane through the eye, whatever the view's own begins on.
             let back = if view.kind == ViewKind::Parallel { view.vo } else { 0.0 };
@@ -107,7 +114,9 @@ fn truth(view: &View) -> Truth {
 /// Mean squared error over the pixels that `counts` says.
 fn error(found: &[[f32; 3]], truth: &[[f32; 3]], counts: impl Fn(usize) -> bool) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
-    for (pixel, (found, truth)) in found.iter().zip(truth).enumerate().filter(|(pixel, _)| counts(*pixel)) {
+    for (pixel, (found, truth)) in
+        found.iter().zip(truth).enumerate().filter(|(pixel, _)| counts(*pixel))
+    {
         sum += (0..3).map(|i| f64::from(found[i] - truth[i]).powi(2)).sum::<f64>();
         count += 1.0;
         assert!(found.iter().all(|channel| channel.is_finite()), "{pixel}");
@@ -119,7 +128,9 @@ fn error(found: &[[f32; 3]], truth: &[[f32; 3]], counts: impl Fn(usize) -> bool)
 fn the_scene_has_something_before_between_and_beyond() {
     for kind in ViewKind::ALL {
         let (clipped, plain) = (truth(&view_of(kind, true)), truth(&view_of(kind, false)));
-        let share = |is: &dyn Fn(&[f32; 3]) -> bool| clipped.pixels.iter().filter(|pixel| is(pixel)).count();
+        let share = |is: &dyn Fn(&[f32; 3]) -> bool| {
+            clipped.pixels.iter().filter(|pixel| is(pixel)).count()
+        };
         let wall = share(&|pixel| pixel[1] > 0.3 && pixel[2] < 0.2);
         let black = share(&|pixel| *pixel == [0.0; 3]);
         let hidden = clipped.hidden.iter().filter(|&&hidden| hidden).count();
@@ -134,7 +145,8 @@ fn the_quadtree_leaves_out_what_is_before_and_shows_black_beyond() {
     for kind in ViewKind::ALL {
         let view = view_of(kind, true);
         let truth = truth(&view);
-        let stored = near_samples(first, &section, &view, 60 * (SIZE.0 * SIZE.1) as usize, 3, common::clean);
+        let stored =
+            near_samples(first, &section, &view, 60 * (SIZE.0 * SIZE.1) as usize, 3, common::clean);
         let frame = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored).draw();
         // Where something before the fore surface hides what is behind it from stored rays, nothing is known: leaves are filled from others.
         let covered: Vec<bool> = frame.depth.iter().map(|&depth| depth != 0.0).collect();
@@ -171,11 +183,15 @@ fn the_render_cache_comes_to_rest_at_what_is_between() {
                 .filter(is_ray)
                 .map(|(tag, origin, direction)| {
                     let (radiance, distance) = first(origin, direction);
-                    Sample { tag, ..Sample::new(Place::At(origin + direction * distance), radiance) }
+                    Sample {
+                        tag,
+                        ..Sample::new(Place::At(origin + direction * distance), radiance)
+                    }
                 })
                 .collect();
         }
-        let found = cache.frame(&Moment { view, predicted: None, samples: &samples, wanted: 0 }).picture();
+        let found =
+            cache.frame(&Moment { view, predicted: None, samples: &samples, wanted: 0 }).picture();
         // Half of the pixels a frame, one in eight of them through points: some 35 rays each.
         let (error, alone) = (error(&found.pixels, &truth.pixels, |_| true), truth.variance / 35.0);
         println!("{kind:?}: {error:.2e} where independent rays would leave {alone:.2e}");
@@ -188,7 +204,11 @@ fn the_render_cache_comes_to_rest_at_what_is_between() {
 fn points_that_are_there_are_clipped_at_once_and_come_back() {
     for kind in ViewKind::ALL {
         let (view, plain) = (view_of(kind, true), view_of(kind, false));
-        let params = PointImageParams { empty: EmptyPixels::Black, smoothing: Smoothing::Gaps, ..Default::default() };
+        let params = PointImageParams {
+            empty: EmptyPixels::Black,
+            smoothing: Smoothing::Gaps,
+            ..Default::default()
+        };
         let mut cache = PointImage::new(SIZE, params).unwrap();
         let samples: Vec<_> = (0..SIZE.0 * SIZE.1)
             .filter_map(|pixel| {
@@ -207,7 +227,10 @@ fn points_that_are_there_are_clipped_at_once_and_come_back() {
         assert!(reds(&before) > 4 && blues(&before) > 30, "{kind:?}");
         let clipped = frame(view, &[]);
         assert_eq!((reds(&clipped), blues(&clipped)), (0, 0), "{kind:?}");
-        assert!(clipped.iter().filter(|pixel| pixel[1] > 0.3).count() > 20, "{kind:?}: the wall is there");
+        assert!(
+            clipped.iter().filter(|pixel| pixel[1] > 0.3).count() > 20,
+            "{kind:?}: the wall is there"
+        );
         assert!(frame(plain, &[]) == before, "{kind:?}");
     }
 }
@@ -218,7 +241,9 @@ fn frameless_rays_begin_on_the_fore_surface() {
         let view = view_of(kind, true);
         let mut frameless = Frameless::new(SIZE, view, 1).unwrap();
         let mut rays = 0;
-        for (_, origin, direction) in frameless.requests(500).filter(|(_, _, direction)| *direction != DVec3::ZERO) {
+        for (_, origin, direction) in
+            frameless.requests(500).filter(|(_, _, direction)| *direction != DVec3::ZERO)
+        {
             assert!((depth(kind, &view, origin) - FORE).abs() < 1e-9, "{kind:?}");
             assert!((direction.length() - 1.0).abs() < 1e-9);
             rays += 1;

@@ -20,13 +20,19 @@ fn every_pixel_is_asked_for_once_a_round_in_another_order() {
         };
         let mut rounds = Vec::new();
         for _ in 0..2 {
-            let round: Vec<_> = frameless.requests(pixels).map(|(_, _, direction)| pixel_of(direction, size)).collect();
+            let round: Vec<_> = frameless
+                .requests(pixels)
+                .map(|(_, _, direction)| pixel_of(direction, size))
+                .collect();
             assert_eq!(round.iter().collect::<HashSet<_>>().len(), pixels, "{size:?}");
             rounds.push(round);
         }
         // Two random orders of n pixels agree in one place on average.
         let same = rounds[0].iter().zip(&rounds[1]).filter(|(a, b)| a == b).count();
-        assert!(pixels < 30 || same < 10, "{size:?}: {same} pixels come at the same time in both rounds");
+        assert!(
+            pixels < 30 || same < 10,
+            "{size:?}: {same} pixels come at the same time in both rounds"
+        );
     }
 }
 

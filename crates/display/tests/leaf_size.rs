@@ -30,7 +30,15 @@ fn adaptive_leaves_are_nearly_as_good_as_the_best_fixed_size() {
 #[test]
 fn adaptive_leaves_are_nearly_as_good_for_another_view_and_noise() {
     let (section, view) = (room_section(12), view([5.2, 3.1, 3.9], [8.6, 8.0, 1.0], 75.0, SIZE));
-    check("corner", room, &section, &view, &[("exponential", exponential), ("log-normal", log_normal)], &DENSITIES, 8);
+    check(
+        "corner",
+        room,
+        &section,
+        &view,
+        &[("exponential", exponential), ("log-normal", log_normal)],
+        &DENSITIES,
+        8,
+    );
 }
 
 /// A pixel and a half wide or three: hardly a leaf but the smallest is all bar or all pane. They lean, so as to lie anywhere on leaves.
@@ -62,16 +70,19 @@ fn check(
 ) {
     let reference = truth(scene, view, SIZE, 8);
     let draw = |stored: &[Stored], leaf| {
-        quadtree(section, view, SIZE, QuadtreeParams { leaf, ..QuadtreeParams::default() }, stored).draw()
+        quadtree(section, view, SIZE, QuadtreeParams { leaf, ..QuadtreeParams::default() }, stored)
+            .draw()
     };
     let mut worst: f64 = 0.0;
     for (noise_name, noise) in noises {
         for &density in densities {
-            let stored = near_samples(scene, section, view, (PIXELS * density) as usize, seed, *noise);
+            let stored =
+                near_samples(scene, section, view, (PIXELS * density) as usize, seed, *noise);
             let frame = draw(&stored, LeafSize::Adaptive);
             let adaptive = relative_error(&frame, &reference);
-            let fixed: Vec<f64> =
-                (0..6).map(|level| relative_error(&draw(&stored, LeafSize::Fixed(level)), &reference)).collect();
+            let fixed: Vec<f64> = (0..6)
+                .map(|level| relative_error(&draw(&stored, LeafSize::Fixed(level)), &reference))
+                .collect();
             let best = fixed.iter().copied().fold(f64::INFINITY, f64::min);
             let bias = bias(&frame, &reference);
             println!(
@@ -90,7 +101,10 @@ fn wall_view() -> View {
 }
 
 /// A wall of dark bars and bright panes, so many halves of a pixel wide in [`wall_view`], that lean by so many tenths.
-fn stripes<const BAR: u32, const PANE: u32, const LEAN: u32>(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
+fn stripes<const BAR: u32, const PANE: u32, const LEAN: u32>(
+    origin: DVec3,
+    direction: DVec3,
+) -> ([f32; 3], f64) {
     let distance = (8.0 - origin.x) / direction.x;
     let half_pixel = 5.0 * 30.0_f64.to_radians().tan() / f64::from(SIZE.0);
     let at = origin + direction * distance;
@@ -108,16 +122,26 @@ fn no_pixel_shows_the_mean_of_quarters_that_differ() {
     const SEEDS: u64 = 16;
     let (section, view, scene) = (room_section(8), wall_view(), stripes::<2, 2, 0>);
     let reference = truth(scene, &view, SIZE, 8);
-    for (name, noise, density) in
-        [("16 paths", some_paths as Noise, 8.0), ("exponential", exponential, 20.0), ("log-normal", log_normal, 20.0)]
-    {
+    for (name, noise, density) in [
+        ("16 paths", some_paths as Noise, 8.0),
+        ("exponential", exponential, 20.0),
+        ("log-normal", log_normal, 20.0),
+    ] {
         let errors: Vec<[f64; 2]> = (0..SEEDS)
             .map(|seed| {
-                let stored = near_samples(scene, &section, &view, (PIXELS * density) as usize, seed, noise);
-                let frame = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored).draw();
+                let stored =
+                    near_samples(scene, &section, &view, (PIXELS * density) as usize, seed, noise);
+                let frame =
+                    quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored).draw();
                 [BAR_LIGHT, 1.0].map(|light| {
-                    let pixels = frame.picture.pixels.iter().zip(&reference).filter(|(_, truth)| truth[0] == light);
-                    pixels.map(|(pixel, _)| f64::from(pixel[0] / light) - 1.0).sum::<f64>() / (0.5 * PIXELS)
+                    let pixels = frame
+                        .picture
+                        .pixels
+                        .iter()
+                        .zip(&reference)
+                        .filter(|(_, truth)| truth[0] == light);
+                    pixels.map(|(pixel, _)| f64::from(pixel[0] / light) - 1.0).sum::<f64>()
+                        / (0.5 * PIXELS)
                 })
             })
             .collect();
@@ -142,7 +166,10 @@ fn pictures_of_clean_samples_tend_to_the_box_filter() {
         .into_iter()
         .map(|density| {
             let stored = near_samples(room, &section, &view, (PIXELS * density) as usize, 3, clean);
-            relative_error(&quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored).draw(), &reference)
+            relative_error(
+                &quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored).draw(),
+                &reference,
+            )
         })
         .collect();
     println!("{errors:.6?}");
@@ -191,12 +218,20 @@ fn a_lamp_that_few_of_many_samples_see_stays_where_they_see_it() {
         let pictures = f64::from(*seeds.end() as u32);
         for seed in seeds {
             let stored = near_samples(lamp, &section, &view, 256 * 192 / 6, seed, noise);
-            let picture = quadtree(&section, &view, size, QuadtreeParams::default(), &stored).draw().picture;
+            let picture =
+                quadtree(&section, &view, size, QuadtreeParams::default(), &stored).draw().picture;
             shown += picture.pixels.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>() / pictures;
             // The lamp is 5 × 4 pixels large.
-            let is_far = |number: usize| (number % 256).abs_diff(128) > 32 || (number / 256).abs_diff(96) > 32;
+            let is_far = |number: usize| {
+                (number % 256).abs_diff(128) > 32 || (number / 256).abs_diff(96) > 32
+            };
             far.extend(
-                picture.pixels.iter().enumerate().filter(|(number, _)| is_far(*number)).map(|(_, pixel)| pixel[1]),
+                picture
+                    .pixels
+                    .iter()
+                    .enumerate()
+                    .filter(|(number, _)| is_far(*number))
+                    .map(|(_, pixel)| pixel[1]),
             );
         }
         let truth: f64 = reference.iter().map(|pixel| f64::from(pixel[1])).sum();

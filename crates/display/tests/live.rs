@@ -31,10 +31,13 @@ impl Stage {
     /// A section over a part of the floor, which this view looks past.
     fn new(options: &str) -> Stage {
         let corner = |x: f64, y: f64| DVec3::new(x, y, 0.0);
-        let positions = [corner(-8.0, -8.0), corner(8.0, -8.0), corner(8.0, 8.0), corner(-8.0, 8.0)];
+        let positions =
+            [corner(-8.0, -8.0), corner(8.0, -8.0), corner(8.0, 8.0), corner(-8.0, 8.0)];
         let materials = vec![Material::grey("floor")];
         let triangles = [[0, 1, 2], [0, 2, 3]];
-        let (scene, _) = Scene::from_world(&positions, &triangles, &[0, 0], materials, [0.25, 0.5, 1.0]).unwrap();
+        let (scene, _) =
+            Scene::from_world(&positions, &triangles, &[0, 0], materials, [0.25, 0.5, 1.0])
+                .unwrap();
         let mut spec = ViewSpec::default();
         spec.apply_line(options).unwrap();
         let one = section([-2.0, -2.0, 0.1], [3.0; 3], [4; 3], ViewClass::Interior, true);
@@ -52,11 +55,13 @@ impl Stage {
     /// What a ray of the view through a point of a pixel sees.
     fn ray(&self, pixel: u32, right: f64, down: f64) -> Option<LiveSample> {
         let (column, row) = (f64::from(pixel % SIZE.0) + right, f64::from(pixel / SIZE.0) + down);
-        let (origin, direction) = self.view.try_ray(column / f64::from(SIZE.0), 1.0 - row / f64::from(SIZE.1))?;
+        let (origin, direction) =
+            self.view.try_ray(column / f64::from(SIZE.0), 1.0 - row / f64::from(SIZE.1))?;
         let distance = -origin.z / direction.z;
         let at = origin + direction * distance;
         let hits = distance > 0.0 && at.abs().max_element() < 8.0;
-        let (radiance, distance) = if hits { (light(at), distance) } else { ([0.25, 0.5, 1.0], f64::INFINITY) };
+        let (radiance, distance) =
+            if hits { (light(at), distance) } else { ([0.25, 0.5, 1.0], f64::INFINITY) };
         Some(LiveSample { origin, direction, radiance, distance })
     }
 
@@ -65,7 +70,9 @@ impl Stage {
         let mut random = Random(5);
         let mut all = Vec::new();
         for _ in 0..count {
-            all.extend(pixels.iter().filter_map(|&pixel| self.ray(pixel, random.unit(), random.unit())));
+            all.extend(
+                pixels.iter().filter_map(|&pixel| self.ray(pixel, random.unit(), random.unit())),
+            );
         }
         all
     }
@@ -80,7 +87,18 @@ impl Stage {
             let distance = -ray.origin.z / ray.direction.z;
             let at = ray.origin + ray.direction * distance;
             let hits = distance > 0.0 && at.abs().max_element() < 8.0;
-            hits.then(|| (beam, Sample::encode(coords, light(at), distance, section.diagonal(), random.bits() as u32)))
+            hits.then(|| {
+                (
+                    beam,
+                    Sample::encode(
+                        coords,
+                        light(at),
+                        distance,
+                        section.diagonal(),
+                        random.bits() as u32,
+                    ),
+                )
+            })
         };
         (0..count).filter_map(sample).collect()
     }
@@ -104,13 +122,21 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
     for options in VIEWS {
         let stage = Stage::new(options);
         let mut voronoi = stage.voronoi().copied();
-        let (known, params) =
-            (Arc::clone(&stage.sections), QuadtreeParams { sky: [0.25, 0.5, 1.0], ..Default::default() });
+        let (known, params) = (
+            Arc::clone(&stage.sections),
+            QuadtreeParams { sky: [0.25, 0.5, 1.0], ..Default::default() },
+        );
         let pixels = Quadtree::new(known, stage.view, SIZE, params).uncovered();
         let seen = voronoi.uncovered();
         // The sky is known to the one, and every pixel of the floor is traced.
-        assert!(seen.len() > 100 && pixels.len() >= seen.len(), "{options}: {} of {}", seen.len(), pixels.len());
-        let is_floor = |pixel: u32| stage.ray(pixel, 0.5, 0.5).is_some_and(|ray| ray.distance.is_finite());
+        assert!(
+            seen.len() > 100 && pixels.len() >= seen.len(),
+            "{options}: {} of {}",
+            seen.len(),
+            pixels.len()
+        );
+        let is_floor =
+            |pixel: u32| stage.ray(pixel, 0.5, 0.5).is_some_and(|ray| ray.distance.is_finite());
         assert!(pixels.iter().all(|&pixel| seen.contains(&pixel) == is_floor(pixel)), "{options}");
         let mut quadtree = Quadtree::of_live_rays(stage.view, SIZE, params);
         quadtree.insert_live(1, &stage.rays(&pixels, 32));
@@ -121,7 +147,8 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
             // Light is linear in the place, so that its extremes on a piece of the floor are at the corners. Means reach a pixel farther: of
             // those that see the floor all around a mean lies between the extremes there.
             let corners = [(-1.0, -1.0), (2.0, -1.0), (-1.0, 2.0), (2.0, 2.0)];
-            let rays: Vec<LiveSample> = corners.iter().filter_map(|&(x, y)| stage.ray(pixel, x, y)).collect();
+            let rays: Vec<LiveSample> =
+                corners.iter().filter_map(|&(x, y)| stage.ray(pixel, x, y)).collect();
             if rays.len() < 4 || !rays.iter().all(|ray| ray.distance.is_finite()) {
                 continue;
             }
@@ -130,7 +157,8 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
                 let shown = frame.picture.pixels[pixel as usize];
                 for channel in 0..3 {
                     let of = rays.iter().map(|ray| ray.radiance[channel]);
-                    let (most, least) = (of.clone().fold(0.0, f32::max), of.fold(f32::INFINITY, f32::min));
+                    let (most, least) =
+                        (of.clone().fold(0.0, f32::max), of.fold(f32::INFINITY, f32::min));
                     // RGBE rounds by up to 1/128 of the largest channel.
                     let rounding = shown.into_iter().fold(0.0, f32::max) / 128.0;
                     let is_between = (least - rounding..=most + rounding).contains(&shown[channel]);
@@ -146,11 +174,15 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
                 .iter()
                 .all(|&(x, y)| stage.ray(pixel, x, y).is_some_and(|ray| !ray.distance.is_finite()))
         });
-        let shown = sky.map(|&pixel| (by_quadtree.picture.pixels[pixel as usize], by_quadtree.depth[pixel as usize]));
+        let shown = sky.map(|&pixel| {
+            (by_quadtree.picture.pixels[pixel as usize], by_quadtree.depth[pixel as usize])
+        });
         for (rgb, depth) in shown {
             skies += 1;
             assert!(
-                (rgb[0] - 0.25).abs() < 0.005 && (rgb[2] - 1.0).abs() < 0.005 && depth == f32::INFINITY,
+                (rgb[0] - 0.25).abs() < 0.005
+                    && (rgb[2] - 1.0).abs() < 0.005
+                    && depth == f32::INFINITY,
                 "{rgb:?} {depth}"
             );
         }
@@ -164,7 +196,9 @@ fn a_copy_has_its_drivers_picture_until_live_rays_come_and_their_order_changes_n
     let samples = stage.samples(4000);
     let (early, late) = samples.split_at(samples.len() / 2);
     let insert = |driver: &mut Voronoi, samples: &[(BeamId, Sample)]| {
-        samples.iter().for_each(|(beam, sample)| driver.insert(0, *beam, 1, std::slice::from_ref(sample)));
+        samples
+            .iter()
+            .for_each(|(beam, sample)| driver.insert(0, *beam, 1, std::slice::from_ref(sample)));
     };
     let mut driver = stage.voronoi();
     insert(&mut driver, early);

@@ -91,7 +91,8 @@ fn a_realistic_picture_is_the_same_in_any_order() {
 fn unknown_sections_and_beams_are_left_out() {
     let (section, view) = (room_section(4), room_view(SIZE));
     let sample = Sample::from_codes(RayCoords([128; 4]), [128, 128, 128, 128], 3000);
-    let mut tree = Quadtree::new(Arc::from([section.clone()]), view, SIZE, QuadtreeParams::default());
+    let mut tree =
+        Quadtree::new(Arc::from([section.clone()]), view, SIZE, QuadtreeParams::default());
     let empty = bits(&tree.draw());
     tree.insert(1, BeamId(0), 1, &[sample]);
     tree.insert(0, BeamId(section.beam_count()), 1, &[sample]);

@@ -44,7 +44,15 @@ fn reprojected_samples_land_where_the_view_sees_their_surface() {
     })
     .unwrap();
     let eye = section.local_to_world(DVec3::new(0.4, 0.6, 0.3));
-    let seen = View::new(eye, DVec3::new(0.7, 0.5, 0.2), DVec3::new(0.1, 0.0, 1.0), Some(70.0), None, SIZE).unwrap();
+    let seen = View::new(
+        eye,
+        DVec3::new(0.7, 0.5, 0.2),
+        DVec3::new(0.1, 0.0, 1.0),
+        Some(70.0),
+        None,
+        SIZE,
+    )
+    .unwrap();
     let mut random = Random(9);
     let mut shown = 0;
     for _ in 0..400 {
@@ -53,7 +61,13 @@ fn reprojected_samples_land_where_the_view_sees_their_surface() {
         let near = origin + DVec3::new(random.unit(), random.unit(), random.unit()) * 0.3;
         let hit = section.line(near, direction).unwrap();
         let ray = section.ray(hit.pair, hit.coords);
-        let sample = Sample::encode(hit.coords, [0.25, 0.5, 1.0], 1.0 + 30.0 * random.unit(), section.diagonal(), 0);
+        let sample = Sample::encode(
+            hit.coords,
+            [0.25, 0.5, 1.0],
+            1.0 + 30.0 * random.unit(),
+            section.diagonal(),
+            0,
+        );
         let surface = ray.origin + ray.direction * sample.distance(section.diagonal());
         let Some((x, y, distance)) = seen.project(surface) else { continue };
         let Some((column, row)) = View::pixel_at(SIZE, x, y) else { continue };
@@ -62,13 +76,18 @@ fn reprojected_samples_land_where_the_view_sees_their_surface() {
         if !(inside(x * f64::from(SIZE.0)) && inside(y * f64::from(SIZE.1))) {
             continue;
         }
-        let params = QuadtreeParams { leaf: holo_display::LeafSize::Fixed(0), ..QuadtreeParams::default() };
+        let params =
+            QuadtreeParams { leaf: holo_display::LeafSize::Fixed(0), ..QuadtreeParams::default() };
         let mut tree = Quadtree::new(Arc::from([section.clone()]), seen, SIZE, params);
         tree.insert(0, section.beam(hit.pair), 1, &[sample]);
         let frame = tree.draw();
         assert_eq!(frame.samples_used, 1);
         assert_eq!(frame.empty_pixels, u64::from(SIZE.0 * SIZE.1 - 1));
-        assert_eq!(frame.picture.get(column, row), Some([0.25, 0.5, 1.0]), "its colours, in their order");
+        assert_eq!(
+            frame.picture.get(column, row),
+            Some([0.25, 0.5, 1.0]),
+            "its colours, in their order"
+        );
         let depth = f64::from(frame.depth[(row * SIZE.0 + column) as usize]);
         assert!((depth / distance - 1.0).abs() < 0.02, "{depth} {distance}");
         shown += 1;
@@ -122,7 +141,8 @@ fn silhouettes_do_not_bleed() {
             for column in 2..SIZE.0 as i32 - 2 {
                 let at = |column: i32, row: i32| (row * SIZE.0 as i32 + column) as usize;
                 let here = reference[at(column, row)];
-                let pure = (-2..=2).all(|y| (-2..=2).all(|x| reference[at(column + x, row + y)] == here));
+                let pure =
+                    (-2..=2).all(|y| (-2..=2).all(|x| reference[at(column + x, row + y)] == here));
                 if !pure {
                     continue;
                 }
@@ -178,7 +198,10 @@ fn pixels_that_no_section_covers_stay_black_and_are_counted() {
             let (eye, direction) = seen.ray(x, y);
             let pixel = frame.picture.get(column, row).unwrap();
             if section.line(eye, direction).is_some() {
-                assert!(pixel[0] > 0.9, "({column}, {row}) is covered, and its siblings have samples");
+                assert!(
+                    pixel[0] > 0.9,
+                    "({column}, {row}) is covered, and its siblings have samples"
+                );
             } else {
                 assert_eq!(pixel, [0.0; 3]);
                 uncovered += 1;
@@ -187,7 +210,9 @@ fn pixels_that_no_section_covers_stay_black_and_are_counted() {
     }
     assert_eq!(frame.uncovered_pixels, uncovered);
     assert!(uncovered > 5000 && uncovered < 15_000);
-    assert!(frame.empty_pixels > 5000 && frame.empty_pixels + uncovered < u64::from(SIZE.0 * SIZE.1));
+    assert!(
+        frame.empty_pixels > 5000 && frame.empty_pixels + uncovered < u64::from(SIZE.0 * SIZE.1)
+    );
 
     let tree = Quadtree::new(Arc::from([]), seen, SIZE, QuadtreeParams::default());
     assert_eq!(tree.draw().uncovered_pixels, u64::from(SIZE.0 * SIZE.1));
@@ -202,7 +227,8 @@ fn surfaces_behind_the_eye_are_dropped() {
     let hit = section.line(eye, direction).unwrap();
     let draw = |distance| {
         let sample = Sample::encode(hit.coords, [1.0; 3], distance, section.diagonal(), 0);
-        let mut tree = Quadtree::new(Arc::from([section.clone()]), seen, SIZE, QuadtreeParams::default());
+        let mut tree =
+            Quadtree::new(Arc::from([section.clone()]), seen, SIZE, QuadtreeParams::default());
         tree.insert(0, section.beam(hit.pair), 1, &[sample]);
         tree.draw().samples_used
     };
@@ -250,7 +276,13 @@ fn one_sample_fills_all_that_is_covered() {
     let expected = stored[0].1.rgb();
     for pixel in &frame.picture.pixels {
         // Blending single-precision means rounds a few times.
-        assert!((0..3).all(|i| (pixel[i] - expected[i]).abs() <= 1e-6 * expected[i]), "{pixel:?} {expected:?}");
+        assert!(
+            (0..3).all(|i| (pixel[i] - expected[i]).abs() <= 1e-6 * expected[i]),
+            "{pixel:?} {expected:?}"
+        );
     }
-    assert_eq!((frame.samples_used, frame.empty_pixels, frame.uncovered_pixels), (1, 300 * 200 - 1, 0));
+    assert_eq!(
+        (frame.samples_used, frame.empty_pixels, frame.uncovered_pixels),
+        (1, 300 * 200 - 1, 0)
+    );
 }

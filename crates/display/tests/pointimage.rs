@@ -8,7 +8,9 @@ use holo_display::pointimage::{
     EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stage, Stages,
 };
 use holo_picture::View;
-use pointimage_scenes::{answer, ball, checker, moment, random, room, squared_error, truth, view, wall, whole_picture};
+use pointimage_scenes::{
+    answer, ball, checker, moment, random, room, squared_error, truth, view, wall, whole_picture,
+};
 
 #[test]
 fn a_sample_for_each_pixel_is_the_picture() {
@@ -24,7 +26,11 @@ fn a_sample_for_each_pixel_is_the_picture() {
     for (pixel, sample) in picture.pixels.iter().zip(&samples) {
         let largest = sample.radiance[0].max(sample.radiance[1]).max(sample.radiance[2]);
         for (shown, stored) in pixel.iter().zip(sample.radiance) {
-            assert!((shown - stored).abs() <= largest / 256.0, "{pixel:?} for {:?}", sample.radiance);
+            assert!(
+                (shown - stored).abs() <= largest / 256.0,
+                "{pixel:?} for {:?}",
+                sample.radiance
+            );
         }
     }
 }
@@ -35,24 +41,30 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
     let eye = view(DVec3::ZERO, 0.0, size);
     let light = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]];
     // In each pixel a point at depth 3 or, with probability 1/2, at depth 1 instead.
-    let samples: Vec<_> = whole_picture(&eye, size, &|origin, direction| (wall(origin, direction, 3.0), light[0], 0))
-        .into_iter()
-        .enumerate()
-        .map(|(index, far)| {
-            let is_near = random(index as u64) >> 63 == 1;
-            let Place::At(place) = far.place else { unreachable!() };
-            if is_near { Sample::new(Place::At(place / 3.0), light[1]) } else { far }
-        })
-        .collect();
+    let samples: Vec<_> =
+        whole_picture(&eye, size, &|origin, direction| (wall(origin, direction, 3.0), light[0], 0))
+            .into_iter()
+            .enumerate()
+            .map(|(index, far)| {
+                let is_near = random(index as u64) >> 63 == 1;
+                let Place::At(place) = far.place else { unreachable!() };
+                if is_near { Sample::new(Place::At(place / 3.0), light[1]) } else { far }
+            })
+            .collect();
     let far_points = samples.iter().filter(|sample| sample.radiance == light[0]).count();
     let mut cache = PointImage::new(
         size,
-        PointImageParams { smoothing: Smoothing::Gaps, empty: EmptyPixels::Black, ..PointImageParams::default() },
+        PointImageParams {
+            smoothing: Smoothing::Gaps,
+            empty: EmptyPixels::Black,
+            ..PointImageParams::default()
+        },
     )
     .unwrap();
     let mut kept = |stages| {
         cache.set_stages(stages);
-        let frame = cache.frame(&moment(eye, if stages == Stages::ALL { &[] } else { &samples }, 0));
+        let frame =
+            cache.frame(&moment(eye, if stages == Stages::ALL { &[] } else { &samples }, 0));
         let [_, green, _] = frame.channels();
         frame.has_point().zip(green).filter(|&(has_point, &green)| has_point && green > 0.5).count()
     };
@@ -63,20 +75,27 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
     let allowed = 4.0 * 5.0 * expected.sqrt();
     let found = kept(Stages::ALL) as f64;
     println!("{found} of {far_points} points show through, {expected:.0} expected");
-    assert!((found - expected).abs() < allowed, "{found} of {far_points} points show through, {expected:.0} expected");
+    assert!(
+        (found - expected).abs() < allowed,
+        "{found} of {far_points} points show through, {expected:.0} expected"
+    );
 }
 
 #[test]
 fn a_moved_object_is_shown_where_it_went() {
     let size = (64, 48);
     let eye = view(DVec3::ZERO, 0.0, size);
-    let mut cache =
-        PointImage::new(size, PointImageParams { smoothing: Smoothing::Gaps, ..Default::default() }).unwrap();
+    let mut cache = PointImage::new(
+        size,
+        PointImageParams { smoothing: Smoothing::Gaps, ..Default::default() },
+    )
+    .unwrap();
     let at = |x: f64, z: f64| Place::At(DVec3::new(x, 4.0, z));
     let thing = Sample { object: 7, ..Sample::new(at(0.0, 0.0), [1.0, 0.0, 0.0]) };
     let other = Sample { object: 8, ..Sample::new(at(-1.0, 0.5), [0.0, 0.0, 1.0]) };
     cache.frame(&moment(eye, &[thing, other], 0));
-    let motion = DAffine3::from_rotation_z(0.2) * DAffine3::from_translation(DVec3::new(0.7, 0.0, -0.4));
+    let motion =
+        DAffine3::from_rotation_z(0.2) * DAffine3::from_translation(DVec3::new(0.7, 0.0, -0.4));
     assert_eq!(cache.move_object(7, &motion), 1);
     assert_eq!(cache.move_object(9, &motion), 0);
     let picture = cache.frame(&moment(eye, &[], 0)).picture();
@@ -123,13 +142,21 @@ fn holes(prediction: bool) -> (f64, f64, usize) {
     let (mut all, mut new, mut frames) = (0, 0, 0);
     for frame in 0..60 {
         let wanted = (pixels / 32) as usize;
-        let shown = cache.frame(&Moment { view: at(frame), predicted: Some(at(frame + 1)), samples: &samples, wanted });
+        let shown = cache.frame(&Moment {
+            view: at(frame),
+            predicted: Some(at(frame + 1)),
+            samples: &samples,
+            wanted,
+        });
         if frame >= 10 {
             let green = shown.channels()[1];
             all += green.iter().filter(|&&green| green == 0.0).count();
             // 3 degrees are the last 9 columns. Of two blocks of 4 columns, all new, the middle.
-            new +=
-                green[160..118 * 160].chunks(160).flat_map(|row| &row[154..158]).filter(|&&green| green == 0.0).count();
+            new += green[160..118 * 160]
+                .chunks(160)
+                .flat_map(|row| &row[154..158])
+                .filter(|&&green| green == 0.0)
+                .count();
             frames += 1;
         }
         samples = answer(&shown, &room);
@@ -141,7 +168,9 @@ fn holes(prediction: bool) -> (f64, f64, usize) {
 #[test]
 fn prediction_asks_for_each_block_that_turns_into_view() {
     let ((all_without, without, _), (all_with, with, strip)) = (holes(false), holes(true));
-    println!("holes at 90 degrees/s, mismatch 32: {all_without:.4} without prediction, {all_with:.4} with");
+    println!(
+        "holes at 90 degrees/s, mismatch 32: {all_without:.4} without prediction, {all_with:.4} with"
+    );
     println!("in columns that were just turned into view: {without:.4} without, {with:.4} with");
     assert!(all_with < all_without);
     // Without prediction nothing can be there yet.
@@ -151,11 +180,16 @@ fn prediction_asks_for_each_block_that_turns_into_view() {
     let parts = |i| if i == 1 || i == 2 { [3.0, 0.0] } else { [2.0, 1.0] };
     let mut expected = 0.0;
     for (i, j) in (0..16).map(|pixel| (pixel % 4, pixel / 4)) {
-        expected += parts(i).iter().flat_map(|x| parts(j).map(|y| 1.0 - x * y / 16.0)).product::<f64>() / 16.0;
+        expected +=
+            parts(i).iter().flat_map(|x| parts(j).map(|y| 1.0 - x * y / 16.0)).product::<f64>()
+                / 16.0;
     }
     // Pixels up to 4 apart depend on each other: at most 81 of them. Four deviations.
     let allowed = 4.0 * (81.0 * expected * (1.0 - expected) / strip as f64).sqrt();
-    assert!((with - expected).abs() < allowed, "{with} of the new pixels are empty, {expected} expected");
+    assert!(
+        (with - expected).abs() < allowed,
+        "{with} of the new pixels are empty, {expected} expected"
+    );
 }
 
 #[test]
@@ -195,7 +229,8 @@ fn a_picture_at_rest_tends_to_the_box_filter() {
 fn without_resampling_no_ray_goes_through_an_old_point() {
     let size = (64, 48);
     let through = |resampling| {
-        let params = PointImageParams { stages: Stages { resampling, ..Stages::ALL }, ..Default::default() };
+        let params =
+            PointImageParams { stages: Stages { resampling, ..Stages::ALL }, ..Default::default() };
         let mut cache = PointImage::new(size, params).unwrap();
         let eye = view(DVec3::ZERO, 0.0, size);
         let samples = whole_picture(&eye, size, &room);
@@ -247,7 +282,8 @@ fn stated_noise_is_not_taken_for_change() {
         let mut count = 0;
         for _ in 0..400 {
             let shown = cache.frame(&moment(eye, &samples, pixels / 4));
-            samples = answer(&shown, &|origin, direction| (wall(origin, direction, 2.0), [0.0; 3], 0));
+            samples =
+                answer(&shown, &|origin, direction| (wall(origin, direction, 2.0), [0.0; 3], 0));
             for sample in &mut samples {
                 count += 1;
                 // Uniform in 0.5..1.5: deviation 0.29.
@@ -266,7 +302,8 @@ fn stated_noise_is_not_taken_for_change() {
 fn points_out_of_view_leave_first_and_only_if_eviction_is_on() {
     let size = (64, 48);
     let run = |eviction| {
-        let params = PointImageParams { stages: Stages { eviction, ..Stages::ALL }, ..Default::default() };
+        let params =
+            PointImageParams { stages: Stages { eviction, ..Stages::ALL }, ..Default::default() };
         let mut cache = PointImage::new(size, params).unwrap();
         let behind = view(DVec3::ZERO, 180.0, size);
         cache.frame(&moment(behind, &whole_picture(&behind, size, &room), 0));
@@ -289,7 +326,8 @@ fn nothing_is_computed_when_nothing_changes() {
     let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
     let before = cache.frame(&moment(eye, &whole_picture(&eye, size, &room), 0)).picture();
     let mut stages = Vec::new();
-    let after = cache.frame_watched(&moment(eye, &[], 0), &mut |stage| stages.push(stage)).picture();
+    let after =
+        cache.frame_watched(&moment(eye, &[], 0), &mut |stage| stages.push(stage)).picture();
     assert_eq!(stages, [Stage::UpdatePoints]);
     assert_eq!(before, after);
 }
@@ -315,13 +353,19 @@ fn an_empty_cache_asks_everywhere() {
 #[test]
 fn infinitely_far_things_turn_with_the_view_and_stay_with_a_walk() {
     let size = (64, 48);
-    let mut cache =
-        PointImage::new(size, PointImageParams { smoothing: Smoothing::Gaps, ..Default::default() }).unwrap();
+    let mut cache = PointImage::new(
+        size,
+        PointImageParams { smoothing: Smoothing::Gaps, ..Default::default() },
+    )
+    .unwrap();
     let toward = DVec3::new(0.1, 1.0, 0.05);
     let sun = [Sample::new(Place::Toward(toward), [1e6, 9e5, 8e5])];
-    for (eye, degrees) in [(DVec3::ZERO, 0.0), (DVec3::new(300.0, -50.0, 20.0), 0.0), (DVec3::ZERO, 8.0)] {
+    for (eye, degrees) in
+        [(DVec3::ZERO, 0.0), (DVec3::new(300.0, -50.0, 20.0), 0.0), (DVec3::ZERO, 8.0)]
+    {
         let eye = view(eye, degrees, size);
-        let picture = cache.frame(&moment(eye, if degrees == 0.0 { &sun[..] } else { &[] }, 0)).picture();
+        let picture =
+            cache.frame(&moment(eye, if degrees == 0.0 { &sun[..] } else { &[] }, 0)).picture();
         let (x, y) = eye.project_direction(toward).unwrap();
         let (column, row) = View::pixel_at(size, x, y).unwrap();
         assert!(picture.get(column, row).unwrap()[0] > 9.9e5);

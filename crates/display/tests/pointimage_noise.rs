@@ -40,8 +40,11 @@ fn plain(origin: DVec3, direction: DVec3) -> Hit {
 
 /// Mean square error over a walk with a sample for eight pixels a frame.
 fn walk(scene: Scene, noise_smoothing: f32, stated: bool) -> f64 {
-    let mut cache = PointImage::new(SIZE, PointImageParams { noise_smoothing, ..PointImageParams::default() }).unwrap();
-    let at = |frame: u64| view(DVec3::new(-2.0 + 0.02 * frame as f64, -2.0, 0.0), frame as f64, SIZE);
+    let mut cache =
+        PointImage::new(SIZE, PointImageParams { noise_smoothing, ..PointImageParams::default() })
+            .unwrap();
+    let at =
+        |frame: u64| view(DVec3::new(-2.0 + 0.02 * frame as f64, -2.0, 0.0), frame as f64, SIZE);
     let (mut samples, mut sum) = (Vec::new(), 0.0);
     for frame in 0..60 {
         let (view, predicted) = (at(frame), Some(at(frame + 1)));
@@ -88,8 +91,10 @@ fn at_rest_other_pixels_light_fades_from_noisy_pictures() {
     });
     // The same requests, the same samples: with n of each pixel the two differ by 8/(n + 8) of what the filter would change, which
     // is less than 0.5; n is above 150, an eighth of the requests being checks of points.
-    let differences = errors[0].pixels.iter().zip(&errors[1].pixels).map(|(a, b)| f64::from((a[0] - b[0]).abs()));
-    let (sum, largest) = differences.fold((0.0, 0.0_f64), |(sum, largest), each| (sum + each, largest.max(each)));
+    let differences =
+        errors[0].pixels.iter().zip(&errors[1].pixels).map(|(a, b)| f64::from((a[0] - b[0]).abs()));
+    let (sum, largest) =
+        differences.fold((0.0, 0.0_f64), |(sum, largest), each| (sum + each, largest.max(each)));
     let mean = sum / f64::from(SIZE.0 * SIZE.1);
     println!("errors {:?}", [&errors[0], &errors[1]].map(|picture| error(picture, &view, &room)));
     println!("mean difference {mean:.4}, largest {largest:.4}");
@@ -108,16 +113,23 @@ fn noise_at_rest_falls_as_that_of_a_mean() {
     let pixels = (SIZE.0 * SIZE.1) as usize;
     let (mut samples, mut counts) = (Vec::new(), vec![0.0_f64; pixels]);
     for frame in 1..=1600 {
-        let shown = cache.frame(&Moment { view, predicted: None, samples: &samples, wanted: pixels / 4 });
+        let shown =
+            cache.frame(&Moment { view, predicted: None, samples: &samples, wanted: pixels / 4 });
         if [100, 400, 1600].contains(&frame) {
             // Two values as far from the mean as 0.7 of it. One request in `check_every` goes to see whether a point has changed.
             let variance = f64::from(0.7 * light).powi(2);
-            let expected = counts.iter().map(|count| variance / (count * (1.0 - 1.0 / check_every))).sum::<f64>();
+            let expected = counts
+                .iter()
+                .map(|count| variance / (count * (1.0 - 1.0 / check_every)))
+                .sum::<f64>();
             let expected = expected / pixels as f64;
             let found = squared_error(shown.channels()[0], &vec![light; pixels]);
             println!("after {frame} frames {found:.3e}, {expected:.3e} expected");
             // The mean of squares of 10800 means is known to 1.4 %: four deviations, and 4 % for how checks are dealt out.
-            assert!((found / expected - 1.0).abs() < 0.1, "{found} after {frame} frames, {expected} expected");
+            assert!(
+                (found / expected - 1.0).abs() < 0.1,
+                "{found} after {frame} frames, {expected} expected"
+            );
         }
         for (_, _, direction) in shown.requests() {
             let (x, y) = view.project_direction(direction).unwrap();

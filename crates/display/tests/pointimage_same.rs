@@ -5,7 +5,8 @@ mod pointimage_scenes;
 
 use glam::DVec3;
 use holo_display::pointimage::{
-    EmptyPixels, Instructions, Moment, Place, PointImage, PointImageError, PointImageParams, Sample, Smoothing, Stages,
+    EmptyPixels, Instructions, Moment, Place, PointImage, PointImageError, PointImageParams,
+    Sample, Smoothing, Stages,
 };
 use holo_picture::View;
 use pointimage_scenes::{answer, room, view};
@@ -22,9 +23,21 @@ fn walk(size: (u32, u32), params: PointImageParams) -> Vec<u64> {
     let mut bits = Vec::new();
     for frame in 0..12 {
         let wanted = (size.0 * size.1).div_ceil(3) as usize;
-        let shown = cache.frame(&Moment { view: at(frame), predicted: Some(at(frame + 1)), samples: &samples, wanted });
-        bits.extend(shown.channels().iter().flat_map(|plane| plane.iter().map(|channel| u64::from(channel.to_bits()))));
-        bits.extend(shown.requests().flat_map(|(_, _, direction)| direction.to_array().map(f64::to_bits)));
+        let shown = cache.frame(&Moment {
+            view: at(frame),
+            predicted: Some(at(frame + 1)),
+            samples: &samples,
+            wanted,
+        });
+        bits.extend(
+            shown
+                .channels()
+                .iter()
+                .flat_map(|plane| plane.iter().map(|channel| u64::from(channel.to_bits()))),
+        );
+        bits.extend(
+            shown.requests().flat_map(|(_, _, direction)| direction.to_array().map(f64::to_bits)),
+        );
         samples = answer(&shown, &room);
         if frame == 4 {
             cache.age_object(1, 100);
@@ -51,7 +64,10 @@ fn processors_and_threads_do_not_change_a_bit() {
                     continue;
                 }
                 for threads in [1, 2, 5] {
-                    assert!(plain == walk(size, params(instructions, threads)), "{size:?} {instructions:?} {threads}");
+                    assert!(
+                        plain == walk(size, params(instructions, threads)),
+                        "{size:?} {instructions:?} {threads}"
+                    );
                 }
             }
         }
@@ -67,11 +83,16 @@ fn seeds_do() {
 #[test]
 fn a_picture_of_four_thousand_columns_works() {
     let size = (3840, 2160);
-    let mut cache = PointImage::new(size, PointImageParams { threads: 2, ..PointImageParams::default() }).unwrap();
+    let mut cache =
+        PointImage::new(size, PointImageParams { threads: 2, ..PointImageParams::default() })
+            .unwrap();
     let eye = view(DVec3::ZERO, 0.0, size);
     let mut samples = Vec::new();
     for _ in 0..2 {
-        samples = answer(&cache.frame(&Moment { view: eye, predicted: None, samples: &samples, wanted: 8000 }), &room);
+        samples = answer(
+            &cache.frame(&Moment { view: eye, predicted: None, samples: &samples, wanted: 8000 }),
+            &room,
+        );
     }
     // The columns and rows at the ends are asked for like all others: all 20 by 20 parts of the picture.
     let mut parts = [0; 400];
@@ -90,7 +111,10 @@ fn bad_settings_say_what_is_wrong() {
         change(&mut params);
         PointImage::new((8, 8), params).unwrap_err().to_string()
     };
-    assert_eq!(with(|params| params.points_per_pixel = f64::NAN), "points_per_pixel is NaN: it must be 1 to 8");
+    assert_eq!(
+        with(|params| params.points_per_pixel = f64::NAN),
+        "points_per_pixel is NaN: it must be 1 to 8"
+    );
     assert!(with(|params| params.threads = 0).starts_with("threads is 0"));
     assert!(with(|params| params.cull_threshold = -1.0).starts_with("cull_threshold"));
     assert!(with(|params| params.origin = Some(DVec3::splat(f64::INFINITY))).starts_with("origin"));

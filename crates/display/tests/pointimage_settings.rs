@@ -5,7 +5,8 @@ mod pointimage_scenes;
 
 use glam::DVec3;
 use holo_display::pointimage::{
-    EmptyPixels, Moment, Place, PointImage, PointImageError, PointImageParams, SETTINGS, Sample, Smoothing, Stages,
+    EmptyPixels, Moment, Place, PointImage, PointImageError, PointImageParams, SETTINGS, Sample,
+    Smoothing, Stages,
 };
 use holo_picture::View;
 use pointimage_scenes::{answer, moment, room, view, wall, whole_picture};
@@ -43,28 +44,54 @@ fn every_number_can_be_set_by_name_and_says_what_it_may_be() {
         assert_eq!(params, PointImageParams::default(), "{}", setting.name);
         for wrong in [-1.0, f64::NAN, f64::INFINITY] {
             let error = params.set(setting.name, wrong).unwrap_err().to_string();
-            assert_eq!(error, format!("{} is {wrong}: it must be {}", setting.name, setting.allowed));
+            assert_eq!(
+                error,
+                format!("{} is {wrong}: it must be {}", setting.name, setting.allowed)
+            );
         }
         assert_eq!(params, PointImageParams::default(), "what was wrong changed nothing");
     }
     let mut params = PointImageParams::default();
-    for (name, wrong) in [("group", 3.0), ("group", 128.0), ("prefilter_window", 4.0), ("prefilter_window", 11.0)] {
-        assert!(matches!(params.set(name, wrong), Err(PointImageError::Parameter { .. })), "{name} {wrong}");
+    for (name, wrong) in
+        [("group", 3.0), ("group", 128.0), ("prefilter_window", 4.0), ("prefilter_window", 11.0)]
+    {
+        assert!(
+            matches!(params.set(name, wrong), Err(PointImageError::Parameter { .. })),
+            "{name} {wrong}"
+        );
     }
     let error = params.set("windows", 3.0).unwrap_err().to_string();
-    assert!(error.starts_with("there is no setting windows: there are points_per_pixel, group, "), "{error}");
+    assert!(
+        error.starts_with("there is no setting windows: there are points_per_pixel, group, "),
+        "{error}"
+    );
     // A number that was put in otherwise is refused all the same.
-    assert!(PointImage::new(SIZE, PointImageParams { prefilter_window: 8, ..PointImageParams::default() }).is_err());
+    assert!(
+        PointImage::new(
+            SIZE,
+            PointImageParams { prefilter_window: 8, ..PointImageParams::default() }
+        )
+        .is_err()
+    );
 }
 
 #[test]
 fn the_papers_numbers_are_the_defaults() {
     let params = PointImageParams::default();
-    let of = |name: &str| SETTINGS.iter().find(|setting| setting.name == name).unwrap().value(&params);
+    let of =
+        |name: &str| SETTINGS.iter().find(|setting| setting.name == name).unwrap().value(&params);
     // Walter et al. 1999, §3.1: 10 % and weights 4-2-1; §4.3: groups of 8.
-    assert!((of("cull_threshold") - 0.1).abs() < 1e-7 && of("centre_weight") == 2.0 && of("group") == 8.0);
+    assert!(
+        (of("cull_threshold") - 0.1).abs() < 1e-7
+            && of("centre_weight") == 2.0
+            && of("group") == 8.0
+    );
     // 2002, §3.1: a quarter of the resolution, half of the requests; §3.3: 7×7; §3.4: 128, and 255.
-    assert!(of("predicted_block") == 4.0 && of("predicted_share") == 0.5 && of("prefilter_window") == 7.0);
+    assert!(
+        of("predicted_block") == 4.0
+            && of("predicted_share") == 0.5
+            && of("prefilter_window") == 7.0
+    );
     assert!(of("mean_last_age") == 128.0 && of("eviction_age") == 255.0);
 }
 
@@ -119,15 +146,29 @@ fn threads_change_no_bit_whatever_the_window() {
             let mut samples = Vec::new();
             let mut bits = Vec::new();
             for frame in 0..4 {
-                let eye = view(DVec3::new(0.1 * f64::from(frame), -2.0, 0.0), f64::from(frame), size);
-                let shown = cache.frame(&Moment { view: eye, predicted: None, samples: &samples, wanted: 500 });
-                bits.extend(shown.channels().iter().flat_map(|plane| plane.iter().map(|light| light.to_bits())));
+                let eye =
+                    view(DVec3::new(0.1 * f64::from(frame), -2.0, 0.0), f64::from(frame), size);
+                let shown = cache.frame(&Moment {
+                    view: eye,
+                    predicted: None,
+                    samples: &samples,
+                    wanted: 500,
+                });
+                bits.extend(
+                    shown
+                        .channels()
+                        .iter()
+                        .flat_map(|plane| plane.iter().map(|light| light.to_bits())),
+                );
                 samples = answer(&shown, &room);
             }
             bits
         };
         let plain = bits(1, holo_display::pointimage::Instructions::Portable);
-        assert!([1, 2, 5].into_iter().all(|threads| bits(threads, instructions) == plain), "{window}");
+        assert!(
+            [1, 2, 5].into_iter().all(|threads| bits(threads, instructions) == plain),
+            "{window}"
+        );
     }
 }
 
@@ -142,8 +183,12 @@ fn empty_pixels_among_points_have_the_gap_s_priority() {
     let left = |gap: u8| {
         let mut cache = cache(|params| params.gap_priority = gap);
         let frame = cache.frame(&moment(ahead(), &samples, 200));
-        let is_left = |direction: DVec3| ahead().project_direction(direction).is_some_and(|(x, _)| x < 0.5);
-        (frame.requests().filter(|(_, _, direction)| is_left(*direction)).count(), frame.requests().count())
+        let is_left =
+            |direction: DVec3| ahead().project_direction(direction).is_some_and(|(x, _)| x < 0.5);
+        (
+            frame.requests().filter(|(_, _, direction)| is_left(*direction)).count(),
+            frame.requests().count(),
+        )
     };
     // New points have priority 0. On the left 10×15 pixels have the gap's; on the right 19×30 have 255, and one column somewhat less.
     for (gap, per_gap) in [(255, 255.0), (135, 135.0), (15, 15.0)] {
@@ -152,7 +197,10 @@ fn empty_pixels_among_points_have_the_gap_s_priority() {
         let expected = share * all as f64;
         // A dither is nearer than chance would be; pixels at the border between the halves are worth 12 at most.
         let allowed = 12.0 + 2.0 * expected.sqrt();
-        assert!((found as f64 - expected).abs() <= allowed, "{gap}: {found} of {all}, {expected} expected");
+        assert!(
+            (found as f64 - expected).abs() <= allowed,
+            "{gap}: {found} of {all}, {expected} expected"
+        );
     }
     assert!(left(255).0 > left(135).0 && left(135).0 > 2 * left(15).0);
 }
@@ -168,7 +216,8 @@ fn prediction_asks_once_for_each_block_of_the_chosen_side() {
         });
         let view = ahead();
         let predicted = Some(pointimage_scenes::view(DVec3::ZERO, 180.0, SIZE));
-        let (_, ahead) = cache.frame(&Moment { view, predicted, samples: &[], wanted: pixels }).request_counts();
+        let (_, ahead) =
+            cache.frame(&Moment { view, predicted, samples: &[], wanted: pixels }).request_counts();
         assert_eq!(ahead, (SIZE.0.div_ceil(side) * SIZE.1.div_ceil(side)) as usize, "{side}");
     }
 }
@@ -181,7 +230,9 @@ fn gone_after(change: impl FnOnce(&mut PointImageParams), new: Sample) -> Vec<u3
         change(params);
     });
     let here = ahead();
-    let all = whole_picture(&here, SIZE, &|origin, direction| (wall(origin, direction, 2.0), [0.5; 3], 0));
+    let all = whole_picture(&here, SIZE, &|origin, direction| {
+        (wall(origin, direction, 2.0), [0.5; 3], 0)
+    });
     cache.frame(&moment(here, &all, 0));
     let tag = cache.pixel_tag(20, 15).unwrap();
     cache.frame(&moment(here, &[Sample { tag, ..new }], 0));

@@ -36,7 +36,12 @@ fn rays_that_a_renderer_chose_by_itself_tend_to_the_box_filter_too() {
         let (column, row) = View::pixel_at(size, x, y).unwrap();
         let (place, radiance, object) = room(origin, direction);
         let tag = cache.pixel_tag(column, row).unwrap();
-        cache.insert(&[Sample { tag, object, noise: f32::INFINITY, ..Sample::new(place, radiance) }]);
+        cache.insert(&[Sample {
+            tag,
+            object,
+            noise: f32::INFINITY,
+            ..Sample::new(place, radiance)
+        }]);
         if count % 1000 == 0 {
             // Stored ones that come in between must not push them out.
             cache.insert(&stored[..100]);
@@ -85,7 +90,8 @@ fn what_other_views_left_never_pushes_out_the_pixels_of_this_one() {
 fn many_samples_from_elsewhere_take_one_point_a_pixel_and_the_nearer_surface_is_shown() {
     let size = (64, 48);
     let eye = view(DVec3::ZERO, 0.0, size);
-    let params = PointImageParams { moving_mean: 1000, smoothing: Smoothing::Gaps, ..Default::default() };
+    let params =
+        PointImageParams { moving_mean: 1000, smoothing: Smoothing::Gaps, ..Default::default() };
     let mut cache = PointImage::new(size, params).unwrap();
     cache.frame(&moment(eye, &[], 0));
     let mut count = 0;
@@ -97,7 +103,8 @@ fn many_samples_from_elsewhere_take_one_point_a_pixel_and_the_nearer_surface_is_
         for turn in 0..40 {
             let behind = column < 32 && turn % 2 == 0;
             count += 1;
-            let light = if behind { 9.0 } else { 0.5 + (random(count) >> 40) as f32 / (1 << 24) as f32 };
+            let light =
+                if behind { 9.0 } else { 0.5 + (random(count) >> 40) as f32 / (1 << 24) as f32 };
             let tag = cache.guess_tag(column, row).unwrap();
             let place = wall(origin, direction, if behind { 3.0 } else { 2.0 });
             cache.insert(&[Sample { tag, noise: f32::INFINITY, ..Sample::new(place, [light; 3]) }]);
@@ -108,7 +115,8 @@ fn many_samples_from_elsewhere_take_one_point_a_pixel_and_the_nearer_surface_is_
     // Variance 1/12: of means of 40 and 20.
     for (columns, of) in [(0..32, 20.0), (32..64, 40.0)] {
         let pixels = (0..size.1).flat_map(|row| columns.clone().map(move |column| (column, row)));
-        let errors: Vec<f64> = pixels.map(|(x, y)| (f64::from(shown.get(x, y).unwrap()[0]) - 1.0).powi(2)).collect();
+        let errors: Vec<f64> =
+            pixels.map(|(x, y)| (f64::from(shown.get(x, y).unwrap()[0]) - 1.0).powi(2)).collect();
         let expected = 1.0 / 12.0 / of;
         let found = errors.iter().sum::<f64>() / errors.len() as f64;
         // Squares of normal errors: relative deviation sqrt(2/n) each; four of those, and 1/256 for the packing.
@@ -120,7 +128,10 @@ fn many_samples_from_elsewhere_take_one_point_a_pixel_and_the_nearer_surface_is_
     let (origin, direction) = eye.ray(x, y);
     let own = Sample::new(wall(origin, direction, 2.0), [7.0; 3]);
     cache.insert(&[Sample { tag: cache.pixel_tag(40, 20).unwrap(), ..own }]);
-    cache.insert(&[Sample { tag: cache.guess_tag(40, 20).unwrap(), ..Sample::new(own.place, [1.0; 3]) }]);
+    cache.insert(&[Sample {
+        tag: cache.guess_tag(40, 20).unwrap(),
+        ..Sample::new(own.place, [1.0; 3])
+    }]);
     assert_eq!(cache.frame(&moment(eye, &[], 0)).picture().get(40, 20), Some([7.0; 3]));
 }
 
@@ -140,7 +151,8 @@ fn beams_are_wanted_where_pixels_want_rays_and_no_weight_is_lost() {
     // The left half of the picture is known.
     let samples = whole_picture(&eye, size, &room);
     let is_left = |direction: DVec3| direction.x < 0.0;
-    let left: Vec<_> = samples.into_iter().filter(|s| matches!(s.place, Place::At(at) if is_left(at))).collect();
+    let left: Vec<_> =
+        samples.into_iter().filter(|s| matches!(s.place, Place::At(at) if is_left(at))).collect();
     let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
     let frame = cache.frame(&moment(eye, &left, 1000));
     let weighed = frame.weigh(&sections, &beams, 0.75);
@@ -155,7 +167,8 @@ fn beams_are_wanted_where_pixels_want_rays_and_no_weight_is_lost() {
                 let (column, row) = (pixel % size.0, pixel / size.0);
                 let (px, py) = View::pixel_centre(size, column, row);
                 let (origin, direction) = eye.ray(px, py);
-                (best_beam(&sections, origin, direction)? == (0, beam.beam)).then_some(f64::from(column) < x)
+                (best_beam(&sections, origin, direction)? == (0, beam.beam))
+                    .then_some(f64::from(column) < x)
             });
             if let Some(on_left) = on_left {
                 halves[usize::from(!on_left)] += f64::from(beam.weight);
@@ -163,7 +176,8 @@ fn beams_are_wanted_where_pixels_want_rays_and_no_weight_is_lost() {
         }
         halves
     };
-    let ([left_before, right_before], [left_after, right_after]) = (halves(&beams), halves(&weighed));
+    let ([left_before, right_before], [left_after, right_after]) =
+        (halves(&beams), halves(&weighed));
     println!(
         "left and right: {left_before:.0} and {right_before:.0} pixels, then {left_after:.0} and {right_after:.0}"
     );

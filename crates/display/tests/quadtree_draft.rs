@@ -78,14 +78,18 @@ fn a_picture_of_leaves_of_one_size_and_one_from_outside_have_no_drafts() {
 fn drafts_are_nearly_as_good_as_whole_pictures() {
     let size = (240, 180);
     let reference = truth(room, &room_view(size), size, 6);
-    for (name, noise) in [("clean", clean as Noise), ("16 paths", some_paths), ("1 path", one_path)] {
+    for (name, noise) in [("clean", clean as Noise), ("16 paths", some_paths), ("1 path", one_path)]
+    {
         for batch in [false, true] {
             for density in [0.2, 1.0, 4.0, 16.0] {
                 let mut tree = tree(size, &samples(size, density, noise, batch));
                 let best = tree.draw();
-                let (error, best) = (relative_error(tree.draft(), &reference), relative_error(&best, &reference));
+                let (error, best) =
+                    (relative_error(tree.draft(), &reference), relative_error(&best, &reference));
                 let ratio = error / best;
-                println!("{name}, {density} a pixel, batch {batch}: {ratio:.3} times the error {best:.5}");
+                println!(
+                    "{name}, {density} a pixel, batch {batch}: {ratio:.3} times the error {best:.5}"
+                );
                 assert!(ratio < 1.26, "{name}, {density} a pixel, batch {batch}: {ratio:.3}");
             }
         }
@@ -108,7 +112,8 @@ fn drafts_are_as_bright_as_what_they_show() {
             })
             .collect();
         let mean = found.iter().sum::<f64>() / found.len() as f64;
-        let variance = found.iter().map(|bias| (bias - mean).powi(2)).sum::<f64>() / (found.len() - 1) as f64;
+        let variance =
+            found.iter().map(|bias| (bias - mean).powi(2)).sum::<f64>() / (found.len() - 1) as f64;
         let error = (variance / found.len() as f64).sqrt();
         println!("bias {mean:.5} ± {error:.5}");
         assert!(mean.abs() < 0.02 + 4.0 * error, "{mean} ± {error}");
@@ -132,14 +137,18 @@ fn drafts_do_not_depend_on_the_order_of_samples_and_count_as_whole_pictures_do()
                 assert_eq!(draft.2, counts(&whole), "{size:?} {density} {batch}");
                 let pairs = one.draft().depth.iter().zip(&whole.depth);
                 let is_far = |depth: f32| depth == 0.0 || depth.is_infinite();
-                assert!(pairs.clone().all(|(a, b)| is_far(*a) == is_far(*b)), "{size:?} {density} {batch}");
+                assert!(
+                    pairs.clone().all(|(a, b)| is_far(*a) == is_far(*b)),
+                    "{size:?} {density} {batch}"
+                );
             }
         }
     }
 }
 
 #[test]
-fn pixels_of_many_samples_without_noise_show_their_own_mean_and_all_that_a_flat_wall_shows_is_its_colour() {
+fn pixels_of_many_samples_without_noise_show_their_own_mean_and_all_that_a_flat_wall_shows_is_its_colour()
+ {
     let size = (48, 36);
     let (section, view) = (room_section(8), room_view(size));
     let mut many = tree(size, &near_samples(room, &section, &view, 300 * 48 * 36, 1, clean));
@@ -172,7 +181,8 @@ fn colours_of_any_size_stay_finite_and_within_those_of_the_samples() {
                 .into_iter()
                 .map(|(beam, sample)| {
                     let exponent = (low + random.bits() % (high - low + 1)) as u8;
-                    let rgbe = [random.bits() as u8, random.bits() as u8, random.bits() as u8, exponent];
+                    let rgbe =
+                        [random.bits() as u8, random.bits() as u8, random.bits() as u8, exponent];
                     let sample = Sample::from_codes(sample.coords, rgbe, sample.distance_code());
                     // Exponents above 170 are taken as 170.
                     most = most.max(255.0 * 2.0_f32.powi(i32::from(exponent.min(170)) - 136));
@@ -180,7 +190,10 @@ fn colours_of_any_size_stay_finite_and_within_those_of_the_samples() {
                 })
                 .collect();
             for pixel in tree(size, &stored).draft().picture.pixels.iter().flatten() {
-                assert!(pixel.is_finite() && *pixel >= 0.0 && *pixel <= 1.001 * most, "{pixel} of {most}");
+                assert!(
+                    pixel.is_finite() && *pixel >= 0.0 && *pixel <= 1.001 * most,
+                    "{pixel} of {most}"
+                );
             }
         }
     }
@@ -200,11 +213,16 @@ fn pictures_of_large_sums_are_those_of_small_ones() {
         } else {
             near_samples(room, &section, &view, count, 3, some_paths)
         };
-        let tree = |stored: &[Stored]| quadtree(&section, &view, SIZE, QuadtreeParams::default(), stored);
+        let tree =
+            |stored: &[Stored]| quadtree(&section, &view, SIZE, QuadtreeParams::default(), stored);
         let (mut small, mut large) = (tree(&stored), tree(&[]));
         for (beam, sample) in &stored {
             let [r, g, b, exponent] = sample.rgbe;
-            let sample = Sample::from_codes(sample.coords, [r, g, b, exponent + doublings], sample.distance_code());
+            let sample = Sample::from_codes(
+                sample.coords,
+                [r, g, b, exponent + doublings],
+                sample.distance_code(),
+            );
             large.insert(0, *beam, paths, &[sample]);
         }
         let scale = 2.0_f32.powi(doublings.into());
@@ -212,7 +230,8 @@ fn pictures_of_large_sums_are_those_of_small_ones() {
         let allowed = if doublings == 0 { 1e-3 } else { 0.02 };
         let small = [small.draft().picture.pixels.clone(), small.draw().picture.pixels];
         let large = [large.draft().picture.pixels.clone(), large.draw().picture.pixels];
-        for (small, large) in small.iter().flatten().flatten().zip(large.iter().flatten().flatten()) {
+        for (small, large) in small.iter().flatten().flatten().zip(large.iter().flatten().flatten())
+        {
             assert!(
                 (large - small * scale).abs() <= allowed * small * scale,
                 "{small} {large} {batch} {doublings} {paths}"
@@ -227,8 +246,15 @@ fn drafts_show_the_sky_where_beams_see_nothing_and_nothing_where_no_section_is()
     let sky = [0.25, 0.5, 1.0];
     let params = QuadtreeParams { sky, ..QuadtreeParams::default() };
     let view = room_view(size);
-    let mut tree = quadtree(&section, &view, size, params, &near_samples(room, &section, &view, 9000, 1, clean));
-    let selection = select_beams(std::slice::from_ref(&section), &view, size, &SelectOptions::default());
+    let mut tree = quadtree(
+        &section,
+        &view,
+        size,
+        params,
+        &near_samples(room, &section, &view, 9000, 1, clean),
+    );
+    let selection =
+        select_beams(std::slice::from_ref(&section), &view, size, &SelectOptions::default());
     selection.beams.iter().step_by(3).for_each(|wanted| tree.insert_unseen(0, wanted.beam));
     let whole = tree.draw();
     let draft = tree.draft();
@@ -273,13 +299,14 @@ fn bright_disc(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
 fn edge(size: (u32, u32), reach: i64) -> [Vec<usize>; 2] {
     let view = room_view(size);
     let is_disc = |x: i64, y: i64| {
-        let (x, y) = ((x as f64 + 0.5) / f64::from(size.0), 1.0 - (y as f64 + 0.5) / f64::from(size.1));
+        let (x, y) =
+            ((x as f64 + 0.5) / f64::from(size.0), 1.0 - (y as f64 + 0.5) / f64::from(size.1));
         let (eye, direction) = view.ray(x, y);
         bright_disc(eye, direction).0 == [1.0; 3]
     };
     let mut found = [Vec::new(), Vec::new()];
-    for (y, x) in
-        (reach..i64::from(size.1) - reach).flat_map(|y| (reach..i64::from(size.0) - reach).map(move |x| (y, x)))
+    for (y, x) in (reach..i64::from(size.1) - reach)
+        .flat_map(|y| (reach..i64::from(size.0) - reach).map(move |x| (y, x)))
     {
         let own = is_disc(x, y);
         // Pixels that the edge itself crosses show both.
@@ -307,15 +334,20 @@ fn no_mean_is_taken_across_a_jump_in_depth() {
                 let stored = near_samples(bright_disc, &section, &view, 96 * 72, seed, one_path);
                 let mut tree = tree(size, &stored);
                 let draft = tree.draft();
-                let sum: f64 = pixels.iter().map(|&pixel| f64::from(draft.picture.pixels[pixel][1])).sum();
+                let sum: f64 =
+                    pixels.iter().map(|&pixel| f64::from(draft.picture.pixels[pixel][1])).sum();
                 sum / pixels.len() as f64
             })
             .collect();
         let mean = found.iter().sum::<f64>() / found.len() as f64;
-        let variance = found.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (found.len() - 1) as f64;
+        let variance = found.iter().map(|value| (value - mean).powi(2)).sum::<f64>()
+            / (found.len() - 1) as f64;
         let error = (variance / found.len() as f64).sqrt();
         println!("{mean:.4} ± {error:.4} for {expected}");
-        assert!((mean - expected).abs() < 0.02 * expected + 4.0 * error, "{mean} ± {error}: {expected}");
+        assert!(
+            (mean - expected).abs() < 0.02 * expected + 4.0 * error,
+            "{mean} ± {error}: {expected}"
+        );
     }
 }
 
@@ -326,8 +358,13 @@ fn drafts_end_at_the_largest_leaves() {
     let reference = truth(room, &view, SIZE, 6);
     let stored = samples(SIZE, 2.0, some_paths, false);
     for max_level in 1..=3 {
-        let mut tree =
-            quadtree(&section, &view, SIZE, QuadtreeParams { max_level, ..QuadtreeParams::default() }, &stored);
+        let mut tree = quadtree(
+            &section,
+            &view,
+            SIZE,
+            QuadtreeParams { max_level, ..QuadtreeParams::default() },
+            &stored,
+        );
         let whole = tree.draw();
         let error = relative_error(tree.draft(), &reference);
         assert_eq!(counts(tree.draft()), counts(&whole));
@@ -349,25 +386,31 @@ fn lamp(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
 fn lamps_hardly_shine_on_pixels_beside_them() {
     let size = (192, 144);
     let (section, view) = (room_section(8), room_view(size));
-    let pixels = || (0..i64::from(size.1)).flat_map(|y| (0..i64::from(size.0)).map(move |x| (x, y)));
+    let pixels =
+        || (0..i64::from(size.1)).flat_map(|y| (0..i64::from(size.0)).map(move |x| (x, y)));
     let is_lamp = |(x, y): (i64, i64)| {
-        let (x, y) = ((x as f64 + 0.5) / f64::from(size.0), 1.0 - (y as f64 + 0.5) / f64::from(size.1));
+        let (x, y) =
+            ((x as f64 + 0.5) / f64::from(size.0), 1.0 - (y as f64 + 0.5) / f64::from(size.1));
         let (eye, direction) = view.ray(x, y);
         lamp(eye, direction).0[0] > 1.0
     };
     let lit: Vec<_> = pixels().filter(|&pixel| is_lamp(pixel)).collect();
     assert!(lit.len() > 10);
-    let distance = |(x, y): (i64, i64)| lit.iter().map(|lit| (lit.0 - x).abs().max((lit.1 - y).abs())).min().unwrap();
+    let distance = |(x, y): (i64, i64)| {
+        lit.iter().map(|lit| (lit.0 - x).abs().max((lit.1 - y).abs())).min().unwrap()
+    };
     let beside: Vec<usize> = pixels()
         .enumerate()
         .filter(|&(_, pixel)| (3..=12).contains(&distance(pixel)))
         .map(|(number, _)| number)
         .collect();
-    let too_bright =
-        |frame: &Frame| beside.iter().map(|&pixel| f64::from(frame.picture.pixels[pixel][1]) - 0.5).sum::<f64>();
+    let too_bright = |frame: &Frame| {
+        beside.iter().map(|&pixel| f64::from(frame.picture.pixels[pixel][1]) - 0.5).sum::<f64>()
+    };
     let (mut of_whole, mut of_drafts) = (0.0, 0.0);
     for seed in 0..16 {
-        let mut tree = tree(size, &near_samples(lamp, &section, &view, 192 * 144, seed, some_paths));
+        let mut tree =
+            tree(size, &near_samples(lamp, &section, &view, 192 * 144, seed, some_paths));
         of_whole += too_bright(&tree.draw());
         of_drafts += too_bright(tree.draft());
     }

@@ -15,8 +15,10 @@ const SIZE: (u32, u32) = (96, 72);
 fn turned(degrees: f64) -> View {
     let view = room_view(SIZE);
     let (sin, cos) = degrees.to_radians().sin_cos();
-    let along = DVec3::new(view.vd.x * cos - view.vd.y * sin, view.vd.x * sin + view.vd.y * cos, view.vd.z);
-    View::new(view.vp + DVec3::new(0.1, -0.05, 0.0), along, DVec3::Z, Some(60.0), None, SIZE).unwrap()
+    let along =
+        DVec3::new(view.vd.x * cos - view.vd.y * sin, view.vd.x * sin + view.vd.y * cos, view.vd.z);
+    View::new(view.vp + DVec3::new(0.1, -0.05, 0.0), along, DVec3::Z, Some(60.0), None, SIZE)
+        .unwrap()
 }
 
 fn driver(keep: usize, stored: &[Stored]) -> Quadtree {
@@ -31,7 +33,12 @@ fn a_look_a_little_aside_shows_what_a_new_driver_with_the_same_samples_would() {
     let mut kept = driver(1_000_000, &stored);
     for degrees in [3.0, 9.0, 17.0] {
         assert!(kept.look(turned(degrees)));
-        let mut anew = Quadtree::new(Arc::from([section.clone()]), turned(degrees), SIZE, QuadtreeParams::default());
+        let mut anew = Quadtree::new(
+            Arc::from([section.clone()]),
+            turned(degrees),
+            SIZE,
+            QuadtreeParams::default(),
+        );
         insert(&mut anew, &stored);
         let (kept, anew) = (kept.draw(), anew.draw());
         assert_eq!(kept.picture.pixels, anew.picture.pixels);
@@ -69,7 +76,8 @@ fn no_more_samples_are_kept_than_asked_for_and_the_newest_stay() {
 fn samples_of_several_depths_are_counted_by_how_they_are_resolved() {
     let (section, view) = (room_section(4), room_view(SIZE));
     let count = |stored: &[Stored]| {
-        let (frame, depths) = quadtree(&section, &view, SIZE, QuadtreeParams::default(), stored).draw_and_count();
+        let (frame, depths) =
+            quadtree(&section, &view, SIZE, QuadtreeParams::default(), stored).draw_and_count();
         println!("{depths:?} of {} pixels", SIZE.0 * SIZE.1);
         (frame, depths)
     };
@@ -77,7 +85,8 @@ fn samples_of_several_depths_are_counted_by_how_they_are_resolved() {
     let (_, few) = count(&batch);
     assert!(few.remaining + few.by_leaves + few.by_near_samples > 0);
     // Samples through the eye resolve what they are added to, and leave no pixel that has both open.
-    let both: Vec<Stored> = batch.into_iter().chain(near_samples(room, &section, &view, 200_000, 5, clean)).collect();
+    let both: Vec<Stored> =
+        batch.into_iter().chain(near_samples(room, &section, &view, 200_000, 5, clean)).collect();
     let (_, many) = count(&both);
     assert!(many.by_near_samples > few.by_near_samples);
     assert!(many.remaining * 20 <= few.remaining, "{many:?} after {few:?}");

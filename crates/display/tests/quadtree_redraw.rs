@@ -79,9 +79,13 @@ fn pictures_in_a_burst_are_nearly_as_good_as_those_of_all_samples_and_at_rest_th
             start += more;
             let burst = tree.redraw(LATE).unwrap().clone();
             let all = tree.draw();
-            assert!(burst.samples_used <= all.samples_used && 5 * burst.samples_used >= 4 * all.samples_used);
+            assert!(
+                burst.samples_used <= all.samples_used
+                    && 5 * burst.samples_used >= 4 * all.samples_used
+            );
             assert_eq!(burst.depth.iter().filter(|&&depth| depth == 0.0).count(), 0);
-            let (error, best) = (relative_error(&burst, &reference), relative_error(&all, &reference));
+            let (error, best) =
+                (relative_error(&burst, &reference), relative_error(&all, &reference));
             println!("{name}, {more} more: error {error:.5}, with all {best:.5}");
             worst = worst.max(error / best);
         }
@@ -99,7 +103,9 @@ fn what_a_burst_brought_is_counted_as_in_a_whole_picture() {
     tree.redraw(LATE);
     for (number, some) in stored.chunks(997).take(12).enumerate() {
         insert(&mut tree, some);
-        let burst = tree.redraw(LATE).map(|frame| (frame.empty_pixels, frame.uncovered_pixels, frame.samples_used));
+        let burst = tree
+            .redraw(LATE)
+            .map(|frame| (frame.empty_pixels, frame.uncovered_pixels, frame.samples_used));
         let (empty, uncovered, used) = burst.unwrap();
         let all = tree.draw();
         // A pixel's first sample is always shown.
@@ -115,7 +121,8 @@ fn beams_that_see_nothing_are_shown_at_once() {
     let mut tree = empty(QuadtreeParams { sky, ..QuadtreeParams::default() });
     insert(&mut tree, &near_samples(room, &section, &view, 5000, 4, clean));
     tree.redraw(LATE);
-    let selection = select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
+    let selection =
+        select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     for wanted in selection.beams.iter().step_by(3) {
         tree.insert_unseen(0, wanted.beam);
         let burst = tree.redraw(LATE).unwrap();

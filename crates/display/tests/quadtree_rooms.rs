@@ -28,7 +28,8 @@ fn rooms(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
 
 /// The section of the eye's room and that of the other.
 fn sections() -> [Section; 2] {
-    let section = |x: f64| section([x, 0.0, 0.0], [3.0, 4.0, 4.0], [8; 3], ViewClass::Interior, true);
+    let section =
+        |x: f64| section([x, 0.0, 0.0], [3.0, 4.0, 4.0], [8; 3], ViewClass::Interior, true);
     [section(0.5), section(4.5)]
 }
 
@@ -38,19 +39,30 @@ fn wrong(own: f64, other: f64, is_towards_eye: bool) -> f64 {
     let [room, behind] = sections();
     let seen = view([1.0, 2.0, 2.0], [4.0, 2.0, 2.0], 60.0, SIZE);
     let mut random = Random(9);
-    let mut tree = Quadtree::new(Arc::from([room.clone(), behind.clone()]), seen, SIZE, QuadtreeParams::default());
+    let mut tree = Quadtree::new(
+        Arc::from([room.clone(), behind.clone()]),
+        seen,
+        SIZE,
+        QuadtreeParams::default(),
+    );
     for (beam, sample) in near_samples(rooms, &room, &seen, (PIXELS * own) as usize, 3, clean) {
         tree.insert(0, beam, 1, &[sample]);
     }
     for _ in 0..(PIXELS * other) as usize {
         let (eye, along) = seen.ray(random.unit(), random.unit());
-        let hit = if is_towards_eye { behind.line(eye + 50.0 * along, -along) } else { behind.line(eye, along) };
+        let hit = if is_towards_eye {
+            behind.line(eye + 50.0 * along, -along)
+        } else {
+            behind.line(eye, along)
+        };
         if let Some(hit) = hit {
-            let (beam, sample) = traced(rooms, &behind, behind.beam(hit.pair), hit.coords, &mut random, clean);
+            let (beam, sample) =
+                traced(rooms, &behind, behind.beam(hit.pair), hit.coords, &mut random, clean);
             tree.insert(1, beam, 1, &[sample]);
         }
     }
-    let is_wrong = |pixel: &&[f32; 3]| (0..3).any(|channel| (pixel[channel] - BROWN[channel]).abs() > 0.03);
+    let is_wrong =
+        |pixel: &&[f32; 3]| (0..3).any(|channel| (pixel[channel] - BROWN[channel]).abs() > 0.03);
     tree.draw().picture.pixels.iter().filter(is_wrong).count() as f64 / PIXELS
 }
 

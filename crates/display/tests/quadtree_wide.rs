@@ -21,7 +21,8 @@ fn glossy(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     if (p.x - ROOM.x).abs() > 1e-6 {
         return (colour, distance);
     }
-    let lobe = (0.1 + 0.9 * (-20.0 * (direction.y * direction.y + direction.z * direction.z)).exp()) as f32;
+    let lobe = (0.1 + 0.9 * (-20.0 * (direction.y * direction.y + direction.z * direction.z)).exp())
+        as f32;
     ([lobe, lobe, 0.9 * lobe], distance)
 }
 
@@ -31,8 +32,9 @@ fn of_beams(scene: Scene, beams: &[BeamId], each: u32, noise: Noise) -> Vec<Stor
     let mut stored = Vec::new();
     for &beam in beams {
         let sampler = section.beam_sampler(0, beam, None).unwrap();
-        stored
-            .extend((0..each).map(|number| traced(scene, &section, beam, sampler.coords(number), &mut random, noise)));
+        stored.extend((0..each).map(|number| {
+            traced(scene, &section, beam, sampler.coords(number), &mut random, noise)
+        }));
     }
     stored
 }
@@ -81,7 +83,8 @@ fn rays_that_end_in(view: &View, asked: &BTreeSet<BeamId>) -> (u32, u32) {
         let Some(hit) = section.line(from, to - from) else { continue };
         let ray = section.ray(hit.pair, hit.coords);
         let start = section.trace_start(&ray);
-        let end = ray.origin + ray.direction * (start + room(ray.origin + ray.direction * start, ray.direction).1);
+        let end = ray.origin
+            + ray.direction * (start + room(ray.origin + ray.direction * start, ray.direction).1);
         let is_seen = view.project(end).is_some_and(|(x, y, distance)| {
             let clear = room(view.vp, (end - view.vp).normalize()).1;
             (0.0..1.0).contains(&x) && (0.0..1.0).contains(&y) && distance < 1.001 * clear
@@ -108,10 +111,16 @@ fn surface_beams_hold_most_samples_that_end_on_what_is_seen() {
 }
 
 #[test]
-fn the_best_surface_beams_hold_more_of_it_each_and_as_many_are_asked_for_as_hold_some_samples_a_pixel() {
+fn the_best_surface_beams_hold_more_of_it_each_and_as_many_are_asked_for_as_hold_some_samples_a_pixel()
+ {
     let (section, view) = (room_section(8), room_view(SIZE));
-    let tree =
-        quadtree(&section, &view, SIZE, QuadtreeParams::default(), &near_samples(room, &section, &view, 400, 3, clean));
+    let tree = quadtree(
+        &section,
+        &view,
+        SIZE,
+        QuadtreeParams::default(),
+        &near_samples(room, &section, &view, 400, 3, clean),
+    );
     let all: BTreeSet<BeamId> = surface_beams(&tree).into_iter().collect();
     let (_, of_all) = rays_that_end_in(&view, &all);
     let mut last = usize::MAX;
@@ -139,9 +148,15 @@ fn beams_of_sections_that_are_further_from_what_is_seen_come_last() {
     for (beam, sample) in near_samples(room, &near, &view, 4000, 3, clean) {
         tree.insert(1, beam, 1, &[sample]);
     }
-    let count = |beams: &[(u16, BeamId)], section| beams.iter().filter(|beam| beam.0 == section).count();
+    let count =
+        |beams: &[(u16, BeamId)], section| beams.iter().filter(|beam| beam.0 == section).count();
     let (all, best) = (tree.surface_beams(), tree.best_surface_beams(|_| 20.0));
-    assert!(count(&all, 0) > 1000 && count(&best, 1) > 1000, "{} {}", count(&all, 0), count(&best, 1));
+    assert!(
+        count(&all, 0) > 1000 && count(&best, 1) > 1000,
+        "{} {}",
+        count(&all, 0),
+        count(&best, 1)
+    );
     assert!(count(&best, 0) * 20 < count(&best, 1), "{} {}", count(&best, 0), count(&best, 1));
 }
 
@@ -167,6 +182,15 @@ fn depths_are_those_of_the_drawn_picture() {
 
 #[test]
 fn nothing_is_asked_for_while_nothing_is_shown() {
-    let tree = Quadtree::new(Arc::from([room_section(4)]), room_view(SIZE), SIZE, QuadtreeParams::default());
-    assert!(tree.surface_beams().is_empty() && tree.best_surface_beams(|_| 1.0).is_empty() && tree.depth().is_empty());
+    let tree = Quadtree::new(
+        Arc::from([room_section(4)]),
+        room_view(SIZE),
+        SIZE,
+        QuadtreeParams::default(),
+    );
+    assert!(
+        tree.surface_beams().is_empty()
+            && tree.best_surface_beams(|_| 1.0).is_empty()
+            && tree.depth().is_empty()
+    );
 }

@@ -78,7 +78,11 @@ fn view_b_outside_and_looking_away_is_covered_where_lines_meet_the_section_behin
     let half = 50_f64.to_radians().tan();
     let expected = (0.5 / half) * (0.5 / (half * 0.75));
     // One ray in each stratum: only strata on the border vary, about 400 of 19200.
-    assert!((selection.covered.fraction() - expected).abs() < 0.01, "{} {expected}", selection.covered.fraction());
+    assert!(
+        (selection.covered.fraction() - expected).abs() < 0.01,
+        "{} {expected}",
+        selection.covered.fraction()
+    );
 }
 
 #[test]
@@ -105,14 +109,21 @@ fn view_d_outside_an_exterior_section_misses_what_lies_beside_it() {
     for row in 0..side {
         for column in 0..side {
             // The slope across and up; left is +y. Met if the line is within the face x = 0, or enters at y = 0: never here.
-            let across = (1.0 - 2.0 * (f64::from(column) + 0.5) / f64::from(side)) * 30_f64.to_radians().tan();
-            let up = (1.0 - 2.0 * (f64::from(row) + 0.5) / f64::from(side)) * 30_f64.to_radians().tan() * 0.75;
+            let across = (1.0 - 2.0 * (f64::from(column) + 0.5) / f64::from(side))
+                * 30_f64.to_radians().tan();
+            let up = (1.0 - 2.0 * (f64::from(row) + 0.5) / f64::from(side))
+                * 30_f64.to_radians().tan()
+                * 0.75;
             expected += f64::from(u8::from((0.0..1.0).contains(&across) && up.abs() < 0.5));
         }
     }
     expected /= f64::from(side * side);
     assert!(expected > 0.4 && expected < 0.6);
-    assert!((selection.covered.fraction() - expected).abs() < 0.01, "{} {expected}", selection.covered.fraction());
+    assert!(
+        (selection.covered.fraction() - expected).abs() < 0.01,
+        "{} {expected}",
+        selection.covered.fraction()
+    );
     assert!((total(&selection) - selection.covered.pixels).abs() < 0.01);
     for wanted in &selection.beams {
         assert_eq!(sections[0].cells(wanted.beam).unwrap().entry.wall, 0);
@@ -126,7 +137,8 @@ fn of_several_sections_the_nearest_has_the_weight_and_others_a_small_share() {
     let sections = [at(2.0), at(6.0), at(4.0), at(-2.0), at(0.0)];
     let seen = view([2.5, 0.5, 0.5], [3.0, 0.5, 0.5], 4.0, SIZE);
     let selection = select(&sections, &seen);
-    let weights: Vec<f64> = (0..5).map(|number| exit_weight(&sections, &selection, number, 1).1 / ALL).collect();
+    let weights: Vec<f64> =
+        (0..5).map(|number| exit_weight(&sections, &selection, number, 1).1 / ALL).collect();
     let expected = [0.875, 0.0, 0.0625, 0.0, 0.0625];
     for (weight, expected) in weights.iter().zip(expected) {
         assert!((weight - expected).abs() < 1e-4, "{weights:?}");
@@ -137,7 +149,8 @@ fn of_several_sections_the_nearest_has_the_weight_and_others_a_small_share() {
 
     // Between sections: ahead before behind.
     let selection = select(&sections[1..], &seen);
-    let weights: Vec<f64> = (0..4).map(|number| exit_weight(&sections[1..], &selection, number, 1).1 / ALL).collect();
+    let weights: Vec<f64> =
+        (0..4).map(|number| exit_weight(&sections[1..], &selection, number, 1).1 / ALL).collect();
     for (weight, expected) in weights.iter().zip([0.0, 0.9375, 0.0, 0.0625]) {
         assert!((weight - expected).abs() < 1e-4, "{weights:?}");
     }
@@ -165,7 +178,9 @@ fn nearly_all_weight_of_a_dense_view_is_in_the_selected_beams() {
         };
         let (coarse, beams) = share(&SelectOptions::default());
         let (fine, all) = share(&SelectOptions { pixels_a_side: 1, ..SelectOptions::default() });
-        println!("{grid}³: {coarse:.4} of the weight in {beams} beams; one ray a pixel: {fine:.4} in {all}");
+        println!(
+            "{grid}³: {coarse:.4} of the weight in {beams} beams; one ray a pixel: {fine:.4} in {all}"
+        );
         assert!(coarse > least, "{grid}: {coarse}");
         assert!(fine > 0.9995, "{grid}: {fine}");
     }
@@ -204,7 +219,12 @@ fn selection_is_reproducible_and_its_seed_matters() {
     let sections = [room_section(16)];
     let seen = room_view(SIZE);
     assert_eq!(select(&sections, &seen), select(&sections, &seen));
-    let other = select_beams(&sections, &seen, SIZE, &SelectOptions { seed: 1, ..SelectOptions::default() });
+    let other = select_beams(
+        &sections,
+        &seen,
+        SIZE,
+        &SelectOptions { seed: 1, ..SelectOptions::default() },
+    );
     assert_ne!(select(&sections, &seen), other);
     assert!(select(&[], &seen).beams.is_empty());
     assert_eq!(select(&[], &seen).covered.fraction(), 0.0);
@@ -218,6 +238,7 @@ fn the_viewpoint_radius_is_a_samples_width_at_the_nearest_surface() {
     assert!((viewpoint_radius(&seen, (100, 100), 5.0, 4.0) - 0.05).abs() < 1e-12);
     let (eye, left) = seen.ray(0.5 - 0.005, 0.5);
     let right = seen.ray(0.5 + 0.005, 0.5).1;
-    let width = (DVec3::new(5.0, 0.0, 0.0) + eye).distance(eye) * (left / left.x - right / right.x).length();
+    let width = (DVec3::new(5.0, 0.0, 0.0) + eye).distance(eye)
+        * (left / left.x - right / right.x).length();
     assert!((width - 0.1).abs() < 1e-12);
 }

@@ -31,16 +31,20 @@ fn pixels_of_unseen_beams_show_the_sky_exactly_and_no_others_do() {
     let params = QuadtreeParams { leaf: LeafSize::Fixed(0), ..params() };
     let plain = quadtree(&section, &view, SIZE, params, &stored).draw();
     // Every second beam of the view, as if it saw nothing. Samples that land in its pixels are there all the same.
-    let selection = select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
-    let unseen: HashSet<BeamId> = selection.beams.iter().step_by(2).map(|wanted| wanted.beam).collect();
+    let selection =
+        select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
+    let unseen: HashSet<BeamId> =
+        selection.beams.iter().step_by(2).map(|wanted| wanted.beam).collect();
     let mut tree = quadtree(&section, &view, SIZE, params, &stored);
     unseen.iter().for_each(|&beam| tree.insert_unseen(0, beam));
     let frame = tree.draw();
     let mut shown = 0;
     for row in 0..SIZE.1 {
         for column in 0..SIZE.0 {
-            let (x, y) =
-                ((f64::from(column) + 0.5) / f64::from(SIZE.0), 1.0 - (f64::from(row) + 0.5) / f64::from(SIZE.1));
+            let (x, y) = (
+                (f64::from(column) + 0.5) / f64::from(SIZE.0),
+                1.0 - (f64::from(row) + 0.5) / f64::from(SIZE.1),
+            );
             let (eye, along) = view.ray(x, y);
             let beam = section.line(eye, along).map(|hit| section.beam(hit.pair));
             let pixel = (row * SIZE.0 + column) as usize;
@@ -60,7 +64,8 @@ fn pixels_of_unseen_beams_show_the_sky_exactly_and_no_others_do() {
 #[test]
 fn without_samples_unseen_pixels_are_known_and_the_rest_are_empty() {
     let (section, view) = (room_section(4), room_view(SIZE));
-    let selection = select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
+    let selection =
+        select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     let mut tree = Quadtree::new(Arc::from([section]), view, SIZE, params());
     let covered = u64::from(SIZE.0 * SIZE.1) - tree.draw().uncovered_pixels;
     selection.beams.iter().step_by(3).for_each(|wanted| tree.insert_unseen(0, wanted.beam));
@@ -76,7 +81,8 @@ fn without_samples_unseen_pixels_are_known_and_the_rest_are_empty() {
 fn when_a_beam_becomes_known_changes_no_bit() {
     let (section, view) = (room_section(4), room_view(SIZE));
     let stored = near_samples(room, &section, &view, 5_000, 2, one_path);
-    let selection = select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
+    let selection =
+        select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     let unseen: Vec<BeamId> = selection.beams.iter().step_by(2).map(|wanted| wanted.beam).collect();
     let mut last = quadtree(&section, &view, SIZE, params(), &stored);
     unseen.iter().for_each(|&beam| last.insert_unseen(0, beam));

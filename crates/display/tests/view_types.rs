@@ -6,8 +6,12 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::pointimage::{Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stages};
-use holo_display::{LeafSize, Quadtree, QuadtreeParams, SelectOptions, Voronoi, select_beams, viewpoint};
+use holo_display::pointimage::{
+    Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stages,
+};
+use holo_display::{
+    LeafSize, Quadtree, QuadtreeParams, SelectOptions, Voronoi, select_beams, viewpoint,
+};
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene as Geometry};
@@ -25,7 +29,13 @@ fn view_of(kind: ViewKind) -> View {
         ViewKind::Angular => 300.0,
         _ => 170.0,
     };
-    let spec = ViewSpec { kind: Some(kind), vh: Some(vh), vs: Some(0.05), vl: Some(-0.03), ..ViewSpec::default() };
+    let spec = ViewSpec {
+        kind: Some(kind),
+        vh: Some(vh),
+        vs: Some(0.05),
+        vl: Some(-0.03),
+        ..ViewSpec::default()
+    };
     let towards = DVec3::new(0.9, 0.35, -0.1);
     let spec = ViewSpec { vp: Some(DVec3::new(3.3, 4.1, 3.0)), vd: Some(towards), ..spec };
     spec.resolve(SIZE).unwrap().0
@@ -47,14 +57,23 @@ fn a_sample_lands_where_the_view_sees_its_surface() {
         let mut random = Random(9);
         let (mut shown, mut behind) = (0, 0);
         for _ in 0..250 {
-            let Some((origin, direction)) = seen.try_ray(random.unit(), random.unit()) else { continue };
+            let Some((origin, direction)) = seen.try_ray(random.unit(), random.unit()) else {
+                continue;
+            };
             let near = origin + DVec3::new(random.unit(), random.unit(), random.unit()) * 0.2;
             let Some(hit) = section.line(near, direction) else { continue };
             let ray = section.ray(hit.pair, hit.coords);
-            let sample = Sample::encode(hit.coords, [0.25, 0.5, 1.0], 0.5 + 9.0 * random.unit(), section.diagonal(), 0);
+            let sample = Sample::encode(
+                hit.coords,
+                [0.25, 0.5, 1.0],
+                0.5 + 9.0 * random.unit(),
+                section.diagonal(),
+                0,
+            );
             let surface = ray.origin + ray.direction * sample.distance(section.diagonal());
             let place = seen.project(surface);
-            let pixel = place.and_then(|(x, y, distance)| Some((View::pixel_at(SIZE, x, y)?, x, y, distance)));
+            let pixel = place
+                .and_then(|(x, y, distance)| Some((View::pixel_at(SIZE, x, y)?, x, y, distance)));
             let params = QuadtreeParams { leaf: LeafSize::Fixed(0), ..QuadtreeParams::default() };
             let mut tree = Quadtree::new(Arc::from([section.clone()]), seen, SIZE, params);
             tree.insert(0, section.beam(hit.pair), 1, &[sample]);
@@ -86,12 +105,15 @@ fn a_sample_lands_where_the_view_sees_its_surface() {
             let depth = f64::from(frame.depth[(row * SIZE.0 + column) as usize]);
             assert!((depth / distance - 1.0).abs() < 0.02, "{kind:?} {depth} {distance}");
             // The render cache has it there, too.
-            let stages = Stages { prefilter: false, interpolation: false, depth_cull: false, ..Stages::ALL };
+            let stages =
+                Stages { prefilter: false, interpolation: false, depth_cull: false, ..Stages::ALL };
             let params = PointImageParams { stages, ..PointImageParams::default() };
             let mut cache = PointImage::new(SIZE, params).unwrap();
             let points = [PointSample::new(Place::At(surface), [0.25, 0.5, 1.0])];
-            let made = cache.frame(&Moment { view: seen, predicted: None, samples: &points, wanted: 0 });
-            let has_point: Vec<usize> = (0..).zip(made.has_point()).filter(|(_, has)| *has).map(|(at, _)| at).collect();
+            let made =
+                cache.frame(&Moment { view: seen, predicted: None, samples: &points, wanted: 0 });
+            let has_point: Vec<usize> =
+                (0..).zip(made.has_point()).filter(|(_, has)| *has).map(|(at, _)| at).collect();
             assert_eq!(has_point, [(row * SIZE.0 + column) as usize], "{kind:?}");
             if kind != ViewKind::Perspective {
                 let depth = f64::from(made.depth().find(|&depth| depth > 0.0).unwrap());
@@ -112,8 +134,12 @@ fn the_view_s_own_samples_make_the_picture_of_its_rays() {
         let seen = view_of(kind);
         let stored = near_samples(room, &section, &seen, 40 * (SIZE.0 * SIZE.1) as usize, 3, clean);
         let frame = quadtree(&section, &seen, SIZE, QuadtreeParams::default(), &stored).draw();
-        let mut expected =
-            truth(|eye, along| if along == DVec3::ZERO { ([0.0; 3], 0.0) } else { room(eye, along) }, &seen, SIZE, 8);
+        let mut expected = truth(
+            |eye, along| if along == DVec3::ZERO { ([0.0; 3], 0.0) } else { room(eye, along) },
+            &seen,
+            SIZE,
+            8,
+        );
         let mut corners = 0;
         for (pixel, x, y) in pixels() {
             if seen.try_ray(x, y).is_none() {
@@ -143,7 +169,9 @@ fn rays_that_meet_nothing_show_it_in_every_view() {
             let Some((_, along)) = seen.try_ray(x, y) else { continue };
             assert!(frame.depth[pixel].is_infinite(), "{kind:?}");
             let (wanted, _) = sky(DVec3::ZERO, along);
-            let off = (0..3).map(|i| (frame.picture.pixels[pixel][i] - wanted[i]).abs()).fold(0.0, f32::max);
+            let off = (0..3)
+                .map(|i| (frame.picture.pixels[pixel][i] - wanted[i]).abs())
+                .fold(0.0, f32::max);
             // A pixel of the widest view is 7° wide at its rim, and cells of a 24³ grid spread a parallel view's rays as far.
             assert!(off < 0.4 * 0.14, "{kind:?}: {off}");
         }
@@ -152,7 +180,8 @@ fn rays_that_meet_nothing_show_it_in_every_view() {
 
 /// The walls of a room, each of its own colour, around the section.
 fn walls() -> (Arc<Raycaster>, Vec<[f32; 3]>) {
-    let colours: Vec<[f32; 3]> = (1..=6).map(|i| [0.1 * i as f32, 0.9 - 0.1 * i as f32, 0.3]).collect();
+    let colours: Vec<[f32; 3]> =
+        (1..=6).map(|i| [0.1 * i as f32, 0.9 - 0.1 * i as f32, 0.3]).collect();
     let (mut positions, mut triangles, mut ids) = (Vec::new(), Vec::new(), Vec::new());
     for side in 0..6_u32 {
         let axis = side as usize / 2;
@@ -167,9 +196,11 @@ fn walls() -> (Arc<Raycaster>, Vec<[f32; 3]>) {
         triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
         ids.extend([side; 2]);
     }
-    let material = |&kd: &[f32; 3]| Material { bsdf: Bsdf::Diffuse { kd }, ..Material::grey("wall") };
+    let material =
+        |&kd: &[f32; 3]| Material { bsdf: Bsdf::Diffuse { kd }, ..Material::grey("wall") };
     let materials = colours.iter().map(material).collect();
-    let (scene, _) = Geometry::from_world(&positions, &triangles, &ids, materials, [7.0; 3]).unwrap();
+    let (scene, _) =
+        Geometry::from_world(&positions, &triangles, &ids, materials, [7.0; 3]).unwrap();
     (Arc::new(Raycaster::build(Arc::new(scene)).unwrap()), colours)
 }
 
@@ -189,7 +220,8 @@ fn voronoi_shows_every_type_with_true_edges() {
     let section = room_section(8);
     for kind in ViewKind::ALL {
         let seen = view_of(kind);
-        let mut driver = Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), seen, SIZE);
+        let mut driver =
+            Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), seen, SIZE);
         // Light of 1 everywhere: what is seen is the albedo. Few samples, from anywhere in the section.
         let mut random = Random(4);
         for _ in 0..3000 {
@@ -197,7 +229,12 @@ fn voronoi_shows_every_type_with_true_edges() {
             let coords = holo_section::RayCoords((random.bits() as u32).to_le_bytes());
             let ray = section.ray(section.cells(beam).unwrap(), coords);
             let (wall, distance) = wall_seen(ray.origin, ray.direction);
-            driver.insert(0, beam, 1, &[Sample::encode(coords, colours[wall], distance, section.diagonal(), 0)]);
+            driver.insert(
+                0,
+                beam,
+                1,
+                &[Sample::encode(coords, colours[wall], distance, section.diagonal(), 0)],
+            );
         }
         let drawn = driver.draw();
         let mut compared = 0;
@@ -208,12 +245,23 @@ fn voronoi_shows_every_type_with_true_edges() {
                 continue;
             };
             let (wall, distance) = wall_seen(origin, along);
-            assert!((f64::from(depth) / distance - 1.0).abs() < 1e-4, "{kind:?}: {depth} for {distance}");
+            assert!(
+                (f64::from(depth) / distance - 1.0).abs() < 1e-4,
+                "{kind:?}: {depth} for {distance}"
+            );
             // Away from edges, since there a pixel is a mean.
             let (right, down) = (1.5 / f64::from(SIZE.0), 1.5 / f64::from(SIZE.1));
-            let around = [(-right, -down), (right, -down), (-right, down), (right, down), (0.0, down), (right, 0.0)];
+            let around = [
+                (-right, -down),
+                (right, -down),
+                (-right, down),
+                (right, down),
+                (0.0, down),
+                (right, 0.0),
+            ];
             let is_inner = around.iter().all(|(dx, dy)| {
-                seen.try_ray(x + dx, y + dy).is_some_and(|(origin, along)| wall_seen(origin, along).0 == wall)
+                seen.try_ray(x + dx, y + dy)
+                    .is_some_and(|(origin, along)| wall_seen(origin, along).0 == wall)
             });
             if is_inner {
                 // RGBE keeps the largest channel to 0.4 %.
@@ -233,14 +281,17 @@ fn a_view_of_any_type_wants_the_beams_of_its_rays() {
         let seen = view_of(kind);
         // So many pixels that a panorama's beams have some each.
         let size = (4 * SIZE.0, 4 * SIZE.1);
-        let selection = select_beams(std::slice::from_ref(&section), &seen, size, &SelectOptions::default());
+        let selection =
+            select_beams(std::slice::from_ref(&section), &seen, size, &SelectOptions::default());
         let (mut rays, mut found, mut seeing) = (0, 0, 0);
         for (_, x, y) in pixels() {
             let Some((origin, along)) = seen.try_ray(x, y) else { continue };
             seeing += 1;
             let Some(hit) = section.line(origin, along) else { continue };
             rays += 1;
-            found += usize::from(selection.beams.iter().any(|wanted| wanted.beam == section.beam(hit.pair)));
+            found += usize::from(
+                selection.beams.iter().any(|wanted| wanted.beam == section.beam(hit.pair)),
+            );
         }
         // What the selection's rays miss, cells that a picture only grazes, is little.
         assert!(f64::from(found as u32) >= 0.95 * f64::from(rays), "{kind:?}: {found} of {rays}");
@@ -265,8 +316,9 @@ fn rays_asked_for_go_along_with_a_parallel_view() {
     let middle = section.local_to_world(DVec3::splat(0.5));
     let spec = ViewSpec { vp: Some(middle), vd: Some(DVec3::new(0.8, 0.5, 0.2)), ..spec };
     let seen = spec.resolve(SIZE).unwrap().0;
-    let corners =
-        (0..8).map(|corner| DVec3::new(f64::from(corner & 1), f64::from(corner >> 1 & 1), f64::from(corner >> 2)));
+    let corners = (0..8).map(|corner| {
+        DVec3::new(f64::from(corner & 1), f64::from(corner >> 1 & 1), f64::from(corner >> 2))
+    });
     let reach = corners.map(|at| section.local_to_world(at).distance(middle)).fold(0.0, f64::max);
     let sections = [section];
     let selection = select_beams(&sections, &seen, SIZE, &SelectOptions::default());
@@ -300,11 +352,15 @@ fn voronoi_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
     let (fore, aft) = (5.0, 7.4);
     for kind in ViewKind::ALL {
         let plain = view_of(kind);
-        let words = |clips: &str| View::parse_vf(&format!("{} {clips}", plain.to_vf_options())).unwrap();
+        let words =
+            |clips: &str| View::parse_vf(&format!("{} {clips}", plain.to_vf_options())).unwrap();
         let seen_by = |clips: &str| words(clips).resolve(SIZE).unwrap().0;
         let (clipped, near_only) = (seen_by("-vo 5 -va 7.4"), seen_by("-vo 5"));
-        let drawn =
-            |view: View| Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), view, SIZE).draw().frame;
+        let drawn = |view: View| {
+            Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), view, SIZE)
+                .draw()
+                .frame
+        };
         let (frame, open) = (drawn(clipped), drawn(near_only));
         let mut count = [0; 3];
         for (pixel, x, y) in pixels() {
@@ -323,7 +379,10 @@ fn voronoi_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
                 assert!(shown == f64::INFINITY && far == f64::INFINITY, "{kind:?}");
                 count[0] += 1;
             } else {
-                assert!((far / (distance - from_plane) - 1.0).abs() < 1e-4, "{kind:?}: {far} for {distance}");
+                assert!(
+                    (far / (distance - from_plane) - 1.0).abs() < 1e-4,
+                    "{kind:?}: {far} for {distance}"
+                );
                 if depth > aft {
                     assert_eq!(shown, f64::INFINITY, "{kind:?}");
                     count[2] += 1;
@@ -339,10 +398,15 @@ fn voronoi_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
                 && pixel > width
                 && pixel + width + 1 < frame.depth.len();
             let around = [0, width, 2 * width].into_iter().flat_map(|row| row..row + 3);
-            if is_in && around.into_iter().all(|offset| at(pixel + offset - width - 1) == f64::INFINITY) {
+            if is_in
+                && around.into_iter().all(|offset| at(pixel + offset - width - 1) == f64::INFINITY)
+            {
                 assert_eq!(frame.picture.pixels[pixel], [0.0; 3], "{kind:?}");
                 if far == f64::INFINITY && depth < fore {
-                    assert!(open.picture.pixels[pixel].iter().all(|&channel| channel > 0.0), "{kind:?}: the sky");
+                    assert!(
+                        open.picture.pixels[pixel].iter().all(|&channel| channel > 0.0),
+                        "{kind:?}: the sky"
+                    );
                 }
             }
         }

@@ -48,7 +48,8 @@ struct Report {
 
 /// See [`Args`].
 pub fn run(args: &Args) -> Result<()> {
-    let read = |path: &PathBuf| Picture::read(path).with_context(|| format!("reading {}", path.display()));
+    let read =
+        |path: &PathBuf| Picture::read(path).with_context(|| format!("reading {}", path.display()));
     let (picture, reference) = (read(&args.picture)?, read(&args.reference)?);
     let measures = holo_picture::compare(&picture, &reference)?;
     let worst_block_shown = holo_picture::worst_block_shown(&picture, &reference)?;

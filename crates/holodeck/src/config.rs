@@ -112,8 +112,9 @@ impl View {
         let mut words = vec![kind, triple("vp", self.vp), triple("vd", self.vd)];
         words.extend(self.vu.map(|vu| triple("vu", vu)));
         let clips = [("vo", self.vo), ("va", self.va)];
-        for (name, value) in
-            [("vh", self.vh), ("vv", self.vv), ("vs", self.vs), ("vl", self.vl)].into_iter().chain(clips)
+        for (name, value) in [("vh", self.vh), ("vv", self.vv), ("vs", self.vs), ("vl", self.vl)]
+            .into_iter()
+            .chain(clips)
         {
             words.extend(value.map(|value| format!("-{name} {value}")));
         }
@@ -127,12 +128,17 @@ impl Config {
     /// # Errors
     /// If it cannot be read or a key is unknown or of the wrong type, with the file and the line.
     pub fn read(path: &Path) -> Result<Config> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
-        let mut config: Config = toml::from_str(&text).with_context(|| path.display().to_string())?;
+        let text =
+            std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        let mut config: Config =
+            toml::from_str(&text).with_context(|| path.display().to_string())?;
         let folder = path.parent().unwrap_or(Path::new(""));
         config.scene = config.scene.map(|scene| folder.join(scene));
-        for path in
-            config.section.iter_mut().flat_map(|section| [&mut section.geometry, &mut section.portals]).flatten()
+        for path in config
+            .section
+            .iter_mut()
+            .flat_map(|section| [&mut section.geometry, &mut section.portals])
+            .flatten()
         {
             *path = folder.join(&*path);
         }

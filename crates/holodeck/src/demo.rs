@@ -41,7 +41,8 @@ const PICTURES: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0
 pub async fn run(args: Args) -> Result<()> {
     let out = args.out.display();
     std::fs::create_dir_all(&args.out).with_context(|| format!("making {out}"))?;
-    let written = holo_scenes::write(Bundled::Interior, &args.out).with_context(|| format!("writing to {out}"))?;
+    let written = holo_scenes::write(Bundled::Interior, &args.out)
+        .with_context(|| format!("writing to {out}"))?;
     println!("scene: {}", written.obj.display());
     let mut config = Config::read(&written.config)?;
     // Records of so many small surfaces take longer than a demonstration does.
@@ -54,7 +55,11 @@ pub async fn run(args: Args) -> Result<()> {
     drop(prepare::make(&file, &config)?);
     let mut script = String::new();
     for seconds in PICTURES.into_iter().filter(|&seconds| seconds < args.time) {
-        writeln!(script, "{seconds} picture {}", args.out.join(format!("{seconds:03}s.png")).display())?;
+        writeln!(
+            script,
+            "{seconds} picture {}",
+            args.out.join(format!("{seconds:03}s.png")).display()
+        )?;
     }
     writeln!(script, "{} quit", args.time)?;
     let path = args.out.join("script.txt");
@@ -76,7 +81,10 @@ pub async fn run(args: Args) -> Result<()> {
         })
         .await?;
     println!("the pictures are in {out}; the last is {}", last.display());
-    println!("from another place, without tracing: holodeck picture {} --view NAME -o view.png", file.display());
+    println!(
+        "from another place, without tracing: holodeck picture {} --view NAME -o view.png",
+        file.display()
+    );
     let names: Vec<&str> = config.view.iter().map(|view| view.name.as_str()).collect();
     println!("where NAME is one of {}", names.join(", "));
     Ok(())

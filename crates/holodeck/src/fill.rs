@@ -57,16 +57,19 @@ pub struct Args {
 /// See [`Args`].
 pub async fn run(args: Args) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
-    let configured = config.time.as_deref().map(holo_server::parse_time).transpose().map_err(Usage)?;
+    let configured =
+        config.time.as_deref().map(holo_server::parse_time).transpose().map_err(Usage)?;
     let time = args.time.or(configured.filter(|_| args.samples.is_none()));
     if time.is_none() && args.samples.is_none() {
         return Err(Usage("how long? Say --time 30m or --samples 20M".into()).into());
     }
-    let configured = config.enough.as_deref().map(holo_server::parse_count).transpose().map_err(Usage)?;
+    let configured =
+        config.enough.as_deref().map(holo_server::parse_count).transpose().map_err(Usage)?;
     let enough = args.enough.or(configured);
     // Only made, checked and closed here: the server is the one who writes.
     drop(prepare::make(&args.output, &config)?);
-    let mut arguments: Vec<OsString> = vec![args.output.clone().into(), "--fill".into(), "--json".into()];
+    let mut arguments: Vec<OsString> =
+        vec![args.output.clone().into(), "--fill".into(), "--json".into()];
     if let Some(time) = time {
         arguments.extend(["--time".into(), time.as_secs_f64().to_string().into()]);
     }

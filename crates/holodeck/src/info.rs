@@ -99,14 +99,15 @@ struct SceneInfo {
 }
 
 fn collect(file: &Path) -> Result<Info> {
-    let bytes_per_hour = bytes_per_hour(file).with_context(|| format!("reading {}", file.display()))?;
+    let bytes_per_hour =
+        bytes_per_hour(file).with_context(|| format!("reading {}", file.display()))?;
     let holodeck = Holodeck::open_read_only(file, SMALL_CACHE)?;
     let stats = holodeck.file.stats();
     let about = &holodeck.about;
     let unseen = holodeck.unseen();
     let shares = unseen_shares(&holodeck.sections, &unseen);
-    let sections =
-        holodeck.sections.iter().zip(&stats.sections).enumerate().map(|(index, (section, stats))| SectionInfo {
+    let sections = holodeck.sections.iter().zip(&stats.sections).enumerate().map(
+        |(index, (section, stats))| SectionInfo {
             grid: section.spec().grid,
             beams: section.beam_count(),
             nonempty: stats.nonempty_beams,
@@ -117,7 +118,8 @@ fn collect(file: &Path) -> Result<Info> {
             axes: section.spec().axes,
             class: section.spec().class,
             obstructions: section.spec().obstructions,
-        });
+        },
+    );
     Ok(Info {
         file: file.to_owned(),
         bytes: stats.file_bytes,
@@ -136,7 +138,10 @@ fn collect(file: &Path) -> Result<Info> {
         light_records: holodeck.light().len(),
         light_rays: holodeck.light().rays(),
         views: about.views.clone(),
-        stand_ins: about.stand_ins.as_ref().map_or_else(Vec::new, |stand_ins| stand_ins.sources.clone()),
+        stand_ins: about
+            .stand_ins
+            .as_ref()
+            .map_or_else(Vec::new, |stand_ins| stand_ins.sources.clone()),
         up: about.up,
         unit: about.unit,
         damage: damage(&holodeck),
@@ -191,17 +196,27 @@ pub fn info(args: &InfoArgs) -> Result<()> {
         println!("{}", serde_json::to_string_pretty(&info)?);
         return Ok(());
     }
-    println!("{}: {}, {} samples", args.file.display(), HumanBytes(info.bytes), HumanCount(info.samples));
+    println!(
+        "{}: {}, {} samples",
+        args.file.display(),
+        HumanBytes(info.bytes),
+        HumanCount(info.samples)
+    );
     if info.bytes_per_hour > 0.0 {
         println!("being written: {} more an hour", HumanBytes(info.bytes_per_hour as u64));
     }
     if info.superseded_bytes > 0 {
-        println!("superseded: {} of samples that were traced again with more paths", HumanBytes(info.superseded_bytes));
+        println!(
+            "superseded: {} of samples that were traced again with more paths",
+            HumanBytes(info.superseded_bytes)
+        );
     }
-    let paths = info.paths.iter().map(|(paths, samples)| format!("{} of {paths}", HumanCount(*samples)));
+    let paths =
+        info.paths.iter().map(|(paths, samples)| format!("{} of {paths}", HumanCount(*samples)));
     println!("samples by paths: {}", paths.collect::<Vec<_>>().join(", "));
     println!("scene: {}", info.scene.source);
-    let bounces = info.settings.bounces.map_or("no limit of bounces".to_owned(), |n| format!("{n} bounces"));
+    let bounces =
+        info.settings.bounces.map_or("no limit of bounces".to_owned(), |n| format!("{n} bounces"));
     let distances = if info.settings.virtual_distance { ", virtual distances" } else { "" };
     println!(
         "engine: {:?}, {bounces}, {} paths per sample{distances}",

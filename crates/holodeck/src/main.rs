@@ -59,13 +59,14 @@ enum Command {
 fn main() -> ExitCode {
     // clap ends with status 2 on wrong usage, by itself.
     let command = Program::parse().command.unwrap_or_else(|| Command::Demo(demo::Args::default()));
-    let runtime = match tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build() {
-        Ok(runtime) => runtime,
-        Err(error) => {
-            eprintln!("holodeck: starting the runtime: {error}");
-            return ExitCode::FAILURE;
-        }
-    };
+    let runtime =
+        match tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build() {
+            Ok(runtime) => runtime,
+            Err(error) => {
+                eprintln!("holodeck: starting the runtime: {error}");
+                return ExitCode::FAILURE;
+            }
+        };
     let result = runtime.block_on(run(command));
     // A thread that reads standard input would hold up an orderly end for ever.
     runtime.shutdown_background();

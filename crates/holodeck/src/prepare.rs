@@ -38,8 +38,10 @@ pub fn load(config: &Config) -> Result<Scene> {
 }
 
 fn load_file(path: &Path, config: &Config) -> Result<Scene> {
-    let options =
-        LoadOptions { sky: config.sky.unwrap_or([0.0; 3]), two_sided_lights: config.two_sided_lights.unwrap_or(false) };
+    let options = LoadOptions {
+        sky: config.sky.unwrap_or([0.0; 3]),
+        two_sided_lights: config.two_sided_lights.unwrap_or(false),
+    };
     let loaded = holo_scene::load_obj(path, &options)?;
     for warning in &loaded.warnings {
         eprintln!("{warning}");
@@ -57,7 +59,8 @@ pub fn make(path: &Path, config: &Config) -> Result<Holodeck> {
     let packed = scene.pack();
     let sections = sections(config, &scene)?;
     let source = scene_path(config)?.display().to_string();
-    let mut about = About::new(sections, settings(config, engine_for(&scene, config.bounces)), &packed, source);
+    let mut about =
+        About::new(sections, settings(config, engine_for(&scene, config.bounces)), &packed, source);
     about.up = config.up.unwrap_or(about.up);
     about.sky = scene.sky;
     about.unit = config.unit.unwrap_or(about.unit);
@@ -77,14 +80,20 @@ pub fn make(path: &Path, config: &Config) -> Result<Holodeck> {
     let there = &holodeck.about;
     about.settings.engine = config.engine.unwrap_or(there.settings.engine);
     let name = path.display();
-    ensure!(there.scene == about.scene, "{name} was made of another scene; name another file, or delete it");
+    ensure!(
+        there.scene == about.scene,
+        "{name} was made of another scene; name another file, or delete it"
+    );
     ensure!(
         there.settings == about.settings,
         "{name} was traced with other settings ({:?}, now {:?}); name another file, or delete it",
         there.settings,
         about.settings
     );
-    ensure!(there.sections == about.sections, "{name} has other sections; name another file, or delete it");
+    ensure!(
+        there.sections == about.sections,
+        "{name} has other sections; name another file, or delete it"
+    );
     // They decide no sample: those named now replace those before.
     let stand_ins = stand_ins(config, about.sections.len())?;
     if !stand_ins.is_empty() {
@@ -104,12 +113,21 @@ fn stand_ins(config: &Config, sections: usize) -> Result<Vec<(StandIn, String)>>
             StandInKind::Geometry => section.geometry.clone(),
             StandInKind::Portals => section.portals.clone(),
         };
-        let mut files: BTreeMap<usize, PathBuf> =
-            config.section.iter().map(from_section).enumerate().filter_map(|(n, file)| Some((n, file?))).collect();
+        let mut files: BTreeMap<usize, PathBuf> = config
+            .section
+            .iter()
+            .map(from_section)
+            .enumerate()
+            .filter_map(|(n, file)| Some((n, file?)))
+            .collect();
         files.extend(given.iter().cloned());
         let load = move |(section, file): (usize, PathBuf)| {
-            ensure!(section < sections, "--{name}: there is no section {section}, only {sections} from 0 on");
-            let scene = load_file(&file, config).with_context(|| format!("{name} of section {section}"))?;
+            ensure!(
+                section < sections,
+                "--{name}: there is no section {section}, only {sections} from 0 on"
+            );
+            let scene =
+                load_file(&file, config).with_context(|| format!("{name} of section {section}"))?;
             let section = u16::try_from(section)?;
             Ok((StandIn { section, kind, packed: scene.pack() }, file.display().to_string()))
         };
@@ -134,7 +152,9 @@ fn engine_for(scene: &Scene, bounces: Option<u32>) -> Engine {
 
 fn engine_said(engine: Engine) -> &'static str {
     match engine {
-        Engine::Path => "engine path: there is no indirect light on diffuse surfaces to keep records of",
+        Engine::Path => {
+            "engine path: there is no indirect light on diffuse surfaces to keep records of"
+        }
         Engine::Cached => {
             "engine cached: clean samples, indirect light aimed at --accuracy (--engine path for unbiased, noisy ones)"
         }
@@ -149,12 +169,20 @@ fn sections(config: &Config, scene: &Scene) -> Result<Vec<SectionSpec>> {
     given
         .iter()
         .enumerate()
-        .map(|(index, section)| spec(config, scene, section, index).with_context(|| format!("section {index}")))
+        .map(|(index, section)| {
+            spec(config, scene, section, index).with_context(|| format!("section {index}"))
+        })
         .collect()
 }
 
-fn spec(config: &Config, scene: &Scene, section: &config::Section, index: usize) -> Result<SectionSpec> {
-    let inside = scene.geometry_inside(DVec3::from_array(section.origin), section.axes.map(DVec3::from_array));
+fn spec(
+    config: &Config,
+    scene: &Scene,
+    section: &config::Section,
+    index: usize,
+) -> Result<SectionSpec> {
+    let inside = scene
+        .geometry_inside(DVec3::from_array(section.origin), section.axes.map(DVec3::from_array));
     let obstructions = match config.obstructions.unwrap_or_default() {
         Obstructions::Auto => inside,
         Obstructions::On => true,
@@ -168,7 +196,8 @@ fn spec(config: &Config, scene: &Scene, section: &config::Section, index: usize)
         obstructions,
     };
     let beams = Section::new(spec.clone())?.beam_count();
-    let name = section.name.as_ref().map_or_else(|| index.to_string(), |name| format!("{index} ({name})"));
+    let name =
+        section.name.as_ref().map_or_else(|| index.to_string(), |name| format!("{index} ({name})"));
     let [w, d, h] = spec.grid;
     let seen = if obstructions { "what stands inside is seen" } else { "nothing stands inside" };
     eprintln!("section {name}: grid {w}x{d}x{h}, {beams} beams, {seen}");
@@ -183,7 +212,10 @@ fn default_section(scene: &Scene) -> Result<config::Section> {
     }
     let origin = low + size * SHRINK;
     let size = size * (1.0 - 2.0 * SHRINK);
-    eprintln!("no section given: taking the scene's bounds shrunk by 10 %, from {origin} to {}", origin + size);
+    eprintln!(
+        "no section given: taking the scene's bounds shrunk by 10 %, from {origin} to {}",
+        origin + size
+    );
     let axes = [[size.x, 0.0, 0.0], [0.0, size.y, 0.0], [0.0, 0.0, size.z]];
     Ok(config::Section {
         name: None,

@@ -43,7 +43,8 @@ impl Process {
 
     /// Waits for its end; an exit status other than 0 is an error.
     pub async fn wait(&mut self) -> Result<()> {
-        let status = self.child.wait().await.with_context(|| format!("waiting for {}", self.name))?;
+        let status =
+            self.child.wait().await.with_context(|| format!("waiting for {}", self.name))?;
         if !status.success() {
             bail!("{} failed ({status})", self.name);
         }
@@ -102,8 +103,12 @@ impl Server {
     /// # Errors
     /// If it cannot be started.
     pub fn worker(&self, threads: Option<u16>, quiet: bool) -> Result<Process> {
-        let mut arguments: Vec<OsString> =
-            vec!["--connect".into(), self.address.to_string().into(), "--nice".into(), WORKER_NICE.into()];
+        let mut arguments: Vec<OsString> = vec![
+            "--connect".into(),
+            self.address.to_string().into(),
+            "--nice".into(),
+            WORKER_NICE.into(),
+        ];
         if let Some(threads) = threads {
             arguments.extend(["--threads".into(), threads.to_string().into()]);
         }

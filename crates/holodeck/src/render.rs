@@ -69,7 +69,8 @@ pub async fn run(args: Args) -> Result<()> {
     if args.spp.is_none() && args.time.is_none() {
         return Err(Usage("how many paths? Say --spp 256 or --time 60s".into()).into());
     }
-    let named: Vec<_> = config.view.iter().map(|view| (view.name.clone(), view.to_options())).collect();
+    let named: Vec<_> =
+        config.view.iter().map(|view| (view.name.clone(), view.to_options())).collect();
     let mut spec = ViewSpec { vu: config.up.map(glam::DVec3::from_array), ..ViewSpec::default() };
     if let Some((_, first)) = named.first() {
         spec.apply_line(first)?;
@@ -77,7 +78,10 @@ pub async fn run(args: Args) -> Result<()> {
     let (view, size) = spec.overridden_by(&args.view.spec(&named)?).resolve(args.view.size)?;
     let scene = prepare::load(&config)?;
     let settings = settings(&config, Engine::Path);
-    let tracer = Tracer::new(Arc::new(scene), Settings { bounces: settings.bounces, ..Settings::default() })?;
+    let tracer = Tracer::new(
+        Arc::new(scene),
+        Settings { bounces: settings.bounces, ..Settings::default() },
+    )?;
     let tracer = match settings.engine {
         Engine::Path => tracer,
         Engine::Cached => tracer.with_cache(settings.accuracy, settings.seed),
@@ -85,8 +89,16 @@ pub async fn run(args: Args) -> Result<()> {
     let threads = args.threads.or(config.threads).map_or_else(cores, usize::from).max(1);
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
-    let job =
-        Job { tracer, view, size, seed: settings.seed, spp: args.spp, time: args.time, threads, quiet: args.quiet };
+    let job = Job {
+        tracer,
+        view,
+        size,
+        seed: settings.seed,
+        spp: args.spp,
+        time: args.time,
+        threads,
+        quiet: args.quiet,
+    };
     let rendered = tokio::task::spawn_blocking(move || job.run(&shutdown)).await?;
     rendered.write(&args)
 }
@@ -175,10 +187,17 @@ impl Job {
                         let end = (row + ROWS).min(self.size.1);
                         rows.fill(Sums::default());
                         for (offset, row) in (row..end).enumerate() {
-                            self.row(row, first, count, &mut rows[offset * width..(offset + 1) * width]);
+                            self.row(
+                                row,
+                                first,
+                                count,
+                                &mut rows[offset * width..(offset + 1) * width],
+                            );
                         }
                         let mut all = sums.lock().unwrap_or_else(PoisonError::into_inner);
-                        for (sum, new) in all[row as usize * width..end as usize * width].iter_mut().zip(&rows) {
+                        for (sum, new) in
+                            all[row as usize * width..end as usize * width].iter_mut().zip(&rows)
+                        {
                             for channel in 0..3 {
                                 sum.first[channel] += new.first[channel];
                                 sum.second[channel] += new.second[channel];
@@ -199,7 +218,9 @@ impl Job {
                 let x = (f64::from(column) + dx) / f64::from(self.size.0);
                 let y = 1.0 - (f64::from(row) + dy) / f64::from(self.size.1);
                 // Corners of fisheyes look nowhere: they are black.
-                let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) else { continue };
+                let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) else {
+                    continue;
+                };
                 let traced = self.tracer.trace_path(origin, direction, turn, u64::from(path));
                 if reach.is_finite() && traced.distance > reach {
                     // Beyond the aft clipping surface all is black.
@@ -248,7 +269,8 @@ impl Rendered {
             for (pixel, sums) in errors.pixels.iter_mut().zip(&self.sums) {
                 for (channel, error) in pixel.iter_mut().enumerate() {
                     let mean = sums.first[channel] / n;
-                    let variance = (sums.second[channel] / n - mean * mean).max(0.0) / (n - 1.0).max(1.0);
+                    let variance =
+                        (sums.second[channel] / n - mean * mean).max(0.0) / (n - 1.0).max(1.0);
                     *error = variance.sqrt() as f32;
                 }
             }
@@ -266,7 +288,12 @@ impl Rendered {
             println!("{report}");
         } else if !args.quiet {
             let rate = paths / self.seconds / 1e6;
-            println!("{}: {} paths per pixel in {:.1} s, {rate:.2} M/s", args.output.display(), self.spp, self.seconds);
+            println!(
+                "{}: {} paths per pixel in {:.1} s, {rate:.2} M/s",
+                args.output.display(),
+                self.spp,
+                self.seconds
+            );
         }
         Ok(())
     }

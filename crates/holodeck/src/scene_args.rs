@@ -136,27 +136,36 @@ fn parse_engine(text: &str) -> Result<Engine, String> {
 fn parse_accuracy(text: &str) -> Result<f32, String> {
     let range = holo_tracer::ACCURACIES;
     let accuracy = text.parse().ok().filter(|accuracy| range.contains(accuracy));
-    accuracy.ok_or_else(|| format!("an accuracy is a number from {} to {}", range.start(), range.end()))
+    accuracy
+        .ok_or_else(|| format!("an accuracy is a number from {} to {}", range.start(), range.end()))
 }
 
 fn parse_stand_in(text: &str) -> Result<(usize, PathBuf), String> {
     // What is before the sign must be a number: names of files may have one, too.
-    let numbered = text.split_once('=').and_then(|(section, file)| Some((section.trim().parse().ok()?, file)));
+    let numbered =
+        text.split_once('=').and_then(|(section, file)| Some((section.trim().parse().ok()?, file)));
     let (section, file) = numbered.unwrap_or((0, text));
-    if file.is_empty() { Err(format!("`{text}` names no file")) } else { Ok((section, PathBuf::from(file))) }
+    if file.is_empty() {
+        Err(format!("`{text}` names no file"))
+    } else {
+        Ok((section, PathBuf::from(file)))
+    }
 }
 
 fn numbers(text: &str) -> Result<[f64; 3], String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|word| word.trim().parse().ok()).collect();
     let finite = numbers.iter().all(|number: &f64| number.is_finite());
-    let triple: Option<[f64; 3]> = numbers.try_into().ok().filter(|_| finite && text.split(',').count() == 3);
+    let triple: Option<[f64; 3]> =
+        numbers.try_into().ok().filter(|_| finite && text.split(',').count() == 3);
     triple.ok_or_else(|| format!("`{text}` is not three numbers with commas between"))
 }
 
 fn parse_colour(text: &str) -> Result<[f32; 3], String> {
     let colour = numbers(text)?.map(|channel| channel as f32);
     let plausible = colour.iter().all(|channel| channel.is_finite() && *channel >= 0.0);
-    plausible.then_some(colour).ok_or_else(|| format!("`{text}`: radiance cannot be negative or infinite"))
+    plausible
+        .then_some(colour)
+        .ok_or_else(|| format!("`{text}`: radiance cannot be negative or infinite"))
 }
 
 fn parse_section(text: &str) -> Result<config::Section, String> {
@@ -173,7 +182,9 @@ fn parse_section(text: &str) -> Result<config::Section, String> {
     };
     let grid = grid.map(|grid| {
         let whole = grid.iter().all(|n| n.fract() == 0.0 && (1.0..=1e6).contains(n));
-        whole.then(|| grid.map(|n| n as u32)).ok_or_else(|| format!("the grid in `{text}` is not three counts"))
+        whole
+            .then(|| grid.map(|n| n as u32))
+            .ok_or_else(|| format!("the grid in `{text}` is not three counts"))
     });
     Ok(config::Section {
         name: None,
@@ -189,7 +200,9 @@ fn parse_section(text: &str) -> Result<config::Section, String> {
 /// Checks what only a scene file can have.
 pub fn scene_path(config: &Config) -> Result<&PathBuf> {
     let path = config.scene.as_ref();
-    path.ok_or_else(|| Usage("no scene: name an .obj file, or a configuration with a `scene`".into()).into())
+    path.ok_or_else(|| {
+        Usage("no scene: name an .obj file, or a configuration with a `scene`".into()).into()
+    })
 }
 
 /// A number of metres per unit and an up axis that can be used.
@@ -214,8 +227,13 @@ mod tests {
         assert_eq!(section.axes, [[4.3, 0.0, 0.0], [0.0, 4.2, 0.0], [0.0, 0.0, 5.0]]);
         assert_eq!(section.grid, Some([8, 9, 10]));
         assert_eq!(parse_section("0,0,0 1,0,0 0,1,0 0,0,1").unwrap().grid, None);
-        for bad in ["", "1,2,3", "0,0,0 1,0,0 0,1,0 0,0,x", "0,0,0 1,0,0 0,1,0 0,0,1 8,8,0.5", "0,0,0 1,0 0,1,0 0,0,1"]
-        {
+        for bad in [
+            "",
+            "1,2,3",
+            "0,0,0 1,0,0 0,1,0 0,0,x",
+            "0,0,0 1,0,0 0,1,0 0,0,1 8,8,0.5",
+            "0,0,0 1,0 0,1,0 0,0,1",
+        ] {
             assert!(parse_section(bad).is_err(), "{bad}");
         }
     }
@@ -232,9 +250,18 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("holodeck.toml");
         std::fs::write(&path, "scene = \"a b.obj\"\nbounces = 3\nsky = [1, 2, 3]\n[[section]]\norigin = [0, 0, 0]\naxes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n").unwrap();
-        let args = SceneArgs { config: Some(path.clone()), bounces: Some(0), exterior: true, ..SceneArgs::default() };
+        let args = SceneArgs {
+            config: Some(path.clone()),
+            bounces: Some(0),
+            exterior: true,
+            ..SceneArgs::default()
+        };
         let config = args.resolve(None).unwrap();
-        assert_eq!(config.scene, Some(folder.path().join("a b.obj")), "relative to the configuration");
+        assert_eq!(
+            config.scene,
+            Some(folder.path().join("a b.obj")),
+            "relative to the configuration"
+        );
         assert_eq!((config.bounces, config.sky), (Some(0), Some([1.0, 2.0, 3.0])));
         assert!(config.section[0].exterior);
         std::fs::write(&path, "bouncs = 3\n").unwrap();

@@ -61,7 +61,10 @@ impl SessionArgs {
         if self.headless {
             return Ok(());
         }
-        Err(Usage("there is no window yet: say --headless, with --script FILE or --time TIME".into()).into())
+        Err(Usage(
+            "there is no window yet: say --headless, with --script FILE or --time TIME".into(),
+        )
+        .into())
     }
 }
 
@@ -94,14 +97,20 @@ pub struct ViewCommand {
 /// See [`ViewCommand`].
 pub async fn view(args: ViewCommand) -> Result<()> {
     args.session.check()?;
-    let is_holodeck = args.what.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "holo"));
+    let is_holodeck =
+        args.what.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "holo"));
     if let Some(file) = args.what.as_ref().filter(|_| is_holodeck) {
         let session = LiveSession { file: file.clone(), threads: args.threads, cache: args.cache };
         return session.run(|address| args.session.viewer(address, args.output.clone())).await;
     }
     let config = args.scene_args.resolve(args.what.as_ref())?;
     // Without a name, samples live only as long as the session.
-    let temporary = args.keep.is_none().then(tempfile::tempdir).transpose().context("making a temporary folder")?;
+    let temporary = args
+        .keep
+        .is_none()
+        .then(tempfile::tempdir)
+        .transpose()
+        .context("making a temporary folder")?;
     let file = match (&args.keep, &temporary) {
         (Some(file), _) => file.clone(),
         (None, Some(folder)) => folder.path().join("session.holo"),
@@ -128,7 +137,10 @@ impl LiveSession {
     ///
     /// # Errors
     /// Whatever failed first.
-    pub async fn run(self, viewer: impl FnOnce(std::net::SocketAddr) -> holo_view::Config) -> Result<()> {
+    pub async fn run(
+        self,
+        viewer: impl FnOnce(std::net::SocketAddr) -> holo_view::Config,
+    ) -> Result<()> {
         let mut arguments: Vec<OsString> = vec![self.file.into(), "--quiet".into()];
         if let Some(cache) = self.cache {
             arguments.extend(["--cache".into(), cache.to_string().into()]);
@@ -216,7 +228,10 @@ pub async fn picture(args: PictureCommand) -> Result<()> {
 }
 
 /// A display-only server and a viewer, both within this process: there is nothing to be kept apart.
-async fn show_stored(file: PathBuf, viewer: impl FnOnce(std::net::SocketAddr) -> holo_view::Config) -> Result<()> {
+async fn show_stored(
+    file: PathBuf,
+    viewer: impl FnOnce(std::net::SocketAddr) -> holo_view::Config,
+) -> Result<()> {
     let config = holo_server::Config { display_only: true, ..holo_server::Config::new(file) };
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;

@@ -15,7 +15,13 @@ pub struct Allotment {
 
 impl Allotment {
     /// The first of up to `count` fresh numbers of a beam, and how many. `None` at the very end of the numbers.
-    pub fn take(&mut self, file: &BeamFile, key: BeamKey, kind: SampleKind, count: u8) -> Option<(u32, u8)> {
+    pub fn take(
+        &mut self,
+        file: &BeamFile,
+        key: BeamKey,
+        kind: SampleKind,
+        count: u8,
+    ) -> Option<(u32, u8)> {
         if let Some(ranges) = self.returned.get_mut(&(key, kind)) {
             let range = ranges.pop();
             if ranges.is_empty() {

@@ -86,12 +86,25 @@ impl BatchOrder {
             .map(|section| {
                 let first = beams;
                 beams += section.beam_count();
-                SectionOrder { section: section.clone(), first, table: ImportanceTable::new(section) }
+                SectionOrder {
+                    section: section.clone(),
+                    first,
+                    table: ImportanceTable::new(section),
+                }
             })
             .collect();
         let order = BeamOrder::new(beams, 0);
-        let mut order =
-            BatchOrder { sections, beams, order, density: 0.0, next: 0, target: 0.0, enough, usual_paths, level: 0 };
+        let mut order = BatchOrder {
+            sections,
+            beams,
+            order,
+            density: 0.0,
+            next: 0,
+            target: 0.0,
+            enough,
+            usual_paths,
+            level: 0,
+        };
         let seen = beams - unseen.count().min(beams);
         if seen > 0 {
             // From here the first sweep adds something everywhere, whatever the file holds, unless it has enough. One sweep there
@@ -108,7 +121,9 @@ impl BatchOrder {
         let seen = self.importance_seen(unseen);
         match self.enough {
             Some(samples) => samples as f64 / seen,
-            None => (ENOUGH_PER_BEAM * self.beams as f64 / self.importance()).max(LEAST_ENOUGH / seen),
+            None => {
+                (ENOUGH_PER_BEAM * self.beams as f64 / self.importance()).max(LEAST_ENOUGH / seen)
+            }
         }
     }
 
@@ -125,7 +140,8 @@ impl BatchOrder {
         let total = self.importance();
         let every = (unseen.count() / IMPORTANCES + 1) as usize;
         let of = |key: BeamKey| {
-            let SectionOrder { section, table, .. } = self.sections.get(usize::from(key.section))?;
+            let SectionOrder { section, table, .. } =
+                self.sections.get(usize::from(key.section))?;
             Some(table.of(section.cells(key.beam)?))
         };
         let part: f64 = unseen.iter().step_by(every).filter_map(of).sum();
@@ -187,8 +203,14 @@ mod tests {
 
     fn section(size: [f64; 3], grid: [u32; 3]) -> Section {
         let axes = [[size[0], 0.0, 0.0], [0.0, size[1], 0.0], [0.0, 0.0, size[2]]];
-        Section::new(SectionSpec { origin: [0.0; 3], axes, grid, class: ViewClass::Interior, obstructions: true })
-            .unwrap()
+        Section::new(SectionSpec {
+            origin: [0.0; 3],
+            axes,
+            grid,
+            class: ViewClass::Interior,
+            obstructions: true,
+        })
+        .unwrap()
     }
 
     /// An order that never has enough.
@@ -243,12 +265,16 @@ mod tests {
             let mut deciles: Vec<(f64, f64)> = importances
                 .iter()
                 .map(|(key, importance)| {
-                    (samples as f64 * importance / total, stored.get(key).copied().unwrap_or(0) as f64)
+                    (
+                        samples as f64 * importance / total,
+                        stored.get(key).copied().unwrap_or(0) as f64,
+                    )
                 })
                 .collect();
             deciles.sort_by(|a, b| a.0.total_cmp(&b.0));
             for decile in deciles.chunks(deciles.len() / 10) {
-                let (wanted, have) = decile.iter().fold((0.0, 0.0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
+                let (wanted, have) =
+                    decile.iter().fold((0.0, 0.0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
                 // Within a sweep's growth either way, and the chance of rounding to packets (4 standard deviations).
                 let chance = 4.0 * MIN_PACKET * 0.5 * (decile.len() as f64).sqrt();
                 assert!(
@@ -279,7 +305,9 @@ mod tests {
             unseen.insert(BeamKey { section: 0, beam: holo_section::BeamId(beam) });
         }
         let mut order = unlimited(&sections, 1_000_000, &unseen);
-        let seen = (0..order.beams).map(|_| next(&mut order, &unseen)).filter(|(key, _)| !unseen.contains(*key));
+        let seen = (0..order.beams)
+            .map(|_| next(&mut order, &unseen))
+            .filter(|(key, _)| !unseen.contains(*key));
         let wanted: u64 = seen.map(|(_, wanted)| wanted).sum();
         assert!((1_400_000..1_600_000).contains(&wanted), "{wanted}");
     }
@@ -299,7 +327,8 @@ mod tests {
     fn a_file_filled_before_goes_on_from_where_it_is() {
         let sections = [section([1.0; 3], [3, 3, 3])];
         let mut order = unlimited(&sections, 1_000_000, &UnseenBeams::default());
-        let wanted: u64 = (0..order.beams).map(|_| next(&mut order, &UnseenBeams::default()).1).sum();
+        let wanted: u64 =
+            (0..order.beams).map(|_| next(&mut order, &UnseenBeams::default()).1).sum();
         assert!((1_400_000..1_600_000).contains(&wanted), "{wanted}");
     }
 
@@ -344,8 +373,14 @@ mod tests {
             let chance = 4.0 * MIN_PACKET * 0.5 * (order.beams as f64).sqrt();
             let total: u64 = have.values().sum();
             let enough = ENOUGH as f64;
-            assert!((total as f64) > enough * NEARLY - chance && (total as f64) < enough + chance, "{stored}: {total}");
-            assert_eq!(levels.iter().map(|level| level.0).collect::<Vec<_>>(), [8, 32, 128, 512, 2048, 8192]);
+            assert!(
+                (total as f64) > enough * NEARLY - chance && (total as f64) < enough + chance,
+                "{stored}: {total}"
+            );
+            assert_eq!(
+                levels.iter().map(|level| level.0).collect::<Vec<_>>(),
+                [8, 32, 128, 512, 2048, 8192]
+            );
             for (paths, beams) in &levels {
                 assert_eq!(beams.len() as u64, order.beams, "every beam at {paths} paths");
                 assert!(beams.values().all(|&times| times == 1), "once");

@@ -163,9 +163,9 @@ impl Coordinator {
     ) -> Self {
         let stored = holodeck.file.stats().samples;
         let paths = holodeck.about.settings.paths_per_sample;
-        let batch = filling
-            .filter(|_| holodeck.writable)
-            .map(|filling| BatchOrder::new(&holodeck.sections, stored, &holodeck.unseen(), filling.enough, paths));
+        let batch = filling.filter(|_| holodeck.writable).map(|filling| {
+            BatchOrder::new(&holodeck.sections, stored, &holodeck.unseen(), filling.enough, paths)
+        });
         let now = Instant::now();
         Coordinator {
             holodeck,
@@ -249,12 +249,18 @@ impl Coordinator {
     }
 
     fn outboxes(&self) -> impl Iterator<Item = &Outbox> {
-        self.workers.values().map(|worker| &worker.outbox).chain(self.displays.values().map(|display| &display.outbox))
+        self.workers
+            .values()
+            .map(|worker| &worker.outbox)
+            .chain(self.displays.values().map(|display| &display.outbox))
     }
 
     fn check_goal(&mut self) {
         // Packets under way are finished: stop dealing a little before the time is up.
-        let time_up = self.goal.time.is_some_and(|time| self.started.elapsed() + Duration::from_millis(100) >= time);
+        let time_up = self
+            .goal
+            .time
+            .is_some_and(|time| self.started.elapsed() + Duration::from_millis(100) >= time);
         let enough = self.goal.samples.is_some_and(|samples| self.progress.traced() >= samples);
         let hopeless = self.goal.samples.is_some() && self.sees_nothing();
         if hopeless && self.ending.is_none() {
@@ -264,7 +270,9 @@ impl Coordinator {
         let idle = self.again.is_empty() && self.workers.values().all(Worker::is_idle);
         let nothing_left = self.exhausted && goal && idle && self.displays.is_empty();
         if nothing_left && !hopeless && self.ending.is_none() {
-            self.progress.say("every sample has all the paths that it may get: there is nothing left to trace");
+            self.progress.say(
+                "every sample has all the paths that it may get: there is nothing left to trace",
+            );
         }
         if self.ending.is_none() && (time_up || enough || hopeless || nothing_left) {
             self.ending = Some(Instant::now());
@@ -274,7 +282,11 @@ impl Coordinator {
     /// Whether not a single beam sees anything.
     fn sees_nothing(&self) -> bool {
         let unseen = self.holodeck.unseen();
-        self.holodeck.sections.iter().enumerate().all(|(at, section)| unseen.count_in(at) == section.beam_count())
+        self.holodeck
+            .sections
+            .iter()
+            .enumerate()
+            .all(|(at, section)| unseen.count_in(at) == section.beam_count())
     }
 
     fn tick(&mut self) {
@@ -300,7 +312,9 @@ impl Coordinator {
             self.stalled = stats.last_error.is_some() && stats.pending_bytes > STALLED_BYTES;
             let paths = self.batch.as_ref().and_then(BatchOrder::better_paths);
             if let Some(paths) = paths.filter(|_| paths != self.said_paths) {
-                self.progress.say(&format!("enough samples: they are traced again now, with {paths} paths each"));
+                self.progress.say(&format!(
+                    "enough samples: they are traced again now, with {paths} paths each"
+                ));
             }
             self.said_paths = paths;
             self.progress.show(&status, self.started.elapsed(), &self.goal, &stats);
@@ -310,13 +324,15 @@ impl Coordinator {
 
     /// Starts writing newly found unseen beams and records of light if it is time.
     fn save_findings(&mut self, now: Instant) {
-        if !self.holodeck.writable || self.saving.as_ref().is_some_and(|saving| !saving.is_finished()) {
+        if !self.holodeck.writable
+            || self.saving.as_ref().is_some_and(|saving| !saving.is_finished())
+        {
             return;
         }
         let (since, added) = self.last_save;
         let bytes = (self.progress.traced() - added) * size_of::<Sample>() as u64;
-        let unseen =
-            now - since >= SAVE_EVERY && bytes >= SAMPLES_PER_UNSEEN_BYTE * self.holodeck.unseen().encoded_bytes();
+        let unseen = now - since >= SAVE_EVERY
+            && bytes >= SAMPLES_PER_UNSEEN_BYTE * self.holodeck.unseen().encoded_bytes();
         let light = now - self.last_light >= SAVE_EVERY;
         if unseen {
             self.last_save = (now, self.progress.traced());
@@ -342,13 +358,23 @@ impl Coordinator {
         match event {
             Event::Joined { id, role: Role::Worker, name, outbox } => {
                 self.progress.say(&format!("{name} joined"));
-                self.workers.insert(id, Worker::new(outbox, name, self.holodeck.about.settings.paths_per_sample));
+                self.workers.insert(
+                    id,
+                    Worker::new(outbox, name, self.holodeck.about.settings.paths_per_sample),
+                );
             }
             Event::Joined { id, role: Role::Display, name, outbox } => {
                 self.progress.say(&format!("{name} joined"));
                 let newest = Arc::default();
                 let live = LiveQueue::default();
-                let display = Display { outbox, wishes: None, live, newest, recalling: false, settling: None };
+                let display = Display {
+                    outbox,
+                    wishes: None,
+                    live,
+                    newest,
+                    recalling: false,
+                    settling: None,
+                };
                 self.displays.insert(id, display);
             }
             Event::Message { id, message } => {
@@ -388,7 +414,9 @@ impl Coordinator {
             }
             Message::Control(Control::SceneWanted) => {
                 if let Some(outbox) = self.outbox(id) {
-                    if let Some(stand_ins) = self.holodeck.about.stand_ins.as_ref().filter(|_| is_display) {
+                    if let Some(stand_ins) =
+                        self.holodeck.about.stand_ins.as_ref().filter(|_| is_display)
+                    {
                         outbox.control(&Control::StandIns(stand_ins.blob))?;
                     }
                     send_scene(Arc::clone(&self.holodeck), outbox.clone())?;
@@ -420,7 +448,8 @@ impl Coordinator {
 
     /// A packet's results are here, whatever they are.
     fn done(&mut self, assignment: &Assignment) {
-        self.batch_packets = self.batch_packets.saturating_sub(usize::from(assignment.display.is_none()));
+        self.batch_packets =
+            self.batch_packets.saturating_sub(usize::from(assignment.display.is_none()));
     }
 
     /// Whether a packet is of samples that are stored already, for more paths in them.
@@ -430,7 +459,9 @@ impl Coordinator {
 
     /// Whether a display may show samples of the beam.
     fn is_looked_at(&self, key: BeamKey) -> bool {
-        self.displays.values().any(|display| display.wishes.as_ref().is_some_and(|wishes| wishes.contains(key)))
+        self.displays
+            .values()
+            .any(|display| display.wishes.as_ref().is_some_and(|wishes| wishes.contains(key)))
     }
 
     fn outbox(&self, id: ConnectionId) -> Option<&Outbox> {

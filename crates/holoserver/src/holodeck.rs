@@ -68,12 +68,20 @@ pub struct AboutStandIns {
 
 impl About {
     /// A record of the present format.
-    pub fn new(sections: Vec<SectionSpec>, settings: RenderSettings, packed_scene: &[u8], source: String) -> About {
+    pub fn new(
+        sections: Vec<SectionSpec>,
+        settings: RenderSettings,
+        packed_scene: &[u8],
+        source: String,
+    ) -> About {
         About {
             format: FORMAT,
             sections,
             settings,
-            scene: SceneInfo { hash: Scene::content_hash(packed_scene), bytes: packed_scene.len() as u64 },
+            scene: SceneInfo {
+                hash: Scene::content_hash(packed_scene),
+                bytes: packed_scene.len() as u64,
+            },
             source,
             up: [0.0, 0.0, 1.0],
             sky: [0.0; 3],
@@ -112,7 +120,12 @@ impl Holodeck {
     ///
     /// # Errors
     /// If the file exists, cannot be written, or a section is not valid.
-    pub fn create(path: &Path, about: About, packed_scene: &[u8], cache_bytes: u64) -> Result<Holodeck> {
+    pub fn create(
+        path: &Path,
+        about: About,
+        packed_scene: &[u8],
+        cache_bytes: u64,
+    ) -> Result<Holodeck> {
         let sections = sections(&about)?;
         let layout = sections.iter().map(Section::beam_count).collect();
         let file = BeamFile::create(path, Options { cache_bytes, layout })
@@ -159,15 +172,24 @@ impl Holodeck {
 
     fn from_file(path: &Path, file: BeamFile, writable: bool) -> Result<Holodeck> {
         let about = file.blob(ABOUT)?;
-        let about = about.with_context(|| format!("{} says nothing about its sections", path.display()))?;
-        let about: About = serde_json::from_slice(&about)
-            .with_context(|| format!("{}: the description of its sections is damaged", path.display()))?;
-        ensure!(about.format == FORMAT, "{}: format {} is not known here", path.display(), about.format);
+        let about =
+            about.with_context(|| format!("{} says nothing about its sections", path.display()))?;
+        let about: About = serde_json::from_slice(&about).with_context(|| {
+            format!("{}: the description of its sections is damaged", path.display())
+        })?;
+        ensure!(
+            about.format == FORMAT,
+            "{}: format {} is not known here",
+            path.display(),
+            about.format
+        );
         let sections = sections(&about)?;
         let mut holodeck = Self::new(about, sections, file, writable);
         // They are recognised again: no reason not to open the file.
         if let Err(error) = holodeck.load_unseen() {
-            holodeck.warnings.push(format!("the list of beams that see nothing cannot be used: {error:#}"));
+            holodeck
+                .warnings
+                .push(format!("the list of beams that see nothing cannot be used: {error:#}"));
         }
         holodeck.load_light();
         Ok(holodeck)
@@ -290,7 +312,8 @@ impl Holodeck {
             (part.section, kind.to_owned(), source.clone())
         };
         let sources = parts.iter().map(source).collect();
-        let bytes = stand_ins::encode(&parts.iter().map(|(part, _)| part.clone()).collect::<Vec<_>>());
+        let bytes =
+            stand_ins::encode(&parts.iter().map(|(part, _)| part.clone()).collect::<Vec<_>>());
         let blob = SceneInfo { hash: Scene::content_hash(&bytes), bytes: bytes.len() as u64 };
         let about = Some(AboutStandIns { blob, sources });
         if self.about.stand_ins != about {
@@ -308,7 +331,10 @@ impl Holodeck {
     pub fn stand_ins(&self) -> Result<Option<Arc<[u8]>>> {
         let Some(about) = &self.about.stand_ins else { return Ok(None) };
         let bytes = self.file.blob(STAND_INS)?.context("the file's stand-ins are not there")?;
-        ensure!(Scene::content_hash(&bytes) == about.blob.hash, "the file's stand-ins are not those that it names");
+        ensure!(
+            Scene::content_hash(&bytes) == about.blob.hash,
+            "the file's stand-ins are not those that it names"
+        );
         Ok(Some(bytes.into()))
     }
 
@@ -331,7 +357,11 @@ impl Holodeck {
 
 fn sections(about: &About) -> Result<Arc<[Section]>> {
     ensure!(!about.sections.is_empty(), "a holodeck needs at least one section");
-    ensure!(about.sections.len() <= MAX_SECTIONS, "{} sections, at most {MAX_SECTIONS}", about.sections.len());
+    ensure!(
+        about.sections.len() <= MAX_SECTIONS,
+        "{} sections, at most {MAX_SECTIONS}",
+        about.sections.len()
+    );
     about
         .sections
         .iter()

@@ -125,7 +125,9 @@ pub fn parse_count(text: &str) -> Result<u64, String> {
     };
     let count = number.parse::<f64>().ok().map(|count| count * factor);
     let count = count.filter(|count| (0.0..1e18).contains(count));
-    count.map(|count| count as u64).ok_or_else(|| format!("`{text}` is not a count; write 500k, 20M or 1G"))
+    count
+        .map(|count| count as u64)
+        .ok_or_else(|| format!("`{text}` is not a count; write 500k, 20M or 1G"))
 }
 
 /// What a server did.
@@ -157,7 +159,11 @@ pub fn superseded_bytes(stats: &holo_beamfile::Stats) -> u64 {
 ///
 /// # Errors
 /// If the file cannot be opened or written, or the address not be listened at.
-pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(SocketAddr)) -> Result<Summary> {
+pub async fn run(
+    config: Config,
+    shutdown: Shutdown,
+    ready: impl FnOnce(SocketAddr),
+) -> Result<Summary> {
     let address = holo_net::loopback(&config.listen)?;
     let cache = config.cache << 20;
     let path = config.file.clone();
@@ -175,14 +181,16 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(SocketAd
     for warning in &holodeck.warnings {
         eprintln!("{}: {warning}", config.file.display());
     }
-    let listener = TcpListener::bind(address).await.with_context(|| format!("listening at {address}"))?;
+    let listener =
+        TcpListener::bind(address).await.with_context(|| format!("listening at {address}"))?;
     ready(listener.local_addr()?);
 
     let (events, receiver) = std::sync::mpsc::channel();
     let goal = Goal { time: config.time, samples: config.samples };
     let progress = Progress::new(&holodeck.file.stats(), config.quiet);
     let filling = config.fill.then_some(Filling { enough: config.enough });
-    let coordinator = Coordinator::new(Arc::clone(&holodeck), events.clone(), filling, goal, progress);
+    let coordinator =
+        Coordinator::new(Arc::clone(&holodeck), events.clone(), filling, goal, progress);
     let listening = tokio::spawn(listen::listen(listener, Arc::clone(&holodeck), events.clone()));
     let watching = tokio::spawn(async move {
         shutdown.wait().await;

@@ -73,7 +73,9 @@ impl LightRecords {
     fn blobs(&self, from: usize, part: usize) -> Vec<(String, Vec<u8>)> {
         let chunks = self.records[from..].chunks(BLOB_RECORDS).enumerate();
         chunks
-            .map(|(at, records)| (format!("{BLOBS}{}", part + at), Light { records: records.to_vec() }.encode()))
+            .map(|(at, records)| {
+                (format!("{BLOBS}{}", part + at), Light { records: records.to_vec() }.encode())
+            })
             .collect()
     }
 }
@@ -89,17 +91,25 @@ pub(crate) struct Saved {
 impl Saved {
     /// Reads all records in a file; what is damaged is left out and said.
     pub fn load(file: &BeamFile) -> (Saved, LightRecords, Vec<String>) {
-        let mut parts: Vec<usize> =
-            file.blob_names().iter().filter_map(|name| name.strip_prefix(BLOBS)?.parse().ok()).collect();
+        let mut parts: Vec<usize> = file
+            .blob_names()
+            .iter()
+            .filter_map(|name| name.strip_prefix(BLOBS)?.parse().ok())
+            .collect();
         parts.sort_unstable();
         let (mut records, mut warnings) = (LightRecords::default(), Vec::new());
         for part in &parts {
             match read(file, *part) {
                 Ok(light) => records.merge(None, &light.records),
-                Err(error) => warnings.push(format!("records of indirect light are lost and made anew: {error:#}")),
+                Err(error) => warnings
+                    .push(format!("records of indirect light are lost and made anew: {error:#}")),
             }
         }
-        (Saved { records: records.len(), part: parts.last().map_or(0, |last| last + 1) }, records, warnings)
+        (
+            Saved { records: records.len(), part: parts.last().map_or(0, |last| last + 1) },
+            records,
+            warnings,
+        )
     }
 
     /// How many records the file has.
@@ -113,7 +123,11 @@ impl Saved {
     }
 
     /// Writes what the file has not. Waits for the disk.
-    pub fn write(&mut self, file: &BeamFile, (records, blobs): (usize, Vec<(String, Vec<u8>)>)) -> Result<()> {
+    pub fn write(
+        &mut self,
+        file: &BeamFile,
+        (records, blobs): (usize, Vec<(String, Vec<u8>)>),
+    ) -> Result<()> {
         for (name, bytes) in blobs {
             file.put_blob(&name, &bytes)?;
             self.part += 1;

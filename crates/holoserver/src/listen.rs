@@ -85,7 +85,8 @@ fn refusal(holodeck: &Holodeck, role: Role, others: usize) -> Option<String> {
     if others >= MAX_CONNECTIONS {
         return Some(format!("{MAX_CONNECTIONS} processes are connected already"));
     }
-    (role == Role::Worker && !holodeck.writable).then(|| "this holodeck is only shown; nothing is traced".to_owned())
+    (role == Role::Worker && !holodeck.writable)
+        .then(|| "this holodeck is only shown; nothing is traced".to_owned())
 }
 
 fn greet(outbox: &Outbox, holodeck: &Holodeck) -> Result<(), holo_proto::ProtoError> {

@@ -162,7 +162,10 @@ mod tests {
             assert_eq!(queue.is_empty(), model.is_empty());
         }
         assert!(asked > MAX_LIVE_RAYS_HELD as u64, "the limit was met");
-        assert!(queue.add(2, 10, &[ray(1), ray(2)]) && numbers(&queue.next(10.0)) == [1, 2], "those of another view");
+        assert!(
+            queue.add(2, 10, &[ray(1), ray(2)]) && numbers(&queue.next(10.0)) == [1, 2],
+            "those of another view"
+        );
         assert!(queue.add(2, 10, &[ray(3)]));
         queue.clear();
         assert!(queue.is_empty() && !queue.is_next() && queue.next(10.0).is_empty());
@@ -196,7 +199,10 @@ mod tests {
             let mut queue = LiveQueue::default();
             let [live, beams] = given(&mut queue, other_pixels, size).map(|rays| rays as f64);
             // One packet of either side more or less.
-            assert!((live - share * (live + beams)).abs() <= 21.0, "{other_pixels} {size}: {live} {beams}");
+            assert!(
+                (live - share * (live + beams)).abs() <= 21.0,
+                "{other_pixels} {size}: {live} {beams}"
+            );
         }
     }
 

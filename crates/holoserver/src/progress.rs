@@ -73,7 +73,11 @@ impl Progress {
 
     /// What was done, the file being as it is now.
     pub fn done(&mut self, file: &Stats) -> Done {
-        Done { added: self.added, better: self.better, bytes_per_hour: 3600.0 * self.bytes.rate(file.file_bytes) }
+        Done {
+            added: self.added,
+            better: self.better,
+            bytes_per_hour: 3600.0 * self.bytes.rate(file.file_bytes),
+        }
     }
 
     /// Samples in the file.
@@ -119,7 +123,8 @@ impl Progress {
 
 /// A file's length, its growth, and what of it nobody reads, for people.
 fn growth_words(per_hour: f64, file: &Stats) -> String {
-    let mut words = format!("{} and {} more an hour", HumanBytes(file.file_bytes), HumanBytes(per_hour as u64));
+    let mut words =
+        format!("{} and {} more an hour", HumanBytes(file.file_bytes), HumanBytes(per_hour as u64));
     if file.superseded > 0 {
         words += &format!(" ({} superseded)", HumanBytes(superseded_bytes(file)));
     }

@@ -46,7 +46,10 @@ pub struct Recall {
 impl Recall {
     /// Reads and sends on a thread of its own, then calls `done` with the view's number, or an error's text. A view
     /// that is no longer the newest ends without either.
-    pub fn start(self, done: impl FnOnce(u32, Result<(), String>) + Send + 'static) -> std::io::Result<()> {
+    pub fn start(
+        self,
+        done: impl FnOnce(u32, Result<(), String>) + Send + 'static,
+    ) -> std::io::Result<()> {
         thread::Builder::new().name("recall".into()).spawn(move || {
             let result = self.send_all().map_err(|error| format!("{error:#}"));
             if self.is_wanted() {
@@ -89,7 +92,11 @@ impl Recall {
                     }
                 }
             }
-            if broken.is_err() || !self.is_wanted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            if broken.is_err() || !self.is_wanted() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
         })?;
         broken?;
         self.send(&message)
@@ -99,7 +106,11 @@ impl Recall {
     fn send_unseen(&self) -> Result<()> {
         let beams: Vec<_> = {
             let unseen = self.holodeck.unseen();
-            self.keys.iter().filter(|key| unseen.contains(**key)).map(|key| (key.section, key.beam)).collect()
+            self.keys
+                .iter()
+                .filter(|key| unseen.contains(**key))
+                .map(|key| (key.section, key.beam))
+                .collect()
         };
         Ok(tell_unseen(&self.outbox, self.view, &beams)?)
     }
@@ -121,9 +132,9 @@ impl Recall {
 
 /// Tells a display which of its view's beams see nothing.
 pub fn tell_unseen(outbox: &Outbox, view: u32, beams: &[(u16, BeamId)]) -> Result<(), ProtoError> {
-    beams
-        .chunks(UNSEEN_PER_MESSAGE)
-        .try_for_each(|part| outbox.send(Kind::Unseen, &Unseen { view, beams: part.to_vec() }.encode()))
+    beams.chunks(UNSEEN_PER_MESSAGE).try_for_each(|part| {
+        outbox.send(Kind::Unseen, &Unseen { view, beams: part.to_vec() }.encode())
+    })
 }
 
 /// Sends the packed scene in pieces, on a thread of its own.
@@ -136,7 +147,10 @@ pub fn send_stand_ins(holodeck: Arc<Holodeck>, outbox: Outbox) -> std::io::Resul
     send_blob(outbox, move || holodeck.stand_ins().ok().flatten())
 }
 
-fn send_blob(outbox: Outbox, read: impl FnOnce() -> Option<Arc<[u8]>> + Send + 'static) -> std::io::Result<()> {
+fn send_blob(
+    outbox: Outbox,
+    read: impl FnOnce() -> Option<Arc<[u8]>> + Send + 'static,
+) -> std::io::Result<()> {
     thread::Builder::new().name("scene".into()).spawn(move || {
         let Some(packed) = read() else { return };
         let mut offset = 0;

@@ -38,7 +38,9 @@ impl UnseenBeams {
     /// Whether the beam is known to see nothing.
     pub fn contains(&self, key: BeamKey) -> bool {
         place(key).is_some_and(|(page, bit)| {
-            self.pages.get(&page).is_some_and(|bits| bits.get(bit / 8).is_some_and(|byte| byte >> (bit % 8) & 1 == 1))
+            self.pages.get(&page).is_some_and(|bits| {
+                bits.get(bit / 8).is_some_and(|byte| byte >> (bit % 8) & 1 == 1)
+            })
         })
     }
 
@@ -73,7 +75,10 @@ impl UnseenBeams {
     /// Every beam, in no order.
     pub fn iter(&self) -> impl Iterator<Item = BeamKey> {
         self.pages.iter().flat_map(|(&(section, page), bits)| {
-            ones(bits).map(move |bit| BeamKey { section, beam: BeamId(u64::from(page) * PAGE_BEAMS + u64::from(bit)) })
+            ones(bits).map(move |bit| BeamKey {
+                section,
+                beam: BeamId(u64::from(page) * PAGE_BEAMS + u64::from(bit)),
+            })
         })
     }
 
@@ -108,7 +113,11 @@ impl UnseenBeams {
         let (format, pages) = (word(&head[..4]), word(&head[4..]) as usize);
         ensure!(format == FORMAT, "format {format} is not known here");
         ensure!(pages <= MAX_PAGES, "{pages} pages, at most {MAX_PAGES}");
-        ensure!(rest.len() == pages * RECORD_BYTES, "{pages} pages do not take {} bytes", bytes.len());
+        ensure!(
+            rest.len() == pages * RECORD_BYTES,
+            "{pages} pages do not take {} bytes",
+            bytes.len()
+        );
         let mut set = UnseenBeams { pages: FxHashMap::default(), counts: vec![0; sections.len()] };
         let mut last = None;
         for record in rest.chunks_exact(RECORD_BYTES) {
@@ -119,7 +128,10 @@ impl UnseenBeams {
             let first = u64::from(page) * PAGE_BEAMS;
             let bits = &record[8..];
             let known = ones(bits).all(|bit| first + u64::from(bit) < beams);
-            ensure!(known && first < beams, "section {section} has {beams} beams, found some beyond");
+            ensure!(
+                known && first < beams,
+                "section {section} has {beams} beams, found some beyond"
+            );
             set.counts[usize::from(section)] += ones(bits).count() as u64;
             set.pages.insert((section, page), bits.into());
         }
@@ -133,11 +145,9 @@ fn word(bytes: &[u8]) -> u32 {
 
 /// Numbers of the bits that are 1.
 fn ones(bytes: &[u8]) -> impl Iterator<Item = u32> {
-    (0u32..)
-        .step_by(8)
-        .zip(bytes)
-        .filter(|(_, byte)| **byte != 0)
-        .flat_map(|(first, &byte)| (0..8).filter(move |bit| byte >> bit & 1 == 1).map(move |bit| first + bit))
+    (0u32..).step_by(8).zip(bytes).filter(|(_, byte)| **byte != 0).flat_map(|(first, &byte)| {
+        (0..8).filter(move |bit| byte >> bit & 1 == 1).map(move |bit| first + bit)
+    })
 }
 
 #[cfg(test)]
@@ -151,7 +161,8 @@ mod tests {
     fn section(grid: [u32; 3]) -> Section {
         let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let class = ViewClass::Interior;
-        Section::new(SectionSpec { origin: [0.0; 3], axes, grid, class, obstructions: true }).unwrap()
+        Section::new(SectionSpec { origin: [0.0; 3], axes, grid, class, obstructions: true })
+            .unwrap()
     }
 
     fn key(section: u16, beam: u64) -> BeamKey {
@@ -167,7 +178,8 @@ mod tests {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             let number = (state >> 40) as u16 % 3;
             // Half of them near each other, so that some come twice and pages are shared.
-            let range = if state >> 63 == 0 { 700 } else { sections[usize::from(number)].beam_count() };
+            let range =
+                if state >> 63 == 0 { 700 } else { sections[usize::from(number)].beam_count() };
             let key = key(number, (state >> 8) % range);
             assert_eq!(set.insert(key), model.insert(key));
         }
@@ -194,8 +206,14 @@ mod tests {
         set.insert(key(1, 70_000));
         let good = set.encode();
         assert!(UnseenBeams::decode(&good, &sections).is_ok());
-        assert!(UnseenBeams::decode(&good, &sections[..1]).is_err(), "a section that does not exist");
-        assert!(UnseenBeams::decode(&good, &[section([3, 4, 4]), sections[1].clone()]).is_err(), "one beam too many");
+        assert!(
+            UnseenBeams::decode(&good, &sections[..1]).is_err(),
+            "a section that does not exist"
+        );
+        assert!(
+            UnseenBeams::decode(&good, &[section([3, 4, 4]), sections[1].clone()]).is_err(),
+            "one beam too many"
+        );
         for length in [0, 7, 8, good.len() - 1] {
             assert!(UnseenBeams::decode(&good[..length], &sections).is_err(), "{length} bytes");
         }
@@ -208,7 +226,10 @@ mod tests {
         assert!(with(0, 2).is_err(), "another format");
         assert!(with(7, 0xff).is_err(), "four billion pages");
         let twice = [&good[..8], &good[8 + RECORD_BYTES..], &good[8 + RECORD_BYTES..]].concat();
-        assert!(UnseenBeams::decode(&twice, &sections).is_err_and(|error| error.to_string().contains("order")));
+        assert!(
+            UnseenBeams::decode(&twice, &sections)
+                .is_err_and(|error| error.to_string().contains("order"))
+        );
         assert!(with(12, 1).is_err(), "a page beyond the section");
     }
 

@@ -73,9 +73,15 @@ impl Ord for Ratio {
 
 impl Wishes {
     /// A view's beams with their weights and how many rays each has already.
-    pub fn new(view: u32, viewpoint: Viewpoint, beams: impl IntoIterator<Item = (BeamKey, f32, u64)>) -> Wishes {
-        let beams: Vec<Wish> =
-            beams.into_iter().map(|(key, weight, computed)| Wish { key, weight, computed }).collect();
+    pub fn new(
+        view: u32,
+        viewpoint: Viewpoint,
+        beams: impl IntoIterator<Item = (BeamKey, f32, u64)>,
+    ) -> Wishes {
+        let beams: Vec<Wish> = beams
+            .into_iter()
+            .map(|(key, weight, computed)| Wish { key, weight, computed })
+            .collect();
         let index = beams.iter().zip(0..).map(|(wish, index)| (wish.key, index)).collect();
         let traced = beams.iter().zip(0..).filter(|(wish, _)| wish.weight >= LEAST_TRACED_WEIGHT);
         let queue = traced.map(|(wish, index)| Reverse((wish.ratio(), index))).collect();
@@ -90,7 +96,10 @@ impl Wishes {
         let mut open: FxHashMap<BeamKey, usize> = FxHashMap::default();
         for ray in rays {
             let key = BeamKey { section: ray.section, beam: BeamId(ray.beam) };
-            let known = open.get(&key).copied().filter(|&at| usize::from(self.rays[at].count) < MAX_RAYS_PER_PACKET);
+            let known = open
+                .get(&key)
+                .copied()
+                .filter(|&at| usize::from(self.rays[at].count) < MAX_RAYS_PER_PACKET);
             let at = known.unwrap_or_else(|| {
                 self.rays.push_back(RayPacket { key, rays: Default::default(), count: 0 });
                 open.insert(key, self.rays.len() - 1);
@@ -191,12 +200,17 @@ mod tests {
             (1..=2).contains(&wishes.next(|_| false).unwrap().0.beam.0),
             "an empty beam comes before one with rays"
         );
-        let mut wishes = Wishes::new(1, wishes.viewpoint, (0..4).map(|i| (key(i as u64), weights[i], stored[i])));
+        let mut wishes = Wishes::new(
+            1,
+            wishes.viewpoint,
+            (0..4).map(|i| (key(i as u64), weights[i], stored[i])),
+        );
         for _ in 0..3000 {
             let (key, count) = wishes.next(|_| false).unwrap();
             rays[key.beam.0 as usize] += u64::from(count);
         }
-        let ratios: Vec<f64> = rays.iter().zip(weights).map(|(&n, w)| n as f64 / f64::from(w)).collect();
+        let ratios: Vec<f64> =
+            rays.iter().zip(weights).map(|(&n, w)| n as f64 / f64::from(w)).collect();
         let (low, high) = ratios.iter().fold((f64::MAX, 0.0f64), |(l, h), &x| (l.min(x), h.max(x)));
         // The beam of weight 1 moves in steps of 21.
         assert!(high - low <= 21.0 + 1e-9, "{ratios:?}");
@@ -204,7 +218,8 @@ mod tests {
 
     #[test]
     fn beams_that_are_wanted_for_what_is_stored_are_not_traced() {
-        let beams = (0..4).map(|i| (key(i), if i == 2 { 100.0 } else { 0.5 * LEAST_TRACED_WEIGHT }, 0));
+        let beams =
+            (0..4).map(|i| (key(i), if i == 2 { 100.0 } else { 0.5 * LEAST_TRACED_WEIGHT }, 0));
         let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
         assert!((0..4).all(|i| wishes.contains(key(i))));
         assert!((0..100).all(|_| wishes.next(|_| false).unwrap().0 == key(2)));
@@ -231,27 +246,43 @@ mod tests {
     fn single_rays_come_in_the_order_in_which_beams_were_first_named_and_only_the_newest() {
         let beams = (0..3).map(|i| (key(i), 10.0, 0));
         let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
-        let ray = |beam: u64, number: u8| WantedRay { beam, section: 0, coords: RayCoords([number; 4]), reserved: 0 };
+        let ray = |beam: u64, number: u8| WantedRay {
+            beam,
+            section: 0,
+            coords: RayCoords([number; 4]),
+            reserved: 0,
+        };
         wishes.want_rays(&[ray(1, 77)]);
-        let many: Vec<WantedRay> = (0..60).map(|number| ray([2, 0, 5][usize::from(number) % 3], number)).collect();
+        let many: Vec<WantedRay> =
+            (0..60).map(|number| ray([2, 0, 5][usize::from(number) % 3], number)).collect();
         wishes.want_rays(&[&many[..], &[ray(2, 60), ray(2, 61)]].concat());
         let mut given = Vec::new();
         while let Some(packet) = wishes.next_rays(|beam| beam == key(0)) {
-            assert!(packet.rays[usize::from(packet.count)..].iter().all(|ray| *ray == RayCoords::default()));
+            assert!(
+                packet.rays[usize::from(packet.count)..]
+                    .iter()
+                    .all(|ray| *ray == RayCoords::default())
+            );
             given.push((packet.key, packet.rays[..usize::from(packet.count)].to_vec()));
         }
-        let of = |numbers: &[u8]| numbers.iter().map(|&number| RayCoords([number; 4])).collect::<Vec<_>>();
+        let of = |numbers: &[u8]| {
+            numbers.iter().map(|&number| RayCoords([number; 4])).collect::<Vec<_>>()
+        };
         let every_third = |from: u8| (0..20).map(|i| from + 3 * i).collect::<Vec<u8>>();
         let first = [every_third(0), vec![60]].concat();
         let wanted = [(key(2), of(&first)), (key(5), of(&every_third(2))), (key(2), of(&[61]))];
         assert_eq!(given, wanted);
         wishes.put_back(key(2), &of(&[61]));
-        assert_eq!(wishes.next_rays(|_| false).map(|packet| (packet.key, packet.count)), Some((key(2), 1)));
+        assert_eq!(
+            wishes.next_rays(|_| false).map(|packet| (packet.key, packet.count)),
+            Some((key(2), 1))
+        );
     }
 
     #[test]
     fn single_rays_of_a_forgotten_view_end_by_themselves() {
-        let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, [(key(0), 2.0, 0)]);
+        let mut wishes =
+            Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, [(key(0), 2.0, 0)]);
         let ray = WantedRay { beam: 0, section: 0, coords: RayCoords::default(), reserved: 0 };
         let mut rays = 0;
         loop {

@@ -104,7 +104,9 @@ impl Worker {
     /// Work that it should be given now, in rays of the usual paths; zero while it has enough, so that work goes out in good-sized messages.
     pub fn hunger(&self) -> f64 {
         let ahead = match self.seconds_per_ray {
-            Some(seconds) => (AHEAD.as_secs_f64() * self.threads / seconds).max(self.threads * 84.0),
+            Some(seconds) => {
+                (AHEAD.as_secs_f64() * self.threads / seconds).max(self.threads * 84.0)
+            }
             None => self.threads * FIRST_RAYS_PER_THREAD,
         };
         let ahead = ahead.min(MAX_RAYS_AHEAD);
@@ -191,7 +193,8 @@ impl Worker {
         // Smoothed over some hundred rays: beams differ much in what a ray costs.
         let seconds = f64::from(traced.nanoseconds.max(1)) * 1e-9 / work;
         let share = 0.005 * rays;
-        self.seconds_per_ray = Some(self.seconds_per_ray.map_or(seconds, |mean| mean + share * (seconds - mean)));
+        self.seconds_per_ray =
+            Some(self.seconds_per_ray.map_or(seconds, |mean| mean + share * (seconds - mean)));
     }
 
     /// Takes a packet off the list that it did not trace, since its beam sees nothing. Says nothing of its speed.

@@ -43,7 +43,11 @@ impl Pace {
     /// For a view that is asked for now.
     pub fn next(&mut self) -> Resolution {
         let last = self.0.replace(Instant::now());
-        if last.is_some_and(|last| last.elapsed() < AT_REST) { Resolution::Half } else { Resolution::Full }
+        if last.is_some_and(|last| last.elapsed() < AT_REST) {
+            Resolution::Half
+        } else {
+            Resolution::Full
+        }
     }
 
     /// For a view that is shown again because nothing moves any more, however short a time ago that was: who says so has waited, and would ask
@@ -74,7 +78,8 @@ impl Painter {
         outbox: &Outbox,
         welcome: &Welcome,
     ) -> Result<Painter> {
-        let of_kind = |kind| Ok(Painter::Points(Points::new(kind, Arc::clone(sections), welcome.sky)));
+        let of_kind =
+            |kind| Ok(Painter::Points(Points::new(kind, Arc::clone(sections), welcome.sky)));
         match driver {
             Driver::Quadtree => return Ok(Painter::Quadtree(Trees::default())),
             Driver::Pointimage => return of_kind(Kind::PointImage(points.params())),
@@ -94,8 +99,11 @@ impl Painter {
                 let raycaster = tokio::task::spawn_blocking(move || build(&packed, hash)).await?;
                 if let Some(info) = others {
                     let fetched = fetch(inbox, outbox, &info, &Control::StandInsWanted).await?;
-                    let (blob, _) = fetched.context("the server announced stand-ins for the scene and sent none")?;
-                    stand_ins = tokio::task::spawn_blocking(move || StandIns::build(&blob, info.hash)).await??;
+                    let (blob, _) = fetched
+                        .context("the server announced stand-ins for the scene and sent none")?;
+                    stand_ins =
+                        tokio::task::spawn_blocking(move || StandIns::build(&blob, info.hash))
+                            .await??;
                 }
                 Some(raycaster)
             }
@@ -106,7 +114,9 @@ impl Painter {
                 // Records keep coming while workers make them: whoever asks once gets them all.
                 outbox.control(&Control::LightWanted)?;
                 let (low, high) = raycaster.scene().bounds();
-                let records = Store::new((LEAST_RADIUS * low.distance(high)).max(f64::from(f32::MIN_POSITIVE)) as f32);
+                let records = Store::new(
+                    (LEAST_RADIUS * low.distance(high)).max(f64::from(f32::MIN_POSITIVE)) as f32,
+                );
                 Ok(Painter::Voronoi(Arc::new(raycaster), Arc::new(records), stand_ins))
             }
             (Some(Err(error)), Driver::Voronoi) => Err(error),
@@ -117,7 +127,12 @@ impl Painter {
     }
 
     /// How much of each of a view's `beams` is wanted, considering what the driver has. Comes before the view's [`canvas`](Self::canvas).
-    pub fn weigh(&self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
+    pub fn weigh(
+        &self,
+        view: View,
+        size: (u32, u32),
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>> {
         match self {
             Painter::Points(points) => points.look(view, size, beams),
             Painter::Quadtree(_) | Painter::Voronoi(..) => Ok(beams),
@@ -141,7 +156,9 @@ impl Painter {
     pub fn radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
         match self {
             Painter::Points(points) => points.radius(view, size, nearest),
-            Painter::Quadtree(_) | Painter::Voronoi(..) => viewpoint_radius(view, size, nearest, 1.0),
+            Painter::Quadtree(_) | Painter::Voronoi(..) => {
+                viewpoint_radius(view, size, nearest, 1.0)
+            }
         }
     }
 
@@ -172,7 +189,8 @@ impl Painter {
                 // Records are of the scene's own surfaces.
                 let records = geometry.is_none().then(|| Arc::clone(records));
                 let raycaster = geometry.unwrap_or_else(|| Arc::clone(raycaster));
-                let driver = Voronoi::at_resolution(sections, raycaster, portals, view, size, resolution);
+                let driver =
+                    Voronoi::at_resolution(sections, raycaster, portals, view, size, resolution);
                 Canvas::Voronoi(Box::new(match records {
                     Some(records) => driver.with_records(records),
                     None => driver,
@@ -199,7 +217,9 @@ async fn fetch(
     let mut deadline = tokio::time::Instant::now() + SCENE_TIME;
     loop {
         // Only pieces count: a server that has no scene still says how it fares.
-        let Ok(message) = tokio::time::timeout_at(deadline, inbox.next()).await else { return Ok(None) };
+        let Ok(message) = tokio::time::timeout_at(deadline, inbox.next()).await else {
+            return Ok(None);
+        };
         match message.context("lost the server")? {
             Message::BlobChunk(chunk) => {
                 deadline = tokio::time::Instant::now() + SCENE_TIME;
@@ -208,7 +228,9 @@ async fn fetch(
                 }
             }
             Message::Control(Control::Ping(number)) => outbox.control(&Control::Pong(number))?,
-            Message::Control(Control::Bye { reason }) => bail!("the server ended the session: {reason}"),
+            Message::Control(Control::Bye { reason }) => {
+                bail!("the server ended the session: {reason}")
+            }
             Message::Control(Control::StandIns(info)) => stand_ins = Some(info),
             Message::Control(_) => {}
             _ => bail!("the server sent a message that is not for a display"),
@@ -217,7 +239,10 @@ async fn fetch(
 }
 
 fn build(packed: &[u8], hash: [u8; 32]) -> Result<Raycaster> {
-    ensure!(Scene::content_hash(packed) == hash, "the scene's bytes do not have the announced hash");
+    ensure!(
+        Scene::content_hash(packed) == hash,
+        "the scene's bytes do not have the announced hash"
+    );
     let scene = Scene::unpack(packed).context("reading the server's scene")?;
     Raycaster::build(Arc::new(scene)).context("preparing the scene")
 }
@@ -309,7 +334,9 @@ impl Canvas {
     /// The picture, how many of its pixels are guesses, and how long its stages took if the driver says so.
     pub fn draw(&self) -> (Frame, u64, Vec<StageTime>) {
         match self {
-            Canvas::Quadtree(driver) => (driver.draw().unwrap_or_else(crate::points::nothing), 0, Vec::new()),
+            Canvas::Quadtree(driver) => {
+                (driver.draw().unwrap_or_else(crate::points::nothing), 0, Vec::new())
+            }
             Canvas::Voronoi(driver) => {
                 let drawn = driver.draw();
                 (drawn.frame, drawn.guessed_pixels, Vec::new())

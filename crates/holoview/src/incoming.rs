@@ -18,7 +18,12 @@ pub enum Incoming {
 }
 
 /// Reads until the connection or the session is over.
-pub async fn read(mut inbox: Inbox, outbox: Outbox, messages: mpsc::Sender<Incoming>, lights: Lights) {
+pub async fn read(
+    mut inbox: Inbox,
+    outbox: Outbox,
+    messages: mpsc::Sender<Incoming>,
+    lights: Lights,
+) {
     loop {
         let incoming = match inbox.next().await {
             Ok(Message::Control(Control::Ping(number))) => {

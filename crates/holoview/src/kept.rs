@@ -98,11 +98,19 @@ impl Trees {
     }
 
     /// Takes another view, which is of half resolution while the camera moves.
-    pub fn look(&self, sections: Arc<[Section]>, view: View, size: (u32, u32), sky: [f32; 3], resolution: Resolution) {
+    pub fn look(
+        &self,
+        sections: Arc<[Section]>,
+        view: View,
+        size: (u32, u32),
+        sky: [f32; 3],
+        resolution: Resolution,
+    ) {
         let mut shown = self.lock();
         let before = shown.take().filter(|shown| shown.size == size);
-        let kept =
-            before.map(|shown| shown.kept.unwrap_or(shown.own)).and_then(|mut tree| tree.look(view).then_some(tree));
+        let kept = before
+            .map(|shown| shown.kept.unwrap_or(shown.own))
+            .and_then(|mut tree| tree.look(view).then_some(tree));
         let params = QuadtreeParams { sky, keep: KEEP, ..QuadtreeParams::default() };
         let own = match self.cells {
             Some(filling) => {
@@ -178,7 +186,8 @@ mod tests {
 
     fn view(degrees: f64) -> View {
         let (sine, cosine) = degrees.to_radians().sin_cos();
-        View::new(DVec3::ZERO, DVec3::new(sine, cosine, 0.0), DVec3::Z, Some(60.0), None, SIZE).unwrap()
+        View::new(DVec3::ZERO, DVec3::new(sine, cosine, 0.0), DVec3::Z, Some(60.0), None, SIZE)
+            .unwrap()
     }
 
     /// Samples of every pixel's middle of a view, on a sphere.
@@ -188,14 +197,17 @@ mod tests {
             let (x, y) = View::pixel_centre(SIZE, pixel % SIZE.0, pixel / SIZE.0);
             let (eye, direction) = view.ray(x, y);
             let hit = section.line(eye, direction).unwrap();
-            let sample = Sample::encode(hit.coords, [0.5; 3], 5.0 - hit.entry_t, section.diagonal(), 0);
+            let sample =
+                Sample::encode(hit.coords, [0.5; 3], 5.0 - hit.entry_t, section.diagonal(), 0);
             (section.beam(hit.pair), sample)
         };
         (0..SIZE.0 * SIZE.1).map(sample).collect()
     }
 
     fn put(trees: &Trees, samples: &[(BeamId, Sample)]) {
-        samples.iter().for_each(|(beam, sample)| trees.insert(0, *beam, 1, std::slice::from_ref(sample)));
+        samples
+            .iter()
+            .for_each(|(beam, sample)| trees.insert(0, *beam, 1, std::slice::from_ref(sample)));
     }
 
     fn look(trees: &Trees, degrees: f64) -> Frame {
@@ -205,7 +217,9 @@ mod tests {
 
     #[test]
     fn the_last_view_s_samples_are_shown_until_the_next_one_s_have_come() {
-        for trees in [Trees::default(), Trees::of_cells(Filling::Smooth), Trees::of_cells(Filling::Constant)] {
+        for trees in
+            [Trees::default(), Trees::of_cells(Filling::Smooth), Trees::of_cells(Filling::Constant)]
+        {
             are_shown_until_the_next_one_s_have_come(&trees);
         }
     }
@@ -217,7 +231,11 @@ mod tests {
         put(trees, &samples(&view(0.0)));
         let turned = look(trees, 10.0);
         // A sixth of the picture is new.
-        assert!(turned.samples_used > pixels * 3 / 4 && turned.empty_pixels < pixels / 3, "{}", turned.empty_pixels);
+        assert!(
+            turned.samples_used > pixels * 3 / 4 && turned.empty_pixels < pixels / 3,
+            "{}",
+            turned.empty_pixels
+        );
         // On, before anything has come: they are still there.
         assert!(look(trees, 15.0).samples_used > pixels / 2);
         assert_eq!(look(trees, 40.0).samples_used, 0, "too far");

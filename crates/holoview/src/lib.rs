@@ -85,20 +85,32 @@ impl ViewArgs {
     pub fn spec(&self, named: &[(String, String)]) -> Result<ViewSpec> {
         let mut spec = ViewSpec::default();
         if let Some(name) = &self.view {
-            let known = || named.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+            let known =
+                || named.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
             let view = named.iter().find(|(other, _)| other == name);
-            let (_, line) = view.with_context(|| format!("no view is named `{name}` (known: {})", known()))?;
+            let (_, line) =
+                view.with_context(|| format!("no view is named `{name}` (known: {})", known()))?;
             spec.apply_line(line)?;
         }
         if let Some(path) = &self.vf {
-            let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
-            let view = holo_picture::View::parse_vf(&text).with_context(|| path.display().to_string())?;
+            let text = std::fs::read_to_string(path)
+                .with_context(|| format!("reading {}", path.display()))?;
+            let view =
+                holo_picture::View::parse_vf(&text).with_context(|| path.display().to_string())?;
             spec = spec.overridden_by(&view);
         }
         let mut said = ViewSpec::default();
-        let (where_to, sides) =
-            ([("vp", &self.vp), ("vd", &self.vd), ("vu", &self.vu)], [("vh", &self.vh), ("vv", &self.vv)]);
-        let others = [("vt", &self.vt), ("vs", &self.vs), ("vl", &self.vl), ("vo", &self.vo), ("va", &self.va)];
+        let (where_to, sides) = (
+            [("vp", &self.vp), ("vd", &self.vd), ("vu", &self.vu)],
+            [("vh", &self.vh), ("vv", &self.vv)],
+        );
+        let others = [
+            ("vt", &self.vt),
+            ("vs", &self.vs),
+            ("vl", &self.vl),
+            ("vo", &self.vo),
+            ("va", &self.va),
+        ];
         for (name, value) in where_to.into_iter().chain(sides).chain(others) {
             if let Some(value) = value {
                 said.apply_option(name, value)?;
@@ -113,7 +125,9 @@ impl ViewArgs {
 /// # Errors
 /// A text for people, if it is none or no picture can be so large.
 pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let size = text.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+    let size = text
+        .split_once('x')
+        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
     let (width, height) = size.ok_or_else(|| format!("`{text}` is not a size; write 640x480"))?;
     holo_picture::Picture::check_size(width, height).map_err(|error| error.to_string())?;
     Ok((width, height))
@@ -155,7 +169,9 @@ impl DriverArgs {
         match (self.driver, self.cells) {
             (Driver::Auto | Driver::Voronoi, _) | (_, None) => Ok(()),
             (driver, Some(_)) => {
-                let name = driver.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
+                let name = driver
+                    .to_possible_value()
+                    .map_or_else(String::new, |value| value.get_name().to_owned());
                 Err(format!("--cells is for --driver voronoi; {name} has no cells"))
             }
         }

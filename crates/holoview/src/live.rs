@@ -55,7 +55,13 @@ pub struct Live {
 
 impl Live {
     /// Of a view with this canvas. `None` if every pixel is covered, or the driver cannot show them.
-    pub fn new(canvas: &Canvas, view: View, size: (u32, u32), sky: [f32; 3], paths: u16) -> Option<Live> {
+    pub fn new(
+        canvas: &Canvas,
+        view: View,
+        size: (u32, u32),
+        sky: [f32; 3],
+        paths: u16,
+    ) -> Option<Live> {
         let pixels = match canvas {
             Canvas::Voronoi(driver) => driver.uncovered(),
             Canvas::Quadtree(trees) => trees.own(Quadtree::uncovered),
@@ -66,7 +72,18 @@ impl Live {
         }
         let stride = stride(pixels.len() as u64);
         let under_way = FxHashSet::default();
-        Some(Live { view, size, sky, paths, pixels, stride, next: 0, under_way, overlay: None, shown: 0 })
+        Some(Live {
+            view,
+            size,
+            sky,
+            paths,
+            pixels,
+            stride,
+            next: 0,
+            under_way,
+            overlay: None,
+            shown: 0,
+        })
     }
 
     /// How many pixels it is about.
@@ -92,7 +109,11 @@ impl Live {
             self.next += 1;
             // Next to the border of a fisheye a point of a pixel may look nowhere.
             if let Some((origin, direction, _)) = self.ray(number) {
-                rays.push(LiveRay { origin: origin.to_array(), direction: direction.to_array(), number });
+                rays.push(LiveRay {
+                    origin: origin.to_array(),
+                    direction: direction.to_array(),
+                    number,
+                });
                 self.under_way.insert(number);
             }
         }
@@ -107,7 +128,8 @@ impl Live {
                 continue;
             }
             let Some((origin, direction, reach)) = self.ray(sample.number) else { continue };
-            let (mut radiance, mut distance) = (sample.hit.radiance, f64::from(sample.hit.distance));
+            let (mut radiance, mut distance) =
+                (sample.hit.radiance, f64::from(sample.hit.distance));
             // Beyond the aft clipping surface all is black, the sky too.
             if distance > reach {
                 (radiance, distance) = ([0.0; 3], f64::INFINITY);
@@ -203,7 +225,13 @@ mod tests {
     /// A view past the side of a section: of which some pixels are covered.
     fn past(size: (u32, u32)) -> (Canvas, View) {
         let axes = [[1.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]];
-        let spec = SectionSpec { origin: [0.0; 3], axes, grid: [2; 3], class: ViewClass::Interior, obstructions: true };
+        let spec = SectionSpec {
+            origin: [0.0; 3],
+            axes,
+            grid: [2; 3],
+            class: ViewClass::Interior,
+            obstructions: true,
+        };
         let sections: Arc<[Section]> = Arc::new([Section::new(spec).unwrap()]);
         let mut spec = ViewSpec::default();
         spec.apply_line("-vp -5 4 2 -vd 1 0 0 -vu 0 0 1 -vh 60").unwrap();
@@ -251,7 +279,10 @@ mod tests {
         let (least, most) = (rays_of.values().min().unwrap(), rays_of.values().max().unwrap());
         assert!(most - least <= 1, "{least} to {most}");
         let least_row = first_rows.iter().min().unwrap();
-        assert!(4 * least_row > rays.min(uncovered.len() as u64 / 4) / 2, "spread from the start: {first_rows:?}");
+        assert!(
+            4 * least_row > rays.min(uncovered.len() as u64 / 4) / 2,
+            "spread from the start: {first_rows:?}"
+        );
         assert_eq!(live.shown(), rays);
     }
 
@@ -269,7 +300,10 @@ mod tests {
             }
             under_way.extend(wanted);
         }
-        assert!(under_way.len() <= MAX_LIVE_RAYS_HELD && under_way.len() > MAX_LIVE_RAYS_HELD - LEAST_ASKED);
+        assert!(
+            under_way.len() <= MAX_LIVE_RAYS_HELD
+                && under_way.len() > MAX_LIVE_RAYS_HELD - LEAST_ASKED
+        );
         live.insert(&canvas, &answer(&under_way[..10_000]));
         assert_eq!(live.shown(), 10_000);
         // Again, and what nobody asked for.
@@ -293,7 +327,9 @@ mod tests {
         let wanted = live.wanted();
         live.insert(&canvas, &answer(&wanted));
         live.paint(&mut frame);
-        for (pixel, (colour, old)) in (0..).zip(frame.picture.pixels.iter().zip(&before.picture.pixels)) {
+        for (pixel, (colour, old)) in
+            (0..).zip(frame.picture.pixels.iter().zip(&before.picture.pixels))
+        {
             if live.pixels.contains(&pixel) {
                 assert!((colour[1] - 1.0).abs() < 1e-2, "{pixel}: {colour:?}");
             } else {

@@ -41,13 +41,15 @@ fn parse_number(said: &str) -> Result<(String, f64), String> {
 
 /// Says what numbers there are.
 fn numbers_help() -> String {
-    let mut help = "Set numbers of the method, such as `prefilter-window=9,cull-threshold=0.2`:\n".to_owned();
+    let mut help =
+        "Set numbers of the method, such as `prefilter-window=9,cull-threshold=0.2`:\n".to_owned();
     let usual = usual();
     for setting in SETTINGS {
         let name = setting.name.replace('_', "-");
         let value = setting.value(&usual);
         // As they are written: f32 has no more digits.
-        let value = if value.fract() == 0.0 { value.to_string() } else { (value as f32).to_string() };
+        let value =
+            if value.fract() == 0.0 { value.to_string() } else { (value as f32).to_string() };
         help += &format!("\n  {name}: {} ({}; {value})", setting.meaning, setting.allowed);
     }
     help
@@ -131,7 +133,8 @@ impl PointArgs {
             EmptyArg::Keep => EmptyPixels::KeepLast,
             EmptyArg::Black => EmptyPixels::Black,
         };
-        let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get().min(MAX_THREADS));
+        let threads = std::thread::available_parallelism()
+            .map_or(1, |threads| threads.get().min(MAX_THREADS));
         let mut params = PointImageParams { stages, smoothing, empty, threads, ..usual() };
         for (name, value) in &self.numbers {
             // They were looked at when they were parsed; what is wrong changes nothing.
@@ -161,10 +164,13 @@ mod tests {
     fn numbers_of_the_method_are_set_by_name() {
         let params = parsed("prefilter-window=9,cull_threshold=0.25,group=16").unwrap();
         assert_eq!((params.prefilter_window, params.cull_threshold, params.group), (9, 0.25, 16));
-        assert_eq!(PointImageParams { prefilter_window: 7, cull_threshold: 0.1, group: 8, ..params }, {
-            let threads = PointArgs::default().params().threads;
-            PointImageParams { threads, ..usual() }
-        });
+        assert_eq!(
+            PointImageParams { prefilter_window: 7, cull_threshold: 0.1, group: 8, ..params },
+            {
+                let threads = PointArgs::default().params().threads;
+                PointImageParams { threads, ..usual() }
+            }
+        );
     }
 
     #[test]
@@ -172,18 +178,33 @@ mod tests {
         let help = numbers_help();
         for setting in SETTINGS {
             let name = setting.name.replace('_', "-");
-            let line = help.lines().find(|line| line.trim_start().starts_with(&format!("{name}: "))).unwrap();
+            let line = help
+                .lines()
+                .find(|line| line.trim_start().starts_with(&format!("{name}: ")))
+                .unwrap();
             // What it says may be given back.
             let value = line.rsplit(' ').next().unwrap().trim_end_matches(')');
             let params = parsed(&format!("{name}={value}")).unwrap();
-            assert_eq!((setting.value(&params) as f32).to_bits(), (setting.value(&usual()) as f32).to_bits(), "{line}");
+            assert_eq!(
+                (setting.value(&params) as f32).to_bits(),
+                (setting.value(&usual()) as f32).to_bits(),
+                "{line}"
+            );
         }
     }
 
     #[test]
     fn numbers_that_cannot_be_are_refused_with_what_can() {
-        assert!(parsed("prefilter-window=8").unwrap_err().contains("prefilter_window is 8: it must be 3, 5, 7 or 9"));
-        assert!(parsed("window=7").unwrap_err().contains("there is no setting window: there are points_per_pixel,"));
+        assert!(
+            parsed("prefilter-window=8")
+                .unwrap_err()
+                .contains("prefilter_window is 8: it must be 3, 5, 7 or 9")
+        );
+        assert!(
+            parsed("window=7")
+                .unwrap_err()
+                .contains("there is no setting window: there are points_per_pixel,")
+        );
         assert!(parsed("group=x").unwrap_err().contains("x is no number"));
         assert!(parsed("group").unwrap_err().contains("write NAME=NUMBER"));
     }

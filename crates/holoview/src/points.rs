@@ -20,7 +20,10 @@ use glam::DVec3;
 use holo_display::{
     Frame, WantedBeam,
     frameless::Frameless,
-    pointimage::{Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stage, best_beam, far_depth},
+    pointimage::{
+        Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stage, best_beam,
+        far_depth,
+    },
     viewpoint_radius,
 };
 use holo_picture::{Clip, Picture, View, ViewKind};
@@ -105,7 +108,12 @@ impl Points {
     }
 
     /// Takes another view, and says how much of each of its `beams` is wanted, considering what is shown already.
-    pub fn look(&self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
+    pub fn look(
+        &self,
+        view: View,
+        size: (u32, u32),
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>> {
         self.lock().look(view, size, beams)
     }
 
@@ -123,8 +131,11 @@ impl Points {
     /// The rays that would improve the picture most, if the driver can say.
     pub fn wanted_rays(&self) -> Vec<(u16, BeamId, RayCoords)> {
         let mut state = self.lock();
-        let State { sections, shown: Some(Shown { driver: Driver::PointImage(cache), view, size, .. }), .. } =
-            &mut *state
+        let State {
+            sections,
+            shown: Some(Shown { driver: Driver::PointImage(cache), view, size, .. }),
+            ..
+        } = &mut *state
         else {
             return Vec::new();
         };
@@ -153,7 +164,10 @@ impl Points {
 
     pub fn insert_unseen(&self, section: u16, beam: BeamId) {
         let mut state = self.lock();
-        let is_known = state.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count());
+        let is_known = state
+            .sections
+            .get(usize::from(section))
+            .is_some_and(|known| beam.0 < known.beam_count());
         if let Some(shown) = state.shown.as_mut().filter(|_| is_known) {
             shown.unseen.insert((section, beam));
         }
@@ -192,18 +206,26 @@ fn radius(sections: &[Section], view: &View, size: (u32, u32), nearest: f64) -> 
 /// The longest step of a section's ray coordinates.
 fn step(section: &Section) -> f64 {
     let spec = section.spec();
-    let cell = |axis: usize| DVec3::from_array(spec.axes[axis]).length() / f64::from(spec.grid[axis]);
+    let cell =
+        |axis: usize| DVec3::from_array(spec.axes[axis]).length() / f64::from(spec.grid[axis]);
     (0..3).map(cell).fold(0.0, f64::max) / 256.0
 }
 
 impl State {
-    fn look(&mut self, view: View, size: (u32, u32), beams: Vec<WantedBeam>) -> Result<Vec<WantedBeam>> {
+    fn look(
+        &mut self,
+        view: View,
+        size: (u32, u32),
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>> {
         let before = self.shown.take();
         let earlier = before.as_ref().map(|shown| shown.view);
         let keeps = |shown: &Shown| shown.size == size && sees_alike(&shown.view, &view);
         let driver = match (before.filter(keeps), &self.kind) {
             (Some(shown), _) => shown.driver,
-            (None, Kind::PointImage(params)) => Driver::PointImage(Box::new(PointImage::new(size, params.clone())?)),
+            (None, Kind::PointImage(params)) => {
+                Driver::PointImage(Box::new(PointImage::new(size, params.clone())?))
+            }
             (None, Kind::Frameless) => Driver::Frameless(Box::new(Frameless::new(size, view, 0)?)),
         };
         let mut shown = Shown {
@@ -310,7 +332,8 @@ impl Shown {
                     if let Some(tag) = frameless.pixel_tag(column, row) {
                         if is_near {
                             frameless.insert(tag, rgb);
-                            self.depth[row as usize * self.size.0 as usize + column as usize] = seen_at as f32;
+                            self.depth[row as usize * self.size.0 as usize + column as usize] =
+                                seen_at as f32;
                         } else {
                             frameless.guess(tag, rgb);
                         }
@@ -328,8 +351,9 @@ impl Shown {
             let middle = |pixel| View::pixel_centre(self.size, pixel % width, pixel / width);
             let ray = |(x, y)| self.view.clipped_ray(x, y);
             let rays = (0..width * height).map(|pixel| ray(middle(pixel)));
-            self.best =
-                rays.map(|ray| ray.and_then(|(eye, direction, _)| best_beam(sections, eye, direction))).collect();
+            self.best = rays
+                .map(|ray| ray.and_then(|(eye, direction, _)| best_beam(sections, eye, direction)))
+                .collect();
         }
         let mut stages = Vec::new();
         let (picture, depth) = match &mut self.driver {
@@ -352,10 +376,18 @@ impl Shown {
                 (frameless.picture().clone(), shown.map(depth).collect())
             }
         };
-        let mut frame =
-            Frame { picture, depth, uncovered_pixels: 0, empty_pixels: 0, unseen_pixels: 0, samples_used: self.used };
+        let mut frame = Frame {
+            picture,
+            depth,
+            uncovered_pixels: 0,
+            empty_pixels: 0,
+            unseen_pixels: 0,
+            samples_used: self.used,
+        };
         frame.picture.view = Some(self.view);
-        for ((best, pixel), depth) in self.best.iter().zip(&mut frame.picture.pixels).zip(&mut frame.depth) {
+        for ((best, pixel), depth) in
+            self.best.iter().zip(&mut frame.picture.pixels).zip(&mut frame.depth)
+        {
             match best {
                 None => {
                     (*pixel, *depth) = ([0.0; 3], 0.0);
@@ -402,11 +434,17 @@ mod tests {
     /// A driver that looks at a checked wall, of which it has a sample for every third pixel.
     fn driver() -> Points {
         let axes = [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]];
-        let spec =
-            SectionSpec { origin: [-1.0; 3], axes, grid: [8; 3], class: ViewClass::Interior, obstructions: true };
+        let spec = SectionSpec {
+            origin: [-1.0; 3],
+            axes,
+            grid: [8; 3],
+            class: ViewClass::Interior,
+            obstructions: true,
+        };
         let section = Section::new(spec).unwrap();
         let args = PointArgs { empty_pixels: EmptyArg::Black, ..PointArgs::default() };
-        let points = Points::new(Kind::PointImage(args.params()), Arc::from([section.clone()]), [0.0; 3]);
+        let points =
+            Points::new(Kind::PointImage(args.params()), Arc::from([section.clone()]), [0.0; 3]);
         let view = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, Some(60.0), None, SIZE).unwrap();
         points.look(view, SIZE, Vec::new()).unwrap();
         points.set_nearest(5.0);
@@ -434,11 +472,17 @@ mod tests {
         let points = driver();
         let (prefilter, interpolation) = (Stage::Prefilter.name(), Stage::Interpolate.name());
         let (stages, all, black) = drawn(&points);
-        assert!(stages.contains(&prefilter) && stages.contains(&interpolation) && black == 0, "{stages:?} {black}");
+        assert!(
+            stages.contains(&prefilter) && stages.contains(&interpolation) && black == 0,
+            "{stages:?} {black}"
+        );
         assert!(points.switch(&[Part::Prefilter, Part::Interpolation], false));
         let (stages, _, black) = drawn(&points);
         assert!(!stages.contains(&prefilter), "{stages:?}");
-        assert!(black > (SIZE.0 * SIZE.1 / 2) as usize, "what no sample is near shows nothing: {black}");
+        assert!(
+            black > (SIZE.0 * SIZE.1 / 2) as usize,
+            "what no sample is near shows nothing: {black}"
+        );
         assert!(points.switch(&[Part::Interpolation], true));
         let (_, _, some) = drawn(&points);
         assert!(some < black, "{some} {black}");
@@ -446,7 +490,10 @@ mod tests {
         let (stages, again, _) = drawn(&points);
         assert!(stages.contains(&prefilter) && again.pixels == all.pixels);
         // Nothing changes: nothing is computed.
-        assert!(points.switch(&[Part::Prefilter], true) && drawn(&points).0 == [Stage::UpdatePoints.name()]);
+        assert!(
+            points.switch(&[Part::Prefilter], true)
+                && drawn(&points).0 == [Stage::UpdatePoints.name()]
+        );
         // Another size is another cache: it has the parts that were chosen.
         points.switch(&[Part::Prefilter], false);
         let view = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, Some(60.0), None, (40, 30)).unwrap();
@@ -462,10 +509,15 @@ mod tests {
 
     #[test]
     fn what_is_kept_of_another_type_of_view_is_used_only_if_it_means_the_same() {
-        let view = |words: &str| View::parse_vf(&format!("-vp 0 0 0 {words}")).unwrap().resolve(SIZE).unwrap().0;
+        let view = |words: &str| {
+            View::parse_vf(&format!("-vp 0 0 0 {words}")).unwrap().resolve(SIZE).unwrap().0
+        };
         let (perspective, fisheye) = (view("-vd 0 1 0"), view("-vd 0 1 0 -vta"));
         let (parallel, turned) = (view("-vd 0 1 0 -vtl -vh 3"), view("-vd 1 1 0 -vtl -vh 3"));
-        assert!(sees_alike(&perspective, &fisheye) && sees_alike(&parallel, &view("-vd 0 2 0 -vtl -vh 9")));
+        assert!(
+            sees_alike(&perspective, &fisheye)
+                && sees_alike(&parallel, &view("-vd 0 2 0 -vtl -vh 9"))
+        );
         assert!(!sees_alike(&perspective, &view("-vd 0 1 0 -va 3")));
         assert!(!sees_alike(&perspective, &parallel) && !sees_alike(&parallel, &turned));
     }

@@ -52,13 +52,24 @@ mod tests {
         for _ in 0..2000 {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             let (first, count) = ((state >> 33) as u32 % 500, (state >> 50) as u32 % 21 + 1);
-            let run = Run { section: 0, beam: BeamId(state >> 63), kind: SampleKind::Uniform, first, count, paths: 1 };
-            let fresh: Vec<u32> = received.add(&run).into_iter().flatten().map(|at| first + at as u32).collect();
+            let run = Run {
+                section: 0,
+                beam: BeamId(state >> 63),
+                kind: SampleKind::Uniform,
+                first,
+                count,
+                paths: 1,
+            };
+            let fresh: Vec<u32> =
+                received.add(&run).into_iter().flatten().map(|at| first + at as u32).collect();
             let expected: Vec<u32> =
                 (first..first + count).filter(|&number| model.insert((run.beam, number))).collect();
             assert_eq!(fresh, expected);
         }
         let ranges = &received.ranges[&(0, BeamId(0), SampleKind::Uniform)];
-        assert!(ranges.windows(2).all(|pair| pair[0].1 < pair[1].0), "touching ranges are merged: {ranges:?}");
+        assert!(
+            ranges.windows(2).all(|pair| pair[0].1 < pair[1].0),
+            "touching ranges are merged: {ranges:?}"
+        );
     }
 }

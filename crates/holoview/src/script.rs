@@ -157,8 +157,12 @@ fn parse_line(line: &str) -> Result<Option<Step>> {
         "picture" => bail!("`picture` takes the name of a file, such as `picture a.pfm`"),
         "with" | "without" => Command::Switch { parts: parts(word, rest)?, on: word == "with" },
         "quit" if rest.is_empty() => Command::Quit,
-        "" => bail!("a time without a command; write `{first} view …`, `{first} picture FILE` or `{first} quit`"),
-        other => bail!("`{other}` is not a command; there are view, picture, with, without and quit"),
+        "" => bail!(
+            "a time without a command; write `{first} view …`, `{first} picture FILE` or `{first} quit`"
+        ),
+        other => {
+            bail!("`{other}` is not a command; there are view, picture, with, without and quit")
+        }
     };
     Ok(Some(Step { seconds, command }))
 }
@@ -177,7 +181,9 @@ fn parts(command: &str, names: &str) -> Result<Vec<Part>> {
     }
     let part = |name: &str| {
         let part = Part::from_str(name, false).ok();
-        part.with_context(|| format!("`{name}` is no part of the render cache (there are {})", known()))
+        part.with_context(|| {
+            format!("`{name}` is no part of the render cache (there are {})", known())
+        })
     };
     names.split([',', ' ']).filter(|name| !name.is_empty()).map(part).collect()
 }
@@ -210,12 +216,19 @@ mod tests {
         assert_eq!(steps.len(), 4);
         let view = View::parse_vf("rview -vp 12.5 .5 5 -vd .7 .7 0 -vu 0 0 1 -vh 60").unwrap();
         assert_eq!(steps[0], Step { seconds: Some(0.0), command: Command::View(Box::new(view)) });
-        assert_eq!(steps[1], Step { seconds: Some(0.1), command: Command::Picture("a b.pfm".into()) });
+        assert_eq!(
+            steps[1],
+            Step { seconds: Some(0.1), command: Command::Picture("a b.pfm".into()) }
+        );
         assert_eq!(steps[3], Step { seconds: Some(10.0), command: Command::Quit });
         assert_eq!(Script::Steps(steps.into_iter()).duration(), 10.0);
-        let twice = parse("1 picture a.pfm\n2 view -vh 50\n3 picture b.pfm\n4 quit", "walk.txt").unwrap();
+        let twice =
+            parse("1 picture a.pfm\n2 view -vh 50\n3 picture b.pfm\n4 quit", "walk.txt").unwrap();
         assert_eq!(Script::Steps(twice.into_iter()).duration(), 6.0);
-        assert_eq!(parse_line("quit").unwrap(), Some(Step { seconds: None, command: Command::Quit }));
+        assert_eq!(
+            parse_line("quit").unwrap(),
+            Some(Step { seconds: None, command: Command::Quit })
+        );
     }
 
     #[test]
@@ -223,9 +236,15 @@ mod tests {
         let switch = |line| parse_line(line).unwrap().unwrap();
         let parts = vec![Part::Prefilter, Part::DepthCull];
         let without = Command::Switch { parts, on: false };
-        assert_eq!(switch("2 without prefilter,depth-cull"), Step { seconds: Some(2.0), command: without.clone() });
+        assert_eq!(
+            switch("2 without prefilter,depth-cull"),
+            Step { seconds: Some(2.0), command: without.clone() }
+        );
         assert_eq!(switch("without prefilter, depth-cull").command, without);
-        assert_eq!(switch("with dither").command, Command::Switch { parts: vec![Part::Dither], on: true });
+        assert_eq!(
+            switch("with dither").command,
+            Command::Switch { parts: vec![Part::Dither], on: true }
+        );
     }
 
     #[test]

@@ -60,17 +60,26 @@ const LATE: Duration = Duration::from_millis(20);
 const SETTLE_TIME: Duration = Duration::from_secs(60);
 
 /// Connects and follows the script; see [`crate::run`].
-pub async fn run(config: Config, address: SocketAddr, script: Script, shutdown: Shutdown) -> Result<()> {
+pub async fn run(
+    config: Config,
+    address: SocketAddr,
+    script: Script,
+    shutdown: Shutdown,
+) -> Result<()> {
     let name = format!("holoview {}", std::process::id());
     let connection = holo_net::connect(address, Role::Display, &name).await;
     let (mut inbox, outbox, welcome) =
         connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
-    let sections = welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
+    let sections =
+        welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
     let sections = sections.context("the server's sections")?;
-    let painter = Painter::new(config.driver, &config.points, &sections, &mut inbox, &outbox, &welcome).await?;
+    let painter =
+        Painter::new(config.driver, &config.points, &sections, &mut inbox, &outbox, &welcome)
+            .await?;
     let lights = Lights::new(painter.records()).context("starting a thread")?;
     let (sender, messages) = mpsc::channel();
-    let reader = tokio::spawn(incoming::read(inbox, outbox.clone(), sender.clone(), lights.clone()));
+    let reader =
+        tokio::spawn(incoming::read(inbox, outbox.clone(), sender.clone(), lights.clone()));
     let ended = tokio::spawn(async move {
         shutdown.wait().await;
         // If the session is over there is no one to tell.
@@ -132,7 +141,8 @@ enum Waited {
 impl Session {
     fn follow(&mut self, mut script: Script) -> Result<()> {
         let named = self.welcome.views.clone();
-        let mut base = ViewSpec { vu: Some(DVec3::from_array(self.welcome.up)), ..ViewSpec::default() };
+        let mut base =
+            ViewSpec { vu: Some(DVec3::from_array(self.welcome.up)), ..ViewSpec::default() };
         if let Some((_, first)) = named.first() {
             base.apply_line(first).context("the holodeck's own view")?;
         } else if let Some(section) = self.sections.first() {
@@ -195,13 +205,22 @@ impl Session {
     }
 
     fn look(&mut self, view: View, size: (u32, u32), resolution: Resolution) -> Result<()> {
-        let Selection { beams, covered } = select_beams(&self.sections, &view, size, &SelectOptions::default());
+        let Selection { beams, covered } =
+            select_beams(&self.sections, &view, size, &SelectOptions::default());
         if covered.covered_rays == 0 {
-            bail!("no section of the holodeck covers anything of this view ({})", view.to_vf_options());
+            bail!(
+                "no section of the holodeck covers anything of this view ({})",
+                view.to_vf_options()
+            );
         }
         let wanted: Vec<Wanted> = (self.painter.weigh(view, size, beams)?)
             .iter()
-            .map(|beam| Wanted { beam: beam.beam.0, weight: beam.weight, section: beam.section, reserved: 0 })
+            .map(|beam| Wanted {
+                beam: beam.beam.0,
+                weight: beam.weight,
+                section: beam.section,
+                reserved: 0,
+            })
             .collect();
         self.view_number += 1;
         let since = Instant::now();
@@ -214,9 +233,16 @@ impl Session {
             let none = LiveWanted { view: self.view_number, pixels: 0, rays: Vec::new() };
             self.outbox.send(Kind::LiveWanted, &none.encode())?;
         }
-        let canvas = self.painter.canvas(Arc::clone(&self.sections), view, size, self.welcome.sky, resolution);
+        let canvas = self.painter.canvas(
+            Arc::clone(&self.sections),
+            view,
+            size,
+            self.welcome.sky,
+            resolution,
+        );
         let paths = self.welcome.settings.paths_per_sample;
-        let live = Live::new(&canvas, view, size, self.welcome.sky, paths).filter(|_| self.welcome.tracing);
+        let live = Live::new(&canvas, view, size, self.welcome.sky, paths)
+            .filter(|_| self.welcome.tracing);
         self.shown = Some(Shown {
             view,
             size,
@@ -274,8 +300,12 @@ impl Session {
     /// Asks for everything stored that is of use to the view.
     fn ask_for_all(&mut self) -> Result<()> {
         let Some(shown) = &self.shown else { return Ok(()) };
-        let also =
-            |&(section, beam): &(u16, BeamId)| Wanted { beam: beam.0, weight: STORED_ONLY, section, reserved: 0 };
+        let also = |&(section, beam): &(u16, BeamId)| Wanted {
+            beam: beam.0,
+            weight: STORED_ONLY,
+            section,
+            reserved: 0,
+        };
         let mut wanted = shown.wanted.clone();
         wanted.extend(shown.also.iter().map(also));
         // A stable sort: the view's own weight stands before the other's, which goes.
@@ -291,11 +321,19 @@ impl Session {
     }
 
     fn request_shown(&self, wanted: Vec<Wanted>) -> Result<()> {
-        self.shown.as_ref().map_or(Ok(()), |shown| self.request(&shown.view, shown.size, shown.nearest, wanted))
+        self.shown
+            .as_ref()
+            .map_or(Ok(()), |shown| self.request(&shown.view, shown.size, shown.nearest, wanted))
     }
 
     /// Sends a view, with a viewpoint for the nearest visible surface at `nearest`.
-    fn request(&self, view: &View, size: (u32, u32), nearest: f64, beams: Vec<Wanted>) -> Result<()> {
+    fn request(
+        &self,
+        view: &View,
+        size: (u32, u32),
+        nearest: f64,
+        beams: Vec<Wanted>,
+    ) -> Result<()> {
         let radius = self.painter.radius(view, size, nearest);
         let viewpoint = holo_display::viewpoint(&self.sections, view, radius);
         let request = ViewRequest { view: self.view_number, viewpoint, beams };
@@ -312,14 +350,23 @@ impl Session {
             if Instant::now() >= last {
                 return Ok(Waited::TimeUp);
             }
-            let refine = self.shown.as_ref().filter(|shown| !shown.refined).map(|shown| shown.since + REFINE_AFTER);
-            let asked = self.shown.as_ref().and_then(|shown| shown.rays_asked).filter(|_| !for_settled);
+            let refine = self
+                .shown
+                .as_ref()
+                .filter(|shown| !shown.refined)
+                .map(|shown| shown.since + REFINE_AFTER);
+            let asked =
+                self.shown.as_ref().and_then(|shown| shown.rays_asked).filter(|_| !for_settled);
             let mut rays = asked.map(|asked| asked + RAYS_EVERY);
             if rays.is_some_and(|rays| Instant::now() >= rays) {
                 self.ask_rays()?;
                 rays = Some(Instant::now() + RAYS_EVERY);
             }
-            let rest = self.shown.as_ref().map(|shown| shown.since + AT_REST).filter(|rest| *rest > Instant::now());
+            let rest = self
+                .shown
+                .as_ref()
+                .map(|shown| shown.since + AT_REST)
+                .filter(|rest| *rest > Instant::now());
             if rest.is_none() && self.shown.as_ref().is_some_and(|shown| shown.canvas.is_moving()) {
                 self.rest()?;
                 continue;
@@ -332,10 +379,14 @@ impl Session {
             let left = until.saturating_duration_since(Instant::now());
             match self.messages.recv_timeout(left) {
                 Ok(Incoming::Message(Message::Samples(samples))) => {
-                    self.shown_as(samples.view).into_iter().for_each(|shown| shown.insert(&samples));
+                    self.shown_as(samples.view)
+                        .into_iter()
+                        .for_each(|shown| shown.insert(&samples));
                 }
                 Ok(Incoming::Message(Message::Unseen(unseen))) => {
-                    self.shown_as(unseen.view).into_iter().for_each(|shown| shown.insert_unseen(&unseen));
+                    self.shown_as(unseen.view)
+                        .into_iter()
+                        .for_each(|shown| shown.insert_unseen(&unseen));
                 }
                 Ok(Incoming::Message(Message::LiveSamples(samples))) => {
                     self.shown.iter_mut().for_each(|shown| shown.insert_live(&samples));
@@ -355,7 +406,9 @@ impl Session {
                         self.meter.show(share, &status.words());
                     }
                 }
-                Ok(Incoming::Message(Message::Control(Control::StoredSent { view }))) if view == self.view_number => {
+                Ok(Incoming::Message(Message::Control(Control::StoredSent { view })))
+                    if view == self.view_number =>
+                {
                     let before = self.asked();
                     self.ask_on(for_settled)?;
                     if for_settled && before != Asked::All {
@@ -363,11 +416,17 @@ impl Session {
                     }
                 }
                 Ok(Incoming::Message(Message::Control(_))) => {}
-                Ok(Incoming::Message(_)) => bail!("the server sent a message that is not for a display"),
+                Ok(Incoming::Message(_)) => {
+                    bail!("the server sent a message that is not for a display")
+                }
                 Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
                 Ok(Incoming::Stop) => return Ok(Waited::Stop),
-                Err(mpsc::RecvTimeoutError::Timeout) if Instant::now() >= deadline => return Ok(Waited::TimeUp),
-                Err(mpsc::RecvTimeoutError::Timeout) if refine.is_some_and(|at| Instant::now() >= at) => {
+                Err(mpsc::RecvTimeoutError::Timeout) if Instant::now() >= deadline => {
+                    return Ok(Waited::TimeUp);
+                }
+                Err(mpsc::RecvTimeoutError::Timeout)
+                    if refine.is_some_and(|at| Instant::now() >= at) =>
+                {
                     self.refine()?
                 }
                 // Time for rays.
@@ -396,11 +455,18 @@ impl Session {
 
     /// Asks for the single rays that the driver wants most.
     fn ask_rays(&mut self) -> Result<()> {
-        let Some(shown) = self.shown.as_mut().filter(|shown| shown.rays_asked.is_some() && self.welcome.tracing) else {
+        let Some(shown) =
+            self.shown.as_mut().filter(|shown| shown.rays_asked.is_some() && self.welcome.tracing)
+        else {
             return Ok(());
         };
         let rays = shown.canvas.wanted_rays().into_iter();
-        let rays = rays.map(|(section, beam, coords)| WantedRay { beam: beam.0, section, coords, reserved: 0 });
+        let rays = rays.map(|(section, beam, coords)| WantedRay {
+            beam: beam.0,
+            section,
+            coords,
+            reserved: 0,
+        });
         let request = RaysWanted { view: self.view_number, rays: rays.collect() };
         shown.rays_asked = Some(Instant::now());
         if request.rays.is_empty() {
@@ -424,7 +490,9 @@ impl Session {
 
     /// The view, if it is the one that samples were sent for under this number.
     fn shown_as(&mut self, number: u32) -> Option<&mut Shown> {
-        self.shown.as_mut().filter(|shown| (shown.first_request..=self.view_number).contains(&number))
+        self.shown
+            .as_mut()
+            .filter(|shown| (shown.first_request..=self.view_number).contains(&number))
     }
 
     fn picture(&self, path: PathBuf) -> Result<()> {

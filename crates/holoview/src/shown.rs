@@ -96,7 +96,8 @@ impl Shown {
             live.paint(&mut frame);
         }
         if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+            std::fs::create_dir_all(folder)
+                .with_context(|| format!("making {}", folder.display()))?;
         }
         frame.picture.write(&path).with_context(|| format!("writing {}", path.display()))?;
         Ok(PictureReport {

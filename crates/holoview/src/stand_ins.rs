@@ -26,11 +26,18 @@ impl StandIns {
     /// # Errors
     /// If it is not the one announced, or what it holds cannot be used.
     pub fn build(blob: &[u8], hash: [u8; 32]) -> Result<StandIns> {
-        ensure!(Scene::content_hash(blob) == hash, "the stand-ins' bytes do not have the announced hash");
+        ensure!(
+            Scene::content_hash(blob) == hash,
+            "the stand-ins' bytes do not have the announced hash"
+        );
         let mut stand_ins = StandIns::default();
         for part in decode(blob).context("reading the server's stand-ins")? {
-            let build = || Raycaster::build(Arc::new(Scene::unpack(&part.packed)?)).map_err(anyhow::Error::from);
-            let raycaster = build().with_context(|| format!("preparing a stand-in of section {}", part.section))?;
+            let build = || {
+                Raycaster::build(Arc::new(Scene::unpack(&part.packed)?))
+                    .map_err(anyhow::Error::from)
+            };
+            let raycaster = build()
+                .with_context(|| format!("preparing a stand-in of section {}", part.section))?;
             let (geometry, portals) = stand_ins.0.entry(part.section).or_default();
             *match part.kind {
                 StandInKind::Geometry => geometry,
@@ -42,6 +49,9 @@ impl StandIns {
 
     /// Geometry and portals for a view.
     pub fn of(&self, sections: &[Section], view: &View) -> OfSection {
-        section_of(sections, view).and_then(|section| self.0.get(&section)).cloned().unwrap_or_default()
+        section_of(sections, view)
+            .and_then(|section| self.0.get(&section))
+            .cloned()
+            .unwrap_or_default()
     }
 }

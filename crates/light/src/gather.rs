@@ -43,7 +43,8 @@ pub fn hold(arrivals: &mut [Arrival], most: f32) {
     let most = most.max(FAIR / arrivals.len() as f32);
     let mut bound = f32::INFINITY;
     for _ in 0..ROUNDS {
-        bound = most * arrivals.iter().map(|arrival| luminance(arrival.radiance).min(bound)).sum::<f32>();
+        bound = most
+            * arrivals.iter().map(|arrival| luminance(arrival.radiance).min(bound)).sum::<f32>();
     }
     for arrival in arrivals {
         let brought = luminance(arrival.radiance);
@@ -81,9 +82,14 @@ impl Record {
         }
         let count = sources.len() as f32;
         let before = luminance(Vec3::from(self.irradiance));
-        let variance = (squares - luminance(sum).powi(2) / count).max(0.0) * count / (count - 1.0).max(1.0);
+        let variance =
+            (squares - luminance(sum).powi(2) / count).max(0.0) * count / (count - 1.0).max(1.0);
         let after = before + luminance(sum);
-        self.error = if after > 0.0 { ((self.error * before).powi(2) + variance).sqrt() / after } else { 0.0 };
+        self.error = if after > 0.0 {
+            ((self.error * before).powi(2) + variance).sqrt() / after
+        } else {
+            0.0
+        };
         self.irradiance = (Vec3::from(self.irradiance) + sum).to_array();
         self.shift = shift.map(|v| v.to_array());
         self.turn = turn.map(|v| v.to_array());
@@ -140,9 +146,11 @@ impl Hemisphere {
         let mean = luminance(sum) / count;
         // Half the squared difference of neighbours is what a stratum varies, or more: strata that differ count as noise, but less than
         // in the variance of all (Wolter 1984, "An Investigation of Some Estimators of Variance for Systematic Sampling").
-        let differences = (0..rings).flat_map(|j| (0..sectors).map(move |k| (j, k, (k + 1) % sectors)));
-        let squares: f32 =
-            differences.map(|(j, k, next)| luminance(at(j, next).radiance - at(j, k).radiance).powi(2)).sum();
+        let differences =
+            (0..rings).flat_map(|j| (0..sectors).map(move |k| (j, k, (k + 1) % sectors)));
+        let squares: f32 = differences
+            .map(|(j, k, next)| luminance(at(j, next).radiance - at(j, k).radiance).powi(2))
+            .sum();
         let variance = 0.5 * squares / (count * count);
         let mut shift = [Vec3::ZERO; 3];
         let mut turn = [Vec3::ZERO; 3];
@@ -164,12 +172,14 @@ impl Hemisphere {
                 if j > 0 {
                     let inner = at(j - 1, k);
                     let near = here.distance.min(inner.distance);
-                    radial += (here.radiance - inner.radiance) * (below2.sqrt() * (1.0 - below2) / near);
+                    radial +=
+                        (here.radiance - inner.radiance) * (below2.sqrt() * (1.0 - below2) / near);
                 }
                 let beside = at(j, before);
                 let near = here.distance.min(beside.distance);
                 tangential += (here.radiance - beside.radiance) * ((above - below2.sqrt()) / near);
-                turning += here.radiance * mean_tangent(j as f32 / rings as f32, (j + 1) as f32 / rings as f32);
+                turning += here.radiance
+                    * mean_tangent(j as f32 / rings as f32, (j + 1) as f32 / rings as f32);
             }
             add(&mut shift, outwards, radial * step);
             add(&mut shift, across, tangential);

@@ -62,8 +62,11 @@ impl Record {
     pub fn extrapolate(&self, point: Vec3, normal: Vec3) -> Vec3 {
         let step = point - Vec3::from(self.point);
         let turned = Vec3::from(self.normal).cross(normal);
-        let channel =
-            |c: usize| self.irradiance[c] + Vec3::from(self.shift[c]).dot(step) + Vec3::from(self.turn[c]).dot(turned);
+        let channel = |c: usize| {
+            self.irradiance[c]
+                + Vec3::from(self.shift[c]).dot(step)
+                + Vec3::from(self.turn[c]).dot(turned)
+        };
         // Gradients are noisy: at most half of the light is theirs to give or take.
         let held = Vec3::from(self.irradiance);
         Vec3::new(channel(0), channel(1), channel(2)).clamp(held * 0.5, held * 1.5)
@@ -74,11 +77,19 @@ impl Record {
     /// the distance: so far that it is as much as the noise.
     pub(crate) fn agreed_share(&self, other: &Self) -> f32 {
         let off = |from: &Self, to: &Self| {
-            luminance(from.extrapolate(to.point.into(), to.normal.into()) - Vec3::from(to.irradiance)).abs()
+            luminance(
+                from.extrapolate(to.point.into(), to.normal.into()) - Vec3::from(to.irradiance),
+            )
+            .abs()
         };
         let difference = off(self, other).min(off(other, self));
-        let [own, others] = [self, other].map(|record| record.error * luminance(record.irradiance.into()));
+        let [own, others] =
+            [self, other].map(|record| record.error * luminance(record.irradiance.into()));
         let noise = own.hypot(others);
-        if difference > CONTRADICTION * noise && noise > 0.0 { (noise / difference).sqrt() } else { 1.0 }
+        if difference > CONTRADICTION * noise && noise > 0.0 {
+            (noise / difference).sqrt()
+        } else {
+            1.0
+        }
     }
 }

@@ -133,7 +133,9 @@ impl Store {
     /// As [`insert`](Self::insert), for a record that somebody else made: others that may be hidden from it say nothing of it.
     pub fn receive(&self, record: Record) -> bool {
         let point = Vec3::from(record.point);
-        self.add(record, true, |other| point.distance(other.point.into()) > CERTAINLY_SEEN * other.nearest)
+        self.add(record, true, |other| {
+            point.distance(other.point.into()) > CERTAINLY_SEEN * other.nearest
+        })
     }
 
     /// At most `most` of the records from number `from` on, without those received, and the number to go on from.
@@ -154,7 +156,12 @@ impl Store {
         self.slots.get(index / CHUNK)?.get()?.get(index % CHUNK)
     }
 
-    fn add(&self, mut record: Record, received: bool, mut hidden: impl FnMut(&Record) -> bool) -> bool {
+    fn add(
+        &self,
+        mut record: Record,
+        received: bool,
+        mut hidden: impl FnMut(&Record) -> bool,
+    ) -> bool {
         if !record.is_valid() {
             return false;
         }
@@ -178,14 +185,16 @@ impl Store {
             true
         });
         record.radius = record.radius.max(0.5 * self.width);
-        let chunk = self.slots[index as usize / CHUNK].get_or_init(|| (0..CHUNK).map(|_| Slot::default()).collect());
+        let chunk = self.slots[index as usize / CHUNK]
+            .get_or_init(|| (0..CHUNK).map(|_| Slot::default()).collect());
         let slot = &chunk[index as usize % CHUNK];
         slot.radius.store(record.radius.to_bits(), Ordering::Relaxed);
         slot.received.store(received, Ordering::Relaxed);
         let _ = slot.record.set(record);
         self.count.store(index + 1, Ordering::Release);
         let level = self.level(record.radius);
-        let (low, high) = (self.cell(point - record.radius, level), self.cell(point + record.radius, level));
+        let (low, high) =
+            (self.cell(point - record.radius, level), self.cell(point + record.radius, level));
         for x in low.x..=high.x {
             for y in low.y..=high.y {
                 for z in low.z..=high.z {
@@ -203,7 +212,8 @@ impl Store {
         let chunk = chunk.get_or_init(|| (0..NODES).map(|_| AtomicU64::new(0)).collect());
         let head = &self.heads[hash(cell, level)];
         let next = head.load(Ordering::Relaxed);
-        chunk[node as usize % NODES].store(u64::from(next) << 32 | u64::from(index), Ordering::Release);
+        chunk[node as usize % NODES]
+            .store(u64::from(next) << 32 | u64::from(index), Ordering::Release);
         head.store(node, Ordering::Release);
         writer.nodes += 1;
     }

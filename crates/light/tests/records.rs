@@ -31,7 +31,8 @@ fn rays_lie_in_strata_of_equal_flux_and_even_light_is_found_exactly() {
     // 64 places in every stratum: the mean cosine under a cosine's density is 2/3, and what the midpoints of this many
     // squares of sines leave of its integral is below 1e-4.
     let places = (0..64).map(|i| [(i as f32 + 0.5) / 64.0, 0.5]);
-    let cosines = places.map(|u| (0..hemisphere.rays()).map(|i| hemisphere.direction(i, u).z).sum::<f32>());
+    let cosines =
+        places.map(|u| (0..hemisphere.rays()).map(|i| hemisphere.direction(i, u).z).sum::<f32>());
     assert!((cosines.sum::<f32>() / (64 * hemisphere.rays()) as f32 - 2.0 / 3.0).abs() < 1e-3);
     let record = gathered(400, |_| (3.0, 2.0));
     for c in 0..3 {
@@ -45,7 +46,8 @@ fn rays_lie_in_strata_of_equal_flux_and_even_light_is_found_exactly() {
 fn one_ray_in_thousands_does_not_decide_about_a_record() {
     let gather = |outlier: f32, most: f32| {
         let arrival = |index: usize| {
-            let radiance = if index == 123 { Vec3::new(2.0, 1.0, 0.5) * outlier } else { Vec3::ONE };
+            let radiance =
+                if index == 123 { Vec3::new(2.0, 1.0, 0.5) * outlier } else { Vec3::ONE };
             Arrival { radiance, distance: 1.0 }
         };
         let mut arrivals: Vec<Arrival> = (0..1000).map(arrival).collect();
@@ -63,7 +65,10 @@ fn one_ray_in_thousands_does_not_decide_about_a_record() {
     let even = [Arrival { radiance: Vec3::ONE, distance: 1.0 }; 64];
     let mut few = even;
     hold(&mut few, 0.002);
-    assert!(few.iter().zip(&even).all(|(held, whole)| held.radiance == whole.radiance), "even light stays whole");
+    assert!(
+        few.iter().zip(&even).all(|(held, whole)| held.radiance == whole.radiance),
+        "even light stays whole"
+    );
     let mut dark = [Arrival::default(); 8];
     hold(&mut dark, 0.03);
     assert!(dark.iter().all(|arrival| arrival.radiance == Vec3::ZERO));
@@ -103,18 +108,24 @@ fn a_small_source_brings_its_own_gradients() {
         2.0 * up.dot(w) * -normal.dot(w) / w.length_squared().powi(2)
     };
     let part = 0.25 * exact(Vec3::ZERO, Vec3::Z);
-    let source = Source { irradiance: Vec3::new(part, 2.0 * part, 0.0), towards: at, normal: Some(normal) };
+    let source =
+        Source { irradiance: Vec3::new(part, 2.0 * part, 0.0), towards: at, normal: Some(normal) };
     let mut record = gathered(1000, |_| (0.0, 1.0));
     record.add(&[source; 4]);
     assert!((record.irradiance[0] - 4.0 * part).abs() < 1e-6 && record.error < 1e-3, "{record:?}");
     let h = 1e-2;
     for step in [Vec3::X, Vec3::Y, Vec3::new(-0.6, 0.8, 0.0)] {
         let slope = (exact(step * h, Vec3::Z) - exact(-step * h, Vec3::Z)) / (2.0 * h);
-        let told = (record.extrapolate(step * h, Vec3::Z) - record.extrapolate(-step * h, Vec3::Z)) / (2.0 * h);
+        let told = (record.extrapolate(step * h, Vec3::Z) - record.extrapolate(-step * h, Vec3::Z))
+            / (2.0 * h);
         assert!((told.x - slope).abs() < 2e-3 * 4.0 * part, "{step}: {told} {slope}");
-        assert!((told.y - 2.0 * slope).abs() < 4e-3 * 4.0 * part && told.z == 0.0, "{step}: {told}");
+        assert!(
+            (told.y - 2.0 * slope).abs() < 4e-3 * 4.0 * part && told.z == 0.0,
+            "{step}: {told}"
+        );
         let (one, other) = ((Vec3::Z + step * h).normalize(), (Vec3::Z - step * h).normalize());
-        let turned = record.extrapolate(Vec3::ZERO, one).x - record.extrapolate(Vec3::ZERO, other).x;
+        let turned =
+            record.extrapolate(Vec3::ZERO, one).x - record.extrapolate(Vec3::ZERO, other).x;
         let exact = exact(Vec3::ZERO, one) - exact(Vec3::ZERO, other);
         assert!((turned - exact).abs() < 2e-3 * h * 4.0 * part, "{step}: {turned} {exact}");
     }
@@ -130,7 +141,8 @@ fn a_small_source_brings_its_own_gradients() {
 fn a_record_knows_its_error() {
     let mut state = 1_u64;
     let mut random = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 40) as f32 / (1 << 24) as f32
     };
     // Noise in every ray, of mean 1 and relative standard deviation 1/√3, over a slope that strata take out.
@@ -138,7 +150,8 @@ fn a_record_knows_its_error() {
     let records: Vec<Record> = (0..400)
         .map(|_| {
             let ray = |index| {
-                let light = hemisphere.direction(index, [0.5; 2]).x + 2.0 + 2.0 * (random() - 0.5) * 2.0;
+                let light =
+                    hemisphere.direction(index, [0.5; 2]).x + 2.0 + 2.0 * (random() - 0.5) * 2.0;
                 Arrival { radiance: Vec3::splat(light), distance: 1.0 }
             };
             let arrivals: Vec<Arrival> = (0..hemisphere.rays()).map(ray).collect();
@@ -147,7 +160,10 @@ fn a_record_knows_its_error() {
         .collect();
     let count = records.len() as f32;
     let mean = records.iter().map(|r| r.irradiance[0]).sum::<f32>() / count;
-    let spread = (records.iter().map(|r| (r.irradiance[0] - mean).powi(2)).sum::<f32>() / (count - 1.0)).sqrt() / mean;
+    let spread = (records.iter().map(|r| (r.irradiance[0] - mean).powi(2)).sum::<f32>()
+        / (count - 1.0))
+        .sqrt()
+        / mean;
     let said = records.iter().map(|r| r.error).sum::<f32>() / count;
     // 4 standard errors of a standard deviation by 400 values, and what the slope leaves within strata.
     assert!(said > spread * 0.86 && said < spread * 1.2, "{said} {spread}");
@@ -173,7 +189,8 @@ fn walled() -> Raycaster {
         two_sided_emission: false,
     };
     let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
-    let (scene, _) = Scene::from_world(&corners, &triangles, &[0; 4], vec![grey], [0.0; 3]).unwrap();
+    let (scene, _) =
+        Scene::from_world(&corners, &triangles, &[0; 4], vec![grey], [0.0; 3]).unwrap();
     Raycaster::build(Arc::new(scene)).unwrap()
 }
 
@@ -226,20 +243,28 @@ fn no_light_comes_through_a_wall_without_thickness() {
 fn a_record_is_for_its_own_surface_and_not_for_one_a_step_behind_or_before_it() {
     let store = Store::new(0.01);
     assert!(store.insert(record(Vec3::ZERO, 3.0, 2.0, 1), |_| false));
-    let known = |point: Vec3, normal: Vec3| store.irradiance(point, normal, f32::INFINITY, |_| false).is_some();
+    let known = |point: Vec3, normal: Vec3| {
+        store.irradiance(point, normal, f32::INFINITY, |_| false).is_some()
+    };
     for distance in [0.1_f32, 0.5, 1.0, 1.9] {
         assert!(known(Vec3::new(distance, 0.0, 0.0), Vec3::Z), "{distance}");
         // As flat as meshes are.
         assert!(known(Vec3::new(distance, 0.0, 0.005 * distance), Vec3::Z), "{distance}");
         for step in [-0.1, -0.05, 0.05, 0.1] {
-            assert!(!known(Vec3::new(distance, 0.0, step * distance), Vec3::Z), "{distance} {step}");
+            assert!(
+                !known(Vec3::new(distance, 0.0, step * distance), Vec3::Z),
+                "{distance} {step}"
+            );
         }
         // A ball and a bowl, smooth or in facets: the normal is that of the point or of half the way.
         for radius in [10.0_f32, -10.0] {
             let angle = distance / radius;
             let point = Vec3::new(radius * angle.sin(), 0.0, radius * (angle.cos() - 1.0));
             for turned in [angle, 0.5 * angle] {
-                assert!(known(point, Vec3::new(turned.sin(), 0.0, turned.cos())), "{distance} {radius}");
+                assert!(
+                    known(point, Vec3::new(turned.sin(), 0.0, turned.cos())),
+                    "{distance} {radius}"
+                );
             }
         }
     }
@@ -274,7 +299,9 @@ fn what_was_received_is_not_passed_on_as_made_here() {
         let record = record(Vec3::X * id as f32, 1.0, 0.5, id);
         assert!(if id % 3 == 0 { store.receive(record) } else { store.insert(record, |_| false) });
     }
-    let ids = |(records, next): (Vec<Record>, usize)| (records.iter().map(|r| r.id).collect::<Vec<_>>(), next);
+    let ids = |(records, next): (Vec<Record>, usize)| {
+        (records.iter().map(|r| r.id).collect::<Vec<_>>(), next)
+    };
     assert_eq!(ids(store.made_since(0, 3)), (vec![1, 2, 4], 5));
     assert_eq!(ids(store.made_since(5, 100)), (vec![5, 7, 8], 10));
     assert_eq!(ids(store.made_since(10, 100)), (vec![], 10));
@@ -314,7 +341,12 @@ fn readers_see_whole_records_while_others_add_to_them() {
                 for i in 0..500 {
                     let x = 1.0 + 0.01 * (i % 100) as f64;
                     store.insert(
-                        record(local(raycaster, x, 0.02 * i as f64 / 10.0).point, 4.0, 0.5, writer << 32 | i),
+                        record(
+                            local(raycaster, x, 0.02 * i as f64 / 10.0).point,
+                            4.0,
+                            0.5,
+                            writer << 32 | i,
+                        ),
                         |_| false,
                     );
                 }

@@ -12,7 +12,10 @@ pub fn loopback(text: &str) -> Result<SocketAddr, NetError> {
     let bad = || NetError::Address(text.to_owned());
     let addresses: Vec<SocketAddr> = text.to_socket_addrs().map_err(|_| bad())?.collect();
     let first = *addresses.first().ok_or_else(bad)?;
-    addresses.into_iter().find(|address| address.ip().is_loopback()).ok_or(NetError::NotLoopback(first))
+    addresses
+        .into_iter()
+        .find(|address| address.ip().is_loopback())
+        .ok_or(NetError::NotLoopback(first))
 }
 
 #[cfg(test)]

@@ -11,8 +11,8 @@ use std::{
 use holo_proto::{
     ProtoError,
     bulk::{
-        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results, Samples, Unseen,
-        ViewRequest, Work,
+        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results,
+        Samples, Unseen, ViewRequest, Work,
     },
     control::Control,
     frame::{self, HEADER_BYTES, Header, Kind},
@@ -103,7 +103,9 @@ impl Inbox {
         match self.header().await {
             Ok(header) if header.kind == kind => self.payload(header).await,
             // A browser, say: its first bytes are no frame.
-            Ok(_) | Err(NetError::Proto(ProtoError::Kind(_))) => Err(ProtoError::NotHolodeck.into()),
+            Ok(_) | Err(NetError::Proto(ProtoError::Kind(_))) => {
+                Err(ProtoError::NotHolodeck.into())
+            }
             Err(error) => Err(error),
         }
     }
@@ -124,7 +126,8 @@ impl Inbox {
     /// counts as a sign of life.
     async fn fill(&mut self, mut room: &mut [u8]) -> Result<(), NetError> {
         while !room.is_empty() {
-            let read = timeout(SILENCE, self.reader.read(room)).await.map_err(|_| NetError::Silent)??;
+            let read =
+                timeout(SILENCE, self.reader.read(room)).await.map_err(|_| NetError::Silent)??;
             if read == 0 {
                 return Err(NetError::Closed);
             }
@@ -190,7 +193,11 @@ pub(crate) fn split(stream: TcpStream) -> (Inbox, Outbox) {
     let (read, write) = stream.into_split();
     let (queue, frames) = mpsc::unbounded_channel();
     let queued = Arc::new(AtomicUsize::new(0));
-    let writer = Writer { stream: BufWriter::with_capacity(1 << 16, write), in_hand: 0, queued: Arc::clone(&queued) };
+    let writer = Writer {
+        stream: BufWriter::with_capacity(1 << 16, write),
+        in_hand: 0,
+        queued: Arc::clone(&queued),
+    };
     tokio::spawn(writer.run(frames));
     (Inbox { reader: BufReader::with_capacity(1 << 16, read) }, Outbox { queue, queued })
 }

@@ -19,7 +19,11 @@ use crate::{
 ///
 /// # Errors
 /// Any [`NetError`]; [`NetError::Refused`] carries the server's reason.
-pub async fn connect(address: SocketAddr, role: Role, name: &str) -> Result<(Inbox, Outbox, Welcome), NetError> {
+pub async fn connect(
+    address: SocketAddr,
+    role: Role,
+    name: &str,
+) -> Result<(Inbox, Outbox, Welcome), NetError> {
     let shake = async {
         let (mut inbox, outbox) = split(TcpStream::connect(address).await?);
         outbox.send(Kind::Hello, &Hello::new(role, name).encode())?;

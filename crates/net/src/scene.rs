@@ -38,7 +38,10 @@ impl SceneReceiver {
     /// [`NetError::Scene`] for a piece that is empty, out of order, or past the announced size.
     pub fn take(&mut self, chunk: &BlobChunk) -> Result<bool, NetError> {
         let have = self.bytes.len() as u64;
-        if chunk.bytes.is_empty() || chunk.offset != have || have + chunk.bytes.len() as u64 > self.expected {
+        if chunk.bytes.is_empty()
+            || chunk.offset != have
+            || have + chunk.bytes.len() as u64 > self.expected
+        {
             return Err(NetError::Scene("order and size"));
         }
         self.bytes.extend_from_slice(&chunk.bytes);

@@ -23,7 +23,9 @@ const SOON: Duration = Duration::from_secs(10);
 fn samples(count: u32) -> Samples {
     let kind = SampleKind::Uniform;
     let run = Run { section: 1, beam: BeamId(2), kind, first: 3, count, paths: 4 };
-    let samples = (0..count).map(|i| Sample::from_codes(i.to_le_bytes().into(), [i as u8; 4], i as u16)).collect();
+    let samples = (0..count)
+        .map(|i| Sample::from_codes(i.to_le_bytes().into(), [i as u8; 4], i as u16))
+        .collect();
     Samples { view: 5, source: Source::Traced, runs: vec![run], samples }
 }
 
@@ -69,8 +71,13 @@ async fn the_longest_frame_arrives_and_one_byte_more_is_not_sent() {
     let chunk = BlobChunk { offset: 1 << 40, bytes: (0..bytes).map(|i| (i % 251) as u8).collect() };
     theirs_out.send(Kind::BlobChunk, &chunk.encode()).unwrap();
     let longer = BlobChunk { offset: 0, bytes: vec![0; bytes + 1] };
-    assert!(matches!(theirs_out.send(Kind::BlobChunk, &longer.encode()), Err(ProtoError::TooLong { .. })));
-    let Message::BlobChunk(arrived) = timeout(SOON, inbox.next()).await.unwrap().unwrap() else { panic!("other") };
+    assert!(matches!(
+        theirs_out.send(Kind::BlobChunk, &longer.encode()),
+        Err(ProtoError::TooLong { .. })
+    ));
+    let Message::BlobChunk(arrived) = timeout(SOON, inbox.next()).await.unwrap().unwrap() else {
+        panic!("other")
+    };
     assert!(arrived == chunk);
     theirs_out.drained().await;
     assert_eq!(theirs_out.queued_bytes(), 0, "what was too long is not counted");
@@ -83,8 +90,11 @@ async fn a_hostile_length_ends_the_connection_before_anything_is_read() {
     client.write_all(&header).await.unwrap();
     // Nothing follows the header: whoever waited for the payload would wait until silence is noticed.
     let error = timeout(Duration::from_secs(5), inbox.next()).await.unwrap().unwrap_err();
-    let refused =
-        ProtoError::TooLong { kind: Kind::Samples, length: u64::from(u32::MAX), limit: frame::MAX_BULK_BYTES };
+    let refused = ProtoError::TooLong {
+        kind: Kind::Samples,
+        length: u64::from(u32::MAX),
+        limit: frame::MAX_BULK_BYTES,
+    };
     assert!(matches!(&error, NetError::Proto(found) if *found == refused), "{error}");
 }
 
@@ -105,7 +115,10 @@ async fn broken_messages_are_told_from_closed_connections() {
     }
     // Closed within a frame.
     let (mut client, (mut inbox, _outbox)) = raw_client().await;
-    client.write_all(&frame::encode(Kind::Samples, &samples(9).encode()).unwrap()[..50]).await.unwrap();
+    client
+        .write_all(&frame::encode(Kind::Samples, &samples(9).encode()).unwrap()[..50])
+        .await
+        .unwrap();
     drop(client);
     assert!(matches!(timeout(SOON, inbox.next()).await.unwrap(), Err(NetError::Closed)));
 }
@@ -231,6 +244,9 @@ async fn what_was_queued_last_still_arrives_when_everything_is_dropped() {
     for _ in 0..20 {
         assert_eq!(inbox.next().await.unwrap(), Message::Samples(samples(10_000)));
     }
-    assert_eq!(inbox.next().await.unwrap(), Message::Control(Control::Bye { reason: "over".into() }));
+    assert_eq!(
+        inbox.next().await.unwrap(),
+        Message::Control(Control::Bye { reason: "over".into() })
+    );
     assert!(matches!(inbox.next().await, Err(NetError::Closed)));
 }

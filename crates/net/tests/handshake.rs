@@ -24,7 +24,10 @@ async fn said_to(bytes: &[u8]) -> (NetError, Vec<u8>) {
     let error = accept(server).await.map(|(.., hello)| hello).unwrap_err();
     let mut said = Vec::new();
     // The server's side is dropped: the answer, if any, is followed by the end.
-    timeout(Duration::from_secs(5), client.read_to_end(&mut said)).await.expect("the connection ends").unwrap();
+    timeout(Duration::from_secs(5), client.read_to_end(&mut said))
+        .await
+        .expect("the connection ends")
+        .unwrap();
     (error, said)
 }
 
@@ -61,9 +64,14 @@ async fn other_versions_are_told_both_numbers_even_if_their_hello_has_grown() {
         let mut hello = Hello { version, role: Role::Worker, name: "later".into() }.encode();
         hello.extend([7; 100]);
         let (error, said) = said_to(&frame::encode(Kind::Hello, &hello).unwrap()).await;
-        assert!(matches!(error, NetError::Proto(ProtoError::Version { theirs, .. }) if theirs == version));
+        assert!(
+            matches!(error, NetError::Proto(ProtoError::Version { theirs, .. }) if theirs == version)
+        );
         let reason = reason(&said);
-        assert!(reason.contains(&version.to_string()) && reason.contains(&PROTOCOL_VERSION.to_string()), "{reason}");
+        assert!(
+            reason.contains(&version.to_string()) && reason.contains(&PROTOCOL_VERSION.to_string()),
+            "{reason}"
+        );
     }
 }
 
@@ -90,7 +98,10 @@ async fn nothing_but_a_short_hello_is_read_from_a_stranger() {
     assert!(matches!(error, NetError::Proto(ProtoError::NotHolodeck)), "{error}");
     let long = frame::Header { kind: Kind::Hello, length: 4097 }.to_bytes();
     let (error, _) = said_to(&long).await;
-    assert!(matches!(error, NetError::Proto(ProtoError::TooLong { length: 4097, limit: 4096, .. })), "{error}");
+    assert!(
+        matches!(error, NetError::Proto(ProtoError::TooLong { length: 4097, limit: 4096, .. })),
+        "{error}"
+    );
 }
 
 #[tokio::test]
@@ -114,7 +125,10 @@ async fn a_client_that_says_nothing_is_dropped_in_time() {
     let waited = start.elapsed();
     tokio::time::resume();
     assert!(matches!(error, NetError::Handshake), "{error}");
-    assert!(waited >= HANDSHAKE_TIME && waited < HANDSHAKE_TIME + Duration::from_millis(100), "{waited:?}");
+    assert!(
+        waited >= HANDSHAKE_TIME && waited < HANDSHAKE_TIME + Duration::from_millis(100),
+        "{waited:?}"
+    );
     let mut said = Vec::new();
     timeout(Duration::from_secs(5), client.read_to_end(&mut said)).await.expect("dropped").unwrap();
     assert_eq!(said, b"");
@@ -127,7 +141,8 @@ async fn a_client_that_dribbles_gets_no_more_time() {
     let start = Instant::now();
     let dribble = tokio::spawn(async move {
         // Each byte is a sign of life, but a hello takes none to think about.
-        for byte in frame::encode(Kind::Hello, &Hello::new(Role::Worker, "slow").encode()).unwrap() {
+        for byte in frame::encode(Kind::Hello, &Hello::new(Role::Worker, "slow").encode()).unwrap()
+        {
             tokio::time::sleep(Duration::from_secs(1)).await;
             if client.write_all(&[byte]).await.is_err() {
                 return;

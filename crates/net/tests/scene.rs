@@ -27,9 +27,14 @@ fn pieces_in_order_make_the_scene() {
 
 #[test]
 fn pieces_out_of_order_twice_empty_or_too_long_are_refused() {
-    for bad in
-        [chunk(0, b"abc"), chunk(4, b"abc"), chunk(2, b"abc"), chunk(3, b""), chunk(3, &[0; 8]), chunk(u64::MAX, b"a")]
-    {
+    for bad in [
+        chunk(0, b"abc"),
+        chunk(4, b"abc"),
+        chunk(2, b"abc"),
+        chunk(3, b""),
+        chunk(3, &[0; 8]),
+        chunk(u64::MAX, b"a"),
+    ] {
         let mut receiver = SceneReceiver::new(&info(10)).unwrap();
         assert!(!receiver.take(&chunk(0, b"abc")).unwrap());
         let error = receiver.take(&bad).unwrap_err();

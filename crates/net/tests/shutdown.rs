@@ -17,7 +17,10 @@ async fn everyone_who_waits_is_woken_and_whoever_comes_later_does_not_wait() {
             tokio::spawn(async move { shutdown.wait().await })
         })
         .collect();
-    assert!(timeout(Duration::from_millis(20), shutdown.wait()).await.is_err(), "not triggered yet");
+    assert!(
+        timeout(Duration::from_millis(20), shutdown.wait()).await.is_err(),
+        "not triggered yet"
+    );
     assert!(waiting.iter().all(|task| !task.is_finished()));
     shutdown.clone().trigger();
     for task in waiting {
@@ -44,7 +47,10 @@ async fn it_outlives_the_one_that_triggered_it() {
 async fn a_polite_kill_triggers_it() {
     let shutdown = Shutdown::new();
     shutdown.on_signals(false).unwrap();
-    let sent = Command::new("sh").args(["-c", &format!("kill -TERM {}", std::process::id())]).status().unwrap();
+    let sent = Command::new("sh")
+        .args(["-c", &format!("kill -TERM {}", std::process::id())])
+        .status()
+        .unwrap();
     assert!(sent.success());
     timeout(SOON, shutdown.wait()).await.expect("triggered");
 }

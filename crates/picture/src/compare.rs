@@ -85,7 +85,8 @@ pub struct Measures {
 /// Prints as `compare.py` does: `relmse=0.0123 … bad=0.4`, five significant digits.
 impl fmt::Display for Measures {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Measures { relmse, relmse_trim, log_rmse, psnr_disp, bias, bias_all, worst_block, bad } = *self;
+        let Measures { relmse, relmse_trim, log_rmse, psnr_disp, bias, bias_all, worst_block, bad } =
+            *self;
         let named = [
             ("relmse", relmse),
             ("relmse_trim", relmse_trim),
@@ -129,7 +130,8 @@ pub fn compare(picture: &Picture, reference: &Picture) -> Result<Measures, Compa
     let kept = (0.999 * f64::from(reference.height) * f64::from(reference.width)) as usize;
 
     let epsilon = 1e-3 * mean(lr.iter().copied());
-    let logs: Vec<f64> = la.iter().zip(&lr).map(|(a, r)| (a + epsilon).log10() - (r + epsilon).log10()).collect();
+    let logs: Vec<f64> =
+        la.iter().zip(&lr).map(|(a, r)| (a + epsilon).log10() - (r + epsilon).log10()).collect();
 
     let mut sorted = lr.clone();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -171,7 +173,8 @@ pub fn bias_interval(
     let (mean_a, mean_r) = (masked_mean(&la, &dim), masked_mean(&lr, &dim));
     let of_mean = |error: Option<&Picture>, which: &'static str| -> Result<f64, CompareError> {
         let squares = variances(error, which, reference)?;
-        let sum: f64 = squares.iter().zip(&dim).filter(|(_, dim)| **dim).map(|(square, _)| square).sum();
+        let sum: f64 =
+            squares.iter().zip(&dim).filter(|(_, dim)| **dim).map(|(square, _)| square).sum();
         let count = dim.iter().filter(|dim| **dim).count() as f64;
         Ok(sum / (count * count))
     };
@@ -223,7 +226,11 @@ pub fn worst_block_shown(picture: &Picture, reference: &Picture) -> Result<f64, 
 ///
 /// # Errors
 /// As [`compare()`].
-pub fn worst_block_away(picture: &Picture, before: &Picture, reference: &Picture) -> Result<f64, CompareError> {
+pub fn worst_block_away(
+    picture: &Picture,
+    before: &Picture,
+    reference: &Picture,
+) -> Result<f64, CompareError> {
     let ([la, lb], lr) = shown([(picture, "picture"), (before, "picture before")], reference)?;
     let away = |block: Vec<usize>| {
         let sum = |values: &[f64]| block.iter().map(|&at| values[at]).sum::<f64>();
@@ -271,7 +278,11 @@ impl Lit {
 }
 
 /// Squares of the standard errors of luminances; zeros without.
-fn variances(error: Option<&Picture>, which: &'static str, reference: &Picture) -> Result<Vec<f64>, CompareError> {
+fn variances(
+    error: Option<&Picture>,
+    which: &'static str,
+    reference: &Picture,
+) -> Result<Vec<f64>, CompareError> {
     let Some(error) = error else { return Ok(vec![0.0; reference.pixels.len()]) };
     check(error, which, reference)?;
     if let Some(at) = error.pixels.iter().position(|rgb| rgb.iter().any(|value| *value < 0.0)) {
@@ -282,7 +293,9 @@ fn variances(error: Option<&Picture>, which: &'static str, reference: &Picture) 
 }
 
 fn check(picture: &Picture, which: &'static str, reference: &Picture) -> Result<(), CompareError> {
-    if picture.pixels.is_empty() || picture.pixels.len() != picture.width as usize * picture.height as usize {
+    if picture.pixels.is_empty()
+        || picture.pixels.len() != picture.width as usize * picture.height as usize
+    {
         return Err(CompareError::Pixels(which));
     }
     if picture.size() != reference.size() {
@@ -345,12 +358,15 @@ fn lit_blocks(lr: &[f64], dim: &[bool], width: usize) -> impl Iterator<Item = Ve
     let floor = 0.05 * masked_mean(lr, dim);
     let height = lr.len() / width;
     let corners = move |size: usize| (0..(size + 1).saturating_sub(BLOCK)).step_by(BLOCK);
-    corners(height).flat_map(move |top| corners(width).map(move |left| (top, left))).filter_map(move |(top, left)| {
-        let rows = (top..top + BLOCK).flat_map(|row| row * width + left..row * width + left + BLOCK);
-        let block: Vec<usize> = rows.filter(|&at| dim[at]).collect();
-        let sum: f64 = block.iter().map(|&at| lr[at]).sum();
-        (block.len() >= BLOCK * BLOCK / 2 && sum / block.len() as f64 > floor).then_some(block)
-    })
+    corners(height).flat_map(move |top| corners(width).map(move |left| (top, left))).filter_map(
+        move |(top, left)| {
+            let rows =
+                (top..top + BLOCK).flat_map(|row| row * width + left..row * width + left + BLOCK);
+            let block: Vec<usize> = rows.filter(|&at| dim[at]).collect();
+            let sum: f64 = block.iter().map(|&at| lr[at]).sum();
+            (block.len() >= BLOCK * BLOCK / 2 && sum / block.len() as f64 > floor).then_some(block)
+        },
+    )
 }
 
 /// C's `%.5g`.
@@ -369,7 +385,11 @@ fn general(value: f64) -> String {
     let Some((mantissa, exponent)) = scientific.split_once('e') else { return scientific };
     let exponent: i32 = exponent.parse().unwrap_or(0);
     let trimmed = |text: &str| {
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text.to_owned() }
+        if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        } else {
+            text.to_owned()
+        }
     };
     if (-4..5).contains(&exponent) {
         trimmed(&format!("{value:.*}", (4 - exponent) as usize))

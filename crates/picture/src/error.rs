@@ -29,7 +29,9 @@ pub enum PictureError {
     #[error("a .png holds display colours, not radiance: give .hdr, .pfm or .exr")]
     PngIsNotRadiance,
     /// A picture without pixels, or too large.
-    #[error("{width}x{height} pixels: each side must be 1 to {MAX_SIDE}, and at most {MAX_PIXELS} in all")]
+    #[error(
+        "{width}x{height} pixels: each side must be 1 to {MAX_SIDE}, and at most {MAX_PIXELS} in all"
+    )]
     Size {
         /// Pixels across.
         width: u64,

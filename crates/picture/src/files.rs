@@ -78,7 +78,11 @@ pub(crate) fn decode(bytes: &[u8], format: Format) -> Result<Picture, PictureErr
 
 pub(crate) fn write(picture: &Picture, path: &Path) -> Result<(), PictureError> {
     let written = Format::of_path(path)
-        .ok_or_else(|| PictureError::UnknownExtension(path.extension().unwrap_or_default().display().to_string()))
+        .ok_or_else(|| {
+            PictureError::UnknownExtension(
+                path.extension().unwrap_or_default().display().to_string(),
+            )
+        })
         .and_then(|format| encode(picture, format))
         .and_then(|bytes| write_whole(path, &bytes));
     written.map_err(|error| named(path, error))

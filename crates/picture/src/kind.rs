@@ -57,8 +57,13 @@ const LEAST_SIDE: f64 = 1e-100;
 
 impl ViewKind {
     /// All of them.
-    pub const ALL: [ViewKind; 5] =
-        [ViewKind::Perspective, ViewKind::Parallel, ViewKind::Cylindrical, ViewKind::Angular, ViewKind::Hemispherical];
+    pub const ALL: [ViewKind; 5] = [
+        ViewKind::Perspective,
+        ViewKind::Parallel,
+        ViewKind::Cylindrical,
+        ViewKind::Angular,
+        ViewKind::Hemispherical,
+    ];
 
     /// What follows `-vt`.
     pub fn letter(self) -> char {
@@ -92,7 +97,11 @@ impl ViewKind {
     }
 
     /// How large a side is on the plane, of what its option says.
-    pub(crate) fn extent(self, (option, axis): (&'static str, usize), size: f64) -> Result<f64, ViewError> {
+    pub(crate) fn extent(
+        self,
+        (option, axis): (&'static str, usize),
+        size: f64,
+    ) -> Result<f64, ViewError> {
         let law = self.law(axis);
         let (extent, fits) = match law {
             Law::Tangent => (2.0 * (size.to_radians() / 2.0).tan(), size > 0.0 && size < 180.0),

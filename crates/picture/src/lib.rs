@@ -21,8 +21,8 @@ mod view_spec;
 
 pub use clip::Clip;
 pub use compare::{
-    BIAS_Z, CompareError, Measures, bias_interval, compare, worst_block_away, worst_block_beyond_noise,
-    worst_block_shown,
+    BIAS_Z, CompareError, Measures, bias_interval, compare, worst_block_away,
+    worst_block_beyond_noise, worst_block_shown,
 };
 pub use error::PictureError;
 pub use files::Format;

@@ -47,7 +47,11 @@ impl Picture {
     ///
     /// # Errors
     /// A size outside the limits, or a number of pixels other than `width * height`.
-    pub fn from_pixels(width: u32, height: u32, pixels: Vec<[f32; 3]>) -> Result<Picture, PictureError> {
+    pub fn from_pixels(
+        width: u32,
+        height: u32,
+        pixels: Vec<[f32; 3]>,
+    ) -> Result<Picture, PictureError> {
         let picture = Picture { width, height, pixels, view: None, exposure: 1.0 };
         picture.check()?;
         Ok(picture)
@@ -58,7 +62,8 @@ impl Picture {
     /// # Errors
     /// [`PictureError::Size`].
     pub fn check_size(width: u32, height: u32) -> Result<(), PictureError> {
-        check_size((width, height)).map_err(|_| PictureError::Size { width: width.into(), height: height.into() })
+        check_size((width, height))
+            .map_err(|_| PictureError::Size { width: width.into(), height: height.into() })
     }
 
     /// (width, height).

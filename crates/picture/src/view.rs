@@ -144,12 +144,19 @@ impl View {
         max_size: (u32, u32),
     ) -> Result<(View, (u32, u32)), ViewError> {
         let view = View::framed(vp, vd, vu, frame, max_size)?;
-        let size = if frame.vh.is_some() && frame.vv.is_some() { view.fit(max_size) } else { max_size };
+        let size =
+            if frame.vh.is_some() && frame.vv.is_some() { view.fit(max_size) } else { max_size };
         Ok((view, size))
     }
 
     /// As [`View::new`], of any type.
-    fn framed(vp: DVec3, vd: DVec3, vu: DVec3, frame: &Frame, size: (u32, u32)) -> Result<View, ViewError> {
+    fn framed(
+        vp: DVec3,
+        vd: DVec3,
+        vu: DVec3,
+        frame: &Frame,
+        size: (u32, u32),
+    ) -> Result<View, ViewError> {
         check_size(size)?;
         let Frame { kind, vh, vv, vs, vl, vo, va } = *frame;
         let aspect = f64::from(size.1) / f64::from(size.0);
@@ -158,9 +165,10 @@ impl View {
             (Some(vh), Some(vv)) => (vh, vv),
             (Some(vh), None) => from_width(vh)?,
             (None, Some(vv)) => (other_size(kind, (ALONG, vv), ACROSS, 1.0 / aspect)?, vv),
-            (None, None) => {
-                from_width(kind.default_vh().ok_or(ViewError::Missing("-vh: how wide it is, in scene units"))?)?
-            }
+            (None, None) => from_width(
+                kind.default_vh()
+                    .ok_or(ViewError::Missing("-vh: how wide it is, in scene units"))?,
+            )?,
         };
         View::from_params(ViewParams { kind, vp, vd, vu, vh, vv, vs, vl, vo, va })
     }
@@ -200,13 +208,19 @@ impl View {
         let across = (x - 0.5 + self.params.vs) * self.extent[0];
         let along = (y - 0.5 + self.params.vl) * self.extent[1];
         match self.params.kind {
-            ViewKind::Perspective => {
-                Some((self.params.vp, (self.params.vd + self.right * across + self.up * along).normalize()))
+            ViewKind::Perspective => Some((
+                self.params.vp,
+                (self.params.vd + self.right * across + self.up * along).normalize(),
+            )),
+            ViewKind::Parallel => {
+                Some((self.eye() + self.right * across + self.up * along, self.params.vd))
             }
-            ViewKind::Parallel => Some((self.eye() + self.right * across + self.up * along, self.params.vd)),
             kind => {
                 let d = kind.direction([across, along])?;
-                Some((self.params.vp, (self.right * d.x + self.up * d.y + self.params.vd * d.z).normalize()))
+                Some((
+                    self.params.vp,
+                    (self.right * d.x + self.up * d.y + self.params.vd * d.z).normalize(),
+                ))
             }
         }
     }
@@ -216,7 +230,11 @@ impl View {
     #[inline]
     pub fn ray_to(&self, p: DVec3) -> (DVec3, DVec3) {
         let (eye, vd) = (self.eye(), self.params.vd);
-        if self.params.kind.has_eye() { (eye, (p - eye).normalize_or(vd)) } else { (p - vd * (p - eye).dot(vd), vd) }
+        if self.params.kind.has_eye() {
+            (eye, (p - eye).normalize_or(vd))
+        } else {
+            (p - vd * (p - eye).dot(vd), vd)
+        }
     }
 
     /// Where the point `p` is seen: (`x`, `y`, distance from where its ray begins), the inverse of [`View::ray`].
@@ -259,7 +277,8 @@ impl View {
     #[inline]
     pub fn project_local(&self, place: DVec3) -> Option<(f64, f64)> {
         let [u, v] = self.params.kind.plane(place)?;
-        let (x, y) = (u / self.extent[0] + 0.5 - self.params.vs, v / self.extent[1] + 0.5 - self.params.vl);
+        let (x, y) =
+            (u / self.extent[0] + 0.5 - self.params.vs, v / self.extent[1] + 0.5 - self.params.vl);
         if self.params.kind == ViewKind::Cylindrical && !(0.0..1.0).contains(&x) {
             // A shifted panorama goes on past the direction behind.
             let around = TAU / self.extent[0];
@@ -277,14 +296,19 @@ impl View {
     /// Picture coordinates of the centre of a pixel; `row` 0 is at the top.
     #[inline]
     pub fn pixel_centre(size: (u32, u32), column: u32, row: u32) -> (f64, f64) {
-        ((f64::from(column) + 0.5) / f64::from(size.0), 1.0 - (f64::from(row) + 0.5) / f64::from(size.1))
+        (
+            (f64::from(column) + 0.5) / f64::from(size.0),
+            1.0 - (f64::from(row) + 0.5) / f64::from(size.1),
+        )
     }
 
     /// The (column, row) of the pixel that picture coordinates fall into, row 0 at the top; None outside the picture.
     #[inline]
     pub fn pixel_at(size: (u32, u32), x: f64, y: f64) -> Option<(u32, u32)> {
-        let (column, row) = ((x * f64::from(size.0)).floor(), ((1.0 - y) * f64::from(size.1)).floor());
-        let inside = column >= 0.0 && row >= 0.0 && column < f64::from(size.0) && row < f64::from(size.1);
+        let (column, row) =
+            ((x * f64::from(size.0)).floor(), ((1.0 - y) * f64::from(size.1)).floor());
+        let inside =
+            column >= 0.0 && row >= 0.0 && column < f64::from(size.0) && row < f64::from(size.1);
         inside.then_some((column as u32, row as u32))
     }
 
@@ -332,7 +356,9 @@ impl View {
 
     fn from_params(params: ViewParams) -> Result<View, ViewError> {
         let ViewParams { kind, vp, vd, vu, vh, vv, vs, vl, vo, va } = params;
-        for (option, is_finite) in [("-vp", vp.is_finite()), ("-vs", vs.is_finite()), ("-vl", vl.is_finite())] {
+        for (option, is_finite) in
+            [("-vp", vp.is_finite()), ("-vs", vs.is_finite()), ("-vl", vl.is_finite())]
+        {
             if !is_finite {
                 return Err(ViewError::NotFinite { option });
             }
@@ -387,5 +413,9 @@ fn other_size(
     ratio: f64,
 ) -> Result<f64, ViewError> {
     let extent = kind.extent(given, size)? * ratio;
-    kind.option_value(other, extent).ok_or(ViewError::NoSquare { given: given.0, size, other: other.0 })
+    kind.option_value(other, extent).ok_or(ViewError::NoSquare {
+        given: given.0,
+        size,
+        other: other.0,
+    })
 }

@@ -51,7 +51,9 @@ pub enum ViewError {
         length: f64,
     },
     /// With one size given, no other makes pixels square.
-    #[error("with {given} {size} this picture has no {other} that makes its pixels square: give both")]
+    #[error(
+        "with {given} {size} this picture has no {other} that makes its pixels square: give both"
+    )]
     NoSquare {
         /// The option that was given.
         given: &'static str,
@@ -61,7 +63,9 @@ pub enum ViewError {
         other: &'static str,
     },
     /// A picture size is zero or above the limits.
-    #[error("a picture of {width}x{height} pixels: each side must be 1 to {MAX_SIDE}, and at most {MAX_PIXELS} in all")]
+    #[error(
+        "a picture of {width}x{height} pixels: each side must be 1 to {MAX_SIDE}, and at most {MAX_PIXELS} in all"
+    )]
     Size {
         /// Pixels across.
         width: u32,
@@ -110,7 +114,9 @@ pub enum ViewError {
         word: String,
     },
     /// A view file without a view.
-    #[error("no view found: a view is a line such as `rview -vtv -vp 0 0 0 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45`")]
+    #[error(
+        "no view found: a view is a line such as `rview -vtv -vp 0 0 0 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45`"
+    )]
     NoView,
     /// An error in a line of a view file.
     #[error("line {line}: {error}")]

@@ -37,7 +37,8 @@ pub struct ViewSpec {
 const MAX_TEXT: usize = 1 << 20;
 
 /// First words of lines that hold a view: programs that write their options into a picture's header.
-const PROGRAMS: [&str; 8] = ["rview", "rvu", "rpict", "rpiece", "rholo", "rhpict", "rtpict", "view"];
+const PROGRAMS: [&str; 8] =
+    ["rview", "rvu", "rpict", "rpiece", "rholo", "rhpict", "rtpict", "view"];
 
 impl ViewSpec {
     /// Applies one option: its name with or without dashes, and its numbers parted by commas or spaces, as in
@@ -48,7 +49,10 @@ impl ViewSpec {
     pub fn apply_option(&mut self, option: &str, value: &str) -> Result<(), ViewError> {
         let name = option.trim_start_matches('-');
         let shown = || format!("--{name}");
-        let words: Vec<&str> = value.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty()).collect();
+        let words: Vec<&str> = value
+            .split(|c: char| c == ',' || c.is_whitespace())
+            .filter(|w| !w.is_empty())
+            .collect();
         if name == "vt" {
             return self.set_kind(value.trim());
         }
@@ -148,7 +152,11 @@ impl ViewSpec {
                 continue;
             }
             let wanted = arity(name).unwrap_or(0);
-            let found = words[at..].iter().take(wanted).take_while(|word| option_name(word).is_none()).count();
+            let found = words[at..]
+                .iter()
+                .take(wanted)
+                .take_while(|word| option_name(word).is_none())
+                .count();
             if found < wanted {
                 return Err(ViewError::Count { option: word.to_owned(), wanted, found });
             }
@@ -160,7 +168,8 @@ impl ViewSpec {
 
     fn set_kind(&mut self, kind: &str) -> Result<(), ViewError> {
         let mut letters = kind.chars();
-        let known = letters.next().filter(|_| letters.next().is_none()).and_then(ViewKind::from_letter);
+        let known =
+            letters.next().filter(|_| letters.next().is_none()).and_then(ViewKind::from_letter);
         self.kind = Some(known.ok_or_else(|| ViewError::UnsupportedKind(kind.to_owned()))?);
         Ok(())
     }
@@ -170,9 +179,10 @@ impl ViewSpec {
         let mut numbers = [0.0; 3];
         for (number, &word) in numbers.iter_mut().zip(words) {
             let parsed: Option<f64> = word.parse().ok();
-            *number = parsed
-                .filter(|x| x.is_finite())
-                .ok_or_else(|| ViewError::Number { option: shown.to_owned(), word: word.to_owned() })?;
+            *number = parsed.filter(|x| x.is_finite()).ok_or_else(|| ViewError::Number {
+                option: shown.to_owned(),
+                word: word.to_owned(),
+            })?;
         }
         let (vector, scalar) = (Some(DVec3::from_array(numbers)), Some(numbers[0]));
         match name {
@@ -209,7 +219,8 @@ impl View {
             } else {
                 spec.apply_header_line(line)
             };
-            found |= applied.map_err(|error| ViewError::Line { line: index + 1, error: Box::new(error) })?;
+            found |= applied
+                .map_err(|error| ViewError::Line { line: index + 1, error: Box::new(error) })?;
         }
         if found { Ok(spec) } else { Err(ViewError::NoView) }
     }

@@ -27,10 +27,13 @@ fn radiance_ray(view: &View, x: f64, y: f64) -> Option<(DVec3, DVec3, f64)> {
     let (vh, vv) = (view.vh.to_radians(), view.vv.to_radians());
     let direction = match view.kind {
         ViewKind::Perspective => {
-            view.vd + right * (across * 2.0 * (vh / 2.0).tan()) + up * (along * 2.0 * (vv / 2.0).tan())
+            view.vd
+                + right * (across * 2.0 * (vh / 2.0).tan())
+                + up * (along * 2.0 * (vv / 2.0).tan())
         }
         ViewKind::Parallel => {
-            let start = view.vp + view.vd * view.vo + right * (across * view.vh) + up * (along * view.vv);
+            let start =
+                view.vp + view.vd * view.vo + right * (across * view.vh) + up * (along * view.vv);
             return Some((start, view.vd, if view.va > 0.0 { view.va - view.vo } else { 0.0 }));
         }
         ViewKind::Cylindrical => {
@@ -52,7 +55,11 @@ fn radiance_ray(view: &View, x: f64, y: f64) -> Option<(DVec3, DVec3, f64)> {
         }
     };
     let start = view.vp + direction * view.vo;
-    Some((start, direction.normalize(), if view.va > 0.0 { (view.va - view.vo) * direction.length() } else { 0.0 }))
+    Some((
+        start,
+        direction.normalize(),
+        if view.va > 0.0 { (view.va - view.vo) * direction.length() } else { 0.0 },
+    ))
 }
 
 #[test]
@@ -69,9 +76,16 @@ fn rays_begin_and_end_where_radiance_s_do() {
                     continue;
                 };
                 let found = found.unwrap();
-                assert!(found.0.distance(start) < 1e-12 && found.1.distance(direction) < 1e-12, "{kind:?} {clips}");
+                assert!(
+                    found.0.distance(start) < 1e-12 && found.1.distance(direction) < 1e-12,
+                    "{kind:?} {clips}"
+                );
                 // 0 is none in Radiance.
-                let is_same = if reach == 0.0 { found.2 == f64::INFINITY } else { (found.2 - reach).abs() < 1e-12 };
+                let is_same = if reach == 0.0 {
+                    found.2 == f64::INFINITY
+                } else {
+                    (found.2 - reach).abs() < 1e-12
+                };
                 assert!(is_same, "{kind:?} {clips}: {} for {reach}", found.2);
                 // And what is shown lies on the ray.
                 let at = |distance: f64| view.clip(start + direction * distance);

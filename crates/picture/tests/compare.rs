@@ -4,8 +4,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use holo_picture::{
-    BIAS_Z, CompareError, Measures, Picture, bias_interval, compare, worst_block_away, worst_block_beyond_noise,
-    worst_block_shown,
+    BIAS_Z, CompareError, Measures, Picture, bias_interval, compare, worst_block_away,
+    worst_block_beyond_noise, worst_block_shown,
 };
 use std::path::PathBuf;
 
@@ -52,10 +52,14 @@ fn pair(width: u32, height: u32, seed: u32) -> (Picture, Picture) {
 
 /// Sums in another order than numpy's differ in the last digits only: 10⁴ terms of f64.
 fn assert_equal(found: Measures, wanted: [f64; 8]) {
-    let Measures { relmse, relmse_trim, log_rmse, psnr_disp, bias, bias_all, worst_block, bad } = found;
+    let Measures { relmse, relmse_trim, log_rmse, psnr_disp, bias, bias_all, worst_block, bad } =
+        found;
     let found = [relmse, relmse_trim, log_rmse, psnr_disp, bias, bias_all, worst_block, bad];
     for (index, (found, wanted)) in found.into_iter().zip(wanted).enumerate() {
-        assert!((found - wanted).abs() <= 1e-10 * wanted.abs().max(1e-3), "measure {index}: {found} for {wanted}");
+        assert!(
+            (found - wanted).abs() <= 1e-10 * wanted.abs().max(1e-3),
+            "measure {index}: {found} for {wanted}"
+        );
     }
 }
 
@@ -193,8 +197,12 @@ fn a_block_is_shown_no_brighter_than_white() {
     };
     assert_eq!(shown(|picture, at| picture.pixels[at] = [400.0; 3], 0), 0.0);
     // 16 of 256 pixels, at 0.5, change by 0.25.
-    assert!((shown(|picture, at| picture.pixels[at] = [0.25; 3], 1) - 16.0 * 0.25 / 128.0).abs() < 1e-7);
-    assert!((shown(|picture, at| picture.pixels[at] = [400.0; 3], 1) - 16.0 * 0.5 / 128.0).abs() < 1e-7);
+    assert!(
+        (shown(|picture, at| picture.pixels[at] = [0.25; 3], 1) - 16.0 * 0.25 / 128.0).abs() < 1e-7
+    );
+    assert!(
+        (shown(|picture, at| picture.pixels[at] = [400.0; 3], 1) - 16.0 * 0.5 / 128.0).abs() < 1e-7
+    );
 }
 
 #[test]
@@ -204,7 +212,8 @@ fn a_block_that_comes_nearer_to_the_reference_is_not_away() {
         Picture::from_pixels(32, 16, pixels).unwrap()
     };
     let reference = even([1.0, 0.5]);
-    let away = |picture, before| worst_block_away(&even(picture), &even(before), &reference).unwrap();
+    let away =
+        |picture, before| worst_block_away(&even(picture), &even(before), &reference).unwrap();
     assert_eq!(away([0.9, 0.5], [0.7, 0.5]), 0.0);
     assert_eq!(away([0.9, 0.45], [0.9, 0.55]), 0.0);
     assert!((away([0.9, 0.4], [0.7, 0.55]) - 0.1).abs() < 1e-6);
@@ -218,7 +227,10 @@ fn pictures_that_cannot_be_compared_are_named() {
     assert_eq!(compare(&a, &b), Err(CompareError::Sizes { picture: (4, 3), reference: (3, 4) }));
     let mut broken = a.clone();
     broken.pixels[6][1] = f32::NAN;
-    assert_eq!(compare(&a, &broken), Err(CompareError::NotFinite { which: "reference", column: 2, row: 1 }));
+    assert_eq!(
+        compare(&a, &broken),
+        Err(CompareError::NotFinite { which: "reference", column: 2, row: 1 })
+    );
     broken.pixels.pop();
     assert_eq!(compare(&broken, &a), Err(CompareError::Pixels("picture")));
     let mut negative = a.clone();
@@ -236,8 +248,13 @@ fn the_interval_of_an_even_picture_is_that_of_the_closed_form() {
     let even = |value: f32| Picture::from_pixels(8, 4, vec![[value; 3]; 32]).unwrap();
     let (a, a_se, r, r_se) = (even(1.5), even(0.1), even(1.0), even(0.2));
     let half = |a_se, r_se| bias_interval(&a, a_se, &r, r_se).unwrap();
-    let close = |found: (f64, f64), half: f64| (found.0 - 0.5).abs() < 1e-7 && (found.1 / half - 1.0).abs() < 1e-6;
-    assert!(close(half(Some(&a_se), Some(&r_se)), BIAS_Z * (0.01f64 + 2.25 * 0.04).sqrt() / 32f64.sqrt()));
+    let close = |found: (f64, f64), half: f64| {
+        (found.0 - 0.5).abs() < 1e-7 && (found.1 / half - 1.0).abs() < 1e-6
+    };
+    assert!(close(
+        half(Some(&a_se), Some(&r_se)),
+        BIAS_Z * (0.01f64 + 2.25 * 0.04).sqrt() / 32f64.sqrt()
+    ));
     assert!(close(half(Some(&a_se), None), BIAS_Z * 0.1 / 32f64.sqrt()));
     assert!(close(half(None, Some(&r_se)), BIAS_Z * 0.3 / 32f64.sqrt()));
     assert_eq!(half(None, None).1, 0.0);
@@ -255,7 +272,10 @@ fn of_a_blocks_error_what_its_noise_explains_is_taken_off() {
         worst_block_beyond_noise(&a, a_se.map(even).as_ref(), &r, r_se.map(even).as_ref()).unwrap()
     };
     let close = |found: f64, wanted: f64| (found - wanted).abs() < 1e-6;
-    assert!(close(beyond(None, None), compare(&a, &r).unwrap().worst_block) && close(beyond(None, None), 0.1));
+    assert!(
+        close(beyond(None, None), compare(&a, &r).unwrap().worst_block)
+            && close(beyond(None, None), 0.1)
+    );
     assert!(close(beyond(Some(0.8), None), (0.01f64 - 0.05 * 0.05).sqrt()));
     assert!(close(beyond(Some(0.8), Some(0.8)), (0.01f64 - 2.21 * 0.05 * 0.05).sqrt()));
     assert_eq!(beyond(Some(1.7), None), 0.0);
@@ -271,7 +291,8 @@ fn the_interval_holds_the_true_bias_in_99_of_100_pictures() {
     let mut lamps = truth.clone();
     lamps[0] = 1e4;
     let grey = |values: Vec<f64>| {
-        Picture::from_pixels(width, height, values.into_iter().map(|v| [v as f32; 3]).collect()).unwrap()
+        Picture::from_pixels(width, height, values.into_iter().map(|v| [v as f32; 3]).collect())
+            .unwrap()
     };
     let (share_a, share_r) = (0.4, 0.2);
     let errors = |share: f64| grey(lamps.iter().map(|v| v * share).collect());
@@ -279,8 +300,9 @@ fn the_interval_holds_the_true_bias_in_99_of_100_pictures() {
     let mut missed = 0;
     for _ in 0..TRIALS {
         // Grey noise: the channels are fully correlated, as the interval assumes, so that it must be neither wide nor narrow.
-        let mut noisy =
-            |share: f64, scale: f64| grey(lamps.iter().map(|v| v * (scale + share * lcg.normal())).collect());
+        let mut noisy = |share: f64, scale: f64| {
+            grey(lamps.iter().map(|v| v * (scale + share * lcg.normal())).collect())
+        };
         let (a, r) = (noisy(share_a, 1.0 + TRUE_BIAS), noisy(share_r, 1.0));
         let (bias, half) = bias_interval(&a, Some(&a_se), &r, Some(&r_se)).unwrap();
         missed += u32::from((bias - TRUE_BIAS).abs() > half);
@@ -291,7 +313,8 @@ fn the_interval_holds_the_true_bias_in_99_of_100_pictures() {
 
 /// The reference pictures, which not every checkout has beside it.
 fn reference(name: &str) -> Option<Picture> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference").join(name);
+    let path =
+        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference").join(name);
     if !path.exists() {
         println!("skipped: ../shared/reference/{name} is absent");
         return None;

@@ -10,30 +10,35 @@ use std::fs;
 
 /// Pixels drawn from a few colours, so that runs of all lengths occur beside noise.
 fn picture(brightest: f32) -> impl Strategy<Value = Picture> {
-    let colour = prop::array::uniform3(prop_oneof![4 => 0.0..1.0f32, 1 => 0.0..brightest, 1 => Just(0.0f32)]);
-    (1..=300u32, 1..=5u32, prop::collection::vec(colour, 4), any::<u64>()).prop_map(|(width, height, colours, seed)| {
-        let mut state = seed | 1;
-        let mut step = || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            state
-        };
-        let mut pixels = Vec::new();
-        let size = (width * height) as usize;
-        while pixels.len() < size {
-            let word = step();
-            let run = if word & 7 == 0 { 1 + (word >> 8) as usize % 300 } else { 1 };
-            let colour = colours[(word >> 4) as usize & 3];
-            pixels.extend(std::iter::repeat_n(colour, run.min(size - pixels.len())));
-        }
-        Picture::from_pixels(width, height, pixels).unwrap()
-    })
+    let colour = prop::array::uniform3(
+        prop_oneof![4 => 0.0..1.0f32, 1 => 0.0..brightest, 1 => Just(0.0f32)],
+    );
+    (1..=300u32, 1..=5u32, prop::collection::vec(colour, 4), any::<u64>()).prop_map(
+        |(width, height, colours, seed)| {
+            let mut state = seed | 1;
+            let mut step = || {
+                state ^= state << 13;
+                state ^= state >> 7;
+                state ^= state << 17;
+                state
+            };
+            let mut pixels = Vec::new();
+            let size = (width * height) as usize;
+            while pixels.len() < size {
+                let word = step();
+                let run = if word & 7 == 0 { 1 + (word >> 8) as usize % 300 } else { 1 };
+                let colour = colours[(word >> 4) as usize & 3];
+                pixels.extend(std::iter::repeat_n(colour, run.min(size - pixels.len())));
+            }
+            Picture::from_pixels(width, height, pixels).unwrap()
+        },
+    )
 }
 
 fn with_view(mut picture: Picture) -> Picture {
     let eye = DVec3::new(0.1, -2e7, 3.5);
-    let view = View::resolve(eye, DVec3::new(1.0, 2.0, 0.3), DVec3::Z, Some(41.5), None, picture.size());
+    let view =
+        View::resolve(eye, DVec3::new(1.0, 2.0, 0.3), DVec3::Z, Some(41.5), None, picture.size());
     picture.view = Some(view.unwrap().0);
     picture
 }
@@ -104,10 +109,11 @@ proptest! {
 
 #[test]
 fn radiance_header_lines_are_understood_and_the_exposure_divided_out() {
-    let mut bytes = b"#?RADIANCE\nrpict -vtv -vp 1 2 3 -vd 0 1 0 -vu 0 0 1 -vh 40 -vv 20 -av .1 .1 .1\n\
+    let mut bytes =
+        b"#?RADIANCE\nrpict -vtv -vp 1 2 3 -vd 0 1 0 -vu 0 0 1 -vh 40 -vv 20 -av .1 .1 .1\n\
         \tEXPOSURE=100\n\tVIEW= -vp 9 9 9\nEXPOSURE=4\nEXPOSURE= 5.000000e-01\nCOLORCORR= 1 0.5 2\n\
         FORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n"
-        .to_vec();
+            .to_vec();
     bytes.extend_from_slice(&[128, 64, 0, 129, 9, 9, 9, 0]);
     let picture = Picture::decode(&bytes, Format::Hdr).unwrap();
     // (128 + ½)/128 of exponent 129, divided by 4·½ and by channel 1, ½, 2.
@@ -124,7 +130,8 @@ fn radiance_header_lines_are_understood_and_the_exposure_divided_out() {
 fn all_encodings_of_a_row_mean_the_same() {
     let (a, b) = ([128, 50, 20, 120], [90, 200, 7, 130]);
     let file = |resolution: &str, data: &[u8]| {
-        let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{resolution}\n").into_bytes();
+        let mut bytes =
+            format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{resolution}\n").into_bytes();
         bytes.extend_from_slice(data);
         Picture::decode(&bytes, Format::Hdr)
     };
@@ -137,12 +144,17 @@ fn all_encodings_of_a_row_mean_the_same() {
     let mut new = vec![2, 2, 1, 44];
     for c in 0..4 {
         // Two runs of 127, a literal of 6, a run of 40.
-        new.extend_from_slice(&[255, a[c], 255, a[c], 6, a[c], a[c], a[c], a[c], a[c], a[c], 168, b[c]]);
+        new.extend_from_slice(&[
+            255, a[c], 255, a[c], 6, a[c], a[c], a[c], a[c], a[c], a[c], 168, b[c],
+        ]);
     }
     assert_eq!(file("-Y 1 +X 300", &new).unwrap(), flat);
     let reason = |resolution: &str, data: &[u8]| file(resolution, data).unwrap_err().to_string();
     assert_eq!(reason("-Y 1 +X 301", &new), "row 0: its length is not the picture's width");
-    assert_eq!(reason("-Y 2 +X 300", &new), "the file ends within its pixels: row 1 of 2 is not whole");
+    assert_eq!(
+        reason("-Y 2 +X 300", &new),
+        "the file ends within its pixels: row 1 of 2 is not whole"
+    );
     assert_eq!(reason("-Y 1 +X 9", &[2, 2, 0, 9, 138, 7]), "row 0: a run goes past its end");
     assert_eq!(reason("-Y 1 +X 9", &[1, 1, 1, 9]), "row 0: it begins with a run");
     let long: Vec<u8> = [a, [1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 1]].concat();
@@ -180,7 +192,9 @@ fn a_written_hdr_is_byte_by_byte_what_radiance_expects() {
     let mut pixels = vec![[1.0, 0.5, 0.25]; 5];
     pixels.extend([[0.75, 0.3, 0.1], [0.0; 3], [3.0, 0.0, 1.5]]);
     let mut picture = Picture::from_pixels(8, 1, pixels).unwrap();
-    let view = View::new(DVec3::new(1.0, 2.0, 3.0), DVec3::Y, DVec3::Z, Some(60.0), Some(45.0), (8, 1)).unwrap();
+    let view =
+        View::new(DVec3::new(1.0, 2.0, 3.0), DVec3::Y, DVec3::Z, Some(60.0), Some(45.0), (8, 1))
+            .unwrap();
     picture.view = Some(view);
     let header = "#?RADIANCE\nSOFTWARE=Holodeck\nVIEW= -vtv -vp 1 2 3 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45 -vo 0 -va 0 -vs 0 \
                   -vl 0\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 8\n";
@@ -222,11 +236,17 @@ fn exr_files_of_other_programs_are_read_unless_their_compression_is_unsafe() {
         let channels = SpecificChannels::rgb(colour);
         let mut bytes = Vec::new();
         let layer = Layer::new((37, 21), LayerAttributes::default(), encoding, channels);
-        Image::from_layer(layer).write().non_parallel().to_buffered(std::io::Cursor::new(&mut bytes)).unwrap();
+        Image::from_layer(layer)
+            .write()
+            .non_parallel()
+            .to_buffered(std::io::Cursor::new(&mut bytes))
+            .unwrap();
         Picture::decode(&bytes, Format::Exr)
     };
     let tiles = Blocks::Tiles(Vec2(16, 8));
-    for compression in [Compression::Uncompressed, Compression::RLE, Compression::ZIP1, Compression::PIZ] {
+    for compression in
+        [Compression::Uncompressed, Compression::RLE, Compression::ZIP1, Compression::PIZ]
+    {
         for blocks in [Blocks::ScanLines, tiles] {
             let picture = file(compression, blocks).unwrap();
             assert_eq!((picture.size(), picture.get(36, 20)), ((37, 21), Some([36.0, 20.0, 0.5])));
@@ -264,7 +284,13 @@ fn files_are_written_whole_and_errors_name_them() {
     // A folder in the place: the move fails, and nothing is left behind.
     fs::create_dir(path("taken.pfm")).unwrap();
     assert!(matches!(file_error(picture.write(path("taken.pfm"))), PictureError::Io(_)));
-    assert!(!fs::read_dir(folder.path()).unwrap().any(|e| e.unwrap().file_name().to_string_lossy().ends_with(".tmp")));
+    assert!(
+        !fs::read_dir(folder.path()).unwrap().any(|e| e
+            .unwrap()
+            .file_name()
+            .to_string_lossy()
+            .ends_with(".tmp"))
+    );
 
     assert!(matches!(file_error(picture.write(path("a.jpg"))), PictureError::UnknownExtension(_)));
     assert!(matches!(file_error(picture.write(path("none/a.pfm"))), PictureError::Io(_)));
@@ -301,6 +327,12 @@ fn sizes_are_bounded() {
         assert!(matches!(Picture::check_size(width, height), Err(PictureError::Size { .. })));
     }
     let header = format!("#?RADIANCE\n\n-Y {MAX_SIDE} +X {MAX_SIDE}\n");
-    assert!(matches!(Picture::decode(header.as_bytes(), Format::Hdr), Err(PictureError::Size { .. })));
-    assert!(matches!(Picture::decode(b"PF 60000 60000 -1 ", Format::Pfm), Err(PictureError::Size { .. })));
+    assert!(matches!(
+        Picture::decode(header.as_bytes(), Format::Hdr),
+        Err(PictureError::Size { .. })
+    ));
+    assert!(matches!(
+        Picture::decode(b"PF 60000 60000 -1 ", Format::Pfm),
+        Err(PictureError::Size { .. })
+    ));
 }

@@ -35,7 +35,9 @@ mod counting {
     static ALLOCATOR: Counting = Counting;
 }
 
-fn largest_allocation(decode: impl FnOnce() -> Result<Picture, PictureError>) -> (usize, PictureError) {
+fn largest_allocation(
+    decode: impl FnOnce() -> Result<Picture, PictureError>,
+) -> (usize, PictureError) {
     let largest: &AtomicUsize = &counting::LARGEST;
     largest.store(0, Ordering::Relaxed);
     let error = decode().unwrap_err();
@@ -59,7 +61,11 @@ fn sizes_that_a_header_claims_take_no_memory() {
     ];
     for (name, format, bytes) in claims {
         let (largest, error) = largest_allocation(|| Picture::decode(&bytes, format));
-        assert!(largest < 1 << 20, "{name}: {largest} bytes for a file of {}: {error}", bytes.len());
+        assert!(
+            largest < 1 << 20,
+            "{name}: {largest} bytes for a file of {}: {error}",
+            bytes.len()
+        );
     }
     // The counter counts: a picture of this size is seen.
     let pixels = Picture::new(512, 512).encode(Format::Pfm).unwrap();

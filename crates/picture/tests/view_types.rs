@@ -25,9 +25,17 @@ fn direction() -> impl Strategy<Value = DVec3> {
 /// Views of all types, with shifts and lifts.
 fn view() -> impl Strategy<Value = View> {
     let coordinate = -1e3..1e3f64;
-    let eye = (coordinate.clone(), coordinate.clone(), coordinate).prop_map(|(x, y, z)| DVec3::new(x, y, z));
+    let eye = (coordinate.clone(), coordinate.clone(), coordinate)
+        .prop_map(|(x, y, z)| DVec3::new(x, y, z));
     let kind = prop::sample::select(&ViewKind::ALL);
-    (kind, eye, direction(), direction(), (1.0..170.0f64, 1.0..170.0f64), (-0.3..0.3f64, -0.3..0.3f64))
+    (
+        kind,
+        eye,
+        direction(),
+        direction(),
+        (1.0..170.0f64, 1.0..170.0f64),
+        (-0.3..0.3f64, -0.3..0.3f64),
+    )
         .prop_filter("up is not along the view", |(_, _, vd, vu, ..)| {
             vd.normalize().cross(vu.normalize()).length() > 0.01
         })
@@ -40,7 +48,10 @@ fn view() -> impl Strategy<Value = View> {
                 vl: Some(vl),
                 ..Default::default()
             };
-            ViewSpec { vp: Some(vp), vd: Some(vd), vu: Some(vu), ..sides }.resolve((4, 3)).unwrap().0
+            ViewSpec { vp: Some(vp), vd: Some(vd), vu: Some(vu), ..sides }
+                .resolve((4, 3))
+                .unwrap()
+                .0
         })
 }
 
@@ -124,14 +135,25 @@ fn rays_lie_where_radiance_has_them() {
     close("-vta -vh 180 -vv 180", (0.5, 0.5), DVec3::Y);
     close("-vta -vh 180 -vv 180", (0.75, 0.5), DVec3::new(1.0, 1.0, 0.0));
     close("-vta -vh 180 -vv 180", (0.5, 0.0), -DVec3::Z);
-    close("-vta -vh 360 -vv 360", (0.5, 0.875), DVec3::new(0.0, degrees(135.0).cos(), degrees(135.0).sin()));
+    close(
+        "-vta -vh 360 -vv 360",
+        (0.5, 0.875),
+        DVec3::new(0.0, degrees(135.0).cos(), degrees(135.0).sin()),
+    );
     // A hemisphere seen from far away: sines.
     close("-vth -vh 180 -vv 180", (0.75, 0.5), DVec3::new(0.5, 0.75_f64.sqrt(), 0.0));
     close("-vth -vh 180 -vv 180", (0.5, 0.1), DVec3::new(0.0, 0.6, -0.8));
-    close("-vth -vh 60 -vv 60", (1.0, 0.5), DVec3::new(degrees(30.0).sin(), degrees(30.0).cos(), 0.0));
+    close(
+        "-vth -vh 60 -vv 60",
+        (1.0, 0.5),
+        DVec3::new(degrees(30.0).sin(), degrees(30.0).cos(), 0.0),
+    );
     // Corners of fisheyes show nothing.
     let (fisheye, _) = forward("-vth -vh 180 -vv 180", (10, 10));
-    assert_eq!((fisheye.try_ray(0.1, 0.1), fisheye.ray(0.1, 0.1)), (None, (DVec3::ZERO, DVec3::ZERO)));
+    assert_eq!(
+        (fisheye.try_ray(0.1, 0.1), fisheye.ray(0.1, 0.1)),
+        (None, (DVec3::ZERO, DVec3::ZERO))
+    );
     let (all, _) = forward("-vta -vh 360 -vv 360", (10, 10));
     assert!(all.try_ray(0.1, 0.1).is_none() && all.try_ray(0.16, 0.16).is_some());
     // Half a fisheye sees what is beside it in a corner: Radiance cuts at 180° from the middle only.
@@ -150,7 +172,8 @@ fn rays_lie_where_radiance_has_them() {
 fn a_shift_moves_the_picture_and_a_panorama_goes_on_around() {
     for kind in ['v', 'l', 'c', 'a', 'h'] {
         let (plain, _) = forward(&format!("-vt{kind} -vh 40 -vv 40"), (100, 100));
-        let (shifted, _) = forward(&format!("-vt{kind} -vh 40 -vv 40 -vs 0.25 -vl -0.5"), (100, 100));
+        let (shifted, _) =
+            forward(&format!("-vt{kind} -vh 40 -vv 40 -vs 0.25 -vl -0.5"), (100, 100));
         let ((from, along), (same_from, same)) = (plain.ray(0.7, 0.3), shifted.ray(0.45, 0.8));
         assert!(along.distance(same) < 1e-15 && from.distance(same_from) < 1e-14, "{kind}");
     }
@@ -209,7 +232,10 @@ fn solid_angles_of_pixels_add_up_to_what_the_view_covers() {
     assert!((sum(&perspective, SIDE, 180.0).0 - 4.0 * (a * b).asin()).abs() < 1e-10);
     let (panorama, _) = forward("-vtc -vh 300 -vv 100", (SIDE, SIDE));
     let zone = 300f64.to_radians() * 2.0 * 50f64.to_radians().sin();
-    assert!((sum(&panorama, SIDE, 180.0).0 / zone - 1.0).abs() < (300f64.to_radians() / f64::from(SIDE)).powi(2));
+    assert!(
+        (sum(&panorama, SIDE, 180.0).0 / zone - 1.0).abs()
+            < (300f64.to_radians() / f64::from(SIDE)).powi(2)
+    );
     // Cones of fisheyes: at most 4·SIDE pixels lie on the border, and each is counted or not.
     for (options, cone) in [
         ("-vta -vh 360 -vv 360", 130.0),
@@ -221,7 +247,10 @@ fn solid_angles_of_pixels_add_up_to_what_the_view_covers() {
         let (found, largest) = sum(&view, SIDE, cone);
         let exact = 2.0 * PI * (1.0 - f64::to_radians(cone).cos());
         let border = 4.0 * f64::from(SIDE) * largest;
-        assert!((found - exact).abs() < border && border < 0.1 * exact, "{options}: {found} for {exact}");
+        assert!(
+            (found - exact).abs() < border && border < 0.1 * exact,
+            "{options}: {found} for {exact}"
+        );
     }
     // All of the sphere: pixels with a corner outside are the border's.
     let (all, _) = forward("-vta -vh 360 -vv 360", (SIDE, SIDE));

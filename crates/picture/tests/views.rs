@@ -16,13 +16,20 @@ fn direction() -> impl Strategy<Value = DVec3> {
 
 fn view() -> impl Strategy<Value = View> {
     let coordinate = -1e3..1e3f64;
-    let eye = (coordinate.clone(), coordinate.clone(), coordinate).prop_map(|(x, y, z)| DVec3::new(x, y, z));
+    let eye = (coordinate.clone(), coordinate.clone(), coordinate)
+        .prop_map(|(x, y, z)| DVec3::new(x, y, z));
     (eye, direction(), direction(), 1.0..170.0f64, 1.0..170.0f64)
-        .prop_filter("up is not along the view", |(_, vd, vu, ..)| vd.normalize().cross(vu.normalize()).length() > 0.01)
+        .prop_filter("up is not along the view", |(_, vd, vu, ..)| {
+            vd.normalize().cross(vu.normalize()).length() > 0.01
+        })
         .prop_map(|(vp, vd, vu, vh, vv)| View::new(vp, vd, vu, Some(vh), Some(vv), (4, 3)).unwrap())
 }
 
-fn forward(vh: Option<f64>, vv: Option<f64>, size: (u32, u32)) -> Result<(View, (u32, u32)), ViewError> {
+fn forward(
+    vh: Option<f64>,
+    vv: Option<f64>,
+    size: (u32, u32),
+) -> Result<(View, (u32, u32)), ViewError> {
     View::resolve(DVec3::ZERO, DVec3::Y, DVec3::Z, vh, vv, size)
 }
 
@@ -149,7 +156,8 @@ fn views_that_cannot_be_seen_through_are_refused() {
 
 #[test]
 fn every_way_to_say_a_view_says_the_same() {
-    let file = "rview -vtv -vp 12.5 .5 5 -vd .7 .7 0 -vu 0 0 1 -vh 60 -vv 40 -vo 0 -va 0 -vs 0 -vl 0\n";
+    let file =
+        "rview -vtv -vp 12.5 .5 5 -vd .7 .7 0 -vu 0 0 1 -vh 60 -vv 40 -vo 0 -va 0 -vs 0 -vl 0\n";
     let wanted = View::parse_vf(file).unwrap();
     assert_eq!(wanted.kind, Some(ViewKind::Perspective));
     assert_eq!(wanted.vp, Some(DVec3::new(12.5, 0.5, 5.0)));
@@ -164,12 +172,22 @@ fn every_way_to_say_a_view_says_the_same() {
         assert_eq!(View::parse_vf(text).unwrap(), wanted, "{text}");
     }
     let mut typed = ViewSpec::default();
-    for (option, value) in
-        [("--vp", "12.5,0.5,5"), ("--vd", ".7, .7, 0"), ("vu", "0 0 1"), ("-vh", "60"), ("--vv", "40")]
-    {
+    for (option, value) in [
+        ("--vp", "12.5,0.5,5"),
+        ("--vd", ".7, .7, 0"),
+        ("vu", "0 0 1"),
+        ("-vh", "60"),
+        ("--vv", "40"),
+    ] {
         typed.apply_option(option, value).unwrap();
     }
-    let zeros = ViewSpec { vo: Some(0.0), va: Some(0.0), vs: Some(0.0), vl: Some(0.0), ..ViewSpec::default() };
+    let zeros = ViewSpec {
+        vo: Some(0.0),
+        va: Some(0.0),
+        vs: Some(0.0),
+        vl: Some(0.0),
+        ..ViewSpec::default()
+    };
     let both = ViewSpec { kind: Some(ViewKind::Perspective), ..typed }.overridden_by(&zeros);
     assert_eq!(both, wanted);
     // A script's `view` line moves the eye and leaves the rest.
@@ -183,32 +201,53 @@ fn every_way_to_say_a_view_says_the_same() {
 #[test]
 fn what_is_wrong_with_a_view_is_named() {
     let line = |text: &str| ViewSpec::default().apply_line(text).unwrap_err().to_string();
-    assert!(line("-vts").starts_with("view type -vts is not supported: there are v (perspective), l"));
+    assert!(
+        line("-vts").starts_with("view type -vts is not supported: there are v (perspective), l")
+    );
     assert!(line("-vt").starts_with("view type -vt is not supported"));
     assert_eq!(line("-vp 1 2 -vh 60"), "-vp takes 3 number(s), found 2");
     assert_eq!(line("-vp 1 2 x"), "-vp: `x` is not a finite number");
     assert_eq!(line("-vh inf"), "-vh: `inf` is not a finite number");
     assert!(line("-vq 1").starts_with("`-vq` is not a view option"));
     assert!(line("-vh 60 70").starts_with("`70` is not a view option"));
-    let option = |name: &str, value: &str| ViewSpec::default().apply_option(name, value).unwrap_err().to_string();
+    let option = |name: &str, value: &str| {
+        ViewSpec::default().apply_option(name, value).unwrap_err().to_string()
+    };
     assert_eq!(option("--vp", "1,2"), "--vp takes 3 number(s), found 2");
     assert_eq!(option("--vh", "wide"), "--vh: `wide` is not a finite number");
     assert!(option("--size", "640x480").starts_with("`--size` is not a view option"));
     assert_eq!(View::parse_vf("rpict -ab 2 scene.oct\n# nothing"), Err(ViewError::NoView));
     let in_file = View::parse_vf("\nrview -vtv -vh sixty").unwrap_err().to_string();
     assert_eq!(in_file, "line 2: -vh: `sixty` is not a finite number");
-    let unresolved = |text: &str| View::parse_vf(text).unwrap().resolve((64, 64)).unwrap_err().to_string();
+    let unresolved =
+        |text: &str| View::parse_vf(text).unwrap().resolve((64, 64)).unwrap_err().to_string();
     assert_eq!(unresolved("-vd 0 1 0"), "the view lacks -vp");
     assert_eq!(unresolved("-vp 0 0 0"), "the view lacks -vd");
     let from_here = |text: &str| unresolved(&format!("-vp 0 0 0 -vd 0 1 0 {text}"));
-    assert_eq!(from_here("-vo -.5"), "-vo -0.5 is behind the eye: it must be at least 0, but in parallel views");
+    assert_eq!(
+        from_here("-vo -.5"),
+        "-vo -0.5 is behind the eye: it must be at least 0, but in parallel views"
+    );
     assert_eq!(from_here("-vo 2 -va 2"), "-va 2 must be larger than -vo 2, or 0 for none");
-    assert_eq!(from_here("-vtl -vh 4 -vo -3 -va -2"), "-va -2 must be larger than -vo -3, or 0 for none");
+    assert_eq!(
+        from_here("-vtl -vh 4 -vo -3 -va -2"),
+        "-va -2 must be larger than -vo -3, or 0 for none"
+    );
     assert_eq!(from_here("-vtl"), "the view lacks -vh: how wide it is, in scene units");
     assert_eq!(from_here("-vtl -vh -2"), "-vh -2 must be a length above 0, in scene units");
     assert_eq!(from_here("-vta -vh 361"), "-vh 361 must be above 0 and at most 360 degrees");
     assert_eq!(from_here("-vth -vh 90 -vv 181"), "-vv 181 must be above 0 and at most 180 degrees");
-    assert_eq!(from_here("-vtc -vh 90 -vv 180"), "-vv 180 must lie between 0 and 180 degrees, both excluded");
-    let tall = View::parse_vf("-vp 0 0 0 -vd 0 1 0 -vth -vh 180").unwrap().resolve((64, 65)).unwrap_err().to_string();
-    assert_eq!(tall, "with -vh 180 this picture has no -vv that makes its pixels square: give both");
+    assert_eq!(
+        from_here("-vtc -vh 90 -vv 180"),
+        "-vv 180 must lie between 0 and 180 degrees, both excluded"
+    );
+    let tall = View::parse_vf("-vp 0 0 0 -vd 0 1 0 -vth -vh 180")
+        .unwrap()
+        .resolve((64, 65))
+        .unwrap_err()
+        .to_string();
+    assert_eq!(
+        tall,
+        "with -vh 180 this picture has no -vv that makes its pixels square: give both"
+    );
 }

@@ -24,7 +24,8 @@ const GRID: f32 = 16.0;
 /// Seconds that this thread has run; the time since `start` where the system does not tell.
 fn seconds(start: Instant) -> f64 {
     let ran = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = ran.and_then(|text| text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()));
+    let nanoseconds =
+        ran.and_then(|text| text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()));
     nanoseconds.map_or_else(|| start.elapsed().as_secs_f64(), |ns| ns * 1e-9)
 }
 
@@ -117,7 +118,9 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
         match name.as_str() {
             "--json" => parsed.json = true,
             "--obj" => parsed.obj = Some(value()?.into()),
-            "--triangles" => parsed.triangles = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
+            "--triangles" => {
+                parsed.triangles = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?
+            }
             "--rays" => parsed.rays = value()?.parse()?,
             "--dump" => parsed.dump = Some(value()?.into()),
             "--quality" => {
@@ -145,7 +148,13 @@ fn dump(path: &PathBuf, scene: &Scene, sets: [&[Ray]; 2]) -> Result<(), Box<dyn 
         file.write_all(&index.to_le_bytes())?;
     }
     for ray in sets.into_iter().flatten() {
-        for value in ray.origin.to_array().into_iter().chain(ray.direction.to_array()).chain([ray.t_min, ray.t_max]) {
+        for value in ray
+            .origin
+            .to_array()
+            .into_iter()
+            .chain(ray.direction.to_array())
+            .chain([ray.t_min, ray.t_max])
+        {
             file.write_all(&value.to_le_bytes())?;
         }
     }
@@ -184,7 +193,8 @@ fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dy
     while beams.len() + MAX_TOGETHER <= arguments.rays {
         let (entry, exit) = (random.cell(), random.cell());
         for _ in 0..MAX_TOGETHER {
-            let (from, to) = (centre + entry(&mut random) * section, centre + exit(&mut random) * section);
+            let (from, to) =
+                (centre + entry(&mut random) * section, centre + exit(&mut random) * section);
             beams.push(Ray::new(from, (to - from).normalize_or(Vec3::X)));
         }
     }
@@ -198,9 +208,12 @@ fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dy
     let built = seconds(clock) - start;
 
     let short = |ray: &Ray| Ray { t_max: 1.0, ..*ray };
-    let single = |rays: &[Ray]| rate(rays.len(), || rays.iter().filter(|ray| raycaster.nearest(ray).is_some()).count());
-    let occluded =
-        |rays: &[Ray]| rate(rays.len(), || rays.iter().filter(|ray| raycaster.occluded(&short(ray))).count());
+    let single = |rays: &[Ray]| {
+        rate(rays.len(), || rays.iter().filter(|ray| raycaster.nearest(ray).is_some()).count())
+    };
+    let occluded = |rays: &[Ray]| {
+        rate(rays.len(), || rays.iter().filter(|ray| raycaster.occluded(&short(ray))).count())
+    };
     let together = |rays: &[Ray]| {
         rate(rays.len(), || {
             let mut hits: [Option<Hit>; MAX_TOGETHER] = [None; MAX_TOGETHER];
@@ -222,11 +235,17 @@ fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dy
     ];
     let triangles = scene.triangles.len();
     if arguments.json {
-        let fields: String =
-            rows.iter().map(|(n, (rate, count))| format!(",\"{n}\":{rate:.4},\"{n}_count\":{count}")).collect();
-        println!("{{\"scene\":\"{name}\",\"triangles\":{triangles},\"build_seconds\":{built:.3}{fields}}}");
+        let fields: String = rows
+            .iter()
+            .map(|(n, (rate, count))| format!(",\"{n}\":{rate:.4},\"{n}_count\":{count}"))
+            .collect();
+        println!(
+            "{{\"scene\":\"{name}\",\"triangles\":{triangles},\"build_seconds\":{built:.3}{fields}}}"
+        );
     } else {
-        println!("{name}: {triangles} triangles, built in {built:.2} s; million rays a second and how many hit:");
+        println!(
+            "{name}: {triangles} triangles, built in {built:.2} s; million rays a second and how many hit:"
+        );
         for (n, (rate, count)) in rows {
             println!("    {n:14} {rate:7.2} {count:9}");
         }
@@ -237,7 +256,9 @@ fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dy
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments = arguments()?;
     if let Some(path) = &arguments.obj {
-        let name = path.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned());
+        let name = path
+            .file_stem()
+            .map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned());
         return measure(&name, holo_scene::load_obj(path, &Default::default())?.scene, &arguments);
     }
     for &triangles in &arguments.triangles {

@@ -14,7 +14,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let rays: u64 = std::env::args().nth(1).map_or(Ok(1_000_000), |count| count.parse())?;
     let mut bad = 0;
     for (name, counts) in stress::run(rays) {
-        println!("{name:44} {:10} rays  {} leaks  {} not a number", counts.rays, counts.leaks, counts.not_a_number);
+        println!(
+            "{name:44} {:10} rays  {} leaks  {} not a number",
+            counts.rays, counts.leaks, counts.not_a_number
+        );
         bad += counts.leaks + counts.not_a_number;
     }
     println!("{bad} in all");

@@ -109,8 +109,11 @@ impl TreeNode {
 impl Tree {
     fn from_obvhs(bvh: &Bvh2) -> Self {
         let convert = |node: &Bvh2Node, first: u32| {
-            let content =
-                if node.is_leaf() { Err(bvh.primitive_indices[node.first_index as usize]) } else { Ok(first) };
+            let content = if node.is_leaf() {
+                Err(bvh.primitive_indices[node.first_index as usize])
+            } else {
+                Ok(first)
+            };
             TreeNode::new(*node.aabb(), content)
         };
         // Renumbered on the way, since reinsertion leaves no particular order.
@@ -158,7 +161,8 @@ impl Tree {
         for i in (0..nodes.len()).rev() {
             if let Ok(first) = nodes[i].content {
                 let first = first as usize;
-                nodes[i].references = nodes[first].references.saturating_add(nodes[first + 1].references);
+                nodes[i].references =
+                    nodes[first].references.saturating_add(nodes[first + 1].references);
             }
         }
         Self { nodes }
@@ -247,8 +251,11 @@ mod tests {
     }
 
     fn references(hierarchy: &Hierarchy) -> Vec<u32> {
-        let mut ids: Vec<u32> =
-            hierarchy.blocks.iter().flat_map(|b| (0..LANES).filter_map(|lane| b.used(lane))).collect();
+        let mut ids: Vec<u32> = hierarchy
+            .blocks
+            .iter()
+            .flat_map(|b| (0..LANES).filter_map(|lane| b.used(lane)))
+            .collect();
         ids.sort_unstable();
         ids.dedup();
         ids
@@ -264,7 +271,9 @@ mod tests {
             let mut pending = vec![(0_u32, DVec3::NEG_INFINITY, DVec3::INFINITY)];
             while let Some((node, low, high)) = pending.pop() {
                 let node = &h.nodes[node as usize];
-                for (slot, (min, max)) in (0..WIDTH).filter_map(|slot| Some((slot, node.child_box(slot)?))) {
+                for (slot, (min, max)) in
+                    (0..WIDTH).filter_map(|slot| Some((slot, node.child_box(slot)?)))
+                {
                     // Boxes are rounded outwards to a grid of 255 steps of their parent.
                     let slack = Vec3::from(node.step).as_dvec3();
                     assert!((min + slack).cmpge(low).all() && (max - slack).cmple(high).all());
@@ -275,7 +284,9 @@ mod tests {
                     }
                     let block = &h.blocks[(child & !LEAF) as usize];
                     let ids = (0..LANES).filter_map(|lane| block.used(lane));
-                    for vertex in ids.flat_map(|i| facets[i as usize].vertices.map(|v| v.as_dvec3())) {
+                    for vertex in
+                        ids.flat_map(|i| facets[i as usize].vertices.map(|v| v.as_dvec3()))
+                    {
                         assert!(vertex.cmpge(min).all() && vertex.cmple(max).all());
                     }
                 }
@@ -290,8 +301,12 @@ mod tests {
         assert_eq!(references(&h).len(), 3000);
         // 3000 / 4 leaves, a node opens at least two levels of a balanced tree.
         assert!(h.stack_need <= (WIDTH - 1) * 12 + 1, "{}", h.stack_need);
-        let unbalanced = collapse(&Tree::from_obvhs(&binary(&facets, Quality::Fine)), &facets, 1e-6);
+        let unbalanced =
+            collapse(&Tree::from_obvhs(&binary(&facets, Quality::Fine)), &facets, 1e-6);
         let built = hierarchy(&facets, 1.0, Quality::Fine);
-        assert!(built.stack_need <= LARGE_STACK && built.stack_need <= unbalanced.stack_need.max(h.stack_need));
+        assert!(
+            built.stack_need <= LARGE_STACK
+                && built.stack_need <= unbalanced.stack_need.max(h.stack_need)
+        );
     }
 }

@@ -43,7 +43,9 @@ impl Isa {
     pub(crate) fn all() -> Vec<Self> {
         let mut all = vec![Self::Portable];
         #[cfg(target_arch = "x86_64")]
-        all.extend(Avx2::detect().map(Self::Avx2).into_iter().chain(Avx512::detect().map(Self::Avx512)));
+        all.extend(
+            Avx2::detect().map(Self::Avx2).into_iter().chain(Avx512::detect().map(Self::Avx512)),
+        );
         all
     }
 
@@ -81,7 +83,13 @@ impl Isa {
 impl Isa {
     /// Nearest hits of at most [`MAX_TILE`](crate::MAX_TILE) rays from one eye. `false` if they are not.
     #[allow(unsafe_code)]
-    pub(crate) fn trace_tile(self, hierarchy: &Hierarchy, reach: f32, rays: &[Ray], hits: &mut [Option<Hit>]) -> bool {
+    pub(crate) fn trace_tile(
+        self,
+        hierarchy: &Hierarchy,
+        reach: f32,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+    ) -> bool {
         match self {
             Self::Portable => tile(Portable, hierarchy, reach, rays, hits),
             #[cfg(target_arch = "x86_64")]
@@ -95,7 +103,12 @@ impl Isa {
 
     /// Nearest hits of at most [`RAYS`] queries; `best` has [`Query::nothing`] of each.
     #[allow(unsafe_code)]
-    pub(crate) fn trace_many(self, hierarchy: &Hierarchy, queries: &[Query], best: &mut [Hit; RAYS]) {
+    pub(crate) fn trace_many(
+        self,
+        hierarchy: &Hierarchy,
+        queries: &[Query],
+        best: &mut [Hit; RAYS],
+    ) {
         match self {
             Self::Portable => many(Portable, hierarchy, queries, best),
             #[cfg(target_arch = "x86_64")]
@@ -131,7 +144,13 @@ fn avx512_many(simd: Avx512, hierarchy: &Hierarchy, queries: &[Query], best: &mu
 }
 
 #[inline(always)]
-fn tile<S: Simd>(simd: S, hierarchy: &Hierarchy, reach: f32, rays: &[Ray], hits: &mut [Option<Hit>]) -> bool {
+fn tile<S: Simd>(
+    simd: S,
+    hierarchy: &Hierarchy,
+    reach: f32,
+    rays: &[Ray],
+    hits: &mut [Option<Hit>],
+) -> bool {
     if hierarchy.nodes.is_empty() || rays.is_empty() {
         hits.fill(None);
         return true;
@@ -147,13 +166,25 @@ fn tile<S: Simd>(simd: S, hierarchy: &Hierarchy, reach: f32, rays: &[Ray], hits:
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2")]
-fn avx2_tile(simd: Avx2, hierarchy: &Hierarchy, reach: f32, rays: &[Ray], hits: &mut [Option<Hit>]) -> bool {
+fn avx2_tile(
+    simd: Avx2,
+    hierarchy: &Hierarchy,
+    reach: f32,
+    rays: &[Ray],
+    hits: &mut [Option<Hit>],
+) -> bool {
     tile(simd, hierarchy, reach, rays, hits)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,avx512f,avx512vl,avx512bw,avx512dq")]
-fn avx512_tile(simd: Avx512, hierarchy: &Hierarchy, reach: f32, rays: &[Ray], hits: &mut [Option<Hit>]) -> bool {
+fn avx512_tile(
+    simd: Avx512,
+    hierarchy: &Hierarchy,
+    reach: f32,
+    rays: &[Ray],
+    hits: &mut [Option<Hit>],
+) -> bool {
     tile(simd, hierarchy, reach, rays, hits)
 }
 

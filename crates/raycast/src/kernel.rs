@@ -21,7 +21,8 @@ pub(crate) struct Query {
 
 impl Query {
     /// Fills arrays.
-    pub(crate) const NONE: Self = Self { ray: Prepared::NONE, t_min: 0.0, t_max: 0.0, skip: [NO_TRIANGLE; 2] };
+    pub(crate) const NONE: Self =
+        Self { ray: Prepared::NONE, t_min: 0.0, t_max: 0.0, skip: [NO_TRIANGLE; 2] };
 
     /// What is known before anything was met.
     #[inline(always)]

@@ -75,7 +75,8 @@ impl Node {
     pub(crate) fn child_box(&self, slot: usize) -> Option<(DVec3, DVec3)> {
         let at = |row: usize| {
             let corner = |axis: usize| {
-                f64::from(self.origin[axis]) + f64::from(self.bounds[axis][row][slot]) * f64::from(self.step[axis])
+                f64::from(self.origin[axis])
+                    + f64::from(self.bounds[axis][row][slot]) * f64::from(self.step[axis])
             };
             DVec3::new(corner(0), corner(1), corner(2))
         };
@@ -148,7 +149,8 @@ impl Few {
         if triangles.len() > FEW {
             return None;
         }
-        let mut rows = vec![Row { vertices: [[[f32::NAN; ROW]; 3]; 3] }; triangles.len().div_ceil(ROW)];
+        let mut rows =
+            vec![Row { vertices: [[[f32::NAN; ROW]; 3]; 3] }; triangles.len().div_ceil(ROW)];
         for (i, vertices) in triangles.iter().enumerate() {
             for (vertex, position) in vertices.iter().enumerate() {
                 for (axis, coordinate) in position.iter().enumerate() {

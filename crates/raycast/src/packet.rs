@@ -60,7 +60,13 @@ impl<const STACK: usize> Few<STACK> {
     }
 
     #[inline(always)]
-    fn run<S: Simd>(&mut self, simd: S, hierarchy: &Hierarchy, queries: &[Query], best: &mut [Hit; RAYS]) {
+    fn run<S: Simd>(
+        &mut self,
+        simd: S,
+        hierarchy: &Hierarchy,
+        queries: &[Query],
+        best: &mut [Hit; RAYS],
+    ) {
         let mut active = (1_u32 << self.count) - 1;
         while active != 0 {
             let mut turn = active;
@@ -113,8 +119,11 @@ pub(crate) fn traverse_many<S: Simd, const STACK: usize>(
     let mut stack = [Pending { child: 0, rays: 0, near: 0.0 }; STACK];
     stack[0].rays = ((1_u64 << count) - 1) as u32;
     let mut top = 1;
-    let mut few =
-        Few::<STACK> { lanes: [Lane { ray: 0, current: 0, top: 0 }; AT_ONCE], count: 0, stacks: [[0; STACK]; AT_ONCE] };
+    let mut few = Few::<STACK> {
+        lanes: [Lane { ray: 0, current: 0, top: 0 }; AT_ONCE],
+        count: 0,
+        stacks: [[0; STACK]; AT_ONCE],
+    };
     while top > 0 {
         top -= 1;
         let Pending { child, rays, near } = stack[top];

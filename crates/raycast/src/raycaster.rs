@@ -41,9 +41,15 @@ pub enum BuildError {
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooManyTriangles(found) => write!(f, "{found} triangles; at most {MAX_TRIANGLES} can be traced"),
-            Self::Index { triangle } => write!(f, "triangle {triangle} names a vertex that does not exist"),
-            Self::Coordinate { triangle } => write!(f, "triangle {triangle} has a vertex too far out to be traced"),
+            Self::TooManyTriangles(found) => {
+                write!(f, "{found} triangles; at most {MAX_TRIANGLES} can be traced")
+            }
+            Self::Index { triangle } => {
+                write!(f, "triangle {triangle} names a vertex that does not exist")
+            }
+            Self::Coordinate { triangle } => {
+                write!(f, "triangle {triangle} has a vertex too far out to be traced")
+            }
         }
     }
 }
@@ -95,7 +101,10 @@ impl Raycaster {
     /// As [`build`](Self::build).
     pub fn build_with(scene: Arc<Scene>, quality: Quality) -> Result<Self, BuildError> {
         let facets = facets(&scene.positions, &scene.triangles)?;
-        let reach = facets.iter().flat_map(|f| f.vertices).fold(0.0, |reach: f32, v| reach.max(v.abs().max_element()));
+        let reach = facets
+            .iter()
+            .flat_map(|f| f.vertices)
+            .fold(0.0, |reach: f32, v| reach.max(v.abs().max_element()));
         let hierarchy = build::hierarchy(&facets, reach, quality);
         Ok(Self { scene, facets, hierarchy, isa: Isa::detect(), reach })
     }
@@ -133,7 +142,10 @@ impl Raycaster {
     /// The first surface along each of many rays, each of which leaves the triangle `from` that has its place: the same as
     /// [`nearest_from`](Self::nearest_from) of each, bit for bit. As many are traced as the shortest of the three slices has.
     pub fn nearest_many_from(&self, rays: &[Ray], from: &[u32], hits: &mut [Option<Hit>]) {
-        let chunks = rays.chunks(MAX_TOGETHER).zip(from.chunks(MAX_TOGETHER)).zip(hits.chunks_mut(MAX_TOGETHER));
+        let chunks = rays
+            .chunks(MAX_TOGETHER)
+            .zip(from.chunks(MAX_TOGETHER))
+            .zip(hits.chunks_mut(MAX_TOGETHER));
         chunks.for_each(|((rays, from), hits)| self.nearest_together(rays, from, hits));
     }
 
@@ -323,8 +335,13 @@ impl Raycaster {
 
     #[inline]
     fn any(&self, ray: &Ray, skip: [u32; 2]) -> Option<u32> {
-        let any = |ray: &Ray| prepare(ray, skip).and_then(|query| self.isa.any(&self.hierarchy, &query));
-        if self.is_far(ray) { self.brought_near(ray).and_then(|(near, _)| any(&near)) } else { any(ray) }
+        let any =
+            |ray: &Ray| prepare(ray, skip).and_then(|query| self.isa.any(&self.hierarchy, &query));
+        if self.is_far(ray) {
+            self.brought_near(ray).and_then(|(near, _)| any(&near))
+        } else {
+            any(ray)
+        }
     }
 
     #[inline]
@@ -342,7 +359,15 @@ impl Raycaster {
         let skipped = self.approach(origin, direction)?;
         let shift = |t: f32| (f64::from(t) - skipped) as f32;
         let origin = (origin + direction * skipped).as_vec3();
-        Some((Ray { origin, direction: ray.direction, t_min: shift(ray.t_min), t_max: shift(ray.t_max) }, skipped))
+        Some((
+            Ray {
+                origin,
+                direction: ray.direction,
+                t_min: shift(ray.t_min),
+                t_max: shift(ray.t_max),
+            },
+            skipped,
+        ))
     }
 
     /// What is traced, and half the size of the cube around the scene's origin that holds all vertices.
@@ -379,7 +404,8 @@ fn facets(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Vec<Facet>, 
     let facet = |(triangle, indices): (usize, &[u32; 3])| {
         let mut vertices = [Vec3::ZERO; 3];
         for (vertex, &index) in vertices.iter_mut().zip(indices) {
-            *vertex = Vec3::from(*positions.get(index as usize).ok_or(BuildError::Index { triangle })?);
+            *vertex =
+                Vec3::from(*positions.get(index as usize).ok_or(BuildError::Index { triangle })?);
             if !vertex.is_finite() || vertex.abs().max_element() > MAX_COORDINATE {
                 return Err(BuildError::Coordinate { triangle });
             }

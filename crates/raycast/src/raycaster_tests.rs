@@ -6,7 +6,8 @@ use holo_scene::Material;
 fn random() -> impl FnMut() -> Vec3 {
     let mut state = 7_u64;
     let mut unit = move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 40) as f32 / (1 << 24) as f32 - 0.5
     };
     move || Vec3::new(unit(), unit(), unit())
@@ -23,7 +24,8 @@ fn soup(count: u32, mut point: impl FnMut() -> Vec3) -> Raycaster {
         .collect();
     let triangles: Vec<[u32; 3]> = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let materials = vec![0; count as usize];
-    let scene = Scene::new(DVec3::ZERO, corners, triangles, materials, vec![Material::grey("m")], [0.0; 3]);
+    let scene =
+        Scene::new(DVec3::ZERO, corners, triangles, materials, vec![Material::grey("m")], [0.0; 3]);
     Raycaster::build(Arc::new(scene.expect("valid"))).expect("built")
 }
 
@@ -44,9 +46,15 @@ fn few_triangles_are_met_as_the_hierarchy_meets_them() {
             .map(|i| {
                 let (from, to) = (point() * 2.0, point());
                 if i % 4 == 0 {
-                    Ray::new(Vec3::from(raycaster.scene().positions[i % count as usize]) - Vec3::X, Vec3::X)
+                    Ray::new(
+                        Vec3::from(raycaster.scene().positions[i % count as usize]) - Vec3::X,
+                        Vec3::X,
+                    )
                 } else {
-                    Ray { t_max: if i % 4 == 1 { 1.0 } else { f32::INFINITY }, ..Ray::new(from, to - from) }
+                    Ray {
+                        t_max: if i % 4 == 1 { 1.0 } else { f32::INFINITY },
+                        ..Ray::new(from, to - from)
+                    }
                 }
             })
             .collect();
@@ -96,12 +104,18 @@ fn every_kind_of_processor_gives_the_same_bits() {
         raycaster.isa = isa;
         let mut together = vec![None; rays.len()];
         raycaster.nearest_many(&rays, &mut together);
-        let found: Vec<_> = rays.iter().map(|ray| (bits(raycaster.nearest(ray)), raycaster.occluded(ray))).collect();
+        let found: Vec<_> = rays
+            .iter()
+            .map(|ray| (bits(raycaster.nearest(ray)), raycaster.occluded(ray)))
+            .collect();
         assert!(together.into_iter().map(bits).eq(found.iter().map(|(hit, _)| *hit)), "{isa:?}");
         // The tiles' rays from one eye, and the same among rays from elsewhere.
         for size in [64, 40] {
-            let tiles: Vec<Ray> =
-                rays.iter().enumerate().map(|(i, ray)| eye_ray(&rays[i / size * size], ray)).collect();
+            let tiles: Vec<Ray> = rays
+                .iter()
+                .enumerate()
+                .map(|(i, ray)| eye_ray(&rays[i / size * size], ray))
+                .collect();
             let mut hits = vec![None; rays.len()];
             raycaster.nearest_tile(&tiles, &mut hits);
             let alone = tiles.iter().map(|ray| bits(raycaster.nearest(ray)));

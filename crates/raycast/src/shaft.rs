@@ -58,7 +58,12 @@ struct Body {
 impl Body {
     /// The body with the planes that bound it: each holds an edge of `a` or `b` and a vertex of the other, or is that of
     /// `a` or `b`, and has the body on one side.
-    fn new(points: Vec<DVec3>, directions: Vec<DVec3>, [a, b]: [&[DVec3; 4]; 2], margin: f64) -> Self {
+    fn new(
+        points: Vec<DVec3>,
+        directions: Vec<DVec3>,
+        [a, b]: [&[DVec3; 4]; 2],
+        margin: f64,
+    ) -> Self {
         let mut body = Self { points, directions, planes: Vec::with_capacity(16), margin };
         for (own, other) in [(a, b), (b, a)] {
             body.bound((own[1] - own[0]).cross(own[3] - own[0]));
@@ -89,7 +94,9 @@ impl Body {
     /// Least value of `normal` · x over the body; `None` if there is none. `normal` is unit.
     fn least(&self, normal: DVec3) -> Option<f64> {
         let bounded = self.directions.iter().all(|direction| normal.dot(*direction) >= -LEAN);
-        bounded.then(|| self.points.iter().map(|point| normal.dot(*point)).fold(f64::INFINITY, f64::min))
+        bounded.then(|| {
+            self.points.iter().map(|point| normal.dot(*point)).fold(f64::INFINITY, f64::min)
+        })
     }
 
     /// False only if no point of the box is in the body.
@@ -102,8 +109,9 @@ impl Body {
 
     /// False only if no point of the triangle is in the body.
     fn may_meet_triangle(&self, triangle: [DVec3; 3]) -> bool {
-        let reaches =
-            |plane: &Plane| triangle.iter().any(|vertex| plane.normal.dot(*vertex) >= plane.offset - self.margin);
+        let reaches = |plane: &Plane| {
+            triangle.iter().any(|vertex| plane.normal.dot(*vertex) >= plane.offset - self.margin)
+        };
         if !self.planes.iter().all(reaches) {
             return false;
         }
@@ -111,7 +119,10 @@ impl Body {
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { return true };
         // The triangle's own plane has all of the body on one side.
         let level = [a, b, c].map(|vertex| normal.dot(vertex));
-        let (low, high) = (level.into_iter().fold(f64::MAX, f64::min), level.into_iter().fold(f64::MIN, f64::max));
+        let (low, high) = (
+            level.into_iter().fold(f64::MAX, f64::min),
+            level.into_iter().fold(f64::MIN, f64::max),
+        );
         let above = self.least(normal).is_some_and(|least| least > high + self.margin);
         let below = self.least(-normal).is_some_and(|least| least > -low + self.margin);
         !above && !below
@@ -131,19 +142,26 @@ impl Raycaster {
         }
         let origin = self.scene().origin;
         let corners = shaft.from.iter().chain(&shaft.through);
-        let world = corners.clone().fold(0.0, |most: f64, corner| most.max(corner.abs().max_element()));
+        let world =
+            corners.clone().fold(0.0, |most: f64, corner| most.max(corner.abs().max_element()));
         if !corners.clone().all(|corner| corner.is_finite()) {
             return true;
         }
-        let margin = MARGIN * f64::from(reach) + WORLD_MARGIN * (world + origin.abs().max_element());
-        let (a, b) = (shaft.from.map(|corner| corner - origin), shaft.through.map(|corner| corner - origin));
-        let directions = b.iter().flat_map(|to| a.iter().filter_map(|from| (*to - *from).try_normalize())).collect();
+        let margin =
+            MARGIN * f64::from(reach) + WORLD_MARGIN * (world + origin.abs().max_element());
+        let (a, b) =
+            (shaft.from.map(|corner| corner - origin), shaft.through.map(|corner| corner - origin));
+        let directions = b
+            .iter()
+            .flat_map(|to| a.iter().filter_map(|from| (*to - *from).try_normalize()))
+            .collect();
         let beyond = Body::new(b.to_vec(), directions, [&a, &b], margin);
         if self.meets(&beyond) {
             return true;
         }
         shaft.between && {
-            let hull = Body::new(a.iter().chain(&b).copied().collect(), Vec::new(), [&a, &b], margin);
+            let hull =
+                Body::new(a.iter().chain(&b).copied().collect(), Vec::new(), [&a, &b], margin);
             self.meets(&hull)
         }
     }
@@ -154,12 +172,15 @@ impl Raycaster {
         let mut stack = vec![0];
         while let Some(child) = stack.pop() {
             if child & LEAF != 0 {
-                let met = |triangle| body.may_meet_triangle(self.vertices(triangle).map(|vertex| vertex.as_dvec3()));
+                let met = |triangle| {
+                    body.may_meet_triangle(self.vertices(triangle).map(|vertex| vertex.as_dvec3()))
+                };
                 if triangles(hierarchy, child).any(met) {
                     return true;
                 }
             } else {
-                let met = children(hierarchy, child).filter(|(low, high, _)| body.may_meet_box(*low, *high));
+                let met = children(hierarchy, child)
+                    .filter(|(low, high, _)| body.may_meet_box(*low, *high));
                 stack.extend(met.map(|(.., child)| child));
             }
         }
@@ -170,7 +191,8 @@ impl Raycaster {
 /// The boxes of a node's children, and what is in them.
 fn children(hierarchy: &Hierarchy, node: u32) -> impl Iterator<Item = (DVec3, DVec3, u32)> {
     let node = &hierarchy.nodes[node as usize];
-    (0..WIDTH).filter_map(|slot| node.child_box(slot).map(|(low, high)| (low, high, node.children[slot])))
+    (0..WIDTH)
+        .filter_map(|slot| node.child_box(slot).map(|(low, high)| (low, high, node.children[slot])))
 }
 
 /// The triangles of a leaf.
@@ -184,13 +206,17 @@ mod tests {
     use super::*;
 
     fn square(z: f64, half: f64) -> [DVec3; 4] {
-        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| DVec3::new(x * half, y * half, z))
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+            .map(|(x, y)| DVec3::new(x * half, y * half, z))
     }
 
     /// From a square of half width 1 at z = 0 through one at z = 1: beyond, the half width at z is 2z - 1.
     fn widening() -> Body {
         let (a, b) = (square(0.0, 1.0), square(1.0, 1.0));
-        let directions = b.iter().flat_map(|to| a.iter().filter_map(|from| (*to - *from).try_normalize())).collect();
+        let directions = b
+            .iter()
+            .flat_map(|to| a.iter().filter_map(|from| (*to - *from).try_normalize()))
+            .collect();
         Body::new(b.to_vec(), directions, [&a, &b], 1e-9)
     }
 

@@ -80,10 +80,21 @@ pub(crate) trait Simd: Copy {
 
     /// The same of one triangle for sixteen rays of one origin, in the same roundings. `corners` by vertex, relative to the origin, along
     /// the axes of the rays' shears.
-    fn straddled_rays(self, corners: &[[f32; 3]; 3], shear_x: &[f32; ROW], shear_y: &[f32; ROW]) -> Straddled;
+    fn straddled_rays(
+        self,
+        corners: &[[f32; 3]; 3],
+        shear_x: &[f32; ROW],
+        shear_y: &[f32; ROW],
+    ) -> Straddled;
 
     /// Puts the children in `mask`, with their distances, at the start of `stack`: farthest first if `SORTED`. The rest is undefined.
-    fn stack<const SORTED: bool>(self, children: &[u32; WIDTH], near: &Near, mask: u32, stack: &mut [u64; WIDTH]);
+    fn stack<const SORTED: bool>(
+        self,
+        children: &[u32; WIDTH],
+        near: &Near,
+        mask: u32,
+        stack: &mut [u64; WIDTH],
+    );
 
     /// The lesser of each of the distances that are in `mask`.
     fn least(self, so_far: &mut Near, near: &Near, mask: u32);
@@ -131,7 +142,8 @@ impl Simd for Portable {
     #[inline(always)]
     fn straddled(self, block: &Block, ray: &Prepared) -> Straddled {
         let [kx, ky, kz] = ray.axes;
-        let (rx, ry, rz) = (&block.vertices[kx % 3], &block.vertices[ky % 3], &block.vertices[kz % 3]);
+        let (rx, ry, rz) =
+            (&block.vertices[kx % 3], &block.vertices[ky % 3], &block.vertices[kz % 3]);
         let (ox, oy, oz) = (ray.sheared_origin[0], ray.sheared_origin[1], ray.sheared_origin[2]);
         let mut p = [[[0.0; LANES]; 2]; 3];
         for (vertex, sheared) in p.iter_mut().enumerate() {
@@ -147,7 +159,8 @@ impl Simd for Portable {
             let u = c[0][i] * b[1][i] - c[1][i] * b[0][i];
             let v = a[0][i] * c[1][i] - a[1][i] * c[0][i];
             let w = b[0][i] * a[1][i] - b[1][i] * a[0][i];
-            let same = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
+            let same =
+                ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
             inside |= u32::from(same) << i;
             on_edge |= u32::from((u == 0.0) | (v == 0.0) | (w == 0.0)) << i;
         }
@@ -169,7 +182,8 @@ impl Simd for Portable {
             let u = c[0] * b[1] - c[1] * b[0];
             let v = a[0] * c[1] - a[1] * c[0];
             let w = b[0] * a[1] - b[1] * a[0];
-            let same = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
+            let same =
+                ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
             inside |= u32::from(same) << i;
             on_edge |= u32::from((u == 0.0) | (v == 0.0) | (w == 0.0)) << i;
         }
@@ -177,14 +191,20 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn straddled_rays(self, corners: &[[f32; 3]; 3], shear_x: &[f32; ROW], shear_y: &[f32; ROW]) -> Straddled {
+    fn straddled_rays(
+        self,
+        corners: &[[f32; 3]; 3],
+        shear_x: &[f32; ROW],
+        shear_y: &[f32; ROW],
+    ) -> Straddled {
         let (mut inside, mut on_edge) = (0, 0);
         for i in 0..ROW {
             let [a, b, c] = corners.map(|[x, y, z]| [x - shear_x[i] * z, y - shear_y[i] * z]);
             let u = c[0] * b[1] - c[1] * b[0];
             let v = a[0] * c[1] - a[1] * c[0];
             let w = b[0] * a[1] - b[1] * a[0];
-            let same = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
+            let same =
+                ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
             inside |= u32::from(same) << i;
             on_edge |= u32::from((u == 0.0) | (v == 0.0) | (w == 0.0)) << i;
         }
@@ -192,7 +212,13 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn stack<const SORTED: bool>(self, children: &[u32; WIDTH], near: &Near, mask: u32, stack: &mut [u64; WIDTH]) {
+    fn stack<const SORTED: bool>(
+        self,
+        children: &[u32; WIDTH],
+        near: &Near,
+        mask: u32,
+        stack: &mut [u64; WIDTH],
+    ) {
         stack_scalar::<SORTED>(children, near, mask, stack);
     }
 
@@ -207,7 +233,11 @@ impl Simd for Portable {
 
     #[inline(always)]
     fn at_least(self, limits: &Limits, near: f32) -> u32 {
-        limits.0.iter().enumerate().fold(0, |bits, (ray, &limit)| bits | u32::from(limit >= near) << ray)
+        limits
+            .0
+            .iter()
+            .enumerate()
+            .fold(0, |bits, (ray, &limit)| bits | u32::from(limit >= near) << ray)
     }
 
     #[inline(always)]

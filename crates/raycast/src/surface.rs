@@ -46,7 +46,8 @@ pub(crate) fn edge_margin([a, b, c]: [Vec3; 3]) -> f32 {
     let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
     // As `interpolate` says; of that, what is small far out has only the rounding of where it is.
     let extent = (b - a).abs().max((c - a).abs()).max_element();
-    let rounding = (a.abs().max_element() * gamma(2.0) + extent * gamma(5.0)).min(gamma(8.0) * reach);
+    let rounding =
+        (a.abs().max_element() * gamma(2.0) + extent * gamma(5.0)).min(gamma(8.0) * reach);
     let longest = (b - a).length().max((c - b).length()).max((a - c).length());
     // The least height is that on the longest edge.
     let height = (b - a).as_dvec3().cross((c - a).as_dvec3()).length() / f64::from(longest);

@@ -7,7 +7,9 @@
 
 use crate::node::{Block, Hierarchy, LANES, LEAF, Node, ROW, WIDTH};
 use crate::simd::{Near, Simd, parts};
-use crate::triangle::{Directions, LENGTH_SQUARED, Located, Prepared, consider, inside_exactly, locate_row};
+use crate::triangle::{
+    Directions, LENGTH_SQUARED, Located, Prepared, consider, inside_exactly, locate_row,
+};
 use crate::{Hit, MAX_TILE, NO_TRIANGLE, Ray};
 
 /// By what share of the scene's size, and of a distance, the pyramid is wider than its rays: some fifty roundings.
@@ -87,7 +89,12 @@ impl Best {
     #[inline(always)]
     fn get(&self, row: usize, lane: usize) -> Hit {
         let (row, lane) = (row % ROWS, lane % ROW);
-        Hit { t: self.t[row][lane], triangle: self.triangle[row][lane], u: self.u[row][lane], v: self.v[row][lane] }
+        Hit {
+            t: self.t[row][lane],
+            triangle: self.triangle[row][lane],
+            u: self.u[row][lane],
+            v: self.v[row][lane],
+        }
     }
 
     /// The depth from which on nothing counts for any ray.
@@ -109,7 +116,8 @@ impl<'a> Bundle<'a> {
     pub(crate) fn new(rays: &'a [Ray], reach: f32) -> Option<Self> {
         let first = rays.first()?;
         let eye = first.origin.to_array();
-        let Prepared { axes, sheared_origin: origin, direction, .. } = Prepared::new(first.origin, first.direction)?;
+        let Prepared { axes, sheared_origin: origin, direction, .. } =
+            Prepared::new(first.origin, first.direction)?;
         let main = axes[2];
         let is_reversed = direction[main % 3] < 0.0;
         let sign = if is_reversed { -1.0 } else { 1.0 };
@@ -122,7 +130,8 @@ impl<'a> Bundle<'a> {
                 towards[row][lane] = ray.direction[axis];
             }
             t_min[row][lane] = ray.t_min.max(0.0);
-            is_one &= (ray.origin == first.origin) & !ray.t_min.is_nan() & (t_min[row][lane] < ray.t_max);
+            is_one &=
+                (ray.origin == first.origin) & !ray.t_min.is_nan() & (t_min[row][lane] < ray.t_max);
         }
         // Rays that are not there go where the first one goes.
         for i in rays.len()..MAX_TILE {
@@ -161,7 +170,13 @@ impl<'a> Bundle<'a> {
             return None;
         }
         let slack = SLACK * reach;
-        let along = |row: usize, shift: f32, is_lower: bool| Side { axis: main, row, shift, factor: sign, is_lower };
+        let along = |row: usize, shift: f32, is_lower: bool| Side {
+            axis: main,
+            row,
+            shift,
+            factor: sign,
+            is_lower,
+        };
         let near = usize::from(is_reversed);
         let mut sides = [along(near, -slack * sign, true); 6];
         sides[1] = along(near + 1, slack * sign, false);
@@ -171,10 +186,25 @@ impl<'a> Bundle<'a> {
             let high = if high.abs() < LEAST_SLOPE { LEAST_SLOPE } else { high };
             let axis = axes[other];
             // high * distance >= the box's least coordinate, low * distance <= its greatest.
-            sides[2 + 2 * other] = Side { axis, row: 0, shift: -slack, factor: high.recip(), is_lower: high > 0.0 };
-            sides[3 + 2 * other] = Side { axis, row: 1, shift: slack, factor: low.recip(), is_lower: low < 0.0 };
+            sides[2 + 2 * other] =
+                Side { axis, row: 0, shift: -slack, factor: high.recip(), is_lower: high > 0.0 };
+            sides[3 + 2 * other] =
+                Side { axis, row: 1, shift: slack, factor: low.recip(), is_lower: low < 0.0 };
         }
-        Some(Self { rays, eye, origin, axes, sign, slopes, sides, slack, shear, speed, t_min, directions })
+        Some(Self {
+            rays,
+            eye,
+            origin,
+            axes,
+            sign,
+            slopes,
+            sides,
+            slack,
+            shear,
+            speed,
+            t_min,
+            directions,
+        })
     }
 
     /// Distances at which the pyramid may enter the eight boxes, and a bit per box that it may enter before `limit`.
@@ -300,7 +330,8 @@ pub(crate) fn traverse_tile<S: Simd, const STACK: usize>(
             let node = &hierarchy.nodes[current as usize];
             let (near, mask) = bundle.enter(node, limit);
             if mask != 0 {
-                if let Some(free) = stack.get_mut(top..).and_then(|s| s.first_chunk_mut::<WIDTH>()) {
+                if let Some(free) = stack.get_mut(top..).and_then(|s| s.first_chunk_mut::<WIDTH>())
+                {
                     simd.stack::<true>(&node.children, &near, mask, free);
                 }
                 top += mask.count_ones() as usize;
@@ -313,7 +344,8 @@ pub(crate) fn traverse_tile<S: Simd, const STACK: usize>(
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize % LANES;
                 lanes &= lanes - 1;
-                found |= meet(simd, bundle, block, lane, &corners.of(lane), nearest[lane], &mut best);
+                found |=
+                    meet(simd, bundle, block, lane, &corners.of(lane), nearest[lane], &mut best);
             }
             if found {
                 limit = best.limit();
@@ -322,7 +354,8 @@ pub(crate) fn traverse_tile<S: Simd, const STACK: usize>(
         loop {
             if top == 0 {
                 for (i, hit) in hits.iter_mut().enumerate().take(bundle.rays.len()) {
-                    *hit = Some(best.get(i / ROW, i % ROW)).filter(|hit| hit.triangle != NO_TRIANGLE);
+                    *hit =
+                        Some(best.get(i / ROW, i % ROW)).filter(|hit| hit.triangle != NO_TRIANGLE);
                 }
                 return;
             }
@@ -360,7 +393,8 @@ fn meet<S: Simd>(
                 let i = candidates.trailing_zeros() as usize % ROW;
                 candidates &= candidates - 1;
                 if nearest <= best.depth[row][i] * (1.0 + SLACK) + bundle.slack {
-                    found |= meet_one(bundle, (triangle, id), (row, i), on_edge >> i & 1 != 0, best);
+                    found |=
+                        meet_one(bundle, (triangle, id), (row, i), on_edge >> i & 1 != 0, best);
                 }
             }
             continue;
@@ -443,16 +477,28 @@ mod tests {
     fn room() -> Raycaster {
         let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -4.0_f32 } else { 4.0 });
         let mut positions: Vec<[f32; 3]> = (0..8).map(corner).collect();
-        let quads = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
-        let mut triangles: Vec<[u32; 3]> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let quads =
+            [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+        let mut triangles: Vec<[u32; 3]> =
+            quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
         for i in 0..400_u32 {
             let at = Vec3::new((i % 8) as f32, (i / 8 % 8) as f32, (i / 64) as f32) * 0.9 - 3.0;
             let first = positions.len() as u32;
-            positions.extend([at, at + Vec3::new(0.2, 0.05, 0.1), at + Vec3::new(0.0, 0.3, 0.1)].map(|p| p.to_array()));
+            positions.extend(
+                [at, at + Vec3::new(0.2, 0.05, 0.1), at + Vec3::new(0.0, 0.3, 0.1)]
+                    .map(|p| p.to_array()),
+            );
             triangles.push([first, first + 1, first + 2]);
         }
         let materials = vec![0; triangles.len()];
-        let scene = Scene::new(DVec3::ZERO, positions, triangles, materials, vec![Material::grey("m")], [0.0; 3]);
+        let scene = Scene::new(
+            DVec3::ZERO,
+            positions,
+            triangles,
+            materials,
+            vec![Material::grey("m")],
+            [0.0; 3],
+        );
         Raycaster::build(Arc::new(scene.expect("valid"))).expect("built")
     }
 
@@ -461,10 +507,15 @@ mod tests {
         let raycaster = room();
         let (eye, side) = (Vec3::new(0.3, -3.7, 0.2), 8);
         let mut hits_of_small = 0;
-        for (forward, spread) in [(Vec3::Y, 0.002), (Vec3::new(0.7, 0.7, 0.1), 0.004), (-Vec3::Z, 0.01), (Vec3::X, 0.1)]
+        for (forward, spread) in
+            [(Vec3::Y, 0.002), (Vec3::new(0.7, 0.7, 0.1), 0.004), (-Vec3::Z, 0.01), (Vec3::X, 0.1)]
         {
             for tile in 0..200 {
-                let place = Vec3::new((tile % 20) as f32 - 10.0, (tile / 20) as f32 - 5.0, (tile % 7) as f32) * 0.08;
+                let place = Vec3::new(
+                    (tile % 20) as f32 - 10.0,
+                    (tile / 20) as f32 - 5.0,
+                    (tile % 7) as f32,
+                ) * 0.08;
                 let rays: Vec<Ray> = (0..MAX_TILE)
                     .map(|i| {
                         let (x, y) = ((i % side) as f32 * spread, (i / side) as f32 * spread);

@@ -67,7 +67,15 @@ impl Prepared {
         let reversed = inverse.map(|i| usize::from(i < 0.0));
         let shear = [d[axes[0]] / z, d[axes[1]] / z];
         let origin = origin.to_array();
-        Some(Self { origin, inverse, reversed, axes, sheared_origin: axes.map(|k| origin[k]), shear, direction: d })
+        Some(Self {
+            origin,
+            inverse,
+            reversed,
+            axes,
+            sheared_origin: axes.map(|k| origin[k]),
+            shear,
+            direction: d,
+        })
     }
 }
 
@@ -117,7 +125,8 @@ pub(crate) fn consider(
 /// Replaces `best` by a hit that is nearer, and beyond `t_min`.
 #[inline(always)]
 pub(crate) fn replace(best: &mut Nearest, hit: Hit, t_min: f32) {
-    let nearer = hit.t < best.t || (hit.t == best.t && best.triangle != NO_TRIANGLE && hit.triangle < best.triangle);
+    let nearer = hit.t < best.t
+        || (hit.t == best.t && best.triangle != NO_TRIANGLE && hit.triangle < best.triangle);
     if nearer && hit.t > t_min {
         *best = hit;
     }
@@ -183,7 +192,9 @@ impl Facing {
         let u = (-a.dot(p) * scale).max(0.0).min(1.0);
         let v = (direction.dot(q) * scale).max(0.0).min(1.0 - u);
         let (ta, tb, tc) = (a.dot(direction), b.dot(direction), c.dot(direction));
-        let t = (e2.dot(q) * scale).max(ta.min(tb).min(tc) / length_squared).min(ta.max(tb).max(tc) / length_squared);
+        let t = (e2.dot(q) * scale)
+            .max(ta.min(tb).min(tc) / length_squared)
+            .min(ta.max(tb).max(tc) / length_squared);
         [t, u, v].map(|x| x as f32)
     }
 }

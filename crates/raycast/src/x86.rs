@@ -59,12 +59,15 @@ impl Simd for Avx2 {
                 let first = ray.reversed[axis] & 1;
                 let nearer = _mm_loadl_epi64(node.bounds[axis][first].as_ptr().cast());
                 let farther = _mm_loadl_epi64(node.bounds[axis][first + 1].as_ptr().cast());
-                let nearer = _mm256_fmadd_ps(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(nearer)), step, base);
-                let farther = _mm256_fmadd_ps(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(farther)), step, base);
+                let nearer =
+                    _mm256_fmadd_ps(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(nearer)), step, base);
+                let farther =
+                    _mm256_fmadd_ps(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(farther)), step, base);
                 near = _mm256_max_ps(nearer, near);
                 far = _mm256_min_ps(farther, far);
             }
-            let hit = _mm256_cmp_ps::<_CMP_LE_OQ>(near, _mm256_mul_ps(far, _mm256_set1_ps(STRETCH)));
+            let hit =
+                _mm256_cmp_ps::<_CMP_LE_OQ>(near, _mm256_mul_ps(far, _mm256_set1_ps(STRETCH)));
             let mut out = Near([0.0; WIDTH]);
             _mm256_store_ps(out.0.as_mut_ptr(), near);
             (out, _mm256_movemask_ps(hit) as u32)
@@ -76,7 +79,8 @@ impl Simd for Avx2 {
         // SAFETY: `self` proves AVX2. Every load is of four lanes of one vertex.
         unsafe {
             let [kx, ky, kz] = ray.axes;
-            let (rx, ry, rz) = (&block.vertices[kx % 3], &block.vertices[ky % 3], &block.vertices[kz % 3]);
+            let (rx, ry, rz) =
+                (&block.vertices[kx % 3], &block.vertices[ky % 3], &block.vertices[kz % 3]);
             let [ox, oy, oz] = ray.sheared_origin;
             let (ox, oy, oz) = (_mm_set1_ps(ox), _mm_set1_ps(oy), _mm_set1_ps(oz));
             let (sx, sy) = (_mm_set1_ps(ray.shear[0]), _mm_set1_ps(ray.shear[1]));
@@ -93,10 +97,22 @@ impl Simd for Avx2 {
             let v = _mm_sub_ps(_mm_mul_ps(x[0], y[2]), _mm_mul_ps(y[0], x[2]));
             let w = _mm_sub_ps(_mm_mul_ps(x[1], y[0]), _mm_mul_ps(y[1], x[0]));
             let zero = _mm_setzero_ps();
-            let above = _mm_and_ps(_mm_and_ps(_mm_cmpge_ps(u, zero), _mm_cmpge_ps(v, zero)), _mm_cmpge_ps(w, zero));
-            let below = _mm_and_ps(_mm_and_ps(_mm_cmple_ps(u, zero), _mm_cmple_ps(v, zero)), _mm_cmple_ps(w, zero));
-            let on = _mm_or_ps(_mm_or_ps(_mm_cmpeq_ps(u, zero), _mm_cmpeq_ps(v, zero)), _mm_cmpeq_ps(w, zero));
-            Straddled { inside: _mm_movemask_ps(_mm_or_ps(above, below)) as u32, on_edge: _mm_movemask_ps(on) as u32 }
+            let above = _mm_and_ps(
+                _mm_and_ps(_mm_cmpge_ps(u, zero), _mm_cmpge_ps(v, zero)),
+                _mm_cmpge_ps(w, zero),
+            );
+            let below = _mm_and_ps(
+                _mm_and_ps(_mm_cmple_ps(u, zero), _mm_cmple_ps(v, zero)),
+                _mm_cmple_ps(w, zero),
+            );
+            let on = _mm_or_ps(
+                _mm_or_ps(_mm_cmpeq_ps(u, zero), _mm_cmpeq_ps(v, zero)),
+                _mm_cmpeq_ps(w, zero),
+            );
+            Straddled {
+                inside: _mm_movemask_ps(_mm_or_ps(above, below)) as u32,
+                on_edge: _mm_movemask_ps(on) as u32,
+            }
         }
     }
 
@@ -105,7 +121,8 @@ impl Simd for Avx2 {
         // SAFETY: `self` proves AVX2. Loads are of lanes 0 to 7 and 8 to 15 of a vertex, aligned to 32 bytes.
         unsafe {
             let [kx, ky, kz] = ray.axes;
-            let (rx, ry, rz) = (&row.vertices[kx % 3], &row.vertices[ky % 3], &row.vertices[kz % 3]);
+            let (rx, ry, rz) =
+                (&row.vertices[kx % 3], &row.vertices[ky % 3], &row.vertices[kz % 3]);
             let [ox, oy, oz] = ray.sheared_origin;
             let (ox, oy, oz) = (_mm256_set1_ps(ox), _mm256_set1_ps(oy), _mm256_set1_ps(oz));
             let (sx, sy) = (_mm256_set1_ps(ray.shear[0]), _mm256_set1_ps(ray.shear[1]));
@@ -115,7 +132,8 @@ impl Simd for Avx2 {
                 let mut y = x;
                 for vertex in 0..3 {
                     let z = _mm256_sub_ps(_mm256_load_ps(rz[vertex].as_ptr().add(8 * half)), oz);
-                    let across = _mm256_sub_ps(_mm256_load_ps(rx[vertex].as_ptr().add(8 * half)), ox);
+                    let across =
+                        _mm256_sub_ps(_mm256_load_ps(rx[vertex].as_ptr().add(8 * half)), ox);
                     let up = _mm256_sub_ps(_mm256_load_ps(ry[vertex].as_ptr().add(8 * half)), oy);
                     x[vertex] = _mm256_sub_ps(across, _mm256_mul_ps(sx, z));
                     y[vertex] = _mm256_sub_ps(up, _mm256_mul_ps(sy, z));
@@ -129,7 +147,12 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn straddled_rays(self, corners: &[[f32; 3]; 3], shear_x: &[f32; ROW], shear_y: &[f32; ROW]) -> Straddled {
+    fn straddled_rays(
+        self,
+        corners: &[[f32; 3]; 3],
+        shear_x: &[f32; ROW],
+        shear_y: &[f32; ROW],
+    ) -> Straddled {
         // SAFETY: `self` proves AVX2. Loads are of the first and the last eight of sixteen numbers.
         unsafe {
             let (mut inside, mut on_edge) = (0, 0);
@@ -152,7 +175,13 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn stack<const SORTED: bool>(self, children: &[u32; WIDTH], near: &Near, mask: u32, stack: &mut [u64; WIDTH]) {
+    fn stack<const SORTED: bool>(
+        self,
+        children: &[u32; WIDTH],
+        near: &Near,
+        mask: u32,
+        stack: &mut [u64; WIDTH],
+    ) {
         stack_scalar::<SORTED>(children, near, mask, stack);
     }
 
@@ -161,10 +190,14 @@ impl Simd for Avx2 {
         // SAFETY: `self` proves AVX2; `Near` is aligned to 32 bytes.
         unsafe {
             let bit = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-            let chosen = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bit), bit);
+            let chosen =
+                _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bit), bit);
             let old = _mm256_load_ps(so_far.0.as_ptr());
             let less = _mm256_min_ps(old, _mm256_load_ps(near.0.as_ptr()));
-            _mm256_store_ps(so_far.0.as_mut_ptr(), _mm256_blendv_ps(old, less, _mm256_castsi256_ps(chosen)));
+            _mm256_store_ps(
+                so_far.0.as_mut_ptr(),
+                _mm256_blendv_ps(old, less, _mm256_castsi256_ps(chosen)),
+            );
         }
     }
 
@@ -176,7 +209,8 @@ impl Simd for Avx2 {
             let mut bits = 0;
             for row in 0..RAYS / 8 {
                 let limits = _mm256_load_ps(limits.0.as_ptr().add(8 * row));
-                bits |= (_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(limits, near)) as u32) << (8 * row);
+                bits |= (_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(limits, near)) as u32)
+                    << (8 * row);
             }
             bits
         }
@@ -236,13 +270,18 @@ impl Simd for Avx512 {
             let mut rows = [limits; 3];
             for (axis, row) in rows.iter_mut().enumerate() {
                 let inverse = _mm512_xor_ps(_mm512_set1_ps(ray.inverse[axis]), sign);
-                let from = _mm512_sub_ps(_mm512_set1_ps(node.origin[axis]), _mm512_set1_ps(ray.origin[axis]));
+                let from = _mm512_sub_ps(
+                    _mm512_set1_ps(node.origin[axis]),
+                    _mm512_set1_ps(ray.origin[axis]),
+                );
                 let step = _mm512_mul_ps(_mm512_set1_ps(node.step[axis]), inverse);
-                let bytes = node.bounds[axis].as_ptr().cast::<u8>().add(WIDTH * (ray.reversed[axis] & 1));
+                let bytes =
+                    node.bounds[axis].as_ptr().cast::<u8>().add(WIDTH * (ray.reversed[axis] & 1));
                 let bytes = _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_loadu_si128(bytes.cast())));
                 *row = _mm512_fmadd_ps(bytes, step, _mm512_mul_ps(from, inverse));
             }
-            let limits = _mm512_max_ps(_mm512_max_ps(rows[0], rows[1]), _mm512_max_ps(rows[2], limits));
+            let limits =
+                _mm512_max_ps(_mm512_max_ps(rows[0], rows[1]), _mm512_max_ps(rows[2], limits));
             let near = _mm512_castps512_ps256(limits);
             let far = _mm256_mul_ps(_mm512_extractf32x8_ps::<1>(limits), _mm256_set1_ps(-STRETCH));
             let mut out = Near([0.0; WIDTH]);
@@ -258,14 +297,29 @@ impl Simd for Avx512 {
         unsafe {
             let [kx, ky, kz] = ray.axes;
             let [ox, oy, oz] = ray.sheared_origin;
-            let z = _mm512_sub_ps(_mm512_load_ps(block.vertices[kz % 3].as_ptr().cast()), _mm512_set1_ps(oz));
-            let x = _mm512_sub_ps(_mm512_load_ps(block.vertices[kx % 3].as_ptr().cast()), _mm512_set1_ps(ox));
-            let y = _mm512_sub_ps(_mm512_load_ps(block.vertices[ky % 3].as_ptr().cast()), _mm512_set1_ps(oy));
+            let z = _mm512_sub_ps(
+                _mm512_load_ps(block.vertices[kz % 3].as_ptr().cast()),
+                _mm512_set1_ps(oz),
+            );
+            let x = _mm512_sub_ps(
+                _mm512_load_ps(block.vertices[kx % 3].as_ptr().cast()),
+                _mm512_set1_ps(ox),
+            );
+            let y = _mm512_sub_ps(
+                _mm512_load_ps(block.vertices[ky % 3].as_ptr().cast()),
+                _mm512_set1_ps(oy),
+            );
             let x = _mm512_sub_ps(x, _mm512_mul_ps(_mm512_set1_ps(ray.shear[0]), z));
             let y = _mm512_sub_ps(y, _mm512_mul_ps(_mm512_set1_ps(ray.shear[1]), z));
             // Of vertices a, b, c: c, a, b and b, c, a.
-            let (x1, y1) = (_mm512_shuffle_f32x4::<0b11_01_00_10>(x, x), _mm512_shuffle_f32x4::<0b11_01_00_10>(y, y));
-            let (x2, y2) = (_mm512_shuffle_f32x4::<0b11_00_10_01>(x, x), _mm512_shuffle_f32x4::<0b11_00_10_01>(y, y));
+            let (x1, y1) = (
+                _mm512_shuffle_f32x4::<0b11_01_00_10>(x, x),
+                _mm512_shuffle_f32x4::<0b11_01_00_10>(y, y),
+            );
+            let (x2, y2) = (
+                _mm512_shuffle_f32x4::<0b11_00_10_01>(x, x),
+                _mm512_shuffle_f32x4::<0b11_00_10_01>(y, y),
+            );
             let edges = _mm512_sub_ps(_mm512_mul_ps(x1, y2), _mm512_mul_ps(y1, x2));
             let zero = _mm512_setzero_ps();
             let above = u32::from(_mm512_cmp_ps_mask::<_CMP_GE_OQ>(edges, zero));
@@ -281,7 +335,8 @@ impl Simd for Avx512 {
         // SAFETY: `self` proves AVX-512. Loads are of the 64 bytes of a vertex, aligned to them.
         unsafe {
             let [kx, ky, kz] = ray.axes;
-            let (rx, ry, rz) = (&row.vertices[kx % 3], &row.vertices[ky % 3], &row.vertices[kz % 3]);
+            let (rx, ry, rz) =
+                (&row.vertices[kx % 3], &row.vertices[ky % 3], &row.vertices[kz % 3]);
             let [ox, oy, oz] = ray.sheared_origin;
             let (ox, oy, oz) = (_mm512_set1_ps(ox), _mm512_set1_ps(oy), _mm512_set1_ps(oz));
             let (sx, sy) = (_mm512_set1_ps(ray.shear[0]), _mm512_set1_ps(ray.shear[1]));
@@ -299,7 +354,12 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    fn straddled_rays(self, corners: &[[f32; 3]; 3], shear_x: &[f32; ROW], shear_y: &[f32; ROW]) -> Straddled {
+    fn straddled_rays(
+        self,
+        corners: &[[f32; 3]; 3],
+        shear_x: &[f32; ROW],
+        shear_y: &[f32; ROW],
+    ) -> Straddled {
         // SAFETY: `self` proves AVX-512. Loads are of sixteen numbers.
         unsafe {
             let (sx, sy) = (_mm512_loadu_ps(shear_x.as_ptr()), _mm512_loadu_ps(shear_y.as_ptr()));
@@ -316,14 +376,23 @@ impl Simd for Avx512 {
 
     /// A bitonic network of six steps, whose time does not depend on what is to be sorted. Insertion was as fast within the noise.
     #[inline(always)]
-    fn stack<const SORTED: bool>(self, children: &[u32; WIDTH], near: &Near, mask: u32, stack: &mut [u64; WIDTH]) {
+    fn stack<const SORTED: bool>(
+        self,
+        children: &[u32; WIDTH],
+        near: &Near,
+        mask: u32,
+        stack: &mut [u64; WIDTH],
+    ) {
         // SAFETY: `self` proves AVX-512; `Near` is aligned to 32 bytes, the others are read and written unaligned.
         unsafe {
             let near = _mm512_cvtepu32_epi64(_mm256_load_si256(near.0.as_ptr().cast()));
             let child = _mm512_cvtepu32_epi64(_mm256_loadu_si256(children.as_ptr().cast()));
             let entries = _mm512_or_si512(_mm512_slli_epi64::<32>(near), child);
             if !SORTED {
-                _mm512_storeu_si512(stack.as_mut_ptr().cast(), _mm512_maskz_compress_epi64(mask as u8, entries));
+                _mm512_storeu_si512(
+                    stack.as_mut_ptr().cast(),
+                    _mm512_maskz_compress_epi64(mask as u8, entries),
+                );
                 return;
             }
             if mask.count_ones() == 2 {
@@ -368,7 +437,8 @@ impl Simd for Avx512 {
         unsafe {
             let near = _mm512_set1_ps(near);
             let low = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(_mm512_load_ps(limits.0.as_ptr()), near);
-            let high = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(_mm512_load_ps(limits.0.as_ptr().add(16)), near);
+            let high =
+                _mm512_cmp_ps_mask::<_CMP_GE_OQ>(_mm512_load_ps(limits.0.as_ptr().add(16)), near);
             u32::from(low) | u32::from(high) << 16
         }
     }
@@ -402,15 +472,24 @@ unsafe fn signs256(x: [__m256; 3], y: [__m256; 3]) -> (u32, u32) {
         let v = _mm256_sub_ps(_mm256_mul_ps(x[0], y[2]), _mm256_mul_ps(y[0], x[2]));
         let w = _mm256_sub_ps(_mm256_mul_ps(x[1], y[0]), _mm256_mul_ps(y[1], x[0]));
         let above = _mm256_and_ps(
-            _mm256_and_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(u, zero), _mm256_cmp_ps::<_CMP_GE_OQ>(v, zero)),
+            _mm256_and_ps(
+                _mm256_cmp_ps::<_CMP_GE_OQ>(u, zero),
+                _mm256_cmp_ps::<_CMP_GE_OQ>(v, zero),
+            ),
             _mm256_cmp_ps::<_CMP_GE_OQ>(w, zero),
         );
         let below = _mm256_and_ps(
-            _mm256_and_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(u, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(v, zero)),
+            _mm256_and_ps(
+                _mm256_cmp_ps::<_CMP_LE_OQ>(u, zero),
+                _mm256_cmp_ps::<_CMP_LE_OQ>(v, zero),
+            ),
             _mm256_cmp_ps::<_CMP_LE_OQ>(w, zero),
         );
         let on = _mm256_or_ps(
-            _mm256_or_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(u, zero), _mm256_cmp_ps::<_CMP_EQ_OQ>(v, zero)),
+            _mm256_or_ps(
+                _mm256_cmp_ps::<_CMP_EQ_OQ>(u, zero),
+                _mm256_cmp_ps::<_CMP_EQ_OQ>(v, zero),
+            ),
             _mm256_cmp_ps::<_CMP_EQ_OQ>(w, zero),
         );
         (_mm256_movemask_ps(_mm256_or_ps(above, below)) as u32, _mm256_movemask_ps(on) as u32)

@@ -52,15 +52,21 @@ fn agree(mesh: &Mesh, raycaster: &Raycaster, rays: usize, random: &mut Random) {
             (Some((t, id, margin)), Some(hit)) if hit.triangle == id => {
                 // Edge functions have rounding of 1e-7 of the products; a triangle seen at a slant divides by a small area.
                 let slant = f64::from(raycaster.geometric_normal(id).dot(ray.direction).abs());
-                assert!((f64::from(hit.t) - t).abs() < 1e-5 / slant.max(1e-4), "{hit:?} against {t} margin {margin}");
+                assert!(
+                    (f64::from(hit.t) - t).abs() < 1e-5 / slant.max(1e-4),
+                    "{hit:?} against {t} margin {margin}"
+                );
                 compared += 1;
             }
             (expected, found) => {
                 let margin = expected.map_or(0.0, |(_, _, margin)| margin);
-                let at_limit = expected.is_some_and(|(t, _, _)| (t - f64::from(ray.t_max)).abs() < 1e-5);
-                let tie =
-                    matches!((expected, found), (Some((t, _, _)), Some(hit)) if (t - f64::from(hit.t)).abs() < 1e-5);
-                assert!(margin < 1e-3 || tie || at_limit, "{ray:?}: {expected:?} against {found:?}");
+                let at_limit =
+                    expected.is_some_and(|(t, _, _)| (t - f64::from(ray.t_max)).abs() < 1e-5);
+                let tie = matches!((expected, found), (Some((t, _, _)), Some(hit)) if (t - f64::from(hit.t)).abs() < 1e-5);
+                assert!(
+                    margin < 1e-3 || tie || at_limit,
+                    "{ray:?}: {expected:?} against {found:?}"
+                );
             }
         }
     }
@@ -105,7 +111,8 @@ fn a_single_triangle_is_hit_from_both_sides_with_its_barycentrics() {
     let raycaster = mesh.raycaster();
     assert_eq!(raycaster.geometric_normal(0), Vec3::Z);
     for z in [1.0, -1.0] {
-        let hit = raycaster.nearest(&Ray::new(Vec3::new(0.25, 0.5, z), Vec3::Z * -z)).expect("a hit");
+        let hit =
+            raycaster.nearest(&Ray::new(Vec3::new(0.25, 0.5, z), Vec3::Z * -z)).expect("a hit");
         assert_eq!((hit.t, hit.triangle, hit.u, hit.v), (1.0, 0, 0.25, 0.5));
         assert_eq!(raycaster.surface_point(&hit).0, Vec3::new(0.25, 0.5, 0.0));
     }
@@ -117,7 +124,9 @@ fn near_hits_and_limits_count_exactly() {
     mesh.push([Vec3::new(-1.0, -1.0, 0.0), Vec3::new(3.0, -1.0, 0.0), Vec3::new(-1.0, 3.0, 0.0)]);
     let raycaster = mesh.raycaster();
     for height in [1e-3_f32, 1e-6, 1e-9, 1e-20] {
-        let hit = raycaster.nearest(&Ray::new(Vec3::new(0.1, 0.2, height), -Vec3::Z)).expect("a near hit");
+        let hit = raycaster
+            .nearest(&Ray::new(Vec3::new(0.1, 0.2, height), -Vec3::Z))
+            .expect("a near hit");
         assert_eq!(hit.t, height);
     }
     let ray = |t_min, t_max| Ray { origin: Vec3::Z, direction: -Vec3::Z, t_min, t_max };
@@ -176,7 +185,8 @@ fn surface_points_are_within_their_stated_error() {
 fn shadows_reach_from_surface_to_surface_without_either_in_the_way() {
     // Two parallel walls and, between them, a blocker that covers half of the lines.
     let mut mesh = Mesh::default();
-    let wall = |z: f32| [Vec3::new(-1.0, -1.0, z), Vec3::new(1.0, -1.0, z), Vec3::new(-1.0, 1.0, z)];
+    let wall =
+        |z: f32| [Vec3::new(-1.0, -1.0, z), Vec3::new(1.0, -1.0, z), Vec3::new(-1.0, 1.0, z)];
     mesh.push(wall(0.0));
     mesh.push(wall(1.0));
     // Just beyond the far wall: in the way of a segment that goes on past its end.
@@ -209,10 +219,16 @@ fn what_cannot_be_traced_is_refused_by_name() {
     .expect("valid");
     let mut out_of_range = scene.clone();
     out_of_range.triangles[0][2] = 3;
-    assert_eq!(Raycaster::build(Arc::new(out_of_range)).err(), Some(BuildError::Index { triangle: 0 }));
+    assert_eq!(
+        Raycaster::build(Arc::new(out_of_range)).err(),
+        Some(BuildError::Index { triangle: 0 })
+    );
     let mut not_finite = scene;
     not_finite.positions[1][0] = f32::NAN;
-    assert_eq!(Raycaster::build(Arc::new(not_finite)).err(), Some(BuildError::Coordinate { triangle: 0 }));
+    assert_eq!(
+        Raycaster::build(Arc::new(not_finite)).err(),
+        Some(BuildError::Coordinate { triangle: 0 })
+    );
 }
 
 /// What one ray finds, as bits.
@@ -256,7 +272,8 @@ fn rays_traced_together_find_what_each_finds_alone() {
                 }
             }
             // What was in the array before does not count.
-            let mut together = vec![Some(holo_raycast::Hit { t: 1.0, triangle: 0, u: 0.0, v: 0.0 }); rays.len()];
+            let mut together =
+                vec![Some(holo_raycast::Hit { t: 1.0, triangle: 0, u: 0.0, v: 0.0 }); rays.len()];
             raycaster.nearest_many(&rays, &mut together);
             for (ray, together) in rays.iter().zip(&together) {
                 let alone = raycaster.nearest(ray);
@@ -264,10 +281,15 @@ fn rays_traced_together_find_what_each_finds_alone() {
                 hits += usize::from(alone.is_some());
             }
             // The same rays without what they met.
-            let left: Vec<u32> = together.iter().map(|hit| hit.map_or(NO_TRIANGLE, |hit| hit.triangle)).collect();
+            let left: Vec<u32> =
+                together.iter().map(|hit| hit.map_or(NO_TRIANGLE, |hit| hit.triangle)).collect();
             raycaster.nearest_many_from(&rays, &left, &mut together);
             for ((ray, &left), together) in rays.iter().zip(&left).zip(together) {
-                assert_eq!(bits(together), bits(raycaster.nearest_from(ray, left)), "{ray:?} from {left}");
+                assert_eq!(
+                    bits(together),
+                    bits(raycaster.nearest_from(ray, left)),
+                    "{ray:?} from {left}"
+                );
             }
         }
     }

@@ -20,7 +20,12 @@ fn random_shaft(random: &mut Random) -> Shaft {
 }
 
 /// The first thing that random rays of a shaft meet, traced as a worker traces them: in world coordinates.
-fn some_hit(raycaster: &Raycaster, shaft: &Shaft, rays: usize, random: &mut Random) -> Option<DVec3> {
+fn some_hit(
+    raycaster: &Raycaster,
+    shaft: &Shaft,
+    rays: usize,
+    random: &mut Random,
+) -> Option<DVec3> {
     (0..rays).find_map(|_| {
         let mut point = |corners: &[DVec3; 4]| {
             let (mut s, mut t) = (f64::from(random.unit()), f64::from(random.unit()));
@@ -62,7 +67,10 @@ fn a_shaft_that_may_not_hit_has_no_ray_that_does() {
     }
     assert!(unseen > 2000, "{unseen}");
     // Some of those have a ray that hits and was not tried, or only graze.
-    assert!(missed * 8 < unseen, "{missed} shafts that seem to meet nothing are not recognised, {unseen} are");
+    assert!(
+        missed * 8 < unseen,
+        "{missed} shafts that seem to meet nothing are not recognised, {unseen} are"
+    );
 }
 
 #[test]

@@ -64,7 +64,8 @@ fn rays_nearly_along_an_axis_do_not_leak_between_the_boxes_of_a_grid() {
         towards[axis] = target[axis].signum();
         let origin = target - towards * random.unit();
         if (origin.abs().cmplt(Vec3::new(1.0999, 0.8999, 1.2999))).all() {
-            leaks += usize::from(raycaster.nearest(&Ray::new(origin, towards.normalize())).is_none());
+            leaks +=
+                usize::from(raycaster.nearest(&Ray::new(origin, towards.normalize())).is_none());
         }
     }
     assert_eq!(leaks, 0);
@@ -101,7 +102,9 @@ fn axis_parallel_rays_along_grid_lines_do_not_leak() {
 fn a_ray_in_the_plane_of_a_face_ends_at_the_face_that_it_runs_into() {
     let raycaster = Mesh::sliver_box(Vec3::ONE, 4, 4).raycaster();
     // In the plane x = 1 the side face is seen edge-on, which is no hit; the face z = 1 begins at that very edge.
-    let hit = raycaster.nearest(&Ray::new(Vec3::new(1.0, 0.3, 0.1), Vec3::Z)).expect("the face at the end");
+    let hit = raycaster
+        .nearest(&Ray::new(Vec3::new(1.0, 0.3, 0.1), Vec3::Z))
+        .expect("the face at the end");
     assert!((hit.t - 0.9).abs() < 1e-6, "{hit:?}");
 }
 
@@ -119,7 +122,8 @@ fn escapes(raycaster: &Raycaster, seed: u64, bounces: usize) -> usize {
             continue;
         };
         let surface = raycaster.surface(hit.triangle, hit.u, hit.v);
-        let inwards = if surface.normal.dot(ray.direction) > 0.0 { -surface.normal } else { surface.normal };
+        let inwards =
+            if surface.normal.dot(ray.direction) > 0.0 { -surface.normal } else { surface.normal };
         let mut direction = random.direction();
         if direction.dot(inwards) < 0.0 {
             direction = -direction;
@@ -133,7 +137,10 @@ fn escapes(raycaster: &Raycaster, seed: u64, bounces: usize) -> usize {
 #[test]
 fn light_stays_in_closed_meshes_over_hundreds_of_thousands_of_bounces() {
     assert_eq!(escapes(&Mesh::sphere(6, Vec3::ZERO, 1.0).raycaster(), 4, 300_000), 0);
-    assert_eq!(escapes(&Mesh::sliver_box(Vec3::new(2.0, 1.0, 3.0), 2, 2).raycaster(), 5, 300_000), 0);
+    assert_eq!(
+        escapes(&Mesh::sliver_box(Vec3::new(2.0, 1.0, 3.0), 2, 2).raycaster(), 5, 300_000),
+        0
+    );
 }
 
 #[test]
@@ -154,15 +161,19 @@ fn a_ray_that_starts_within_rounding_of_an_edge_stays_inside() {
         for _ in 0..200_000 {
             let triangle = random.below(mesh.triangles.len()) as u32;
             let (near, along) = (random.unit() * 1e-6, random.unit());
-            let (u, v) = [(near, along), (along, near), (1.0 - along - near, along)][random.below(3)];
+            let (u, v) =
+                [(near, along), (along, near), (1.0 - along - near, along)][random.below(3)];
             let (u, v) = (u.max(0.0), v.min(1.0 - u.max(0.0)));
             let surface = raycaster.surface(triangle, u, v);
             let to_middle = middle - surface.point;
-            let inwards = if surface.normal.dot(to_middle) < 0.0 { -surface.normal } else { surface.normal };
+            let inwards =
+                if surface.normal.dot(to_middle) < 0.0 { -surface.normal } else { surface.normal };
             let direction = random.direction();
             let direction = if direction.dot(inwards) < 0.0 { -direction } else { direction };
             let start = spawn(surface.point, surface.error, surface.normal, direction);
-            escapes += usize::from(raycaster.nearest_from(&Ray::new(start, direction), triangle).is_none());
+            escapes += usize::from(
+                raycaster.nearest_from(&Ray::new(start, direction), triangle).is_none(),
+            );
         }
     }
     assert_eq!(escapes, 0);
@@ -191,7 +202,8 @@ fn a_spawned_ray_does_not_meet_its_own_plane() {
         }
         let s = raycaster.surface(triangle, u, v);
         let grazing = 10.0_f32.powf(-3.0 * random.unit());
-        let along = (turn * Vec3::new(random.unit() - 0.5, random.unit() - 0.5, 0.0)).normalize_or(turn * Vec3::X);
+        let along = (turn * Vec3::new(random.unit() - 0.5, random.unit() - 0.5, 0.0))
+            .normalize_or(turn * Vec3::X);
         let direction = (along + s.normal * grazing).normalize();
         let ray = Ray::new(spawn(s.point, s.error, s.normal, direction), direction);
         false_hits += usize::from(raycaster.nearest_from(&ray, triangle).is_some());

@@ -22,8 +22,11 @@ pub struct SceneCache {
 impl SceneCache {
     /// The folder given, or the user's cache folder; without either, nothing is kept.
     pub fn new(folder: Option<PathBuf>) -> SceneCache {
-        let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-        let users = || absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")));
+        let absolute = |name: &str| {
+            std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute())
+        };
+        let users =
+            || absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")));
         SceneCache { folder: folder.or_else(|| Some(users()?.join("holodeck/scenes"))) }
     }
 
@@ -79,7 +82,10 @@ fn prune(folder: &Path) -> std::io::Result<()> {
 
 /// The scene in these bytes, if they are the ones announced.
 pub fn unpack(packed: &[u8], info: &SceneInfo) -> Result<Scene> {
-    ensure!(Scene::content_hash(packed) == info.hash, "the scene's bytes do not have the announced hash");
+    ensure!(
+        Scene::content_hash(packed) == info.hash,
+        "the scene's bytes do not have the announced hash"
+    );
     Scene::unpack(packed).context("reading the server's scene")
 }
 

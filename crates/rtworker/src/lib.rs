@@ -77,8 +77,13 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
     }
 }
 
-async fn serve(worker: &mut session::Worker, config: &Config, address: SocketAddr) -> Result<String> {
-    let deadline = tokio::time::Instant::now() + Duration::try_from_secs_f64(config.retry).unwrap_or_default();
+async fn serve(
+    worker: &mut session::Worker,
+    config: &Config,
+    address: SocketAddr,
+) -> Result<String> {
+    let deadline =
+        tokio::time::Instant::now() + Duration::try_from_secs_f64(config.retry).unwrap_or_default();
     let connection = loop {
         match session::connect(address).await {
             Ok(connection) => break connection,
@@ -87,8 +92,9 @@ async fn serve(worker: &mut session::Worker, config: &Config, address: SocketAdd
             }
             // Not a connection lost but one never made: the caller must not try for ever.
             Err(NetError::Io(error)) => {
-                return Err(anyhow::Error::msg(error.to_string()))
-                    .with_context(|| format!("no holoserver answers at {address} (is it running?)"));
+                return Err(anyhow::Error::msg(error.to_string())).with_context(|| {
+                    format!("no holoserver answers at {address} (is it running?)")
+                });
             }
             Err(error) => return Err(error.into()),
         }

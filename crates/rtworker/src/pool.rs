@@ -100,7 +100,11 @@ impl Pool {
     ///
     /// # Errors
     /// If the operating system gives no thread.
-    pub fn start(threads: u16, task: &Arc<Task>, done: &mpsc::UnboundedSender<Done>) -> std::io::Result<Pool> {
+    pub fn start(
+        threads: u16,
+        task: &Arc<Task>,
+        done: &mpsc::UnboundedSender<Done>,
+    ) -> std::io::Result<Pool> {
         let mut pool = Pool { shared: Arc::default(), threads: Vec::new() };
         for index in 0..threads {
             let (shared, task) = (Arc::clone(&pool.shared), Arc::clone(task));
@@ -170,14 +174,16 @@ fn trace_live(packet: &LivePacket, seed: u64, tracer: &Tracer) -> Done {
     let start = Instant::now();
     // Somebody waits for them.
     tracer.set_effort(EFFORT);
-    let hits: Vec<LiveHit> = packet.rays.iter().map(|ray| live_hit(tracer, ray, seed, packet.paths)).collect();
+    let hits: Vec<LiveHit> =
+        packet.rays.iter().map(|ray| live_hit(tracer, ray, seed, packet.paths)).collect();
     let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
     Done::Live(Traced { id: packet.id, count: hits.len() as u32, nanoseconds }, hits)
 }
 
 fn live_hit(tracer: &Tracer, ray: &LiveRay, seed: u64, paths: u16) -> LiveHit {
     let seed = holo_section::seed(0, BeamId(ray.number), 0) ^ seed ^ LIVE_SALT;
-    let (origin, direction) = (DVec3::from_array(ray.origin), DVec3::from_array(ray.direction).normalize());
+    let (origin, direction) =
+        (DVec3::from_array(ray.origin), DVec3::from_array(ray.direction).normalize());
     let traced = tracer.trace_paths(origin, direction, seed, 0..u64::from(paths));
     // A display may ask for rays from anywhere; what numbers cannot hold there, it does not see.
     let usable = |x: f32| if x.is_finite() { x.max(0.0) } else { 0.0 };
@@ -190,7 +196,8 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Done> {
     let Packet { section: index, beam, first, count, paths, .. } = job.packet;
     let section = task.sections.get(usize::from(index))?;
     let raycaster = task.tracer.raycaster();
-    if task.unseen.as_ref().is_some_and(|unseen| unseen.is_unseen(raycaster, section, index, beam)) {
+    if task.unseen.as_ref().is_some_and(|unseen| unseen.is_unseen(raycaster, section, index, beam))
+    {
         return Some(Done::Unseen(job.packet.id));
     }
     let is_watched = job.packet.kind() != SampleKind::Uniform;
@@ -202,7 +209,10 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Done> {
         .zip(0..)
         .map(|(number, at)| {
             let seed = holo_section::seed(index, beam, number) ^ salt;
-            let named = job.packet.rays.and_then(|rays: [_; MAX_RAYS_PER_PACKET]| rays.get::<usize>(at).copied());
+            let named = job
+                .packet
+                .rays
+                .and_then(|rays: [_; MAX_RAYS_PER_PACKET]| rays.get::<usize>(at).copied());
             let coords = named.unwrap_or_else(|| sampler.coords(number));
             sample(&task.tracer, section, &sampler, seed, coords, paths)
         })
@@ -222,7 +232,18 @@ fn sample(
 ) -> Sample {
     let ray = sampler.ray(coords);
     let skipped = section.trace_start(&ray);
-    let traced = tracer.trace_paths(ray.origin + ray.direction * skipped, ray.direction, seed, 0..u64::from(paths));
+    let traced = tracer.trace_paths(
+        ray.origin + ray.direction * skipped,
+        ray.direction,
+        seed,
+        0..u64::from(paths),
+    );
     // The distance counts from the entry point, wherever the ray was begun.
-    Sample::encode(coords, traced.radiance, skipped + traced.distance, section.diagonal(), seed as u32)
+    Sample::encode(
+        coords,
+        traced.radiance,
+        skipped + traced.distance,
+        section.diagonal(),
+        seed as u32,
+    )
 }

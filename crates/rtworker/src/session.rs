@@ -55,14 +55,16 @@ pub struct Worker {
 
 impl Worker {
     pub fn new(config: &Config) -> Worker {
-        let cores = std::thread::available_parallelism().map_or(1, |n| u16::try_from(n.get()).unwrap_or(u16::MAX));
+        let cores = std::thread::available_parallelism()
+            .map_or(1, |n| u16::try_from(n.get()).unwrap_or(u16::MAX));
         let cache = Arc::new(SceneCache::new(config.scene_cache.clone()));
         Worker { threads: config.threads.unwrap_or(cores).max(1), cache, loaded: None }
     }
 
     /// Works until the server says goodbye; gives its reason.
     pub async fn session(&mut self, (inbox, outbox, welcome): Connection) -> Result<String> {
-        let sections = welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
+        let sections =
+            welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
         let sections = sections.context("the server's sections")?;
         let (sender, mut messages) = mpsc::unbounded_channel();
         let reader = tokio::spawn(read(inbox, outbox.clone(), sender));
@@ -90,7 +92,8 @@ impl Worker {
         let task = Arc::new(Task { tracer, sections: Arc::clone(&sections), unseen });
         let pool = Pool::start(self.threads, &task, &done).context("starting threads")?;
         let light = task.tracer.light().cloned();
-        let sender = tokio::spawn(send_results(results, outbox.clone(), light.clone().map(NewLight::new)));
+        let sender =
+            tokio::spawn(send_results(results, outbox.clone(), light.clone().map(NewLight::new)));
         if light.is_some() {
             outbox.control(&Control::LightWanted)?;
         }
@@ -125,7 +128,12 @@ impl Worker {
     }
 
     /// The tracer for the server's scene and settings: kept from before, or from the scene cache, or fetched.
-    async fn tracer(&mut self, messages: &mut Messages, outbox: &Outbox, welcome: &Welcome) -> Result<Arc<Tracer>> {
+    async fn tracer(
+        &mut self,
+        messages: &mut Messages,
+        outbox: &Outbox,
+        welcome: &Welcome,
+    ) -> Result<Arc<Tracer>> {
         let (info, settings) = (welcome.scene, welcome.settings);
         if let Some((scene, same, tracer)) = &self.loaded
             && (*scene, *same) == (info, settings)
@@ -170,7 +178,11 @@ fn build(scene: Scene, settings: RenderSettings) -> Result<Tracer> {
 type Messages = mpsc::UnboundedReceiver<Result<Message, NetError>>;
 
 /// Reads messages and answers pings at once, whatever the rest of the process does.
-async fn read(mut inbox: Inbox, outbox: Outbox, messages: mpsc::UnboundedSender<Result<Message, NetError>>) {
+async fn read(
+    mut inbox: Inbox,
+    outbox: Outbox,
+    messages: mpsc::UnboundedSender<Result<Message, NetError>>,
+) {
     loop {
         let message = inbox.next().await;
         if let Ok(Message::Control(Control::Ping(number))) = message {
@@ -232,8 +244,14 @@ fn jobs(work: &Work, sections: &[Section], seed: u64) -> Result<Vec<Job>> {
         .map(|packet| {
             let section = sections.get(usize::from(packet.section));
             let known = section.is_some_and(|section| packet.beam.0 < section.beam_count());
-            ensure!(known, "the server asked for beam {} of section {}", packet.beam.0, packet.section);
-            let viewpoint = packet.viewpoint.and_then(|index| work.viewpoints.get(usize::from(index))).copied();
+            ensure!(
+                known,
+                "the server asked for beam {} of section {}",
+                packet.beam.0,
+                packet.section
+            );
+            let viewpoint =
+                packet.viewpoint.and_then(|index| work.viewpoints.get(usize::from(index))).copied();
             Ok(Job::Beam(BeamJob { packet: *packet, viewpoint, seed }))
         })
         .collect()
@@ -241,7 +259,11 @@ fn jobs(work: &Work, sections: &[Section], seed: u64) -> Result<Vec<Job>> {
 
 /// Sends finished packets, many to a message when they come fast, at once when they come slowly; and records of light as they
 /// are made, before the packets that they were made for.
-async fn send_results(mut results: mpsc::UnboundedReceiver<Done>, outbox: Outbox, mut light: Option<NewLight>) {
+async fn send_results(
+    mut results: mpsc::UnboundedReceiver<Done>,
+    outbox: Outbox,
+    mut light: Option<NewLight>,
+) {
     let mut batch = Vec::with_capacity(MAX_RESULTS);
     loop {
         // A packet whose light is not known yet takes long: others may use its records already.

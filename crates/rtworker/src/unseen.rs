@@ -20,7 +20,13 @@ impl Answers {
     }
 
     /// Whether no ray of the beam meets anything.
-    pub fn is_unseen(&self, raycaster: &Raycaster, section: &Section, number: u16, beam: BeamId) -> bool {
+    pub fn is_unseen(
+        &self,
+        raycaster: &Raycaster,
+        section: &Section,
+        number: u16,
+        beam: BeamId,
+    ) -> bool {
         let Some(pair) = section.cells(beam) else { return false };
         // Section 16 bits, beam below 2²⁹; never 0, and the lowest bit is free for the answer.
         let name = (u64::from(number) << 40 | beam.0) << 2 | 2;
@@ -86,18 +92,27 @@ mod tests {
 
     fn raycaster(triangles: &[[DVec3; 3]]) -> Raycaster {
         let positions: Vec<_> = triangles.iter().flatten().copied().collect();
-        let indices: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let indices: Vec<[u32; 3]> =
+            (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let materials = vec![Material::grey("grey")];
         let (scene, _) =
-            Scene::from_world(&positions, &indices, &vec![0; triangles.len()], materials, [0.0; 3]).unwrap();
+            Scene::from_world(&positions, &indices, &vec![0; triangles.len()], materials, [0.0; 3])
+                .unwrap();
         Raycaster::build(Arc::new(scene)).unwrap()
     }
 
     /// A section around `centre`, sheared or not, of about `size`.
-    fn section(random: &mut Random, centre: DVec3, size: f64, class: ViewClass, obstructions: bool) -> Section {
+    fn section(
+        random: &mut Random,
+        centre: DVec3,
+        size: f64,
+        class: ViewClass,
+        obstructions: bool,
+    ) -> Section {
         loop {
             let shear = if random.bits().is_multiple_of(2) { 0.6 * size } else { 0.0 };
-            let axes = DVec3::AXES.map(|axis| axis * (size * (0.5 + random.unit())) + random.vector(shear));
+            let axes = DVec3::AXES
+                .map(|axis| axis * (size * (0.5 + random.unit())) + random.vector(shear));
             let origin = centre - (axes[0] + axes[1] + axes[2]) / 2.0;
             let grid = [0; 3].map(|_| 1 + (random.bits() % 5) as u32);
             let axes = axes.map(|axis| axis.to_array());
@@ -114,7 +129,9 @@ mod tests {
         let meets = |number: &u32| {
             let ray = sampler.ray(sampler.coords(*number));
             let start = ray.origin + ray.direction * section.trace_start(&ray);
-            raycaster.localize(start, ray.direction).is_some_and(|(ray, _)| raycaster.nearest(&ray).is_some())
+            raycaster
+                .localize(start, ray.direction)
+                .is_some_and(|(ray, _)| raycaster.nearest(&ray).is_some())
         };
         (0..rays).filter(meets).count()
     }
@@ -144,38 +161,64 @@ mod tests {
                 let beam = BeamId(random.bits() % section.beam_count());
                 let is_unseen = answers.is_unseen(&raycaster, &section, round, beam);
                 let hits = hits(&raycaster, &section, beam, if is_unseen { 256 } else { 4096 });
-                assert!(!is_unseen || hits == 0, "{hits} rays of beam {beam:?} meet something: {:?}", section.spec());
-                assert_eq!(answers.is_unseen(&raycaster, &section, round, beam), is_unseen, "asked again");
+                assert!(
+                    !is_unseen || hits == 0,
+                    "{hits} rays of beam {beam:?} meet something: {:?}",
+                    section.spec()
+                );
+                assert_eq!(
+                    answers.is_unseen(&raycaster, &section, round, beam),
+                    is_unseen,
+                    "asked again"
+                );
                 unseen += usize::from(is_unseen);
                 seen += usize::from(hits > 0);
                 doubtful += usize::from(!is_unseen && hits == 0);
             }
         }
         assert!(unseen > 800 && seen > 800, "{unseen} unseen, {seen} seen");
-        assert!(doubtful * 5 < unseen, "{doubtful} beams without a hit are not recognised, {unseen} are");
+        assert!(
+            doubtful * 5 < unseen,
+            "{doubtful} beams without a hit are not recognised, {unseen} are"
+        );
     }
 
     #[test]
     fn in_a_closed_room_every_beam_sees_something() {
-        let corner = |index: usize| DVec3::new((index & 1) as f64, (index >> 1 & 1) as f64, (index >> 2) as f64) * 4.0;
-        let quads = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
-        let triangles: Vec<_> =
-            quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).map(|t| t.map(corner)).collect();
+        let corner = |index: usize| {
+            DVec3::new((index & 1) as f64, (index >> 1 & 1) as f64, (index >> 2) as f64) * 4.0
+        };
+        let quads =
+            [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+        let triangles: Vec<_> = quads
+            .iter()
+            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
+            .map(|t| t.map(corner))
+            .collect();
         let raycaster = raycaster(&triangles);
         let axes = [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.5, 0.0, 2.0]];
         for obstructions in [false, true] {
-            let spec =
-                SectionSpec { origin: [1.0; 3], axes, grid: [3, 2, 4], class: ViewClass::Interior, obstructions };
+            let spec = SectionSpec {
+                origin: [1.0; 3],
+                axes,
+                grid: [3, 2, 4],
+                class: ViewClass::Interior,
+                obstructions,
+            };
             let section = Section::new(spec).unwrap();
             let answers = Answers::new();
             let all = (0..section.beam_count()).map(BeamId);
-            assert_eq!(all.filter(|&beam| answers.is_unseen(&raycaster, &section, 0, beam)).count(), 0);
+            assert_eq!(
+                all.filter(|&beam| answers.is_unseen(&raycaster, &section, 0, beam)).count(),
+                0
+            );
         }
     }
 
     #[test]
     fn rays_that_begin_at_the_exit_do_not_see_what_stands_inside() {
-        let triangle = [DVec3::new(0.4, 0.4, 0.5), DVec3::new(0.6, 0.4, 0.5), DVec3::new(0.5, 0.6, 0.5)];
+        let triangle =
+            [DVec3::new(0.4, 0.4, 0.5), DVec3::new(0.6, 0.4, 0.5), DVec3::new(0.5, 0.6, 0.5)];
         let raycaster = raycaster(&[triangle]);
         let with = |class, obstructions| {
             let spec = SectionSpec {

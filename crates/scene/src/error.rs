@@ -54,7 +54,9 @@ pub enum SceneError {
         found: String,
     },
     /// A face names a vertex that is not there.
-    #[error("{path}:{line}: `f` names vertex {index}, but {count} are defined before this line (the first is 1)")]
+    #[error(
+        "{path}:{line}: `f` names vertex {index}, but {count} are defined before this line (the first is 1)"
+    )]
     VertexIndex {
         /// The file.
         path: PathBuf,

@@ -29,7 +29,9 @@ impl Faces {
     pub(crate) fn push(&mut self, triangles: usize, line: usize, material: u32) {
         let continues = |run: &Run| {
             let faces = (self.triangles - run.triangle as usize) / run.triangles_per_face as usize;
-            run.triangles_per_face as usize == triangles && run.material == material && run.line + faces == line
+            run.triangles_per_face as usize == triangles
+                && run.material == material
+                && run.line + faces == line
         };
         if !self.runs.last().is_some_and(continues) {
             let (triangle, triangles_per_face) = (self.triangles as u32, triangles as u32);
@@ -48,7 +50,8 @@ impl Faces {
     /// The material of each triangle.
     pub(crate) fn material_ids(&self) -> Vec<u32> {
         let mut ids = Vec::with_capacity(self.triangles);
-        let ends = self.runs.iter().skip(1).map(|run| run.triangle as usize).chain([self.triangles]);
+        let ends =
+            self.runs.iter().skip(1).map(|run| run.triangle as usize).chain([self.triangles]);
         for (run, end) in self.runs.iter().zip(ends) {
             ids.resize(end, run.material);
         }

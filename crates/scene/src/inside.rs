@@ -20,7 +20,9 @@ impl OpenBox {
     pub(crate) fn new(corner: DVec3, axes: [DVec3; 3], rounding: f64) -> Option<OpenBox> {
         let matrix = DMat3::from_cols(axes[0], axes[1], axes[2]);
         let to_local = matrix.inverse_or_zero();
-        if !(corner.is_finite() && matrix.is_finite() && to_local.is_finite()) || to_local == DMat3::ZERO {
+        if !(corner.is_finite() && matrix.is_finite() && to_local.is_finite())
+            || to_local == DMat3::ZERO
+        {
             return None;
         }
         // A point moved by `rounding` in every coordinate moves by this much in each local one.
@@ -45,8 +47,9 @@ impl OpenBox {
         }
         let edges = [b - a, c - b, a - c];
         let separated = |axis: DVec3| axis != DVec3::ZERO && beyond(axis);
-        let by_edges =
-            edges.iter().any(|edge| [DVec3::X, DVec3::Y, DVec3::Z].iter().any(|u| separated(u.cross(*edge))));
+        let by_edges = edges
+            .iter()
+            .any(|edge| [DVec3::X, DVec3::Y, DVec3::Z].iter().any(|u| separated(u.cross(*edge))));
         !by_edges && !separated(edges[0].cross(edges[1]))
     }
 }

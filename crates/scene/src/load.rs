@@ -51,8 +51,13 @@ pub fn load_obj(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError
         return Err(SceneError::Empty { path: path.to_owned() });
     }
     let materials = materials(path, &obj, options, &mut warnings)?;
-    let (scene, left_out) =
-        Scene::from_world(&obj.positions, &obj.triangles, &obj.faces.material_ids(), materials, options.sky)?;
+    let (scene, left_out) = Scene::from_world(
+        &obj.positions,
+        &obj.triangles,
+        &obj.faces.material_ids(),
+        materials,
+        options.sky,
+    )?;
     if let Some(&first) = left_out.first() {
         let text = format!("triangles without area are left out ({} in the file)", left_out.len());
         warnings.push(path, Some(obj.faces.line(first)), text);
@@ -98,7 +103,10 @@ fn materials(
         }
     } else if let Some(first) = undefined.first() {
         // One message instead of one for each material: the reason is the same.
-        let text = format!("no MTL file was read; grey diffuse 0.5 is taken for all materials ({})", undefined.len());
+        let text = format!(
+            "no MTL file was read; grey diffuse 0.5 is taken for all materials ({})",
+            undefined.len()
+        );
         warnings.push(path, Some(first.line), text);
     }
     Ok(materials)
@@ -111,7 +119,10 @@ fn index<'a>(library: &'a [MtlMaterial], warnings: &mut Warnings) -> HashMap<&'a
         if let Some(earlier) = by_name.insert(material.name.as_str(), id) {
             let earlier: &MtlMaterial = &library[earlier];
             let (name, line) = (excerpt(&material.name), earlier.line);
-            let text = format!("material `{name}` again; this one counts, not {}:{line}", earlier.path.display());
+            let text = format!(
+                "material `{name}` again; this one counts, not {}:{line}",
+                earlier.path.display()
+            );
             warnings.push(&material.path, Some(material.line), text);
         }
     }
@@ -147,7 +158,11 @@ fn read_libraries(
                     }
                 }
                 Err(error @ SceneError::FileTooLarge { .. }) => return Err(error),
-                Err(error) => warnings.push(obj_path, Some(*line), format!("`mtllib` cannot be read: {error}")),
+                Err(error) => warnings.push(
+                    obj_path,
+                    Some(*line),
+                    format!("`mtllib` cannot be read: {error}"),
+                ),
             }
         }
     }

@@ -115,7 +115,9 @@ impl Material {
             Bsdf::Mirror { ks } => ([ks, ks], 1.0, (0.0, 0.0)),
             Bsdf::Conductor { ks, alpha } => ([ks, ks], 1.0, (alpha, f32::MIN_POSITIVE)),
             Bsdf::ThinGlass { ior, transmittance } => ([transmittance; 2], ior, (0.0, 0.0)),
-            Bsdf::Dielectric { ior, transmittance, alpha } => ([transmittance; 2], ior, (alpha, 0.0)),
+            Bsdf::Dielectric { ior, transmittance, alpha } => {
+                ([transmittance; 2], ior, (alpha, 0.0))
+            }
             Bsdf::Coated { kd, ks, ior, alpha } => ([kd, ks], ior, (alpha, f32::MIN_POSITIVE)),
         };
         if !colours.iter().flatten().all(|c| (0.0..=1.0).contains(c)) {

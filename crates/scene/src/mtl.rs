@@ -57,10 +57,16 @@ impl MtlMaterial {
     /// The material as a scene has it (the table of this module).
     pub(crate) fn resolve(&self, two_sided_lights: bool, warnings: &mut Warnings) -> Material {
         let mut say = |line: usize, text: String| warnings.push(&self.path, Some(line), text);
-        let emission = self.ke.map_or([0.0; 3], |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut say));
+        let emission =
+            self.ke.map_or([0.0; 3], |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut say));
         let emits = emission.iter().any(|&e| e > 0.0);
         let bsdf = self.bsdf(emits, &mut say);
-        Material { name: self.name.clone(), bsdf, emission, two_sided_emission: emits && two_sided_lights }
+        Material {
+            name: self.name.clone(),
+            bsdf,
+            emission,
+            two_sided_emission: emits && two_sided_lights,
+        }
     }
 
     fn bsdf(&self, emits: bool, say: &mut impl FnMut(usize, String)) -> Bsdf {
@@ -76,11 +82,17 @@ impl MtlMaterial {
                     Some(ns) => Bsdf::Conductor { ks, alpha: alpha(ns, say) },
                 }
             }
-            (Some(4), _) => Bsdf::ThinGlass { ior: self.ior(say), transmittance: self.transmittance(say) },
+            (Some(4), _) => {
+                Bsdf::ThinGlass { ior: self.ior(say), transmittance: self.transmittance(say) }
+            }
             (Some(7), _) => {
                 let rough = self.ns.filter(|ns| ns.value < MIRROR_NS);
                 let alpha = rough.map_or(0.0, |ns| alpha(ns, say));
-                Bsdf::Dielectric { ior: self.ior(say), transmittance: self.transmittance(say), alpha }
+                Bsdf::Dielectric {
+                    ior: self.ior(say),
+                    transmittance: self.transmittance(say),
+                    alpha,
+                }
             }
             (Some(2), Some(ks)) if shines => {
                 self.ignore_opacity(say);
@@ -94,7 +106,10 @@ impl MtlMaterial {
             }
             (None | Some(6) | Some(9), _) => self.see_through(say).unwrap_or_else(|| {
                 if illum.is_some() {
-                    say(illum_line, format!("{}: `illum` of this kind is taken as diffuse", self.called()));
+                    say(
+                        illum_line,
+                        format!("{}: `illum` of this kind is taken as diffuse", self.called()),
+                    );
                 } else if shines {
                     say(self.line, format!("{}: `Ks` is ignored without `illum`", self.called()));
                 }
@@ -103,11 +118,15 @@ impl MtlMaterial {
             _ => {
                 self.ignore_opacity(say);
                 match illum {
-                    Some(3) => {
-                        say(illum_line, format!("{}: `illum 3` without `Ks` is taken as diffuse", self.called()))
-                    }
+                    Some(3) => say(
+                        illum_line,
+                        format!("{}: `illum 3` without `Ks` is taken as diffuse", self.called()),
+                    ),
                     Some(0..=2) => {}
-                    _ => say(illum_line, format!("{}: `illum` of this kind is taken as diffuse", self.called())),
+                    _ => say(
+                        illum_line,
+                        format!("{}: `illum` of this kind is taken as diffuse", self.called()),
+                    ),
                 }
                 Bsdf::Diffuse { kd: self.kd(emits, say) }
             }
@@ -126,7 +145,13 @@ impl MtlMaterial {
 
     fn ignore_opacity(&self, say: &mut impl FnMut(usize, String)) {
         if let Some(d) = self.opacity() {
-            say(d.line, format!("{}: `d` and `Tr` are ignored with this `illum`: it is opaque", self.called()));
+            say(
+                d.line,
+                format!(
+                    "{}: `d` and `Tr` are ignored with this `illum`: it is opaque",
+                    self.called()
+                ),
+            );
         }
     }
 
@@ -134,10 +159,16 @@ impl MtlMaterial {
     fn see_through(&self, say: &mut impl FnMut(usize, String)) -> Option<Bsdf> {
         let d = self.opacity()?;
         if d.value >= 0.5 {
-            say(d.line, format!("{}: it is taken as opaque, since `d` is not below 0.5", self.called()));
+            say(
+                d.line,
+                format!("{}: it is taken as opaque, since `d` is not below 0.5", self.called()),
+            );
             return None;
         }
-        say(d.line, format!("{}: it is taken as a thin pane, since `d` is below 0.5", self.called()));
+        say(
+            d.line,
+            format!("{}: it is taken as a thin pane, since `d` is below 0.5", self.called()),
+        );
         let white = Said { value: [1.0; 3], line: d.line };
         let tint = self.kd.filter(|kd| kd.value.iter().any(|&c| c > 0.0)).unwrap_or(white);
         let clear = (1.0 - d.value).min(1.0) as f32;
@@ -153,7 +184,10 @@ impl MtlMaterial {
             Some(kd) => clamped("Kd", kd, 1.0, say),
             None if emits => [0.0; 3],
             None => {
-                say(self.line, format!("{}: it has no RGB `Kd`; grey {GREY} is taken", self.called()));
+                say(
+                    self.line,
+                    format!("{}: it has no RGB `Kd`; grey {GREY} is taken", self.called()),
+                );
                 [GREY as f32; 3]
             }
         }
@@ -176,7 +210,10 @@ impl MtlMaterial {
     fn coat_ior(&self, say: &mut impl FnMut(usize, String)) -> f32 {
         match self.ni.filter(|ni| ni.value <= 1.0) {
             Some(ni) => {
-                let text = format!("`Ni` {} would make a coat invisible; {DEFAULT_IOR} is taken", ni.value);
+                let text = format!(
+                    "`Ni` {} would make a coat invisible; {DEFAULT_IOR} is taken",
+                    ni.value
+                );
                 say(ni.line, text);
                 DEFAULT_IOR as f32
             }
@@ -193,11 +230,19 @@ fn alpha(ns: Said<f64>, say: &mut impl FnMut(usize, String)) -> f32 {
     ((2.0 / (ns.value.max(0.0) + 2.0)).sqrt() as f32).clamp(f32::MIN_POSITIVE, 1.0)
 }
 
-fn clamped(keyword: &str, said: Said<[f64; 3]>, most: f64, say: &mut impl FnMut(usize, String)) -> Rgb {
+fn clamped(
+    keyword: &str,
+    said: Said<[f64; 3]>,
+    most: f64,
+    say: &mut impl FnMut(usize, String),
+) -> Rgb {
     let clamped = said.value.map(|c| c.clamp(0.0, most));
     if clamped != said.value {
         let [r, g, b] = said.value;
-        say(said.line, format!("`{keyword} {r} {g} {b}` is implausible; it is clamped to [0, {most}]"));
+        say(
+            said.line,
+            format!("`{keyword} {r} {g} {b}` is implausible; it is clamped to [0, {most}]"),
+        );
     }
     // Rounding to f32 must not go beyond the limit again.
     clamped.map(|c| (c as f32).min(most as f32) + 0.0)

@@ -21,14 +21,25 @@ const NUMBERS: [&str; 5] = ["Ns", "Ni", "d", "Tr", "illum"];
 const MAX_UNKNOWN: usize = 32;
 
 /// Reads MTL text; `path` is for messages.
-pub(crate) fn parse_mtl(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<MtlMaterial>, SceneError> {
-    let mut clean = CleanMtl { path, clean: String::new(), headers: Vec::new(), unknown: HashSet::new() };
+pub(crate) fn parse_mtl(
+    path: &Path,
+    text: &str,
+    warnings: &mut Warnings,
+) -> Result<Vec<MtlMaterial>, SceneError> {
+    let mut clean =
+        CleanMtl { path, clean: String::new(), headers: Vec::new(), unknown: HashSet::new() };
     for (line, content) in logical_lines(text) {
         clean.statement(line, &content, warnings)?;
     }
     let parsed = tobj::load_mtl_buf(&mut clean.clean.as_bytes());
-    let (materials, _) = parsed.map_err(|source| SceneError::Parser { path: path.to_owned(), source })?;
-    Ok(clean.headers.into_iter().zip(materials).map(|(header, material)| header.with(path, material)).collect())
+    let (materials, _) =
+        parsed.map_err(|source| SceneError::Parser { path: path.to_owned(), source })?;
+    Ok(clean
+        .headers
+        .into_iter()
+        .zip(materials)
+        .map(|(header, material)| header.with(path, material))
+        .collect())
 }
 
 /// What `tobj` does not tell of a material.
@@ -49,7 +60,12 @@ struct CleanMtl<'a> {
 
 impl CleanMtl<'_> {
     /// Checks a statement, and writes to `clean` what is to be parsed.
-    fn statement(&mut self, line: usize, content: &str, warnings: &mut Warnings) -> Result<(), SceneError> {
+    fn statement(
+        &mut self,
+        line: usize,
+        content: &str,
+        warnings: &mut Warnings,
+    ) -> Result<(), SceneError> {
         let (keyword, rest) = keyword(content);
         let statement = Statement { path: self.path, line, keyword, values: without_comment(rest) };
         let lower = keyword.to_ascii_lowercase();
@@ -140,7 +156,8 @@ impl<'a> Statement<'a> {
 
     /// An integer; `tobj` knows 0 to 255, and of the others only this matters, that they are not known here either.
     fn illum(&self) -> Result<String, SceneError> {
-        let illum = number(self.number()?).filter(|value| value.fract() == 0.0 && value.abs() <= 1e6);
+        let illum =
+            number(self.number()?).filter(|value| value.fract() == 0.0 && value.abs() <= 1e6);
         let illum = illum.ok_or_else(|| self.bad_value("an integer", self.values))?;
         let unknown = f64::from(u8::MAX);
         Ok(if (0.0..unknown).contains(&illum) { illum.abs() } else { unknown }.to_string())
@@ -151,7 +168,8 @@ impl<'a> Statement<'a> {
         let mut found = 0;
         for token in self.values.split_ascii_whitespace() {
             if found == 0 && (token == "spectral" || token == "xyz") {
-                let text = format!("`{} {token}` is ignored: only RGB colours are known", self.keyword);
+                let text =
+                    format!("`{} {token}` is ignored: only RGB colours are known", self.keyword);
                 warnings.push(self.path, Some(self.line), text);
                 return Ok(None);
             }

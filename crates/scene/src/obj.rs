@@ -26,13 +26,18 @@ pub(crate) struct ObjFile {
 }
 
 /// Reads OBJ text; `path` is for messages.
-pub(crate) fn parse_obj(path: &Path, text: &str, warnings: &mut Warnings) -> Result<ObjFile, SceneError> {
+pub(crate) fn parse_obj(
+    path: &Path,
+    text: &str,
+    warnings: &mut Warnings,
+) -> Result<ObjFile, SceneError> {
     let mut clean = CleanObj::new(path, text);
     // The clean text names no MTL file: those are read once it is known which materials are used.
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
     let parsed = tobj::load_obj_buf(&mut clean, &tobj::LoadOptions::default(), no_library);
     let mut checked = clean.finish()?;
-    let (models, _) = parsed.map_err(|source| SceneError::Parser { path: path.to_owned(), source })?;
+    let (models, _) =
+        parsed.map_err(|source| SceneError::Parser { path: path.to_owned(), source })?;
 
     let mut positions = Vec::new();
     let mut triangles = Vec::with_capacity(checked.faces.triangles());
@@ -61,5 +66,11 @@ pub(crate) fn parse_obj(path: &Path, text: &str, warnings: &mut Warnings) -> Res
         }
     }
     checked.ignored.warn(path, warnings);
-    Ok(ObjFile { positions, triangles, faces: checked.faces, uses: checked.uses, libraries: checked.libraries })
+    Ok(ObjFile {
+        positions,
+        triangles,
+        faces: checked.faces,
+        uses: checked.uses,
+        libraries: checked.libraries,
+    })
 }

@@ -14,7 +14,9 @@
 
 use crate::SceneError;
 use crate::faces::Faces;
-use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
+use crate::limits::{
+    MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES,
+};
 use crate::load::Warnings;
 use crate::text::{LogicalLines, excerpt, keyword, logical_lines, number, without_comment};
 use std::collections::HashMap;
@@ -192,7 +194,12 @@ impl<'a> CleanObj<'a> {
         // Negative indices count from the latest vertex, -1; `tobj` does it too.
         let count = self.vertices;
         if index == 0 || index.unsigned_abs() > count as u64 {
-            return Err(SceneError::VertexIndex { path: self.path.to_owned(), line: self.line, index, count });
+            return Err(SceneError::VertexIndex {
+                path: self.path.to_owned(),
+                line: self.line,
+                index,
+                count,
+            });
         }
         Ok(vertex)
     }
@@ -286,7 +293,8 @@ impl Read for CleanObj<'_> {
 /// Whether a token is a finite number of at most [`MAX_COORDINATE`]. Most are plain decimals, which is seen without
 /// parsing them a second time.
 fn is_coordinate(token: &str) -> bool {
-    is_plainly_small(token.as_bytes()) || number(token).is_some_and(|value| value.abs() <= MAX_COORDINATE)
+    is_plainly_small(token.as_bytes())
+        || number(token).is_some_and(|value| value.abs() <= MAX_COORDINATE)
 }
 
 /// A decimal without exponent, with one to twelve digits before the point: at most 1e12.
@@ -327,7 +335,9 @@ impl Ignored {
                 "l" => "lines and points (`l`, `p`) are ignored".to_owned(),
                 WEIGHT => "the weight of `v` is ignored".to_owned(),
                 COLOUR => "colours of vertices are ignored".to_owned(),
-                CROSSED => "a polygon crosses itself or is very long: its triangles may overlap".to_owned(),
+                CROSSED => {
+                    "a polygon crosses itself or is very long: its triangles may overlap".to_owned()
+                }
                 _ => format!("`{}` is not known and ignored", excerpt(&kind)),
             };
             let lines = if count == 1 { String::new() } else { format!(" ({count} lines)") };

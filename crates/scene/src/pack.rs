@@ -110,8 +110,12 @@ impl Scene {
         let arrays = 12 * self.positions.len() + 16 * self.triangles.len();
         let mut packed = Vec::with_capacity(HEADER_BYTES + arrays + materials.len());
         packed.extend_from_slice(bytemuck::bytes_of(&header));
-        self.positions.iter().for_each(|p| packed.extend_from_slice(bytemuck::bytes_of(&p.map(f32::to_le_bytes))));
-        self.triangles.iter().for_each(|t| packed.extend_from_slice(bytemuck::bytes_of(&t.map(u32::to_le_bytes))));
+        self.positions
+            .iter()
+            .for_each(|p| packed.extend_from_slice(bytemuck::bytes_of(&p.map(f32::to_le_bytes))));
+        self.triangles
+            .iter()
+            .for_each(|t| packed.extend_from_slice(bytemuck::bytes_of(&t.map(u32::to_le_bytes))));
         self.material_ids.iter().for_each(|id| packed.extend_from_slice(&id.to_le_bytes()));
         packed.extend_from_slice(&materials);
         packed
@@ -123,7 +127,8 @@ impl Scene {
     /// [`SceneError::Packed`] if the bytes are malformed, [`SceneError::Limit`] if they announce too much (before any
     /// memory is taken), otherwise as [`Scene::new`].
     pub fn unpack(packed: &[u8]) -> Result<Scene, SceneError> {
-        let too_short = PackedError::Length { expected: HEADER_BYTES as u64, found: packed.len() as u64 };
+        let too_short =
+            PackedError::Length { expected: HEADER_BYTES as u64, found: packed.len() as u64 };
         if !packed.starts_with(&MAGIC[..packed.len().min(MAGIC.len())]) {
             return Err(PackedError::Magic.into());
         }
@@ -138,7 +143,8 @@ impl Scene {
         let triangles = bounded("triangles", header.triangles, MAX_TRIANGLES)?;
         let materials = bounded("materials", header.materials, MAX_MATERIALS)?;
         let longest = size_of::<MaterialHeader>() + 8 * 4 + MAX_NAME_BYTES;
-        let material_bytes = bounded("bytes of materials", header.material_bytes, MAX_MATERIALS * longest)?;
+        let material_bytes =
+            bounded("bytes of materials", header.material_bytes, MAX_MATERIALS * longest)?;
 
         // At most 12·2²⁸ + 16·2²⁸ + 2²⁷: fits into u64, and into usize once it equals a length.
         let expected = 12 * positions as u64 + 16 * triangles as u64 + material_bytes as u64;
@@ -151,9 +157,18 @@ impl Scene {
         let (id_bytes, material_bytes) = rest.split_at(4 * triangles);
         Scene::new(
             DVec3::from_array(header.origin.map(f64::from_le_bytes)),
-            bytemuck::cast_slice::<u8, Words3>(position_bytes).iter().map(|p| p.map(f32::from_le_bytes)).collect(),
-            bytemuck::cast_slice::<u8, Words3>(triangle_bytes).iter().map(|t| t.map(u32::from_le_bytes)).collect(),
-            bytemuck::cast_slice::<u8, [u8; 4]>(id_bytes).iter().map(|id| u32::from_le_bytes(*id)).collect(),
+            bytemuck::cast_slice::<u8, Words3>(position_bytes)
+                .iter()
+                .map(|p| p.map(f32::from_le_bytes))
+                .collect(),
+            bytemuck::cast_slice::<u8, Words3>(triangle_bytes)
+                .iter()
+                .map(|t| t.map(u32::from_le_bytes))
+                .collect(),
+            bytemuck::cast_slice::<u8, [u8; 4]>(id_bytes)
+                .iter()
+                .map(|id| u32::from_le_bytes(*id))
+                .collect(),
             unpack_materials(material_bytes, materials)?,
             header.sky.map(f32::from_le_bytes),
         )
@@ -167,7 +182,11 @@ impl Scene {
 
 fn bounded(what: &'static str, count: [u8; 8], limit: usize) -> Result<usize, SceneError> {
     let count = u64::from_le_bytes(count);
-    usize::try_from(count).ok().filter(|&n| n <= limit).ok_or(SceneError::Limit { what, count, limit: limit as u64 })
+    usize::try_from(count).ok().filter(|&n| n <= limit).ok_or(SceneError::Limit {
+        what,
+        count,
+        limit: limit as u64,
+    })
 }
 
 /// The plain-old-data value at the beginning of `bytes`, and what follows it.
@@ -240,7 +259,11 @@ fn unpack_material(bytes: &[u8]) -> Option<(Material, &[u8])> {
         1 => Bsdf::Mirror { ks: colour(&mut rest)? },
         2 => Bsdf::Conductor { ks: colour(&mut rest)?, alpha: number(&mut rest)? },
         3 => Bsdf::ThinGlass { ior: number(&mut rest)?, transmittance: colour(&mut rest)? },
-        4 => Bsdf::Dielectric { ior: number(&mut rest)?, transmittance: colour(&mut rest)?, alpha: number(&mut rest)? },
+        4 => Bsdf::Dielectric {
+            ior: number(&mut rest)?,
+            transmittance: colour(&mut rest)?,
+            alpha: number(&mut rest)?,
+        },
         5 => Bsdf::Coated {
             kd: colour(&mut rest)?,
             ks: colour(&mut rest)?,

@@ -12,7 +12,9 @@ const MAX_EAR_CORNERS: usize = 1024;
 /// Appends triangles as indices into `corners` (at least three). False if the polygon crosses itself or is too long to
 /// be cut properly, so that the triangles may overlap.
 pub(crate) fn triangulate(corners: &[DVec3], triangles: &mut Vec<[usize; 3]>) -> bool {
-    let fan = |triangles: &mut Vec<[usize; 3]>| triangles.extend((2..corners.len()).map(|k| [0, k - 1, k]));
+    let fan = |triangles: &mut Vec<[usize; 3]>| {
+        triangles.extend((2..corners.len()).map(|k| [0, k - 1, k]))
+    };
     if corners.len() == 3 {
         fan(triangles);
         return true;
@@ -92,8 +94,14 @@ fn is_ear(points: &[DVec2], left: &[usize], ear: [usize; 3]) -> bool {
         return false;
     }
     // Both ends of a bridge to a hole lie at the same point: they do not block one another.
-    let blocks =
-        |p: DVec2| p != a && p != b && p != c && side(a, b, p) >= 0.0 && side(b, c, p) >= 0.0 && side(c, a, p) >= 0.0;
+    let blocks = |p: DVec2| {
+        p != a
+            && p != b
+            && p != c
+            && side(a, b, p) >= 0.0
+            && side(b, c, p) >= 0.0
+            && side(c, a, p) >= 0.0
+    };
     !left.iter().any(|&k| !ear.contains(&k) && blocks(points[k]))
 }
 
@@ -103,7 +111,10 @@ mod tests {
     use proptest::prelude::*;
 
     fn doubled_areas(corners: &[DVec3], triangles: &[[usize; 3]]) -> Vec<DVec3> {
-        triangles.iter().map(|t| (corners[t[1]] - corners[t[0]]).cross(corners[t[2]] - corners[t[0]])).collect()
+        triangles
+            .iter()
+            .map(|t| (corners[t[1]] - corners[t[0]]).cross(corners[t[2]] - corners[t[0]]))
+            .collect()
     }
 
     /// Triangles that all turn the polygon's way and have its area in sum cover it once.
@@ -122,7 +133,8 @@ mod tests {
 
     #[test]
     fn an_arrowhead_is_covered_from_whichever_corner_it_begins() {
-        let arrow = [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0]].map(|[x, y]| DVec3::new(x, 3.0, y));
+        let arrow =
+            [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0]].map(|[x, y]| DVec3::new(x, 3.0, y));
         for first in 0..4 {
             let mut turned = arrow;
             turned.rotate_left(first);
@@ -151,7 +163,8 @@ mod tests {
 
     #[test]
     fn a_polygon_that_crosses_itself_is_told() {
-        let bow = [[0.0, 0.0], [3.0, 3.0], [3.0, 0.0], [0.0, 2.0], [1.0, -4.0], [-2.0, 1.0], [4.0, 1.0]];
+        let bow =
+            [[0.0, 0.0], [3.0, 3.0], [3.0, 0.0], [0.0, 2.0], [1.0, -4.0], [-2.0, 1.0], [4.0, 1.0]];
         let mut triangles = Vec::new();
         assert!(!triangulate(&bow.map(|[x, y]| DVec3::new(x, y, 0.0)), &mut triangles));
         assert_eq!(triangles.len(), 5);

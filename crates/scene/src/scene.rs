@@ -89,17 +89,18 @@ impl Scene {
         check_limit("positions", positions.len(), MAX_POSITIONS)?;
         check_limit("triangles", triangles.len(), MAX_TRIANGLES)?;
         if triangles.len() != material_ids.len() {
-            return Err(SceneError::MaterialIdCount { triangles: triangles.len(), material_ids: material_ids.len() });
+            return Err(SceneError::MaterialIdCount {
+                triangles: triangles.len(),
+                material_ids: material_ids.len(),
+            });
         }
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for (id, triangle) in triangles.iter().enumerate() {
             for &corner in triangle {
                 let count = positions.len();
-                let &position = positions.get(corner as usize).ok_or(SceneError::PositionIndex {
-                    triangle: id,
-                    index: corner,
-                    count,
-                })?;
+                let &position = positions
+                    .get(corner as usize)
+                    .ok_or(SceneError::PositionIndex { triangle: id, index: corner, count })?;
                 if !(position.abs().max_element() <= MAX_COORDINATE && position.is_finite()) {
                     return Err(SceneError::Position(corner as usize));
                 }
@@ -152,7 +153,8 @@ impl Scene {
         if triangles != material_ids {
             return Err(SceneError::MaterialIdCount { triangles, material_ids });
         }
-        for (id, (triangle, &material)) in self.triangles.iter().zip(&self.material_ids).enumerate() {
+        for (id, (triangle, &material)) in self.triangles.iter().zip(&self.material_ids).enumerate()
+        {
             let count = self.positions.len();
             if let Some(&index) = triangle.iter().find(|&&i| i as usize >= count) {
                 return Err(SceneError::PositionIndex { triangle: id, index, count });
@@ -177,7 +179,8 @@ impl Scene {
     /// # Panics
     /// If there is no such triangle.
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
-        self.triangles[triangle as usize].map(|corner| Vec3::from_array(self.positions[corner as usize]))
+        self.triangles[triangle as usize]
+            .map(|corner| Vec3::from_array(self.positions[corner as usize]))
     }
 
     /// The unit normal of a triangle, on the side from which its corners run counter-clockwise.
@@ -186,7 +189,8 @@ impl Scene {
     /// If there is no such triangle.
     pub fn normal(&self, triangle: u32) -> Vec3 {
         // Zero only for a triangle that a valid scene does not have.
-        doubled_area_normal(self.corners(triangle)).map_or(Vec3::ZERO, |n| n.normalize_or_zero().as_vec3())
+        doubled_area_normal(self.corners(triangle))
+            .map_or(Vec3::ZERO, |n| n.normalize_or_zero().as_vec3())
     }
 
     /// The area of a triangle in square scene units: above zero.
@@ -222,7 +226,10 @@ impl Scene {
     /// The triangles that emit light, in ascending order.
     pub fn emitters(&self) -> impl Iterator<Item = u32> + '_ {
         let emits: Vec<bool> = self.materials.iter().map(Material::emits).collect();
-        (0u32..).zip(&self.material_ids).filter(move |&(_, &m)| emits[m as usize]).map(|(triangle, _)| triangle)
+        (0u32..)
+            .zip(&self.material_ids)
+            .filter(move |&(_, &m)| emits[m as usize])
+            .map(|(triangle, _)| triangle)
     }
 
     /// Which kinds of surfaces and lights there are.
@@ -231,8 +238,11 @@ impl Scene {
         for &material in &self.material_ids {
             triangles_of[material as usize] += 1;
         }
-        let mut features = Features { sky: self.sky.iter().any(|&c| c > 0.0), ..Features::default() };
-        for (material, &count) in self.materials.iter().zip(&triangles_of).filter(|(_, count)| **count > 0) {
+        let mut features =
+            Features { sky: self.sky.iter().any(|&c| c > 0.0), ..Features::default() };
+        for (material, &count) in
+            self.materials.iter().zip(&triangles_of).filter(|(_, count)| **count > 0)
+        {
             match material.bsdf {
                 Bsdf::Diffuse { .. } => features.diffuse = true,
                 Bsdf::Mirror { .. } => features.mirror = true,
@@ -262,7 +272,8 @@ impl Scene {
         let Some(open_box) = OpenBox::new(origin - self.origin, axes, rounding) else {
             return false;
         };
-        (0..self.triangles.len() as u32).any(|t| open_box.meets(self.corners(t).map(Vec3::as_dvec3)))
+        (0..self.triangles.len() as u32)
+            .any(|t| open_box.meets(self.corners(t).map(Vec3::as_dvec3)))
     }
 }
 

@@ -24,7 +24,8 @@ pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, SceneError> {
     if bytes.len() as u64 > limit {
         return Err(too_large());
     }
-    Ok(String::from_utf8(bytes).unwrap_or_else(|bad| String::from_utf8_lossy(bad.as_bytes()).into_owned()))
+    Ok(String::from_utf8(bytes)
+        .unwrap_or_else(|bad| String::from_utf8_lossy(bad.as_bytes()).into_owned()))
 }
 
 /// Iterates over the logical lines of `text` with their numbers.
@@ -46,7 +47,8 @@ impl<'a> LogicalLines<'a> {
         self.line += 1;
         let bytes = self.rest.as_bytes();
         let end = bytes.iter().position(|&b| b == b'\n' || b == b'\r').unwrap_or(bytes.len());
-        let after = if bytes[end..].starts_with(b"\r\n") { end + 2 } else { (end + 1).min(bytes.len()) };
+        let after =
+            if bytes[end..].starts_with(b"\r\n") { end + 2 } else { (end + 1).min(bytes.len()) };
         let line = &self.rest[..end];
         self.rest = &self.rest[after..];
         Some(line.trim_ascii())
@@ -143,7 +145,10 @@ mod tests {
 
     #[test]
     fn a_backslash_continues_a_line_but_not_a_comment() {
-        assert_eq!(lines("f 1 \\\n 2 \\\r\n 3\nv"), [(1, "f 1  2  3".to_owned()), (4, "v".to_owned())]);
+        assert_eq!(
+            lines("f 1 \\\n 2 \\\r\n 3\nv"),
+            [(1, "f 1  2  3".to_owned()), (4, "v".to_owned())]
+        );
         assert_eq!(lines("# C:\\\nv\nf \\"), [(2, "v".to_owned()), (3, "f".to_owned())]);
         assert_eq!(lines("v 1 # C:\\\nv"), [(1, "v 1 # C:\\".to_owned()), (2, "v".to_owned())]);
         assert_eq!(lines("\\\n\\\n\n\\"), []);

@@ -7,9 +7,12 @@ use holo_scene::{Bsdf, Material, Scene};
 use proptest::prelude::*;
 
 fn scene(triangles: &[[DVec3; 3]]) -> Scene {
-    let corners: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let corners: Vec<[u32; 3]> =
+        (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     let ids = vec![0; triangles.len()];
-    Scene::from_world(triangles.as_flattened(), &corners, &ids, vec![Material::grey("m")], [0.0; 3]).unwrap().0
+    Scene::from_world(triangles.as_flattened(), &corners, &ids, vec![Material::grey("m")], [0.0; 3])
+        .unwrap()
+        .0
 }
 
 /// The six faces of a box as twelve triangles.
@@ -18,8 +21,13 @@ fn box_faces(low: DVec3, high: DVec3) -> Vec<[DVec3; 3]> {
         let pick = |axis: usize| if bits >> axis & 1 == 1 { high[axis] } else { low[axis] };
         DVec3::new(pick(0), pick(1), pick(2))
     };
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).map(|t| t.map(corner)).collect()
+    let quads =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    quads
+        .iter()
+        .flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]])
+        .map(|t| t.map(corner))
+        .collect()
 }
 
 /// Clips a polygon to the cube of half side `half` around (½, ½, ½) (Sutherland and Hodgman): another way to the truth.
@@ -102,14 +110,25 @@ fn features_are_those_of_materials_that_triangles_have() {
         Bsdf::Dielectric { ior, transmittance, alpha },
         Bsdf::Coated { kd, ks, ior, alpha },
     ];
-    let materials = kinds.map(|bsdf| Material { bsdf, emission: [0.0, 0.0, 1.0], ..Material::grey("m") });
+    let materials =
+        kinds.map(|bsdf| Material { bsdf, emission: [0.0, 0.0, 1.0], ..Material::grey("m") });
     for used in 0..kinds.len() {
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let ids = vec![used as u32; 2];
         let triangles = vec![[0, 1, 2]; 2];
-        let scene = Scene::new(DVec3::ZERO, positions, triangles, ids, materials.to_vec(), [0.0, 0.1, 0.0]).unwrap();
+        let scene =
+            Scene::new(DVec3::ZERO, positions, triangles, ids, materials.to_vec(), [0.0, 0.1, 0.0])
+                .unwrap();
         let f = scene.features();
-        let flags = [f.diffuse, f.mirror, f.conductor, f.thin_glass, f.dielectric, f.rough_dielectric, f.coated];
+        let flags = [
+            f.diffuse,
+            f.mirror,
+            f.conductor,
+            f.thin_glass,
+            f.dielectric,
+            f.rough_dielectric,
+            f.coated,
+        ];
         let expected: Vec<bool> = (0..kinds.len()).map(|kind| kind == used).collect();
         assert_eq!(flags.as_slice(), expected);
         assert_eq!((f.emitters, f.two_sided_emission, f.sky), (2, false, true));

@@ -45,16 +45,28 @@ fn illumination_models_are_the_surfaces_of_the_table() {
         ("Ks 0 0 0\nillum 3", Bsdf::Mirror { ks: [0.0; 3] }),
         ("Ks .4 .5 .6\nillum 3\nNs 98", Bsdf::Conductor { ks: KS, alpha: alpha(98.0) }),
         ("Ks .4 .5 .6\nillum 3\nNs 0", Bsdf::Conductor { ks: KS, alpha: 1.0 }),
-        ("Ks 1 1 1\nTf .4 .5 .6\nNi 1.52\nd 0\nillum 4", Bsdf::ThinGlass { ior: 1.52, transmittance: KS }),
+        (
+            "Ks 1 1 1\nTf .4 .5 .6\nNi 1.52\nd 0\nillum 4",
+            Bsdf::ThinGlass { ior: 1.52, transmittance: KS },
+        ),
         ("illum 4", Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] }),
         ("illum 7\nNi 1.33", Bsdf::Dielectric { ior: 1.33, transmittance: [1.0; 3], alpha: 0.0 }),
-        ("illum 7\nNs 1000\nTf 0.5", Bsdf::Dielectric { ior: 1.5, transmittance: [0.5; 3], alpha: 0.0 }),
-        ("illum 7\nNs 30", Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: alpha(30.0) }),
+        (
+            "illum 7\nNs 1000\nTf 0.5",
+            Bsdf::Dielectric { ior: 1.5, transmittance: [0.5; 3], alpha: 0.0 },
+        ),
+        (
+            "illum 7\nNs 30",
+            Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: alpha(30.0) },
+        ),
         (
             "Kd .1 .2 .3\nKs .4 .5 .6\nillum 2\nNs 198\nNi 1.4\nd 1",
             Bsdf::Coated { kd: KD, ks: KS, ior: 1.4, alpha: alpha(198.0) },
         ),
-        ("Kd .1 .2 .3\nKs .4 .5 .6\nillum 2", Bsdf::Coated { kd: KD, ks: KS, ior: 1.5, alpha: 1.0 }),
+        (
+            "Kd .1 .2 .3\nKs .4 .5 .6\nillum 2",
+            Bsdf::Coated { kd: KD, ks: KS, ior: 1.5, alpha: 1.0 },
+        ),
     ];
     for (statements, expected) in cases {
         assert_eq!(bsdf(statements), expected, "{statements}");
@@ -95,13 +107,21 @@ fn implausible_values_are_clamped_with_a_warning() {
             Bsdf::Diffuse { kd: [1.0, 0.5, 0.0] },
             "`Kd 1.5 0.5 -1` is implausible; it is clamped to [0, 1]",
         ),
-        ("Ks 2\nillum 3\nNs 9999", Bsdf::Mirror { ks: [1.0; 3] }, "`Ks 2 2 2` is implausible; it is clamped to [0, 1]"),
+        (
+            "Ks 2\nillum 3\nNs 9999",
+            Bsdf::Mirror { ks: [1.0; 3] },
+            "`Ks 2 2 2` is implausible; it is clamped to [0, 1]",
+        ),
         (
             "Ni 40\nillum 4",
             Bsdf::ThinGlass { ior: 10.0, transmittance: [1.0; 3] },
             "`Ni` 40 is impossible; 10 is taken",
         ),
-        ("Ks 1\nNs -5\nillum 3", Bsdf::Conductor { ks: [1.0; 3], alpha: 1.0 }, "`Ns` -5 is impossible; 0 is taken"),
+        (
+            "Ks 1\nNs -5\nillum 3",
+            Bsdf::Conductor { ks: [1.0; 3], alpha: 1.0 },
+            "`Ns` -5 is impossible; 0 is taken",
+        ),
         (
             "Kd 1\nKs 1\nNi 1\nNs 0\nillum 2",
             Bsdf::Coated { kd: [1.0; 3], ks: [1.0; 3], ior: 1.5, alpha: 1.0 },
@@ -148,7 +168,11 @@ fn opacity_counts_only_where_no_illumination_model_says_otherwise() {
             pane([1.0, 0.0, 0.0]),
             "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
         ),
-        ("Kd .5\nd 0.5", half, "s.mtl:3: material `m`: it is taken as opaque, since `d` is not below 0.5"),
+        (
+            "Kd .5\nd 0.5",
+            half,
+            "s.mtl:3: material `m`: it is taken as opaque, since `d` is not below 0.5",
+        ),
         (
             "Kd .5\nd 0.1\nillum 1",
             half,
@@ -178,7 +202,10 @@ fn what_cannot_be_shown_is_warned_of_with_its_line() {
         ),
         ("Kd 1 1 1\nbump b.png", "s.mtl:3: `bump b.png` is ignored: there are no textures"),
         ("Kd 1 1 1\nPr 0.5\nPr 0.6", "s.mtl:3: `Pr` is not known and ignored (said once)"),
-        ("Kd 1 1 1\nKd spectral f.rfl 1", "s.mtl:3: `Kd spectral` is ignored: only RGB colours are known"),
+        (
+            "Kd 1 1 1\nKd spectral f.rfl 1",
+            "s.mtl:3: `Kd spectral` is ignored: only RGB colours are known",
+        ),
         ("Kd .5\nillum 300", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
         ("Kd .5\nillum -4", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
         ("Kd .5\nillum 5", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),

@@ -21,7 +21,10 @@ fn world(scene: &Scene) -> Vec<[DVec3; 3]> {
 fn a_square_is_two_triangles_around_its_centre() {
     let scene = load(format!("{SQUARE}f 1 2 3 4\n")).unwrap().scene;
     assert_eq!(scene.origin, DVec3::new(1.0, 2.0, 0.0));
-    assert_eq!(scene.positions, [[-1.0, -2.0, 0.0], [1.0, -2.0, 0.0], [1.0, 2.0, 0.0], [-1.0, 2.0, 0.0]]);
+    assert_eq!(
+        scene.positions,
+        [[-1.0, -2.0, 0.0], [1.0, -2.0, 0.0], [1.0, 2.0, 0.0], [-1.0, 2.0, 0.0]]
+    );
     assert_eq!(scene.triangles, [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(scene.bounds(), (DVec3::ZERO, DVec3::new(2.0, 4.0, 0.0)));
     assert_eq!((scene.area(0), scene.normal(1)), (4.0, glam::Vec3::Z));
@@ -30,9 +33,13 @@ fn a_square_is_two_triangles_around_its_centre() {
 #[test]
 fn corners_may_be_written_in_every_way_of_the_format() {
     let plain = load(format!("{SQUARE}f 1 2 3 4\n")).unwrap().scene;
-    for face in
-        ["f 1/1 2/2 3/3 4/4", "f 1//1 2//1 3//9 4//1", "f 1/1/1 2/2/1 3/3/1 4/4/1", "f -4 -3 -2 -1", "fo 1 2 3 4"]
-    {
+    for face in [
+        "f 1/1 2/2 3/3 4/4",
+        "f 1//1 2//1 3//9 4//1",
+        "f 1/1/1 2/2/1 3/3/1 4/4/1",
+        "f -4 -3 -2 -1",
+        "fo 1 2 3 4",
+    ] {
         assert_eq!(load(format!("{SQUARE}{face}\n")).unwrap().scene, plain, "{face}");
     }
 }
@@ -75,7 +82,10 @@ fn what_is_wrong_with_a_polygon_is_said_with_its_line() {
     let bow = "v 0 0 0\nv 3 3 0\nv 3 0 0\nv 0 2 0\nv 1 -4 0\nv -2 1 0\nv 4 1 0\n";
     let obj = format!("{bow}f 1 2 3\nf 1 3 2 7\n\nf 1 2 \\\n 3 4 5 6 7\nf 1 2 3\nf 4 4 5\n");
     let warnings = messages(&load(obj).unwrap());
-    assert_eq!(warnings[0], "s.obj:11: a polygon crosses itself or is very long: its triangles may overlap");
+    assert_eq!(
+        warnings[0],
+        "s.obj:11: a polygon crosses itself or is very long: its triangles may overlap"
+    );
     assert_eq!(warnings[2], "s.obj:14: triangles without area are left out (1 in the file)");
 }
 
@@ -92,12 +102,17 @@ fn more_faces_than_are_parsed_at_once_keep_their_corners_and_materials() {
     );
     let scene = load(obj).unwrap().scene;
     let corners = world(&scene);
-    let [p, q, r, s] = [[0.0, 0.0], [2.0, 0.0], [2.0, 4.0], [0.0, 4.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
-    let expected = [(AT_ONCE - 1, [p, q, r], 0), (1, [p, r, s], 0), (10, [s, r, q], 0), (10, [p, q, s], 1)];
+    let [p, q, r, s] =
+        [[0.0, 0.0], [2.0, 0.0], [2.0, 4.0], [0.0, 4.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+    let expected =
+        [(AT_ONCE - 1, [p, q, r], 0), (1, [p, r, s], 0), (10, [s, r, q], 0), (10, [p, q, s], 1)];
     let mut at = 0;
     for (n, triangle, material) in expected {
         assert!(corners[at..at + n].iter().all(|&found| found == triangle), "{triangle:?}");
-        assert!(scene.material_ids[at..at + n].iter().all(|&found| found == material), "{triangle:?}");
+        assert!(
+            scene.material_ids[at..at + n].iter().all(|&found| found == material),
+            "{triangle:?}"
+        );
         at += n;
     }
     assert_eq!((corners.len(), scene.positions.len()), (at, 8));
@@ -113,23 +128,44 @@ fn errors_name_the_line_and_what_was_found() {
         ("v 1 -inf 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `-inf`"),
         ("v 1 1e999 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1e999`"),
         ("v 1 1e13 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1e13`"),
-        ("v 1 2 1000000000001\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1000000000001`"),
+        (
+            "v 1 2 1000000000001\n",
+            "s.obj:1: `v` takes finite numbers of at most 1e12, found `1000000000001`",
+        ),
         ("v 1 . 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `.`"),
         ("v 1 --1 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `--1`"),
         ("v 1 2 3 nan\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `nan`"),
         ("v 1,5 2 3\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1,5`"),
         ("v 0 0 0\nv 1 0 0\n#\nf 1 2\n", "s.obj:4: `f` takes at least three corners, found 2"),
         ("f\n", "s.obj:1: `f` takes at least three corners, found 0"),
-        ("v 0 0 0\nf 1 0 1\n", "s.obj:2: `f` names vertex 0, but 1 are defined before this line (the first is 1)"),
-        ("v 0 0 0\nf 1 1 2\n", "s.obj:2: `f` names vertex 2, but 1 are defined before this line (the first is 1)"),
-        ("v 0 0 0\nf 1 1 -2\n", "s.obj:2: `f` names vertex -2, but 1 are defined before this line (the first is 1)"),
+        (
+            "v 0 0 0\nf 1 0 1\n",
+            "s.obj:2: `f` names vertex 0, but 1 are defined before this line (the first is 1)",
+        ),
+        (
+            "v 0 0 0\nf 1 1 2\n",
+            "s.obj:2: `f` names vertex 2, but 1 are defined before this line (the first is 1)",
+        ),
+        (
+            "v 0 0 0\nf 1 1 -2\n",
+            "s.obj:2: `f` names vertex -2, but 1 are defined before this line (the first is 1)",
+        ),
         (
             "v 0 0 0\nf 1 1 -9223372036854775808\n",
             "s.obj:2: `f` names vertex -9223372036854775808, but 1 are defined before this line (the first is 1)",
         ),
-        ("v 0 0 0\nf 1 1 1.5\n", "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1.5`"),
-        ("v 0 0 0\nf 1 1 1/x\n", "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1/x`"),
-        ("v 0 0 0\nf 1 1 1/1/1/1\n", "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1/1/1/1`"),
+        (
+            "v 0 0 0\nf 1 1 1.5\n",
+            "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1.5`",
+        ),
+        (
+            "v 0 0 0\nf 1 1 1/x\n",
+            "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1/x`",
+        ),
+        (
+            "v 0 0 0\nf 1 1 1/1/1/1\n",
+            "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1/1/1/1`",
+        ),
         (
             "v 0 0 0\nf 1 1 99999999999999999999\n",
             "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `99999999999999999999`",
@@ -189,7 +225,10 @@ fn a_building_at_map_coordinates_loses_nothing() {
     let expected = [[5000000.01, 4000000.02], [5000000.51, 4000000.02], [5000000.01, 4000000.27]];
     for (corner, [x, y]) in corners.into_iter().zip(expected) {
         // Half a unit of f32 at the largest relative coordinate, 0.25, and one of f64 at 5e6.
-        assert!((corner - DVec3::new(x, y, 0.0)).abs().max_element() <= 2f64.powi(-26) + 1e-9, "{corner}");
+        assert!(
+            (corner - DVec3::new(x, y, 0.0)).abs().max_element() <= 2f64.powi(-26) + 1e-9,
+            "{corner}"
+        );
     }
 }
 
@@ -207,12 +246,18 @@ fn materials_are_found_whatever_the_name_of_their_file_and_their_own() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("sub")).unwrap();
         std::fs::write(folder.path().join(file), mtl).unwrap();
-        let obj = format!("usemtl red\n{SQUARE}f 1 2 3\nusemtl Material #25\nf 1 3 4\n{statement}\n");
+        let obj =
+            format!("usemtl red\n{SQUARE}f 1 2 3\nusemtl Material #25\nf 1 3 4\n{statement}\n");
         let loaded = load_in(folder.path(), obj, &LoadOptions::default()).unwrap();
         let bsdfs: Vec<_> = loaded.scene.materials.iter().map(|m| m.bsdf).collect();
         let kd = |kd| holo_scene::Bsdf::Diffuse { kd };
         assert_eq!(bsdfs, [kd([0.9, 0.0, 0.0]), kd([0.1, 0.2, 0.3])], "{statement}");
-        assert_eq!(loaded.warnings.len(), usize::from(statement.contains("a.mtl")), "{:?}", loaded.warnings);
+        assert_eq!(
+            loaded.warnings.len(),
+            usize::from(statement.contains("a.mtl")),
+            "{:?}",
+            loaded.warnings
+        );
     }
 }
 
@@ -237,14 +282,24 @@ fn faces_share_a_material_by_name_and_unknown_ones_are_grey() {
 fn a_missing_mtl_file_and_one_that_is_no_file_are_warned_of() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("folder")).unwrap();
-    let obj = format!("mtllib no.mtl\nmtllib folder\nmtllib no.mtl\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n");
+    let obj = format!(
+        "mtllib no.mtl\nmtllib folder\nmtllib no.mtl\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n"
+    );
     let loaded = load_in(folder.path(), obj, &LoadOptions::default()).unwrap();
-    assert!(loaded.scene.materials.iter().all(|m| m.bsdf == holo_scene::Bsdf::Diffuse { kd: [0.5; 3] }));
+    assert!(
+        loaded.scene.materials.iter().all(|m| m.bsdf == holo_scene::Bsdf::Diffuse { kd: [0.5; 3] })
+    );
     let warnings = messages(&loaded);
     assert_eq!(warnings.len(), 3, "{warnings:?}");
-    assert!(warnings[0].starts_with("s.obj:1: `mtllib` cannot be read: ") && warnings[0].contains("no.mtl: "));
+    assert!(
+        warnings[0].starts_with("s.obj:1: `mtllib` cannot be read: ")
+            && warnings[0].contains("no.mtl: ")
+    );
     assert!(warnings[1].starts_with("s.obj:2: ") && warnings[1].ends_with("folder: not a file"));
-    assert_eq!(warnings[2], "s.obj:8: no MTL file was read; grey diffuse 0.5 is taken for all materials (2)");
+    assert_eq!(
+        warnings[2],
+        "s.obj:8: no MTL file was read; grey diffuse 0.5 is taken for all materials (2)"
+    );
 }
 
 #[test]
@@ -262,7 +317,10 @@ fn a_name_that_is_too_long_is_refused() {
     assert_eq!(error(load(format!("usemtl {long}\n"))), "s.obj:1: more than 1024 bytes in a name");
     let mtl = format!("newmtl {long}\n");
     let obj = format!("mtllib s.mtl\n{SQUARE}f 1 2 3\n");
-    assert_eq!(error(load_with(obj, &mtl, &LoadOptions::default())), "s.mtl:1: more than 1024 bytes in a name");
+    assert_eq!(
+        error(load_with(obj, &mtl, &LoadOptions::default())),
+        "s.mtl:1: more than 1024 bytes in a name"
+    );
 }
 
 proptest! {

@@ -13,24 +13,30 @@ fn colour() -> impl Strategy<Value = Rgb> {
 fn bsdf() -> impl Strategy<Value = Bsdf> {
     let alpha = 1e-3..=1.0f32;
     let ior = 0.1..=10.0f32;
-    (0..6, colour(), colour(), ior, alpha, any::<bool>()).prop_map(|(kind, kd, ks, ior, alpha, smooth)| match kind {
-        0 => Bsdf::Diffuse { kd },
-        1 => Bsdf::Mirror { ks },
-        2 => Bsdf::Conductor { ks, alpha },
-        3 => Bsdf::ThinGlass { ior, transmittance: ks },
-        4 => Bsdf::Dielectric { ior, transmittance: ks, alpha: if smooth { 0.0 } else { alpha } },
-        _ => Bsdf::Coated { kd, ks, ior, alpha },
-    })
+    (0..6, colour(), colour(), ior, alpha, any::<bool>()).prop_map(
+        |(kind, kd, ks, ior, alpha, smooth)| match kind {
+            0 => Bsdf::Diffuse { kd },
+            1 => Bsdf::Mirror { ks },
+            2 => Bsdf::Conductor { ks, alpha },
+            3 => Bsdf::ThinGlass { ior, transmittance: ks },
+            4 => {
+                Bsdf::Dielectric { ior, transmittance: ks, alpha: if smooth { 0.0 } else { alpha } }
+            }
+            _ => Bsdf::Coated { kd, ks, ior, alpha },
+        },
+    )
 }
 
 fn material() -> impl Strategy<Value = Material> {
     let emission = prop::array::uniform3(prop_oneof![Just(0.0f32), 0.0..1e6f32]);
-    (".{0,12}", bsdf(), emission, any::<bool>()).prop_map(|(name, bsdf, emission, two_sided_emission)| Material {
-        name,
-        bsdf,
-        emission,
-        two_sided_emission,
-    })
+    (".{0,12}", bsdf(), emission, any::<bool>()).prop_map(
+        |(name, bsdf, emission, two_sided_emission)| Material {
+            name,
+            bsdf,
+            emission,
+            two_sided_emission,
+        },
+    )
 }
 
 fn scene() -> impl Strategy<Value = Scene> {
@@ -38,8 +44,10 @@ fn scene() -> impl Strategy<Value = Scene> {
     let corner = || prop::array::uniform3(-50.0..50.0f64);
     let triangles = prop::collection::vec((prop::array::uniform3(corner()), any::<u32>()), 0..20);
     (materials, triangles, colour()).prop_map(|(materials, triangles, sky)| {
-        let positions: Vec<DVec3> = triangles.iter().flat_map(|(c, _)| *c).map(DVec3::from_array).collect();
-        let corners: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let positions: Vec<DVec3> =
+            triangles.iter().flat_map(|(c, _)| *c).map(DVec3::from_array).collect();
+        let corners: Vec<[u32; 3]> =
+            (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         let ids: Vec<u32> = triangles.iter().map(|(_, m)| m % materials.len() as u32).collect();
         Scene::from_world(&positions, &corners, &ids, materials, sky).unwrap().0
     })
@@ -99,15 +107,27 @@ fn announced_counts_take_no_memory_and_errors_say_what_is_wrong() {
     assert_eq!(with(8, &[9]), "not a packed scene: its version is 9, this program reads 1");
     assert_eq!(with(12, &[1]), "not a packed scene: reserved bytes are not zero");
     assert_eq!(with(84, &[1]), "not a packed scene: reserved bytes are not zero");
-    assert_eq!(with(16, &huge), format!("{} positions are more than the limit of {}", u64::MAX, 1 << 28));
-    assert_eq!(with(24, &huge), format!("{} triangles are more than the limit of {}", u64::MAX, 1 << 28));
-    assert_eq!(with(32, &huge), format!("{} materials are more than the limit of {}", u64::MAX, 1 << 16));
+    assert_eq!(
+        with(16, &huge),
+        format!("{} positions are more than the limit of {}", u64::MAX, 1 << 28)
+    );
+    assert_eq!(
+        with(24, &huge),
+        format!("{} triangles are more than the limit of {}", u64::MAX, 1 << 28)
+    );
+    assert_eq!(
+        with(32, &huge),
+        format!("{} materials are more than the limit of {}", u64::MAX, 1 << 16)
+    );
     assert_eq!(
         with(16, &[0, 0, 0, 16]),
         format!("not a packed scene: 178 bytes, its header says {}", 12u64 * (1 << 28) + 142)
     );
     assert_eq!(with(32, &[2]), "not a packed scene: material 1 is malformed");
-    assert_eq!(with(88, &f32::NAN.to_le_bytes()), "position 0 is not finite or beyond 1000000000000 units");
+    assert_eq!(
+        with(88, &f32::NAN.to_le_bytes()),
+        "position 0 is not finite or beyond 1000000000000 units"
+    );
     assert_eq!(with(124, &[3]), "triangle 0 names position 3 of 3");
     assert_eq!(with(124, &[1]), "triangle 0 has no area");
     assert_eq!(with(136, &[1]), "triangle 0 names material 1 of 1");
@@ -145,8 +165,14 @@ fn new_refuses_what_is_not_a_scene() {
     assert!(matches!(with(&|s| s.materials.clear()), Err(SceneError::MaterialIndex { .. })));
     assert!(matches!(with(&|s| s.positions[0][1] = 2e12), Err(SceneError::Position(0))));
     assert!(matches!(with(&|s| s.triangles[0] = [0, 1, 1]), Err(SceneError::NoArea(0))));
-    assert!(matches!(with(&|s| s.materials[0].name = "x".repeat(2000)), Err(SceneError::Material { .. })));
-    assert!(matches!(with(&|s| s.materials[0].emission = [f32::NAN; 3]), Err(SceneError::Material { .. })));
+    assert!(matches!(
+        with(&|s| s.materials[0].name = "x".repeat(2000)),
+        Err(SceneError::Material { .. })
+    ));
+    assert!(matches!(
+        with(&|s| s.materials[0].emission = [f32::NAN; 3]),
+        Err(SceneError::Material { .. })
+    ));
     for bsdf in [
         Bsdf::Diffuse { kd: [0.5, 1.1, 0.0] },
         Bsdf::Mirror { ks: [0.5, f32::NAN, 0.0] },
@@ -158,7 +184,10 @@ fn new_refuses_what_is_not_a_scene() {
         Bsdf::Coated { kd: [0.5; 3], ks: [-0.5; 3], ior: 1.5, alpha: 0.1 },
         Bsdf::Coated { kd: [0.5; 3], ks: [0.5; 3], ior: 1.5, alpha: f32::NAN },
     ] {
-        assert!(matches!(with(&|s| s.materials[0].bsdf = bsdf), Err(SceneError::Material { .. })), "{bsdf:?}");
+        assert!(
+            matches!(with(&|s| s.materials[0].bsdf = bsdf), Err(SceneError::Material { .. })),
+            "{bsdf:?}"
+        );
     }
 }
 

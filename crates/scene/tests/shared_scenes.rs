@@ -11,14 +11,16 @@ use std::time::{Duration, Instant};
 
 fn close(bounds: (DVec3, DVec3), low: [f64; 3], high: [f64; 3]) -> bool {
     // f32 around the centre, coordinates of at most 32: half a unit is 2⁻²⁰.
-    let near = |a: DVec3, b: [f64; 3]| (a - DVec3::from_array(b)).abs().max_element() <= 2f64.powi(-20);
+    let near =
+        |a: DVec3, b: [f64; 3]| (a - DVec3::from_array(b)).abs().max_element() <= 2f64.powi(-20);
     near(bounds.0, low) && near(bounds.1, high)
 }
 
 #[test]
 fn the_cornell_box_is_all_there() {
     let Some(shared) = shared() else { return };
-    let loaded = load_obj(&shared.join("scenes/cornell/cornell.obj"), &LoadOptions::default()).unwrap();
+    let loaded =
+        load_obj(&shared.join("scenes/cornell/cornell.obj"), &LoadOptions::default()).unwrap();
     let scene = loaded.scene;
     assert_eq!(loaded.warnings, []);
     assert_eq!((scene.triangles.len(), scene.materials.len()), (32, 4));
@@ -53,7 +55,8 @@ fn the_cabin_is_all_there_and_loads_quickly() {
     println!("packed ({} bytes) and unpacked in {:?}", packed.len(), start.elapsed());
     // Nothing of the file is lost but what f32 cannot hold: bounds as the text has them.
     let text = std::fs::read_to_string(&path).unwrap();
-    let numbers = |line: &str| -> Vec<f64> { line.split(' ').skip(1).map(|t| t.parse().unwrap()).collect() };
+    let numbers =
+        |line: &str| -> Vec<f64> { line.split(' ').skip(1).map(|t| t.parse().unwrap()).collect() };
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for vertex in text.lines().filter(|l| l.starts_with("v ")).map(numbers) {
         for axis in 0..3 {

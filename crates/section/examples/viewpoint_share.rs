@@ -8,7 +8,9 @@
 use std::collections::BTreeSet;
 use std::error::Error;
 
-use holo_section::{BeamId, DVec3, Section, SectionSpec, ViewClass, Viewpoint, ray_eye_distance, seed};
+use holo_section::{
+    BeamId, DVec3, Section, SectionSpec, ViewClass, Viewpoint, ray_eye_distance, seed,
+};
 
 /// View rays in random directions that choose the beams.
 const RAYS: u32 = 20_000;
@@ -34,7 +36,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (name, origin, [x, y, z], grid) in [cornell, living] {
         let axes = [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]];
         let grid = grid.unwrap_or_else(|| Section::default_grid(axes));
-        let section = Section::new(SectionSpec { origin, axes, grid, class: ViewClass::Interior, obstructions: true })?;
+        let section = Section::new(SectionSpec {
+            origin,
+            axes,
+            grid,
+            class: ViewClass::Interior,
+            obstructions: true,
+        })?;
         for (place, local) in PLACES {
             let eye = section.local_to_world(DVec3::from_array(local));
             let Share { beams, near, rays, uniform } = share(&section, eye, radius);
@@ -59,11 +67,14 @@ struct Share {
 }
 
 fn share(section: &Section, eye: DVec3, radius: f64) -> Share {
-    let beams: BTreeSet<BeamId> =
-        (0..RAYS).filter_map(|number| section.line(eye, direction(number))).map(|hit| section.beam(hit.pair)).collect();
+    let beams: BTreeSet<BeamId> = (0..RAYS)
+        .filter_map(|number| section.line(eye, direction(number)))
+        .map(|hit| section.beam(hit.pair))
+        .collect();
     let viewpoint = Viewpoint { eye: eye.to_array(), radius };
     let mut share = Share { beams: beams.len(), near: 0, rays: 0, uniform: 0 };
-    for sampler in beams.iter().filter_map(|&beam| section.beam_sampler(0, beam, Some(&viewpoint))) {
+    for sampler in beams.iter().filter_map(|&beam| section.beam_sampler(0, beam, Some(&viewpoint)))
+    {
         share.uniform += u32::from(!sampler.is_limited());
         share.rays += PACKET;
         for number in 0..PACKET {
@@ -76,7 +87,9 @@ fn share(section: &Section, eye: DVec3, radius: f64) -> Share {
 
 /// Uniform over the sphere: a height and an angle.
 fn direction(number: u32) -> DVec3 {
-    let unit = |dimension| (seed(30, BeamId(u64::from(number)), dimension) >> 11) as f64 / (1u64 << 53) as f64;
+    let unit = |dimension| {
+        (seed(30, BeamId(u64::from(number)), dimension) >> 11) as f64 / (1u64 << 53) as f64
+    };
     let height = 2.0 * unit(0) - 1.0;
     let (sin, cos) = (std::f64::consts::TAU * unit(1)).sin_cos();
     let around = (1.0 - height * height).sqrt();

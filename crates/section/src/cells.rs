@@ -10,7 +10,9 @@ use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 /// A beam's number within its section: dense, from 0 to [`beam_count`](crate::Section::beam_count) - 1.
-#[derive(Copy, Clone, Eq, PartialEq, Hash, Ord, PartialOrd, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Copy, Clone, Eq, PartialEq, Hash, Ord, PartialOrd, Debug, Default, Serialize, Deserialize,
+)]
 pub struct BeamId(pub u64);
 
 /// One cell of one wall of a section.
@@ -59,7 +61,21 @@ pub struct CellPair {
 /// Position of a ray in its two cells, in 256ths of a cell: entry u, v, exit u, v. Each stands for the middle of its
 /// step: corner + (byte + ½)/256 · edge.
 #[repr(transparent)]
-#[derive(Copy, Clone, Eq, PartialEq, Hash, Ord, PartialOrd, Debug, Default, Pod, Zeroable, Serialize, Deserialize)]
+#[derive(
+    Copy,
+    Clone,
+    Eq,
+    PartialEq,
+    Hash,
+    Ord,
+    PartialOrd,
+    Debug,
+    Default,
+    Pod,
+    Zeroable,
+    Serialize,
+    Deserialize,
+)]
 pub struct RayCoords(pub [u8; 4]);
 
 impl From<[u8; 4]> for RayCoords {
@@ -88,7 +104,11 @@ impl Numbering {
         let mut numbering = Numbering { grid: grid.map(u64::from), first: [0; 37] };
         for block in 0..36u8 {
             let (entry, exit) = (block / 6, block % 6);
-            let beams = if entry == exit { 0 } else { numbering.cells_of(entry) * numbering.cells_of(exit) };
+            let beams = if entry == exit {
+                0
+            } else {
+                numbering.cells_of(entry) * numbering.cells_of(exit)
+            };
             numbering.first[usize::from(block) + 1] = numbering.first[usize::from(block)] + beams;
         }
         numbering
@@ -112,9 +132,13 @@ impl Numbering {
     }
 
     pub(crate) fn beam(&self, pair: CellPair) -> BeamId {
-        let flat = |cell: CellIndex| u64::from(cell.v) * self.grid[cell.directions().0] + u64::from(cell.u);
+        let flat = |cell: CellIndex| {
+            u64::from(cell.v) * self.grid[cell.directions().0] + u64::from(cell.u)
+        };
         let block = (usize::from(pair.entry.wall) * 6 + usize::from(pair.exit.wall)).min(35);
-        BeamId(self.first[block] + flat(pair.entry) * self.cells_of(pair.exit.wall) + flat(pair.exit))
+        BeamId(
+            self.first[block] + flat(pair.entry) * self.cells_of(pair.exit.wall) + flat(pair.exit),
+        )
     }
 
     pub(crate) fn cells(&self, beam: BeamId) -> Option<CellPair> {
@@ -130,7 +154,10 @@ impl Numbering {
             CellIndex { wall, u: (flat % along_u) as u16, v: (flat / along_u) as u16 }
         };
         let exit_cells = self.cells_of(exit_wall);
-        Some(CellPair { entry: cell(entry_wall, within / exit_cells), exit: cell(exit_wall, within % exit_cells) })
+        Some(CellPair {
+            entry: cell(entry_wall, within / exit_cells),
+            exit: cell(exit_wall, within % exit_cells),
+        })
     }
 }
 
@@ -194,8 +221,16 @@ mod tests {
             .collect();
         keyed.sort_by_key(|&(key, _)| key);
         for block in keyed.chunks(256) {
-            let name =
-                |p: CellPair| (p.entry.wall, p.exit.wall, p.entry.u / 4, p.entry.v / 4, p.exit.u / 4, p.exit.v / 4);
+            let name = |p: CellPair| {
+                (
+                    p.entry.wall,
+                    p.exit.wall,
+                    p.entry.u / 4,
+                    p.entry.v / 4,
+                    p.exit.u / 4,
+                    p.exit.v / 4,
+                )
+            };
             assert!(block.iter().all(|&(_, p)| name(p) == name(block[0].1)));
         }
     }

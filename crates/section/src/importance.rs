@@ -32,7 +32,9 @@ impl ImportanceTable {
             total += 2.0 * (u * v).powi(2) * across;
             // Eight ordered pairs of adjacent walls share edges along this axis: Σ(i+j+1)/2 = uv(u+v)/4 and Σ|k-l| =
             // n(n²-1)/3.
-            total += 8.0 * (across.powi(2) * u * v * (u + v) / 4.0 + u * v * across * (across * across - 1.0) / 18.0);
+            total += 8.0
+                * (across.powi(2) * u * v * (u + v) / 4.0
+                    + u * v * across * (across * across - 1.0) / 18.0);
             max = max.max(across).max((u + v - 1.0) / 2.0 + (across - 1.0) / 6.0);
         }
         ImportanceTable { grid, cell_volume, total: total * cell_volume, max: max * cell_volume }

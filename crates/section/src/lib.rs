@@ -32,4 +32,6 @@ pub use line::LineHit;
 pub use order::BeamOrder;
 pub use sample::{Sample, SampleKind};
 pub use sampler::{BeamSampler, Viewpoint};
-pub use section::{MAX_GRID, Section, SectionError, SectionRay, SectionSpec, ViewClass, ray_eye_distance};
+pub use section::{
+    MAX_GRID, Section, SectionError, SectionRay, SectionSpec, ViewClass, ray_eye_distance,
+};

@@ -76,8 +76,10 @@ impl Region {
 
     /// Maps the unit square onto the region so that areas keep their proportions; the origin for an empty region.
     pub(crate) fn sample(&self, s: f64, t: f64) -> Point {
-        let chosen =
-            self.triangles.partition_point(|&(share, _)| share <= s).min(self.triangles.len().saturating_sub(1));
+        let chosen = self
+            .triangles
+            .partition_point(|&(share, _)| share <= s)
+            .min(self.triangles.len().saturating_sub(1));
         let Some(&(share, [a, b, c])) = self.triangles.get(chosen) else {
             return [0.0; 2];
         };
@@ -100,7 +102,8 @@ mod tests {
     #[test]
     fn clipping_by_a_diagonal_leaves_half_and_by_its_opposite_nothing() {
         let half = clip_unit_square(&[Linear([1.0, -1.0, 0.0])]);
-        let area: f64 = (2..half.len()).map(|i| triangle_area([half[0], half[i - 1], half[i]])).sum();
+        let area: f64 =
+            (2..half.len()).map(|i| triangle_area([half[0], half[i - 1], half[i]])).sum();
         assert!((area - 0.5).abs() < 1e-15);
         let none = clip_unit_square(&[Linear([1.0, 0.0, -0.5]), Linear([-1.0, 0.0, 0.25])]);
         assert!(Region::new(&[none]).is_empty());
@@ -112,14 +115,20 @@ mod tests {
         // sub-box must equal its share of the area. The map is piecewise smooth, so the grid's error is of the order of
         // 1/1000.
         let band = 0.2;
-        let parts = [clip_unit_square(&[Linear([1.0, -1.0, -band])]), clip_unit_square(&[Linear([-1.0, 1.0, -band])])];
+        let parts = [
+            clip_unit_square(&[Linear([1.0, -1.0, -band])]),
+            clip_unit_square(&[Linear([-1.0, 1.0, -band])]),
+        ];
         let region = Region::new(&parts);
         let n = 1000;
         let mut low_left = 0;
         let mut upper = 0;
         for i in 0..n {
             for j in 0..n {
-                let [p, q] = region.sample((f64::from(i) + 0.5) / f64::from(n), (f64::from(j) + 0.5) / f64::from(n));
+                let [p, q] = region.sample(
+                    (f64::from(i) + 0.5) / f64::from(n),
+                    (f64::from(j) + 0.5) / f64::from(n),
+                );
                 assert!((p - q).abs() >= band - 1e-12);
                 low_left += u32::from(p < 0.5 && q < 0.5);
                 upper += u32::from(q > p);

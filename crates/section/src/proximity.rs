@@ -69,17 +69,28 @@ impl Proximity {
         if !eye.is_finite() {
             return None;
         }
-        let distance_of = |cell| frame.to_world_vector(frame.cell_point(cell, [128; 2]) - eye).length();
+        let distance_of =
+            |cell| frame.to_world_vector(frame.cell_point(cell, [128; 2]) - eye).length();
         let far_is_entry = distance_of(pair.entry) >= distance_of(pair.exit);
-        let (far, near) = if far_is_entry { (pair.entry, pair.exit) } else { (pair.exit, pair.entry) };
+        let (far, near) =
+            if far_is_entry { (pair.entry, pair.exit) } else { (pair.exit, pair.entry) };
         let (u, v) = near.directions();
         let half_step = 0.5
             * (frame.to_world_vector(DVec3::AXES[u]).length_squared()
                 + frame.to_world_vector(DVec3::AXES[v]).length_squared())
             .sqrt();
         let jitter = (radius - half_step).max(0.0);
-        let mut proximity =
-            Proximity { frame, far, near, far_is_entry, eye, radius, half_step, jitter, region: Region::default() };
+        let mut proximity = Proximity {
+            frame,
+            far,
+            near,
+            far_is_entry,
+            eye,
+            radius,
+            half_step,
+            jitter,
+            region: Region::default(),
+        };
         proximity.region = proximity.candidates([0.0; 2]);
         if proximity.region.is_empty() {
             // The eye itself sees nothing through the beam, but its sphere may reach into it.
@@ -143,7 +154,12 @@ impl Proximity {
         for (axis, cell, margin) in [(u, near.u, margins[0]), (v, near.v, margins[1])] {
             let low = f64::from(cell) * STEPS_PER_CELL - margin;
             let high = (f64::from(cell) + 1.0) * STEPS_PER_CELL + margin;
-            let across = self.far_coordinate(axis).combine(to_wall, Linear([0.0; 3]), 0.0, -eye[axis] * to_wall);
+            let across = self.far_coordinate(axis).combine(
+                to_wall,
+                Linear([0.0; 3]),
+                0.0,
+                -eye[axis] * to_wall,
+            );
             constraints.push(denominator.combine(eye[axis] - low, across, 1.0, 0.0));
             constraints.push(denominator.combine(high - eye[axis], across, -1.0, 0.0));
         }
@@ -169,8 +185,11 @@ impl Proximity {
             }
             let magnified = ((self.far_coordinate(axis).at(corner) - wall) / denominator).abs();
             for (margin, along) in margins.iter_mut().zip([u, v]) {
-                let slope = ((self.far_coordinate(along).at(corner) - self.eye[along]) / denominator).abs();
-                *margin = margin.max(2.0 * magnified * (reach[along] + reach[axis] * slope)).min(MAX_MARGIN);
+                let slope =
+                    ((self.far_coordinate(along).at(corner) - self.eye[along]) / denominator).abs();
+                *margin = margin
+                    .max(2.0 * magnified * (reach[along] + reach[axis] * slope))
+                    .min(MAX_MARGIN);
             }
         }
         if signs == [true; 2] { [MAX_MARGIN; 2] } else { margins }
@@ -190,8 +209,10 @@ impl Proximity {
         }
         let (side, up) = to_eye.normalize().any_orthonormal_pair();
         let (sin, cos) = (disk_angle * std::f64::consts::TAU).sin_cos();
-        let jittered =
-            self.eye + self.frame.to_steps_vector((side * cos + up * sin) * (self.jitter * disk_area.sqrt()));
+        let jittered = self.eye
+            + self
+                .frame
+                .to_steps_vector((side * cos + up * sin) * (self.jitter * disk_area.sqrt()));
         // Mirrored at its borders, a cell keeps rays evenly spread, and none farther from the unjittered one.
         let mirror = |x: f64| {
             let x = x.rem_euclid(2.0 * STEPS_PER_CELL);
@@ -208,14 +229,18 @@ impl Proximity {
             for du in -ring..=ring {
                 for dv in -ring..=ring {
                     let on_ring = du.abs() == ring || dv.abs() == ring;
-                    let (Ok(u), Ok(v)) = (u8::try_from(i32::from(u) + du), u8::try_from(i32::from(v) + dv)) else {
+                    let (Ok(u), Ok(v)) =
+                        (u8::try_from(i32::from(u) + du), u8::try_from(i32::from(v) + dv))
+                    else {
                         continue;
                     };
                     if !on_ring {
                         continue;
                     }
                     // The conversion saturates: a line beside the cell gets its border, one along the wall (NaN) its corner.
-                    let near = self.near_position(self.frame.cell_point(self.far, [u, v]), self.eye).map(|x| x as u8);
+                    let near = self
+                        .near_position(self.frame.cell_point(self.far, [u, v]), self.eye)
+                        .map(|x| x as u8);
                     let candidate = self.measured([u, v], near);
                     if candidate.1 < best.1 {
                         best = candidate;
@@ -236,15 +261,21 @@ impl Proximity {
         let along = (self.frame.wall_position(self.near) - far[axis]) / (eye[axis] - far[axis]);
         let met = far + (eye - far) * along;
         let (u, v) = self.near.directions();
-        [met[u] - f64::from(self.near.u) * STEPS_PER_CELL, met[v] - f64::from(self.near.v) * STEPS_PER_CELL]
+        [
+            met[u] - f64::from(self.near.u) * STEPS_PER_CELL,
+            met[v] - f64::from(self.near.v) * STEPS_PER_CELL,
+        ]
     }
 
     /// A ray from its byte positions, and its distance from the eye in world units.
     fn measured(&self, far_bytes: [u8; 2], near_bytes: [u8; 2]) -> (RayCoords, f64) {
         let far = self.frame.cell_point(self.far, far_bytes);
-        let direction = self.frame.to_world_vector(self.frame.cell_point(self.near, near_bytes) - far);
-        let distance = self.frame.to_world_vector(self.eye - far).cross(direction).length() / direction.length();
-        let ([a, b], [c, d]) = if self.far_is_entry { (far_bytes, near_bytes) } else { (near_bytes, far_bytes) };
+        let direction =
+            self.frame.to_world_vector(self.frame.cell_point(self.near, near_bytes) - far);
+        let distance = self.frame.to_world_vector(self.eye - far).cross(direction).length()
+            / direction.length();
+        let ([a, b], [c, d]) =
+            if self.far_is_entry { (far_bytes, near_bytes) } else { (near_bytes, far_bytes) };
         (RayCoords([a, b, c, d]), distance)
     }
 }

@@ -21,7 +21,8 @@ fn exp2i(exponent: i32) -> f64 {
 /// that their expectation is exact (to 2⁻³² of a step).
 pub fn encode(rgb: [f32; 3], dither: u32) -> [u8; 4] {
     let rgb = rgb.map(|v| if v > 0.0 { v.min(MAX_CHANNEL) } else { 0.0 });
-    let largest = if rgb[0] >= rgb[1] && rgb[0] >= rgb[2] { 0 } else { 1 + usize::from(rgb[2] > rgb[1]) };
+    let largest =
+        if rgb[0] >= rgb[1] && rgb[0] >= rgb[2] { 0 } else { 1 + usize::from(rgb[2] > rgb[1]) };
     let peak = f64::from(rgb[largest]);
     // Exponent of 2 above the peak; every nonzero f32 is a normal f64. Zero has the least exponent and ends as black.
     let above = (peak.to_bits() >> 52) as i32 - 1022;

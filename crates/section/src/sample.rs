@@ -23,7 +23,13 @@ const _: () = assert!(size_of::<Sample>() == 10 && align_of::<Sample>() == 1);
 impl Sample {
     /// Encodes a traced ray: `rgb` radiance, `distance` from the entry point in world units (infinity or NaN: nothing
     /// hit), the section's `diagonal`, and 32 random bits that make the colour's rounding unbiased.
-    pub fn encode(coords: RayCoords, rgb: [f32; 3], distance: f64, diagonal: f64, dither: u32) -> Sample {
+    pub fn encode(
+        coords: RayCoords,
+        rgb: [f32; 3],
+        distance: f64,
+        diagonal: f64,
+        dither: u32,
+    ) -> Sample {
         Sample::from_codes(coords, rgbe::encode(rgb, dither), distance::encode(distance, diagonal))
     }
 

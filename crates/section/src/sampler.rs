@@ -34,11 +34,19 @@ impl Section {
     /// A sampler of the rays of a beam: those near the viewpoint if one is given, otherwise spread over the whole beam.
     /// `None` when the section has no such beam. A viewpoint that is not finite, or that no ray of the beam passes
     /// within its radius, gives uniform rays: see [`BeamSampler::is_limited`].
-    pub fn beam_sampler(&self, section_index: u16, beam: BeamId, viewpoint: Option<&Viewpoint>) -> Option<BeamSampler> {
+    pub fn beam_sampler(
+        &self,
+        section_index: u16,
+        beam: BeamId,
+        viewpoint: Option<&Viewpoint>,
+    ) -> Option<BeamSampler> {
         let pair = self.cells(beam)?;
         let sequence = ScrambledSobol::new(combine(beam.0, u64::from(section_index)));
         let proximity = viewpoint.and_then(|v| {
-            let (eye, radius) = (DVec3::from_array(v.eye), if v.radius.is_finite() { v.radius.max(0.0) } else { 0.0 });
+            let (eye, radius) = (
+                DVec3::from_array(v.eye),
+                if v.radius.is_finite() { v.radius.max(0.0) } else { 0.0 },
+            );
             Proximity::new(self.frame, pair, eye, radius, &sequence)
         });
         Some(BeamSampler { frame: self.frame, pair, sequence, proximity })

@@ -156,7 +156,11 @@ impl Frame {
         // Half a unit in the last place of the point itself; the rest covers the few operations on offsets in the
         // section.
         let error = (world.abs() * 0.51 + self.extent * 4.0) * f64::EPSILON;
-        DVec3::new(self.dual[0].abs().dot(error), self.dual[1].abs().dot(error), self.dual[2].abs().dot(error))
+        DVec3::new(
+            self.dual[0].abs().dot(error),
+            self.dual[1].abs().dot(error),
+            self.dual[2].abs().dot(error),
+        )
     }
 
     /// Most steps along each axis that a world vector of length 1 can span.
@@ -217,7 +221,10 @@ impl Section {
         }
         let axes = spec.axes.map(DVec3::from_array);
         let [a, b, c] = axes;
-        let diagonal = [a + b + c, a + b - c, a - b + c, b + c - a].iter().map(|d| d.length()).fold(0.0, f64::max);
+        let diagonal = [a + b + c, a + b - c, a - b + c, b + c - a]
+            .iter()
+            .map(|d| d.length())
+            .fold(0.0, f64::max);
         let heights = heights(axes);
         let height = heights.into_iter().fold(f64::INFINITY, f64::min);
         // Written so that a NaN height (of zero or underflowed axes) is refused too.
@@ -241,7 +248,9 @@ impl Section {
         let lengths = axes.map(|a| DVec3::from_array(a).length());
         let longest = lengths.into_iter().fold(0.0, f64::max);
         let grid_for = |cells_along_longest: f64| {
-            lengths.map(|length| (length / longest * cells_along_longest).round().clamp(4.0, 24.0) as u32)
+            lengths.map(|length| {
+                (length / longest * cells_along_longest).round().clamp(4.0, 24.0) as u32
+            })
         };
         let miss = |grid: [u32; 3]| (Numbering::new(grid).beam_count() as f64 / TARGET).ln().abs();
         // 4 to 24 cells along the longest axis in steps fine enough that every grid on the way is met.
@@ -326,20 +335,27 @@ impl Section {
         let p = point - self.frame.origin;
         [(a, b, c), (b, c, a), (c, a, b)]
             .into_iter()
-            .map(|(u, v, across)| distance_to_parallelogram(p, u, v).min(distance_to_parallelogram(p - across, u, v)))
+            .map(|(u, v, across)| {
+                distance_to_parallelogram(p, u, v).min(distance_to_parallelogram(p - across, u, v))
+            })
             .fold(f64::INFINITY, f64::min)
     }
 
     /// Where along a ray (distance from its entry point) tracing starts: at the entry wall when things inside are to be
     /// seen (`obstructions`, or an exterior section), otherwise at the exit wall.
     pub fn trace_start(&self, ray: &SectionRay) -> f64 {
-        if self.spec.obstructions || self.spec.class == ViewClass::Exterior { 0.0 } else { ray.length }
+        if self.spec.obstructions || self.spec.class == ViewClass::Exterior {
+            0.0
+        } else {
+            ray.length
+        }
     }
 }
 
 /// Distances between opposite walls.
 fn heights([a, b, c]: [DVec3; 3]) -> [f64; 3] {
-    let height = |across: DVec3, u: DVec3, v: DVec3| (across.dot(u.cross(v)) / u.cross(v).length()).abs();
+    let height =
+        |across: DVec3, u: DVec3, v: DVec3| (across.dot(u.cross(v)) / u.cross(v).length()).abs();
     [height(a, b, c), height(b, c, a), height(c, a, b)]
 }
 

@@ -32,8 +32,12 @@ const fn directions(degree: usize, coefficients: u32, initial: [u32; 3]) -> Dire
     v
 }
 
-const DIMENSIONS: [Directions; 4] =
-    [directions(0, 0, [0; 3]), directions(1, 0, [1, 0, 0]), directions(2, 1, [1, 3, 0]), directions(3, 1, [1, 3, 1])];
+const DIMENSIONS: [Directions; 4] = [
+    directions(0, 0, [0; 3]),
+    directions(1, 0, [1, 0, 0]),
+    directions(2, 1, [1, 3, 0]),
+    directions(3, 1, [1, 3, 1]),
+];
 
 /// One scrambling of the sequence.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
@@ -44,7 +48,14 @@ pub(crate) struct ScrambledSobol {
 impl ScrambledSobol {
     pub(crate) fn new(seed: u64) -> Self {
         let words = [mix64(seed ^ 0x6a09_e667_f3bc_c908), mix64(seed ^ 0xbb67_ae85_84ca_a73b)];
-        ScrambledSobol { seeds: [words[0] as u32, (words[0] >> 32) as u32, words[1] as u32, (words[1] >> 32) as u32] }
+        ScrambledSobol {
+            seeds: [
+                words[0] as u32,
+                (words[0] >> 32) as u32,
+                words[1] as u32,
+                (words[1] >> 32) as u32,
+            ],
+        }
     }
 
     /// Point `number`, as fractions of 2³².
@@ -101,13 +112,15 @@ mod tests {
 
     fn shapes(bits: u32) -> impl Iterator<Item = [u32; 4]> {
         (0..=bits).flat_map(move |a| {
-            (0..=bits - a).flat_map(move |b| (0..=bits - a - b).map(move |c| [a, b, c, bits - a - b - c]))
+            (0..=bits - a)
+                .flat_map(move |b| (0..=bits - a - b).map(move |c| [a, b, c, bits - a - b - c]))
         })
     }
 
     #[test]
     fn the_first_points_are_those_of_joe_and_kuo() {
-        let points: Vec<[f64; 4]> = [1, 3, 2, 6, 7].map(|n| sobol(n).map(|x| f64::from(x) / 4_294_967_296.0)).to_vec();
+        let points: Vec<[f64; 4]> =
+            [1, 3, 2, 6, 7].map(|n| sobol(n).map(|x| f64::from(x) / 4_294_967_296.0)).to_vec();
         // Their program's output, which counts in Gray code.
         assert_eq!(points[0], [0.5; 4]);
         assert_eq!(points[1], [0.75, 0.25, 0.25, 0.25]);
@@ -124,12 +137,18 @@ mod tests {
                 let points: Vec<_> = (0..1 << bits).map(|n| sequence.point(n)).collect();
                 for a in 0..=bits {
                     let shape = [a, bits - a, 0, 0];
-                    assert!(counts(&points, shape).iter().all(|&n| n == 1), "entry cell, {shape:?}");
+                    assert!(
+                        counts(&points, shape).iter().all(|&n| n == 1),
+                        "entry cell, {shape:?}"
+                    );
                 }
                 for dimension in 0..4 {
                     let mut shape = [0; 4];
                     shape[dimension] = bits;
-                    assert!(counts(&points, shape).iter().all(|&n| n == 1), "dimension {dimension}, {bits} bits");
+                    assert!(
+                        counts(&points, shape).iter().all(|&n| n == 1),
+                        "dimension {dimension}, {bits} bits"
+                    );
                 }
                 // The polynomials of the exit cell's dimensions have degrees 2 and 3, so t = 1 + 2: every interval of
                 // 2^(bits-3) of volume has exactly 8 points.

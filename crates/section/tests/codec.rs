@@ -11,7 +11,10 @@ fn the_layout_is_coordinates_colour_and_little_endian_distance() {
     assert_eq!(bytemuck::bytes_of(&sample), [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]);
     let encoded = Sample::encode(RayCoords([9; 4]), [1.0, 0.5, 0.0], f64::INFINITY, 3.0, 77);
     assert_eq!(encoded.rgb(), [1.0, 0.5, 0.0]);
-    assert_eq!((encoded.distance_code(), encoded.distance(3.0)), (distance::NOTHING_HIT, f64::INFINITY));
+    assert_eq!(
+        (encoded.distance_code(), encoded.distance(3.0)),
+        (distance::NOTHING_HIT, f64::INFINITY)
+    );
     for kind in [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay] {
         assert_eq!(SampleKind::from_code(kind as u8), Some(kind));
     }
@@ -44,8 +47,9 @@ fn over_all_dithers_the_mean_of_a_smaller_channel_is_its_value() {
     for _ in 0..20 {
         // The peak fixes the step at 1/256 below 1.
         let green = rng.below(255 << 16) as f64 / f64::from(256 << 16);
-        let sum: f64 =
-            (0..1u32 << 16).map(|k| f64::from(rgbe::decode(rgbe::encode([0.9, green as f32, 0.0], k << 16))[1])).sum();
+        let sum: f64 = (0..1u32 << 16)
+            .map(|k| f64::from(rgbe::decode(rgbe::encode([0.9, green as f32, 0.0], k << 16))[1]))
+            .sum();
         assert_eq!(sum / 65536.0, f64::from(green as f32));
     }
 }
@@ -53,8 +57,12 @@ fn over_all_dithers_the_mean_of_a_smaller_channel_is_its_value() {
 #[test]
 fn rounding_has_no_bias_and_the_two_dithered_channels_are_independent() {
     let mut rng = Rng(12);
-    for rgb in [[0.7f32, 0.123_456_7, 0.654_321], [3.1e-9, 3.099e-9, 3.1e-9], [0.999, 255.4, 255.3], [1e20, 1e16, 3e19]]
-    {
+    for rgb in [
+        [0.7f32, 0.123_456_7, 0.654_321],
+        [3.1e-9, 3.099e-9, 3.1e-9],
+        [0.999, 255.4, 255.3],
+        [1e20, 1e16, 3e19],
+    ] {
         let n = 400_000;
         let codes: Vec<[u8; 4]> = (0..n).map(|_| rgbe::encode(rgb, rng.next() as u32)).collect();
         let step = 2f64.powi(i32::from(codes[0][3]) - 136);
@@ -70,8 +78,8 @@ fn rounding_has_no_bias_and_the_two_dithered_channels_are_independent() {
             assert!(mean.abs() < 5.0, "{rgb:?} channel {channel}: {mean} standard errors");
             centred.push(z);
         }
-        let correlation: f64 =
-            centred[0].iter().zip(&centred[1]).map(|(a, b)| a * b).sum::<f64>() / f64::from(n).sqrt();
+        let correlation: f64 = centred[0].iter().zip(&centred[1]).map(|(a, b)| a * b).sum::<f64>()
+            / f64::from(n).sqrt();
         assert!(correlation.abs() < 5.0, "{rgb:?}: correlation of {correlation} standard errors");
     }
 }
@@ -139,9 +147,12 @@ fn distances_are_monotone_and_within_their_stated_error() {
 #[test]
 fn distances_follow_the_original_where_the_border_is_the_same() {
     // Values written by the original for a border of 12.
-    for (d, code, back) in
-        [(1.0, 170, 0.999_023), (20.0, 3094, 20.000_72), (100.0, 6391, 100.006_851), (1000.0, 11108, 1000.144)]
-    {
+    for (d, code, back) in [
+        (1.0, 170, 0.999_023),
+        (20.0, 3094, 20.000_72),
+        (100.0, 6391, 100.006_851),
+        (1000.0, 11108, 1000.144),
+    ] {
         assert_eq!(distance::encode(d, 12.0), code);
         assert!((distance::decode(code, 12.0) - back).abs() < 5e-4 * back.max(1.0) * 1e-2, "{d}");
     }

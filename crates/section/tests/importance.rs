@@ -23,7 +23,9 @@ fn planar_hull_area(points: &[DVec3], normal: DVec3) -> f64 {
     let (x, y) = normal.any_orthonormal_pair();
     let mut flat: Vec<(f64, f64)> = points.iter().map(|p| (p.dot(x), p.dot(y))).collect();
     flat.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let turn = |a: (f64, f64), b: (f64, f64), c: (f64, f64)| (b.0 - a.0) * (c.1 - a.1) - (b.1 - a.1) * (c.0 - a.0);
+    let turn = |a: (f64, f64), b: (f64, f64), c: (f64, f64)| {
+        (b.0 - a.0) * (c.1 - a.1) - (b.1 - a.1) * (c.0 - a.0)
+    };
     let chain = |points: &mut dyn Iterator<Item = (f64, f64)>| {
         let mut hull: Vec<(f64, f64)> = Vec::new();
         for p in points {
@@ -37,7 +39,10 @@ fn planar_hull_area(points: &[DVec3], normal: DVec3) -> f64 {
     };
     let mut hull = chain(&mut flat.iter().copied());
     hull.extend(chain(&mut flat.iter().rev().copied()));
-    (0..hull.len()).map(|i| (hull[i], hull[(i + 1) % hull.len()])).map(|(a, b)| a.0 * b.1 - a.1 * b.0).sum::<f64>()
+    (0..hull.len())
+        .map(|i| (hull[i], hull[(i + 1) % hull.len()]))
+        .map(|(a, b)| a.0 * b.1 - a.1 * b.0)
+        .sum::<f64>()
         / 2.0
 }
 
@@ -68,10 +73,13 @@ fn hull_volume(mut points: Vec<DVec3>) -> f64 {
                 if side.iter().any(|&s| s > tolerance) && side.iter().any(|&s| s < -tolerance) {
                     continue;
                 }
-                let on: Vec<usize> = (0..points.len()).filter(|&m| side[m].abs() <= tolerance).collect();
+                let on: Vec<usize> =
+                    (0..points.len()).filter(|&m| side[m].abs() <= tolerance).collect();
                 if facets.insert(on.clone()) {
                     let on: Vec<DVec3> = on.into_iter().map(|m| points[m]).collect();
-                    volume += planar_hull_area(&on, normal) * (points[i] - centre).dot(normal).abs() / 3.0;
+                    volume += planar_hull_area(&on, normal)
+                        * (points[i] - centre).dot(normal).abs()
+                        / 3.0;
                 }
             }
         }
@@ -81,9 +89,13 @@ fn hull_volume(mut points: Vec<DVec3>) -> f64 {
 
 #[test]
 fn the_hull_model_knows_the_volume_of_a_cube_and_a_tetrahedron() {
-    let cube = (0..8).map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2))).collect();
+    let cube = (0..8)
+        .map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2)))
+        .collect();
     assert!((hull_volume(cube) - 1.0).abs() < 1e-12);
-    assert!((hull_volume(vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z]) - 1.0 / 6.0).abs() < 1e-12);
+    assert!(
+        (hull_volume(vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z]) - 1.0 / 6.0).abs() < 1e-12
+    );
 }
 
 #[test]
@@ -97,9 +109,15 @@ fn importance_is_the_volume_of_the_convex_hull_of_the_two_cells() {
         let table = ImportanceTable::new(&section);
         for beam in (0..section.beam_count()).map(BeamId) {
             let pair = section.cells(beam).unwrap();
-            let points = corners(&section, pair.entry).into_iter().chain(corners(&section, pair.exit)).collect();
+            let points = corners(&section, pair.entry)
+                .into_iter()
+                .chain(corners(&section, pair.exit))
+                .collect();
             let (expected, found) = (hull_volume(points), table.of(pair));
-            assert!((expected - found).abs() < 1e-9 * expected, "{pair:?}: {found}, hull {expected}");
+            assert!(
+                (expected - found).abs() < 1e-9 * expected,
+                "{pair:?}: {found}, hull {expected}"
+            );
             assert_eq!(section.importance(pair), found);
         }
     }
@@ -110,7 +128,9 @@ fn the_total_and_the_maximum_are_those_of_all_beams() {
     for grid in [[1, 1, 1], [3, 4, 5], [12, 1, 1], [8, 8, 8]] {
         let section = section([0.0; 3], SHEARED, grid);
         let table = ImportanceTable::new(&section);
-        let all: Vec<f64> = (0..section.beam_count()).map(|b| table.of(section.cells(BeamId(b)).unwrap())).collect();
+        let all: Vec<f64> = (0..section.beam_count())
+            .map(|b| table.of(section.cells(BeamId(b)).unwrap()))
+            .collect();
         let (sum, max) = (all.iter().sum::<f64>(), all.iter().copied().fold(0.0, f64::max));
         assert!((table.total() - sum).abs() < 1e-11 * sum, "{grid:?}: {} and {sum}", table.total());
         assert!((table.max() - max).abs() < 1e-14 * max, "{grid:?}: {} and {max}", table.max());

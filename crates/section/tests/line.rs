@@ -26,7 +26,12 @@ fn all_sections() -> Vec<Section> {
                         // Only where f64 itself has no room: a step of a 256th of a cell is then about the world's
                         // resolution.
                         Err(SectionError::Unresolved { .. }) => {
-                            assert!(size == 1e-4 && place[0] != 0.0 && grid.contains(&64) && axes != UNIT);
+                            assert!(
+                                size == 1e-4
+                                    && place[0] != 0.0
+                                    && grid.contains(&64)
+                                    && axes != UNIT
+                            );
                         }
                         Err(other) => panic!("{other}"),
                     }
@@ -59,9 +64,13 @@ fn a_grazing_ray_is_found_again_exactly() {
         for _ in 0..2000 {
             let mut pair = rng.pair(&section);
             let mut bytes = [0u8; 4];
-            for (cell, bytes) in [&mut pair.entry, &mut pair.exit].into_iter().zip(bytes.chunks_mut(2)) {
+            for (cell, bytes) in
+                [&mut pair.entry, &mut pair.exit].into_iter().zip(bytes.chunks_mut(2))
+            {
                 let (u, v) = cell.directions();
-                for ((index, n), byte) in [(&mut cell.u, grid[u]), (&mut cell.v, grid[v])].into_iter().zip(bytes) {
+                for ((index, n), byte) in
+                    [(&mut cell.u, grid[u]), (&mut cell.v, grid[v])].into_iter().zip(bytes)
+                {
                     let low = rng.below(2) == 0;
                     *index = if low { 0 } else { n as u16 - 1 };
                     *byte = if low { rng.below(3) as u8 } else { 255 - rng.below(3) as u8 };
@@ -101,9 +110,10 @@ fn a_ray_runs_from_its_entry_to_its_exit_wall() {
         let (pair, coords) = (rng.pair(&section), rng.coords());
         let ray = section.ray(pair, coords);
         let bytes = coords.0.map(|b| (f64::from(b) + 0.5) / 256.0);
-        for (cell, bytes, point) in
-            [(pair.entry, &bytes[..2], ray.origin), (pair.exit, &bytes[2..], ray.origin + ray.direction * ray.length)]
-        {
+        for (cell, bytes, point) in [
+            (pair.entry, &bytes[..2], ray.origin),
+            (pair.exit, &bytes[2..], ray.origin + ray.direction * ray.length),
+        ] {
             let local = section.world_to_local(point);
             let (axis, n) = (cell.axis(), section.spec().grid.map(f64::from));
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -113,21 +123,30 @@ fn a_ray_runs_from_its_entry_to_its_exit_wall() {
         }
         assert!((ray.direction.length() - 1.0).abs() < 1e-15);
         let hit = section.line(ray.origin, ray.direction * 2.0).unwrap();
-        assert!(hit.entry_t.abs() < 1e-12 && (hit.exit_t * 2.0 - ray.length).abs() < 1e-12 * ray.length.max(1.0));
+        assert!(
+            hit.entry_t.abs() < 1e-12
+                && (hit.exit_t * 2.0 - ray.length).abs() < 1e-12 * ray.length.max(1.0)
+        );
         let back = section.line(ray.origin, -ray.direction).unwrap();
         assert_eq!((back.pair.entry, back.pair.exit), (pair.exit, pair.entry));
     }
 }
 
 /// Where the line meets the wall's parallelogram, by Cramer's rule: (t, u, v) with u and v in fractions of the wall.
-fn meet_wall(section: &Section, origin: DVec3, direction: DVec3, wall: u8) -> Option<(f64, f64, f64)> {
+fn meet_wall(
+    section: &Section,
+    origin: DVec3,
+    direction: DVec3,
+    wall: u8,
+) -> Option<(f64, f64, f64)> {
     let axes = section.spec().axes.map(DVec3::from_array);
     let axis = usize::from(wall / 2);
     let (u, v) = (axes[(axis + 1) % 3], axes[(axis + 2) % 3]);
     let corner = DVec3::from_array(section.spec().origin) + axes[axis] * f64::from(wall % 2);
     let solve = |a: DVec3, b: DVec3, c: DVec3| a.dot(b.cross(c));
     let (rhs, det) = (origin - corner, solve(u, v, -direction));
-    let found = (solve(u, v, rhs) / det, solve(rhs, v, -direction) / det, solve(u, rhs, -direction) / det);
+    let found =
+        (solve(u, v, rhs) / det, solve(rhs, v, -direction) / det, solve(u, rhs, -direction) / det);
     ((0.0..1.0).contains(&found.1) && (0.0..1.0).contains(&found.2)).then_some(found)
 }
 
@@ -141,8 +160,9 @@ fn any_line_meets_the_walls_that_a_wall_by_wall_intersection_finds() {
         // Origins in front of, inside and behind the section.
         let origin = centre + rng.direction() * rng.between(0.0, 3.0);
         let direction = rng.direction() * rng.between(0.1, 10.0);
-        let mut expected: Vec<_> =
-            (0..6u8).filter_map(|w| meet_wall(&section, origin, direction, w).map(|(t, u, v)| (t, w, u, v))).collect();
+        let mut expected: Vec<_> = (0..6u8)
+            .filter_map(|w| meet_wall(&section, origin, direction, w).map(|(t, u, v)| (t, w, u, v)))
+            .collect();
         expected.sort_by(|a, b| a.0.total_cmp(&b.0));
         let hit = section.line(origin, direction);
         let &[(entry_t, entry_wall, u0, v0), (exit_t, exit_wall, u1, v1)] = &expected[..] else {
@@ -157,14 +177,19 @@ fn any_line_meets_the_walls_that_a_wall_by_wall_intersection_finds() {
         assert!((hit.entry_t - entry_t).abs() < 1e-9 && (hit.exit_t - exit_t).abs() < 1e-9);
         let n = section.spec().grid.map(f64::from);
         let [eu, ev, xu, xv] = hit.coords.0;
-        for (cell, bytes, place) in [(hit.pair.entry, [eu, ev], [u0, v0]), (hit.pair.exit, [xu, xv], [u1, v1])] {
+        for (cell, bytes, place) in
+            [(hit.pair.entry, [eu, ev], [u0, v0]), (hit.pair.exit, [xu, xv], [u1, v1])]
+        {
             let (du, dv) = cell.directions();
             for (cells, index, byte, fraction) in
                 [(n[du], cell.u, bytes[0], place[0]), (n[dv], cell.v, bytes[1], place[1])]
             {
                 let step = fraction * cells * 256.0;
                 let middle = f64::from(index) * 256.0 + f64::from(byte) + 0.5;
-                assert!((step - middle).abs() < 0.5 + 1e-9, "{step} is not in the step around {middle}");
+                assert!(
+                    (step - middle).abs() < 0.5 + 1e-9,
+                    "{step} is not in the step around {middle}"
+                );
             }
         }
     }

@@ -4,7 +4,10 @@
 mod common;
 
 use common::{Rng, UNIT, cornell, living_room, section};
-use holo_section::{BeamId, BeamSampler, CellIndex, CellPair, DVec3, RayCoords, Section, Viewpoint, ray_eye_distance};
+use holo_section::{
+    BeamId, BeamSampler, CellIndex, CellPair, DVec3, RayCoords, Section, Viewpoint,
+    ray_eye_distance,
+};
 use std::collections::BTreeSet;
 
 /// Width of a pixel at distance 3 of a picture 320 pixels wide with a field of view of 60°.
@@ -15,7 +18,10 @@ fn footprint() -> f64 {
 /// Beams that view rays from the eye cross, in all directions, forwards and backwards.
 fn crossed(section: &Section, eye: DVec3, rays: u32) -> BTreeSet<BeamId> {
     let mut rng = Rng(30);
-    (0..rays).filter_map(|_| section.line(eye, rng.direction())).map(|hit| section.beam(hit.pair)).collect()
+    (0..rays)
+        .filter_map(|_| section.line(eye, rng.direction()))
+        .map(|hit| section.beam(hit.pair))
+        .collect()
 }
 
 /// Share of the first samples of these beams that pass within the radius, and share of beams that fell back to uniform
@@ -27,7 +33,9 @@ fn shares(section: &Section, beams: &BTreeSet<BeamId>, viewpoint: &Viewpoint) ->
         let sampler = section.beam_sampler(0, beam, Some(viewpoint)).unwrap();
         uniform += u32::from(!sampler.is_limited());
         for number in 0..21 {
-            near += u32::from(ray_eye_distance(&sampler.ray(sampler.coords(number)), eye) <= viewpoint.radius);
+            near += u32::from(
+                ray_eye_distance(&sampler.ray(sampler.coords(number)), eye) <= viewpoint.radius,
+            );
             all += 1;
         }
     }
@@ -91,8 +99,11 @@ fn touch(section: &Section, pair: CellPair) -> bool {
         local[dv] = (f64::from(c.v) + f64::from(v) / 255.0) / n[dv];
         local
     };
-    let corners =
-        |c| ends.into_iter().flat_map(move |u| ends.into_iter().map(move |v| (u, v))).map(move |(u, v)| cell(c, u, v));
+    let corners = |c| {
+        ends.into_iter()
+            .flat_map(move |u| ends.into_iter().map(move |v| (u, v)))
+            .map(move |(u, v)| cell(c, u, v))
+    };
     corners(pair.entry).any(|p| corners(pair.exit).any(|q| p.distance(q) < 1e-9))
 }
 
@@ -128,10 +139,13 @@ fn limited_rays_are_spread_evenly_over_all_that_the_eye_sees_through_the_beam() 
                     // An eye outside is in front of the near cell or behind it: the line runs the beam's way all the
                     // same.
                     let met = [towards, -towards].map(|d| section.line(eye, d).map(|hit| hit.pair));
-                    seen[usize::from(u >> 4) * 16 + usize::from(v >> 4)] += u32::from(met.contains(&Some(pair)));
+                    seen[usize::from(u >> 4) * 16 + usize::from(v >> 4)] +=
+                        u32::from(met.contains(&Some(pair)));
                 }
             }
-            let sampler = section.beam_sampler(0, beam, Some(&Viewpoint { eye: eye.to_array(), radius })).unwrap();
+            let sampler = section
+                .beam_sampler(0, beam, Some(&Viewpoint { eye: eye.to_array(), radius }))
+                .unwrap();
             let mut counts = [0u32; 256];
             for number in 0..samples {
                 let [a, b, c, d] = sampler.coords(number).0;
@@ -172,7 +186,10 @@ fn positions_are_uniform_over_the_visible_part() {
     // One unit outside, on the axis of two opposite cells: the exit wall at distance 2 is seen whole, through the entry
     // wall's central half in each direction.
     let section = section([0.0; 3], UNIT, [1; 3]);
-    let pair = CellPair { entry: CellIndex { wall: 4, u: 0, v: 0 }, exit: CellIndex { wall: 5, u: 0, v: 0 } };
+    let pair = CellPair {
+        entry: CellIndex { wall: 4, u: 0, v: 0 },
+        exit: CellIndex { wall: 5, u: 0, v: 0 },
+    };
     let viewpoint = Viewpoint { eye: [0.5, 0.5, -1.0], radius: 1e-3 };
     let sampler = section.beam_sampler(0, section.beam(pair), Some(&viewpoint)).unwrap();
     assert!(sampler.is_limited());
@@ -190,7 +207,10 @@ fn positions_are_uniform_over_the_visible_part() {
 #[test]
 fn a_radius_of_a_cells_size_does_not_pile_rays_up_at_the_borders() {
     let section = section([0.0; 3], UNIT, [8; 3]);
-    let pair = CellPair { entry: CellIndex { wall: 0, u: 3, v: 3 }, exit: CellIndex { wall: 1, u: 3, v: 3 } };
+    let pair = CellPair {
+        entry: CellIndex { wall: 0, u: 3, v: 3 },
+        exit: CellIndex { wall: 1, u: 3, v: 3 },
+    };
     let viewpoint = Viewpoint { eye: [0.4, 0.43, 0.45], radius: 0.1 };
     let sampler = section.beam_sampler(0, section.beam(pair), Some(&viewpoint)).unwrap();
     let eye = DVec3::from_array(viewpoint.eye);
@@ -201,14 +221,19 @@ fn a_radius_of_a_cells_size_does_not_pile_rays_up_at_the_borders() {
         // The eye lies well inside a beam as wide as the radius: no strip of a 16th of a cell should get thrice its share.
         assert!(strips.iter().all(|&count| count < 3 * n / 16), "coordinate {place}: {strips:?}");
     }
-    let near = (0..n).filter(|&i| ray_eye_distance(&sampler.ray(sampler.coords(i)), eye) <= viewpoint.radius).count();
+    let near = (0..n)
+        .filter(|&i| ray_eye_distance(&sampler.ray(sampler.coords(i)), eye) <= viewpoint.radius)
+        .count();
     assert_eq!(near, n as usize);
 }
 
 #[test]
 fn an_eye_whose_sphere_alone_reaches_the_beam_still_gets_near_rays() {
     let section = section([0.0; 3], UNIT, [8; 3]);
-    let pair = CellPair { entry: CellIndex { wall: 0, u: 3, v: 3 }, exit: CellIndex { wall: 1, u: 3, v: 3 } };
+    let pair = CellPair {
+        entry: CellIndex { wall: 0, u: 3, v: 3 },
+        exit: CellIndex { wall: 1, u: 3, v: 3 },
+    };
     for (beside, limited) in [(0.005, true), (0.019, true), (0.021, false), (0.1, false)] {
         // The beam's hull is the prism with y and z from 3/8 to 4/8.
         let viewpoint = Viewpoint { eye: [0.5, 0.5 + beside, 0.45], radius: 0.02 };
@@ -216,7 +241,9 @@ fn an_eye_whose_sphere_alone_reaches_the_beam_still_gets_near_rays() {
         assert_eq!(sampler.is_limited(), limited, "{beside}");
         let uniform = section.beam_sampler(0, section.beam(pair), None).unwrap();
         let eye = DVec3::from_array(viewpoint.eye);
-        let near = (0..100).filter(|&n| ray_eye_distance(&sampler.ray(sampler.coords(n)), eye) <= 0.02).count();
+        let near = (0..100)
+            .filter(|&n| ray_eye_distance(&sampler.ray(sampler.coords(n)), eye) <= 0.02)
+            .count();
         if limited {
             assert!(near >= 20, "{beside}: {near}");
         } else {
@@ -255,7 +282,10 @@ fn odd_viewpoints_give_rays_of_the_beam_all_the_same() {
         let sampler = section.beam_sampler(0, beam, Some(&viewpoint)).unwrap();
         for number in [0, 1, u32::MAX] {
             let ray = sampler.ray(sampler.coords(number));
-            assert_eq!(section.line(ray.origin, ray.direction).map(|h| section.beam(h.pair)), Some(beam));
+            assert_eq!(
+                section.line(ray.origin, ray.direction).map(|h| section.beam(h.pair)),
+                Some(beam)
+            );
         }
     }
 }

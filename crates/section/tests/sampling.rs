@@ -40,9 +40,14 @@ fn over_many_beams_each_sample_is_uniform_in_every_coordinate_and_pair_of_coordi
             assert!(found < chi2_limit(255.0), "sample {number}, coordinate {a}: chi² {found}");
             for b in 0..a {
                 let mut counts = [0u32; 1024];
-                all.iter().for_each(|c| counts[usize::from(c[a] >> 3) * 32 + usize::from(c[b] >> 3)] += 1);
+                all.iter().for_each(|c| {
+                    counts[usize::from(c[a] >> 3) * 32 + usize::from(c[b] >> 3)] += 1
+                });
                 let found = chi2(&counts, beams as f64 / 1024.0);
-                assert!(found < chi2_limit(1023.0), "sample {number}, coordinates {a} and {b}: chi² {found}");
+                assert!(
+                    found < chi2_limit(1023.0),
+                    "sample {number}, coordinates {a} and {b}: chi² {found}"
+                );
             }
         }
     }
@@ -59,7 +64,9 @@ fn over_many_beams_two_samples_are_independent_within_their_strata() {
         for beam in 0..beams {
             let (x, y) = (coords(&section, 0, beam, 0)[a], coords(&section, 0, beam, 1)[a]);
             assert_ne!(x >> 7, y >> 7);
-            counts[usize::from(x >> 7) * 128 + usize::from(x >> 4 & 7) * 16 + usize::from(y >> 3 & 15)] += 1;
+            counts[usize::from(x >> 7) * 128
+                + usize::from(x >> 4 & 7) * 16
+                + usize::from(y >> 3 & 15)] += 1;
         }
         let found = chi2(&counts, beams as f64 / 256.0);
         assert!(found < chi2_limit(255.0), "coordinate {a}: chi² {found}");
@@ -69,7 +76,9 @@ fn over_many_beams_two_samples_are_independent_within_their_strata() {
 #[test]
 fn sections_do_not_share_their_samples() {
     let section = cornell();
-    let same = (0..4096).filter(|&beam| coords(&section, 0, beam, 0) == coords(&section, 1, beam, 0)).count();
+    let same = (0..4096)
+        .filter(|&beam| coords(&section, 0, beam, 0) == coords(&section, 1, beam, 0))
+        .count();
     assert!(same <= 1, "{same} of 4096 agree in 32 bits");
 }
 

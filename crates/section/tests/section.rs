@@ -9,7 +9,10 @@ use holo_section::{DVec3, Section, SectionError, ViewClass, ray_eye_distance};
 fn bad_specifications_are_refused_with_their_reason() {
     let refused = |origin, axes, grid| Section::new(spec(origin, axes, grid)).unwrap_err();
     assert!(matches!(refused([f64::NAN, 0.0, 0.0], UNIT, [4; 3]), SectionError::Coordinate(_)));
-    assert!(matches!(refused([0.0; 3], scaled(UNIT, f64::INFINITY), [4; 3]), SectionError::Coordinate(_)));
+    assert!(matches!(
+        refused([0.0; 3], scaled(UNIT, f64::INFINITY), [4; 3]),
+        SectionError::Coordinate(_)
+    ));
     assert!(matches!(refused([0.0; 3], scaled(UNIT, 1e200), [4; 3]), SectionError::Coordinate(_)));
     assert_eq!(refused([0.0; 3], UNIT, [4, 0, 4]), SectionError::Grid([4, 0, 4]));
     assert_eq!(refused([0.0; 3], UNIT, [4, 4, 65]), SectionError::Grid([4, 4, 65]));
@@ -20,7 +23,10 @@ fn bad_specifications_are_refused_with_their_reason() {
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1e-7]],
         scaled(UNIT, 1e-300),
     ] {
-        assert!(matches!(refused([0.0; 3], axes, [4; 3]), SectionError::Degenerate { .. }), "{axes:?}");
+        assert!(
+            matches!(refused([0.0; 3], axes, [4; 3]), SectionError::Degenerate { .. }),
+            "{axes:?}"
+        );
     }
     let error = refused([1e12, 0.0, 0.0], scaled(UNIT, 1e-3), [4; 3]);
     assert!(matches!(error, SectionError::Unresolved { .. }));
@@ -40,7 +46,8 @@ fn default_grids_have_near_cubic_cells_and_the_recommended_number_of_beams() {
         // Where no limit of 4 or 24 cells is in the way, cells are cubes up to rounding.
         if grid.iter().all(|n| (5..24).contains(n)) {
             let edges = [0, 1, 2].map(|i| lengths[i] / f64::from(grid[i]));
-            let ratio = edges.into_iter().fold(0.0, f64::max) / edges.into_iter().fold(f64::INFINITY, f64::min);
+            let ratio = edges.into_iter().fold(0.0, f64::max)
+                / edges.into_iter().fold(f64::INFINITY, f64::min);
             assert!(ratio < 1.25, "{lengths:?}: {grid:?}");
         }
     }
@@ -64,10 +71,14 @@ fn local_coordinates_invert_and_contain_the_inside() {
     let mut rng = Rng(21);
     let section = section([10.0, -20.0, 30.0], SHEARED, [4; 3]);
     for _ in 0..10_000 {
-        let local = DVec3::new(rng.between(-1.0, 2.0), rng.between(-1.0, 2.0), rng.between(-1.0, 2.0));
+        let local =
+            DVec3::new(rng.between(-1.0, 2.0), rng.between(-1.0, 2.0), rng.between(-1.0, 2.0));
         let world = section.local_to_world(local);
         assert!((section.world_to_local(world) - local).length() < 1e-13);
-        assert_eq!(section.contains(world), local.cmpge(DVec3::ZERO).all() && local.cmple(DVec3::ONE).all());
+        assert_eq!(
+            section.contains(world),
+            local.cmpge(DVec3::ZERO).all() && local.cmple(DVec3::ONE).all()
+        );
     }
 }
 
@@ -76,15 +87,19 @@ fn the_distance_to_a_section_is_that_of_its_nearest_point() {
     let mut rng = Rng(22);
     let section = section([10.0, -20.0, 30.0], SHEARED, [4; 3]);
     for _ in 0..200 {
-        let p =
-            section.local_to_world(DVec3::new(rng.between(-1.0, 2.0), rng.between(-1.0, 2.0), rng.between(-1.0, 2.0)));
+        let p = section.local_to_world(DVec3::new(
+            rng.between(-1.0, 2.0),
+            rng.between(-1.0, 2.0),
+            rng.between(-1.0, 2.0),
+        ));
         // Convex minimisation over the section by projected coordinate descent: each step is exact along one axis.
         let axes = section.spec().axes.map(DVec3::from_array);
         let mut local = DVec3::splat(0.5);
         for _ in 0..400 {
             for axis in 0..3 {
                 let rest = p - section.local_to_world(local);
-                local[axis] = (local[axis] + rest.dot(axes[axis]) / axes[axis].length_squared()).clamp(0.0, 1.0);
+                local[axis] = (local[axis] + rest.dot(axes[axis]) / axes[axis].length_squared())
+                    .clamp(0.0, 1.0);
             }
         }
         let expected = (p - section.local_to_world(local)).length();

@@ -35,7 +35,10 @@ impl View {
     fn ray(&self, number: u64) -> DVec3 {
         // Additive recurrences of the plastic number: even, whatever the count.
         let at = |step: f64| 2.0 * ((number as f64 + 0.5) * step).fract() - 1.0;
-        (self.forward + self.right * at(0.754_877_666_246_692_8) + self.up * at(0.569_840_290_998_053_3)).normalize()
+        (self.forward
+            + self.right * at(0.754_877_666_246_692_8)
+            + self.up * at(0.569_840_290_998_053_3))
+        .normalize()
     }
 }
 
@@ -46,13 +49,15 @@ fn measure(tracer: &Tracer, view: &View) -> (f64, f64) {
         .map(|number| {
             let (mut sum, mut squares) = (0.0, 0.0);
             for sample in 0..SAMPLES {
-                let [r, g, b] = tracer.trace(view.eye, view.ray(number), (number << 32) + sample).radiance;
+                let [r, g, b] =
+                    tracer.trace(view.eye, view.ray(number), (number << 32) + sample).radiance;
                 let luminance = 0.265 * f64::from(r) + 0.670 * f64::from(g) + 0.065 * f64::from(b);
                 sum += luminance;
                 squares += luminance * luminance;
             }
             let mean = sum / SAMPLES as f64;
-            let variance = (squares / SAMPLES as f64 - mean * mean).max(0.0) * SAMPLES as f64 / (SAMPLES - 1) as f64;
+            let variance = (squares / SAMPLES as f64 - mean * mean).max(0.0) * SAMPLES as f64
+                / (SAMPLES - 1) as f64;
             if mean > 0.0 { variance / (mean * mean) } else { 0.0 }
         })
         .collect();
@@ -75,7 +80,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let loaded = holo_scene::load_obj(path.as_ref(), &Default::default())?;
     let raycaster = Arc::new(Raycaster::build(loaded.scene.into())?);
     let paths = Tracer::with_raycaster(Arc::clone(&raycaster), Settings::default())?;
-    let cached = Tracer::with_raycaster(raycaster, Settings::default())?.with_cache(DEFAULT_ACCURACY, 1);
+    let cached =
+        Tracer::with_raycaster(raycaster, Settings::default())?.with_cache(DEFAULT_ACCURACY, 1);
     for number in 0..WARMING {
         let _ = cached.trace(view.eye, view.ray(number), number);
     }

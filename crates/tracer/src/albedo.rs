@@ -36,7 +36,8 @@ impl Table {
         let range = (1.0 / alpha).ln_1p();
         let cosine = |t: f64| alpha * (range * (t / STEPS as f64).powi(2)).exp_m1();
         // At 0 itself directions have no half vector.
-        let entries: Vec<f64> = (0..=STEPS).map(|i| f(cosine((i as f64).max(1e-2)).min(1.0) as f32)).collect();
+        let entries: Vec<f64> =
+            (0..=STEPS).map(|i| f(cosine((i as f64).max(1e-2)).min(1.0) as f32)).collect();
         let mut mean = 0.0;
         for i in 0..STEPS {
             const PARTS: usize = 16;
@@ -44,7 +45,8 @@ impl Table {
                 let part = |k: usize| i as f64 + k as f64 / PARTS as f64;
                 let (low, high) = (cosine(part(k)), cosine(part(k + 1)));
                 let middle = (k as f64 + 0.5) / PARTS as f64;
-                mean += (entries[i] + (entries[i + 1] - entries[i]) * middle) * (high * high - low * low);
+                mean += (entries[i] + (entries[i + 1] - entries[i]) * middle)
+                    * (high * high - low * low);
             }
         }
         Self {

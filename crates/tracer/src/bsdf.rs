@@ -61,7 +61,11 @@ pub(crate) struct Tables {
     layers: HashMap<[u32; 2], Arc<Layer>>,
 }
 
-fn shared<T>(made: &mut HashMap<[u32; 2], Arc<T>>, key: [f32; 2], make: impl FnOnce() -> T) -> Arc<T> {
+fn shared<T>(
+    made: &mut HashMap<[u32; 2], Arc<T>>,
+    key: [f32; 2],
+    make: impl FnOnce() -> T,
+) -> Arc<T> {
     made.entry(key.map(f32::to_bits)).or_insert_with(|| Arc::new(make())).clone()
 }
 
@@ -96,12 +100,17 @@ impl Scatter {
                 let loss = shared(&mut tables.losses, [alpha, 0.0], || Conductor::loss(ggx));
                 Self::Conductor(Box::new(Conductor::new(ks.into(), ggx, loss)))
             }
-            Bsdf::ThinGlass { ior, transmittance } => Self::Pane { ior, transmittance: transmittance.into() },
+            Bsdf::ThinGlass { ior, transmittance } => {
+                Self::Pane { ior, transmittance: transmittance.into() }
+            }
             Bsdf::Dielectric { ior, transmittance, alpha } => {
-                Self::dielectric(ior, transmittance.into(), alpha, |ggx| Arc::new(Interface::new(ggx, ior)))
+                Self::dielectric(ior, transmittance.into(), alpha, |ggx| {
+                    Arc::new(Interface::new(ggx, ior))
+                })
             }
             Bsdf::Coated { kd, ks, ior, alpha } => {
-                let layer = shared(&mut tables.layers, [alpha, ior], || Layer::new(ior, Ggx::new(alpha)));
+                let layer =
+                    shared(&mut tables.layers, [alpha, ior], || Layer::new(ior, Ggx::new(alpha)));
                 Self::Coated(Box::new(Coat::new(kd.into(), ks.into(), layer)))
             }
         }
@@ -128,7 +137,10 @@ impl Scatter {
     /// Whether light is scattered into single directions only, so that sampling lights is useless.
     #[inline]
     pub(crate) fn is_delta(&self) -> bool {
-        matches!(self, Self::Mirror(_) | Self::Pane { .. } | Self::Clear { .. } | Self::Smooth { .. })
+        matches!(
+            self,
+            Self::Mirror(_) | Self::Pane { .. } | Self::Clear { .. } | Self::Smooth { .. }
+        )
     }
 
     /// Whether light is scattered from all directions of a side, so that samples may be aimed.
@@ -158,9 +170,11 @@ impl Scatter {
                 let (value, pdf) = interface.evaluate(wo, wi, front);
                 (if wi.z > 0.0 { Vec3::splat(value) } else { *transmittance * value }, pdf)
             }
-            Self::Black | Self::Mirror(_) | Self::Pane { .. } | Self::Clear { .. } | Self::Smooth { .. } => {
-                (Vec3::ZERO, 0.0)
-            }
+            Self::Black
+            | Self::Mirror(_)
+            | Self::Pane { .. }
+            | Self::Clear { .. }
+            | Self::Smooth { .. } => (Vec3::ZERO, 0.0),
         }
     }
 
@@ -168,7 +182,12 @@ impl Scatter {
     #[inline]
     pub(crate) fn towards(&self, wo: Vec3, wi: Vec3, front: bool) -> Option<Sampled> {
         let (value, pdf) = self.evaluate(wo, wi, front);
-        (pdf > 0.0 && !self.transmits()).then(|| Sampled { wi, weight: value / pdf, pdf: Some(pdf), eta2: 1.0 })
+        (pdf > 0.0 && !self.transmits()).then(|| Sampled {
+            wi,
+            weight: value / pdf,
+            pdf: Some(pdf),
+            eta2: 1.0,
+        })
     }
 
     /// Both ways that light comes from if the surface is smooth and reflects some and lets some through, each with its share; else `None`.
@@ -196,7 +215,12 @@ impl Scatter {
             Self::Black => None,
             Self::Diffuse(kd) => {
                 let wi = cosine_hemisphere(sampler.two());
-                (wi.z > 0.0).then(|| Sampled { wi, weight: *kd, pdf: Some(cosine_pdf(wi.z)), eta2: 1.0 })
+                (wi.z > 0.0).then(|| Sampled {
+                    wi,
+                    weight: *kd,
+                    pdf: Some(cosine_pdf(wi.z)),
+                    eta2: 1.0,
+                })
             }
             Self::Mirror(ks) => Sampled::delta(mirrored(wo), *ks),
             Self::Conductor(conductor) => conductor.sample(wo, sampler),
@@ -221,7 +245,12 @@ impl Scatter {
             Self::Rough { interface, transmittance } => {
                 let s = interface.sample(wo, front, sampler)?;
                 let colour = if s.wi.z > 0.0 { Vec3::ONE } else { *transmittance };
-                Some(Sampled { wi: s.wi, weight: colour * (s.value / s.pdf), pdf: Some(s.pdf), eta2: s.eta2 })
+                Some(Sampled {
+                    wi: s.wi,
+                    weight: colour * (s.value / s.pdf),
+                    pdf: Some(s.pdf),
+                    eta2: s.eta2,
+                })
             }
             Self::Coated(coat) => coat.sample(wo, sampler),
         }

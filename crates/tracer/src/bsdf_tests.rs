@@ -84,7 +84,10 @@ fn samples_follow_the_stated_density() {
                 let integral: f64 = expected.iter().sum();
                 let sigma = (made * f64::from(absorbed) / f64::from(samples)).sqrt();
                 let bound = 4.5 * sigma + 1e-3 * f64::from(samples);
-                assert!((made - integral).abs() <= bound, "{name} {theta} {front}: {made}, {integral}");
+                assert!(
+                    (made - integral).abs() <= bound,
+                    "{name} {theta} {front}: {made}, {integral}"
+                );
                 // Cells of few are pooled, with the absorbed: what the density lacks of 1.
                 let (mut pooled, mut pooled_expected) =
                     (f64::from(absorbed), f64::from(samples) - expected.iter().sum::<f64>());
@@ -112,7 +115,10 @@ fn samples_follow_the_stated_density() {
                 // cases: by chance once in 3,400 sets of seeds, and the seeds are fixed.
                 let v = 2.0 / (9.0 * degrees.max(1.0));
                 let z = ((chi2 / degrees.max(1.0)).cbrt() - (1.0 - v)) / v.sqrt();
-                assert!(z < 4.5, "{name}, angle {theta}, front {front}: chi² {chi2} of {degrees}, z {z}");
+                assert!(
+                    z < 4.5,
+                    "{name}, angle {theta}, front {front}: chi² {chi2} of {degrees}, z {z}"
+                );
             }
         }
     }
@@ -134,9 +140,15 @@ fn weights_are_values_over_densities_of_the_same_direction() {
                     if s.wi.z.abs() < 0.02 || stated < 1e-3 {
                         continue;
                     }
-                    assert!((pdf - stated).abs() < 5e-3 * stated, "{name} {theta} {front}: {pdf} {stated} {s:?}");
+                    assert!(
+                        (pdf - stated).abs() < 5e-3 * stated,
+                        "{name} {theta} {front}: {pdf} {stated} {s:?}"
+                    );
                     let difference = (value - s.weight * stated).abs().max_element();
-                    assert!(difference < 1e-2 * value.max_element(), "{name} {theta} {front}: {value} {s:?}");
+                    assert!(
+                        difference < 1e-2 * value.max_element(),
+                        "{name} {theta} {front}: {value} {s:?}"
+                    );
                 }
             }
         }
@@ -153,7 +165,10 @@ fn light_is_scattered_alike_in_both_directions() {
             let (there, _) = scatter.evaluate(a, b, true);
             let (back, _) = scatter.evaluate(b, a, true);
             let (there, back) = (there / b.z, back / a.z);
-            assert!((there - back).abs().max_element() <= 2e-4 * there.max_element() + 1e-6, "{name}: {there} {back}");
+            assert!(
+                (there - back).abs().max_element() <= 2e-4 * there.max_element() + 1e-6,
+                "{name}: {there} {back}"
+            );
             if scatter.transmits() {
                 // f(wo, wi) n_wi² = f(wi, wo) n_wo² (Veach 1997, §5.2), here with n_wi = 1.5 and n_wo = 1.
                 let flip = Vec3::new(1.0, 1.0, -1.0);

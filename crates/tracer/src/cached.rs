@@ -153,7 +153,12 @@ pub(crate) struct Cached {
 }
 
 impl Cached {
-    pub(crate) fn new(engine: &PathEngine, raycaster: &Raycaster, accuracy: f32, name: u64) -> Self {
+    pub(crate) fn new(
+        engine: &PathEngine,
+        raycaster: &Raycaster,
+        accuracy: f32,
+        name: u64,
+    ) -> Self {
         let accuracy = accuracy.clamp(*ACCURACIES.start(), *ACCURACIES.end());
         let size = extent(raycaster);
         let reach = REACH * accuracy.sqrt();
@@ -163,8 +168,21 @@ impl Cached {
         let (deviations, usual) = (Deviations::default(), Usual::new());
         let effort = AtomicU32::new(WHATEVER_IT_TAKES);
         let mirrors = Mirrors::find(raycaster.scene(), &engine.surfaces);
-        let has_caustics = engine.nesting.is_some() || engine.surfaces.iter().any(|s| s.scatter.is_delta());
-        Self { store, quality, mirrors, has_caustics, effort, allowed, rays, deviations, usual, salt: mix(name), made }
+        let has_caustics =
+            engine.nesting.is_some() || engine.surfaces.iter().any(|s| s.scatter.is_delta());
+        Self {
+            store,
+            quality,
+            mirrors,
+            has_caustics,
+            effort,
+            allowed,
+            rays,
+            deviations,
+            usual,
+            salt: mix(name),
+            made,
+        }
     }
 
     pub(crate) fn store(&self) -> &Arc<Store> {
@@ -190,11 +208,17 @@ impl Cached {
             return Some(found.irradiance);
         }
         if self.store.is_full() || !self.affords_record() {
-            return found.filter(|found| found.weight >= WEIGHT_FOR_NOW).map(|found| found.irradiance);
+            return found
+                .filter(|found| found.weight >= WEIGHT_FOR_NOW)
+                .map(|found| found.irradiance);
         }
         let made = self.make(engine, met, EXACT);
         // The new record has weight 1.
-        Some(found.map_or(made, |found| (found.irradiance * found.weight + made) / (found.weight + 1.0)))
+        Some(
+            found.map_or(made, |found| {
+                (found.irradiance * found.weight + made) / (found.weight + 1.0)
+            }),
+        )
     }
 
     /// See [`Tracer::set_effort`](crate::Tracer::set_effort).
@@ -217,13 +241,16 @@ impl Cached {
     fn known(&self, met: &Met, coarse: u32) -> Option<Found> {
         let &Met { raycaster, point, normal, .. } = met;
         self.store.irradiance(point.point, normal, ENOUGH[coarse as usize], |record| {
-            record.flags > coarse || raycaster.parted(point, normal, record.point.into(), record.normal.into())
+            record.flags > coarse
+                || raycaster.parted(point, normal, record.point.into(), record.normal.into())
         })
     }
 
     fn insert(&self, record: Record, met: &Met) {
         let &Met { raycaster, point, normal, .. } = met;
-        self.store.insert(record, |other| raycaster.parted(point, normal, other.point.into(), other.normal.into()));
+        self.store.insert(record, |other| {
+            raycaster.parted(point, normal, other.point.into(), other.normal.into())
+        });
     }
 
     /// Makes a record of what arrives at a point; its irradiance.
@@ -240,7 +267,8 @@ impl Cached {
             // Nor must its radius know its light: records that are too bright would count for less of the surface than those that are
             // too dark. What is noisy still is averaged with more neighbours.
             let reached = deviation / (record.rays as f32).sqrt();
-            record.radius = record.radius.min(gradient_limit(&pilot)) * (error / reached).clamp(0.25, 1.0);
+            record.radius =
+                record.radius.min(gradient_limit(&pilot)) * (error / reached).clamp(0.25, 1.0);
         }
         self.insert(record, met);
         record.irradiance.into()
@@ -257,7 +285,13 @@ impl Cached {
         let hemisphere = Hemisphere::new(rays);
         let aimed = engine.secondary.as_ref().map(|sources| sources.aimed_from(point, normal));
         let targets = if aimed.is_some() { (hemisphere.rays() as f32 * AIMED) as u32 } else { 0 };
-        let images = Images::seen(raycaster, &engine.lights, &engine.panes, &self.mirrors, [point.point, normal]);
+        let images = Images::seen(
+            raycaster,
+            &engine.lights,
+            &engine.panes,
+            &self.mirrors,
+            [point.point, normal],
+        );
         let shown = if images.is_some() { (hemisphere.rays() as f32 * AIMED) as u32 } else { 0 };
         let role = if coarse == EXACT { Role::Record } else { Role::Coarse };
         let light = Light { cached: self, engine, role: Cell::new(role) };
@@ -348,7 +382,10 @@ impl Ending for Light<'_> {
         } else {
             match self.cached.known(met, COARSE) {
                 Some(found) => found.irradiance,
-                None if self.role.get() == Role::Record && met.scatterings == 2 && coarse_is_due(met, sampler) => {
+                None if self.role.get() == Role::Record
+                    && met.scatterings == 2
+                    && coarse_is_due(met, sampler) =>
+                {
                     self.cached.make(self.engine, met, COARSE)
                 }
                 None => return None,
@@ -371,15 +408,19 @@ impl Ending for Light<'_> {
         if self.role.get() != Role::Path || self.cached.store.is_full() {
             return light;
         }
-        let (most, shown) =
-            (MOST_ALONE * FRAC_1_PI * self.cached.usual.irradiance(&self.cached.store), luminance(light.into()));
+        let (most, shown) = (
+            MOST_ALONE * FRAC_1_PI * self.cached.usual.irradiance(&self.cached.store),
+            luminance(light.into()),
+        );
         if shown > most { light * (most / shown) } else { light }
     }
 
     #[inline]
     fn light_samples(&self, engine: &PathEngine, scatterings: u32, ends: bool) -> u32 {
         match self.role.get() {
-            Role::Eye if ends || scatterings > engine.bounces => engine.light_samples.max(LIGHT_SAMPLES),
+            Role::Eye if ends || scatterings > engine.bounces => {
+                engine.light_samples.max(LIGHT_SAMPLES)
+            }
             Role::Eye | Role::Path if scatterings == 1 => engine.light_samples,
             _ => 1,
         }
@@ -401,7 +442,10 @@ struct Gathering<'a> {
 
 impl Gathering<'_> {
     fn nearest(&self, direction: Vec3) -> Option<Hit> {
-        let ray = Ray::new(spawn(self.point.point, self.point.error, self.point.normal, direction), direction);
+        let ray = Ray::new(
+            spawn(self.point.point, self.point.error, self.point.normal, direction),
+            direction,
+        );
         self.raycaster.nearest_from(&ray, self.point.triangle)
     }
 
@@ -411,7 +455,14 @@ impl Gathering<'_> {
             let (count, others) = (self.counts[2], self.unaimed(direction));
             Aims { images, count, others }
         });
-        let start = Start { hit, direction, inside: *self.inside, arrived: Arrived::Excluded, aims, depth: 1 };
+        let start = Start {
+            hit,
+            direction,
+            inside: *self.inside,
+            arrived: Arrived::Excluded,
+            aims,
+            depth: 1,
+        };
         let radiance = self.light.engine.follow(self.raycaster, start, &self.light, sampler);
         if radiance.is_finite() { radiance } else { Vec3::ZERO }
     }
@@ -423,7 +474,11 @@ impl Gathering<'_> {
 
     /// Expected number of rays per solid angle towards a point, over the hemisphere and at sources.
     fn density(&self, hit: Option<&Hit>, cosine: f32) -> f32 {
-        let aimed = self.aimed.as_ref().zip(hit).map_or(0.0, |(aimed, hit)| aimed.density(self.raycaster, hit));
+        let aimed = self
+            .aimed
+            .as_ref()
+            .zip(hit)
+            .map_or(0.0, |(aimed, hit)| aimed.density(self.raycaster, hit));
         self.counts[0] as f32 * cosine * FRAC_1_PI + self.counts[1] as f32 * aimed
     }
 
@@ -433,7 +488,10 @@ impl Gathering<'_> {
         let cosine = direction.dot(self.normal).max(0.0);
         let share = self.counts[0] as f32 * cosine * FRAC_1_PI / self.density(hit.as_ref(), cosine);
         let radiance = self.radiance(hit, direction, sampler);
-        Arrival { radiance: if share.is_finite() { radiance * share } else { Vec3::ZERO }, distance }
+        Arrival {
+            radiance: if share.is_finite() { radiance * share } else { Vec3::ZERO },
+            distance,
+        }
     }
 
     fn source(&self, index: u32, sampler: &mut Sampler) -> Option<Source> {
@@ -444,7 +502,9 @@ impl Gathering<'_> {
         let towards = target.point - self.point.point;
         let direction = towards.try_normalize()?;
         let cosine = direction.dot(self.normal);
-        let hit = self.nearest(direction).filter(|hit| cosine > 0.0 && hit.triangle == target.triangle)?;
+        let hit = self
+            .nearest(direction)
+            .filter(|hit| cosine > 0.0 && hit.triangle == target.triangle)?;
         let radiance = self.radiance(Some(hit), direction, sampler);
         let irradiance = radiance * (cosine / self.density(Some(&hit), cosine));
         let material = self.raycaster.scene().material_ids[target.triangle as usize] as usize;
@@ -466,9 +526,11 @@ impl Gathering<'_> {
             return None;
         }
         let material = self.raycaster.scene().material_ids[image.triangle as usize] as usize;
-        let radiance = self.light.engine.surfaces[material].emission * images.arriving(self.point, &image);
+        let radiance =
+            self.light.engine.surfaces[material].emission * images.arriving(self.point, &image);
         let density = self.counts[2] as f32 * image.density;
-        let irradiance = radiance * (cosine * power_heuristic(density, self.unaimed(direction)) / density);
+        let irradiance =
+            radiance * (cosine * power_heuristic(density, self.unaimed(direction)) / density);
         let (towards, normal) = (image.towards, image.normal);
         irradiance.is_finite().then_some(Source { irradiance, towards, normal: Some(normal) })
     }

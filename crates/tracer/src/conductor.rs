@@ -42,7 +42,8 @@ impl Conductor {
     pub(crate) fn new(ks: Vec3, ggx: Ggx, loss: Arc<Table>) -> Self {
         let reflectance = ks * ks * (1.0 - loss.mean) / (Vec3::ONE - ks * loss.mean);
         // A polished metal loses nothing, to f32.
-        let several = if loss.mean > 1e-8 { reflectance * FRAC_1_PI / loss.mean } else { Vec3::ZERO };
+        let several =
+            if loss.mean > 1e-8 { reflectance * FRAC_1_PI / loss.mean } else { Vec3::ZERO };
         Self { ks, ggx, loss, several }
     }
 

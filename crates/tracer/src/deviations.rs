@@ -28,7 +28,9 @@ impl Deviations {
     /// Standard deviation of a record's rays over their mean, by those of its pilot and of all pilots before it.
     pub fn take_in(&self, pilot: &Record) -> f32 {
         let own = pilot.error * (pilot.rays as f32).sqrt();
-        let sum = self.sum.fetch_add((own.min(MOST_DEVIATION) * DEVIATION_STEPS) as u64, Ordering::Relaxed);
+        let sum = self
+            .sum
+            .fetch_add((own.min(MOST_DEVIATION) * DEVIATION_STEPS) as u64, Ordering::Relaxed);
         let count = self.pilots.fetch_add(1, Ordering::Relaxed);
         let first = FIRST_RECORDS * FIRST_DEVIATION;
         let usual = (sum as f32 / DEVIATION_STEPS + first) / (count as f32 + FIRST_RECORDS);
@@ -47,8 +49,9 @@ mod tests {
 
     #[test]
     fn a_pilot_that_missed_what_is_bright_is_reckoned_with_as_others_were() {
-        let near =
-            |found: f32, expected: f32| assert!((found - expected).abs() < 1e-3 * expected, "{found} {expected}");
+        let near = |found: f32, expected: f32| {
+            assert!((found - expected).abs() < 1e-3 * expected, "{found} {expected}")
+        };
         let deviations = Deviations::default();
         near(deviations.take_in(&pilot(0.0, 64)), LEAST_DEVIATION * FIRST_DEVIATION);
         let deviations = Deviations::default();
@@ -60,7 +63,8 @@ mod tests {
         near(deviations.take_in(&pilot(5.0, 64)), 40.0);
         deviations.take_in(&pilot(f32::INFINITY, 64));
         deviations.take_in(&pilot(f32::NAN, 64));
-        let usual = (1992.0 * 3.0 + 3.0 * MOST_DEVIATION + FIRST_RECORDS * FIRST_DEVIATION) / 2004.0;
+        let usual =
+            (1992.0 * 3.0 + 3.0 * MOST_DEVIATION + FIRST_RECORDS * FIRST_DEVIATION) / 2004.0;
         near(deviations.take_in(&pilot(0.0, 64)), LEAST_DEVIATION * usual);
     }
 }

@@ -39,7 +39,13 @@ pub(crate) struct Lit {
 
 impl Lit {
     #[inline]
-    pub(crate) fn new(seen: &Seen, scatter: &Scatter, point: &SurfacePoint, normal: Vec3, samples: u32) -> Self {
+    pub(crate) fn new(
+        seen: &Seen,
+        scatter: &Scatter,
+        point: &SurfacePoint,
+        normal: Vec3,
+        samples: u32,
+    ) -> Self {
         Self { point: point.point, normal: lit_from(scatter, normal), sky: seen.sky, samples }
     }
 
@@ -68,7 +74,13 @@ impl Left {
 
     /// The same towards a point on an emitter that the sample met. Few samples meet one: to weigh the lights again takes less than to carry
     /// their weights along all paths.
-    pub(crate) fn emitter_density(&self, lights: &Lights, raycaster: &Raycaster, met: &Hit, cosine: f32) -> f32 {
+    pub(crate) fn emitter_density(
+        &self,
+        lights: &Lights,
+        raycaster: &Raycaster,
+        met: &Hit,
+        cosine: f32,
+    ) -> f32 {
         let Lit { point, normal, samples, .. } = self.lit;
         let probability = lights.probability(&lights.seen(point, normal), met.triangle);
         if probability == 0.0 {
@@ -114,7 +126,9 @@ impl Vertex<'_> {
         for j in 0..count {
             let (first, second) = pairs.at(j);
             match lights.choose(seen, first) {
-                Some(Chosen::Sky { rest }) => sum += self.sky(seen, sky, count, direct, [rest, second]),
+                Some(Chosen::Sky { rest }) => {
+                    sum += self.sky(seen, sky, count, direct, [rest, second])
+                }
                 Some(Chosen::Triangle { triangle, probability, rest }) => {
                     sum += self.emitter(triangle, probability, count, direct, [rest, second]);
                 }
@@ -126,7 +140,14 @@ impl Vertex<'_> {
 
     /// Value over density of one sample of the sky, weighed against the material's.
     #[inline]
-    fn sky(&self, seen: &Seen, sky: Vec3, count: u32, direct: Direct, [mut x, y]: [f32; 2]) -> Vec3 {
+    fn sky(
+        &self,
+        seen: &Seen,
+        sky: Vec3,
+        count: u32,
+        direct: Direct,
+        [mut x, y]: [f32; 2],
+    ) -> Vec3 {
         let mut side = 1.0;
         if self.scatter.transmits() {
             x *= 2.0;
@@ -142,7 +163,10 @@ impl Vertex<'_> {
             return Vec3::ZERO;
         }
         let direction = self.frame.to_world(wi);
-        let ray = Ray::new(spawn(self.point.point, self.point.error, self.point.normal, direction), direction);
+        let ray = Ray::new(
+            spawn(self.point.point, self.point.error, self.point.normal, direction),
+            direction,
+        );
         if self.raycaster.occluded_from(&ray, self.point.triangle) {
             return Vec3::ZERO;
         }
@@ -151,7 +175,14 @@ impl Vertex<'_> {
 
     /// The same of a chosen emitter.
     #[inline]
-    fn emitter(&self, triangle: u32, probability: f32, count: u32, direct: Direct, u: [f32; 2]) -> Vec3 {
+    fn emitter(
+        &self,
+        triangle: u32,
+        probability: f32,
+        count: u32,
+        direct: Direct,
+        u: [f32; 2],
+    ) -> Vec3 {
         if triangle == self.point.triangle {
             return Vec3::ZERO;
         }
@@ -161,7 +192,8 @@ impl Vertex<'_> {
         // scene's origin: light in a glowing box of 5 mm, 250 m from there, was 2 to 3 % too bright.
         let towards = self.raycaster.point(triangle, u, v) - self.point.point;
         let light = self.raycaster.surface(triangle, u, v);
-        let emitter = &self.surfaces[self.raycaster.scene().material_ids[triangle as usize] as usize];
+        let emitter =
+            &self.surfaces[self.raycaster.scene().material_ids[triangle as usize] as usize];
         let distance2 = towards.length_squared();
         if distance2 == 0.0 {
             return Vec3::ZERO;
@@ -171,7 +203,8 @@ impl Vertex<'_> {
         if !(cosine > 0.0 || emitter.two_sided && cosine < 0.0) {
             return Vec3::ZERO;
         }
-        let (value, pdf) = self.scatter.evaluate(self.wo, self.frame.to_local(direction), self.front);
+        let (value, pdf) =
+            self.scatter.evaluate(self.wo, self.frame.to_local(direction), self.front);
         if value == Vec3::ZERO {
             return Vec3::ZERO;
         }
@@ -180,7 +213,10 @@ impl Vertex<'_> {
             return Vec3::ZERO;
         }
         let density = probability * aim.density(distance2, cosine.abs());
-        value * passed * emitter.emission * (direct.light_weight(density * count as f32, pdf) / density)
+        value
+            * passed
+            * emitter.emission
+            * (direct.light_weight(density * count as f32, pdf) / density)
     }
 }
 

@@ -12,29 +12,37 @@ use crate::{Settings, Tracer};
 
 /// A floor of the given material, a large near lamp, a small one seen from behind, and a sky.
 fn scene(floor: Bsdf, sky: [f32; 3]) -> Arc<Scene> {
-    let quad =
-        |z: f64, x: f64, h: f64| [[x - h, -h, z], [x - h, h, z], [x + h, h, z], [x + h, -h, z]].map(DVec3::from_array);
+    let quad = |z: f64, x: f64, h: f64| {
+        [[x - h, -h, z], [x - h, h, z], [x + h, h, z], [x + h, -h, z]].map(DVec3::from_array)
+    };
     // Seen from above these run clockwise: fronts are downwards.
-    let positions: Vec<DVec3> = [quad(0.0, 0.0, 10.0), quad(1.0, 0.8, 0.7), quad(2.0, -2.0, 0.3)].concat();
-    let triangles: Vec<[u32; 3]> =
-        (0..3).flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]]).collect();
-    let material =
-        |name: &str, bsdf, emission| Material { name: name.into(), bsdf, emission, two_sided_emission: false };
+    let positions: Vec<DVec3> =
+        [quad(0.0, 0.0, 10.0), quad(1.0, 0.8, 0.7), quad(2.0, -2.0, 0.3)].concat();
+    let triangles: Vec<[u32; 3]> = (0..3)
+        .flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]])
+        .collect();
+    let material = |name: &str, bsdf, emission| Material {
+        name: name.into(),
+        bsdf,
+        emission,
+        two_sided_emission: false,
+    };
     let black = Bsdf::Diffuse { kd: [0.0; 3] };
     let materials = vec![
         material("floor", floor, [0.0; 3]),
         material("near", black, [1.0, 2.0, 3.0]),
         material("far", black, [30.0, 20.0, 10.0]),
     ];
-    let (scene, _) =
-        Scene::from_world(&positions, &triangles, &[0, 0, 1, 1, 2, 2], materials, sky).expect("a valid scene");
+    let (scene, _) = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1, 2, 2], materials, sky)
+        .expect("a valid scene");
     Arc::new(scene)
 }
 
 /// The same floor under two tinted panes, one of them tilted, that cover most of both lamps, and under a solid plate of glass beside them.
 fn glazed(floor: Bsdf, sky: [f32; 3]) -> Arc<Scene> {
     let open = scene(floor, sky);
-    let mut positions: Vec<DVec3> = open.positions.iter().map(|p| Vec3::from(*p).as_dvec3() + open.origin).collect();
+    let mut positions: Vec<DVec3> =
+        open.positions.iter().map(|p| Vec3::from(*p).as_dvec3() + open.origin).collect();
     let mut triangles: Vec<[u32; 3]> = open.triangles.clone();
     let mut ids: Vec<u32> = open.material_ids.clone();
     let mut materials = open.materials.clone();
@@ -55,9 +63,16 @@ fn glazed(floor: Bsdf, sky: [f32; 3]) -> Arc<Scene> {
         Bsdf::ThinGlass { ior: 2.0, transmittance: [0.5, 1.0, 0.8] },
         Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: 0.0 },
     ] {
-        materials.push(Material { name: "glass".into(), bsdf, emission: [0.0; 3], two_sided_emission: false });
+        materials.push(Material {
+            name: "glass".into(),
+            bsdf,
+            emission: [0.0; 3],
+            two_sided_emission: false,
+        });
     }
-    Arc::new(Scene::from_world(&positions, &triangles, &ids, materials, sky).expect("a valid scene").0)
+    Arc::new(
+        Scene::from_world(&positions, &triangles, &ids, materials, sky).expect("a valid scene").0,
+    )
 }
 
 #[test]
@@ -74,19 +89,28 @@ fn through_panes_lights_and_materials_find_the_same() {
             for (a, b) in [(0, 1), (0, 2), (1, 2)] {
                 let ((ma, va), (mb, vb)) = (results[a][c], results[b][c]);
                 // 27 comparisons at 4.5 sigma: by chance once in 5,000 sets of seeds.
-                assert!((ma - mb).abs() <= 4.5 * (va + vb).sqrt(), "{floor:?} {sky:?} channel {c}: {results:?}");
+                assert!(
+                    (ma - mb).abs() <= 4.5 * (va + vb).sqrt(),
+                    "{floor:?} {sky:?} channel {c}: {results:?}"
+                );
             }
-            assert!(results[1][c].1 < results[0][c].1, "{floor:?} {sky:?} channel {c}: {results:?}");
+            assert!(
+                results[1][c].1 < results[0][c].1,
+                "{floor:?} {sky:?} channel {c}: {results:?}"
+            );
         }
     }
 }
 
 fn mean(raycaster: &Arc<Raycaster>, direct: Direct, samples: u32, paths: u64) -> [(f64, f64); 3] {
     let settings = Settings { bounces: Some(0), paths: 1 };
-    let tracer = Tracer::with_direct(raycaster.clone(), settings, direct, samples).expect("a tracer");
+    let tracer =
+        Tracer::with_direct(raycaster.clone(), settings, direct, samples).expect("a tracer");
     let (mut sum, mut squares) = ([0.0; 3], [0.0; 3]);
     for seed in 0..paths {
-        let r = tracer.trace(DVec3::new(-1.5, 0.2, 0.8), DVec3::new(1.5, 0.0, -0.8).normalize(), seed).radiance;
+        let r = tracer
+            .trace(DVec3::new(-1.5, 0.2, 0.8), DVec3::new(1.5, 0.0, -0.8).normalize(), seed)
+            .radiance;
         for c in 0..3 {
             sum[c] += f64::from(r[c]);
             squares[c] += f64::from(r[c]).powi(2);
@@ -107,7 +131,8 @@ fn lights_alone_materials_alone_and_both_agree() {
     ] {
         for sky in [[0.0; 3], [0.3, 0.6, 0.1]] {
             let raycaster = Arc::new(Raycaster::build(scene(floor, sky)).expect("built"));
-            let results = [Direct::Lights, Direct::Materials, Direct::Both].map(|d| mean(&raycaster, d, 1, 40_000));
+            let results = [Direct::Lights, Direct::Materials, Direct::Both]
+                .map(|d| mean(&raycaster, d, 1, 40_000));
             for c in 0..3 {
                 for (a, b) in [(0, 1), (0, 2), (1, 2)] {
                     let ((ma, va), (mb, vb)) = (results[a][c], results[b][c]);
@@ -120,7 +145,10 @@ fn lights_alone_materials_alone_and_both_agree() {
                 assert!(results[2][c].0 > 0.0);
                 // What the combination is for: never much worse than the better of the two.
                 let best = results[0][c].1.min(results[1][c].1);
-                assert!(results[2][c].1 < 2.5 * best, "{floor:?} sky {sky:?} channel {c}: {results:?}");
+                assert!(
+                    results[2][c].1 < 2.5 * best,
+                    "{floor:?} sky {sky:?} channel {c}: {results:?}"
+                );
             }
         }
     }
@@ -130,8 +158,9 @@ fn lights_alone_materials_alone_and_both_agree() {
 /// backs, and one in the floor's own plane. Every second kind of material is two-sided.
 fn swarm(floor: Bsdf, sky: [f32; 3]) -> Arc<Scene> {
     let mut s = Sampler::new(77, 0);
-    let mut positions =
-        [[-30.0, -30.0], [30.0, -30.0], [30.0, 30.0], [-30.0, 30.0]].map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
+    let mut positions = [[-30.0, -30.0], [30.0, -30.0], [30.0, 30.0], [-30.0, 30.0]]
+        .map(|[x, y]| DVec3::new(x, y, 0.0))
+        .to_vec();
     let mut triangles = vec![[0, 1, 2], [0, 2, 3]];
     let mut ids = vec![0, 0];
     let mut add = |corners: [DVec3; 3], id: u32| {
@@ -147,21 +176,30 @@ fn swarm(floor: Bsdf, sky: [f32; 3]) -> Arc<Scene> {
         add([point(), point(), point()].map(|p| center + p * size), 1 + i as u32 % 2);
     }
     for (size, height) in [(3.0, 4.0), (40.0, 90.0)] {
-        add([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]].map(|[x, y]| DVec3::new(x * size - 1.0, y * size, height)), 3);
+        add(
+            [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]]
+                .map(|[x, y]| DVec3::new(x * size - 1.0, y * size, height)),
+            3,
+        );
     }
     // In the floor's plane, and one that stands on it.
     add([DVec3::new(31.0, 0.0, 0.0), DVec3::new(33.0, 0.0, 0.0), DVec3::new(31.0, 2.0, 0.0)], 3);
     add([DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(1.0, 0.0, 0.5)], 3);
     let black = Bsdf::Diffuse { kd: [0.0; 3] };
-    let material =
-        |bsdf, emission, two_sided_emission| Material { name: "m".into(), bsdf, emission, two_sided_emission };
+    let material = |bsdf, emission, two_sided_emission| Material {
+        name: "m".into(),
+        bsdf,
+        emission,
+        two_sided_emission,
+    };
     let materials = vec![
         material(floor, [0.0; 3], false),
         material(black, [40.0, 20.0, 30.0], false),
         material(black, [10.0, 30.0, 20.0], true),
         material(black, [1.0, 2.0, 1.5], false),
     ];
-    let (scene, _) = Scene::from_world(&positions, &triangles, &ids, materials, sky).expect("a valid scene");
+    let (scene, _) =
+        Scene::from_world(&positions, &triangles, &ids, materials, sky).expect("a valid scene");
     Arc::new(scene)
 }
 
@@ -173,9 +211,14 @@ fn thousands_of_lights_are_found_alike_by_lights_by_materials_and_by_both() {
         (Bsdf::Dielectric { ior: 1.5, transmittance: [0.9; 3], alpha: 0.5 }, [0.5; 3]),
     ] {
         let raycaster = Arc::new(Raycaster::build(swarm(floor, sky)).expect("built"));
-        let results =
-            [(Direct::Lights, 1), (Direct::Lights, 4), (Direct::Materials, 1), (Direct::Both, 1), (Direct::Both, 4)]
-                .map(|(d, samples)| mean(&raycaster, d, samples, 40_000));
+        let results = [
+            (Direct::Lights, 1),
+            (Direct::Lights, 4),
+            (Direct::Materials, 1),
+            (Direct::Both, 1),
+            (Direct::Both, 4),
+        ]
+        .map(|(d, samples)| mean(&raycaster, d, samples, 40_000));
         for c in 0..3 {
             for a in 0..results.len() {
                 for b in 0..a {

@@ -56,7 +56,10 @@ fn white_materials_return_all_light_at_every_roughness_and_angle() {
                 for front in [true, false] {
                     let (share, error) = albedo(&scatter, theta, front);
                     let difference = (share - 1.0).abs();
-                    assert!(difference <= 4.5 * error + TABLE_ERROR, "{bsdf:?} {theta} {front}: {share} ± {error}");
+                    assert!(
+                        difference <= 4.5 * error + TABLE_ERROR,
+                        "{bsdf:?} {theta} {front}: {share} ± {error}"
+                    );
                 }
             }
         }
@@ -76,7 +79,10 @@ fn smooth_boundaries_return_all_light() {
             for front in [true, false] {
                 let (share, error) = albedo(&scatter, theta, front);
                 // Every weight is 1 to a few roundings.
-                assert!((share - 1.0).abs() < 1e-6 && error < 1e-6, "{bsdf:?} {theta} {front}: {share} ± {error}");
+                assert!(
+                    (share - 1.0).abs() < 1e-6 && error < 1e-6,
+                    "{bsdf:?} {theta} {front}: {share} ± {error}"
+                );
             }
         }
     }
@@ -93,7 +99,10 @@ fn a_coat_adds_its_reflection_to_a_coloured_base_and_never_makes_light() {
             let ((black, black_error), (grey, grey_error)) = (of(0.0), of(0.5));
             // The base is linear in kd, and all light at 1: grey lies in the middle.
             let error = 0.5 * black_error + grey_error;
-            assert!((grey - 0.5 * (1.0 + black)).abs() <= 4.5 * error + TABLE_ERROR, "{alpha} {theta}: {grey} {black}");
+            assert!(
+                (grey - 0.5 * (1.0 + black)).abs() <= 4.5 * error + TABLE_ERROR,
+                "{alpha} {theta}: {grey} {black}"
+            );
             assert!(black > 0.0 && black < 1.0);
         }
     }
@@ -120,7 +129,8 @@ fn textbook_albedo(alpha: f64, theta: f32) -> f64 {
             let m = (o + wi).normalize();
             let c2 = m.z * m.z;
             let tan2 = (1.0 - c2) / c2;
-            let d = alpha * alpha / (std::f64::consts::PI * c2 * c2 * (alpha * alpha + tan2).powi(2));
+            let d =
+                alpha * alpha / (std::f64::consts::PI * c2 * c2 * (alpha * alpha + tan2).powi(2));
             sum += d / (1.0 + lambda(o.z) + lambda(wi.z)) / (4.0 * o.z) * t.sin();
         }
     }
@@ -159,11 +169,15 @@ fn a_coloured_metal_is_more_saturated_the_rougher_it_is() {
             })
         };
         let steps = 400;
-        let mean = (0..steps).map(|i| loss(((i as f32 + 0.5) / steps as f32).sqrt())).sum::<f64>() / f64::from(steps);
+        let mean = (0..steps).map(|i| loss(((i as f32 + 0.5) / steps as f32).sqrt())).sum::<f64>()
+            / f64::from(steps);
         let lost = loss(direction(1.0).z);
         let ks = f64::from(ks);
         let expected = ks * (1.0 - lost) + lost * ks * ks * (1.0 - mean) / (1.0 - ks * mean);
-        assert!((share - expected).abs() <= 4.5 * error + 1e-3, "{alpha}: {share} ± {error}, {expected}");
+        assert!(
+            (share - expected).abs() <= 4.5 * error + 1e-3,
+            "{alpha}: {share} ± {error}, {expected}"
+        );
         assert!(share < last);
         last = share;
     }

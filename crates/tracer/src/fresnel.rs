@@ -64,7 +64,10 @@ mod tests {
             let (back, before) = dielectric(beyond, 1.0 / 1.52);
             // A cosine is recovered from 1 - cos²: its error is some 1e-7 over itself, and the slope of r is at most 6.
             let bound = 3e-6 / cosine;
-            assert!((r - back).abs() < bound && (before - cosine).abs() < bound, "{cosine}: {r} {back}");
+            assert!(
+                (r - back).abs() < bound && (before - cosine).abs() < bound,
+                "{cosine}: {r} {back}"
+            );
         }
     }
 
@@ -84,7 +87,11 @@ mod tests {
                 let (r, beyond) = dielectric(cosine, eta);
                 if r < 1.0 {
                     let wi = refract(wo, Vec3::Z, beyond, eta);
-                    assert!((wi.x * eta + wo.x).abs() < 1e-6 && wi.z < 0.0 && (wi.length() - 1.0).abs() < 1e-6);
+                    assert!(
+                        (wi.x * eta + wo.x).abs() < 1e-6
+                            && wi.z < 0.0
+                            && (wi.length() - 1.0).abs() < 1e-6
+                    );
                 }
             }
         }

@@ -101,7 +101,10 @@ mod tests {
             let f = Frame::new(n);
             let near = |a: f32, b: f32| (a - b).abs() < 4e-7;
             assert!(near(f.s.length(), 1.0) && near(f.t.length(), 1.0), "{n}");
-            assert!(near(f.s.dot(f.t), 0.0) && near(f.s.dot(n), 0.0) && near(f.t.dot(n), 0.0), "{n}");
+            assert!(
+                near(f.s.dot(f.t), 0.0) && near(f.s.dot(n), 0.0) && near(f.t.dot(n), 0.0),
+                "{n}"
+            );
             assert!(f.s.cross(f.t).dot(n) > 0.99);
         }
     }

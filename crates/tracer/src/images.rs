@@ -66,7 +66,8 @@ impl<'a> Images<'a> {
         let (mut planes, mut parts, mut sums, mut sum) = (Vec::new(), Vec::new(), Vec::new(), 0.0);
         for (number, plane) in (0..).zip(&mirrors.planes) {
             let (point, normal) = (plane.reflect(point), plane.reflect_direction(normal));
-            let shown = lights.parts(point, normal, |center, radius| plane.shows(point, center, radius));
+            let shown =
+                lights.parts(point, normal, |center, radius| plane.shows(point, center, radius));
             if shown.is_empty() {
                 continue;
             }
@@ -88,17 +89,19 @@ impl<'a> Images<'a> {
     /// A point on an image by two uniform numbers. `None` if there is none to be seen there.
     pub(crate) fn choose(&self, uniform: f64, second: f32) -> Option<Image> {
         let i = self.sums.partition_point(|&sum| sum <= uniform).min(self.parts.len() - 1);
-        let Behind { plane, point, normal, .. } = self.planes[self.planes.partition_point(|p| p.first <= i) - 1];
+        let Behind { plane, point, normal, .. } =
+            self.planes[self.planes.partition_point(|p| p.first <= i) - 1];
         let rest = ((uniform - self.before(i)) / self.share(i)).clamp(0.0, 1.0 - f64::EPSILON);
-        let (triangle, probability, rest) = self.lights.choose_in(&self.parts[i], point, normal, rest)?;
+        let (triangle, probability, rest) =
+            self.lights.choose_in(&self.parts[i], point, normal, rest)?;
         let aim = Aim::new(point, self.raycaster.vertices(triangle));
         let (u, v) = aim.sample([rest, second]);
         let towards = self.raycaster.point(triangle, u, v) - point;
         let lamp = self.raycaster.geometric_normal(triangle);
         let distance2 = towards.length_squared();
         let cosine = -towards.dot(lamp) / distance2.sqrt();
-        let surface =
-            &self.raycaster.scene().materials[self.raycaster.scene().material_ids[triangle as usize] as usize];
+        let surface = &self.raycaster.scene().materials
+            [self.raycaster.scene().material_ids[triangle as usize] as usize];
         if !(cosine > 0.0 || surface.two_sided_emission && cosine < 0.0) {
             return None;
         }
@@ -124,10 +127,14 @@ impl<'a> Images<'a> {
         let Some(direction) = towards.try_normalize() else { return Vec3::ZERO };
         let face = |triangle: u32| self.mirrors.faces.get(&triangle).filter(|face| face.0 == plane);
         let ends = |triangle: u32| face(triangle).is_some();
-        let Some((met, share)) = self.panes.to_face(self.raycaster, at, direction, ends) else { return Vec3::ZERO };
+        let Some((met, share)) = self.panes.to_face(self.raycaster, at, direction, ends) else {
+            return Vec3::ZERO;
+        };
         let Some((_, face)) = face(met.triangle) else { return Vec3::ZERO };
         let lamp = self.raycaster.surface(triangle, u, v);
-        share * face.reflectance(direction.dot(met.normal)) * self.panes.between(self.raycaster, &met, &lamp)
+        share
+            * face.reflectance(direction.dot(met.normal))
+            * self.panes.between(self.raycaster, &met, &lamp)
     }
 
     /// Density with which [`choose`](Self::choose) gives a point on a lamp as a plane shows it, per solid angle.
@@ -135,7 +142,9 @@ impl<'a> Images<'a> {
         let Some(at) = self.planes.iter().position(|p| p.plane == plane) else { return 0.0 };
         let Behind { point, normal, first, .. } = self.planes[at];
         let end = self.planes.get(at + 1).map_or(self.parts.len(), |next| next.first);
-        let Some((i, probability)) = self.lights.find_in(&self.parts[first..end], point, normal, met.triangle) else {
+        let Some((i, probability)) =
+            self.lights.find_in(&self.parts[first..end], point, normal, met.triangle)
+        else {
             return 0.0;
         };
         let aim = Aim::new(point, self.raycaster.vertices(met.triangle));

@@ -29,12 +29,16 @@ fn room(lamps: usize) -> Arc<Raycaster> {
     let mut s = Sampler::new(5, 0);
     for _ in 0..lamps {
         let mut signed = || f64::from(s.one()) * 2.0 - 1.0;
-        let (middle, u) = (at(1.5 * signed(), 1.5 * signed(), 1.5 + 0.5 * signed()), at(signed(), signed(), signed()));
+        let (middle, u) = (
+            at(1.5 * signed(), 1.5 * signed(), 1.5 + 0.5 * signed()),
+            at(signed(), signed(), signed()),
+        );
         let u = 0.3 * u.normalize();
         let v = u.normalize().any_orthonormal_vector() * 0.15;
         quad([middle - u - v, middle + u - v, middle + u + v, middle - u + v], 3);
     }
-    let material = |bsdf, emission| Material { name: "m".into(), bsdf, emission, two_sided_emission: false };
+    let material =
+        |bsdf, emission| Material { name: "m".into(), bsdf, emission, two_sided_emission: false };
     let black = Bsdf::Diffuse { kd: [0.0; 3] };
     let materials = vec![
         material(black, [0.0; 3]),
@@ -42,7 +46,8 @@ fn room(lamps: usize) -> Arc<Raycaster> {
         material(Bsdf::ThinGlass { ior: 1.5, transmittance: [0.8; 3] }, [0.0; 3]),
         material(black, [10.0, 20.0, 30.0]),
     ];
-    let (scene, _) = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).expect("a valid scene");
+    let (scene, _) = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3])
+        .expect("a valid scene");
     Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
 }
 
@@ -61,8 +66,13 @@ fn images_are_weighed_with_the_density_that_they_are_chosen_with() {
         let mirrors = Mirrors::find(raycaster.scene(), &engine.surfaces);
         assert_eq!(mirrors.planes.len(), 2);
         let (point, normal) = place(&raycaster, 0.3, -0.4);
-        let Some(images) = Images::seen(&raycaster, &engine.lights, &engine.panes, &mirrors, [point.point, normal])
-        else {
+        let Some(images) = Images::seen(
+            &raycaster,
+            &engine.lights,
+            &engine.panes,
+            &mirrors,
+            [point.point, normal],
+        ) else {
             assert_eq!(lamps, 1);
             continue;
         };
@@ -78,7 +88,11 @@ fn images_are_weighed_with_the_density_that_they_are_chosen_with() {
             let cosine = image.towards.normalize().dot(image.normal).abs();
             let again = images.density(image.plane, &met, cosine);
             // Both from f32, by other ways to the same numbers.
-            assert!((again / image.density - 1.0).abs() < 1e-3, "{lamps} lamps: {again} and {}", image.density);
+            assert!(
+                (again / image.density - 1.0).abs() < 1e-3,
+                "{lamps} lamps: {again} and {}",
+                image.density
+            );
         }
         assert!(chosen > 100, "{lamps} lamps: {chosen}");
     }
@@ -91,7 +105,13 @@ fn images_bring_what_rays_over_the_hemisphere_find_by_one_mirror() {
     let mirrors = Mirrors::find(raycaster.scene(), &engine.surfaces);
     for (number, (x, y)) in [(0.3, -0.4), (-1.0, 1.2), (1.2, 1.5)].into_iter().enumerate() {
         let (point, normal) = place(&raycaster, x, y);
-        let images = Images::seen(&raycaster, &engine.lights, &engine.panes, &mirrors, [point.point, normal]);
+        let images = Images::seen(
+            &raycaster,
+            &engine.lights,
+            &engine.panes,
+            &mirrors,
+            [point.point, normal],
+        );
         let images = images.expect("the mirror shows lamps");
         let aimed = statistics(40_000, |sampler| {
             let (first, second) = sampler.pairs(1).at(0);
@@ -109,7 +129,11 @@ fn images_bring_what_rays_over_the_hemisphere_find_by_one_mirror() {
         });
         let [(a, va), (b, vb)] = [aimed, by_chance];
         // Three comparisons at 4.5 sigma: by chance once in 50,000 sets of seeds.
-        assert!((a - b).abs() <= 4.5 * (va + vb).sqrt(), "place {number}: {a} and {b}, +- {}", (va + vb).sqrt());
+        assert!(
+            (a - b).abs() <= 4.5 * (va + vb).sqrt(),
+            "place {number}: {a} and {b}, +- {}",
+            (va + vb).sqrt()
+        );
         assert!(b > 20.0 * vb.sqrt(), "place {number}: {b} +- {}", vb.sqrt());
     }
 }
@@ -167,7 +191,8 @@ fn straight(
     for _ in 0..8 {
         let Some(hit) = raycaster.nearest_from(&ray(from, direction), from.triangle) else { break };
         from = raycaster.surface(hit.triangle, hit.u, hit.v);
-        let surface = &engine.surfaces[raycaster.scene().material_ids[hit.triangle as usize] as usize];
+        let surface =
+            &engine.surfaces[raycaster.scene().material_ids[hit.triangle as usize] as usize];
         if surface.emits {
             return if direction.dot(from.normal) < 0.0 { share } else { 0.0 };
         }

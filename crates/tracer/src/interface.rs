@@ -56,14 +56,18 @@ impl Interface {
     pub(crate) fn new(ggx: Ggx, eta: f32) -> Self {
         let mut plain = Self::without_compensation(ggx, eta);
         let [front, back] = [&plain.front, &plain.back].map(|side| {
-            let table = Table::new(ggx, |cosine| over_normals(ggx, cosine, |wo, m| plain.lost(side, wo, m)));
+            let table = Table::new(ggx, |cosine| {
+                over_normals(ggx, cosine, |wo, m| plain.lost(side, wo, m))
+            });
             (table.mean > NO_LOSS).then_some(table)
         });
         if let (Some(a), Some(b)) = (&front, &back) {
             let eta2 = eta * eta;
             // As much goes through as of diffuse light through a smooth boundary, as far as both sides can give it.
             let through = 1.0 - mean_reflectance(eta);
-            let share = (2.0 * through / (eta2 * (a.mean + b.mean))).min(1.0 / (eta2 * b.mean)).min(1.0 / a.mean);
+            let share = (2.0 * through / (eta2 * (a.mean + b.mean)))
+                .min(1.0 / (eta2 * b.mean))
+                .min(1.0 / a.mean);
             plain.front.transmitted = share * eta2 * b.mean;
             plain.back.transmitted = share * a.mean;
         }
@@ -99,7 +103,11 @@ impl Interface {
         Table::new(self.ggx, |cosine| {
             let once = over_normals(self.ggx, cosine, |wo, m| {
                 let wi = reflect(wo, m);
-                if wi.z > 0.0 { dielectric(wo.dot(m).max(0.0), side.eta).0 * self.ggx.shadowing(wo, wi) } else { 0.0 }
+                if wi.z > 0.0 {
+                    dielectric(wo.dot(m).max(0.0), side.eta).0 * self.ggx.shadowing(wo, wi)
+                } else {
+                    0.0
+                }
             });
             let lost = side.loss.as_ref().map_or(0.0, |loss| loss.at(cosine));
             once + f64::from(lost * (1.0 - side.transmitted))
@@ -110,7 +118,8 @@ impl Interface {
     #[inline]
     pub(crate) fn evaluate(&self, wo: Vec3, wi: Vec3, front: bool) -> (f32, f32) {
         let eta = self.sides(front).0.eta;
-        let once = if wi.z > 0.0 { self.reflection(wo, wi, eta) } else { self.transmission(wo, wi, eta) };
+        let once =
+            if wi.z > 0.0 { self.reflection(wo, wi, eta) } else { self.transmission(wo, wi, eta) };
         self.with_several(once, wo, wi, front)
     }
 
@@ -177,7 +186,13 @@ impl Interface {
 
     /// Adds light that meets several facets to value and density of light that meets one.
     #[inline]
-    fn with_several(&self, (value, pdf): (f32, f32), wo: Vec3, wi: Vec3, front: bool) -> (f32, f32) {
+    fn with_several(
+        &self,
+        (value, pdf): (f32, f32),
+        wo: Vec3,
+        wi: Vec3,
+        front: bool,
+    ) -> (f32, f32) {
         let (side, beyond) = self.sides(front);
         let (Some(here), Some(there)) = (&side.loss, &beyond.loss) else { return (value, pdf) };
         let lost = here.at(wo.z);
@@ -190,7 +205,10 @@ impl Interface {
             (side.transmitted, side.transmitted * lost * there.at(-wi.z) / (there.mean * eta2))
         };
         let cosine = wi.z.abs();
-        (value + given_back * cosine * FRAC_1_PI, (1.0 - several) * pdf + several * share * cosine_pdf(cosine))
+        (
+            value + given_back * cosine * FRAC_1_PI,
+            (1.0 - several) * pdf + several * share * cosine_pdf(cosine),
+        )
     }
 
     /// Reflection from one facet: value with cosine, and density.
@@ -239,5 +257,6 @@ fn jacobian(wo: Vec3, wi: Vec3, m: Vec3, eta: f32) -> f32 {
 fn mean_reflectance(eta: f32) -> f32 {
     const STEPS: u32 = 512;
     // Uniform in the square of the cosine.
-    (0..STEPS).map(|i| dielectric(((i as f32 + 0.5) / STEPS as f32).sqrt(), eta).0).sum::<f32>() / STEPS as f32
+    (0..STEPS).map(|i| dielectric(((i as f32 + 0.5) / STEPS as f32).sqrt(), eta).0).sum::<f32>()
+        / STEPS as f32
 }

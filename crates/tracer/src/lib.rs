@@ -145,8 +145,12 @@ impl Tracer {
     ///
     /// # Errors
     /// Settings out of range.
-    pub fn with_raycaster(raycaster: Arc<Raycaster>, settings: Settings) -> Result<Self, TracerError> {
-        let mut tracer = Self::with_direct(raycaster, settings, Direct::Both, DEFAULT_LIGHT_SAMPLES)?;
+    pub fn with_raycaster(
+        raycaster: Arc<Raycaster>,
+        settings: Settings,
+    ) -> Result<Self, TracerError> {
+        let mut tracer =
+            Self::with_direct(raycaster, settings, Direct::Both, DEFAULT_LIGHT_SAMPLES)?;
         if tracer.engine.lights.is_one() {
             tracer.engine.light_samples = 1;
             tracer.engine.branches = if settings.bounces == Some(0) { 1 } else { BRANCHES };
@@ -164,7 +168,14 @@ impl Tracer {
             return Err(TracerError::Paths(settings.paths));
         }
         let engine = PathEngine::new(&raycaster, settings.bounces, direct, light_samples);
-        Ok(Self { raycaster, engine, cached: None, straight: None, settings, nonfinite: AtomicU64::new(0) })
+        Ok(Self {
+            raycaster,
+            engine,
+            cached: None,
+            straight: None,
+            settings,
+            nonfinite: AtomicU64::new(0),
+        })
     }
 
     /// As this one, with this many samples of the lights at a path's first surface that is not a mirror or glass, at least
@@ -245,9 +256,17 @@ impl Tracer {
 
     /// The mean of a range of path numbers of a sample, so that more paths can be added to earlier ones.
     #[must_use]
-    pub fn trace_paths(&self, origin: DVec3, direction: DVec3, seed: u64, paths: std::ops::Range<u64>) -> Traced {
+    pub fn trace_paths(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        seed: u64,
+        paths: std::ops::Range<u64>,
+    ) -> Traced {
         match self.meet(origin, direction) {
-            Ok((start, distance)) => Traced { radiance: self.mean(start, seed, paths).to_array(), distance },
+            Ok((start, distance)) => {
+                Traced { radiance: self.mean(start, seed, paths).to_array(), distance }
+            }
             Err(traced) => traced,
         }
     }
@@ -259,7 +278,12 @@ impl Tracer {
     /// The paths of [`trace`](Self::trace) are stratified together, so that nothing can be said of their mean but that it errs less
     /// than that of independent ones; here there are fewer in each stratification, and the mean varies more (in a diffuse room 1.4 to 1.6 times, for 2 to 16 paths).
     #[must_use]
-    pub fn trace_with_variance(&self, origin: DVec3, direction: DVec3, seed: u64) -> (Traced, Option<[f64; 3]>) {
+    pub fn trace_with_variance(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        seed: u64,
+    ) -> (Traced, Option<[f64; 3]>) {
         let count = self.settings.paths.min(REPLICATES);
         let (start, distance) = match self.meet(origin, direction) {
             Ok(met) => met,
@@ -271,8 +295,13 @@ impl Tracer {
         for replicate in 0..count {
             let share = |i: u32| u64::from(self.settings.paths) * u64::from(i) / u64::from(count);
             let paths = 0..share(replicate + 1) - share(replicate);
-            let mean =
-                self.mean(start, sampler::mix(seed.wrapping_add(sampler::mix(u64::from(replicate)))), paths).as_dvec3();
+            let mean = self
+                .mean(
+                    start,
+                    sampler::mix(seed.wrapping_add(sampler::mix(u64::from(replicate)))),
+                    paths,
+                )
+                .as_dvec3();
             sum += mean;
             squares += mean * mean;
         }

@@ -107,10 +107,13 @@ impl Nesting {
         let mut solids = vec![None; scene.materials.len()];
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for (triangle, &material) in (0_u32..).zip(&scene.material_ids) {
-            let Bsdf::Dielectric { ior, transmittance, alpha } = scene.materials[material as usize].bsdf else {
+            let Bsdf::Dielectric { ior, transmittance, alpha } =
+                scene.materials[material as usize].bsdf
+            else {
                 continue;
             };
-            solids[material as usize] = Some(Solid { ior, alpha, transmittance: transmittance.into() });
+            solids[material as usize] =
+                Some(Solid { ior, alpha, transmittance: transmittance.into() });
             for corner in scene.corners(triangle) {
                 (low, high) = (low.min(corner), high.max(corner));
             }
@@ -125,7 +128,12 @@ impl Nesting {
     /// What fills a place: a material, or none for air.
     fn filling(&self, inside: &Inside) -> Option<u32> {
         let best = |positive: bool| {
-            inside.entries().iter().filter(|e| (e.1 > 0) == positive).map(|e| e.0).max_by_key(|&m| self.priority(m))
+            inside
+                .entries()
+                .iter()
+                .filter(|e| (e.1 > 0) == positive)
+                .map(|e| e.0)
+                .max_by_key(|&m| self.priority(m))
         };
         match (best(true), best(false)) {
             (Some(solid), None) | (None, Some(solid)) => Some(solid),
@@ -168,7 +176,9 @@ impl Nesting {
         if !(local.cmpge(self.low).all() && local.cmple(self.high).all()) {
             return inside;
         }
-        let [Some(ahead), Some(behind)] = [PROBE, -PROBE].map(|d| self.around(raycaster, local.as_vec3(), d)) else {
+        let [Some(ahead), Some(behind)] =
+            [PROBE, -PROBE].map(|d| self.around(raycaster, local.as_vec3(), d))
+        else {
             return inside;
         };
         for &(material, winding) in ahead.entries() {
@@ -198,7 +208,10 @@ impl Nesting {
             };
             pass(material, point.normal);
             touching(raycaster, &point, direction, |_, material, normal| pass(material, normal));
-            ray = Ray::new(spawn(point.point, point.error * TOUCH, point.normal, direction), direction);
+            ray = Ray::new(
+                spawn(point.point, point.error * TOUCH, point.normal, direction),
+                direction,
+            );
             from = hit.triangle;
         }
         None
@@ -222,12 +235,14 @@ impl Nesting {
         beyond.pass(material, front);
         let mut transmittance = solid.transmittance;
         let mut opaque = None;
-        touching(raycaster, point, direction, |hit, material, normal| match self.solids[material as usize] {
-            Some(other) => {
-                beyond.pass(material, direction.dot(normal) < 0.0);
-                transmittance *= other.transmittance;
+        touching(raycaster, point, direction, |hit, material, normal| {
+            match self.solids[material as usize] {
+                Some(other) => {
+                    beyond.pass(material, direction.dot(normal) < 0.0);
+                    transmittance *= other.transmittance;
+                }
+                None => opaque = opaque.or(Some(hit)),
             }
-            None => opaque = opaque.or(Some(hit)),
         });
         if let Some(hit) = opaque {
             return Some(Crossing::Opaque(hit));
@@ -237,7 +252,9 @@ impl Nesting {
             Scatter::Clear { transmittance: Vec3::ONE }
         } else {
             let eta = if front { index_there / index_here } else { index_here / index_there };
-            Scatter::dielectric(eta, transmittance, solid.alpha, |ggx| self.interface(ggx, solid.alpha, eta))
+            Scatter::dielectric(eta, transmittance, solid.alpha, |ggx| {
+                self.interface(ggx, solid.alpha, eta)
+            })
         };
         Some(Crossing::Boundary { scatter, beyond })
     }
@@ -262,8 +279,11 @@ fn rough_interfaces(solids: &[Option<Solid>]) -> Vec<((u32, u32), Arc<Interface>
     // Those below 1 are relative to the others.
     let relative: Vec<f32> = indices.iter().copied().filter(|&n| n < 1.0).collect();
     let mut all = indices.clone();
-    all.extend(relative.iter().flat_map(|r| indices.iter().filter(|&&n| n > 1.0).map(move |n| r * n)));
-    let mut alphas: Vec<f32> = solids.iter().flatten().map(|s| s.alpha).filter(|&a| a > 0.0).collect();
+    all.extend(
+        relative.iter().flat_map(|r| indices.iter().filter(|&&n| n > 1.0).map(move |n| r * n)),
+    );
+    let mut alphas: Vec<f32> =
+        solids.iter().flatten().map(|s| s.alpha).filter(|&a| a > 0.0).collect();
     alphas.sort_unstable_by(f32::total_cmp);
     alphas.dedup();
     let mut made: Vec<((u32, u32), Arc<Interface>)> = Vec::new();
@@ -292,7 +312,12 @@ fn rough_interfaces(solids: &[Option<Solid>]) -> Vec<((u32, u32), Arc<Interface>
 ///
 /// Triangles of one surface that meet in an edge, and surfaces that are there twice, count once: the same material on the
 /// same side.
-fn touching(raycaster: &Raycaster, point: &SurfacePoint, direction: Vec3, mut found: impl FnMut(Hit, u32, Vec3)) {
+fn touching(
+    raycaster: &Raycaster,
+    point: &SurfacePoint,
+    direction: Vec3,
+    mut found: impl FnMut(Hit, u32, Vec3),
+) {
     let error = point.error * TOUCH;
     let near = spawn(point.point, error, point.normal, -direction);
     let far = spawn(point.point, error, point.normal, direction);
@@ -304,7 +329,8 @@ fn touching(raycaster: &Raycaster, point: &SurfacePoint, direction: Vec3, mut fo
     let mut from = point.triangle;
     for _ in 0..2 * TOUCHING {
         let Some(hit) = raycaster.nearest_from(&segment, from) else { return };
-        let (material, normal) = (material_ids[hit.triangle as usize], raycaster.geometric_normal(hit.triangle));
+        let (material, normal) =
+            (material_ids[hit.triangle as usize], raycaster.geometric_normal(hit.triangle));
         let this = (material, side(normal));
         if hit.triangle != point.triangle && !seen[..count].contains(&this) {
             if count > TOUCHING {

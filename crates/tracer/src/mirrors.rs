@@ -71,12 +71,20 @@ pub(crate) struct Plane {
 
 impl Plane {
     fn new(corners: [Vec3; 3], normal: Vec3, face: Face) -> Self {
-        Self { normal, offset: corners[0].dot(normal), low: corners[0], high: corners[0], face, area: 0.0 }
+        Self {
+            normal,
+            offset: corners[0].dot(normal),
+            low: corners[0],
+            high: corners[0],
+            face,
+            area: 0.0,
+        }
     }
 
     /// Whether a triangle lies in it, to within a length.
     fn holds(&self, corners: [Vec3; 3], normal: Vec3, slack: f32) -> bool {
-        self.normal.cross(normal).length() <= BENT && corners.iter().all(|&c| self.height(c).abs() <= slack)
+        self.normal.cross(normal).length() <= BENT
+            && corners.iter().all(|&c| self.height(c).abs() <= slack)
     }
 
     fn add(&mut self, corners: [Vec3; 3], face: Face, area: f64) {
@@ -128,7 +136,8 @@ impl Plane {
         let share = below.abs() / height;
         let met = behind + line * share;
         // A slanted line spreads what the sphere is seen through.
-        let spread = radius * share * line.length() / height + SLACK * (self.high - self.low).max_element();
+        let spread =
+            radius * share * line.length() / height + SLACK * (self.high - self.low).max_element();
         met.cmpge(self.low - spread).all() && met.cmple(self.high + spread).all()
     }
 }
@@ -147,14 +156,17 @@ impl Mirrors {
         let size = (high - low).max_element();
         let face = |t: u32| Face::of(&surfaces[scene.material_ids[t as usize] as usize].scatter);
         // The largest first: a curved mirror of many small ones takes no place from a flat one.
-        let mut shining: Vec<(f64, u32, Face)> =
-            (0..scene.triangles.len() as u32).filter_map(|t| Some((scene.area(t), t, face(t)?))).collect();
+        let mut shining: Vec<(f64, u32, Face)> = (0..scene.triangles.len() as u32)
+            .filter_map(|t| Some((scene.area(t), t, face(t)?)))
+            .collect();
         shining.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut found: Vec<(Plane, Vec<(u32, Face)>)> = Vec::new();
         for (area, triangle, face) in shining {
             let (corners, normal) = (scene.corners(triangle), scene.normal(triangle));
             let slack = FLAT * size as f32;
-            if let Some((plane, faces)) = found.iter_mut().find(|(plane, _)| plane.holds(corners, normal, slack)) {
+            if let Some((plane, faces)) =
+                found.iter_mut().find(|(plane, _)| plane.holds(corners, normal, slack))
+            {
                 plane.add(corners, face, area);
                 faces.push((triangle, face));
             } else if found.len() < PLANES && normal != Vec3::ZERO {
@@ -166,7 +178,9 @@ impl Mirrors {
         found.retain(|(plane, _)| plane.is_large(size));
         let faces = (0_u8..)
             .zip(&found)
-            .flat_map(|(number, (_, faces))| faces.iter().map(move |&(triangle, face)| (triangle, (number, face))))
+            .flat_map(|(number, (_, faces))| {
+                faces.iter().map(move |&(triangle, face)| (triangle, (number, face)))
+            })
             .collect();
         Self { planes: found.into_iter().map(|(plane, _)| plane).collect(), faces }
     }

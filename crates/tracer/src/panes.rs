@@ -37,7 +37,9 @@ pub(crate) struct Panes {
 impl Panes {
     pub(crate) fn new(scene: &Scene) -> Self {
         let of = |bsdf: &Bsdf| match *bsdf {
-            Bsdf::ThinGlass { ior, transmittance } => Some(Pane { ior, transmittance: transmittance.into() }),
+            Bsdf::ThinGlass { ior, transmittance } => {
+                Some(Pane { ior, transmittance: transmittance.into() })
+            }
             _ => None,
         };
         let mut materials: Vec<_> = scene.materials.iter().map(|m| of(&m.bsdf)).collect();
@@ -54,10 +56,17 @@ impl Panes {
 
     /// The share of light that comes straight from one surface point to the other, by channel.
     #[inline]
-    pub(crate) fn between(&self, raycaster: &Raycaster, from: &SurfacePoint, to: &SurfacePoint) -> Vec3 {
+    pub(crate) fn between(
+        &self,
+        raycaster: &Raycaster,
+        from: &SurfacePoint,
+        to: &SurfacePoint,
+    ) -> Vec3 {
         match raycaster.blocker(from, to) {
             None => Vec3::ONE,
-            Some(triangle) if self.at(raycaster, triangle).is_some() => self.through(raycaster, *from, to),
+            Some(triangle) if self.at(raycaster, triangle).is_some() => {
+                self.through(raycaster, *from, to)
+            }
             Some(_) => Vec3::ZERO,
         }
     }
@@ -76,7 +85,8 @@ impl Panes {
             let ray = Ray::new(spawn(from.point, from.error, from.normal, direction), direction);
             let hit = raycaster.nearest_from(&ray, from.triangle)?;
             from = raycaster.surface(hit.triangle, hit.u, hit.v);
-            let Some(pane) = self.at(raycaster, hit.triangle).filter(|_| !ends(hit.triangle)) else {
+            let Some(pane) = self.at(raycaster, hit.triangle).filter(|_| !ends(hit.triangle))
+            else {
                 return Some((from, share));
             };
             share *= pane.passes(direction.dot(from.normal));

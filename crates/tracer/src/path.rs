@@ -156,7 +156,12 @@ impl Arrived {
 }
 
 impl PathEngine {
-    pub(crate) fn new(raycaster: &Arc<Raycaster>, bounces: Option<u32>, direct: Direct, light_samples: u32) -> Self {
+    pub(crate) fn new(
+        raycaster: &Arc<Raycaster>,
+        bounces: Option<u32>,
+        direct: Direct,
+        light_samples: u32,
+    ) -> Self {
         let scene: &Scene = raycaster.scene();
         let mut used = vec![false; scene.materials.len()];
         scene.material_ids.iter().for_each(|&m| used[m as usize] = true);
@@ -205,7 +210,12 @@ impl PathEngine {
 
     /// One estimate of the radiance that arrives against `start.direction`.
     #[inline]
-    pub(crate) fn radiance(&self, raycaster: &Raycaster, start: Start, sampler: &mut Sampler) -> Vec3 {
+    pub(crate) fn radiance(
+        &self,
+        raycaster: &Raycaster,
+        start: Start,
+        sampler: &mut Sampler,
+    ) -> Vec3 {
         self.follow(raycaster, start, &Never, sampler)
     }
 
@@ -250,15 +260,21 @@ impl PathEngine {
         while path.depth < MAX_DEPTH {
             let Path { direction, throughput, depth, .. } = path;
             let Some(found) = path.hit else {
-                let weight = if path.through { 1.0 } else { path.arrived.weight(self.direct, Left::sky_density) };
+                let weight = if path.through {
+                    1.0
+                } else {
+                    path.arrived.weight(self.direct, Left::sky_density)
+                };
                 radiance += throughput * self.sky * weight;
                 break;
             };
             let point = raycaster.surface(found.triangle, found.u, found.v);
             let material = scene.material_ids[found.triangle as usize];
             let surface = &self.surfaces[material as usize];
-            let crossing =
-                self.nesting.as_ref().and_then(|n| n.cross(raycaster, &point, material, direction, &path.inside));
+            let crossing = self
+                .nesting
+                .as_ref()
+                .and_then(|n| n.cross(raycaster, &point, material, direction, &path.inside));
             let (scatter, beyond) = match &crossing {
                 None => (&surface.scatter, None),
                 Some(Crossing::Boundary { scatter, beyond }) => (scatter, Some(beyond)),
@@ -274,12 +290,14 @@ impl PathEngine {
                 let cosine = cosine.abs();
                 let weight = match &path.shown {
                     Some(shown) => shown.weight(&found, cosine),
-                    None => path
-                        .arrived
-                        .weight(self.direct, |left| left.emitter_density(&self.lights, raycaster, &found, cosine)),
+                    None => path.arrived.weight(self.direct, |left| {
+                        left.emitter_density(&self.lights, raycaster, &found, cosine)
+                    }),
                 };
                 let light = throughput * surface.emission * weight;
-                let is_alone = matches!(path.arrived, Arrived::Alone) && path.shown.is_none() && path.scatterings > 0;
+                let is_alone = matches!(path.arrived, Arrived::Alone)
+                    && path.shown.is_none()
+                    && path.scatterings > 0;
                 radiance += if is_alone { ending.held(light) } else { light };
             }
             let frame = Frame::new(if front { point.normal } else { -point.normal });
@@ -295,15 +313,24 @@ impl PathEngine {
                 }
                 path.scatterings += 1;
                 let (normal, inside, scatterings) = (frame.n, &path.inside, path.scatterings);
-                let met = Met { raycaster, point: &point, normal, scatter, inside, scatterings, depth };
+                let met =
+                    Met { raycaster, point: &point, normal, scatter, inside, scatterings, depth };
                 let indirect = ending.indirect(&met, sampler);
                 let direct = if indirect.is_some() { Direct::Lights } else { self.direct };
                 if direct != Direct::Materials && self.lights.any() {
                     let count = ending.light_samples(self, scatterings, indirect.is_some());
                     let seen = direct::seen(&self.lights, scatter, &point, frame.n);
                     let (surfaces, panes) = (&self.surfaces, &*self.panes);
-                    let vertex =
-                        Vertex { raycaster, surfaces, panes, scatter, point: &point, frame: &frame, wo, front };
+                    let vertex = Vertex {
+                        raycaster,
+                        surfaces,
+                        panes,
+                        scatter,
+                        point: &point,
+                        frame: &frame,
+                        wo,
+                        front,
+                    };
                     sampler.turn(depth, Purpose::Light);
                     let lit = vertex.lit(&self.lights, &seen, self.sky, count, direct, sampler);
                     radiance += throughput * lit;
@@ -318,7 +345,17 @@ impl PathEngine {
             let sources = self.secondary.as_ref().filter(|_| scatter.is_wide());
             let aimed = sources.and_then(|sources| sources.aimed(&point, frame.n));
             let error = if crossing.is_some() { point.error * TOUCH } else { point.error };
-            let vertex = Leaving { point: &point, error, frame, wo, front, scatter, beyond, aimed, lighting };
+            let vertex = Leaving {
+                point: &point,
+                error,
+                frame,
+                wo,
+                front,
+                scatter,
+                beyond,
+                aimed,
+                lighting,
+            };
             if path.forks < ending.forks(path.scatterings)
                 && let Some(ways) = scatter.ways(wo, front)
             {
@@ -354,7 +391,13 @@ impl PathEngine {
 
     /// Adds a segment to a path; whether there is one.
     #[inline]
-    fn leave(&self, raycaster: &Raycaster, path: &mut Path, vertex: &Leaving, sampler: &mut Sampler) -> bool {
+    fn leave(
+        &self,
+        raycaster: &Raycaster,
+        path: &mut Path,
+        vertex: &Leaving,
+        sampler: &mut Sampler,
+    ) -> bool {
         let Leaving { point, ref frame, wo, front, scatter, aimed, .. } = *vertex;
         let depth = path.depth;
         let choice = aimed.as_ref().map_or(Choice::Material, |aimed| {
@@ -379,7 +422,8 @@ impl PathEngine {
             // Radiance is greater inside glass: without eta2, paths would be ended for having gone in. What samples are aimed at is
             // brighter too: the few that roulette left would be as bright as if none had been aimed.
             let survival =
-                (ROULETTE_FACTOR * path.throughput.max_element() * path.eta2 * path.aimed_by).min(ROULETTE_CEILING);
+                (ROULETTE_FACTOR * path.throughput.max_element() * path.eta2 * path.aimed_by)
+                    .min(ROULETTE_CEILING);
             sampler.turn(depth, Purpose::Roulette);
             if sampler.one() >= survival {
                 return false;
@@ -391,7 +435,9 @@ impl PathEngine {
         }
         self.step(raycaster, path, vertex, &sampled);
         if let (Some(aimed), Some(pdf)) = (&aimed, sampled.pdf) {
-            let Some(found) = aimed.weight(raycaster, pdf, &choice, path.hit.as_ref()) else { return false };
+            let Some(found) = aimed.weight(raycaster, pdf, &choice, path.hit.as_ref()) else {
+                return false;
+            };
             path.throughput *= found.weight;
             if found.on_source {
                 path.aimed_by /= found.weight;
@@ -426,7 +472,11 @@ impl PathEngine {
 }
 
 /// The first hit of a world ray, and its distance.
-pub(crate) fn first_hit(raycaster: &Raycaster, origin: DVec3, direction: DVec3) -> (Option<Hit>, f64) {
+pub(crate) fn first_hit(
+    raycaster: &Raycaster,
+    origin: DVec3,
+    direction: DVec3,
+) -> (Option<Hit>, f64) {
     let Some((ray, _)) = raycaster.localize(origin, direction) else {
         return (None, f64::INFINITY);
     };

@@ -65,13 +65,17 @@ impl Sampler {
     /// The numbers of one of the ways on of a path that goes all of them; the first has this one's own.
     #[inline]
     pub(crate) fn way(&self, way: u32) -> Self {
-        Self { base: if way == 0 { self.base } else { mix(self.base.wrapping_add(u64::from(way))) }, ..*self }
+        Self {
+            base: if way == 0 { self.base } else { mix(self.base.wrapping_add(u64::from(way))) },
+            ..*self
+        }
     }
 
     /// Turns to the numbers of a vertex and purpose.
     #[inline]
     pub(crate) fn turn(&mut self, vertex: u32, purpose: Purpose) {
-        self.state = mix(self.base ^ u64::from(vertex * 4 + purpose as u32 + 1).wrapping_mul(0xD6E8_FEB8_6659_FD93));
+        self.state = mix(self.base
+            ^ u64::from(vertex * 4 + purpose as u32 + 1).wrapping_mul(0xD6E8_FEB8_6659_FD93));
     }
 
     #[inline]
@@ -227,7 +231,10 @@ mod tests {
                     assert!((sum / root * 12.0).abs() < 4.5, "{by_path} {j} {k}");
                 }
                 // Variance 1/12; that of its estimate is 1/180 n.
-                assert!((sums[j][j] - n as f64 / 12.0).abs() / root * 180.0_f64.sqrt() < 4.5, "{by_path} {j}");
+                assert!(
+                    (sums[j][j] - n as f64 / 12.0).abs() / root * 180.0_f64.sqrt() < 4.5,
+                    "{by_path} {j}"
+                );
             }
             if !by_path {
                 assert!((neighbours / root * 12.0).abs() < 4.5);
@@ -251,7 +258,8 @@ mod tests {
             count(Sampler::new(i, 0).two());
         }
         for (counts, expected) in [(cells, n as f64 / 1024.0), (low, n as f64 / 256.0)] {
-            let chi2: f64 = counts.iter().map(|&c| (f64::from(c) - expected).powi(2) / expected).sum();
+            let chi2: f64 =
+                counts.iter().map(|&c| (f64::from(c) - expected).powi(2) / expected).sum();
             // Wilson and Hilferty 1931.
             let degrees = counts.len() as f64 - 1.0;
             let v = 2.0 / (9.0 * degrees);
@@ -287,18 +295,24 @@ mod tests {
                             let mut s = Sampler::new(seed, path);
                             s.turn(2, Purpose::Scatter);
                             let [x, y] = s.two();
-                            by_two[(x * across as f32) as usize * up + (y * up as f32) as usize] += 1;
+                            by_two[(x * across as f32) as usize * up + (y * up as f32) as usize] +=
+                                1;
                             s.turn(0, Purpose::Light);
                             let pairs = s.pairs(4);
                             for j in 0..4 {
                                 let (x, y) = pairs.at(j);
-                                by_light
-                                    [(x * f64::from(2 * across)) as usize * 2 * up + (y * 2.0 * up as f32) as usize] +=
-                                    1;
+                                by_light[(x * f64::from(2 * across)) as usize * 2 * up
+                                    + (y * 2.0 * up as f32) as usize] += 1;
                             }
                         }
-                        assert!(by_two.iter().all(|&c| c == 1), "{seed} {block} {log} {shape}: {by_two:?}");
-                        assert!(by_light.iter().all(|&c| c == 1), "{seed} {block} {log} {shape}: {by_light:?}");
+                        assert!(
+                            by_two.iter().all(|&c| c == 1),
+                            "{seed} {block} {log} {shape}: {by_two:?}"
+                        );
+                        assert!(
+                            by_light.iter().all(|&c| c == 1),
+                            "{seed} {block} {log} {shape}: {by_light:?}"
+                        );
                     }
                 }
             }

@@ -120,13 +120,21 @@ impl Aimed<'_> {
         if first >= f64::from(SHARE) {
             return Choice::Material;
         }
-        self.target(raycaster, first / f64::from(SHARE), second).map_or(Choice::Nothing, Choice::Source)
+        self.target(raycaster, first / f64::from(SHARE), second)
+            .map_or(Choice::Nothing, Choice::Source)
     }
 
     /// A point on a source by two uniform numbers; `None` if what seemed to be there from farther up the tree is not.
     #[inline]
-    pub(crate) fn target(&self, raycaster: &Raycaster, first: f64, second: f32) -> Option<SurfacePoint> {
-        let Chosen::Triangle { triangle, rest, .. } = self.sources.tree.choose(&self.seen(), first)? else {
+    pub(crate) fn target(
+        &self,
+        raycaster: &Raycaster,
+        first: f64,
+        second: f32,
+    ) -> Option<SurfacePoint> {
+        let Chosen::Triangle { triangle, rest, .. } =
+            self.sources.tree.choose(&self.seen(), first)?
+        else {
             return None;
         };
         let (u, v) = Aim::new(self.point, raycaster.vertices(triangle)).sample([rest, second]);
@@ -136,14 +144,23 @@ impl Aimed<'_> {
     /// For a sample whose direction the material chooses with density `pdf`: aimed at `target` or not, and what it met. `None` if
     /// something else is in front of its target.
     #[inline]
-    pub(crate) fn weight(&self, raycaster: &Raycaster, pdf: f32, target: &Choice, met: Option<&Hit>) -> Option<Weight> {
+    pub(crate) fn weight(
+        &self,
+        raycaster: &Raycaster,
+        pdf: f32,
+        target: &Choice,
+        met: Option<&Hit>,
+    ) -> Option<Weight> {
         if let Choice::Source(target) = target
             && met.is_none_or(|met| met.triangle != target.triangle)
         {
             return None;
         }
         let density = met.map_or(0.0, |met| self.density(raycaster, met));
-        Some(Weight { weight: pdf / ((1.0 - SHARE) * pdf + SHARE * density), on_source: density > 0.0 })
+        Some(Weight {
+            weight: pdf / ((1.0 - SHARE) * pdf + SHARE * density),
+            on_source: density > 0.0,
+        })
     }
 
     /// For the few samples that need it.
@@ -172,9 +189,14 @@ impl Aimed<'_> {
 
 impl Secondary {
     /// `None` if the scene has no such places.
-    pub(crate) fn find(raycaster: &Arc<Raycaster>, surfaces: &[Surface], lights: &Lights) -> Option<Self> {
+    pub(crate) fn find(
+        raycaster: &Arc<Raycaster>,
+        surfaces: &[Surface],
+        lights: &Lights,
+    ) -> Option<Self> {
         let scene = raycaster.scene();
-        let strength: Vec<f64> = scene.materials.iter().map(|m| f64::from(luminance(m.emission))).collect();
+        let strength: Vec<f64> =
+            scene.materials.iter().map(|m| f64::from(luminance(m.emission))).collect();
         let power = |t: u32| strength[scene.material_ids[t as usize] as usize] * scene.area(t);
         let emitters = lights.triangles();
         let mut sums = Vec::with_capacity(emitters.len());
@@ -196,12 +218,18 @@ impl Secondary {
             follow(raycaster, surfaces, emitters[i], &mut sampler, &mut |t, side, share, shows| {
                 let share = f64::from(share);
                 let shown = if shows { share } else { 0.0 };
-                let mut one = Sent { shown, shown_radiance: shown * share * radiance, paths: 1, ..Sent::default() };
+                let mut one = Sent {
+                    shown,
+                    shown_radiance: shown * share * radiance,
+                    paths: 1,
+                    ..Sent::default()
+                };
                 one.flux[side] = share;
                 *sent.entry(t).or_default() += one;
             });
         }
-        let tree = brightest(scene, &sent, total / f64::from(PATHS))?.with_cells(raycaster, &Arc::new(Panes::closed()));
+        let tree = brightest(scene, &sent, total / f64::from(PATHS))?
+            .with_cells(raycaster, &Arc::new(Panes::closed()));
         let mut members = vec![0; scene.triangles.len().div_ceil(64)];
         tree.triangles().iter().for_each(|&t| members[t as usize / 64] |= 1 << (t % 64));
         Some(Self { tree, members })
@@ -241,7 +269,8 @@ fn brightest(scene: &Scene, sent: &HashMap<u32, Sent>, flux_of_path: f64) -> Opt
     for t in candidates() {
         if let Some(&sent) = sent.get(&t) {
             // What shows a lamp in a small part of itself is not worth being aimed at all over.
-            let sent = if is_large(t) { Sent { shown: 0.0, shown_radiance: 0.0, ..sent } } else { sent };
+            let sent =
+                if is_large(t) { Sent { shown: 0.0, shown_radiance: 0.0, ..sent } } else { sent };
             let number = *numbers.entry(place_of(t)).or_insert(places.len());
             if number == places.len() {
                 places.push(Place::default());
@@ -249,7 +278,8 @@ fn brightest(scene: &Scene, sent: &HashMap<u32, Sent>, flux_of_path: f64) -> Opt
             places[number].sent += sent;
         }
     }
-    let numbers: Vec<Option<usize>> = candidates().map(|t| numbers.get(&place_of(t)).copied()).collect();
+    let numbers: Vec<Option<usize>> =
+        candidates().map(|t| numbers.get(&place_of(t)).copied()).collect();
     for (t, number) in candidates().zip(&numbers) {
         if let Some(number) = *number {
             places[number].area += scene.area(t);
@@ -269,7 +299,12 @@ fn brightest(scene: &Scene, sent: &HashMap<u32, Sent>, flux_of_path: f64) -> Opt
         let (front, back) = (sent.flux[0] > 0.0, sent.flux[1] > 0.0);
         let normal = if front { scene.normal(t) } else { -scene.normal(t) };
         triangles.push(t);
-        emitters.push(Emitter::new(scene.corners(t), normal, radiance / mean * scene.area(t) / area, front && back));
+        emitters.push(Emitter::new(
+            scene.corners(t),
+            normal,
+            radiance / mean * scene.area(t) / area,
+            front && back,
+        ));
     }
     (!triangles.is_empty()).then(|| Lights::over(triangles, emitters))
 }

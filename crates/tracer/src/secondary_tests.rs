@@ -12,14 +12,19 @@ use crate::secondary::Sent;
 
 /// A floor that sees a lamp only by way of a small plate above it.
 fn scene(floor: Bsdf, plate: Bsdf) -> Arc<Raycaster> {
-    let quad = |z: f64, h: f64| [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
+    let quad =
+        |z: f64, h: f64| [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
     let positions = [quad(0.0, 8.0), quad(1.0, 0.05), quad(1.2, 0.2)].concat();
-    let triangles: Vec<[u32; 3]> =
-        (0..3).flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]]).collect();
+    let triangles: Vec<[u32; 3]> = (0..3)
+        .flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]])
+        .collect();
     let material = |bsdf, emission| Material { bsdf, emission, ..Material::grey("m") };
     let black = Bsdf::Diffuse { kd: [0.0; 3] };
-    let materials = vec![material(floor, [0.0; 3]), material(black, [50.0; 3]), material(plate, [0.0; 3])];
-    let scene = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1, 2, 2], materials, [0.0; 3]).expect("valid").0;
+    let materials =
+        vec![material(floor, [0.0; 3]), material(black, [50.0; 3]), material(plate, [0.0; 3])];
+    let scene = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1, 2, 2], materials, [0.0; 3])
+        .expect("valid")
+        .0;
     Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
 }
 
@@ -42,7 +47,10 @@ fn estimate(engine: &PathEngine, raycaster: &Raycaster, paths: u64) -> (f64, f64
 #[test]
 fn aimed_and_plain_samples_have_one_expectation_and_aimed_ones_err_less() {
     let mut seen = Vec::new();
-    for floor in [Bsdf::Diffuse { kd: [0.7; 3] }, Bsdf::Coated { kd: [0.5; 3], ks: [1.0; 3], ior: 1.5, alpha: 0.3 }] {
+    for floor in [
+        Bsdf::Diffuse { kd: [0.7; 3] },
+        Bsdf::Coated { kd: [0.5; 3], ks: [1.0; 3], ior: 1.5, alpha: 0.3 },
+    ] {
         for plate in [
             Bsdf::Diffuse { kd: [0.8; 3] },
             Bsdf::Mirror { ks: [0.9; 3] },
@@ -57,8 +65,14 @@ fn aimed_and_plain_samples_have_one_expectation_and_aimed_ones_err_less() {
             let plain = estimate(&engine, &raycaster, n);
             // 6 comparisons at 4.5 sigma: by chance once in 25,000 sets of seeds.
             let error = ((aimed.1 + plain.1) / n as f64).sqrt();
-            assert!((aimed.0 - plain.0).abs() < 4.5 * error, "{floor:?} {plate:?}: {aimed:?} {plain:?}");
-            assert!(aimed.0 > 0.0 && error < 0.1 * aimed.0, "{floor:?} {plate:?}: {aimed:?} {plain:?}");
+            assert!(
+                (aimed.0 - plain.0).abs() < 4.5 * error,
+                "{floor:?} {plate:?}: {aimed:?} {plain:?}"
+            );
+            assert!(
+                aimed.0 > 0.0 && error < 0.1 * aimed.0,
+                "{floor:?} {plate:?}: {aimed:?} {plain:?}"
+            );
             seen.push(plain.1 / aimed.1);
         }
     }
@@ -69,23 +83,36 @@ fn aimed_and_plain_samples_have_one_expectation_and_aimed_ones_err_less() {
 /// The same plate, but much of the light comes by a ceiling that is no source, and a glowing disc hides part of the plate.
 #[test]
 fn light_that_nothing_aims_at_and_sources_that_are_hidden_change_no_expectation() {
-    let quad =
-        |x: f64, z: f64, h: f64| [[x - h, -h, z], [x + h, -h, z], [x + h, h, z], [x - h, h, z]].map(DVec3::from_array);
-    let positions =
-        [quad(0.0, 0.0, 8.0), quad(0.0, 1.0, 0.05), quad(0.0, 1.2, 0.2), quad(0.0, 2.0, 8.0), quad(0.1, 0.8, 0.1)]
-            .concat();
-    let triangles: Vec<[u32; 3]> =
-        (0..5).flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]]).collect();
+    let quad = |x: f64, z: f64, h: f64| {
+        [[x - h, -h, z], [x + h, -h, z], [x + h, h, z], [x - h, h, z]].map(DVec3::from_array)
+    };
+    let positions = [
+        quad(0.0, 0.0, 8.0),
+        quad(0.0, 1.0, 0.05),
+        quad(0.0, 1.2, 0.2),
+        quad(0.0, 2.0, 8.0),
+        quad(0.1, 0.8, 0.1),
+    ]
+    .concat();
+    let triangles: Vec<[u32; 3]> = (0..5)
+        .flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]])
+        .collect();
     let material = |kd: f32, emission: f32| Material {
         bsdf: Bsdf::Diffuse { kd: [kd; 3] },
         emission: [emission; 3],
         two_sided_emission: emission == 5.0,
         ..Material::grey("m")
     };
-    let materials =
-        vec![material(0.7, 0.0), material(0.0, 50.0), material(0.8, 0.0), material(0.9, 0.0), material(0.0, 5.0)];
+    let materials = vec![
+        material(0.7, 0.0),
+        material(0.0, 50.0),
+        material(0.8, 0.0),
+        material(0.9, 0.0),
+        material(0.0, 5.0),
+    ];
     let ids = [0, 0, 1, 1, 2, 2, 3, 3, 4, 4];
-    let scene = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).expect("valid").0;
+    let scene =
+        Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).expect("valid").0;
     let raycaster = Arc::new(Raycaster::build(Arc::new(scene)).expect("built"));
     // Materials alone count what an aimed sample meets in full.
     for direct in [Direct::Both, Direct::Materials] {
@@ -105,12 +132,17 @@ fn light_that_nothing_aims_at_and_sources_that_are_hidden_change_no_expectation(
 #[test]
 fn a_scene_whose_light_is_spread_has_none() {
     // The plate as large as the floor.
-    let quad = |z: f64, h: f64| [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
+    let quad =
+        |z: f64, h: f64| [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
     let positions = [quad(0.0, 4.0), quad(1.9, 0.5), quad(2.0, 4.0)].concat();
-    let triangles: Vec<[u32; 3]> =
-        (0..3).flat_map(|q| [[4 * q, 4 * q + 2, 4 * q + 1], [4 * q, 4 * q + 3, 4 * q + 2]]).collect();
-    let materials = vec![Material::grey("wall"), Material { emission: [5.0; 3], ..Material::grey("lamp") }];
-    let scene = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1, 0, 0], materials, [0.0; 3]).expect("valid").0;
+    let triangles: Vec<[u32; 3]> = (0..3)
+        .flat_map(|q| [[4 * q, 4 * q + 2, 4 * q + 1], [4 * q, 4 * q + 3, 4 * q + 2]])
+        .collect();
+    let materials =
+        vec![Material::grey("wall"), Material { emission: [5.0; 3], ..Material::grey("lamp") }];
+    let scene = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1, 0, 0], materials, [0.0; 3])
+        .expect("valid")
+        .0;
     let raycaster = Arc::new(Raycaster::build(Arc::new(scene)).expect("built"));
     assert!(PathEngine::new(&raycaster, None, Direct::Both, 1).secondary.is_none());
 }
@@ -130,16 +162,20 @@ fn a_source_is_one_on_its_dimmer_side_too() {
         quad(3.0, 8.0, false),
     ]
     .concat();
-    let triangles: Vec<[u32; 3]> =
-        (0..5).flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]]).collect();
+    let triangles: Vec<[u32; 3]> = (0..5)
+        .flat_map(|q| [[4 * q, 4 * q + 1, 4 * q + 2], [4 * q, 4 * q + 2, 4 * q + 3]])
+        .collect();
     let lamp = |emission: f32| Material { emission: [emission; 3], ..Material::grey("lamp") };
     let materials = vec![Material::grey("wall"), lamp(50.0), lamp(1.0)];
     let ids = [0, 0, 1, 1, 0, 0, 2, 2, 0, 0];
-    let scene = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).expect("valid").0;
+    let scene =
+        Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).expect("valid").0;
     let raycaster = Arc::new(Raycaster::build(Arc::new(scene)).expect("built"));
     let engine = PathEngine::new(&raycaster, None, Direct::Both, 1);
     let sources = engine.secondary.as_ref().expect("the plate is a source");
-    for (eye, normal) in [(DVec3::new(1.0, 0.5, 0.1), Vec3::Z), (DVec3::new(1.0, 0.5, 2.9), Vec3::NEG_Z)] {
+    for (eye, normal) in
+        [(DVec3::new(1.0, 0.5, 0.1), Vec3::Z), (DVec3::new(1.0, 0.5, 2.9), Vec3::NEG_Z)]
+    {
         let towards = (DVec3::new(0.15, 0.02, 1.2) - eye).normalize();
         let hit = first_hit(&raycaster, eye, towards).0.expect("the plate");
         assert!([4, 5].contains(&hit.triangle), "{hit:?}");

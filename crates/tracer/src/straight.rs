@@ -52,18 +52,26 @@ impl Straight {
         let mut flat: Vec<bool> = scene.material_ids.iter().map(|&m| smooth[m as usize]).collect();
         // Triangles by edge and material. Edges are known by where they are: files repeat corners.
         let mut sides: HashMap<(u32, [[u32; 3]; 2]), Vec<u32>> = HashMap::new();
-        for triangle in (0..flat.len() as u32).filter(|&t| smooth[scene.material_ids[t as usize] as usize]) {
-            let corners = scene.corners(triangle).map(|c| (c + Vec3::ZERO).to_array().map(f32::to_bits));
+        for triangle in
+            (0..flat.len() as u32).filter(|&t| smooth[scene.material_ids[t as usize] as usize])
+        {
+            let corners =
+                scene.corners(triangle).map(|c| (c + Vec3::ZERO).to_array().map(f32::to_bits));
             for k in 0..3 {
                 let mut edge = [corners[k], corners[(k + 1) % 3]];
                 edge.sort_unstable();
-                sides.entry((scene.material_ids[triangle as usize], edge)).or_default().push(triangle);
+                sides
+                    .entry((scene.material_ids[triangle as usize], edge))
+                    .or_default()
+                    .push(triangle);
             }
         }
         for triangles in sides.values() {
             let normals = || triangles.iter().map(|&t| scene.normal(t));
             for (&triangle, normal) in triangles.iter().zip(normals()) {
-                if normals().any(|n| n.cross(normal).length() > BENT && n.dot(normal).abs() > SMOOTH) {
+                if normals()
+                    .any(|n| n.cross(normal).length() > BENT && n.dot(normal).abs() > SMOOTH)
+                {
                     flat[triangle as usize] = false;
                 }
             }
@@ -72,7 +80,13 @@ impl Straight {
     }
 
     /// The virtual distance of what a ray meets whose first surface is `first` away; infinity if it ends in the sky.
-    pub(crate) fn distance(&self, engine: &PathEngine, raycaster: &Raycaster, start: Start, first: f64) -> f64 {
+    pub(crate) fn distance(
+        &self,
+        engine: &PathEngine,
+        raycaster: &Raycaster,
+        start: Start,
+        first: f64,
+    ) -> f64 {
         let scene = raycaster.scene();
         let Start { mut hit, mut direction, mut inside, .. } = start;
         let mut distance = first;
@@ -82,8 +96,10 @@ impl Straight {
             let point = raycaster.surface(found.triangle, found.u, found.v);
             let material = scene.material_ids[found.triangle as usize];
             let surface = &engine.surfaces[material as usize];
-            let crossing =
-                engine.nesting.as_ref().and_then(|n| n.cross(raycaster, &point, material, direction, &inside));
+            let crossing = engine
+                .nesting
+                .as_ref()
+                .and_then(|n| n.cross(raycaster, &point, material, direction, &inside));
             let (scatter, beyond) = match &crossing {
                 None => (&surface.scatter, None),
                 Some(Crossing::Boundary { scatter, beyond }) => (scatter, Some(beyond)),
@@ -93,7 +109,8 @@ impl Straight {
                 }
             };
             if let Some(left) = left {
-                distance += f64::from(left.distance(raycaster.point(found.triangle, found.u, found.v)));
+                distance +=
+                    f64::from(left.distance(raycaster.point(found.triangle, found.u, found.v)));
             }
             let front = direction.dot(point.normal) < 0.0;
             let frame = Frame::new(if front { point.normal } else { -point.normal });
@@ -101,7 +118,9 @@ impl Straight {
             let there = matches!(scatter, Scatter::Clear { .. });
             let emits = surface.emits && (front || surface.two_sided);
             let next = (there || self.flat[found.triangle as usize]) && !emits && wo.z > 0.0;
-            let Some(wi) = next.then(|| onwards(scatter, wo, front)).flatten() else { return distance };
+            let Some(wi) = next.then(|| onwards(scatter, wo, front)).flatten() else {
+                return distance;
+            };
             if let Some(beyond) = beyond.filter(|_| wi.z < 0.0) {
                 inside = *beyond;
             }
@@ -117,8 +136,9 @@ impl Straight {
 
 /// Where most of the light that a smooth surface sends to `wo` comes from; `None` if the surface is not smooth.
 fn onwards(scatter: &Scatter, wo: Vec3, front: bool) -> Option<Vec3> {
-    let goes_through =
-        |reflected: f32, transmittance: Vec3| (1.0 - reflected) * luminance(transmittance.to_array()) >= reflected;
+    let goes_through = |reflected: f32, transmittance: Vec3| {
+        (1.0 - reflected) * luminance(transmittance.to_array()) >= reflected
+    };
     match scatter {
         Scatter::Mirror(_) => Some(mirrored(wo)),
         Scatter::Clear { .. } => Some(-wo),
@@ -131,8 +151,10 @@ fn onwards(scatter: &Scatter, wo: Vec3, front: bool) -> Option<Vec3> {
             let through = goes_through(reflected, *transmittance);
             Some(if through { refract(wo, Vec3::Z, beyond, eta) } else { mirrored(wo) })
         }
-        Scatter::Black | Scatter::Diffuse(_) | Scatter::Conductor(_) | Scatter::Rough { .. } | Scatter::Coated(_) => {
-            None
-        }
+        Scatter::Black
+        | Scatter::Diffuse(_)
+        | Scatter::Conductor(_)
+        | Scatter::Rough { .. }
+        | Scatter::Coated(_) => None,
     }
 }

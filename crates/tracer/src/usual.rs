@@ -53,8 +53,9 @@ mod tests {
             id,
             ..Record::zeroed()
         };
-        let near =
-            |found: f32, expected: f32| assert!((found - expected).abs() < 1e-4 * expected, "{found} {expected}");
+        let near = |found: f32, expected: f32| {
+            assert!((found - expected).abs() < 1e-4 * expected, "{found} {expected}")
+        };
         (0..FEWEST as u64 - 1).for_each(|id| assert!(store.receive(record(id, 2.0))));
         assert_eq!(usual.irradiance(&store), f32::INFINITY);
         let (dark, of_dark) = (Store::new(0.01), Usual::new());

@@ -17,7 +17,8 @@ fn a_furnace_is_as_bright_as_it_must_be_at_any_accuracy() {
     for accuracy in [0.02, 0.05, 0.2] {
         let tracer = model.tracer(None).with_cache(accuracy, 1);
         for direction in [[0.3, 0.2, 1.0], [1.0, -0.4, 0.1], [-0.2, 1.0, -0.6]] {
-            let found = estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(direction), 64);
+            let found =
+                estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(direction), 64);
             for (found, le) in found.mean.into_iter().zip([1.0, 2.0, 0.5]) {
                 // Half of the light is indirect, and a record's standard error is the accuracy at most.
                 let error = found / (2.0 * le) - 1.0;
@@ -45,7 +46,8 @@ fn a_room_lit_from_above_only_is_within_the_accuracy_of_paths() {
     let accuracy = 0.02;
     let model = room();
     let path = model.tracer(None);
-    let caches: Vec<_> = (0..CACHES).map(|name| model.tracer(None).with_cache(accuracy, u64::from(name))).collect();
+    let caches: Vec<_> =
+        (0..CACHES).map(|name| model.tracer(None).with_cache(accuracy, u64::from(name))).collect();
     let eye = DVec3::new(-1.5, -2.5, 1.2);
     let (mut sum, mut squares, mut noise, mut count) = (0.0, 0.0, 0.0, 0.0);
     for y in 0..6 {
@@ -86,9 +88,13 @@ fn error_of_a_furnace(add: impl FnOnce(&mut Model)) -> (f64, f64) {
     let errors: Vec<f64> = (0..CACHES)
         .map(|name| {
             let tracer = model.tracer(None).with_cache(0.05, name);
-            let directions = [[0.3, 0.2, 1.0], [-0.2, 0.4, -1.0], [0.1, 0.9, -1.4], [1.0, -0.4, 0.1]];
-            let mean = directions
-                .map(|d| estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(d), 64).mean[1] / 4.0 - 1.0);
+            let directions =
+                [[0.3, 0.2, 1.0], [-0.2, 0.4, -1.0], [0.1, 0.9, -1.4], [1.0, -0.4, 0.1]];
+            let mean = directions.map(|d| {
+                estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(d), 64).mean[1]
+                    / 4.0
+                    - 1.0
+            });
             mean.iter().sum::<f64>() / mean.len() as f64
         })
         .collect();
@@ -101,7 +107,10 @@ fn error_of_a_furnace(add: impl FnOnce(&mut Model)) -> (f64, f64) {
 fn shelves(model: &mut Model, bsdf: [Bsdf; 2]) {
     for (z, bsdf) in [-0.9, 0.8].into_iter().zip(bsdf) {
         let material = model.material(bsdf, [0.0; 3]);
-        model.polygon(&[[-0.9, -1.8, z], [0.9, -1.8, z + 0.2], [0.9, 1.8, z + 0.2], [-0.9, 1.8, z]], material);
+        model.polygon(
+            &[[-0.9, -1.8, z], [0.9, -1.8, z + 0.2], [0.9, 1.8, z + 0.2], [-0.9, 1.8, z]],
+            material,
+        );
     }
 }
 
@@ -114,7 +123,10 @@ fn panes_and_mirrors_in_a_furnace_change_nothing() {
     for shelved in [[thin, thick], [mirror, mirror], [thick, mirror]] {
         let (mean, error) = error_of_a_furnace(|model| shelves(model, shelved));
         // Student's t with 23 degrees of freedom: beyond 5 once in 20,000 sets of seeds; three sets. And there is something to see.
-        assert!(mean.abs() < 5.0 * error && error < 0.004, "{shelved:?}: {mean} with an error of {error}");
+        assert!(
+            mean.abs() < 5.0 * error && error < 0.004,
+            "{shelved:?}: {mean} with an error of {error}"
+        );
     }
 }
 
@@ -123,12 +135,16 @@ fn mirrored() -> Model {
     let mut model = Model::default();
     let floor = model.material(GREY, [0.0; 3]);
     let mirror = model.material(Bsdf::Mirror { ks: [0.9, 0.7, 0.5] }, [0.0; 3]);
-    let pane = model.material(Bsdf::ThinGlass { ior: 1.5, transmittance: [0.8, 0.9, 1.0] }, [0.0; 3]);
+    let pane =
+        model.material(Bsdf::ThinGlass { ior: 1.5, transmittance: [0.8, 0.9, 1.0] }, [0.0; 3]);
     let lamp = model.material(BLACK, [20.0, 10.0, 30.0]);
     model.polygon(&[[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [2.0, 2.0, 0.0], [-2.0, 2.0, 0.0]], floor);
     model.polygon(&[[-0.2, -0.2, 1.0], [0.2, -0.2, 1.0], [0.2, 0.2, 1.0], [-0.2, 0.2, 1.0]], lamp);
     for (z, material) in [(1.5, pane), (2.0, mirror)] {
-        model.polygon(&[[-0.8, -0.8, z], [-0.8, 0.8, z], [0.9, 0.8, z + 0.1], [0.9, -0.8, z + 0.1]], material);
+        model.polygon(
+            &[[-0.8, -0.8, z], [-0.8, 0.8, z], [0.9, 0.8, z + 0.1], [0.9, -0.8, z + 0.1]],
+            material,
+        );
     }
     model
 }
@@ -145,7 +161,9 @@ fn what_a_mirror_throws_on_a_floor_is_as_bright_as_by_paths() {
             let truth = estimate(&path, eye, towards, 65_536);
             // Each with a record of its own.
             let found: Vec<_> = (0..CACHES)
-                .map(|name| estimate(&model.tracer(bounces).with_cache(0.03, name), eye, towards, 16).mean)
+                .map(|name| {
+                    estimate(&model.tracer(bounces).with_cache(0.03, name), eye, towards, 16).mean
+                })
                 .collect();
             for c in 0..3 {
                 let n = CACHES as f64;
@@ -154,8 +172,14 @@ fn what_a_mirror_throws_on_a_floor_is_as_bright_as_by_paths() {
                 let chance = truth.error[c].hypot((squares / (n * (n - 1.0))).sqrt());
                 // 18 comparisons at 4.5 sigma: by chance once in 8,000 sets of seeds.
                 let difference = (truth.mean[c] - mean).abs();
-                assert!(difference < 4.5 * chance, "{bounces:?} {at:?}: {truth:?} {mean} ± {chance}");
-                assert!(truth.mean[c] > 0.0 && chance < 0.1 * mean, "{bounces:?} {at:?}: {truth:?} {mean} ± {chance}");
+                assert!(
+                    difference < 4.5 * chance,
+                    "{bounces:?} {at:?}: {truth:?} {mean} ± {chance}"
+                );
+                assert!(
+                    truth.mean[c] > 0.0 && chance < 0.1 * mean,
+                    "{bounces:?} {at:?}: {truth:?} {mean} ± {chance}"
+                );
             }
         }
     }
@@ -171,13 +195,19 @@ fn two_rugs() -> Model {
     // In halves: where all light comes from one quad, a sample has two ways on.
     for [west, east] in [[-LAMP_HALF, 0.0], [0.0, LAMP_HALF]] {
         let [south, north] = [-LAMP_HALF, LAMP_HALF];
-        model.polygon(&[[west, south, 1.0], [east, south, 1.0], [east, north, 1.0], [west, north, 1.0]], lamp);
+        model.polygon(
+            &[[west, south, 1.0], [east, south, 1.0], [east, north, 1.0], [west, north, 1.0]],
+            lamp,
+        );
     }
     model.square(MIRROR_HEIGHT, 0.6, false, mirror);
     model.polygon(&[[-1.5, 0.5, 0.0], [-0.6, 0.5, 0.0], [-0.6, 1.3, 0.0], [-1.5, 1.3, 0.0]], rug);
     let [x, y, _] = FAR_RUG;
     let [west, east, south, north] = [x - 0.05, x + 0.05, y - 0.05, y + 0.05];
-    model.polygon(&[[west, south, 0.0], [east, south, 0.0], [east, north, 0.0], [west, north, 0.0]], rug);
+    model.polygon(
+        &[[west, south, 0.0], [east, south, 0.0], [east, north, 0.0], [west, north, 0.0]],
+        rug,
+    );
     model
 }
 
@@ -197,7 +227,10 @@ fn what_paths_in_the_place_of_records_bring_by_mirrors_is_held_to_the_usual_of_r
     let luminances = || -> Vec<f64> {
         let radiance = |seed| tracer.trace(eye, (at - eye).normalize(), seed).radiance;
         // All is grey.
-        (0..PATHS).map(|seed| f64::from(radiance(seed)[1])).filter(|&radiance| radiance > 0.0).collect()
+        (0..PATHS)
+            .map(|seed| f64::from(radiance(seed)[1]))
+            .filter(|&radiance| radiance > 0.0)
+            .collect()
     };
     // The mirrored lamp, of which the rug sees the whole.
     let above = 2.0 * MIRROR_HEIGHT - 1.0;
@@ -208,7 +241,10 @@ fn what_paths_in_the_place_of_records_bring_by_mirrors_is_held_to_the_usual_of_r
     let check = |found: &[f64], each: f64, name: &str| {
         // At 4.5 standard deviations of a number of rare events: by chance once in 150,000.
         let number = found.len() as f64;
-        assert!((number - expected).abs() < 4.5 * expected.sqrt(), "{name}: {number} in place of {expected}");
+        assert!(
+            (number - expected).abs() < 4.5 * expected.sqrt(),
+            "{name}: {number} in place of {expected}"
+        );
         let differs = |&&radiance: &&f64| (radiance / each - 1.0).abs() > 1e-4;
         assert_eq!(found.iter().find(differs), None, "{name}: not {each}");
     };
@@ -216,7 +252,8 @@ fn what_paths_in_the_place_of_records_bring_by_mirrors_is_held_to_the_usual_of_r
     let furnish = |rows: std::ops::Range<u32>| {
         tracer.set_effort(u32::MAX);
         for (row, column) in rows.flat_map(|row| (0..12).map(move |column| (row, column))) {
-            let near = DVec3::new(-1.45 + 0.07 * f64::from(column), 0.55 + 0.06 * f64::from(row), 0.0);
+            let near =
+                DVec3::new(-1.45 + 0.07 * f64::from(column), 0.55 + 0.06 * f64::from(row), 0.0);
             let _ = tracer.trace(eye, (near - eye).normalize(), u64::from(12 * row + column));
         }
         tracer.set_effort(0);
@@ -242,7 +279,8 @@ fn direct_light_alone_has_what_mirrors_and_panes_throw() {
     let (path, cached) = (model.tracer(Some(0)), model.tracer(Some(0)).with_cache(0.03, 1));
     let eye = DVec3::new(-1.5, 1.0, 0.7);
     let towards = DVec3::new(0.5, 0.1, 0.0) - eye;
-    let (truth, found) = (estimate(&path, eye, towards, 131_072), estimate(&cached, eye, towards, 131_072));
+    let (truth, found) =
+        (estimate(&path, eye, towards, 131_072), estimate(&cached, eye, towards, 131_072));
     for c in 0..3 {
         let chance = truth.error[c].hypot(found.error[c]);
         assert!(truth.mean[c] > 5.0 * truth.error[c]);
@@ -260,13 +298,18 @@ fn a_dark_room_beside_a_bright_one_stays_dark() {
     let tracer = model.tracer(None).with_cache(0.05, 1);
     // First the bright room, so that there are records all along the wall.
     for i in 0..2000 {
-        let at = DVec3::new(-1.9 + 3.8 * f64::from(i % 50) / 50.0, 2.0 + f64::from(i / 50) / 41.0, 1.0);
+        let at =
+            DVec3::new(-1.9 + 3.8 * f64::from(i % 50) / 50.0, 2.0 + f64::from(i / 50) / 41.0, 1.0);
         let traced = tracer.trace(at, DVec3::NEG_Z, u64::from(i as u32));
         assert!(traced.radiance[0] > 0.0);
     }
     for i in 0..200 {
         let at = DVec3::new(-1.9 + 0.019 * f64::from(i), 3.001 + 0.002 * f64::from(i), 1.0);
-        assert_eq!(tracer.trace(at, DVec3::NEG_Z, i as u64).radiance, [0.0; 3], "light through the wall at {at}");
+        assert_eq!(
+            tracer.trace(at, DVec3::NEG_Z, i as u64).radiance,
+            [0.0; 3],
+            "light through the wall at {at}"
+        );
     }
 }
 
@@ -275,7 +318,8 @@ fn direct_light_alone_needs_no_records() {
     let tracer = room().tracer(Some(0)).with_cache(0.05, 1);
     let truth = room().tracer(Some(0));
     let (eye, towards) = (DVec3::new(-1.5, -2.5, 1.2), DVec3::new(0.8, 1.0, 0.6));
-    let (found, exact) = (estimate(&tracer, eye, towards, 4096), estimate(&truth, eye, towards, 4096));
+    let (found, exact) =
+        (estimate(&tracer, eye, towards, 4096), estimate(&truth, eye, towards, 4096));
     for c in 0..3 {
         let z = (found.mean[c] - exact.mean[c]) / found.error[c].hypot(exact.error[c]);
         assert!(z.abs() < 4.5, "{z}");
@@ -287,10 +331,14 @@ fn direct_light_alone_needs_no_records() {
 fn one_bounce_is_one_bounce() {
     let (path, cached) = (room().tracer(Some(1)), room().tracer(Some(1)).with_cache(0.02, 1));
     let (eye, towards) = (DVec3::new(-1.5, -2.5, 1.2), DVec3::new(0.8, 1.0, -0.6));
-    let (found, truth) = (estimate(&cached, eye, towards, 64), estimate(&path, eye, towards, 20_000));
+    let (found, truth) =
+        (estimate(&cached, eye, towards, 64), estimate(&path, eye, towards, 20_000));
     for c in 0..3 {
         let noise = found.error[c].hypot(truth.error[c]);
-        assert!((found.mean[c] - truth.mean[c]).abs() < 0.06 * truth.mean[c] + 4.5 * noise, "{found:?} {truth:?}");
+        assert!(
+            (found.mean[c] - truth.mean[c]).abs() < 0.06 * truth.mean[c] + 4.5 * noise,
+            "{found:?} {truth:?}"
+        );
     }
     // All light is more than that.
     let all = estimate(&room().tracer(None), eye, towards, 4096);
@@ -302,7 +350,9 @@ fn one_thread_makes_the_same_picture_again() {
     let radiances = |name| {
         let tracer = room().tracer(None).with_cache(0.1, name);
         let eye = DVec3::new(-1.5, -2.5, 1.2);
-        (0..64).map(|i| tracer.trace(eye, DVec3::new(0.3, 0.9, 0.5 - 0.015 * i as f64), i).radiance).collect::<Vec<_>>()
+        (0..64)
+            .map(|i| tracer.trace(eye, DVec3::new(0.3, 0.9, 0.5 - 0.015 * i as f64), i).radiance)
+            .collect::<Vec<_>>()
     };
     assert_eq!(radiances(1), radiances(1));
     assert_ne!(radiances(1), radiances(2));
@@ -323,7 +373,8 @@ fn who_waits_gets_paths_until_there_are_records() {
     for i in 0..rays {
         // All around.
         let (angle, z) = (2.4 * f64::from(i), 1.0 - 2.0 * (f64::from(i) * 0.618_034).fract());
-        let towards = DVec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z);
+        let towards =
+            DVec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z);
         let seed = i as u64;
         if i < 300 {
             let _ = (eager.trace(eye, towards, seed), waiting.trace(eye, towards, seed));
@@ -344,7 +395,8 @@ fn who_waits_gets_paths_until_there_are_records() {
     assert!((1..=3).contains(&waited) && eagerly > 3, "{eagerly} and {waited}");
     // The first sample of all makes a record; that one alone cannot move the mean.
     let mean = sums.map(|sum| sum / f64::from(rays));
-    let variance: f64 = (0..2).map(|n| (squares[n] / f64::from(rays) - mean[n] * mean[n]) / f64::from(rays)).sum();
+    let variance: f64 =
+        (0..2).map(|n| (squares[n] / f64::from(rays) - mean[n] * mean[n]) / f64::from(rays)).sum();
     let z = (mean[0] - mean[1]) / variance.sqrt();
     assert!(z.abs() < 4.5, "{mean:?}, {z} standard errors");
 }

@@ -12,8 +12,12 @@ const LE: [f32; 3] = [1.0, 2.0, 3.0];
 /// L = Le / (1 - kd): what is seen in a closed room that emits everywhere.
 const INSIDE: [f64; 3] = [2.0, 8.0, 3.0];
 
-const DIRECTIONS: [DVec3; 4] =
-    [DVec3::X, DVec3::new(-0.5, 0.7, 0.9), DVec3::new(0.1, -0.2, -1.0), DVec3::new(-0.9, -0.8, 0.3)];
+const DIRECTIONS: [DVec3; 4] = [
+    DVec3::X,
+    DVec3::new(-0.5, 0.7, 0.9),
+    DVec3::new(0.1, -0.2, -1.0),
+    DVec3::new(-0.9, -0.8, 0.3),
+];
 
 fn glowing() -> (Model, u32) {
     let mut model = Model::default();
@@ -39,11 +43,20 @@ fn light_in_a_gap_of_a_millionth_of_the_scene_neither_leaks_nor_gets_lost() {
         let floor = model.material(Bsdf::Diffuse { kd: [0.8, 0.5, 0.2] }, [0.0; 3]);
         let lamp = model.material(BLACK, LE);
         let card = model.material(BLACK, [0.0; 3]);
-        model.polygon(&[at(-2.0, -2.0, low), at(2.0, -2.0, low), at(2.0, 2.0, low), at(-2.0, 2.0, low)], floor);
+        model.polygon(
+            &[at(-2.0, -2.0, low), at(2.0, -2.0, low), at(2.0, 2.0, low), at(-2.0, 2.0, low)],
+            floor,
+        );
         // Something at the other end, for the scene to be as large as it is said to be.
         model.polygon(&[at(-0.1, -0.1, 2.0), at(0.1, -0.1, 2.0), at(0.1, 0.1, 2.0)], card);
-        model.polygon(&[at(-1.7, -1.0, high), at(-1.7, 1.0, high), at(-0.2, 1.0, high), at(-0.2, -1.0, high)], lamp);
-        model.polygon(&[at(0.2, -1.0, high), at(0.2, 1.0, high), at(1.7, 1.0, high), at(1.7, -1.0, high)], card);
+        model.polygon(
+            &[at(-1.7, -1.0, high), at(-1.7, 1.0, high), at(-0.2, 1.0, high), at(-0.2, -1.0, high)],
+            lamp,
+        );
+        model.polygon(
+            &[at(0.2, -1.0, high), at(0.2, 1.0, high), at(1.7, 1.0, high), at(1.7, -1.0, high)],
+            card,
+        );
         let tracer = model.tracer(None);
         let axis = |v: DVec3| turned * v;
         for (slant, y) in [(0.0, 0.3), (0.8, -0.31), (3.0, 0.07)] {
@@ -60,7 +73,10 @@ fn light_in_a_gap_of_a_millionth_of_the_scene_neither_leaks_nor_gets_lost() {
             let found = tracer.trace(eye(-0.9), direction, 0).distance;
             let expected = gap / 2.0 * (1.0 + 0.04 + slant * slant).sqrt();
             // Half a unit in the last place of 2, once for the plane and once for the point.
-            assert!((found - expected).abs() < 2.5e-7 * (1.0 + slant), "{name}: {found} {expected}");
+            assert!(
+                (found - expected).abs() < 2.5e-7 * (1.0 + slant),
+                "{name}: {found} {expected}"
+            );
         }
     }
 }
@@ -70,7 +86,8 @@ fn slivers(model: &mut Model, [a, b, c, d]: [DVec3; 4], material: u32) {
     let mut from = 0.0;
     for i in 0..24 {
         let to = if i == 23 { 1.0 } else { 1.0 - 0.5_f64.powi(i + 1) };
-        let corners = [a.lerp(b, from), a.lerp(b, to), d.lerp(c, to), d.lerp(c, from)].map(|p| p.to_array());
+        let corners =
+            [a.lerp(b, from), a.lerp(b, to), d.lerp(c, to), d.lerp(c, from)].map(|p| p.to_array());
         model.polygon(&corners, material);
         from = to;
     }
@@ -94,7 +111,9 @@ fn a_room_of_slivers_is_as_bright_as_one_of_squares() {
     // At the slivers themselves, and beside the room's edge: down to 2e-7 from it.
     for i in (8..24).step_by(3) {
         let y = 1.0 - 1.5 * 2.0_f64.powi(-i);
-        for direction in [DVec3::new(1.0, y, 0.3), DVec3::new(-1.0, -0.3, y), DVec3::new(y, -1.0, 0.5)] {
+        for direction in
+            [DVec3::new(1.0, y, 0.3), DVec3::new(-1.0, -0.3, y), DVec3::new(y, -1.0, 0.5)]
+        {
             expect(estimate(&tracer, DVec3::ZERO, direction, 5_000), INSIDE);
         }
     }
@@ -139,7 +158,11 @@ fn coplanar_faces_that_overlap_give_finite_light_of_the_right_order() {
     let tracer = model.tracer(None);
     for direction in DIRECTIONS {
         let found = estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), direction, 2_000);
-        let right = found.mean.iter().zip(INSIDE).all(|(mean, inside)| *mean > 0.8 * inside && *mean < 1.5 * inside);
+        let right = found
+            .mean
+            .iter()
+            .zip(INSIDE)
+            .all(|(mean, inside)| *mean > 0.8 * inside && *mean < 1.5 * inside);
         assert!(right, "{found:?}");
     }
 }
@@ -183,7 +206,9 @@ fn faces_without_area_are_left_out_and_named() {
     let positions = [DVec3::ZERO, DVec3::X, DVec3::X * 2.0, DVec3::Y];
     let material = holo_scene::Material::grey("m");
     let triangles = [[0, 1, 2], [0, 0, 3], [0, 1, 3]];
-    let (scene, dropped) = Scene::from_world(&positions, &triangles, &[0; 3], vec![material], [0.0; 3]).expect("valid");
+    let (scene, dropped) =
+        Scene::from_world(&positions, &triangles, &[0; 3], vec![material], [0.0; 3])
+            .expect("valid");
     assert_eq!((dropped, scene.triangles.len()), (vec![0, 1], 1));
     assert!(Tracer::new(scene.into(), Settings::default()).is_ok());
 }

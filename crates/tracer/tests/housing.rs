@@ -38,11 +38,13 @@ fn scene() -> Scene {
         let (here, next) = (corner(index, HEIGHT), corner(index + 1, HEIGHT));
         // Counter-clockwise from below.
         add([DVec3::new(0.0, 0.0, HEIGHT), next, here], 0);
-        let (below, next_below) = (corner(index, HEIGHT - DEPTH), corner(index + 1, HEIGHT - DEPTH));
+        let (below, next_below) =
+            (corner(index, HEIGHT - DEPTH), corner(index + 1, HEIGHT - DEPTH));
         add([here, next, below], 1);
         add([next, next_below, below], 1);
     }
-    let floor = [(-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
+    let floor = [(-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0)]
+        .map(|(x, y)| DVec3::new(x, y, 0.0));
     add([floor[0], floor[1], floor[2]], 2);
     add([floor[0], floor[2], floor[3]], 2);
     let diffuse = |name: &str, kd: f32, ke: f32| Material {
@@ -51,8 +53,11 @@ fn scene() -> Scene {
         emission: [ke; 3],
         two_sided_emission: false,
     };
-    let palette =
-        vec![diffuse("lamp", 0.0, RADIANCE as f32), diffuse("housing", 0.0, 0.0), diffuse("floor", ALBEDO as f32, 0.0)];
+    let palette = vec![
+        diffuse("lamp", 0.0, RADIANCE as f32),
+        diffuse("housing", 0.0, 0.0),
+        diffuse("floor", ALBEDO as f32, 0.0),
+    ];
     Scene::from_world(&points, &triangles, &materials, palette, [0.0; 3]).unwrap().0
 }
 
@@ -89,15 +94,20 @@ fn expected(x: DVec3) -> f64 {
 #[test]
 fn a_rim_close_to_its_lamp_casts_its_shadow() {
     const PATHS: u64 = 200_000;
-    let tracer = Tracer::new(Arc::new(scene()), Settings { bounces: Some(0), ..Settings::default() }).unwrap();
+    let tracer =
+        Tracer::new(Arc::new(scene()), Settings { bounces: Some(0), ..Settings::default() })
+            .unwrap();
     for (index, x) in
-        [DVec3::new(3.0, 0.5, 0.0), DVec3::new(-6.0, 4.0, 0.0), DVec3::new(10.0, 1.0, 0.0)].iter().enumerate()
+        [DVec3::new(3.0, 0.5, 0.0), DVec3::new(-6.0, 4.0, 0.0), DVec3::new(10.0, 1.0, 0.0)]
+            .iter()
+            .enumerate()
     {
         let (mut sum, mut squares) = (0.0, 0.0);
         for path in 0..PATHS {
             // A seed for every path: independent, so that the standard error below is one.
             let seed = path.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ index as u64;
-            let found = f64::from(tracer.trace_path(*x + DVec3::Z * 0.01, -DVec3::Z, seed, 0).radiance[0]);
+            let found =
+                f64::from(tracer.trace_path(*x + DVec3::Z * 0.01, -DVec3::Z, seed, 0).radiance[0]);
             sum += found;
             squares += found * found;
         }
@@ -107,10 +117,16 @@ fn a_rim_close_to_its_lamp_casts_its_shadow() {
         let exact = expected(*x);
         // Three points, 99.99 % together; the quadrature's own error beside it.
         let allowed = 4.2 * error + 1e-4 * exact;
-        assert!((mean - exact).abs() < allowed, "at {x}: {mean} where {exact} is exact (± {allowed})");
+        assert!(
+            (mean - exact).abs() < allowed,
+            "at {x}: {mean} where {exact} is exact (± {allowed})"
+        );
         // Without the rim's shadow the point would be brighter by more than could be missed.
         let unshadowed = 60.0 * ALBEDO / PI * PI * RADIUS * RADIUS * HEIGHT * HEIGHT
             / (HEIGHT * HEIGHT + x.truncate().length_squared()).powi(2);
-        assert!(unshadowed - exact > 3.0 * allowed, "the test could not see the rim: {unshadowed} and {exact}");
+        assert!(
+            unshadowed - exact > 3.0 * allowed,
+            "the test could not see the rim: {unshadowed} and {exact}"
+        );
     }
 }

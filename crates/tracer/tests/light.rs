@@ -9,7 +9,8 @@ use holo_scene::Bsdf;
 const KD: [f32; 3] = [0.8, 0.5, 0.2];
 const LE: [f32; 3] = [3.0, 5.0, 7.0];
 /// An off-centre rectangle above the floor, its front downwards.
-const PANEL: [[f64; 3]; 4] = [[-1.0, 2.0, 2.0], [1.5, 2.0, 2.0], [1.5, -0.5, 2.0], [-1.0, -0.5, 2.0]];
+const PANEL: [[f64; 3]; 4] =
+    [[-1.0, 2.0, 2.0], [1.5, 2.0, 2.0], [1.5, -0.5, 2.0], [-1.0, -0.5, 2.0]];
 
 fn lit(factor: f64) -> [f64; 3] {
     [0, 1, 2].map(|c| f64::from(KD[c]) * f64::from(LE[c]) * factor)
@@ -34,7 +35,10 @@ fn a_panel_lights_a_floor_by_its_form_factor() {
         for (x, y) in [(0.0, 0.0), (3.0, 1.0), (-0.9, 1.9), (-20.0, 5.0)] {
             let point = DVec3::new(x, y, 0.0);
             let eye = point + DVec3::new(0.3, -0.4, 1.0);
-            expect(estimate(&tracer, eye, point - eye, 20_000), lit(form_factor(&PANEL, point, DVec3::Z)));
+            expect(
+                estimate(&tracer, eye, point - eye, 20_000),
+                lit(form_factor(&PANEL, point, DVec3::Z)),
+            );
         }
     }
 }
@@ -68,7 +72,10 @@ fn both_sides_of_a_diffuse_surface_reflect() {
     model.square(0.0, 50.0, false, floor);
     model.polygon(&PANEL, light);
     let eye = DVec3::new(1.0, 1.0, 1.0);
-    expect(estimate(&model.tracer(None), eye, -eye, 20_000), lit(form_factor(&PANEL, DVec3::ZERO, DVec3::Z)));
+    expect(
+        estimate(&model.tracer(None), eye, -eye, 20_000),
+        lit(form_factor(&PANEL, DVec3::ZERO, DVec3::Z)),
+    );
 }
 
 #[test]
@@ -97,7 +104,8 @@ fn sky_and_panel_add_up() {
     model.sky = [0.5, 1.0, 2.0];
     let point = DVec3::new(0.5, 0.0, 0.0);
     let factor = form_factor(&PANEL, point, DVec3::Z);
-    let expected = [0, 1, 2].map(|c| lit(factor)[c] + f64::from(KD[c]) * f64::from(model.sky[c]) * (1.0 - factor));
+    let expected = [0, 1, 2]
+        .map(|c| lit(factor)[c] + f64::from(KD[c]) * f64::from(model.sky[c]) * (1.0 - factor));
     let eye = point + DVec3::new(0.3, -0.4, 1.0);
     expect(estimate(&model.tracer(None), eye, point - eye, 40_000), expected);
 }
@@ -112,7 +120,8 @@ fn a_white_furnace_glows_with_its_geometric_series() {
     let (eye, direction) = (DVec3::new(0.1, 0.2, 0.3), DVec3::new(0.5, 0.3, -0.8));
     for bounces in [Some(0), Some(1), Some(2), Some(7), None] {
         let terms = bounces.map_or(400, |n| n as i32 + 2);
-        let expected = [0, 1, 2].map(|c| f64::from(LE[c]) * (0..terms).map(|k| f64::from(KD[c]).powi(k)).sum::<f64>());
+        let expected = [0, 1, 2]
+            .map(|c| f64::from(LE[c]) * (0..terms).map(|k| f64::from(KD[c]).powi(k)).sum::<f64>());
         expect(estimate(&model.tracer(bounces), eye, direction, 20_000), expected);
     }
 }
@@ -129,7 +138,8 @@ fn one_bounce_carries_light_around_a_corner_and_none_does_not() {
     model.square(2.9, 1.0, true, light);
     let (eye, direction) = (DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.2, 0.1, -1.0));
     assert_eq!(estimate(&model.tracer(Some(0)), eye, direction, 2_000).mean, [0.0; 3]);
-    let [one, two, three] = [1, 2, 3].map(|n| estimate(&model.tracer(Some(n)), eye, direction, 5_000).mean);
+    let [one, two, three] =
+        [1, 2, 3].map(|n| estimate(&model.tracer(Some(n)), eye, direction, 5_000).mean);
     // Floor and ceiling take turns and only the ceiling is lit: odd numbers add light, even ones none. So few scatterings
     // are before roulette, and a path with one more begins with the same random numbers: equal is equal.
     assert!(one[0] > 0.0);

@@ -32,7 +32,10 @@ fn ceiling(two_sided: bool) -> Model {
     for i in 0..32 {
         for j in 0..32 {
             let (x, y) = (f64::from(i) * 0.5 - 8.0, f64::from(j) * 0.5 - 8.0);
-            model.polygon(&[[x, y, 2.0], [x, y + 0.5, 2.0], [x + 0.5, y + 0.5, 2.0], [x + 0.5, y, 2.0]], light);
+            model.polygon(
+                &[[x, y, 2.0], [x, y + 0.5, 2.0], [x + 0.5, y + 0.5, 2.0], [x + 0.5, y, 2.0]],
+                light,
+            );
         }
     }
     model
@@ -47,7 +50,10 @@ fn a_luminous_ceiling_of_2048_triangles_lights_as_one_panel() {
             for (x, y) in [(0.1, 0.2), (7.9, 7.9), (20.0, 3.0)] {
                 let point = DVec3::new(x, y, 0.0);
                 let eye = point + DVec3::new(0.3, -0.4, 1.0);
-                expect(estimate(&tracer, eye, point - eye, 10_000), lit(form_factor(&panel, point, DVec3::Z)));
+                expect(
+                    estimate(&tracer, eye, point - eye, 10_000),
+                    lit(form_factor(&panel, point, DVec3::Z)),
+                );
             }
         }
     }
@@ -78,7 +84,8 @@ fn a_far_source_of_great_power_and_a_near_weak_one_add_up() {
     let weak = model.material(BLACK, LE);
     let strong = model.material(BLACK, LE.map(|c| c * 1e6));
     let near = [[-0.1, -0.1, 0.5], [-0.1, 0.1, 0.5], [0.1, 0.1, 0.5], [0.1, -0.1, 0.5]];
-    let far = [[900.0, -1.0, 1000.0], [900.0, 1.0, 1000.0], [902.0, 1.0, 1000.0], [902.0, -1.0, 1000.0]];
+    let far =
+        [[900.0, -1.0, 1000.0], [900.0, 1.0, 1000.0], [902.0, 1.0, 1000.0], [902.0, -1.0, 1000.0]];
     model.polygon(&near, weak);
     model.polygon(&far, strong);
     let point = DVec3::new(0.2, 0.1, 0.0);
@@ -94,7 +101,10 @@ fn a_point_in_an_emitter_s_plane_gets_nothing_from_it() {
     floor(&mut model);
     let light = model.material(BLACK, LE);
     model.two_sided(light);
-    model.polygon(&[[50.0, -1.0, 0.0], [52.0, -1.0, 0.0], [52.0, 1.0, 0.0], [50.0, 1.0, 0.0]], light);
+    model.polygon(
+        &[[50.0, -1.0, 0.0], [52.0, -1.0, 0.0], [52.0, 1.0, 0.0], [50.0, 1.0, 0.0]],
+        light,
+    );
     model.polygon(&[[3.0, 0.0, 0.0], [5.0, 0.0, 0.0], [5.0, 0.0, 2.0], [3.0, 0.0, 2.0]], light);
     let tracer = model.tracer(Some(0));
     // Not 0: there the floor's diagonal runs, and points within rounding of an edge are moved off it, out of the plane.
@@ -141,16 +151,19 @@ fn an_integrating_sphere_has_the_irradiance_of_its_closed_form() {
     assert!(scene.emitters().count() > 1_500);
     let rho = f64::from(rho);
     let flux = 2.0 * PI * emitting;
-    for (bounces, irradiance) in
-        [(Some(0), flux / area), (Some(1), flux * (1.0 + rho) / area), (None, flux / (area * (1.0 - rho)))]
-    {
+    for (bounces, irradiance) in [
+        (Some(0), flux / area),
+        (Some(1), flux * (1.0 + rho) / area),
+        (None, flux / (area * (1.0 - rho))),
+    ] {
         let tracer = model.tracer(bounces);
         let (mut sum, mut squares, n) = (0.0, 0.0, 60_000);
         for seed in 0..n {
             // All over the lower half: facets are tilted against the sphere, to this side and to that.
             let [x, y] = Sampler::new(!seed, 0).two().map(f64::from);
             let (z, phi) = (-x, 2.0 * PI * y);
-            let direction = DVec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
+            let direction =
+                DVec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
             let radiance = f64::from(tracer.trace(DVec3::ZERO, direction, seed).radiance[0]);
             sum += radiance;
             squares += radiance * radiance;
@@ -169,7 +182,11 @@ fn an_integrating_sphere_has_the_irradiance_of_its_closed_form() {
 fn variance(tracer: &Tracer, paths: u64, seeds: u64) -> (f64, f64) {
     let eye = DVec3::new(0.3, -0.4, 1.0);
     let values: Vec<f64> = (0..seeds)
-        .map(|seed| f64::from(tracer.trace_paths(eye, DVec3::new(0.2, 0.3, -1.0), seed, 0..paths).radiance[1]))
+        .map(|seed| {
+            f64::from(
+                tracer.trace_paths(eye, DVec3::new(0.2, 0.3, -1.0), seed, 0..paths).radiance[1],
+            )
+        })
         .collect();
     let n = seeds as f64;
     let mean = values.iter().sum::<f64>() / n;

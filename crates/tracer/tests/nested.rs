@@ -60,13 +60,21 @@ fn expect_through_turned(model: &mut Model, cosine: f64, share: f64, turn: DMat3
 #[test]
 fn a_bubble_in_glass_is_air_however_it_is_drawn() {
     // Its own material's index and which way it looks; `None`: the glass's own material.
-    for (ior, outwards) in
-        [(None, false), (Some(1.5), false), (Some(1.0), true), (Some(1.0), false), (Some(1.0 / 1.5), true)]
-    {
+    for (ior, outwards) in [
+        (None, false),
+        (Some(1.5), false),
+        (Some(1.0), true),
+        (Some(1.0), false),
+        (Some(1.0 / 1.5), true),
+    ] {
         for bubble_first in [true, false] {
             for cosine in [1.0, 0.6] {
                 let mut model = Model::default();
-                let mut bubble = if bubble_first { ior.map(|n| model.material(solid(n), [0.0; 3])) } else { None };
+                let mut bubble = if bubble_first {
+                    ior.map(|n| model.material(solid(n), [0.0; 3]))
+                } else {
+                    None
+                };
                 let glass = model.material(solid(1.5), [0.0; 3]);
                 if !bubble_first {
                     bubble = ior.map(|n| model.material(solid(n), [0.0; 3]));
@@ -136,7 +144,10 @@ fn a_ray_through_matched_media_does_not_bend() {
     let light = model.material(BLACK, LE);
     let h = 5e-4;
     let [x, y, z] = target.to_array();
-    model.polygon(&[[x, y - h, z - h], [x, y - h, z + h], [x, y + h, z + h], [x, y + h, z - h]], light);
+    model.polygon(
+        &[[x, y - h, z - h], [x, y - h, z + h], [x, y + h, z + h], [x, y + h, z - h]],
+        light,
+    );
     let traced = model.tracer(Some(0)).trace(eye, (target - eye).normalize(), 3);
     assert_eq!(traced.radiance, LE);
     // The distance is to the first surface, be it invisible.
@@ -163,7 +174,8 @@ fn water_in_glass_is_the_same_drawn_touching_or_overlapping() {
                 slab(&mut model, -1.0, 0.0, true, glass);
                 slab(&mut model, low, high, true, water);
                 // Turned, planes that touch are no longer the same to the last bit: corners are rounded.
-                for turn in [DMat3::IDENTITY, DMat3::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, 0.3)] {
+                for turn in [DMat3::IDENTITY, DMat3::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, 0.3)]
+                {
                     let mut model = model.clone();
                     let share = through(cosine, &[GLASS, WATER, GLASS]);
                     expect_through_turned(&mut model, cosine, share, turn);
@@ -193,7 +205,8 @@ fn glass_that_lies_on_a_surface_shows_it() {
     let tf = [0.9, 0.6, 0.3];
     for glass_first in [true, false] {
         let mut model = Model::default();
-        let glass = model.material(Bsdf::Dielectric { ior: 1.0, transmittance: tf, alpha: 0.0 }, [0.0; 3]);
+        let glass =
+            model.material(Bsdf::Dielectric { ior: 1.0, transmittance: tf, alpha: 0.0 }, [0.0; 3]);
         let light = model.material(BLACK, LE);
         let parts: [u32; 2] = if glass_first { [0, 1] } else { [1, 0] };
         for part in parts {
@@ -202,7 +215,8 @@ fn glass_that_lies_on_a_surface_shows_it() {
                 _ => model.square(-1.0, 50.0, true, light),
             }
         }
-        let traced = model.tracer(Some(0)).trace(DVec3::new(0.1, 0.2, 1.0), DVec3::new(0.1, 0.2, -1.0), 0);
+        let traced =
+            model.tracer(Some(0)).trace(DVec3::new(0.1, 0.2, 1.0), DVec3::new(0.1, 0.2, -1.0), 0);
         for c in 0..3 {
             assert!((traced.radiance[c] - LE[c] * tf[c]).abs() < 1e-5, "{traced:?}");
         }
@@ -222,7 +236,10 @@ fn boundaries_colour_once_each_and_surfaces_that_are_none_do_not() {
     let share = through(1.0, &[GLASS]);
     let expected = [0, 1, 2].map(|c| f64::from(LE[c]) * f64::from(tf[c]).powi(2) * share);
     // The series of reflections inside is coloured by no boundary: only the first and the last count.
-    expect(estimate(&model.tracer(Some(0)), DVec3::new(0.1, 0.2, 1.0), -DVec3::Z, 40_000), expected);
+    expect(
+        estimate(&model.tracer(Some(0)), DVec3::new(0.1, 0.2, 1.0), -DVec3::Z, 40_000),
+        expected,
+    );
 }
 
 /// Glass around water around a bubble, boxes within boxes, and eyes in each, under an even sky.
@@ -230,7 +247,9 @@ fn boundaries_colour_once_each_and_surfaces_that_are_none_do_not() {
 fn eyes_inside_glass_water_and_bubbles_see_the_sky_by_the_square_of_their_index() {
     for alpha in [0.0, 0.3] {
         let mut model = Model { sky: [1.0, 2.0, 4.0], ..Model::default() };
-        for (half, ior, outwards) in [(4.0, 1.5, true), (3.0, 1.33, true), (2.0, 1.0, true), (1.0, 1.5, true)] {
+        for (half, ior, outwards) in
+            [(4.0, 1.5, true), (3.0, 1.33, true), (2.0, 1.0, true), (1.0, 1.5, true)]
+        {
             let bsdf = Bsdf::Dielectric { ior, transmittance: CLEAR, alpha };
             let material = model.material(bsdf, [0.0; 3]);
             model.cuboid([-half; 3], [half; 3], outwards, material);
@@ -239,12 +258,16 @@ fn eyes_inside_glass_water_and_bubbles_see_the_sky_by_the_square_of_their_index(
         for (x, index) in [(5.0, 1.0), (3.5, GLASS), (2.5, WATER), (1.5, 1.0)] {
             // The innermost box wins nowhere: the bubble of index 1 comes before all. It is a box of air in air.
             let expected = model.sky.map(|c| f64::from(c) * index * index);
-            let e = estimate(&tracer, DVec3::new(x, 0.13, 0.21), DVec3::new(-0.6, 0.5, 0.4), 20_000);
+            let e =
+                estimate(&tracer, DVec3::new(x, 0.13, 0.21), DVec3::new(-0.6, 0.5, 0.4), 20_000);
             for (c, wanted) in expected.into_iter().enumerate() {
                 // Rough boundaries: what their tables may lack at each of a few scatterings.
                 let tables = if alpha > 0.0 { 3e-3 } else { 3e-6 };
                 let bound = 4.5 * e.error[c] + tables * wanted;
-                assert!((e.mean[c] - wanted).abs() <= bound, "alpha {alpha}, eye at {x}: {e:?} is not {expected:?}");
+                assert!(
+                    (e.mean[c] - wanted).abs() <= bound,
+                    "alpha {alpha}, eye at {x}: {e:?} is not {expected:?}"
+                );
             }
         }
     }
@@ -259,7 +282,8 @@ fn light_beyond_the_critical_angle_is_reflected_totally_into_an_eye_in_glass() {
     let light = model.material(BLACK, LE);
     model.square(-9.0, 100.0, true, light);
     let sine = 0.75_f64.sqrt();
-    let traced = model.tracer(Some(0)).trace(DVec3::new(0.0, 0.0, -1.0), DVec3::new(sine, 0.0, 0.5), 0);
+    let traced =
+        model.tracer(Some(0)).trace(DVec3::new(0.0, 0.0, -1.0), DVec3::new(sine, 0.0, 0.5), 0);
     assert_eq!(traced.radiance, LE);
     // On a triangle 1000 across, a point is known to some 2⁻²³ of that.
     assert!((traced.distance - 2.0).abs() < 2e-4);
@@ -277,7 +301,10 @@ fn glass_drawn_inside_out_is_still_glass_and_open_sheets_have_no_inside() {
     let mut model = Model { sky: [1.0; 3], ..Model::default() };
     let glass = model.material(solid(1.5), [0.0; 3]);
     model.polygon(&[[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]], glass);
-    model.polygon(&[[-9.0, -9.0, -9.0], [-9.0, 9.0, -9.0], [9.0, 9.0, -9.0], [9.0, -9.0, -9.0]], glass);
+    model.polygon(
+        &[[-9.0, -9.0, -9.0], [-9.0, 9.0, -9.0], [9.0, 9.0, -9.0], [9.0, -9.0, -9.0]],
+        glass,
+    );
     let light = model.material(BLACK, LE);
     model.square(-5.0, 8.0, true, light);
     // 4 % of the panel, and what of the sky comes through into what then counts as glass: 96 % over n².

@@ -33,9 +33,11 @@ fn pfm(path: &Path) -> Pfm {
         word
     };
     assert_eq!(word(), "PF");
-    let (width, height): (usize, usize) = (word().parse().expect("width"), word().parse().expect("height"));
+    let (width, height): (usize, usize) =
+        (word().parse().expect("width"), word().parse().expect("height"));
     assert!(word().starts_with('-'), "little-endian");
-    let floats: Vec<f32> = bytes[at..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+    let floats: Vec<f32> =
+        bytes[at..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
     let pixels: Vec<[f32; 3]> = floats.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
     assert_eq!(pixels.len(), width * height);
     Pfm { width, height, pixels }
@@ -70,7 +72,8 @@ fn compare(scene: &str, picture: &str, bounces: Option<u32>, view: &View) {
     }
     let (reference, errors) = (pfm(&reference), pfm(&errors));
     let loaded = holo_scene::load_obj(&obj, &Default::default()).expect("a scene");
-    let tracer = Tracer::new(loaded.scene.into(), Settings { bounces, paths: 1 }).expect("a tracer");
+    let tracer =
+        Tracer::new(loaded.scene.into(), Settings { bounces, paths: 1 }).expect("a tracer");
     let (width, height) = (reference.width, reference.height);
     let eye = DVec3::from_array(view.eye);
     let forward = DVec3::from_array(view.towards).normalize();

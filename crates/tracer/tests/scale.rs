@@ -16,10 +16,13 @@ fn room() -> Model {
     let spot = model.material(BLACK, [40.0, 30.0, 20.0]);
     let mirror = model.material(Bsdf::Mirror { ks: t }, [0.0; 3]);
     let gloss = model.material(Bsdf::Conductor { ks: t, alpha: 0.2 }, [0.0; 3]);
-    let coated = model.material(Bsdf::Coated { kd: [0.2, 0.3, 0.6], ks: t, ior: 1.5, alpha: 0.1 }, [0.0; 3]);
+    let coated =
+        model.material(Bsdf::Coated { kd: [0.2, 0.3, 0.6], ks: t, ior: 1.5, alpha: 0.1 }, [0.0; 3]);
     let pane = model.material(Bsdf::ThinGlass { ior: 1.5, transmittance: t }, [0.0; 3]);
-    let glass = model.material(Bsdf::Dielectric { ior: 1.5, transmittance: t, alpha: 0.0 }, [0.0; 3]);
-    let frosted = model.material(Bsdf::Dielectric { ior: 1.5, transmittance: t, alpha: 0.3 }, [0.0; 3]);
+    let glass =
+        model.material(Bsdf::Dielectric { ior: 1.5, transmittance: t, alpha: 0.0 }, [0.0; 3]);
+    let frosted =
+        model.material(Bsdf::Dielectric { ior: 1.5, transmittance: t, alpha: 0.3 }, [0.0; 3]);
     let (l, h) = (-2.0, 2.0);
     for corners in [
         [[l, l, l], [h, l, l], [h, h, l], [l, h, l]],
@@ -30,10 +33,17 @@ fn room() -> Model {
     ] {
         model.polygon(&corners, wall);
     }
-    model.polygon(&[[-0.7, -0.7, 1.95], [-0.7, 0.7, 1.95], [0.7, 0.7, 1.95], [0.7, -0.7, 1.95]], lamp);
+    model.polygon(
+        &[[-0.7, -0.7, 1.95], [-0.7, 0.7, 1.95], [0.7, 0.7, 1.95], [0.7, -0.7, 1.95]],
+        lamp,
+    );
     model.polygon(&[[-1.5, 1.5, 1.0], [-1.5, 1.6, 1.0], [-1.4, 1.6, 1.0], [-1.4, 1.5, 1.0]], spot);
-    model.polygon(&[[-1.9, 1.2, -1.5], [-1.2, 1.9, -1.5], [-1.2, 1.9, 0.5], [-1.9, 1.2, 0.5]], mirror);
-    model.polygon(&[[0.4, -0.4, -1.9], [1.7, -0.4, -1.9], [1.7, -0.2, 0.2], [0.4, -0.2, 0.2]], pane);
+    model.polygon(
+        &[[-1.9, 1.2, -1.5], [-1.2, 1.9, -1.5], [-1.2, 1.9, 0.5], [-1.9, 1.2, 0.5]],
+        mirror,
+    );
+    model
+        .polygon(&[[0.4, -0.4, -1.9], [1.7, -0.4, -1.9], [1.7, -0.2, 0.2], [0.4, -0.2, 0.2]], pane);
     model.cuboid([0.6, 0.6, -1.99], [1.6, 1.6, -0.9], true, gloss);
     model.cuboid([-0.7, 0.6, -1.99], [0.3, 1.6, -1.2], true, coated);
     model.cuboid([-0.6, 0.8, -1.1], [0.1, 1.4, -0.4], true, glass);
@@ -60,7 +70,8 @@ fn paths(tracer: &Tracer, eye: DVec3, count: usize, first_seed: u64) -> Vec<Vec<
     let seeds = |pixel| first_seed + (pixel * count) as u64;
     let grey = |[r, g, b]: [f32; 3]| f64::from(r) + f64::from(g) + f64::from(b);
     let path = |pixel, i| grey(tracer.trace(eye, ray(pixel), seeds(pixel) + i as u64).radiance);
-    let found = (0..WIDTH * HEIGHT).map(|pixel| (0..count).map(|i| path(pixel, i)).collect()).collect();
+    let found =
+        (0..WIDTH * HEIGHT).map(|pixel| (0..count).map(|i| path(pixel, i)).collect()).collect();
     assert_eq!(tracer.nonfinite_paths(), 0);
     found
 }
@@ -84,7 +95,8 @@ fn differences(a: &[f64], b: &[f64]) -> impl Iterator<Item = f64> {
 
 /// The worst pixel's statistic, and that of all pixels' means.
 fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
-    let pixels = a.iter().zip(b).map(|(a, b)| self_normalised(differences(a, b)).abs()).fold(0.0, f64::max);
+    let pixels =
+        a.iter().zip(b).map(|(a, b)| self_normalised(differences(a, b)).abs()).fold(0.0, f64::max);
     (pixels, self_normalised(a.iter().zip(b).flat_map(|(a, b)| differences(a, b))).abs())
 }
 
@@ -94,7 +106,14 @@ const PATHS: usize = 512;
 fn a_scene_of_any_size_anywhere_gives_statistically_the_same_picture() {
     let truth = paths(&room().tracer(None), EYE, PATHS, 0);
     let far = DVec3::new(0.6, -0.8, 0.1).normalize() * 1e6;
-    let places = [(1e-3, DVec3::ZERO), (1e5, DVec3::ZERO), (1e-3, far), (1.0, far), (1.0, far * 4.0), (1e5, far)];
+    let places = [
+        (1e-3, DVec3::ZERO),
+        (1e5, DVec3::ZERO),
+        (1e-3, far),
+        (1.0, far),
+        (1.0, far * 4.0),
+        (1e5, far),
+    ];
     let tests = places.len() * (WIDTH * HEIGHT + 1);
     for (i, (scale, offset)) in (1..).zip(places) {
         let tracer = placed(room(), scale, offset).tracer(None);
@@ -124,8 +143,15 @@ fn a_scene_of_twice_any_size_gives_the_same_bits() {
         for pixel in 0..WIDTH * HEIGHT {
             for path in 0..4 {
                 let seed = (pixel * 4 + path) as u64;
-                let (a, b) = (tracer.trace(EYE, ray(pixel), seed), other.trace(EYE * scale, ray(pixel), seed));
-                assert_eq!((a.radiance, a.distance * scale), (b.radiance, b.distance), "2^{power}, pixel {pixel}");
+                let (a, b) = (
+                    tracer.trace(EYE, ray(pixel), seed),
+                    other.trace(EYE * scale, ray(pixel), seed),
+                );
+                assert_eq!(
+                    (a.radiance, a.distance * scale),
+                    (b.radiance, b.distance),
+                    "2^{power}, pixel {pixel}"
+                );
             }
         }
     }
@@ -146,7 +172,10 @@ fn site() -> Model {
 
 /// As stored: corners are rounded to f32 around the scene's origin.
 fn stored(corners: &[[f64; 3]], origin: DVec3) -> Vec<[f64; 3]> {
-    corners.iter().map(|&c| ((DVec3::from_array(c) - origin).as_vec3().as_dvec3() + origin).to_array()).collect()
+    corners
+        .iter()
+        .map(|&c| ((DVec3::from_array(c) - origin).as_vec3().as_dvec3() + origin).to_array())
+        .collect()
 }
 
 #[test]
@@ -160,7 +189,8 @@ fn light_in_a_box_of_millimetres_beside_hundreds_of_metres_neither_leaks_nor_get
     model.sky = [1e6; 3];
     let tracer = model.tracer(None);
     let eye = DVec3::from_array(corner) + SMALL * DVec3::new(0.4, 0.45, 0.6);
-    for direction in [DVec3::X, DVec3::new(-1.0, 0.9, 0.8), DVec3::new(0.1, -0.2, -1.0), DVec3::ONE] {
+    for direction in [DVec3::X, DVec3::new(-1.0, 0.9, 0.8), DVec3::new(0.1, -0.2, -1.0), DVec3::ONE]
+    {
         expect(estimate(&tracer, eye, direction, 20_000), [2.0, 8.0, 3.0]);
     }
 }
@@ -171,7 +201,12 @@ fn a_lamp_of_millimetres_beside_hundreds_of_metres_lights_as_its_form_factor_say
     let mut model = site();
     let table = model.material(Bsdf::Diffuse { kd: [0.8, 0.5, 0.2] }, [0.0; 3]);
     let lamp = model.material(BLACK, [3.0, 5.0, 7.0]);
-    let top = [[x - 0.5, y - 0.5, z], [x + 0.5, y - 0.5, z], [x + 0.5, y + 0.5, z], [x - 0.5, y + 0.5, z]];
+    let top = [
+        [x - 0.5, y - 0.5, z],
+        [x + 0.5, y - 0.5, z],
+        [x + 0.5, y + 0.5, z],
+        [x - 0.5, y + 0.5, z],
+    ];
     model.polygon(&top, table);
     let (half, above) = (SMALL / 2.0, z + SMALL);
     let square = [
@@ -201,7 +236,8 @@ fn a_lamp_of_millimetres_beside_hundreds_of_metres_lights_as_its_form_factor_say
     let near = [(5e-4, 0.0), (-5e-4, 0.0), (0.0, 5e-4), (0.0, -5e-4)]
         .map(|(dx, dy)| expected(point + DVec3::new(dx, dy, 0.0)));
     for c in 0..3 {
-        let (low, high) = near.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), e| (l.min(e[c]), h.max(e[c])));
+        let (low, high) =
+            near.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), e| (l.min(e[c]), h.max(e[c])));
         let error = 4.5 * found.error[c];
         assert!(low - error < found.mean[c] && found.mean[c] < high + error, "{found:?} {near:?}");
     }

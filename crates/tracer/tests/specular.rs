@@ -21,7 +21,8 @@ fn a_mirror_shows_its_colour_times_the_light_without_noise() {
         let light = model.material(BLACK, LE);
         model.square(0.0, 5.0, up, mirror);
         model.square(4.0, 50.0, false, light);
-        let traced = model.tracer(Some(0)).trace(DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.6, 0.0, -0.8), 1);
+        let traced =
+            model.tracer(Some(0)).trace(DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.6, 0.0, -0.8), 1);
         for c in 0..3 {
             assert!((traced.radiance[c] - TF[c] * LE[c]).abs() < 1e-6 * LE[c]);
         }
@@ -45,7 +46,10 @@ fn mirrors_do_not_count_as_bounces_and_chains_of_perfect_mirrors_end() {
     let mut closed = Model::default();
     let mirror = closed.material(Bsdf::Mirror { ks: [1.0; 3] }, [0.0; 3]);
     closed.cuboid([-1.0; 3], [1.0; 3], false, mirror);
-    assert_eq!(estimate(&closed.tracer(None), DVec3::splat(0.1), DVec3::new(0.3, 0.5, 0.7), 2_000).mean, [0.0; 3]);
+    assert_eq!(
+        estimate(&closed.tracer(None), DVec3::splat(0.1), DVec3::new(0.3, 0.5, 0.7), 2_000).mean,
+        [0.0; 3]
+    );
 }
 
 #[test]
@@ -62,9 +66,10 @@ fn a_pane_transmits_and_reflects_its_series_of_fresnel_terms() {
         assert!((through + back - 1.0).abs() < 1e-12);
 
         // Light beyond: coloured. Light behind the eye: uncoloured.
-        for (height, up, expected) in
-            [(-1.0, true, scaled(LE, TF.map(|t| f64::from(t) * through))), (3.0, false, scaled(LE, [back; 3]))]
-        {
+        for (height, up, expected) in [
+            (-1.0, true, scaled(LE, TF.map(|t| f64::from(t) * through))),
+            (3.0, false, scaled(LE, [back; 3])),
+        ] {
             let mut model = Model::default();
             let pane = model.material(Bsdf::ThinGlass { ior, transmittance: TF }, [0.0; 3]);
             let light = model.material(BLACK, LE);
@@ -93,10 +98,14 @@ fn light_through_a_pane_reaches_a_floor_by_the_material_alone() {
             (1.0 - r) / (1.0 + r) / f64::from(steps)
         })
         .sum();
-    let expected = [0, 1, 2].map(|c| f64::from(kd[c]) * f64::from(model.sky[c]) * f64::from(TF[c]) * mean);
+    let expected =
+        [0, 1, 2].map(|c| f64::from(kd[c]) * f64::from(model.sky[c]) * f64::from(TF[c]) * mean);
     let direction = DVec3::new(0.3, 0.2, -1.0);
     // The eye is below the pane. Direct light alone: what the pane reflects back to the floor is a bounce.
-    expect(estimate(&model.tracer(Some(0)), DVec3::new(0.0, 0.0, 0.5), direction, 60_000), expected);
+    expect(
+        estimate(&model.tracer(Some(0)), DVec3::new(0.0, 0.0, 0.5), direction, 60_000),
+        expected,
+    );
 }
 
 #[test]
@@ -107,7 +116,8 @@ fn a_solid_slab_transmits_its_series_and_colours_each_boundary() {
         let r = fresnel(cosine, 1.5);
         let through = (1.0 - r).powi(2) / (1.0 - r * r);
         let mut model = Model::default();
-        let glass = model.material(Bsdf::Dielectric { ior: 1.5, transmittance: TF, alpha: 0.0 }, [0.0; 3]);
+        let glass =
+            model.material(Bsdf::Dielectric { ior: 1.5, transmittance: TF, alpha: 0.0 }, [0.0; 3]);
         let light = model.material(BLACK, LE);
         // So thin that the light cannot leave at the sides within many reflections.
         model.cuboid([-500.0, -500.0, -0.25], [500.0, 500.0, 0.0], true, glass);
@@ -121,7 +131,8 @@ fn a_solid_slab_transmits_its_series_and_colours_each_boundary() {
 fn radiance_in_glass_is_greater_by_the_square_of_the_index() {
     // Under an even sky, clear glass is invisible from outside; inside, every direction that leads out has n² of it.
     let mut model = Model { sky: [1.0, 2.0, 4.0], ..Model::default() };
-    let glass = model.material(Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: 0.0 }, [0.0; 3]);
+    let glass = model
+        .material(Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: 0.0 }, [0.0; 3]);
     model.cuboid([-1.0; 3], [1.0; 3], true, glass);
     let tracer = model.tracer(None);
     let outside = DVec3::new(3.0, 2.0, 2.5);
@@ -135,7 +146,8 @@ fn radiance_in_glass_is_greater_by_the_square_of_the_index() {
 fn frosted_glass_under_an_even_sky_is_invisible() {
     let mut model = Model { sky: [1.0; 3], ..Model::default() };
     for alpha in [0.1, 0.5, 1.0] {
-        let glass = model.material(Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha }, [0.0; 3]);
+        let glass =
+            model.material(Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha }, [0.0; 3]);
         model.triangles.clear();
         model.ids.clear();
         model.cuboid([-1.0; 3], [1.0; 3], true, glass);

@@ -27,7 +27,9 @@ fn a_sample_is_a_function_of_its_seed_and_the_mean_of_its_paths() {
     let whole = many.trace(eye, direction, 5);
     assert_eq!(whole, many.trace(eye, direction, 5));
     assert_ne!(whole.radiance, many.trace(eye, direction, 6).radiance);
-    let mean: f64 = (0..16).map(|p| f64::from(many.trace_path(eye, direction, 5, p).radiance[0])).sum::<f64>() / 16.0;
+    let mean: f64 =
+        (0..16).map(|p| f64::from(many.trace_path(eye, direction, 5, p).radiance[0])).sum::<f64>()
+            / 16.0;
     assert!((mean - f64::from(whole.radiance[0])).abs() < 1e-5 * mean);
     let elsewhere = std::thread::spawn(move || {
         let tracer = Tracer::new(scene, Settings { bounces: None, paths: 16 }).expect("a tracer");
@@ -65,7 +67,11 @@ fn rays_that_are_none_see_black_and_rays_past_everything_see_the_sky() {
         (DVec3::ZERO, DVec3::X * f64::INFINITY),
     ] {
         let traced = tracer.trace(origin, direction, 0);
-        assert_eq!((traced.radiance, traced.distance), ([0.0; 3], f64::INFINITY), "{origin} {direction}");
+        assert_eq!(
+            (traced.radiance, traced.distance),
+            ([0.0; 3], f64::INFINITY),
+            "{origin} {direction}"
+        );
     }
     for origin in [DVec3::X * 3.0, DVec3::X * 1e30] {
         let traced = tracer.trace(origin, DVec3::X, 0);

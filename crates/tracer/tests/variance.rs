@@ -37,15 +37,21 @@ fn the_stated_variance_is_how_much_samples_vary() {
         let n = SAMPLES as f64;
         let mean = found.iter().map(|f| f.0).sum::<f64>() / n;
         // The square of each sample's error is an estimate of the same variance; so their differences have the expectation 0.
-        let differences = found.iter().map(|(value, variance)| variance - (value - mean).powi(2) * n / (n - 1.0));
-        let (sum, squares) = differences.fold((0.0, 0.0), |(s, q): (f64, f64), d| (s + d, q + d * d));
+        let differences =
+            found.iter().map(|(value, variance)| variance - (value - mean).powi(2) * n / (n - 1.0));
+        let (sum, squares) =
+            differences.fold((0.0, 0.0), |(s, q): (f64, f64), d| (s + d, q + d * d));
         // Five pairs of tests: by chance once in 15,000 runs.
         assert!((sum / squares.sqrt()).abs() < 4.5, "{paths} paths: {}", sum / squares.sqrt());
         // And the test has something to say: an estimate 20 % off would fail it.
-        assert!(squares.sqrt() * 4.5 < 0.2 * found.iter().map(|f| f.1).sum::<f64>(), "{paths} paths");
+        assert!(
+            squares.sqrt() * 4.5 < 0.2 * found.iter().map(|f| f.1).sum::<f64>(),
+            "{paths} paths"
+        );
 
-        let plain: Vec<f64> =
-            (0..SAMPLES).map(|seed| f64::from(tracer.trace(DVec3::ZERO, direction, seed).radiance[1])).collect();
+        let plain: Vec<f64> = (0..SAMPLES)
+            .map(|seed| f64::from(tracer.trace(DVec3::ZERO, direction, seed).radiance[1]))
+            .collect();
         let plain_mean = plain.iter().sum::<f64>() / n;
         let variance = |values: &mut dyn Iterator<Item = f64>, mean: f64| {
             values.map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)

@@ -35,12 +35,16 @@ fn mirrors_show_what_is_as_far_behind_them_as_it_is_in_front() {
     let [plain, virtual_] = both(&hall());
     let eye = DVec3::new(0.2, -0.3, 0.1);
     // Unfolded at the mirrors, the hall is a slab without end: the ray goes straight to y = ±1 or z = ±1.
-    for direction in
-        [DVec3::new(1.0, 0.7, 0.2), DVec3::new(-3.0, 0.4, -0.5), DVec3::new(20.0, -0.3, 0.5), DVec3::new(0.2, 0.3, 1.0)]
-    {
+    for direction in [
+        DVec3::new(1.0, 0.7, 0.2),
+        DVec3::new(-3.0, 0.4, -0.5),
+        DVec3::new(20.0, -0.3, 0.5),
+        DVec3::new(0.2, 0.3, 1.0),
+    ] {
         let d = direction.normalize();
         let until = |axis: usize| (d[axis].signum() - eye[axis]) / d[axis];
-        let (first, straight) = ((0..3).map(until).fold(f64::INFINITY, f64::min), until(1).min(until(2)));
+        let (first, straight) =
+            ((0..3).map(until).fold(f64::INFINITY, f64::min), until(1).min(until(2)));
         expect_distance(&plain, eye, d, first);
         expect_distance(&virtual_, eye, d, straight);
         // The image stands where the object mirrored at the walls stands: all eyes see it there.
@@ -49,7 +53,10 @@ fn mirrors_show_what_is_as_far_behind_them_as_it_is_in_front() {
     // Exactly to and fro: it ends somewhere.
     let endless = virtual_.trace(eye, DVec3::X, 0).distance;
     assert!(endless > 60.0 && endless.is_finite(), "{endless}");
-    let (a, b) = (plain.trace(eye, DVec3::new(0.6, 0.8, 0.0), 5), virtual_.trace(eye, DVec3::new(0.6, 0.8, 0.0), 5));
+    let (a, b) = (
+        plain.trace(eye, DVec3::new(0.6, 0.8, 0.0), 5),
+        virtual_.trace(eye, DVec3::new(0.6, 0.8, 0.0), 5),
+    );
     assert_eq!(a.radiance, b.radiance, "the light is the same");
 }
 
@@ -58,7 +65,8 @@ fn all_eyes_see_an_image_at_one_place() {
     let [_, tracer] = both(&hall());
     let object = DVec3::new(0.3, 1.0, 0.4);
     let image = DVec3::new(2.0 - 0.3, 1.0, 0.4);
-    for eye in [DVec3::new(0.5, 0.0, 0.0), DVec3::new(-0.9, -0.8, 0.9), DVec3::new(0.0, 0.9, -0.5)] {
+    for eye in [DVec3::new(0.5, 0.0, 0.0), DVec3::new(-0.9, -0.8, 0.9), DVec3::new(0.0, 0.9, -0.5)]
+    {
         let direction = (image - eye).normalize();
         let found = eye + direction * tracer.trace(eye, direction, 0).distance;
         assert!(found.distance(image) < 1e-6 * eye.distance(object) + 1e-6, "{found}");
@@ -87,7 +95,8 @@ fn glass_shows_what_is_behind_it_and_at_grazing_angles_what_is_before_it() {
 #[test]
 fn through_a_slab_of_glass_the_bent_ray_s_length_counts() {
     let mut model = Model::default();
-    let glass = model.material(Bsdf::Dielectric { ior: 1.5, transmittance: GLASS, alpha: 0.0 }, [0.0; 3]);
+    let glass =
+        model.material(Bsdf::Dielectric { ior: 1.5, transmittance: GLASS, alpha: 0.0 }, [0.0; 3]);
     let wall = model.material(Bsdf::Diffuse { kd: [0.5; 3] }, [0.0; 3]);
     model.cuboid([-50.0, -50.0, -0.5], [50.0, 50.0, 0.0], true, glass);
     model.square(-3.0, 50.0, true, wall);
@@ -114,12 +123,16 @@ fn curved_rough_and_shining_surfaces_are_themselves_what_is_seen() {
             [angle.cos(), angle.sin(), z]
         };
         for i in 0..sides {
-            model.polygon(&[corner(i, -9.0), corner(i + 1, -9.0), corner(i + 1, 9.0), corner(i, 9.0)], mirror);
+            model.polygon(
+                &[corner(i, -9.0), corner(i + 1, -9.0), corner(i + 1, 9.0), corner(i, 9.0)],
+                mirror,
+            );
         }
         let [plain, virtual_] = both(&model);
         let eye = DVec3::new(-5.0, 0.1, 0.2);
         let direction = DVec3::new(1.0, 0.02, 0.03).normalize();
-        let (a, b) = (plain.trace(eye, direction, 0).distance, virtual_.trace(eye, direction, 0).distance);
+        let (a, b) =
+            (plain.trace(eye, direction, 0).distance, virtual_.trace(eye, direction, 0).distance);
         assert_eq!(a == b, curved, "{sides} sides: {a} {b}");
     }
     for (bsdf, emission) in [

@@ -35,7 +35,11 @@ impl LiveRay {
         }
         let squared: f64 = self.direction.iter().map(|x| x * x).sum();
         // Also refuses NaN.
-        if (squared - 1.0).abs() <= UNIT_SLACK { Ok(()) } else { Err(ProtoError::Number("a ray's direction")) }
+        if (squared - 1.0).abs() <= UNIT_SLACK {
+            Ok(())
+        } else {
+            Err(ProtoError::Number("a ray's direction"))
+        }
     }
 }
 
@@ -65,7 +69,12 @@ impl LiveWanted {
     /// The payload of a frame of live rays: view, pixels, count, rays.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(16 + self.rays.len() * 56);
-        let head = WantedHead { view: self.view, pixels: self.pixels, rays: self.rays.len() as u32, reserved: 0 };
+        let head = WantedHead {
+            view: self.view,
+            pixels: self.pixels,
+            rays: self.rays.len() as u32,
+            reserved: 0,
+        };
         put(&mut out, &head);
         out.extend_from_slice(bytemuck::cast_slice(&self.rays));
         out
@@ -127,7 +136,9 @@ impl LiveWork {
             let count = packet.rays.len() as u32;
             put(&mut out, &RawPacket { id: packet.id, count, paths: packet.paths, reserved: 0 });
         }
-        self.packets.iter().for_each(|packet| out.extend_from_slice(bytemuck::cast_slice(&packet.rays)));
+        self.packets
+            .iter()
+            .for_each(|packet| out.extend_from_slice(bytemuck::cast_slice(&packet.rays)));
         out
     }
 
@@ -204,9 +215,14 @@ impl LiveResults {
         let mut reader = Reader(bytes);
         let counts: Counts = reader.one("live results message")?;
         let packets = reader.many::<Traced>("live packet list", u64::from(counts.first))?;
-        let hits = reader.many::<LiveHit>("list of what live rays saw", u64::from(counts.second))?;
+        let hits =
+            reader.many::<LiveHit>("list of what live rays saw", u64::from(counts.second))?;
         reader.end()?;
-        expect_rays("list of what live rays saw", packets.iter().map(|packet| packet.count), &hits)?;
+        expect_rays(
+            "list of what live rays saw",
+            packets.iter().map(|packet| packet.count),
+            &hits,
+        )?;
         hits.iter().try_for_each(LiveHit::check)?;
         Ok(LiveResults { packets, hits })
     }

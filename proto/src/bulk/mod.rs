@@ -10,8 +10,8 @@ mod work;
 use bytemuck::{Pod, Zeroable};
 use holo_section::Viewpoint;
 pub use live::{
-    LiveHit, LivePacket, LiveRay, LiveResults, LiveSample, LiveSamples, LiveWanted, LiveWork, MAX_LIVE_RAYS,
-    MAX_LIVE_RAYS_HELD,
+    LiveHit, LivePacket, LiveRay, LiveResults, LiveSample, LiveSamples, LiveWanted, LiveWork,
+    MAX_LIVE_RAYS, MAX_LIVE_RAYS_HELD,
 };
 pub use results::{Results, Traced};
 pub use samples::{MAX_RUN, Run, Samples, Source, Unseen};
@@ -94,7 +94,11 @@ fn expect_total<T>(what: &'static str, said: u64, list: &[T]) -> Result<(), Prot
 }
 
 /// Checks that packets of 1 to 21 rays add up to what follows of them.
-fn expect_rays<T>(what: &'static str, said: impl Iterator<Item = u32>, list: &[T]) -> Result<(), ProtoError> {
+fn expect_rays<T>(
+    what: &'static str,
+    said: impl Iterator<Item = u32>,
+    list: &[T],
+) -> Result<(), ProtoError> {
     let mut total = 0;
     for count in said {
         if !(1..=MAX_RAYS_PER_PACKET as u32).contains(&count) {

@@ -44,7 +44,8 @@ impl Results {
     pub fn encode(&self) -> Vec<u8> {
         let bytes = 12 + self.packets.len() * 16 + self.samples.len() * 10 + self.unseen.len() * 8;
         let mut out = Vec::with_capacity(bytes);
-        let counts = [self.packets.len(), self.samples.len(), self.unseen.len()].map(|count| count as u32);
+        let counts =
+            [self.packets.len(), self.samples.len(), self.unseen.len()].map(|count| count as u32);
         put(&mut out, &ResultCounts { packets: counts[0], samples: counts[1], unseen: counts[2] });
         out.extend_from_slice(bytemuck::cast_slice(&self.packets));
         out.extend_from_slice(bytemuck::cast_slice(&self.samples));

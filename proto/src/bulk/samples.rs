@@ -139,7 +139,14 @@ fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
     if raw.first.checked_add(raw.count).is_none() {
         return Err(ProtoError::Number("a run's first sample number"));
     }
-    Ok(Run { section: raw.section, beam: BeamId(raw.beam), kind, first: raw.first, count: raw.count, paths: raw.paths })
+    Ok(Run {
+        section: raw.section,
+        beam: BeamId(raw.beam),
+        kind,
+        first: raw.first,
+        count: raw.count,
+        paths: raw.paths,
+    })
 }
 
 /// Server to display: beams of a view of which no ray meets anything. They show the sky, and nothing is traced in them.

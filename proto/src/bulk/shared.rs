@@ -16,7 +16,10 @@ impl Light {
     /// The payload of a light frame: count and length of the records, records.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + size_of_val(self.records.as_slice()));
-        put(&mut out, &Counts { first: self.records.len() as u32, second: size_of::<Record>() as u32 });
+        put(
+            &mut out,
+            &Counts { first: self.records.len() as u32, second: size_of::<Record>() as u32 },
+        );
         out.extend_from_slice(bytemuck::cast_slice(&self.records));
         out
     }

@@ -71,7 +71,10 @@ impl Work {
     /// The payload of a work frame: counts, viewpoints, packets, rays that packets name.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + self.viewpoints.len() * 32 + self.packets.len() * 32);
-        put(&mut out, &Counts { first: self.viewpoints.len() as u32, second: self.packets.len() as u32 });
+        put(
+            &mut out,
+            &Counts { first: self.viewpoints.len() as u32, second: self.packets.len() as u32 },
+        );
         for viewpoint in &self.viewpoints {
             put(&mut out, &RawViewpoint::new(viewpoint));
         }
@@ -94,8 +97,12 @@ impl Work {
                 },
             );
         }
-        for (rays, packet) in self.packets.iter().filter_map(|packet| Some((packet.rays.as_ref()?, packet))) {
-            out.extend_from_slice(bytemuck::cast_slice(&rays[..usize::from(packet.count).min(MAX_RAYS_PER_PACKET)]));
+        for (rays, packet) in
+            self.packets.iter().filter_map(|packet| Some((packet.rays.as_ref()?, packet)))
+        {
+            out.extend_from_slice(bytemuck::cast_slice(
+                &rays[..usize::from(packet.count).min(MAX_RAYS_PER_PACKET)],
+            ));
         }
         out
     }
@@ -109,11 +116,16 @@ impl Work {
         let counts: Counts = reader.one("work message")?;
         let viewpoints = reader.many::<RawViewpoint>("viewpoint list", u64::from(counts.first))?;
         let packets = reader.many::<RawPacket>("packet list", u64::from(counts.second))?;
-        let named = packets.iter().filter(|raw| raw.viewpoint == NAMED_RAYS).map(|raw| u64::from(raw.count)).sum();
+        let named = packets
+            .iter()
+            .filter(|raw| raw.viewpoint == NAMED_RAYS)
+            .map(|raw| u64::from(raw.count))
+            .sum();
         let rays = reader.many::<RayCoords>("ray list", named)?;
         reader.end()?;
         let mut rays = rays.into_iter();
-        let viewpoints = viewpoints.into_iter().map(RawViewpoint::parse).collect::<Result<Vec<_>, _>>()?;
+        let viewpoints =
+            viewpoints.into_iter().map(RawViewpoint::parse).collect::<Result<Vec<_>, _>>()?;
         let packets = packets
             .into_iter()
             .map(|raw| {
@@ -128,11 +140,17 @@ impl Work {
                 }
                 let named = (raw.viewpoint == NAMED_RAYS).then(|| {
                     let mut named = [RayCoords::default(); MAX_RAYS_PER_PACKET];
-                    named.iter_mut().zip(rays.by_ref().take(usize::from(raw.count))).for_each(|(to, ray)| *to = ray);
+                    named
+                        .iter_mut()
+                        .zip(rays.by_ref().take(usize::from(raw.count)))
+                        .for_each(|(to, ray)| *to = ray);
                     named
                 });
-                let viewpoint = (raw.viewpoint != NO_VIEWPOINT && named.is_none()).then_some(raw.viewpoint);
-                if let Some(index) = viewpoint.filter(|&index| usize::from(index) >= viewpoints.len()) {
+                let viewpoint =
+                    (raw.viewpoint != NO_VIEWPOINT && named.is_none()).then_some(raw.viewpoint);
+                if let Some(index) =
+                    viewpoint.filter(|&index| usize::from(index) >= viewpoints.len())
+                {
                     return Err(ProtoError::Viewpoint { index, count: viewpoints.len() });
                 }
                 Ok(Packet {

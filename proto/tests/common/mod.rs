@@ -14,29 +14,42 @@ pub fn sample() -> impl Strategy<Value = Sample> {
 }
 
 pub fn viewpoint() -> impl Strategy<Value = Viewpoint> {
-    ([finite(), finite(), finite()], finite()).prop_map(|(eye, radius)| Viewpoint { eye, radius: radius.abs() })
+    ([finite(), finite(), finite()], finite())
+        .prop_map(|(eye, radius)| Viewpoint { eye, radius: radius.abs() })
 }
 
 pub fn work() -> impl Strategy<Value = Work> {
     vec(viewpoint(), 0..4).prop_flat_map(|viewpoints| {
         let known = viewpoints.len() as u16;
         let rays = prop::option::of(vec(any::<[u8; 4]>(), 21));
-        let packet =
-            (any::<u64>(), any::<u16>(), any::<u64>(), 0..u32::MAX - 21, 1..=21u8, 1..=u16::MAX, 0..=known, rays)
-                .prop_map(move |(id, section, beam, first, count, paths, viewpoint, rays)| Packet {
-                    id,
-                    section,
-                    beam: BeamId(beam),
-                    first,
-                    count,
-                    paths,
-                    viewpoint: (viewpoint < known && rays.is_none()).then_some(viewpoint),
-                    rays: rays.map(|rays| {
-                        std::array::from_fn(|at| {
-                            if at < usize::from(count) { RayCoords(rays[at]) } else { RayCoords::default() }
-                        })
-                    }),
-                });
+        let packet = (
+            any::<u64>(),
+            any::<u16>(),
+            any::<u64>(),
+            0..u32::MAX - 21,
+            1..=21u8,
+            1..=u16::MAX,
+            0..=known,
+            rays,
+        )
+            .prop_map(move |(id, section, beam, first, count, paths, viewpoint, rays)| Packet {
+                id,
+                section,
+                beam: BeamId(beam),
+                first,
+                count,
+                paths,
+                viewpoint: (viewpoint < known && rays.is_none()).then_some(viewpoint),
+                rays: rays.map(|rays| {
+                    std::array::from_fn(|at| {
+                        if at < usize::from(count) {
+                            RayCoords(rays[at])
+                        } else {
+                            RayCoords::default()
+                        }
+                    })
+                }),
+            });
         vec(packet, 0..20).prop_map(move |packets| Work { viewpoints: viewpoints.clone(), packets })
     })
 }
@@ -60,17 +73,24 @@ pub fn results() -> impl Strategy<Value = Results> {
 pub fn view() -> impl Strategy<Value = ViewRequest> {
     let wanted = (any::<u64>(), prop::num::f32::POSITIVE | prop::num::f32::NORMAL, any::<u16>())
         .prop_filter("finite", |(_, weight, _)| weight.is_finite() && *weight != 0.0)
-        .prop_map(|(beam, weight, section)| Wanted { beam, weight: weight.abs(), section, reserved: 0 });
-    (any::<u32>(), viewpoint(), vec(wanted, 0..30)).prop_map(|(view, viewpoint, beams)| ViewRequest {
-        view,
-        viewpoint,
-        beams,
-    })
+        .prop_map(|(beam, weight, section)| Wanted {
+            beam,
+            weight: weight.abs(),
+            section,
+            reserved: 0,
+        });
+    (any::<u32>(), viewpoint(), vec(wanted, 0..30))
+        .prop_map(|(view, viewpoint, beams)| ViewRequest { view, viewpoint, beams })
 }
 
 pub fn samples() -> impl Strategy<Value = Samples> {
-    let kind = prop_oneof![Just(SampleKind::Uniform), Just(SampleKind::ViewpointLimited), Just(SampleKind::SingleRay)];
-    let run = (any::<u16>(), any::<u64>(), kind, 0..u32::MAX - 50, 1..=u16::MAX, vec(sample(), 1..50));
+    let kind = prop_oneof![
+        Just(SampleKind::Uniform),
+        Just(SampleKind::ViewpointLimited),
+        Just(SampleKind::SingleRay)
+    ];
+    let run =
+        (any::<u16>(), any::<u64>(), kind, 0..u32::MAX - 50, 1..=u16::MAX, vec(sample(), 1..50));
     let source = prop_oneof![Just(Source::Stored), Just(Source::Traced)];
     (any::<u32>(), source, vec(run, 0..8)).prop_map(|(view, source, runs)| Samples {
         view,
@@ -99,7 +119,8 @@ pub fn unseen() -> impl Strategy<Value = Unseen> {
 pub fn light() -> impl Strategy<Value = Light> {
     let three = || prop::array::uniform3(any::<f32>().prop_filter("finite", |x| x.is_finite()));
     let light = prop::array::uniform3(0.0..=f32::MAX);
-    let record = (three(), three(), light, f32::MIN_POSITIVE..=f32::MAX, any::<(u32, u64)>(), 0_usize..3);
+    let record =
+        (three(), three(), light, f32::MIN_POSITIVE..=f32::MAX, any::<(u32, u64)>(), 0_usize..3);
     let record = record.prop_map(|(point, shift, irradiance, radius, (rays, id), axis)| {
         let mut normal = [0.0; 3];
         normal[axis] = -1.0;
@@ -121,15 +142,13 @@ pub fn light() -> impl Strategy<Value = Light> {
 }
 
 pub fn live_ray() -> impl Strategy<Value = LiveRay> {
-    let direction = prop::array::uniform3(-1.0..1.0).prop_filter_map("a direction", |d: [f64; 3]| {
-        let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();
-        (length > 1e-3).then(|| d.map(|x| x / length))
-    });
-    ([finite(), finite(), finite()], direction, any::<u64>()).prop_map(|(origin, direction, number)| LiveRay {
-        origin,
-        direction,
-        number,
-    })
+    let direction =
+        prop::array::uniform3(-1.0..1.0).prop_filter_map("a direction", |d: [f64; 3]| {
+            let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();
+            (length > 1e-3).then(|| d.map(|x| x / length))
+        });
+    ([finite(), finite(), finite()], direction, any::<u64>())
+        .prop_map(|(origin, direction, number)| LiveRay { origin, direction, number })
 }
 
 fn live_hit() -> impl Strategy<Value = LiveHit> {
@@ -138,7 +157,11 @@ fn live_hit() -> impl Strategy<Value = LiveHit> {
 }
 
 pub fn live_wanted() -> impl Strategy<Value = LiveWanted> {
-    (any::<(u32, u32)>(), vec(live_ray(), 0..30)).prop_map(|((view, pixels), rays)| LiveWanted { view, pixels, rays })
+    (any::<(u32, u32)>(), vec(live_ray(), 0..30)).prop_map(|((view, pixels), rays)| LiveWanted {
+        view,
+        pixels,
+        rays,
+    })
 }
 
 pub fn live_work() -> impl Strategy<Value = LiveWork> {
@@ -148,12 +171,18 @@ pub fn live_work() -> impl Strategy<Value = LiveWork> {
 }
 
 pub fn live_results() -> impl Strategy<Value = LiveResults> {
-    vec((any::<u64>(), any::<u32>(), vec(live_hit(), 1..=21)), 0..6).prop_map(|packets| LiveResults {
-        packets: packets
-            .iter()
-            .map(|(id, nanoseconds, hits)| Traced { id: *id, count: hits.len() as u32, nanoseconds: *nanoseconds })
-            .collect(),
-        hits: packets.into_iter().flat_map(|(.., hits)| hits).collect(),
+    vec((any::<u64>(), any::<u32>(), vec(live_hit(), 1..=21)), 0..6).prop_map(|packets| {
+        LiveResults {
+            packets: packets
+                .iter()
+                .map(|(id, nanoseconds, hits)| Traced {
+                    id: *id,
+                    count: hits.len() as u32,
+                    nanoseconds: *nanoseconds,
+                })
+                .collect(),
+            hits: packets.into_iter().flat_map(|(.., hits)| hits).collect(),
+        }
     })
 }
 
@@ -173,32 +202,39 @@ fn text() -> impl Strategy<Value = String> {
 
 fn section() -> impl Strategy<Value = SectionSpec> {
     let numbers = || [finite(), finite(), finite()];
-    (numbers(), [numbers(), numbers(), numbers()], any::<[u32; 3]>(), any::<bool>(), any::<bool>()).prop_map(
-        |(origin, axes, grid, interior, obstructions)| SectionSpec {
+    (numbers(), [numbers(), numbers(), numbers()], any::<[u32; 3]>(), any::<bool>(), any::<bool>())
+        .prop_map(|(origin, axes, grid, interior, obstructions)| SectionSpec {
             origin,
             axes,
             grid,
             class: if interior { ViewClass::Interior } else { ViewClass::Exterior },
             obstructions,
-        },
-    )
+        })
 }
 
 fn welcome() -> impl Strategy<Value = Control> {
-    let engine = any::<bool>().prop_map(|cached| if cached { Engine::Cached } else { Engine::Path });
+    let engine =
+        any::<bool>().prop_map(|cached| if cached { Engine::Cached } else { Engine::Path });
     let numbers = (any::<Option<u32>>(), 1..=u16::MAX, 1e-6..=1.0_f32, any::<u64>(), any::<bool>());
-    let settings =
-        (engine, numbers).prop_map(|(engine, (bounces, paths_per_sample, accuracy, seed, virtual_distance))| {
-            RenderSettings { engine, bounces, paths_per_sample, accuracy, seed, virtual_distance }
-        });
-    let scene = (any::<[u8; 32]>(), any::<u64>()).prop_map(|(hash, bytes)| SceneInfo { hash, bytes });
+    let settings = (engine, numbers).prop_map(
+        |(engine, (bounces, paths_per_sample, accuracy, seed, virtual_distance))| RenderSettings {
+            engine,
+            bounces,
+            paths_per_sample,
+            accuracy,
+            seed,
+            virtual_distance,
+        },
+    );
+    let scene =
+        (any::<[u8; 32]>(), any::<u64>()).prop_map(|(hash, bytes)| SceneInfo { hash, bytes });
     let up = [finite(), finite(), finite()].prop_filter("an axis", |up| *up != [0.0; 3]);
     let radiance = || any::<u32>().prop_map(|bits| bits as f32 * 1e-6);
     let sky = ([radiance(), radiance(), radiance()], any::<bool>());
     let views = vec((text(), text()), 0..5);
-    (text(), vec(section(), 1..6), settings, scene, up, views, any::<u64>(), any::<bool>(), sky).prop_map(
-        |(software, sections, settings, scene, up, views, samples, tracing, (sky, skip_unseen))| {
-            Control::Welcome(Box::new(Welcome {
+    (text(), vec(section(), 1..6), settings, scene, up, views, any::<u64>(), any::<bool>(), sky)
+        .prop_map(
+            |(
                 software,
                 sections,
                 settings,
@@ -207,17 +243,30 @@ fn welcome() -> impl Strategy<Value = Control> {
                 views,
                 samples,
                 tracing,
-                sky,
-                skip_unseen,
-            }))
-        },
-    )
+                (sky, skip_unseen),
+            )| {
+                Control::Welcome(Box::new(Welcome {
+                    software,
+                    sections,
+                    settings,
+                    scene,
+                    up,
+                    views,
+                    samples,
+                    tracing,
+                    sky,
+                    skip_unseen,
+                }))
+            },
+        )
 }
 
 pub fn control() -> impl Strategy<Value = Control> {
-    let status = (any::<u64>(), finite(), any::<u32>(), any::<u32>()).prop_map(|(samples, rate, workers, displays)| {
-        Control::Status(Status { samples, samples_per_second: rate, workers, displays })
-    });
+    let status = (any::<u64>(), finite(), any::<u32>(), any::<u32>()).prop_map(
+        |(samples, rate, workers, displays)| {
+            Control::Status(Status { samples, samples_per_second: rate, workers, displays })
+        },
+    );
     prop_oneof![
         welcome(),
         status,
@@ -231,7 +280,8 @@ pub fn control() -> impl Strategy<Value = Control> {
         text().prop_map(|reason| Control::Failed { reason }),
         any::<u32>().prop_map(|view| Control::Settle { view }),
         Just(Control::LightWanted),
-        (any::<[u8; 32]>(), any::<u64>()).prop_map(|(hash, bytes)| Control::StandIns(SceneInfo { hash, bytes })),
+        (any::<[u8; 32]>(), any::<u64>())
+            .prop_map(|(hash, bytes)| Control::StandIns(SceneInfo { hash, bytes })),
         Just(Control::StandInsWanted),
     ]
 }

@@ -2,9 +2,13 @@
 
 use super::kitchen::tap;
 use super::lamp::rod;
-use crate::material::{CERAMIC, CHROME, CORAL, LACQUER, LINEN, Material, STONE, STRIP_COOL, TEAL, WALNUT, WINDOW};
+use crate::material::{
+    CERAMIC, CHROME, CORAL, LACQUER, LINEN, Material, STONE, STRIP_COOL, TEAL, WALNUT, WINDOW,
+};
 use crate::mesh::Mesh;
-use crate::shapes::{ball, bent, cuboid, lathe, rectangle, rounded, sheet, superellipsoid, tube, turned};
+use crate::shapes::{
+    ball, bent, cuboid, lathe, rectangle, rounded, sheet, superellipsoid, tube, turned,
+};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -34,7 +38,8 @@ pub fn tub(panel: &'static Material, w: f64) -> Mesh {
     }));
     tub.add(cuboid(panel, [-w / 2.0, 0.0, 0.0], [w / 2.0, d - 0.02, 0.1]));
     tub.add(rectangle(&WINDOW, [-w / 2.0, d - 0.04, h], [0.95, 0.0, 0.0], [0.0, 0.0, 1.4]));
-    let edge = [DVec3::new(0.95 - w / 2.0, d - 0.04, h), DVec3::new(0.95 - w / 2.0, d - 0.04, h + 1.4)];
+    let edge =
+        [DVec3::new(0.95 - w / 2.0, d - 0.04, h), DVec3::new(0.95 - w / 2.0, d - 0.04, h + 1.4)];
     tub.add(tube(&CHROME, &edge, 0.008, 12));
     tub.add(shower().at(-w / 2.0 + 0.45, 0.0, h));
     tub
@@ -45,11 +50,21 @@ fn shower() -> Mesh {
     Mesh::of([
         bent(
             &CHROME,
-            &[[0.0, 0.05, 0.35], [0.0, 0.05, 1.3], [0.0, 0.08, 1.52], [0.0, 0.25, 1.55], [0.0, 0.36, 1.52]],
+            &[
+                [0.0, 0.05, 0.35],
+                [0.0, 0.05, 1.3],
+                [0.0, 0.08, 1.52],
+                [0.0, 0.25, 1.55],
+                [0.0, 0.36, 1.52],
+            ],
             0.011,
         ),
-        lathe(&CHROME, 36, &[(0.0, -0.02), (0.10, -0.02), (0.11, -0.012), (0.03, 0.0), (0.012, 0.02)])
-            .at(0.0, 0.36, 1.52),
+        lathe(
+            &CHROME,
+            36,
+            &[(0.0, -0.02), (0.10, -0.02), (0.11, -0.012), (0.03, 0.0), (0.012, 0.02)],
+        )
+        .at(0.0, 0.36, 1.52),
         tube(&CHROME, &[DVec3::new(-0.12, 0.045, 0.40), DVec3::new(0.12, 0.045, 0.40)], 0.02, 16),
         bent(&CHROME, &[[0.0, 0.05, 0.38], [0.0, 0.14, 0.36], [0.0, 0.17, 0.30]], 0.014),
     ])
@@ -80,12 +95,20 @@ pub fn vanity(w: f64) -> Mesh {
         vanity.add(tap(&CHROME).scaled(0.7, 0.7, 0.75).at(x, 0.07, 0.835));
     }
     vanity.add(
-        turned(&CORAL, 24, &[(0.0, 0.0), (0.03, 0.0), (0.033, 0.08), (0.012, 0.12), (0.01, 0.15), (0.0, 0.15)])
-            .at(0.06, 0.15, 0.835),
+        turned(
+            &CORAL,
+            24,
+            &[(0.0, 0.0), (0.03, 0.0), (0.033, 0.08), (0.012, 0.12), (0.01, 0.15), (0.0, 0.15)],
+        )
+        .at(0.06, 0.15, 0.835),
     );
     vanity.add(
-        turned(&TEAL, 24, &[(0.0, 0.0), (0.035, 0.0), (0.035, 0.10), (0.031, 0.10), (0.030, 0.01), (0.0, 0.01)])
-            .at(-0.06, 0.16, 0.835),
+        turned(
+            &TEAL,
+            24,
+            &[(0.0, 0.0), (0.035, 0.0), (0.035, 0.10), (0.031, 0.10), (0.030, 0.01), (0.0, 0.01)],
+        )
+        .at(-0.06, 0.16, 0.835),
     );
     vanity.add(super::decor::mirror(&CHROME, w - 0.1, 0.95).at(0.0, 0.0, 1.12));
     for x in [-1.0, 1.0] {
@@ -102,7 +125,12 @@ pub fn water_closet() -> Mesh {
             DVec3::new(0.18 * size * cos, 0.27 + lean + 0.27 * size * sin, z)
         }
     };
-    let levels = [ring(0.45, -0.12, 0.12), ring(0.65, -0.08, 0.2), ring(0.92, -0.01, 0.32), ring(1.0, 0.0, 0.40)];
+    let levels = [
+        ring(0.45, -0.12, 0.12),
+        ring(0.65, -0.08, 0.2),
+        ring(0.92, -0.01, 0.32),
+        ring(1.0, 0.0, 0.40),
+    ];
     let body = sheet(&CERAMIC, 48, 12, |u, v| {
         let at = v * 3.0;
         let i = (at as usize).min(2);
@@ -143,10 +171,25 @@ pub fn towel(cloth: &'static Material) -> Mesh {
 /// Towels rolled up in a pile.
 pub fn rolled_towels() -> Mesh {
     let roll = |cloth: &'static Material| {
-        lathe(cloth, 24, &[(0.0, -0.17), (0.045, -0.17), (0.055, -0.16), (0.055, 0.16), (0.045, 0.17), (0.0, 0.17)])
-            .tilted(90.0)
+        lathe(
+            cloth,
+            24,
+            &[
+                (0.0, -0.17),
+                (0.045, -0.17),
+                (0.055, -0.16),
+                (0.055, 0.16),
+                (0.045, 0.17),
+                (0.0, 0.17),
+            ],
+        )
+        .tilted(90.0)
     };
-    Mesh::of([roll(&LINEN).at(-0.057, 0.0, 0.055), roll(&TEAL).at(0.057, 0.0, 0.055), roll(&LINEN).at(0.0, 0.0, 0.153)])
+    Mesh::of([
+        roll(&LINEN).at(-0.057, 0.0, 0.055),
+        roll(&TEAL).at(0.057, 0.0, 0.055),
+        roll(&LINEN).at(0.0, 0.0, 0.153),
+    ])
 }
 
 /// A heated rail of bent rods, 0.5 m wide and 1.1 m high.
@@ -157,7 +200,11 @@ pub fn heated_rail() -> Mesh {
     }
     for i in 0..11 {
         let z = 0.06 + 0.098 * f64::from(i);
-        rail.add(bent(&CHROME, &[[-0.24, 0.06, z], [-0.12, 0.085, z], [0.12, 0.085, z], [0.24, 0.06, z]], 0.010));
+        rail.add(bent(
+            &CHROME,
+            &[[-0.24, 0.06, z], [-0.12, 0.085, z], [0.12, 0.085, z], [0.24, 0.06, z]],
+            0.010,
+        ));
     }
     rail
 }

@@ -52,7 +52,11 @@ pub fn wardrobe(w: f64, doors: usize, mirrored: usize) -> Mesh {
     let pitch = w / doors as f64;
     for i in 0..doors {
         let x = (i as f64 + 0.5) * pitch - w / 2.0;
-        wardrobe.add(rounded(&LACQUER, [pitch - 0.006, 0.024, h - 0.1], 0.008).at(x, d - 0.012, 0.08));
+        wardrobe.add(rounded(&LACQUER, [pitch - 0.006, 0.024, h - 0.1], 0.008).at(
+            x,
+            d - 0.012,
+            0.08,
+        ));
         if i == mirrored {
             let (x0, x1) = (x - pitch / 2.0 + 0.05, x + pitch / 2.0 - 0.05);
             wardrobe.add(cuboid(&MIRROR, [x0, d - 0.01, 0.16], [x1, d + 0.003, h - 0.1]));

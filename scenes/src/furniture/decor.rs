@@ -1,7 +1,8 @@
 //! Pictures, mirrors, rugs, curtains, and what stands on tables.
 
 use crate::material::{
-    AMBER, BOOKS, CERAMIC, CERAMIC_BLUE, CORAL, CRYSTAL, INK, LIME, MIRROR, MUSTARD, Material, PAPER, STEEL, TEAL,
+    AMBER, BOOKS, CERAMIC, CERAMIC_BLUE, CORAL, CRYSTAL, INK, LIME, MIRROR, MUSTARD, Material,
+    PAPER, STEEL, TEAL,
 };
 use crate::mesh::Mesh;
 use crate::random::Random;
@@ -28,7 +29,8 @@ pub fn picture(frame: &'static Material, w: f64, h: f64, seed: u64) -> Mesh {
         z = top - wave;
     }
     let radius = random.range(0.12, 0.22) * pw.min(ph);
-    let disc = lathe(random.pick(&[&MUSTARD, &CORAL, &INK]), 40, &[(radius, 0.0), (0.0, 0.0)]).tilted(-90.0);
+    let disc = lathe(random.pick(&[&MUSTARD, &CORAL, &INK]), 40, &[(radius, 0.0), (0.0, 0.0)])
+        .tilted(-90.0);
     art.add(disc.at(x0 + pw * random.range(0.3, 0.7), 0.026, z0 + ph * random.range(0.5, 0.72)));
     art
 }
@@ -50,8 +52,11 @@ pub fn round_mirror(rim: &'static Material, radius: f64) -> Mesh {
 
 fn framed(frame: &'static Material, inside: &'static Material, w: f64, h: f64) -> Mesh {
     let (bar, deep) = (0.03, 0.035);
-    let mut framed =
-        cuboid(inside, [bar / 2.0 - w / 2.0, 0.004, bar / 2.0], [w / 2.0 - bar / 2.0, 0.02, h - bar / 2.0]);
+    let mut framed = cuboid(
+        inside,
+        [bar / 2.0 - w / 2.0, 0.004, bar / 2.0],
+        [w / 2.0 - bar / 2.0, 0.02, h - bar / 2.0],
+    );
     for z in [0.0, h - bar] {
         framed.add(rounded(frame, [w, deep, bar], 0.006).at(0.0, deep / 2.0, z));
     }
@@ -64,7 +69,11 @@ fn framed(frame: &'static Material, inside: &'static Material, w: f64, h: f64) -
 /// A rug with a border and stripes, 12 mm thick.
 pub fn rug(ground: &'static Material, stripe: &'static Material, w: f64, d: f64) -> Mesh {
     let mut rug = rounded(stripe, [w, d, 0.010], 0.005);
-    rug.add(cuboid(ground, [0.08 - w / 2.0, 0.08 - d / 2.0, 0.002], [w / 2.0 - 0.08, d / 2.0 - 0.08, 0.012]));
+    rug.add(cuboid(
+        ground,
+        [0.08 - w / 2.0, 0.08 - d / 2.0, 0.002],
+        [w / 2.0 - 0.08, d / 2.0 - 0.08, 0.012],
+    ));
     let stripes = (d / 0.3) as usize;
     for i in 1..stripes {
         let y = d * (i as f64 / stripes as f64 - 0.5);
@@ -86,7 +95,10 @@ pub fn curtains(cloth: &'static Material, w: f64, h: f64, part: f64) -> Mesh {
         pair.add(ball(&STEEL, 0.025, 16).at(side * reach, 0.09, h));
         pair.add(tube(
             &STEEL,
-            &[DVec3::new(side * (reach - 0.08), 0.0, h), DVec3::new(side * (reach - 0.08), 0.09, h)],
+            &[
+                DVec3::new(side * (reach - 0.08), 0.0, h),
+                DVec3::new(side * (reach - 0.08), 0.09, h),
+            ],
             0.008,
             10,
         ));
@@ -150,7 +162,11 @@ pub fn fruit(material: &'static Material) -> Mesh {
         let angle = TAU * f64::from(i) / 6.0;
         let (r, z) = if i < 6 { (0.085, 0.085) } else { (0.04, 0.135) };
         let colour = colours[usize::from(i) % 3];
-        filled.add(ball(colour, 0.04, 18).scaled(1.0, 1.0, 0.92).at(r * angle.cos(), r * angle.sin(), z));
+        filled.add(ball(colour, 0.04, 18).scaled(1.0, 1.0, 0.92).at(
+            r * angle.cos(),
+            r * angle.sin(),
+            z,
+        ));
     }
     filled
 }
@@ -191,7 +207,10 @@ pub fn bottle() -> Mesh {
         (0.014, 0.285),
         (0.0, 0.29),
     ];
-    Mesh::of([lathe(&AMBER, 32, &body), lathe(&INK, 16, &[(0.0, 0.292), (0.012, 0.292), (0.012, 0.31), (0.0, 0.31)])])
+    Mesh::of([
+        lathe(&AMBER, 32, &body),
+        lathe(&INK, 16, &[(0.0, 0.292), (0.012, 0.292), (0.012, 0.31), (0.0, 0.31)]),
+    ])
 }
 
 /// A place at a table, laid: plates, a bowl, cutlery, a glass. The sitter is towards -y.

@@ -2,7 +2,8 @@
 
 use crate::furniture::lamp::strip;
 use crate::material::{
-    BRASS, CABINET, CHROME, COPPER, GROUT, INK, Material, STEEL, STONE, STONE_DARK, STRIP, TILE_WHITE,
+    BRASS, CABINET, CHROME, COPPER, GROUT, INK, Material, STEEL, STONE, STONE_DARK, STRIP,
+    TILE_WHITE,
 };
 use crate::mesh::Mesh;
 use crate::shapes::{bent, cuboid, lathe, rounded, tube};
@@ -17,9 +18,15 @@ fn fronts(w: f64, d: f64, z0: f64, z1: f64, count: usize, grip: f64) -> Mesh {
     Mesh::of((0..count).map(|i| {
         let x = (i as f64 + 0.5) * pitch - w / 2.0;
         let bar = [DVec3::new(x - 0.09, d + 0.03, grip), DVec3::new(x + 0.09, d + 0.03, grip)];
-        let post = |x: f64| tube(&BRASS, &[DVec3::new(x, d, grip), DVec3::new(x, d + 0.03, grip)], 0.004, 8);
+        let post = |x: f64| {
+            tube(&BRASS, &[DVec3::new(x, d, grip), DVec3::new(x, d + 0.03, grip)], 0.004, 8)
+        };
         Mesh::of([
-            rounded(&CABINET, [pitch - 0.006, 0.022, z1 - z0 - 0.006], 0.006).at(x, d - 0.011, z0 + 0.003),
+            rounded(&CABINET, [pitch - 0.006, 0.022, z1 - z0 - 0.006], 0.006).at(
+                x,
+                d - 0.011,
+                z0 + 0.003,
+            ),
             tube(&BRASS, &bar, 0.006, 12),
             post(x - 0.07),
             post(x + 0.07),
@@ -41,9 +48,14 @@ pub fn run(w: f64) -> Mesh {
     run.add(tap(&CHROME).at(sink, 0.085, TOP));
     run.add(range().at(hob, 0.0, 0.0));
     run.add(tiles(&TILE_WHITE, w, 0.55, 0.15, 0.075).at(0.0, 0.0, TOP));
-    for (x, w) in [(-w / 8.0 - 0.2, 0.75 * w - 0.4), (hob + 0.425 + (w / 4.0 - 0.425) / 2.0, w / 4.0 - 0.425)] {
+    for (x, w) in
+        [(-w / 8.0 - 0.2, 0.75 * w - 0.4), (hob + 0.425 + (w / 4.0 - 0.425) / 2.0, w / 4.0 - 0.425)]
+    {
         run.add(cuboid(&CABINET, [x - w / 2.0, 0.0, TOP + 0.55], [x + w / 2.0, 0.31, 2.25]));
-        run.add(fronts(w, 0.333, TOP + 0.55, 2.25, (w / 0.5).ceil() as usize, TOP + 0.60).at(x, 0.0, 0.0));
+        run.add(
+            fronts(w, 0.333, TOP + 0.55, 2.25, (w / 0.5).ceil() as usize, TOP + 0.60)
+                .at(x, 0.0, 0.0),
+        );
         run.add(strip(&STRIP, w - 0.1).tilted(180.0).at(x, 0.22, TOP + 0.549));
     }
     run
@@ -77,10 +89,20 @@ pub fn basin(material: &'static Material, w: f64, d: f64, deep: f64) -> Mesh {
 /// A high tap that bows towards +y.
 pub fn tap(metal: &'static Material) -> Mesh {
     Mesh::of([
-        lathe(metal, 24, &[(0.0, 0.0), (0.03, 0.0), (0.028, 0.012), (0.016, 0.03), (0.014, 0.05), (0.0, 0.05)]),
+        lathe(
+            metal,
+            24,
+            &[(0.0, 0.0), (0.03, 0.0), (0.028, 0.012), (0.016, 0.03), (0.014, 0.05), (0.0, 0.05)],
+        ),
         bent(
             metal,
-            &[[0.0, 0.0, 0.04], [0.0, 0.0, 0.24], [0.0, 0.07, 0.32], [0.0, 0.17, 0.28], [0.0, 0.18, 0.20]],
+            &[
+                [0.0, 0.0, 0.04],
+                [0.0, 0.0, 0.24],
+                [0.0, 0.07, 0.32],
+                [0.0, 0.17, 0.28],
+                [0.0, 0.18, 0.20],
+            ],
             0.012,
         ),
         bent(metal, &[[0.02, 0.0, 0.05], [0.05, 0.0, 0.06], [0.09, 0.0, 0.09]], 0.006),
@@ -91,7 +113,9 @@ pub fn tap(metal: &'static Material) -> Mesh {
 fn range() -> Mesh {
     let mut range = rounded(&STONE_DARK, [0.76, 0.50, 0.012], 0.004).at(0.0, 0.32, TOP);
     for (x, y) in [(-0.2, 0.2), (0.2, 0.2), (-0.2, 0.44), (0.2, 0.44)] {
-        range.add(lathe(&STEEL, 36, &[(0.085, 0.0125), (0.09, 0.0135), (0.095, 0.0125)]).at(x, y, TOP));
+        range.add(
+            lathe(&STEEL, 36, &[(0.085, 0.0125), (0.09, 0.0135), (0.095, 0.0125)]).at(x, y, TOP),
+        );
     }
     let pot = [
         (0.0, 0.0),
@@ -142,7 +166,11 @@ pub fn tiles(tile: &'static Material, w: f64, h: f64, tile_w: f64, tile_h: f64) 
     for i in 0..columns {
         for j in 0..rows {
             let (x, z) = (i as f64 * cw - w / 2.0, j as f64 * ch);
-            wall.add(cuboid(tile, [x + 0.0015, 0.003, z + 0.0015], [x + cw - 0.0015, 0.008, z + ch - 0.0015]));
+            wall.add(cuboid(
+                tile,
+                [x + 0.0015, 0.003, z + 0.0015],
+                [x + cw - 0.0015, 0.008, z + ch - 0.0015],
+            ));
         }
     }
     wall
@@ -157,7 +185,12 @@ pub fn refrigerator() -> Mesh {
         let bar = [DVec3::new(-0.29, 0.72, grip - 0.2), DVec3::new(-0.29, 0.72, grip + 0.2)];
         body.add(tube(&CHROME, &bar, 0.011, 16));
         for z in [grip - 0.17, grip + 0.17] {
-            body.add(tube(&CHROME, &[DVec3::new(-0.29, 0.67, z), DVec3::new(-0.29, 0.72, z)], 0.007, 10));
+            body.add(tube(
+                &CHROME,
+                &[DVec3::new(-0.29, 0.67, z), DVec3::new(-0.29, 0.72, z)],
+                0.007,
+                10,
+            ));
         }
     }
     body

@@ -3,7 +3,8 @@
 //! Always: a light's face looks away from its housing. No light stands behind glass: shadow rays do not pass it.
 
 use crate::material::{
-    BRASS, BULB, CEILING, CERAMIC, FABRIC_DARK, FLAME, GLOBE, INK, LINEN, Material, PANEL, SHADE, SPOT, STEEL,
+    BRASS, BULB, CEILING, CERAMIC, FABRIC_DARK, FLAME, GLOBE, INK, LINEN, Material, PANEL, SHADE,
+    SPOT, STEEL,
 };
 use crate::mesh::Mesh;
 use crate::shapes::{ball, bent, block, cuboid, lathe, rectangle, rounded, tube, turned};
@@ -49,21 +50,30 @@ pub fn pendant(drop: f64, radius: f64) -> Mesh {
     Mesh::of([
         lathe(&BRASS, 24, &[(0.0, -0.025), (0.045, -0.025), (0.05, 0.0)]),
         cord(drop - radius),
-        lathe(&BRASS, 24, &[(0.012, 0.06), (0.03, 0.045), (0.055, 0.03)]).at(0.0, 0.0, -drop + radius),
+        lathe(&BRASS, 24, &[(0.012, 0.06), (0.03, 0.045), (0.055, 0.03)]).at(
+            0.0,
+            0.0,
+            -drop + radius,
+        ),
         ball(&GLOBE, radius, 28).at(0.0, 0.0, -drop),
     ])
 }
 
 /// A bell of metal over a bulb; its rim hangs `drop` below the ceiling.
 pub fn bell(metal: &'static Material, drop: f64) -> Mesh {
-    let outside = [(0.17, 0.0), (0.165, 0.05), (0.13, 0.12), (0.06, 0.17), (0.025, 0.21), (0.02, 0.26)];
+    let outside =
+        [(0.17, 0.0), (0.165, 0.05), (0.13, 0.12), (0.06, 0.17), (0.025, 0.21), (0.02, 0.26)];
     Mesh::of([
         lathe(&INK, 24, &[(0.0, -0.02), (0.04, -0.02), (0.045, 0.0)]),
         cord(drop - 0.25),
         turned(metal, 40, &outside).at(0.0, 0.0, -drop),
         // The lining, a little inside, seen from below.
-        turned(&LINEN, 40, &[(0.025, 0.20), (0.055, 0.165), (0.125, 0.118), (0.16, 0.05), (0.165, 0.002)])
-            .at(0.0, 0.0, -drop),
+        turned(
+            &LINEN,
+            40,
+            &[(0.025, 0.20), (0.055, 0.165), (0.125, 0.118), (0.16, 0.05), (0.165, 0.002)],
+        )
+        .at(0.0, 0.0, -drop),
         ball(&BULB, 0.04, 20).at(0.0, 0.0, -drop + 0.085),
     ])
 }
@@ -83,7 +93,15 @@ fn shade(low: f64, high: f64, height: f64) -> Mesh {
 
 /// A lamp for a table: a turned foot and a glowing shade; 0.52 m high.
 pub fn table_lamp(foot: &'static Material) -> Mesh {
-    let profile = [(0.0, 0.0), (0.07, 0.0), (0.075, 0.02), (0.05, 0.06), (0.085, 0.15), (0.05, 0.25), (0.015, 0.30)];
+    let profile = [
+        (0.0, 0.0),
+        (0.07, 0.0),
+        (0.075, 0.02),
+        (0.05, 0.06),
+        (0.085, 0.15),
+        (0.05, 0.25),
+        (0.015, 0.30),
+    ];
     Mesh::of([
         turned(foot, 32, &profile),
         tube(&BRASS, &[DVec3::new(0.0, 0.0, 0.29), DVec3::new(0.0, 0.0, 0.36)], 0.008, 10),
@@ -106,15 +124,25 @@ pub fn desk_lamp() -> Mesh {
     let light = lathe(&BULB, 28, &[(0.0, 0.008), (0.045, 0.008)]);
     Mesh::of([
         lathe(&STEEL, 28, &[(0.0, 0.0), (0.09, 0.0), (0.09, 0.015), (0.0, 0.02)]),
-        bent(&STEEL, &[[0.0, 0.0, 0.015], [-0.05, 0.0, 0.20], [0.02, 0.0, 0.38], [0.20, 0.0, 0.40]], 0.008),
+        bent(
+            &STEEL,
+            &[[0.0, 0.0, 0.015], [-0.05, 0.0, 0.20], [0.02, 0.0, 0.38], [0.20, 0.0, 0.40]],
+            0.008,
+        ),
         Mesh::of([head, light]).at(0.21, 0.0, 0.335),
     ])
 }
 
 /// A box on a wall that lights it upwards and downwards.
 pub fn sconce() -> Mesh {
-    let lit = |z: f64, up: f64| rectangle(&BULB, [-0.03 * up, 0.025, z], [0.06 * up, 0.0, 0.0], [0.0, 0.05, 0.0]);
-    Mesh::of([cuboid(&BRASS, [-0.05, 0.0, -0.07], [0.05, 0.09, 0.07]), lit(0.072, 1.0), lit(-0.072, -1.0)])
+    let lit = |z: f64, up: f64| {
+        rectangle(&BULB, [-0.03 * up, 0.025, z], [0.06 * up, 0.0, 0.0], [0.0, 0.05, 0.0])
+    };
+    Mesh::of([
+        cuboid(&BRASS, [-0.05, 0.0, -0.07], [0.05, 0.09, 0.07]),
+        lit(0.072, 1.0),
+        lit(-0.072, -1.0),
+    ])
 }
 
 /// A candle with its flame; 0.21 m high.

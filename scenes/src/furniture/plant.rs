@@ -39,7 +39,11 @@ fn pot(material: &'static Material, radius: f64, height: f64) -> Mesh {
     ];
     Mesh::of([
         lathe(material, 36, &profile),
-        lathe(&SOIL, 36, &[(radius * 0.88, height * 0.9), (radius * 0.4, height * 0.93), (0.0, height * 0.92)]),
+        lathe(
+            &SOIL,
+            36,
+            &[(radius * 0.88, height * 0.9), (radius * 0.4, height * 0.93), (0.0, height * 0.92)],
+        ),
     ])
 }
 
@@ -53,7 +57,11 @@ pub fn palm(height: f64, stems: usize, seed: u64) -> Mesh {
         let tall = (height - 0.34) * random.range(0.65, 1.0);
         let along = |t: f64| {
             let out = reach * t * t;
-            DVec3::new(out * azimuth.cos(), out * azimuth.sin(), 0.33 + tall * (t - 0.28 * t * t * t) / 0.72)
+            DVec3::new(
+                out * azimuth.cos(),
+                out * azimuth.sin(),
+                0.33 + tall * (t - 0.28 * t * t * t) / 0.72,
+            )
         };
         let path = [0.0, 0.25, 0.5, 0.75, 1.0].map(|t| along(t).to_array());
         palm.add(bent(&LEAF_LIGHT, &path, 0.005));
@@ -76,14 +84,16 @@ pub fn broadleaf(height: f64, count: usize, seed: u64) -> Mesh {
     for i in 0..count {
         let azimuth = 2.399_963 * i as f64;
         let outer = ((i as f64 + 0.5) / count as f64).sqrt();
-        let (reach, tall) = (0.16 * outer, (height - 0.24) * (1.0 - 0.55 * outer) * random.range(0.8, 1.0));
+        let (reach, tall) =
+            (0.16 * outer, (height - 0.24) * (1.0 - 0.55 * outer) * random.range(0.8, 1.0));
         let tip = DVec3::new(reach * azimuth.cos(), reach * azimuth.sin(), 0.22 + tall);
         plant.add(bent(
             &LEAF_LIGHT,
             &[[0.0, 0.0, 0.21], [tip.x * 0.4, tip.y * 0.4, 0.22 + tall * 0.6], tip.to_array()],
             0.004,
         ));
-        let blade = leaf(random.pick(&LEAVES), random.range(0.16, 0.24), random.range(0.09, 0.14), 0.08);
+        let blade =
+            leaf(random.pick(&LEAVES), random.range(0.16, 0.24), random.range(0.09, 0.14), 0.08);
         plant.add(pointed(blade, tip, azimuth, random.range(-0.1, 0.5)));
     }
     plant
@@ -94,22 +104,40 @@ pub fn tree(height: f64, crown: f64, count: usize, seed: u64) -> Mesh {
     let random = &mut Random::new(seed);
     let mut tree = pot(&CLAY, 0.21, 0.38);
     let middle = height - crown;
-    tree.add(bent(&WALNUT, &[[0.0, 0.0, 0.34], [0.02, 0.01, 0.7 * middle], [-0.01, 0.02, middle + 0.1]], 0.02));
+    tree.add(bent(
+        &WALNUT,
+        &[[0.0, 0.0, 0.34], [0.02, 0.01, 0.7 * middle], [-0.01, 0.02, middle + 0.1]],
+        0.02,
+    ));
     for i in 0..count {
         // Evenly about a ball (a Fibonacci lattice), at depths that differ.
         let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
         let azimuth = 2.399_963 * i as f64;
         let ring = (1.0 - z * z).sqrt();
         let depth = crown * random.range(0.35, 0.85);
-        let root = DVec3::new(ring * azimuth.cos(), ring * azimuth.sin(), z) * depth + DVec3::new(0.0, 0.0, middle);
-        let blade = leaf(random.pick(&LEAVES), random.range(0.09, 0.14), random.range(0.045, 0.065), 0.03);
-        tree.add(pointed(blade, root, azimuth + random.range(-0.6, 0.6), z * 0.9 + random.range(-0.5, 0.3)));
+        let root = DVec3::new(ring * azimuth.cos(), ring * azimuth.sin(), z) * depth
+            + DVec3::new(0.0, 0.0, middle);
+        let blade =
+            leaf(random.pick(&LEAVES), random.range(0.09, 0.14), random.range(0.045, 0.065), 0.03);
+        tree.add(pointed(
+            blade,
+            root,
+            azimuth + random.range(-0.6, 0.6),
+            z * 0.9 + random.range(-0.5, 0.3),
+        ));
     }
     for i in 0..9 {
         let azimuth = 2.399_963 * f64::from(i);
-        let end =
-            [0.6 * crown * azimuth.cos(), 0.6 * crown * azimuth.sin(), middle + crown * (f64::from(i) / 9.0 - 0.4)];
-        tree.add(bent(&WALNUT, &[[0.0, 0.01, middle - 0.25], [end[0] * 0.4, end[1] * 0.4, middle - 0.05], end], 0.006));
+        let end = [
+            0.6 * crown * azimuth.cos(),
+            0.6 * crown * azimuth.sin(),
+            middle + crown * (f64::from(i) / 9.0 - 0.4),
+        ];
+        tree.add(bent(
+            &WALNUT,
+            &[[0.0, 0.01, middle - 0.25], [end[0] * 0.4, end[1] * 0.4, middle - 0.05], end],
+            0.006,
+        ));
     }
     tree
 }

@@ -11,7 +11,11 @@ pub fn sofa(fabric: &'static Material, seats: usize, accents: &[&'static Materia
     let mut sofa = rounded(fabric, [inside + 0.4, 0.90, 0.20], 0.04).at(0.0, 0.47, 0.12);
     sofa.add(rounded(fabric, [inside + 0.4, 0.22, 0.60], 0.07).at(0.0, 0.13, 0.18));
     for side in [-1.0, 1.0] {
-        sofa.add(rounded(fabric, [0.20, 0.90, 0.48], 0.07).at(side * (inside / 2.0 + 0.1), 0.47, 0.14));
+        sofa.add(rounded(fabric, [0.20, 0.90, 0.48], 0.07).at(
+            side * (inside / 2.0 + 0.1),
+            0.47,
+            0.14,
+        ));
         for y in [0.1, 0.84] {
             sofa.add(leg(0.12).at(side * (inside / 2.0 + 0.1), y, 0.0));
         }
@@ -48,7 +52,11 @@ pub fn armchair(fabric: &'static Material, accent: &'static Material) -> Mesh {
     for end in [0.0_f64, 1.0] {
         let angle = (-195.0 + 210.0 * end).to_radians();
         let cap = superellipsoid(fabric, [0.11, 0.06, 0.34], 2.0, 2.5);
-        chair.add(cap.turned(angle.to_degrees()).at(radius * angle.cos(), 0.44 + radius * angle.sin(), 0.18));
+        chair.add(cap.turned(angle.to_degrees()).at(
+            radius * angle.cos(),
+            0.44 + radius * angle.sin(),
+            0.18,
+        ));
     }
     chair.add(cushion(accent, [0.38, 0.38, 0.14]).tilted(114.0).at(0.0, 0.24, 0.58));
     for (x, y) in [(-0.26, 0.2), (0.26, 0.2), (-0.24, 0.66), (0.24, 0.66)] {
@@ -67,7 +75,11 @@ pub fn chair(wood: &'static Material, fabric: &'static Material) -> Mesh {
     let mut chair = superellipsoid(fabric, [0.45, 0.44, 0.07], 5.0, 2.6).at(0.0, 0.0, 0.42);
     chair.add(rounded(wood, [0.43, 0.42, 0.03], 0.012).at(0.0, 0.0, 0.40));
     for side in [-1.0, 1.0] {
-        chair.add(bent(wood, &[[side * 0.20, 0.20, 0.0], [side * 0.19, 0.19, 0.2], [side * 0.18, 0.17, 0.41]], 0.016));
+        chair.add(bent(
+            wood,
+            &[[side * 0.20, 0.20, 0.0], [side * 0.19, 0.19, 0.2], [side * 0.18, 0.17, 0.41]],
+            0.016,
+        ));
         chair.add(bent(
             wood,
             &[
@@ -95,10 +107,12 @@ pub fn chair(wood: &'static Material, fabric: &'static Material) -> Mesh {
 
 /// A high stool with a metal ring for the feet.
 pub fn stool(wood: &'static Material) -> Mesh {
-    let mut stool = turned(wood, 32, &[(0.0, 0.60), (0.15, 0.60), (0.17, 0.62), (0.165, 0.645), (0.0, 0.64)]);
+    let mut stool =
+        turned(wood, 32, &[(0.0, 0.60), (0.15, 0.60), (0.17, 0.62), (0.165, 0.645), (0.0, 0.64)]);
     for i in 0..4 {
         let (sin, cos) = (std::f64::consts::TAU * (f64::from(i) + 0.5) / 4.0).sin_cos();
-        let path = [DVec3::new(0.20 * cos, 0.20 * sin, 0.0), DVec3::new(0.11 * cos, 0.11 * sin, 0.61)];
+        let path =
+            [DVec3::new(0.20 * cos, 0.20 * sin, 0.0), DVec3::new(0.11 * cos, 0.11 * sin, 0.61)];
         stool.add(tube(wood, &path, 0.014, 12));
     }
     let ring: Vec<_> = (0..=32)
@@ -114,8 +128,14 @@ pub fn stool(wood: &'static Material) -> Mesh {
 /// A desk chair on a star of five feet, centred, its back towards -y, 0.98 m high.
 pub fn desk_chair(fabric: &'static Material) -> Mesh {
     let mut chair = superellipsoid(fabric, [0.50, 0.48, 0.10], 5.0, 2.6).at(0.0, 0.0, 0.42);
-    chair.add(superellipsoid(fabric, [0.44, 0.48, 0.09], 5.0, 2.6).tilted(96.0).at(0.0, -0.20, 0.74));
-    chair.add(bent(&STEEL, &[[0.0, 0.0, 0.41], [0.0, -0.22, 0.42], [0.0, -0.26, 0.55], [0.0, -0.24, 0.78]], 0.016));
+    chair.add(
+        superellipsoid(fabric, [0.44, 0.48, 0.09], 5.0, 2.6).tilted(96.0).at(0.0, -0.20, 0.74),
+    );
+    chair.add(bent(
+        &STEEL,
+        &[[0.0, 0.0, 0.41], [0.0, -0.22, 0.42], [0.0, -0.26, 0.55], [0.0, -0.24, 0.78]],
+        0.016,
+    ));
     chair.add(tube(&STEEL, &[DVec3::new(0.0, 0.0, 0.07), DVec3::new(0.0, 0.0, 0.44)], 0.025, 16));
     for i in 0..5 {
         let foot = Mesh::of([
@@ -125,7 +145,11 @@ pub fn desk_chair(fabric: &'static Material) -> Mesh {
         chair.add(foot.turned(72.0 * f64::from(i)));
     }
     for side in [-1.0, 1.0] {
-        chair.add(bent(&STEEL, &[[side * 0.20, 0.0, 0.43], [side * 0.29, 0.0, 0.50], [side * 0.28, 0.0, 0.63]], 0.011));
+        chair.add(bent(
+            &STEEL,
+            &[[side * 0.20, 0.0, 0.43], [side * 0.29, 0.0, 0.50], [side * 0.28, 0.0, 0.63]],
+            0.011,
+        ));
         chair.add(rounded(fabric, [0.06, 0.26, 0.03], 0.012).at(side * 0.28, 0.0, 0.63));
     }
     chair

@@ -85,7 +85,12 @@ fn standing_book(thick: f64, deep: f64, high: f64, random: &mut Random) -> Mesh 
     Mesh::of([
         cuboid(cover, [0.0, 0.0, 0.0], [thick, deep, high]),
         // The pages, seen from above.
-        rectangle(&PAPER, [0.002, 0.002, high + 0.0003], [thick - 0.004, 0.0, 0.0], [0.0, deep - 0.004, 0.0]),
+        rectangle(
+            &PAPER,
+            [0.002, 0.002, high + 0.0003],
+            [thick - 0.004, 0.0, 0.0],
+            [0.0, deep - 0.004, 0.0],
+        ),
         sheet(cover, 5, 1, spine),
     ])
 }

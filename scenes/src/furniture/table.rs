@@ -9,7 +9,8 @@ use glam::DVec3;
 /// A low table: a pane of glass over a shelf, in a frame; 0.42 m high.
 pub fn coffee_table(wood: &'static Material) -> Mesh {
     let (w, d) = (1.20, 0.70);
-    let mut table = rectangle(&TABLE_GLASS, [-w / 2.0, -d / 2.0, 0.418], [w, 0.0, 0.0], [0.0, d, 0.0]);
+    let mut table =
+        rectangle(&TABLE_GLASS, [-w / 2.0, -d / 2.0, 0.418], [w, 0.0, 0.0], [0.0, d, 0.0]);
     table.add(rounded(wood, [w - 0.1, d - 0.1, 0.03], 0.01).at(0.0, 0.0, 0.14));
     for side in [-1.0, 1.0] {
         table.add(rounded(wood, [w + 0.04, 0.04, 0.04], 0.01).at(0.0, side * d / 2.0, 0.38));
@@ -45,7 +46,13 @@ pub fn dining_table(wood: &'static Material, w: f64, d: f64) -> Mesh {
 
 /// A round side table on one foot.
 pub fn side_table(wood: &'static Material, height: f64) -> Mesh {
-    let top = [(0.0, height - 0.03), (0.22, height - 0.03), (0.235, height - 0.015), (0.22, height), (0.0, height)];
+    let top = [
+        (0.0, height - 0.03),
+        (0.22, height - 0.03),
+        (0.235, height - 0.015),
+        (0.22, height),
+        (0.0, height),
+    ];
     Mesh::of([
         crate::shapes::lathe(wood, 48, &top),
         tube(&BRASS, &[DVec3::new(0.0, 0.0, 0.02), DVec3::new(0.0, 0.0, height - 0.02)], 0.014, 16),
@@ -58,14 +65,30 @@ pub fn desk(wood: &'static Material, front: &'static Material, w: f64) -> Mesh {
     let mut desk = rounded(wood, [w, 0.70, 0.035], 0.012).at(0.0, 0.35, 0.705);
     desk.add(chest(wood, front, 0.42, 0.60, 0.60, 1, 3).at(w / 2.0 - 0.26, 0.04, 0.105));
     for y in [0.08, 0.62] {
-        desk.add(tube(&STEEL, &[DVec3::new(0.1 - w / 2.0, y, 0.0), DVec3::new(0.1 - w / 2.0, y, 0.71)], 0.018, 14));
-        desk.add(tube(&STEEL, &[DVec3::new(w / 2.0 - 0.1, y, 0.0), DVec3::new(w / 2.0 - 0.1, y, 0.11)], 0.018, 14));
+        desk.add(tube(
+            &STEEL,
+            &[DVec3::new(0.1 - w / 2.0, y, 0.0), DVec3::new(0.1 - w / 2.0, y, 0.71)],
+            0.018,
+            14,
+        ));
+        desk.add(tube(
+            &STEEL,
+            &[DVec3::new(w / 2.0 - 0.1, y, 0.0), DVec3::new(w / 2.0 - 0.1, y, 0.11)],
+            0.018,
+            14,
+        ));
     }
     desk
 }
 
 /// A cupboard on legs: a `columns` × `rows` front with knobs.
-pub fn sideboard(wood: &'static Material, front: &'static Material, w: f64, columns: usize, rows: usize) -> Mesh {
+pub fn sideboard(
+    wood: &'static Material,
+    front: &'static Material,
+    w: f64,
+    columns: usize,
+    rows: usize,
+) -> Mesh {
     let mut board = chest(wood, front, w, 0.42, 0.58, columns, rows).at(0.0, 0.0, 0.18);
     for x in [-1.0, 1.0] {
         for y in [0.06, 0.36] {
@@ -115,7 +138,11 @@ fn chest(
         for j in 0..rows {
             let x = 0.01 - w / 2.0 + (i as f64 + 0.5) * cw;
             let z = 0.01 + j as f64 * ch;
-            chest.add(rounded(front, [cw - 0.006, 0.024, ch - 0.006], 0.006).at(x, d - 0.012, z + 0.003));
+            chest.add(rounded(front, [cw - 0.006, 0.024, ch - 0.006], 0.006).at(
+                x,
+                d - 0.012,
+                z + 0.003,
+            ));
             chest.add(ball(&BRASS, 0.014, 14).at(x, d + 0.012, z + ch * 0.6));
         }
     }

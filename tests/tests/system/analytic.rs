@@ -14,7 +14,13 @@ use rustix::process::Signal;
 
 const ROOM: [DVec3; 2] = [DVec3::new(-3.0, -2.0, -1.0), DVec3::new(5.0, 4.0, 6.0)];
 
-fn section(origin: [f64; 3], axes: [[f64; 3]; 3], grid: [u32; 3], class: ViewClass, obstructions: bool) -> SectionSpec {
+fn section(
+    origin: [f64; 3],
+    axes: [[f64; 3]; 3],
+    grid: [u32; 3],
+    class: ViewClass,
+    obstructions: bool,
+) -> SectionSpec {
     SectionSpec { origin, axes, grid, class, obstructions }
 }
 
@@ -34,10 +40,16 @@ fn make(place: &Place, sections: Vec<SectionSpec>) {
 }
 
 /// Looks at the room from these places while it is traced; then compares the pictures, and those of a replay.
-fn look(world: World, sections: Vec<SectionSpec>, views: &[(&str, &str)], check: impl Fn(&str, &Verdict)) {
+fn look(
+    world: World,
+    sections: Vec<SectionSpec>,
+    views: &[(&str, &str)],
+    check: impl Fn(&str, &Verdict),
+) {
     let place = Place::new();
     make(&place, sections.clone());
-    let sections: Vec<Section> = sections.into_iter().map(|spec| Section::new(spec).unwrap()).collect();
+    let sections: Vec<Section> =
+        sections.into_iter().map(|spec| Section::new(spec).unwrap()).collect();
     let server = place.server("room.holo", &[]);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.spawn(work(server.address, world));
@@ -46,7 +58,8 @@ fn look(world: World, sections: Vec<SectionSpec>, views: &[(&str, &str)], check:
         let mut spec = ViewSpec::default();
         spec.apply_line(view).unwrap();
         let (resolved, _) = spec.resolve((80, 60)).unwrap();
-        let verdict = compare(&world, &sections, &resolved, &Picture::read(place.path("a.pfm")).unwrap());
+        let verdict =
+            compare(&world, &sections, &resolved, &Picture::read(place.path("a.pfm")).unwrap());
         check(name, &verdict);
     }
     server.process.end(Signal::TERM).ok();
@@ -76,7 +89,10 @@ fn a_room_is_seen_right_from_inside_outside_and_behind_a_section() {
         ("inside", "-vp 0.3 0.4 1.7 -vd 1 0.4 0.2 -vu 0 0 1 -vh 60"),
         ("inside, the other way", "-vp 0.9 0.6 1.2 -vd -0.8 0.5 -0.6 -vu 0 1 0 -vh 70"),
         ("outside, looking in", "-vp -2.5 0.3 2 -vd 1 0.05 0 -vu 0 0 1 -vh 50"),
-        ("behind: the section is at the viewer's back", "-vp 3.5 0.6 1.9 -vd 1 0.1 0.05 -vu 0 0 1 -vh 40"),
+        (
+            "behind: the section is at the viewer's back",
+            "-vp 3.5 0.6 1.9 -vd 1 0.1 0.05 -vu 0 0 1 -vh 40",
+        ),
     ];
     look(World { room: ROOM, object: None, stretch: 1.0 }, vec![one], &views, is_right);
 }
@@ -147,10 +163,16 @@ fn another_room_is_told_apart() {
     assert!(wrong_share(&longer, &picture) > 0.5, "a wall farther by an eighth of the room");
     let mut swapped = picture.clone();
     swapped.pixels.iter_mut().for_each(|rgb| rgb.swap(0, 2));
-    assert!(wrong_share(&World { room: ROOM, object: None, stretch: 1.0 }, &swapped) > 0.5, "red and blue");
+    assert!(
+        wrong_share(&World { room: ROOM, object: None, stretch: 1.0 }, &swapped) > 0.5,
+        "red and blue"
+    );
     let mut mirrored = picture.clone();
     mirrored.pixels.chunks_mut(80).for_each(|row| row.reverse());
-    assert!(wrong_share(&World { room: ROOM, object: None, stretch: 1.0 }, &mirrored) > 0.5, "left and right");
+    assert!(
+        wrong_share(&World { room: ROOM, object: None, stretch: 1.0 }, &mirrored) > 0.5,
+        "left and right"
+    );
     runtime.shutdown_background();
 }
 
@@ -163,7 +185,10 @@ fn a_filled_room_is_seen_right_by_its_distances() {
     let axes = [[3.3, 0.0, 0.0], [0.0, 2.1, 0.0], [0.0, 0.0, 2.7]];
     let one = section([-1.0, -0.5, 0.5], axes, [3, 2, 3], ViewClass::Interior, false);
     let sections = [Section::new(one.clone()).unwrap()];
-    let views = ["-vp 0.3 0.4 1.7 -vd 1 0.1 0.1 -vu 0 0 1 -vh 50", "-vp 1.1 0.9 2.2 -vd -0.2 -0.1 -1 -vu 0 1 0 -vh 45"];
+    let views = [
+        "-vp 0.3 0.4 1.7 -vd 1 0.1 0.1 -vu 0 0 1 -vh 50",
+        "-vp 1.1 0.9 2.2 -vd -0.2 -0.1 -1 -vu 0 1 0 -vh 45",
+    ];
     let wrong_share = |stretch: f64, driver: &str| {
         let place = Place::new();
         make(&place, vec![one.clone()]);
@@ -174,13 +199,15 @@ fn a_filled_room_is_seen_right_by_its_distances() {
         runtime.shutdown_background();
         views.map(|view| {
             let script = place.write("walk.txt", &format!("0 view {view}\n"));
-            let words = ["replay", "{}/room.holo", "--headless", "--driver", driver, "--script", &script];
+            let words =
+                ["replay", "{}/room.holo", "--headless", "--driver", driver, "--script", &script];
             place.run(&[&words[..], &["--size", "40x30", "-o", "{}/a.pfm"]].concat()).ok();
             let mut spec = ViewSpec::default();
             spec.apply_line(view).unwrap();
             let (resolved, _) = spec.resolve((40, 30)).unwrap();
             let world = World { room: ROOM, object: None, stretch: 1.0 };
-            let verdict = compare(&world, &sections, &resolved, &Picture::read(place.path("a.pfm")).unwrap());
+            let verdict =
+                compare(&world, &sections, &resolved, &Picture::read(place.path("a.pfm")).unwrap());
             assert!(verdict.compared > 400, "{verdict:?}");
             verdict.wrong.len() as f64 / verdict.compared as f64
         })
@@ -189,5 +216,8 @@ fn a_filled_room_is_seen_right_by_its_distances() {
         assert_eq!(wrong_share(1.0, driver), [0.0; 2], "{driver}: share of pixels that are wrong");
     }
     let halved = wrong_share(0.5, "pointimage");
-    assert!(halved.iter().all(|&share| share > 0.1), "{halved:?} of the pixels are wrong with wrong distances");
+    assert!(
+        halved.iter().all(|&share| share > 0.1),
+        "{halved:?} of the pixels are wrong with wrong distances"
+    );
 }

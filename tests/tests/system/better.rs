@@ -30,7 +30,9 @@ fn samples(path: &Path) -> Samples {
         let beam = file.read(key).unwrap();
         for (meta, run) in beam.runs() {
             let numbered = (meta.first..).zip(run);
-            samples.extend(numbered.map(|(number, sample)| ((key, meta.kind, number), (meta.paths, *sample))));
+            samples.extend(
+                numbered.map(|(number, sample)| ((key, meta.kind, number), (meta.paths, *sample))),
+            );
         }
     }
     samples
@@ -48,7 +50,9 @@ fn by_paths(samples: &Samples) -> BTreeMap<u16, usize> {
 fn wait_for_better(path: &Path, wanted: usize) {
     wait_until("better samples", || {
         let counts = by_paths(&samples(path));
-        (counts.iter().filter(|(paths, _)| **paths > 1).map(|(_, count)| count).sum::<usize>() > wanted).then_some(())
+        (counts.iter().filter(|(paths, _)| **paths > 1).map(|(_, count)| count).sum::<usize>()
+            > wanted)
+            .then_some(())
     });
 }
 
@@ -119,8 +123,16 @@ fn a_fill_ends_before_its_time_when_nothing_is_left_to_trace() {
     place.write("enough.toml", &format!("enough = \"0\"\n{config}"));
     let words = ["fill", "--config", "{}/enough.toml", "--section", CORNELL_SMALL_SECTION];
     // As good as the first samples of this file are, none get better; and no more are wanted.
-    place.run(&[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--time", "10m"]].concat()).ok();
-    let ended = place.run(&[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--samples", "1"]].concat());
+    place
+        .run(
+            &[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--time", "10m"]]
+                .concat(),
+        )
+        .ok();
+    let ended = place.run(
+        &[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--samples", "1"]]
+            .concat(),
+    );
     assert!(ended.ok().stderr.contains("nothing left to trace"));
     assert!(samples(&place.path("b.holo")).is_empty());
     // With enough of nothing, what is there gets better at once.
@@ -140,7 +152,11 @@ fn info_says_how_fast_a_file_grows_that_is_being_filled() {
     wait_until("it to grow", || (length() > before).then_some(()));
     let info = place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json();
     // At least a thousand samples a second, slow as the machine may be.
-    assert!(info["bytes_per_hour"].as_f64().unwrap() > 10.0 * 1000.0 * 3600.0, "{}", info["bytes_per_hour"]);
+    assert!(
+        info["bytes_per_hour"].as_f64().unwrap() > 10.0 * 1000.0 * 3600.0,
+        "{}",
+        info["bytes_per_hour"]
+    );
 }
 
 #[test]
@@ -159,7 +175,8 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
     let better = [fill("3", "20k", "60k"), fill("4", "20k", "60k")];
     let values = |sample: &Sample| sample.rgb().map(f64::from).iter().sum::<f64>();
     let is_common = |name: &&(BeamKey, SampleKind, u32)| {
-        rough[1].contains_key(name) && better.iter().all(|file| file.get(name).is_some_and(|(paths, _)| *paths == 16))
+        rough[1].contains_key(name)
+            && better.iter().all(|file| file.get(name).is_some_and(|(paths, _)| *paths == 16))
     };
     let common: Vec<_> = rough[0].keys().filter(is_common).collect();
     assert!(common.len() > 15_000, "{}", common.len());
@@ -175,7 +192,8 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
         let b = value(&better[0]) - value(&better[1]);
         noise[index % GROUPS][0] += a * a;
         noise[index % GROUPS][1] += b * b;
-        brightness[index % GROUPS] += value(&better[0]) + value(&better[1]) - value(&rough[0]) - value(&rough[1]);
+        brightness[index % GROUPS] +=
+            value(&better[0]) + value(&better[1]) - value(&rough[0]) - value(&rough[1]);
         if a != b {
             differing += 1.0;
             smaller += f64::from(u8::from(b.abs() < a.abs()));
@@ -184,13 +202,25 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
     // Means of 16 independent paths have a sixteenth of the variance; stratified, less. Leaving out one group at a time gives the
     // ratio's standard error; normal, one-sided, 99.95 %.
     let sum = |without: usize, which: usize| -> f64 {
-        noise.iter().enumerate().filter(|(group, _)| *group != without).map(|(_, noise)| noise[which]).sum()
+        noise
+            .iter()
+            .enumerate()
+            .filter(|(group, _)| *group != without)
+            .map(|(_, noise)| noise[which])
+            .sum()
     };
     let ratio = sum(GROUPS, 1) / sum(GROUPS, 0);
-    let spread: f64 = (0..GROUPS).map(|group| (sum(group, 1) / sum(group, 0) - ratio).powi(2)).sum();
+    let spread: f64 =
+        (0..GROUPS).map(|group| (sum(group, 1) / sum(group, 0) - ratio).powi(2)).sum();
     let deviation = (spread * (GROUPS - 1) as f64 / GROUPS as f64).sqrt();
-    assert!(ratio - 3.29 * deviation < 1.0 / 16.0, "{ratio} ± {deviation} of the variance is left, not a sixteenth");
-    assert!(ratio + 3.29 * deviation < 1.0 / 4.0, "{ratio} ± {deviation}: no proof that there is less noise");
+    assert!(
+        ratio - 3.29 * deviation < 1.0 / 16.0,
+        "{ratio} ± {deviation} of the variance is left, not a sixteenth"
+    );
+    assert!(
+        ratio + 3.29 * deviation < 1.0 / 4.0,
+        "{ratio} ± {deviation}: no proof that there is less noise"
+    );
     // Ray by ray, by the sign test: with equal noise the better pair is the closer one half of the time.
     let z = (smaller - 0.5 * differing) / (0.25 * differing).sqrt();
     assert!(z > 5.0, "the better pair is closer {smaller} times of {differing}");
@@ -257,7 +287,11 @@ fn better_packets_of_dead_workers_are_dealt_again() {
     // All of a level is done, whoever was to do it, before the next but one begins.
     assert!(counts.keys().all(|paths| *paths >= most / 4), "{counts:?}");
     let better = summary["better"].as_u64().unwrap();
-    assert_eq!(summary["superseded_bytes"].as_u64(), Some(10 * better), "nothing is stored twice: {summary}");
+    assert_eq!(
+        summary["superseded_bytes"].as_u64(),
+        Some(10 * better),
+        "nothing is stored twice: {summary}"
+    );
 }
 
 #[test]
@@ -271,7 +305,10 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     // A view of every second beam, for what is stored of them: nothing is traced for it, so that filling goes on.
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let mut shown = Samples::new();
-    let beams = (0..7680).step_by(2).map(|beam| Wanted { beam, weight: 1e-5, section: 0, reserved: 0 }).collect();
+    let beams = (0..7680)
+        .step_by(2)
+        .map(|beam| Wanted { beam, weight: 1e-5, section: 0, reserved: 0 })
+        .collect();
     let viewpoint = Viewpoint { eye: [2.7, 2.7, -2.0], radius: 1.0 };
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
@@ -279,7 +316,9 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
         let mut until = tokio::time::Instant::now() + LIMIT;
         while let Ok(message) = tokio::time::timeout_at(until, inbox.next()).await {
             match message.unwrap() {
-                Message::Control(Control::Ping(number)) => outbox.control(&Control::Pong(number)).unwrap(),
+                Message::Control(Control::Ping(number)) => {
+                    outbox.control(&Control::Pong(number)).unwrap()
+                }
                 Message::Control(Control::StoredSent { .. }) => {
                     until = tokio::time::Instant::now() + Duration::from_millis(2500);
                 }
@@ -291,7 +330,10 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
                         rest = after;
                         for (number, sample) in (run.first..).zip(samples) {
                             let known = shown.insert((key, run.kind, number), (run.paths, *sample));
-                            assert!(known.is_none_or(|known| known == (run.paths, *sample)), "{key:?} {number}");
+                            assert!(
+                                known.is_none_or(|known| known == (run.paths, *sample)),
+                                "{key:?} {number}"
+                            );
                         }
                     }
                 }
@@ -305,9 +347,15 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     server.process.wait().ok();
     let stored = samples(&place.path("a.holo"));
     assert!(shown.len() > 5000, "{}", shown.len());
-    let (seen, others): (Samples, Samples) = stored.into_iter().partition(|((key, ..), _)| key.beam.0 % 2 == 0);
-    let plain = |samples: &Samples| samples.iter().map(|(name, (_, sample))| (*name, *sample)).collect::<Vec<_>>();
-    assert!(plain(&seen) == plain(&shown), "what was shown is what the file has of the view's beams");
+    let (seen, others): (Samples, Samples) =
+        stored.into_iter().partition(|((key, ..), _)| key.beam.0 % 2 == 0);
+    let plain = |samples: &Samples| {
+        samples.iter().map(|(name, (_, sample))| (*name, *sample)).collect::<Vec<_>>()
+    };
+    assert!(
+        plain(&seen) == plain(&shown),
+        "what was shown is what the file has of the view's beams"
+    );
     // Displays weigh samples by what they are told of them: all alike.
     assert_eq!(by_paths(&shown).into_keys().collect::<Vec<_>>(), [1]);
     let (seen, others) = (by_paths(&seen), by_paths(&others));

@@ -17,7 +17,13 @@ fn a_file_without_a_scene_is_shown_by_the_driver_voronoi_and_seen_right() {
     let place = Place::new();
     let axes = [[3.3, 0.0, 0.0], [0.0, 2.1, 0.0], [0.0, 0.0, 2.7]];
     let origin = [-1.0, -0.5, 0.5];
-    let spec = SectionSpec { origin, axes, grid: [5, 4, 3], class: ViewClass::Interior, obstructions: false };
+    let spec = SectionSpec {
+        origin,
+        axes,
+        grid: [5, 4, 3],
+        class: ViewClass::Interior,
+        obstructions: false,
+    };
     let settings = RenderSettings {
         engine: Engine::Path,
         bounces: None,
@@ -29,7 +35,11 @@ fn a_file_without_a_scene_is_shown_by_the_driver_voronoi_and_seen_right() {
     let about = About::new(vec![spec.clone()], settings, b"", "a known room".into());
     assert_eq!(about.scene.bytes, 0);
     drop(Holodeck::create(&place.path("room.holo"), about, b"", 0).unwrap());
-    let world = World { room: [DVec3::new(-3.0, -2.0, -1.0), DVec3::new(5.0, 4.0, 6.0)], object: None, stretch: 1.0 };
+    let world = World {
+        room: [DVec3::new(-3.0, -2.0, -1.0), DVec3::new(5.0, 4.0, 6.0)],
+        object: None,
+        stretch: 1.0,
+    };
     let sections = [Section::new(spec).unwrap()];
     let mut spec = ViewSpec::default();
     spec.apply_line(VIEW).unwrap();
@@ -37,15 +47,27 @@ fn a_file_without_a_scene_is_shown_by_the_driver_voronoi_and_seen_right() {
     let check = |name: &str, wrong: usize| {
         let verdict = compare(&world, &sections, &view, &Picture::read(place.path(name)).unwrap());
         assert!(verdict.compared > verdict.covered / 2, "{name}: {verdict:?}");
-        assert!(verdict.wrong.len() <= wrong && verdict.mean_error.abs() < 4e-3, "{name}: {verdict:?}");
+        assert!(
+            verdict.wrong.len() <= wrong && verdict.mean_error.abs() < 4e-3,
+            "{name}: {verdict:?}"
+        );
     };
 
     let server = place.server("room.holo", &[]);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.spawn(work(server.address, world));
     let script = place.write("walk.txt", &format!("0 view {VIEW}\n2 quit\n"));
-    let words =
-        ["--script", &script, "--size", "80x60", "--driver", "voronoi", "--json", "-o", &place.text("live.pfm")];
+    let words = [
+        "--script",
+        &script,
+        "--size",
+        "80x60",
+        "--driver",
+        "voronoi",
+        "--json",
+        "-o",
+        &place.text("live.pfm"),
+    ];
     let report = place.viewer(server.address, &words).wait().ok().json();
     assert_eq!(report["driver"], "cells");
     assert!(report["samples"].as_u64().unwrap() > 50_000, "{report}");
@@ -56,16 +78,34 @@ fn a_file_without_a_scene_is_shown_by_the_driver_voronoi_and_seen_right() {
     // And of what is stored; without being asked for, too.
     let picture = |name: &str, words: &[&str]| {
         let output = place.text(name);
-        let view = ["--vp", "0.3,0.4,1.7", "--vd", "1,0.4,0.2", "--vu", "0,0,1", "--vh", "60", "--size", "80x60"];
-        let words = [&["picture", "{}/room.holo", "--json", "-o", &output][..], &view, words].concat();
+        let view = [
+            "--vp",
+            "0.3,0.4,1.7",
+            "--vd",
+            "1,0.4,0.2",
+            "--vu",
+            "0,0,1",
+            "--vh",
+            "60",
+            "--size",
+            "80x60",
+        ];
+        let words =
+            [&["picture", "{}/room.holo", "--json", "-o", &output][..], &view, words].concat();
         place.run(&words).ok().json()
     };
     for (name, words) in [("asked.pfm", &["--driver", "voronoi"][..]), ("auto.pfm", &[])] {
         assert_eq!(picture(name, words)["driver"], "cells");
-        assert!(std::fs::read(place.path(name)).unwrap() == std::fs::read(place.path("live.pfm")).unwrap());
+        assert!(
+            std::fs::read(place.path(name)).unwrap()
+                == std::fs::read(place.path("live.pfm")).unwrap()
+        );
     }
     // A constant cell shows one sample: the colour that its wall has there, but for what RGBE rounds.
-    assert_eq!(picture("constant.pfm", &["--driver", "voronoi", "--cells", "constant"])["driver"], "cells");
+    assert_eq!(
+        picture("constant.pfm", &["--driver", "voronoi", "--cells", "constant"])["driver"],
+        "cells"
+    );
     check("constant.pfm", 10);
 }
 
@@ -88,7 +128,8 @@ fn cells_are_used_where_there_is_a_scene_if_they_are_asked_for() {
     assert!(scene != smooth && smooth != constant);
     // Each pixel is one sample's colour: of many there are few alike, but neighbours of one cell.
     let colours = |picture: &Picture| {
-        let mut colours: Vec<[u32; 3]> = picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect();
+        let mut colours: Vec<[u32; 3]> =
+            picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect();
         colours.sort_unstable();
         colours.dedup();
         colours.len()

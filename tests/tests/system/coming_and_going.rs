@@ -29,10 +29,15 @@ impl Watcher {
     fn wait(&mut self, what: &str, wanted: impl Fn(&Status) -> bool) -> Status {
         let Watcher { runtime, inbox, outbox } = self;
         wait_until(what, || {
-            let message = runtime.block_on(async { tokio::time::timeout(holo_tests::LIMIT, inbox.next()).await });
+            let message = runtime
+                .block_on(async { tokio::time::timeout(holo_tests::LIMIT, inbox.next()).await });
             match message.expect("the server speaks twice a second").expect("the server lives") {
-                Message::Control(Control::Ping(number)) => outbox.control(&Control::Pong(number)).unwrap(),
-                Message::Control(Control::Status(status)) if wanted(&status) => return Some(status),
+                Message::Control(Control::Ping(number)) => {
+                    outbox.control(&Control::Pong(number)).unwrap()
+                }
+                Message::Control(Control::Status(status)) if wanted(&status) => {
+                    return Some(status);
+                }
                 _ => {}
             }
             None
@@ -94,15 +99,20 @@ fn a_killed_display_takes_nobody_with_it() {
     let mut worker = place.worker(server.address, &[]);
     let display = place.viewer(server.address, &["--time", "60", "--size", "64x64"]);
     let mut watcher = Watcher::new(server.address);
-    let looking = watcher.wait("the display to get samples", |status| status.displays == 2 && status.samples > 5000);
+    let looking = watcher
+        .wait("the display to get samples", |status| status.displays == 2 && status.samples > 5000);
     assert_eq!(display.end(Signal::KILL).signal(), Some(9));
     let alone = watcher.wait("the display to be gone", |status| status.displays == 1);
     assert!(alone.samples >= looking.samples);
     assert!(server.process.is_running() && worker.is_running());
     let output = place.text("a.pfm");
-    let again = place.viewer(server.address, &["--time", "2", "--size", "64x64", "-o", &output, "--json"]);
+    let again =
+        place.viewer(server.address, &["--time", "2", "--size", "64x64", "-o", &output, "--json"]);
     let report = again.wait().ok().json();
-    assert!(report["stored"].as_u64().unwrap() > 1000, "what was traced for the dead display: {report}");
+    assert!(
+        report["stored"].as_u64().unwrap() > 1000,
+        "what was traced for the dead display: {report}"
+    );
     assert!(report["traced"].as_u64().unwrap() > 0, "{report}");
     drop(watcher);
     server.process.signal(Signal::TERM);
@@ -124,7 +134,8 @@ fn a_hanging_worker_is_given_up_and_its_packets_are_traced_again() {
     let server = place.server("a.holo", &["--fill", "--time", "30s", "--json"]);
     let hanging = place.worker(server.address, &[]);
     let mut watcher = Watcher::new(server.address);
-    watcher.wait("the first worker to work", |status| status.workers == 1 && status.samples > 20_000);
+    watcher
+        .wait("the first worker to work", |status| status.workers == 1 && status.samples > 20_000);
     hanging.signal(Signal::STOP);
     // It has packets at any time; with it alone, nothing more comes. (What it has sent already may still arrive.) On a busy machine the
     // other one needs the rest of the time for them.
@@ -173,7 +184,17 @@ fn a_worker_finds_a_server_that_was_started_again() {
     server.process.end(Signal::KILL);
     worker.wait_for_error("trying to reach it again");
     let file = place.text("a.holo");
-    let words = ["holoserver", &file, "--listen", &address, "--with-parent", "--fill", "--samples", "30k", "--json"];
+    let words = [
+        "holoserver",
+        &file,
+        "--listen",
+        &address,
+        "--with-parent",
+        "--fill",
+        "--samples",
+        "30k",
+        "--json",
+    ];
     let summary = place.run(&words).ok().json();
     assert!(summary["added"].as_u64().unwrap() >= 30_000, "{summary}");
     worker.wait().ok();

@@ -15,7 +15,8 @@ fn a_file_that_is_only_shown_takes_no_workers_and_any_number_of_readers() {
     place.worker(one.address, &[]).wait().failed(1, &["refused", "only shown"]);
     for (server, name) in [(&one, "one.pfm"), (&two, "two.pfm")] {
         let output = place.text(name);
-        let report = place.viewer(server.address, &[&VIEW[..], &[&output]].concat()).wait().ok().json();
+        let report =
+            place.viewer(server.address, &[&VIEW[..], &[&output]].concat()).wait().ok().json();
         assert!(report["stored"].as_u64().unwrap() > 0, "{report}");
         assert_eq!(report["traced"], 0);
     }
@@ -38,7 +39,8 @@ fn a_file_is_read_while_another_process_fills_it() {
     // The reader sees more and more of what the writer adds.
     let mut last = 0;
     holo_tests::wait_until("a reader to see what the writer adds", || {
-        let report = place.viewer(reader.address, &[&VIEW[..], &[&output]].concat()).wait().ok().json();
+        let report =
+            place.viewer(reader.address, &[&VIEW[..], &[&output]].concat()).wait().ok().json();
         let samples = report["stored"].as_u64().unwrap();
         assert!(samples >= last, "{samples} after {last}");
         let grown = last > 0 && samples > last;
@@ -49,7 +51,8 @@ fn a_file_is_read_while_another_process_fills_it() {
     let file = place.text("a.holo");
     let words = ["holoserver", &file, "--listen", "127.0.0.1:0", "--with-parent"];
     place.run(&words).failed(1, &["a.holo"]);
-    let fill = ["fill", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "-o", &file];
+    let fill =
+        ["fill", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "-o", &file];
     place.run(&[&fill[..], &["--samples", "1k"]].concat()).failed(1, &["a.holo"]);
     let summary = writer.process.end(Signal::INT).ok().json();
     let after = stored(&place.path("a.holo"));

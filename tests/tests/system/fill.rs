@@ -39,7 +39,10 @@ fn info_says_what_the_file_holds() {
     assert_eq!(section["obstructions"], true);
     assert_eq!(section["origin"], serde_json::json!([0.6, 0.6, -4.0]));
     assert_eq!(info["samples"], stored.count());
-    assert_eq!(info["bytes"].as_u64(), Some(std::fs::metadata(place.path("a.holo")).unwrap().len()));
+    assert_eq!(
+        info["bytes"].as_u64(),
+        Some(std::fs::metadata(place.path("a.holo")).unwrap().len())
+    );
     let accuracy = info["settings"]["accuracy"].as_f64().unwrap();
     assert_eq!(accuracy as f32, 0.03);
     assert_eq!(
@@ -68,10 +71,12 @@ fn a_file_of_something_else_is_refused_and_left_as_it_is() {
     let with = |words: &[&str]| fill(&[&section, words].concat());
     with(&["--bounces", "0"]).failed(1, &["a.holo", "other settings", "name another file"]);
     with(&["--paths-per-sample", "2"]).failed(1, &["a.holo", "other settings"]);
-    with(&["--virtual-distance"]).failed(1, &["a.holo", "other settings", "virtual_distance: true"]);
+    with(&["--virtual-distance"])
+        .failed(1, &["a.holo", "other settings", "virtual_distance: true"]);
     with(&["--seed", "5"]).failed(1, &["a.holo", "other settings"]);
     with(&["{}/other.obj"]).failed(1, &["a.holo", "another scene"]);
-    fill(&["--section", "0.6,0.6,-4 4.3,0,0 0,4.2,0 0,0,5 4,4,5"]).failed(1, &["a.holo", "other sections"]);
+    fill(&["--section", "0.6,0.6,-4 4.3,0,0 0,4.2,0 0,0,5 4,4,5"])
+        .failed(1, &["a.holo", "other sections"]);
     // Not one byte: the file was only looked at.
     assert!(std::fs::read(place.path("a.holo")).unwrap() == before, "the file has changed");
 }
@@ -79,7 +84,8 @@ fn a_file_of_something_else_is_refused_and_left_as_it_is() {
 /// Above the blocks and below the lamp, where nothing stands; the view is of the middle of one wall. Without edges in
 /// view, what a picture shows differs from the truth by noise alone.
 const PLAIN_SECTION: &str = "0.5,3.5,0.5 4.5,0,0 0,1.7,0 0,0,4.6 3,2,3";
-const PLAIN_VIEW: [&str; 8] = ["--vp", "2.7,4.3,2.8", "--vd", "-1,0,0", "--vh", "40", "--size", "64x64"];
+const PLAIN_VIEW: [&str; 8] =
+    ["--vp", "2.7,4.3,2.8", "--vd", "-1,0,0", "--vh", "40", "--size", "64x64"];
 
 #[test]
 fn a_picture_from_the_file_is_the_rendered_one_but_for_noise() {
@@ -90,11 +96,20 @@ fn a_picture_from_the_file_is_the_rendered_one_but_for_noise() {
     let truth = Picture::read(place.path("truth.pfm")).unwrap();
     let pictures: Vec<Picture> = (0..FILES)
         .map(|seed| {
-            let (seed, file, picture) = (seed.to_string(), format!("{{}}/{seed}.holo"), format!("{{}}/{seed}.pfm"));
+            let (seed, file, picture) =
+                (seed.to_string(), format!("{{}}/{seed}.holo"), format!("{{}}/{seed}.pfm"));
             let fill = ["fill", "--config", "{}/cornell.toml", "--section", PLAIN_SECTION];
-            place.run(&[&fill[..], &["--seed", &seed, "-o", &file, "--samples", "150k"]].concat()).ok();
+            place
+                .run(&[&fill[..], &["--seed", &seed, "-o", &file, "--samples", "150k"]].concat())
+                .ok();
             let report = place
-                .run(&[&["picture", &file, "--driver", "quadtree", "-o", &picture, "--json"], &PLAIN_VIEW[..]].concat())
+                .run(
+                    &[
+                        &["picture", &file, "--driver", "quadtree", "-o", &picture, "--json"],
+                        &PLAIN_VIEW[..],
+                    ]
+                    .concat(),
+                )
                 .ok()
                 .json();
             assert_eq!(report["uncovered_pixels"], 0);
@@ -115,14 +130,23 @@ fn a_picture_from_the_file_is_the_rendered_one_but_for_noise() {
     let count = (FILES * (FILES - 1) / 2) as f64;
     let from_truth: f64 = pictures.iter().map(|picture| difference(picture, &truth)).sum();
     let ratio = (from_truth / FILES as f64) / (from_each_other / count);
-    assert!(ratio < 0.75, "{ratio} where noise alone gives 0.5 and a bias as large as the noise gives 1");
+    assert!(
+        ratio < 0.75,
+        "{ratio} where noise alone gives 0.5 and a bias as large as the noise gives 1"
+    );
 
     // The mean brightness, by Student's t with 7 degrees of freedom: 99.9 % of unbiased files pass.
-    let brightness = |picture: &Picture| picture.pixels.iter().map(|rgb| f64::from(rgb[1])).sum::<f64>();
-    let ratios: Vec<f64> = pictures.iter().map(|picture| brightness(picture) / brightness(&truth)).collect();
+    let brightness =
+        |picture: &Picture| picture.pixels.iter().map(|rgb| f64::from(rgb[1])).sum::<f64>();
+    let ratios: Vec<f64> =
+        pictures.iter().map(|picture| brightness(picture) / brightness(&truth)).collect();
     let mean = ratios.iter().sum::<f64>() / FILES as f64;
-    let variance = ratios.iter().map(|ratio| (ratio - mean).powi(2)).sum::<f64>() / (FILES - 1) as f64;
+    let variance =
+        ratios.iter().map(|ratio| (ratio - mean).powi(2)).sum::<f64>() / (FILES - 1) as f64;
     let deviation = (variance / FILES as f64).sqrt();
     assert!((mean - 1.0).abs() <= 5.408 * deviation, "brightness {ratios:?}");
-    assert!(5.408 * deviation < 0.1, "the files differ too much for this test to tell anything: {ratios:?}");
+    assert!(
+        5.408 * deviation < 0.1,
+        "the files differ too much for this test to tell anything: {ratios:?}"
+    );
 }

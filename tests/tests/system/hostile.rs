@@ -10,8 +10,8 @@ use holo_net::{Inbox, Message, Outbox};
 use holo_proto::{
     PROTOCOL_VERSION,
     bulk::{
-        LiveHit, LiveRay, LiveResults, LiveSamples, LiveWanted, MAX_LIVE_RAYS, RaysWanted, Results, Traced,
-        ViewRequest, Wanted, WantedRay, Work,
+        LiveHit, LiveRay, LiveResults, LiveSamples, LiveWanted, MAX_LIVE_RAYS, RaysWanted, Results,
+        Traced, ViewRequest, Wanted, WantedRay, Work,
     },
     control::Control,
     frame::{self, Kind},
@@ -56,7 +56,8 @@ fn busy(place: &Place) -> (Server, holo_tests::Process) {
 fn went_on(place: &Place, mut server: Server, mut worker: holo_tests::Process) {
     assert!(server.process.is_running() && worker.is_running(), "{}", server.process.stderr());
     let output = place.text("a.pfm");
-    let viewer = place.viewer(server.address, &["--time", "2", "--size", "32x32", "-o", &output, "--json"]);
+    let viewer =
+        place.viewer(server.address, &["--time", "2", "--size", "32x32", "-o", &output, "--json"]);
     let report = viewer.wait().ok().json();
     assert!(report["traced"].as_u64().unwrap() > 0, "{report}");
     let ended = server.process.end(Signal::TERM).ok();
@@ -77,7 +78,10 @@ fn who_does_not_speak_the_protocol_is_dropped() {
     // A hello that claims to be longer than any: refused by its header, before its bytes are read or kept.
     assert_eq!(answer(address, &[0xff, 0xff, 0xff, 0x7f, Kind::Hello as u8, 0, 0, 0]), b"");
     // Another frame than a hello, however correct.
-    assert_eq!(answer(address, &frame::encode(Kind::Work, &Work::default().encode()).unwrap()), b"");
+    assert_eq!(
+        answer(address, &frame::encode(Kind::Work, &Work::default().encode()).unwrap()),
+        b""
+    );
     let mut hello = Hello::new(Role::Display, "a visitor");
     hello.version += 7;
     let reason = refusal(&answer(address, &frame::encode(Kind::Hello, &hello.encode()).unwrap()));
@@ -107,7 +111,9 @@ async fn dropped((mut inbox, outbox): (Inbox, Outbox)) -> Option<String> {
     loop {
         match tokio::time::timeout(LIMIT, inbox.next()).await.expect("the connection is ended") {
             Ok(Message::Control(Control::Bye { reason: said })) => reason = Some(said),
-            Ok(Message::Control(Control::Ping(number))) => outbox.control(&Control::Pong(number)).unwrap(),
+            Ok(Message::Control(Control::Ping(number))) => {
+                outbox.control(&Control::Pong(number)).unwrap()
+            }
             Ok(_) => {}
             Err(_) => return reason,
         }
@@ -116,7 +122,9 @@ async fn dropped((mut inbox, outbox): (Inbox, Outbox)) -> Option<String> {
 
 async fn next_work(inbox: &mut Inbox) -> Work {
     loop {
-        if let Message::Work(work) = tokio::time::timeout(LIMIT, inbox.next()).await.unwrap().unwrap() {
+        if let Message::Work(work) =
+            tokio::time::timeout(LIMIT, inbox.next()).await.unwrap().unwrap()
+        {
             return work;
         }
     }
@@ -130,11 +138,19 @@ fn displays_that_break_the_rules_are_dropped() {
     runtime.block_on(async {
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
         let view = |section, beam, weight| {
-            ViewRequest { view: 1, viewpoint, beams: vec![Wanted { beam, weight, section, reserved: 0 }] }.encode()
+            ViewRequest {
+                view: 1,
+                viewpoint,
+                beams: vec![Wanted { beam, weight, section, reserved: 0 }],
+            }
+            .encode()
         };
         let coords = RayCoords::default();
-        let rays =
-            RaysWanted { view: 1, rays: vec![WantedRay { beam: 7_680, section: 0, coords, reserved: 0 }] }.encode();
+        let rays = RaysWanted {
+            view: 1,
+            rays: vec![WantedRay { beam: 7_680, section: 0, coords, reserved: 0 }],
+        }
+        .encode();
         let live = |direction: [f64; 3], count: usize| {
             let rays = vec![LiveRay { origin: [0.0; 3], direction, number: 1 }; count];
             LiveWanted { view: 1, pixels: 1, rays }.encode()
@@ -142,7 +158,11 @@ fn displays_that_break_the_rules_are_dropped() {
         let samples = LiveSamples { view: 1, samples: Vec::new() }.encode();
         let bad = [
             (Kind::LiveWanted, live([1.0, 1.0, 0.0], 1), "a ray's direction"),
-            (Kind::LiveWanted, live([1.0, 0.0, 0.0], MAX_LIVE_RAYS + 1), "live rays, more than the 16384 allowed"),
+            (
+                Kind::LiveWanted,
+                live([1.0, 0.0, 0.0], MAX_LIVE_RAYS + 1),
+                "live rays, more than the 16384 allowed",
+            ),
             (Kind::LiveSamples, samples, "not for a server"),
             (Kind::LiveResults, LiveResults::default().encode(), "not for a server"),
             (Kind::Rays, rays.clone(), "rays of beams that do not exist"),
@@ -160,7 +180,10 @@ fn displays_that_break_the_rules_are_dropped() {
             let (inbox, outbox, _) = join(server.address, Role::Display).await;
             outbox.send(kind, &payload).unwrap();
             let said = dropped((inbox, outbox)).await;
-            assert!(said.as_ref().is_some_and(|said| said.contains(reason)), "`{reason}`: {said:?}");
+            assert!(
+                said.as_ref().is_some_and(|said| said.contains(reason)),
+                "`{reason}`: {said:?}"
+            );
             server.process.wait_for_error(reason);
         }
     });
@@ -171,7 +194,8 @@ fn displays_that_break_the_rules_are_dropped() {
 fn frames_that_are_too_long_are_not_even_read() {
     let place = Place::new();
     let (server, worker) = busy(&place);
-    let mut bytes = frame::encode(Kind::Hello, &Hello::new(Role::Display, "a giant").encode()).unwrap();
+    let mut bytes =
+        frame::encode(Kind::Hello, &Hello::new(Role::Display, "a giant").encode()).unwrap();
     bytes.extend([0xff, 0xff, 0xff, 0xff, Kind::View as u8, 0, 0, 0]);
     // The answer, the welcome, and then the end instead of a wait for four gigabytes.
     assert!(!answer(server.address, &bytes).is_empty());
@@ -182,7 +206,8 @@ fn frames_that_are_too_long_are_not_even_read() {
 /// Another number of rays than asked for, but one that a packet may have: by `change`, or the other way.
 fn more_or_less(asked: u8, change: i32) -> u32 {
     let asked = i32::from(asked);
-    let changed = if (1..=21).contains(&(asked + change)) { asked + change } else { asked - change };
+    let changed =
+        if (1..=21).contains(&(asked + change)) { asked + change } else { asked - change };
     u32::try_from(changed).unwrap()
 }
 
@@ -196,8 +221,14 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
         type Cheat = fn(&Work) -> (u64, u32);
         let cheats: [(Cheat, &str); 3] = [
             (|_| (u64::MAX, 1), "a packet that it was not given"),
-            (|work| (work.packets[0].id, more_or_less(work.packets[0].count, 1)), "samples for a packet of"),
-            (|work| (work.packets[1].id, more_or_less(work.packets[1].count, -1)), "samples for a packet of"),
+            (
+                |work| (work.packets[0].id, more_or_less(work.packets[0].count, 1)),
+                "samples for a packet of",
+            ),
+            (
+                |work| (work.packets[1].id, more_or_less(work.packets[1].count, -1)),
+                "samples for a packet of",
+            ),
         ];
         for (cheat, reason) in cheats {
             let (mut inbox, outbox, _) = join(server.address, Role::Worker).await;
@@ -211,26 +242,46 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
             };
             outbox.send(Kind::Results, &results.encode()).unwrap();
             let said = dropped((inbox, outbox)).await;
-            assert!(said.as_ref().is_some_and(|said| said.contains(reason)), "`{reason}`: {said:?}");
+            assert!(
+                said.as_ref().is_some_and(|said| said.contains(reason)),
+                "`{reason}`: {said:?}"
+            );
             server.process.wait_for_error(reason);
         }
         // Live rays that it was not given.
         let (inbox, outbox, _) = join(server.address, Role::Worker).await;
-        let results = LiveResults { packets: vec![Traced { id: 1, count: 0, nanoseconds: 1 }], hits: Vec::new() };
+        let results = LiveResults {
+            packets: vec![Traced { id: 1, count: 0, nanoseconds: 1 }],
+            hits: Vec::new(),
+        };
         outbox.send(Kind::LiveResults, &results.encode()).unwrap();
-        assert!(dropped((inbox, outbox)).await.is_some_and(|said| said.contains("a packet of 0 rays")));
+        assert!(
+            dropped((inbox, outbox)).await.is_some_and(|said| said.contains("a packet of 0 rays"))
+        );
         let (inbox, outbox, _) = join(server.address, Role::Worker).await;
         let hit = LiveHit { radiance: [1.0; 3], distance: 1.0 };
-        let results = LiveResults { packets: vec![Traced { id: 1, count: 1, nanoseconds: 1 }], hits: vec![hit] };
+        let results = LiveResults {
+            packets: vec![Traced { id: 1, count: 1, nanoseconds: 1 }],
+            hits: vec![hit],
+        };
         outbox.send(Kind::LiveResults, &results.encode()).unwrap();
-        assert!(dropped((inbox, outbox)).await.is_some_and(|said| said.contains("a packet that it was not given")));
+        assert!(
+            dropped((inbox, outbox))
+                .await
+                .is_some_and(|said| said.contains("a packet that it was not given"))
+        );
         // The same packet twice: the first time it is taken.
         let (mut inbox, outbox, _) = join(server.address, Role::Worker).await;
         outbox.control(&Control::Ready { threads: 1 }).unwrap();
         let packet = next_work(&mut inbox).await.packets[0];
         let count = u32::from(packet.count);
         let traced = Traced { id: packet.id, count, nanoseconds: 1000 };
-        let results = Results { packets: vec![traced], samples: vec![sample; count as usize], unseen: vec![] }.encode();
+        let results = Results {
+            packets: vec![traced],
+            samples: vec![sample; count as usize],
+            unseen: vec![],
+        }
+        .encode();
         outbox.send(Kind::Results, &results).unwrap();
         outbox.send(Kind::Results, &results).unwrap();
         let said = dropped((inbox, outbox)).await;

@@ -8,9 +8,11 @@ use rustix::process::Signal;
 /// The processes that `id` has started, with the time of their start (an id may be used again).
 fn children(id: u32) -> Vec<(u32, String)> {
     let Ok(tasks) = fs::read_dir(format!("/proc/{id}/task")) else { return Vec::new() };
-    let lists = tasks.filter_map(|task| fs::read_to_string(task.ok()?.path().join("children")).ok());
-    let ids: Vec<u32> =
-        lists.flat_map(|list| list.split_whitespace().map(|id| id.parse().unwrap()).collect::<Vec<_>>()).collect();
+    let lists =
+        tasks.filter_map(|task| fs::read_to_string(task.ok()?.path().join("children")).ok());
+    let ids: Vec<u32> = lists
+        .flat_map(|list| list.split_whitespace().map(|id| id.parse().unwrap()).collect::<Vec<_>>())
+        .collect();
     ids.into_iter().filter_map(|id| Some((id, started(id)?))).collect()
 }
 
@@ -27,9 +29,20 @@ fn all_ended(children: &[(u32, String)]) -> bool {
 
 /// A long fill that has begun to store samples, and its children.
 fn filling(place: &Place) -> (Process, Vec<(u32, String)>) {
-    let words = ["fill", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--threads", "1"];
-    let process = place.start(&[&words[..], &["-o", "{}/a.holo", "--time", "10m", "--json"]].concat());
-    wait_until("the fill to store something", || (count(&place.path("a.holo")) > 20_000).then_some(()));
+    let words = [
+        "fill",
+        "--config",
+        "{}/cornell.toml",
+        "--section",
+        CORNELL_SMALL_SECTION,
+        "--threads",
+        "1",
+    ];
+    let process =
+        place.start(&[&words[..], &["-o", "{}/a.holo", "--time", "10m", "--json"]].concat());
+    wait_until("the fill to store something", || {
+        (count(&place.path("a.holo")) > 20_000).then_some(())
+    });
     let children = children(process.id());
     assert_eq!(children.len(), 2, "a server and a worker");
     (process, children)
@@ -103,7 +116,15 @@ fn an_ended_server_stores_everything_and_says_goodbye() {
 #[test]
 fn an_interrupted_session_ends_in_order() {
     let place = Place::new();
-    let words = ["view", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--threads", "1"];
+    let words = [
+        "view",
+        "--config",
+        "{}/cornell.toml",
+        "--section",
+        CORNELL_SMALL_SECTION,
+        "--threads",
+        "1",
+    ];
     let session = ["--headless", "--keep", "{}/a.holo", "--time", "600", "--size", "64x64"];
     let process = place.start(&[&words[..], &session].concat());
     wait_until("samples", || (count(&place.path("a.holo")) > 5_000).then_some(()));

@@ -61,7 +61,9 @@ impl Client {
                     }
                 }
                 Message::Control(Control::Pong(1)) => break,
-                Message::Control(Control::Ping(number)) => self.outbox.control(&Control::Pong(number)).unwrap(),
+                Message::Control(Control::Ping(number)) => {
+                    self.outbox.control(&Control::Pong(number)).unwrap()
+                }
                 _ => {}
             }
         }
@@ -76,7 +78,9 @@ fn what_one_worker_finds_all_others_are_told_once_and_who_comes_late_is_told_all
     place.fill_small_with("a.holo", "21", &["--engine", "cached"]);
     let server = place.server("a.holo", &[]);
     let runtime = tokio::runtime::Runtime::new().unwrap();
-    let info = |place: &Place| place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json()["light_records"].as_u64();
+    let info = |place: &Place| {
+        place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json()["light_records"].as_u64()
+    };
     let before = info(&place).unwrap();
     let all = runtime.block_on(async {
         let mut first = Client::new(server.address, Role::Worker).await;
@@ -88,7 +92,11 @@ fn what_one_worker_finds_all_others_are_told_once_and_who_comes_late_is_told_all
         assert_eq!(second.told(10_000).await, Vec::from_iter(0..10_000));
         assert_eq!(first.told(0).await, [0; 0], "nobody is told what he said himself");
         second.tell(9_900..10_003);
-        assert_eq!(first.told(3).await, [10_000, 10_001, 10_002], "what is there already is dropped");
+        assert_eq!(
+            first.told(3).await,
+            [10_000, 10_001, 10_002],
+            "what is there already is dropped"
+        );
         let mut late = Client::new(server.address, Role::Display).await;
         late.told(own.len() + 10_003).await
     });
@@ -96,7 +104,8 @@ fn what_one_worker_finds_all_others_are_told_once_and_who_comes_late_is_told_all
     assert_eq!(info(&place), Some(before + 10_003), "all are in the file");
     // Only shown, the file has them all the same.
     let server = place.server("a.holo", &["--display-only"]);
-    let again = runtime.block_on(async { Client::new(server.address, Role::Display).await.told(all.len()).await });
+    let again = runtime
+        .block_on(async { Client::new(server.address, Role::Display).await.told(all.len()).await });
     assert_eq!(again, all);
     server.process.end(Signal::TERM).ok();
     place.run(&["verify", "{}/a.holo"]).ok();
@@ -128,7 +137,9 @@ fn a_fill_that_goes_on_uses_the_light_that_is_there() {
     let place = Place::new();
     let records = |words: &[&str]| {
         place.fill_small_with("a.holo", "300k", &[&["--engine", "cached"], words].concat());
-        place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json()["light_records"].as_u64().unwrap()
+        place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json()["light_records"]
+            .as_u64()
+            .unwrap()
     };
     let first = records(&[]);
     let second = records(&[]);
@@ -142,7 +153,15 @@ fn the_engine_is_the_one_that_the_scene_has_use_for_unless_one_is_named() {
     let place = Place::new();
     // Without the configuration, whose engine is named.
     let engine = |file: &str, words: &[&str]| {
-        let fill = ["fill", "{}/cornell.obj", "--section", holo_tests::CORNELL_SMALL_SECTION, "--samples", "1k", "-o"];
+        let fill = [
+            "fill",
+            "{}/cornell.obj",
+            "--section",
+            holo_tests::CORNELL_SMALL_SECTION,
+            "--samples",
+            "1k",
+            "-o",
+        ];
         place.run(&[&fill[..], &[file], words].concat()).ok();
         let info = place.run(&["info", file, "--json"]).ok().whole_json();
         info["settings"]["engine"].as_str().unwrap().to_owned()

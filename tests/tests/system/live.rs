@@ -6,8 +6,8 @@ use holo_net::{Inbox, Message, Outbox};
 use holo_picture::{Picture, View, ViewSpec};
 use holo_proto::{
     bulk::{
-        LiveHit, LivePacket, LiveRay, LiveResults, LiveWanted, LiveWork, MAX_LIVE_RAYS, MAX_LIVE_RAYS_HELD, Traced,
-        ViewRequest, Wanted,
+        LiveHit, LivePacket, LiveRay, LiveResults, LiveWanted, LiveWork, MAX_LIVE_RAYS,
+        MAX_LIVE_RAYS_HELD, Traced, ViewRequest, Wanted,
     },
     control::Control,
     frame::Kind,
@@ -35,9 +35,11 @@ fn view() -> View {
 fn covered(place: &Place, file: &str) -> Vec<bool> {
     let holodeck = holo_server::Holodeck::open_read_only(&place.path(file), 0).unwrap();
     let (sections, view): (&[Section], View) = (&holodeck.sections, view());
-    let pixels = (0..SIZE.1).flat_map(|row| (0..SIZE.0).map(move |column| View::pixel_centre(SIZE, column, row)));
+    let pixels = (0..SIZE.1)
+        .flat_map(|row| (0..SIZE.0).map(move |column| View::pixel_centre(SIZE, column, row)));
     let rays = pixels.map(|(x, y)| view.ray(x, y));
-    rays.map(|(eye, along)| sections.iter().any(|section| section.line(eye, along).is_some())).collect()
+    rays.map(|(eye, along)| sections.iter().any(|section| section.line(eye, along).is_some()))
+        .collect()
 }
 
 fn read(place: &Place, name: &str) -> Picture {
@@ -47,8 +49,10 @@ fn read(place: &Place, name: &str) -> Picture {
 /// Mean of the squared errors of display values of some pixels: cut at white, square root.
 fn error(picture: &Picture, truth: &Picture, of: impl Fn(usize) -> bool) -> f64 {
     let value = |x: f32| f64::from(x.clamp(0.0, 1.0)).sqrt();
-    let pixels = picture.pixels.iter().zip(&truth.pixels).enumerate().filter(|(pixel, _)| of(*pixel));
-    let errors = pixels.flat_map(|(_, (a, b))| (0..3).map(move |i| (value(a[i]) - value(b[i])).powi(2)));
+    let pixels =
+        picture.pixels.iter().zip(&truth.pixels).enumerate().filter(|(pixel, _)| of(*pixel));
+    let errors =
+        pixels.flat_map(|(_, (a, b))| (0..3).map(move |i| (value(a[i]) - value(b[i])).powi(2)));
     let (sum, count) = errors.fold((0.0, 0.0), |(sum, count), error| (sum + error, count + 1.0));
     sum / count
 }
@@ -60,8 +64,10 @@ fn is_edge(picture: &Picture, pixel: usize) -> bool {
     let own = value(picture.pixels[pixel]);
     let beside = |column: u32, row: u32| picture.get(column, row).map_or(own, value);
     let rows = row.saturating_sub(1)..=row + 1;
-    let mut around = rows.flat_map(|row| (column.saturating_sub(1)..=column + 1).map(move |column| (column, row)));
-    around.any(|(column, row)| beside(column, row).iter().zip(own).any(|(a, b)| (a - b).abs() > 0.1))
+    let mut around = rows
+        .flat_map(|row| (column.saturating_sub(1)..=column + 1).map(move |column| (column, row)));
+    around
+        .any(|(column, row)| beside(column, row).iter().zip(own).any(|(a, b)| (a - b).abs() > 0.1))
 }
 
 #[test]
@@ -69,21 +75,54 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
     let place = Place::new();
     let render = |spp: u64, seed: &str, name: &str| {
         let (spp, output) = (spp.to_string(), place.text(name));
-        let words = ["render", "--config", "{}/cornell.toml", "--bounces", "0", "--spp", &spp, "-o", &output];
+        let words = [
+            "render",
+            "--config",
+            "{}/cornell.toml",
+            "--bounces",
+            "0",
+            "--spp",
+            &spp,
+            "-o",
+            &output,
+        ];
         place.run(&[&words[..], &["--seed", seed, "-q"], &VIEW].concat()).ok();
         read(&place, name)
     };
     let truth = render(2000, "1", "truth.pfm");
     for driver in ["voronoi", "quadtree"] {
         let file = format!("{{}}/{driver}.holo");
-        let scene = ["view", "--config", "{}/cornell.toml", "--section", LEFT, "--bounces", "0", "--keep", &file];
-        let words =
-            ["--headless", "--time", "2.5", "-o", "{}/live.pfm", "--json", "--driver", driver, "--threads", "1"];
+        let scene = [
+            "view",
+            "--config",
+            "{}/cornell.toml",
+            "--section",
+            LEFT,
+            "--bounces",
+            "0",
+            "--keep",
+            &file,
+        ];
+        let words = [
+            "--headless",
+            "--time",
+            "2.5",
+            "-o",
+            "{}/live.pfm",
+            "--json",
+            "--driver",
+            driver,
+            "--threads",
+            "1",
+        ];
         let report = place.run(&[&scene[..], &words, &VIEW].concat()).ok().json();
         let file = format!("{driver}.holo");
         let covered = covered(&place, &file);
         let uncovered = covered.iter().filter(|covered| !**covered).count();
-        assert!((1500..2500).contains(&uncovered), "{uncovered}: the view should be covered in part");
+        assert!(
+            (1500..2500).contains(&uncovered),
+            "{uncovered}: the view should be covered in part"
+        );
         assert_eq!(report["uncovered_pixels"], uncovered);
         // The file holds what was traced of beams, and nothing else.
         assert!(report["traced"].as_u64().unwrap() > 1000, "{report}");
@@ -95,10 +134,13 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
         assert!(rays >= 4, "{report}");
         let live = read(&place, "live.pfm");
         // The quadtree keeps four depths of a pixel, which at the edges of things seen from the side are too few, covered or not.
-        let is_compared = |pixel: usize| !covered[pixel] && (driver == "voronoi" || !is_edge(&truth, pixel));
+        let is_compared =
+            |pixel: usize| !covered[pixel] && (driver == "voronoi" || !is_edge(&truth, pixel));
         let same = render(rays, "2", "same.pfm");
         let [shown, same] = [&live, &same].map(|picture| error(picture, &truth, is_compared));
-        println!("{driver}: {rays} rays a pixel, squared error {shown:.2e}, of `render` {same:.2e}");
+        println!(
+            "{driver}: {rays} rays a pixel, squared error {shown:.2e}, of `render` {same:.2e}"
+        );
         // And beside noise a step of 255, which nobody sees: drivers interpolate, and keep no more.
         assert!(shown < 1.5 * same + 255.0_f64.powi(-2), "{driver}: {shown:e}, {same:e}");
 
@@ -120,7 +162,17 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
 #[test]
 fn without_workers_a_session_ends_as_it_would_and_shows_nothing_there() {
     let place = Place::new();
-    let fill = ["fill", "--config", "{}/cornell.toml", "--section", LEFT, "-o", "{}/a.holo", "--samples", "20k"];
+    let fill = [
+        "fill",
+        "--config",
+        "{}/cornell.toml",
+        "--section",
+        LEFT,
+        "-o",
+        "{}/a.holo",
+        "--samples",
+        "20k",
+    ];
     place.run(&fill).ok();
     let server = place.server("a.holo", &["--json"]);
     let output = place.text("a.pfm");
@@ -136,7 +188,9 @@ fn without_workers_a_session_ends_as_it_would_and_shows_nothing_there() {
 /// Runs to its end, which must not be far.
 fn in_time(what: impl Future<Output = ()>) {
     let runtime = tokio::runtime::Runtime::new().unwrap();
-    runtime.block_on(async { tokio::time::timeout(2 * LIMIT, what).await.expect("it takes far too long") });
+    runtime.block_on(async {
+        tokio::time::timeout(2 * LIMIT, what).await.expect("it takes far too long")
+    });
 }
 
 /// Somebody who speaks the protocol.
@@ -170,11 +224,17 @@ impl Peer {
 
     async fn next(&mut self) -> Message {
         loop {
-            let message = tokio::time::timeout(LIMIT, self.inbox.next()).await.expect("in time").unwrap();
+            let message =
+                tokio::time::timeout(LIMIT, self.inbox.next()).await.expect("in time").unwrap();
             match message {
-                Message::Control(Control::Ping(number)) => self.outbox.control(&Control::Pong(number)).unwrap(),
+                Message::Control(Control::Ping(number)) => {
+                    self.outbox.control(&Control::Pong(number)).unwrap()
+                }
                 Message::LiveSamples(samples) => {
-                    let numbered = samples.samples.iter().map(|sample| (samples.view, sample.number, sample.hit));
+                    let numbered = samples
+                        .samples
+                        .iter()
+                        .map(|sample| (samples.view, sample.number, sample.hit));
                     self.live.extend(numbered);
                     return Message::LiveSamples(samples);
                 }
@@ -206,7 +266,11 @@ impl Peer {
     fn answer(&self, packets: &[LivePacket]) {
         let mut results = LiveResults::default();
         for packet in packets {
-            results.packets.push(Traced { id: packet.id, count: packet.rays.len() as u32, nanoseconds: 50_000 });
+            results.packets.push(Traced {
+                id: packet.id,
+                count: packet.rays.len() as u32,
+                nanoseconds: 50_000,
+            });
             results.hits.extend(packet.rays.iter().map(saw));
         }
         self.send(Kind::LiveResults, results.encode());
@@ -218,11 +282,18 @@ fn saw(ray: &LiveRay) -> LiveHit {
 }
 
 fn rays(numbers: std::ops::Range<u64>) -> Vec<LiveRay> {
-    numbers.map(|number| LiveRay { origin: [number as f64, 2.0, 3.0], direction: [0.0, 0.6, 0.8], number }).collect()
+    numbers
+        .map(|number| LiveRay {
+            origin: [number as f64, 2.0, 3.0],
+            direction: [0.0, 0.6, 0.8],
+            number,
+        })
+        .collect()
 }
 
 fn numbers(packets: &[LivePacket]) -> Vec<u64> {
-    let mut numbers: Vec<u64> = packets.iter().flat_map(|packet| &packet.rays).map(|ray| ray.number).collect();
+    let mut numbers: Vec<u64> =
+        packets.iter().flat_map(|packet| &packet.rays).map(|ray| ray.number).collect();
     numbers.sort_unstable();
     numbers
 }
@@ -246,8 +317,14 @@ fn live_rays_survive_their_worker_go_to_who_asked_alone_and_end_with_the_view() 
         let mut first = Peer::join(server.address, Role::Worker).await;
         first.outbox.control(&Control::Ready { threads: 1 }).unwrap();
         let (packets, beams) = first.live_work(50).await;
-        assert_eq!(numbers(&packets), (0..50).collect::<Vec<u64>>(), "of the present view, each once");
-        assert!(packets.iter().all(|packet| packet.paths == 1 && (1..=21).contains(&packet.rays.len())));
+        assert_eq!(
+            numbers(&packets),
+            (0..50).collect::<Vec<u64>>(),
+            "of the present view, each once"
+        );
+        assert!(
+            packets.iter().all(|packet| packet.paths == 1 && (1..=21).contains(&packet.rays.len()))
+        );
         assert!(beams || matches!(first.next().await, Message::Work(_)), "beams are traced, too");
         drop(first);
 
@@ -272,9 +349,14 @@ fn live_rays_survive_their_worker_go_to_who_asked_alone_and_end_with_the_view() 
         worker.answer(&packets_3);
         display.wait_for_live(known + 5).await;
         let expected = |view: u32, packet: &LivePacket| {
-            packet.rays.iter().map(|ray| (view, ray.number, saw(ray).distance as u64)).collect::<BTreeSet<_>>()
+            packet
+                .rays
+                .iter()
+                .map(|ray| (view, ray.number, saw(ray).distance as u64))
+                .collect::<BTreeSet<_>>()
         };
-        let came: BTreeSet<_> = display.live.iter().map(|(view, n, hit)| (*view, *n, hit.distance as u64)).collect();
+        let came: BTreeSet<_> =
+            display.live.iter().map(|(view, n, hit)| (*view, *n, hit.distance as u64)).collect();
         let mut wanted = expected(1, &packets[0]);
         packets_3.iter().for_each(|packet| wanted.extend(expected(3, packet)));
         assert_eq!((display.live.len(), came), (known + 5, wanted));
@@ -331,9 +413,20 @@ fn what_live_rays_see_has_the_mean_that_render_has() {
     const PIXELS: (u32, u32) = (16, 12);
     const RAYS: u64 = 512;
     let place = Place::new();
-    let fill = ["fill", "--config", "{}/cornell.toml", "--section", LEFT, "-o", "{}/a.holo", "--samples", "1k"];
+    let fill = [
+        "fill",
+        "--config",
+        "{}/cornell.toml",
+        "--section",
+        LEFT,
+        "-o",
+        "{}/a.holo",
+        "--samples",
+        "1k",
+    ];
     place.run(&fill).ok();
-    let render = ["render", "--config", "{}/cornell.toml", "--spp", "4096", "-o", "{}/truth.pfm", "-q"];
+    let render =
+        ["render", "--config", "{}/cornell.toml", "--spp", "4096", "-o", "{}/truth.pfm", "-q"];
     place.run(&[&render[..], &VIEW[..6], &["--size", "16x12"]].concat()).ok();
     let truth = read(&place, "truth.pfm");
     let mut spec = ViewSpec::default();
@@ -345,7 +438,8 @@ fn what_live_rays_see_has_the_mean_that_render_has() {
     let ray = |number: u64| {
         let (round, pixel) = (number / count, number % count);
         let at = |step: f64| (0.5 + step * round as f64 + 0.37 * pixel as f64).fract();
-        let (column, row) = ((pixel % 16) as f64 + at(0.754_877_666), (pixel / 16) as f64 + at(0.569_840_29));
+        let (column, row) =
+            ((pixel % 16) as f64 + at(0.754_877_666), (pixel / 16) as f64 + at(0.569_840_29));
         let (origin, direction) = view.ray(column / 16.0, 1.0 - row / 12.0);
         LiveRay { origin: origin.to_array(), direction: direction.to_array(), number }
     };
@@ -387,5 +481,8 @@ fn what_live_rays_see_has_the_mean_that_render_has() {
     }
     println!("chi-squared {chi_squared:.1} of {differing} pixels");
     assert!(differing > 150.0 && chi_squared > 0.2 * differing);
-    assert!(chi_squared < differing + 6.0 * (2.0_f64 * differing).sqrt(), "{chi_squared} of {differing}");
+    assert!(
+        chi_squared < differing + 6.0 * (2.0_f64 * differing).sqrt(),
+        "{chi_squared} of {differing}"
+    );
 }

@@ -29,7 +29,10 @@ fn server_worker_and_viewer_started_by_hand_make_pictures() {
         let lit = picture.pixels.iter().filter(|rgb| rgb[0] > 0.0).count();
         assert!(lit > 64 * 48 / 2, "{name}: {lit} pixels are lit");
     }
-    assert_ne!(std::fs::read(place.path("one.pfm")).unwrap(), std::fs::read(place.path("two.pfm")).unwrap());
+    assert_ne!(
+        std::fs::read(place.path("one.pfm")).unwrap(),
+        std::fs::read(place.path("two.pfm")).unwrap()
+    );
     let summary = server.process.end(Signal::TERM).ok().json();
     let after = stored(&place.path("a.holo"));
     assert_eq!(summary["samples"], after.count());
@@ -47,7 +50,17 @@ fn a_worker_started_before_its_server_waits_for_it() {
     std::thread::sleep(std::time::Duration::from_millis(600));
     let address = address.to_string();
     let file = place.text("a.holo");
-    let words = ["holoserver", &file, "--listen", &address, "--with-parent", "--fill", "--samples", "20k", "--json"];
+    let words = [
+        "holoserver",
+        &file,
+        "--listen",
+        &address,
+        "--with-parent",
+        "--fill",
+        "--samples",
+        "20k",
+        "--json",
+    ];
     let added = place.run(&words).ok().json()["added"].as_u64().unwrap();
     assert!(added >= 20_000, "{added}");
     // The server has said goodbye.
@@ -59,6 +72,9 @@ fn a_worker_without_a_server_says_so() {
     let place = Place::new();
     let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let port = address.to_string();
-    place.worker(address, &["--retry", "0.3"]).wait().failed(1, &["no holoserver answers", &port, "is it running?"]);
+    place
+        .worker(address, &["--retry", "0.3"])
+        .wait()
+        .failed(1, &["no holoserver answers", &port, "is it running?"]);
     place.viewer(address, &[]).wait().failed(1, &["connecting to the holoserver", &port]);
 }

@@ -16,11 +16,22 @@ use rustix::process::Signal;
 
 const VIEW: [&str; 8] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60", "--size", "64x64"];
 const LINE: &str = "-vp 2.78 2.73 -2 -vd 0 0 1 -vh 60";
-const STAGES: [&str; 4] = ["Project and Tile Sort", "Z-Buffer Tiles", "Depth Cull", "Interpolate / Smooth"];
+const STAGES: [&str; 4] =
+    ["Project and Tile Sort", "Z-Buffer Tiles", "Depth Cull", "Interpolate / Smooth"];
 
 /// The same view by the tracer, direct light only.
 fn truth(place: &Place) -> Picture {
-    let render = ["render", "--config", "{}/cornell.toml", "--bounces", "0", "--spp", "400", "-o", "{}/truth.pfm"];
+    let render = [
+        "render",
+        "--config",
+        "{}/cornell.toml",
+        "--bounces",
+        "0",
+        "--spp",
+        "400",
+        "-o",
+        "{}/truth.pfm",
+    ];
     place.run(&[&render[..], &VIEW].concat()).ok();
     Picture::read(place.path("truth.pfm")).unwrap()
 }
@@ -39,10 +50,20 @@ fn at_rest_both_tend_to_what_the_tracer_renders() {
             "0 view -vp 2.5 2.5 -2.5 -vd 0.1 0 1 -vh 60\n0.5 view {LINE}\n0.05 picture {{0}}\n10 picture {{1}}\n11 quit\n"
         );
         let names = ["first", "last"].map(|when| format!("{driver}-{when}.pfm"));
-        let script = script.replace("{0}", &place.text(&names[0])).replace("{1}", &place.text(&names[1]));
+        let script =
+            script.replace("{0}", &place.text(&names[0])).replace("{1}", &place.text(&names[1]));
         let script = place.write("walk.txt", &script);
-        let scene = ["view", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--bounces", "0"];
-        let words = ["--headless", "--script", &script, "--size", "64x64", "--driver", driver, "--json"];
+        let scene = [
+            "view",
+            "--config",
+            "{}/cornell.toml",
+            "--section",
+            CORNELL_SMALL_SECTION,
+            "--bounces",
+            "0",
+        ];
+        let words =
+            ["--headless", "--script", &script, "--size", "64x64", "--driver", driver, "--json"];
         let reports = place.run(&[&scene[..], &words].concat()).ok();
         let last: serde_json::Value =
             reports.stdout.lines().last().map(|line| serde_json::from_str(line).unwrap()).unwrap();
@@ -52,11 +73,18 @@ fn at_rest_both_tend_to_what_the_tracer_renders() {
         let takes_all = |report: &str| {
             let report: serde_json::Value = serde_json::from_str(report).unwrap();
             let took = |stage: &&str| {
-                report["stages"].as_array().is_some_and(|all| all.iter().any(|one| one["stage"] == *stage))
+                report["stages"]
+                    .as_array()
+                    .is_some_and(|all| all.iter().any(|one| one["stage"] == *stage))
             };
             STAGES.iter().all(took)
         };
-        assert_eq!(reports.stdout.lines().any(takes_all), driver == "pointimage", "{}", reports.stdout);
+        assert_eq!(
+            reports.stdout.lines().any(takes_all),
+            driver == "pointimage",
+            "{}",
+            reports.stdout
+        );
         let [first, last] = [0, 1].map(|at| psnr(&place, &names[at], &truth));
         println!("{driver}: {first:.1} dB at once, {last:.1} dB at rest");
         assert!(last > first, "{driver}: {first} dB, then {last}");
@@ -75,11 +103,21 @@ fn a_stored_holodeck_warms_an_empty_cache_and_its_parts_can_be_left_out() {
         let picture = ["picture", "{}/a.holo", "--json", "-o", &output];
         let report = place.run(&[&picture[..], &VIEW, words].concat()).ok().json();
         assert_eq!(report["traced"], 0);
-        assert!(report["stored"].as_u64().unwrap() > 0 && report["samples"].as_u64().unwrap() > 0, "{report}");
+        assert!(
+            report["stored"].as_u64().unwrap() > 0 && report["samples"].as_u64().unwrap() > 0,
+            "{report}"
+        );
         psnr(&place, name, &truth)
     };
     let all = show("all.pfm", &["--driver", "pointimage"]);
-    let gaps = ["--driver", "pointimage", "--without", "prefilter,interpolation", "--empty-pixels", "black"];
+    let gaps = [
+        "--driver",
+        "pointimage",
+        "--without",
+        "prefilter,interpolation",
+        "--empty-pixels",
+        "black",
+    ];
     let bare = show("bare.pfm", &gaps);
     let guesses = show("guesses.pfm", &["--driver", "frameless"]);
     println!("all stages {all:.1} dB, points alone {bare:.1} dB, frameless {guesses:.1} dB");
@@ -89,7 +127,9 @@ fn a_stored_holodeck_warms_an_empty_cache_and_its_parts_can_be_left_out() {
         picture.pixels.iter().filter(|pixel| **pixel == [0.0; 3]).count()
     };
     assert!(black("bare.pfm") > black("all.pfm"));
-    place.run(&["picture", "{}/a.holo", "-o", "{}/b.pfm", "--without", "colour"]).failed(2, &["--without", "dither"]);
+    place
+        .run(&["picture", "{}/a.holo", "-o", "{}/b.pfm", "--without", "colour"])
+        .failed(2, &["--without", "dither"]);
 }
 
 #[test]
@@ -100,16 +140,24 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
     let worker = place.worker(server.address, &[]);
     // Of two beams, more than a packet holds of one; each once.
     let wanted: Vec<(u64, RayCoords)> = (0..100)
-        .map(|i: u8| (if i.is_multiple_of(4) { 400 } else { 2000 }, RayCoords([i, 200 - i, 3 * (i / 2), 7])))
+        .map(|i: u8| {
+            (if i.is_multiple_of(4) { 400 } else { 2000 }, RayCoords([i, 200 - i, 3 * (i / 2), 7]))
+        })
         .collect();
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
-        let beams = [400, 2000].map(|beam| Wanted { beam, weight: 1.0, section: 0, reserved: 0 }).to_vec();
+        let beams =
+            [400, 2000].map(|beam| Wanted { beam, weight: 1.0, section: 0, reserved: 0 }).to_vec();
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
         let view = ViewRequest { view: 1, viewpoint, beams }.encode();
         outbox.send(Kind::View, &view).unwrap();
-        let ray = |&(beam, coords): &(u64, RayCoords)| WantedRay { beam, section: 0, coords, reserved: 0 };
+        let ray = |&(beam, coords): &(u64, RayCoords)| WantedRay {
+            beam,
+            section: 0,
+            coords,
+            reserved: 0,
+        };
         let rays: Vec<WantedRay> = wanted.iter().map(ray).collect();
         // Those of another view are passed over.
         let other = vec![WantedRay { coords: RayCoords([255; 4]), ..rays[0] }];
@@ -119,11 +167,15 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
         while arrived.len() < wanted.len() {
             match tokio::time::timeout(LIMIT, inbox.next()).await.expect("all rays come").unwrap() {
                 Message::Samples(samples) => {
-                    for (run, samples) in samples.iter().filter(|(run, _)| run.kind == SampleKind::SingleRay) {
+                    for (run, samples) in
+                        samples.iter().filter(|(run, _)| run.kind == SampleKind::SingleRay)
+                    {
                         arrived.extend(samples.iter().map(|sample| (run.beam.0, sample.coords)));
                     }
                 }
-                Message::Control(Control::Ping(number)) => outbox.control(&Control::Pong(number)).unwrap(),
+                Message::Control(Control::Ping(number)) => {
+                    outbox.control(&Control::Pong(number)).unwrap()
+                }
                 _ => {}
             }
         }
@@ -135,7 +187,9 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
     let stored = stored(&place.path("a.holo"));
     stored.assert_no_gaps();
     let single = stored.beams.iter().filter(|((_, kind), _)| *kind == SampleKind::SingleRay);
-    let kept = single.flat_map(|((key, _), samples)| samples.iter().map(|(_, sample)| (key.beam.0, sample.coords)));
+    let kept = single.flat_map(|((key, _), samples)| {
+        samples.iter().map(|(_, sample)| (key.beam.0, sample.coords))
+    });
     assert_eq!(kept.collect::<BTreeSet<_>>(), wanted.iter().copied().collect());
 }
 
@@ -143,14 +197,28 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
 fn what_the_render_cache_asks_for_enters_the_holodeck() {
     let place = Place::new();
     let script = place.write("walk.txt", &format!("0 view {LINE}\n3 quit\n"));
-    let scene = ["view", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--bounces", "0"];
-    let words = ["--headless", "--script", &script, "--size", "64x64", "--keep", "{}/kept.holo", "-q"];
+    let scene = [
+        "view",
+        "--config",
+        "{}/cornell.toml",
+        "--section",
+        CORNELL_SMALL_SECTION,
+        "--bounces",
+        "0",
+    ];
+    let words =
+        ["--headless", "--script", &script, "--size", "64x64", "--keep", "{}/kept.holo", "-q"];
     place.run(&[&scene[..], &words, &["--driver", "pointimage"]].concat()).ok();
     let stored = stored(&place.path("kept.holo"));
     stored.assert_no_gaps();
-    let of =
-        |kind: SampleKind| stored.beams.iter().filter(|((_, k), _)| *k == kind).map(|(_, s)| s.len()).sum::<usize>();
-    println!("{} single rays, {} near the eye", of(SampleKind::SingleRay), of(SampleKind::ViewpointLimited));
+    let of = |kind: SampleKind| {
+        stored.beams.iter().filter(|((_, k), _)| *k == kind).map(|(_, s)| s.len()).sum::<usize>()
+    };
+    println!(
+        "{} single rays, {} near the eye",
+        of(SampleKind::SingleRay),
+        of(SampleKind::ViewpointLimited)
+    );
     // One request for 16 pixels, twenty times a second as far as there is anything to wish for: more than a first list.
     assert!(of(SampleKind::SingleRay) > 256);
 }

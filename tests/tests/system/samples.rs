@@ -16,13 +16,18 @@ fn faces(text: &str) -> Vec<Face> {
     let (mut vertices, mut faces, mut material) = (Vec::new(), Vec::new(), String::new());
     for line in text.lines() {
         let words: Vec<&str> = line.split_whitespace().collect();
-        let numbers = || words[1..].iter().map(|word| word.parse::<f64>().unwrap()).collect::<Vec<_>>();
+        let numbers =
+            || words[1..].iter().map(|word| word.parse::<f64>().unwrap()).collect::<Vec<_>>();
         match words.first() {
             Some(&"v") => vertices.push(DVec3::from_slice(&numbers())),
             Some(&"usemtl") => material = words[1].to_owned(),
             Some(&"f") => {
-                let corners: Vec<DVec3> = numbers().iter().map(|&index| vertices[index as usize - 1]).collect();
-                faces.push(Face { material: material.clone(), corners: corners.try_into().unwrap() });
+                let corners: Vec<DVec3> =
+                    numbers().iter().map(|&index| vertices[index as usize - 1]).collect();
+                faces.push(Face {
+                    material: material.clone(),
+                    corners: corners.try_into().unwrap(),
+                });
             }
             _ => {}
         }
@@ -36,12 +41,20 @@ fn triangle([a, b, c]: [DVec3; 3], origin: DVec3, direction: DVec3) -> Option<f6
     let normal = u.cross(v);
     let t = (a - origin).dot(normal) / direction.dot(normal);
     let p = origin + direction * t - a;
-    let (s, r) = (p.cross(v).dot(normal) / normal.length_squared(), u.cross(p).dot(normal) / normal.length_squared());
+    let (s, r) = (
+        p.cross(v).dot(normal) / normal.length_squared(),
+        u.cross(p).dot(normal) / normal.length_squared(),
+    );
     (t > 0.0 && s >= 0.0 && r >= 0.0 && s + r <= 1.0).then_some(t)
 }
 
 /// The nearest face, with its faces split along one diagonal or the other: not all of the box's are quite flat.
-fn nearest(faces: &[Face], origin: DVec3, direction: DVec3, other_diagonal: bool) -> Option<(f64, &Face)> {
+fn nearest(
+    faces: &[Face],
+    origin: DVec3,
+    direction: DVec3,
+    other_diagonal: bool,
+) -> Option<(f64, &Face)> {
     let hits = faces.iter().flat_map(|face| {
         let [a, b, c, d] = face.corners;
         let halves = if other_diagonal { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] };
@@ -67,7 +80,8 @@ fn reflectance(material: &str) -> [f64; 3] {
 fn is_colour_of(rgb: [f64; 3], material: &str, from_front: bool) -> bool {
     let largest = rgb.into_iter().fold(0.0, f64::max);
     let step = largest / 128.0;
-    let like = |expected: [f64; 3], slack: f64| (0..3).all(|c| (rgb[c] - expected[c]).abs() <= slack);
+    let like =
+        |expected: [f64; 3], slack: f64| (0..3).all(|c| (rgb[c] - expected[c]).abs() <= slack);
     if material == "light" && from_front {
         return like(LAMP, step);
     }
@@ -85,12 +99,25 @@ fn every_stored_sample_is_of_the_surface_that_its_ray_meets_first() {
         [[section]]\norigin = [0.6, 0.6, -4]\naxes = [[4.3, 0, 0], [0, 4.2, 0], [0, 0, 5]]\ngrid = [3, 2, 4]\n\
         [[section]]\norigin = [0.5, 3.6, 0.5]\naxes = [[4.5, 0, 0.3], [0.2, 1.2, 0], [0, 0.1, 4.5]]\ngrid = [4, 2, 3]\n";
     place.write("two.toml", sections);
-    let words = ["fill", "--config", "{}/two.toml", "-o", "{}/two.holo", "--bounces", "0", "--samples", "60k"];
+    let words = [
+        "fill",
+        "--config",
+        "{}/two.toml",
+        "-o",
+        "{}/two.holo",
+        "--bounces",
+        "0",
+        "--samples",
+        "60k",
+    ];
     place.run(&words).ok();
 
     let holodeck = holo_server::Holodeck::open_read_only(&place.path("two.holo"), 0).unwrap();
     assert!(holodeck.about.sections[0].obstructions, "the box's walls reach into it");
-    assert!(!holodeck.about.sections[1].obstructions, "nothing stands between the blocks and the ceiling");
+    assert!(
+        !holodeck.about.sections[1].obstructions,
+        "nothing stands between the blocks and the ceiling"
+    );
     let faces = faces(&std::fs::read_to_string(place.path("cornell.obj")).unwrap());
     assert_eq!(faces.len(), 16);
     let stored = stored(&place.path("two.holo"));
@@ -106,8 +133,8 @@ fn every_stored_sample_is_of_the_surface_that_its_ray_meets_first() {
             let distance = sample.distance(section.diagonal());
             // Half a step of the distance code (Table 1: 2¹¹ steps to the diagonal, then 2⁻¹¹ of it), and single precision.
             let slack = (section.diagonal().max(distance) / 4096.0) * 1.001 + 1e-4;
-            let fits =
-                [false, true].into_iter().any(|diagonal| match nearest(&faces, start, ray.direction, diagonal) {
+            let fits = [false, true].into_iter().any(|diagonal| {
+                match nearest(&faces, start, ray.direction, diagonal) {
                     None => distance.is_infinite() && sample.rgb() == [0.0; 3],
                     Some((expected, face)) => {
                         let [a, b, c, _] = face.corners;
@@ -116,9 +143,11 @@ fn every_stored_sample_is_of_the_surface_that_its_ray_meets_first() {
                         if rgb != [0.0; 3] {
                             *lit.entry((key.section, &face.material)).or_default() += 1;
                         }
-                        (skipped + expected - distance).abs() <= slack && is_colour_of(rgb, &face.material, front)
+                        (skipped + expected - distance).abs() <= slack
+                            && is_colour_of(rgb, &face.material, front)
                     }
-                });
+                }
+            });
             nothing += u32::from(distance.is_infinite());
             assert!(fits, "{key:?}: {sample:?} at {distance} along {ray:?}");
         }

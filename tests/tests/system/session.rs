@@ -8,8 +8,19 @@ const VIEW: [&str; 8] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60", 
 #[test]
 fn a_replay_without_tracing_gives_the_sessions_last_picture_bit_by_bit() {
     let place = Place::new();
-    let scene = ["--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--threads", "1"];
-    let live = ["view", "--headless", "--keep", "{}/s.holo", "--time", "1.2", "-o", "{}/live.pfm", "--json"];
+    let scene =
+        ["--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--threads", "1"];
+    let live = [
+        "view",
+        "--headless",
+        "--keep",
+        "{}/s.holo",
+        "--time",
+        "1.2",
+        "-o",
+        "{}/live.pfm",
+        "--json",
+    ];
     let report = place.run(&[&live[..], &scene, &VIEW].concat()).ok().json();
     assert!(report["traced"].as_u64().unwrap() > 1000, "{report}");
     assert_eq!(report["stored"], 0);
@@ -24,7 +35,18 @@ fn a_replay_without_tracing_gives_the_sessions_last_picture_bit_by_bit() {
     stored(&place.path("s.holo")).assert_no_gaps();
 
     // Going on with the file: all of it is there from the start, and more comes.
-    let more = ["view", "{}/s.holo", "--headless", "--time", "2", "-o", "{}/more.pfm", "--json", "--threads", "1"];
+    let more = [
+        "view",
+        "{}/s.holo",
+        "--headless",
+        "--time",
+        "2",
+        "-o",
+        "{}/more.pfm",
+        "--json",
+        "--threads",
+        "1",
+    ];
     let more = place.run(&[&more[..], &VIEW].concat()).ok().json();
     assert_eq!(more["stored"], report["traced"]);
     assert!(more["traced"].as_u64().unwrap() > 100, "{more}");
@@ -35,11 +57,21 @@ fn a_replay_without_tracing_gives_the_sessions_last_picture_bit_by_bit() {
 fn the_quadtree_shows_what_it_has_while_one_turns_and_comes_to_rest_at_the_view_s_own_picture() {
     let place = Place::new();
     place.fill_small_with("a.holo", "400k", &["--bounces", "0"]);
-    let (before, turned) = ("-vp 2.78 2.73 -2 -vd 0 0 1 -vh 60", "-vp 2.78 2.73 -2 -vd .1 0 1 -vh 60");
+    let (before, turned) =
+        ("-vp 2.78 2.73 -2 -vd 0 0 1 -vh 60", "-vp 2.78 2.73 -2 -vd .1 0 1 -vh 60");
     let follow = |name: &str, script: String| {
         let script = place.write(&format!("{name}.txt"), &script);
-        let words =
-            ["replay", "{}/a.holo", "--headless", "--script", &script, "--size", "64x64", "--driver", "quadtree"];
+        let words = [
+            "replay",
+            "{}/a.holo",
+            "--headless",
+            "--script",
+            &script,
+            "--size",
+            "64x64",
+            "--driver",
+            "quadtree",
+        ];
         place.run(&words).ok();
     };
     let [moved, rested, fresh, alone] =
@@ -53,7 +85,10 @@ fn the_quadtree_shows_what_it_has_while_one_turns_and_comes_to_rest_at_the_view_
     );
     follow("stay", format!("0 view {turned}\npicture {fresh}\n3 picture {alone}\nquit\n"));
     let read = |path: &str| Picture::read(path).unwrap();
-    assert!(read(&rested).pixels == read(&alone).pixels, "at rest it depends on where one came from");
+    assert!(
+        read(&rested).pixels == read(&alone).pixels,
+        "at rest it depends on where one came from"
+    );
     let psnr = |path: &str| compare(&read(path), &read(&alone)).unwrap().psnr_disp;
     println!("at once {:.1} dB after a turn, {:.1} dB from nothing", psnr(&moved), psnr(&fresh));
     assert!(psnr(&moved) > psnr(&fresh) + 5.0, "{} {}", psnr(&moved), psnr(&fresh));
@@ -63,18 +98,30 @@ fn the_quadtree_shows_what_it_has_while_one_turns_and_comes_to_rest_at_the_view_
 fn views_in_quick_succession_come_to_rest_at_the_picture_of_who_was_always_there() {
     let place = Place::new();
     place.fill_small_with("a.holo", "100k", &["--bounces", "0"]);
-    let (before, turned) = ("-vp 2.78 2.73 -2 -vd 0 0 1 -vh 60", "-vp 2.78 2.73 -2 -vd .1 0 1 -vh 60");
+    let (before, turned) =
+        ("-vp 2.78 2.73 -2 -vd 0 0 1 -vh 60", "-vp 2.78 2.73 -2 -vd .1 0 1 -vh 60");
     let follow = |name: &str, views: &[&str]| {
         let picture = place.text(&format!("{name}.pfm"));
         let views: String = views.iter().map(|view| format!("view {view}\n")).collect();
-        let script = place.write(&format!("{name}.txt"), &format!("{views}2 picture {picture}\nquit\n"));
-        let words =
-            ["replay", "{}/a.holo", "--headless", "--script", &script, "--size", "96x72", "--driver", "voronoi"];
+        let script =
+            place.write(&format!("{name}.txt"), &format!("{views}2 picture {picture}\nquit\n"));
+        let words = [
+            "replay",
+            "{}/a.holo",
+            "--headless",
+            "--script",
+            &script,
+            "--size",
+            "96x72",
+            "--driver",
+            "voronoi",
+        ];
         let report = place.run(&[&words[..], &["--json"]].concat()).ok().json();
         (Picture::read(&picture).unwrap().pixels, report["samples"].clone())
     };
     // The second and third are of somebody who moves, so that fewer surfaces than pixels are looked at; then nothing moves any more.
-    let (moved, alone) = (follow("moved", &[before, turned, before, turned]), follow("alone", &[turned]));
+    let (moved, alone) =
+        (follow("moved", &[before, turned, before, turned]), follow("alone", &[turned]));
     assert_eq!(moved.1, alone.1);
     assert!(moved.0 == alone.0, "at rest it depends on how one came there");
 }

@@ -4,10 +4,12 @@ use holo_picture::Picture;
 use holo_tests::Place;
 
 /// A room from 0 to 4; its wall at x = 4 shines less than the others.
-const CORNERS: &str = "mtllib room.mtl\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 0 0 4\nv 4 0 4\nv 4 4 4\nv 0 4 4\n";
+const CORNERS: &str =
+    "mtllib room.mtl\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 0 0 4\nv 4 0 4\nv 4 4 4\nv 0 4 4\n";
 const SHELL: &str = "usemtl wall\nf 1 2 3 4\nf 5 8 7 6\nf 1 4 8 5\nf 1 5 6 2\nf 4 3 7 8\n";
 const DOOR: &str = "usemtl far\nf 2 6 7 3\n";
-const MATERIALS: &str = "newmtl wall\nKd 0 0 0\nKe 1 1 1\nnewmtl far\nKd 0 0 0\nKe 0.25 0.25 0.25\n";
+const MATERIALS: &str =
+    "newmtl wall\nKd 0 0 0\nKe 1 1 1\nnewmtl far\nKd 0 0 0\nKe 0.25 0.25 0.25\n";
 
 #[test]
 fn a_file_keeps_its_stand_ins_and_displays_cast_them_and_see_through_portals_by_samples() {
@@ -18,13 +20,23 @@ fn a_file_keeps_its_stand_ins_and_displays_cast_them_and_see_through_portals_by_
     place.write("door.obj", &[CORNERS, DOOR].concat());
     let fill = |words: &[&str]| {
         let section = "1,1,1 2,0,0 0,2,0 0,0,2 3,3,3";
-        let always =
-            ["fill", "{}/room.obj", "--section", section, "--engine", "path", "-o", "{}/room.holo", "--samples"];
+        let always = [
+            "fill",
+            "{}/room.obj",
+            "--section",
+            section,
+            "--engine",
+            "path",
+            "-o",
+            "{}/room.holo",
+            "--samples",
+        ];
         place.run(&[&always[..], words].concat())
     };
     // Radiances of all pixels that look along x, one way and the other.
     let look = |towards: &str| -> Vec<f32> {
-        let view = ["--vp", "2,2,2", "--vd", towards, "--vu", "0,0,1", "--vh", "60", "--size", "32x32"];
+        let view =
+            ["--vp", "2,2,2", "--vd", towards, "--vu", "0,0,1", "--vh", "60", "--size", "32x32"];
         let file = ["picture", "{}/room.holo", "--driver", "voronoi", "-o", "{}/a.pfm"];
         place.run(&[&file[..], &view[..]].concat()).ok();
         Picture::read(place.path("a.pfm")).unwrap().pixels.into_iter().flatten().collect()
@@ -43,7 +55,12 @@ fn a_file_keeps_its_stand_ins_and_displays_cast_them_and_see_through_portals_by_
     assert!(all_are(&look("1,0,0"), 0.25), "beyond the portal samples are drawn by themselves");
     assert!(all_are(&look("-1,0,0"), 1.0));
     let info = place.run(&["info", "{}/room.holo", "--json"]).ok().whole_json();
-    let known: Vec<_> = info["stand_ins"].as_array().unwrap().iter().map(|part| part[1].as_str().unwrap()).collect();
+    let known: Vec<_> = info["stand_ins"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|part| part[1].as_str().unwrap())
+        .collect();
     assert_eq!(known, ["geometry", "portals"]);
 
     // A fill that names none leaves them as they are.

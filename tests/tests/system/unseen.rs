@@ -5,7 +5,8 @@ use holo_section::{Sample, distance::NOTHING_HIT};
 use holo_tests::{CORNELL_SMALL_SECTION, Place, stored};
 
 /// Across the far end of the section before the box: past the box, and nothing is behind the eye either.
-const PAST: [&str; 10] = ["--vp", "2.7,2.7,-3.4", "--vd", "1,0,0", "--vu", "0,1,0", "--vh", "20", "--size", "64x48"];
+const PAST: [&str; 10] =
+    ["--vp", "2.7,2.7,-3.4", "--vd", "1,0,0", "--vu", "0,1,0", "--vh", "20", "--size", "64x48"];
 
 fn unseen(place: &Place, file: &str) -> (u64, u64, u64) {
     let info = place.run(&["info", file, "--json"]).ok().whole_json();
@@ -26,9 +27,14 @@ fn beams_that_look_out_of_the_box_are_not_traced_and_all_others_are() {
     assert!(none == 0 && more > nonempty, "{none} {more}");
     // What was traced all the same met nothing, in every beam that the other file does not trace.
     let (some, all) = (stored(&place.path("a.holo")), stored(&place.path("all.holo")));
-    let meets = |samples: &[(u32, Sample)]| samples.iter().any(|(_, sample)| sample.distance_code() != NOTHING_HIT);
+    let meets = |samples: &[(u32, Sample)]| {
+        samples.iter().any(|(_, sample)| sample.distance_code() != NOTHING_HIT)
+    };
     for (name, samples) in &all.beams {
-        assert!(some.beams.contains_key(name) || !meets(samples), "{name:?} sees something and was left out");
+        assert!(
+            some.beams.contains_key(name) || !meets(samples),
+            "{name:?} sees something and was left out"
+        );
     }
     some.assert_no_gaps();
     // Known from the file, whoever opens it; and it goes on from there.
@@ -44,7 +50,13 @@ fn a_view_past_everything_is_the_sky_without_a_single_sample() {
     let fill = ["fill", "--config", "{}/cornell.toml", "-o", "{}/a.holo", "--samples", "60k"];
     place.run(&[&fill[..], &words].concat()).ok();
     let picture = ["picture", "{}/a.holo", "-o", "{}/a.pfm", "--json"];
-    let is_sky = || Picture::read(place.path("a.pfm")).unwrap().pixels.iter().all(|pixel| *pixel == [0.25, 0.5, 1.0]);
+    let is_sky = || {
+        Picture::read(place.path("a.pfm"))
+            .unwrap()
+            .pixels
+            .iter()
+            .all(|pixel| *pixel == [0.25, 0.5, 1.0])
+    };
     // A driver that has the scene sees it there, one that has samples only is told of beams without any.
     place.run(&[&picture[..], &PAST].concat()).ok();
     assert!(is_sky());
@@ -58,13 +70,22 @@ fn a_view_past_everything_is_the_sky_without_a_single_sample() {
 #[test]
 fn a_view_tells_of_unseen_beams_as_they_are_found() {
     let place = Place::new();
-    let view = ["view", "--headless", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--json"];
+    let view = [
+        "view",
+        "--headless",
+        "--config",
+        "{}/cornell.toml",
+        "--section",
+        CORNELL_SMALL_SECTION,
+        "--json",
+    ];
     let last = ["--time", "1s", "--keep", "{}/a.holo", "-o", "{}/a.pfm", "--driver", "quadtree"];
     let report = place.run(&[&view[..], &last, &PAST].concat()).ok().json();
     assert_eq!(report["unseen_pixels"], 64 * 48, "{report}");
     assert_eq!(report["traced"], 0, "{report}");
     // A replay knows them from the file, without a worker.
-    let replay = ["replay", "{}/a.holo", "--headless", "--json", "-o", "{}/b.pfm", "--driver", "quadtree"];
+    let replay =
+        ["replay", "{}/a.holo", "--headless", "--json", "-o", "{}/b.pfm", "--driver", "quadtree"];
     let again = place.run(&[&replay[..], &PAST].concat()).ok().json();
     assert_eq!(again["unseen_pixels"], 64 * 48, "{again}");
 }

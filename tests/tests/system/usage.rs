@@ -13,16 +13,36 @@ fn wrong_usage_ends_with_status_2() {
         (&["fill", "{}/cornell.obj", "-o", "{}/a.holo"], &["how long", "--time", "--samples"]),
         (&["fill", "-o", "{}/a.holo", "--samples", "1k"], &["no scene"]),
         (&["fill", "{}/cornell.obj", "-o", "{}/a.holo", "--time", "soon"], &["soon", "30s"]),
-        (&["fill", "{}/cornell.obj", "-o", "{}/a.holo", "--samples", "1k", "--section", "1,2,3"], &["section"]),
+        (
+            &["fill", "{}/cornell.obj", "-o", "{}/a.holo", "--samples", "1k", "--section", "1,2,3"],
+            &["section"],
+        ),
         (&["render", "{}/cornell.obj", "-o", "{}/a.pfm"], &["--spp"]),
         (&["picture", "{}/a.holo", "-o", "{}/a.pfm", "--size", "0x7"], &["--size"]),
         (&["view", "{}/cornell.obj"], &["--headless"]),
         (
-            &["picture", "{}/a.holo", "-o", "{}/a.pfm", "--driver", "quadtree", "--cells", "smooth"],
+            &[
+                "picture",
+                "{}/a.holo",
+                "-o",
+                "{}/a.pfm",
+                "--driver",
+                "quadtree",
+                "--cells",
+                "smooth",
+            ],
             &["--cells", "--driver voronoi", "quadtree has no cells"],
         ),
         (
-            &["view", "{}/cornell.obj", "--headless", "--driver", "frameless", "--cells", "constant"],
+            &[
+                "view",
+                "{}/cornell.obj",
+                "--headless",
+                "--driver",
+                "frameless",
+                "--cells",
+                "constant",
+            ],
             &["--driver voronoi"],
         ),
     ];
@@ -42,8 +62,12 @@ fn failures_end_with_status_1_and_name_the_file() {
     place.run(&["info", "{}/none.holo"]).failed(1, &["none.holo"]);
     place.run(&["info", "{}/text.holo"]).failed(1, &["text.holo"]);
     place.run(&["verify", "{}/text.holo"]).failed(1, &["text.holo"]);
-    place.run(&["holoserver", "{}/text.holo", "--listen", "127.0.0.1:0", "--with-parent"]).failed(1, &["text.holo"]);
-    place.run(&[&["picture", "{}/none.holo", "-o", "{}/a.pfm"], &view[..]].concat()).failed(1, &["none.holo"]);
+    place
+        .run(&["holoserver", "{}/text.holo", "--listen", "127.0.0.1:0", "--with-parent"])
+        .failed(1, &["text.holo"]);
+    place
+        .run(&[&["picture", "{}/none.holo", "-o", "{}/a.pfm"], &view[..]].concat())
+        .failed(1, &["none.holo"]);
     let fill = |scene: &str| place.run(&["fill", scene, "-o", "{}/new.holo", "--samples", "1k"]);
     fill("{}/none.obj").failed(1, &["none.obj"]);
     fill("{}/broken.obj").failed(1, &["broken.obj:4"]);
@@ -52,13 +76,16 @@ fn failures_end_with_status_1_and_name_the_file() {
         .failed(1, &["wrong.toml", "bouncs"]);
     assert!(!place.path("new.holo").exists(), "a fill that failed has made a file");
     place.fill_small("a.holo", "1k");
-    let picture = |words: &[&str]| place.run(&[&["picture", "{}/a.holo", "--size", "16x16"], words].concat());
+    let picture =
+        |words: &[&str]| place.run(&[&["picture", "{}/a.holo", "--size", "16x16"], words].concat());
     picture(&["-o", "{}/a.gif"]).failed(1, &["a.gif"]);
     picture(&["-o", "{}/cornell.obj/a.pfm"]).failed(1, &["cornell.obj"]);
     picture(&["-o", "{}/a.pfm", "--view", "nowhere"]).failed(1, &["nowhere", "front", "left"]);
     picture(&["-o", "{}/a.pfm", "--vp", "100,100,100", "--vd", "1,0,0"]).failed(1, &["no section"]);
     let file = place.text("a.holo");
-    place.run(&["holoserver", &file, "--listen", "192.0.2.1:0", "--with-parent"]).failed(1, &["192.0.2.1", "loopback"]);
+    place
+        .run(&["holoserver", &file, "--listen", "192.0.2.1:0", "--with-parent"])
+        .failed(1, &["192.0.2.1", "loopback"]);
 }
 
 #[test]
@@ -74,7 +101,9 @@ fn a_scripts_mistakes_are_named_by_file_and_line() {
         let ended = place.run(&["replay", "{}/a.holo", "--headless", "--script", &path]);
         ended.failed(1, &[&format!("walk.txt:{line}"), said]);
     }
-    place.run(&["replay", "{}/a.holo", "--headless", "--script", "{}/none.txt"]).failed(1, &["none.txt"]);
+    place
+        .run(&["replay", "{}/a.holo", "--headless", "--script", "{}/none.txt"])
+        .failed(1, &["none.txt"]);
 }
 
 #[test]
@@ -125,7 +154,10 @@ fn who_looks_where_no_section_reaches_is_told_what_to_do() {
     place.run(&[&fill[..], &["--bounces", "0", "--samples", "400000"]].concat()).ok();
     let picture = |eye: &str| {
         let view = ["--vp", eye, "--vd", "1,0.2,-0.3", "--vh", "60", "--size", "64x64"];
-        place.run(&[&["picture", "{}/box.holo", "-o", "{}/box.png"][..], &view].concat()).ok().stderr
+        place
+            .run(&[&["picture", "{}/box.holo", "-o", "{}/box.png"][..], &view].concat())
+            .ok()
+            .stderr
     };
     let inside = picture("0.5,0.5,0.5");
     assert!(inside.contains("give a section within the room"), "{inside}");

@@ -21,7 +21,8 @@ fn every_type_of_view_is_shown_by_every_driver_as_the_tracer_renders_it() {
         ("a", "--vt a --vp 2.78,2.73,-2 --vh 70"),
         ("h", "--vt h --vp 2.78,2.73,-2 --vh 70 --vs 0.05"),
     ] {
-        let view: Vec<&str> = words.split(' ').chain(["--vd", "0,0,1", "--size", "64x64"]).collect();
+        let view: Vec<&str> =
+            words.split(' ').chain(["--vd", "0,0,1", "--size", "64x64"]).collect();
         let (truth, output) = (place.text("truth.pfm"), place.text("shown.pfm"));
         place.run(&[&RENDER[..], &["--spp", "100", "-o", &truth], &view].concat()).ok();
         for driver in ["voronoi", "quadtree", "pointimage"] {
@@ -36,7 +37,15 @@ fn every_type_of_view_is_shown_by_every_driver_as_the_tracer_renders_it() {
         if name == "l" {
             // It shows little but rays of its own: from an empty file, live.
             let script = place.write("rest.txt", &format!("4 picture {output}\nquit\n"));
-            let live = ["view", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION, "--bounces", "0"];
+            let live = [
+                "view",
+                "--config",
+                "{}/cornell.toml",
+                "--section",
+                CORNELL_SMALL_SECTION,
+                "--bounces",
+                "0",
+            ];
             let follow = ["--headless", "--script", &script, "--driver", "frameless", "-q"];
             place.run(&[&live[..], &follow, &view].concat()).ok();
             let quality = psnr(&place, "shown.pfm", "truth.pfm");
@@ -45,15 +54,49 @@ fn every_type_of_view_is_shown_by_every_driver_as_the_tracer_renders_it() {
         }
     }
     // What a picture was made with stays with it.
-    let words =
-        ["picture", "{}/a.holo", "-o", "{}/c.hdr", "--vt", "c", "--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "70"];
+    let words = [
+        "picture",
+        "{}/a.holo",
+        "-o",
+        "{}/c.hdr",
+        "--vt",
+        "c",
+        "--vp",
+        "2.78,2.73,-2",
+        "--vd",
+        "0,0,1",
+        "--vh",
+        "70",
+    ];
     place.run(&[&words[..], &["--size", "64x64", "--vl", "-0.1"]].concat()).ok();
     let view = Picture::read(place.path("c.hdr")).unwrap().view.unwrap();
     assert!(view.to_vf_options().starts_with("-vtc -vp 2.78 2.73 -2 "), "{}", view.to_vf_options());
     assert_eq!((view.vh, view.vl), (70.0, -0.1));
-    let ended = place.run(&["picture", "{}/a.holo", "-o", "{}/b.pfm", "--vt", "s", "--vp", "0,0,0", "--vd", "0,0,1"]);
+    let ended = place.run(&[
+        "picture",
+        "{}/a.holo",
+        "-o",
+        "{}/b.pfm",
+        "--vt",
+        "s",
+        "--vp",
+        "0,0,0",
+        "--vd",
+        "0,0,1",
+    ]);
     ended.failed(1, &["view type -vts is not supported", "c (cylindrical panorama)"]);
-    let ended = place.run(&["picture", "{}/a.holo", "-o", "{}/b.pfm", "--vt", "l", "--vp", "0,0,0", "--vd", "0,0,1"]);
+    let ended = place.run(&[
+        "picture",
+        "{}/a.holo",
+        "-o",
+        "{}/b.pfm",
+        "--vt",
+        "l",
+        "--vp",
+        "0,0,0",
+        "--vd",
+        "0,0,1",
+    ]);
     ended.failed(1, &["-vh: how wide it is, in scene units"]);
 }
 
@@ -68,7 +111,8 @@ fn parts_of_the_render_cache_are_switched_while_it_shows_a_view() {
         pictures[0], pictures[1], pictures[2]
     );
     let script = place.write("walk.txt", &script);
-    let words = ["replay", "{}/a.holo", "--headless", "--script", &script, "--size", "64x64", "--json"];
+    let words =
+        ["replay", "{}/a.holo", "--headless", "--script", &script, "--size", "64x64", "--json"];
     let points = ["--driver", "pointimage", "--empty-pixels", "black"];
     let reports = place.run(&[&words[..], &points].concat()).ok();
     let stages = |line: &str| {
@@ -82,7 +126,17 @@ fn parts_of_the_render_cache_are_switched_while_it_shows_a_view() {
     let black = |name: &str| read(name).iter().filter(|pixel| **pixel == [0.0; 3]).count();
     assert!(black("without.pfm") > black("all.pfm"));
     assert_eq!(read("again.pfm"), read("all.pfm"));
-    let wrong = ["replay", "{}/a.holo", "--headless", "--script", &script, "--size", "64x64", "--driver", "quadtree"];
+    let wrong = [
+        "replay",
+        "{}/a.holo",
+        "--headless",
+        "--script",
+        &script,
+        "--size",
+        "64x64",
+        "--driver",
+        "quadtree",
+    ];
     place.run(&wrong).failed(1, &["only --driver pointimage has parts"]);
 }
 
@@ -91,20 +145,45 @@ fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
     let place = Place::new();
     place.fill_small_with("a.holo", "400k", &["--bounces", "0"]);
     // From before the open side to before the back wall: beyond is black.
-    let file = place.write("cut.vf", "rview -vtv -vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60 -vv 60 -vo 0 -va 7\n");
-    let same = place.write("zero.vf", "rview -vtv -vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60 -vv 60 -vo 0 -va 0\n");
-    let (truth, output, whole) = (place.text("truth.pfm"), place.text("shown.pfm"), place.text("whole.pfm"));
+    let file = place.write(
+        "cut.vf",
+        "rview -vtv -vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60 -vv 60 -vo 0 -va 7\n",
+    );
+    let same = place.write(
+        "zero.vf",
+        "rview -vtv -vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60 -vv 60 -vo 0 -va 0\n",
+    );
+    let (truth, output, whole) =
+        (place.text("truth.pfm"), place.text("shown.pfm"), place.text("whole.pfm"));
     let render = |vf: &str, more: &[&str], output: &str| {
         let words = ["--spp", "100", "-o", output, "--vf", vf, "--size", "64x64"];
         place.run(&[&RENDER[..], &words, more].concat()).ok();
     };
     render(&file, &[], &truth);
     render(&same, &[], &whole);
-    let black = |name: &str| Picture::read(place.path(name)).unwrap().pixels.iter().filter(|p| **p == [0.0; 3]).count();
+    let black = |name: &str| {
+        Picture::read(place.path(name)).unwrap().pixels.iter().filter(|p| **p == [0.0; 3]).count()
+    };
     // The back wall is 5.5 wide at 7.6 from the eye, and 60 degrees are 8.8 there.
-    assert!(black("truth.pfm") > black("whole.pfm") + 600, "{} {}", black("truth.pfm"), black("whole.pfm"));
+    assert!(
+        black("truth.pfm") > black("whole.pfm") + 600,
+        "{} {}",
+        black("truth.pfm"),
+        black("whole.pfm")
+    );
     for driver in ["voronoi", "quadtree", "pointimage"] {
-        let words = ["picture", "{}/a.holo", "-o", &output, "--driver", driver, "--vf", &file, "--size", "64x64"];
+        let words = [
+            "picture",
+            "{}/a.holo",
+            "-o",
+            &output,
+            "--driver",
+            driver,
+            "--vf",
+            &file,
+            "--size",
+            "64x64",
+        ];
         place.run(&words).ok();
         let quality = psnr(&place, "shown.pfm", "truth.pfm");
         println!("{driver}: {quality:.1} dB");
@@ -112,11 +191,29 @@ fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
     }
     // A fore plane in the box's depth takes the sides and the blocks before it away; the back wall is as it was.
     render(&same, &["--vo", "6.5"], &truth);
-    assert!(black("truth.pfm") > black("whole.pfm") + 500, "{} {}", black("truth.pfm"), black("whole.pfm"));
+    assert!(
+        black("truth.pfm") > black("whole.pfm") + 500,
+        "{} {}",
+        black("truth.pfm"),
+        black("whole.pfm")
+    );
     let light = |name: &str| Picture::read(place.path(name)).unwrap().get(32, 19).unwrap()[1];
     // Means of 100 points of the lamp each, which differ by a third of themselves: within ten deviations.
     assert!((light("truth.pfm") / light("whole.pfm") - 1.0).abs() < 0.3);
-    place.run(&["picture", "{}/a.holo", "-o", &output, "--vf", &same, "--vo", "6.5", "--size", "64x64"]).ok();
+    place
+        .run(&[
+            "picture",
+            "{}/a.holo",
+            "-o",
+            &output,
+            "--vf",
+            &same,
+            "--vo",
+            "6.5",
+            "--size",
+            "64x64",
+        ])
+        .ok();
     let quality = psnr(&place, "shown.pfm", "truth.pfm");
     println!("voronoi, fore: {quality:.1} dB");
     assert!(quality > 14.0, "{quality}");

@@ -7,7 +7,8 @@ use holo_tests::{Place, stored};
 const ROOM: &str = "mtllib room.mtl\n\
     v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 0 0 4\nv 4 0 4\nv 4 4 4\nv 0 4 4\n\
     usemtl wall\nf 1 2 3 4\nf 5 8 7 6\nf 1 4 8 5\nf 1 5 6 2\nf 4 3 7 8\nusemtl mirror\nf 2 6 7 3\n";
-const MATERIALS: &str = "newmtl wall\nKd 0.5 0.5 0.5\nKe 1 1 1\nnewmtl mirror\nillum 3\nKs 0.9 0.9 0.9\n";
+const MATERIALS: &str =
+    "newmtl wall\nKd 0.5 0.5 0.5\nKe 1 1 1\nnewmtl mirror\nillum 3\nKs 0.9 0.9 0.9\n";
 
 /// From inside a box to its wall.
 fn out_of(low: DVec3, high: DVec3, origin: DVec3, direction: DVec3) -> f64 {
@@ -31,8 +32,10 @@ fn a_file_keeps_the_distances_that_it_was_made_with_and_is_not_filled_with_other
     fill("{}/virtual.holo", &["--virtual-distance"]).ok();
     fill("{}/plain.holo", &[]).ok();
     // To go on with the other kind would mix them; to go on with the same is what one does.
-    fill("{}/virtual.holo", &[]).failed(1, &["virtual.holo", "virtual_distance: true", "name another file"]);
-    fill("{}/plain.holo", &["--virtual-distance"]).failed(1, &["plain.holo", "virtual_distance: false"]);
+    fill("{}/virtual.holo", &[])
+        .failed(1, &["virtual.holo", "virtual_distance: true", "name another file"]);
+    fill("{}/plain.holo", &["--virtual-distance"])
+        .failed(1, &["plain.holo", "virtual_distance: false"]);
     fill("{}/virtual.holo", &["--virtual-distance"]).ok();
 
     let (low, high) = (DVec3::ZERO, DVec3::splat(4.0));

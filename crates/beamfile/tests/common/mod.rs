@@ -26,7 +26,15 @@ pub fn kind(code: u8) -> SampleKind {
 }
 
 pub fn meta(key: BeamKey, first: u32) -> ExtentMeta {
-    ExtentMeta { key, first, count: 0, kind: SampleKind::Uniform, paths: 1, settings: 7, generation: 0 }
+    ExtentMeta {
+        key,
+        first,
+        count: 0,
+        kind: SampleKind::Uniform,
+        paths: 1,
+        settings: 7,
+        generation: 0,
+    }
 }
 
 /// Ten bytes that no other (beam, kind, number, tag) has, as far as a test can tell.
@@ -56,7 +64,8 @@ pub struct Model(pub BTreeMap<BeamKey, BTreeMap<(u8, u32), Truth>>);
 impl Model {
     pub fn put(&mut self, meta: &ExtentMeta, samples: &[Sample], supersedes: bool) {
         for (number, sample) in (meta.first..).zip(samples) {
-            let truth = (bytemuck::bytes_of(sample).to_vec(), meta.paths, meta.settings, meta.generation);
+            let truth =
+                (bytemuck::bytes_of(sample).to_vec(), meta.paths, meta.settings, meta.generation);
             let numbers = self.0.entry(meta.key).or_default();
             let old = numbers.entry((meta.kind as u8, number)).or_insert_with(|| truth.clone());
             if supersedes {
@@ -77,11 +86,17 @@ pub fn contents(file: &BeamFile) -> Model {
         for beam in 0..beams {
             let key = key(section, beam);
             let read = file.read(key).unwrap();
-            assert_eq!(read.samples.len() as u64, read.extents.iter().map(|e| u64::from(e.count)).sum::<u64>());
+            assert_eq!(
+                read.samples.len() as u64,
+                read.extents.iter().map(|e| u64::from(e.count)).sum::<u64>()
+            );
             let mut last = None;
             for (meta, samples) in read.runs() {
                 assert_eq!(meta.key, key);
-                assert!(last < Some((meta.kind as u8, meta.first)), "runs are in the order (kind, number)");
+                assert!(
+                    last < Some((meta.kind as u8, meta.first)),
+                    "runs are in the order (kind, number)"
+                );
                 last = Some((meta.kind as u8, meta.first + meta.count - 1));
                 model.put(meta, samples, false);
             }
@@ -102,10 +117,18 @@ pub fn missing(file: &BeamFile, model: &Model) -> Vec<(BeamKey, u8, u32)> {
     for (key, numbers) in &found.0 {
         for (number, truth) in numbers {
             let right = model.0.get(key).and_then(|beam| beam.get(number));
-            assert_eq!(Some(truth), right, "{key:?} {number:?}: a wrong sample was given without a word");
+            assert_eq!(
+                Some(truth),
+                right,
+                "{key:?} {number:?}: a wrong sample was given without a word"
+            );
         }
     }
-    let has = |key: &BeamKey, number: &(u8, u32)| found.0.get(key).is_some_and(|beam| beam.contains_key(number));
+    let has = |key: &BeamKey, number: &(u8, u32)| {
+        found.0.get(key).is_some_and(|beam| beam.contains_key(number))
+    };
     let all = model.0.iter().flat_map(|(key, beam)| beam.keys().map(move |number| (key, number)));
-    all.filter(|(key, number)| !has(key, number)).map(|(key, number)| (*key, number.0, number.1)).collect()
+    all.filter(|(key, number)| !has(key, number))
+        .map(|(key, number)| (*key, number.0, number.1))
+        .collect()
 }

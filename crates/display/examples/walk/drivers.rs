@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 use holo_display::frameless::{Frameless, PixelTag};
-use holo_display::pointimage::{Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stages, Tag};
+use holo_display::pointimage::{
+    Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stages, Tag,
+};
 use holo_display::{LiveSample, Quadtree, QuadtreeParams, SelectOptions, Voronoi};
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
@@ -108,38 +110,58 @@ impl Driver {
             "pointimage-cull" => points(without(|stages| stages.depth_cull = false)),
             "pointimage-interpolation" => points(without(|stages| stages.interpolation = false)),
             "pointimage-dither" => points(without(|stages| stages.dither = false)),
-            "frameless" => Ok(Self::Frameless(Box::new(Frameless::new(making.size, making.first, 1)?))),
+            "frameless" => {
+                Ok(Self::Frameless(Box::new(Frameless::new(making.size, making.first, 1)?)))
+            }
             "quadtree" => Ok(Self::Stored { stored: stored(), draws: Draws::Quadtree }),
             "quadtree-draft" => Ok(Self::Stored { stored: stored(), draws: Draws::Draft }),
-            "voronoi" => Ok(Self::Stored { stored: stored(), draws: Draws::Voronoi(Arc::clone(making.raycaster)) }),
+            "voronoi" => Ok(Self::Stored {
+                stored: stored(),
+                draws: Draws::Voronoi(Arc::clone(making.raycaster)),
+            }),
             _ => Err(format!("`{name}` is not a driver").into()),
         }
     }
 
     /// Shows a view with what has come so far; the rays wanted now, and the picture if it is asked for.
-    pub fn frame(&mut self, view: View, predicted: View, wanted: usize, shown: bool) -> (Vec<Wanted>, Option<Picture>) {
+    pub fn frame(
+        &mut self,
+        view: View,
+        predicted: View,
+        wanted: usize,
+        shown: bool,
+    ) -> (Vec<Wanted>, Option<Picture>) {
         match self {
             Self::Points(cache, samples) => {
-                let frame = cache.frame(&Moment { view, predicted: Some(predicted), samples, wanted });
+                let frame =
+                    cache.frame(&Moment { view, predicted: Some(predicted), samples, wanted });
                 let picture = shown.then(|| frame.picture());
                 let rays = frame.requests();
-                let rays =
-                    rays.map(|(tag, origin, direction)| Wanted { origin, direction, purpose: Purpose::Point(tag) });
+                let rays = rays.map(|(tag, origin, direction)| Wanted {
+                    origin,
+                    direction,
+                    purpose: Purpose::Point(tag),
+                });
                 (rays.collect(), picture)
             }
             Self::Frameless(driver) => {
                 driver.look(view);
                 let picture = shown.then(|| driver.picture().clone());
                 let rays = driver.requests(wanted);
-                let rays =
-                    rays.map(|(tag, origin, direction)| Wanted { origin, direction, purpose: Purpose::Pixel(tag) });
+                let rays = rays.map(|(tag, origin, direction)| Wanted {
+                    origin,
+                    direction,
+                    purpose: Purpose::Pixel(tag),
+                });
                 (rays.collect(), picture)
             }
             Self::Stored { stored, draws } => {
                 let size = crate::SIZE;
                 let picture = shown.then(|| match draws {
                     Draws::Quadtree => stored.quadtree(view, size, |tree| tree.draw().picture),
-                    Draws::Draft => stored.quadtree(view, size, |tree| tree.draft().picture.clone()),
+                    Draws::Draft => {
+                        stored.quadtree(view, size, |tree| tree.draft().picture.clone())
+                    }
                     Draws::Voronoi(raycaster) => stored.voronoi(raycaster, view, size),
                 });
                 if stored.live_view != predicted {
@@ -164,13 +186,25 @@ impl Driver {
                     } else {
                         Place::Toward(ray.direction)
                     };
-                    samples.push(Sample { tag: *tag, noise: answer.noise, ..Sample::new(place, answer.radiance) });
+                    samples.push(Sample {
+                        tag: *tag,
+                        noise: answer.noise,
+                        ..Sample::new(place, answer.radiance)
+                    });
                 }
-                (Self::Frameless(driver), Purpose::Pixel(tag)) => driver.insert(*tag, answer.radiance),
+                (Self::Frameless(driver), Purpose::Pixel(tag)) => {
+                    driver.insert(*tag, answer.radiance)
+                }
                 (Self::Stored { stored, .. }, Purpose::Beam(section, beam, coords, ahead)) => {
                     let diagonal = stored.sections[usize::from(*section)].diagonal();
                     let (distance, dither) = (answer.distance + ahead, stored.bits() as u32);
-                    let sample = holo_section::Sample::encode(*coords, answer.radiance, distance, diagonal, dither);
+                    let sample = holo_section::Sample::encode(
+                        *coords,
+                        answer.radiance,
+                        distance,
+                        diagonal,
+                        dither,
+                    );
                     stored.samples.push((*section, *beam, sample));
                 }
                 (Self::Stored { stored, .. }, Purpose::Live) => {
@@ -185,7 +219,12 @@ impl Driver {
 }
 
 impl Stored {
-    fn quadtree(&self, view: View, size: (u32, u32), draw: fn(&mut Quadtree) -> Picture) -> Picture {
+    fn quadtree(
+        &self,
+        view: View,
+        size: (u32, u32),
+        draw: fn(&mut Quadtree) -> Picture,
+    ) -> Picture {
         let params = QuadtreeParams { sky: self.sky, ..QuadtreeParams::default() };
         let mut driver = Quadtree::new(Arc::clone(&self.sections), view, size, params);
         for (section, beam, samples) in self.beams() {
@@ -198,7 +237,8 @@ impl Stored {
     }
 
     fn voronoi(&self, raycaster: &Arc<Raycaster>, view: View, size: (u32, u32)) -> Picture {
-        let mut driver = Voronoi::new(Arc::clone(&self.sections), Arc::clone(raycaster), view, size);
+        let mut driver =
+            Voronoi::new(Arc::clone(&self.sections), Arc::clone(raycaster), view, size);
         for (section, beam, samples) in self.beams() {
             driver.insert(section, beam, self.paths, &samples);
         }
@@ -235,7 +275,8 @@ impl Stored {
         };
         let section = &self.sections[usize::from(number)];
         let ray = section.ray(hit.pair, hit.coords);
-        let ahead = if hit.exit_t > 0.0 { (eye - ray.origin).dot(ray.direction).max(0.0) } else { 0.0 };
+        let ahead =
+            if hit.exit_t > 0.0 { (eye - ray.origin).dot(ray.direction).max(0.0) } else { 0.0 };
         let purpose = Purpose::Beam(number, section.beam(hit.pair), hit.coords, ahead);
         Wanted { origin: ray.origin + ray.direction * ahead, direction: ray.direction, purpose }
     }

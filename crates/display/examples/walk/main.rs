@@ -49,7 +49,9 @@ fn parse() -> Result<Arguments, Box<dyn Error>> {
         walk: PathBuf::new(),
         truths: PathBuf::from("."),
         out: PathBuf::from("."),
-        drivers: ["pointimage", "1999", "frameless", "quadtree", "voronoi"].map(String::from).to_vec(),
+        drivers: ["pointimage", "1999", "frameless", "quadtree", "voronoi"]
+            .map(String::from)
+            .to_vec(),
         ratio: 64,
         paths: 1,
         bounces: None,
@@ -92,18 +94,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&arguments.truths)?;
     std::fs::create_dir_all(&arguments.out)?;
     let options = LoadOptions { sky: walk.sky, ..LoadOptions::default() };
-    let raycaster = Arc::new(Raycaster::build(Arc::new(holo_scene::load_obj(&arguments.scene, &options)?.scene))?);
+    let raycaster = Arc::new(Raycaster::build(Arc::new(
+        holo_scene::load_obj(&arguments.scene, &options)?.scene,
+    ))?);
     let settings = Settings { bounces: arguments.bounces, paths: arguments.paths };
     let first = walk.view(arguments.frames.0, SIZE)?;
     let tracer = Tracer::with_raycaster(Arc::clone(&raycaster), settings)?;
     let engine = Engine::new(tracer, arguments.paths, &first);
     let end = walk.frames().min(arguments.frames.1);
     // The first frame shows nothing yet.
-    let judged: Vec<usize> =
-        (arguments.frames.0..end).filter(|frame| frame % arguments.every == arguments.every - 1).collect();
+    let judged: Vec<usize> = (arguments.frames.0..end)
+        .filter(|frame| frame % arguments.every == arguments.every - 1)
+        .collect();
     let mut truths = Vec::new();
     for &frame in &judged {
-        let (view, file) = (walk.view(frame, SIZE)?, arguments.truths.join(format!("{frame:04}.pfm")));
+        let (view, file) =
+            (walk.view(frame, SIZE)?, arguments.truths.join(format!("{frame:04}.pfm")));
         truths.push(measure::truth(&engine, &view, &file, arguments.truth_paths)?);
     }
     if arguments.truths_only {
@@ -115,7 +121,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let sky = walk.sky;
     for name in &arguments.drivers {
         let paths = arguments.paths.min(1024) as u16;
-        let making = Making { size: SIZE, first, sections: &sections, raycaster: &raycaster, paths, sky };
+        let making =
+            Making { size: SIZE, first, sections: &sections, raycaster: &raycaster, paths, sky };
         let mut driver = Driver::new(name, &making)?;
         let wanted = (SIZE.0 * SIZE.1) as usize / arguments.ratio;
         let (mut likeness, mut shown) = (Vec::new(), Vec::new());

@@ -14,7 +14,12 @@ const WINDOW: usize = 8;
 
 /// The picture that a view should give, from `file` if it is there. Its error is told by its halves; `most` paths a pixel are
 /// the end of it.
-pub fn truth(engine: &Engine, view: &View, file: &Path, most: u32) -> Result<Picture, Box<dyn Error>> {
+pub fn truth(
+    engine: &Engine,
+    view: &View,
+    file: &Path,
+    most: u32,
+) -> Result<Picture, Box<dyn Error>> {
     if file.exists() {
         return Ok(Picture::read(file)?);
     }
@@ -28,7 +33,12 @@ pub fn truth(engine: &Engine, view: &View, file: &Path, most: u32) -> Result<Pic
         let measures = compare(&halves[0], &halves[1])?;
         // The halves differ by twice the error of each, squared; their mean has half of one's.
         if measures.relmse_trim / 4.0 < TRUTH_ERROR || 2 * paths >= most {
-            eprintln!("{}: {} paths, relMSE {:.4}", file.display(), 2 * paths, measures.relmse_trim / 4.0);
+            eprintln!(
+                "{}: {} paths, relMSE {:.4}",
+                file.display(),
+                2 * paths,
+                measures.relmse_trim / 4.0
+            );
             break;
         }
     }
@@ -47,7 +57,10 @@ pub fn likeness(picture: &Picture, truth: &Picture) -> Result<(f64, f64), Box<dy
     let grey = |picture: &Picture| -> Vec<f64> {
         let bytes = shown.apply(picture);
         let weights = [0.2126, 0.7152, 0.0722];
-        bytes.chunks_exact(3).map(|rgb| (0..3).map(|i| weights[i] * f64::from(rgb[i]) / 255.0).sum()).collect()
+        bytes
+            .chunks_exact(3)
+            .map(|rgb| (0..3).map(|i| weights[i] * f64::from(rgb[i]) / 255.0).sum())
+            .collect()
     };
     let (a, b) = (grey(picture), grey(truth));
     let (width, height) = (truth.size().0 as usize, truth.size().1 as usize);
@@ -65,7 +78,8 @@ pub fn likeness(picture: &Picture, truth: &Picture) -> Result<(f64, f64), Box<dy
             let (ma, mb) = (ma / n, mb / n);
             let (va, vb, cov) = (aa / n - ma * ma, bb / n - mb * mb, ab / n - ma * mb);
             let (c1, c2) = (0.01 * 0.01, 0.03 * 0.03);
-            sum += (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2));
+            sum += (2.0 * ma * mb + c1) * (2.0 * cov + c2)
+                / ((ma * ma + mb * mb + c1) * (va + vb + c2));
             windows += 1.0;
         }
     }
@@ -88,9 +102,13 @@ pub fn strip(rows: &[Vec<Picture>], file: &Path) -> Result<(), Box<dyn Error>> {
                     for part in 0..4 {
                         let index = (2 * y + part / 2) * crate::SIZE.0 as usize + 2 * x + part % 2;
                         let pixel = picture.pixels[index];
-                        (0..3).for_each(|channel| sum[channel] += 0.25 * (exposure * pixel[channel]).min(1.5));
+                        (0..3).for_each(|channel| {
+                            sum[channel] += 0.25 * (exposure * pixel[channel]).min(1.5)
+                        });
                     }
-                    whole.pixels[(number * height as usize + y) * across + place * width as usize + x] = sum;
+                    whole.pixels
+                        [(number * height as usize + y) * across + place * width as usize + x] =
+                        sum;
                 }
             }
         }

@@ -30,13 +30,15 @@ impl Walk {
             match (word, numbers.map_err(|_| wrong())?.as_slice()) {
                 ("sky", &[r, g, b]) => walk.sky = [r, g, b].map(|channel| channel as f32),
                 ("angle", &[angle]) => walk.angle = angle,
-                ("section", &[x, y, z, a, b, c, i, j, k]) => walk.sections.push(Section::new(SectionSpec {
-                    origin: [x, y, z],
-                    axes: [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]],
-                    grid: [i, j, k].map(|cells| cells as u32),
-                    class: ViewClass::Interior,
-                    obstructions: true,
-                })?),
+                ("section", &[x, y, z, a, b, c, i, j, k]) => {
+                    walk.sections.push(Section::new(SectionSpec {
+                        origin: [x, y, z],
+                        axes: [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]],
+                        grid: [i, j, k].map(|cells| cells as u32),
+                        class: ViewClass::Interior,
+                        obstructions: true,
+                    })?)
+                }
                 ("key", numbers) => walk.keys.push(numbers.try_into().map_err(|_| wrong())?),
                 _ => return Err(wrong().into()),
             }
@@ -51,12 +53,15 @@ impl Walk {
     /// The view of a frame; beyond the last, the last.
     pub fn view(&self, frame: usize, size: (u32, u32)) -> Result<View, Box<dyn Error>> {
         let seconds = frame as f64 / RATE;
-        let next = self.keys.iter().position(|key| key[0] > seconds).unwrap_or(self.keys.len() - 1).max(1);
+        let next =
+            self.keys.iter().position(|key| key[0] > seconds).unwrap_or(self.keys.len() - 1).max(1);
         let (from, to) = (&self.keys[next - 1], &self.keys[next]);
         let share = ((seconds - from[0]) / (to[0] - from[0])).clamp(0.0, 1.0);
-        let [_, x, y, z, heading, pitch] = [0, 1, 2, 3, 4, 5].map(|i| from[i] + share * (to[i] - from[i]));
+        let [_, x, y, z, heading, pitch] =
+            [0, 1, 2, 3, 4, 5].map(|i| from[i] + share * (to[i] - from[i]));
         let (heading, pitch) = (heading.to_radians(), pitch.to_radians());
-        let along = DVec3::new(heading.cos() * pitch.cos(), heading.sin() * pitch.cos(), pitch.sin());
+        let along =
+            DVec3::new(heading.cos() * pitch.cos(), heading.sin() * pitch.cos(), pitch.sin());
         Ok(View::new(DVec3::new(x, y, z), along, DVec3::Z, Some(self.angle), None, size)?)
     }
 }

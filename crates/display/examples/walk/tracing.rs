@@ -24,7 +24,11 @@ impl Engine {
             let at = |salt: u64| (mix(try_ray * 2 + salt) >> 11) as f64 / (1_u64 << 53) as f64;
             let (origin, along) = view.ray(at(0), at(1));
             let each: Vec<f64> = (0..4)
-                .map(|path| f64::from(largest(tracer.trace_path(origin, along, mix(try_ray), path).radiance)))
+                .map(|path| {
+                    f64::from(largest(
+                        tracer.trace_path(origin, along, mix(try_ray), path).radiance,
+                    ))
+                })
                 .collect();
             let mean = each.iter().sum::<f64>() / 4.0;
             if mean > 0.0 {
@@ -44,12 +48,19 @@ impl Engine {
                 let traced = self.tracer.trace(ray.origin, ray.direction, seed);
                 // One path that met no light tells nothing of how much others meet.
                 let largest = largest(traced.radiance);
-                let noise = if largest > 0.0 { self.relative_noise * largest } else { f32::INFINITY };
+                let noise =
+                    if largest > 0.0 { self.relative_noise * largest } else { f32::INFINITY };
                 return Answer { radiance: traced.radiance, distance: traced.distance, noise };
             }
-            let (traced, variance) = self.tracer.trace_with_variance(ray.origin, ray.direction, seed);
-            let variance = variance.map_or(0.0, |channels| channels.into_iter().fold(0.0, f64::max));
-            Answer { radiance: traced.radiance, distance: traced.distance, noise: variance.sqrt() as f32 }
+            let (traced, variance) =
+                self.tracer.trace_with_variance(ray.origin, ray.direction, seed);
+            let variance =
+                variance.map_or(0.0, |channels| channels.into_iter().fold(0.0, f64::max));
+            Answer {
+                radiance: traced.radiance,
+                distance: traced.distance,
+                noise: variance.sqrt() as f32,
+            }
         };
         let share = rays.len().div_ceil(threads()).max(1);
         std::thread::scope(|scope| {
@@ -58,7 +69,10 @@ impl Engine {
                 .enumerate()
                 .map(|(part, rays)| {
                     let work = move || -> Vec<Answer> {
-                        rays.iter().enumerate().map(|(index, ray)| one(part * share + index, ray)).collect()
+                        rays.iter()
+                            .enumerate()
+                            .map(|(index, ray)| one(part * share + index, ray))
+                            .collect()
                     };
                     scope.spawn(work)
                 })
@@ -68,7 +82,14 @@ impl Engine {
     }
 
     /// Goes on with a picture that is the mean of `done` paths a pixel until it is that of `until`.
-    pub fn add_picture(&self, view: &View, picture: &mut Picture, done: u32, until: u32, seed: u64) {
+    pub fn add_picture(
+        &self,
+        view: &View,
+        picture: &mut Picture,
+        done: u32,
+        until: u32,
+        seed: u64,
+    ) {
         let (width, height) = picture.size();
         let rows = (height as usize).div_ceil(threads()) * width as usize;
         std::thread::scope(|scope| {
@@ -89,7 +110,10 @@ impl Engine {
                             let x = (column as f64 + dx) / f64::from(width);
                             let y = 1.0 - (row as f64 + dy) / f64::from(height);
                             let (origin, along): (DVec3, DVec3) = view.ray(x, y);
-                            let radiance = self.tracer.trace_path(origin, along, turn, u64::from(path)).radiance;
+                            let radiance = self
+                                .tracer
+                                .trace_path(origin, along, turn, u64::from(path))
+                                .radiance;
                             (0..3).for_each(|channel| sum[channel] += f64::from(radiance[channel]));
                         }
                         *pixel = sum.map(|channel| (channel / f64::from(until)) as f32);

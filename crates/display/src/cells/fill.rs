@@ -46,7 +46,8 @@ pub(super) fn between(
     seen: impl Fn(usize) -> Seen,
     steps: &Steps,
 ) -> Option<Seen> {
-    let mut samples = [Sample { offset: [0.0; 2], squared: f32::INFINITY, seen: NOTHING }; NEIGHBOURS];
+    let mut samples =
+        [Sample { offset: [0.0; 2], squared: f32::INFINITY, seen: NOTHING }; NEIGHBOURS];
     // Nothing is nearer than a sample of its own.
     let mut own = own.map_or(samples[0], |seen| Sample { offset: seen.aside, squared: -1.0, seen });
     for (sample, near) in samples.iter_mut().zip(nearest) {
@@ -65,7 +66,8 @@ pub(super) fn between(
     let mut len = 0;
     for Sample { offset, squared, seen } in &samples[..count] {
         let (across, down) = (offset[0] - own.offset[0], offset[1] - own.offset[1]);
-        if steps.is_one_surface(own.seen.depth, seen.depth, (across * across + down * down).sqrt()) {
+        if steps.is_one_surface(own.seen.depth, seen.depth, (across * across + down * down).sqrt())
+        {
             let distance = squared.sqrt().max(LEAST);
             let falling = (reach - distance).max(0.0) / (reach * distance);
             used[len] = (falling * falling, *offset, seen.colour);

@@ -42,7 +42,8 @@ pub(super) fn hidden(
         count: a.count + b.count,
     });
     let mut hidden = vec![false; depth.len()];
-    let wanted = |pixel: usize| may_be(pixel) && may_hide(around.around(pixel), depth[pixel], steps);
+    let wanted =
+        |pixel: usize| may_be(pixel) && may_hide(around.around(pixel), depth[pixel], steps);
     points.for_each::<LOOKED_AT, bool>(&mut hidden, wanted, |pixel, nearest, hidden| {
         let mut front = [[0.0; 2]; LOOKED_AT];
         let mut count = 0;
@@ -87,7 +88,8 @@ mod tests {
     #[test]
     fn points_stand_around_a_place_if_no_half_of_its_surroundings_is_free_of_them() {
         for turn in [0.0, 17.0, 133.0, 251.0] {
-            let degrees = |list: &[f32]| around(&list.iter().map(|at| at + turn).collect::<Vec<f32>>());
+            let degrees =
+                |list: &[f32]| around(&list.iter().map(|at| at + turn).collect::<Vec<f32>>());
             assert!(surround(&degrees(&[0.0, 120.0, 240.0])));
             assert!(surround(&degrees(&[0.0, 90.0, 181.0])));
             assert!(surround(&degrees(&[10.0, 350.0, 170.0, 200.0])));

@@ -55,7 +55,9 @@ pub(super) fn local(
         let own = single(pixel);
         let others = nearest.get(1..).unwrap_or_default();
         let Some(Seen { colour, .. }) = between(others, Some(own), &single, steps) else { return };
-        let error = |other: [f32; 3]| (0..3).map(|channel| (own.colour[channel] - other[channel]).powi(2)).sum();
+        let error = |other: [f32; 3]| {
+            (0..3).map(|channel| (own.colour[channel] - other[channel]).powi(2)).sum()
+        };
         *item = (Errors { nearest: error(colour), mean: error(mean(pixel)) }, colour);
     });
     let errors = foretold.iter().map(|(errors, _)| *errors).enumerate();

@@ -76,7 +76,12 @@ pub struct Cells {
 
 impl Cells {
     /// An empty picture of `size` pixels, as from [`View::resolve`], which bounds it: memory is in proportion.
-    pub fn new(sections: Arc<[Section]>, view: View, size: (u32, u32), params: CellsParams) -> Self {
+    pub fn new(
+        sections: Arc<[Section]>,
+        view: View,
+        size: (u32, u32),
+        params: CellsParams,
+    ) -> Self {
         Self {
             tree: Quadtree::new(sections, view, size, params.tree),
             sites: Sites::new(size.0 as usize * size.1 as usize),
@@ -97,7 +102,9 @@ impl Cells {
         self.sites.clear();
         self.frame = None;
         let sites = &mut self.sites;
-        self.tree.look_and_tell(view, &mut |pixel, landing, rgbe| sites.add(pixel, Site::new(landing, rgbe)))
+        self.tree.look_and_tell(view, &mut |pixel, landing, rgbe| {
+            sites.add(pixel, Site::new(landing, rgbe))
+        })
     }
 
     /// As [`Quadtree::insert`].
@@ -152,15 +159,22 @@ impl Cells {
     /// A quadtree's picture with what is between its samples put right.
     fn filled(&self, mut frame: Frame) -> Frame {
         let known = self.tree.known();
-        let disputed: Vec<bool> =
-            (0..).zip(&frame.depth).map(|(pixel, &shown)| self.is_disputed(pixel, known[pixel], shown)).collect();
-        let depth: Vec<f32> =
-            (0..).zip(&frame.depth).map(|(pixel, &shown)| self.depth_of(pixel, shown, disputed[pixel])).collect();
+        let disputed: Vec<bool> = (0..)
+            .zip(&frame.depth)
+            .map(|(pixel, &shown)| self.is_disputed(pixel, known[pixel], shown))
+            .collect();
+        let depth: Vec<f32> = (0..)
+            .zip(&frame.depth)
+            .map(|(pixel, &shown)| self.depth_of(pixel, shown, disputed[pixel]))
+            .collect();
         let hidden = self.hidden(&known, &depth);
         let is_sample = |pixel: usize| {
             // In a burst some pixels with samples have not been drawn yet.
             let is_drawn = frame.depth[pixel] > 0.0;
-            is_drawn && !hidden[pixel] && !disputed[pixel] && matches!(known[pixel], Known::Afar | Known::Near)
+            is_drawn
+                && !hidden[pixel]
+                && !disputed[pixel]
+                && matches!(known[pixel], Known::Afar | Known::Near)
         };
         let points = Points::in_middles(self.tree.size(), is_sample);
         let mut filled: Vec<Option<Seen>> = vec![None; known.len()];
@@ -174,7 +188,10 @@ impl Cells {
         let few = |pixel: usize| {
             let is_shown = |site: &Site| site.depth() == depth[pixel];
             let are_many = points.count_around(pixel) > local::MANY;
-            !are_many && has_few[pixel] && is_sample(pixel) && self.sites.of(pixel).is_some_and(is_shown)
+            !are_many
+                && has_few[pixel]
+                && is_sample(pixel)
+                && self.sites.of(pixel).is_some_and(is_shown)
         };
         let few: Vec<bool> = (0..known.len()).map(few).collect();
         let few = |pixel: usize| few[pixel];
@@ -183,8 +200,11 @@ impl Cells {
         for (colour, local) in frame.picture.pixels.iter_mut().zip(local) {
             *colour = local.unwrap_or(*colour);
         }
-        let seen =
-            |pixel: usize| Seen { colour: frame.picture.pixels[pixel], depth: depth[pixel], aside: aside(pixel) };
+        let seen = |pixel: usize| Seen {
+            colour: frame.picture.pixels[pixel],
+            depth: depth[pixel],
+            aside: aside(pixel),
+        };
         let own = |pixel: usize| {
             let site = self.sites.of(pixel).filter(|_| disputed[pixel] && !hidden[pixel])?;
             Some(Seen { colour: rgbe::decode(site.rgbe), depth: site.depth(), aside: site.aside() })
@@ -207,7 +227,8 @@ impl Cells {
     /// A picture of constant cells.
     fn constant(&self) -> Frame {
         let known = self.tree.known();
-        let depth: Vec<f32> = (0..known.len()).map(|pixel| self.sites.of(pixel).map_or(0.0, Site::depth)).collect();
+        let depth: Vec<f32> =
+            (0..known.len()).map(|pixel| self.sites.of(pixel).map_or(0.0, Site::depth)).collect();
         let hidden = self.hidden(&known, &depth);
         let site = |pixel: usize| self.sites.of(pixel).filter(|_| !hidden[pixel]);
         let points = Points::in_pixels(self.tree.size(), |pixel| site(pixel).map(Site::within));
@@ -220,7 +241,10 @@ impl Cells {
             &mut cells,
             |pixel| !matches!(known[pixel], Known::Uncovered | Known::Unseen),
             |pixel, nearest, cell| {
-                *cell = nearest.first().filter(|near| near.squared <= radii.squared_at(pixel)).map(|near| near.pixel);
+                *cell = nearest
+                    .first()
+                    .filter(|near| near.squared <= radii.squared_at(pixel))
+                    .map(|near| near.pixel);
             },
         );
         for (pixel, cell) in cells.into_iter().enumerate() {
@@ -243,7 +267,8 @@ impl Cells {
         if !known.contains(&Known::Afar) {
             return vec![false; known.len()];
         }
-        let has_site = |pixel: usize| matches!(known[pixel], Known::Afar | Known::Near | Known::Mixture);
+        let has_site =
+            |pixel: usize| matches!(known[pixel], Known::Afar | Known::Near | Known::Mixture);
         let points = Points::in_middles(self.tree.size(), has_site);
         let may_be = |pixel: usize| known[pixel] == Known::Afar;
         hidden::hidden(&points, self.size(), depth, &Steps(&self.tree), may_be, has_site)
@@ -252,7 +277,8 @@ impl Cells {
     /// Whether the tree takes a pixel's samples for hidden by what most around it are of. Where those do not stand around it, they do not
     /// hide it: they would grow by a pixel all around.
     fn is_disputed(&self, pixel: usize, known: Known, shown: f32) -> bool {
-        known == Known::Afar && self.sites.of(pixel).is_some_and(|site| bin_of(shown).saturating_add(1) < site.bin())
+        known == Known::Afar
+            && self.sites.of(pixel).is_some_and(|site| bin_of(shown).saturating_add(1) < site.bin())
     }
 
     /// Depth of a pixel's sample: its site's, which is finer, unless the pixel shows what is of another surface.

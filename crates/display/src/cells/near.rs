@@ -30,7 +30,10 @@ pub(crate) struct Nearest<const K: usize> {
 
 impl<const K: usize> Default for Nearest<K> {
     fn default() -> Self {
-        Self { found: [Near { squared: f32::INFINITY, offset: [0.0; 2], pixel: u32::MAX }; K], count: 0 }
+        Self {
+            found: [Near { squared: f32::INFINITY, offset: [0.0; 2], pixel: u32::MAX }; K],
+            count: 0,
+        }
     }
 }
 
@@ -47,7 +50,9 @@ impl<const K: usize> Nearest<K> {
     pub fn add(&mut self, point: [f32; 2], pixel: u32, place: [f32; 2]) {
         let offset = [point[0] - place[0], point[1] - place[1]];
         let squared = offset[0] * offset[0] + offset[1] * offset[1];
-        let comes_before = |other: &Near| squared < other.squared || squared == other.squared && pixel < other.pixel;
+        let comes_before = |other: &Near| {
+            squared < other.squared || squared == other.squared && pixel < other.pixel
+        };
         if self.count == K {
             if !comes_before(&self.found[K - 1]) {
                 return;
@@ -98,11 +103,21 @@ impl Window {
             let offset = [column as f32, row as f32];
             let least = (offset[0].hypot(offset[1]) - aside).max(0.0);
             // Of middles, not by way of the root: as other ways to find them have it.
-            let least = if in_middles { offset[0] * offset[0] + offset[1] * offset[1] } else { least * least };
-            Step { points: row * padded as isize + column, pixels: row * width as isize + column, offset, least }
+            let least = if in_middles {
+                offset[0] * offset[0] + offset[1] * offset[1]
+            } else {
+                least * least
+            };
+            Step {
+                points: row * padded as isize + column,
+                pixels: row * width as isize + column,
+                offset,
+                least,
+            }
         };
-        let mut around: Vec<Step> =
-            (-reach..=reach).flat_map(|row| (-reach..=reach).map(move |column| step(column, row))).collect();
+        let mut around: Vec<Step> = (-reach..=reach)
+            .flat_map(|row| (-reach..=reach).map(move |column| step(column, row)))
+            .collect();
         // What is beyond the circle is not all there.
         around.retain(|step| step.offset[0].hypot(step.offset[1]) <= REACH as f32);
         // It is stable: of one distance, they stay row by row.
@@ -133,7 +148,11 @@ impl Window {
             if count >= K && limit == f32::INFINITY {
                 // As far as anything in the pixels so far may be; of middles, there is nothing nearer in those that follow.
                 let aside = 2.0 * self.aside;
-                limit = if aside > 0.0 { (group[group.len() - 1].least.sqrt() + aside).powi(2) } else { 0.0 };
+                limit = if aside > 0.0 {
+                    (group[group.len() - 1].least.sqrt() + aside).powi(2)
+                } else {
+                    0.0
+                };
             }
         }
         if limit == f32::INFINITY || limit > (REACH as f32 - self.aside).powi(2) {
@@ -143,7 +162,11 @@ impl Window {
             nearest.count = K;
             for (near, &step) in nearest.found.iter_mut().zip(&found[..count]) {
                 let Step { least, offset, pixels, .. } = self.around[usize::from(step)];
-                *near = Near { squared: least, offset, pixel: pixel.wrapping_add_signed(pixels) as u32 };
+                *near = Near {
+                    squared: least,
+                    offset,
+                    pixel: pixel.wrapping_add_signed(pixels) as u32,
+                };
             }
             return true;
         }

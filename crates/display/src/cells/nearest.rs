@@ -41,7 +41,8 @@ impl Point {
 
 /// A place in a pixel, in 256ths of it, or its middle: pixels from the left and from the top.
 fn place(pixel: usize, width: usize, within: Option<[u8; 2]>) -> [f32; 2] {
-    let [right, down] = within.map_or([0.5; 2], |within| within.map(|part| (f32::from(part) + 0.5) / 256.0));
+    let [right, down] =
+        within.map_or([0.5; 2], |within| within.map(|part| (f32::from(part) + 0.5) / 256.0));
     [(pixel % width) as f32 + right, (pixel / width) as f32 + down]
 }
 
@@ -67,7 +68,11 @@ impl Points {
         Self::new(size, false, |pixel| of(pixel).map(Some))
     }
 
-    fn new((width, height): (u32, u32), in_middles: bool, of: impl Fn(usize) -> Option<Option<[u8; 2]>>) -> Self {
+    fn new(
+        (width, height): (u32, u32),
+        in_middles: bool,
+        of: impl Fn(usize) -> Option<Option<[u8; 2]>>,
+    ) -> Self {
         let size = (width as usize, height as usize);
         let tiles = (size.0.div_ceil(TILE), size.1.div_ceil(TILE));
         let (mut first, mut points) = (Vec::with_capacity(tiles.0 * tiles.1 + 1), Vec::new());
@@ -135,7 +140,9 @@ impl Points {
                     continue;
                 }
                 self.around(&square, K, &mut search.lists[0], &mut search.squares);
-                let is_left = |pixel: usize| rest[(pixel / width - square.top) * TILE + pixel % width - square.left];
+                let is_left = |pixel: usize| {
+                    rest[(pixel / width - square.top) * TILE + pixel % width - square.left]
+                };
                 search.divide(0, square, self.size, &is_left, &mut |pixel, points| {
                     nearest.clear();
                     let middle = place(pixel, width, MIDDLE);
@@ -172,7 +179,9 @@ impl Points {
             // All of the first and the last row, and both ends of those between.
             let step = if other_row.abs_diff(row) == ring { 1 } else { 2 * ring };
             for end in (0..=2 * ring).step_by(step.max(1)) {
-                if let Some(other) = (column + end).checked_sub(ring).filter(|&other| other < self.tiles.0) {
+                if let Some(other) =
+                    (column + end).checked_sub(ring).filter(|&other| other < self.tiles.0)
+                {
                     found.extend_from_slice(self.tile(other, other_row));
                 }
             }
@@ -241,12 +250,16 @@ impl<const K: usize> Search<K> {
         find: &mut impl FnMut(usize, &[Point]),
     ) {
         if square.side == LEAST || self.lists[depth].len() <= 2 * K {
-            square.pixels(size).filter(|&pixel| wanted(pixel)).for_each(|pixel| find(pixel, &self.lists[depth]));
+            square
+                .pixels(size)
+                .filter(|&pixel| wanted(pixel))
+                .for_each(|pixel| find(pixel, &self.lists[depth]));
             return;
         }
         let side = square.side / 2;
         for (right, down) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let quarter = Square { left: square.left + right * side, top: square.top + down * side, side };
+            let quarter =
+                Square { left: square.left + right * side, top: square.top + down * side, side };
             if !quarter.pixels(size).any(wanted) {
                 continue;
             }
@@ -254,7 +267,9 @@ impl<const K: usize> Search<K> {
             let radius = quarter.reach(&above[depth], K, &mut self.squares);
             let middle = quarter.middle();
             below[0].clear();
-            below[0].extend(above[depth].iter().filter(|point| point.squared_from(middle) <= radius * radius));
+            below[0].extend(
+                above[depth].iter().filter(|point| point.squared_from(middle) <= radius * radius),
+            );
             self.divide(depth + 1, quarter, size, wanted, find);
         }
     }
@@ -273,25 +288,38 @@ mod tests {
         (1..150_u32, 1..110_u32, any::<u64>(), 0..5_u32).prop_map(|(width, height, seed, few)| {
             let mut state = seed | 1;
             let mut random = move || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
                 (state >> 33) as u32
             };
             let mut has = move |pixel: u32| {
                 let (column, row) = (pixel % width, pixel / width);
                 let (many, here) = (column < width / 2 && row < height / 2, random());
-                (here % (if many { 3 } else { 9 << (2 * few) }) == 0).then_some([(here >> 8) as u8, (here >> 16) as u8])
+                (here % (if many { 3 } else { 9 << (2 * few) }) == 0)
+                    .then_some([(here >> 8) as u8, (here >> 16) as u8])
             };
-            let found = (0..width * height).filter_map(|pixel| has(pixel).map(|within| (pixel as usize, within)));
+            let found = (0..width * height)
+                .filter_map(|pixel| has(pixel).map(|within| (pixel as usize, within)));
             ((width, height), found.collect())
         })
     }
 
     /// The nearest by looking at all.
-    fn expected(size: (u32, u32), points: &[(usize, Option<[u8; 2]>)], pixel: usize, most: usize) -> Vec<(f32, u32)> {
+    fn expected(
+        size: (u32, u32),
+        points: &[(usize, Option<[u8; 2]>)],
+        pixel: usize,
+        most: usize,
+    ) -> Vec<(f32, u32)> {
         let width = size.0 as usize;
         let from = place(pixel, width, MIDDLE);
         let squared = |&(other, within): &(usize, _)| {
-            (Point { place: place(other, width, within), pixel: other as u32 }.squared_from(from), other as u32)
+            (
+                Point { place: place(other, width, within), pixel: other as u32 }
+                    .squared_from(from),
+                other as u32,
+            )
         };
         let mut all: Vec<(f32, u32)> = points.iter().map(squared).collect();
         all.sort_by(|a, b| a.partial_cmp(b).unwrap());
@@ -299,7 +327,11 @@ mod tests {
         all
     }
 
-    fn check<const K: usize>(size: (u32, u32), found: &Points, points: &[(usize, Option<[u8; 2]>)]) {
+    fn check<const K: usize>(
+        size: (u32, u32),
+        found: &Points,
+        points: &[(usize, Option<[u8; 2]>)],
+    ) {
         let mut items: Vec<Vec<(f32, u32)>> = vec![Vec::new(); (size.0 * size.1) as usize];
         // Some pixels are not wanted.
         let wanted = |pixel: usize| pixel % 5 != 3;
@@ -307,7 +339,8 @@ mod tests {
             *item = nearest.iter().map(|near| (near.squared, near.pixel)).collect();
         });
         for (pixel, item) in items.iter().enumerate() {
-            let expected = if wanted(pixel) { expected(size, points, pixel, K) } else { Vec::new() };
+            let expected =
+                if wanted(pixel) { expected(size, points, pixel, K) } else { Vec::new() };
             assert_eq!(*item, expected, "{pixel} of {size:?}, {} points", points.len());
         }
     }

@@ -38,8 +38,9 @@ impl Radii {
             let columns = column.saturating_sub(1)..(column + 2).min(across);
             let rows = row.saturating_sub(1)..(row + 2).min(down);
             let area = side * side * columns.len() * rows.len();
-            let count: u32 =
-                rows.flat_map(|row| &counts[row * across + columns.start..row * across + columns.end]).sum();
+            let count: u32 = rows
+                .flat_map(|row| &counts[row * across + columns.start..row * across + columns.end])
+                .sum();
             (ROOM / std::f32::consts::PI * area as f32 / count as f32).clamp(least, most)
         };
         let squared = (0..across * down).map(radius).collect();
@@ -68,9 +69,13 @@ mod tests {
         // One sample in 100 pixels, all of them on the left: nine have room in a cell there, and cells are the largest far from them.
         let some = Radii::new(
             (640, 480),
-            (0..640 * 480).filter(|pixel| pixel % 640 < 320 && pixel % 10 == pixel / 640 % 10 && pixel / 640 % 10 == 3),
+            (0..640 * 480).filter(|pixel| {
+                pixel % 640 < 320 && pixel % 10 == pixel / 640 % 10 && pixel / 640 % 10 == 3
+            }),
         );
-        assert!((some.squared_at(640 * 240 + 100) * std::f32::consts::PI / 900.0 - 1.0).abs() < 0.2);
+        assert!(
+            (some.squared_at(640 * 240 + 100) * std::f32::consts::PI / 900.0 - 1.0).abs() < 0.2
+        );
         assert_eq!(some.squared_at(640 * 240 + 600), 0.1 * circle);
     }
 }

@@ -48,14 +48,23 @@ mod tests {
         const SIZE: (usize, usize) = (23, 18);
         let value = |pixel: usize| (pixel * 37 % 101) as u32;
         let pixels = (0..SIZE.0 * SIZE.1).filter(|pixel| pixel % 3 > 0);
-        let squares = Squares::<u32, 4>::new(SIZE, 0, pixels.clone().map(|pixel| (pixel, value(pixel))), |a, b| a + b);
+        let squares = Squares::<u32, 4>::new(
+            SIZE,
+            0,
+            pixels.clone().map(|pixel| (pixel, value(pixel))),
+            |a, b| a + b,
+        );
         let square = |pixel: usize| (pixel % SIZE.0 / 4, pixel / SIZE.0 / 4);
         for pixel in 0..SIZE.0 * SIZE.1 {
             let is_near = |other: &usize| {
                 let ((a, b), (c, d)) = (square(pixel), square(*other));
                 a.abs_diff(c) <= 1 && b.abs_diff(d) <= 1
             };
-            assert_eq!(squares.around(pixel), pixels.clone().filter(is_near).map(value).sum::<u32>(), "{pixel}");
+            assert_eq!(
+                squares.around(pixel),
+                pixels.clone().filter(is_near).map(value).sum::<u32>(),
+                "{pixel}"
+            );
         }
     }
 }

@@ -73,9 +73,12 @@ impl Work<'_> {
         let unit = self.fill.buckets.tile_rows.max(LEAST_ROWS);
         let bands = parallel::bands(self.size.1, unit, scratch.len());
         let parts = cut(planes, &bands).into_iter().zip(&mut *scratch);
-        parallel::for_each_telling(parts.collect(), ended, |(band, scratch), ended| self.make(band, scratch, ended));
+        parallel::for_each_telling(parts.collect(), ended, |(band, scratch), ended| {
+            self.make(band, scratch, ended)
+        });
         let whole = 0..self.size.1;
-        if let (Some(mut band), Some(scratch)) = (cut(planes, &[whole]).pop(), scratch.first_mut()) {
+        if let (Some(mut band), Some(scratch)) = (cut(planes, &[whole]).pop(), scratch.first_mut())
+        {
             for seam in bands.iter().skip(1).map(|rows| rows.start) {
                 self.cull(&mut band, seam - 1..(seam + 1).min(self.size.1), scratch, ended);
                 self.filter(&mut band, seam - SEAM..(seam + SEAM).min(self.size.1), scratch, ended);
@@ -114,7 +117,13 @@ impl Work<'_> {
         }
     }
 
-    fn cull(&self, band: &mut Band, rows: Range<usize>, scratch: &mut Scratch, ended: &mut dyn FnMut(Stage)) {
+    fn cull(
+        &self,
+        band: &mut Band,
+        rows: Range<usize>,
+        scratch: &mut Scratch,
+        ended: &mut dyn FnMut(Stage),
+    ) {
         let Some(threshold) = self.cull_threshold.filter(|_| !rows.is_empty()) else { return };
         let width = self.size.0;
         let colour = &mut band.colour[rows.start * width..rows.end * width];
@@ -123,7 +132,13 @@ impl Work<'_> {
         ended(Stage::DepthCull);
     }
 
-    fn filter(&self, band: &mut Band, rows: Range<usize>, scratch: &mut Scratch, ended: &mut dyn FnMut(Stage)) {
+    fn filter(
+        &self,
+        band: &mut Band,
+        rows: Range<usize>,
+        scratch: &mut Scratch,
+        ended: &mut dyn FnMut(Stage),
+    ) {
         if rows.is_empty() {
             return;
         }
@@ -132,9 +147,21 @@ impl Work<'_> {
         let at = rows.start * width..rows.end * width;
         let colour = &*band.colour;
         if let Some((window, black, gaps_only)) = self.prefilter {
-            let (picture, scratch) =
-                (band.picture.each_mut().map(|plane| &mut plane[at.clone()]), &mut scratch.prefilter);
-            self.isa.run(Prefilter { width, window, from, first_row, colour, picture, black, gaps_only, scratch });
+            let (picture, scratch) = (
+                band.picture.each_mut().map(|plane| &mut plane[at.clone()]),
+                &mut scratch.prefilter,
+            );
+            self.isa.run(Prefilter {
+                width,
+                window,
+                from,
+                first_row,
+                colour,
+                picture,
+                black,
+                gaps_only,
+                scratch,
+            });
             ended(Stage::Prefilter);
         }
         let (picture, scratch) =
@@ -154,7 +181,8 @@ fn cut<'a>(planes: &'a mut Planes, bands: &[Range<usize>]) -> Vec<Band<'a>> {
     let slot = parallel::cut(&mut planes.slot, lengths());
     let priority = parallel::cut(&mut planes.priority, lengths());
     let [red, green, blue] = planes.picture.each_mut().map(|plane| parallel::cut(plane, lengths()));
-    let picture = red.into_iter().zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue]);
+    let picture =
+        red.into_iter().zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue]);
     let parts = bands.iter().zip(colour).zip(depth).zip(slot).zip(priority).zip(picture);
     parts
         .map(|(((((rows, colour), depth), slot), priority), picture)| {

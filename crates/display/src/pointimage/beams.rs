@@ -52,6 +52,9 @@ impl Frame<'_> {
         for beam in beams {
             *asked.entry((beam.section, beam.beam)).or_default() += (1.0 - share) * beam.weight;
         }
-        asked.into_iter().map(|((section, beam), weight)| WantedBeam { section, beam, weight }).collect()
+        asked
+            .into_iter()
+            .map(|((section, beam), weight)| WantedBeam { section, beam, weight })
+            .collect()
     }
 }

@@ -22,8 +22,11 @@ pub(super) fn encode(rgb: [f32; 3]) -> u32 {
     // 2^exponent > largest, so that mantissas of 8 bits are below 256.
     let exponent = (largest.to_bits() >> 23) as i32 - BIAS + 1;
     let mut step = (exponent - 8 + BIAS).max(1);
-    let mantissa =
-        |step: i32| rgb.map(|channel| (channel * f32::from_bits((2 * BIAS - step) as u32 * (1 << 23)) + 0.5) as u32);
+    let mantissa = |step: i32| {
+        rgb.map(|channel| {
+            (channel * f32::from_bits((2 * BIAS - step) as u32 * (1 << 23)) + 0.5) as u32
+        })
+    };
     let mut mantissas = mantissa(step);
     if mantissas.iter().any(|&mantissa| mantissa > 255) {
         step += 1;

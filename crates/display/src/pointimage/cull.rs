@@ -40,10 +40,18 @@ impl Kernel for Cull<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, from, colour, depth, threshold, scratch: Scratch { nothing, sums, counts } } = self;
+        let Self {
+            width,
+            from,
+            colour,
+            depth,
+            threshold,
+            scratch: Scratch { nothing, sums, counts },
+        } = self;
         let row = |y: usize| depth.get(y.wrapping_mul(width)..).and_then(|rest| rest.get(..width));
         for (y, colour) in (from..).zip(colour.chunks_exact_mut(width)) {
-            let rows = [y.wrapping_sub(1), y, y + 1].map(|y| if y == usize::MAX { None } else { row(y) });
+            let rows =
+                [y.wrapping_sub(1), y, y + 1].map(|y| if y == usize::MAX { None } else { row(y) });
             let [above, here, below] = rows.map(|row| row.unwrap_or(nothing));
             add_three(above, here, below, &mut sums[1..=width], &mut counts[1..=width]);
             cull_row(here, sums, counts, 1.0 + threshold, colour);
@@ -85,7 +93,8 @@ fn cull_row(depth: &[u32], sums: &[f32], counts: &[f32], factor: f32, colour: &m
 #[inline(always)]
 fn keep(depth: &[u32], sums: &[f32], counts: &[f32], factor: f32, kept: &mut [u32]) -> bool {
     let width = kept.len();
-    let (depth, s0, s1, s2) = (&depth[..width], &sums[..width], &sums[1..][..width], &sums[2..][..width]);
+    let (depth, s0, s1, s2) =
+        (&depth[..width], &sums[..width], &sums[1..][..width], &sums[2..][..width]);
     let (c0, c1, c2) = (&counts[..width], &counts[1..][..width], &counts[2..][..width]);
     for x in 0..width {
         let sum = s0[x] + s1[x] + s2[x];

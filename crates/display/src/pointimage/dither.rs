@@ -45,7 +45,13 @@ pub(super) fn choose(
     // on average, d³ being the share of pixels that are chosen; spread evenly around that, the first rows have their share as well.
     let spread = 1.2 * (wanted as f64 / priority.len() as f64).min(0.5).cbrt();
     let span = (f64::from(threshold) / 2.0 * spread) as u32;
-    let start = |first: usize| Start { most: threshold / 2, span, seed, first: first as u32, width: width as u32 };
+    let start = |first: usize| Start {
+        most: threshold / 2,
+        span,
+        seed,
+        first: first as u32,
+        width: width as u32,
+    };
     let mut hits: [[Vec<u32>; BANDS]; HALVES] = Default::default();
     let scale = scale as u32;
     let mut last = vec![[0_u32; 1]; width];
@@ -65,7 +71,9 @@ pub(super) fn choose(
         } else {
             work.for_each(|kernel| isa.run(kernel));
         }
-        last.iter_mut().zip(&carries[halves - 1]).for_each(|(last, carry)| last[0] = carry[BANDS - 1]);
+        last.iter_mut()
+            .zip(&carries[halves - 1])
+            .for_each(|(last, carry)| last[0] = carry[BANDS - 1]);
     } else {
         isa.run(Begin { start: start(0), carries: &mut last });
     }
@@ -73,7 +81,15 @@ pub(super) fn choose(
     let first_row = rows * BANDS * halves;
     let rest = &priority[first_row * width..];
     if let Some(hits) = hits[halves - 1].last_chunk_mut() {
-        isa.run(Lockstep { priority: rest, width, first_row, scale, threshold, carries: &mut last, hits });
+        isa.run(Lockstep {
+            priority: rest,
+            width,
+            first_row,
+            scale,
+            threshold,
+            carries: &mut last,
+            hits,
+        });
     }
     // What bands started with and what they are left with differ by chance: of a few too many, a few are dropped, evenly, and others each
     // time: a corner that is always dropped is never seen again.
@@ -161,14 +177,16 @@ impl<const N: usize> Kernel for Lockstep<'_, N> {
         // The bands' priorities column by column, and which were chosen.
         let mut columns = vec![[0_u8; N]; width];
         for row in 0..rows {
-            let lines: [&[u8]; N] = std::array::from_fn(|band| &priority[(band * rows + row) * width..][..width]);
+            let lines: [&[u8]; N] =
+                std::array::from_fn(|band| &priority[(band * rows + row) * width..][..width]);
             gather(&lines, &mut columns);
             // Serpentine. Nothing is lost at the edge: the next row begins below this one's last pixel.
             if row % 2 == 0 {
                 let error = diffuse(columns.iter_mut().zip(carries.iter_mut()), scale, threshold);
                 hand_down(carries.last_mut(), error);
             } else {
-                let error = diffuse(columns.iter_mut().zip(carries.iter_mut()).rev(), scale, threshold);
+                let error =
+                    diffuse(columns.iter_mut().zip(carries.iter_mut()).rev(), scale, threshold);
                 hand_down(carries.first_mut(), error);
             }
             for (column, x) in columns.iter().zip(0..) {
@@ -220,7 +238,8 @@ fn transposed(mut square: [[u8; BANDS]; BANDS]) -> [[u8; BANDS]; BANDS] {
             let (one, other) = (&old[row], &old[row + HALF]);
             for x in 0..HALF {
                 (square[2 * row][2 * x], square[2 * row][2 * x + 1]) = (one[x], other[x]);
-                (square[2 * row + 1][2 * x], square[2 * row + 1][2 * x + 1]) = (one[x + HALF], other[x + HALF]);
+                (square[2 * row + 1][2 * x], square[2 * row + 1][2 * x + 1]) =
+                    (one[x + HALF], other[x + HALF]);
             }
         }
     }
@@ -289,7 +308,8 @@ mod tests {
 
     fn as_many_are_chosen_of((width, height): (usize, usize)) {
         // Left half four times the right half.
-        let priority: Vec<u8> = (0..width * height).map(|pixel| if pixel % width < 100 { 200 } else { 50 }).collect();
+        let priority: Vec<u8> =
+            (0..width * height).map(|pixel| if pixel % width < 100 { 200 } else { 50 }).collect();
         for in_10_000 in [1, 10, 300, 2500, 6000, 19_000] {
             let wanted = (width * height * in_10_000).div_ceil(10_000);
             let mut chosen = Vec::new();
@@ -315,7 +335,8 @@ mod tests {
     fn columns_are_gathered_whatever_the_width() {
         for width in [1, 15, 16, 33, 64] {
             let number = |band: usize, x: usize| (31 * band + 7 * x) as u8;
-            let lines: Vec<Vec<u8>> = (0..BANDS).map(|band| (0..width).map(|x| number(band, x)).collect()).collect();
+            let lines: Vec<Vec<u8>> =
+                (0..BANDS).map(|band| (0..width).map(|x| number(band, x)).collect()).collect();
             let mut columns = vec![[0; BANDS]; width];
             gather(&std::array::from_fn(|band| lines[band].as_slice()), &mut columns);
             for (x, column) in columns.iter().enumerate() {

@@ -38,7 +38,8 @@ impl PointImage {
         for slot in 0..self.points.capacity() {
             let state = self.points.states[slot];
             if !state.is_empty() && choose(self.points.object[slot], self.position(slot)) {
-                self.points.states[slot] = State::new(state.age().saturating_add(units), state.flags() & !FRESH);
+                self.points.states[slot] =
+                    State::new(state.age().saturating_add(units), state.flags() & !FRESH);
                 aged += 1;
             }
         }

@@ -83,7 +83,8 @@ impl Kernel for Interpolate<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, from, colour, picture: [red, green, blue], priority, looks, scratch } = self;
+        let Self { width, from, colour, picture: [red, green, blue], priority, looks, scratch } =
+            self;
         let Scratch { decoded, ring, last } = scratch;
         let (rows, centre) = (priority.len() / width, looks.weights.centre);
         for columns in strips(width, STRIP) {
@@ -97,12 +98,20 @@ impl Kernel for Interpolate<'_> {
                 let pixels = y * width + columns.start..y * width + columns.end;
                 let colour = &colour[pixels];
                 let at = row * width + columns.start..row * width + columns.end;
-                let (red, green, blue) = (&mut red[at.clone()], &mut green[at.clone()], &mut blue[at.clone()]);
+                let (red, green, blue) =
+                    (&mut red[at.clone()], &mut green[at.clone()], &mut blue[at.clone()]);
                 let priority = &mut priority[at];
                 let whole = columns.len() / PIECE;
                 let pieces = colour.as_chunks().0.iter().zip(priority.as_chunks_mut().0);
-                let planes = red.as_chunks_mut().0.iter_mut().zip(green.as_chunks_mut().0).zip(blue.as_chunks_mut().0);
-                for (((colour, priority), ((red, green), blue)), piece) in pieces.zip(planes).zip(0..) {
+                let planes = red
+                    .as_chunks_mut()
+                    .0
+                    .iter_mut()
+                    .zip(green.as_chunks_mut().0)
+                    .zip(blue.as_chunks_mut().0);
+                for (((colour, priority), ((red, green), blue)), piece) in
+                    pieces.zip(planes).zip(0..)
+                {
                     filter(lines, piece * PIECE, colour, priority, [red, green, blue], looks);
                 }
                 let at = whole * PIECE..columns.len();
@@ -110,12 +119,19 @@ impl Kernel for Interpolate<'_> {
                     let count = at.len();
                     last.priority[..count].copy_from_slice(&priority[at.clone()]);
                     last.colour[..count].copy_from_slice(&colour[at.clone()]);
-                    let planes = [&mut red[at.clone()], &mut green[at.clone()], &mut blue[at.clone()]];
+                    let planes =
+                        [&mut red[at.clone()], &mut green[at.clone()], &mut blue[at.clone()]];
                     let Last { colour, priority: made, planes: copies } = last;
-                    copies.iter_mut().zip(&planes).for_each(|(copy, plane)| copy[..count].copy_from_slice(plane));
+                    copies
+                        .iter_mut()
+                        .zip(&planes)
+                        .for_each(|(copy, plane)| copy[..count].copy_from_slice(plane));
                     filter(lines, at.start, colour, made, copies.each_mut(), looks);
                     priority[at].copy_from_slice(&made[..count]);
-                    planes.into_iter().zip(copies).for_each(|(plane, copy)| plane.copy_from_slice(&copy[..count]));
+                    planes
+                        .into_iter()
+                        .zip(copies)
+                        .for_each(|(plane, copy)| plane.copy_from_slice(&copy[..count]));
                 }
             }
         }
@@ -145,7 +161,10 @@ struct Decoded {
 
 impl Decoded {
     fn new(longest: usize) -> Self {
-        Self { channels: std::array::from_fn(|_| vec![0.0; longest + 2]), has_point: vec![0; longest + 2] }
+        Self {
+            channels: std::array::from_fn(|_| vec![0.0; longest + 2]),
+            has_point: vec![0; longest + 2],
+        }
     }
 }
 
@@ -166,7 +185,13 @@ impl Line {
 
     // Not a closure: those are compiled for any processor, whoever calls them (it took twice as long).
     #[inline(always)]
-    fn load(&mut self, row: Option<&[u32]>, columns: &Range<usize>, decoded: &mut Decoded, centre: u8) {
+    fn load(
+        &mut self,
+        row: Option<&[u32]>,
+        columns: &Range<usize>,
+        decoded: &mut Decoded,
+        centre: u8,
+    ) {
         let Some(row) = row else {
             self.sums.iter_mut().for_each(|sums| sums.fill(0.0));
             self.weights.fill(0);
@@ -244,7 +269,13 @@ fn filter(
     let [above, here, below] = lines;
     let mut weight = [0; PIECE];
     let centre = f32::from(weights.centre);
-    count_down(&above.weights[start..], &here.weights[start..], &below.weights[start..], weights.centre, &mut weight);
+    count_down(
+        &above.weights[start..],
+        &here.weights[start..],
+        &below.weights[start..],
+        weights.centre,
+        &mut weight,
+    );
     prioritise(&weight, weights.priority, &here.has_point[start..][..PIECE], priority);
     let mut inverse = [0.0; PIECE];
     let mut is_covered = false;

@@ -17,7 +17,10 @@ pub enum Instructions {
 impl Instructions {
     /// The widest that this processor has.
     pub fn best() -> Self {
-        [Self::Avx512, Self::Avx2].into_iter().find(|wide| wide.are_here()).unwrap_or(Self::Portable)
+        [Self::Avx512, Self::Avx2]
+            .into_iter()
+            .find(|wide| wide.are_here())
+            .unwrap_or(Self::Portable)
     }
 
     /// Whether this processor has them.

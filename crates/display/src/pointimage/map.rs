@@ -176,7 +176,13 @@ impl Curved {
     fn new(view: &View, origin: DVec3, width: f64, height: f64) -> Self {
         let eye = view.eye() - origin;
         let row = |axis: DVec3| axis.extend(-axis.dot(eye)).as_vec4();
-        Self { view: *view, right: row(view.right()), up: row(view.up()), forward: row(view.vd), size: (width, height) }
+        Self {
+            view: *view,
+            right: row(view.right()),
+            up: row(view.up()),
+            forward: row(view.vd),
+            size: (width, height),
+        }
     }
 }
 
@@ -186,7 +192,8 @@ impl Lens for Curved {
     #[inline(always)]
     fn project(&self, [x, y, z]: [f32; 3]) -> (f32, f32, f32) {
         let dot = |row: Vec4| row.x * x + row.y * y + row.z * z + row.w;
-        let place = DVec3::new(dot(self.right).into(), dot(self.up).into(), dot(self.forward).into());
+        let place =
+            DVec3::new(dot(self.right).into(), dot(self.up).into(), dot(self.forward).into());
         let depth = match self.view.clip_local(place) {
             Clip::Shown if self.view.kind.has_eye() => place.length(),
             Clip::Shown => place.z,
@@ -194,7 +201,9 @@ impl Lens for Curved {
             Clip::Before => 0.0,
         };
         match self.view.project_local(place) {
-            Some((x, y)) => ((x * self.size.0) as f32, ((1.0 - y) * self.size.1) as f32, depth as f32),
+            Some((x, y)) => {
+                ((x * self.size.0) as f32, ((1.0 - y) * self.size.1) as f32, depth as f32)
+            }
             None => (0.0, 0.0, 0.0),
         }
     }

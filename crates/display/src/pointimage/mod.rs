@@ -254,7 +254,9 @@ impl<'a> Frame<'a> {
         let (width, height) = self.size();
         let mut picture = Picture::new(width, height);
         let [red, green, blue] = self.channels();
-        for (((pixel, &red), &green), &blue) in picture.pixels.iter_mut().zip(red).zip(green).zip(blue) {
+        for (((pixel, &red), &green), &blue) in
+            picture.pixels.iter_mut().zip(red).zip(green).zip(blue)
+        {
             *pixel = [red, green, blue];
         }
         picture.view = self.cache.view;
@@ -267,7 +269,11 @@ impl<'a> Frame<'a> {
         let planes = &self.cache.planes;
         let depth = planes.depth.iter().zip(&planes.colour);
         // The sign says whether the point is a sample of this view.
-        depth.map(|(&depth, &colour)| if colour == colour::NONE { 0.0 } else { f32::from_bits(depth).abs() })
+        depth.map(
+            |(&depth, &colour)| {
+                if colour == colour::NONE { 0.0 } else { f32::from_bits(depth).abs() }
+            },
+        )
     }
 
     /// Whether a point maps to each pixel after the depth cull, rows from the top.
@@ -280,7 +286,8 @@ impl<'a> Frame<'a> {
     pub fn requests(&self) -> impl Iterator<Item = (Tag, DVec3, DVec3)> + 'a {
         let cache = self.cache;
         cache.requests.iter().filter_map(move |request| {
-            let view = if request.predicted { cache.predicted.as_ref() } else { cache.view.as_ref() };
+            let view =
+                if request.predicted { cache.predicted.as_ref() } else { cache.view.as_ref() };
             let (origin, direction) = request.ray(view?, cache.origin);
             Some((request.tag, origin, direction))
         })

@@ -24,9 +24,11 @@ impl Noise {
         let kept = 1.0 - (samples.len() as f32 / capacity as f32).min(1.0);
         (self.sum, self.count) = (self.sum * kept, self.count * kept);
         for sample in samples {
-            let largest = sample.radiance.iter().fold(0.0_f32, |largest, &channel| largest.max(channel));
+            let largest =
+                sample.radiance.iter().fold(0.0_f32, |largest, &channel| largest.max(channel));
             // Noise that is not known is as much as can be.
-            let relative = if sample.noise.is_finite() { sample.noise.max(0.0) / largest } else { 1.0 };
+            let relative =
+                if sample.noise.is_finite() { sample.noise.max(0.0) / largest } else { 1.0 };
             // Black without noise tells nothing of others.
             if relative.is_finite() {
                 self.sum += relative.min(1.0);

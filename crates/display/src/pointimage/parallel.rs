@@ -25,8 +25,11 @@ pub(super) fn for_each_telling<T: Send, S>(
             let slot = std::sync::Arc::new(std::sync::Mutex::new(Some(part)));
             let theirs = std::sync::Arc::clone(&slot);
             let take = move || theirs.lock().ok().and_then(|mut part| part.take());
-            let started = thread::Builder::new().spawn_scoped(scope, move || take().map(work)).is_ok();
-            if let Some(part) = slot.lock().ok().filter(|_| !started).and_then(|mut part| part.take()) {
+            let started =
+                thread::Builder::new().spawn_scoped(scope, move || take().map(work)).is_ok();
+            if let Some(part) =
+                slot.lock().ok().filter(|_| !started).and_then(|mut part| part.take())
+            {
                 work(part);
             }
         }
@@ -39,7 +42,9 @@ pub(super) fn bands(count: usize, unit: usize, parts: usize) -> Vec<std::ops::Ra
     let units = count.div_ceil(unit);
     let parts = parts.clamp(1, units.max(1));
     (0..parts)
-        .map(|part| (units * part / parts * unit).min(count)..(units * (part + 1) / parts * unit).min(count))
+        .map(|part| {
+            (units * part / parts * unit).min(count)..(units * (part + 1) / parts * unit).min(count)
+        })
         .collect()
 }
 

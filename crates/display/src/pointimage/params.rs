@@ -123,7 +123,8 @@ impl Stages {
         resampling: true,
     };
     /// What the first paper had (1999): no eviction, prediction or prefilter.
-    pub const OF_1999: Self = Self { eviction: false, prediction: false, prefilter: false, ..Self::ALL };
+    pub const OF_1999: Self =
+        Self { eviction: false, prediction: false, prefilter: false, ..Self::ALL };
 }
 
 /// What a pixel shows that no point is near.
@@ -263,7 +264,10 @@ impl PointImageParams {
         let wanted = name.replace('-', "_");
         let Some(setting) = SETTINGS.iter().find(|setting| setting.name == wanted) else {
             let known: Vec<_> = SETTINGS.iter().map(|setting| setting.name).collect();
-            return Err(PointImageError::Unknown { name: name.to_owned(), known: known.join(", ") });
+            return Err(PointImageError::Unknown {
+                name: name.to_owned(),
+                known: known.join(", "),
+            });
         };
         setting.put(self, value)
     }

@@ -258,7 +258,9 @@ impl Points {
     fn oldest_not_of_view(&self) -> Option<usize> {
         let mut oldest = None;
         for candidate in self.group().filter(|&slot| !self.is_of_view(slot)) {
-            if oldest.is_none_or(|oldest: usize| self.states[candidate].age() > self.states[oldest].age()) {
+            if oldest.is_none_or(|oldest: usize| {
+                self.states[candidate].age() > self.states[oldest].age()
+            }) {
                 oldest = Some(candidate);
             }
         }
@@ -266,7 +268,8 @@ impl Points {
     }
 
     fn next_group(&mut self) {
-        self.cursor = if self.cursor + 1 < self.capacity() / self.group { self.cursor + 1 } else { 0 };
+        self.cursor =
+            if self.cursor + 1 < self.capacity() / self.group { self.cursor + 1 } else { 0 };
     }
 
     /// Asks for points that will be needed: they lie anywhere, and one after another each would wait for memory.
@@ -298,7 +301,8 @@ impl Points {
     /// Makes a point older; the next frame's ageing may evict it.
     pub fn age(&mut self, slot: usize, by: u8) {
         let state = self.states[slot];
-        self.states[slot] = State::new(state.age().saturating_add(by).min(EVICTED - 1), state.flags() & !FRESH);
+        self.states[slot] =
+            State::new(state.age().saturating_add(by).min(EVICTED - 1), state.flags() & !FRESH);
     }
 }
 
@@ -314,10 +318,20 @@ pub(super) struct Age<'a> {
 }
 
 impl<'a> Age<'a> {
-    pub fn new(states: &'a mut [State], increment: u8, moved: bool, params: &PointImageParams) -> Self {
-        let increments =
-            [1, params.hidden_ageing, params.highlight_ageing].map(|times| increment.saturating_mul(times));
-        Self { states, increments, evict: params.stages.eviction.then_some(params.eviction_age), moved }
+    pub fn new(
+        states: &'a mut [State],
+        increment: u8,
+        moved: bool,
+        params: &PointImageParams,
+    ) -> Self {
+        let increments = [1, params.hidden_ageing, params.highlight_ageing]
+            .map(|times| increment.saturating_mul(times));
+        Self {
+            states,
+            increments,
+            evict: params.stages.eviction.then_some(params.eviction_age),
+            moved,
+        }
     }
 }
 
@@ -347,7 +361,8 @@ fn age_all(states: &mut [State], increments: [u8; 3], keep: u8, oldest: u8) {
     // In numbers of 16 bits throughout, of which ages fill a part: as many fit into a register as there are states.
     let [visible, hidden, highlight] = increments.map(u16::from);
     let [keep, oldest, evicted] = [keep, oldest, EVICTED].map(u16::from);
-    let [fresh, is_hidden, is_highlight] = [FRESH, HIDDEN, HIGHLIGHT].map(|flag| u16::from(flag) << 8);
+    let [fresh, is_hidden, is_highlight] =
+        [FRESH, HIDDEN, HIGHLIGHT].map(|flag| u16::from(flag) << 8);
     for state in states {
         let age = state.0 & 255;
         let flags = state.0 & (keep << 8);
@@ -405,13 +420,18 @@ mod tests {
             let mean = ages.iter().map(|&age| f64::from(age)).sum::<f64>() / ages.len() as f64;
             // A frame's increment is added whole, before or after a point of the frame is replaced.
             let allowed = mean_last_age * samples as f64 / 2048.0 + 1.0;
-            assert!((mean - mean_last_age).abs() <= allowed, "{samples} a frame: {mean} for {mean_last_age}");
+            assert!(
+                (mean - mean_last_age).abs() <= allowed,
+                "{samples} a frame: {mean} for {mean_last_age}"
+            );
         }
     }
 
     #[test]
     fn hidden_points_leave_before_they_would_be_overwritten() {
-        assert!(last_ages(100, true, &PointImageParams::default()).iter().all(|&age| age == EVICTED));
+        assert!(
+            last_ages(100, true, &PointImageParams::default()).iter().all(|&age| age == EVICTED)
+        );
     }
 
     #[test]
@@ -433,14 +453,20 @@ mod tests {
         for (eviction_age, eviction) in [(255, true), (60, true), (60, false)] {
             let stages = Stages { eviction, ..Stages::ALL };
             let params = PointImageParams { eviction_age, stages, ..PointImageParams::default() };
-            let mut states: Vec<_> =
-                (0..=u8::MAX).flat_map(|age| [State::new(age, 0), State::new(age, FRESH)]).collect();
+            let mut states: Vec<_> = (0..=u8::MAX)
+                .flat_map(|age| [State::new(age, 0), State::new(age, FRESH)])
+                .collect();
             isa.run(Age::new(&mut states, 3, false, &params));
             for (index, state) in states.iter().enumerate() {
                 let (before, is_fresh) = (index / 2, index % 2 == 1);
-                let is_gone = before == 255 || (before + 3 >= eviction_age.into() && eviction && !is_fresh);
+                let is_gone =
+                    before == 255 || (before + 3 >= eviction_age.into() && eviction && !is_fresh);
                 let expected = if is_gone { 255 } else { (before + 3).min(254) };
-                assert_eq!(usize::from(state.age()), expected, "{before} {is_fresh} {eviction_age} {eviction}");
+                assert_eq!(
+                    usize::from(state.age()),
+                    expected,
+                    "{before} {is_fresh} {eviction_age} {eviction}"
+                );
             }
         }
     }
@@ -450,6 +476,9 @@ mod tests {
         let mut points = Points::new(256, 1);
         points.states.fill(State::new(10, 0));
         points.states[7].set_age(200);
-        assert_eq!((0..9).map(|_| points.free_slot()).collect::<Vec<_>>(), (0..9).collect::<Vec<_>>());
+        assert_eq!(
+            (0..9).map(|_| points.free_slot()).collect::<Vec<_>>(),
+            (0..9).collect::<Vec<_>>()
+        );
     }
 }

@@ -46,7 +46,13 @@ impl Occupancy {
     }
 
     /// Requests for blocks that no thread marked, every n-th in scanline order so that there are at most `limit`.
-    pub fn request(&mut self, picture: (usize, usize), limit: usize, seed: u32, requests: &mut Vec<Request>) {
+    pub fn request(
+        &mut self,
+        picture: (usize, usize),
+        limit: usize,
+        seed: u32,
+        requests: &mut Vec<Request>,
+    ) {
         let Some((blocks, others)) = self.is_occupied.split_first_mut() else { return };
         for other in others {
             blocks.iter_mut().zip(other).for_each(|(block, other)| *block |= *other);
@@ -58,7 +64,12 @@ impl Occupancy {
         }
         let every = empty.div_ceil(limit);
         let phase = random::mix(seed, 0) as usize % every;
-        let chosen = blocks.iter().enumerate().filter(|&(_, &occupied)| occupied == 0).skip(phase).step_by(every);
+        let chosen = blocks
+            .iter()
+            .enumerate()
+            .filter(|&(_, &occupied)| occupied == 0)
+            .skip(phase)
+            .step_by(every);
         requests.extend(chosen.map(|(block, _)| {
             let (column, row) = (block % self.size.0 * self.side, block / self.size.0 * self.side);
             let (x, y) = random::pair(seed, block as u32);

@@ -74,8 +74,17 @@ impl Kernel for Prefilter<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { width, window, from, first_row, colour, picture: [red, green, blue], black, gaps_only, scratch } =
-            self;
+        let Self {
+            width,
+            window,
+            from,
+            first_row,
+            colour,
+            picture: [red, green, blue],
+            black,
+            gaps_only,
+            scratch,
+        } = self;
         let Scratch { buffers, single, gaps } = scratch;
         let rows = red.len() / width;
         for first in (0..rows).step_by(ROWS) {
@@ -88,17 +97,36 @@ impl Kernel for Prefilter<'_> {
                     let columns = start..(start + STRIP).min(wide.end);
                     let count = if gaps_only { gaps.count(strip) } else { usize::MAX };
                     if count > (last - first) * PIECES / FEW {
-                        let out =
-                            [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[first * width..last * width]);
+                        let out = [&mut *red, &mut *green, &mut *blue]
+                            .map(|plane| &mut plane[first * width..last * width]);
                         let gaps = gaps_only.then_some((&*gaps, strip));
-                        buffers.filter(colour, (width, window), (first_row, from + first), columns, out, black, gaps);
+                        buffers.filter(
+                            colour,
+                            (width, window),
+                            (first_row, from + first),
+                            columns,
+                            out,
+                            black,
+                            gaps,
+                        );
                     } else if count > 0 {
                         for row in first..last {
-                            for start in gaps.pieces(row - first, strip).map(|piece| columns.start + piece * PIECE) {
+                            for start in gaps
+                                .pieces(row - first, strip)
+                                .map(|piece| columns.start + piece * PIECE)
+                            {
                                 let columns = start..(start + PIECE).min(columns.end);
                                 let at = row * width + columns.start..row * width + columns.end;
-                                let out = [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[at.clone()]);
-                                single.filter(colour, (width, window), (first_row, from + row), &columns, out, black);
+                                let out = [&mut *red, &mut *green, &mut *blue]
+                                    .map(|plane| &mut plane[at.clone()]);
+                                single.filter(
+                                    colour,
+                                    (width, window),
+                                    (first_row, from + row),
+                                    &columns,
+                                    out,
+                                    black,
+                                );
                             }
                         }
                     }
@@ -133,7 +161,12 @@ impl Gaps {
             let Some(here) = row_of(colour, width, y) else { continue };
             let above = y.checked_sub(1).and_then(|y| row_of(colour, width, y)).unwrap_or(here);
             let below = row_of(colour, width, y + 1).unwrap_or(here);
-            merge(&above[start..end], &here[start..end], &below[start..end], &mut self.merged[to..][..length]);
+            merge(
+                &above[start..end],
+                &here[start..end],
+                &below[start..end],
+                &mut self.merged[to..][..length],
+            );
             // Beyond, no gaps: so all pieces are whole ones.
             self.merged[count + 2..].fill(u32::MAX);
             for (start, is_in) in (0..count).step_by(PIECE).zip(is_in) {
@@ -144,7 +177,10 @@ impl Gaps {
 
     /// How many pieces of a strip have some.
     fn count(&self, strip: usize) -> usize {
-        self.is_in.iter().map(|row| row[strip * PIECES..][..PIECES].iter().filter(|&&is_in| is_in).count()).sum()
+        self.is_in
+            .iter()
+            .map(|row| row[strip * PIECES..][..PIECES].iter().filter(|&&is_in| is_in).count())
+            .sum()
     }
 
     /// Pieces of a row of a strip that have some.
@@ -214,8 +250,10 @@ impl Single {
         let boundary = last - (first_row + last) % window;
         from_top.clear();
         to_bottom.clear();
-        for (row, is_below) in
-            (y..boundary).rev().map(|row| (row, false)).chain((boundary..=last).map(|row| (row, true)))
+        for (row, is_below) in (y..boundary)
+            .rev()
+            .map(|row| (row, false))
+            .chain((boundary..=last).map(|row| (row, true)))
         {
             decoded.decode(row.checked_sub(reach).and_then(|y| row_of(colour, width, y)), columns);
             let total = if is_below { &mut *from_top } else { &mut *to_bottom };
@@ -266,7 +304,8 @@ impl Buffers {
         // zeros. `last` is the last of a window. What the block of the first row has from before is in no window.
         for last in from..from + rows + 2 * reach {
             if let Some(row) = (last + AHEAD).checked_sub(from + 2 * reach) {
-                for line in (row * width + columns.start..).step_by(LINE).take(count.div_ceil(LINE)) {
+                for line in (row * width + columns.start..).step_by(LINE).take(count.div_ceil(LINE))
+                {
                     [&*red, &*green, &*blue].into_iter().for_each(|plane| prefetch_at(plane, line));
                 }
             }
@@ -275,7 +314,8 @@ impl Buffers {
                 std::mem::swap(left, block);
                 finish_block(&mut left[..window]);
             }
-            block[at].decode(last.checked_sub(reach).and_then(|y| row_of(colour, width, y)), &columns);
+            block[at]
+                .decode(last.checked_sub(reach).and_then(|y| row_of(colour, width, y)), &columns);
             if at == 0 {
                 so_far.clone_from(&block[at]);
             } else {
@@ -450,17 +490,21 @@ mod tests {
     }
 
     #[test]
-    fn gaps_filtered_alone_are_to_the_bit_what_the_whole_picture_gives_and_the_means_of_the_window() {
+    fn gaps_filtered_alone_are_to_the_bit_what_the_whole_picture_gives_and_the_means_of_the_window()
+    {
         let colour = points();
         for window in [3, 5, 7, WIDEST] {
             let (all, gaps) = (filtered(&colour, window, false), filtered(&colour, window, true));
             let (width, height) = SIZE;
             let mut found = [0; 2];
-            for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
+            for (row, column) in
+                (0..height).flat_map(|row| (0..width).map(move |column| (row, column)))
+            {
                 let around = |x: usize, y: usize| colour[y * width + x] == colour::NONE;
                 let rows = row.saturating_sub(1)..(row + 2).min(height);
-                let is_gap =
-                    rows.flat_map(|y| (column.saturating_sub(1)..(column + 2).min(width)).map(move |x| (x, y)));
+                let is_gap = rows.flat_map(|y| {
+                    (column.saturating_sub(1)..(column + 2).min(width)).map(move |x| (x, y))
+                });
                 let is_gap = is_gap.into_iter().all(|(x, y)| around(x, y));
                 let pixel = row * width + column;
                 for channel in 0..3 {
@@ -468,7 +512,10 @@ mod tests {
                     // A rounding of an f32 for each of the window's pixels at most, and a few.
                     let roundings = (window * window + 11) as f64;
                     let error = (f64::from(all[channel][pixel]) - expected).abs();
-                    assert!(error <= roundings * f64::from(f32::EPSILON) * expected, "{column} {row}: {error}");
+                    assert!(
+                        error <= roundings * f64::from(f32::EPSILON) * expected,
+                        "{column} {row}: {error}"
+                    );
                     let is_same = all[channel][pixel].to_bits() == gaps[channel][pixel].to_bits();
                     assert!(!is_gap || is_same, "{window}: {column} {row}");
                 }

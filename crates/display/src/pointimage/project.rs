@@ -93,11 +93,22 @@ impl Buckets {
         for range in &ranges {
             // One more than can be filled, so that what is fetched ahead exists.
             let chunks = count + range.len() / CHUNK + 2;
-            parts.push(Part { heads: vec![0; count], next: vec![END; chunks], base, chunks, free: 0 });
+            parts.push(Part {
+                heads: vec![0; count],
+                next: vec![END; chunks],
+                base,
+                chunks,
+                free: 0,
+            });
             base += chunks * CHUNK;
         }
         let records = filled(Record::default(), base);
-        Self { records, parts, lengths: ranges.iter().map(|range| range.len()).collect(), tile_rows }
+        Self {
+            records,
+            parts,
+            lengths: ranges.iter().map(|range| range.len()).collect(),
+            tile_rows,
+        }
     }
 
     /// The chains of each thread, empty, with the range of points that they are for.
@@ -158,7 +169,14 @@ pub(super) struct Screen<'a> {
 
 impl Chains<'_> {
     /// Adds points, the slots from `first` on; marks those outside the picture as hidden. A multiple of [`BLOCK`].
-    pub fn add(&mut self, isa: Isa, screen: Screen, first: usize, blocks: &[Block], states: &mut [State]) {
+    pub fn add(
+        &mut self,
+        isa: Isa,
+        screen: Screen,
+        first: usize,
+        blocks: &[Block],
+        states: &mut [State],
+    ) {
         match screen.map {
             Map::Flat(lens) => self.add_by(isa, lens, screen, first, blocks, states),
             Map::Cut(lens) => self.add_by(isa, lens, screen, first, blocks, states),
@@ -177,7 +195,16 @@ impl Chains<'_> {
     ) {
         let Screen { size, tile_rows, .. } = screen;
         let Chains { part, records, .. } = self;
-        isa.run(Project { map, size, tile_rows, first: first as u32, blocks, states, records, part });
+        isa.run(Project {
+            map,
+            size,
+            tile_rows,
+            first: first as u32,
+            blocks,
+            states,
+            records,
+            part,
+        });
     }
 }
 

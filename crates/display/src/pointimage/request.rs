@@ -20,7 +20,9 @@ impl PointImage {
         let point = self.shown(pixel);
         let (aim, purpose) = match point {
             None => (anywhere(), Purpose::Pixel),
-            Some((_, flags)) if flags & FRESH != 0 && !self.is_check(seed, pixel) => (anywhere(), Purpose::Refine),
+            Some((_, flags)) if flags & FRESH != 0 && !self.is_check(seed, pixel) => {
+                (anywhere(), Purpose::Refine)
+            }
             Some((at, _)) if self.params.stages.resampling => {
                 (Aim::Through(self.points.position(at)), Purpose::Resample)
             }
@@ -63,7 +65,13 @@ impl PointImage {
 
     fn tag(&self, pixel: u32, purpose: Purpose, point: Option<(usize, u8)>) -> Tag {
         let generation = point.map_or(0, |(_, flags)| flags & GENERATIONS);
-        Tag { purpose, pixel, slot: self.planes.slot[pixel as usize], generation, epoch: self.epoch }
+        Tag {
+            purpose,
+            pixel,
+            slot: self.planes.slot[pixel as usize],
+            generation,
+            epoch: self.epoch,
+        }
     }
 
     /// The point that a pixel shows, and its flags. One that was culled is not what the pixel shows.
@@ -88,7 +96,8 @@ impl PointImage {
 
     /// Whether a pixel's turn has come for a ray through its point even though it is a sample of this view.
     fn is_check(&self, seed: u32, pixel: u32) -> bool {
-        self.params.stages.resampling && random::mix(!seed, pixel).is_multiple_of(self.params.check_every)
+        self.params.stages.resampling
+            && random::mix(!seed, pixel).is_multiple_of(self.params.check_every)
     }
 
     /// `wanted` pixels anywhere, for comparison with the dither.

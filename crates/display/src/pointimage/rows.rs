@@ -30,7 +30,8 @@ impl<const N: usize> Row<N> {
     #[inline(always)]
     pub fn decode(&mut self, row: Option<&[u32]>, columns: &Range<usize>) {
         let Some(row) = row else { return self.clear() };
-        let (start, end) = (columns.start.saturating_sub(ROOM), (columns.end + ROOM).min(row.len()));
+        let (start, end) =
+            (columns.start.saturating_sub(ROOM), (columns.end + ROOM).min(row.len()));
         let (to, row) = ((ROOM + start) - columns.start, &row[start..end]);
         if let Some(row) = row.first_chunk::<N>().filter(|_| to == 0) {
             decode_into(row, &mut self.channels, &mut self.counts);
@@ -50,7 +51,9 @@ impl<const N: usize> Row<N> {
     #[inline(always)]
     pub fn add(&mut self, other: &Self) {
         for (sums, other) in self.channels.iter_mut().zip(&other.channels) {
-            for (sums, other) in sums.as_chunks_mut::<LANES>().0.iter_mut().zip(other.as_chunks::<LANES>().0) {
+            for (sums, other) in
+                sums.as_chunks_mut::<LANES>().0.iter_mut().zip(other.as_chunks::<LANES>().0)
+            {
                 for x in 0..LANES {
                     sums[x] += other[x];
                 }
@@ -77,7 +80,11 @@ pub(super) fn strips(width: usize, of: usize) -> impl Iterator<Item = Range<usiz
 }
 
 #[inline(always)]
-fn decode_into<const N: usize>(colours: &[u32; N], [red, green, blue]: &mut [[f32; N]; 3], counts: &mut [u8; N]) {
+fn decode_into<const N: usize>(
+    colours: &[u32; N],
+    [red, green, blue]: &mut [[f32; N]; 3],
+    counts: &mut [u8; N],
+) {
     for x in 0..N {
         [red[x], green[x], blue[x]] = colour::decode(colours[x]);
     }

@@ -28,7 +28,11 @@ impl Setting {
     ///
     /// # Errors
     /// A number that it may not be.
-    pub(super) fn put(&self, params: &mut PointImageParams, value: f64) -> Result<(), PointImageError> {
+    pub(super) fn put(
+        &self,
+        params: &mut PointImageParams,
+        value: f64,
+    ) -> Result<(), PointImageError> {
         self.check(value)?;
         (self.put)(params, value);
         Ok(())
@@ -36,7 +40,11 @@ impl Setting {
 
     pub(super) fn check(&self, value: f64) -> Result<(), PointImageError> {
         let Self { name, allowed: wanted, .. } = *self;
-        if (self.is_allowed)(value) { Ok(()) } else { Err(PointImageError::Parameter { name, value, wanted }) }
+        if (self.is_allowed)(value) {
+            Ok(())
+        } else {
+            Err(PointImageError::Parameter { name, value, wanted })
+        }
     }
 }
 

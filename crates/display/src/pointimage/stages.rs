@@ -30,7 +30,9 @@ impl PointImage {
         ended(Stage::UpdatePoints);
         self.requests.clear();
         // At rest nothing is about to come into view.
-        let predicted = moment.predicted.filter(|predicted| self.params.stages.prediction && *predicted != moment.view);
+        let predicted = moment
+            .predicted
+            .filter(|predicted| self.params.stages.prediction && *predicted != moment.view);
         self.predicted = predicted;
         let is_new = moved || self.is_dirty || !moment.samples.is_empty();
         self.project(predicted.as_ref(), is_new, ended);
@@ -71,8 +73,11 @@ impl PointImage {
 
     /// Ages the points by as much as `samples` new ones are worth.
     pub(super) fn age(&mut self, samples: usize, moved: bool, is_hinted: bool) {
-        let increment =
-            if self.params.stages.ageing { self.points.increment(samples, self.params.mean_last_age) } else { 0 };
+        let increment = if self.params.stages.ageing {
+            self.points.increment(samples, self.params.mean_last_age)
+        } else {
+            0
+        };
         if increment > 0 || moved || is_hinted {
             let lengths = self.buckets.lengths().iter().copied();
             let parts = parallel::cut(&mut self.points.states, lengths);
@@ -127,7 +132,8 @@ impl PointImage {
         let predicted = predicted.map(|view| Map::new(view, self.origin, width, height));
         let marks = predicted.as_ref().map(|map| self.occupancy.begin(map));
         let tile_rows = self.buckets.tile_rows;
-        let screen = self.map.as_ref().filter(|_| is_new).map(|map| Screen { map, size, tile_rows });
+        let screen =
+            self.map.as_ref().filter(|_| is_new).map(|map| Screen { map, size, tile_rows });
         if predicted.is_none() && screen.is_none() {
             return;
         }
@@ -137,20 +143,27 @@ impl PointImage {
         let mut marks = marks.into_iter().flatten();
         let marks = std::iter::repeat_with(|| marks.next());
         let parts = self.buckets.begin().into_iter().zip(states).zip(marks);
-        parallel::for_each_telling(parts.collect(), ended, |((mut chains, states), mut marks), ended| {
-            let blocks = blocks[chains.points.start / BLOCK..chains.points.end / BLOCK].chunks(PORTION);
-            let portions = blocks.zip(states.chunks_mut(PORTION * BLOCK));
-            for ((blocks, states), first) in portions.zip((chains.points.start..).step_by(PORTION * BLOCK)) {
-                if let Some(marks) = &mut marks {
-                    marks.add(isa, blocks, states);
-                    ended(Stage::PredictedProjection);
+        parallel::for_each_telling(
+            parts.collect(),
+            ended,
+            |((mut chains, states), mut marks), ended| {
+                let blocks =
+                    blocks[chains.points.start / BLOCK..chains.points.end / BLOCK].chunks(PORTION);
+                let portions = blocks.zip(states.chunks_mut(PORTION * BLOCK));
+                for ((blocks, states), first) in
+                    portions.zip((chains.points.start..).step_by(PORTION * BLOCK))
+                {
+                    if let Some(marks) = &mut marks {
+                        marks.add(isa, blocks, states);
+                        ended(Stage::PredictedProjection);
+                    }
+                    if let Some(screen) = screen {
+                        chains.add(isa, screen, first, blocks, states);
+                        ended(Stage::ProjectAndTileSort);
+                    }
                 }
-                if let Some(screen) = screen {
-                    chains.add(isa, screen, first, blocks, states);
-                    ended(Stage::ProjectAndTileSort);
-                }
-            }
-        });
+            },
+        );
     }
 
     /// Requests for what is about to come into view.
@@ -164,7 +177,8 @@ impl PointImage {
     fn show(&mut self, ended: &mut dyn FnMut(Stage)) {
         let prior = self.prior();
         let (weights, window) = (Weights::new(&self.params), self.params.prefilter_window as usize);
-        let (smoothing, stages, empty) = (self.params.smoothing, self.params.stages, self.params.empty);
+        let (smoothing, stages, empty) =
+            (self.params.smoothing, self.params.stages, self.params.empty);
         let fill = stages.interpolation;
         let looks = Looks {
             own_point: !fill || smoothing == Smoothing::Gaps,
@@ -179,7 +193,11 @@ impl PointImage {
             size: self.planes.size,
             fill: Fill { isa: self.isa, buckets: &self.buckets, states, frame: self.frames },
             cull_threshold: stages.depth_cull.then_some(self.params.cull_threshold),
-            prefilter: stages.prefilter.then_some((window, empty == EmptyPixels::Black, fill && prior == 0.0)),
+            prefilter: stages.prefilter.then_some((
+                window,
+                empty == EmptyPixels::Black,
+                fill && prior == 0.0,
+            )),
             looks,
         };
         work.run(&mut self.planes, &mut self.scratch, ended);
@@ -192,7 +210,11 @@ impl PointImage {
     /// What the 7×7 mean weighs in the 3×3 filter.
     fn prior(&self) -> f32 {
         let Stages { prefilter, interpolation, .. } = self.params.stages;
-        if prefilter && interpolation { self.noise.weight(self.params.noise_smoothing) } else { 0.0 }
+        if prefilter && interpolation {
+            self.noise.weight(self.params.noise_smoothing)
+        } else {
+            0.0
+        }
     }
 
     /// Pixels whose point is a sample of this view show its mean to the last digit: packed colours would round it. With few noisy
@@ -206,7 +228,11 @@ impl PointImage {
             if (depth as i32) > 0 {
                 let details = &self.points.details[slot as usize];
                 let is_noisy = prior > 0.0 && self.points.states[slot as usize].has(NOISY);
-                let own = if is_noisy { details.count as f32 / (details.count as f32 + prior) } else { 1.0 };
+                let own = if is_noisy {
+                    details.count as f32 / (details.count as f32 + prior)
+                } else {
+                    1.0
+                };
                 for (shown, mean) in [red, green, blue].into_iter().zip(details.mean) {
                     *shown = if is_noisy { *shown + own * (mean - *shown) } else { mean };
                 }
@@ -220,7 +246,15 @@ impl PointImage {
         let seed = random::mix(self.params.seed, self.frames);
         if self.params.stages.dither {
             let (threads, width) = (self.params.threads, self.planes.size.0);
-            dither::choose(self.isa, threads, &self.planes.priority, width, wanted, seed, &mut chosen);
+            dither::choose(
+                self.isa,
+                threads,
+                &self.planes.priority,
+                width,
+                wanted,
+                seed,
+                &mut chosen,
+            );
         } else {
             self.choose_anywhere(wanted, seed, &mut chosen);
         }
@@ -239,7 +273,9 @@ impl PointImage {
             }
         };
         let prefetch_points = |number| {
-            chunk(number).iter().for_each(|&pixel| self.points.prefetch_place(self.planes.slot[pixel as usize]))
+            chunk(number)
+                .iter()
+                .for_each(|&pixel| self.points.prefetch_place(self.planes.slot[pixel as usize]))
         };
         prefetch_pixels(0);
         prefetch_pixels(1);
@@ -255,7 +291,9 @@ impl PointImage {
 
 /// Orders pixels by tile, so that samples come back as they are kept: near together what is near together.
 fn sort_by_tile(pixels: &mut Vec<u32>, sorted: &mut Vec<u32>, width: usize) {
-    let Some(last) = pixels.iter().max().map(|&pixel| pixel as usize / width / TILE) else { return };
+    let Some(last) = pixels.iter().max().map(|&pixel| pixel as usize / width / TILE) else {
+        return;
+    };
     let across = width.div_ceil(TILE);
     let tile = |pixel: u32| {
         let (row, column) = (pixel / width as u32, pixel % width as u32);

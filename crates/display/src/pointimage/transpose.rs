@@ -116,7 +116,10 @@ mod tests {
     fn words_change_places_with_records_with_all_instructions() {
         let records: [Words; WORDS] =
             std::array::from_fn(|record| std::array::from_fn(|word| (100 * record + word) as u32));
-        for isa in [Instructions::Portable, Instructions::Avx2, Instructions::Avx512].into_iter().filter_map(Isa::new) {
+        for isa in [Instructions::Portable, Instructions::Avx2, Instructions::Avx512]
+            .into_iter()
+            .filter_map(Isa::new)
+        {
             let mut rows = [[0; WORDS]; WORDS];
             isa.transpose(records.each_ref(), &mut rows);
             for (word, row) in rows.iter().enumerate() {

@@ -5,7 +5,9 @@
 use super::PointImage;
 use super::colour;
 use super::map::{far_along, far_away};
-use super::points::{Details, FRESH, GENERATION, GENERATIONS, HIDDEN, HIGHLIGHT, NOISY, REFINED, State};
+use super::points::{
+    Details, FRESH, GENERATION, GENERATIONS, HIDDEN, HIGHLIGHT, NOISY, REFINED, State,
+};
 use super::sample::{Place, Purpose, Sample};
 use glam::DVec3;
 use holo_picture::{Clip, View};
@@ -35,7 +37,8 @@ impl PointImage {
         let tag = sample.tag;
         let slot = tag.slot as usize;
         let is_current = tag.epoch == self.epoch && tag.purpose != Purpose::Fill;
-        let is_held = |state: &State| state.flags() & GENERATIONS == tag.generation && !state.is_empty();
+        let is_held =
+            |state: &State| state.flags() & GENERATIONS == tag.generation && !state.is_empty();
         let holds = self.points.states.get(slot).is_some_and(is_held);
         match tag.purpose {
             Purpose::Resample if holds => {
@@ -83,7 +86,11 @@ impl PointImage {
     /// Whether the view shows what a ray that is meant for it met.
     #[inline]
     fn clip(&self, sample: &Sample) -> Clip {
-        match self.view.as_ref().filter(|view| view.is_clipped() && sample.tag.purpose != Purpose::Fill) {
+        match self
+            .view
+            .as_ref()
+            .filter(|view| view.is_clipped() && sample.tag.purpose != Purpose::Fill)
+        {
             None => Clip::Shown,
             Some(view) => match sample.place {
                 Place::At(position) => view.clip(position),
@@ -103,17 +110,21 @@ impl PointImage {
         self.put(slot, position, radiance, sample, is_fresh);
         self.points.taken += 1;
         let pixel = sample.tag.pixel as usize;
-        if let Some((shown, colour)) = self.planes.slot.get_mut(pixel).zip(self.planes.colour.get_mut(pixel)) {
+        if let Some((shown, colour)) =
+            self.planes.slot.get_mut(pixel).zip(self.planes.colour.get_mut(pixel))
+        {
             (*shown, *colour) = (slot as u32, self.points.colour(slot));
         }
     }
 
     /// Where something infinitely far away is kept, relative to the origin.
     fn far(&self, sample: &Sample, direction: DVec3) -> DVec3 {
-        let parallel = self.view.filter(|view| !view.kind.has_eye() && sample.tag.purpose != Purpose::Fill);
+        let parallel =
+            self.view.filter(|view| !view.kind.has_eye() && sample.tag.purpose != Purpose::Fill);
         let Some(view) = parallel else { return far_away(direction) };
         let (width, height) = (self.planes.size.0 as u32, self.planes.size.1 as u32);
-        let (x, y) = View::pixel_centre((width, height), sample.tag.pixel % width, sample.tag.pixel / width);
+        let (x, y) =
+            View::pixel_centre((width, height), sample.tag.pixel % width, sample.tag.pixel / width);
         let (origin, direction) = view.ray(x, y);
         origin + direction * far_along(&view) - self.origin
     }
@@ -121,11 +132,14 @@ impl PointImage {
     /// Distances from the eye, of a point and of another place.
     fn distances(&self, slot: usize, position: [f32; 3]) -> (f64, f64) {
         if let Some(view) = self.view.filter(|view| !view.kind.has_eye()) {
-            let depth = |p: [f32; 3]| DVec3::from(p.map(f64::from)).dot(view.vd) - self.eye.dot(view.vd);
+            let depth =
+                |p: [f32; 3]| DVec3::from(p.map(f64::from)).dot(view.vd) - self.eye.dot(view.vd);
             return (depth(self.points.position(slot)), depth(position));
         }
         let eye = self.eye.to_array();
-        let distance = |p: [f32; 3]| (0..3).map(|axis| (f64::from(p[axis]) - eye[axis]).powi(2)).sum::<f64>().sqrt();
+        let distance = |p: [f32; 3]| {
+            (0..3).map(|axis| (f64::from(p[axis]) - eye[axis]).powi(2)).sum::<f64>().sqrt()
+        };
         (distance(self.points.position(slot)), distance(position))
     }
 
@@ -133,20 +147,31 @@ impl PointImage {
         let slot = *self.planes.slot.get(pixel as usize)? as usize;
         let is_fresh = self.points.states.get(slot)?.has(FRESH);
         // Since the last picture another pixel's point may have taken the slot.
-        (is_fresh && self.points.details[slot].epoch == self.epoch && self.is_in(slot, pixel)).then_some(slot)
+        (is_fresh && self.points.details[slot].epoch == self.epoch && self.is_in(slot, pixel))
+            .then_some(slot)
     }
 
     /// The colour-change test, with the noise that the renderer stated.
-    fn has_changed(&self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample) -> bool {
+    fn has_changed(
+        &self,
+        slot: usize,
+        position: [f32; 3],
+        radiance: [f32; 3],
+        sample: &Sample,
+    ) -> bool {
         let reference = self.reference(slot);
-        let largest = reference.iter().chain(&radiance).fold(0.0_f32, |largest, &channel| largest.max(channel));
+        let largest = reference
+            .iter()
+            .chain(&radiance)
+            .fold(0.0_f32, |largest, &channel| largest.max(channel));
         let mut variance = sample.noise * sample.noise;
         if self.points.states[slot].has(NOISY) {
             let details = &self.points.details[slot];
             // A mean of n samples has 1/n of their variance.
             variance += details.noise * details.noise / details.reference_count.max(1) as f32;
         }
-        let allowed = self.params.change_threshold * largest + self.params.noise_deviations * variance.max(0.0).sqrt();
+        let allowed = self.params.change_threshold * largest
+            + self.params.noise_deviations * variance.max(0.0).sqrt();
         let changed = radiance.iter().zip(&reference).any(|(new, old)| (new - old).abs() > allowed);
         let (old, new) = self.distances(slot, position);
         changed || (new - old).abs() > self.params.move_threshold * old
@@ -155,11 +180,22 @@ impl PointImage {
     /// Mean of rays through a point.
     fn reference(&self, slot: usize) -> [f32; 3] {
         let is_refined = self.points.states[slot].has(REFINED);
-        colour::decode(if is_refined { self.points.details[slot].reference } else { self.points.colour(slot) })
+        colour::decode(if is_refined {
+            self.points.details[slot].reference
+        } else {
+            self.points.colour(slot)
+        })
     }
 
     /// A new point in a slot. Reads nothing but the flags: what it writes is rarely in a cache, and would be waited for.
-    fn put(&mut self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_fresh: bool) {
+    fn put(
+        &mut self,
+        slot: usize,
+        position: [f32; 3],
+        radiance: [f32; 3],
+        sample: &Sample,
+        is_fresh: bool,
+    ) {
         self.has_fresh |= is_fresh;
         let points = &mut self.points;
         points.set_position(slot, position);
@@ -178,7 +214,14 @@ impl PointImage {
     }
 
     /// The ray through a point found it as it was: averages it in.
-    fn confirm(&mut self, slot: usize, position: [f32; 3], radiance: [f32; 3], sample: &Sample, is_current: bool) {
+    fn confirm(
+        &mut self,
+        slot: usize,
+        position: [f32; 3],
+        radiance: [f32; 3],
+        sample: &Sample,
+        is_current: bool,
+    ) {
         let mut reference = self.reference(slot);
         let points = &mut self.points;
         let mut details = points.details[slot];
@@ -226,7 +269,9 @@ impl PointImage {
         for y in row.saturating_sub(reach)..(row + reach + 1).min(height) {
             for x in column.saturating_sub(reach)..(column + reach + 1).min(width) {
                 let slot = self.planes.slot[y * width + x] as usize;
-                if slot != changed && self.points.states.get(slot).is_some_and(|state| !state.is_empty()) {
+                if slot != changed
+                    && self.points.states.get(slot).is_some_and(|state| !state.is_empty())
+                {
                     self.points.age(slot, self.params.change_ageing);
                 }
             }

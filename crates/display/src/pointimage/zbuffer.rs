@@ -39,7 +39,11 @@ impl From<&Record> for Nearest {
     fn from(record: &Record) -> Self {
         // Two loads instead of four.
         let words: [u64; 2] = bytemuck::cast(*record);
-        let [look, key] = if cfg!(target_endian = "big") { words.map(|word| word.rotate_left(32)) } else { words };
+        let [look, key] = if cfg!(target_endian = "big") {
+            words.map(|word| word.rotate_left(32))
+        } else {
+            words
+        };
         Self { look, key }
     }
 }
@@ -120,7 +124,9 @@ fn keep_nearest(records: &[Record], nearest: &mut [Nearest]) {
     for record in records {
         let new = Nearest::from(record);
         // Every record of a tile has a pixel of it.
-        let Some(pixel) = nearest.get_mut(new.look as u32 as usize >> Record::PIXEL) else { continue };
+        let Some(pixel) = nearest.get_mut(new.look as u32 as usize >> Record::PIXEL) else {
+            continue;
+        };
         // Whether a pixel has a nearer point already cannot be guessed: a branch, which compilers make of anything less than this, made
         // the whole stage take 45 % longer.
         let is_nearer = new.key < pixel.key;
@@ -161,7 +167,13 @@ impl Kernel for Show<'_> {
 }
 
 #[inline(always)]
-fn show(nearest: &[Nearest], colour: &mut [u32], depth: &mut [u32], slot: &mut [u32], age: &mut [u8]) {
+fn show(
+    nearest: &[Nearest],
+    colour: &mut [u32],
+    depth: &mut [u32],
+    slot: &mut [u32],
+    age: &mut [u8],
+) {
     let count = nearest.len();
     let (colour, depth) = (&mut colour[..count], &mut depth[..count]);
     let (slot, age) = (&mut slot[..count], &mut age[..count]);

@@ -35,7 +35,8 @@ impl Leaves {
             self.weight[at] = surface.weight;
             self.weight_squared[at] = surface.weight_squared_of_shown();
             self.mean.iter_mut().zip(surface.mean).for_each(|(mean, own)| mean[at] = own);
-            (self.first[at], self.last[at]) = (i32::from(surface.bins.first), i32::from(surface.bins.last));
+            (self.first[at], self.last[at]) =
+                (i32::from(surface.bins.first), i32::from(surface.bins.last));
         } else {
             // Of no weight, so any finite mean does.
             (self.weight[at], self.weight_squared[at]) = (0.0, 0.0);
@@ -64,7 +65,8 @@ impl Leaves {
         let Pair { own, beside } = &mut pair;
         moves.row(&self.weight, &mut own.weight, &mut beside.weight);
         moves.row(&self.weight_squared, &mut own.weight_squared, &mut beside.weight_squared);
-        for (from, (own, beside)) in self.mean.iter().zip(own.mean.iter_mut().zip(&mut beside.mean)) {
+        for (from, (own, beside)) in self.mean.iter().zip(own.mean.iter_mut().zip(&mut beside.mean))
+        {
             moves.row(from, own, beside);
         }
         moves.row(&self.first, &mut own.first, &mut beside.first);

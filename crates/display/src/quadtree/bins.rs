@@ -41,7 +41,11 @@ pub(crate) fn bin_distance(bin: u16) -> f32 {
 /// Its square.
 #[inline(always)]
 pub(crate) fn bin_distance_squared(bin: u16) -> f32 {
-    if bin >= FAR { f32::INFINITY } else { f32::from_bits((u32::from(bin) << BIN_SHIFT) | 1 << (BIN_SHIFT - 1)) }
+    if bin >= FAR {
+        f32::INFINITY
+    } else {
+        f32::from_bits((u32::from(bin) << BIN_SHIFT) | 1 << (BIN_SHIFT - 1))
+    }
 }
 
 /// The bins of one pixel, nearest first.
@@ -143,7 +147,14 @@ impl PixelBins {
     }
 
     #[inline(always)]
-    pub fn add(&mut self, pixel: usize, bin: u16, colour: &Colour, weight: u32, near: Option<usize>) {
+    pub fn add(
+        &mut self,
+        pixel: usize,
+        bin: u16,
+        colour: &Colour,
+        weight: u32,
+        near: Option<usize>,
+    ) {
         let slots = &self.slots[pixel];
         let rank = slots.iter().position(|&kept| bin <= kept).unwrap_or(BINS_KEPT);
         if rank == BINS_KEPT {
@@ -219,11 +230,19 @@ impl PixelBins {
 
     /// The nearest bin and the next of every other pixel from one on, as many as are asked for; [`NONE`] of others.
     #[inline(always)]
-    pub fn bins_of_every_other<const COUNT: usize>(&self, first: usize, count: usize) -> [[u32; COUNT]; 2] {
+    pub fn bins_of_every_other<const COUNT: usize>(
+        &self,
+        first: usize,
+        count: usize,
+    ) -> [[u32; COUNT]; 2] {
         let slots = self.slots.get(first..).unwrap_or_default();
         // Whole words: numbers of 16 bits one by one the compiler moves one by one.
         let mut words = [u64::MAX; COUNT];
-        words.iter_mut().take(count).zip(slots.iter().step_by(2)).for_each(|(word, &slots)| *word = cast(slots));
+        words
+            .iter_mut()
+            .take(count)
+            .zip(slots.iter().step_by(2))
+            .for_each(|(word, &slots)| *word = cast(slots));
         let [first, second] = if cfg!(target_endian = "big") { [48, 32] } else { [0, 16] };
         let [mut nearest, mut next] = [[0; COUNT]; 2];
         for (lane, word) in words.iter().enumerate() {
@@ -254,7 +273,8 @@ impl PixelBins {
     /// Asks for all sums of some pixels.
     #[inline(always)]
     pub fn prefetch_sums_of(&self, pixels: Range<usize>) {
-        let (Some(slots), Some(nearest)) = (self.slots.get(pixels.clone()), self.nearest.packed.get(pixels.clone()))
+        let (Some(slots), Some(nearest)) =
+            (self.slots.get(pixels.clone()), self.nearest.packed.get(pixels.clone()))
         else {
             return;
         };
@@ -295,7 +315,11 @@ impl PixelBins {
 
 /// The nearest [`BINS_KEPT`] bins of a pixel in both, nearest first, with the sums of both: complete, since a bin among the
 /// nearest of both is among the nearest of each that has it.
-pub(crate) fn merged(a: &PixelBins, b: &PixelBins, pixel: usize) -> impl Iterator<Item = (u16, Sums)> {
+pub(crate) fn merged(
+    a: &PixelBins,
+    b: &PixelBins,
+    pixel: usize,
+) -> impl Iterator<Item = (u16, Sums)> {
     let (mut a, mut b) = (a.of(pixel).peekable(), b.of(pixel).peekable());
     let next = move || {
         let (first, second) = (a.peek().map_or(NONE, |a| a.0), b.peek().map_or(NONE, |b| b.0));

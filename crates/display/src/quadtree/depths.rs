@@ -32,12 +32,18 @@ struct Leaves {
 
 impl Leaves {
     /// Leaves of `width` × `height`, of what `gather` adds for a column and row.
-    fn new(level: usize, width: usize, height: usize, mut gather: impl FnMut(usize, usize, &mut Vec<Part>)) -> Self {
+    fn new(
+        level: usize,
+        width: usize,
+        height: usize,
+        mut gather: impl FnMut(usize, usize, &mut Vec<Part>),
+    ) -> Self {
         let mut first = Vec::with_capacity(width * height + 1);
         first.push(0);
         let mut leaves = Self { width, height, first, parts: Vec::new(), are_all_filled: true };
         let (gap, mut found) = (gap_allowed(level), Vec::new());
-        for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
+        for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column)))
+        {
             found.clear();
             gather(column, row, &mut found);
             found.sort_unstable_by_key(|part: &Part| (part.bins.first, part.bins.last));
@@ -81,18 +87,31 @@ impl Quadtree {
     pub(super) fn depths(&self) -> impl Iterator<Item = (u32, u32, f32)> {
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
         let side = 1 << LEVEL;
-        let finest = Leaves::new(LEVEL, width.div_ceil(side), height.div_ceil(side), |column, row, found| {
-            for row in side * row..(side * row + side).min(height) {
-                for pixel in row * width + side * column..row * width + (side * column + side).min(width) {
-                    let bins = self.narrow.of(pixel).chain(self.wide.of(pixel));
-                    found.extend(bins.map(|(bin, sums)| Part { bins: Bins::of(bin), count: sums.count() }));
-                }
-            }
-        });
+        let finest =
+            Leaves::new(
+                LEVEL,
+                width.div_ceil(side),
+                height.div_ceil(side),
+                |column, row, found| {
+                    for row in side * row..(side * row + side).min(height) {
+                        for pixel in row * width + side * column
+                            ..row * width + (side * column + side).min(width)
+                        {
+                            let bins = self.narrow.of(pixel).chain(self.wide.of(pixel));
+                            found.extend(bins.map(|(bin, sums)| Part {
+                                bins: Bins::of(bin),
+                                count: sums.count(),
+                            }));
+                        }
+                    }
+                },
+            );
         let (columns, rows) = (finest.width, finest.height);
         let mut levels = vec![finest];
         // Larger leaves are for where smaller ones are empty.
-        while let Some(last) = levels.last().filter(|last| !last.are_all_filled && last.width.max(last.height) > 1) {
+        while let Some(last) =
+            levels.last().filter(|last| !last.are_all_filled && last.width.max(last.height) > 1)
+        {
             levels.push(last.parent(LEVEL + levels.len()));
         }
         let squares = (0..rows).flat_map(move |row| (0..columns).map(move |column| (column, row)));
@@ -103,8 +122,10 @@ impl Quadtree {
             if !self.covered[pixel] || self.sees_nothing(pixel) {
                 return None;
             }
-            let (level, leaves) =
-                levels.iter().enumerate().find(|(up, level)| !level.leaf(column >> up, row >> up).is_empty())?;
+            let (level, leaves) = levels
+                .iter()
+                .enumerate()
+                .find(|(up, level)| !level.leaf(column >> up, row >> up).is_empty())?;
             let leaf = leaves.leaf(column >> level, row >> level);
             let all: f32 = leaf.iter().map(|part| part.count as f32).sum();
             let seen = leaf.iter().find(|part| part.count as f32 >= SEEN_SHARE * all)?;

@@ -150,7 +150,8 @@ impl Drawing {
     /// find out what need not be drawn.
     fn take_in(&mut self, width: u32) -> bool {
         if self.growth.is_empty() {
-            self.growth = self.pyramids.all().iter().map(|level| zeroed(level.samples.len())).collect();
+            self.growth =
+                self.pyramids.all().iter().map(|level| zeroed(level.samples.len())).collect();
         }
         self.grow(width);
         let pixels = self.growth.iter().zip(self.pyramids.all()).take(1);
@@ -205,7 +206,10 @@ impl Drawing {
             for row in tile_row * side..((tile_row + 1) * side).min(height) {
                 let leaves = row * width + columns.start..row * width + columns.end;
                 if number == 0 {
-                    leaves.clone().filter(|&pixel| self.is_due(0, pixel)).for_each(|pixel| tree.prefetch(pixel));
+                    leaves
+                        .clone()
+                        .filter(|&pixel| self.is_due(0, pixel))
+                        .for_each(|pixel| tree.prefetch(pixel));
                 }
                 for index in leaves {
                     if self.is_due(number, index) {
@@ -215,7 +219,9 @@ impl Drawing {
                 }
             }
         }
-        let again = |pixels: Range<usize>| self.reach[pixels].iter().filter(|&&reach| reach == AGAIN).count();
+        let again = |pixels: Range<usize>| {
+            self.reach[pixels].iter().filter(|&&reach| reach == AGAIN).count()
+        };
         work + tile_rows(tree.size, tile).map(again).sum::<usize>()
     }
 
@@ -239,7 +245,10 @@ impl Drawing {
                 if number > 0 {
                     halve(&mut self.fresh, levels[number - 1].width, level.width);
                 }
-                growth.iter_mut().zip(&self.fresh).for_each(|(growth, &fresh)| *growth = growth.saturating_add(fresh));
+                growth
+                    .iter_mut()
+                    .zip(&self.fresh)
+                    .for_each(|(growth, &fresh)| *growth = growth.saturating_add(fresh));
             }
         }
         self.landed.clear();
@@ -262,9 +271,10 @@ impl Drawing {
             level.put(column, row, surfaces);
             is_new |= above.first().is_some_and(|above| {
                 let above = above.leaf(column / 2, row / 2);
-                surfaces
-                    .iter()
-                    .any(|surface| own_surface(above, surface.bins).is_none_or(|own| surface.bins.last > own.bins.last))
+                surfaces.iter().any(|surface| {
+                    own_surface(above, surface.bins)
+                        .is_none_or(|own| surface.bins.last > own.bins.last)
+                })
             });
         };
         put(&mut pyramids.narrow, &|surfaces| of_pixel(tree.narrow.of(index), surfaces));
@@ -291,13 +301,15 @@ impl Drawing {
         let (growth, level) = (&self.growth[below], &self.pyramids.all()[below]);
         let rows = 2 * row..(2 * row + 2).min(level.height);
         let columns = 2 * column..(2 * column + 2).min(level.width);
-        let new = rows.flat_map(|row| columns.clone().map(move |column| growth[row * level.width + column]));
+        let new = rows
+            .flat_map(|row| columns.clone().map(move |column| growth[row * level.width + column]));
         new.fold(0, u32::saturating_add)
     }
 
     /// Has the pixels of a leaf drawn again that were averaged over leaves of its level.
     fn mark(&mut self, number: usize, column: usize, row: usize) {
-        let (width, height) = (self.frame.picture.width as usize, self.frame.picture.height as usize);
+        let (width, height) =
+            (self.frame.picture.width as usize, self.frame.picture.height as usize);
         let columns = column << number..((column + 1) << number).min(width);
         for row in row << number..((row + 1) << number).min(height) {
             for reach in &mut self.reach[row * width..][columns.clone()] {
@@ -413,12 +425,15 @@ mod tests {
     #[test]
     fn leaves_contain_their_childrens_surfaces_and_lack_less_than_a_quarter_of_what_they_have() {
         let (size, section) = ((37, 21), room());
-        let view = View::new(DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z, Some(70.0), None, size).unwrap();
+        let view = View::new(DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z, Some(70.0), None, size)
+            .unwrap();
         let beams = section.beam_count();
         let mut tree = Quadtree::new(Arc::from([section]), view, size, QuadtreeParams::default());
         let mut state = 7_u64;
         let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             (state >> 33) as u32
         };
         for burst in 0..40 {
@@ -433,24 +448,30 @@ mod tests {
             let pyramids = std::iter::once(&drawing.pyramids.narrow).chain(&drawing.pyramids.all);
             for levels in pyramids {
                 for (below, above) in levels.iter().zip(&levels[1..]) {
-                    for (column, row) in
-                        (0..below.height).flat_map(|row| (0..below.width).map(move |column| (column, row)))
+                    for (column, row) in (0..below.height)
+                        .flat_map(|row| (0..below.width).map(move |column| (column, row)))
                     {
                         let parent = above.leaf(column / 2, row / 2);
                         for surface in below.leaf(column, row) {
                             let own = own_surface(parent, surface.bins).unwrap();
-                            assert!(own.bins.first <= surface.bins.first && surface.bins.last <= own.bins.last);
+                            assert!(
+                                own.bins.first <= surface.bins.first
+                                    && surface.bins.last <= own.bins.last
+                            );
                         }
                     }
                 }
             }
             let levels = || drawing.growth.iter().zip(drawing.pyramids.all());
-            for (&new, &known) in levels().flat_map(|(growth, level)| growth.iter().zip(&level.samples)) {
+            for (&new, &known) in
+                levels().flat_map(|(growth, level)| growth.iter().zip(&level.samples))
+            {
                 assert!(new == 0 || 4 * new < known, "{new} of {known}");
             }
             assert!(drawing.reach.iter().all(|&reach| reach != AGAIN));
             // What levels know and lack together is the same: all that has landed, but for bins that pixels do not keep.
-            let sums = levels().map(|(growth, level)| growth.iter().chain(&level.samples).sum::<u32>());
+            let sums =
+                levels().map(|(growth, level)| growth.iter().chain(&level.samples).sum::<u32>());
             let sums: Vec<u32> = sums.collect();
             assert!(sums.iter().all(|sum| sum.abs_diff(sums[0]) * 4 <= sums[0]), "{sums:?}");
         }

@@ -61,8 +61,13 @@ impl Quadtree {
     }
 
     /// As [`look`](Self::look), telling of each kept sample that landed its pixel, where in it, and its colour.
-    pub(crate) fn look_and_tell(&mut self, view: View, also: &mut impl FnMut(usize, &Landing, [u8; 4])) -> bool {
-        let keeps = self.params.keep > 0 && view.vd.dot(self.view.vd) >= REFETCH_DEGREES.to_radians().cos();
+    pub(crate) fn look_and_tell(
+        &mut self,
+        view: View,
+        also: &mut impl FnMut(usize, &Landing, [u8; 4]),
+    ) -> bool {
+        let keeps =
+            self.params.keep > 0 && view.vd.dot(self.view.vd) >= REFETCH_DEGREES.to_radians().cos();
         let (mut kept, unseen) = (std::mem::take(&mut self.kept), std::mem::take(&mut self.unseen));
         self.reset(view);
         for (section, beam) in unseen {

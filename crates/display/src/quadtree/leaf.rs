@@ -141,14 +141,23 @@ impl<'a> Reader<'a> {
     pub fn colour(&self, column: usize, row: usize, start: usize, bins: Bins) -> [f32; 3] {
         if let LeafSize::Fixed(level) = self.params.leaf {
             let level = start.max(usize::from(level)).min(self.levels.len() - 1);
-            return self.blend(column, row, level, bins).map_or([0.0; 3], |blend| blend.mean.truncate().to_array());
+            return self
+                .blend(column, row, level, bins)
+                .map_or([0.0; 3], |blend| blend.mean.truncate().to_array());
         }
         let noise = self.noise(column, row, start, bins);
         self.mean(column, row, start, bins, &noise)
     }
 
     /// The mean over the leaves that noise asks for.
-    pub fn mean(&self, column: usize, row: usize, start: usize, bins: Bins, noise: &Noise) -> [f32; 3] {
+    pub fn mean(
+        &self,
+        column: usize,
+        row: usize,
+        start: usize,
+        bins: Bins,
+        noise: &Noise,
+    ) -> [f32; 3] {
         let few_samples = noise.few_samples;
         let mut common = Intersection::everything();
         let mut best = Vec4::ZERO;
@@ -189,7 +198,11 @@ impl<'a> Reader<'a> {
             & (place.row == row >> place.level)
             & (place.bins.first <= bins.first)
             & (bins.first <= place.bins.last);
-        if is_near { self.last_noise[part].get() } else { self.find_noise(column, row, start, bins) }
+        if is_near {
+            self.last_noise[part].get()
+        } else {
+            self.find_noise(column, row, start, bins)
+        }
     }
 
     #[inline(never)]
@@ -198,7 +211,9 @@ impl<'a> Reader<'a> {
         let mut deviation = Deviation { luminance: 0.0, compressed: 0.0, freedom: -1.0 };
         let mut mean = [0.0; 4];
         for (number, level) in self.levels.iter().enumerate().skip(start) {
-            let Some(own) = own_surface(level.leaf(column >> number, row >> number), bins) else { break };
+            let Some(own) = own_surface(level.leaf(column >> number, row >> number), bins) else {
+                break;
+            };
             let found = own.deviation(number);
             if found.freedom > deviation.freedom {
                 (deviation, mean) = (found, own.mean);
@@ -224,7 +239,12 @@ impl<'a> Reader<'a> {
         };
         let (level, bins) = found_at;
         let part = noise_part(column);
-        self.last_place[part].set(NoisePlace { level, column: column >> level, row: row >> level, bins });
+        self.last_place[part].set(NoisePlace {
+            level,
+            column: column >> level,
+            row: row >> level,
+            bins,
+        });
         self.last_noise[part].set(noise);
         noise
     }
@@ -249,7 +269,8 @@ impl<'a> Reader<'a> {
         let (near, far) = (own.bins.first.saturating_sub(gap), own.bins.last.saturating_add(gap));
         let (columns, column_weights) = neighbours(column, level, leaves.width);
         let (rows, row_weights) = neighbours(row, level, leaves.height);
-        let (mut weight, mut weight_squared, mut sum, mut is_mixed) = (0.0_f32, 0.0_f32, Vec4::ZERO, false);
+        let (mut weight, mut weight_squared, mut sum, mut is_mixed) =
+            (0.0_f32, 0.0_f32, Vec4::ZERO, false);
         for (&leaf_row, row_weight) in rows.iter().zip(row_weights) {
             for (&leaf_column, column_weight) in columns.iter().zip(column_weights) {
                 let share = row_weight * column_weight;
@@ -287,6 +308,7 @@ pub(crate) fn neighbours(pixel: usize, level: usize, leaves: usize) -> ([usize; 
 /// The nearest surface of a leaf that lies at most `gap` bins beside `bins`.
 pub(crate) fn beside(leaf: &[Surface], bins: Bins, gap: u16) -> Option<&Surface> {
     leaf.iter().find(|surface| {
-        surface.bins.first <= bins.last.saturating_add(gap) && bins.first <= surface.bins.last.saturating_add(gap)
+        surface.bins.first <= bins.last.saturating_add(gap)
+            && bins.first <= surface.bins.last.saturating_add(gap)
     })
 }

@@ -31,11 +31,22 @@ impl Quadtree {
                 continue;
             }
             let eye = self.camera.eye_of(point);
-            let bin = if ray.distance.is_finite() { depth_bin((point - eye).length_squared()) } else { FAR };
+            let bin = if ray.distance.is_finite() {
+                depth_bin((point - eye).length_squared())
+            } else {
+                FAR
+            };
             let pixel = y as usize * width + x as usize;
-            self.narrow.add(pixel, bin, &Colour::from_rgbe(ray.rgbe()), weight, Some(NEAR_CLASSES - 1));
+            self.narrow.add(
+                pixel,
+                bin,
+                &Colour::from_rgbe(ray.rgbe()),
+                weight,
+                Some(NEAR_CLASSES - 1),
+            );
             self.changes += 1;
-            if self.drawing.as_mut().is_some_and(|drawing| !drawing.has_landed([pixel].into_iter())) {
+            if self.drawing.as_mut().is_some_and(|drawing| !drawing.has_landed([pixel].into_iter()))
+            {
                 self.give_up_drawing();
             }
         }
@@ -48,6 +59,11 @@ impl Quadtree {
             let (x, y) = View::pixel_centre(self.size, pixel % width, pixel / width);
             self.view.try_ray(x, y).is_some()
         };
-        (0..).zip(&self.covered).filter(|(_, covered)| !**covered).map(|(pixel, _)| pixel).filter(looks).collect()
+        (0..)
+            .zip(&self.covered)
+            .filter(|(_, covered)| !**covered)
+            .map(|(pixel, _)| pixel)
+            .filter(looks)
+            .collect()
     }
 }

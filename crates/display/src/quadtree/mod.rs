@@ -87,7 +87,13 @@ pub struct QuadtreeParams {
 
 impl Default for QuadtreeParams {
     fn default() -> Self {
-        Self { viewpoint_radius: None, leaf: LeafSize::Adaptive, max_level: 16, sky: [0.0; 3], keep: 0 }
+        Self {
+            viewpoint_radius: None,
+            leaf: LeafSize::Adaptive,
+            max_level: 16,
+            sky: [0.0; 3],
+            keep: 0,
+        }
     }
 }
 
@@ -160,7 +166,12 @@ pub struct Quadtree {
 
 impl Quadtree {
     /// An empty picture of `size` pixels, as from [`View::resolve`], which bounds it: memory is in proportion.
-    pub fn new(sections: Arc<[Section]>, view: View, size: (u32, u32), params: QuadtreeParams) -> Self {
+    pub fn new(
+        sections: Arc<[Section]>,
+        view: View,
+        size: (u32, u32),
+        params: QuadtreeParams,
+    ) -> Self {
         let pixels = size.0 as usize * size.1 as usize;
         let mut quadtree = Self {
             placed: Vec::new(),
@@ -231,13 +242,15 @@ impl Quadtree {
         samples: &[Sample],
         also: &mut impl FnMut(usize, &Landing, [u8; 4]),
     ) {
-        let Some((known, placed)) = self.sections.get(usize::from(section)).zip(self.placed.get(usize::from(section)))
+        let Some((known, placed)) =
+            self.sections.get(usize::from(section)).zip(self.placed.get(usize::from(section)))
         else {
             return;
         };
         let Some(pair) = known.cells(beam) else { return };
         let radius = self.params.viewpoint_radius;
-        let projector = BeamProjector::new(placed, pair, &self.camera, self.size, radius, &self.distances);
+        let projector =
+            BeamProjector::new(placed, pair, &self.camera, self.size, radius, &self.distances);
         let Self { narrow, wide, arrived, projected, .. } = self;
         let paths = u32::from(paths.clamp(1, MAX_PATHS));
         for samples in samples.chunks(BATCH) {
@@ -268,7 +281,8 @@ impl Quadtree {
         if self.best.is_empty() {
             self.best = self.best_beams();
         }
-        if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count()) {
+        if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count())
+        {
             self.unseen.insert((section, beam));
             self.changes += 1;
         }
@@ -285,7 +299,8 @@ impl Quadtree {
         let agreement = self.agreement(&pyramids);
         let mut frame = self.empty_frame();
         let (mut counts, mut reach) = (zeroed(frame.depth.len()), zeroed(frame.depth.len()));
-        let depths = self.paint_all(&pyramids, agreement.as_ref(), &mut frame, &mut counts, &mut reach);
+        let depths =
+            self.paint_all(&pyramids, agreement.as_ref(), &mut frame, &mut counts, &mut reach);
         (frame, depths)
     }
 
@@ -328,7 +343,8 @@ impl Quadtree {
 
     /// Works out all that depends on the view but on no sample.
     fn place(&mut self) {
-        self.placed = self.sections.iter().map(|section| PlacedSection::new(section, &self.camera)).collect();
+        self.placed =
+            self.sections.iter().map(|section| PlacedSection::new(section, &self.camera)).collect();
         self.covered = covered(&self.sections, &self.view, self.size);
         self.uncovered_pixels = self.covered.iter().filter(|&&covered| !covered).count() as u64;
         self.is_outside = self.looks_from_outside();
@@ -357,7 +373,9 @@ impl Quadtree {
 
     /// Whether a pixel's best beam is known to see nothing.
     fn sees_nothing(&self, pixel: usize) -> bool {
-        self.best.get(pixel).is_some_and(|best| best.is_some_and(|best| self.unseen.contains(&best)))
+        self.best
+            .get(pixel)
+            .is_some_and(|best| best.is_some_and(|best| self.unseen.contains(&best)))
     }
 
     /// The view rays of the pixels' middles, row by row.
@@ -415,7 +433,13 @@ impl<A: FnMut(usize, &Landing, [u8; 4])> Kernel for Land<'_, A> {
         }
         for (pixel, landing, rgbe) in &*arrived {
             let bins = if landing.narrow { &mut *narrow } else { &mut *wide };
-            bins.add(*pixel, landing.bin, &Colour::from_rgbe(*rgbe), landing.weight * paths, landing.near);
+            bins.add(
+                *pixel,
+                landing.bin,
+                &Colour::from_rgbe(*rgbe),
+                landing.weight * paths,
+                landing.near,
+            );
             also(*pixel, landing, *rgbe);
         }
     }
@@ -471,7 +495,8 @@ fn room() -> Section {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 fn any_samples(size: (u32, u32), samples: usize) -> Quadtree {
-    let view = View::new(DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z, Some(70.0), None, size).unwrap();
+    let view =
+        View::new(DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z, Some(70.0), None, size).unwrap();
     let mut tree = Quadtree::new(Arc::from([room()]), view, size, QuadtreeParams::default());
     add_any_samples(&mut tree, samples);
     tree
@@ -483,7 +508,8 @@ fn add_any_samples(tree: &mut Quadtree, samples: usize) {
     let beams = tree.sections[0].beam_count();
     let mut state = 11_u64;
     let mut random = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as u32
     };
     for _ in 0..samples {
@@ -492,7 +518,8 @@ fn add_any_samples(tree: &mut Quadtree, samples: usize) {
         let exponent = [random(), beam as u32 / 5][random() as usize % 2] % 8;
         let rgbe = [100, 120, 140, 120 + exponent as u8];
         let code = [1200, random() % 3000][random() as usize % 2] as u16;
-        let sample = Sample::from_codes(holo_section::RayCoords(random().to_le_bytes()), rgbe, code);
+        let sample =
+            Sample::from_codes(holo_section::RayCoords(random().to_le_bytes()), rgbe, code);
         tree.insert(0, BeamId(beam), 1, &[sample]);
     }
 }

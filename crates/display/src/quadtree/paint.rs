@@ -154,7 +154,11 @@ pub(super) struct Painter<'a> {
 }
 
 impl<'a> Painter<'a> {
-    pub fn new(pyramids: &'a Pyramids, agreement: Option<&'a Agreement>, params: &'a QuadtreeParams) -> Self {
+    pub fn new(
+        pyramids: &'a Pyramids,
+        agreement: Option<&'a Agreement>,
+        params: &'a QuadtreeParams,
+    ) -> Self {
         let narrow = agreement.map(|agreement| (Reader::new(&pyramids.narrow, params), agreement));
         Self { all: Reader::new(pyramids.all(), params), narrow }
     }
@@ -193,21 +197,32 @@ impl Painter<'_> {
             let Some(leaves) = self.all.levels.get(level) else { return false };
             // The nearest comes first.
             let nearest = leaves.leaf(column >> level, row >> level).first();
-            nearest.is_some_and(|nearest| nearest.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.bins.first)
+            nearest.is_some_and(|nearest| {
+                nearest.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.bins.first
+            })
         };
         covers(2) | covers(1)
     }
 
     /// The surfaces of a leaf by those samples that tell best what hides what: those that look as the eye does, if there are any.
     pub fn leaf_seen(&self, level: usize, column: usize, row: usize) -> &[Surface] {
-        let narrow = self.narrow.as_ref().map(|(narrow, _)| narrow.levels[level].leaf(column >> level, row >> level));
+        let narrow = self
+            .narrow
+            .as_ref()
+            .map(|(narrow, _)| narrow.levels[level].leaf(column >> level, row >> level));
         narrow
             .filter(|leaf| !leaf.is_empty())
             .unwrap_or_else(|| self.all.levels[level].leaf(column >> level, row >> level))
     }
 
     /// What samples that look as the eye does show, where the others may not stand for it.
-    fn narrow_part(&self, column: usize, row: usize, start: usize, bins: Bins) -> Option<NarrowPart> {
+    fn narrow_part(
+        &self,
+        column: usize,
+        row: usize,
+        start: usize,
+        bins: Bins,
+    ) -> Option<NarrowPart> {
         let (narrow, agreement) = self.narrow.as_ref()?;
         let share = agreement.of(&self.all, narrow, column, row, bins);
         if share == 1.0 {
@@ -251,7 +266,11 @@ pub(super) struct TilePainter<'a> {
 }
 
 impl<'a> TilePainter<'a> {
-    pub fn new(tree: &'a Quadtree, pyramids: &'a Pyramids, agreement: Option<&'a Agreement>) -> Self {
+    pub fn new(
+        tree: &'a Quadtree,
+        pyramids: &'a Pyramids,
+        agreement: Option<&'a Agreement>,
+    ) -> Self {
         Self {
             tree,
             painter: Painter::new(pyramids, agreement, &tree.params),
@@ -284,7 +303,8 @@ impl<'a> TilePainter<'a> {
                     if !is_unseen
                         && self.tree.covered[pixel]
                         && self.painter.shows_own(column, row, own)
-                        && !(self.tree.is_outside && may_stand(&self.painter, column, row, own.bins)) =>
+                        && !(self.tree.is_outside
+                            && may_stand(&self.painter, column, row, own.bins)) =>
                 {
                     self.counts[lane] = Counts::samples(own.count);
                     self.show_own(lane, column, row, own);
@@ -292,8 +312,12 @@ impl<'a> TilePainter<'a> {
                 [] if !is_unseen
                     && self.tree.covered[pixel]
                     && !self.tree.is_outside
-                    && let Some([around]) =
-                        self.painter.all.levels.get(1).map(|level| level.leaf(column / 2, row / 2))
+                    && let Some([around]) = self
+                        .painter
+                        .all
+                        .levels
+                        .get(1)
+                        .map(|level| level.leaf(column / 2, row / 2))
                     && !self.painter.may_be_covered(column, row, around) =>
                 {
                     self.counts[lane] = Counts::empty();
@@ -303,7 +327,12 @@ impl<'a> TilePainter<'a> {
             }
         }
         let across = width.div_ceil(TILE);
-        self.colours.find(&self.painter.all, tile % across * TILE, tile / across * TILE, self.tree.isa);
+        self.colours.find(
+            &self.painter.all,
+            tile % across * TILE,
+            tile / across * TILE,
+            self.tree.isa,
+        );
         for (lane, part) in self.narrow.drain(..) {
             let (all, reach) = self.colours.get(lane);
             self.colours.set(lane, part.mixed_with(all), reach);
@@ -314,7 +343,14 @@ impl<'a> TilePainter<'a> {
     #[inline(always)]
     pub fn painted(&self, lane: usize) -> (Painted, usize) {
         let (colour, reach) = self.colours.get(lane);
-        (Painted { colour, depth: self.distances_squared[lane].sqrt(), counts: self.counts[lane] }, reach)
+        (
+            Painted {
+                colour,
+                depth: self.distances_squared[lane].sqrt(),
+                counts: self.counts[lane],
+            },
+            reach,
+        )
     }
 
     /// Shows a pixel's own surface, with samples of its own.
@@ -322,7 +358,11 @@ impl<'a> TilePainter<'a> {
     fn show_own(&mut self, lane: usize, column: usize, row: usize, own: &Surface) {
         self.distances_squared[lane] = bin_distance_squared(own.bins.first);
         if matches!(self.tree.params.leaf, LeafSize::Fixed(_)) {
-            self.colours.set(lane, self.painter.colour(column, row, 0, own.bins), self.painter.reach());
+            self.colours.set(
+                lane,
+                self.painter.colour(column, row, 0, own.bins),
+                self.painter.reach(),
+            );
         } else {
             self.colours.ask_own(lane, own, &self.painter.all.noise(column, row, 0, own.bins));
             self.ask_narrow(lane, column, row, 0, own.bins);
@@ -334,7 +374,11 @@ impl<'a> TilePainter<'a> {
     fn show(&mut self, lane: usize, column: usize, row: usize, level: usize, bins: Bins) {
         self.distances_squared[lane] = bin_distance_squared(bins.first);
         if matches!(self.tree.params.leaf, LeafSize::Fixed(_)) {
-            self.colours.set(lane, self.painter.colour(column, row, level, bins), self.painter.reach());
+            self.colours.set(
+                lane,
+                self.painter.colour(column, row, level, bins),
+                self.painter.reach(),
+            );
         } else {
             self.colours.ask(lane, level, bins, &self.painter.all.noise(column, row, level, bins));
             self.ask_narrow(lane, column, row, level, bins);
@@ -352,8 +396,16 @@ impl<'a> TilePainter<'a> {
 
     /// Draws a pixel that may show anything.
     #[inline(never)]
-    fn paint_other(&mut self, lane: usize, column: usize, row: usize, leaf: &[Surface], is_unseen: bool) {
-        let (counts, shown) = self.tree.shown(&self.painter, column, row, leaf, is_unseen, &mut self.depths);
+    fn paint_other(
+        &mut self,
+        lane: usize,
+        column: usize,
+        row: usize,
+        leaf: &[Surface],
+        is_unseen: bool,
+    ) {
+        let (counts, shown) =
+            self.tree.shown(&self.painter, column, row, leaf, is_unseen, &mut self.depths);
         self.counts[lane] = counts;
         match shown {
             Shown::Own(own) => self.show_own(lane, column, row, own),
@@ -388,9 +440,16 @@ impl RowsDrawn<'_> {
         for row in 0..self.depths.len() / width {
             let pixels = row * width + first..row * width + first + across;
             let lanes = row * TILE..row * TILE + across;
-            painter.colours.copy(lanes.clone(), &mut self.colours[pixels.clone()], &mut self.reach[pixels.clone()]);
+            painter.colours.copy(
+                lanes.clone(),
+                &mut self.colours[pixels.clone()],
+                &mut self.reach[pixels.clone()],
+            );
             let squared = &painter.distances_squared[lanes.clone()];
-            self.depths[pixels.clone()].iter_mut().zip(squared).for_each(|(depth, squared)| *depth = squared.sqrt());
+            self.depths[pixels.clone()]
+                .iter_mut()
+                .zip(squared)
+                .for_each(|(depth, squared)| *depth = squared.sqrt());
             self.counts[pixels].copy_from_slice(&painter.counts[lanes]);
         }
     }
@@ -466,7 +525,12 @@ impl Quadtree {
         for_parts(&mut parts, 1, 1, |number, parts| {
             for part in parts {
                 let painter = TilePainter::new(self, pyramids, agreement);
-                self.isa.run(PaintRows { painter, part, tiles: number * across..(number + 1) * across, width });
+                self.isa.run(PaintRows {
+                    painter,
+                    part,
+                    tiles: number * across..(number + 1) * across,
+                    width,
+                });
             }
         });
         let mut depths = MultiDepth::default();

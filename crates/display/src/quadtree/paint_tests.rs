@@ -32,14 +32,17 @@ fn tree(
     samples: usize,
     unseen: usize,
 ) -> Quadtree {
-    let spec = ViewSpec { kind: Some(kind), vh: Some(angle), vd: Some(DVec3::X), ..ViewSpec::default() };
+    let spec =
+        ViewSpec { kind: Some(kind), vh: Some(angle), vd: Some(DVec3::X), ..ViewSpec::default() };
     let spec = ViewSpec { vp: Some(DVec3::new(eye_x, 1.5, 1.4)), ..spec };
     let (view, size) = spec.resolve(size).unwrap();
     let mut tree = Quadtree::new(Arc::from([room()]), view, size, params);
     add_any_samples(&mut tree, samples);
     let best = tree.best_beams();
-    for (section, beam) in
-        best.into_iter().flatten().filter(|(_, beam)| unseen > 0 && (beam.0 as usize).is_multiple_of(unseen))
+    for (section, beam) in best
+        .into_iter()
+        .flatten()
+        .filter(|(_, beam)| unseen > 0 && (beam.0 as usize).is_multiple_of(unseen))
     {
         tree.insert_unseen(section, beam);
     }
@@ -69,7 +72,9 @@ fn long_way(
             let (colour, squared) = match shown {
                 Shown::Known(colour, squared) => (colour, squared),
                 Shown::Mixed(colour, bin) => (colour, bin_distance_squared(bin)),
-                Shown::Own(own) => (painter.colour(column, row, 0, own.bins), bin_distance_squared(own.bins.first)),
+                Shown::Own(own) => {
+                    (painter.colour(column, row, 0, own.bins), bin_distance_squared(own.bins.first))
+                }
                 Shown::Surface(level, bins) => {
                     (painter.colour(column, row, level, bins), bin_distance_squared(bins.first))
                 }
@@ -82,7 +87,11 @@ fn long_way(
 
 #[test]
 fn every_pixel_is_that_which_is_told_alone_with_all_instructions() {
-    let near = QuadtreeParams { viewpoint_radius: Some(0.3), sky: [0.25, 0.5, 1.0], ..QuadtreeParams::default() };
+    let near = QuadtreeParams {
+        viewpoint_radius: Some(0.3),
+        sky: [0.25, 0.5, 1.0],
+        ..QuadtreeParams::default()
+    };
     let fixed = QuadtreeParams { leaf: LeafSize::Fixed(1), ..near };
     let mut met = MultiDepth::default();
     for (place, size, samples, params, unseen) in [
@@ -111,10 +120,12 @@ fn every_pixel_is_that_which_is_told_alone_with_all_instructions() {
             let (mut frame, agreement) = (tree.empty_frame(), tree.agreement(&pyramids));
             let mut counts = vec![Counts::default(); expected.len()];
             let mut reach = vec![0; expected.len()];
-            let depths = tree.paint_all(&pyramids, agreement.as_ref(), &mut frame, &mut counts, &mut reach);
+            let depths =
+                tree.paint_all(&pyramids, agreement.as_ref(), &mut frame, &mut counts, &mut reach);
             assert_eq!(depths, expected_depths, "{case} {isa:?}");
             let colours = frame.picture.pixels.iter().zip(&frame.depth);
-            for (pixel, ((&colour, &depth), (counts, reach))) in colours.zip(counts.into_iter().zip(reach)).enumerate()
+            for (pixel, ((&colour, &depth), (counts, reach))) in
+                colours.zip(counts.into_iter().zip(reach)).enumerate()
             {
                 let found = bits(colour, depth, counts, usize::from(reach));
                 assert_eq!(Some(found), expected[pixel], "{case} {pixel} {isa:?}");
@@ -125,7 +136,8 @@ fn every_pixel_is_that_which_is_told_alone_with_all_instructions() {
                 painter.paint(tile, is_some);
                 for (column, row) in tile_pixels(size, tile) {
                     let pixel = row * size.0 as usize + column;
-                    let (Painted { colour, depth, counts }, reach) = painter.painted(TileColours::lane(column, row));
+                    let (Painted { colour, depth, counts }, reach) =
+                        painter.painted(TileColours::lane(column, row));
                     let found = is_some(pixel).then(|| bits(colour, depth, counts, reach));
                     assert_eq!(found, expected_some[pixel], "{case} some {pixel} {isa:?}");
                 }

@@ -48,7 +48,8 @@ impl Quadtree {
         samples: &[Sample],
         also: &mut impl FnMut(usize, &Landing, [u8; 4]),
     ) {
-        if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count()) {
+        if self.sections.get(usize::from(section)).is_some_and(|known| beam.0 < known.beam_count())
+        {
             self.kept.add(section, beam, paths, samples, self.params.keep);
             self.land(section, beam, paths, samples, also);
         }

@@ -115,7 +115,14 @@ impl Level {
         let band = (BAND_LEVELS - 1).checked_sub(number).unwrap_or(usize::BITS as usize - 1);
         let bands = (height.saturating_sub(1) >> band) + 1;
         let leaves = width * height;
-        Self { width, height, leaves: zeroed(leaves), samples: zeroed(leaves), several: vec![Vec::new(); bands], band }
+        Self {
+            width,
+            height,
+            leaves: zeroed(leaves),
+            samples: zeroed(leaves),
+            several: vec![Vec::new(); bands],
+            band,
+        }
     }
 
     /// Surfaces of a leaf, nearest first.
@@ -141,8 +148,10 @@ impl Level {
     /// The rows of one band each: empty, or as they are.
     fn parts(&mut self, is_empty: bool) -> impl Iterator<Item = LevelPart<'_>> {
         let Self { width, leaves, samples, several, band, .. } = self;
-        let most =
-            width.saturating_mul(1_usize.checked_shl(*band as u32).unwrap_or(usize::MAX)).min(leaves.len()).max(1);
+        let most = width
+            .saturating_mul(1_usize.checked_shl(*band as u32).unwrap_or(usize::MAX))
+            .min(leaves.len())
+            .max(1);
         let leaves = leaves.chunks_mut(most).zip(samples.chunks_mut(most));
         leaves.zip(several).enumerate().map(move |(number, ((leaves, samples), several))| {
             if is_empty {
@@ -256,7 +265,9 @@ impl LevelPart<'_> {
                 if !lanes.clone().any(|lane| is_stale(number, self.first + start + lane)) {
                     continue;
                 }
-                let quarters = |row: usize| if row < below.size().1 { &below.row(row)[2 * first..] } else { &[] };
+                let quarters = |row: usize| {
+                    if row < below.size().1 { &below.row(row)[2 * first..] } else { &[] }
+                };
                 joined.join(number, [quarters(2 * row), quarters(2 * row + 1)], isa);
                 for lane in lanes {
                     if !is_stale(number, self.first + start + lane) {
@@ -302,7 +313,10 @@ fn of_children(
         let mut sorted = [None; 4];
         for (count, surface) in children.into_iter().flatten().enumerate() {
             let mut at = count;
-            while at > 0 && sorted[at - 1].is_some_and(|before: &Surface| before.bins.first > surface.bins.first) {
+            while at > 0
+                && sorted[at - 1]
+                    .is_some_and(|before: &Surface| before.bins.first > surface.bins.first)
+            {
                 sorted[at] = sorted[at - 1];
                 at -= 1;
             }
@@ -385,15 +399,25 @@ where
     fn run(self) {
         let mut scratch = Scratch::default();
         let Some(pixels) = self.levels.first_mut() else { return };
-        list(0..pixels.leaves.len(), |&index| (self.is_stale)(0, pixels.first + index), &mut scratch.stale);
+        list(
+            0..pixels.leaves.len(),
+            |&index| (self.is_stale)(0, pixels.first + index),
+            &mut scratch.stale,
+        );
         for (at, &index) in scratch.stale.iter().enumerate() {
             let pixel = pixels.first + index;
-            scratch.stale.get(at + AHEAD).into_iter().for_each(|&ahead| (self.prefetch)(pixels.first + ahead));
+            scratch
+                .stale
+                .get(at + AHEAD)
+                .into_iter()
+                .for_each(|&ahead| (self.prefetch)(pixels.first + ahead));
             let mut bins = (self.bins)(pixel);
             // Most pixels have one bin.
             match (bins.next(), bins.next()) {
                 (None, _) => pixels.set_none(index),
-                (Some((bin, sums)), None) => pixels.set_one(index, Surface::new(Bins::of(bin), &sums)),
+                (Some((bin, sums)), None) => {
+                    pixels.set_one(index, Surface::new(Bins::of(bin), &sums))
+                }
                 (Some(first), Some(second)) => {
                     let surfaces = &mut scratch.surfaces;
                     surfaces.clear();
@@ -424,13 +448,18 @@ pub(crate) struct Source<F, P> {
     pub isa: Isa,
 }
 
-impl<S: Summed, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B + Sync, P: Fn(usize) + Sync> Source<F, P> {
+impl<S: Summed, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B + Sync, P: Fn(usize) + Sync>
+    Source<F, P>
+{
     /// All levels, from pixels on. The memory of others is used again if it is of a picture of the same size.
     pub fn pyramid(&self, memory: Option<Vec<Level>>) -> Vec<Level> {
-        let is_alike = |memory: &Vec<Level>| memory.first().is_some_and(|level| level.size() == self.size);
+        let is_alike =
+            |memory: &Vec<Level>| memory.first().is_some_and(|level| level.size() == self.size);
         let mut pyramid = memory.filter(is_alike).unwrap_or_else(|| {
             let mut pyramid = vec![Level::new(0, self.size.0, self.size.1)];
-            while pyramid.len() <= self.levels && pyramid.last().is_some_and(|last| last.width > 1 || last.height > 1) {
+            while pyramid.len() <= self.levels
+                && pyramid.last().is_some_and(|last| last.width > 1 || last.height > 1)
+            {
                 let number = pyramid.len();
                 pyramid.push(Level::new(
                     number,
@@ -450,7 +479,12 @@ impl<S: Summed, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B + Sync, P: Fn(us
         self.make(pyramid, false, is_stale);
     }
 
-    fn make(&self, pyramid: &mut [Level], is_empty: bool, is_stale: &(impl Fn(usize, usize) -> bool + Sync)) {
+    fn make(
+        &self,
+        pyramid: &mut [Level],
+        is_empty: bool,
+        is_stale: &(impl Fn(usize, usize) -> bool + Sync),
+    ) {
         let mut bands: Vec<Vec<LevelPart>> = Vec::new();
         for level in pyramid.iter_mut().take(BAND_LEVELS) {
             for (number, part) in level.parts(is_empty).enumerate() {
@@ -462,14 +496,22 @@ impl<S: Summed, B: Iterator<Item = (u16, S)>, F: Fn(usize) -> B + Sync, P: Fn(us
         }
         for_parts(&mut bands, 1, 1, |_, bands| {
             for levels in bands {
-                self.isa.run(MakeBand { bins: &self.bins, prefetch: &self.prefetch, is_stale, levels, isa: self.isa });
+                self.isa.run(MakeBand {
+                    bins: &self.bins,
+                    prefetch: &self.prefetch,
+                    is_stale,
+                    levels,
+                    isa: self.isa,
+                });
             }
         });
         let mut scratch = Scratch::default();
         for number in BAND_LEVELS..pyramid.len() {
             let (below, above) = pyramid.split_at_mut(number);
             if let (Some(below), Some(level)) = (below.last(), above.first_mut()) {
-                level.parts(is_empty).for_each(|mut part| part.make(number, below, is_stale, &mut scratch, self.isa));
+                level.parts(is_empty).for_each(|mut part| {
+                    part.make(number, below, is_stale, &mut scratch, self.isa)
+                });
             }
         }
     }

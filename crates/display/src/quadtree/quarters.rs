@@ -62,11 +62,18 @@ impl Joined {
                     edge
                 }
             };
-            isa.transpose(std::array::from_fn(|at| cast_ref(&leaves[2 * at])), &mut quarters[2 * half]);
-            isa.transpose(std::array::from_fn(|at| cast_ref(&leaves[2 * at + 1])), &mut quarters[2 * half + 1]);
+            isa.transpose(
+                std::array::from_fn(|at| cast_ref(&leaves[2 * at])),
+                &mut quarters[2 * half],
+            );
+            isa.transpose(
+                std::array::from_fn(|at| cast_ref(&leaves[2 * at + 1])),
+                &mut quarters[2 * half + 1],
+            );
         }
         // Compiled for either: pixels' noise is still to be told.
-        let joined = if number == 1 { self.joined(1, &quarters) } else { self.joined(number, &quarters) };
+        let joined =
+            if number == 1 { self.joined(1, &quarters) } else { self.joined(number, &quarters) };
         let mut leaves = [[0; WORDS]; LANES];
         isa.transpose(joined.each_ref(), &mut leaves);
         self.leaves = cast(leaves);
@@ -82,7 +89,13 @@ impl Joined {
     }
 
     #[inline(always)]
-    fn join_lane(&mut self, lane: usize, number: usize, [a, b, c, d]: &[Rows; 4], joined: &mut Rows) {
+    fn join_lane(
+        &mut self,
+        lane: usize,
+        number: usize,
+        [a, b, c, d]: &[Rows; 4],
+        joined: &mut Rows,
+    ) {
         let (gap, below) = (gap_allowed(number), number - 1);
         let (a, b) = (Part::new(a, lane, 0, below), Part::new(b, lane, 1, below));
         let (c, d) = (Part::new(c, lane, 2, below), Part::new(d, lane, 3, below));
@@ -121,7 +134,11 @@ impl Part {
         let surface = Surface::from_words(|word| rows[word][lane]).risen(below);
         let [count, _] = cast::<u32, [u16; 2]>(rows[COUNT][lane]);
         let nothing = if count == 0 { NOTHING } else { 0 };
-        Self { surface, key: nothing | u32::from(surface.bins.first) << 2 | quarter, is_several: count > 1 }
+        Self {
+            surface,
+            key: nothing | u32::from(surface.bins.first) << 2 | quarter,
+            is_several: count > 1,
+        }
     }
 
     #[inline(always)]
@@ -159,7 +176,9 @@ mod tests {
     #[test]
     fn leaves_joined_side_by_side_are_those_joined_one_by_one_with_all_instructions() {
         let all = [Instructions::Portable, Instructions::Avx2, Instructions::Avx512];
-        for (size, samples) in [((37, 21), 300), ((37, 21), 30_000), ((80, 64), 9000), ((65, 3), 2000), ((3, 2), 500)] {
+        for (size, samples) in
+            [((37, 21), 300), ((37, 21), 30_000), ((80, 64), 9000), ((65, 3), 2000), ((3, 2), 500)]
+        {
             let mut tree = any_samples(size, samples);
             let mut memory = None;
             for isa in all.into_iter().filter_map(Isa::new) {
@@ -171,8 +190,8 @@ mod tests {
                     for levels in [&pyramids.narrow, pyramids.all()] {
                         for (number, two) in (1..).zip(levels.windows(2)) {
                             let [below, level] = two else { continue };
-                            for (column, row) in
-                                (0..level.height).flat_map(|row| (0..level.width).map(move |column| (column, row)))
+                            for (column, row) in (0..level.height)
+                                .flat_map(|row| (0..level.width).map(move |column| (column, row)))
                             {
                                 let mut alone = Vec::new();
                                 below.of_children(number, column, row, &mut Vec::new(), &mut alone);
@@ -185,7 +204,8 @@ mod tests {
                                 );
                                 let count: u32 = found.iter().map(|surface| surface.count).sum();
                                 assert_eq!(level.samples[row * level.width + column], count);
-                                *if found.len() > 1 { &mut several } else { &mut single } += found.len();
+                                *if found.len() > 1 { &mut several } else { &mut single } +=
+                                    found.len();
                             }
                         }
                     }

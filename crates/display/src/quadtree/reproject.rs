@@ -190,7 +190,8 @@ impl<'a> BeamProjector<'a> {
         let (exit_from, exit_u, exit_v) = self.exit;
         let (focal, centre) = (self.focal, self.centre);
         for at in 0..BATCH {
-            let [eu, ev, xu, xv] = [to.coords[0][at], to.coords[1][at], to.coords[2][at], to.coords[3][at]];
+            let [eu, ev, xu, xv] =
+                [to.coords[0][at], to.coords[1][at], to.coords[2][at], to.coords[3][at]];
             let entry = entry_from + entry_u * eu + entry_v * ev;
             let exit = exit_from + exit_u * xu + exit_v * xv;
             let along = exit - entry;
@@ -233,7 +234,8 @@ impl<'a> BeamProjector<'a> {
             return None;
         }
         let hits = projected.hits[at] != 0.0;
-        let (distance_squared, miss_squared) = (projected.distance_squared[at], projected.miss_squared[at]);
+        let (distance_squared, miss_squared) =
+            (projected.distance_squared[at], projected.miss_squared[at]);
         let sight_along = projected.sight_along[at];
         let is_along = miss_squared <= NARROW * NARROW * distance_squared;
         if hits && is_along && sight_along < 0.0 {
@@ -241,7 +243,8 @@ impl<'a> BeamProjector<'a> {
         }
         // What a parallel view does not look along is nowhere in it.
         let grows = self.camera.pixel_width.grows;
-        let is_level = sight_along * sight_along >= (1.0 - NARROW * NARROW) * projected.length_squared[at];
+        let is_level =
+            sight_along * sight_along >= (1.0 - NARROW * NARROW) * projected.length_squared[at];
         if !(hits || grows || is_level) {
             return None;
         }
@@ -251,7 +254,8 @@ impl<'a> BeamProjector<'a> {
             Clip::Before => return None,
             clip => clip == Clip::Beyond,
         };
-        let footprint_squared = if hits { self.camera.pixel_width.squared_at(distance_squared) } else { f64::INFINITY };
+        let footprint_squared =
+            if hits { self.camera.pixel_width.squared_at(distance_squared) } else { f64::INFINITY };
         let shown = hits && !is_black;
         Some(Landing {
             column: x as usize,
@@ -267,7 +271,13 @@ impl<'a> BeamProjector<'a> {
                 _ if self.begins_ahead => f64::INFINITY,
                 Some(radius_squared) => miss_squared / radius_squared,
                 None if hits => miss_squared / footprint_squared,
-                None => miss_squared / self.camera.pixel_width.squared_at((FAR_DIAGONALS * self.diagonal).powi(2)),
+                None => {
+                    miss_squared
+                        / self
+                            .camera
+                            .pixel_width
+                            .squared_at((FAR_DIAGONALS * self.diagonal).powi(2))
+                }
             }),
         })
     }
@@ -318,21 +328,22 @@ mod tests {
         fn run(self) -> Self::Output {
             let mut projected = Projected::new();
             self.0.project(self.1, &mut projected);
-            let bits = |Landing { column, row, within, depth, bin, weight, near, narrow, is_black }| {
-                let flags = u64::from(narrow) << 1 | u64::from(is_black);
-                let [across, down] = within.map(u64::from);
-                let near = near.map_or(9, |near| near as u64);
-                [
-                    column as u64,
-                    row as u64,
-                    across << 8 | down,
-                    depth.to_bits().into(),
-                    bin.into(),
-                    weight.into(),
-                    near,
-                    flags,
-                ]
-            };
+            let bits =
+                |Landing { column, row, within, depth, bin, weight, near, narrow, is_black }| {
+                    let flags = u64::from(narrow) << 1 | u64::from(is_black);
+                    let [across, down] = within.map(u64::from);
+                    let near = near.map_or(9, |near| near as u64);
+                    [
+                        column as u64,
+                        row as u64,
+                        across << 8 | down,
+                        depth.to_bits().into(),
+                        bin.into(),
+                        weight.into(),
+                        near,
+                        flags,
+                    ]
+                };
             (0..self.1.len()).map(|at| self.0.land(&projected, at).map(bits)).collect()
         }
     }
@@ -345,7 +356,11 @@ mod tests {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             state.rotate_left(13)
         };
-        for (kind, vh) in [(ViewKind::Perspective, 70.0), (ViewKind::Parallel, 2.5), (ViewKind::Hemispherical, 170.0)] {
+        for (kind, vh) in [
+            (ViewKind::Perspective, 70.0),
+            (ViewKind::Parallel, 2.5),
+            (ViewKind::Hemispherical, 170.0),
+        ] {
             let (vp, vd, vu) = (DVec3::new(1.0, 1.5, 1.4), DVec3::X, DVec3::Z);
             let spec = ViewSpec {
                 kind: Some(kind),
@@ -364,12 +379,18 @@ mod tests {
                 let projector = BeamProjector::new(&placed, pair, &camera, size, None, &distances);
                 let samples: Vec<Sample> = (0..1 + beam as usize % BATCH)
                     .map(|number| {
-                        let code = if number % 5 == 0 { distance::NOTHING_HIT } else { (random() % 3000) as u16 };
+                        let code = if number % 5 == 0 {
+                            distance::NOTHING_HIT
+                        } else {
+                            (random() % 3000) as u16
+                        };
                         Sample::from_codes(RayCoords(random().to_le_bytes()), [90; 4], code)
                     })
                     .collect();
                 let expected = Project(&projector, &samples).run();
-                for isa in [Instructions::Avx2, Instructions::Avx512].into_iter().filter_map(Isa::new) {
+                for isa in
+                    [Instructions::Avx2, Instructions::Avx512].into_iter().filter_map(Isa::new)
+                {
                     assert_eq!(isa.run(Project(&projector, &samples)), expected, "{kind:?} {beam}");
                 }
                 for (sample, landing) in samples.iter().zip(expected) {
@@ -377,19 +398,27 @@ mod tests {
                     let ray = section.ray(pair, sample.coords);
                     let hits = sample.distance_code() != distance::NOTHING_HIT;
                     let seen = if hits {
-                        ray.origin + ray.direction * sample.distance(section.diagonal()) - camera.eye
+                        ray.origin + ray.direction * sample.distance(section.diagonal())
+                            - camera.eye
                     } else {
                         ray.direction
                     };
                     let Some([column, row, ..]) = landing else { continue };
                     let (x, y) = camera.project(camera.to_camera(seen)).unwrap();
-                    let is_at = (x - column as f64 - 0.5).abs().max((y - row as f64 - 0.5).abs()) < 0.5 + 1e-3;
-                    assert!(is_at || !hits && kind == ViewKind::Parallel, "{kind:?}: {x} {y} {column} {row}");
+                    let is_at = (x - column as f64 - 0.5).abs().max((y - row as f64 - 0.5).abs())
+                        < 0.5 + 1e-3;
+                    assert!(
+                        is_at || !hits && kind == ViewKind::Parallel,
+                        "{kind:?}: {x} {y} {column} {row}"
+                    );
                     landed[usize::from(hits)] += 1;
                 }
             }
             // Few rays go along a parallel view.
-            assert!(landed[1] > 20 && (landed[0] > 20 || kind == ViewKind::Parallel), "{kind:?}: {landed:?}");
+            assert!(
+                landed[1] > 20 && (landed[0] > 20 || kind == ViewKind::Parallel),
+                "{kind:?}: {landed:?}"
+            );
         }
     }
 
@@ -404,7 +433,10 @@ mod tests {
             assert!(weight <= last && weight >= LEAST_WEIGHT);
             // Steps are of a doubling of r²: within 2^(1/8) of the law, and whole numbers.
             let expected = (64.0 / miss.sqrt()).max(8.0);
-            assert!((f64::from(weight) / expected).log2().abs() < 0.2, "{miss}: {weight} {expected}");
+            assert!(
+                (f64::from(weight) / expected).log2().abs() < 0.2,
+                "{miss}: {weight} {expected}"
+            );
             last = weight;
         }
         assert_eq!(nearness_weight(f64::INFINITY), LEAST_WEIGHT);

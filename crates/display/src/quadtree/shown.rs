@@ -80,8 +80,9 @@ fn covering(painter: &Painter, column: usize, row: usize, front: Bins) -> Option
         let seen = painter.leaf_seen(level, column, row);
         let all: f32 = seen.iter().map(|surface| surface.count as f32).sum();
         let hides = |surface: &&Surface| {
-            let parts =
-                seen.iter().filter(|part| surface.bins.first <= part.bins.first && part.bins.last <= surface.bins.last);
+            let parts = seen.iter().filter(|part| {
+                surface.bins.first <= part.bins.first && part.bins.last <= surface.bins.last
+            });
             surface.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.first
                 && parts.map(|part| part.count as f32).sum::<f32>() >= 0.5 * all
                 && surface.count <= MANY_A_PIXEL << (2 * level)
@@ -105,15 +106,17 @@ fn near_count(surface: &Surface, front: &Surface, ask_nearer: bool) -> f32 {
 /// What a pixel without samples shows: that of the smallest leaf around it that has any.
 #[inline(always)]
 fn fill(painter: &Painter, column: usize, row: usize) -> Shown<'static> {
-    let filling = painter.all.levels.iter().enumerate().skip(1).find_map(|(level, leaves): (usize, &Level)| {
-        let leaf = leaves.leaf(column >> level, row >> level);
-        if let [only] = leaf {
-            return Some((level, only.bins));
-        }
-        let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
-        let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
-        Some((level, own_surface(leaf, seen.bins)?.bins))
-    });
+    let filling = painter.all.levels.iter().enumerate().skip(1).find_map(
+        |(level, leaves): (usize, &Level)| {
+            let leaf = leaves.leaf(column >> level, row >> level);
+            if let [only] = leaf {
+                return Some((level, only.bins));
+            }
+            let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
+            let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
+            Some((level, own_surface(leaf, seen.bins)?.bins))
+        },
+    );
     filling.map_or(NOTHING, |(level, bins)| {
         let (level, bins) = covering(painter, column, row, bins).unwrap_or((level, bins));
         Shown::Surface(level, bins)

@@ -26,13 +26,18 @@ impl Quadtree {
         let (eye, along) = self.middle(self.size.0 / 2, self.size.1 / 2);
         let has_one_eye = self.view.kind.has_eye() && self.view.vo == 0.0;
         let is_around = |hit: LineHit| hit.entry_t <= 0.0 && hit.exit_t > 0.0;
-        !(has_one_eye && self.sections.iter().any(|section| section.line(eye, along).is_some_and(is_around)))
+        !(has_one_eye
+            && self.sections.iter().any(|section| section.line(eye, along).is_some_and(is_around)))
     }
 
     /// Depth bin of the first wall that a pixel's ray meets ahead of the eye; that of no distance in a section.
     fn wall(&self, column: usize, row: usize) -> u16 {
         let (eye, along) = self.middle(column as u32, row as u32);
-        let ahead = self.sections.iter().filter_map(|section| section.line(eye, along)).filter(|hit| hit.exit_t > 0.0);
+        let ahead = self
+            .sections
+            .iter()
+            .filter_map(|section| section.line(eye, along))
+            .filter(|hit| hit.exit_t > 0.0);
         let first = ahead.map(|hit| hit.entry_t.max(0.0)).fold(f64::INFINITY, f64::min);
         if !(first > 0.0 && first.is_finite()) {
             return 0;
@@ -60,15 +65,21 @@ impl Quadtree {
         (1..=LARGEST).find_map(|level| {
             let leaves = painter.all.levels.get(level)?;
             let nearest = leaves.leaf(column >> level, row >> level).first()?;
-            if nearest.count > MANY || nearest.bins.last >= wall || !is_clearly_behind(front, nearest) {
+            if nearest.count > MANY
+                || nearest.bins.last >= wall
+                || !is_clearly_behind(front, nearest)
+            {
                 return None;
             }
             // In the own leaf alone it may end before the pixel.
             let (columns, _) = neighbours(column, level, leaves.width);
             let (rows, _) = neighbours(row, level, leaves.height);
-            let goes_on = |column, row| beside(leaves.leaf(column, row), nearest.bins, gap_allowed(level)).is_some();
+            let goes_on = |column, row| {
+                beside(leaves.leaf(column, row), nearest.bins, gap_allowed(level)).is_some()
+            };
             let around = rows.iter().flat_map(|&row| columns.map(|column| goes_on(column, row)));
-            (around.filter(|&goes_on| goes_on).count() >= LEAVES_AROUND).then_some((level, nearest.bins))
+            (around.filter(|&goes_on| goes_on).count() >= LEAVES_AROUND)
+                .then_some((level, nearest.bins))
         })
     }
 }

@@ -55,7 +55,13 @@ impl Colour {
     pub fn from_rgbe(rgbe: [u8; 4]) -> Self {
         let [r, g, b, exponent] = rgbe;
         if exponent == 0 {
-            return Self { fixed: [0; 3], doublings: 0, luminance: 0, compressed: 0, most_weight: MOST_WEIGHT };
+            return Self {
+                fixed: [0; 3],
+                doublings: 0,
+                luminance: 0,
+                compressed: 0,
+                most_weight: MOST_WEIGHT,
+            };
         }
         let exponent = exponent.min(MAX_EXPONENT);
         let shift = i32::from(exponent) - 136 + COLOUR_FRACTION;
@@ -146,7 +152,8 @@ impl Sums {
     /// Their lower parts, and those above.
     pub fn packed(&self) -> (Packed, High) {
         let [r, g, b] = self.rgb;
-        let wide = [r, g, b, self.luminance_squared, self.compressed_squared, self.compressed.into()];
+        let wide =
+            [r, g, b, self.luminance_squared, self.compressed_squared, self.compressed.into()];
         let (mut low, mut high) = ([0; 8], [0; 8]);
         for (number, sum) in wide.into_iter().enumerate() {
             (low[number], high[number]) = (sum as u64 & LOW, (sum >> LOW_BITS) as u64);
@@ -176,12 +183,19 @@ impl Summed for Sums {
     #[inline(always)]
     fn moments(&self) -> Moments {
         // Within two roundings, where the language's own conversion is a call that takes several times as long.
-        let wide = |sum: u128| (sum >> 64) as u64 as f64 * 18_446_744_073_709_551_616.0 + sum as u64 as f64;
+        let wide = |sum: u128| {
+            (sum >> 64) as u64 as f64 * 18_446_744_073_709_551_616.0 + sum as u64 as f64
+        };
         let [red, green, blue] = self.rgb.map(wide);
-        let (squared, compressed_squared) = (wide(self.luminance_squared), wide(self.compressed_squared));
+        let (squared, compressed_squared) =
+            (wide(self.luminance_squared), wide(self.compressed_squared));
         let [compressed, weight, weight_squared] =
             [self.compressed, self.weight, self.weight_squared].map(|sum| sum as f64);
-        Moments::new([red, green, blue, squared, compressed_squared, compressed], weight, weight_squared)
+        Moments::new(
+            [red, green, blue, squared, compressed_squared, compressed],
+            weight,
+            weight_squared,
+        )
     }
 
     #[inline(always)]
@@ -249,7 +263,8 @@ impl Packed {
         if luminance_squared > u128::from(LOW) {
             return false;
         }
-        let near = near.filter(|&class| class < NEAR_CLASSES).map_or(0, |class| 1 << (32 + 8 * class));
+        let near =
+            near.filter(|&class| class < NEAR_CLASSES).map_or(0, |class| 1 << (32 + 8 * class));
         let [r, g, b] = colour.fixed;
         let compressed = colour.compressed * long;
         let added = [
@@ -330,10 +345,16 @@ impl Summed for Kept<'_> {
         if self.high.is_some() {
             return self.sums().moments();
         }
-        let [red, green, blue, squared, compressed_squared, compressed, ..] = self.packed.0.map(|word| word as f64);
+        let [red, green, blue, squared, compressed_squared, compressed, ..] =
+            self.packed.0.map(|word| word as f64);
         let weights = self.packed.0[WEIGHTS];
-        let (weight, weight_squared) = (f64::from(weights as u32), f64::from((weights >> 32) as u32));
-        Moments::new([red, green, blue, squared, compressed_squared, compressed], weight, weight_squared)
+        let (weight, weight_squared) =
+            (f64::from(weights as u32), f64::from((weights >> 32) as u32));
+        Moments::new(
+            [red, green, blue, squared, compressed_squared, compressed],
+            weight,
+            weight_squared,
+        )
     }
 
     #[inline(always)]

@@ -80,7 +80,8 @@ fn words_above_are_kept_wherever_a_sum_needs_them() {
             let colour = Colour::from_rgbe(rgbe);
             whole.add(&colour, weight, near);
             if !packed.add(&colour, weight, near) {
-                let mut sums = Kept { packed: &packed, high: packed.has_high().then_some(&high) }.sums();
+                let mut sums =
+                    Kept { packed: &packed, high: packed.has_high().then_some(&high) }.sums();
                 sums.add(&colour, weight, near);
                 (packed, high) = sums.packed();
             }
@@ -90,7 +91,10 @@ fn words_above_are_kept_wherever_a_sum_needs_them() {
         assert_eq!((kept.count(), kept.near()), (whole.count(), whole.near()));
         assert_eq!(packed.has_high(), has_high, "{rgbe:?} {weight} {count}");
         let (kept, whole) = (kept.moments(), whole.moments());
-        assert_eq!((kept.mean, kept.weight, kept.weight_squared), (whole.mean, whole.weight, whole.weight_squared));
+        assert_eq!(
+            (kept.mean, kept.weight, kept.weight_squared),
+            (whole.mean, whole.weight, whole.weight_squared)
+        );
         assert_eq!(
             (kept.luminance_squared, kept.compressed, kept.compressed_squared),
             (whole.luminance_squared, whole.compressed, whole.compressed_squared)

@@ -88,7 +88,12 @@ struct Within {
 impl Within {
     #[inline(always)]
     fn to_bits(self) -> [u32; NEAR_CLASSES] {
-        [self.luminance.to_bits(), self.compressed.to_bits(), self.freedom.to_bits(), self.between.to_bits()]
+        [
+            self.luminance.to_bits(),
+            self.compressed.to_bits(),
+            self.freedom.to_bits(),
+            self.between.to_bits(),
+        ]
     }
 
     #[inline(always)]
@@ -120,16 +125,25 @@ pub(crate) struct Deviation {
 impl Surface {
     #[inline(always)]
     pub fn new(bins: Bins, sums: &impl Summed) -> Self {
-        let Moments { weight, weight_squared, mean: [r, g, b], luminance_squared, compressed, compressed_squared } =
-            sums.moments();
+        let Moments {
+            weight,
+            weight_squared,
+            mean: [r, g, b],
+            luminance_squared,
+            compressed,
+            compressed_squared,
+        } = sums.moments();
         let mean_luminance = 0.265 * r + 0.670 * g + 0.065 * b;
         let variance = luminance_squared - mean_luminance * mean_luminance;
         let spread_luminance = (variance.max(0.0) * weight) as f32;
-        let spread_compressed = ((compressed_squared - compressed * compressed).max(0.0) * weight) as f32;
+        let spread_compressed =
+            ((compressed_squared - compressed * compressed).max(0.0) * weight) as f32;
         // Chosen, not skipped: which pixels have one sample no processor can tell beforehand.
         let is_one = sums.count() < 2;
-        let (spread_luminance, spread_compressed) =
-            (if is_one { 0.0 } else { spread_luminance }, if is_one { 0.0 } else { spread_compressed });
+        let (spread_luminance, spread_compressed) = (
+            if is_one { 0.0 } else { spread_luminance },
+            if is_one { 0.0 } else { spread_compressed },
+        );
         Self {
             bins,
             count: sums.count(),
@@ -178,8 +192,12 @@ impl Surface {
         self.weight = weight;
         self.weight_squared += other.weight_squared;
         self.count = self.count.saturating_add(other.count);
-        self.bins = Bins { first: self.bins.first.min(other.bins.first), last: self.bins.last.max(other.bins.last) };
-        let within = Within::from_bits(self.near_or_within).plus(Within::from_bits(other.near_or_within));
+        self.bins = Bins {
+            first: self.bins.first.min(other.bins.first),
+            last: self.bins.last.max(other.bins.last),
+        };
+        let within =
+            Within::from_bits(self.near_or_within).plus(Within::from_bits(other.near_or_within));
         self.near_or_within = Within { between: within.between + between, ..within }.to_bits();
     }
 
@@ -206,7 +224,9 @@ impl Surface {
         let freedom = self.weight * self.weight / self.weight_squared - 4.0;
         let step = MIXED_STEP * self.mean[3];
         let within = (self.spread_compressed - between).max(0.0) + step * step * self.weight;
-        (freedom > MIXED_SAMPLES) & (between > MIXED_PART * within) & (between * freedom > MIXED_F * 3.0 * within)
+        (freedom > MIXED_SAMPLES)
+            & (between > MIXED_PART * within)
+            & (between * freedom > MIXED_F * 3.0 * within)
     }
 
     #[inline(always)]
@@ -311,7 +331,12 @@ impl Surface {
         let compressed = freedom * (self.spread_compressed / divisor).sqrt();
         // Chosen, as in `new`.
         let chosen = |value: f32| if is_none { 0.0 } else { value };
-        Within { luminance: chosen(luminance), compressed: chosen(compressed), freedom: chosen(freedom), between: 0.0 }
+        Within {
+            luminance: chosen(luminance),
+            compressed: chosen(compressed),
+            freedom: chosen(freedom),
+            between: 0.0,
+        }
     }
 
     /// Standard deviations of one sample about the surface's mean in this leaf, noise and the picture's own variation
@@ -342,7 +367,10 @@ fn chosen(is_first: bool, [a, b, c, d]: [u32; 4], second: [u32; 4]) -> [u32; 4] 
 
 /// Adds to `surfaces` those of one pixel's bins, which are given nearest first.
 #[inline(always)]
-pub(crate) fn of_pixel<S: Summed>(bins: impl Iterator<Item = (u16, S)>, surfaces: &mut Vec<Surface>) {
+pub(crate) fn of_pixel<S: Summed>(
+    bins: impl Iterator<Item = (u16, S)>,
+    surfaces: &mut Vec<Surface>,
+) {
     let mut bins = bins.peekable();
     while let Some((first, sums)) = bins.next() {
         let mut last = first;
@@ -392,7 +420,13 @@ mod tests {
         let quarters = means.map(|mean| {
             let mut bins = PixelBins::new(1);
             for _ in 0..samples {
-                let sample = Sample::encode(RayCoords::default(), [mean * random(); 3], 1.0, 1.0, 0x8000_0000);
+                let sample = Sample::encode(
+                    RayCoords::default(),
+                    [mean * random(); 3],
+                    1.0,
+                    1.0,
+                    0x8000_0000,
+                );
                 bins.add(0, 7, &Colour::from_rgbe(sample.rgbe), 64, None);
             }
             Surface::new(Bins::of(7), &bins.of(0).next().unwrap().1).risen(0)

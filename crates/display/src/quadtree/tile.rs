@@ -119,7 +119,9 @@ impl TileColours {
     #[inline(always)]
     pub fn copy(&self, lanes: Range<usize>, colours: &mut [[f32; 3]], reach: &mut [u8]) {
         let [red, green, blue] = [0, 1, 2].map(|channel| &self.best[channel][lanes.clone()]);
-        for (colour, ((&red, &green), &blue)) in colours.iter_mut().zip(red.iter().zip(green).zip(blue)) {
+        for (colour, ((&red, &green), &blue)) in
+            colours.iter_mut().zip(red.iter().zip(green).zip(blue))
+        {
             *colour = [red, green, blue];
         }
         reach.iter_mut().zip(&self.reach[lanes]).for_each(|(reach, &level)| *reach = level as u8);
@@ -134,7 +136,8 @@ impl TileColours {
                 if self.start[lane] != IDLE {
                     let half_widths = Vec4::from_array(self.half_widths.map(|all| all[lane]));
                     let noise = Noise { half_widths, few_samples: self.few_samples[lane] };
-                    let bins = Bins { first: self.first[lane] as u16, last: self.last[lane] as u16 };
+                    let bins =
+                        Bins { first: self.first[lane] as u16, last: self.last[lane] as u16 };
                     let (column, row) = (column + lane % TILE, row + lane / TILE);
                     let colour = reader.mean(column, row, self.start[lane] as usize, bins, &noise);
                     self.set(lane, colour, reader.reach.take().max(self.reach[lane] as usize));
@@ -180,7 +183,8 @@ struct Blends {
     many: [u32; TILE],
 }
 
-const NO_BLENDS: Blends = Blends { mean: [[0.0; TILE]; 4], error: [0.0; TILE], has_own: [0; TILE], many: [0; TILE] };
+const NO_BLENDS: Blends =
+    Blends { mean: [[0.0; TILE]; 4], error: [0.0; TILE], has_own: [0; TILE], many: [0; TILE] };
 
 struct Find<'a> {
     lanes: &'a mut TileColours,
@@ -224,8 +228,9 @@ impl Find<'_> {
             for (mean, own) in blends.mean.iter_mut().zip(&self.lanes.own_mean) {
                 mean.copy_from_slice(&own[first..][..TILE]);
             }
-            let weights =
-                self.lanes.own_weight[first..][..TILE].iter().zip(&self.lanes.own_weight_squared[first..][..TILE]);
+            let weights = self.lanes.own_weight[first..][..TILE]
+                .iter()
+                .zip(&self.lanes.own_weight_squared[first..][..TILE]);
             for (error, (weight, weight_squared)) in blends.error.iter_mut().zip(weights) {
                 *error = weight_squared.sqrt() / weight;
             }
@@ -274,7 +279,8 @@ impl Find<'_> {
             if !self.is_wanted(number, surface) {
                 continue;
             }
-            let (near, far) = (surface.bins.first.saturating_sub(gap), surface.bins.last.saturating_add(gap));
+            let (near, far) =
+                (surface.bins.first.saturating_sub(gap), surface.bins.last.saturating_add(gap));
             for (row, pair) in pairs.iter_mut().enumerate().take(3) {
                 let mut leaves = NO_LEAVES;
                 for at in 0..3 {
@@ -301,14 +307,22 @@ impl Find<'_> {
         for ((&start, &wanted_first), &wanted_last) in
             self.lanes.start.iter().zip(&self.lanes.first).zip(&self.lanes.last)
         {
-            wanted |= u32::from((start as usize <= number) & (first <= wanted_first) & (wanted_last <= last));
+            wanted |= u32::from(
+                (start as usize <= number) & (first <= wanted_first) & (wanted_last <= last),
+            );
         }
         wanted != 0
     }
 
     /// A leaf around the tile, counted from the one before the first.
     #[inline(always)]
-    fn leaf<'b>(&self, level: &'b Level, number: usize, column: usize, row: usize) -> &'b [Surface] {
+    fn leaf<'b>(
+        &self,
+        level: &'b Level,
+        number: usize,
+        column: usize,
+        row: usize,
+    ) -> &'b [Surface] {
         let column = ((self.column >> number) + column).saturating_sub(1).min(level.width - 1);
         let row = ((self.row >> number) + row).saturating_sub(1).min(level.height - 1);
         level.leaf(column, row)
@@ -317,20 +331,32 @@ impl Find<'_> {
     /// Whether pixels of a row are read from a level.
     #[inline(always)]
     fn works(&self, row: usize, level: usize) -> bool {
-        self.lanes.start[row * TILE..][..TILE].iter().fold(false, |any, &start| any | (start as usize <= level))
+        self.lanes.start[row * TILE..][..TILE]
+            .iter()
+            .fold(false, |any, &start| any | (start as usize <= level))
     }
 
     /// Reads all rows of pixels from the leaves that `pairs` has, row by row, those that ask for parts of one surface if it is given.
     #[inline(always)]
-    fn rows(&mut self, number: usize, columns: &Neighbours, pairs: &[Pair], surface: Option<&Surface>) {
+    fn rows(
+        &mut self,
+        number: usize,
+        columns: &Neighbours,
+        pairs: &[Pair],
+        surface: Option<&Surface>,
+    ) {
         let rows = Neighbours::new(self.row, number);
         for row in 0..TILE {
             if !self.works(row, number) {
                 continue;
             }
-            let (Some(own), Some(beside)) = (pairs.get(rows.own[row]), pairs.get(rows.beside[row])) else { continue };
+            let (Some(own), Some(beside)) = (pairs.get(rows.own[row]), pairs.get(rows.beside[row]))
+            else {
+                continue;
+            };
             let weights = [rows.weights[0][row], rows.weights[1][row]];
-            let mut blends = self.blend(row, [own, beside], weights, columns, i32::from(gap_allowed(number)));
+            let mut blends =
+                self.blend(row, [own, beside], weights, columns, i32::from(gap_allowed(number)));
             if blends.many.iter().any(|&many| many != 0) {
                 self.read_alone(row, number, &mut blends, surface.is_some());
             }
@@ -339,7 +365,14 @@ impl Find<'_> {
     }
 
     #[inline(always)]
-    fn blend(&self, row: usize, pairs: [&Pair; 2], weights: [f32; 2], columns: &Neighbours, gap: i32) -> Blends {
+    fn blend(
+        &self,
+        row: usize,
+        pairs: [&Pair; 2],
+        weights: [f32; 2],
+        columns: &Neighbours,
+        gap: i32,
+    ) -> Blends {
         let mut blends = NO_BLENDS;
         let (wanted_first, wanted_last) =
             (&self.lanes.first[row * TILE..][..TILE], &self.lanes.last[row * TILE..][..TILE]);
@@ -357,11 +390,14 @@ impl Find<'_> {
                 mean[at] = sum * scale;
             }
             blends.error[at] = weight_squared.sqrt() * scale;
-            let has_own =
-                (own.weight[at] > 0.0) & (own.first[at] <= wanted_first[at]) & (wanted_last[at] <= own.last[at]);
+            let has_own = (own.weight[at] > 0.0)
+                & (own.first[at] <= wanted_first[at])
+                & (wanted_last[at] <= own.last[at]);
             blends.has_own[at] = u32::from(has_own);
-            blends.many[at] =
-                pairs[0].own.many[at] | pairs[0].beside.many[at] | pairs[1].own.many[at] | pairs[1].beside.many[at];
+            blends.many[at] = pairs[0].own.many[at]
+                | pairs[0].beside.many[at]
+                | pairs[1].own.many[at]
+                | pairs[1].beside.many[at];
         }
         blends
     }
@@ -371,14 +407,22 @@ impl Find<'_> {
     fn read_alone(&self, row: usize, number: usize, blends: &mut Blends, some: bool) {
         for at in 0..TILE {
             let lane = row * TILE + at;
-            if blends.many[at] == 0 || self.lanes.start[lane] as usize > number || some && blends.has_own[at] == 0 {
+            if blends.many[at] == 0
+                || self.lanes.start[lane] as usize > number
+                || some && blends.has_own[at] == 0
+            {
                 continue;
             }
-            let bins = Bins { first: self.lanes.first[lane] as u16, last: self.lanes.last[lane] as u16 };
+            let bins =
+                Bins { first: self.lanes.first[lane] as u16, last: self.lanes.last[lane] as u16 };
             let blend = self.reader.blend(self.column + at, self.row + row, number, bins);
             blends.has_own[at] = u32::from(blend.is_some());
             if let Some(blend) = blend {
-                blends.mean.iter_mut().zip(blend.mean.to_array()).for_each(|(mean, own)| mean[at] = own);
+                blends
+                    .mean
+                    .iter_mut()
+                    .zip(blend.mean.to_array())
+                    .for_each(|(mean, own)| mean[at] = own);
                 blends.error[at] = blend.error_of_shown();
             }
         }

@@ -6,7 +6,8 @@ use crate::pointimage::Instructions;
 
 #[test]
 fn every_pixel_of_a_tile_is_that_which_is_read_alone_with_all_instructions() {
-    for (size, samples) in [((37, 21), 300), ((37, 21), 30_000), ((64, 80), 40_000), ((3, 2), 500)] {
+    for (size, samples) in [((37, 21), 300), ((37, 21), 30_000), ((64, 80), 40_000), ((3, 2), 500)]
+    {
         let tree = any_samples(size, samples);
         let pyramids = Pyramids::new(&tree, None);
         let reader = Reader::new(pyramids.all(), &tree.params);
@@ -21,8 +22,9 @@ fn every_pixel_of_a_tile_is_that_which_is_read_alone_with_all_instructions() {
         let all = [Instructions::Portable, Instructions::Avx2, Instructions::Avx512];
         for isa in all.into_iter().filter_map(Isa::new) {
             let (mut colours, mut several) = (TileColours::new(), 0);
-            for (column, row) in
-                (0..height).step_by(TILE).flat_map(|row| (0..width).step_by(TILE).map(move |column| (column, row)))
+            for (column, row) in (0..height)
+                .step_by(TILE)
+                .flat_map(|row| (0..width).step_by(TILE).map(move |column| (column, row)))
             {
                 // Each surface of every pixel's smallest leaf that has any: the first, the second and so on.
                 for number in 0..4 {
@@ -34,12 +36,19 @@ fn every_pixel_of_a_tile_is_that_which_is_read_alone_with_all_instructions() {
                             continue;
                         }
                         let found = reader.levels.iter().enumerate().find_map(|(level, leaves)| {
-                            Some((level, leaves.leaf(column >> level, row >> level).get(number)?.bins))
+                            Some((
+                                level,
+                                leaves.leaf(column >> level, row >> level).get(number)?.bins,
+                            ))
                         });
                         let Some((start, bins)) = found else { continue };
                         let noise = reader.noise(column, row, start, bins);
                         if start == 0 {
-                            colours.ask_own(lane, &reader.levels[0].leaf(column, row)[number], &noise);
+                            colours.ask_own(
+                                lane,
+                                &reader.levels[0].leaf(column, row)[number],
+                                &noise,
+                            );
                         } else {
                             colours.ask(lane, start, bins, &noise);
                         }

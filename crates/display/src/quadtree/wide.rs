@@ -44,19 +44,28 @@ impl Agreement {
 
     /// Forgets what was found in a smallest leaf.
     pub fn forget(&self, column: usize, row: usize) {
-        self.known.get(row * self.width + column).into_iter().for_each(|known| known.store(NOTHING, Relaxed));
+        self.known
+            .get(row * self.width + column)
+            .into_iter()
+            .for_each(|known| known.store(NOTHING, Relaxed));
     }
 
     /// How far all samples of a surface may be used at a pixel: 1 wholly, 0 not at all.
     pub fn of(&self, all: &Reader, narrow: &Reader, column: usize, row: usize, bins: Bins) -> f32 {
-        let Some(known) = self.known.get((row >> SMALLEST) * self.width + (column >> SMALLEST)) else { return 1.0 };
+        let Some(known) = self.known.get((row >> SMALLEST) * self.width + (column >> SMALLEST))
+        else {
+            return 1.0;
+        };
         let last = known.load(Relaxed);
         if last != NOTHING && ((last >> 32) as u16).abs_diff(bins.first) <= 1 {
             return f32::from_bits(last as u32);
         }
         // From the leaf's middle, whichever of its pixels asks, as far as the picture goes.
-        let middle = |pixel: usize, size: usize| ((pixel >> SMALLEST << SMALLEST) + (1 << SMALLEST) / 2).min(size - 1);
-        let (column, row) = (middle(column, all.levels[0].width), middle(row, all.levels[0].height));
+        let middle = |pixel: usize, size: usize| {
+            ((pixel >> SMALLEST << SMALLEST) + (1 << SMALLEST) / 2).min(size - 1)
+        };
+        let (column, row) =
+            (middle(column, all.levels[0].width), middle(row, all.levels[0].height));
         let share = agreement(all, narrow, column, row, bins);
         known.store(u64::from(bins.first) << 32 | u64::from(share.to_bits()), Relaxed);
         share
@@ -74,7 +83,11 @@ fn agreement(all: &Reader, narrow: &Reader, column: usize, row: usize, bins: Bin
             continue;
         }
         let Some(whole) = all.blend(column, row, level, bins) else { break };
-        let Some(leaf) = own_surface(narrow.levels[level].leaf(column >> level, row >> level), bins) else { continue };
+        let Some(leaf) =
+            own_surface(narrow.levels[level].leaf(column >> level, row >> level), bins)
+        else {
+            continue;
+        };
         // With the picture's own variation: where it varies, samples that fall elsewhere in the leaf differ by chance.
         let (relative, compressed) = leaf.total_deviation();
         let own_variation = Vec4::new(
@@ -84,7 +97,8 @@ fn agreement(all: &Reader, narrow: &Reader, column: usize, row: usize, bins: Bin
             KAPPA * compressed,
         );
         let half = narrow.noise(column, row, level, bins).half_widths.max(own_variation);
-        let apart = (own.mean - whole.mean).abs() / (half * own_error).max(Vec4::splat(f32::MIN_POSITIVE));
+        let apart =
+            (own.mean - whole.mean).abs() / (half * own_error).max(Vec4::splat(f32::MIN_POSITIVE));
         let worst = apart.max_element();
         share = share.min(((DIFFERENT - worst) / (DIFFERENT - SAME)).clamp(0.0, 1.0));
         if share == 0.0 || effective > PLENTY {

@@ -79,12 +79,20 @@ impl Mask {
         let mut wide = vec![false; self.marks.len()];
         for (block, _) in self.marks.iter().enumerate().filter(|(_, mark)| **mark) {
             let (column, row) = (block % across, block / across);
-            wide[row * across..][column.saturating_sub(beside)..(column + beside + 1).min(across)].fill(true);
+            wide[row * across..][column.saturating_sub(beside)..(column + beside + 1).min(across)]
+                .fill(true);
         }
         let mut marks = vec![false; self.marks.len()];
         for row in 0..down {
-            for from in wide.chunks(across).take((row + above + 1).min(down)).skip(row.saturating_sub(above)) {
-                marks[row * across..][..across].iter_mut().zip(from).for_each(|(mark, from)| *mark |= from);
+            for from in wide
+                .chunks(across)
+                .take((row + above + 1).min(down))
+                .skip(row.saturating_sub(above))
+            {
+                marks[row * across..][..across]
+                    .iter_mut()
+                    .zip(from)
+                    .for_each(|(mark, from)| *mark |= from);
             }
         }
         Mask { across, marks }

@@ -88,9 +88,11 @@ impl Caster<'_> {
             let in_panes = scope.spawn(|| {
                 let (shown, images) = number(&special, &in_panes, is_large);
                 // Where the way through was too long there is nothing to add to.
-                let shown = shown.into_iter().zip(&through).filter(|(_, through)| through.is_some());
+                let shown =
+                    shown.into_iter().zip(&through).filter(|(_, through)| through.is_some());
                 let mut reflected = Pixels::mostly_unseen(width * height);
-                let mut throughput = FxHashMap::with_capacity_and_hasher(special.len(), FxBuildHasher);
+                let mut throughput =
+                    FxHashMap::with_capacity_and_hasher(special.len(), FxBuildHasher);
                 for (pixel, there, share) in shown.filter_map(|(shown, _)| shown) {
                     reflected.set(pixel, there);
                     throughput.insert(pixel as u32, share);
@@ -118,7 +120,11 @@ impl Caster<'_> {
         for_parts(&mut ends, 1, FOLLOWED, |part, ends| {
             let special = special[part * FOLLOWED..].chunks(MAX_TOGETHER);
             for (ends, special) in ends.chunks_mut(MAX_TOGETHER).zip(special) {
-                self.follow_together(special.iter().map(|&(_, ray, hit)| (ray, hit)), off_pane, ends);
+                self.follow_together(
+                    special.iter().map(|&(_, ray, hit)| (ray, hit)),
+                    off_pane,
+                    ends,
+                );
             }
         });
         ends
@@ -133,7 +139,8 @@ impl Caster<'_> {
         throughput: FxHashMap<u32, Rgb>,
     ) -> Surfaces {
         let pixel_width = self.camera.pixel_width;
-        let Labelled { labels, edges, windows } = label((&seen, &keys), self.size.0, rows, pixel_width, images.len());
+        let Labelled { labels, edges, windows } =
+            label((&seen, &keys), self.size.0, rows, pixel_width, images.len());
         Surfaces { size: self.size, seen, labels, edges, images, windows, throughput, pixel_width }
     }
 
@@ -147,7 +154,10 @@ impl Caster<'_> {
         let one = self.is_plain_perspective().then(|| self.ray(middle(0).0, middle(0).1)).flatten();
         if let Some((first, 0.0)) = one {
             let mut points = [(0.0, 0.0); MAX_TILE];
-            points.iter_mut().zip(0..rays.len()).for_each(|(point, number)| *point = middle(number));
+            points
+                .iter_mut()
+                .zip(0..rays.len())
+                .for_each(|(point, number)| *point = middle(number));
             return Isa::best().run(self.fan(first.origin, &points, rays));
         }
         for (number, ray) in rays.iter_mut().enumerate() {
@@ -203,14 +213,21 @@ fn is_large(special: &[Special]) -> FxHashSet<u32> {
 }
 
 /// What pixels show whose rays end there, and the images that they see it in, numbered in the order of the pixels.
-fn number(special: &[Special], ends: &[Option<End>], is_large: &FxHashSet<u32>) -> (Vec<Option<Shown>>, Vec<Image>) {
+fn number(
+    special: &[Special],
+    ends: &[Option<End>],
+    is_large: &FxHashSet<u32>,
+) -> (Vec<Option<Shown>>, Vec<Image>) {
     let mut images = vec![Image::ITSELF];
     let shown = special.iter().zip(ends).map(|(&(pixel, ..), end)| {
         let end = end.as_ref()?;
         let reach = end.seen.position.length();
         let mut number = number_of(&images, &end.image, reach);
         let has_room = images.len() < MAX_IMAGES && !end.seen.is_sky();
-        if number.is_none() && has_room && end.mirrors().iter().all(|mirror| is_large.contains(mirror)) {
+        if number.is_none()
+            && has_room
+            && end.mirrors().iter().all(|mirror| is_large.contains(mirror))
+        {
             number = Some(images.len());
             images.push(end.image);
         }

@@ -46,7 +46,9 @@ impl Sums {
         }
         let bright = luminance(light) as u64;
         self.weight = self.weight.saturating_add(weight);
-        self.square = self.square.saturating_add(u128::from(bright) * u128::from(bright) * u128::from(weight));
+        self.square = self
+            .square
+            .saturating_add(u128::from(bright) * u128::from(bright) * u128::from(weight));
     }
 }
 
@@ -165,8 +167,8 @@ impl Depositor<'_> {
         let width = self.surfaces.size.0;
         let mut pixel = y as usize * width + x as usize;
         let lies_on = |seen: &Seen| {
-            let tolerance =
-                direction.dot(seen.normal).abs() * place.uncertainty as f32 + ROUNDING * self.camera.reach(point);
+            let tolerance = direction.dot(seen.normal).abs() * place.uncertainty as f32
+                + ROUNDING * self.camera.reach(point);
             usize::from(seen.image) == image
                 && !seen.is_sky()
                 && (point - seen.position).dot(seen.normal).abs() <= tolerance
@@ -182,10 +184,12 @@ impl Depositor<'_> {
         } else if !lies_on(&self.surfaces.seen[pixel]) {
             return None;
         }
-        let material =
-            narrow.map_or(self.surfaces.seen[pixel].material, |(triangle, _)| self.caster.material(triangle));
+        let material = narrow.map_or(self.surfaces.seen[pixel].material, |(triangle, _)| {
+            self.caster.material(triangle)
+        });
         let shading = self.shadings.materials.get(material as usize)?;
-        let weight = shading.weight(direction, self.camera.sight(point)) * u64::from(paths.clamp(1, MAX_PATHS));
+        let weight = shading.weight(direction, self.camera.sight(point))
+            * u64::from(paths.clamp(1, MAX_PATHS));
         if weight == 0 {
             return None;
         }
@@ -208,11 +212,18 @@ impl Depositor<'_> {
 
     /// Next to an edge: the nearest of the pixels around that sees the very surface that the sample lies on, or the side of its triangle
     /// if none does and nothing hides it.
-    fn own_pixel(&self, image: usize, place: &Place, at: (f32, f32), lies_on: impl Fn(&Seen) -> bool) -> Option<Own> {
+    fn own_pixel(
+        &self,
+        image: usize,
+        place: &Place,
+        at: (f32, f32),
+        lies_on: impl Fn(&Seen) -> bool,
+    ) -> Option<Own> {
         let (width, height) = self.surfaces.size;
         let (column, row) = (at.0 as usize, at.1 as usize);
         let around = |middle: usize, size: usize| middle.saturating_sub(1)..(middle + 2).min(size);
-        let candidates = around(row, height).flat_map(|row| around(column, width).map(move |column| (column, row)));
+        let candidates = around(row, height)
+            .flat_map(|row| around(column, width).map(move |column| (column, row)));
         let away = |column: usize, row: usize| {
             let (dx, dy) = (column as f32 + 0.5 - at.0, row as f32 + 0.5 - at.1);
             dx * dx + dy * dy
@@ -230,17 +241,20 @@ impl Depositor<'_> {
             farthest = farthest.max(self.camera.reach(seen.position));
         }
         let fitting = &mut fitting[..count];
-        if fitting.is_empty() && (image > 0 || self.camera.reach(place.point.as_vec3()) > farthest) {
+        if fitting.is_empty() && (image > 0 || self.camera.reach(place.point.as_vec3()) > farthest)
+        {
             return None;
         }
         // The ray is cast only if some pixel may fit: most samples near an edge lie far behind it.
         let reach = 2.0 * place.uncertainty + f64::from(ROUNDING) * place.point.length();
         let triangle = self.caster.triangle_at(place.point, place.direction, reach)?;
         let image = self.surfaces.images.get(image)?;
-        let (material, normal) = (self.caster.material(triangle), image.direction(self.caster.normal(triangle)));
+        let (material, normal) =
+            (self.caster.material(triangle), image.direction(self.caster.normal(triangle)));
         if fitting.is_empty() {
             let [along, eye] =
-                [place.direction.as_vec3(), self.camera.sight(place.point.as_vec3())].map(|d| d.dot(normal));
+                [place.direction.as_vec3(), self.camera.sight(place.point.as_vec3())]
+                    .map(|d| d.dot(normal));
             return (along * eye > 0.0).then_some(Own::Narrow((triangle, eye <= 0.0)));
         }
         fitting.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));

@@ -111,8 +111,11 @@ impl<'a> Drawing<'a> {
     /// Reconstructs the light of all layers.
     pub fn new(voronoi: &'a Voronoi) -> Self {
         let caster = voronoi.caster();
-        let mut drawing =
-            Self { voronoi, caster, layers: voronoi.layers.iter().map(|layer| Lit::new(voronoi, layer)).collect() };
+        let mut drawing = Self {
+            voronoi,
+            caster,
+            layers: voronoi.layers.iter().map(|layer| Lit::new(voronoi, layer)).collect(),
+        };
         if drawing.layers.first().is_some_and(|main| main.is_new) {
             drawing.reflect();
         }
@@ -167,8 +170,11 @@ impl<'a> Drawing<'a> {
     pub fn upscale(&self, scale: &Scale, coarse: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let mut fine = vec![[0.0; 3]; scale.fine.0 * scale.fine.1];
         scale.interpolate(coarse, &mut fine);
-        let points =
-            self.voronoi.once.fine_points.get_or_init(|| FinePoints::cast(self, scale, &self.caster, &self.edges()));
+        let points = self
+            .voronoi
+            .once
+            .fine_points
+            .get_or_init(|| FinePoints::cast(self, scale, &self.caster, &self.edges()));
         points.paint(self, scale, coarse, &mut fine);
         fine
     }
@@ -193,9 +199,19 @@ impl<'a> Drawing<'a> {
     }
 
     /// What a ray shows through a point of the picture, in pixels.
-    pub fn look(&self, (column, row): (f64, f64), pixel: usize, ray: &Ray, hit: &Option<Hit>) -> Shows {
+    pub fn look(
+        &self,
+        (column, row): (f64, f64),
+        pixel: usize,
+        ray: &Ray,
+        hit: &Option<Hit>,
+    ) -> Shows {
         let seen = hit.map_or(Seen::NOTHING, |hit| self.caster.first(ray, &hit));
-        if self.caster.is_beyond(column, row, &seen) { Shows::Beyond } else { self.shows(pixel, ray, hit) }
+        if self.caster.is_beyond(column, row, &seen) {
+            Shows::Beyond
+        } else {
+            self.shows(pixel, ray, hit)
+        }
     }
 
     /// The colour of what a point in or beside a pixel shows, if that is known; `middles` has those of all pixels.
@@ -204,15 +220,18 @@ impl<'a> Drawing<'a> {
         match shows {
             Shows::Sky => Some(self.voronoi.shadings.nothing),
             // Without samples near, its middle has the light that is known of such surfaces.
-            Shows::Lit { by, material } => main
-                .light
-                .at(*by as usize)
-                .map_or(Some(middles[*by as usize]), |light| Some(main.shadings.lit(*material, light))),
+            Shows::Lit { by, material } => {
+                main.light.at(*by as usize).map_or(Some(middles[*by as usize]), |light| {
+                    Some(main.shadings.lit(*material, light))
+                })
+            }
             // Where only the pane or mirror itself has samples, a neighbour's are as good.
             Shows::Through(behind) => {
                 let near = || polished(&main.layer.surfaces, pixel);
-                let is_unplaced = behind[0].as_ref().is_some_and(|behind| main.is_unplaced(&behind.seen));
-                let plain = if is_unplaced { near().and_then(|near| self.plainly(near)) } else { None };
+                let is_unplaced =
+                    behind[0].as_ref().is_some_and(|behind| main.is_unplaced(&behind.seen));
+                let plain =
+                    if is_unplaced { near().and_then(|near| self.plainly(near)) } else { None };
                 plain.or_else(|| self.through(behind)).or_else(|| near().map(|near| middles[near]))
             }
             Shows::Other | Shows::Beyond => None,
@@ -237,7 +256,9 @@ impl<'a> Drawing<'a> {
     fn shows(&self, pixel: usize, ray: &Ray, hit: &Option<Hit>) -> Shows {
         let Some((main, hit)) = self.layers.first().zip(hit.as_ref()) else { return Shows::Sky };
         if self.caster.is_polished(hit.triangle) {
-            return Shows::Through(Box::new([0, IN_PANES].map(|layer| self.behind(layer, pixel, ray, hit))));
+            return Shows::Through(Box::new(
+                [0, IN_PANES].map(|layer| self.behind(layer, pixel, ray, hit)),
+            ));
         }
         let seen = self.caster.first(ray, hit);
         match alike(&main.layer.surfaces, pixel, &seen) {
@@ -262,9 +283,9 @@ impl<'a> Drawing<'a> {
             let light = match lit.light.at(pixel) {
                 _ if seen.image == NO_IMAGE => self.light(number, seen, Some(pixel)),
                 Some(light) => Some(light),
-                None => *known
-                    .entry((number, lit.first_alike(pixel)))
-                    .or_insert_with_key(|&(_, first)| self.light(number, &lit.layer.surfaces.seen[first], Some(first))),
+                None => *known.entry((number, lit.first_alike(pixel))).or_insert_with_key(
+                    |&(_, first)| self.light(number, &lit.layer.surfaces.seen[first], Some(first)),
+                ),
             };
             if light.is_none() && !lit.is_certain(seen) {
                 if !self.voronoi.is_covered(pixel) {
@@ -336,7 +357,11 @@ impl<'a> Drawing<'a> {
         let near = pixel.and_then(|pixel| lit.light.at(pixel));
         near.or_else(|| {
             let store = voronoi.records.as_deref().filter(|store| !store.is_empty());
-            let indirect = store.map(|store| Indirect { store, caster: &self.caster, shadings: &voronoi.shadings });
+            let indirect = store.map(|store| Indirect {
+                store,
+                caster: &self.caster,
+                shadings: &voronoi.shadings,
+            });
             lit.guess(seen, indirect.as_ref())
         })
     }
@@ -377,12 +402,15 @@ impl<'a> Drawing<'a> {
         let Some(main) = self.layers.first() else { return };
         let surfaces = &main.layer.surfaces;
         let (width, _) = surfaces.size;
-        let is_metal = |seen: &Seen| !seen.through && !seen.is_sky() && self.voronoi.shadings.reflects(seen.material);
+        let is_metal = |seen: &Seen| {
+            !seen.through && !seen.is_sky() && self.voronoi.shadings.reflects(seen.material)
+        };
         let metals = self.voronoi.once.metals.get_or_init(|| {
             let pixels = (0..).zip(&surfaces.seen);
             pixels.filter(|(_, seen)| is_metal(seen)).map(|(pixel, _)| pixel).collect()
         });
-        let mut metals: Vec<(usize, Option<[f32; 3]>)> = metals.iter().map(|&pixel| (pixel, None)).collect();
+        let mut metals: Vec<(usize, Option<[f32; 3]>)> =
+            metals.iter().map(|&pixel| (pixel, None)).collect();
         for_parts(&mut metals, 1, 64, |_, metals| {
             for (pixel, light) in metals {
                 let (column, row) = (*pixel % width, *pixel / width);
@@ -393,13 +421,18 @@ impl<'a> Drawing<'a> {
                     let weight = sums.weight as f32 / one + REFLECTION_COUNTS;
                     let steps = self.voronoi.shadings.unit.recip();
                     [0, 1, 2].map(|channel| {
-                        (sums.light[channel] as f32 / one + REFLECTION_COUNTS * colour[channel] * steps) / weight
+                        (sums.light[channel] as f32 / one
+                            + REFLECTION_COUNTS * colour[channel] * steps)
+                            / weight
                     })
                 });
             }
         });
         // Nobody else has it yet.
-        let Some(main) = self.layers.first_mut().and_then(|main| Arc::get_mut(&mut main.light)) else { return };
+        let Some(main) = self.layers.first_mut().and_then(|main| Arc::get_mut(&mut main.light))
+        else {
+            return;
+        };
         for (pixel, light) in metals {
             if let Some(light) = light {
                 main.set(pixel, light);

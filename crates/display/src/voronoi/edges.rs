@@ -60,7 +60,9 @@ impl Shows {
     /// Whether both have one colour. What is looked through, or is nobody's else, is asked for point by point.
     fn is_same(&self, other: &Shows) -> bool {
         match (self, other) {
-            (Shows::Lit { by, material }, Shows::Lit { by: its, material: of }) => (by, material) == (its, of),
+            (Shows::Lit { by, material }, Shows::Lit { by: its, material: of }) => {
+                (by, material) == (its, of)
+            }
             (Shows::Sky, Shows::Sky) | (Shows::Beyond, Shows::Beyond) => true,
             _ => false,
         }
@@ -110,7 +112,8 @@ impl EdgePoints {
         width: usize,
         shows: impl Fn(usize, (f64, f64), &Ray, &Option<Hit>) -> Shows + Sync,
     ) -> EdgePoints {
-        let pixels: Vec<u32> = (0..).zip(edges).filter(|(_, edge)| **edge).map(|(pixel, _)| pixel).collect();
+        let pixels: Vec<u32> =
+            (0..).zip(edges).filter(|(_, edge)| **edge).map(|(pixel, _)| pixel).collect();
         let mut pieces: Vec<Piece> = Vec::new();
         pieces.resize_with(pixels.len().div_ceil(PIECE), Piece::default);
         for_parts(&mut pieces, 1, 1, |part, piece| {
@@ -122,15 +125,21 @@ impl EdgePoints {
                             // The whole pixel shows one thing.
                             break;
                         }
-                        let rays: [Ray; FIRST] =
-                            std::array::from_fn(|i| ray(caster, width, pixel as usize, PLACES[places.start + i]));
+                        let rays: [Ray; FIRST] = std::array::from_fn(|i| {
+                            ray(caster, width, pixel as usize, PLACES[places.start + i])
+                        });
                         let mut hits = [None; FIRST];
                         caster.nearest_tile(&rays, &mut hits);
                         for (place, (ray, hit)) in places.zip(rays.iter().zip(hits)) {
                             let shows = shows(pixel as usize, PLACES[place], ray, &hit);
-                            match groups[first..].iter_mut().find(|group| group.shows.is_same(&shows)) {
+                            match groups[first..]
+                                .iter_mut()
+                                .find(|group| group.shows.is_same(&shows))
+                            {
                                 Some(group) => group.count += 1,
-                                None => groups.push(Group { shows, hit, place: place as u8, count: 1 }),
+                                None => {
+                                    groups.push(Group { shows, hit, place: place as u8, count: 1 })
+                                }
                             }
                         }
                     }
@@ -154,7 +163,9 @@ impl EdgePoints {
         for_parts(&mut means, 1, PIECE, |part, means| {
             let Piece { groups, ends } = &self.pieces[part];
             let mut first = 0;
-            for ((mean, &pixel), &end) in means.iter_mut().zip(&self.pixels[part * PIECE..]).zip(ends) {
+            for ((mean, &pixel), &end) in
+                means.iter_mut().zip(&self.pixels[part * PIECE..]).zip(ends)
+            {
                 let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
                 for group in &groups[first..end as usize] {
                     if matches!(group.shows, Shows::Beyond) {
@@ -162,7 +173,11 @@ impl EdgePoints {
                     }
                     let pixel = pixel as usize;
                     let known = colour(pixel, &group.shows).or_else(|| {
-                        point(pixel, &ray(caster, width, pixel, PLACES[usize::from(group.place)]), group.hit)
+                        point(
+                            pixel,
+                            &ray(caster, width, pixel, PLACES[usize::from(group.place)]),
+                            group.hit,
+                        )
                     });
                     if let Some(colour) = known {
                         let points = f32::from(group.count);
@@ -195,7 +210,8 @@ fn ray(caster: &Caster, width: usize, pixel: usize, (x, y): (f64, f64)) -> Ray {
 pub(crate) fn alike(surfaces: &Surfaces, pixel: usize, point: &Seen) -> Option<usize> {
     let rank = |other: usize| {
         let seen = &surfaces.seen[other];
-        if seen.side() == point.side() && seen.image == point.image && seen.through == point.through {
+        if seen.side() == point.side() && seen.image == point.image && seen.through == point.through
+        {
             Some(0)
         } else {
             point.continues(seen, surfaces.pixel_width).then_some(1)

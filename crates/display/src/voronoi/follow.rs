@@ -43,7 +43,12 @@ impl Caster<'_> {
     }
 
     /// The same for at most [`MAX_TOGETHER`] rays, which are traced together from one mirror or pane to the next.
-    pub fn follow_together(&self, from: impl Iterator<Item = (Ray, Hit)>, off_pane: bool, ends: &mut [Option<End>]) {
+    pub fn follow_together(
+        &self,
+        from: impl Iterator<Item = (Ray, Hit)>,
+        off_pane: bool,
+        ends: &mut [Option<End>],
+    ) {
         let mut ways = [Way::NONE; MAX_TOGETHER];
         let mut count = 0;
         for ((way, (ray, hit)), number) in ways.iter_mut().zip(from).zip(0..) {
@@ -66,7 +71,11 @@ impl Caster<'_> {
                     ends[way.number] = None;
                 }
             }
-            self.raycaster().nearest_many_from(&rays[..onward], &left[..onward], &mut hits[..onward]);
+            self.raycaster().nearest_many_from(
+                &rays[..onward],
+                &left[..onward],
+                &mut hits[..onward],
+            );
             count = 0;
             for i in 0..onward {
                 let way = ways[i];
@@ -131,7 +140,12 @@ impl Caster<'_> {
                     let passes = 1.0 - pane_reflectance(ray.direction.dot(normal).abs(), ior);
                     (transmittance.map(|t| t * passes), ray.direction)
                 }
-                _ => return Some((Seen { image: NO_IMAGE, through: true, ..self.first(&ray, &hit) }, share)),
+                _ => {
+                    return Some((
+                        Seen { image: NO_IMAGE, through: true, ..self.first(&ray, &hit) },
+                        share,
+                    ));
+                }
             };
             share = [0, 1, 2].map(|channel| share[channel] * colour[channel]);
             let (at, error) = self.raycaster().surface_point(&hit);
@@ -159,8 +173,13 @@ pub(crate) struct End {
 }
 
 impl End {
-    const NOWHERE: End =
-        End { seen: Seen::NOTHING, share: [1.0; 3], image: Image::ITSELF, mirrors: [0; MAX_CHAIN], count: 0 };
+    const NOWHERE: End = End {
+        seen: Seen::NOTHING,
+        share: [1.0; 3],
+        image: Image::ITSELF,
+        mirrors: [0; MAX_CHAIN],
+        count: 0,
+    };
 
     /// The triangles of the mirrors on the way.
     pub fn mirrors(&self) -> &[u32] {

@@ -59,7 +59,9 @@ impl Mean {
     fn with(self, other: Self) -> Self {
         let samples = self.samples + other.samples;
         let share = other.samples / samples;
-        let light = [0, 1, 2].map(|channel| self.light[channel] + share * (other.light[channel] - self.light[channel]));
+        let light = [0, 1, 2].map(|channel| {
+            self.light[channel] + share * (other.light[channel] - self.light[channel])
+        });
         Self { light, samples }
     }
 }
@@ -140,12 +142,15 @@ fn sides(surfaces: &Surfaces, sums: &[Sums], pixels: Range<usize>) -> Sides {
             sides.entry(key).or_default().join(&total);
         }
     };
-    for (pixel, (seen, sums)) in pixels.clone().zip(surfaces.seen[pixels.clone()].iter().zip(&sums[pixels])) {
+    for (pixel, (seen, sums)) in
+        pixels.clone().zip(surfaces.seen[pixels.clone()].iter().zip(&sums[pixels]))
+    {
         if seen.is_sky() || sums.weight == 0 {
             continue;
         }
         let same = |((triangle, front, class), normal, _): &((u32, bool, Class), Vec3, Total)| {
-            (*triangle, *front, class.0) == (seen.triangle(), seen.front, seen.material) && *normal == seen.normal
+            (*triangle, *front, class.0) == (seen.triangle(), seen.front, seen.material)
+                && *normal == seen.normal
         };
         match &mut run {
             Some(run) if same(run) => run.2.add(sums, pixel as u32),
@@ -175,7 +180,9 @@ impl Guesses {
         // Which examples are kept depends on their ranks alone, sums are of integers: the maps' order changes nothing.
         let mut kin: FxHashMap<Kin, Total> = FxHashMap::default();
         for ((triangle, front, class), total) in strips.into_iter().flatten() {
-            for of in [Kin::Side((triangle, front)), Kin::Class(class), Kin::Material(class.0), Kin::All] {
+            for of in
+                [Kin::Side((triangle, front)), Kin::Class(class), Kin::Material(class.0), Kin::All]
+            {
                 kin.entry(of).or_default().join(&total);
             }
             if shadings.materials.get(class.0 as usize).is_some_and(|shading| shading.is_diffuse) {
@@ -196,7 +203,8 @@ impl Guesses {
         surfaces: &Surfaces,
         indirect: Option<&Indirect>,
     ) -> Option<[f32; 3]> {
-        let known_there = indirect.and_then(|indirect| Some((indirect.light(seen, surfaces)?, indirect)));
+        let known_there =
+            indirect.and_then(|indirect| Some((indirect.light(seen, surfaces)?, indirect)));
         let here = |kin: Kin| match &known_there {
             Some((there, indirect)) => {
                 let direct = self.direct(kin, surfaces, indirect)?;
@@ -225,7 +233,8 @@ impl Guesses {
         let mut cache = self.indirect.lock().unwrap_or_else(PoisonError::into_inner);
         let mean = cache.entry(of).or_insert_with(|| {
             let lights = known.examples[..known.count].iter();
-            let lights = lights.filter_map(|&pixel| indirect.light(&surfaces.seen[pixel as usize], surfaces));
+            let lights = lights
+                .filter_map(|&pixel| indirect.light(&surfaces.seen[pixel as usize], surfaces));
             let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
             for light in lights {
                 sum = [0, 1, 2].map(|channel| sum[channel] + light[channel]);

@@ -24,7 +24,11 @@ impl Indirect<'_> {
     /// Indirect light on a diffuse surface, in steps of radiance over albedo; `None` if there is no record near or it is not
     /// diffuse.
     pub fn light(&self, seen: &Seen, surfaces: &Surfaces) -> Option<[f32; 3]> {
-        let shading = self.shadings.materials.get(seen.material as usize).filter(|shading| shading.is_diffuse)?;
+        let shading = self
+            .shadings
+            .materials
+            .get(seen.material as usize)
+            .filter(|shading| shading.is_diffuse)?;
         let (position, normal) = match surfaces.images.get(usize::from(seen.image)) {
             Some(image) => image.back(seen.position, seen.normal),
             None => (seen.position, seen.normal),

@@ -103,7 +103,10 @@ impl Strip<'_> {
             let label = labels[pixel];
             // A label is that of an earlier pixel, which is done. Neighbours mostly have the same.
             if label != last {
-                (last, first) = (label, label.checked_sub(1).map_or(NO_LABEL, |earlier| labels[earlier as usize]));
+                (last, first) = (
+                    label,
+                    label.checked_sub(1).map_or(NO_LABEL, |earlier| labels[earlier as usize]),
+                );
             }
             // Where nothing is seen, memory stays untouched.
             if label != first {
@@ -128,7 +131,13 @@ impl Strip<'_> {
     }
 
     /// Connects a pixel with its neighbours to the left, if it has one, and above.
-    fn connect_one(&self, pixel: usize, has_left: bool, labels: &mut [u32], parts: &mut FxHashMap<Part, u32>) {
+    fn connect_one(
+        &self,
+        pixel: usize,
+        has_left: bool,
+        labels: &mut [u32],
+        parts: &mut FxHashMap<Part, u32>,
+    ) {
         let here = &self.seen[pixel];
         let left = has_left.then(|| pixel - 1);
         let above = pixel.checked_sub(self.width);
@@ -153,11 +162,17 @@ impl Strip<'_> {
         if let [window] = &mut windows[..] {
             for (row, line) in self.keys.chunks(self.width.max(1)).enumerate() {
                 let is_there = |key: &u64| *key != NO_KEY && image_of(*key) == 0;
-                let Some((first, last)) = line.iter().position(is_there).zip(line.iter().rposition(is_there)) else {
+                let Some((first, last)) =
+                    line.iter().position(is_there).zip(line.iter().rposition(is_there))
+                else {
                     continue;
                 };
                 let y = (top + row) as f32;
-                window.join(&Window { image: 0, low: (first as f32, y), high: (last as f32 + 1.0, y + 1.0) });
+                window.join(&Window {
+                    image: 0,
+                    low: (first as f32, y),
+                    high: (last as f32 + 1.0, y + 1.0),
+                });
             }
             return windows;
         }

@@ -41,13 +41,18 @@ impl Light {
 
     /// Gives pixels other light than was found, which is kept.
     pub fn replace(&mut self, others: &[(u32, [f32; 3])]) {
-        self.lone = others.iter().filter_map(|&(pixel, _)| Some((pixel, self.at(pixel as usize)?))).collect();
+        self.lone = others
+            .iter()
+            .filter_map(|&(pixel, _)| Some((pixel, self.at(pixel as usize)?)))
+            .collect();
         others.iter().for_each(|&(pixel, light)| self.set(pixel as usize, light));
     }
 
     /// Gives them back what was found for them.
     pub fn restore(&mut self) {
-        std::mem::take(&mut self.lone).into_iter().for_each(|(pixel, own)| self.set(pixel as usize, own));
+        std::mem::take(&mut self.lone)
+            .into_iter()
+            .for_each(|(pixel, own)| self.set(pixel as usize, own));
     }
 
     /// `None` where no sample of a pixel's surface is near enough.

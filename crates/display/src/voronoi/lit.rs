@@ -54,7 +54,8 @@ pub(crate) fn plain(surfaces: &Surfaces) -> Vec<u32> {
 impl<'a> Lit<'a> {
     pub fn new(voronoi: &'a Voronoi, layer: &'a Layer) -> Self {
         let Layer { surfaces, sums, .. } = layer;
-        let from = MadeFrom { samples: layer.samples, paths: voronoi.paths, records: voronoi.records() };
+        let from =
+            MadeFrom { samples: layer.samples, paths: voronoi.paths, records: voronoi.records() };
         let (camera, shadings) = (&voronoi.camera, &voronoi.shadings);
         let mut made = layer.made.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(made) = made.as_ref().filter(|made| made.from == from) {
@@ -63,10 +64,12 @@ impl<'a> Lit<'a> {
         }
         // What metals reflect follows from more than the samples near.
         let metals = voronoi.once.metals.get().map_or(&[][..], Vec::as_slice);
-        let metals: FxHashSet<usize> = metals.iter().map(|&pixel| blocks::of(pixel, surfaces.size.0)).collect();
+        let metals: FxHashSet<usize> =
+            metals.iter().map(|&pixel| blocks::of(pixel, surfaces.size.0)).collect();
         // Its memory is used again: new memory from the system took a tenth of the time.
         let before = made.take().filter(|made| made.from.paths == from.paths).map(|made| {
-            let is_new = |block: usize| layer.changes[block] > made.from.samples || metals.contains(&block);
+            let is_new =
+                |block: usize| layer.changes[block] > made.from.samples || metals.contains(&block);
             (Arc::unwrap_or_clone(made.light), Mask::new(surfaces.size, is_new))
         });
         let mut scratch = voronoi.scratch.lock().unwrap_or_else(PoisonError::into_inner);
@@ -76,7 +79,12 @@ impl<'a> Lit<'a> {
             camera,
             shadings,
             light: Arc::new(light),
-            guesses: Arc::new(Guesses::new(surfaces, sums, shadings, reconstruct::weight_of_one(voronoi.paths))),
+            guesses: Arc::new(Guesses::new(
+                surfaces,
+                sums,
+                shadings,
+                reconstruct::weight_of_one(voronoi.paths),
+            )),
             from,
             is_new: true,
         }
@@ -84,18 +92,30 @@ impl<'a> Lit<'a> {
 
     /// Keeps it for the next picture.
     pub fn keep(&self) {
-        let made = Made { from: self.from, light: Arc::clone(&self.light), guesses: Arc::clone(&self.guesses) };
+        let made = Made {
+            from: self.from,
+            light: Arc::clone(&self.light),
+            guesses: Arc::clone(&self.guesses),
+        };
         *self.layer.made.lock().unwrap_or_else(PoisonError::into_inner) = Some(made);
     }
 
     /// Colours of pixels from `first` on whose light is known and that are seen through nothing; gives the others.
-    pub fn paint_plain(&self, first: usize, plain: &[u32], colours: &mut [[f32; 3]], others: &mut Vec<usize>) {
+    pub fn paint_plain(
+        &self,
+        first: usize,
+        plain: &[u32],
+        colours: &mut [[f32; 3]],
+        others: &mut Vec<usize>,
+    ) {
         let Shadings { materials, nothing, .. } = self.shadings;
         let known = self.light.rows(first..first + colours.len());
         for (at, (colour, &material)) in colours.iter_mut().zip(plain).enumerate() {
             if material == PLAIN_SKY {
                 *colour = *nothing;
-            } else if let Some(light) = known.at(at).filter(|_| (material as usize) < materials.len()) {
+            } else if let Some(light) =
+                known.at(at).filter(|_| (material as usize) < materials.len())
+            {
                 *colour = self.shadings.lit(material, light);
             } else {
                 others.push(first + at);
@@ -114,7 +134,8 @@ impl<'a> Lit<'a> {
 
     /// Light of a surface without samples near, by what is known of such surfaces.
     pub fn guess(&self, seen: &Seen, indirect: Option<&Indirect>) -> Option<[f32; 3]> {
-        let narrow = self.layer.narrow.get(&seen.side()).filter(|_| seen.image == 0 && !seen.through);
+        let narrow =
+            self.layer.narrow.get(&seen.side()).filter(|_| seen.image == 0 && !seen.through);
         let narrow = narrow.map(|sums| Mean {
             light: sums.light.map(|sum| sum as f32 / sums.weight as f32),
             samples: sums.weight as f32 / reconstruct::weight_of_one(self.from.paths),
@@ -124,7 +145,10 @@ impl<'a> Lit<'a> {
 
     /// Whether something is seen through a mirror or pane that ought to have samples and has none.
     pub fn is_unknown(&self, behind: &Seen) -> bool {
-        behind.through && !behind.is_sky() && behind.image != NO_IMAGE && !self.guesses.knows(behind)
+        behind.through
+            && !behind.is_sky()
+            && behind.image != NO_IMAGE
+            && !self.guesses.knows(behind)
     }
 
     /// Whether something is seen in a mirror whose image has no place that samples could be put into: a curved one.
@@ -148,7 +172,8 @@ impl<'a> Lit<'a> {
             Some(light) => self.shadings.lit(seen.material, light),
             None if shading.emits => shading.emission,
             None => {
-                let towards = -seen.normal.dot(self.camera.sight(seen.position).normalize_or_zero());
+                let towards =
+                    -seen.normal.dot(self.camera.sight(seen.position).normalize_or_zero());
                 let bright = self.guesses.typical().unwrap_or(unit.recip()) * unit;
                 shading.scale.map(|scale| scale * bright * (0.25 + 0.75 * towards.max(0.0)))
             }

@@ -27,7 +27,10 @@ impl Voronoi {
             placed: self.placed.clone(),
             raycaster: Arc::clone(&self.raycaster),
             portals: self.portals.clone(),
-            beyond: self.beyond.as_ref().map(|beyond| beyond.of_live_rays(self.view, self.size, self.shadings.sky)),
+            beyond: self
+                .beyond
+                .as_ref()
+                .map(|beyond| beyond.of_live_rays(self.view, self.size, self.shadings.sky)),
             shadings: Shadings::new(self.raycaster.scene(), self.view.clips_sky()),
             view: self.view,
             camera: self.camera.clone(),
@@ -63,7 +66,9 @@ impl Voronoi {
         let (width, _) = self.size;
         let sees = |&(pixel, _): &(u32, &bool)| {
             let is_beyond = self.beyond.as_ref().is_some_and(|beyond| beyond.has(pixel as usize));
-            let sees = |layer: &Layer| layer.surfaces.seen.get(pixel as usize).is_some_and(|seen| !seen.is_sky());
+            let sees = |layer: &Layer| {
+                layer.surfaces.seen.get(pixel as usize).is_some_and(|seen| !seen.is_sky())
+            };
             is_beyond || self.layers.iter().any(sees)
         };
         let looks = |pixel: &u32| {

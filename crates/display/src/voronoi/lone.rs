@@ -36,14 +36,22 @@ const ROWS: usize = 32;
 type Lone = (u32, u32);
 
 /// The light that pixels have instead, in the order of pixels, each once. `light` is as it was reconstructed, and `one` a sample's weight.
-pub(crate) fn find(surfaces: &Surfaces, sums: &[Sums], light: &Light, one: f32) -> Vec<(u32, [f32; 3])> {
+pub(crate) fn find(
+    surfaces: &Surfaces,
+    sums: &[Sums],
+    light: &Light,
+    one: f32,
+) -> Vec<(u32, [f32; 3])> {
     let (width, height) = surfaces.size;
     let mut strips: Vec<Vec<Lone>> = vec![Vec::new(); height.div_ceil(ROWS)];
     for_parts(&mut strips, 1, 1, |part, strips| {
         let mut rows = [vec![0.0; width], vec![0.0; width], vec![0.0; width]];
         let mut labels = [vec![NO_LABEL; width], vec![NO_LABEL; width], vec![NO_LABEL; width]];
         let mut stands_out = vec![0_u8; width];
-        let fill = |number: usize, row: Option<usize>, rows: &mut [Vec<f32>; 3], labels: &mut [Vec<u32>; 3]| {
+        let fill = |number: usize,
+                    row: Option<usize>,
+                    rows: &mut [Vec<f32>; 3],
+                    labels: &mut [Vec<u32>; 3]| {
             labels[number].fill(NO_LABEL);
             let Some(row) = row.filter(|&row| row < height) else { return };
             let pixels = row * width..(row + 1) * width;
@@ -51,7 +59,9 @@ pub(crate) fn find(surfaces: &Surfaces, sums: &[Sums], light: &Light, one: f32) 
             if !known.any() {
                 return;
             }
-            for (column, (bright, label)) in rows[number].iter_mut().zip(&mut labels[number]).enumerate() {
+            for (column, (bright, label)) in
+                rows[number].iter_mut().zip(&mut labels[number]).enumerate()
+            {
                 if let Some(light) = known.at(column) {
                     (*bright, *label) = (luminance(light), of[column]);
                 }
@@ -64,13 +74,20 @@ pub(crate) fn find(surfaces: &Surfaces, sums: &[Sums], light: &Light, one: f32) 
             for row in first..(first + ROWS).min(height) {
                 fill(2, Some(row + 1), &mut rows, &mut labels);
                 if labels[1].iter().any(|&label| label != NO_LABEL) {
-                    Isa::best().run(Compare { rows: &rows, labels: &labels, stands_out: &mut stands_out });
+                    Isa::best().run(Compare {
+                        rows: &rows,
+                        labels: &labels,
+                        stands_out: &mut stands_out,
+                    });
                 } else {
                     stands_out.fill(0);
                 }
                 for column in (0..width).filter(|&column| stands_out[column] != 0) {
                     let pixel = row * width + column;
-                    found.extend(judge(surfaces, sums, light, pixel, one).map(|other| (pixel as u32, other as u32)));
+                    found.extend(
+                        judge(surfaces, sums, light, pixel, one)
+                            .map(|other| (pixel as u32, other as u32)),
+                    );
                 }
                 rows.rotate_left(1);
                 labels.rotate_left(1);
@@ -79,7 +96,9 @@ pub(crate) fn find(surfaces: &Surfaces, sums: &[Sums], light: &Light, one: f32) 
     });
     let mut changes: FxHashMap<u32, [f32; 3]> = FxHashMap::default();
     for (pixel, other) in strips.concat() {
-        let Some((own, its)) = light.at(pixel as usize).zip(light.at(other as usize)) else { continue };
+        let Some((own, its)) = light.at(pixel as usize).zip(light.at(other as usize)) else {
+            continue;
+        };
         let less = [0, 1, 2].map(|channel: usize| its[channel] - own[channel]);
         let mut add = |pixel: u32, part: f32| {
             let change = changes.entry(pixel).or_default();
@@ -108,8 +127,8 @@ fn around(surfaces: &Surfaces, pixel: usize) -> impl Iterator<Item = usize> {
     let (width, height) = surfaces.size;
     let (column, row) = (pixel % width, pixel / width);
     let columns = column.saturating_sub(1)..(column + 2).min(width);
-    let all =
-        (row.saturating_sub(1)..(row + 2).min(height)).flat_map(move |y| columns.clone().map(move |x| y * width + x));
+    let all = (row.saturating_sub(1)..(row + 2).min(height))
+        .flat_map(move |y| columns.clone().map(move |x| y * width + x));
     all.filter(move |&other| surfaces.labels[other] == surfaces.labels[pixel])
 }
 
@@ -151,7 +170,13 @@ impl Kernel for Compare<'_> {
 }
 
 /// The pixel beside this one that is the nearest in brightness, if it is not this one's own samples that tell them apart.
-fn judge(surfaces: &Surfaces, sums: &[Sums], light: &Light, pixel: usize, one: f32) -> Option<usize> {
+fn judge(
+    surfaces: &Surfaces,
+    sums: &[Sums],
+    light: &Light,
+    pixel: usize,
+    one: f32,
+) -> Option<usize> {
     let own = luminance(light.at(pixel)?);
     let (mut count, mut nearest): (usize, Option<(f32, usize)>) = (0, None);
     let (mut weight, mut bright, mut square) = (0.0_f64, 0.0_f64, 0.0_f64);

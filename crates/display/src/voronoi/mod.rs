@@ -158,7 +158,12 @@ struct Painted {
 
 impl Voronoi {
     /// What the view sees, without light yet; `size` as from [`View::resolve`], which bounds it: memory is in proportion.
-    pub fn new(sections: Arc<[Section]>, raycaster: Arc<Raycaster>, view: View, size: (u32, u32)) -> Self {
+    pub fn new(
+        sections: Arc<[Section]>,
+        raycaster: Arc<Raycaster>,
+        view: View,
+        size: (u32, u32),
+    ) -> Self {
         Self::through_portals(sections, raycaster, None, view, size)
     }
 
@@ -284,10 +289,13 @@ impl Voronoi {
     /// Adds samples of one beam, each the mean of `paths` paths. Samples of an unknown section or beam are left out.
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
         let number = usize::from(section);
-        let Some(pair) = self.sections.get(number).and_then(|section| section.cells(beam)) else { return };
+        let Some(pair) = self.sections.get(number).and_then(|section| section.cells(beam)) else {
+            return;
+        };
         self.deposit(paths, |placed, depositor, to| {
             let section = placed.get(number);
-            section.map_or(0, |section| depositor.insert(&Beam { section, pair, paths }, samples, to))
+            section
+                .map_or(0, |section| depositor.insert(&Beam { section, pair, paths }, samples, to))
         });
         if let Some(beyond) = &mut self.beyond {
             beyond.insert(section, beam, paths, samples);
@@ -295,7 +303,11 @@ impl Voronoi {
     }
 
     /// Has each layer take what has come; `put` says how many of it found a pixel.
-    fn deposit(&mut self, paths: u16, put: impl Fn(&[PlacedSection], &Depositor, &mut Deposits) -> u64) {
+    fn deposit(
+        &mut self,
+        paths: u16,
+        put: impl Fn(&[PlacedSection], &Depositor, &mut Deposits) -> u64,
+    ) {
         for layer in &mut self.layers {
             let depositor = Depositor {
                 camera: &self.camera,
@@ -305,7 +317,11 @@ impl Voronoi {
                 caster: Caster::new(&self.raycaster, &self.view, &self.camera, self.size),
             };
             let Layer { sums, changes, narrow, samples: before, .. } = layer;
-            let used = put(&self.placed, &depositor, &mut Deposits { sums, changes, narrow, samples: *before });
+            let used = put(
+                &self.placed,
+                &depositor,
+                &mut Deposits { sums, changes, narrow, samples: *before },
+            );
             layer.samples += used;
             self.samples += used;
         }
@@ -363,7 +379,13 @@ impl Voronoi {
         let (width, height) = self.size;
         let mut frame = Frame {
             depth: copied(self.once.depths.get_or_init(|| self.find_depth())),
-            picture: Picture { width, height, pixels: copied(&painted.pixels), view: Some(self.view), ..picture },
+            picture: Picture {
+                width,
+                height,
+                pixels: copied(&painted.pixels),
+                view: Some(self.view),
+                ..picture
+            },
             uncovered_pixels: self.uncovered,
             empty_pixels: painted.empty_pixels,
             unseen_pixels: 0,
@@ -375,8 +397,11 @@ impl Voronoi {
         }
         if let Some((scale, drawing)) = self.scale.as_ref().zip(drawing) {
             let (width, height) = scale.fine;
-            let of_all = |pixels: u64| pixels * (width * height) as u64 / (scale.coarse.0 * scale.coarse.1) as u64;
-            (frame.empty_pixels, guessed_pixels) = (of_all(frame.empty_pixels), of_all(guessed_pixels));
+            let of_all = |pixels: u64| {
+                pixels * (width * height) as u64 / (scale.coarse.0 * scale.coarse.1) as u64
+            };
+            (frame.empty_pixels, guessed_pixels) =
+                (of_all(frame.empty_pixels), of_all(guessed_pixels));
             frame.depth = scale.spread(&frame.depth);
             let pixels = drawing.upscale(scale, &frame.picture.pixels);
             frame.picture = Picture { pixels, ..Picture::new(width as u32, height as u32) };

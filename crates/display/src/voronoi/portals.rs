@@ -32,7 +32,8 @@ impl Beyond {
         for_parts(&mut pixels, width, ROWS, |part, pixels| {
             for (is_beyond, pixel) in pixels.iter_mut().zip(part * ROWS * width..) {
                 let middle = ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
-                *is_beyond = seen[pixel].is_sky() && caster.is_beyond(middle.0, middle.1, &seen[pixel]);
+                *is_beyond =
+                    seen[pixel].is_sky() && caster.is_beyond(middle.0, middle.1, &seen[pixel]);
             }
         });
         if !pixels.contains(&true) {
@@ -57,7 +58,9 @@ impl Beyond {
         let there = self.driver.draw();
         let colours = frame.picture.pixels.iter_mut().zip(&there.picture.pixels);
         let depths = frame.depth.iter_mut().zip(&there.depth);
-        for (((to, from), (depth, its)), _) in colours.zip(depths).zip(&self.pixels).filter(|(_, beyond)| **beyond) {
+        for (((to, from), (depth, its)), _) in
+            colours.zip(depths).zip(&self.pixels).filter(|(_, beyond)| **beyond)
+        {
             (*to, *depth) = (*from, *its);
             frame.empty_pixels += u64::from(*its == 0.0);
         }

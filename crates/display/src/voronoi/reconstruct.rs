@@ -84,7 +84,8 @@ pub(crate) fn light(
         None => (Light::unknown(size), seen.clone()),
         Some((light, changed)) => {
             let reach = |block: usize| (1 << light.reaches[block]) - 1;
-            let wanted = Mask::new(size, |block| seen.has(block) && changed.has_near(block, reach(block)));
+            let wanted =
+                Mask::new(size, |block| seen.has(block) && changed.has_near(block, reach(block)));
             (light, wanted)
         }
     };
@@ -116,8 +117,10 @@ pub(crate) fn light(
         }
         let lines = choices(&mut light, size).into_iter().zip(wider.chunks_mut(KINDS * width));
         let lines = lines.zip(kept.chunks_mut(KEPT * width)).zip(doubts.chunks_mut(width));
-        let lines = lines.map(|(((choices, sums), kept), doubts)| Line { choices, sums, kept, doubts });
-        let mut lines: Vec<Line> = lines.filter(|line| !runs[1][line.choices.row / ROWS].is_empty()).collect();
+        let lines =
+            lines.map(|(((choices, sums), kept), doubts)| Line { choices, sums, kept, doubts });
+        let mut lines: Vec<Line> =
+            lines.filter(|line| !runs[1][line.choices.row / ROWS].is_empty()).collect();
         if level > 0 {
             // Rows a step apart, one after the other.
             lines.sort_unstable_by_key(|line| (line.choices.row % step, line.choices.row));
@@ -146,14 +149,17 @@ pub(crate) fn light(
             if let Some(found) = reached(block) {
                 // What has no samples yet may get some from as far as the widest tents reach.
                 let starves = found.starves.load(Ordering::Relaxed);
-                light.reaches[block] = if starves { LEVELS as u8 - 1 } else { light.reaches[block].max(level as u8) };
+                light.reaches[block] =
+                    if starves { LEVELS as u8 - 1 } else { light.reaches[block].max(level as u8) };
                 if level == 0 {
                     light.reaches[block] = 0;
                     light.without[block] = found.without.load(Ordering::Relaxed);
                 }
             }
         }
-        open = Mask::new(size, |block| reached(block).is_some_and(|found| found.is_open.load(Ordering::Relaxed)));
+        open = Mask::new(size, |block| {
+            reached(block).is_some_and(|found| found.is_open.load(Ordering::Relaxed))
+        });
         if !open.any() {
             break;
         }
@@ -178,7 +184,9 @@ fn seen_blocks(surfaces: &Surfaces) -> Mask {
     Mask::new(surfaces.size, |block| {
         let columns = part(block % across, COLUMNS, width, &columns);
         let mut rows = part(block / across, ROWS, height, &rows);
-        let sees = |row: usize| surfaces.labels[row * width..][columns.clone()].iter().any(|&label| label != NO_LABEL);
+        let sees = |row: usize| {
+            surfaces.labels[row * width..][columns.clone()].iter().any(|&label| label != NO_LABEL)
+        };
         !columns.is_empty() && rows.any(sees)
     })
 }
@@ -252,8 +260,23 @@ impl Kernel for Part<'_, '_> {
 
     #[inline(always)]
     fn run(self) {
-        let Part { lines, labels, width, sums, one, from, means, step, runs, edges, open, with_samples, found } = self;
-        let mut passes = (step > 0).then(|| Passes::new(from, labels, width, step, [&runs[0], &runs[1]]));
+        let Part {
+            lines,
+            labels,
+            width,
+            sums,
+            one,
+            from,
+            means,
+            step,
+            runs,
+            edges,
+            open,
+            with_samples,
+            found,
+        } = self;
+        let mut passes =
+            (step > 0).then(|| Passes::new(from, labels, width, step, [&runs[0], &runs[1]]));
         for Line { choices, sums: line, kept, doubts } in lines {
             let row = choices.row;
             let pixels = row * width..(row + 1) * width;
@@ -293,15 +316,26 @@ const TOGETHER: usize = 16;
 
 /// The sums of each pixel of these columns alone, and which labels have any.
 #[inline(always)]
-fn alone(sums: &[Sums], labels: &[u32], one: f32, columns: &Range<usize>, with_samples: &Labels, cells: &mut [f32]) {
+fn alone(
+    sums: &[Sums],
+    labels: &[u32],
+    one: f32,
+    columns: &Range<usize>,
+    with_samples: &Labels,
+    cells: &mut [f32],
+) {
     let (width, share) = (labels.len(), one.recip());
     let mut last = NO_LABEL;
     for first in columns.clone().step_by(TOGETHER) {
         let pixels = first..(first + TOGETHER).min(columns.end);
         let (mut kinds, mut upper) = ([[0_u64; TOGETHER]; KINDS], 0);
-        for (i, (sum, &label)) in sums[pixels.clone()].iter().zip(&labels[pixels.clone()]).enumerate() {
+        for (i, (sum, &label)) in
+            sums[pixels.clone()].iter().zip(&labels[pixels.clone()]).enumerate()
+        {
             let [red, green, blue] = sum.light;
-            for (kind, value) in kinds.iter_mut().zip([red, green, blue, sum.weight, sum.square as u64]) {
+            for (kind, value) in
+                kinds.iter_mut().zip([red, green, blue, sum.weight, sum.square as u64])
+            {
                 kind[i % TOGETHER] = value;
             }
             upper |= sum.square >> 64;
@@ -319,7 +353,9 @@ fn alone(sums: &[Sums], labels: &[u32], one: f32, columns: &Range<usize>, with_s
         // Of 128 bits mostly the lower half alone is used.
         if upper != 0 {
             let squares = cells[(KINDS - 1) * width..][pixels.clone()].iter_mut();
-            squares.zip(&sums[pixels]).for_each(|(square, sum)| *square = sum.square as f32 * share);
+            squares
+                .zip(&sums[pixels])
+                .for_each(|(square, sum)| *square = sum.square as f32 * share);
         }
     }
 }
@@ -331,7 +367,8 @@ fn limits(edges: &[bool], width: usize, row: usize, segment: &Range<usize>) -> [
     let rows = [row.saturating_sub(1) * width, here, (row + 1).min(last) * width];
     let mut limits = [CONFIDENCE * CONFIDENCE; COLUMNS];
     for (limit, column) in limits.iter_mut().zip(segment.clone()) {
-        let beside = edges[here + column.saturating_sub(1)] | edges[here + (column + 1).min(width - 1)];
+        let beside =
+            edges[here + column.saturating_sub(1)] | edges[here + (column + 1).min(width - 1)];
         if beside | rows.iter().any(|row| edges[row + column]) {
             *limit = BESIDE_EDGES * BESIDE_EDGES;
         }
@@ -374,7 +411,13 @@ impl Choices<'_> {
 
     /// Closes the choices of surfaces without samples.
     #[inline(always)]
-    fn leave_starving(&mut self, segment: Range<usize>, labels: &[u32], with_samples: &Labels, found: &Found) {
+    fn leave_starving(
+        &mut self,
+        segment: Range<usize>,
+        labels: &[u32],
+        with_samples: &Labels,
+        found: &Found,
+    ) {
         for column in segment {
             if self.states[column] == OPEN && !with_samples.has(labels[column]) {
                 self.states[column] = 0;
@@ -401,7 +444,8 @@ impl Choices<'_> {
         let (width, left, count) = (self.states.len(), segment.start, segment.len().min(COLUMNS));
         let of = |kind: usize| &cells[kind * width + left..][..count];
         let (red, green, blue, weight, square) = (of(0), of(1), of(2), of(3), of(4));
-        let (mut values, mut samples, mut variances) = ([0.0; COLUMNS], [0.0; COLUMNS], [0.0; COLUMNS]);
+        let (mut values, mut samples, mut variances) =
+            ([0.0; COLUMNS], [0.0; COLUMNS], [0.0; COLUMNS]);
         // A tent's weights w have (Σw)²/Σw² = 9/4 Σw / max w.
         let spread = if means.is_empty() { 1.0 } else { 2.25 };
         let mut shares = [0.0; COLUMNS];
@@ -424,7 +468,8 @@ impl Choices<'_> {
             let its = |what: usize| &narrower[(self.row * KEPT + what) * width + left..][..count];
             let (its_values, its_samples, its_variances) = (its(0), its(1), its(2));
             for i in 0..count {
-                let larger = if variances[i] > its_variances[i] { variances[i] } else { its_variances[i] };
+                let larger =
+                    if variances[i] > its_variances[i] { variances[i] } else { its_variances[i] };
                 let apart = values[i] - its_values[i];
                 let wanted = ENOUGH * its_values[i];
                 // Its error is the root of the variance over the samples.
@@ -433,7 +478,11 @@ impl Choices<'_> {
                 stops[i] |= u8::from(stop & (its_samples[i] > 0.0));
                 let doubt = off / if limit > f32::MIN_POSITIVE { limit } else { f32::MIN_POSITIVE };
                 // A few samples far off are not half believed: they would be seen as specks.
-                doubts[i] = if (doubt > doubts[i]) & (its_samples[i] >= FEWEST) { doubt } else { doubts[i] };
+                doubts[i] = if (doubt > doubts[i]) & (its_samples[i] >= FEWEST) {
+                    doubt
+                } else {
+                    doubts[i]
+                };
             }
         }
         let states = &mut self.states[left..][..count];
@@ -453,7 +502,11 @@ impl Choices<'_> {
             let light = &mut light[left..][..count];
             for i in 0..count {
                 let mean = sums[i] * shares[i];
-                let kept = if doubted[i] > 0.0 { doubted[i] * doubted[i] * (light[i] - mean) } else { 0.0 };
+                let kept = if doubted[i] > 0.0 {
+                    doubted[i] * doubted[i] * (light[i] - mean)
+                } else {
+                    0.0
+                };
                 light[i] = if samples[i] > 0.0 { mean + kept } else { light[i] };
             }
         }

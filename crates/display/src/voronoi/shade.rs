@@ -44,10 +44,13 @@ impl Shading {
             Bsdf::Dielectric { alpha, .. } => alike(0.02 + 0.2 * alpha),
             Bsdf::Mirror { .. } | Bsdf::ThinGlass { .. } => alike(0.02),
         };
-        let is_smooth = matches!(material.bsdf, Bsdf::Conductor { alpha, .. } if alpha <= SMOOTH_METAL);
+        let is_smooth =
+            matches!(material.bsdf, Bsdf::Conductor { alpha, .. } if alpha <= SMOOTH_METAL);
         let is_diffuse = matches!(material.bsdf, Bsdf::Diffuse { .. }) && !material.emits();
         let albedo_share = match material.bsdf {
-            Bsdf::Diffuse { kd } if is_diffuse => (kd.iter().sum::<f32>() / scale.iter().sum::<f32>()).min(1.0),
+            Bsdf::Diffuse { kd } if is_diffuse => {
+                (kd.iter().sum::<f32>() / scale.iter().sum::<f32>()).min(1.0)
+            }
             _ => 1.0,
         };
         Shading {
@@ -92,12 +95,22 @@ const STEPS: f32 = (1_u64 << 26) as f32;
 impl Shadings {
     /// `clips_sky`: whether the view shows black instead of the sky.
     pub fn new(scene: &Scene, clips_sky: bool) -> Shadings {
-        let brightest =
-            scene.materials.iter().flat_map(|material| material.emission).chain(scene.sky).fold(0.0, f32::max);
+        let brightest = scene
+            .materials
+            .iter()
+            .flat_map(|material| material.emission)
+            .chain(scene.sky)
+            .fold(0.0, f32::max);
         // A power of two: it scales without rounding.
-        let unit = if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { STEPS.recip() };
+        let unit =
+            if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { STEPS.recip() };
         let nothing = if clips_sky { [0.0; 3] } else { scene.sky };
-        Shadings { materials: scene.materials.iter().map(Shading::new).collect(), sky: scene.sky, nothing, unit }
+        Shadings {
+            materials: scene.materials.iter().map(Shading::new).collect(),
+            sky: scene.sky,
+            nothing,
+            unit,
+        }
     }
 
     /// Radiance of a material in this light.

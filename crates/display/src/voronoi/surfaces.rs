@@ -89,7 +89,8 @@ impl Seen {
     /// What belongs together as one number: the side of the triangle, and how it is seen. [`NO_KEY`] of the sky.
     #[inline]
     pub fn key(&self) -> u64 {
-        let flags = u64::from(self.front) | u64::from(self.through) << 1 | u64::from(self.image) << 8;
+        let flags =
+            u64::from(self.front) | u64::from(self.through) << 1 | u64::from(self.image) << 8;
         if self.is_sky() { NO_KEY } else { u64::from(self.complement) | flags << 32 }
     }
 
@@ -143,14 +144,18 @@ impl Image {
 
     /// This image, seen in a mirror of the scene at `point` with `normal`.
     pub fn mirrored(&self, point: Vec3, normal: Vec3) -> Image {
-        let columns = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis - 2.0 * axis.dot(normal) * normal);
+        let columns =
+            [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis - 2.0 * axis.dot(normal) * normal);
         let mirror = glam::Mat3::from_cols(columns[0], columns[1], columns[2]);
         let shift = 2.0 * point.dot(normal) * normal;
         Image { turn: self.turn * mirror, shift: self.turn * shift + self.shift }
     }
 
     pub fn is_like(&self, other: &Image, reach: f32) -> bool {
-        let turns = (self.turn - other.turn).to_cols_array().iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+        let turns = (self.turn - other.turn)
+            .to_cols_array()
+            .iter()
+            .fold(0.0_f32, |most, x| most.max(x.abs()));
         turns < 1e-4 && (self.shift - other.shift).length() < 1e-4 * reach
     }
 }
@@ -223,7 +228,8 @@ impl Kernel for Fan<'_> {
     #[inline(always)]
     fn run(self) {
         let mut axes = [[0.0_f64; MAX_TILE]; 3];
-        let (corner, right, down) = (self.corner.to_array(), self.right.to_array(), self.down.to_array());
+        let (corner, right, down) =
+            (self.corner.to_array(), self.right.to_array(), self.down.to_array());
         for axis in 0..3 {
             for (to, point) in axes[axis].iter_mut().zip(self.points) {
                 *to = corner[axis] + right[axis] * point.0 + down[axis] * point.1;
@@ -238,7 +244,8 @@ impl Kernel for Fan<'_> {
             directions[2][i] = (z * shorter) as f32;
         }
         for (i, ray) in self.rays.iter_mut().enumerate().take(MAX_TILE) {
-            *ray = Ray::new(self.eye, Vec3::new(directions[0][i], directions[1][i], directions[2][i]));
+            *ray =
+                Ray::new(self.eye, Vec3::new(directions[0][i], directions[1][i], directions[2][i]));
         }
     }
 }
@@ -253,7 +260,12 @@ pub(crate) struct Caster<'a> {
 }
 
 impl<'a> Caster<'a> {
-    pub fn new(raycaster: &'a Raycaster, view: &'a View, camera: &'a Camera, size: (u32, u32)) -> Self {
+    pub fn new(
+        raycaster: &'a Raycaster,
+        view: &'a View,
+        camera: &'a Camera,
+        size: (u32, u32),
+    ) -> Self {
         Self { raycaster, portals: None, view, camera, size: (size.0 as usize, size.1 as usize) }
     }
 
@@ -266,9 +278,11 @@ impl<'a> Caster<'a> {
     /// Whether a point of the picture, in pixels, that sees this looks through a portal at it.
     pub fn is_beyond(&self, column: f64, row: f64, seen: &Seen) -> bool {
         let Some(portals) = self.portals else { return false };
-        let (eye, direction) = self.view.ray(column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
+        let (eye, direction) =
+            self.view.ray(column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
         let near = portals.localize(eye, direction).map(|ray| self.clipped(ray, direction));
-        let met = near.and_then(|(ray, skipped)| Some(skipped + f64::from(portals.nearest(&ray)?.t)));
+        let met =
+            near.and_then(|(ray, skipped)| Some(skipped + f64::from(portals.nearest(&ray)?.t)));
         let reach = f64::from(self.camera.sight(seen.position).length()) * (1.0 + PORTAL_SLACK);
         met.is_some_and(|distance| seen.is_sky() || distance <= reach)
     }
@@ -282,7 +296,8 @@ impl<'a> Caster<'a> {
 
     /// A ray between the view's clipping surfaces.
     fn clipped(&self, (ray, skipped): (Ray, f64), direction: DVec3) -> (Ray, f64) {
-        let [t_min, t_max] = self.view.span(direction).map(|distance| (distance - skipped).max(0.0) as f32);
+        let [t_min, t_max] =
+            self.view.span(direction).map(|distance| (distance - skipped).max(0.0) as f32);
         (Ray { t_min, t_max, ..ray }, skipped)
     }
 
@@ -292,7 +307,12 @@ impl<'a> Caster<'a> {
     }
 
     /// The rays from an eye through points of a perspective's picture, in pixels.
-    pub fn fan<'b>(&self, eye: Vec3, points: &'b [(f64, f64); MAX_TILE], rays: &'b mut [Ray]) -> Fan<'b> {
+    pub fn fan<'b>(
+        &self,
+        eye: Vec3,
+        points: &'b [(f64, f64); MAX_TILE],
+        rays: &'b mut [Ray],
+    ) -> Fan<'b> {
         let (across, along) = self.view.extent();
         let (right, up) = (self.view.right() * across, self.view.up() * along);
         let (width, height) = (self.size.0 as f64, self.size.1 as f64);
@@ -330,7 +350,9 @@ impl<'a> Caster<'a> {
 
     /// A point of the scene's coordinates as the camera has it.
     pub fn point(&self, local: Vec3) -> Vec3 {
-        self.camera.to_camera(local.as_dvec3() + self.raycaster.scene().origin - self.camera.eye).as_vec3()
+        self.camera
+            .to_camera(local.as_dvec3() + self.raycaster.scene().origin - self.camera.eye)
+            .as_vec3()
     }
 
     /// A point that the camera has, in the scene's coordinates relative to its origin.

@@ -110,7 +110,13 @@ fn add_half(sums: &mut [f32], labels: &[u32], beside: &[f32], labels_beside: &[u
 
 /// The same from both sides, without a look back at what was added first.
 #[inline(always)]
-fn with_halves(sums: &mut [f32], from: &[f32], labels: &[u32], before: (&[f32], &[u32]), after: (&[f32], &[u32])) {
+fn with_halves(
+    sums: &mut [f32],
+    from: &[f32],
+    labels: &[u32],
+    before: (&[f32], &[u32]),
+    after: (&[f32], &[u32]),
+) {
     let count = sums.len();
     let (from, labels) = (&from[..count], &labels[..count]);
     let (before, labels_before) = (&before.0[..count], &before.1[..count]);
@@ -133,7 +139,12 @@ fn across(from: &[f32], labels: &[u32], step: usize, columns: &Range<usize>, lin
     for (sums, from) in line.chunks_mut(width).zip(from.chunks(width)) {
         if start < low {
             sums[start..low].copy_from_slice(&from[start..low]);
-            add_half(&mut sums[start..low], &labels[start..], &from[start + step..], &labels[start + step..]);
+            add_half(
+                &mut sums[start..low],
+                &labels[start..],
+                &from[start + step..],
+                &labels[start + step..],
+            );
         }
         if low < high && first >= last {
             sums[low..high].copy_from_slice(&from[low..high]);
@@ -144,7 +155,12 @@ fn across(from: &[f32], labels: &[u32], step: usize, columns: &Range<usize>, lin
         }
         if high < end {
             sums[high..end].copy_from_slice(&from[high..end]);
-            add_half(&mut sums[high..end], &labels[high..], &from[high - step..], &labels[high - step..]);
+            add_half(
+                &mut sums[high..end],
+                &labels[high..],
+                &from[high - step..],
+                &labels[high - step..],
+            );
         }
     }
 }
@@ -157,7 +173,8 @@ mod tests {
     /// The same tents by their definition: half of what is beside, along rows, then along columns.
     fn model(from: &[f32], labels: &[u32], width: usize, step: usize) -> Vec<f32> {
         let height = labels.len() / width;
-        let value = |of: &[f32], kind: usize, x: usize, y: usize| of[(y * KINDS + kind) * width + x];
+        let value =
+            |of: &[f32], kind: usize, x: usize, y: usize| of[(y * KINDS + kind) * width + x];
         let pass = |of: &[f32], by: (usize, usize)| -> Vec<f32> {
             let mut to = of.to_vec();
             for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {

@@ -83,7 +83,12 @@ impl Scale {
     pub fn new(fine: (u32, u32), coarse: (u32, u32)) -> Scale {
         let whole = |size: (u32, u32)| (size.0 as usize, size.1 as usize);
         let (fine, coarse) = (whole(fine), whole(coarse));
-        Scale { columns: Axis::new(fine.0, coarse.0), rows: Axis::new(fine.1, coarse.1), fine, coarse }
+        Scale {
+            columns: Axis::new(fine.0, coarse.0),
+            rows: Axis::new(fine.1, coarse.1),
+            fine,
+            coarse,
+        }
     }
 
     /// The coarse pixel that holds a pixel.
@@ -99,7 +104,8 @@ impl Scale {
 
     /// The four coarse pixels around a pixel's middle, and their parts in it.
     fn around(&self, (column, row): (usize, usize)) -> [(usize, f32); 4] {
-        let ((left, right, across), (above, below, down)) = (self.columns.beside(column), self.rows.beside(row));
+        let ((left, right, across), (above, below, down)) =
+            (self.columns.beside(column), self.rows.beside(row));
         let at = |column: usize, row: usize| row * self.coarse.0 + column;
         [
             (at(left, above), (1.0 - across) * (1.0 - down)),
@@ -133,8 +139,14 @@ impl Scale {
                 let of = |row: usize| &coarse[row * self.coarse.0..][..self.coarse.0];
                 let (above, below) = (of(above), of(below));
                 for (colour, &(left, right, across)) in line.iter_mut().zip(&columns) {
-                    let mix = |a: [f32; 3], b: [f32; 3], part: f32| [0, 1, 2].map(|i| a[i] + part * (b[i] - a[i]));
-                    *colour = mix(mix(above[left], above[right], across), mix(below[left], below[right], across), down);
+                    let mix = |a: [f32; 3], b: [f32; 3], part: f32| {
+                        [0, 1, 2].map(|i| a[i] + part * (b[i] - a[i]))
+                    };
+                    *colour = mix(
+                        mix(above[left], above[right], across),
+                        mix(below[left], below[right], across),
+                        down,
+                    );
                 }
             }
         });
@@ -174,14 +186,22 @@ impl FinePoints {
     }
 
     /// Paints them; `coarse` has the coarse picture's colours.
-    pub fn paint(&self, drawing: &Drawing, scale: &Scale, coarse: &[[f32; 3]], fine: &mut [[f32; 3]]) {
+    pub fn paint(
+        &self,
+        drawing: &Drawing,
+        scale: &Scale,
+        coarse: &[[f32; 3]],
+        fine: &mut [[f32; 3]],
+    ) {
         let mut colours: Vec<Vec<[f32; 3]>> = vec![Vec::new(); self.strips.len()];
         for_parts(&mut colours, 1, 1, |strip, colours| {
             let colour = |point: &Point| {
                 let (pixel, holder) = (point.pixel as usize, point.holder as usize);
                 let place = (pixel % scale.fine.0, pixel / scale.fine.0);
                 let known = match point.shows {
-                    Shows::Lit { by, material } => drawing.between(by as usize, material, &scale.around(place)),
+                    Shows::Lit { by, material } => {
+                        drawing.between(by as usize, material, &scale.around(place))
+                    }
                     Shows::Beyond => drawing.open(holder).map(|near| coarse[near]),
                     _ => None,
                 };
@@ -197,7 +217,10 @@ impl FinePoints {
             colours.iter_mut().for_each(|colours| *colours = points.iter().map(colour).collect());
         });
         for (points, colours) in self.strips.iter().zip(colours) {
-            points.iter().zip(colours).for_each(|(point, colour)| fine[point.pixel as usize] = colour);
+            points
+                .iter()
+                .zip(colours)
+                .for_each(|(point, colour)| fine[point.pixel as usize] = colour);
         }
     }
 }
@@ -219,7 +242,9 @@ fn cast_tile(
         if !edges[holder] {
             continue;
         }
-        for (y, x) in scale.rows.held(row).flat_map(|y| scale.columns.held(column).map(move |x| (y, x))) {
+        for (y, x) in
+            scale.rows.held(row).flat_map(|y| scale.columns.held(column).map(move |x| (y, x)))
+        {
             if let Some((ray, _)) = caster.ray(scale.columns.middle(x), scale.rows.middle(y))
                 && count < MAX_TILE
             {
@@ -231,8 +256,14 @@ fn cast_tile(
     let mut hits = [None; MAX_TILE];
     caster.nearest_tile(&rays[..count], &mut hits[..count]);
     for ((ray, hit), &(x, y, holder)) in rays.iter().zip(hits).zip(&places[..count]) {
-        let shows = drawing.look((scale.columns.middle(x), scale.rows.middle(y)), holder, ray, &hit);
-        points.push(Point { pixel: (y * scale.fine.0 + x) as u32, holder: holder as u32, shows, hit });
+        let shows =
+            drawing.look((scale.columns.middle(x), scale.rows.middle(y)), holder, ray, &hit);
+        points.push(Point {
+            pixel: (y * scale.fine.0 + x) as u32,
+            holder: holder as u32,
+            shows,
+            hit,
+        });
     }
 }
 

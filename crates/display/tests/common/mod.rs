@@ -26,7 +26,13 @@ impl Random {
     }
 }
 
-pub fn section(origin: [f64; 3], sides: [f64; 3], grid: [u32; 3], class: ViewClass, obstructions: bool) -> Section {
+pub fn section(
+    origin: [f64; 3],
+    sides: [f64; 3],
+    grid: [u32; 3],
+    class: ViewClass,
+    obstructions: bool,
+) -> Section {
     let axes = [[sides[0], 0.0, 0.0], [0.0, sides[1], 0.0], [0.0, 0.0, sides[2]]];
     Section::new(SectionSpec { origin, axes, grid, class, obstructions }).unwrap()
 }
@@ -144,7 +150,8 @@ pub fn exponential(random: &mut Random) -> f32 {
 
 /// Deviation 1.3 of mean 1, with a tail heavier than any exponential.
 pub fn log_normal(random: &mut Random) -> f32 {
-    let normal = (-2.0 * (1.0 - random.unit()).ln()).sqrt() * (std::f64::consts::TAU * random.unit()).cos();
+    let normal =
+        (-2.0 * (1.0 - random.unit()).ln()).sqrt() * (std::f64::consts::TAU * random.unit()).cos();
     (normal - 0.5).exp() as f32
 }
 
@@ -203,13 +210,21 @@ pub fn batch_samples(
     noise: Noise,
 ) -> Vec<Stored> {
     let mut random = Random(seed);
-    let selection = select_beams(std::slice::from_ref(section), view, size, &SelectOptions::default());
+    let selection =
+        select_beams(std::slice::from_ref(section), view, size, &SelectOptions::default());
     let mut stored = Vec::new();
     for wanted in &selection.beams {
         let sampler = section.beam_sampler(0, wanted.beam, None).unwrap();
         let share = f64::from(wanted.weight) * count as f64 / selection.covered.pixels;
         for number in 0..(share + random.unit()) as u32 {
-            stored.push(traced(scene, section, wanted.beam, sampler.coords(number), &mut random, noise));
+            stored.push(traced(
+                scene,
+                section,
+                wanted.beam,
+                sampler.coords(number),
+                &mut random,
+                noise,
+            ));
         }
     }
     stored
@@ -248,6 +263,8 @@ pub fn relative_error(frame: &Frame, reference: &[[f32; 3]]) -> f64 {
 
 /// Mean of the picture over the mean of the reference, less 1.
 pub fn bias(frame: &Frame, reference: &[[f32; 3]]) -> f64 {
-    let sum = |pixels: &[[f32; 3]]| pixels.iter().flatten().map(|&channel| f64::from(channel)).sum::<f64>();
+    let sum = |pixels: &[[f32; 3]]| {
+        pixels.iter().flatten().map(|&channel| f64::from(channel)).sum::<f64>()
+    };
     sum(&frame.picture.pixels) / sum(reference) - 1.0
 }

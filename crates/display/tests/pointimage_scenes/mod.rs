@@ -28,9 +28,11 @@ pub fn room(origin: DVec3, direction: DVec3) -> Hit {
     let far = (DVec3::new(5.0, 4.0, 1.5) * direction.signum() - origin) / direction;
     let wall = far.min_element();
     let centre = DVec3::new(0.5, 2.0, -0.6);
-    if let Some(distance) = ball(origin, direction, centre, 0.7).filter(|&distance| distance < wall) {
+    if let Some(distance) = ball(origin, direction, centre, 0.7).filter(|&distance| distance < wall)
+    {
         let p = origin + direction * distance;
-        let light = 0.2 + 0.7 * ((p - centre).normalize().dot(DVec3::new(0.3, -0.5, 0.8)).max(0.0)) as f32;
+        let light =
+            0.2 + 0.7 * ((p - centre).normalize().dot(DVec3::new(0.3, -0.5, 0.8)).max(0.0)) as f32;
         return (Place::At(p), [light, 0.4 * light, 0.2 * light], 1);
     }
     let p = origin + direction * wall;
@@ -101,7 +103,8 @@ pub fn truth(view: &View, size: (u32, u32), scene: Scene) -> (Vec<f32>, f64) {
             squares += f64::from(radiance).powi(2) / f64::from(size.0 * size.1 * fine * fine);
         }
     }
-    let of_means = sums.iter().map(|&mean| f64::from(mean).powi(2)).sum::<f64>() / sums.len() as f64;
+    let of_means =
+        sums.iter().map(|&mean| f64::from(mean).powi(2)).sum::<f64>() / sums.len() as f64;
     (sums, squares - of_means)
 }
 

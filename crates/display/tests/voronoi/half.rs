@@ -6,7 +6,9 @@ use holo_display::{Drawn, Resolution, Voronoi};
 use holo_section::{BeamId, Sample};
 
 fn drawn(mut canvas: Voronoi, samples: &[(BeamId, Sample)]) -> Drawn {
-    samples.iter().for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+    samples
+        .iter()
+        .for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
     canvas.draw()
 }
 
@@ -19,7 +21,10 @@ fn every_pixel_shows_the_surface_that_its_own_middle_meets() {
         let view = *canvas.view();
         let drawn = drawn(canvas, &samples);
         let picture = &drawn.frame.picture;
-        assert_eq!((picture.width, picture.height, picture.pixels.len()), (size.0, size.1, (size.0 * size.1) as usize));
+        assert_eq!(
+            (picture.width, picture.height, picture.pixels.len()),
+            (size.0, size.1, (size.0 * size.1) as usize)
+        );
         let mut contrasts = 0;
         for (number, colour) in (0..).zip(&picture.pixels) {
             let (x, y) = (f64::from(number % size.0) + 0.5, f64::from(number / size.0) + 0.5);
@@ -27,7 +32,10 @@ fn every_pixel_shows_the_surface_that_its_own_middle_meets() {
             let (_, truth) = shine(&stage.raycaster, eye, along, even).unwrap();
             contrasts += u32::from(truth[1] < 0.1);
             // A step of RGBE, of the brightest channel.
-            assert!((colour[1] - truth[1]).abs() < 1.0 / 256.0, "{number} of {size:?}: {colour:?}, {truth:?}");
+            assert!(
+                (colour[1] - truth[1]).abs() < 1.0 / 256.0,
+                "{number} of {size:?}: {colour:?}, {truth:?}"
+            );
         }
         assert!(size.1 < 10 || contrasts > 200, "the plate is seen: {contrasts}");
         assert_eq!(drawn.frame.depth.len(), picture.pixels.len());
@@ -45,11 +53,13 @@ fn a_moving_picture_is_as_bright_as_one_at_rest() {
     };
     // Independent sets of samples: of each the means at both resolutions.
     let sets = all.chunks(all.len() / 16).take(16);
-    let means: Vec<(f64, f64)> = sets.map(|set| (mean(Resolution::Full, set), mean(Resolution::Half, set))).collect();
+    let means: Vec<(f64, f64)> =
+        sets.map(|set| (mean(Resolution::Full, set), mean(Resolution::Half, set))).collect();
     let count = means.len() as f64;
     let bright = means.iter().map(|(full, _)| full).sum::<f64>() / count;
     let apart = means.iter().map(|(full, half)| half - full).sum::<f64>() / count;
-    let variance = means.iter().map(|(full, half)| (half - full - apart).powi(2)).sum::<f64>() / (count - 1.0);
+    let variance =
+        means.iter().map(|(full, half)| (half - full - apart).powi(2)).sum::<f64>() / (count - 1.0);
     // Student's t of 15 degrees of freedom, 99 %, both sides.
     let interval = 2.947 * (variance / count).sqrt();
     assert!(apart.abs() < interval, "{apart} of {bright}, within {interval}");

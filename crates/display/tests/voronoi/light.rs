@@ -1,7 +1,9 @@
 //! How bright it is: what samples converge to, and what stands in for them.
 
 use crate::common::{self, Random};
-use crate::stage::{Light, SIZE, Stage, bits, bright, diffuse, error, even, kd, plate, shadow, shine, wall};
+use crate::stage::{
+    Light, SIZE, Stage, bits, bright, diffuse, error, even, kd, plate, shadow, shine, wall,
+};
 use glam::DVec3;
 use holo_light::{Record, Store};
 use holo_scene::{Bsdf, Material, Scene};
@@ -14,7 +16,8 @@ fn light_converges_to_the_mean_of_each_pixel_and_shadows_stay_sharp() {
     let stage = Stage::new(&[wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0)], vec![diffuse([0.5; 3])]);
     let truth = stage.truth(shadow);
     let all = stage.samples(shadow, 1_200_000, common::exponential);
-    let rms: Vec<f32> = [100, 10, 1].map(|part| error(&stage.draw(&all[..all.len() / part]), &truth).1).into();
+    let rms: Vec<f32> =
+        [100, 10, 1].map(|part| error(&stage.draw(&all[..all.len() / part]), &truth).1).into();
     // Ten times the samples: of even light alone the error would fall to a third, of edges alone too.
     assert!(rms[1] < 0.7 * rms[0] && rms[2] < 0.7 * rms[1], "{rms:?}");
     // Samples on a pixel at the end, by the wall's share of all rays: the error is below that of the pixels' own means.
@@ -25,10 +28,12 @@ fn light_converges_to_the_mean_of_each_pixel_and_shadows_stay_sharp() {
 #[test]
 fn without_samples_surfaces_are_lit_from_the_eye_and_counted_and_lamps_shine() {
     let quads = [wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0), wall(5.0, [1.2, 3.1], [2.4, 1.4], 1)];
-    let lamp = Material { emission: [3.0, 2.0, 1.0], two_sided_emission: true, ..diffuse([0.0; 3]) };
+    let lamp =
+        Material { emission: [3.0, 2.0, 1.0], two_sided_emission: true, ..diffuse([0.0; 3]) };
     let stage = Stage::new(&quads, vec![diffuse([0.5; 3]), lamp]);
     let drawn = stage.empty().draw();
-    let shining = drawn.frame.picture.pixels.iter().filter(|pixel| **pixel == [3.0, 2.0, 1.0]).count();
+    let shining =
+        drawn.frame.picture.pixels.iter().filter(|pixel| **pixel == [3.0, 2.0, 1.0]).count();
     assert!(shining > 50, "{shining}");
     assert!(drawn.frame.picture.pixels.iter().all(|pixel| pixel[1] > 0.0), "nothing is black");
     assert_eq!(drawn.frame.empty_pixels, u64::from(SIZE.0 * SIZE.1));
@@ -64,7 +69,10 @@ fn records_of_indirect_light_light_what_has_no_samples_and_nothing_that_they_do_
     let even = std::f32::consts::PI * 0.5;
     for y in -4..=8 {
         (-4..=8).for_each(|z| {
-            assert!(records.insert(record(y as f32, z as f32, even, stage.raycaster.scene()), |_| false))
+            assert!(
+                records
+                    .insert(record(y as f32, z as f32, even, stage.raycaster.scene()), |_| false)
+            )
         });
     }
     let records = Arc::new(records);
@@ -81,12 +89,15 @@ fn records_of_indirect_light_light_what_has_no_samples_and_nothing_that_they_do_
     }
     assert!(wall > 1500 && plate > 300, "{wall} {plate}");
     assert_eq!(drawn.guessed_pixels, plate, "no record lies on the plate");
-    let exact = drawn.frame.picture.pixels.iter().filter(|pixel| (pixel[1] - 0.35).abs() < 1e-4).count();
+    let exact =
+        drawn.frame.picture.pixels.iter().filter(|pixel| (pixel[1] - 0.35).abs() < 1e-4).count();
     assert!(exact > 1300, "{exact}");
     // Where there are samples they alone decide.
     let samples = stage.samples(bright, 20_000, common::clean);
     let mut canvas = stage.empty().with_records(records);
-    samples.iter().for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+    samples
+        .iter()
+        .for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
     assert_eq!(bits(&canvas.draw()), bits(&stage.draw(&samples)));
 }
 
@@ -106,7 +117,10 @@ fn a_material_without_samples_gets_the_direct_light_of_surfaces_and_not_that_of_
     let half = std::f32::consts::PI * 0.5;
     for y in -4..=8 {
         (-4..=8).for_each(|z| {
-            assert!(records.insert(record(y as f32, z as f32, half, stage.raycaster.scene()), |_| false))
+            assert!(
+                records
+                    .insert(record(y as f32, z as f32, half, stage.raycaster.scene()), |_| false)
+            )
         });
     }
     let samples = stage.samples(lamp_or_lit, 20_000, common::clean);
@@ -115,9 +129,14 @@ fn a_material_without_samples_gets_the_direct_light_of_surfaces_and_not_that_of_
     grey.for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
     let pixels = canvas.draw().frame.picture.pixels;
     // Indirect light by the records, direct light as on the other: 1 % for the samples' codes.
-    let lit = (44..64).flat_map(|column| (0..48).map(move |row| row * 64 + column)).map(|pixel: usize| pixels[pixel]);
+    let lit = (44..64)
+        .flat_map(|column| (0..48).map(move |row| row * 64 + column))
+        .map(|pixel: usize| pixels[pixel]);
     for pixel in lit {
-        assert!((0..3).all(|channel| (pixel[channel] / [0.15, 0.3, 0.6][channel] - 1.0).abs() < 0.01), "{pixel:?}");
+        assert!(
+            (0..3).all(|channel| (pixel[channel] / [0.15, 0.3, 0.6][channel] - 1.0).abs() < 0.01),
+            "{pixel:?}"
+        );
     }
 }
 
@@ -133,7 +152,10 @@ fn own_samples(stage: &Stage, light: Light, count: usize) -> Vec<(BeamId, Sample
         let bits = (number() * f64::from(u32::MAX)) as u32;
         let at = line.coords;
         let ray = stage.section.ray(line.pair, at);
-        let Some((distance, colour)) = shine(&stage.raycaster, ray.origin, ray.direction, light) else { continue };
+        let Some((distance, colour)) = shine(&stage.raycaster, ray.origin, ray.direction, light)
+        else {
+            continue;
+        };
         let sample = Sample::encode(at, colour, distance, stage.section.diagonal(), bits);
         found.push((stage.section.beam(line.pair), sample));
     }
@@ -142,7 +164,8 @@ fn own_samples(stage: &Stage, light: Light, count: usize) -> Vec<(BeamId, Sample
 
 #[test]
 fn light_that_depends_on_the_direction_converges_to_that_of_the_eyes_rays() {
-    let metal = Material { bsdf: Bsdf::Conductor { ks: [0.8; 3], alpha: 0.3 }, ..Material::grey("metal") };
+    let metal =
+        Material { bsdf: Bsdf::Conductor { ks: [0.8; 3], alpha: 0.3 }, ..Material::grey("metal") };
     let stage = Stage::new(&[wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0)], vec![metal]);
     let truth = stage.truth(even);
     let elsewhere = stage.samples(even, 60_000, common::clean);
@@ -169,7 +192,9 @@ fn chance_leaves_no_dots() {
     let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
     let at = |x: usize, y: usize| drawn.frame.picture.pixels[y * width + x][1];
     let is_dot = |x: usize, y: usize| {
-        let around = (y - 1..y + 2).flat_map(|y| (x - 1..x + 2).map(move |x| (x, y))).filter(|&other| other != (x, y));
+        let around = (y - 1..y + 2)
+            .flat_map(|y| (x - 1..x + 2).map(move |x| (x, y)))
+            .filter(|&other| other != (x, y));
         let (darkest, brightest) = around
             .map(|(x, y)| at(x, y))
             .fold((f32::INFINITY, 0.0_f32), |(low, high), value| (low.min(value), high.max(value)));
@@ -188,7 +213,8 @@ fn dark_side(at: DVec3, material: &Material) -> [f32; 3] {
 /// A bright board and its side, a third of a pixel wide and before no pixel's middle, before a wall.
 fn board() -> Stage {
     let side = ([[5.0, 2.6, 1.4], [5.2, 2.6, 1.4], [5.2, 2.6, 3.1], [5.0, 2.6, 3.1]], 1);
-    let quads = [wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0), wall(5.0, [2.6, 1.4], [3.6, 3.1], 1), side];
+    let quads =
+        [wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0), wall(5.0, [2.6, 1.4], [3.6, 3.1], 1), side];
     Stage::new(&quads, vec![diffuse([0.5; 3]), diffuse([0.8; 3])])
 }
 
@@ -199,7 +225,9 @@ fn a_face_narrower_than_a_pixel_has_its_own_light() {
     let drawn = stage.draw(&stage.samples(dark_side, 400_000, common::clean));
     // Pixels darker than both the wall and the board show some of the side.
     let (mut found, mut error) = (0, 0.0);
-    for (pixel, truth) in drawn.frame.picture.pixels.iter().zip(&truth).filter(|(_, truth)| truth[1] < 0.45) {
+    for (pixel, truth) in
+        drawn.frame.picture.pixels.iter().zip(&truth).filter(|(_, truth)| truth[1] < 0.45)
+    {
         found += 1;
         error += f64::from((pixel[1] - truth[1]).abs());
     }
@@ -211,8 +239,10 @@ fn a_face_narrower_than_a_pixel_has_its_own_light() {
 fn no_single_sample_changes_the_light_of_a_narrow_face_by_much() {
     let stage = board();
     let truth = stage.truth(dark_side);
-    let (side, others): (Vec<_>, Vec<_>) =
-        stage.samples(dark_side, 400_000, common::clean).into_iter().partition(|(_, sample)| sample.rgb() == [0.0; 3]);
+    let (side, others): (Vec<_>, Vec<_>) = stage
+        .samples(dark_side, 400_000, common::clean)
+        .into_iter()
+        .partition(|(_, sample)| sample.rgb() == [0.0; 3]);
     let dark: Vec<usize> = (0..truth.len()).filter(|&pixel| truth[pixel][1] < 0.45).collect();
     let shown = |count: usize| {
         let samples: Vec<_> = others.iter().chain(&side[..count]).copied().collect();
@@ -248,10 +278,19 @@ fn a_little_more_light_on_a_part_never_changes_a_pixel_by_much_more() {
     for left in (1000..2000).step_by(20) {
         LEFT.store(left, Ordering::Relaxed);
         let count = 40 * (SIZE.0 * SIZE.1) as usize;
-        let samples = common::near_samples(stepped, &stage.section, &stage.view, count, 5, common::exponential);
-        let light: Vec<f32> = stage.draw(&samples).frame.picture.pixels.iter().map(|pixel| pixel[1]).collect();
+        let samples = common::near_samples(
+            stepped,
+            &stage.section,
+            &stage.view,
+            count,
+            5,
+            common::exponential,
+        );
+        let light: Vec<f32> =
+            stage.draw(&samples).frame.picture.pixels.iter().map(|pixel| pixel[1]).collect();
         if let Some(before) = before.replace(light.clone()) {
-            grown = light.iter().zip(&before).fold(grown, |most, (now, before)| most.max(now / before));
+            grown =
+                light.iter().zip(&before).fold(grown, |most, (now, before)| most.max(now / before));
         }
     }
     // A mean is left by the fourth power of how near it is to being rejected: four times as fast as the light grows, 2 % a step, and

@@ -16,14 +16,20 @@ fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
     let beams = canvas.surface_beams();
     assert!(beams.is_sorted() && beams.windows(2).all(|pair| pair[0] != pair[1]));
     let all = stage.samples(even, 60_000, common::clean);
-    let (chosen, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|(beam, _)| beams.contains(&(0, *beam)));
+    let (chosen, others): (Vec<_>, Vec<_>) =
+        all.into_iter().partition(|(beam, _)| beams.contains(&(0, *beam)));
     let used = |samples: &[(BeamId, Sample)]| stage.draw(samples).frame.samples_used;
     let (inside, outside) = (used(&chosen), used(&others));
     assert!(inside > 2000 && outside * 20 < inside, "{inside} {outside}");
     // Of those, the best hold more for each beam.
     let best = canvas.best_surface_beams();
-    assert!(best.is_sorted() && best.len() < beams.len() && best.iter().all(|beam| beams.contains(beam)));
-    let held: Vec<_> = chosen.iter().filter(|(beam, _)| best.contains(&(0, *beam))).copied().collect();
+    assert!(
+        best.is_sorted()
+            && best.len() < beams.len()
+            && best.iter().all(|beam| beams.contains(beam))
+    );
+    let held: Vec<_> =
+        chosen.iter().filter(|(beam, _)| best.contains(&(0, *beam))).copied().collect();
     let per_beam = |used: u64, beams: usize| used as f64 / beams as f64;
     assert!(per_beam(used(&held), best.len()) > per_beam(inside, beams.len()));
 }
@@ -37,7 +43,11 @@ fn a_picture_drawn_between_samples_changes_no_bit_of_the_next_one() {
         canvas.insert(0, *beam, 1, std::slice::from_ref(sample));
         if number % 7_000 == 0 {
             let first = canvas.draw();
-            assert_eq!(bits(&first), bits(&canvas.draw()), "the same samples give the same picture");
+            assert_eq!(
+                bits(&first),
+                bits(&canvas.draw()),
+                "the same samples give the same picture"
+            );
         }
     }
     assert_eq!(bits(&canvas.draw()), bits(&stage.draw(&all)));
@@ -49,7 +59,9 @@ fn a_picture_of_many_blocks_that_is_mended_where_samples_come_is_the_same_as_one
     let stage = plate();
     let size = (300, 220);
     let view = view([0.5, 2.03, 2.01], [8.0, 2.1, 2.05], 50.0, size);
-    let empty = || Voronoi::new(Arc::from([stage.section.clone()]), Arc::clone(&stage.raycaster), view, size);
+    let empty = || {
+        Voronoi::new(Arc::from([stage.section.clone()]), Arc::clone(&stage.raycaster), view, size)
+    };
     let mut all = stage.samples(shadow, 60_000, common::exponential);
     let (mut mended, mut anew) = (empty(), empty());
     // Beam after beam, so that what comes between two pictures lies in a part of it.
@@ -57,7 +69,9 @@ fn a_picture_of_many_blocks_that_is_mended_where_samples_come_is_the_same_as_one
     all[third..].sort_by_key(|(beam, _)| *beam);
     for part in all.chunks(4_000) {
         for canvas in [&mut mended, &mut anew] {
-            part.iter().for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+            part.iter().for_each(|(beam, sample)| {
+                canvas.insert(0, *beam, 1, std::slice::from_ref(sample))
+            });
         }
         assert!(mended.draw().frame.samples_used > 0);
     }

@@ -19,9 +19,11 @@ pub fn diffuse(kd: [f32; 3]) -> Material {
 }
 
 pub fn raycaster(quads: &[Quad], materials: Vec<Material>) -> Arc<Raycaster> {
-    let positions: Vec<DVec3> = quads.iter().flat_map(|(corners, _)| corners.map(DVec3::from_array)).collect();
-    let triangles: Vec<[u32; 3]> =
-        (0..quads.len() as u32).flat_map(|quad| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|k| 4 * quad + k))).collect();
+    let positions: Vec<DVec3> =
+        quads.iter().flat_map(|(corners, _)| corners.map(DVec3::from_array)).collect();
+    let triangles: Vec<[u32; 3]> = (0..quads.len() as u32)
+        .flat_map(|quad| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|k| 4 * quad + k)))
+        .collect();
     let ids: Vec<u32> = quads.iter().flat_map(|&(_, material)| [material as u32; 2]).collect();
     let (scene, _) = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).unwrap();
     Arc::new(Raycaster::build(Arc::new(scene)).unwrap())
@@ -29,7 +31,15 @@ pub fn raycaster(quads: &[Quad], materials: Vec<Material>) -> Arc<Raycaster> {
 
 /// A wall across x at `at`, from `low` to `high` in y and z.
 pub fn wall(at: f64, low: [f64; 2], high: [f64; 2], material: usize) -> Quad {
-    ([[at, low[0], low[1]], [at, high[0], low[1]], [at, high[0], high[1]], [at, low[0], high[1]]], material)
+    (
+        [
+            [at, low[0], low[1]],
+            [at, high[0], low[1]],
+            [at, high[0], high[1]],
+            [at, low[0], high[1]],
+        ],
+        material,
+    )
 }
 
 /// Radiance of a point of a surface.
@@ -59,13 +69,21 @@ pub fn samples(
             let (distance, colour) = shine(raycaster, ray.origin, ray.direction, light)?;
             let factor = noise(&mut random);
             let rgb = colour.map(|channel| channel * factor);
-            Some((beam, Sample::encode(coords, rgb, distance, section.diagonal(), random.bits() as u32)))
+            Some((
+                beam,
+                Sample::encode(coords, rgb, distance, section.diagonal(), random.bits() as u32),
+            ))
         })
         .collect()
 }
 
 /// Distance of what a ray meets, and its light.
-pub fn shine(raycaster: &Raycaster, origin: DVec3, direction: DVec3, light: Light) -> Option<(f64, [f32; 3])> {
+pub fn shine(
+    raycaster: &Raycaster,
+    origin: DVec3,
+    direction: DVec3,
+    light: Light,
+) -> Option<(f64, [f32; 3])> {
     let (ray, skipped) = raycaster.localize(origin, direction)?;
     let hit = raycaster.nearest(&ray)?;
     let material = raycaster.scene().material(hit.triangle);
@@ -105,23 +123,36 @@ impl Stage {
     }
 
     pub fn empty(&self) -> Voronoi {
-        Voronoi::new(Arc::from([self.section.clone()]), Arc::clone(&self.raycaster), self.view, SIZE)
+        Voronoi::new(
+            Arc::from([self.section.clone()]),
+            Arc::clone(&self.raycaster),
+            self.view,
+            SIZE,
+        )
     }
 
     /// A canvas of another size, or resolution.
     pub fn sized(&self, size: (u32, u32), resolution: Resolution) -> Voronoi {
-        let view = View::new(self.view.vp, self.view.vd, self.view.vu, Some(50.0), None, size).unwrap();
+        let view =
+            View::new(self.view.vp, self.view.vd, self.view.vu, Some(50.0), None, size).unwrap();
         let sections = Arc::from([self.section.clone()]);
         Voronoi::at_resolution(sections, Arc::clone(&self.raycaster), None, view, size, resolution)
     }
 
     pub fn draw(&self, samples: &[(BeamId, Sample)]) -> Drawn {
         let mut canvas = self.empty();
-        samples.iter().for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+        samples
+            .iter()
+            .for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
         canvas.draw()
     }
 
-    pub fn samples(&self, light: Light, count: usize, noise: common::Noise) -> Vec<(BeamId, Sample)> {
+    pub fn samples(
+        &self,
+        light: Light,
+        count: usize,
+        noise: common::Noise,
+    ) -> Vec<(BeamId, Sample)> {
         samples(&self.section, &self.raycaster, light, count, noise)
     }
 
@@ -133,8 +164,10 @@ impl Stage {
             for part in 0..side * side {
                 let x = f64::from(column) + (f64::from(part % side) + 0.5) / f64::from(side);
                 let y = f64::from(row) + (f64::from(part / side) + 0.5) / f64::from(side);
-                let (eye, along) = self.view.ray(x / f64::from(SIZE.0), 1.0 - y / f64::from(SIZE.1));
-                let colour = shine(&self.raycaster, eye, along, light).map_or([0.0; 3], |(_, colour)| colour);
+                let (eye, along) =
+                    self.view.ray(x / f64::from(SIZE.0), 1.0 - y / f64::from(SIZE.1));
+                let colour = shine(&self.raycaster, eye, along, light)
+                    .map_or([0.0; 3], |(_, colour)| colour);
                 (0..3).for_each(|channel| sum[channel] += f64::from(colour[channel]));
             }
             sum.map(|channel| (channel / f64::from(side * side)) as f32)
@@ -145,7 +178,8 @@ impl Stage {
 
 /// Largest and root mean square error of green.
 pub fn error(drawn: &Drawn, truth: &[[f32; 3]]) -> (f32, f32) {
-    let errors: Vec<f32> = drawn.frame.picture.pixels.iter().zip(truth).map(|(a, b)| (a[1] - b[1]).abs()).collect();
+    let errors: Vec<f32> =
+        drawn.frame.picture.pixels.iter().zip(truth).map(|(a, b)| (a[1] - b[1]).abs()).collect();
     let square: f32 = errors.iter().map(|error| error * error).sum();
     (errors.iter().fold(0.0, |most, error| error.max(most)), (square / errors.len() as f32).sqrt())
 }

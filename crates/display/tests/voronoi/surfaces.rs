@@ -22,7 +22,9 @@ fn a_silhouette_is_exact_from_few_samples_and_nothing_bleeds_over_it() {
         let truth = truth[pixel][1];
         (truth - 0.05).abs() < 1e-6 || (truth - 0.7).abs() < 1e-6
     };
-    for (pixel, colour) in drawn.frame.picture.pixels.iter().enumerate().filter(|&(pixel, _)| away(pixel)) {
+    for (pixel, colour) in
+        drawn.frame.picture.pixels.iter().enumerate().filter(|&(pixel, _)| away(pixel))
+    {
         // A step of RGBE, of the brightest channel: 1 in 256 of the power of two above it.
         assert!((colour[1] - truth[pixel][1]).abs() < 1.0 / 256.0, "{pixel}: {colour:?}");
     }
@@ -38,7 +40,10 @@ fn two_colours_in_one_plane_do_not_mix() {
         let expected = truth[pixel][1];
         let pure = (expected - 0.8).abs() < 1e-6 || (expected - 0.02).abs() < 1e-6;
         // RGBE's step is 1 in 128 of the value; means are nearer.
-        assert!(!pure || (colour[1] - expected).abs() < 0.008 * expected, "{pixel}: {colour:?} {expected}");
+        assert!(
+            !pure || (colour[1] - expected).abs() < 0.008 * expected,
+            "{pixel}: {colour:?} {expected}"
+        );
     }
 }
 
@@ -58,7 +63,10 @@ fn a_mirror_shows_what_lies_before_it_with_its_edges() {
     assert!(seen(0.48) > 500 && seen(0.08) > 500, "both are seen in the mirror");
     for (pixel, (colour, truth)) in drawn.frame.picture.pixels.iter().zip(&truth).enumerate() {
         let pure = (truth[1] - 0.48).abs() < 1e-5 || (truth[1] - 0.08).abs() < 1e-5;
-        assert!(!pure || (colour[1] - truth[1]).abs() < 0.008 * truth[1], "{pixel}: {colour:?} {truth:?}");
+        assert!(
+            !pure || (colour[1] - truth[1]).abs() < 0.008 * truth[1],
+            "{pixel}: {colour:?} {truth:?}"
+        );
     }
 }
 
@@ -75,8 +83,12 @@ fn a_curved_mirror_comes_to_show_what_its_own_samples_do() {
         ([[a, b, -8.0], [c, d, -8.0], [c, d, 12.0], [a, b, 12.0]], 0)
     };
     let side = |y: f64| ([[-2.0, y, -30.0], [12.0, y, -30.0], [12.0, y, 30.0], [-2.0, y, 30.0]], 1);
-    let walls =
-        [wall(12.0, [-8.0, -8.0], [12.0, 12.0], 1), wall(-2.0, [-8.0, -30.0], [12.0, 30.0], 2), side(-8.0), side(12.0)];
+    let walls = [
+        wall(12.0, [-8.0, -8.0], [12.0, 12.0], 1),
+        wall(-2.0, [-8.0, -30.0], [12.0, 30.0], 2),
+        side(-8.0),
+        side(12.0),
+    ];
     let quads: Vec<Quad> = (0..facets).map(facet).chain(walls).collect();
     let mirror = Material { bsdf: Bsdf::Mirror { ks: [0.8; 3] }, ..Material::grey("mirror") };
     let mut stage = Stage::new(&quads, vec![mirror, diffuse([0.3; 3]), diffuse([0.9; 3])]);
@@ -123,18 +135,27 @@ fn what_is_seen_through_a_portal_is_drawn_by_its_samples_and_all_else_is_as_with
     let samples = full.samples(even, 60_000, common::clean);
     let draw = |raycaster: &Arc<Raycaster>, portals: Option<&Arc<Raycaster>>| {
         let sections = Arc::from([full.section.clone()]);
-        let mut canvas =
-            Voronoi::through_portals(sections, Arc::clone(raycaster), portals.map(Arc::clone), full.view, SIZE);
-        samples.iter().for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+        let mut canvas = Voronoi::through_portals(
+            sections,
+            Arc::clone(raycaster),
+            portals.map(Arc::clone),
+            full.view,
+            SIZE,
+        );
+        samples
+            .iter()
+            .for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
         canvas.draw().frame
     };
-    let (through, blind) = (draw(&standing.raycaster, Some(&portal)), draw(&standing.raycaster, None));
+    let (through, blind) =
+        (draw(&standing.raycaster, Some(&portal)), draw(&standing.raycaster, None));
     let truth = full.truth(even);
     let (mut seen, mut other) = (0, 0);
     for (pixel, truth) in truth.iter().enumerate() {
         let (x, y) = (pixel as u32 % SIZE.0, pixel as u32 / SIZE.0);
         // Where a ray through the doorway's plane passes, in units of its width; next to its sides pixels are mixed.
-        let (eye, along) = full.view.ray((f64::from(x) + 0.5) / 64.0, 1.0 - (f64::from(y) + 0.5) / 48.0);
+        let (eye, along) =
+            full.view.ray((f64::from(x) + 0.5) / 64.0, 1.0 - (f64::from(y) + 0.5) / 48.0);
         let across = (eye + along * ((2.5 - eye.x) / along.x)).y;
         let off = ((across - 1.4).abs()).min((across - 2.6).abs());
         if off < 0.1 {
@@ -145,7 +166,8 @@ fn what_is_seen_through_a_portal_is_drawn_by_its_samples_and_all_else_is_as_with
             seen += 1;
             assert_eq!(without, [0.0; 3], "{x} {y}");
             // RGBE's dither is 0.4 % of the largest channel.
-            let near = (0..3).all(|channel| (drawn[channel] - truth[channel]).abs() < 0.01 * truth[2]);
+            let near =
+                (0..3).all(|channel| (drawn[channel] - truth[channel]).abs() < 0.01 * truth[2]);
             assert!(near, "{x} {y}: {drawn:?}, {truth:?}");
         } else {
             other += 1;

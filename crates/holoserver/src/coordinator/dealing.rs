@@ -43,12 +43,16 @@ impl Coordinator {
         let so_far = self.progress.traced() as f64 + under_way;
         let goal = self.goal.samples.filter(|_| self.ending.is_none());
         let mut left = goal.map_or(f64::INFINITY, |goal| goal as f64 - so_far);
-        let hungry: Vec<_> = self.workers.iter().map(|(&id, worker)| (id, worker.hunger())).collect();
+        let hungry: Vec<_> =
+            self.workers.iter().map(|(&id, worker)| (id, worker.hunger())).collect();
         for (id, hunger) in hungry {
             let usual = self.holodeck.about.settings.paths_per_sample;
             let mut work = 0.0;
             let (mut assignments, mut live) = (Vec::new(), Vec::new());
-            while work < hunger && left > 0.0 && assignments.len().max(live.len()) < PACKETS_PER_MESSAGE {
+            while work < hunger
+                && left > 0.0
+                && assignments.len().max(live.len()) < PACKETS_PER_MESSAGE
+            {
                 match self.next_assignment() {
                     Some(Next::Packet(assignment)) => {
                         work += assignment.work(usual);
@@ -102,7 +106,10 @@ impl Coordinator {
             let live_first = display.live.is_next();
             let next = match live_first {
                 true => self.next_live(id).map(Next::Live),
-                false => self.next_of_beams(id).map(Next::Packet).or_else(|| self.next_live(id).map(Next::Live)),
+                false => self
+                    .next_of_beams(id)
+                    .map(Next::Packet)
+                    .or_else(|| self.next_live(id).map(Next::Live)),
             };
             if next.is_some() {
                 self.last_served = Some(id);
@@ -118,7 +125,9 @@ impl Coordinator {
         let display = self.displays.get_mut(&id)?;
         let wishes = display.wishes.as_mut()?;
         let (viewpoint, pixels) = (wishes.viewpoint, wishes.pixels());
-        while let Some(RayPacket { key, mut rays, count }) = wishes.next_rays(|key| unseen.contains(key)) {
+        while let Some(RayPacket { key, mut rays, count }) =
+            wishes.next_rays(|key| unseen.contains(key))
+        {
             let taken = self.allotment.take(&self.holodeck.file, key, SampleKind::SingleRay, count);
             let Some((first, given)) = taken else { continue };
             // Numbers given back before come in the ranges that they were given in.
@@ -137,7 +146,10 @@ impl Coordinator {
         }
         while let Some((key, count)) = wishes.next(|key| unseen.contains(key)) {
             let kind = SampleKind::ViewpointLimited;
-            let Some((first, count)) = self.allotment.take(&self.holodeck.file, key, kind, count) else { continue };
+            let Some((first, count)) = self.allotment.take(&self.holodeck.file, key, kind, count)
+            else {
+                continue;
+            };
             display.live.passed_over(f64::from(count), pixels);
             drop(unseen);
             return Some(self.assignment(key, first, count, Some(viewpoint), Some(id)));
@@ -157,7 +169,9 @@ impl Coordinator {
             let (key, wanted) = match self.batch_rest.take() {
                 Some(rest) => rest,
                 // What is under way is in no extent yet. This happens once for each level.
-                None if self.batch.as_ref()?.waits_for_results() && self.batch_packets > 0 => return None,
+                None if self.batch.as_ref()?.waits_for_results() && self.batch_packets > 0 => {
+                    return None;
+                }
                 None => match self.batch.as_mut()?.next(&unseen) {
                     Some(next) => next,
                     None => {
@@ -176,18 +190,23 @@ impl Coordinator {
                 Wanted::Paths(paths) => {
                     if !self.is_looked_at(key) {
                         let worse = better::worse(&file.runs(key), paths, &(0..u32::MAX));
-                        self.better_rest = worse.into_iter().map(|numbers| (key, numbers, paths)).collect();
+                        self.better_rest =
+                            worse.into_iter().map(|numbers| (key, numbers, paths)).collect();
                     }
                     continue;
                 }
             };
             let kinds = [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay];
-            let have: u64 = kinds.map(|kind| u64::from(self.allotment.taken(file, key, kind))).iter().sum();
+            let have: u64 =
+                kinds.map(|kind| u64::from(self.allotment.taken(file, key, kind))).iter().sum();
             if have >= wanted {
                 continue;
             }
             let count = (wanted - have).min(MAX_RAYS_PER_PACKET as u64) as u8;
-            let Some((first, count)) = self.allotment.take(file, key, SampleKind::Uniform, count) else { continue };
+            let Some((first, count)) = self.allotment.take(file, key, SampleKind::Uniform, count)
+            else {
+                continue;
+            };
             self.batch_rest = Some((key, Wanted::Samples(wanted)));
             return Some(self.assignment(key, first, count, None, None));
         }

@@ -72,9 +72,13 @@ impl Coordinator {
             let (hits, after) = rest.split_at(rays.len());
             rest = after;
             if self.displays.get(&display).is_some_and(|display| display.looks_at(view)) {
-                let message = outgoing.entry(display).or_insert_with(|| LiveSamples { view, samples: Vec::new() });
+                let message = outgoing
+                    .entry(display)
+                    .or_insert_with(|| LiveSamples { view, samples: Vec::new() });
                 let numbers = rays.iter().map(|ray| ray.number);
-                message.samples.extend(numbers.zip(hits).map(|(number, &hit)| LiveSample { number, hit }));
+                message
+                    .samples
+                    .extend(numbers.zip(hits).map(|(number, &hit)| LiveSample { number, hit }));
             }
         }
         Ok(())
@@ -83,7 +87,9 @@ impl Coordinator {
     /// Rays that a lost worker had are given to another, if they are still of use.
     pub(super) fn live_again(&mut self, worker: &mut Worker) {
         for LiveAssignment { display, view, rays, .. } in worker.take_live() {
-            if let Some(display) = self.displays.get_mut(&display).filter(|display| display.looks_at(view)) {
+            if let Some(display) =
+                self.displays.get_mut(&display).filter(|display| display.looks_at(view))
+            {
                 display.live.put_back(&rays);
             }
         }

@@ -23,7 +23,9 @@ impl Coordinator {
     /// A worker's results: stored, then sent to every display that looks at their beams.
     pub(super) fn results(&mut self, id: ConnectionId, results: &Results) -> Result<()> {
         let mut outgoing = BTreeMap::new();
-        let taken = self.take_results(id, results, &mut outgoing).and_then(|()| self.take_unseen(id, &results.unseen));
+        let taken = self
+            .take_results(id, results, &mut outgoing)
+            .and_then(|()| self.take_unseen(id, &results.unseen));
         // Even if a packet was refused: those before it are stored, so displays get them.
         for (id, message) in outgoing {
             if let Some(display) = self.displays.get(&id) {
@@ -47,8 +49,11 @@ impl Coordinator {
             let (samples, after) = rest.split_at(traced.count as usize);
             rest = after;
             let better = self.is_better(&assignment.packet);
-            let stored =
-                if better { self.store_better(&assignment, samples) } else { self.store(&assignment, samples) };
+            let stored = if better {
+                self.store_better(&assignment, samples)
+            } else {
+                self.store(&assignment, samples)
+            };
             match stored {
                 Ok(()) => {}
                 Err(holo_beamfile::Error::NotWritten { .. }) => {
@@ -83,7 +88,9 @@ impl Coordinator {
         });
         // Even if a packet was refused, as with samples.
         for (id, beams) in outgoing {
-            if let Some((display, view)) = self.displays.get(&id).and_then(|d| Some((d, d.wishes.as_ref()?.view))) {
+            if let Some((display, view)) =
+                self.displays.get(&id).and_then(|d| Some((d, d.wishes.as_ref()?.view)))
+            {
                 tell_unseen(&display.outbox, view, &Vec::from_iter(beams))?;
             }
         }
@@ -98,7 +105,11 @@ impl Coordinator {
         Ok(BeamKey { section: assignment.packet.section, beam: assignment.packet.beam })
     }
 
-    fn store(&mut self, assignment: &Assignment, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
+    fn store(
+        &mut self,
+        assignment: &Assignment,
+        samples: &[Sample],
+    ) -> Result<(), holo_beamfile::Error> {
         self.holodeck.file.append(meta(assignment, assignment.packet.first, samples), samples)?;
         self.progress.add(samples.len() as u64);
         Ok(())
@@ -107,7 +118,11 @@ impl Coordinator {
     /// Better samples take the places of those that are worse. A lost packet that was dealt again may come after others of more
     /// paths. What somebody looks at by now stays as it is: a picture is not made of two samples of one ray, and the file shows
     /// later what is seen at present.
-    fn store_better(&mut self, assignment: &Assignment, samples: &[Sample]) -> Result<(), holo_beamfile::Error> {
+    fn store_better(
+        &mut self,
+        assignment: &Assignment,
+        samples: &[Sample],
+    ) -> Result<(), holo_beamfile::Error> {
         let packet = &assignment.packet;
         let key = BeamKey { section: packet.section, beam: packet.beam };
         if self.is_looked_at(key) {
@@ -116,18 +131,26 @@ impl Coordinator {
         let file = &self.holodeck.file;
         let numbers = packet.first..packet.first + u32::from(packet.count);
         for range in better::worse(&file.runs(key), packet.paths, &numbers) {
-            let part = &samples[(range.start - packet.first) as usize..(range.end - packet.first) as usize];
+            let part = &samples
+                [(range.start - packet.first) as usize..(range.end - packet.first) as usize];
             file.supersede(meta(assignment, range.start, part), part)?;
             self.progress.add_better(part.len() as u64);
         }
         Ok(())
     }
 
-    fn forward(&self, assignment: &Assignment, samples: &[Sample], outgoing: &mut BTreeMap<ConnectionId, Samples>) {
+    fn forward(
+        &self,
+        assignment: &Assignment,
+        samples: &[Sample],
+        outgoing: &mut BTreeMap<ConnectionId, Samples>,
+    ) {
         let packet = &assignment.packet;
         let key = BeamKey { section: packet.section, beam: packet.beam };
         for (&id, display) in &self.displays {
-            let Some(wishes) = display.wishes.as_ref().filter(|wishes| wishes.contains(key)) else { continue };
+            let Some(wishes) = display.wishes.as_ref().filter(|wishes| wishes.contains(key)) else {
+                continue;
+            };
             let message = outgoing.entry(id).or_insert_with(|| Samples {
                 view: wishes.view,
                 source: Source::Traced,

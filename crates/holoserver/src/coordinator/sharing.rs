@@ -16,7 +16,10 @@ impl Coordinator {
     /// A worker's records.
     pub(super) fn light(&mut self, id: ConnectionId, light: &Light) -> Result<()> {
         let engine = self.holodeck.about.settings.engine;
-        ensure!(engine == Engine::Cached, "it sent records of indirect light, which this holodeck is made without");
+        ensure!(
+            engine == Engine::Cached,
+            "it sent records of indirect light, which this holodeck is made without"
+        );
         self.holodeck.light_mut().merge(Some(id), &light.records);
         Ok(())
     }
@@ -37,12 +40,16 @@ impl Coordinator {
         for (&id, next) in &mut self.listeners {
             let worker = self.workers.get_mut(&id);
             let display = self.displays.get(&id).map(|display| &display.outbox);
-            let Some(outbox) = worker.as_ref().map(|worker| &worker.outbox).or(display) else { continue };
+            let Some(outbox) = worker.as_ref().map(|worker| &worker.outbox).or(display) else {
+                continue;
+            };
             while *next < records.len() && outbox.queued_bytes() < QUEUE_BYTES {
                 let (found, after) = records.since(*next, MESSAGE_RECORDS, id);
                 *next = after;
                 // The records of a message are far below a frame's limit.
-                if !found.is_empty() && outbox.send(Kind::Light, &Light { records: found }.encode()).is_err() {
+                if !found.is_empty()
+                    && outbox.send(Kind::Light, &Light { records: found }.encode()).is_err()
+                {
                     break;
                 }
             }

@@ -9,7 +9,9 @@ use holo_proto::{
 };
 
 use super::{Coordinator, Event};
-use crate::{allotment::BeamKey, listen::ConnectionId, recall::Recall, wishes::Wishes, workers::Assignment};
+use crate::{
+    allotment::BeamKey, listen::ConnectionId, recall::Recall, wishes::Wishes, workers::Assignment,
+};
 
 impl Coordinator {
     /// A display's view: recall what is stored, and from now on trace for it. The same view again only moves the
@@ -17,11 +19,16 @@ impl Coordinator {
     pub(super) fn view(&mut self, id: ConnectionId, request: ViewRequest) -> Result<()> {
         let sections = &self.holodeck.sections;
         let known = request.beams.iter().all(|wanted| {
-            sections.get(usize::from(wanted.section)).is_some_and(|section| wanted.beam < section.beam_count())
+            sections
+                .get(usize::from(wanted.section))
+                .is_some_and(|section| wanted.beam < section.beam_count())
         });
         ensure!(known, "it asked for beams that do not exist");
         let in_order = request.beams.is_sorted_by_key(|wanted| (wanted.section, wanted.beam))
-            && request.beams.windows(2).all(|pair| (pair[0].section, pair[0].beam) != (pair[1].section, pair[1].beam));
+            && request
+                .beams
+                .windows(2)
+                .all(|pair| (pair[0].section, pair[0].beam) != (pair[1].section, pair[1].beam));
         ensure!(in_order, "it asked for a beam twice, or not in order");
         let Some(display) = self.displays.get_mut(&id) else { return Ok(()) };
         if let Some(wishes) = display.wishes.as_mut().filter(|wishes| wishes.view == request.view) {
@@ -58,10 +65,11 @@ impl Coordinator {
     /// Single rays that a display's view wants most.
     pub(super) fn rays(&mut self, id: ConnectionId, request: &RaysWanted) -> Result<()> {
         let sections = &self.holodeck.sections;
-        let known = request
-            .rays
-            .iter()
-            .all(|ray| sections.get(usize::from(ray.section)).is_some_and(|section| ray.beam < section.beam_count()));
+        let known = request.rays.iter().all(|ray| {
+            sections
+                .get(usize::from(ray.section))
+                .is_some_and(|section| ray.beam < section.beam_count())
+        });
         ensure!(known, "it asked for rays of beams that do not exist");
         let wishes = self.displays.get_mut(&id).and_then(|display| display.wishes.as_mut());
         if let Some(wishes) = wishes.filter(|wishes| wishes.view == request.view) {
@@ -100,18 +108,22 @@ impl Coordinator {
     /// Tells displays that wait for it that nothing of their view is under way any more.
     pub(super) fn try_settle(&mut self) {
         for (&id, display) in &mut self.displays {
-            let (Some(wishes), Some(last), false) = (&display.wishes, display.settling, display.recalling) else {
+            let (Some(wishes), Some(last), false) =
+                (&display.wishes, display.settling, display.recalling)
+            else {
                 continue;
             };
             let under_way = self.workers.values().any(|worker| {
                 worker.assignments().any(|Assignment { packet, .. }| {
-                    packet.id <= last && wishes.contains(BeamKey { section: packet.section, beam: packet.beam })
+                    packet.id <= last
+                        && wishes.contains(BeamKey { section: packet.section, beam: packet.beam })
                 })
             });
             if under_way {
                 continue;
             }
-            let (view, events, holodeck) = (wishes.view, self.events.clone(), Arc::clone(&self.holodeck));
+            let (view, events, holodeck) =
+                (wishes.view, self.events.clone(), Arc::clone(&self.holodeck));
             display.settling = None;
             display.wishes = None;
             // Flushing waits for the disk, and the coordinator waits for no one.
@@ -126,8 +138,12 @@ impl Coordinator {
 
     /// Forgets lost packets for displays that have left or settle.
     pub(super) fn forget_stale(&mut self) {
-        let wanted: Vec<_> =
-            self.displays.iter().filter(|(_, display)| display.settling.is_none()).map(|(&id, _)| id).collect();
+        let wanted: Vec<_> = self
+            .displays
+            .iter()
+            .filter(|(_, display)| display.settling.is_none())
+            .map(|(&id, _)| id)
+            .collect();
         self.forget(|assignment| assignment.display.is_some_and(|id| !wanted.contains(&id)));
     }
 

@@ -58,7 +58,8 @@ pub async fn pair() -> (Side, Side) {
 pub async fn raw_client() -> (TcpStream, Side) {
     use tokio::io::AsyncWriteExt;
     let (mut client, server) = raw().await;
-    let hello = holo_proto::frame::encode(Kind::Hello, &Hello::new(Role::Worker, "raw").encode()).unwrap();
+    let hello =
+        holo_proto::frame::encode(Kind::Hello, &Hello::new(Role::Worker, "raw").encode()).unwrap();
     client.write_all(&hello).await.unwrap();
     let (inbox, outbox, _) = accept(server).await.unwrap();
     (client, (inbox, outbox))

@@ -26,12 +26,17 @@ pub(super) fn encode(picture: &Picture) -> Vec<u8> {
     if picture.exposure != 1.0 {
         let _ = writeln!(header, "EXPOSURE={:e}", picture.exposure);
     }
-    let _ = write!(header, "FORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n", picture.height, picture.width);
+    let _ =
+        write!(header, "FORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n", picture.height, picture.width);
     let mut bytes = header.into_bytes();
     let mut row_rgbe = Vec::new();
     for row in picture.pixels.chunks_exact(picture.width as usize) {
         row_rgbe.clear();
-        row_rgbe.extend(row.iter().map(|rgb| to_rgbe(rgb.map(|value| f64::from(value) * f64::from(picture.exposure)))));
+        row_rgbe.extend(
+            row.iter().map(|rgb| {
+                to_rgbe(rgb.map(|value| f64::from(value) * f64::from(picture.exposure)))
+            }),
+        );
         write_row(&mut bytes, &row_rgbe, RLE_WIDTHS.contains(&row.len()));
     }
     bytes
@@ -92,7 +97,9 @@ impl Header {
                 }
             } else if let Some(format) = text.strip_prefix("FORMAT=") {
                 if format.trim() != "32-bit_rle_rgbe" {
-                    return Err(PictureError::Header(format!("FORMAT={format}: only 32-bit_rle_rgbe can be read")));
+                    return Err(PictureError::Header(format!(
+                        "FORMAT={format}: only 32-bit_rle_rgbe can be read"
+                    )));
                 }
             } else {
                 // A view of a kind that we do not have leaves a picture whose pixels are still good.
@@ -101,9 +108,12 @@ impl Header {
         }
         let multiplier = correction.map(|correction| 1.0 / (exposure * correction));
         let kept = exposure as f32;
-        let in_range = multiplier.iter().all(|m| m.is_finite() && *m > 0.0) && kept.is_finite() && kept > 0.0;
+        let in_range =
+            multiplier.iter().all(|m| m.is_finite() && *m > 0.0) && kept.is_finite() && kept > 0.0;
         if !in_range {
-            return Err(PictureError::Header(format!("the exposures multiply to {exposure:e}, which is out of range")));
+            return Err(PictureError::Header(format!(
+                "the exposures multiply to {exposure:e}, which is out of range"
+            )));
         }
         Ok(Header { exposure: kept, multiplier, view: has_view.then_some(spec) })
     }
@@ -124,7 +134,9 @@ fn positive(what: &str, text: &str) -> Result<f64, PictureError> {
 /// The next line without its end.
 fn line<'a>(rest: &mut &'a [u8], room: usize) -> Result<&'a [u8], PictureError> {
     let end = rest.iter().take(room).position(|byte| *byte == b'\n');
-    let end = end.ok_or_else(|| PictureError::Header("it has no end, or is none of a Radiance picture".to_owned()))?;
+    let end = end.ok_or_else(|| {
+        PictureError::Header("it has no end, or is none of a Radiance picture".to_owned())
+    })?;
     let (text, after) = rest.split_at(end);
     *rest = &after[1..];
     Ok(text)
@@ -155,7 +167,8 @@ impl Layout {
             ("+X" | "-X", "+Y" | "-Y") => (true, first, second),
             _ => return Err(wrong()),
         };
-        let (rows, row_length) = (rows.parse().map_err(|_| wrong())?, row_length.parse().map_err(|_| wrong())?);
+        let (rows, row_length) =
+            (rows.parse().map_err(|_| wrong())?, row_length.parse().map_err(|_| wrong())?);
         Ok(Layout { rows, row_length, columns_first, from_right: x == "-X", from_top: y == "-Y" })
     }
 
@@ -209,7 +222,9 @@ fn from_rgbe(rgbe: [u8; 4], multiplier: [f64; 3]) -> [f32; 3] {
     }
     let scale = 2f64.powi(i32::from(rgbe[3]) - 136);
     // An exposure below 1 may take bright pixels beyond f32.
-    let value = |c: usize| ((f64::from(rgbe[c]) + 0.5) * scale * multiplier[c]).min(f64::from(f32::MAX)) as f32;
+    let value = |c: usize| {
+        ((f64::from(rgbe[c]) + 0.5) * scale * multiplier[c]).min(f64::from(f32::MAX)) as f32
+    };
     [value(0), value(1), value(2)]
 }
 

@@ -46,7 +46,8 @@ fn read_channel(rest: &mut &[u8], row: &mut [[u8; 4]], channel: usize) -> Result
     while at < row.len() {
         let code = usize::from(take::<1>(rest)?[0]);
         let count = if code > MAX_LITERAL { code - MAX_LITERAL } else { code };
-        let target = row.get_mut(at..at + count).ok_or(Fault::Encoding("a run goes past its end"))?;
+        let target =
+            row.get_mut(at..at + count).ok_or(Fault::Encoding("a run goes past its end"))?;
         if code > MAX_LITERAL {
             let [value] = take::<1>(rest)?;
             target.iter_mut().for_each(|pixel| pixel[channel] = value);
@@ -70,7 +71,10 @@ fn read_old(rest: &mut &[u8], row: &mut [[u8; 4]]) -> Result<(), Fault> {
             (at, shift) = (at + 1, 0);
             continue;
         }
-        let last = *at.checked_sub(1).and_then(|last| row.get(last)).ok_or(Fault::Encoding("it begins with a run"))?;
+        let last = *at
+            .checked_sub(1)
+            .and_then(|last| row.get(last))
+            .ok_or(Fault::Encoding("it begins with a run"))?;
         if shift > 16 {
             return Err(Fault::Encoding("a run is longer than any row"));
         }
@@ -102,7 +106,9 @@ pub(super) fn write_row(bytes: &mut Vec<u8>, row: &[[u8; 4]], rle: bool) {
 }
 
 fn write_channel(bytes: &mut Vec<u8>, row: &[[u8; 4]], channel: usize) {
-    let run_at = |at: usize| row[at..].iter().take(MAX_RUN).take_while(|p| p[channel] == row[at][channel]).count();
+    let run_at = |at: usize| {
+        row[at..].iter().take(MAX_RUN).take_while(|p| p[channel] == row[at][channel]).count()
+    };
     let mut at = 0;
     while at < row.len() {
         let run = run_at(at);
@@ -112,7 +118,8 @@ fn write_channel(bytes: &mut Vec<u8>, row: &[[u8; 4]], channel: usize) {
             continue;
         }
         let start = at;
-        while at < row.len() && at - start < MAX_LITERAL && run_at_least(row, at, channel) < MIN_RUN {
+        while at < row.len() && at - start < MAX_LITERAL && run_at_least(row, at, channel) < MIN_RUN
+        {
             at += 1;
         }
         bytes.push((at - start) as u8);

@@ -8,8 +8,8 @@ use crate::view::View;
 use exr::compression::Compression;
 use exr::meta::MetaData;
 use exr::prelude::{
-    AttributeValue, Encoding, Image, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, Text, Vec2,
-    WritableImage,
+    AttributeValue, Encoding, Image, Layer, LayerAttributes, ReadChannels, ReadLayers,
+    SpecificChannels, Text, Vec2, WritableImage,
 };
 use std::io::Cursor;
 
@@ -43,9 +43,18 @@ pub(super) fn encode(picture: &Picture) -> Result<Vec<u8>, PictureError> {
         let [r, g, b] = picture.pixels[at.y() * width + at.x()];
         (r, g, b)
     });
-    let layer = Layer::new((width, picture.height as usize), attributes, Encoding::SMALL_LOSSLESS, channels);
+    let layer = Layer::new(
+        (width, picture.height as usize),
+        attributes,
+        Encoding::SMALL_LOSSLESS,
+        channels,
+    );
     let mut bytes = Vec::new();
-    Image::from_layer(layer).write().non_parallel().to_buffered(Cursor::new(&mut bytes)).map_err(failed)?;
+    Image::from_layer(layer)
+        .write()
+        .non_parallel()
+        .to_buffered(Cursor::new(&mut bytes))
+        .map_err(failed)?;
     Ok(bytes)
 }
 
@@ -56,7 +65,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
         .largest_resolution_level()
         .rgb_channels(
             |size: Vec2<usize>, _: &_| (size.width(), vec![[0.0f32; 3]; size.area()]),
-            |(width, pixels): &mut (usize, Vec<[f32; 3]>), at: Vec2<usize>, (r, g, b): (f32, f32, f32)| {
+            |(width, pixels): &mut (usize, Vec<[f32; 3]>),
+             at: Vec2<usize>,
+             (r, g, b): (f32, f32, f32)| {
                 pixels[at.y() * *width + at.x()] = [r, g, b];
             },
         )
@@ -82,15 +93,22 @@ fn check_header(bytes: &[u8]) -> Result<(), PictureError> {
     for header in &meta.headers {
         let (width, height) = (header.layer_size.width(), header.layer_size.height());
         let size = PictureError::Size { width: width as u64, height: height as u64 };
-        let (Ok(width), Ok(height)) = (u32::try_from(width), u32::try_from(height)) else { return Err(size) };
+        let (Ok(width), Ok(height)) = (u32::try_from(width), u32::try_from(height)) else {
+            return Err(size);
+        };
         Picture::check_size(width, height)?;
         if !SAFE.contains(&header.compression) {
             let compression = header.compression;
-            return Err(PictureError::Exr(format!("{compression} cannot be read: save it as ZIP or PIZ")));
+            return Err(PictureError::Exr(format!(
+                "{compression} cannot be read: save it as ZIP or PIZ"
+            )));
         }
-        let layer_bytes = u64::from(width) * u64::from(height) * header.channels.bytes_per_pixel as u64;
+        let layer_bytes =
+            u64::from(width) * u64::from(height) * header.channels.bytes_per_pixel as u64;
         if layer_bytes > MAX_LAYER_BYTES {
-            return Err(PictureError::Exr(format!("a layer of {layer_bytes} bytes is more than {MAX_LAYER_BYTES}")));
+            return Err(PictureError::Exr(format!(
+                "a layer of {layer_bytes} bytes is more than {MAX_LAYER_BYTES}"
+            )));
         }
     }
     Ok(())

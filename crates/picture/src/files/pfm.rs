@@ -35,8 +35,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
     if rest.len() < row_bytes * height as usize {
         return Err(PictureError::Truncated { row: (rest.len() / row_bytes) as u32, rows: height });
     }
-    let value =
-        |bytes: [u8; 4]| scale.abs() * if scale < 0.0 { f32::from_le_bytes(bytes) } else { f32::from_be_bytes(bytes) };
+    let value = |bytes: [u8; 4]| {
+        scale.abs()
+            * if scale < 0.0 { f32::from_le_bytes(bytes) } else { f32::from_be_bytes(bytes) }
+    };
     let mut pixels = Vec::with_capacity(width as usize * height as usize);
     for row in rest[..row_bytes * height as usize].chunks_exact(row_bytes).rev() {
         let (values, _) = row.as_chunks::<4>();
@@ -54,9 +56,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
 fn word<'a>(rest: &mut &'a [u8]) -> Result<&'a str, PictureError> {
     let bytes = rest.trim_ascii_start();
     let end = bytes.iter().take(MAX_WORD).position(u8::is_ascii_whitespace);
-    let end = end.ok_or_else(|| PictureError::Header("it ends early, or is none of a .pfm".to_owned()))?;
+    let end =
+        end.ok_or_else(|| PictureError::Header("it ends early, or is none of a .pfm".to_owned()))?;
     *rest = &bytes[end + 1..];
-    std::str::from_utf8(&bytes[..end]).map_err(|_| PictureError::Header("it is not text".to_owned()))
+    std::str::from_utf8(&bytes[..end])
+        .map_err(|_| PictureError::Header("it is not text".to_owned()))
 }
 
 fn number<T: std::str::FromStr>(rest: &mut &[u8], what: &str) -> Result<T, PictureError> {

@@ -82,8 +82,16 @@ impl Mesh {
     /// A closed sphere of `8 * 4^level` triangles: a subdivided octahedron, at `centre` with `radius`.
     pub fn sphere(level: u32, centre: Vec3, radius: f32) -> Self {
         let mut corners: Vec<Vec3> = vec![Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
-        let mut triangles =
-            vec![[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5_u32]];
+        let mut triangles = vec![
+            [0, 1, 2],
+            [1, 3, 2],
+            [3, 4, 2],
+            [4, 0, 2],
+            [1, 0, 5],
+            [3, 1, 5],
+            [4, 3, 5],
+            [0, 4, 5_u32],
+        ];
         for _ in 0..level {
             let mut middles = std::collections::HashMap::new();
             let mut middle = |a: u32, b: u32, corners: &mut Vec<Vec3>| {
@@ -119,7 +127,8 @@ impl Mesh {
                     let mut grid = [0; 3];
                     (grid[axis], grid[j], grid[k]) = (side, a, b);
                     *known.entry(grid).or_insert_with(|| {
-                        let at = |i: usize| half[i] * (2.0 * grid[i] as f32 / steps[i] as f32 - 1.0);
+                        let at =
+                            |i: usize| half[i] * (2.0 * grid[i] as f32 / steps[i] as f32 - 1.0);
                         mesh.positions.push([at(0), at(1), at(2)]);
                         mesh.positions.len() as u32 - 1
                     })

@@ -132,7 +132,9 @@ fn check(counts: &mut Counts, raycaster: &Raycaster, rays: &[Ray], together: &mu
         let met = hit.is_some() && *together == hit && raycaster.occluded(ray);
         counts.rays += 1;
         counts.leaks += u64::from(!met);
-        counts.not_a_number += u64::from(hit.is_some_and(|h| !(h.t.is_finite() && h.u.is_finite() && h.v.is_finite())));
+        counts.not_a_number += u64::from(
+            hit.is_some_and(|h| !(h.t.is_finite() && h.u.is_finite() && h.v.is_finite())),
+        );
     }
 }
 
@@ -149,7 +151,8 @@ fn bounce(counts: &mut Counts, raycaster: &Raycaster, rays: u64, random: &mut Ra
         };
         let surface = raycaster.surface(hit.triangle, hit.u, hit.v);
         // A mesh around the origin: inside is where the origin is.
-        let inwards = if surface.normal.dot(surface.point) > 0.0 { -surface.normal } else { surface.normal };
+        let inwards =
+            if surface.normal.dot(surface.point) > 0.0 { -surface.normal } else { surface.normal };
         let direction = random.direction();
         let direction = if direction.dot(inwards) < 0.0 { -direction } else { direction };
         ray = Ray::new(spawn(surface.point, surface.error, surface.normal, direction), direction);
@@ -178,14 +181,18 @@ pub fn run(rays: u64) -> Vec<(String, Counts)> {
             for ((_, aim), counts) in AIMS.iter().zip(&mut counts) {
                 for first in (0..share).step_by(MAX_TOGETHER) {
                     batch.clear();
-                    batch.extend((first..share).take(MAX_TOGETHER).map(|_| aim(&mesh, scale, &mut random)));
+                    batch.extend(
+                        (first..share).take(MAX_TOGETHER).map(|_| aim(&mesh, scale, &mut random)),
+                    );
                     check(counts, &raycaster, &batch, &mut together);
                 }
             }
             bounce(&mut counts[AIMS.len()], &raycaster, share, &mut random);
         }
         let names = AIMS.iter().map(|(name, _)| *name).chain(["bounces"]);
-        results.extend(names.zip(counts).map(|(name, counts)| (format!("{mesh_name}: {name}"), counts)));
+        results.extend(
+            names.zip(counts).map(|(name, counts)| (format!("{mesh_name}: {name}"), counts)),
+        );
     }
     results
 }

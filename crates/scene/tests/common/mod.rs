@@ -6,7 +6,11 @@ use holo_scene::{LoadOptions, Loaded, SceneError, Warning, load_obj};
 use std::path::{Path, PathBuf};
 
 /// Loads `s.obj` with this text beside `s.mtl` with that one, from a folder of its own.
-pub fn load_with(obj: impl AsRef<[u8]>, mtl: &str, options: &LoadOptions) -> Result<Loaded, SceneError> {
+pub fn load_with(
+    obj: impl AsRef<[u8]>,
+    mtl: &str,
+    options: &LoadOptions,
+) -> Result<Loaded, SceneError> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("s.mtl"), mtl).unwrap();
     load_in(folder.path(), obj, options)
@@ -18,7 +22,11 @@ pub fn load(obj: impl AsRef<[u8]>) -> Result<Loaded, SceneError> {
 }
 
 /// Writes and loads `s.obj` in a folder.
-pub fn load_in(folder: &Path, obj: impl AsRef<[u8]>, options: &LoadOptions) -> Result<Loaded, SceneError> {
+pub fn load_in(
+    folder: &Path,
+    obj: impl AsRef<[u8]>,
+    options: &LoadOptions,
+) -> Result<Loaded, SceneError> {
     let path = folder.join("s.obj");
     std::fs::write(&path, obj).unwrap();
     load_obj(&path, options)

@@ -28,7 +28,11 @@ impl Rng {
 
     pub fn direction(&mut self) -> DVec3 {
         loop {
-            let v = DVec3::new(self.between(-1.0, 1.0), self.between(-1.0, 1.0), self.between(-1.0, 1.0));
+            let v = DVec3::new(
+                self.between(-1.0, 1.0),
+                self.between(-1.0, 1.0),
+                self.between(-1.0, 1.0),
+            );
             if (0.01..=1.0).contains(&v.length_squared()) {
                 return v.normalize();
             }

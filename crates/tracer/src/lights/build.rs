@@ -84,7 +84,8 @@ impl Emitter {
     /// The heuristic's cost: what a group emits, by how far it is spread in space and in direction.
     fn cost(self) -> f64 {
         let size = self.high - self.low;
-        let area = f64::from(size.x) * f64::from(size.y + size.z) + f64::from(size.y) * f64::from(size.z);
+        let area =
+            f64::from(size.x) * f64::from(size.y + size.z) + f64::from(size.y) * f64::from(size.z);
         self.power * area * f64::from(self.normals.measure())
     }
 
@@ -159,8 +160,9 @@ fn whole(group: &[(u32, Emitter)]) -> Emitter {
 
 /// Reorders a group of at least two for its best split; returns how many come first: some, and not all.
 fn split(group: &mut [(u32, Emitter)], halve: bool) -> usize {
-    let (low, high) =
-        group.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), (_, e)| (l.min(e.center), h.max(e.center)));
+    let (low, high) = group.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), (_, e)| {
+        (l.min(e.center), h.max(e.center))
+    });
     let size = high - low;
     let half = group.len() / 2;
     if !halve {
@@ -174,7 +176,9 @@ fn split(group: &mut [(u32, Emitter)], halve: bool) -> usize {
                 let bucket = &mut buckets[bucket(e, low, size, axis)];
                 *bucket = Some(bucket.map_or(*e, |sum| sum.union(*e)));
             }
-            let add = |sum: Option<Emitter>, e: Option<Emitter>| sum.map_or(e, |s| Some(e.map_or(s, |e| s.union(e))));
+            let add = |sum: Option<Emitter>, e: Option<Emitter>| {
+                sum.map_or(e, |s| Some(e.map_or(s, |e| s.union(e))))
+            };
             let mut above = [None; BUCKETS];
             for i in (1..BUCKETS).rev() {
                 above[i - 1] = add(buckets[i], above[i]);

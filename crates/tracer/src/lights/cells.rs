@@ -90,8 +90,10 @@ impl Cell {
             }
             *uniform /= blind;
         }
-        let i = self.sums.partition_point(|&sum| f64::from(sum) <= *uniform).min(self.sums.len() - 1);
-        *uniform = ((*uniform - f64::from(self.before(i))) / f64::from(self.share(i))).clamp(0.0, super::ONE_BELOW);
+        let i =
+            self.sums.partition_point(|&sum| f64::from(sum) <= *uniform).min(self.sums.len() - 1);
+        *uniform = ((*uniform - f64::from(self.before(i))) / f64::from(self.share(i)))
+            .clamp(0.0, super::ONE_BELOW);
         i
     }
 
@@ -118,7 +120,11 @@ impl Cell {
 
 impl Cells {
     /// `None` if the tree is too small to need them.
-    pub(super) fn new(lights: &Lights, raycaster: &Arc<Raycaster>, panes: &Arc<Panes>) -> Option<Self> {
+    pub(super) fn new(
+        lights: &Lights,
+        raycaster: &Arc<Raycaster>,
+        panes: &Arc<Panes>,
+    ) -> Option<Self> {
         if lights.nodes.len() < 2 {
             return None;
         }
@@ -150,7 +156,16 @@ impl Cells {
         }
         let count = size.x as usize * size.y as usize * size.z as usize * FACINGS;
         let cells = (0..count).map(|_| OnceLock::new()).collect();
-        Some(Self { raycaster: raycaster.clone(), panes: panes.clone(), low, side, size, clusters, cluster_of, cells })
+        Some(Self {
+            raycaster: raycaster.clone(),
+            panes: panes.clone(),
+            low,
+            side,
+            size,
+            clusters,
+            cluster_of,
+            cells,
+        })
     }
 
     /// The number of the cell of a point and normal; `None` outside of the grid.
@@ -212,7 +227,9 @@ impl Cells {
                 for _ in 0..SKY_RAYS {
                     let direction = frame.to_world(cosine_hemisphere(sampler.two()));
                     let origin = spawn(probe.point, probe.error, probe.normal, direction);
-                    sky += u32::from(!self.raycaster.occluded_from(&Ray::new(origin, direction), probe.triangle));
+                    sky += u32::from(
+                        !self.raycaster.occluded_from(&Ray::new(origin, direction), probe.triangle),
+                    );
                 }
             }
         }
@@ -241,7 +258,12 @@ impl Cells {
         let mut seen_as = vec![u8::MAX; seen.len()].into_boxed_slice();
         for (place, &i) in order.iter().enumerate() {
             let Child { node, slot } = self.clusters[i];
-            nodes[place / WIDTH].copy(place % WIDTH, &lights.nodes[node as usize], slot as usize, i);
+            nodes[place / WIDTH].copy(
+                place % WIDTH,
+                &lights.nodes[node as usize],
+                slot as usize,
+                i,
+            );
             seen_as[i] = place as u8;
             seen_clusters[place] = i as u8;
         }
@@ -250,12 +272,19 @@ impl Cells {
         for probe in &probes {
             let normal = if facing == EVERYWHERE { Vec3::ZERO } else { probe.normal };
             for (node, expected) in nodes.iter().zip(expected.chunks_mut(WIDTH)) {
-                expected.iter_mut().zip(node.importances(probe.point, normal)).for_each(|(sum, x)| *sum += x);
+                expected
+                    .iter_mut()
+                    .zip(node.importances(probe.point, normal))
+                    .for_each(|(sum, x)| *sum += x);
             }
         }
         for (place, &i) in order.iter().enumerate() {
             let least = if near[i] { LEAST_NEAR } else { 0.0 };
-            let share = if expected[place] > 0.0 { seen[i] / (repeats as f32 * expected[place]) } else { 0.0 };
+            let share = if expected[place] > 0.0 {
+                seen[i] / (repeats as f32 * expected[place])
+            } else {
+                0.0
+            };
             let share = if share.is_finite() { share } else { 1.0 };
             nodes[place / WIDTH].scale(place % WIDTH, share.max(least));
         }
@@ -274,14 +303,25 @@ impl Cells {
             sums.iter_mut().zip(1_u8..).for_each(|(s, i)| *s = f32::from(i) / count);
         }
         let sky = lights.sky * sky as f32 / (PROBES * SKY_RAYS) as f32;
-        Cell { total: all_seen / (PROBES * repeats) as f32, sky, sums, seen: nodes.into(), seen_clusters, seen_as }
+        Cell {
+            total: all_seen / (PROBES * repeats) as f32,
+            sky,
+            sums,
+            seen: nodes.into(),
+            seen_clusters,
+            seen_as,
+        }
     }
 
     /// Points on surfaces of the cell that face its way, or anywhere in it.
     fn probes(&self, corner: Vec3, facing: u32, sampler: &mut Sampler) -> [SurfacePoint; PROBES] {
         let axis = axis(facing);
-        let nowhere =
-            |point| SurfacePoint { point, error: Vec3::ZERO, normal: axis, triangle: holo_raycast::NO_TRIANGLE };
+        let nowhere = |point| SurfacePoint {
+            point,
+            error: Vec3::ZERO,
+            normal: axis,
+            triangle: holo_raycast::NO_TRIANGLE,
+        };
         let mut probes = [nowhere(Vec3::ZERO); PROBES];
         let mut count = 0;
         sampler.turn(0, Purpose::Light);
@@ -323,7 +363,8 @@ impl Cells {
     ) -> (f32, f32) {
         let (first, second) = sampler.pairs(1).at(0);
         let mut rest = first;
-        let Some((emitter, probability)) = descend(&lights.nodes, cluster, probe.point, Vec3::ZERO, 1.0, &mut rest)
+        let Some((emitter, probability)) =
+            descend(&lights.nodes, cluster, probe.point, Vec3::ZERO, 1.0, &mut rest)
         else {
             return (0.0, 0.0);
         };
@@ -339,8 +380,10 @@ impl Cells {
         if !(distance2 > 0.0 && shining > 0.0) || triangle == probe.triangle {
             return (0.0, 0.0);
         }
-        let arriving = if facing == EVERYWHERE { 1.0 } else { towards.dot(probe.normal) / distance2.sqrt() };
-        let value = radiance * arriving.max(LEAST_COSINE) / (probability * aim.density(distance2, shining));
+        let arriving =
+            if facing == EVERYWHERE { 1.0 } else { towards.dot(probe.normal) / distance2.sqrt() };
+        let value =
+            radiance * arriving.max(LEAST_COSINE) / (probability * aim.density(distance2, shining));
         if value.is_finite() {
             (value, luminance(self.panes.between(&self.raycaster, probe, &light).to_array()))
         } else {
@@ -360,7 +403,8 @@ fn facing(normal: Vec3) -> u32 {
         return EVERYWHERE;
     }
     let size = normal.abs();
-    let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + u32::from(size.z > size.y) };
+    let axis =
+        if size.x >= size.y && size.x >= size.z { 0 } else { 1 + u32::from(size.z > size.y) };
     2 * axis + u32::from(normal[axis as usize] < 0.0)
 }
 
@@ -371,16 +415,24 @@ fn axis(facing: u32) -> Vec3 {
 
 /// Subtrees that hold every emitter once: the largest, weighed by power, are divided.
 fn cut(nodes: &[Node], least_radius2: f32) -> Vec<Child> {
-    let slots = |node: usize| (0..nodes[node].used()).map(move |slot| Child { node: node as u32, slot: slot as u32 });
+    let slots = |node: usize| {
+        (0..nodes[node].used()).map(move |slot| Child { node: node as u32, slot: slot as u32 })
+    };
     let mut clusters: Vec<Child> = slots(0).collect();
     loop {
         let extent = |c: &Child| nodes[c.node as usize].extent(c.slot as usize);
         let divisible = clusters.iter().enumerate().filter_map(|(i, c)| {
             let next = nodes[c.node as usize].child(c.slot as usize).ok()?;
             let large = nodes[c.node as usize].radius2(c.slot as usize) > least_radius2;
-            (large && clusters.len() - 1 + nodes[next].used() <= CLUSTERS).then_some((i, next, extent(c)))
+            (large && clusters.len() - 1 + nodes[next].used() <= CLUSTERS).then_some((
+                i,
+                next,
+                extent(c),
+            ))
         });
-        let Some((i, next, _)) = divisible.max_by(|a, b| a.2.total_cmp(&b.2)) else { return clusters };
+        let Some((i, next, _)) = divisible.max_by(|a, b| a.2.total_cmp(&b.2)) else {
+            return clusters;
+        };
         clusters.swap_remove(i);
         clusters.extend(slots(next));
     }

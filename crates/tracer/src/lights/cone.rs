@@ -30,7 +30,10 @@ impl Cone {
         let across = self.axis.cross(other.axis);
         if across.length_squared() < 1e-8 {
             // No plane to turn in: nearly the same axes, or opposite ones.
-            return Self { axis: self.axis, angle: (apart + other.angle.max(self.angle) + 1e-6).min(PI) };
+            return Self {
+                axis: self.axis,
+                angle: (apart + other.angle.max(self.angle) + 1e-6).min(PI),
+            };
         }
         if angle >= PI {
             return Self { axis: self.axis, angle: PI };
@@ -44,7 +47,8 @@ impl Cone {
     pub(crate) fn measure(self) -> f32 {
         let (o, w) = (self.angle, (self.angle + FRAC_PI_2).min(PI));
         let (sin, cos) = o.sin_cos();
-        2.0 * PI * (1.0 - cos) + FRAC_PI_2 * (2.0 * w * sin - (o - 2.0 * w).cos() - 2.0 * o * sin + cos)
+        2.0 * PI * (1.0 - cos)
+            + FRAC_PI_2 * (2.0 * w * sin - (o - 2.0 * w).cos() - 2.0 * o * sin + cos)
     }
 }
 
@@ -78,10 +82,17 @@ mod tests {
             let union = a.union(b);
             for cone in [a, b] {
                 // The direction of the cone that is farthest from the union's axis.
-                let across = union.axis.cross(cone.axis).try_normalize().unwrap_or(union.axis.any_orthonormal_vector());
+                let across = union
+                    .axis
+                    .cross(cone.axis)
+                    .try_normalize()
+                    .unwrap_or(union.axis.any_orthonormal_vector());
                 let rim = Quat::from_axis_angle(across, cone.angle) * cone.axis;
-                let most =
-                    if between(union.axis, cone.axis) + cone.angle >= PI { PI } else { between(union.axis, rim) };
+                let most = if between(union.axis, cone.axis) + cone.angle >= PI {
+                    PI
+                } else {
+                    between(union.axis, rim)
+                };
                 // Rotations in f32.
                 assert!(most <= union.angle + 2e-6, "{a:?} {b:?} {union:?} {most}");
             }

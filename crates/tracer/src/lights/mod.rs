@@ -132,7 +132,8 @@ impl Weights {
 fn visible(scene: &Scene, mut emitters: Vec<u32>) -> Vec<u32> {
     let between = |triangle: u32| {
         // The sum turns -0 into 0.
-        let mut corners = scene.corners(triangle).map(|c| (c + Vec3::ZERO).to_array().map(f32::to_bits));
+        let mut corners =
+            scene.corners(triangle).map(|c| (c + Vec3::ZERO).to_array().map(f32::to_bits));
         corners.sort_unstable();
         corners
     };
@@ -160,7 +161,8 @@ impl Lights {
     pub(crate) fn new(scene: &Scene) -> Self {
         let strength: Vec<f32> = scene.materials.iter().map(|m| luminance(m.emission)).collect();
         let material = |t: u32| scene.material_ids[t as usize] as usize;
-        let triangles = visible(scene, scene.emitters().filter(|&t| strength[material(t)] > 0.0).collect());
+        let triangles =
+            visible(scene, scene.emitters().filter(|&t| strength[material(t)] > 0.0).collect());
         let power = |t: u32| f64::from(strength[material(t)]) * scene.area(t);
         // As shares of the greatest, far from the ends of f32's range.
         let unit = triangles.iter().map(|&t| power(t)).fold(0.0, f64::max);
@@ -168,10 +170,16 @@ impl Lights {
             .iter()
             .map(|&t| {
                 let power = power(t) / unit;
-                Emitter::new(scene.corners(t), scene.normal(t), power, scene.materials[material(t)].two_sided_emission)
+                Emitter::new(
+                    scene.corners(t),
+                    scene.normal(t),
+                    power,
+                    scene.materials[material(t)].two_sided_emission,
+                )
             })
             .collect();
-        let sky = (f64::from(PI * luminance(scene.sky)) / if unit > 0.0 { unit } else { 1.0 }) as f32;
+        let sky =
+            (f64::from(PI * luminance(scene.sky)) / if unit > 0.0 { unit } else { 1.0 }) as f32;
         Self { sky, ..Self::over(triangles, emitters) }
     }
 
@@ -212,7 +220,9 @@ impl Lights {
             seen.sky = if self.sky > 0.0 { 1.0 } else { 0.0 };
             return seen;
         };
-        if let Some((cells, number)) = self.cells.as_ref().and_then(|cells| Some((cells, cells.find(point, normal)?))) {
+        if let Some((cells, number)) =
+            self.cells.as_ref().and_then(|cells| Some((cells, cells.find(point, normal)?)))
+        {
             let cell = cells.get(self, number);
             seen.sky = self.sky_share(cell.sky, cell.total, LEAST_SKY_OF_CELL);
             for (i, node) in cell.seen.iter().enumerate().take(2) {
@@ -222,7 +232,11 @@ impl Lights {
         } else {
             seen.first.set(0, root.importances(point, normal));
             let total = seen.first.total();
-            seen.sky = if total == 0.0 && self.sky > 0.0 { 1.0 } else { self.sky_share(self.sky, total, LEAST_SHARE) };
+            seen.sky = if total == 0.0 && self.sky > 0.0 {
+                1.0
+            } else {
+                self.sky_share(self.sky, total, LEAST_SHARE)
+            };
         }
         seen
     }
@@ -230,7 +244,11 @@ impl Lights {
     /// Whether triangles are worth choosing among for such a surface, as far as is known without weighing them.
     #[inline]
     pub(crate) fn reaches(&self, point: Vec3, normal: Vec3) -> bool {
-        match self.cells.as_ref().and_then(|cells| Some(cells.get(self, cells.find(point, normal)?))) {
+        match self
+            .cells
+            .as_ref()
+            .and_then(|cells| Some(cells.get(self, cells.find(point, normal)?)))
+        {
             Some(cell) => !cell.seen.is_empty(),
             None => self.seen(point, normal).first.total() > 0.0,
         }
@@ -275,7 +293,11 @@ impl Lights {
         } else {
             return None;
         };
-        Some(Chosen::Triangle { triangle: self.triangles[emitter], probability, rest: below_one(rest) })
+        Some(Chosen::Triangle {
+            triangle: self.triangles[emitter],
+            probability,
+            rest: below_one(rest),
+        })
     }
 
     /// Probability with which [`choose`](Self::choose) gives a triangle.
@@ -299,7 +321,11 @@ impl Lights {
             probability *= importances[place.slot as usize] / total;
             place = node.parent;
         }
-        if end.is_some() { probability } else { probability * seen.first.share(place.slot as usize) }
+        if end.is_some() {
+            probability
+        } else {
+            probability * seen.first.share(place.slot as usize)
+        }
     }
 }
 

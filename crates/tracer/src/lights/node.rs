@@ -180,7 +180,8 @@ impl Node {
         let above = normal.abs();
         let open = if normal == Vec3::ZERO { 1.0 } else { 0.0 };
         for (i, importance) in importances.iter_mut().enumerate() {
-            let (dx, dy, dz) = (self.center[0][i] - p.x, self.center[1][i] - p.y, self.center[2][i] - p.z);
+            let (dx, dy, dz) =
+                (self.center[0][i] - p.x, self.center[1][i] - p.y, self.center[2][i] - p.z);
             let d2 = dx * dx + dy * dy + dz * dz;
             let r2 = self.radius2[i];
             let near2 = larger(larger(d2, r2), LEAST);
@@ -201,7 +202,8 @@ impl Node {
             let along = wx * p.x + wy * p.y + wz * p.z;
             let front = if along > self.plane[i] { emitted } else { 0.0 };
             // Surface: the highest point of the box.
-            let above = above.x * self.half[0][i] + above.y * self.half[1][i] + above.z * self.half[2][i];
+            let above =
+                above.x * self.half[0][i] + above.y * self.half[1][i] + above.z * self.half[2][i];
             let height = normal.x * dx + normal.y * dy + normal.z * dz + above;
             let cosine = larger(smaller(larger(height, 0.0) / near2.sqrt(), 1.0), open);
             *importance = self.power[i] / near2 * front * cosine;

@@ -21,7 +21,12 @@ pub(crate) struct Part {
 
 impl Lights {
     /// Subtrees that `point`, lit on the side of `normal`, may get light from, as far as `shown` says of the spheres around them.
-    pub(crate) fn parts(&self, point: Vec3, normal: Vec3, shown: impl Fn(Vec3, f32) -> bool) -> Vec<Part> {
+    pub(crate) fn parts(
+        &self,
+        point: Vec3,
+        normal: Vec3,
+        shown: impl Fn(Vec3, f32) -> bool,
+    ) -> Vec<Part> {
         let mut parts = Vec::new();
         let mut waiting: Vec<usize> = if self.nodes.is_empty() { Vec::new() } else { vec![0] };
         while let Some(at) = waiting.pop() {
@@ -33,8 +38,16 @@ impl Lights {
                     continue;
                 }
                 match node.child(slot) {
-                    Ok(next) if radius > OPEN * center.distance(point) && waiting.len() < WAITING => waiting.push(next),
-                    _ => parts.push(Part { child: Child { node: at as u32, slot: slot as u32 }, center, importance }),
+                    Ok(next)
+                        if radius > OPEN * center.distance(point) && waiting.len() < WAITING =>
+                    {
+                        waiting.push(next)
+                    }
+                    _ => parts.push(Part {
+                        child: Child { node: at as u32, slot: slot as u32 },
+                        center,
+                        importance,
+                    }),
                 }
             }
         }
@@ -43,14 +56,27 @@ impl Lights {
 
     /// A triangle of a part by a uniform number in [0, 1), its probability, and what is left of the number. `None` if the descent
     /// ends where nothing can arrive from.
-    pub(crate) fn choose_in(&self, part: &Part, point: Vec3, normal: Vec3, uniform: f64) -> Option<(u32, f32, f32)> {
+    pub(crate) fn choose_in(
+        &self,
+        part: &Part,
+        point: Vec3,
+        normal: Vec3,
+        uniform: f64,
+    ) -> Option<(u32, f32, f32)> {
         let mut rest = uniform;
-        let (emitter, probability) = descend(&self.nodes, part.child, point, normal, 1.0, &mut rest)?;
+        let (emitter, probability) =
+            descend(&self.nodes, part.child, point, normal, 1.0, &mut rest)?;
         Some((self.triangles[emitter], probability, below_one(rest)))
     }
 
     /// Which of the parts holds a triangle, and with what probability [`choose_in`](Self::choose_in) gives it there.
-    pub(crate) fn find_in(&self, parts: &[Part], point: Vec3, normal: Vec3, triangle: u32) -> Option<(usize, f32)> {
+    pub(crate) fn find_in(
+        &self,
+        parts: &[Part],
+        point: Vec3,
+        normal: Vec3,
+        triangle: u32,
+    ) -> Option<(usize, f32)> {
         let emitter = self.triangles.binary_search(&triangle).ok()?;
         let mut probability = 1.0;
         let mut place = self.places[emitter];

@@ -56,14 +56,15 @@ fn choosing_follows_the_probabilities_and_they_add_up() {
         let scene = Arc::new(scene(count, sky));
         let plain = Lights::new(&scene);
         // By cells where there are many.
-        let celled =
-            Lights::new(&scene).with_cells(&Arc::new(Raycaster::build(scene.clone()).expect("built")), &closed());
+        let celled = Lights::new(&scene)
+            .with_cells(&Arc::new(Raycaster::build(scene.clone()).expect("built")), &closed());
         assert_eq!(celled.cells.is_some(), count > 8);
         let mut s = Sampler::new(7, 0);
         let cases = vertices().into_iter().flat_map(|v| [(v, &plain), (v, &celled)]);
         for ((point, normal), lights) in cases {
             let seen = lights.seen(point, normal);
-            let probabilities: Vec<f64> = (0..count as u32).map(|t| f64::from(lights.probability(&seen, t))).collect();
+            let probabilities: Vec<f64> =
+                (0..count as u32).map(|t| f64::from(lights.probability(&seen, t))).collect();
             let emitters: f64 = probabilities.iter().sum();
             // What is left ends where nothing arrives from: bounds of a group may promise what none of it keeps.
             let lost = 1.0 - emitters - f64::from(seen.sky);
@@ -72,9 +73,14 @@ fn choosing_follows_the_probabilities_and_they_add_up() {
             // Chosen emitters, then the sky, then nothing.
             let mut counts = vec![0_u32; count + 2];
             for _ in 0..n {
-                match lights.choose(&seen, f64::from(s.one()) + f64::from(s.one()) * 2.0_f64.powi(-24)) {
+                match lights
+                    .choose(&seen, f64::from(s.one()) + f64::from(s.one()) * 2.0_f64.powi(-24))
+                {
                     Some(Chosen::Triangle { triangle, probability, rest }) => {
-                        assert!((f64::from(probability) / probabilities[triangle as usize] - 1.0).abs() < 1e-4);
+                        assert!(
+                            (f64::from(probability) / probabilities[triangle as usize] - 1.0).abs()
+                                < 1e-4
+                        );
                         assert!((0.0..1.0).contains(&rest));
                         counts[triangle as usize] += 1;
                     }
@@ -121,7 +127,8 @@ fn what_can_contribute_has_a_probability_and_what_cannot_has_none() {
         for t in 0..3000 {
             let [a, b, c] = scene.corners(t);
             let facing = scene.normal(t).dot(point - a);
-            let front = scene.materials[scene.material_ids[t as usize] as usize].two_sided_emission || facing > 0.0;
+            let front = scene.materials[scene.material_ids[t as usize] as usize].two_sided_emission
+                || facing > 0.0;
             let height = [a, b, c].iter().map(|v| normal.dot(v - point)).fold(f32::MIN, f32::max);
             let probability = lights.probability(&seen, t);
             let clear = 1e-3 * (1.0 + point.length());
@@ -148,7 +155,9 @@ fn choices_follow_what_lights_bring() {
     let lights = Lights::new(&scene);
     let power: f64 = (0..3000).map(|t| scene.area(t)).sum();
     let (mut tree, mut table) = (0.0, 0.0);
-    for (point, normal) in vertices().into_iter().filter(|v| v.1 != Vec3::ZERO && v.0.length() > 8.0) {
+    for (point, normal) in
+        vertices().into_iter().filter(|v| v.1 != Vec3::ZERO && v.0.length() > 8.0)
+    {
         let seen = lights.seen(point, normal);
         let (mut by_tree, mut by_power, mut whole) = (0.0, 0.0, 0.0);
         for t in 0..3000 {
@@ -190,8 +199,8 @@ fn rooms() -> Arc<Raycaster> {
         add([[x, -5.0, 0.0], [x + 10.0, -5.0, 0.0], [x, 5.0, 0.0]], 0);
         add([[x + 10.0, -5.0, 0.0], [x + 10.0, 5.0, 0.0], [x, 5.0, 0.0]], 0);
     }
-    let centers =
-        std::iter::once([-6.0, 1.0]).chain((0..50).map(|i| [0.5 + f64::from(i % 10), f64::from(i / 10) - 2.5]));
+    let centers = std::iter::once([-6.0, 1.0])
+        .chain((0..50).map(|i| [0.5 + f64::from(i % 10), f64::from(i / 10) - 2.5]));
     for [x, y] in centers {
         for k in 0..8 {
             // Faces down.
@@ -201,7 +210,9 @@ fn rooms() -> Arc<Raycaster> {
     }
     let material = |emission| Material { emission, ..Material::grey("m") };
     let materials = vec![material([0.0; 3]), material([1.0; 3])];
-    let scene = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).expect("a valid scene").0;
+    let scene = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3])
+        .expect("a valid scene")
+        .0;
     Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
 }
 
@@ -209,7 +220,8 @@ fn rooms() -> Arc<Raycaster> {
 fn lights_behind_a_wall_are_seldom_chosen_but_can_be() {
     let raycaster = rooms();
     let scene = raycaster.scene();
-    let (plain, celled) = (Lights::new(scene), Lights::new(scene).with_cells(&raycaster, &closed()));
+    let (plain, celled) =
+        (Lights::new(scene), Lights::new(scene).with_cells(&raycaster, &closed()));
     for (x, y) in [(-0.3, 0.1), (-2.0, 2.2), (-1.1, -4.0)] {
         let point = (DVec3::new(x, y, 0.0) - scene.origin).as_vec3();
         let visible = |lights: &Lights| {
@@ -229,8 +241,9 @@ fn what_a_cell_holds_does_not_depend_on_who_came_first() {
     let raycaster = rooms();
     let lights = [0, 1].map(|_| Lights::new(raycaster.scene()).with_cells(&raycaster, &closed()));
     let mut s = Sampler::new(8, 0);
-    let points: Vec<Vec3> =
-        (0..300).map(|_| Vec3::new(s.one() - 0.5, s.one() - 0.5, 0.0) * Vec3::new(20.0, 10.0, 1.0)).collect();
+    let points: Vec<Vec3> = (0..300)
+        .map(|_| Vec3::new(s.one() - 0.5, s.one() - 0.5, 0.0) * Vec3::new(20.0, 10.0, 1.0))
+        .collect();
     let of = |lights: &Lights, point: &Vec3| {
         let seen = lights.seen(*point, Vec3::Z);
         (5..413).map(|t| lights.probability(&seen, t).to_bits()).collect::<Vec<_>>()

@@ -63,14 +63,20 @@ impl Aim {
         };
         // Of nearly equal distances, far away: the solid angle is surely small, and a root for each corner is saved.
         let farthest = lengths2[0].max(lengths2[1]).max(lengths2[2]);
-        if doubled < 0.25 * LEAST * farthest && lengths2[0].min(lengths2[1]).min(lengths2[2]) > 0.5 * farthest {
+        if doubled < 0.25 * LEAST * farthest
+            && lengths2[0].min(lengths2[1]).min(lengths2[2]) > 0.5 * farthest
+        {
             return aim;
         }
         let directions = [a / lengths2[0].sqrt(), b / lengths2[1].sqrt(), c / lengths2[2].sqrt()];
         // Fanned around the second corner, as there; and of first and third as the two that are farthest apart.
-        let dots =
-            [directions[0].dot(directions[2]), directions[1].dot(directions[0]), directions[2].dot(directions[1])];
-        let turn = if dots[0] <= dots[1].min(dots[2]) { 0 } else { 1 + usize::from(dots[2] < dots[1]) };
+        let dots = [
+            directions[0].dot(directions[2]),
+            directions[1].dot(directions[0]),
+            directions[2].dot(directions[1]),
+        ];
+        let turn =
+            if dots[0] <= dots[1].min(dots[2]) { 0 } else { 1 + usize::from(dots[2] < dots[1]) };
         let at = |k: usize| (k + turn) % 3;
         let directions = [directions[at(0)], directions[at(1)], directions[at(2)]];
         let [v0, v1, v2] = directions;
@@ -81,7 +87,8 @@ impl Aim {
         } else {
             // Close to the edge between them, all three would be what rounding leaves of differences of ones. The edge itself is well known.
             let (from, to) = (at(0), at(2));
-            let moment = corners[from].cross(original[to] - original[from]) / (lengths2[from] * lengths2[to]).sqrt();
+            let moment = corners[from].cross(original[to] - original[from])
+                / (lengths2[from] * lengths2[to]).sqrt();
             let left = moment.length_squared() / (1.0 - apart);
             let across = v0 * left + moment.cross(v0);
             (moment.dot(v1).abs(), left + v1.dot(across), across)
@@ -91,8 +98,14 @@ impl Aim {
             angle += TAU;
         }
         if angle > LEAST && angle < MOST {
-            aim =
-                Self { way: Way::SolidAngle, size: angle, directions, across, parameters: [volume, total, one], ..aim };
+            aim = Self {
+                way: Way::SolidAngle,
+                size: angle,
+                directions,
+                across,
+                parameters: [volume, total, one],
+                ..aim
+            };
         }
         aim
     }
@@ -160,7 +173,11 @@ mod tests {
     fn solid_angle(corners: [DVec3; 3]) -> f64 {
         let [a, b, c] = corners;
         let (la, lb, lc) = (a.length(), b.length(), c.length());
-        2.0 * a.cross(b).dot(c).abs().atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
+        2.0 * a
+            .cross(b)
+            .dot(c)
+            .abs()
+            .atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
     }
 
     /// Triangles as seen from 0: tiny, middling, slivers, at grazing angles, and up to nearly half of all directions.
@@ -201,7 +218,11 @@ mod tests {
             ways[aim.way as usize] += 1;
             let whole = solid_angle(corners);
             if let Way::SolidAngle = aim.way {
-                assert!((f64::from(aim.size) / whole - 1.0).abs() < 1e-3, "{corners:?}: {} {whole}", aim.size);
+                assert!(
+                    (f64::from(aim.size) / whole - 1.0).abs() < 1e-3,
+                    "{corners:?}: {} {whole}",
+                    aim.size
+                );
             }
             let [a, b, c] = corners;
             let n = 100_000;
@@ -220,7 +241,9 @@ mod tests {
             for j in 0..4 {
                 for k in 0..7 - 2 * j {
                     let (i, upper) = (k / 2, k % 2);
-                    let corner = |x: usize, y: usize| a + (b - a) * (x as f64 / 4.0) + (c - a) * (y as f64 / 4.0);
+                    let corner = |x: usize, y: usize| {
+                        a + (b - a) * (x as f64 / 4.0) + (c - a) * (y as f64 / 4.0)
+                    };
                     let part = if upper == 1 {
                         [corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)]
                     } else {
@@ -255,7 +278,11 @@ mod tests {
             for _ in 0..n {
                 let (u, v) = aim.sample(s.two());
                 let p = a + (b - a) * f64::from(u) + (c - a) * f64::from(v);
-                let x = 1.0 / f64::from(aim.density(p.length_squared() as f32, p.normalize().dot(normal).abs() as f32));
+                let x = 1.0
+                    / f64::from(aim.density(
+                        p.length_squared() as f32,
+                        p.normalize().dot(normal).abs() as f32,
+                    ));
                 sum += x;
                 squares += x * x;
             }

@@ -23,7 +23,12 @@ pub struct Model {
 
 impl Model {
     pub fn material(&mut self, bsdf: Bsdf, emission: [f32; 3]) -> u32 {
-        self.materials.push(Material { name: "m".into(), bsdf, emission, two_sided_emission: false });
+        self.materials.push(Material {
+            name: "m".into(),
+            bsdf,
+            emission,
+            two_sided_emission: false,
+        });
         self.materials.len() as u32 - 1
     }
 
@@ -75,9 +80,14 @@ impl Model {
     }
 
     pub fn scene(&self) -> Arc<Scene> {
-        let (scene, dropped) =
-            Scene::from_world(&self.positions, &self.triangles, &self.ids, self.materials.clone(), self.sky)
-                .expect("a valid scene");
+        let (scene, dropped) = Scene::from_world(
+            &self.positions,
+            &self.triangles,
+            &self.ids,
+            self.materials.clone(),
+            self.sky,
+        )
+        .expect("a valid scene");
         assert!(dropped.is_empty());
         Arc::new(scene)
     }
@@ -107,7 +117,8 @@ pub fn estimate(tracer: &Tracer, origin: DVec3, direction: DVec3, paths: u64) ->
     assert_eq!(tracer.nonfinite_paths(), 0);
     let n = paths as f64;
     let mean = sum.map(|s| s / n);
-    let error = [0, 1, 2].map(|c| ((squares[c] / n - mean[c] * mean[c]).max(0.0) / (n - 1.0)).sqrt());
+    let error =
+        [0, 1, 2].map(|c| ((squares[c] / n - mean[c] * mean[c]).max(0.0) / (n - 1.0)).sqrt());
     Estimate { mean, error }
 }
 

@@ -4,8 +4,9 @@ use super::super::Quadtree;
 use super::super::bins::{BINS_AN_OCTAVE, BINS_KEPT, NONE, PixelBins, merged};
 use super::super::paint::UnseenPixels;
 use super::super::sums::{
-    COLOUR_FRACTION, COMPRESSED, COMPRESSED_SCALE, COMPRESSED_SQUARED, COUNTS, HAS_HIGH, High, Kept, LOW_BITS,
-    LOW_HALF_BITS, LUMINANCE_SCALE, LUMINANCE_SQUARED, Moments, NEAR_CLASSES, Packed, Summed, Sums, WEIGHTS, luminance,
+    COLOUR_FRACTION, COMPRESSED, COMPRESSED_SCALE, COMPRESSED_SQUARED, COUNTS, HAS_HIGH, High,
+    Kept, LOW_BITS, LOW_HALF_BITS, LUMINANCE_SCALE, LUMINANCE_SQUARED, Moments, NEAR_CLASSES,
+    Packed, Summed, Sums, WEIGHTS, luminance,
 };
 use super::super::surface::{Bins, adjacent, gap_allowed};
 use super::join::{join, keep_own, own_noise, pull_row, split};
@@ -43,7 +44,8 @@ impl Kernel for GatherBands<'_, '_> {
         // Of leaves of 2 × 2: small enough to stay in the caches until those above are made of them.
         let mut row = Leaves::new(width.div_ceil(2), 2, FIELDS);
         for band in self.0 {
-            let halves = band.pixels.chunks_mut(2 * plane_len(width, OF_PIXELS)).zip(&mut *band.mixed);
+            let halves =
+                band.pixels.chunks_mut(2 * plane_len(width, OF_PIXELS)).zip(&mut *band.mixed);
             let halves = halves.zip(band.leaves.chunks_mut(row.row_len() / FIELDS * OF_LEAVES));
             for (half, ((pixels, mixed), leaves)) in halves.enumerate() {
                 let counts = gather_rows(tree, 2 * band.row + half, pixels, mixed, &mut row);
@@ -99,7 +101,15 @@ fn gather_rows(
                 tree.wide.prefetch_sums_of(next);
                 let columns = LANES.min(((width + 1 - plane % 2) / 2).saturating_sub(x));
                 let first = y * width + 2 * x + plane % 2;
-                pixel_lanes(tree, first, columns, (2 * x + plane % 2, y), mixed, &mut several, found);
+                pixel_lanes(
+                    tree,
+                    first,
+                    columns,
+                    (2 * x + plane % 2, y),
+                    mixed,
+                    &mut several,
+                    found,
+                );
                 let mut counts = [0_u32; LANES];
                 for lane in 0..columns {
                     counts[lane] = 1;
@@ -140,7 +150,11 @@ fn halves(word: usize) -> [usize; 2] {
 
 /// Sums of sixteen pixels from their lower parts; and from those above, if there are any, which `high` has of a lane.
 #[inline(always)]
-fn values<'a>(packed: &[&Packed; LANES], isa: Isa, high: impl Fn(usize) -> Option<&'a High>) -> Values {
+fn values<'a>(
+    packed: &[&Packed; LANES],
+    isa: Isa,
+    high: impl Fn(usize) -> Option<&'a High>,
+) -> Values {
     let mut records: [&Words; LANES] = [cast_ref(packed[0]); LANES];
     for lane in 0..LANES {
         records[lane] = cast_ref(packed[lane]);
@@ -189,7 +203,12 @@ fn add_words(rows: &[Words; WORDS], [wide, half]: [f32; 2], values: &mut Values)
 
 /// Of the first `columns` of every other sums those that are chosen (not 0), and `empty` in the place of others.
 #[inline(always)]
-fn every_other<'a>(sums: &'a [Packed], columns: usize, is_chosen: &Words, empty: &'a Packed) -> [&'a Packed; LANES] {
+fn every_other<'a>(
+    sums: &'a [Packed],
+    columns: usize,
+    is_chosen: &Words,
+    empty: &'a Packed,
+) -> [&'a Packed; LANES] {
     let mut records = [empty; LANES];
     // All but where rows end: without a bound to look at for each.
     if let (LANES, Some(sums)) = (columns, sums.first_chunk::<{ 2 * LANES - 1 }>()) {
@@ -234,7 +253,8 @@ fn pixel_lanes(
     let mut known = Known::default();
     let [mut alone, mut alone_wide, mut many] = [[0_u32; LANES]; 3];
     for lane in 0..LANES {
-        let (own, more, wide, wide_more) = (own_bins[lane], more_bins[lane], wide_bins[lane], more_wide_bins[lane]);
+        let (own, more, wide, wide_more) =
+            (own_bins[lane], more_bins[lane], wide_bins[lane], more_wide_bins[lane]);
         let is_both = (own != none) & (wide != none);
         let is_apart = is_both & (own.abs_diff(wide) > u32::from(gap_allowed(0)));
         let is_many = (more != none) | (wide_more != none) | is_apart;
@@ -250,9 +270,12 @@ fn pixel_lanes(
         for lane in 0..columns {
             if many[lane] != 0 {
                 let place = (place.0 + 2 * lane, place.1);
-                let found = several_surfaces(tree, start + 2 * lane, place, mixed, &mut several[lane]);
-                (known.first[lane], known.last[lane]) = (found.bins.first.into(), found.bins.last.into());
-                (known.all[lane], known.seen[lane], known.seen_all[lane]) = (found.all, found.seen, found.seen_all);
+                let found =
+                    several_surfaces(tree, start + 2 * lane, place, mixed, &mut several[lane]);
+                (known.first[lane], known.last[lane]) =
+                    (found.bins.first.into(), found.bins.last.into());
+                (known.all[lane], known.seen[lane], known.seen_all[lane]) =
+                    (found.all, found.seen, found.seen_all);
             }
         }
         for lane in 0..columns {
@@ -263,13 +286,18 @@ fn pixel_lanes(
     }
     let several = &*several;
     let high = |lane: usize| {
-        if many[lane] != 0 { Some(&several[lane].1) } else { high_alone(&tree.narrow, start, lane, &alone) }
+        if many[lane] != 0 {
+            Some(&several[lane].1)
+        } else {
+            high_alone(&tree.narrow, start, lane, &alone)
+        }
     };
     let mut sums = values(&records, tree.isa, high);
     let own_count = sums[SUM_COUNT];
     if has_wide {
         records = every_other(tree.wide.nearest_from(start), columns, &alone_wide, &empty);
-        let wide = values(&records, tree.isa, |lane| high_alone(&tree.wide, start, lane, &alone_wide));
+        let wide =
+            values(&records, tree.isa, |lane| high_alone(&tree.wide, start, lane, &alone_wide));
         for (sums, wide) in sums.iter_mut().zip(&wide) {
             for lane in 0..LANES {
                 sums[lane] += wide[lane];
@@ -281,7 +309,12 @@ fn pixel_lanes(
 
 /// Parts above those of one of every other pixel's nearest bin, if it is chosen (not 0) and has some.
 #[inline(always)]
-fn high_alone<'a>(bins: &'a PixelBins, start: usize, lane: usize, is_chosen: &Words) -> Option<&'a High> {
+fn high_alone<'a>(
+    bins: &'a PixelBins,
+    start: usize,
+    lane: usize,
+    is_chosen: &Words,
+) -> Option<&'a High> {
     if is_chosen[lane] != 0 { bins.high_of_nearest(start + 2 * lane) } else { None }
 }
 
@@ -304,11 +337,13 @@ struct Known {
 fn moments(sums: &Values, own_count: &Lanes, known: &Known, found: &mut [Lanes; FIELDS]) {
     for lane in 0..LANES {
         let value = |number: usize| sums[number][lane];
-        let (weight, weight_squared, count) = (value(SUM_WEIGHT), value(SUM_WEIGHT_SQUARED), value(SUM_COUNT));
+        let (weight, weight_squared, count) =
+            (value(SUM_WEIGHT), value(SUM_WEIGHT_SQUARED), value(SUM_COUNT));
         let part = 1.0 / greater(weight, 1.0);
         let scale = 1.0 / (1_u64 << COLOUR_FRACTION) as f32;
         let mean = [0, 1, 2].map(|channel| value(channel) * scale * part);
-        let luminance_squared = value(LUMINANCE_SQUARED) * (1.0 / (LUMINANCE_SCALE * LUMINANCE_SCALE)) * part;
+        let luminance_squared =
+            value(LUMINANCE_SQUARED) * (1.0 / (LUMINANCE_SCALE * LUMINANCE_SCALE)) * part;
         let compressed = value(COMPRESSED) * (1.0 / COMPRESSED_SCALE) * part;
         let compressed_scale = 1.0 / (COMPRESSED_SCALE * COMPRESSED_SCALE);
         let compressed_squared = value(COMPRESSED_SQUARED) * compressed_scale * part;
@@ -374,8 +409,16 @@ fn several_surfaces(
     let (found, front) = (&found[..count], found[0].0);
     let near = |(bins, sums): &(Bins, Sums)| {
         let behind = bins.first.saturating_sub(front.first);
-        let halvings = if tree.params.viewpoint_radius.is_none() { usize::from(behind / BINS_AN_OCTAVE) } else { 0 };
-        sums.near().iter().skip(halvings.min(NEAR_CLASSES - 1)).map(|&count| count as f32).sum::<f32>()
+        let halvings = if tree.params.viewpoint_radius.is_none() {
+            usize::from(behind / BINS_AN_OCTAVE)
+        } else {
+            0
+        };
+        sums.near()
+            .iter()
+            .skip(halvings.min(NEAR_CLASSES - 1))
+            .map(|&count| count as f32)
+            .sum::<f32>()
     };
     let (mut chosen, mut nearest) = (0, 0.0);
     for (number, surface) in found.iter().enumerate() {
@@ -403,7 +446,10 @@ fn several_surfaces(
 
 /// The bins of a pixel and the sums of all of them, if they are of one surface.
 #[inline(always)]
-fn join_alone<'a>(mut bins: impl Iterator<Item = (u16, Kept<'a>)>, joined: &mut (Packed, High)) -> Option<Bins> {
+fn join_alone<'a>(
+    mut bins: impl Iterator<Item = (u16, Kept<'a>)>,
+    joined: &mut (Packed, High),
+) -> Option<Bins> {
     let (first, sums) = bins.next()?;
     (joined.0, joined.1) = (*sums.packed, sums.high.copied().unwrap_or_default());
     let mut last = first;

@@ -5,7 +5,9 @@ use super::super::bins::FAR;
 use super::super::leaf::NOISE_FREEDOM;
 use super::super::shown::MANY_A_PIXEL;
 use super::super::sums::luminance;
-use super::super::surface::{ENOUGH_FREEDOM, FEW_OF, MIXED_F, MIXED_PART, MIXED_SAMPLES, MIXED_STEP, gap_allowed};
+use super::super::surface::{
+    ENOUGH_FREEDOM, FEW_OF, MIXED_F, MIXED_PART, MIXED_SAMPLES, MIXED_STEP, gap_allowed,
+};
 use super::settle::{HIDING_LEVEL, LEAST_SHARE};
 use super::*;
 use crate::pointimage::isa::Kernel;
@@ -60,8 +62,9 @@ pub(super) fn join(number: usize, below: [&[Lanes; FIELDS]; 4]) -> [Lanes; FIELD
         let freedom = weight * weight / weight_squared - 4.0;
         let step = MIXED_STEP * mean[3];
         let within = spread_within + step * step * weight;
-        let is_mixed =
-            (freedom > MIXED_SAMPLES) & (between > MIXED_PART * within) & (between * freedom > 3.0 * MIXED_F * within);
+        let is_mixed = (freedom > MIXED_SAMPLES)
+            & (between > MIXED_PART * within)
+            & (between * freedom > 3.0 * MIXED_F * within);
         for channel in 0..4 {
             joined[MEAN + channel][lane] = mean[channel];
         }
@@ -74,7 +77,8 @@ pub(super) fn join(number: usize, below: [&[Lanes; FIELDS]; 4]) -> [Lanes; FIELD
         joined[COUNT][lane] = count;
         joined[ALL][lane] = all;
         joined[SEEN][lane] = sum(SEEN);
-        joined[SEEN_ALL][lane] = (of(0, SEEN_ALL) + of(1, SEEN_ALL)) + (of(2, SEEN_ALL) + of(3, SEEN_ALL));
+        joined[SEEN_ALL][lane] =
+            (of(0, SEEN_ALL) + of(1, SEEN_ALL)) + (of(2, SEEN_ALL) + of(3, SEEN_ALL));
         joined[SPREAD_LUMINANCE][lane] = spread_luminance;
         joined[SPREAD_COMPRESSED][lane] = spread_compressed;
         joined[WITHIN_LUMINANCE][lane] = noise[0];
@@ -108,7 +112,8 @@ impl Cluster {
         // Parts that meet only by way of two others stay apart.
         for _ in 0..2 {
             for part in 0..4 {
-                let meets = within[part] & (of(part, FIRST) <= last + gap) & (of(part, LAST) > last);
+                let meets =
+                    within[part] & (of(part, FIRST) <= last + gap) & (of(part, LAST) > last);
                 last = if meets { of(part, LAST) } else { last };
             }
         }
@@ -156,7 +161,11 @@ pub(super) fn pull_row(
     for x in (0..across).step_by(LANES) {
         let parts = four(|plane| below.lanes(plane, x));
         for plane in 0..4 {
-            keep(number, parts[plane], &mut kept[(x / LANES * 4 + plane) * OF_LEAVES..][..OF_LEAVES]);
+            keep(
+                number,
+                parts[plane],
+                &mut kept[(x / LANES * 4 + plane) * OF_LEAVES..][..OF_LEAVES],
+            );
         }
         if let Some(above) = &mut above {
             split(&join(number + 1, parts), above, parity, x);
@@ -175,9 +184,11 @@ fn keep(number: usize, leaves: &[Lanes; FIELDS], kept: &mut [Lanes]) {
         let scale = if of(FREEDOM) > 0.0 { 1.0 / of(FREEDOM) } else { 0.0 };
         let bright = greater(luminance([of(MEAN), of(MEAN + 1), of(MEAN + 2)]), f32::MIN_POSITIVE);
         let known = if of(FREEDOM) >= NOISE_FREEDOM { 1.0 } else { -1.0_f32 };
-        kept[KEPT_RELATIVE][lane] = ((of(WITHIN_LUMINANCE) * scale).sqrt() / bright).copysign(known);
+        kept[KEPT_RELATIVE][lane] =
+            ((of(WITHIN_LUMINANCE) * scale).sqrt() / bright).copysign(known);
         kept[KEPT_COMPRESSED][lane] = of(WITHIN_COMPRESSED) * scale;
-        let (own, all) = if of(SEEN_ALL) > 0.0 { (of(SEEN), of(SEEN_ALL)) } else { (of(COUNT), of(ALL)) };
+        let (own, all) =
+            if of(SEEN_ALL) > 0.0 { (of(SEEN), of(SEEN_ALL)) } else { (of(COUNT), of(ALL)) };
         let hides = (own >= 0.5 * all) & (of(COUNT) <= most);
         kept[KEPT_SHARE][lane] = of(SHARE).copysign(if hides { -1.0 } else { 1.0 });
     }

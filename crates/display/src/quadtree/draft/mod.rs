@@ -16,7 +16,10 @@
 //!
 //! Always true: a draft is a function of the set of samples, whichever instructions and however many threads make it.
 
-#![allow(clippy::needless_range_loop, reason = "a lane, a field or a channel is a number of several arrays at once")]
+#![allow(
+    clippy::needless_range_loop,
+    reason = "a lane, a field or a channel is a number of several arrays at once"
+)]
 
 mod gather;
 mod join;
@@ -131,7 +134,14 @@ struct Row<'a> {
 impl Leaves {
     fn new(width: usize, height: usize, fields: usize) -> Self {
         let (across, down) = (width.div_ceil(2).next_multiple_of(LANES), height.div_ceil(2));
-        Self { width, height, fields, across, down, values: zeroed(4 * fields * (across / LANES) * down) }
+        Self {
+            width,
+            height,
+            fields,
+            across,
+            down,
+            values: zeroed(4 * fields * (across / LANES) * down),
+        }
     }
 
     /// Numbers in a row of the planes.
@@ -246,7 +256,9 @@ impl Draft {
         let mut levels = vec![Leaves::new(width, height, OF_PIXELS)];
         let (mut width, mut height) = (width, height);
         let mut known = Vec::new();
-        while levels.len() < 2 || levels.len() <= usize::from(tree.params.max_level) && (width > 1 || height > 1) {
+        while levels.len() < 2
+            || levels.len() <= usize::from(tree.params.max_level) && (width > 1 || height > 1)
+        {
             (width, height) = (width.div_ceil(2), height.div_ceil(2));
             if levels.len() > 1 {
                 known.push(Leaves::new(width, height, FIELDS));
@@ -264,7 +276,12 @@ impl Draft {
         for number in 2..self.levels.len() {
             let (below, above) = self.known.split_at_mut(number - 1);
             if let Some(below) = below.last() {
-                tree.isa.run(Pull { number, below, kept: &mut self.levels[number], above: above.first_mut() });
+                tree.isa.run(Pull {
+                    number,
+                    below,
+                    kept: &mut self.levels[number],
+                    above: above.first_mut(),
+                });
             }
         }
         for number in (1..self.levels.len()).rev() {
@@ -304,7 +321,8 @@ impl Draft {
         let Self { frame, levels, shown, mixed, .. } = self;
         let width = tree.size.0 as usize;
         let (leaves, above) = (&levels[0], &shown[0]);
-        let pixels = frame.picture.pixels.chunks_mut(4 * width).zip(frame.depth.chunks_mut(4 * width));
+        let pixels =
+            frame.picture.pixels.chunks_mut(4 * width).zip(frame.depth.chunks_mut(4 * width));
         let mut bands: Vec<_> = pixels
             .zip(&*mixed)
             .enumerate()
@@ -319,7 +337,9 @@ impl Draft {
                 unseen: 0,
             })
             .collect();
-        for_parts(&mut bands, 1, PART, |_, bands| bands.iter_mut().for_each(|band| tree.isa.run(PaintBand(band))));
+        for_parts(&mut bands, 1, PART, |_, bands| {
+            bands.iter_mut().for_each(|band| tree.isa.run(PaintBand(band)))
+        });
         frame.unseen_pixels = bands.iter().map(|band| band.unseen).sum();
     }
 }
@@ -332,7 +352,14 @@ fn push(tree: &Quadtree, number: usize, leaves: &Leaves, above: &Shown, below: &
     let rows = &mut below.values[pair / 2..][..pair * leaves.down];
     let settle = |part: usize, rows: &mut [f32]| {
         for (number_of_row, below) in rows.chunks_mut(pair).enumerate() {
-            tree.isa.run(Push { number, leaves, above, row: PART * part + number_of_row, below, stride });
+            tree.isa.run(Push {
+                number,
+                leaves,
+                above,
+                row: PART * part + number_of_row,
+                below,
+                stride,
+            });
         }
     };
     // To call other threads takes longer than a few rows.
@@ -359,7 +386,9 @@ impl Quadtree {
 
     /// Whether drafts are pictures of this view: of leaves of any size, and from within sections.
     pub(super) fn has_drafts(&self) -> bool {
-        matches!(self.params.leaf, LeafSize::Adaptive) && self.params.max_level > 0 && !self.is_outside
+        matches!(self.params.leaf, LeafSize::Adaptive)
+            && self.params.max_level > 0
+            && !self.is_outside
     }
 }
 
@@ -373,17 +402,25 @@ mod tests {
     #[test]
     fn drafts_are_the_same_with_all_instructions() {
         let all = [Instructions::Portable, Instructions::Avx2, Instructions::Avx512];
-        for (size, samples) in
-            [((37, 21), 300), ((37, 21), 30_000), ((80, 64), 9000), ((65, 3), 2000), ((300, 200), 90_000)]
-        {
+        for (size, samples) in [
+            ((37, 21), 300),
+            ((37, 21), 30_000),
+            ((80, 64), 9000),
+            ((65, 3), 2000),
+            ((300, 200), 90_000),
+        ] {
             let mut tree = any_samples(size, samples);
             let mut expected = None;
             for isa in all.into_iter().filter_map(Isa::new) {
                 tree.isa = isa;
                 let draft = tree.draft();
                 let colours = draft.picture.pixels.iter().flatten();
-                let found: Vec<u32> = colours.chain(&draft.depth).map(|value| value.to_bits()).collect();
-                assert!(expected.get_or_insert_with(|| found.clone()) == &found, "{size:?} {samples} {isa:?}");
+                let found: Vec<u32> =
+                    colours.chain(&draft.depth).map(|value| value.to_bits()).collect();
+                assert!(
+                    expected.get_or_insert_with(|| found.clone()) == &found,
+                    "{size:?} {samples} {isa:?}"
+                );
             }
         }
     }
@@ -397,7 +434,8 @@ mod tests {
                 let mut draft = Draft::new(&tree);
                 draft.gather(&tree, bands_a_part);
                 let bits = |lanes: &Lanes| lanes.map(f32::to_bits);
-                let leaves = draft.levels.iter().chain(&draft.known).flat_map(|leaves| &leaves.values);
+                let leaves =
+                    draft.levels.iter().chain(&draft.known).flat_map(|leaves| &leaves.values);
                 leaves.map(bits).collect::<Vec<_>>()
             });
             assert!(found[0] == found[1] && found[0] == found[2], "{size:?}");

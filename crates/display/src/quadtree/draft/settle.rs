@@ -56,7 +56,10 @@ fn settle(
     // Differences and the half-widths of the intervals that they are held against. The greatest of the four quotients takes one division.
     let step = |channel: usize| (own.mean[channel] - around[channel]).abs();
     let linear = |channel: usize| {
-        (step(channel), KAPPA_LINEAR * greater(relative * around[channel], QUANTUM * brightest) * width)
+        (
+            step(channel),
+            KAPPA_LINEAR * greater(relative * around[channel], QUANTUM * brightest) * width,
+        )
     };
     let half = KAPPA * greater(compressed, 0.25 * QUANTUM * around[3]) * width;
     let further = |a: (f32, f32), b: (f32, f32)| {
@@ -84,7 +87,12 @@ fn is_hidden(first: f32, above: impl Fn(usize, usize) -> f32) -> bool {
 #[inline(always)]
 fn around<'a>(rows: &[ShownRow<'a>; 2], plane: usize, x: usize) -> [[&'a Lanes; SHOWN_FIELDS]; 4] {
     let beside = 2 * (plane % 2);
-    [rows[0].lanes(x + 1), rows[0].lanes(x + beside), rows[1].lanes(x + 1), rows[1].lanes(x + beside)]
+    [
+        rows[0].lanes(x + 1),
+        rows[0].lanes(x + beside),
+        rows[1].lanes(x + 1),
+        rows[1].lanes(x + beside),
+    ]
 }
 
 /// Settles two rows of leaves of level `number`.
@@ -117,7 +125,8 @@ impl Kernel for Push<'_> {
                 for beside in 0..2 {
                     let plane = 2 * down + beside;
                     let columns = leaves.width.saturating_sub(2 * x + beside).div_ceil(2);
-                    pair[beside] = shown_lanes(planes.lanes(plane, x), &around(&rows, plane, x), gap, columns);
+                    pair[beside] =
+                        shown_lanes(planes.lanes(plane, x), &around(&rows, plane, x), gap, columns);
                 }
                 for field in 0..SHOWN_FIELDS {
                     let at = field * stride + 2 * x + 1;
@@ -256,13 +265,18 @@ impl Kernel for PaintBand<'_, '_> {
 
 /// Colours and distances of sixteen pixels.
 #[inline(always)]
-fn pixel_colours(own: &[Lanes; OF_PIXELS], above: &[[&Lanes; SHOWN_FIELDS]; 4], gap: f32) -> [Lanes; 4] {
+fn pixel_colours(
+    own: &[Lanes; OF_PIXELS],
+    above: &[[&Lanes; SHOWN_FIELDS]; 4],
+    gap: f32,
+) -> [Lanes; 4] {
     let mut found = [NONE_LANES; 4];
     for lane in 0..LANES {
         let of = |field: usize| own[field][lane];
         let above = |part: usize, field: usize| above[part][field][lane];
         let (leaf, is_some) = own_surface(of, above);
-        let settled = settle(&leaf, is_some, above, [above(0, RELATIVE), above(0, COMPRESSED)], gap);
+        let settled =
+            settle(&leaf, is_some, above, [above(0, RELATIVE), above(0, COMPRESSED)], gap);
         for channel in 0..3 {
             found[channel][lane] = settled.colour[channel];
         }
@@ -284,8 +298,13 @@ impl Mixed {
             let (across, down) = places[part];
             above.values[((row + down) * SHOWN_FIELDS + field) * above.stride + column + across]
         };
-        let settled =
-            settle(&self.own, true, above, [above(0, RELATIVE), above(0, COMPRESSED)], f32::from(gap_allowed(1)));
+        let settled = settle(
+            &self.own,
+            true,
+            above,
+            [above(0, RELATIVE), above(0, COMPRESSED)],
+            f32::from(gap_allowed(1)),
+        );
         for (pixel, other) in pixel.iter_mut().zip(settled.colour) {
             *pixel += self.part * (other - *pixel);
         }
