@@ -8,11 +8,14 @@ use holo_picture::{Clip, View, ViewKind};
 /// Camera coordinates: x right, y up, z forward, the eye at the origin (of a parallel view the middle of the plane on which its
 /// rays begin).
 #[derive(Clone, Debug)]
-pub(crate) struct Camera {
+pub struct Camera {
+    /// The eye in the scene.
     pub eye: DVec3,
-    /// The picture's axes in the scene, unit.
+    /// Right in the picture, a unit vector in the scene.
     pub right: DVec3,
+    /// Up in the picture, a unit vector in the scene.
     pub up: DVec3,
+    /// Into the picture, a unit vector in the scene.
     pub forward: DVec3,
     /// Pixels per unit of x/z and of y/z, if the view is a perspective.
     pub focal: (f64, f64),
@@ -26,7 +29,7 @@ pub(crate) struct Camera {
 
 /// How wide a pixel is on what it sees: the larger of the two directions.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PixelWidth {
+pub struct PixelWidth {
     /// At distance 1 along the axis, or anywhere in a parallel view.
     pub width: f64,
     /// Whether it grows in proportion to the distance.
@@ -48,6 +51,7 @@ impl PixelWidth {
 }
 
 impl Camera {
+    /// Returns the camera of a view with a picture of `size` pixels.
     pub fn new(view: &View, size: (u32, u32)) -> Self {
         let (across, along) = view.extent();
         let size = (f64::from(size.0), f64::from(size.1));

@@ -27,8 +27,10 @@ enum Place {
 
 /// One beam that a view ray belongs to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Candidate {
+pub struct Candidate {
+    /// Number of the section.
     pub section: u16,
+    /// The beam of that section.
     pub beam: BeamId,
     /// How far the section is from the eye along the ray; for a section around the eye, the length of its chord: of
     /// two that contain the eye, the smaller has the finer beams.
@@ -39,12 +41,7 @@ pub(crate) struct Candidate {
 ///
 /// "The holodeck section grid or grids the viewer is closest to" (§2.4.2): every section that contains the eye, the
 /// nearest ahead and the nearest behind.
-pub(crate) fn candidates(
-    sections: &[Section],
-    eye: DVec3,
-    direction: DVec3,
-    found: &mut Vec<Candidate>,
-) {
+pub fn candidates(sections: &[Section], eye: DVec3, direction: DVec3, found: &mut Vec<Candidate>) {
     found.clear();
     let (mut ahead, mut behind): (Option<Candidate>, Option<Candidate>) = (None, None);
     for (number, section) in (0..=u16::MAX).zip(sections) {
@@ -75,6 +72,13 @@ pub(crate) fn candidates(
     found.extend(behind);
 }
 
+/// Returns the best beam for a view ray from `eye` along unit `direction`, by section and beam.
+pub fn best_beam(sections: &[Section], eye: DVec3, direction: DVec3) -> Option<(u16, BeamId)> {
+    let mut found = Vec::new();
+    candidates(sections, eye, direction, &mut found);
+    found.first().map(|best| (best.section, best.beam))
+}
+
 /// The section that a view is of: the one around the eye, else the one that the picture's middle sees best. `None` if it sees none.
 pub fn section_of(sections: &[Section], view: &View) -> Option<u16> {
     let (eye, direction, _) = view.clipped_ray(0.5, 0.5)?;
@@ -84,12 +88,7 @@ pub fn section_of(sections: &[Section], view: &View) -> Option<u16> {
 }
 
 /// Whether any section can show what the view ray sees. `hint` is a section to try first, and is set to the one found.
-pub(crate) fn is_covered(
-    sections: &[Section],
-    eye: DVec3,
-    direction: DVec3,
-    hint: &mut usize,
-) -> bool {
+pub fn is_covered(sections: &[Section], eye: DVec3, direction: DVec3, hint: &mut usize) -> bool {
     if sections.get(*hint).is_some_and(|section| section.line(eye, direction).is_some()) {
         return true;
     }

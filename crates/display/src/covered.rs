@@ -3,8 +3,8 @@
 //! Invariant: a pixel is covered exactly if a section meets its middle's ray, as [`is_covered`] tells: a section is convex, so what is
 //! within four rays of one eye that meet it on one side meets it too.
 
+use crate::bands::for_bands;
 use crate::candidates::is_covered;
-use crate::parts::for_parts;
 use glam::DVec3;
 use holo_picture::{View, ViewKind};
 use holo_section::Section;
@@ -25,7 +25,7 @@ enum Side {
 }
 
 /// Whether some section covers each pixel's middle.
-pub(crate) fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Vec<bool> {
+pub fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Vec<bool> {
     let (width, height) = (size.0 as usize, size.1 as usize);
     let has_one_eye = view.kind == ViewKind::Perspective && view.vo == 0.0;
     let mut covered = vec![false; width * height];
@@ -53,7 +53,7 @@ pub(crate) fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Ve
         let first = side(section, corners[0]);
         first.is_some() && corners.iter().all(|&corner| side(section, corner) == first)
     };
-    for_parts(&mut covered, width, SIDE, |part, lines| {
+    for_bands(&mut covered, width, SIDE, |part, lines| {
         let (mut hint, top) = (0, part * SIDE);
         let bottom = top + lines.len() / width;
         let is_held = |hint: usize, columns: &Range<usize>, rows: &Range<usize>| {
@@ -87,4 +87,15 @@ pub(crate) fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Ve
 /// A range cut into pieces of this length; the last one may be shorter.
 fn pieces(range: Range<usize>, length: usize) -> impl Iterator<Item = Range<usize>> {
     range.clone().step_by(length).map(move |start| start..(start + length).min(range.end))
+}
+
+/// Returns the pixels that no section covers and whose middles look somewhere, by number, row by
+/// row from the top. `covered` has one entry for each pixel of a picture of `size`.
+pub fn uncovered_pixels(covered: &[bool], view: &View, size: (u32, u32)) -> Vec<u32> {
+    let looks = |pixel: &u32| {
+        let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
+        view.try_ray(x, y).is_some()
+    };
+    let uncovered = (0..).zip(covered).filter(|(_, covered)| !**covered);
+    uncovered.map(|(pixel, _)| pixel).filter(looks).collect()
 }

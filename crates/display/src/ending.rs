@@ -7,7 +7,8 @@
 //!
 //! Invariant: the choice is a function of the points and the sections.
 
-use crate::parts::for_parts;
+use crate::bands::for_bands;
+use crate::random::split_mix;
 use glam::DVec3;
 use holo_section::{BeamId, Section, ViewClass};
 
@@ -32,19 +33,17 @@ const PARTS: usize = 64;
 
 /// A point that is seen, and the normal of its surface on the side that is seen, if that is known.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct End {
+pub struct End {
+    /// The point, in the scene.
     pub point: DVec3,
+    /// The surface's normal on the visible side, if it is known.
     pub normal: Option<DVec3>,
 }
 
 /// Beams that have rays which end on one of these points, ordered by section and beam, each once.
 ///
 /// `slack`: how far behind a section's wall points may seem to lie that lie on it, relative to the ray's length.
-pub(crate) fn beams_ending_on(
-    sections: &[Section],
-    points: &[End],
-    slack: f64,
-) -> Vec<(u16, BeamId)> {
+pub fn beams_ending_on(sections: &[Section], points: &[End], slack: f64) -> Vec<(u16, BeamId)> {
     let mut found: Vec<_> =
         by_lines(sections, points, slack, LINES).into_iter().map(|(at, _)| at).collect();
     found.truncate(MOST_BEAMS);
@@ -54,7 +53,7 @@ pub(crate) fn beams_ending_on(
 /// Those of them of which a quick look finds the most rays that are likely to end there; in the same order.
 ///
 /// As many as have, together, the `most` that is wanted, each `of_one(section)`.
-pub(crate) fn beams_mostly_ending_on(
+pub fn beams_mostly_ending_on(
     sections: &[Section],
     points: &[End],
     slack: f64,
@@ -88,7 +87,7 @@ fn by_lines(
     let part_lines = count.div_ceil(PARTS);
     for (number, section) in (0_u16..).zip(sections) {
         let mut lines = vec![None; count];
-        for_parts(&mut lines, 1, part_lines, |part, lines| {
+        for_bands(&mut lines, 1, part_lines, |part, lines| {
             for (line, number) in lines.iter_mut().zip(part * part_lines..) {
                 *line = beam(section, points, number as u64, slack, near);
             }
@@ -113,12 +112,7 @@ fn by_lines(
 /// The beam of a line from a random point of the section to a random point seen, and the line's weight; `None` if none of its
 /// rays could show it. `near`: distance from where its rays begin at which the weight is half.
 fn beam(section: &Section, points: &[End], line: u64, slack: f64, near: f64) -> Option<(u64, u32)> {
-    let random = |salt: u64| {
-        let mut z = (line * 4 + salt).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let random = |salt: u64| (split_mix(line * 4 + salt) >> 11) as f64 / (1_u64 << 53) as f64;
     let end = points.get((random(0) * points.len() as f64) as usize)?;
     let from = section.local_to_world(DVec3::new(random(1), random(2), random(3)));
     let along = end.point - from;

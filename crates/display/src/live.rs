@@ -20,14 +20,14 @@ pub struct LiveSample {
 
 impl LiveSample {
     /// What it saw, in camera coordinates, and where it goes. What it met nothing is seen at distance 1 along it.
-    pub(crate) fn place(&self, camera: &Camera) -> (DVec3, DVec3) {
+    pub fn place(&self, camera: &Camera) -> (DVec3, DVec3) {
         let direction = camera.to_camera(self.direction);
         let distance = if self.distance.is_finite() { self.distance } else { 1.0 };
         (camera.to_camera(self.origin - camera.eye) + direction * distance, direction)
     }
 
     /// Its radiance as samples hold it, without bias.
-    pub(crate) fn rgbe(&self) -> [u8; 4] {
+    pub fn rgbe(&self) -> [u8; 4] {
         let bits = self.direction.x.to_bits() ^ self.direction.y.to_bits().rotate_left(21);
         let dither = ((bits ^ bits >> 32) as u32).wrapping_mul(0x9E37_79B9);
         Sample::encode(RayCoords::default(), self.radiance, self.distance, 1.0, dither).rgbe

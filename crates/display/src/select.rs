@@ -5,6 +5,7 @@
 //! Invariant: the weights of a selection add up to the pixels that are covered, so a weight is a number of pixels.
 
 use crate::candidates::{Candidate, candidates};
+use crate::random::split_mix;
 use glam::DVec3;
 use holo_picture::View;
 use holo_section::{BeamId, Section, Viewpoint};
@@ -99,7 +100,7 @@ pub fn select_beams(
     let mut found: Vec<Candidate> = Vec::new();
     for row in 0..down {
         for column in 0..across {
-            let jitter = hash(options.seed, u64::from(row) << 32 | u64::from(column));
+            let jitter = split_mix(options.seed ^ (u64::from(row) << 32 | u64::from(column)) + 1);
             let x = (f64::from(column) + unit(jitter as u32)) / f64::from(across);
             let y = (f64::from(row) + unit((jitter >> 32) as u32)) / f64::from(down);
             let Some((eye, direction, _)) = view.clipped_ray(x, y) else { continue };
@@ -177,13 +178,4 @@ fn strata(pixels: u32, options: &SelectOptions) -> u32 {
 /// Uniform in [0, 1), from 32 random bits.
 fn unit(bits: u32) -> f64 {
     f64::from(bits) / 4_294_967_296.0
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea & Flood 2014), over a seed and a counter.
-fn hash(seed: u64, counter: u64) -> u64 {
-    let mut z =
-        (seed ^ counter.wrapping_mul(0x9E37_79B9_7F4A_7C15)).wrapping_add(0x9E37_79B9_7F4A_7C15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }

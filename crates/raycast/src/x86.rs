@@ -9,6 +9,8 @@
 
 use std::arch::x86_64::*;
 
+use holo_cpu::Instructions;
+
 use crate::node::{Block, Node, ROW, Row, WIDTH};
 use crate::packet::Limits;
 use crate::simd::{Near, RAYS, RayBytes, STRETCH, Simd, Straddled, stack_scalar};
@@ -22,11 +24,7 @@ pub(crate) struct Avx2(());
 
 impl Avx2 {
     pub(crate) fn detect() -> Option<Self> {
-        (is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("fma")
-            && is_x86_feature_detected!("bmi1")
-            && is_x86_feature_detected!("bmi2"))
-        .then_some(Self(()))
+        Instructions::Avx2.is_available().then_some(Self(()))
     }
 }
 
@@ -36,11 +34,7 @@ pub(crate) struct Avx512(Avx2);
 
 impl Avx512 {
     pub(crate) fn detect() -> Option<Self> {
-        let all = is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512vl")
-            && is_x86_feature_detected!("avx512bw")
-            && is_x86_feature_detected!("avx512dq");
-        Avx2::detect().filter(|_| all).map(Self)
+        Instructions::Avx512.is_available().then_some(Self(Avx2(())))
     }
 }
 

@@ -1,0 +1,16 @@
+//! What this processor can do: its instruction sets, its large pages, its cache lines.
+//!
+//! One place detects instruction sets for the whole project. Loops that gain from wide
+//! instructions are written once, as a [`Kernel`], and compiled for each set.
+//!
+//! What always holds:
+//! - Nothing but time depends on the processor: results are equal bit for bit.
+//! - An [`Isa`] exists only if this processor has every instruction that its kernels use.
+
+mod isa;
+mod memory;
+mod prefetch;
+
+pub use isa::{Instructions, Isa, Kernel};
+pub use memory::{copied, filled, reserved, zeroed};
+pub use prefetch::{prefetch, prefetch_at};
