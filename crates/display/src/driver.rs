@@ -107,6 +107,11 @@ pub trait Driver: Send {
     /// known.
     fn depth(&mut self) -> Vec<f32>;
 
+    /// Returns whether [`depth`](Self::depth) is complete before any sample has arrived.
+    fn knows_depth(&self) -> bool {
+        false
+    }
+
     /// Returns the surface under a pixel; `None` where nothing is known.
     fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt>;
 

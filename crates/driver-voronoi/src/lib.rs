@@ -26,27 +26,28 @@ mod live;
 mod lone;
 mod portals;
 mod reconstruct;
+mod session;
 mod shade;
+mod stand_ins;
 mod surfaces;
 mod tents;
 mod upscale;
 
-use holo_display::Frame;
-use holo_display::Camera;
-use holo_display::covered;
-use holo_display::for_bands;
-use holo_cpu::{copied, zeroed};
-use holo_display::{DistanceTable, PlacedSection};
 use deposit::{Beam, Depositor, Deposits, SideSums, Sums};
 use drawing::Drawing;
 use edges::EdgePoints;
 use guess::Guesses;
+use holo_cpu::{copied, zeroed};
+use holo_display::{
+    Camera, DistanceTable, Frame, PlacedSection, Resolution, covered, for_bands, uncovered_pixels,
+};
 use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, Sample, Section};
 use light::Light;
-use portals::Beyond;
+pub use session::{MakeDriver, VoronoiDriver};
+pub use stand_ins::StandIns;
 use reconstruct::Scratch;
 use shade::Shadings;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -55,26 +56,6 @@ use upscale::{FinePoints, Scale};
 
 /// Rows of which depths are found together.
 const DEPTH_ROWS: usize = 32;
-
-/// A picture, and how much of it is a guess.
-#[derive(Clone, Debug)]
-pub struct Drawn {
-    /// The picture and what is known of it.
-    pub frame: Frame,
-    /// Pixels of surfaces of which nothing at all is known, shown as if the eye carried a lamp.
-    pub guessed_pixels: u64,
-}
-
-/// At how many pixels surfaces are cast and light is reconstructed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Resolution {
-    /// At each.
-    #[default]
-    Full,
-    /// At every other column and row: for views that follow each other faster than full ones are made. The picture has all its pixels and
-    /// is as bright: next to edges each is cast, and colours are interpolated elsewhere. What is thinner than two pixels may be missed.
-    Half,
-}
 
 /// One surface a pixel, with its samples.
 struct Layer {
@@ -123,8 +104,8 @@ pub struct Voronoi {
     placed: Vec<PlacedSection>,
     raycaster: Arc<Raycaster>,
     portals: Option<Arc<Raycaster>>,
-    /// What lies beyond the portals, if the view sees any.
-    beyond: Option<Beyond>,
+    /// By pixel cast, whether it looks through a portal; empty if none does.
+    beyond: Vec<bool>,
     shadings: Shadings,
     view: View,
     camera: Camera,
@@ -188,17 +169,15 @@ impl Voronoi {
         shown: (u32, u32),
         resolution: Resolution,
     ) -> Self {
-        let size = match resolution {
-            Resolution::Full => shown,
-            Resolution::Half => (shown.0.div_ceil(2), shown.1.div_ceil(2)),
-        };
+        let size = resolution.computed(shown);
         let scale = (size != shown).then(|| Scale::new(shown, size));
         let camera = Camera::new(&view, size);
         let caster = Caster::new(&raycaster, &view, &camera, size).with_portals(portals.as_deref());
         let layers = caster.surfaces();
-        let sees = layers.first().map(|main| &main.seen[..]).filter(|_| portals.is_some());
-        let sky = raycaster.scene().sky;
-        let beyond = sees.and_then(|seen| Beyond::new(&caster, seen, (&sections, view, size), sky));
+        let beyond = match layers.first() {
+            Some(main) if portals.is_some() => portals::beyond(&caster, &main.seen),
+            _ => Vec::new(),
+        };
         let layers = layers.into_iter();
         let layers = layers.map(|surfaces| Layer {
             sums: zeroed(surfaces.seen.len()),
@@ -297,9 +276,6 @@ impl Voronoi {
             section
                 .map_or(0, |section| depositor.insert(&Beam { section, pair, paths }, samples, to))
         });
-        if let Some(beyond) = &mut self.beyond {
-            beyond.insert(section, beam, paths, samples);
-        }
     }
 
     /// Has each layer take what has come; `put` says how many of it found a pixel.
@@ -329,24 +305,6 @@ impl Voronoi {
         self.painted.get_mut().unwrap_or_else(PoisonError::into_inner).of = None;
     }
 
-    /// Notes that a beam meets nothing. What it sees is known of the scene, but not beyond portals.
-    pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
-        if let Some(beyond) = &mut self.beyond {
-            beyond.insert_unseen(section, beam);
-        }
-    }
-
-    /// Corners of fisheyes look nowhere.
-    fn blank_corners(&self, frame: &mut Frame) {
-        let size = (frame.picture.width, frame.picture.height);
-        for ((number, pixel), depth) in (0..).zip(&mut frame.picture.pixels).zip(&mut frame.depth) {
-            let (x, y) = View::pixel_centre(size, number % size.0, number / size.0);
-            if self.view.try_ray(x, y).is_none() {
-                (*pixel, *depth) = ([0.0; 3], 0.0);
-            }
-        }
-    }
-
     /// Records of indirect light that there are.
     fn records(&self) -> usize {
         self.records.as_deref().map_or(0, Store::len)
@@ -367,14 +325,13 @@ impl Voronoi {
 
     /// The picture of all samples so far. At a lower resolution, pixels that are counted are those cast, by how many of the picture's
     /// there are for each.
-    pub fn draw(&self) -> Drawn {
+    pub fn draw(&self) -> Frame {
         let mut painted = self.painted.lock().unwrap_or_else(PoisonError::into_inner);
         let is_current = painted.of == Some(self.records());
         let drawing = (!is_current || self.scale.is_some()).then(|| Drawing::new(self));
         if let Some(drawing) = drawing.as_ref().filter(|_| !is_current) {
             self.paint(drawing, &mut painted);
         }
-        let mut guessed_pixels = painted.guessed_pixels;
         let picture = Picture::new(0, 0);
         let (width, height) = self.size;
         let mut frame = Frame {
@@ -389,27 +346,25 @@ impl Voronoi {
             uncovered_pixels: self.uncovered,
             empty_pixels: painted.empty_pixels,
             unseen_pixels: 0,
+            guessed_pixels: painted.guessed_pixels,
             samples_used: self.samples,
         };
         drop(painted);
-        if let Some(beyond) = &self.beyond {
-            beyond.paint(&mut frame);
-        }
         if let Some((scale, drawing)) = self.scale.as_ref().zip(drawing) {
             let (width, height) = scale.fine;
             let of_all = |pixels: u64| {
                 pixels * (width * height) as u64 / (scale.coarse.0 * scale.coarse.1) as u64
             };
-            (frame.empty_pixels, guessed_pixels) =
-                (of_all(frame.empty_pixels), of_all(guessed_pixels));
+            frame.empty_pixels = of_all(frame.empty_pixels);
+            frame.guessed_pixels = of_all(frame.guessed_pixels);
             frame.depth = scale.spread(&frame.depth);
             let pixels = drawing.upscale(scale, &frame.picture.pixels);
             frame.picture = Picture { pixels, ..Picture::new(width as u32, height as u32) };
             frame.picture.view = Some(self.view);
         }
         if !self.camera.is_perspective() {
-            self.blank_corners(&mut frame);
+            frame.blank_corners(&self.view);
         }
-        Drawn { frame, guessed_pixels }
+        frame
     }
 }

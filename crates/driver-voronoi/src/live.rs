@@ -1,18 +1,16 @@
-//! Pixels that no section covers, by rays that were traced for them and are stored nowhere.
+//! Pixels that no section covers, drawn from rays that were traced for them and are stored nowhere.
 //!
-//! They are shown by a copy of the driver ([`Voronoi::copied`]) that has these rays besides all samples: light is averaged along surfaces, and what
-//! is seen next to the covered pixels must not change those, which samples alone decide.
+//! A copy of the driver draws them ([`Voronoi::copied`]): it has these rays besides all samples.
+//! Light is averaged along surfaces, and live rays must not change covered pixels.
 
-use super::portals::Beyond;
 use super::shade::Shadings;
 use super::{Layer, Voronoi};
-use holo_display::DistanceTable;
-use crate::{LiveSample, Quadtree, QuadtreeParams};
-use holo_picture::View;
+use holo_display::{DistanceTable, LiveSample, uncovered_pixels};
 use std::sync::{Arc, Mutex};
 
 impl Voronoi {
-    /// Another driver of the same view that has the same samples. What the view sees is shared by the two.
+    /// Returns another driver of the same view with the same samples. The two share the surfaces
+    /// that the view sees.
     pub fn copied(&self) -> Voronoi {
         let copied = |layer: &Layer| Layer {
             surfaces: Arc::clone(&layer.surfaces),
@@ -27,10 +25,7 @@ impl Voronoi {
             placed: self.placed.clone(),
             raycaster: Arc::clone(&self.raycaster),
             portals: self.portals.clone(),
-            beyond: self
-                .beyond
-                .as_ref()
-                .map(|beyond| beyond.of_live_rays(self.view, self.size, self.shadings.sky)),
+            beyond: self.beyond.clone(),
             shadings: Shadings::new(self.raycaster.scene(), self.view.clips_sky()),
             view: self.view,
             camera: self.camera.clone(),
@@ -52,46 +47,47 @@ impl Voronoi {
     /// Adds rays of the view itself, each the mean of `paths` paths.
     pub fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
         self.deposit(paths, |_, depositor, to| depositor.insert_live(paths, rays, to));
-        if let Some(beyond) = &mut self.beyond {
-            beyond.insert_live(paths, rays);
-        }
     }
 
-    /// The pixels that no section covers and that see something, by their number, row by row from the top: the sky is known, and
-    /// corners of fisheyes look nowhere. None at a lower resolution: that is for views that are soon left.
+    /// Returns the pixels that no section covers and that see something, by number, row by row
+    /// from the top. The sky is known. None at a lower resolution, which is for views that are
+    /// soon left.
     pub fn uncovered(&self) -> Vec<u32> {
         if self.scale.is_some() {
             return Vec::new();
         }
-        let (width, _) = self.size;
-        let sees = |&(pixel, _): &(u32, &bool)| {
-            let is_beyond = self.beyond.as_ref().is_some_and(|beyond| beyond.has(pixel as usize));
+        let mut pixels = uncovered_pixels(&self.covered, &self.view, self.size);
+        pixels.retain(|&pixel| {
+            let pixel = pixel as usize;
             let sees = |layer: &Layer| {
-                layer.surfaces.seen.get(pixel as usize).is_some_and(|seen| !seen.is_sky())
+                layer.surfaces.seen.get(pixel).is_some_and(|seen| !seen.is_sky())
             };
-            is_beyond || self.layers.iter().any(sees)
+            self.beyond.get(pixel) == Some(&true) || self.layers.iter().any(sees)
+        });
+        pixels
+    }
+
+    /// Returns, by pixel of the picture, whether it looks through a portal; empty if none does.
+    pub fn beyond_portals(&self) -> Vec<bool> {
+        match &self.scale {
+            Some(scale) if !self.beyond.is_empty() => scale.spread(&self.beyond),
+            _ => self.beyond.clone(),
+        }
+    }
+
+    /// Returns the distance from the eye to what the middle of a pixel of the picture sees first,
+    /// and its triangle; `None` if that is the sky.
+    pub fn hit_at(&self, column: u32, row: u32) -> Option<(f32, u32)> {
+        let (width, height) = self.scale.as_ref().map_or(
+            (self.size.0 as usize, self.size.1 as usize),
+            |scale| scale.fine,
+        );
+        let along = |at: u32, picture: usize, cast: u32| {
+            (f64::from(at) + 0.5) / picture as f64 * f64::from(cast)
         };
-        let looks = |pixel: &u32| {
-            let (x, y) = View::pixel_centre(self.size, pixel % width, pixel / width);
-            self.view.try_ray(x, y).is_some()
-        };
-        let pixels = (0..).zip(&self.covered).filter(|(_, covered)| !**covered).filter(sees);
-        pixels.map(|(pixel, _)| pixel).filter(looks).collect()
-    }
-}
-
-impl Beyond {
-    /// The same pixels, of live rays alone.
-    fn of_live_rays(&self, view: View, size: (u32, u32), sky: [f32; 3]) -> Beyond {
-        let params = QuadtreeParams { sky, ..QuadtreeParams::default() };
-        Beyond { pixels: self.pixels.clone(), driver: Quadtree::of_live_rays(view, size, params) }
-    }
-
-    fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
-        self.driver.insert_live(paths, rays);
-    }
-
-    fn has(&self, pixel: usize) -> bool {
-        self.pixels.get(pixel).copied().unwrap_or(false)
+        let (x, y) = (along(column, width, self.size.0), along(row, height, self.size.1));
+        let (ray, skipped) = self.caster().ray(x, y)?;
+        let hit = self.raycaster.nearest(&ray)?;
+        Some(((skipped + f64::from(hit.t)) as f32, hit.triangle))
     }
 }

@@ -1,7 +1,7 @@
 //! What the render cache can be told: options, and the parts of it that are switched.
 
 use clap::{Args, ValueEnum};
-use holo_display::pointimage::{EmptyPixels, PointImageParams, SETTINGS, Smoothing, Stages};
+use holo_driver_rendercache::{EmptyPixels, PointImageParams, SETTINGS, Smoothing, Stages};
 
 /// Samples that a point averages while the view moves. The driver's own default is for renderers without noise; one path a sample is
 /// all that some engines give.

@@ -1,4 +1,4 @@
-//! What a session does when: lines of `SECONDS COMMAND`, seconds since the last `view` line or the start.
+//! Scripts: lines of `SECONDS COMMAND`, with seconds since the last `view` line or the start.
 
 use std::{
     path::{Path, PathBuf},
@@ -6,10 +6,9 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
-use clap::ValueEnum;
 use holo_picture::ViewSpec;
 
-use crate::point_args::Part;
+use crate::drivers::SWITCHES;
 
 /// One thing to do.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,11 +17,13 @@ pub enum Command {
     View(Box<ViewSpec>),
     /// Write the picture as it is.
     Picture(PathBuf),
-    /// Leave out parts of the render cache, or take them in again.
+    /// Say what a pixel shows: column and row, from the left and the top.
+    Probe(u32, u32),
+    /// Switch parts of the driver on or off.
     Switch {
-        /// Which.
-        parts: Vec<Part>,
-        /// Whether they are in from now on.
+        /// Their names.
+        parts: Vec<&'static str>,
+        /// Whether they are on from now on.
         on: bool,
     },
     /// End.
@@ -46,6 +47,9 @@ pub enum Script {
     /// Typed while the session runs.
     Typed(mpsc::Receiver<Result<Step>>),
 }
+
+/// Seconds are less than this, some 30 years: a clock can still add them.
+const MAX_SECONDS: f64 = 1e9;
 
 /// Longest script: one that is larger is some other file.
 const MAX_BYTES: u64 = 16 << 20;
@@ -141,8 +145,8 @@ fn parse_line(line: &str) -> Result<Option<Step>> {
     }
     let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     let (seconds, line) = match first.parse::<f64>() {
-        Ok(seconds) if seconds.is_finite() && seconds >= 0.0 => (Some(seconds), rest.trim()),
-        Ok(seconds) => bail!("{seconds} is not a time"),
+        Ok(seconds) if (0.0..MAX_SECONDS).contains(&seconds) => (Some(seconds), rest.trim()),
+        Ok(_) => bail!("`{first}` is not a time: write seconds from 0 to 999999999"),
         Err(_) => (None, line),
     };
     let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
@@ -155,37 +159,46 @@ fn parse_line(line: &str) -> Result<Option<Step>> {
         }
         "picture" if !rest.is_empty() => Command::Picture(rest.into()),
         "picture" => bail!("`picture` takes the name of a file, such as `picture a.pfm`"),
+        "probe" => match pixel(rest) {
+            Some((column, row)) => Command::Probe(column, row),
+            None => bail!("`probe` takes a column and a row, such as `probe 320 240`"),
+        },
         "with" | "without" => Command::Switch { parts: parts(word, rest)?, on: word == "with" },
         "quit" if rest.is_empty() => Command::Quit,
         "" => bail!(
             "a time without a command; write `{first} view …`, `{first} picture FILE` or `{first} quit`"
         ),
         other => {
-            bail!("`{other}` is not a command; there are view, picture, with, without and quit")
+            bail!("`{other}` is not a command; there are view, picture, probe, with, without and quit")
         }
     };
     Ok(Some(Step { seconds, command }))
 }
 
-/// Parts of the render cache such as `prefilter,dither`.
-fn parts(command: &str, names: &str) -> Result<Vec<Part>> {
-    let known = || {
-        let names = Part::value_variants().iter().filter_map(Part::to_possible_value);
-        names.map(|value| value.get_name().to_owned()).collect::<Vec<_>>().join(", ")
-    };
+/// Parses the names of parts such as `prefilter,dither`.
+fn parts(command: &str, names: &str) -> Result<Vec<&'static str>> {
+    let known = || SWITCHES.join(", ");
     if names.is_empty() {
         bail!(
-            "`{command}` takes parts of the render cache, such as `{command} prefilter,dither` (there are {})",
+            "`{command}` takes parts of the render cache, such as `{command} prefilter,dither` \
+             (there are {})",
             known()
         );
     }
     let part = |name: &str| {
-        let part = Part::from_str(name, false).ok();
-        part.with_context(|| {
-            format!("`{name}` is no part of the render cache (there are {})", known())
-        })
+        let part = SWITCHES.iter().copied().find(|known| *known == name);
+        part.with_context(|| format!("`{name}` is no part of the render cache (there are {})", known()))
     };
     names.split([',', ' ']).filter(|name| !name.is_empty()).map(part).collect()
+}
+
+/// Parses a column and a row.
+fn pixel(text: &str) -> Option<(u32, u32)> {
+    let mut numbers = text.split([',', ' ']).filter(|part| !part.is_empty()).map(str::parse);
+    match (numbers.next(), numbers.next(), numbers.next()) {
+        (Some(Ok(column)), Some(Ok(row)), None) => Some((column, row)),
+        _ => None,
+    }
 }
 
 /// Seconds such as `20`, `20s` or `2m`.
@@ -198,7 +211,7 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
         None => (text.strip_suffix('s').unwrap_or(text), 1.0),
     };
     let seconds = number.parse::<f64>().ok().map(|seconds| seconds * factor);
-    let seconds = seconds.filter(|seconds| (0.0..1e9).contains(seconds));
+    let seconds = seconds.filter(|seconds| (0.0..MAX_SECONDS).contains(seconds));
     seconds.ok_or_else(|| format!("`{text}` is not a time; write 20s or 2m"))
 }
 
@@ -234,7 +247,7 @@ mod tests {
     #[test]
     fn parts_are_switched_by_name() {
         let switch = |line| parse_line(line).unwrap().unwrap();
-        let parts = vec![Part::Prefilter, Part::DepthCull];
+        let parts = vec!["prefilter", "depth-cull"];
         let without = Command::Switch { parts, on: false };
         assert_eq!(
             switch("2 without prefilter,depth-cull"),
@@ -243,7 +256,7 @@ mod tests {
         assert_eq!(switch("without prefilter, depth-cull").command, without);
         assert_eq!(
             switch("with dither").command,
-            Command::Switch { parts: vec![Part::Dither], on: true }
+            Command::Switch { parts: vec!["dither"], on: true }
         );
     }
 
@@ -253,6 +266,9 @@ mod tests {
             ("1 pictures a.pfm", "not a command"),
             ("1", "without a command"),
             ("-1 quit", "not a time"),
+            ("1e300 quit", "not a time"),
+            ("1e19 quit", "not a time"),
+            ("1 probe 3", "a column and a row"),
             ("1 picture", "takes the name"),
             ("1 view -vp 1 2", "-vp"),
             ("1 quit now", "not a command"),
