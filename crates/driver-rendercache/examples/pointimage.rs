@@ -8,7 +8,7 @@
 mod pointimage_scenes;
 
 use glam::DVec3;
-use holo_display::pointimage::{Instructions, Moment, PointImage, PointImageParams, Stage};
+use holo_driver_rendercache::{Instructions, Moment, PointImage, PointImageParams, Stage};
 use pointimage_scenes::{answer, room, view};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};

@@ -7,12 +7,12 @@
 
 use super::cull::{self, Cull};
 use super::interpolate::{self, Interpolate, Looks};
-use holo_cpu::Isa;
 use super::parallel;
 use super::params::Stage;
 use super::planes::Planes;
 use super::prefilter::{self, Prefilter};
 use super::zbuffer::{self, Fill, Rows};
+use holo_cpu::Isa;
 use std::ops::Range;
 
 /// Pixels of a slab, about: their planes take 410 kB.

@@ -3,18 +3,10 @@
 //! Always true: the weights of the beams add up to the same as before, and a beam that was wanted still is.
 
 use super::Frame;
-use holo_display::candidates;
 use holo_display::WantedBeam;
-use glam::DVec3;
+use holo_display::candidates;
 use holo_section::{BeamId, RayCoords, Section};
 use std::collections::BTreeMap;
-
-/// The best beam for a view ray from `eye` along `direction` (of length 1), by the rule of beam selection.
-pub fn best_beam(sections: &[Section], eye: DVec3, direction: DVec3) -> Option<(u16, BeamId)> {
-    let mut found = Vec::new();
-    candidates(sections, eye, direction, &mut found);
-    found.first().map(|best| (best.section, best.beam))
-}
 
 impl Frame<'_> {
     /// The requests of this frame as stored rays: the nearest of the best beam of each. Those that no section covers are left out.

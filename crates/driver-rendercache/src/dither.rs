@@ -6,8 +6,8 @@
 //!
 //! Always true: never more pixels are chosen than were wanted; priorities are whole numbers, so the choice is the same everywhere.
 
-use holo_cpu::{Isa, Kernel};
 use super::parallel;
+use holo_cpu::{Isa, Kernel};
 use holo_display::mix;
 
 /// Bands dithered side by side, a lane of a register each: four bands in scalar code took three times as long.
@@ -293,8 +293,8 @@ fn hand_down<const N: usize>(below: Option<&mut [u32; N]>, error: [u32; N]) {
 
 #[cfg(test)]
 mod tests {
-    use super::holo_cpu::Instructions;
     use super::*;
+    use holo_cpu::Instructions;
 
     fn isa() -> Isa {
         Isa::new(Instructions::best()).unwrap()

@@ -7,8 +7,8 @@
 //! - At rest a pixel is the mean of its rays since the view came to rest, in the order in which they came: the box filter in the end.
 //! - A ray of an older view than the pixel shows changes nothing.
 
-use holo_display::{mix, pair};
 use glam::DVec3;
+use holo_display::{mix, pair};
 use holo_picture::{Picture, PictureError, View};
 
 /// Rounds of the permutation; four are enough to look random (Luby & Rackoff 1988).

@@ -7,9 +7,9 @@
 //! the more neighbours have.
 
 use super::colour;
-use holo_cpu::Kernel;
 use super::params::PointImageParams;
 use super::rows::{row_of, strips};
+use holo_cpu::Kernel;
 use std::ops::Range;
 
 /// Columns filtered at a time: their rows take 49 kB. Narrow strips touch a page for a few lines only, and wait for each.

@@ -1,8 +1,8 @@
 //! What can be chosen: stages on and off, the papers' constants, memory and processor.
 
-use holo_cpu::{Instructions, Isa};
 use super::settings::SETTINGS;
 use glam::DVec3;
+use holo_cpu::{Instructions, Isa};
 use holo_picture::PictureError;
 
 /// Why a [`PointImage`](super::PointImage) cannot be made or changed.
@@ -122,6 +122,36 @@ impl Stages {
         dither: true,
         resampling: true,
     };
+    /// The names of the parts, as [`switch`](Self::switch) takes them.
+    pub const NAMES: [&str; 8] = [
+        "ageing",
+        "eviction",
+        "prediction",
+        "depth-cull",
+        "prefilter",
+        "interpolation",
+        "dither",
+        "resampling",
+    ];
+
+    /// Switches the part of a name in [`NAMES`](Self::NAMES) on or off. Returns whether there is
+    /// such a part.
+    pub fn switch(&mut self, name: &str, on: bool) -> bool {
+        let part = match name {
+            "ageing" => &mut self.ageing,
+            "eviction" => &mut self.eviction,
+            "prediction" => &mut self.prediction,
+            "depth-cull" => &mut self.depth_cull,
+            "prefilter" => &mut self.prefilter,
+            "interpolation" => &mut self.interpolation,
+            "dither" => &mut self.dither,
+            "resampling" => &mut self.resampling,
+            _ => return false,
+        };
+        *part = on;
+        true
+    }
+
     /// What the first paper had (1999): no eviction, prediction or prefilter.
     pub const OF_1999: Self =
         Self { eviction: false, prediction: false, prefilter: false, ..Self::ALL };

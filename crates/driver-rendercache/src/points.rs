@@ -4,11 +4,11 @@
 //! touches lies together, a cache line a point.
 
 use super::colour;
-use holo_cpu::filled;
-use holo_cpu::Kernel;
 use super::params::PointImageParams;
-use holo_cpu::{prefetch, prefetch_at};
 use super::project::BLOCK;
+use holo_cpu::Kernel;
+use holo_cpu::filled;
+use holo_cpu::{prefetch, prefetch_at};
 
 /// Flag: the point is a sample of the current view.
 pub(super) const FRESH: u8 = 1;
@@ -386,9 +386,9 @@ fn evict_all(states: &mut [State], leaving: u8) {
 
 #[cfg(test)]
 mod tests {
-    use super::holo_cpu::{Instructions, Isa};
     use super::super::params::Stages;
     use super::*;
+    use holo_cpu::{Instructions, Isa};
 
     /// Ages at which points are overwritten, by frames of `samples` new points.
     fn last_ages(samples: usize, hidden: bool, params: &PointImageParams) -> Vec<u8> {

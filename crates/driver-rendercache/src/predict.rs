@@ -5,13 +5,13 @@
 //!
 //! Always true: a byte per block of 4×4 pixels (or as many as are chosen) of the predicted view says whether a point falls there; depth does not matter.
 
-use holo_cpu::{Isa, Kernel};
 use super::map::{Lens, Map};
 use super::points::{Block, State};
 use super::project::BLOCK;
-use holo_display::{mix, pair};
 use super::sample::{Aim, Request, Tag};
 use super::truncate::truncate;
+use holo_cpu::{Isa, Kernel};
+use holo_display::{mix, pair};
 
 /// Which blocks of the predicted view have points.
 #[derive(Debug)]

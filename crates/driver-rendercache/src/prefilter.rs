@@ -9,10 +9,10 @@
 //! Always true: the result does not depend on where bands of rows begin.
 
 use super::colour;
-use holo_cpu::Kernel;
 use super::points::LINE;
-use holo_cpu::prefetch_at;
 use super::rows::{ROOM, Row, row_of, strips};
+use holo_cpu::Kernel;
+use holo_cpu::prefetch_at;
 use std::ops::Range;
 
 /// Pixels along the side of the widest window.
@@ -440,9 +440,9 @@ fn show(
 
 #[cfg(test)]
 mod tests {
-    use super::holo_cpu::{Instructions, Isa};
-    use holo_display::pair;
     use super::*;
+    use holo_cpu::{Instructions, Isa};
+    use holo_display::pair;
 
     const SIZE: (usize, usize) = (700, 120);
 

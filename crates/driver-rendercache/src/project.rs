@@ -8,14 +8,14 @@
 //! Always true: the result does not depend on the number of threads.
 
 use super::colour;
-use holo_cpu::filled;
-use holo_cpu::{Isa, Kernel};
 use super::map::{BEYOND, Lens, Map};
 use super::parallel;
 use super::points::{Block, FRESH, HIDDEN, State};
-use holo_cpu::prefetch_at;
 use super::truncate::truncate;
 use bytemuck::{Pod, Zeroable};
+use holo_cpu::filled;
+use holo_cpu::prefetch_at;
+use holo_cpu::{Isa, Kernel};
 use std::ops::Range;
 
 /// Tiles of a picture, about. Tiles are whole rows, so that what they show is copied to the planes in order. Of 512 at 2048×2048

@@ -3,8 +3,8 @@
 use super::PointImage;
 use super::colour;
 use super::points::{FRESH, GENERATIONS};
-use holo_display::{mix, pair};
 use super::sample::{Aim, Purpose, Request, Tag};
+use holo_display::{mix, pair};
 
 impl PointImage {
     /// A request for a pixel of the current view.
@@ -96,8 +96,7 @@ impl PointImage {
 
     /// Whether a pixel's turn has come for a ray through its point even though it is a sample of this view.
     fn is_check(&self, seed: u32, pixel: u32) -> bool {
-        self.params.stages.resampling
-            && mix(!seed, pixel).is_multiple_of(self.params.check_every)
+        self.params.stages.resampling && mix(!seed, pixel).is_multiple_of(self.params.check_every)
     }
 
     /// `wanted` pixels anywhere, for comparison with the dither.

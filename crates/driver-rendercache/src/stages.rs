@@ -5,12 +5,12 @@ use super::interpolate::{Looks, Weights};
 use super::map::Map;
 use super::params::{EmptyPixels, Smoothing, Stage, Stages};
 use super::points::{Age, NOISY};
-use holo_cpu::prefetch_at;
 use super::project::{BLOCK, Screen};
 use super::sample::{Purpose, Sample};
 use super::shared::states_as_atomic;
 use super::zbuffer::Fill;
 use super::{Moment, PointImage, dither, parallel};
+use holo_cpu::prefetch_at;
 use holo_display::mix;
 use holo_picture::View;
 

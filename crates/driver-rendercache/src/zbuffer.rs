@@ -5,11 +5,11 @@
 //! Always true: a pixel shows the nearest of its fresh points, else the nearest of the others; of equals, the first in the cache.
 
 use super::colour;
-use holo_cpu::filled;
-use holo_cpu::{Isa, Kernel};
 use super::points::HIDDEN;
-use holo_cpu::prefetch_at;
 use super::project::{Buckets, Record};
+use holo_cpu::filled;
+use holo_cpu::prefetch_at;
+use holo_cpu::{Isa, Kernel};
 use std::hint::select_unpredictable;
 use std::sync::atomic::AtomicU16;
 use std::sync::atomic::Ordering::Relaxed;

@@ -4,7 +4,7 @@
 mod pointimage_scenes;
 
 use glam::DVec3;
-use holo_display::frameless::Frameless;
+use holo_driver_rendercache::frameless::Frameless;
 use pointimage_scenes::view;
 use std::collections::HashSet;
 

@@ -4,7 +4,7 @@
 mod pointimage_scenes;
 
 use glam::{DAffine3, DVec3};
-use holo_display::pointimage::{
+use holo_driver_rendercache::{
     EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stage, Stages,
 };
 use holo_picture::View;

@@ -5,7 +5,7 @@
 mod pointimage_scenes;
 
 use glam::DVec3;
-use holo_display::pointimage::{Moment, PointImage, PointImageParams, Sample};
+use holo_driver_rendercache::{Moment, PointImage, PointImageParams, Sample};
 use holo_picture::{Picture, View};
 use pointimage_scenes::{Hit, Scene, answer, room, squared_error, view, whole_picture};
 

@@ -4,7 +4,7 @@
 mod pointimage_scenes;
 
 use glam::DVec3;
-use holo_display::pointimage::{
+use holo_driver_rendercache::{
     EmptyPixels, Instructions, Moment, Place, PointImage, PointImageError, PointImageParams,
     Sample, Smoothing, Stages,
 };
@@ -59,7 +59,7 @@ fn processors_and_threads_do_not_change_a_bit() {
             let plain = walk(size, params(Instructions::Portable, 1));
             assert_eq!(plain, walk(size, params(Instructions::Portable, 1)), "{size:?} again");
             for instructions in [Instructions::Portable, Instructions::Avx2, Instructions::Avx512] {
-                if !instructions.are_here() {
+                if !instructions.is_available() {
                     println!("skipped: this processor has no {instructions:?}");
                     continue;
                 }

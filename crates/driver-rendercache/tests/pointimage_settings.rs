@@ -4,7 +4,7 @@
 mod pointimage_scenes;
 
 use glam::DVec3;
-use holo_display::pointimage::{
+use holo_driver_rendercache::{
     EmptyPixels, Moment, Place, PointImage, PointImageError, PointImageParams, SETTINGS, Sample,
     Smoothing, Stages,
 };
@@ -129,7 +129,7 @@ fn the_wide_filter_reaches_as_far_as_its_window() {
 fn threads_change_no_bit_whatever_the_window() {
     let size = (70, 160);
     for (window, instructions) in [3, 5, 9].into_iter().flat_map(|window| {
-        use holo_display::pointimage::Instructions;
+        use holo_driver_rendercache::Instructions;
         [Instructions::Portable, Instructions::best()].map(|instructions| (window, instructions))
     }) {
         let bits = |threads, instructions| {
@@ -164,7 +164,7 @@ fn threads_change_no_bit_whatever_the_window() {
             }
             bits
         };
-        let plain = bits(1, holo_display::pointimage::Instructions::Portable);
+        let plain = bits(1, holo_driver_rendercache::Instructions::Portable);
         assert!(
             [1, 2, 5].into_iter().all(|threads| bits(threads, instructions) == plain),
             "{window}"

@@ -4,8 +4,8 @@
 mod pointimage_scenes;
 
 use glam::DVec3;
-use holo_display::pointimage::{Place, PointImage, PointImageParams, Sample, Smoothing, best_beam};
-use holo_display::{SelectOptions, WantedBeam, select_beams};
+use holo_display::{SelectOptions, WantedBeam, best_beam, select_beams};
+use holo_driver_rendercache::{Place, PointImage, PointImageParams, Sample, Smoothing};
 use holo_picture::View;
 use holo_section::{Section, SectionSpec, ViewClass};
 use pointimage_scenes::{moment, random, room, squared_error, truth, view, wall, whole_picture};

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use glam::DVec3;
-use holo_display::pointimage::{Frame, Moment, Place, Sample};
+use holo_driver_rendercache::{Frame, Moment, Place, Sample};
 use holo_picture::View;
 
 /// What a ray met: where, its radiance, and the object's number.
