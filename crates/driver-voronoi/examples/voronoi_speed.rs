@@ -2,7 +2,8 @@
 //! the cabin beside the project.
 
 use glam::DVec3;
-use holo_display::{Resolution, Voronoi};
+use holo_display::Resolution;
+use holo_driver_voronoi::Voronoi;
 use holo_picture::View;
 use holo_raycast::Raycaster;
 use holo_scene::{LoadOptions, load_obj};

@@ -5,11 +5,11 @@
 use super::follow::{End, number_of};
 use super::labels::{Labelled, label};
 use super::surfaces::{Caster, Face, Image, Seen, Surfaces};
-use holo_display::for_bands;
-use holo_cpu::Isa;
-use holo_cpu::{filled, zeroed};
 use bytemuck::zeroed_vec;
 use glam::Vec3;
+use holo_cpu::Isa;
+use holo_cpu::{filled, zeroed};
+use holo_display::for_bands;
 use holo_raycast::{Hit, MAX_TILE, MAX_TOGETHER, Ray};
 use holo_scene::Rgb;
 use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};

@@ -9,11 +9,11 @@
 use super::blocks;
 use super::shade::Shadings;
 use super::surfaces::{Caster, SMOOTH, Seen, Surfaces, Window};
-use holo_display::LiveSample;
-use holo_display::Camera;
-use holo_display::{DistanceTable, PlacedSection};
 use bytemuck::Zeroable;
 use glam::DVec3;
+use holo_display::Camera;
+use holo_display::LiveSample;
+use holo_display::{DistanceTable, PlacedSection};
 use holo_section::{CellPair, Sample, distance};
 use rustc_hash::FxHashMap;
 

@@ -5,10 +5,10 @@
 //! Invariant: labels follow from what the pixels see alone: a surface's is that of its first pixel, whatever the strips.
 
 use super::surfaces::{NO_KEY, NO_LABEL, Seen, Window, image_of};
+use holo_cpu::zeroed;
+use holo_cpu::{Isa, Kernel};
 use holo_display::PixelWidth;
 use holo_display::for_bands;
-use holo_cpu::{Isa, Kernel};
-use holo_cpu::zeroed;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};

@@ -39,17 +39,17 @@ use edges::EdgePoints;
 use guess::Guesses;
 use holo_cpu::{copied, zeroed};
 use holo_display::{
-    Camera, DistanceTable, Frame, PlacedSection, Resolution, covered, for_bands, uncovered_pixels,
+    Camera, DistanceTable, Frame, PlacedSection, Resolution, covered, for_bands,
 };
 use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, Sample, Section};
 use light::Light;
-pub use session::{MakeDriver, VoronoiDriver};
-pub use stand_ins::StandIns;
 use reconstruct::Scratch;
+pub use session::{MakeDriver, VoronoiDriver};
 use shade::Shadings;
+pub use stand_ins::{StandIn, StandIns};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use surfaces::{Caster, Seen, Surfaces};
 use upscale::{FinePoints, Scale};

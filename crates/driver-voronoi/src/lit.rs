@@ -11,9 +11,9 @@ use super::reconstruct;
 use super::shade::Shadings;
 use super::surfaces::{NO_IMAGE, Seen, Surfaces};
 use super::{Layer, Made, MadeFrom, Voronoi};
+use holo_cpu::zeroed;
 use holo_display::Camera;
 use holo_display::for_bands;
-use holo_cpu::zeroed;
 use rustc_hash::FxHashSet;
 use std::sync::{Arc, PoisonError};
 

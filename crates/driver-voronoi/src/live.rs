@@ -59,9 +59,8 @@ impl Voronoi {
         let mut pixels = uncovered_pixels(&self.covered, &self.view, self.size);
         pixels.retain(|&pixel| {
             let pixel = pixel as usize;
-            let sees = |layer: &Layer| {
-                layer.surfaces.seen.get(pixel).is_some_and(|seen| !seen.is_sky())
-            };
+            let sees =
+                |layer: &Layer| layer.surfaces.seen.get(pixel).is_some_and(|seen| !seen.is_sky());
             self.beyond.get(pixel) == Some(&true) || self.layers.iter().any(sees)
         });
         pixels
@@ -78,10 +77,10 @@ impl Voronoi {
     /// Returns the distance from the eye to what the middle of a pixel of the picture sees first,
     /// and its triangle; `None` if that is the sky.
     pub fn hit_at(&self, column: u32, row: u32) -> Option<(f32, u32)> {
-        let (width, height) = self.scale.as_ref().map_or(
-            (self.size.0 as usize, self.size.1 as usize),
-            |scale| scale.fine,
-        );
+        let (width, height) = self
+            .scale
+            .as_ref()
+            .map_or((self.size.0 as usize, self.size.1 as usize), |scale| scale.fine);
         let along = |at: u32, picture: usize, cast: u32| {
             (f64::from(at) + 0.5) / picture as f64 * f64::from(cast)
         };

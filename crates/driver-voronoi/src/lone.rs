@@ -16,8 +16,8 @@
 use super::deposit::{Sums, luminance};
 use super::light::Light;
 use super::surfaces::{NO_LABEL, Surfaces};
-use holo_display::for_bands;
 use holo_cpu::{Isa, Kernel};
+use holo_display::for_bands;
 use rustc_hash::FxHashMap;
 
 /// By what share darker or brighter than all around it a pixel is seen.

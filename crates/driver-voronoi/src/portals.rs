@@ -15,8 +15,7 @@ pub fn beyond(caster: &Caster, seen: &[Seen]) -> Vec<bool> {
     for_bands(&mut pixels, width, ROWS, |band, pixels| {
         for (is_beyond, pixel) in pixels.iter_mut().zip(band * ROWS * width..) {
             let middle = ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
-            *is_beyond =
-                seen[pixel].is_sky() && caster.is_beyond(middle.0, middle.1, &seen[pixel]);
+            *is_beyond = seen[pixel].is_sky() && caster.is_beyond(middle.0, middle.1, &seen[pixel]);
         }
     });
     if pixels.contains(&true) { pixels } else { Vec::new() }

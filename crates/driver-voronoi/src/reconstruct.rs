@@ -21,9 +21,9 @@ use super::lone;
 use super::shade::FULL_WEIGHT;
 use super::surfaces::{NO_LABEL, Surfaces};
 use super::tents::{KINDS, Passes};
-use holo_display::for_bands;
-use holo_cpu::{Isa, Kernel};
 use holo_cpu::zeroed;
+use holo_cpu::{Isa, Kernel};
+use holo_display::for_bands;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 

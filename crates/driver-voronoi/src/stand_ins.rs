@@ -24,6 +24,9 @@ pub struct StandIns(pub BTreeMap<u16, StandIn>);
 impl StandIns {
     /// Returns the stand-in for a view: that of the section that the view looks out of or into.
     pub fn of(&self, sections: &[Section], view: &View) -> StandIn {
-        section_of(sections, view).and_then(|section| self.0.get(&section)).cloned().unwrap_or_default()
+        section_of(sections, view)
+            .and_then(|section| self.0.get(&section))
+            .cloned()
+            .unwrap_or_default()
     }
 }

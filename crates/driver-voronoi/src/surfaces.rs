@@ -8,10 +8,10 @@
 //! - A surface's normal faces the eye.
 //! - Pixels have the same label only if they see one connected surface, or parts of it, in the same image.
 
-use holo_display::{Camera, PixelWidth};
-use holo_cpu::Kernel;
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
+use holo_cpu::Kernel;
+use holo_display::{Camera, PixelWidth};
 use holo_picture::View;
 use holo_raycast::{Hit, MAX_TILE, Ray, Raycaster};
 use holo_scene::{Bsdf, Rgb};

@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// Parts of drivers that a script may switch, by name.
-pub const SWITCHES: &[&str] = holo_driver_rendercache::PARTS;
+pub const SWITCHES: &[&str] = &holo_driver_rendercache::Stages::NAMES;
 
 /// Which driver a session wants, and what all drivers need.
 pub struct DriverChoice {

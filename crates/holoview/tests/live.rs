@@ -2,11 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
+#[path = "../../display/tests/common/mod.rs"]
 mod common;
 
 use common::{Random, section, view};
 use glam::DVec3;
-use holo_display::{Frame, LiveSample, Quadtree, QuadtreeParams, Voronoi};
+use holo_display::{Frame, LiveSample};
+use holo_driver_quadtree::{Quadtree, QuadtreeParams};
+use holo_driver_voronoi::Voronoi;
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Material, Scene};
@@ -141,7 +144,7 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
         let mut quadtree = Quadtree::of_live_rays(stage.view, SIZE, params);
         quadtree.insert_live(1, &stage.rays(&pixels, 32));
         voronoi.insert_live(1, &stage.rays(&seen, 32));
-        let (by_voronoi, by_quadtree) = (voronoi.draw().frame, quadtree.draw());
+        let (by_voronoi, by_quadtree) = (voronoi.draw(), quadtree.draw());
         let mut compared = 0;
         for &pixel in &seen {
             // Light is linear in the place, so that its extremes on a piece of the floor are at the corners. Means reach a pixel farther: of
@@ -205,24 +208,24 @@ fn a_copy_has_its_drivers_picture_until_live_rays_come_and_their_order_changes_n
     // What was drawn before is no part of what is copied.
     driver.draw();
     let mut copy = driver.copied();
-    assert_eq!(bits(&copy.draw().frame), bits(&driver.draw().frame));
+    assert_eq!(bits(&copy.draw()), bits(&driver.draw()));
     insert(&mut driver, late);
     insert(&mut copy, late);
-    let alone = bits(&driver.draw().frame);
-    assert_eq!(bits(&copy.draw().frame), alone);
+    let alone = bits(&driver.draw());
+    assert_eq!(bits(&copy.draw()), alone);
 
     let mut rays = stage.rays(&driver.uncovered(), 3);
     copy.insert_live(1, &rays);
-    let with_live = bits(&copy.draw().frame);
+    let with_live = bits(&copy.draw());
     assert_ne!(with_live, alone);
-    assert_eq!(bits(&driver.draw().frame), alone, "the one that was copied stays as it is");
+    assert_eq!(bits(&driver.draw()), alone, "the one that was copied stays as it is");
     // The other way round, and one by one, before the samples.
     let mut other = stage.voronoi().copied();
     rays.reverse();
     rays.iter().for_each(|ray| other.insert_live(1, std::slice::from_ref(ray)));
     insert(&mut other, late);
     insert(&mut other, early);
-    assert_eq!(bits(&other.draw().frame), with_live);
+    assert_eq!(bits(&other.draw()), with_live);
 
     let of_rays = |rays: &[LiveSample], size: usize| {
         let mut tree = Quadtree::of_live_rays(stage.view, SIZE, QuadtreeParams::default());

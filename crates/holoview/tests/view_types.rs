@@ -2,16 +2,17 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
+#[path = "../../display/tests/common/mod.rs"]
 mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::pointimage::{
+use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stages,
 };
-use holo_display::{
-    LeafSize, Quadtree, QuadtreeParams, SelectOptions, Voronoi, select_beams, viewpoint,
-};
+use holo_display::{SelectOptions, select_beams, viewpoint};
+use holo_driver_quadtree::{LeafSize, Quadtree, QuadtreeParams};
+use holo_driver_voronoi::Voronoi;
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene as Geometry};

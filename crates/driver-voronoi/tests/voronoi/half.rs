@@ -2,10 +2,11 @@
 
 use crate::common;
 use crate::stage::{Stage, bits, diffuse, even, plate, shadow, shine, wall};
-use holo_display::{Drawn, Resolution, Voronoi};
+use holo_display::{Frame, Resolution};
+use holo_driver_voronoi::Voronoi;
 use holo_section::{BeamId, Sample};
 
-fn drawn(mut canvas: Voronoi, samples: &[(BeamId, Sample)]) -> Drawn {
+fn drawn(mut canvas: Voronoi, samples: &[(BeamId, Sample)]) -> Frame {
     samples
         .iter()
         .for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
@@ -20,7 +21,7 @@ fn every_pixel_shows_the_surface_that_its_own_middle_meets() {
         let canvas = stage.sized(size, Resolution::Half);
         let view = *canvas.view();
         let drawn = drawn(canvas, &samples);
-        let picture = &drawn.frame.picture;
+        let picture = &drawn.picture;
         assert_eq!(
             (picture.width, picture.height, picture.pixels.len()),
             (size.0, size.1, (size.0 * size.1) as usize)
@@ -38,7 +39,7 @@ fn every_pixel_shows_the_surface_that_its_own_middle_meets() {
             );
         }
         assert!(size.1 < 10 || contrasts > 200, "the plate is seen: {contrasts}");
-        assert_eq!(drawn.frame.depth.len(), picture.pixels.len());
+        assert_eq!(drawn.depth.len(), picture.pixels.len());
     }
 }
 
@@ -48,7 +49,7 @@ fn a_moving_picture_is_as_bright_as_one_at_rest() {
     let stage = Stage::new(&[wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0)], vec![diffuse([0.5; 3])]);
     let all = stage.samples(shadow, 640_000, common::exponential);
     let mean = |resolution, samples: &[(BeamId, Sample)]| {
-        let pixels = drawn(stage.sized(size, resolution), samples).frame.picture.pixels;
+        let pixels = drawn(stage.sized(size, resolution), samples).picture.pixels;
         pixels.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>() / pixels.len() as f64
     };
     // Independent sets of samples: of each the means at both resolutions.
@@ -75,5 +76,5 @@ fn the_order_of_samples_changes_no_bit_of_a_moving_picture() {
     assert_eq!(bits(&first), bits(&drawn(stage.sized((63, 49), Resolution::Half), &samples)));
     // Without any, it is lit from the eye and counted in pixels of the picture.
     let empty = stage.sized((64, 48), Resolution::Half).draw();
-    assert_eq!((empty.frame.empty_pixels, empty.guessed_pixels), (64 * 48, 64 * 48));
+    assert_eq!((empty.empty_pixels, empty.guessed_pixels), (64 * 48, 64 * 48));
 }

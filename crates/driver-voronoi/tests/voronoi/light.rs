@@ -21,7 +21,7 @@ fn light_converges_to_the_mean_of_each_pixel_and_shadows_stay_sharp() {
     // Ten times the samples: of even light alone the error would fall to a third, of edges alone too.
     assert!(rms[1] < 0.7 * rms[0] && rms[2] < 0.7 * rms[1], "{rms:?}");
     // Samples on a pixel at the end, by the wall's share of all rays: the error is below that of the pixels' own means.
-    let landed = stage.draw(&all).frame.samples_used as f32 / truth.len() as f32;
+    let landed = stage.draw(&all).samples_used as f32 / truth.len() as f32;
     assert!(landed > 20.0 && rms[2] < 0.5 / landed.sqrt(), "{landed} {rms:?}");
 }
 
@@ -32,12 +32,11 @@ fn without_samples_surfaces_are_lit_from_the_eye_and_counted_and_lamps_shine() {
         Material { emission: [3.0, 2.0, 1.0], two_sided_emission: true, ..diffuse([0.0; 3]) };
     let stage = Stage::new(&quads, vec![diffuse([0.5; 3]), lamp]);
     let drawn = stage.empty().draw();
-    let shining =
-        drawn.frame.picture.pixels.iter().filter(|pixel| **pixel == [3.0, 2.0, 1.0]).count();
+    let shining = drawn.picture.pixels.iter().filter(|pixel| **pixel == [3.0, 2.0, 1.0]).count();
     assert!(shining > 50, "{shining}");
-    assert!(drawn.frame.picture.pixels.iter().all(|pixel| pixel[1] > 0.0), "nothing is black");
-    assert_eq!(drawn.frame.empty_pixels, u64::from(SIZE.0 * SIZE.1));
-    let middles = drawn.frame.depth.iter().filter(|&&depth| depth > 6.0).count();
+    assert!(drawn.picture.pixels.iter().all(|pixel| pixel[1] > 0.0), "nothing is black");
+    assert_eq!(drawn.empty_pixels, u64::from(SIZE.0 * SIZE.1));
+    let middles = drawn.depth.iter().filter(|&&depth| depth > 6.0).count();
     assert_eq!(drawn.guessed_pixels, middles as u64, "a lamp's light is no guess");
     assert!(drawn.guessed_pixels > 2000);
     let known = stage.draw(&stage.samples(even, 4000, common::clean));
@@ -78,7 +77,7 @@ fn records_of_indirect_light_light_what_has_no_samples_and_nothing_that_they_do_
     let records = Arc::new(records);
     let drawn = stage.empty().with_records(Arc::clone(&records)).draw();
     let (mut wall, mut plate) = (0, 0);
-    for (pixel, depth) in drawn.frame.picture.pixels.iter().zip(&drawn.frame.depth) {
+    for (pixel, depth) in drawn.picture.pixels.iter().zip(&drawn.depth) {
         if *depth > 6.0 {
             wall += 1;
             // Half the light of the records: radiance is albedo times irradiance over π. Edges are mixtures.
@@ -89,8 +88,7 @@ fn records_of_indirect_light_light_what_has_no_samples_and_nothing_that_they_do_
     }
     assert!(wall > 1500 && plate > 300, "{wall} {plate}");
     assert_eq!(drawn.guessed_pixels, plate, "no record lies on the plate");
-    let exact =
-        drawn.frame.picture.pixels.iter().filter(|pixel| (pixel[1] - 0.35).abs() < 1e-4).count();
+    let exact = drawn.picture.pixels.iter().filter(|pixel| (pixel[1] - 0.35).abs() < 1e-4).count();
     assert!(exact > 1300, "{exact}");
     // Where there are samples they alone decide.
     let samples = stage.samples(bright, 20_000, common::clean);
@@ -127,7 +125,7 @@ fn a_material_without_samples_gets_the_direct_light_of_surfaces_and_not_that_of_
     let mut canvas = stage.empty().with_records(Arc::new(records));
     let grey = samples.iter().filter(|(_, sample)| sample.rgb()[2] < 1.5 * sample.rgb()[0]);
     grey.for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
-    let pixels = canvas.draw().frame.picture.pixels;
+    let pixels = canvas.draw().picture.pixels;
     // Indirect light by the records, direct light as on the other: 1 % for the samples' codes.
     let lit = (44..64)
         .flat_map(|column| (0..48).map(move |row| row * 64 + column))
@@ -190,7 +188,7 @@ fn chance_leaves_no_dots() {
     let stage = Stage::new(&[wall(8.0, [-8.0, -8.0], [12.0, 12.0], 0)], vec![diffuse([0.5; 3])]);
     let drawn = stage.draw(&stage.samples(even, 1_200_000, one_lamp));
     let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
-    let at = |x: usize, y: usize| drawn.frame.picture.pixels[y * width + x][1];
+    let at = |x: usize, y: usize| drawn.picture.pixels[y * width + x][1];
     let is_dot = |x: usize, y: usize| {
         let around = (y - 1..y + 2)
             .flat_map(|y| (x - 1..x + 2).map(move |x| (x, y)))
@@ -226,7 +224,7 @@ fn a_face_narrower_than_a_pixel_has_its_own_light() {
     // Pixels darker than both the wall and the board show some of the side.
     let (mut found, mut error) = (0, 0.0);
     for (pixel, truth) in
-        drawn.frame.picture.pixels.iter().zip(&truth).filter(|(_, truth)| truth[1] < 0.45)
+        drawn.picture.pixels.iter().zip(&truth).filter(|(_, truth)| truth[1] < 0.45)
     {
         found += 1;
         error += f64::from((pixel[1] - truth[1]).abs());
@@ -246,7 +244,7 @@ fn no_single_sample_changes_the_light_of_a_narrow_face_by_much() {
     let dark: Vec<usize> = (0..truth.len()).filter(|&pixel| truth[pixel][1] < 0.45).collect();
     let shown = |count: usize| {
         let samples: Vec<_> = others.iter().chain(&side[..count]).copied().collect();
-        let frame = stage.draw(&samples).frame;
+        let frame = stage.draw(&samples);
         dark.iter().map(|&pixel| f64::from(frame.picture.pixels[pixel][1])).sum::<f64>()
     };
     assert!(side.len() > 100, "{}", side.len());
@@ -287,7 +285,7 @@ fn a_little_more_light_on_a_part_never_changes_a_pixel_by_much_more() {
             common::exponential,
         );
         let light: Vec<f32> =
-            stage.draw(&samples).frame.picture.pixels.iter().map(|pixel| pixel[1]).collect();
+            stage.draw(&samples).picture.pixels.iter().map(|pixel| pixel[1]).collect();
         if let Some(before) = before.replace(light.clone()) {
             grown =
                 light.iter().zip(&before).fold(grown, |most, (now, before)| most.max(now / before));

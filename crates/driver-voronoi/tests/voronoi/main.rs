@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
-#[path = "../common/mod.rs"]
+#[path = "../../../display/tests/common/mod.rs"]
 mod common;
 mod half;
 mod light;

@@ -3,7 +3,7 @@
 use crate::common::{self, Random, view};
 use crate::stage::{bits, even, plate, shadow};
 use glam::DVec3;
-use holo_display::Voronoi;
+use holo_driver_voronoi::Voronoi;
 use holo_picture::View;
 use holo_section::{BeamId, RayCoords, Sample};
 use proptest::prelude::*;
@@ -18,7 +18,7 @@ fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
     let all = stage.samples(even, 60_000, common::clean);
     let (chosen, others): (Vec<_>, Vec<_>) =
         all.into_iter().partition(|(beam, _)| beams.contains(&(0, *beam)));
-    let used = |samples: &[(BeamId, Sample)]| stage.draw(samples).frame.samples_used;
+    let used = |samples: &[(BeamId, Sample)]| stage.draw(samples).samples_used;
     let (inside, outside) = (used(&chosen), used(&others));
     assert!(inside > 2000 && outside * 20 < inside, "{inside} {outside}");
     // Of those, the best hold more for each beam.
@@ -73,11 +73,11 @@ fn a_picture_of_many_blocks_that_is_mended_where_samples_come_is_the_same_as_one
                 canvas.insert(0, *beam, 1, std::slice::from_ref(sample))
             });
         }
-        assert!(mended.draw().frame.samples_used > 0);
+        assert!(mended.draw().samples_used > 0);
     }
     let (mended, anew) = (mended.draw(), anew.draw());
     assert_eq!(bits(&mended), bits(&anew));
-    assert_eq!(mended.frame.empty_pixels, anew.frame.empty_pixels);
+    assert_eq!(mended.empty_pixels, anew.empty_pixels);
     assert_eq!(mended.guessed_pixels, anew.guessed_pixels);
 }
 
@@ -115,7 +115,7 @@ proptest! {
             canvas.draw()
         };
         let first = draw(&samples);
-        prop_assert!(first.frame.picture.pixels.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
+        prop_assert!(first.picture.pixels.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
         let mut random = Random(seed);
         for last in (1..samples.len()).rev() {
             samples.swap(last, (random.bits() % (last as u64 + 1)) as usize);

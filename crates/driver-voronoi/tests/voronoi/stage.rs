@@ -2,7 +2,8 @@
 
 use crate::common::{self, Random, section, view};
 use glam::DVec3;
-use holo_display::{Drawn, Resolution, Voronoi};
+use holo_display::{Frame, Resolution};
+use holo_driver_voronoi::Voronoi;
 use holo_picture::View;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
@@ -139,7 +140,7 @@ impl Stage {
         Voronoi::at_resolution(sections, Arc::clone(&self.raycaster), None, view, size, resolution)
     }
 
-    pub fn draw(&self, samples: &[(BeamId, Sample)]) -> Drawn {
+    pub fn draw(&self, samples: &[(BeamId, Sample)]) -> Frame {
         let mut canvas = self.empty();
         samples
             .iter()
@@ -177,9 +178,9 @@ impl Stage {
 }
 
 /// Largest and root mean square error of green.
-pub fn error(drawn: &Drawn, truth: &[[f32; 3]]) -> (f32, f32) {
+pub fn error(drawn: &Frame, truth: &[[f32; 3]]) -> (f32, f32) {
     let errors: Vec<f32> =
-        drawn.frame.picture.pixels.iter().zip(truth).map(|(a, b)| (a[1] - b[1]).abs()).collect();
+        drawn.picture.pixels.iter().zip(truth).map(|(a, b)| (a[1] - b[1]).abs()).collect();
     let square: f32 = errors.iter().map(|error| error * error).sum();
     (errors.iter().fold(0.0, |most, error| error.max(most)), (square / errors.len() as f32).sqrt())
 }
@@ -202,6 +203,6 @@ pub fn plate() -> Stage {
     Stage::new(&quads, vec![diffuse([0.2, 0.7, 0.2]), diffuse([0.1, 0.05, 0.6])])
 }
 
-pub fn bits(drawn: &Drawn) -> Vec<[u32; 3]> {
-    drawn.frame.picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+pub fn bits(drawn: &Frame) -> Vec<[u32; 3]> {
+    drawn.picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }

@@ -1,8 +1,7 @@
-//! What is seen where: silhouettes, colours, mirrors, the sky, portals.
+//! What is seen where: silhouettes, colours, mirrors, the sky.
 
 use crate::common::{self, section, view};
-use crate::stage::{Quad, SIZE, Stage, diffuse, error, even, plate, raycaster, shadow, wall};
-use holo_display::Voronoi;
+use crate::stage::{Quad, SIZE, Stage, diffuse, error, even, plate, shadow, wall};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material};
 use holo_section::ViewClass;
@@ -22,8 +21,7 @@ fn a_silhouette_is_exact_from_few_samples_and_nothing_bleeds_over_it() {
         let truth = truth[pixel][1];
         (truth - 0.05).abs() < 1e-6 || (truth - 0.7).abs() < 1e-6
     };
-    for (pixel, colour) in
-        drawn.frame.picture.pixels.iter().enumerate().filter(|&(pixel, _)| away(pixel))
+    for (pixel, colour) in drawn.picture.pixels.iter().enumerate().filter(|&(pixel, _)| away(pixel))
     {
         // A step of RGBE, of the brightest channel: 1 in 256 of the power of two above it.
         assert!((colour[1] - truth[pixel][1]).abs() < 1.0 / 256.0, "{pixel}: {colour:?}");
@@ -36,7 +34,7 @@ fn two_colours_in_one_plane_do_not_mix() {
     let stage = Stage::new(&quads, vec![diffuse([0.8, 0.8, 0.8]), diffuse([0.02, 0.02, 0.02])]);
     let drawn = stage.draw(&stage.samples(even, 4000, common::clean));
     let truth = stage.truth(even);
-    for (pixel, colour) in drawn.frame.picture.pixels.iter().enumerate() {
+    for (pixel, colour) in drawn.picture.pixels.iter().enumerate() {
         let expected = truth[pixel][1];
         let pure = (expected - 0.8).abs() < 1e-6 || (expected - 0.02).abs() < 1e-6;
         // RGBE's step is 1 in 128 of the value; means are nearer.
@@ -61,7 +59,7 @@ fn a_mirror_shows_what_lies_before_it_with_its_edges() {
     let truth = stage.truth(even);
     let seen = |value: f32| truth.iter().filter(|pixel| (pixel[1] - value).abs() < 1e-5).count();
     assert!(seen(0.48) > 500 && seen(0.08) > 500, "both are seen in the mirror");
-    for (pixel, (colour, truth)) in drawn.frame.picture.pixels.iter().zip(&truth).enumerate() {
+    for (pixel, (colour, truth)) in drawn.picture.pixels.iter().zip(&truth).enumerate() {
         let pure = (truth[1] - 0.48).abs() < 1e-5 || (truth[1] - 0.08).abs() < 1e-5;
         assert!(
             !pure || (colour[1] - truth[1]).abs() < 0.008 * truth[1],
@@ -98,7 +96,7 @@ fn a_curved_mirror_comes_to_show_what_its_own_samples_do() {
     let rms = |count: usize| {
         let drawn = stage.draw(&stage.samples(shadow, count, common::clean));
         let (mut sum, mut pixels) = (0.0, 0);
-        for (pixel, (colour, truth)) in drawn.frame.picture.pixels.iter().zip(&truth).enumerate() {
+        for (pixel, (colour, truth)) in drawn.picture.pixels.iter().zip(&truth).enumerate() {
             // The column, without its sides, where it is narrow and reflects at grazing angles.
             if (16..48).contains(&(pixel as u32 % SIZE.0)) {
                 sum += (colour[1] - truth[1]).powi(2);
@@ -120,62 +118,6 @@ fn what_meets_nothing_is_the_sky_exactly() {
     stage.raycaster = Arc::new(Raycaster::build(Arc::new(scene)).unwrap());
     stage.view = view([0.5, 2.03, 2.01], [-8.0, 2.1, 2.05], 50.0, SIZE);
     let drawn = stage.draw(&stage.samples(even, 1000, common::clean));
-    assert!(drawn.frame.picture.pixels.iter().all(|pixel| *pixel == [0.25, 0.5, 1.0]));
-    assert!(drawn.frame.depth.iter().all(|&depth| depth == f32::INFINITY));
-}
-
-#[test]
-fn what_is_seen_through_a_portal_is_drawn_by_its_samples_and_all_else_is_as_without() {
-    // A wall with a doorway, and the room behind it, of which the stand-in has nothing.
-    let front = [wall(2.5, [0.0, 0.0], [1.4, 4.0], 0), wall(2.5, [2.6, 0.0], [4.0, 4.0], 0)];
-    let all: Vec<Quad> = front.into_iter().chain([wall(3.9, [0.0, 0.0], [4.0, 4.0], 1)]).collect();
-    let materials = || vec![diffuse([0.8; 3]), diffuse([0.3, 0.5, 0.7])];
-    let (full, standing) = (Stage::new(&all, materials()), Stage::new(&front, materials()));
-    let portal = raycaster(&[wall(2.5, [1.4, 0.0], [2.6, 4.0], 0)], materials());
-    let samples = full.samples(even, 60_000, common::clean);
-    let draw = |raycaster: &Arc<Raycaster>, portals: Option<&Arc<Raycaster>>| {
-        let sections = Arc::from([full.section.clone()]);
-        let mut canvas = Voronoi::through_portals(
-            sections,
-            Arc::clone(raycaster),
-            portals.map(Arc::clone),
-            full.view,
-            SIZE,
-        );
-        samples
-            .iter()
-            .for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
-        canvas.draw().frame
-    };
-    let (through, blind) =
-        (draw(&standing.raycaster, Some(&portal)), draw(&standing.raycaster, None));
-    let truth = full.truth(even);
-    let (mut seen, mut other) = (0, 0);
-    for (pixel, truth) in truth.iter().enumerate() {
-        let (x, y) = (pixel as u32 % SIZE.0, pixel as u32 / SIZE.0);
-        // Where a ray through the doorway's plane passes, in units of its width; next to its sides pixels are mixed.
-        let (eye, along) =
-            full.view.ray((f64::from(x) + 0.5) / 64.0, 1.0 - (f64::from(y) + 0.5) / 48.0);
-        let across = (eye + along * ((2.5 - eye.x) / along.x)).y;
-        let off = ((across - 1.4).abs()).min((across - 2.6).abs());
-        if off < 0.1 {
-            continue;
-        }
-        let (drawn, without) = (through.picture.pixels[pixel], blind.picture.pixels[pixel]);
-        if (1.4..2.6).contains(&across) {
-            seen += 1;
-            assert_eq!(without, [0.0; 3], "{x} {y}");
-            // RGBE's dither is 0.4 % of the largest channel.
-            let near =
-                (0..3).all(|channel| (drawn[channel] - truth[channel]).abs() < 0.01 * truth[2]);
-            assert!(near, "{x} {y}: {drawn:?}, {truth:?}");
-        } else {
-            other += 1;
-            assert_eq!(drawn, without, "{x} {y}");
-        }
-    }
-    assert!(seen > 500 && other > 500, "{seen} {other}");
-    // A portal that stands behind a wall hides nothing.
-    let hidden = raycaster(&[wall(3.0, [3.0, 0.0], [4.0, 4.0], 0)], materials());
-    assert!(draw(&standing.raycaster, Some(&hidden)).picture.pixels == blind.picture.pixels);
+    assert!(drawn.picture.pixels.iter().all(|pixel| *pixel == [0.25, 0.5, 1.0]));
+    assert!(drawn.depth.iter().all(|&depth| depth == f32::INFINITY));
 }

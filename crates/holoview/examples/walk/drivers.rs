@@ -1,11 +1,14 @@
 //! The drivers behind one face: a view in, rays wanted out; samples in, a picture out.
 
 use glam::DVec3;
-use holo_display::frameless::{Frameless, PixelTag};
-use holo_display::pointimage::{
+use holo_display::{DriverError, LiveSample, Look, Resolution, SelectOptions};
+use holo_driver_quadtree::QuadtreeDriver;
+use holo_driver_rendercache::frameless::{Frameless, PixelTag};
+use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stages, Tag,
 };
-use holo_display::{LiveSample, Quadtree, QuadtreeParams, SelectOptions, Voronoi};
+use holo_driver_voronoi::{StandIns, VoronoiDriver};
+use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, LineHit, Section};
@@ -45,8 +48,6 @@ pub enum Driver {
 /// What draws stored samples.
 pub enum Draws {
     Quadtree,
-    /// Drafts, as displays show them while the camera moves.
-    Draft,
     Voronoi(Arc<Raycaster>),
 }
 
@@ -114,7 +115,6 @@ impl Driver {
                 Ok(Self::Frameless(Box::new(Frameless::new(making.size, making.first, 1)?)))
             }
             "quadtree" => Ok(Self::Stored { stored: stored(), draws: Draws::Quadtree }),
-            "quadtree-draft" => Ok(Self::Stored { stored: stored(), draws: Draws::Draft }),
             "voronoi" => Ok(Self::Stored {
                 stored: stored(),
                 draws: Draws::Voronoi(Arc::clone(making.raycaster)),
@@ -130,7 +130,7 @@ impl Driver {
         predicted: View,
         wanted: usize,
         shown: bool,
-    ) -> (Vec<Wanted>, Option<Picture>) {
+    ) -> Result<(Vec<Wanted>, Option<Picture>), DriverError> {
         match self {
             Self::Points(cache, samples) => {
                 let frame =
@@ -142,7 +142,7 @@ impl Driver {
                     direction,
                     purpose: Purpose::Point(tag),
                 });
-                (rays.collect(), picture)
+                Ok((rays.collect(), picture))
             }
             Self::Frameless(driver) => {
                 driver.look(view);
@@ -153,22 +153,15 @@ impl Driver {
                     direction,
                     purpose: Purpose::Pixel(tag),
                 });
-                (rays.collect(), picture)
+                Ok((rays.collect(), picture))
             }
             Self::Stored { stored, draws } => {
-                let size = crate::SIZE;
-                let picture = shown.then(|| match draws {
-                    Draws::Quadtree => stored.quadtree(view, size, |tree| tree.draw().picture),
-                    Draws::Draft => {
-                        stored.quadtree(view, size, |tree| tree.draft().picture.clone())
-                    }
-                    Draws::Voronoi(raycaster) => stored.voronoi(raycaster, view, size),
-                });
+                let picture = shown.then(|| stored.draw(draws, view)).transpose()?;
                 if stored.live_view != predicted {
                     stored.live.clear();
                     stored.live_view = predicted;
                 }
-                ((0..wanted).map(|_| stored.wanted(&predicted)).collect(), picture)
+                Ok(((0..wanted).map(|_| stored.wanted(&predicted)).collect(), picture))
             }
         }
     }
@@ -219,33 +212,25 @@ impl Driver {
 }
 
 impl Stored {
-    fn quadtree(
-        &self,
-        view: View,
-        size: (u32, u32),
-        draw: fn(&mut Quadtree) -> Picture,
-    ) -> Picture {
-        let params = QuadtreeParams { sky: self.sky, ..QuadtreeParams::default() };
-        let mut driver = Quadtree::new(Arc::clone(&self.sections), view, size, params);
+    /// Draws a view with a new driver of a session.
+    fn draw(&self, draws: &Draws, view: View) -> Result<Picture, DriverError> {
+        let (sections, sky) = (Arc::clone(&self.sections), self.sky);
+        let mut driver: Box<dyn holo_display::Driver> = match draws {
+            Draws::Quadtree => Box::new(QuadtreeDriver::new(sections, sky)),
+            Draws::Voronoi(raycaster) => Box::new(VoronoiDriver::new(
+                Arc::clone(&sections),
+                Arc::clone(raycaster),
+                Arc::new(Store::new(1e-3)),
+                StandIns::default(),
+                Arc::new(move || Box::new(QuadtreeDriver::new(Arc::clone(&sections), sky))),
+            )),
+        };
+        driver.look(&Look { view, size: crate::SIZE, resolution: Resolution::Full })?;
         for (section, beam, samples) in self.beams() {
             driver.insert(section, beam, self.paths, &samples);
         }
-        let covered = draw(&mut driver);
-        let mut live = Quadtree::of_live_rays(view, size, params);
-        live.insert_live(self.paths, self.live_of(&view));
-        with_live(covered, &driver.uncovered(), &draw(&mut live))
-    }
-
-    fn voronoi(&self, raycaster: &Arc<Raycaster>, view: View, size: (u32, u32)) -> Picture {
-        let mut driver =
-            Voronoi::new(Arc::clone(&self.sections), Arc::clone(raycaster), view, size);
-        for (section, beam, samples) in self.beams() {
-            driver.insert(section, beam, self.paths, &samples);
-        }
-        let covered = driver.draw().frame.picture;
-        let mut live = driver.copied();
-        live.insert_live(self.paths, self.live_of(&view));
-        with_live(covered, &driver.uncovered(), &live.draw().frame.picture)
+        driver.insert_live(self.paths, self.live_of(&view));
+        Ok(driver.draw(&mut |_| {}).picture)
     }
 
     /// Live rays of a view.
@@ -316,12 +301,4 @@ impl Stored {
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         z ^ (z >> 31)
     }
-}
-
-/// A picture whose uncovered pixels are those of another, of live rays.
-fn with_live(mut covered: Picture, uncovered: &[u32], live: &Picture) -> Picture {
-    for &pixel in uncovered {
-        covered.pixels[pixel as usize] = live.pixels[pixel as usize];
-    }
-    covered
 }

@@ -1,6 +1,6 @@
 //! What the render cache can be told: options, and the parts of it that are switched.
 
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, builder::PossibleValuesParser};
 use holo_driver_rendercache::{EmptyPixels, PointImageParams, SETTINGS, Smoothing, Stages};
 
 /// Samples that a point averages while the view moves. The driver's own default is for renderers without noise; one path a sample is
@@ -23,8 +23,9 @@ pub struct PointArgs {
     #[arg(long, value_enum, value_name = "WHAT", default_value_t, help_heading = HEADING)]
     pub empty_pixels: EmptyArg,
     /// Leave out parts of the method, such as `prediction,dither`
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,…", help_heading = HEADING)]
-    pub without: Vec<Part>,
+    #[arg(long, value_delimiter = ',', value_name = "PART,…", help_heading = HEADING,
+        value_parser = PossibleValuesParser::new(Stages::NAMES))]
+    pub without: Vec<String>,
     /// Set numbers of the method, such as `prefilter-window=9,cull-threshold=0.2`
     #[arg(long, value_name = "NAME=NUMBER,…", value_delimiter = ',', value_parser = parse_number, help_heading = HEADING,
         long_help = numbers_help())]
@@ -82,48 +83,14 @@ pub enum EmptyArg {
     Black,
 }
 
-/// A part of the render cache that can be left out; see [`Stages`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Part {
-    /// Samples grow older with every new one
-    Ageing,
-    /// The oldest samples leave
-    Eviction,
-    /// Rays for where the view is about to turn
-    Prediction,
-    /// Removal of samples that show through nearer surfaces
-    DepthCull,
-    /// Gaps filled from 7×7 pixels (`--numbers prefilter-window=7`)
-    Prefilter,
-    /// Gaps filled from 3×3 pixels
-    Interpolation,
-    /// Rays where they are wanted most
-    Dither,
-    /// New samples compared and averaged with the old one of their pixel
-    Resampling,
-}
-
-impl Part {
-    /// Where it is switched.
-    pub fn of(self, stages: &mut Stages) -> &mut bool {
-        match self {
-            Part::Ageing => &mut stages.ageing,
-            Part::Eviction => &mut stages.eviction,
-            Part::Prediction => &mut stages.prediction,
-            Part::DepthCull => &mut stages.depth_cull,
-            Part::Prefilter => &mut stages.prefilter,
-            Part::Interpolation => &mut stages.interpolation,
-            Part::Dither => &mut stages.dither,
-            Part::Resampling => &mut stages.resampling,
-        }
-    }
-}
-
 impl PointArgs {
     /// For the driver.
     pub fn params(&self) -> PointImageParams {
         let mut stages = Stages::ALL;
-        self.without.iter().for_each(|part| *part.of(&mut stages) = false);
+        for part in &self.without {
+            // The parser takes no other names.
+            stages.switch(part, false);
+        }
         let smoothing = match self.smoothing {
             SmoothingArg::Everywhere => Smoothing::Everywhere,
             SmoothingArg::Old => Smoothing::WhereOld,
