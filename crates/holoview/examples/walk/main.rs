@@ -129,7 +129,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         for frame in arguments.frames.0..end {
             let number = judged.iter().position(|&judged| judged == frame);
             let (view, next) = (walk.view(frame, SIZE)?, walk.view(frame + 1, SIZE)?);
-            let (rays, picture) = driver.frame(view, next, wanted, number.is_some());
+            let (rays, picture) = driver.frame(view, next, wanted, number.is_some())?;
             if let Some((number, picture)) = number.zip(picture) {
                 likeness.push(measure::likeness(&picture, &truths[number])?);
                 if number.is_multiple_of(apart) {
