@@ -4,10 +4,9 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use glam::DVec3;
-use holo_display::{Frame, Quadtree, QuadtreeParams, SelectOptions, select_beams};
+use holo_display::{Frame, SelectOptions, select_beams};
 use holo_picture::View;
 use holo_section::{BeamId, RayCoords, Sample, Section, SectionSpec, ViewClass};
-use std::sync::Arc;
 
 /// SplitMix64.
 pub struct Random(pub u64);
@@ -228,25 +227,6 @@ pub fn batch_samples(
         }
     }
     stored
-}
-
-/// A quadtree of one section with these samples.
-pub fn quadtree(
-    section: &Section,
-    view: &View,
-    size: (u32, u32),
-    params: QuadtreeParams,
-    stored: &[Stored],
-) -> Quadtree {
-    let mut quadtree = Quadtree::new(Arc::from([section.clone()]), *view, size, params);
-    insert(&mut quadtree, stored);
-    quadtree
-}
-
-pub fn insert(quadtree: &mut Quadtree, stored: &[Stored]) {
-    for (beam, sample) in stored {
-        quadtree.insert(0, *beam, 1, std::slice::from_ref(sample));
-    }
 }
 
 /// Mean square error over the mean square of the reference.
