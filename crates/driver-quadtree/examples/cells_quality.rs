@@ -1,4 +1,4 @@
-//! Cells and the quadtree on the same samples, without a scene: `cargo run --release -p holo-display --example cells_quality`.
+//! Cells and the quadtree on the same samples, without a scene: `cargo run --release -p holo-driver-quadtree --example cells_quality`.
 //!
 //! For each kind of samples of a room that is known in closed form: the error of each driver's picture (display PSNR as `holodeck compare`
 //! has it, dB), and how long a whole picture takes on one core.
@@ -7,7 +7,7 @@
 mod common;
 
 use common::*;
-use holo_display::{Cells, CellsParams, Filling, QuadtreeParams};
+use holo_driver_quadtree::{Cells, Filling, QuadtreeParams};
 use holo_picture::Picture;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

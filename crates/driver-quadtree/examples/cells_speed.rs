@@ -1,4 +1,4 @@
-//! Times the driver of cells on one core, 512 × 512 pixels with 200,000 samples: `cargo run --release -p holo-display --example cells_speed`.
+//! Times the driver of cells on one core, 512 × 512 pixels with 200,000 samples: `cargo run --release -p holo-driver-quadtree --example cells_speed`.
 //!
 //! For each kind of samples, beside the quadtree: insertions, and whole pictures. On Linux `taskset -c 0` keeps it to one core.
 
@@ -6,7 +6,7 @@
 mod common;
 
 use common::*;
-use holo_display::{Cells, CellsParams, Filling, QuadtreeParams};
+use holo_driver_quadtree::{Cells, Filling, QuadtreeParams};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

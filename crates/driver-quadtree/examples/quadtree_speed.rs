@@ -1,4 +1,4 @@
-//! Times the quadtree driver: `cargo run --release -p holo-display --example quadtree_speed`, on one core alone behind `taskset -c 0`.
+//! Times the quadtree driver: `cargo run --release -p holo-driver-quadtree --example quadtree_speed`, on one core alone behind `taskset -c 0`.
 //!
 //! For each kind of samples: a new quadtree, insertions into it and into one whose memory has been used, the first pictures of either, a draft
 //! and a whole one, one of a burst after 50,000 more samples, one after so many when 33 ms are over, one after a hundred, and those at rest. Of each
@@ -9,7 +9,8 @@
 mod common;
 
 use common::*;
-use holo_display::{Quadtree, QuadtreeParams, SelectOptions, select_beams};
+use holo_display::{SelectOptions, select_beams};
+use holo_driver_quadtree::{Quadtree, QuadtreeParams};
 use holo_section::{BeamId, Sample};
 use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;

@@ -1,80 +1,70 @@
-//! How far away what a picture shows is, without drawing it.
+//! Distances of what a picture shows, without drawing it.
 //!
-//! A drawing averages colours over leaves of the size that their noise asks for; depths need no more than which surface a leaf
-//! shows, by the counts of its samples.
+//! A drawing averages colours over leaves as large as their noise asks. Depths need to know only
+//! which surface a leaf shows, by the counts of its samples.
 //!
 //! Invariant: depths are a function of the set of samples, as the picture is.
 
-use super::bins::{FAR, bin_distance};
-use super::sums::Summed;
-use super::surface::{Bins, adjacent, gap_allowed};
-use super::{Quadtree, SEEN_SHARE};
+use crate::Quadtree;
+use crate::bins::{FAR, bin_distance};
+use crate::shown::SEEN_SHARE;
+use crate::sums::Sums;
+use crate::surface::{Bins, adjacent, gap_allowed};
 
-/// Doublings from a pixel to the leaves whose depths are looked at: 4 × 4 pixels.
+/// Level of the smallest leaves whose depths are looked at: 4 × 4 pixels.
 const LEVEL: usize = 2;
+/// Their side in pixels.
+const SIDE: usize = 1 << LEVEL;
 
-/// One surface in a leaf: its first and last depth bin, and its samples.
+/// One surface in a leaf: its depth bins and its number of samples.
 #[derive(Clone, Copy)]
 struct Part {
     bins: Bins,
     count: u32,
 }
 
-/// All leaves of one size.
+/// All leaves of one size, row by row.
 struct Leaves {
     width: usize,
     height: usize,
-    /// Where each leaf's surfaces begin, and one more for the end.
-    first: Vec<u32>,
-    parts: Vec<Part>,
-    are_all_filled: bool,
+    leaves: Vec<Vec<Part>>,
 }
 
 impl Leaves {
-    /// Leaves of `width` × `height`, of what `gather` adds for a column and row.
+    /// Makes the leaves of a level. `gather` adds the parts in a column and row, in any order.
     fn new(
         level: usize,
-        width: usize,
-        height: usize,
-        mut gather: impl FnMut(usize, usize, &mut Vec<Part>),
+        (width, height): (usize, usize),
+        gather: impl Fn(usize, usize, &mut Vec<Part>),
     ) -> Self {
-        let mut first = Vec::with_capacity(width * height + 1);
-        first.push(0);
-        let mut leaves = Self { width, height, first, parts: Vec::new(), are_all_filled: true };
-        let (gap, mut found) = (gap_allowed(level), Vec::new());
-        for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column)))
-        {
-            found.clear();
-            gather(column, row, &mut found);
-            found.sort_unstable_by_key(|part: &Part| (part.bins.first, part.bins.last));
-            let start = leaves.parts.len();
-            for part in &found {
-                match leaves.parts[start..].last_mut() {
-                    Some(open) if adjacent(open.bins.last, part.bins.first, gap) => {
-                        open.bins.last = open.bins.last.max(part.bins.last);
-                        open.count = open.count.saturating_add(part.count);
-                    }
-                    _ => leaves.parts.push(*part),
+        let leaf = |index: usize| {
+            let mut parts = Vec::new();
+            gather(index % width, index / width, &mut parts);
+            parts.sort_unstable_by_key(|part: &Part| (part.bins.first, part.bins.last));
+            parts.dedup_by(|part, open| {
+                let is_same = adjacent(open.bins.last, part.bins.first, gap_allowed(level));
+                if is_same {
+                    open.bins.last = open.bins.last.max(part.bins.last);
+                    open.count = open.count.saturating_add(part.count);
                 }
-            }
-            leaves.are_all_filled &= !found.is_empty();
-            leaves.first.push(leaves.parts.len() as u32);
-        }
-        leaves
+                is_same
+            });
+            parts
+        };
+        Self { width, height, leaves: (0..width * height).map(leaf).collect() }
     }
 
     fn leaf(&self, column: usize, row: usize) -> &[Part] {
-        let index = row * self.width + column;
-        &self.parts[self.first[index] as usize..self.first[index + 1] as usize]
+        &self.leaves[row * self.width + column]
     }
 
-    /// Leaves of twice the side.
-    fn parent(&self, level: usize) -> Self {
-        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
-        Self::new(level, width, height, |column, row, found| {
+    /// Returns the leaves of twice the side, of a level.
+    fn parents(&self, level: usize) -> Self {
+        let size = (self.width.div_ceil(2), self.height.div_ceil(2));
+        Self::new(level, size, |column, row, parts| {
             for row in 2 * row..(2 * row + 2).min(self.height) {
                 for column in 2 * column..(2 * column + 2).min(self.width) {
-                    found.extend_from_slice(self.leaf(column, row));
+                    parts.extend_from_slice(self.leaf(column, row));
                 }
             }
         })
@@ -82,54 +72,50 @@ impl Leaves {
 }
 
 impl Quadtree {
-    /// Distances from the eye of what is shown, one for each square of 4 × 4 pixels in which anything is, with the pixel
-    /// in its middle: as a drawing has them but for the finest detail, in a small part of its time.
-    pub(super) fn depths(&self) -> impl Iterator<Item = (u32, u32, f32)> {
+    /// Returns distances from the eye of what is shown, each with the column and row of its pixel:
+    /// one for each square of 4 × 4 pixels in which anything is known.
+    pub(crate) fn depths(&self) -> Vec<(usize, usize, f32)> {
+        let levels = self.depth_leaves();
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
-        let side = 1 << LEVEL;
-        let finest =
-            Leaves::new(
-                LEVEL,
-                width.div_ceil(side),
-                height.div_ceil(side),
-                |column, row, found| {
-                    for row in side * row..(side * row + side).min(height) {
-                        for pixel in row * width + side * column
-                            ..row * width + (side * column + side).min(width)
-                        {
-                            let bins = self.narrow.of(pixel).chain(self.wide.of(pixel));
-                            found.extend(bins.map(|(bin, sums)| Part {
-                                bins: Bins::of(bin),
-                                count: sums.count(),
-                            }));
-                        }
-                    }
-                },
-            );
-        let (columns, rows) = (finest.width, finest.height);
-        let mut levels = vec![finest];
-        // Larger leaves are for where smaller ones are empty.
-        while let Some(last) =
-            levels.last().filter(|last| !last.are_all_filled && last.width.max(last.height) > 1)
-        {
-            levels.push(last.parent(LEVEL + levels.len()));
-        }
-        let squares = (0..rows).flat_map(move |row| (0..columns).map(move |column| (column, row)));
-        squares.filter_map(move |(column, row)| {
-            let middle = |at: usize, size: usize| (side * at + side / 2).min(size - 1);
+        let unseen = self.unseen_pixels();
+        let depth = |square: usize| {
+            let (column, row) = (square % levels[0].width, square / levels[0].width);
+            let middle = |at: usize, size: usize| (SIDE * at + SIDE / 2).min(size - 1);
             let (x, y) = (middle(column, width), middle(row, height));
             let pixel = y * width + x;
-            if !self.covered[pixel] || self.sees_nothing(pixel) {
+            if !self.covered[pixel] || unseen.get(pixel) == Some(&true) {
                 return None;
             }
-            let (level, leaves) = levels
-                .iter()
-                .enumerate()
-                .find(|(up, level)| !level.leaf(column >> up, row >> up).is_empty())?;
-            let leaf = leaves.leaf(column >> level, row >> level);
+            let leaves = levels.iter().enumerate();
+            let mut leaves = leaves.map(|(up, level)| level.leaf(column >> up, row >> up));
+            let leaf = leaves.find(|leaf| !leaf.is_empty())?;
             let all: f32 = leaf.iter().map(|part| part.count as f32).sum();
             let seen = leaf.iter().find(|part| part.count as f32 >= SEEN_SHARE * all)?;
-            (seen.bins.first < FAR).then(|| (x as u32, y as u32, bin_distance(seen.bins.first)))
-        })
+            (seen.bins.first < FAR).then(|| (x, y, bin_distance(seen.bins.first)))
+        };
+        (0..levels[0].leaves.len()).filter_map(depth).collect()
+    }
+
+    /// Returns leaves of 4 × 4 pixels, and larger ones as long as some leaf is empty.
+    fn depth_leaves(&self) -> Vec<Leaves> {
+        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
+        let size = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        let mut levels = vec![Leaves::new(LEVEL, size, |column, row, parts| {
+            for row in SIDE * row..(SIDE * row + SIDE).min(height) {
+                for column in SIDE * column..(SIDE * column + SIDE).min(width) {
+                    let part =
+                        |(bin, sums): (u16, &Sums)| Part { bins: Bins::of(bin), count: sums.count };
+                    parts.extend(self.bins(row * width + column).map(part));
+                }
+            }
+        })];
+        let is_incomplete = |level: &&Leaves| {
+            level.width.max(level.height) > 1 && level.leaves.iter().any(Vec::is_empty)
+        };
+        while let Some(last) = levels.last().filter(is_incomplete) {
+            let parents = last.parents(LEVEL + levels.len());
+            levels.push(parents);
+        }
+        levels
     }
 }

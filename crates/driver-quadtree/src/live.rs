@@ -1,69 +1,56 @@
-//! A picture of rays that were traced for it, in place of samples of sections: pixels that no section covers.
+//! Pixels that no section covers, drawn from rays of the view itself.
 //!
-//! Invariant: as in every quadtree, rays are summed, so that their order changes no bit.
+//! Invariant: covered pixels take nothing from live rays, so a replay of the file shows them as the
+//! session does.
 
-use super::bins::{FAR, depth_bin};
-use super::reproject::FULL_WEIGHT;
-use super::sums::{Colour, NEAR_CLASSES};
-use super::{MAX_PATHS, Quadtree, QuadtreeParams};
-use holo_display::LiveSample;
+use crate::bins::{FAR, depth_bin};
+use crate::reproject::FULL_WEIGHT;
+use crate::sums::{Colour, NEAR_CLASSES};
+use crate::tree::{MAX_PATHS, Quadtree, QuadtreeParams};
+use holo_display::{Frame, LiveSample};
 use holo_picture::View;
 use std::sync::Arc;
 
-impl Quadtree {
-    /// An empty picture without sections: of live rays alone, which may show any of its pixels.
-    pub fn of_live_rays(view: View, size: (u32, u32), params: QuadtreeParams) -> Self {
-        let mut tree = Self::new(Arc::new([]), view, size, params);
+/// A picture of live rays alone, and the pixels that show it.
+pub(crate) struct Overlay {
+    pixels: Vec<u32>,
+    tree: Quadtree,
+}
+
+impl Overlay {
+    /// Returns an overlay without rays for some pixels of a picture of `size`.
+    pub fn new(pixels: Vec<u32>, view: View, size: (u32, u32)) -> Self {
+        let mut tree = Quadtree::new(Arc::new([]), view, size, QuadtreeParams::default());
         tree.covered.fill(true);
-        tree.uncovered_pixels = 0;
-        tree
+        Self { pixels, tree }
     }
 
-    /// Adds rays of the view itself, each the mean of `paths` paths.
-    pub fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
+    /// Adds rays of the view, each the mean of `paths` paths.
+    pub fn insert(&mut self, paths: u16, rays: &[LiveSample]) {
         let weight = FULL_WEIGHT * u32::from(paths.clamp(1, MAX_PATHS));
-        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
+        let tree = &mut self.tree;
+        let (width, height) = (f64::from(tree.size.0), f64::from(tree.size.1));
         for ray in rays {
-            let (point, _) = ray.place(&self.camera);
-            let Some((x, y)) = self.camera.project(point) else { continue };
+            let (point, _) = ray.place(&tree.camera);
+            let Some((x, y)) = tree.camera.project(point) else { continue };
             // Also refuses NaN.
-            if !(x >= 0.0 && x < width as f64 && y >= 0.0 && y < height as f64) {
+            if !(x >= 0.0 && x < width && y >= 0.0 && y < height) {
                 continue;
             }
-            let eye = self.camera.eye_of(point);
-            let bin = if ray.distance.is_finite() {
-                depth_bin((point - eye).length_squared())
-            } else {
-                FAR
-            };
-            let pixel = y as usize * width + x as usize;
-            self.narrow.add(
-                pixel,
-                bin,
-                &Colour::from_rgbe(ray.rgbe()),
-                weight,
-                Some(NEAR_CLASSES - 1),
-            );
-            self.changes += 1;
-            if self.drawing.as_mut().is_some_and(|drawing| !drawing.has_landed([pixel].into_iter()))
-            {
-                self.give_up_drawing();
-            }
+            let distance_squared = (point - tree.camera.eye_of(point)).length_squared();
+            let bin = if ray.distance.is_finite() { depth_bin(distance_squared) } else { FAR };
+            let pixel = y as usize * tree.size.0 as usize + x as usize;
+            let colour = Colour::from_rgbe(ray.rgbe());
+            tree.aligned.add(pixel, bin, &colour, weight, Some(NEAR_CLASSES - 1));
         }
     }
 
-    /// The pixels that look somewhere and that no section covers, by their number, row by row from the top.
-    pub fn uncovered(&self) -> Vec<u32> {
-        let (width, _) = self.size;
-        let looks = |pixel: &u32| {
-            let (x, y) = View::pixel_centre(self.size, pixel % width, pixel / width);
-            self.view.try_ray(x, y).is_some()
-        };
-        (0..)
-            .zip(&self.covered)
-            .filter(|(_, covered)| !**covered)
-            .map(|(pixel, _)| pixel)
-            .filter(looks)
-            .collect()
+    /// Draws the pixels over those of a frame.
+    pub fn paint(&self, frame: &mut Frame) {
+        let drawn = self.tree.draw();
+        for pixel in self.pixels.iter().map(|&pixel| pixel as usize) {
+            frame.picture.pixels[pixel] = drawn.picture.pixels[pixel];
+            frame.depth[pixel] = drawn.depth[pixel];
+        }
     }
 }

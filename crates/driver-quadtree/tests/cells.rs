@@ -6,9 +6,8 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::{
-    Cells, CellsParams, Filling, Frame, QuadtreeParams, SelectOptions, select_beams,
-};
+use holo_display::{Frame, SelectOptions, select_beams};
+use holo_driver_quadtree::{Cells, Filling, QuadtreeParams};
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_section::{BeamId, RayCoords, Sample, Section};
 use proptest::prelude::*;

@@ -4,7 +4,7 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::{LeafSize, QuadtreeParams};
+use holo_driver_quadtree::{LeafSize, QuadtreeParams};
 use holo_picture::View;
 use holo_section::Section;
 

@@ -3,7 +3,8 @@
 mod common;
 
 use common::*;
-use holo_display::{Frame, Quadtree, QuadtreeParams};
+use holo_display::Frame;
+use holo_driver_quadtree::{Quadtree, QuadtreeParams};
 use holo_section::{BeamId, RayCoords, Sample};
 use proptest::prelude::*;
 use std::sync::Arc;

@@ -4,7 +4,8 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::{Quadtree, QuadtreeParams, viewpoint_radius};
+use holo_display::viewpoint_radius;
+use holo_driver_quadtree::{Quadtree, QuadtreeParams};
 use holo_picture::View;
 use holo_section::{Sample, Section, SectionSpec, ViewClass};
 use std::sync::Arc;
@@ -76,8 +77,10 @@ fn reprojected_samples_land_where_the_view_sees_their_surface() {
         if !(inside(x * f64::from(SIZE.0)) && inside(y * f64::from(SIZE.1))) {
             continue;
         }
-        let params =
-            QuadtreeParams { leaf: holo_display::LeafSize::Fixed(0), ..QuadtreeParams::default() };
+        let params = QuadtreeParams {
+            leaf: holo_driver_quadtree::LeafSize::Fixed(0),
+            ..QuadtreeParams::default()
+        };
         let mut tree = Quadtree::new(Arc::from([section.clone()]), seen, SIZE, params);
         tree.insert(0, section.beam(hit.pair), 1, &[sample]);
         let frame = tree.draw();

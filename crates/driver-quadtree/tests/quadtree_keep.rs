@@ -6,7 +6,8 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::{Quadtree, QuadtreeParams, REFETCH_DEGREES};
+use holo_display::REFETCH_DEGREES;
+use holo_driver_quadtree::{Quadtree, QuadtreeParams};
 use holo_picture::View;
 use std::sync::Arc;
 

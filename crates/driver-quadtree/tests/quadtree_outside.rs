@@ -6,7 +6,7 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::{Quadtree, QuadtreeParams};
+use holo_driver_quadtree::{Quadtree, QuadtreeParams};
 use holo_section::{Section, ViewClass};
 use std::sync::Arc;
 

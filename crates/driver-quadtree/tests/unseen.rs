@@ -3,7 +3,8 @@
 mod common;
 
 use common::*;
-use holo_display::{Frame, LeafSize, Quadtree, QuadtreeParams, SelectOptions, select_beams};
+use holo_display::{Frame, SelectOptions, select_beams};
+use holo_driver_quadtree::{LeafSize, Quadtree, QuadtreeParams};
 use holo_section::BeamId;
 use std::collections::HashSet;
 use std::sync::Arc;

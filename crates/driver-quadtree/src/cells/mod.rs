@@ -29,20 +29,16 @@ mod squares;
 mod step;
 
 use crate::pixels::{Known, bin_of};
-use crate::{Frame, Quadtree, QuadtreeParams};
+use crate::{Quadtree, QuadtreeParams};
 use fill::{NEIGHBOURS, Seen, between};
+use holo_display::Frame;
 use holo_picture::View;
 use holo_section::{BeamId, Sample, Section, rgbe};
 use nearest::Points;
 use radius::Radii;
 use sites::{Site, Sites};
 use std::sync::Arc;
-use std::time::Duration;
 use step::Steps;
-
-/// New samples after which a picture of constant cells is drawn (Larson & Simmons 1999, appendix B), and time after which it is with fewer.
-const BURST_SAMPLES: u64 = 50_000;
-const BURST_TIME: Duration = Duration::from_millis(33);
 
 /// What a cell shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,62 +52,37 @@ pub enum Filling {
     Constant,
 }
 
-/// Settings of [`Cells`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CellsParams {
-    /// What a cell shows.
-    pub filling: Filling,
-    /// How samples are summed, and what is shown of pixels that have some.
-    pub tree: QuadtreeParams,
-}
-
 /// The driver of cells: samples in, pictures out.
 pub struct Cells {
     tree: Quadtree,
     sites: Sites,
     filling: Filling,
-    /// The last picture that [`redraw`](Self::redraw) gave.
-    frame: Option<Frame>,
 }
 
 impl Cells {
-    /// An empty picture of `size` pixels, as from [`View::resolve`], which bounds it: memory is in proportion.
+    /// Returns empty cells for a picture of `size` pixels, as from [`View::resolve`], which bounds
+    /// it: memory is in proportion. `params` says how samples are summed, and what pixels with
+    /// samples show.
     pub fn new(
         sections: Arc<[Section]>,
         view: View,
         size: (u32, u32),
-        params: CellsParams,
+        filling: Filling,
+        params: QuadtreeParams,
     ) -> Self {
         Self {
-            tree: Quadtree::new(sections, view, size, params.tree),
+            tree: Quadtree::new(sections, view, size, params),
             sites: Sites::new(size.0 as usize * size.1 as usize),
-            filling: params.filling,
-            frame: None,
+            filling,
         }
-    }
-
-    /// Forgets all samples and unseen beams and takes another view of the same size.
-    pub fn reset(&mut self, view: View) {
-        self.tree.reset(view);
-        self.sites.clear();
-        self.frame = None;
-    }
-
-    /// As [`Quadtree::look`].
-    pub fn look(&mut self, view: View) -> bool {
-        self.sites.clear();
-        self.frame = None;
-        let sites = &mut self.sites;
-        self.tree.look_and_tell(view, &mut |pixel, landing, rgbe| {
-            sites.add(pixel, Site::new(landing, rgbe))
-        })
     }
 
     /// As [`Quadtree::insert`].
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
         let sites = &mut self.sites;
-        let tell = &mut |pixel, landing: &_, rgbe| sites.add(pixel, Site::new(landing, rgbe));
-        self.tree.insert_and_tell(section, beam, paths, samples, tell);
+        self.tree.insert_and_tell(section, beam, paths, samples, |pixel, landing, rgbe| {
+            sites.add(pixel, Site::new(landing, rgbe));
+        });
     }
 
     /// As [`Quadtree::insert_unseen`].
@@ -119,41 +90,17 @@ impl Cells {
         self.tree.insert_unseen(section, beam);
     }
 
-    /// The sums of the samples: where they are, and which others are of use to the view ([`Quadtree::surface_beams`]).
+    /// Returns the sums of the samples.
     pub fn quadtree(&self) -> &Quadtree {
         &self.tree
     }
 
-    /// The view shown.
-    pub fn view(&self) -> &View {
-        self.tree.view()
-    }
-
-    /// The picture of all samples so far.
+    /// Draws the picture of all samples so far.
     pub fn draw(&self) -> Frame {
         match self.filling {
             Filling::Smooth => self.filled(self.tree.draw()),
             Filling::Constant => self.constant(),
         }
-    }
-
-    /// The picture, when it is time to draw it, as [`Quadtree::redraw`] says; `None` while nothing changes.
-    pub fn redraw(&mut self, since: Duration) -> Option<&Frame> {
-        let drawn = match self.filling {
-            Filling::Smooth => {
-                let drawn = self.tree.redraw(since)?.clone();
-                self.filled(drawn)
-            }
-            Filling::Constant => {
-                let changes = self.tree.changes();
-                if !(changes >= BURST_SAMPLES || since >= BURST_TIME && changes > 0) {
-                    return None;
-                }
-                self.tree.forget_changes();
-                self.constant()
-            }
-        };
-        Some(self.frame.insert(drawn))
     }
 
     /// A quadtree's picture with what is between its samples put right.
@@ -176,7 +123,7 @@ impl Cells {
                 && !disputed[pixel]
                 && matches!(known[pixel], Known::Afar | Known::Near)
         };
-        let points = Points::in_middles(self.tree.size(), is_sample);
+        let points = Points::in_middles(self.tree.size, is_sample);
         let mut filled: Vec<Option<Seen>> = vec![None; known.len()];
         let aside = |pixel: usize| self.sites.of(pixel).map_or([0.0; 2], Site::aside);
         let single = |pixel: usize| {
@@ -231,7 +178,7 @@ impl Cells {
             (0..known.len()).map(|pixel| self.sites.of(pixel).map_or(0.0, Site::depth)).collect();
         let hidden = self.hidden(&known, &depth);
         let site = |pixel: usize| self.sites.of(pixel).filter(|_| !hidden[pixel]);
-        let points = Points::in_pixels(self.tree.size(), |pixel| site(pixel).map(Site::within));
+        let points = Points::in_pixels(self.tree.size, |pixel| site(pixel).map(Site::within));
         let with_sites = (0..known.len()).filter(|&pixel| site(pixel).is_some());
         let radii = Radii::new(self.size(), with_sites);
         let mut frame = self.tree.frame_of(&known);
@@ -258,7 +205,7 @@ impl Cells {
 
     /// Columns and rows.
     fn size(&self) -> (usize, usize) {
-        let (width, height) = self.tree.size();
+        let (width, height) = self.tree.size;
         (width as usize, height as usize)
     }
 
@@ -269,7 +216,7 @@ impl Cells {
         }
         let has_site =
             |pixel: usize| matches!(known[pixel], Known::Afar | Known::Near | Known::Mixture);
-        let points = Points::in_middles(self.tree.size(), has_site);
+        let points = Points::in_middles(self.tree.size, has_site);
         let may_be = |pixel: usize| known[pixel] == Known::Afar;
         hidden::hidden(&points, self.size(), depth, &Steps(&self.tree), may_be, has_site)
     }

@@ -57,10 +57,6 @@ impl Sites {
         Self(vec![NONE; pixels])
     }
 
-    pub fn clear(&mut self) {
-        self.0.fill(NONE);
-    }
-
     pub fn add(&mut self, pixel: usize, site: Site) {
         if let Some(old) = self.0.get_mut(pixel) {
             *old = site.min(*old);
