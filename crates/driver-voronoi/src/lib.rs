@@ -38,9 +38,7 @@ use drawing::Drawing;
 use edges::EdgePoints;
 use guess::Guesses;
 use holo_cpu::{copied, zeroed};
-use holo_display::{
-    Camera, DistanceTable, Frame, PlacedSection, Resolution, covered, for_bands,
-};
+use holo_display::{Camera, DistanceTable, Frame, PlacedSection, Resolution, covered, for_bands};
 use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;

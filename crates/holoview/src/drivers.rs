@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use holo_display::Driver;
-use holo_driver_quadtree::{QuadtreeDriver, cells::Filling};
+use holo_driver_quadtree::{Filling, QuadtreeDriver};
 use holo_driver_rendercache::{FramelessDriver, RenderCacheDriver};
 use holo_driver_voronoi::VoronoiDriver;
 use holo_section::Section;

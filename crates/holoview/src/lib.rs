@@ -23,7 +23,9 @@ use anyhow::Result;
 use clap::Args;
 use holo_net::Shutdown;
 
-pub use args::{CellsArg, DriverArg, DriverArgs, EmptyArg, PointArgs, SmoothingArg, ViewArgs, parse_size};
+pub use args::{
+    CellsArg, DriverArg, DriverArgs, EmptyArg, PointArgs, SmoothingArg, ViewArgs, parse_size,
+};
 pub use report::{PictureReport, StageTime};
 pub use script::{Command, Script, Step, parse_seconds};
 pub use session::default_view;

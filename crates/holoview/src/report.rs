@@ -85,4 +85,3 @@ impl std::fmt::Display for PictureReport {
         Ok(())
     }
 }
-

@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
-#[path = "../../display/tests/common/mod.rs"]
+#[path = "../../driver-quadtree/tests/common/mod.rs"]
 mod common;
 
 use common::{near_samples, quadtree, section};
 use glam::DVec3;
-use holo_display::QuadtreeParams;
+use holo_driver_quadtree::QuadtreeParams;
 use holo_driver_rendercache::frameless::Frameless;
 use holo_driver_rendercache::{
     EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing,

@@ -28,10 +28,8 @@ fn what_is_seen_through_a_portal_is_drawn_by_its_samples_and_all_else_is_as_with
     let samples = full.samples(even, 60_000, common::clean);
     let draw = |raycaster: &Arc<Raycaster>, portals: Option<&Arc<Raycaster>>| {
         let sections: Arc<[Section]> = Arc::from([full.section.clone()]);
-        let stand_in = StandIn {
-            geometry: Some(Arc::clone(raycaster)),
-            portals: portals.map(Arc::clone),
-        };
+        let stand_in =
+            StandIn { geometry: Some(Arc::clone(raycaster)), portals: portals.map(Arc::clone) };
         let mut driver = VoronoiDriver::new(
             Arc::clone(&sections),
             Arc::clone(&full.raycaster),

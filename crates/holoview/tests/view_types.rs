@@ -2,16 +2,16 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
-#[path = "../../display/tests/common/mod.rs"]
+#[path = "../../driver-quadtree/tests/common/mod.rs"]
 mod common;
 
 use common::*;
 use glam::DVec3;
+use holo_display::{SelectOptions, select_beams, viewpoint};
+use holo_driver_quadtree::{LeafSize, Quadtree, QuadtreeParams};
 use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stages,
 };
-use holo_display::{SelectOptions, select_beams, viewpoint};
-use holo_driver_quadtree::{LeafSize, Quadtree, QuadtreeParams};
 use holo_driver_voronoi::Voronoi;
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
@@ -240,7 +240,7 @@ fn voronoi_shows_every_type_with_true_edges() {
         let drawn = driver.draw();
         let mut compared = 0;
         for (pixel, x, y) in pixels() {
-            let (colour, depth) = (drawn.frame.picture.pixels[pixel], drawn.frame.depth[pixel]);
+            let (colour, depth) = (drawn.picture.pixels[pixel], drawn.depth[pixel]);
             let Some((origin, along)) = seen.try_ray(x, y) else {
                 assert_eq!((colour, depth), ([0.0; 3], 0.0), "{kind:?}");
                 continue;
@@ -358,9 +358,7 @@ fn voronoi_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
         let seen_by = |clips: &str| words(clips).resolve(SIZE).unwrap().0;
         let (clipped, near_only) = (seen_by("-vo 5 -va 7.4"), seen_by("-vo 5"));
         let drawn = |view: View| {
-            Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), view, SIZE)
-                .draw()
-                .frame
+            Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), view, SIZE).draw()
         };
         let (frame, open) = (drawn(clipped), drawn(near_only));
         let mut count = [0; 3];

@@ -47,7 +47,7 @@ impl DriverArgs {
     }
 }
 
-/// What cells show: see [`holo_driver_quadtree::cells::Filling`].
+/// What cells show: see [`holo_driver_quadtree::Filling`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum CellsArg {
     /// Colours that go from sample to sample of a surface; means where a pixel has many [what is used where there is no scene]
@@ -55,4 +55,3 @@ pub enum CellsArg {
     /// Each the colour of its sample, as in the paper (Larson & Simmons 1999)
     Constant,
 }
-

@@ -106,4 +106,3 @@ pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
     holo_picture::Picture::check_size(width, height).map_err(|error| error.to_string())?;
     Ok((width, height))
 }
-

@@ -169,7 +169,9 @@ fn parse_line(line: &str) -> Result<Option<Step>> {
             "a time without a command; write `{first} view …`, `{first} picture FILE` or `{first} quit`"
         ),
         other => {
-            bail!("`{other}` is not a command; there are view, picture, probe, with, without and quit")
+            bail!(
+                "`{other}` is not a command; there are view, picture, probe, with, without and quit"
+            )
         }
     };
     Ok(Some(Step { seconds, command }))
@@ -187,7 +189,9 @@ fn parts(command: &str, names: &str) -> Result<Vec<&'static str>> {
     }
     let part = |name: &str| {
         let part = SWITCHES.iter().copied().find(|known| *known == name);
-        part.with_context(|| format!("`{name}` is no part of the render cache (there are {})", known()))
+        part.with_context(|| {
+            format!("`{name}` is no part of the render cache (there are {})", known())
+        })
     };
     names.split([',', ' ']).filter(|name| !name.is_empty()).map(part).collect()
 }

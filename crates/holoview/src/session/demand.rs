@@ -80,7 +80,8 @@ impl Session {
         }
         let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         let nearest = GUESSED_DISTANCE * diagonal;
-        let wanted = self.driver.weigh(&look, beams)?.iter().map(|beam| Wanted {
+        let beams = self.driver.weigh(&look, beams)?;
+        let wanted = beams.iter().map(|beam| Wanted {
             beam: beam.beam.0,
             weight: beam.weight,
             section: beam.section,

@@ -194,10 +194,7 @@ mod tests {
         let (least, most) = (rays_of.values().min().unwrap(), rays_of.values().max().unwrap());
         assert!(most - least <= 1, "{least} to {most}");
         let least_row = first_rows.iter().min().unwrap();
-        assert!(
-            8 * least_row > pixels.len() as u64 / 4,
-            "spread from the start: {first_rows:?}"
-        );
+        assert!(8 * least_row > pixels.len() as u64 / 4, "spread from the start: {first_rows:?}");
         assert_eq!(live.arrived(), rays);
     }
 

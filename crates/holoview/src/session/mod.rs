@@ -40,8 +40,8 @@ use crate::{
     drivers::{DriverChoice, SceneUse},
     report::StageTime,
 };
-use current_view::CurrentView;
 pub use current_view::Counts;
+use current_view::CurrentView;
 pub use default_view::default_view;
 use incoming::{Incoming, Reader};
 use lights::Lights;
@@ -392,9 +392,8 @@ impl Session {
     fn samples(&mut self, message: Message) -> Result<()> {
         let (driver, newest) = (self.driver.as_mut(), self.request_number);
         let current = self.current.as_mut();
-        let is_of = |current: &CurrentView, number| {
-            (current.first_request..=newest).contains(&number)
-        };
+        let is_of =
+            |current: &CurrentView, number| (current.first_request..=newest).contains(&number);
         match message {
             Message::Samples(samples) => {
                 if let Some(current) = current.filter(|current| is_of(current, samples.view)) {

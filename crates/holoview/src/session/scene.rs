@@ -126,10 +126,11 @@ fn build_stand_ins(blob: &[u8], hash: [u8; 32]) -> Result<StandIns> {
     );
     let mut stand_ins = BTreeMap::<u16, StandIn>::new();
     for part in decode(blob).context("reading the server's stand-ins")? {
-        let build =
-            || Raycaster::build(Arc::new(Scene::unpack(&part.packed)?)).map_err(anyhow::Error::from);
-        let raycaster = build()
-            .with_context(|| format!("preparing a stand-in of section {}", part.section))?;
+        let build = || {
+            Raycaster::build(Arc::new(Scene::unpack(&part.packed)?)).map_err(anyhow::Error::from)
+        };
+        let raycaster =
+            build().with_context(|| format!("preparing a stand-in of section {}", part.section))?;
         let stand_in = stand_ins.entry(part.section).or_default();
         *match part.kind {
             StandInKind::Geometry => &mut stand_in.geometry,
