@@ -20,7 +20,7 @@ use holo_proto::{
     frame::Kind,
     hello::Role,
 };
-use holo_section::{BeamId, Section};
+use holo_section::{BeamId, BeamKey, Section};
 
 use crate::{
     Config,
@@ -216,10 +216,8 @@ impl Session {
         let wanted: Vec<Wanted> = (self.painter.weigh(view, size, beams)?)
             .iter()
             .map(|beam| Wanted {
-                beam: beam.beam.0,
+                key: BeamKey { section: beam.section, beam: beam.beam },
                 weight: beam.weight,
-                section: beam.section,
-                reserved: 0,
             })
             .collect();
         self.view_number += 1;
@@ -301,16 +299,14 @@ impl Session {
     fn ask_for_all(&mut self) -> Result<()> {
         let Some(shown) = &self.shown else { return Ok(()) };
         let also = |&(section, beam): &(u16, BeamId)| Wanted {
-            beam: beam.0,
+            key: BeamKey { section, beam },
             weight: STORED_ONLY,
-            section,
-            reserved: 0,
         };
         let mut wanted = shown.wanted.clone();
         wanted.extend(shown.also.iter().map(also));
         // A stable sort: the view's own weight stands before the other's, which goes.
-        wanted.sort_by_key(|wanted| (wanted.section, wanted.beam));
-        wanted.dedup_by_key(|wanted| (wanted.section, wanted.beam));
+        wanted.sort_by_key(|wanted| wanted.key);
+        wanted.dedup_by_key(|wanted| wanted.key);
         self.ask_anew(wanted)
     }
 
@@ -461,12 +457,8 @@ impl Session {
             return Ok(());
         };
         let rays = shown.canvas.wanted_rays().into_iter();
-        let rays = rays.map(|(section, beam, coords)| WantedRay {
-            beam: beam.0,
-            section,
-            coords,
-            reserved: 0,
-        });
+        let rays = rays
+            .map(|(section, beam, coords)| WantedRay { key: BeamKey { section, beam }, coords });
         let request = RaysWanted { view: self.view_number, rays: rays.collect() };
         shown.rays_asked = Some(Instant::now());
         if request.rays.is_empty() {

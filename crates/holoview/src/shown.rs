@@ -45,14 +45,14 @@ impl Shown {
             for fresh in self.received.add(run) {
                 let count = fresh.len() as u64;
                 let fresh = &samples[fresh];
-                self.canvas.insert(run.section, run.beam, run.paths, fresh);
+                self.canvas.insert(run.key.section, run.key.beam, run.paths, fresh);
                 if let Some(live) = &mut self.live {
-                    live.insert_samples(run.section, run.beam, run.paths, fresh);
+                    live.insert_samples(run.key.section, run.key.beam, run.paths, fresh);
                 }
                 match message.source {
                     Source::Stored => {
                         self.stored += count;
-                        if let Some(of) = self.stored_of.get_mut(usize::from(run.section)) {
+                        if let Some(of) = self.stored_of.get_mut(usize::from(run.key.section)) {
                             *of += count;
                         }
                     }
@@ -64,7 +64,7 @@ impl Shown {
 
     /// Adds beams sent for it whose rays meet nothing.
     pub fn insert_unseen(&mut self, message: &Unseen) {
-        message.beams.iter().for_each(|&(section, beam)| self.canvas.insert_unseen(section, beam));
+        message.beams.iter().for_each(|key| self.canvas.insert_unseen(key.section, key.beam));
     }
 
     /// Adds live rays, if they are its own: those of earlier views are of no use.
@@ -79,7 +79,7 @@ impl Shown {
     pub fn samples_of_beam(&self) -> Vec<f64> {
         let mut beams = vec![0_u64; self.stored_of.len()];
         for wanted in &self.wanted {
-            if let Some(beams) = beams.get_mut(usize::from(wanted.section)) {
+            if let Some(beams) = beams.get_mut(usize::from(wanted.key.section)) {
                 *beams += 1;
             }
         }
