@@ -11,7 +11,9 @@ use holo_proto::{
     frame::{self, HEADER_BYTES, Header, Kind},
     hello::{Answer, Hello, Role},
 };
-use holo_section::{BeamId, RayCoords, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint};
+use holo_section::{
+    BeamId, BeamKey, RayCoords, Run, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint,
+};
 
 fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden")
@@ -214,12 +216,15 @@ fn welcome_shown() -> Any {
     })))
 }
 
+fn key(section: u16, beam: u64) -> BeamKey {
+    BeamKey { section, beam: BeamId(beam) }
+}
+
 fn work() -> Any {
     let (viewpoint, rays) = (None, None);
     let packet = Packet {
         id: 1,
-        section: 0,
-        beam: BeamId(0x01_0203_0405),
+        key: key(0, 0x01_0203_0405),
         first: 0,
         count: 21,
         paths: 1,
@@ -235,8 +240,7 @@ fn work() -> Any {
             packet,
             Packet {
                 id: 2,
-                section: 3,
-                beam: BeamId(6),
+                key: key(3, 6),
                 first: 21,
                 count: 1,
                 paths: 16,
@@ -245,8 +249,7 @@ fn work() -> Any {
             },
             Packet {
                 id: 1 << 63,
-                section: 1023,
-                beam: BeamId(7),
+                key: key(1023, 7),
                 first: 0xffff_fff0,
                 count: 15,
                 paths: u16::MAX,
@@ -263,16 +266,8 @@ fn work_named() -> Any {
         rays.iter_mut().zip(known).for_each(|(to, ray)| *to = RayCoords(*ray));
         Some(rays)
     };
-    let packet = Packet {
-        id: 1,
-        section: 2,
-        beam: BeamId(6),
-        first: 7,
-        count: 2,
-        paths: 1,
-        viewpoint: None,
-        rays: None,
-    };
+    let packet =
+        Packet { id: 1, key: key(2, 6), first: 7, count: 2, paths: 1, viewpoint: None, rays: None };
     Any::Work(Work {
         viewpoints: Vec::new(),
         packets: vec![
@@ -293,21 +288,14 @@ fn samples() -> Vec<Sample> {
 
 fn stored() -> Any {
     let uniform = Run {
-        section: 0,
-        beam: BeamId(0x01_0203_0405),
+        key: key(0, 0x01_0203_0405),
         kind: SampleKind::Uniform,
         first: 40,
         count: 2,
         paths: 16,
     };
-    let single = Run {
-        section: 1023,
-        beam: BeamId(9),
-        kind: SampleKind::SingleRay,
-        first: 0,
-        count: 1,
-        paths: 1,
-    };
+    let single =
+        Run { key: key(1023, 9), kind: SampleKind::SingleRay, first: 0, count: 1, paths: 1 };
     Any::Samples(Samples {
         view: 7,
         source: Source::Stored,
@@ -318,7 +306,7 @@ fn stored() -> Any {
 
 fn traced() -> Any {
     let kind = SampleKind::ViewpointLimited;
-    let run = Run { section: 3, beam: BeamId(6), kind, first: 21, count: 3, paths: u16::MAX };
+    let run = Run { key: key(3, 6), kind, first: 21, count: 3, paths: u16::MAX };
     Any::Samples(Samples { view: 8, source: Source::Traced, runs: vec![run], samples: samples() })
 }
 
@@ -375,8 +363,8 @@ fn cases() -> Vec<(&'static str, Any)> {
                 view: 7,
                 viewpoint: Viewpoint { eye: [0.5, -0.25, 1.75], radius: 0.001 },
                 beams: vec![
-                    Wanted { beam: 0x01_0203_0405, weight: 12.5, section: 0, reserved: 0 },
-                    Wanted { beam: 9, weight: 0.125, section: 1023, reserved: 0 },
+                    Wanted { key: key(0, 0x01_0203_0405), weight: 12.5 },
+                    Wanted { key: key(1023, 9), weight: 0.125 },
                 ],
             }),
         ),
@@ -384,10 +372,7 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("samples-traced", traced()),
         (
             "unseen",
-            Any::Unseen(Unseen {
-                view: 7,
-                beams: vec![(0, BeamId(0x01_0203_0405)), (1023, BeamId(9))],
-            }),
+            Any::Unseen(Unseen { view: 7, beams: vec![key(0, 0x01_0203_0405), key(1023, 9)] }),
         ),
         ("light", Any::Light(Light { records: vec![record()] })),
         (
@@ -395,18 +380,8 @@ fn cases() -> Vec<(&'static str, Any)> {
             Any::Rays(RaysWanted {
                 view: 7,
                 rays: vec![
-                    WantedRay {
-                        beam: 0x01_0203_0405,
-                        section: 0,
-                        coords: RayCoords([1, 2, 3, 4]),
-                        reserved: 0,
-                    },
-                    WantedRay {
-                        beam: 9,
-                        section: 1023,
-                        coords: RayCoords([0, 255, 127, 128]),
-                        reserved: 0,
-                    },
+                    WantedRay { key: key(0, 0x01_0203_0405), coords: RayCoords([1, 2, 3, 4]) },
+                    WantedRay { key: key(1023, 9), coords: RayCoords([0, 255, 127, 128]) },
                 ],
             }),
         ),

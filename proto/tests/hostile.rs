@@ -42,7 +42,7 @@ fn decode_all(bytes: &[u8]) {
         assert_eq!(message.encode(), bytes);
     }
     if let Ok(message) = ViewRequest::decode(bytes) {
-        assert_eq!(message.encode(), bytes);
+        assert_eq!(ViewRequest::decode(&message.encode()), Ok(message));
     }
     if let Ok(message) = Samples::decode(bytes) {
         assert_eq!(

@@ -86,9 +86,9 @@ impl World {
         for packet in &work.packets {
             let start = Instant::now();
             let viewpoint = packet.viewpoint.map(|index| &work.viewpoints[usize::from(index)]);
-            let section = &sections[usize::from(packet.section)];
+            let section = packet.key.section_in(sections).expect("the beam exists");
             let sampler = section
-                .beam_sampler(packet.section, packet.beam, viewpoint)
+                .beam_sampler(packet.key.section, packet.key.beam, viewpoint)
                 .expect("the beam exists");
             for number in packet.first..packet.first + u32::from(packet.count) {
                 let named = packet.rays.map(|rays| rays[(number - packet.first) as usize]);

@@ -2,8 +2,8 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use holo_beamfile::{BeamFile, BeamKey};
-use holo_section::{Sample, SampleKind};
+use holo_beamfile::BeamFile;
+use holo_section::{BeamId, BeamKey, Sample, SampleKind};
 
 /// The samples of a file, by beam and kind, in the order of their numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +42,11 @@ impl Stored {
     }
 }
 
+/// A beam of the first section.
+pub fn beam(number: u64) -> BeamKey {
+    BeamKey { section: 0, beam: BeamId(number) }
+}
+
 /// Every sample of a file, all checksums compared.
 ///
 /// # Panics
@@ -55,9 +60,9 @@ pub fn stored(path: &Path) -> Stored {
     for (key, count) in keys {
         let beam = file.read(key).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(beam.samples.len() as u64, count, "{key:?}");
-        for (meta, samples) in beam.runs() {
-            let numbered = (meta.first..).zip(samples.iter().copied());
-            beams.entry((key, meta.kind)).or_default().extend(numbered);
+        for (run, samples) in beam.iter() {
+            let numbered = (run.first..).zip(samples.iter().copied());
+            beams.entry((key, run.kind)).or_default().extend(numbered);
         }
     }
     let stored = Stored { beams };

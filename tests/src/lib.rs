@@ -15,7 +15,7 @@ mod place;
 mod process;
 mod program;
 
-pub use files::{Stored, stored};
+pub use files::{Stored, beam, stored};
 pub use place::{CORNELL_SMALL_SECTION, Place, Server, listen_address};
 pub use process::{Ended, Process};
 pub use program::{cargo, program, workspace};

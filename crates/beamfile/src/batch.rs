@@ -2,12 +2,11 @@
 //!
 //! Invariant: an active batch only grows; once frozen it never changes, so readers share it without a lock.
 
-use holo_section::Sample;
+use holo_section::{BeamKey, Sample};
 
 use crate::directory::NONE;
 use crate::format::{BlockKind, Class, Entry, push_chunk_crcs};
 use crate::hash::BeamMap;
-use crate::types::BeamKey;
 
 /// One append.
 #[derive(Clone, Copy, Debug)]

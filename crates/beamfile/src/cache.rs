@@ -5,9 +5,10 @@
 
 use std::sync::Arc;
 
+use holo_section::{BeamKey, Run};
 use lru::LruCache;
 
-use crate::types::{BeamKey, BeamSamples, ExtentMeta};
+use crate::types::BeamSamples;
 
 /// Bookkeeping per cached beam: key, links, hash slot, allocations.
 const OVERHEAD: u64 = 160;
@@ -46,7 +47,7 @@ impl Cache {
 
     pub fn put(&mut self, key: BeamKey, version: u32, samples: &Arc<BeamSamples>) {
         let bytes = (size_of_val(samples.samples.as_slice())
-            + samples.extents.len() * size_of::<ExtentMeta>()) as u64
+            + samples.runs.len() * size_of::<Run>()) as u64
             + OVERHEAD;
         if let Some(old) = self.beams.pop(&key) {
             self.bytes -= old.bytes;

@@ -3,13 +3,14 @@
 //! Invariant: an extent is listed only after its block is on disk. Counts run ahead of that: they include what is
 //! still in memory. The directory costs 24 bytes an extent and about 70 a beam.
 
-use std::collections::HashMap;
 use std::collections::hash_map::Entry as MapEntry;
 use std::sync::Arc;
 
+use holo_section::BeamKey;
+
 use crate::format::{BlockHeader, CHUNK_BYTES, Class, Entry};
 use crate::hash::BeamMap;
-use crate::types::{BeamKey, SectionStats};
+use crate::types::SectionStats;
 use crate::{Error, Result};
 
 /// Ends a list of extents.
@@ -46,7 +47,7 @@ pub(crate) struct Extent {
     pub at: u32,
     pub first: u32,
     pub count: u32,
-    pub class: u32,
+    pub class: Class,
     /// The beam's next extent in file order.
     next: u32,
 }
@@ -74,9 +75,6 @@ pub(crate) struct Directory {
     /// Samples counted that had numbers which were there already.
     pub superseded: u64,
     extents: Vec<Extent>,
-    classes: Vec<Class>,
-    class_ids: HashMap<Class, u32>,
-    last_class: Option<(Class, u32)>,
 }
 
 impl Directory {
@@ -86,26 +84,6 @@ impl Directory {
 
     pub fn extents(&self) -> u64 {
         self.extents.len() as u64
-    }
-
-    pub fn class(&self, id: u32) -> Class {
-        self.classes[id as usize]
-    }
-
-    /// The number that stands for `class`. One run of appends has one class, so the last one is tried first.
-    pub fn class_id(&mut self, class: Class) -> u32 {
-        if let Some((last, id)) = self.last_class
-            && last == class
-        {
-            return id;
-        }
-        let new = self.classes.len() as u32;
-        let id = *self.class_ids.entry(class).or_insert(new);
-        if id == new {
-            self.classes.push(class);
-        }
-        self.last_class = Some((class, id));
-        id
     }
 
     /// The beam's extents on disk, in file order.
@@ -160,7 +138,7 @@ impl Directory {
     /// The sample numbers of `kind` that the beam's extents on disk have: first and one past the last.
     pub fn numbers_of(&self, key: BeamKey, kind: u8) -> impl Iterator<Item = (u32, u32)> {
         self.extents_of(key)
-            .filter(move |e| self.class(e.class).kind == kind)
+            .filter(move |e| e.class.kind == kind)
             .map(|e| (e.first, e.first + e.count))
     }
 
@@ -180,13 +158,12 @@ impl Directory {
         if new == NONE {
             return Err(Error::DirectoryFull);
         }
-        let class = self.class_id(entry.class);
         self.extents.push(Extent {
             block,
             at,
             first: entry.first,
             count: entry.count,
-            class,
+            class: entry.class,
             next: NONE,
         });
         if let Some(beam) = self.beams.get_mut(&entry.key) {

@@ -12,7 +12,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use holo_section::Sample;
+use holo_section::{BeamKey, Run, Sample};
 
 use crate::cache::Cache;
 use crate::format::{Class, FileHeader};
@@ -20,7 +20,7 @@ use crate::load::load;
 use crate::open::{self, Opened};
 use crate::snapshot::{Plan, State};
 use crate::storage::{DiskStorage, Storage};
-use crate::types::{BeamKey, BeamSamples, Counts, Damage, ExtentMeta, OpenReport, Options, Stats};
+use crate::types::{BeamSamples, Counts, Damage, OpenReport, Options, Stats};
 use crate::writer::{self, Appender};
 use crate::{Error, Result};
 
@@ -213,38 +213,37 @@ impl BeamFile {
         &self.shared.header.layout
     }
 
-    /// Takes samples with consecutive numbers from `meta.first`: into memory now, on disk within a second. Numbers that
+    /// Takes samples with consecutive numbers from `run.first`, as many as there are (`run.count` is not looked at): into memory now, on disk within a second. Numbers that
     /// the beam has already keep their old samples. Waits while the disk is far behind.
     ///
     /// # Errors
     /// If the beam does not exist, the numbers do not fit in 32 bits, or the file is read-only. If nothing can be
     /// written and memory for what waits is used up ([`Error::NotWritten`]), the samples (or the last of more than a
     /// million) were not taken.
-    pub fn append(&self, meta: ExtentMeta, samples: &[Sample]) -> Result<()> {
-        self.put(meta, samples, false)
+    pub fn append(&self, run: Run, samples: &[Sample]) -> Result<()> {
+        self.put(run, samples, false)
     }
 
     /// As [`BeamFile::append`], but these samples replace older ones of the same kind and number.
     ///
     /// # Errors
     /// As [`BeamFile::append`].
-    pub fn supersede(&self, meta: ExtentMeta, samples: &[Sample]) -> Result<()> {
-        self.put(meta, samples, true)
+    pub fn supersede(&self, run: Run, samples: &[Sample]) -> Result<()> {
+        self.put(run, samples, true)
     }
 
-    fn put(&self, meta: ExtentMeta, samples: &[Sample], supersedes: bool) -> Result<()> {
+    fn put(&self, run: Run, samples: &[Sample], supersedes: bool) -> Result<()> {
         self.writable()?;
-        self.check(meta.key)?;
+        self.check(run.key)?;
         if u32::try_from(samples.len())
             .ok()
-            .and_then(|count| meta.first.checked_add(count))
+            .and_then(|count| run.first.checked_add(count))
             .is_none()
         {
-            return Err(Error::SampleNumbers { first: meta.first, count: samples.len() });
+            return Err(Error::SampleNumbers { first: run.first, count: samples.len() });
         }
-        let ExtentMeta { key, paths, settings, generation, .. } = meta;
-        let class = Class { kind: meta.kind as u8, supersedes, paths, settings, generation };
-        let mut first = meta.first;
+        let Run { key, kind, mut first, paths, .. } = run;
+        let class = Class { kind: kind as u8, supersedes, paths };
         for part in samples.chunks(APPEND_SAMPLES) {
             let mut state = self.room()?;
             if state.directory.extents() > MAX_EXTENTS {
@@ -390,7 +389,7 @@ impl BeamFile {
 
     /// The runs of a beam as a read would give them now, in the same order, but not joined: how its samples were made, without
     /// reading any. Empty if it has none.
-    pub fn runs(&self, key: BeamKey) -> Vec<ExtentMeta> {
+    pub fn runs(&self, key: BeamKey) -> Vec<Run> {
         self.shared.state().runs(key)
     }
 

@@ -56,9 +56,7 @@
 //! | 12 | 4 | sample number of the first sample |
 //! | 16 | 4 | number of samples, at least 1 |
 //! | 20 | 2 | paths per sample |
-//! | 22 | 2 | zero |
-//! | 24 | 4 | settings id |
-//! | 28 | 4 | generation |
+//! | 22 | 10 | zero |
 //!
 //! **Which sample counts**, where several have the same beam, kind and number: take the extents in file order; one that
 //! supersedes replaces what was there before, one that does not fills only the numbers that are still free.
@@ -80,9 +78,7 @@
 //! never completed: a writer cuts it off.
 
 use bytemuck::{Pod, Zeroable};
-use holo_section::{BeamId, Sample, SampleKind};
-
-use crate::types::BeamKey;
+use holo_section::{BeamId, BeamKey, Sample, SampleKind};
 
 /// Bytes of one copy of the file's header; there are two.
 pub const HEADER_COPY_BYTES: usize = 16384;
@@ -288,15 +284,14 @@ impl BlockHeader {
     }
 }
 
-/// What extents have in common, apart from numbers and beam. A file has few different ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// What an extent says of all its samples, apart from beam and numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Class {
     pub kind: u8,
     pub supersedes: bool,
     pub paths: u16,
-    pub settings: u32,
-    pub generation: u32,
 }
+const _: () = assert!(size_of::<Class>() == 4);
 
 impl Class {
     pub fn sample_kind(&self) -> SampleKind {
@@ -327,9 +322,7 @@ struct RawEntry {
     first: [u8; 4],
     count: [u8; 4],
     paths: [u8; 2],
-    zero: [u8; 2],
-    settings: [u8; 4],
-    generation: [u8; 4],
+    zero: [u8; 10],
 }
 
 impl Entry {
@@ -342,9 +335,7 @@ impl Entry {
             first: self.first.to_le_bytes(),
             count: self.count.to_le_bytes(),
             paths: self.class.paths.to_le_bytes(),
-            zero: [0; 2],
-            settings: self.class.settings.to_le_bytes(),
-            generation: self.class.generation.to_le_bytes(),
+            zero: [0; 10],
         };
         table.extend_from_slice(bytemuck::bytes_of(&raw));
     }
@@ -359,8 +350,6 @@ impl Entry {
                 kind: raw.kind,
                 supersedes: raw.supersedes == 1,
                 paths: u16::from_le_bytes(raw.paths),
-                settings: u32::from_le_bytes(raw.settings),
-                generation: u32::from_le_bytes(raw.generation),
             },
             first: u32::from_le_bytes(raw.first),
             count: u32::from_le_bytes(raw.count),

@@ -9,7 +9,7 @@ use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher, Hasher};
 use std::sync::OnceLock;
 
-use crate::types::BeamKey;
+use holo_section::BeamKey;
 
 /// A map from beams.
 pub(crate) type BeamMap<T> = HashMap<BeamKey, T, BeamHash>;

@@ -40,8 +40,7 @@ pub use error::Error;
 pub use file::BeamFile;
 pub use storage::{DiskStorage, Storage};
 pub use types::{
-    BeamKey, BeamSamples, Counts, Damage, DamageKind, ExtentMeta, OpenReport, Options,
-    SectionStats, Stats,
+    BeamSamples, Counts, Damage, DamageKind, OpenReport, Options, SectionStats, Stats,
 };
 
 /// What this crate's functions return.

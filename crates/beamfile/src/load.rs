@@ -5,13 +5,13 @@ use std::io;
 use std::sync::Arc;
 
 use bytemuck::Zeroable;
-use holo_section::Sample;
+use holo_section::{Run, Sample};
 
 use crate::directory::Block;
 use crate::format::{CHUNK_SAMPLES, SAMPLE_BYTES};
-use crate::snapshot::{Place, Plan};
+use crate::snapshot::{Location, Plan, PlannedRun};
 use crate::storage::Storage;
-use crate::types::{BeamSamples, ExtentMeta};
+use crate::types::BeamSamples;
 
 /// Reading this much for nothing costs less than another seek.
 const MAX_GAP: u64 = 64 << 10;
@@ -45,14 +45,14 @@ pub(crate) fn load(
     for (index, plan) in plans.iter().enumerate() {
         let mut samples = vec![Sample::zeroed(); plan.samples() as usize];
         let mut to = 0;
-        for run in &plan.runs {
+        for PlannedRun { run, location } in &plan.runs {
             let length = run.count as usize;
-            match &run.place {
-                Place::Copied(from) => samples[to..to + length].copy_from_slice(from),
-                Place::Frozen { batch, at } => {
+            match location {
+                Location::Copied(from) => samples[to..to + length].copy_from_slice(from),
+                Location::Frozen { batch, at } => {
                     samples[to..to + length].copy_from_slice(batch.samples(*at, run.count));
                 }
-                Place::Disk { id, block, at } => {
+                Location::Disk { id, block, at } => {
                     let (begin, _) = block.chunk_range(at / CHUNK_SAMPLES);
                     let (_, end) = block.chunk_range((at + run.count - 1) / CHUNK_SAMPLES);
                     pieces.push(Piece {
@@ -108,7 +108,7 @@ pub(crate) fn load(
     let whole = plans
         .iter()
         .zip(beams)
-        .map(|(plan, samples)| Arc::new(BeamSamples { extents: extents(plan), samples }));
+        .map(|(plan, samples)| Arc::new(BeamSamples { runs: joined_runs(plan), samples }));
     Ok(Ok(whole.collect()))
 }
 
@@ -131,19 +131,18 @@ fn check(span: &[Piece], buffer: &[u8], origin: u64, bad: &mut BadChunks) {
 }
 
 /// The runs of a plan, those that continue each other joined.
-fn extents(plan: &Plan) -> Vec<ExtentMeta> {
-    let mut extents: Vec<ExtentMeta> = Vec::with_capacity(plan.runs.len());
-    for run in &plan.runs {
-        let meta = run.meta(plan.key);
-        match extents.last_mut() {
+fn joined_runs(plan: &Plan) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::with_capacity(plan.runs.len());
+    for PlannedRun { run, .. } in &plan.runs {
+        match runs.last_mut() {
             Some(last)
-                if ExtentMeta { first: meta.first, count: meta.count, ..*last } == meta
-                    && last.first + last.count == meta.first =>
+                if (last.kind, last.paths) == (run.kind, run.paths)
+                    && last.first + last.count == run.first =>
             {
-                last.count += meta.count;
+                last.count += run.count;
             }
-            _ => extents.push(meta),
+            _ => runs.push(*run),
         }
     }
-    extents
+    runs
 }

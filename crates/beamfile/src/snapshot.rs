@@ -8,13 +8,13 @@ use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
 
-use holo_section::Sample;
+use holo_section::{BeamKey, Run, Sample};
 
 use crate::batch::Batch;
 use crate::blobs::Blobs;
 use crate::directory::{Block, Directory};
 use crate::format::{CHUNK_SAMPLES, Class, Entry, SAMPLE_BYTES, Table};
-use crate::types::{BeamKey, Damage, DamageKind, ExtentMeta};
+use crate::types::{Damage, DamageKind};
 use crate::visible::{Offer, Visible, visible};
 use crate::{Error, Result};
 
@@ -45,18 +45,16 @@ pub(crate) struct State {
 }
 
 /// Where a run's samples are.
-pub(crate) enum Place {
+pub(crate) enum Location {
     Disk { id: u32, block: Arc<Block>, at: u32 },
     Frozen { batch: Arc<Batch>, at: u32 },
     Copied(Vec<Sample>),
 }
 
-/// A run of samples that counts.
-pub(crate) struct Run {
-    pub class: Class,
-    pub first: u32,
-    pub count: u32,
-    pub place: Place,
+/// A run of samples that counts, and where they are.
+pub(crate) struct PlannedRun {
+    pub run: Run,
+    pub location: Location,
 }
 
 /// How to read one beam.
@@ -64,29 +62,22 @@ pub(crate) struct Plan {
     pub key: BeamKey,
     pub version: u32,
     /// In the order (kind, sample number).
-    pub runs: Vec<Run>,
+    pub runs: Vec<PlannedRun>,
 }
 
-impl Run {
-    pub fn meta(&self, key: BeamKey) -> ExtentMeta {
-        meta(key, self.class, self.first, self.count)
-    }
-}
-
-fn meta(key: BeamKey, class: Class, first: u32, count: u32) -> ExtentMeta {
-    let Class { paths, settings, generation, .. } = class;
-    ExtentMeta { key, first, count, kind: class.sample_kind(), paths, settings, generation }
+fn run(key: BeamKey, class: Class, first: u32, count: u32) -> Run {
+    Run { key, kind: class.sample_kind(), first, count, paths: class.paths }
 }
 
 impl Plan {
     pub fn samples(&self) -> u64 {
-        self.runs.iter().map(|run| u64::from(run.count)).sum()
+        self.runs.iter().map(|planned| u64::from(planned.run.count)).sum()
     }
 
     /// Where in the file its first samples are; 0 when all are in memory.
     pub fn file_position(&self) -> u64 {
-        let positions = self.runs.iter().filter_map(|run| match &run.place {
-            Place::Disk { block, at, .. } => Some(
+        let positions = self.runs.iter().filter_map(|planned| match &planned.location {
+            Location::Disk { block, at, .. } => Some(
                 block.offset
                     + block.header.payload_offset()
                     + u64::from(*at) * u64::from(SAMPLE_BYTES),
@@ -209,7 +200,7 @@ impl State {
             sources.push((class, source));
         };
         for extent in self.directory.extents_of(key) {
-            let class = self.directory.class(extent.class);
+            let class = extent.class;
             for (skip, count) in self.intact(extent.block, extent.at, extent.count) {
                 offer(
                     class,
@@ -236,9 +227,9 @@ impl State {
     }
 
     /// What [`State::plan`] would read, in its order.
-    pub fn runs(&self, key: BeamKey) -> Vec<ExtentMeta> {
+    pub fn runs(&self, key: BeamKey) -> Vec<Run> {
         let (offers, sources) = self.offers(key);
-        let run = |seen: Visible| meta(key, sources[seen.offer].0, seen.first, seen.count);
+        let run = |seen: Visible| run(key, sources[seen.offer].0, seen.first, seen.count);
         visible(&offers).into_iter().map(run).collect()
     }
 
@@ -249,20 +240,20 @@ impl State {
         let runs = visible(&offers).into_iter().map(|seen| {
             let (class, source) = &sources[seen.offer];
             let skip = seen.first - offers[seen.offer].first;
-            let place = match *source {
-                Source::Disk { id, at } => Place::Disk {
+            let location = match *source {
+                Source::Disk { id, at } => Location::Disk {
                     id,
                     block: Arc::clone(&self.directory.blocks[id as usize]),
                     at: at + skip,
                 },
                 Source::Frozen { batch, at } => {
-                    Place::Frozen { batch: Arc::clone(batch), at: at + skip }
+                    Location::Frozen { batch: Arc::clone(batch), at: at + skip }
                 }
                 Source::Active { at } => {
-                    Place::Copied(self.active.samples(at + skip, seen.count).to_vec())
+                    Location::Copied(self.active.samples(at + skip, seen.count).to_vec())
                 }
             };
-            Run { class: *class, first: seen.first, count: seen.count, place }
+            PlannedRun { run: run(key, *class, seen.first, seen.count), location }
         });
         Some(Plan { key, version, runs: runs.collect() })
     }

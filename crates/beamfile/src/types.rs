@@ -2,44 +2,16 @@
 
 use std::fmt;
 
-use holo_section::{BeamId, Sample, SampleKind};
-
-/// Which beam of which section. Ordered as beams are in a block: by section, then by beam.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct BeamKey {
-    /// Index of the section in the file.
-    pub section: u16,
-    /// The beam within its section.
-    pub beam: BeamId,
-}
-
-/// What is known of a run of samples of one beam with consecutive sample numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ExtentMeta {
-    /// The beam.
-    pub key: BeamKey,
-    /// Sample number of the first sample; the others follow one by one.
-    pub first: u32,
-    /// Number of samples. Set by reads; appends take it from the samples given and ignore this.
-    pub count: u32,
-    /// How the rays were chosen. Sample numbers of different kinds are independent.
-    pub kind: SampleKind,
-    /// Paths that were averaged into each sample.
-    pub paths: u16,
-    /// Settings with which they were computed: the caller's own number.
-    pub settings: u32,
-    /// Generation of the scene: the caller's own number.
-    pub generation: u32,
-}
+use holo_section::{Run, Sample};
 
 /// The next free sample number of each kind in one beam: the highest number stored, plus one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// For [`SampleKind::Uniform`].
+    /// For [`holo_section::SampleKind::Uniform`].
     pub uniform: u32,
-    /// For [`SampleKind::ViewpointLimited`].
+    /// For [`holo_section::SampleKind::ViewpointLimited`].
     pub limited: u32,
-    /// For [`SampleKind::SingleRay`].
+    /// For [`holo_section::SampleKind::SingleRay`].
     pub single: u32,
 }
 
@@ -56,19 +28,19 @@ pub struct Options {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BeamSamples {
     /// The runs that `samples` consists of, in order; their counts add up to its length.
-    pub extents: Vec<ExtentMeta>,
+    pub runs: Vec<Run>,
     /// The samples of all runs, one run after the other.
     pub samples: Vec<Sample>,
 }
 
 impl BeamSamples {
     /// Each run with its samples.
-    pub fn runs(&self) -> impl Iterator<Item = (&ExtentMeta, &[Sample])> {
+    pub fn iter(&self) -> impl Iterator<Item = (&Run, &[Sample])> {
         let mut rest = self.samples.as_slice();
-        self.extents.iter().map(move |meta| {
-            let (run, tail) = rest.split_at((meta.count as usize).min(rest.len()));
-            rest = tail;
-            (meta, run)
+        self.runs.iter().map(move |run| {
+            let (samples, after) = rest.split_at((run.count as usize).min(rest.len()));
+            rest = after;
+            (run, samples)
         })
     }
 }

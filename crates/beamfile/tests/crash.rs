@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use common::{key, meta, options, sample, samples};
+use common::{key, options, run, sample, samples};
 use holo_beamfile::{BeamFile, Error};
 use holo_section::SampleKind;
 
@@ -36,8 +36,8 @@ fn child_that_is_killed() {
         // So slowly that only time, not size, makes the writer write.
         for _ in 0..4 {
             for beam in 0..10 {
-                let meta = meta(key(0, beam), next);
-                file.append(meta, &samples(&meta, PACKET, 0)).unwrap();
+                let run = run(key(0, beam), next);
+                file.append(run, &samples(&run, PACKET, 0)).unwrap();
             }
             next += PACKET;
         }
@@ -113,7 +113,7 @@ fn a_killed_writer_loses_nothing_flushed_and_at_most_one_second_besides() {
         kept_before = kept;
         for beam in 0..10 {
             let read = file.read(key(0, beam)).unwrap();
-            let counted: u32 = read.extents.iter().map(|extent| extent.count).sum();
+            let counted: u32 = read.runs.iter().map(|extent| extent.count).sum();
             assert_eq!(counted, file.counts(key(0, beam)).uniform, "no gaps");
             assert!(u64::from(counted) >= kept);
             for (number, found) in (0..).zip(&read.samples) {

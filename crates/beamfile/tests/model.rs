@@ -5,8 +5,9 @@ mod common;
 
 use std::ops::ControlFlow;
 
-use common::{LAYOUT, Model, assert_same, contents, key, kind, meta, options, samples};
-use holo_beamfile::{BeamFile, ExtentMeta};
+use common::{LAYOUT, Model, assert_same, contents, key, kind, options, run, samples};
+use holo_beamfile::BeamFile;
+use holo_section::Run;
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -37,18 +38,14 @@ fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
     assert_eq!(stats.superseded, put - stats.samples);
     for (section, &beams) in (0..).zip(&LAYOUT) {
         for beam in (0..beams).map(|beam| key(section, beam)) {
-            let numbers = |runs: &[ExtentMeta]| {
-                let each = |run: &ExtentMeta| {
+            let numbers = |runs: &[Run]| {
+                let each = |run: &Run| {
                     let run = *run;
-                    (0..run.count).map(move |at| ExtentMeta {
-                        first: run.first + at,
-                        count: 1,
-                        ..run
-                    })
+                    (0..run.count).map(move |at| Run { first: run.first + at, count: 1, ..run })
                 };
                 runs.iter().flat_map(each).collect::<Vec<_>>()
             };
-            assert_eq!(numbers(&file.runs(beam)), numbers(&file.read(beam).unwrap().extents));
+            assert_eq!(numbers(&file.runs(beam)), numbers(&file.read(beam).unwrap().runs));
         }
     }
     assert_eq!(stats.samples as usize, model.len());
@@ -93,10 +90,10 @@ proptest! {
         for (tag, step) in (0..).zip(steps) {
             match step {
                 Step::Put { section, beam, kind: code, first, count, paths, supersedes } => {
-                    let meta = ExtentMeta { kind: kind(code), paths, generation: tag, ..meta(key(section, beam), first) };
-                    let new = samples(&meta, count, tag);
-                    if supersedes { file.supersede(meta, &new).unwrap() } else { file.append(meta, &new).unwrap() }
-                    model.put(&meta, &new, supersedes);
+                    let run = Run { kind: kind(code), paths, ..run(key(section, beam), first) };
+                    let new = samples(&run, count, tag);
+                    if supersedes { file.supersede(run, &new).unwrap() } else { file.append(run, &new).unwrap() }
+                    model.put(&run, &new, supersedes);
                     put += u64::from(count);
                 }
                 Step::Read { section, beam } => {

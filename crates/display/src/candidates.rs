@@ -12,7 +12,7 @@
 
 use glam::DVec3;
 use holo_picture::View;
-use holo_section::{BeamId, Section};
+use holo_section::{BeamKey, Section};
 
 /// Where a section lies on a view ray.
 #[derive(Clone, Copy)]
@@ -28,10 +28,8 @@ enum Place {
 /// One beam that a view ray belongs to.
 #[derive(Clone, Copy, Debug)]
 pub struct Candidate {
-    /// Number of the section.
-    pub section: u16,
-    /// The beam of that section.
-    pub beam: BeamId,
+    /// The beam.
+    pub key: BeamKey,
     /// How far the section is from the eye along the ray; for a section around the eye, the length of its chord: of
     /// two that contain the eye, the smaller has the finer beams.
     reach: f64,
@@ -53,7 +51,8 @@ pub fn candidates(sections: &[Section], eye: DVec3, direction: DVec3, found: &mu
         } else {
             (Place::Contains, hit.exit_t - hit.entry_t)
         };
-        let candidate = Candidate { section: number, beam: section.beam(hit.pair), reach };
+        let candidate =
+            Candidate { key: BeamKey { section: number, beam: section.beam(hit.pair) }, reach };
         let nearest = match place {
             Place::Contains => {
                 found.push(candidate);
@@ -67,16 +66,16 @@ pub fn candidates(sections: &[Section], eye: DVec3, direction: DVec3, found: &mu
             *nearest = Some(candidate);
         }
     }
-    found.sort_by(|a, b| a.reach.total_cmp(&b.reach).then(a.section.cmp(&b.section)));
+    found.sort_by(|a, b| a.reach.total_cmp(&b.reach).then(a.key.section.cmp(&b.key.section)));
     found.extend(ahead);
     found.extend(behind);
 }
 
-/// Returns the best beam for a view ray from `eye` along unit `direction`, by section and beam.
-pub fn best_beam(sections: &[Section], eye: DVec3, direction: DVec3) -> Option<(u16, BeamId)> {
+/// Returns the best beam for a view ray from `eye` along unit `direction`.
+pub fn best_beam(sections: &[Section], eye: DVec3, direction: DVec3) -> Option<BeamKey> {
     let mut found = Vec::new();
     candidates(sections, eye, direction, &mut found);
-    found.first().map(|best| (best.section, best.beam))
+    found.first().map(|best| best.key)
 }
 
 /// The section that a view is of: the one around the eye, else the one that the picture's middle sees best. `None` if it sees none.
@@ -84,7 +83,7 @@ pub fn section_of(sections: &[Section], view: &View) -> Option<u16> {
     let (eye, direction, _) = view.clipped_ray(0.5, 0.5)?;
     let mut found = Vec::new();
     candidates(sections, eye, direction, &mut found);
-    found.first().map(|candidate| candidate.section)
+    found.first().map(|candidate| candidate.key.section)
 }
 
 /// Whether any section can show what the view ray sees. `hint` is a section to try first, and is set to the one found.

@@ -1,7 +1,7 @@
 //! What a front end may ask of any driver.
 
 use holo_picture::View;
-use holo_section::{BeamId, RayCoords, Sample};
+use holo_section::{BeamKey, RayCoords, Sample};
 
 use crate::{Frame, LiveSample, WantedBeam, viewpoint_radius};
 
@@ -87,10 +87,10 @@ pub trait Driver: Send {
 
     /// Inserts samples of one beam, each the mean of `paths` paths. Ignores unknown sections and
     /// beams.
-    fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]);
+    fn insert(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]);
 
     /// Notes that no ray of a beam can hit anything.
-    fn insert_unseen(&mut self, section: u16, beam: BeamId);
+    fn insert_unseen(&mut self, beam: BeamKey);
 
     /// Inserts rays of the view itself, each the mean of `paths` paths, traced for the pixels that
     /// [`uncovered`](Self::uncovered) returned.
@@ -126,21 +126,21 @@ pub trait Driver: Send {
         false
     }
 
-    /// Returns the single rays that would improve the frame most, by section, beam and coordinates.
-    fn wanted_rays(&mut self) -> Vec<(u16, BeamId, RayCoords)> {
+    /// Returns the single rays that would improve the frame most.
+    fn wanted_rays(&mut self) -> Vec<(BeamKey, RayCoords)> {
         Vec::new()
     }
 
     /// Returns the most useful of [`surface_beams`](Self::surface_beams), found in less time;
     /// empty if the driver does not choose. A beam of a section has about
     /// `samples_per_beam(section)` stored samples.
-    fn best_surface_beams(&self, _samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<(u16, BeamId)> {
+    fn best_surface_beams(&self, _samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {
         Vec::new()
     }
 
     /// Returns the beams, besides those that the view crosses, whose stored samples are of use,
     /// ordered by section and beam, each once.
-    fn surface_beams(&self) -> Vec<(u16, BeamId)> {
+    fn surface_beams(&self) -> Vec<BeamKey> {
         Vec::new()
     }
 

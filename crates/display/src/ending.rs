@@ -10,7 +10,7 @@
 use crate::bands::for_bands;
 use crate::random::split_mix;
 use glam::DVec3;
-use holo_section::{BeamId, Section, ViewClass};
+use holo_section::{BeamId, BeamKey, Section, ViewClass};
 
 /// Lines tried for each section: of the cabin's living room they find nearly all beams that its views have a use for, in
 /// about 20 ms.
@@ -43,7 +43,7 @@ pub struct End {
 /// Beams that have rays which end on one of these points, ordered by section and beam, each once.
 ///
 /// `slack`: how far behind a section's wall points may seem to lie that lie on it, relative to the ray's length.
-pub fn beams_ending_on(sections: &[Section], points: &[End], slack: f64) -> Vec<(u16, BeamId)> {
+pub fn beams_ending_on(sections: &[Section], points: &[End], slack: f64) -> Vec<BeamKey> {
     let mut found: Vec<_> =
         by_lines(sections, points, slack, LINES).into_iter().map(|(at, _)| at).collect();
     found.truncate(MOST_BEAMS);
@@ -59,12 +59,12 @@ pub fn beams_mostly_ending_on(
     slack: f64,
     most: f64,
     of_one: impl Fn(u16) -> f64,
-) -> Vec<(u16, BeamId)> {
+) -> Vec<BeamKey> {
     let mut found = by_lines(sections, points, slack, FEW_LINES);
     found.sort_by_key(|&(_, weight)| std::cmp::Reverse(weight));
     let mut sum = 0.0;
-    let enough = found.iter().position(|((section, _), _)| {
-        sum += of_one(*section);
+    let enough = found.iter().position(|(key, _)| {
+        sum += of_one(key.section);
         sum > most
     });
     found.truncate(enough.unwrap_or(MOST_BEAMS).min(MOST_BEAMS));
@@ -73,12 +73,7 @@ pub fn beams_mostly_ending_on(
 }
 
 /// Beams that some of so many lines for each section belong to, and how likely rays of theirs are to end there, by their lines' weights.
-fn by_lines(
-    sections: &[Section],
-    points: &[End],
-    slack: f64,
-    count: usize,
-) -> Vec<((u16, BeamId), u32)> {
+fn by_lines(sections: &[Section], points: &[End], slack: f64, count: usize) -> Vec<(BeamKey, u32)> {
     let mut found = Vec::new();
     if points.is_empty() {
         return found;
@@ -103,7 +98,7 @@ fn by_lines(
         found.extend(
             beams
                 .chunk_by(|a, b| a.0 == b.0)
-                .map(|same| ((number, BeamId(same[0].0)), share(same))),
+                .map(|same| (BeamKey { section: number, beam: BeamId(same[0].0) }, share(same))),
         );
     }
     found

@@ -8,7 +8,7 @@ use crate::candidates::{Candidate, candidates};
 use crate::random::split_mix;
 use glam::DVec3;
 use holo_picture::View;
-use holo_section::{BeamId, Section, Viewpoint};
+use holo_section::{BeamKey, Section, Viewpoint};
 
 /// Rays per side at least, however small the picture: fewer would miss beams.
 const MIN_RAYS_A_SIDE: u32 = 64;
@@ -45,10 +45,8 @@ impl Default for SelectOptions {
 /// A beam that a view wants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WantedBeam {
-    /// Number of the section, as in the slice given.
-    pub section: u16,
-    /// The beam of that section.
-    pub beam: BeamId,
+    /// The beam; its section counts in the slice given.
+    pub key: BeamKey,
     /// Expected share: the number of pixels whose ray is served by this beam.
     pub weight: f32,
 }
@@ -96,7 +94,7 @@ pub fn select_beams(
     let pixels_per_ray =
         f64::from(size.0) * f64::from(size.1) / (f64::from(across) * f64::from(down));
     let mut covered = Coverage { rays: across * down, ..Coverage::default() };
-    let mut shares: Vec<(u16, BeamId, f64)> = Vec::new();
+    let mut shares: Vec<(BeamKey, f64)> = Vec::new();
     let mut found: Vec<Candidate> = Vec::new();
     for row in 0..down {
         for column in 0..across {
@@ -108,21 +106,20 @@ pub fn select_beams(
             let Some((best, others)) = found.split_first() else { continue };
             covered.covered_rays += 1;
             let each = f64::from(options.others_share).clamp(0.0, 0.5 / others.len().max(1) as f64);
-            shares.push((best.section, best.beam, 1.0 - each * others.len() as f64));
+            shares.push((best.key, 1.0 - each * others.len() as f64));
             if each > 0.0 {
-                shares.extend(others.iter().map(|other| (other.section, other.beam, each)));
+                shares.extend(others.iter().map(|other| (other.key, each)));
             }
         }
     }
     covered.pixels = f64::from(covered.covered_rays) * pixels_per_ray;
     // A stable sort, so that equal beams are added up in the order of the rays: the same bits every time.
-    shares.sort_by_key(|&(section, beam, _)| (section, beam));
+    shares.sort_by_key(|&(key, _)| key);
     let beams = shares
-        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+        .chunk_by(|a, b| a.0 == b.0)
         .map(|same| WantedBeam {
-            section: same[0].0,
-            beam: same[0].1,
-            weight: (same.iter().map(|share| share.2).sum::<f64>() * pixels_per_ray) as f32,
+            key: same[0].0,
+            weight: (same.iter().map(|share| share.1).sum::<f64>() * pixels_per_ray) as f32,
         })
         .collect();
     Selection { beams, covered }

@@ -13,7 +13,7 @@ use holo_display::{
     Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt, covered, uncovered_pixels,
 };
 use holo_picture::ViewKind;
-use holo_section::{BeamId, Sample, Section};
+use holo_section::{BeamId, BeamKey, Sample, Section};
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -121,7 +121,7 @@ impl QuadtreeDriver {
             return None;
         }
         let mut shape = self.shape(look);
-        unseen.into_iter().for_each(|(section, beam)| shape.insert_unseen(section, beam));
+        unseen.into_iter().for_each(|BeamKey { section, beam }| shape.insert_unseen(section, beam));
         self.log.replay(|section, beam, paths, samples| {
             shape.insert(section, beam, paths, samples);
         });
@@ -147,7 +147,7 @@ impl Driver for QuadtreeDriver {
         Ok(())
     }
 
-    fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+    fn insert(&mut self, BeamKey { section, beam }: BeamKey, paths: u16, samples: &[Sample]) {
         let Some(shown) = &mut self.shown else { return };
         self.log.add(section, beam, paths, samples);
         for shape in shown.both.iter_mut().chain([&mut shown.own]) {
@@ -155,7 +155,7 @@ impl Driver for QuadtreeDriver {
         }
     }
 
-    fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+    fn insert_unseen(&mut self, BeamKey { section, beam }: BeamKey) {
         let Some(shown) = &mut self.shown else { return };
         for shape in shown.both.iter_mut().chain([&mut shown.own]) {
             shape.insert_unseen(section, beam);
@@ -217,12 +217,12 @@ impl Driver for QuadtreeDriver {
         })
     }
 
-    fn best_surface_beams(&self, samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<(u16, BeamId)> {
+    fn best_surface_beams(&self, samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {
         let Some(shown) = &self.shown else { return Vec::new() };
         shown.own.tree().best_surface_beams(samples_per_beam)
     }
 
-    fn surface_beams(&self) -> Vec<(u16, BeamId)> {
+    fn surface_beams(&self) -> Vec<BeamKey> {
         self.shown.as_ref().map_or_else(Vec::new, |shown| shown.own.tree().surface_beams())
     }
 }

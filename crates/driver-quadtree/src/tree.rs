@@ -6,7 +6,7 @@ use crate::sums::Colour;
 use glam::DVec3;
 use holo_display::{Camera, DistanceTable, Frame, PlacedSection, best_beam, covered};
 use holo_picture::View;
-use holo_section::{BeamId, Sample, Section};
+use holo_section::{BeamId, BeamKey, Sample, Section};
 use rayon::prelude::*;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -54,9 +54,9 @@ pub struct Quadtree {
     pub(crate) covered: Vec<bool>,
     /// Whether rays of some pixels may begin ahead of the eye.
     pub(crate) is_outside: bool,
-    unseen: HashSet<(u16, BeamId)>,
+    unseen: HashSet<BeamKey>,
     /// Best beam of every pixel's middle. Empty while no unseen beam is known: most scenes have none.
-    best: Vec<Option<(u16, BeamId)>>,
+    best: Vec<Option<BeamKey>>,
 }
 
 impl Quadtree {
@@ -158,11 +158,11 @@ impl Quadtree {
             };
             self.best = (0..self.covered.len()).into_par_iter().map(best).collect();
         }
-        self.unseen.insert((section, beam));
+        self.unseen.insert(BeamKey { section, beam });
     }
 
     /// Returns the beams of which no ray hits anything.
-    pub(crate) fn unseen(&self) -> &HashSet<(u16, BeamId)> {
+    pub(crate) fn unseen(&self) -> &HashSet<BeamKey> {
         &self.unseen
     }
 
@@ -171,7 +171,7 @@ impl Quadtree {
     pub(crate) fn unseen_pixels(&self) -> Vec<bool> {
         // Neighbouring pixels mostly have the same beam.
         let mut last = (None, false);
-        let mut is_unseen = |best: &Option<(u16, BeamId)>| {
+        let mut is_unseen = |best: &Option<BeamKey>| {
             if last.0 != *best {
                 last = (*best, best.is_some_and(|best| self.unseen.contains(&best)));
             }

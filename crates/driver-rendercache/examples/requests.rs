@@ -160,14 +160,14 @@ fn walk(way: Way, mismatch: usize) -> Result<[f64; 2], Box<dyn Error>> {
                 continue;
             }
             Way::SingleRays => {
-                made.rays(&sections).into_iter().map(|(_, beam, coords)| (beam, coords)).collect()
+                made.rays(&sections).into_iter().map(|(key, coords)| (key.beam, coords)).collect()
             }
             Way::Beams => {
                 let beams = select_beams(&sections, &now, SIZE, &SelectOptions::default()).beams;
                 let weighed: Vec<_> = made
                     .weigh(&sections, &beams, 0.75)
                     .iter()
-                    .map(|wanted| (wanted.beam, wanted.weight))
+                    .map(|wanted| (wanted.key.beam, wanted.weight))
                     .collect();
                 server.deal(section, &weighed, &Viewpoint { eye: now.vp.to_array(), radius }, count)
             }

@@ -5,18 +5,18 @@
 use super::Frame;
 use holo_display::WantedBeam;
 use holo_display::candidates;
-use holo_section::{BeamId, RayCoords, Section};
+use holo_section::{BeamKey, RayCoords, Section};
 use std::collections::BTreeMap;
 
 impl Frame<'_> {
     /// The requests of this frame as stored rays: the nearest of the best beam of each. Those that no section covers are left out.
-    pub fn rays(&self, sections: &[Section]) -> Vec<(u16, BeamId, RayCoords)> {
+    pub fn rays(&self, sections: &[Section]) -> Vec<(BeamKey, RayCoords)> {
         let mut found = Vec::new();
         let ray = |(_, eye, direction)| {
             candidates(sections, eye, direction, &mut found);
             let best = found.first()?;
-            let hit = sections.get(usize::from(best.section))?.line(eye, direction)?;
-            Some((best.section, best.beam, hit.coords))
+            let hit = sections.get(usize::from(best.key.section))?.line(eye, direction)?;
+            Some((best.key, hit.coords))
         };
         self.requests().filter_map(ray).collect()
     }
@@ -25,13 +25,13 @@ impl Frame<'_> {
     ///
     /// Beams of predicted requests come in besides. The result is ordered by section and beam, each once.
     pub fn weigh(&self, sections: &[Section], beams: &[WantedBeam], share: f32) -> Vec<WantedBeam> {
-        let mut asked: BTreeMap<(u16, BeamId), f32> = BTreeMap::new();
+        let mut asked: BTreeMap<BeamKey, f32> = BTreeMap::new();
         let mut found = Vec::new();
         let mut count = 0;
         for (_, eye, direction) in self.requests() {
             candidates(sections, eye, direction, &mut found);
             if let Some(best) = found.first() {
-                *asked.entry((best.section, best.beam)).or_default() += 1.0;
+                *asked.entry(best.key).or_default() += 1.0;
                 count += 1;
             }
         }
@@ -42,11 +42,8 @@ impl Frame<'_> {
         let each = (total * f64::from(share) / f64::from(count)) as f32;
         asked.values_mut().for_each(|weight| *weight *= each);
         for beam in beams {
-            *asked.entry((beam.section, beam.beam)).or_default() += (1.0 - share) * beam.weight;
+            *asked.entry(beam.key).or_default() += (1.0 - share) * beam.weight;
         }
-        asked
-            .into_iter()
-            .map(|((section, beam), weight)| WantedBeam { section, beam, weight })
-            .collect()
+        asked.into_iter().map(|(key, weight)| WantedBeam { key, weight }).collect()
     }
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use holo_display::{Driver, DriverError, Frame, Look, SurfaceAt, WantedBeam};
 use holo_picture::{View, ViewKind};
-use holo_section::{BeamId, RayCoords, Sample as Stored, Section};
+use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
 
 use crate::screen::{Screen, radius};
 use crate::{Moment, PointImage, PointImageParams, Sample, far_depth};
@@ -79,7 +79,7 @@ impl Driver for RenderCacheDriver {
         self.see(look, &[]).map(|_| ())
     }
 
-    fn insert(&mut self, section: u16, beam: BeamId, _paths: u16, samples: &[Stored]) {
+    fn insert(&mut self, BeamKey { section, beam }: BeamKey, _paths: u16, samples: &[Stored]) {
         let Some((cache, screen)) = &mut self.shown else { return };
         screen.locate(section, beam, samples, |seen| {
             let (column, row) = seen.pixel;
@@ -97,7 +97,7 @@ impl Driver for RenderCacheDriver {
         });
     }
 
-    fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+    fn insert_unseen(&mut self, BeamKey { section, beam }: BeamKey) {
         if let Some((_, screen)) = &mut self.shown {
             screen.insert_unseen(section, beam);
         }
@@ -123,7 +123,7 @@ impl Driver for RenderCacheDriver {
         true
     }
 
-    fn wanted_rays(&mut self) -> Vec<(u16, BeamId, RayCoords)> {
+    fn wanted_rays(&mut self) -> Vec<(BeamKey, RayCoords)> {
         let Some((cache, screen)) = &mut self.shown else { return Vec::new() };
         let wanted = requests(screen.size);
         let moment = Moment { view: screen.view, predicted: None, samples: &[], wanted };

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use holo_display::{Driver, DriverError, Frame, Look, SurfaceAt, WantedBeam};
 use holo_picture::View;
-use holo_section::{BeamId, Sample, Section};
+use holo_section::{BeamKey, Sample, Section};
 
 use crate::driver::surface_at;
 use crate::frameless::Frameless;
@@ -69,7 +69,7 @@ impl Driver for FramelessDriver {
         Ok(())
     }
 
-    fn insert(&mut self, section: u16, beam: BeamId, _paths: u16, samples: &[Sample]) {
+    fn insert(&mut self, BeamKey { section, beam }: BeamKey, _paths: u16, samples: &[Sample]) {
         let Some(Shown { frameless, screen, depth }) = &mut self.shown else { return };
         let width = screen.size.0;
         screen.locate(section, beam, samples, |seen| {
@@ -85,7 +85,7 @@ impl Driver for FramelessDriver {
         });
     }
 
-    fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+    fn insert_unseen(&mut self, BeamKey { section, beam }: BeamKey) {
         if let Some(shown) = &mut self.shown {
             shown.screen.insert_unseen(section, beam);
         }

@@ -10,7 +10,7 @@ use std::{collections::HashSet, sync::Arc};
 use glam::DVec3;
 use holo_display::{Frame, Look, best_beam, for_bands, viewpoint_radius};
 use holo_picture::{Clip, View};
-use holo_section::{BeamId, Sample, Section, SectionRay, ray_eye_distance};
+use holo_section::{BeamId, BeamKey, Sample, Section, SectionRay, ray_eye_distance};
 
 use crate::Place;
 
@@ -50,8 +50,8 @@ pub(crate) struct Screen {
     /// How near to the eye the view's own rays pass, scene units.
     radius: f64,
     /// Best beam of each pixel's middle; empty until the first frame.
-    best: Vec<Option<(u16, BeamId)>>,
-    unseen: HashSet<(u16, BeamId)>,
+    best: Vec<Option<BeamKey>>,
+    unseen: HashSet<BeamKey>,
     used: u64,
 }
 
@@ -86,7 +86,7 @@ impl Screen {
     /// Notes that no ray of a beam can hit anything.
     pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
         if self.sections.get(usize::from(section)).is_some_and(|s| beam.0 < s.beam_count()) {
-            self.unseen.insert((section, beam));
+            self.unseen.insert(BeamKey { section, beam });
         }
     }
 

@@ -156,8 +156,8 @@ fn beams_are_wanted_where_pixels_want_rays_and_no_weight_is_lost() {
     let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
     let frame = cache.frame(&moment(eye, &left, 1000));
     let weighed = frame.weigh(&sections, &beams, 0.75);
-    assert!(weighed.is_sorted_by_key(|beam| (beam.section, beam.beam)));
-    assert_eq!(weighed.iter().map(|beam| beam.beam).collect::<HashSet<_>>().len(), weighed.len());
+    assert!(weighed.is_sorted_by_key(|beam| beam.key));
+    assert_eq!(weighed.iter().map(|beam| beam.key).collect::<HashSet<_>>().len(), weighed.len());
     // Weights of the beams whose middle ray goes left and right from the eye.
     let halves = |beams: &[WantedBeam]| {
         let mut halves = [0.0; 2];
@@ -167,7 +167,7 @@ fn beams_are_wanted_where_pixels_want_rays_and_no_weight_is_lost() {
                 let (column, row) = (pixel % size.0, pixel / size.0);
                 let (px, py) = View::pixel_centre(size, column, row);
                 let (origin, direction) = eye.ray(px, py);
-                (best_beam(&sections, origin, direction)? == (0, beam.beam))
+                (best_beam(&sections, origin, direction)? == beam.key)
                     .then_some(f64::from(column) < x)
             });
             if let Some(on_left) = on_left {

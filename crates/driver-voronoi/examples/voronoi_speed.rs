@@ -7,7 +7,7 @@ use holo_driver_voronoi::Voronoi;
 use holo_picture::View;
 use holo_raycast::Raycaster;
 use holo_scene::{LoadOptions, load_obj};
-use holo_section::{BeamId, Sample, Section, SectionSpec, ViewClass};
+use holo_section::{BeamId, BeamKey, Sample, Section, SectionSpec, ViewClass};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -68,31 +68,37 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut canvas = timed("surfaces, 1280x720", 20, || canvas(Resolution::Full));
     let beams = timed("beams of what is seen", 3, || canvas.surface_beams());
     // Rays that see what is there, all equally bright: where they land is what takes time.
-    let packets: Vec<(BeamId, Vec<Sample>)> =
-        beams.iter().map(|&(_, beam)| (beam, rays(&section, beam, &raycaster))).collect();
+    let packets: Vec<(BeamId, Vec<Sample>)> = beams
+        .iter()
+        .map(|&BeamKey { beam, .. }| (beam, rays(&section, beam, &raycaster)))
+        .collect();
     let count: usize = packets.iter().map(|(_, samples)| samples.len()).sum();
     timed(&format!("insert {count} samples"), 3, || {
-        packets.iter().for_each(|(beam, samples)| canvas.insert(0, *beam, 1, samples));
+        packets.iter().for_each(|(beam, samples)| {
+            canvas.insert(BeamKey { section: 0, beam: *beam }, 1, samples)
+        });
     });
     timed("the same at half resolution", 3, || {
-        packets.iter().for_each(|(beam, samples)| half.insert(0, *beam, 1, samples));
+        packets.iter().for_each(|(beam, samples)| {
+            half.insert(BeamKey { section: 0, beam: *beam }, 1, samples)
+        });
     });
     timed("draw with all beams' new samples, half resolution", 10, || {
-        packets
-            .iter()
-            .for_each(|(beam, samples)| half.insert(0, *beam, 1, &samples[..samples.len().min(1)]));
+        packets.iter().for_each(|(beam, samples)| {
+            half.insert(BeamKey { section: 0, beam: *beam }, 1, &samples[..samples.len().min(1)])
+        });
         half.draw()
     });
     let mut beams = packets.iter().cycle();
     timed("draw with a beam's new samples", 10, || {
         if let Some((beam, samples)) = beams.next() {
-            canvas.insert(0, *beam, 1, samples);
+            canvas.insert(BeamKey { section: 0, beam: *beam }, 1, samples);
         }
         canvas.draw()
     });
     timed("draw with all beams' new samples", 5, || {
         packets.iter().for_each(|(beam, samples)| {
-            canvas.insert(0, *beam, 1, &samples[..samples.len().min(1)])
+            canvas.insert(BeamKey { section: 0, beam: *beam }, 1, &samples[..samples.len().min(1)])
         });
         canvas.draw()
     });

@@ -8,7 +8,7 @@
 use super::Voronoi;
 use super::surfaces::{Seen, Surfaces};
 use holo_display::{End, beams_ending_on, beams_mostly_ending_on};
-use holo_section::BeamId;
+use holo_section::BeamKey;
 
 /// Beams that are asked for first: of a holodeck filled for a minute they hold some samples for each pixel of a small picture, and are
 /// read in some hundredths of a second.
@@ -19,12 +19,12 @@ const SLACK: f64 = 0.01;
 
 impl Voronoi {
     /// Beams whose rays may end on what the view sees, ordered by section and beam, each once.
-    pub fn surface_beams(&self) -> Vec<(u16, BeamId)> {
+    pub fn surface_beams(&self) -> Vec<BeamKey> {
         beams_ending_on(&self.sections, &self.points(), SLACK)
     }
 
     /// Some of them, found in less time: those that hold most of what is of use. Ordered by section and beam, each once.
-    pub fn best_surface_beams(&self) -> Vec<(u16, BeamId)> {
+    pub fn best_surface_beams(&self) -> Vec<BeamKey> {
         beams_mostly_ending_on(&self.sections, &self.points(), SLACK, FIRST_BEAMS, |_| 1.0)
     }
 

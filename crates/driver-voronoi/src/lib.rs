@@ -42,7 +42,7 @@ use holo_display::{Camera, DistanceTable, Frame, PlacedSection, Resolution, cove
 use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
-use holo_section::{BeamId, Sample, Section};
+use holo_section::{BeamKey, Sample, Section};
 use light::Light;
 use reconstruct::Scratch;
 pub use session::{MakeDriver, VoronoiDriver};
@@ -264,8 +264,8 @@ impl Voronoi {
     }
 
     /// Adds samples of one beam, each the mean of `paths` paths. Samples of an unknown section or beam are left out.
-    pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
-        let number = usize::from(section);
+    pub fn insert(&mut self, key: BeamKey, paths: u16, samples: &[Sample]) {
+        let (number, beam) = (usize::from(key.section), key.beam);
         let Some(pair) = self.sections.get(number).and_then(|section| section.cells(beam)) else {
             return;
         };

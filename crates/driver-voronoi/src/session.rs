@@ -5,7 +5,7 @@ use super::{StandIns, Voronoi};
 use holo_display::{Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt};
 use holo_light::Store;
 use holo_raycast::Raycaster;
-use holo_section::{BeamId, Sample, Section};
+use holo_section::{BeamKey, Sample, Section};
 use std::sync::Arc;
 
 /// Makes a driver that needs no scene: it draws what lies beyond portals.
@@ -91,21 +91,21 @@ impl Driver for VoronoiDriver {
         Ok(())
     }
 
-    fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+    fn insert(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
         let Some(shown) = &mut self.shown else { return };
-        shown.covered.insert(section, beam, paths, samples);
+        shown.covered.insert(beam, paths, samples);
         if let Some(live) = &mut shown.live {
-            live.driver.insert(section, beam, paths, samples);
+            live.driver.insert(beam, paths, samples);
         }
         if let Some(beyond) = &mut shown.beyond {
-            beyond.driver.insert(section, beam, paths, samples);
+            beyond.driver.insert(beam, paths, samples);
         }
     }
 
-    fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+    fn insert_unseen(&mut self, beam: BeamKey) {
         // The scene tells what such a beam shows, except beyond portals.
         if let Some(beyond) = self.shown.as_mut().and_then(|shown| shown.beyond.as_mut()) {
-            beyond.driver.insert_unseen(section, beam);
+            beyond.driver.insert_unseen(beam);
         }
     }
 
@@ -170,11 +170,11 @@ impl Driver for VoronoiDriver {
         }
     }
 
-    fn best_surface_beams(&self, _samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<(u16, BeamId)> {
+    fn best_surface_beams(&self, _samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {
         self.shown.as_ref().map_or_else(Vec::new, |shown| shown.covered.best_surface_beams())
     }
 
-    fn surface_beams(&self) -> Vec<(u16, BeamId)> {
+    fn surface_beams(&self) -> Vec<BeamKey> {
         self.shown.as_ref().map_or_else(Vec::new, |shown| shown.covered.surface_beams())
     }
 }

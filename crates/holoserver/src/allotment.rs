@@ -3,8 +3,7 @@
 use std::collections::HashMap;
 
 use holo_beamfile::BeamFile;
-pub use holo_beamfile::BeamKey;
-use holo_section::SampleKind;
+use holo_section::{BeamKey, SampleKind};
 
 /// Hands out sample numbers so that none is traced twice: from the file's counts on, and from there upwards.
 #[derive(Default)]

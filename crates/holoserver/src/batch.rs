@@ -12,9 +12,9 @@
 //! Beams that see nothing have no part in this: whoever asks passes over them. A sweep's total is kept as rays for each
 //! unit of importance, so that it is the same for the others, whenever such beams become known.
 
-use holo_section::{BeamOrder, ImportanceTable, Section};
+use holo_section::{BeamKey, BeamOrder, ImportanceTable, Section};
 
-use crate::{allotment::BeamKey, better, unseen::UnseenBeams};
+use crate::{better, unseen::UnseenBeams};
 
 /// How much larger each sweep's total is. Smaller is more even, larger makes fuller packets.
 const GROWTH: f64 = 1.5;

@@ -9,9 +9,8 @@
 
 use std::ops::Range;
 
-use holo_beamfile::ExtentMeta;
 use holo_proto::MAX_RAYS_PER_PACKET;
-use holo_section::SampleKind;
+use holo_section::{Run, SampleKind};
 
 /// How many times the paths of the level before a level has. An error halves; and so much more often does each byte of
 /// the file stand for the work that went into it.
@@ -39,7 +38,7 @@ pub fn rays_per_packet(paths: u16) -> u32 {
 
 /// Which of `numbers` are stored with fewer than `paths` paths and uniform in the beam, in order, neighbours joined. `runs` is
 /// what the file says of the beam.
-pub fn worse(runs: &[ExtentMeta], paths: u16, numbers: &Range<u32>) -> Vec<Range<u32>> {
+pub fn worse(runs: &[Run], paths: u16, numbers: &Range<u32>) -> Vec<Range<u32>> {
     let mut found: Vec<Range<u32>> = Vec::new();
     for run in runs.iter().filter(|run| run.kind == SampleKind::Uniform && run.paths < paths) {
         let range = run.first.max(numbers.start)..(run.first + run.count).min(numbers.end);
@@ -54,8 +53,7 @@ pub fn worse(runs: &[ExtentMeta], paths: u16, numbers: &Range<u32>) -> Vec<Range
 
 #[cfg(test)]
 mod tests {
-    use holo_beamfile::BeamKey;
-    use holo_section::BeamId;
+    use holo_section::{BeamId, BeamKey};
 
     use super::*;
 
@@ -76,7 +74,7 @@ mod tests {
     fn only_uniform_samples_of_fewer_paths_are_traced_again() {
         let run = |kind, first, count, paths| {
             let key = BeamKey { section: 0, beam: BeamId(1) };
-            ExtentMeta { key, first, count, kind, paths, settings: 0, generation: 0 }
+            Run { key, first, count, kind, paths }
         };
         let uniform = SampleKind::Uniform;
         let runs = [

@@ -35,10 +35,10 @@ use holo_proto::{
     control::{Control, Status},
     hello::Role,
 };
-use holo_section::Sample;
+use holo_section::{BeamKey, Sample};
 
 use crate::{
-    allotment::{Allotment, BeamKey},
+    allotment::Allotment,
     batch::{BatchOrder, Wanted},
     holodeck::Holodeck,
     listen::ConnectionId,

@@ -14,12 +14,12 @@ use anyhow::{Context, Result};
 use holo_net::{Outbox, SCENE_CHUNK_BYTES};
 use holo_proto::{
     ProtoError,
-    bulk::{BlobChunk, MAX_RUN, Run, Samples, Source, Unseen},
+    bulk::{BlobChunk, MAX_RUN, Samples, Source, Unseen},
     frame::Kind,
 };
-use holo_section::BeamId;
+use holo_section::{BeamKey, Run};
 
-use crate::{allotment::BeamKey, holodeck::Holodeck};
+use crate::holodeck::Holodeck;
 
 /// Samples in one message: large enough that messages cost nothing, small enough that the first is seen soon.
 const SAMPLES_PER_MESSAGE: usize = 16_384;
@@ -72,19 +72,13 @@ impl Recall {
         // and the rest at 4 (Cornell, `path`), `quadtree` errs by 0.019 so and by 0.010 with equal weights, which only gain.
         let usual = self.holodeck.about.settings.paths_per_sample;
         let mut broken = Ok(());
-        self.holodeck.file.read_many(&self.keys, &mut |key, beam| {
-            for (meta, samples) in beam.runs() {
-                let mut first = meta.first;
+        self.holodeck.file.read_many(&self.keys, &mut |_, beam| {
+            for (run, samples) in beam.iter() {
+                let mut first = run.first;
                 for part in samples.chunks(MAX_RUN as usize) {
                     let count = part.len() as u32;
-                    message.runs.push(Run {
-                        section: key.section,
-                        beam: key.beam,
-                        kind: meta.kind,
-                        first,
-                        count,
-                        paths: meta.paths.min(usual),
-                    });
+                    let paths = run.paths.min(usual);
+                    message.runs.push(Run { first, count, paths, ..*run });
                     message.samples.extend_from_slice(part);
                     first += count;
                     if message.samples.len() >= SAMPLES_PER_MESSAGE {
@@ -106,11 +100,7 @@ impl Recall {
     fn send_unseen(&self) -> Result<()> {
         let beams: Vec<_> = {
             let unseen = self.holodeck.unseen();
-            self.keys
-                .iter()
-                .filter(|key| unseen.contains(**key))
-                .map(|key| (key.section, key.beam))
-                .collect()
+            self.keys.iter().copied().filter(|&key| unseen.contains(key)).collect()
         };
         Ok(tell_unseen(&self.outbox, self.view, &beams)?)
     }
@@ -131,7 +121,7 @@ impl Recall {
 }
 
 /// Tells a display which of its view's beams see nothing.
-pub fn tell_unseen(outbox: &Outbox, view: u32, beams: &[(u16, BeamId)]) -> Result<(), ProtoError> {
+pub fn tell_unseen(outbox: &Outbox, view: u32, beams: &[BeamKey]) -> Result<(), ProtoError> {
     beams.chunks(UNSEEN_PER_MESSAGE).try_for_each(|part| {
         outbox.send(Kind::Unseen, &Unseen { view, beams: part.to_vec() }.encode())
     })

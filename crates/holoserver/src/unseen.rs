@@ -6,10 +6,8 @@
 //!   remembered, which costs a worker another look and nothing else.
 
 use anyhow::{Result, ensure};
-use holo_section::{BeamId, Section};
+use holo_section::{BeamId, BeamKey, Section};
 use rustc_hash::FxHashMap;
-
-use crate::allotment::BeamKey;
 
 /// Beams in a page.
 const PAGE_BEAMS: u64 = 1 << 16;

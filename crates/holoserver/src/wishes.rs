@@ -9,10 +9,8 @@ use std::{
 };
 
 use holo_proto::{LEAST_TRACED_WEIGHT, MAX_RAYS_PER_PACKET, bulk::WantedRay};
-use holo_section::{BeamId, RayCoords, Viewpoint};
+use holo_section::{BeamKey, RayCoords, Viewpoint};
 use rustc_hash::FxHashMap;
-
-use crate::allotment::BeamKey;
 
 /// Rays per pixel after which a beam is left alone: a view that somebody forgot must not fill the disk. A picture of
 /// 640×480 pixels reaches it at 3 GB.
@@ -95,14 +93,13 @@ impl Wishes {
         self.rays.clear();
         let mut open: FxHashMap<BeamKey, usize> = FxHashMap::default();
         for ray in rays {
-            let key = BeamKey { section: ray.section, beam: BeamId(ray.beam) };
             let known = open
-                .get(&key)
+                .get(&ray.key)
                 .copied()
                 .filter(|&at| usize::from(self.rays[at].count) < MAX_RAYS_PER_PACKET);
             let at = known.unwrap_or_else(|| {
-                self.rays.push_back(RayPacket { key, rays: Default::default(), count: 0 });
-                open.insert(key, self.rays.len() - 1);
+                self.rays.push_back(RayPacket { key: ray.key, rays: Default::default(), count: 0 });
+                open.insert(ray.key, self.rays.len() - 1);
                 self.rays.len() - 1
             });
             let packet = &mut self.rays[at];
@@ -183,6 +180,8 @@ impl Wish {
 
 #[cfg(test)]
 mod tests {
+    use holo_section::BeamId;
+
     use super::*;
 
     fn key(beam: u64) -> BeamKey {
@@ -246,12 +245,8 @@ mod tests {
     fn single_rays_come_in_the_order_in_which_beams_were_first_named_and_only_the_newest() {
         let beams = (0..3).map(|i| (key(i), 10.0, 0));
         let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
-        let ray = |beam: u64, number: u8| WantedRay {
-            beam,
-            section: 0,
-            coords: RayCoords([number; 4]),
-            reserved: 0,
-        };
+        let ray =
+            |beam: u64, number: u8| WantedRay { key: key(beam), coords: RayCoords([number; 4]) };
         wishes.want_rays(&[ray(1, 77)]);
         let many: Vec<WantedRay> =
             (0..60).map(|number| ray([2, 0, 5][usize::from(number) % 3], number)).collect();
@@ -283,7 +278,7 @@ mod tests {
     fn single_rays_of_a_forgotten_view_end_by_themselves() {
         let mut wishes =
             Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, [(key(0), 2.0, 0)]);
-        let ray = WantedRay { beam: 0, section: 0, coords: RayCoords::default(), reserved: 0 };
+        let ray = WantedRay { key: key(0), coords: RayCoords::default() };
         let mut rays = 0;
         loop {
             wishes.want_rays(&[ray; 10]);

@@ -4,7 +4,7 @@ use std::{collections::HashMap, time::Duration};
 
 use holo_net::Outbox;
 use holo_proto::bulk::{LivePacket, LiveWork, Packet, Traced, Work};
-use holo_section::{SampleKind, Viewpoint};
+use holo_section::{Run, SampleKind, Viewpoint};
 use thiserror::Error;
 
 use crate::{listen::ConnectionId, live::LiveAssignment};
@@ -38,6 +38,11 @@ impl Assignment {
             (None, Some(_)) => SampleKind::ViewpointLimited,
             (None, None) => SampleKind::Uniform,
         }
+    }
+
+    /// The samples that it asks for.
+    pub fn run(&self) -> Run {
+        Run { kind: self.kind(), ..self.packet.run() }
     }
 
     /// What it costs, in rays of `usual_paths` paths.

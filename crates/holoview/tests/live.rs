@@ -14,7 +14,7 @@ use holo_light::Store;
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Material, Scene};
-use holo_section::{BeamId, RayCoords, Sample, Section, ViewClass};
+use holo_section::{BeamId, BeamKey, RayCoords, Sample, Section, ViewClass};
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (48, 36);
@@ -219,7 +219,7 @@ fn live_rays_change_no_covered_pixel_and_their_order_changes_no_bit() {
     let (early, late) = samples.split_at(samples.len() / 2);
     let insert = |driver: &mut Box<dyn Driver>, samples: &[(BeamId, Sample)]| {
         for (beam, sample) in samples {
-            driver.insert(0, *beam, 1, std::slice::from_ref(sample));
+            driver.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample));
         }
     };
     for make in [Stage::voronoi, Stage::quadtree] {

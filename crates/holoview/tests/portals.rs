@@ -13,7 +13,7 @@ use holo_driver_quadtree::QuadtreeDriver;
 use holo_driver_voronoi::{StandIn, StandIns, VoronoiDriver};
 use holo_light::Store;
 use holo_raycast::Raycaster;
-use holo_section::Section;
+use holo_section::{BeamKey, Section};
 use stage::{Quad, SIZE, Stage, diffuse, even, raycaster, wall};
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ fn what_is_seen_through_a_portal_is_drawn_by_its_samples_and_all_else_is_as_with
         let (view, size) = (full.view, SIZE);
         driver.look(&Look { view, size, resolution: Resolution::Full }).unwrap();
         for (beam, sample) in &samples {
-            driver.insert(0, *beam, 1, std::slice::from_ref(sample));
+            driver.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample));
         }
         driver.draw(&mut |_| {})
     };

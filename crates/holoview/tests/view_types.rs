@@ -16,7 +16,7 @@ use holo_driver_voronoi::Voronoi;
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene as Geometry};
-use holo_section::{Sample, Section, ViewClass};
+use holo_section::{BeamKey, Sample, Section, ViewClass};
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (96, 72);
@@ -231,8 +231,7 @@ fn voronoi_shows_every_type_with_true_edges() {
             let ray = section.ray(section.cells(beam).unwrap(), coords);
             let (wall, distance) = wall_seen(ray.origin, ray.direction);
             driver.insert(
-                0,
-                beam,
+                BeamKey { section: 0, beam: beam },
                 1,
                 &[Sample::encode(coords, colours[wall], distance, section.diagonal(), 0)],
             );
@@ -291,7 +290,7 @@ fn a_view_of_any_type_wants_the_beams_of_its_rays() {
             let Some(hit) = section.line(origin, along) else { continue };
             rays += 1;
             found += usize::from(
-                selection.beams.iter().any(|wanted| wanted.beam == section.beam(hit.pair)),
+                selection.beams.iter().any(|wanted| wanted.key.beam == section.beam(hit.pair)),
             );
         }
         // What the selection's rays miss, cells that a picture only grazes, is little.
@@ -327,7 +326,7 @@ fn rays_asked_for_go_along_with_a_parallel_view() {
         let eye = viewpoint(&sections, &seen, radius);
         let (mut limited, mut all, mut worst) = (0, 0, 0.0_f64);
         for wanted in &selection.beams {
-            let sampler = sections[0].beam_sampler(0, wanted.beam, Some(&eye)).unwrap();
+            let sampler = sections[0].beam_sampler(0, wanted.key.beam, Some(&eye)).unwrap();
             all += 1;
             limited += usize::from(sampler.is_limited());
             for number in (0..21).filter(|_| sampler.is_limited()) {

@@ -8,11 +8,11 @@ use common::{pair, raw_client};
 use holo_net::{Message, NetError, SILENCE};
 use holo_proto::{
     ProtoError,
-    bulk::{BlobChunk, Run, Samples, Source},
+    bulk::{BlobChunk, Samples, Source},
     control::Control,
     frame::{self, Header, Kind},
 };
-use holo_section::{BeamId, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     time::{Instant, sleep, timeout},
@@ -22,7 +22,7 @@ const SOON: Duration = Duration::from_secs(10);
 
 fn samples(count: u32) -> Samples {
     let kind = SampleKind::Uniform;
-    let run = Run { section: 1, beam: BeamId(2), kind, first: 3, count, paths: 4 };
+    let run = Run { key: BeamKey { section: 1, beam: BeamId(2) }, kind, first: 3, count, paths: 4 };
     let samples = (0..count)
         .map(|i| Sample::from_codes(i.to_le_bytes().into(), [i as u8; 4], i as u16))
         .collect();

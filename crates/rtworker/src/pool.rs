@@ -11,7 +11,9 @@ use holo_proto::{
     MAX_RAYS_PER_PACKET,
     bulk::{LiveHit, LivePacket, LiveRay, Packet, Traced},
 };
-use holo_section::{BeamId, BeamSampler, DVec3, RayCoords, Sample, SampleKind, Section, Viewpoint};
+use holo_section::{
+    BeamId, BeamKey, BeamSampler, DVec3, RayCoords, Sample, SampleKind, Section, Viewpoint,
+};
 use holo_tracer::Tracer;
 use tokio::sync::mpsc;
 
@@ -193,8 +195,9 @@ fn live_hit(tracer: &Tracer, ray: &LiveRay, seed: u64, paths: u16) -> LiveHit {
 
 fn trace_beam(job: &BeamJob, task: &Task) -> Option<Done> {
     let start = Instant::now();
-    let Packet { section: index, beam, first, count, paths, .. } = job.packet;
-    let section = task.sections.get(usize::from(index))?;
+    let Packet { key, first, count, paths, .. } = job.packet;
+    let BeamKey { section: index, beam } = key;
+    let section = key.section_in(&task.sections)?;
     let raycaster = task.tracer.raycaster();
     if task.unseen.as_ref().is_some_and(|unseen| unseen.is_unseen(raycaster, section, index, beam))
     {

@@ -242,14 +242,8 @@ fn jobs(work: &Work, sections: &[Section], seed: u64) -> Result<Vec<Job>> {
     work.packets
         .iter()
         .map(|packet| {
-            let section = sections.get(usize::from(packet.section));
-            let known = section.is_some_and(|section| packet.beam.0 < section.beam_count());
-            ensure!(
-                known,
-                "the server asked for beam {} of section {}",
-                packet.beam.0,
-                packet.section
-            );
+            let known = packet.key.section_in(sections).is_some();
+            ensure!(known, "the server asked for {}, which does not exist", packet.key);
             let viewpoint =
                 packet.viewpoint.and_then(|index| work.viewpoints.get(usize::from(index))).copied();
             Ok(Job::Beam(BeamJob { packet: *packet, viewpoint, seed }))

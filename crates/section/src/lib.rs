@@ -19,6 +19,7 @@ mod order;
 mod polygon;
 mod proximity;
 pub mod rgbe;
+mod run;
 mod sample;
 mod sampler;
 mod section;
@@ -30,6 +31,7 @@ pub use hash::seed;
 pub use importance::ImportanceTable;
 pub use line::LineHit;
 pub use order::BeamOrder;
+pub use run::{BeamKey, Run};
 pub use sample::{Sample, SampleKind};
 pub use sampler::{BeamSampler, Viewpoint};
 pub use section::{

@@ -14,7 +14,7 @@ pub use live::{
     MAX_LIVE_RAYS, MAX_LIVE_RAYS_HELD,
 };
 pub use results::{Results, Traced};
-pub use samples::{MAX_RUN, Run, Samples, Source, Unseen};
+pub use samples::{MAX_RUN, Samples, Source, Unseen};
 pub use shared::{BlobChunk, Light, Record};
 pub use view::{RaysWanted, ViewRequest, Wanted, WantedRay};
 pub use work::{Packet, Work};

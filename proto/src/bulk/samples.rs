@@ -1,7 +1,7 @@
 //! What a display gets for a view, server to display: samples, and beams that see nothing.
 
 use bytemuck::{Pod, Zeroable};
-use holo_section::{BeamId, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
 
 use super::{Counts, Reader, expect_total, put};
 use crate::ProtoError;
@@ -17,23 +17,6 @@ pub enum Source {
     Stored = 0,
     /// Traced just now.
     Traced = 1,
-}
-
-/// A run of samples of one beam with consecutive numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Run {
-    /// Section number.
-    pub section: u16,
-    /// Beam in the section.
-    pub beam: BeamId,
-    /// Kind, part of a sample's name.
-    pub kind: SampleKind,
-    /// First sample number.
-    pub first: u32,
-    /// Samples.
-    pub count: u32,
-    /// Paths averaged into each.
-    pub paths: u16,
 }
 
 /// Server to display: samples for a view.
@@ -72,10 +55,10 @@ impl Samples {
             put(
                 &mut out,
                 &RawRun {
-                    beam: run.beam.0,
+                    beam: run.key.beam.0,
                     first: run.first,
                     count: run.count,
-                    section: run.section,
+                    section: run.key.section,
                     paths: run.paths,
                     kind: run.kind as u8,
                     reserved: [0; 3],
@@ -120,12 +103,7 @@ impl Samples {
 }
 
 fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
-    let kind = match raw.kind {
-        0 => SampleKind::Uniform,
-        1 => SampleKind::ViewpointLimited,
-        2 => SampleKind::SingleRay,
-        other => return Err(ProtoError::SampleKind(other)),
-    };
+    let kind = SampleKind::from_code(raw.kind).ok_or(ProtoError::SampleKind(raw.kind))?;
     if raw.count == 0 || raw.count > MAX_RUN {
         return Err(ProtoError::TooMany {
             what: "samples in a run",
@@ -140,8 +118,7 @@ fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
         return Err(ProtoError::Number("a run's first sample number"));
     }
     Ok(Run {
-        section: raw.section,
-        beam: BeamId(raw.beam),
+        key: BeamKey { section: raw.section, beam: BeamId(raw.beam) },
         kind,
         first: raw.first,
         count: raw.count,
@@ -154,8 +131,8 @@ fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
 pub struct Unseen {
     /// The view that they belong to.
     pub view: u32,
-    /// The beams: section number, beam in the section.
-    pub beams: Vec<(u16, BeamId)>,
+    /// The beams.
+    pub beams: Vec<BeamKey>,
 }
 
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -172,7 +149,7 @@ impl Unseen {
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + self.beams.len() * 16);
         put(&mut out, &Counts { first: self.view, second: self.beams.len() as u32 });
-        for &(section, beam) in &self.beams {
+        for &BeamKey { section, beam } in &self.beams {
             put(&mut out, &RawUnseen { beam: beam.0, section, reserved: [0; 6] });
         }
         out
@@ -187,7 +164,10 @@ impl Unseen {
         let counts: Counts = reader.one("unseen message")?;
         let beams = reader.many::<RawUnseen>("unseen beam list", u64::from(counts.second))?;
         reader.end()?;
-        let beams = beams.into_iter().map(|raw| (raw.section, BeamId(raw.beam))).collect();
+        let beams = beams
+            .into_iter()
+            .map(|raw| BeamKey { section: raw.section, beam: BeamId(raw.beam) })
+            .collect();
         Ok(Unseen { view: counts.first, beams })
     }
 }

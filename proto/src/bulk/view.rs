@@ -1,25 +1,29 @@
 //! What a display wants, display to server: beams and single rays.
 
 use bytemuck::{Pod, Zeroable};
-use holo_section::{RayCoords, Viewpoint};
+use holo_section::{BeamId, BeamKey, RayCoords, Viewpoint};
 
 use super::{Counts, RawViewpoint, Reader, put};
 use crate::ProtoError;
 
-/// A beam that a display wants, and how much. 16 bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
+/// A beam that a display wants, and how much.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wanted {
-    /// Beam in the section.
-    pub beam: u64,
+    /// The beam.
+    pub key: BeamKey,
     /// Share of the picture that it serves, pixels; positive.
     pub weight: f32,
-    /// Section number.
-    pub section: u16,
-    /// Zero.
-    pub reserved: u16,
 }
-const _: () = assert!(size_of::<Wanted>() == 16);
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct RawWanted {
+    beam: u64,
+    weight: f32,
+    section: u16,
+    reserved: u16,
+}
+const _: () = assert!(size_of::<RawWanted>() == 16);
 
 /// Display to server: a view, as the beams that it crosses.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +43,9 @@ impl ViewRequest {
         let mut out = Vec::with_capacity(40 + self.beams.len() * 16);
         put(&mut out, &Counts { first: self.view, second: self.beams.len() as u32 });
         put(&mut out, &RawViewpoint::new(&self.viewpoint));
-        out.extend_from_slice(bytemuck::cast_slice(&self.beams));
+        for &Wanted { key: BeamKey { section, beam }, weight } in &self.beams {
+            put(&mut out, &RawWanted { beam: beam.0, weight, section, reserved: 0 });
+        }
         out
     }
 
@@ -51,29 +57,40 @@ impl ViewRequest {
         let mut reader = Reader(bytes);
         let counts: Counts = reader.one("view message")?;
         let viewpoint = reader.one::<RawViewpoint>("viewpoint")?.parse()?;
-        let beams = reader.many::<Wanted>("beam list", u64::from(counts.second))?;
+        let beams = reader.many::<RawWanted>("beam list", u64::from(counts.second))?;
         reader.end()?;
         if !beams.iter().all(|wanted| wanted.weight.is_finite() && wanted.weight > 0.0) {
             return Err(ProtoError::Number("a beam's weight"));
         }
+        let beams = beams
+            .into_iter()
+            .map(|raw| Wanted {
+                key: BeamKey { section: raw.section, beam: BeamId(raw.beam) },
+                weight: raw.weight,
+            })
+            .collect();
         Ok(ViewRequest { view: counts.first, viewpoint, beams })
     }
 }
 
-/// A single ray that a display wants. 16 bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
+/// A single ray that a display wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WantedRay {
-    /// Beam in the section.
-    pub beam: u64,
-    /// Section number.
-    pub section: u16,
+    /// The beam.
+    pub key: BeamKey,
     /// Positions in the beam's cells.
     pub coords: RayCoords,
-    /// Zero.
-    pub reserved: u16,
 }
-const _: () = assert!(size_of::<WantedRay>() == 16);
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct RawWantedRay {
+    beam: u64,
+    section: u16,
+    coords: RayCoords,
+    reserved: u16,
+}
+const _: () = assert!(size_of::<RawWantedRay>() == 16);
 
 /// Display to server: the rays that its view wants most, most wanted first, in place of those of its last such message that have not
 /// been given to a worker yet. They come before the view's beams.
@@ -90,7 +107,9 @@ impl RaysWanted {
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + self.rays.len() * 16);
         put(&mut out, &Counts { first: self.view, second: self.rays.len() as u32 });
-        out.extend_from_slice(bytemuck::cast_slice(&self.rays));
+        for &WantedRay { key: BeamKey { section, beam }, coords } in &self.rays {
+            put(&mut out, &RawWantedRay { beam: beam.0, section, coords, reserved: 0 });
+        }
         out
     }
 
@@ -101,8 +120,15 @@ impl RaysWanted {
     pub fn decode(bytes: &[u8]) -> Result<RaysWanted, ProtoError> {
         let mut reader = Reader(bytes);
         let counts: Counts = reader.one("message of wanted rays")?;
-        let rays = reader.many::<WantedRay>("ray list", u64::from(counts.second))?;
+        let rays = reader.many::<RawWantedRay>("ray list", u64::from(counts.second))?;
         reader.end()?;
+        let rays = rays
+            .into_iter()
+            .map(|raw| WantedRay {
+                key: BeamKey { section: raw.section, beam: BeamId(raw.beam) },
+                coords: raw.coords,
+            })
+            .collect();
         Ok(RaysWanted { view: counts.first, rays })
     }
 }

@@ -1,7 +1,7 @@
 //! Packets to trace, server to worker.
 
 use bytemuck::{Pod, Zeroable};
-use holo_section::{BeamId, RayCoords, SampleKind, Viewpoint};
+use holo_section::{BeamId, BeamKey, RayCoords, Run, SampleKind, Viewpoint};
 
 use super::{Counts, RawViewpoint, Reader, put};
 use crate::{MAX_RAYS_PER_PACKET, ProtoError};
@@ -11,10 +11,8 @@ use crate::{MAX_RAYS_PER_PACKET, ProtoError};
 pub struct Packet {
     /// The server's name for this assignment, given back with the results.
     pub id: u64,
-    /// Section number.
-    pub section: u16,
-    /// Beam in the section.
-    pub beam: BeamId,
+    /// The beam.
+    pub key: BeamKey,
     /// First sample number.
     pub first: u32,
     /// Rays, 1 to [`MAX_RAYS_PER_PACKET`].
@@ -35,6 +33,12 @@ impl Packet {
             (None, Some(_)) => SampleKind::ViewpointLimited,
             (None, None) => SampleKind::Uniform,
         }
+    }
+
+    /// The samples that it asks for.
+    pub fn run(&self) -> Run {
+        let Packet { key, first, count, paths, .. } = *self;
+        Run { key, kind: self.kind(), first, count: u32::from(count), paths }
     }
 }
 
@@ -83,9 +87,9 @@ impl Work {
                 &mut out,
                 &RawPacket {
                     id: packet.id,
-                    beam: packet.beam.0,
+                    beam: packet.key.beam.0,
                     first: packet.first,
-                    section: packet.section,
+                    section: packet.key.section,
                     viewpoint: if packet.rays.is_some() {
                         NAMED_RAYS
                     } else {
@@ -155,8 +159,7 @@ impl Work {
                 }
                 Ok(Packet {
                     id: raw.id,
-                    section: raw.section,
-                    beam: BeamId(raw.beam),
+                    key: BeamKey { section: raw.section, beam: BeamId(raw.beam) },
                     first: raw.first,
                     count: raw.count,
                     paths: raw.paths,

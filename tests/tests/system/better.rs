@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use holo_beamfile::{BeamFile, BeamKey};
+use holo_beamfile::BeamFile;
 use holo_net::Message;
 use holo_proto::{
     bulk::{ViewRequest, Wanted},
@@ -14,8 +14,8 @@ use holo_proto::{
     frame::Kind,
     hello::Role,
 };
-use holo_section::{Sample, SampleKind, Section, Viewpoint};
-use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, Server, analytic::join, wait_until};
+use holo_section::{BeamKey, Sample, SampleKind, Section, Viewpoint};
+use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, Server, analytic::join, beam, wait_until};
 use rustix::process::Signal;
 
 /// Every sample, with the paths in it, by beam, kind and number.
@@ -28,10 +28,10 @@ fn samples(path: &Path) -> Samples {
     let mut samples = Samples::new();
     for key in keys {
         let beam = file.read(key).unwrap();
-        for (meta, run) in beam.runs() {
-            let numbered = (meta.first..).zip(run);
+        for (run, of_run) in beam.iter() {
+            let numbered = (run.first..).zip(of_run);
             samples.extend(
-                numbered.map(|(number, sample)| ((key, meta.kind, number), (meta.paths, *sample))),
+                numbered.map(|(number, sample)| ((key, run.kind, number), (run.paths, *sample))),
             );
         }
     }
@@ -305,10 +305,8 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     // A view of every second beam, for what is stored of them: nothing is traced for it, so that filling goes on.
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let mut shown = Samples::new();
-    let beams = (0..7680)
-        .step_by(2)
-        .map(|beam| Wanted { beam, weight: 1e-5, section: 0, reserved: 0 })
-        .collect();
+    let beams =
+        (0..7680).step_by(2).map(|number| Wanted { key: beam(number), weight: 1e-5 }).collect();
     let viewpoint = Viewpoint { eye: [2.7, 2.7, -2.0], radius: 1.0 };
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
@@ -325,7 +323,7 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
                 Message::Samples(message) => {
                     let mut rest = message.samples.as_slice();
                     for run in &message.runs {
-                        let key = BeamKey { section: run.section, beam: run.beam };
+                        let key = run.key;
                         let (samples, after) = rest.split_at(run.count as usize);
                         rest = after;
                         for (number, sample) in (run.first..).zip(samples) {

@@ -17,8 +17,8 @@ use holo_proto::{
     frame::{self, Kind},
     hello::{Answer, Hello, Role},
 };
-use holo_section::{RayCoords, Sample, Viewpoint};
-use holo_tests::{LIMIT, Place, Server, analytic::join, stored};
+use holo_section::{BeamId, BeamKey, RayCoords, Sample, Viewpoint};
+use holo_tests::{LIMIT, Place, Server, analytic::join, beam, stored};
 use rustix::process::Signal;
 
 /// Sends bytes; gives what comes back until the server closes the connection.
@@ -141,16 +141,13 @@ fn displays_that_break_the_rules_are_dropped() {
             ViewRequest {
                 view: 1,
                 viewpoint,
-                beams: vec![Wanted { beam, weight, section, reserved: 0 }],
+                beams: vec![Wanted { key: BeamKey { section, beam: BeamId(beam) }, weight }],
             }
             .encode()
         };
         let coords = RayCoords::default();
-        let rays = RaysWanted {
-            view: 1,
-            rays: vec![WantedRay { beam: 7_680, section: 0, coords, reserved: 0 }],
-        }
-        .encode();
+        let rays =
+            RaysWanted { view: 1, rays: vec![WantedRay { key: beam(7_680), coords }] }.encode();
         let live = |direction: [f64; 3], count: usize| {
             let rays = vec![LiveRay { origin: [0.0; 3], direction, number: 1 }; count];
             LiveWanted { view: 1, pixels: 1, rays }.encode()

@@ -14,7 +14,7 @@ use holo_proto::{
     hello::Role,
 };
 use holo_section::{Section, Viewpoint};
-use holo_tests::{LIMIT, Place, analytic::join, stored};
+use holo_tests::{LIMIT, Place, analytic::join, beam, stored};
 use rustix::process::Signal;
 
 /// The left half of the space before the box.
@@ -213,7 +213,7 @@ impl Peer {
 
     /// Looks at one beam, of which some fifty rays are traced and no more: workers here do not trace.
     fn look(&self, view: u32) {
-        let beams = vec![Wanted { beam: 400, weight: 0.05, section: 0, reserved: 0 }];
+        let beams = vec![Wanted { key: beam(400), weight: 0.05 }];
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
         self.send(Kind::View, ViewRequest { view, viewpoint, beams }.encode());
     }

@@ -11,7 +11,7 @@ use holo_proto::{
     hello::Role,
 };
 use holo_section::{RayCoords, SampleKind, Viewpoint};
-use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, analytic::join, stored};
+use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, analytic::join, beam, stored};
 use rustix::process::Signal;
 
 const VIEW: [&str; 8] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60", "--size", "64x64"];
@@ -147,17 +147,11 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
-        let beams =
-            [400, 2000].map(|beam| Wanted { beam, weight: 1.0, section: 0, reserved: 0 }).to_vec();
+        let beams = [400, 2000].map(|number| Wanted { key: beam(number), weight: 1.0 }).to_vec();
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
         let view = ViewRequest { view: 1, viewpoint, beams }.encode();
         outbox.send(Kind::View, &view).unwrap();
-        let ray = |&(beam, coords): &(u64, RayCoords)| WantedRay {
-            beam,
-            section: 0,
-            coords,
-            reserved: 0,
-        };
+        let ray = |&(number, coords): &(u64, RayCoords)| WantedRay { key: beam(number), coords };
         let rays: Vec<WantedRay> = wanted.iter().map(ray).collect();
         // Those of another view are passed over.
         let other = vec![WantedRay { coords: RayCoords([255; 4]), ..rays[0] }];
@@ -170,7 +164,8 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
                     for (run, samples) in
                         samples.iter().filter(|(run, _)| run.kind == SampleKind::SingleRay)
                     {
-                        arrived.extend(samples.iter().map(|sample| (run.beam.0, sample.coords)));
+                        arrived
+                            .extend(samples.iter().map(|sample| (run.key.beam.0, sample.coords)));
                     }
                 }
                 Message::Control(Control::Ping(number)) => {

@@ -213,13 +213,13 @@ pub fn batch_samples(
         select_beams(std::slice::from_ref(section), view, size, &SelectOptions::default());
     let mut stored = Vec::new();
     for wanted in &selection.beams {
-        let sampler = section.beam_sampler(0, wanted.beam, None).unwrap();
+        let sampler = section.beam_sampler(0, wanted.key.beam, None).unwrap();
         let share = f64::from(wanted.weight) * count as f64 / selection.covered.pixels;
         for number in 0..(share + random.unit()) as u32 {
             stored.push(traced(
                 scene,
                 section,
-                wanted.beam,
+                wanted.key.beam,
                 sampler.coords(number),
                 &mut random,
                 noise,

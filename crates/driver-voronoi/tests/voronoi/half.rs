@@ -4,12 +4,12 @@ use crate::common;
 use crate::stage::{Stage, bits, diffuse, even, plate, shadow, shine, wall};
 use holo_display::{Frame, Resolution};
 use holo_driver_voronoi::Voronoi;
-use holo_section::{BeamId, Sample};
+use holo_section::{BeamId, BeamKey, Sample};
 
 fn drawn(mut canvas: Voronoi, samples: &[(BeamId, Sample)]) -> Frame {
-    samples
-        .iter()
-        .for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+    samples.iter().for_each(|(beam, sample)| {
+        canvas.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample))
+    });
     canvas.draw()
 }
 

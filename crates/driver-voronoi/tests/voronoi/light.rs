@@ -7,7 +7,7 @@ use crate::stage::{
 use glam::DVec3;
 use holo_light::{Record, Store};
 use holo_scene::{Bsdf, Material, Scene};
-use holo_section::{BeamId, Sample};
+use holo_section::{BeamId, BeamKey, Sample};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -93,9 +93,9 @@ fn records_of_indirect_light_light_what_has_no_samples_and_nothing_that_they_do_
     // Where there are samples they alone decide.
     let samples = stage.samples(bright, 20_000, common::clean);
     let mut canvas = stage.empty().with_records(records);
-    samples
-        .iter()
-        .for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+    samples.iter().for_each(|(beam, sample)| {
+        canvas.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample))
+    });
     assert_eq!(bits(&canvas.draw()), bits(&stage.draw(&samples)));
 }
 
@@ -124,7 +124,9 @@ fn a_material_without_samples_gets_the_direct_light_of_surfaces_and_not_that_of_
     let samples = stage.samples(lamp_or_lit, 20_000, common::clean);
     let mut canvas = stage.empty().with_records(Arc::new(records));
     let grey = samples.iter().filter(|(_, sample)| sample.rgb()[2] < 1.5 * sample.rgb()[0]);
-    grey.for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+    grey.for_each(|(beam, sample)| {
+        canvas.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample))
+    });
     let pixels = canvas.draw().picture.pixels;
     // Indirect light by the records, direct light as on the other: 1 % for the samples' codes.
     let lit = (44..64)

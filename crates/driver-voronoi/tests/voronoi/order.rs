@@ -5,7 +5,7 @@ use crate::stage::{bits, even, plate, shadow};
 use glam::DVec3;
 use holo_driver_voronoi::Voronoi;
 use holo_picture::View;
-use holo_section::{BeamId, RayCoords, Sample};
+use holo_section::{BeamId, BeamKey, RayCoords, Sample};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
     assert!(beams.is_sorted() && beams.windows(2).all(|pair| pair[0] != pair[1]));
     let all = stage.samples(even, 60_000, common::clean);
     let (chosen, others): (Vec<_>, Vec<_>) =
-        all.into_iter().partition(|(beam, _)| beams.contains(&(0, *beam)));
+        all.into_iter().partition(|(beam, _)| beams.contains(&BeamKey { section: 0, beam: *beam }));
     let used = |samples: &[(BeamId, Sample)]| stage.draw(samples).samples_used;
     let (inside, outside) = (used(&chosen), used(&others));
     assert!(inside > 2000 && outside * 20 < inside, "{inside} {outside}");
@@ -28,8 +28,11 @@ fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
             && best.len() < beams.len()
             && best.iter().all(|beam| beams.contains(beam))
     );
-    let held: Vec<_> =
-        chosen.iter().filter(|(beam, _)| best.contains(&(0, *beam))).copied().collect();
+    let held: Vec<_> = chosen
+        .iter()
+        .filter(|(beam, _)| best.contains(&BeamKey { section: 0, beam: *beam }))
+        .copied()
+        .collect();
     let per_beam = |used: u64, beams: usize| used as f64 / beams as f64;
     assert!(per_beam(used(&held), best.len()) > per_beam(inside, beams.len()));
 }
@@ -40,7 +43,7 @@ fn a_picture_drawn_between_samples_changes_no_bit_of_the_next_one() {
     let all = stage.samples(even, 20_000, common::exponential);
     let mut canvas = stage.empty();
     for (number, (beam, sample)) in all.iter().enumerate() {
-        canvas.insert(0, *beam, 1, std::slice::from_ref(sample));
+        canvas.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample));
         if number % 7_000 == 0 {
             let first = canvas.draw();
             assert_eq!(
@@ -70,7 +73,7 @@ fn a_picture_of_many_blocks_that_is_mended_where_samples_come_is_the_same_as_one
     for part in all.chunks(4_000) {
         for canvas in [&mut mended, &mut anew] {
             part.iter().for_each(|(beam, sample)| {
-                canvas.insert(0, *beam, 1, std::slice::from_ref(sample))
+                canvas.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample))
             });
         }
         assert!(mended.draw().samples_used > 0);
@@ -110,7 +113,7 @@ proptest! {
             let mut canvas =
                 Voronoi::new(Arc::from([stage.section.clone()]), Arc::clone(&stage.raycaster), stage.view, size);
             for (beam, paths, sample) in samples {
-                canvas.insert(0, BeamId(*beam), *paths, std::slice::from_ref(sample));
+                canvas.insert(BeamKey { section: 0, beam: BeamId(*beam) }, *paths, std::slice::from_ref(sample));
             }
             canvas.draw()
         };

@@ -7,7 +7,7 @@ use holo_driver_voronoi::Voronoi;
 use holo_picture::View;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
-use holo_section::{BeamId, RayCoords, Sample, Section, ViewClass};
+use holo_section::{BeamId, BeamKey, RayCoords, Sample, Section, ViewClass};
 use std::sync::Arc;
 
 pub const SIZE: (u32, u32) = (64, 48);
@@ -142,9 +142,9 @@ impl Stage {
 
     pub fn draw(&self, samples: &[(BeamId, Sample)]) -> Frame {
         let mut canvas = self.empty();
-        samples
-            .iter()
-            .for_each(|(beam, sample)| canvas.insert(0, *beam, 1, std::slice::from_ref(sample)));
+        samples.iter().for_each(|(beam, sample)| {
+            canvas.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample))
+        });
         canvas.draw()
     }
 

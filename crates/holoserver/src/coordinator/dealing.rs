@@ -2,11 +2,10 @@
 //! samples that have too few paths. A display's live rays and its beams share what is traced for it.
 
 use holo_proto::{MAX_RAYS_PER_PACKET, bulk::Packet};
-use holo_section::{RayCoords, SampleKind, Viewpoint};
+use holo_section::{BeamKey, RayCoords, SampleKind, Viewpoint};
 
 use super::Coordinator;
 use crate::{
-    allotment::BeamKey,
     batch::Wanted,
     better,
     listen::ConnectionId,
@@ -242,8 +241,8 @@ impl Coordinator {
     ) -> Assignment {
         self.next_packet += 1;
         let paths = self.holodeck.about.settings.paths_per_sample;
-        let (id, section, beam) = (self.next_packet, key.section, key.beam);
-        let packet = Packet { id, section, beam, first, count, paths, viewpoint: None, rays: None };
+        let id = self.next_packet;
+        let packet = Packet { id, key, first, count, paths, viewpoint: None, rays: None };
         Assignment { packet, viewpoint, display }
     }
 }

@@ -3,16 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Context, Result, ensure};
-use holo_beamfile::ExtentMeta;
 use holo_proto::{
-    bulk::{Results, Run, Samples, Source},
+    bulk::{Results, Samples, Source},
     frame::Kind,
 };
-use holo_section::Sample;
+use holo_section::{BeamKey, Run, Sample};
 
 use super::Coordinator;
 use crate::{
-    allotment::BeamKey,
     better,
     listen::ConnectionId,
     recall::tell_unseen,
@@ -81,7 +79,7 @@ impl Coordinator {
             for (&display, looking) in &self.displays {
                 if looking.wishes.as_ref().is_some_and(|wishes| wishes.contains(key)) {
                     // Several packets of one beam may have been under way.
-                    outgoing.entry(display).or_default().insert((key.section, key.beam));
+                    outgoing.entry(display).or_default().insert(key);
                 }
             }
             Ok(())
@@ -102,7 +100,7 @@ impl Coordinator {
         let worker = self.workers.get_mut(&id).context("it has left")?;
         let assignment = worker.finish_unseen(packet)?;
         self.done(&assignment);
-        Ok(BeamKey { section: assignment.packet.section, beam: assignment.packet.beam })
+        Ok(assignment.packet.key)
     }
 
     fn store(
@@ -110,7 +108,7 @@ impl Coordinator {
         assignment: &Assignment,
         samples: &[Sample],
     ) -> Result<(), holo_beamfile::Error> {
-        self.holodeck.file.append(meta(assignment, assignment.packet.first, samples), samples)?;
+        self.holodeck.file.append(assignment.run(), samples)?;
         self.progress.add(samples.len() as u64);
         Ok(())
     }
@@ -124,7 +122,7 @@ impl Coordinator {
         samples: &[Sample],
     ) -> Result<(), holo_beamfile::Error> {
         let packet = &assignment.packet;
-        let key = BeamKey { section: packet.section, beam: packet.beam };
+        let key = packet.key;
         if self.is_looked_at(key) {
             return Ok(());
         }
@@ -133,7 +131,8 @@ impl Coordinator {
         for range in better::worse(&file.runs(key), packet.paths, &numbers) {
             let part = &samples
                 [(range.start - packet.first) as usize..(range.end - packet.first) as usize];
-            file.supersede(meta(assignment, range.start, part), part)?;
+            let run = Run { first: range.start, count: range.len() as u32, ..assignment.run() };
+            file.supersede(run, part)?;
             self.progress.add_better(part.len() as u64);
         }
         Ok(())
@@ -146,7 +145,7 @@ impl Coordinator {
         outgoing: &mut BTreeMap<ConnectionId, Samples>,
     ) {
         let packet = &assignment.packet;
-        let key = BeamKey { section: packet.section, beam: packet.beam };
+        let key = packet.key;
         for (&id, display) in &self.displays {
             let Some(wishes) = display.wishes.as_ref().filter(|wishes| wishes.contains(key)) else {
                 continue;
@@ -157,28 +156,8 @@ impl Coordinator {
                 runs: Vec::new(),
                 samples: Vec::new(),
             });
-            message.runs.push(Run {
-                section: packet.section,
-                beam: packet.beam,
-                kind: assignment.kind(),
-                first: packet.first,
-                count: samples.len() as u32,
-                paths: packet.paths,
-            });
+            message.runs.push(assignment.run());
             message.samples.extend_from_slice(samples);
         }
-    }
-}
-
-fn meta(assignment: &Assignment, first: u32, samples: &[Sample]) -> ExtentMeta {
-    let packet = &assignment.packet;
-    ExtentMeta {
-        key: BeamKey { section: packet.section, beam: packet.beam },
-        first,
-        count: samples.len() as u32,
-        kind: assignment.kind(),
-        paths: packet.paths,
-        settings: 0,
-        generation: 0,
     }
 }

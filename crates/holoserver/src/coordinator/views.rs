@@ -9,26 +9,16 @@ use holo_proto::{
 };
 
 use super::{Coordinator, Event};
-use crate::{
-    allotment::BeamKey, listen::ConnectionId, recall::Recall, wishes::Wishes, workers::Assignment,
-};
+use crate::{listen::ConnectionId, recall::Recall, wishes::Wishes, workers::Assignment};
 
 impl Coordinator {
     /// A display's view: recall what is stored, and from now on trace for it. The same view again only moves the
     /// viewpoint's radius.
     pub(super) fn view(&mut self, id: ConnectionId, request: ViewRequest) -> Result<()> {
         let sections = &self.holodeck.sections;
-        let known = request.beams.iter().all(|wanted| {
-            sections
-                .get(usize::from(wanted.section))
-                .is_some_and(|section| wanted.beam < section.beam_count())
-        });
+        let known = request.beams.iter().all(|wanted| wanted.key.section_in(sections).is_some());
         ensure!(known, "it asked for beams that do not exist");
-        let in_order = request.beams.is_sorted_by_key(|wanted| (wanted.section, wanted.beam))
-            && request
-                .beams
-                .windows(2)
-                .all(|pair| (pair[0].section, pair[0].beam) != (pair[1].section, pair[1].beam));
+        let in_order = request.beams.is_sorted_by(|one, next| one.key < next.key);
         ensure!(in_order, "it asked for a beam twice, or not in order");
         let Some(display) = self.displays.get_mut(&id) else { return Ok(()) };
         if let Some(wishes) = display.wishes.as_mut().filter(|wishes| wishes.view == request.view) {
@@ -36,10 +26,8 @@ impl Coordinator {
             return Ok(());
         }
         let file = &self.holodeck.file;
-        let beams = request.beams.iter().map(|wanted| {
-            let key = BeamKey { section: wanted.section, beam: holo_section::BeamId(wanted.beam) };
-            (key, wanted.weight, file.count(key))
-        });
+        let beams =
+            request.beams.iter().map(|wanted| (wanted.key, wanted.weight, file.count(wanted.key)));
         let wishes = Wishes::new(request.view, request.viewpoint, beams);
         display.newest.store(request.view, Ordering::Release);
         let recall = Recall {
@@ -65,11 +53,7 @@ impl Coordinator {
     /// Single rays that a display's view wants most.
     pub(super) fn rays(&mut self, id: ConnectionId, request: &RaysWanted) -> Result<()> {
         let sections = &self.holodeck.sections;
-        let known = request.rays.iter().all(|ray| {
-            sections
-                .get(usize::from(ray.section))
-                .is_some_and(|section| ray.beam < section.beam_count())
-        });
+        let known = request.rays.iter().all(|ray| ray.key.section_in(sections).is_some());
         ensure!(known, "it asked for rays of beams that do not exist");
         let wishes = self.displays.get_mut(&id).and_then(|display| display.wishes.as_mut());
         if let Some(wishes) = wishes.filter(|wishes| wishes.view == request.view) {
@@ -115,8 +99,7 @@ impl Coordinator {
             };
             let under_way = self.workers.values().any(|worker| {
                 worker.assignments().any(|Assignment { packet, .. }| {
-                    packet.id <= last
-                        && wishes.contains(BeamKey { section: packet.section, beam: packet.beam })
+                    packet.id <= last && wishes.contains(packet.key)
                 })
             });
             if under_way {
@@ -153,7 +136,7 @@ impl Coordinator {
         self.again = kept;
         for assignment in Vec::from(stale) {
             let (packet, kind) = (assignment.packet, assignment.kind());
-            let key = BeamKey { section: packet.section, beam: packet.beam };
+            let key = packet.key;
             self.allotment.give_back(key, kind, packet.first, packet.count);
         }
     }

@@ -11,7 +11,7 @@ use holo_driver_voronoi::{StandIns, VoronoiDriver};
 use holo_light::Store;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
-use holo_section::{BeamId, LineHit, Section};
+use holo_section::{BeamId, BeamKey, LineHit, Section};
 use std::error::Error;
 use std::sync::Arc;
 
@@ -227,7 +227,7 @@ impl Stored {
         };
         driver.look(&Look { view, size: crate::SIZE, resolution: Resolution::Full })?;
         for (section, beam, samples) in self.beams() {
-            driver.insert(section, beam, self.paths, &samples);
+            driver.insert(BeamKey { section, beam }, self.paths, &samples);
         }
         driver.insert_live(self.paths, self.live_of(&view));
         Ok(driver.draw(&mut |_| {}).picture)

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use holo_display::{Driver, Look};
 use holo_proto::bulk::{LiveSamples, Samples, Source, Wanted};
-use holo_section::BeamId;
+use holo_section::BeamKey;
 
 use super::{live::LiveRays, received::Received};
 
@@ -22,7 +22,7 @@ pub struct CurrentView {
     /// How far its stored samples have been asked for.
     pub asked: Asked,
     /// Beams that it does not cross but whose rays may end on what it sees, once asked for.
-    pub also: Vec<(u16, BeamId)>,
+    pub also: Vec<BeamKey>,
     /// Number of its first request: samples of earlier requests are dropped.
     pub first_request: u32,
     pub received: Received,
@@ -66,12 +66,13 @@ impl CurrentView {
         for (run, samples) in message.iter() {
             for fresh in self.received.add(run) {
                 let count = fresh.len() as u64;
-                driver.insert(run.section, run.beam, run.paths, &samples[fresh]);
+                driver.insert(run.key, run.paths, &samples[fresh]);
                 match message.source {
                     Source::Traced => self.counts.traced += count,
                     Source::Stored => {
                         self.counts.stored += count;
-                        let of = self.counts.stored_of_section.get_mut(usize::from(run.section));
+                        let of =
+                            self.counts.stored_of_section.get_mut(usize::from(run.key.section));
                         of.into_iter().for_each(|of| *of += count);
                     }
                 }
@@ -96,7 +97,7 @@ impl CurrentView {
     pub fn samples_per_beam(&self) -> Vec<f64> {
         let mut beams = vec![0_u64; self.counts.stored_of_section.len()];
         for wanted in &self.wanted {
-            if let Some(beams) = beams.get_mut(usize::from(wanted.section)) {
+            if let Some(beams) = beams.get_mut(usize::from(wanted.key.section)) {
                 *beams += 1;
             }
         }

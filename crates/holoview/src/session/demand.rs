@@ -12,7 +12,7 @@ use holo_proto::{
     control::Control,
     frame::Kind,
 };
-use holo_section::{BeamId, Section};
+use holo_section::{BeamKey, Section};
 
 use super::{
     Session,
@@ -81,12 +81,7 @@ impl Session {
         let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         let nearest = GUESSED_DISTANCE * diagonal;
         let beams = self.driver.weigh(&look, beams)?;
-        let wanted = beams.iter().map(|beam| Wanted {
-            beam: beam.beam.0,
-            weight: beam.weight,
-            section: beam.section,
-            reserved: 0,
-        });
+        let wanted = beams.iter().map(|beam| Wanted { key: beam.key, weight: beam.weight });
         let wanted: Vec<Wanted> = wanted.collect();
         self.request_number += 1;
         let had_live = self.current.take().is_some_and(|current| current.live.is_some());
@@ -206,17 +201,12 @@ impl Session {
     /// Asks for everything stored that is of use to the view.
     pub(super) fn ask_for_all(&mut self) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
-        let also = |&(section, beam): &(u16, BeamId)| Wanted {
-            beam: beam.0,
-            weight: STORED_ONLY,
-            section,
-            reserved: 0,
-        };
+        let also = |&key: &BeamKey| Wanted { key, weight: STORED_ONLY };
         let mut wanted = current.wanted.clone();
         wanted.extend(current.also.iter().map(also));
         // A stable sort: the view's own weight stands before the other's, which goes.
-        wanted.sort_by_key(|wanted| (wanted.section, wanted.beam));
-        wanted.dedup_by_key(|wanted| (wanted.section, wanted.beam));
+        wanted.sort_by_key(|wanted| wanted.key);
+        wanted.dedup_by_key(|wanted| wanted.key);
         self.ask_anew(wanted)
     }
 
@@ -263,12 +253,7 @@ impl Session {
         };
         current.rays_asked = Instant::now();
         let rays = self.driver.wanted_rays().into_iter();
-        let rays = rays.map(|(section, beam, coords)| WantedRay {
-            beam: beam.0,
-            section,
-            coords,
-            reserved: 0,
-        });
+        let rays = rays.map(|(key, coords)| WantedRay { key, coords });
         let request = RaysWanted { view: self.request_number, rays: rays.collect() };
         if request.rays.is_empty() {
             // For now every pixel has enough.

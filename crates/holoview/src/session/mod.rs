@@ -402,8 +402,8 @@ impl Session {
             }
             Message::Unseen(unseen) => {
                 if current.is_some_and(|current| is_of(current, unseen.view)) {
-                    for &(section, beam) in &unseen.beams {
-                        driver.insert_unseen(section, beam);
+                    for &beam in &unseen.beams {
+                        driver.insert_unseen(beam);
                     }
                 }
             }

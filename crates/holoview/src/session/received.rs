@@ -1,19 +1,18 @@
 //! Which samples have arrived: what is stored while it is sent may come twice, from the file and from the tracer.
 
-use holo_proto::bulk::Run;
-use holo_section::{BeamId, SampleKind};
+use holo_section::{BeamKey, Run, SampleKind};
 use rustc_hash::FxHashMap;
 
 /// Ranges of sample numbers received, by beam and kind.
 #[derive(Default)]
 pub struct Received {
-    ranges: FxHashMap<(u16, BeamId, SampleKind), Vec<(u32, u32)>>,
+    ranges: FxHashMap<(BeamKey, SampleKind), Vec<(u32, u32)>>,
 }
 
 impl Received {
     /// Adds a run; gives the parts of it that are new, as ranges of positions in the run.
     pub fn add(&mut self, run: &Run) -> Vec<std::ops::Range<usize>> {
-        let ranges = self.ranges.entry((run.section, run.beam, run.kind)).or_default();
+        let ranges = self.ranges.entry((run.key, run.kind)).or_default();
         let (first, end) = (run.first, run.first + run.count);
         // Runs mostly arrive in order: look from the end. `at` is the first range that ends at or after `first`.
         let mut at = ranges.len();
@@ -42,6 +41,8 @@ impl Received {
 mod tests {
     use std::collections::HashSet;
 
+    use holo_section::BeamId;
+
     use super::*;
 
     #[test]
@@ -53,8 +54,7 @@ mod tests {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             let (first, count) = ((state >> 33) as u32 % 500, (state >> 50) as u32 % 21 + 1);
             let run = Run {
-                section: 0,
-                beam: BeamId(state >> 63),
+                key: BeamKey { section: 0, beam: BeamId(state >> 63) },
                 kind: SampleKind::Uniform,
                 first,
                 count,
@@ -63,10 +63,11 @@ mod tests {
             let fresh: Vec<u32> =
                 received.add(&run).into_iter().flatten().map(|at| first + at as u32).collect();
             let expected: Vec<u32> =
-                (first..first + count).filter(|&number| model.insert((run.beam, number))).collect();
+                (first..first + count).filter(|&number| model.insert((run.key, number))).collect();
             assert_eq!(fresh, expected);
         }
-        let ranges = &received.ranges[&(0, BeamId(0), SampleKind::Uniform)];
+        let key = BeamKey { section: 0, beam: BeamId(0) };
+        let ranges = &received.ranges[&(key, SampleKind::Uniform)];
         assert!(
             ranges.windows(2).all(|pair| pair[0].1 < pair[1].0),
             "touching ranges are merged: {ranges:?}"
