@@ -4,7 +4,7 @@ mod common;
 
 use std::time::Duration;
 
-use common::{pair, raw_client};
+use common::{SOON, pair, raw_client, until};
 use holo_net::{Message, NetError, SILENCE};
 use holo_proto::{
     ProtoError,
@@ -17,8 +17,6 @@ use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     time::{Instant, sleep, timeout},
 };
-
-const SOON: Duration = Duration::from_secs(10);
 
 fn samples(count: u32) -> Samples {
     let kind = SampleKind::Uniform;
@@ -89,7 +87,7 @@ async fn a_hostile_length_ends_the_connection_before_anything_is_read() {
     let header = [0xff, 0xff, 0xff, 0xff, Kind::Samples as u8, 0, 0, 0];
     client.write_all(&header).await.unwrap();
     // Nothing follows the header: whoever waited for the payload would wait until silence is noticed.
-    let error = timeout(Duration::from_secs(5), inbox.next()).await.unwrap().unwrap_err();
+    let error = timeout(SOON, inbox.next()).await.unwrap().unwrap_err();
     let refused = ProtoError::TooLong {
         kind: Kind::Samples,
         length: u64::from(u32::MAX),
@@ -163,10 +161,11 @@ async fn what_is_queued_is_counted_until_the_system_has_it() {
     }
     assert_eq!(outbox.queued_bytes(), 4 * frame, "the task that writes has not run yet");
     // Nobody reads: the system's buffers take some, not all.
-    sleep(Duration::from_millis(100)).await;
-    let waiting = outbox.queued_bytes();
-    assert!(waiting > 0 && waiting < 4 * frame, "{waiting} of {}", 4 * frame);
-    assert!(timeout(Duration::from_millis(50), outbox.drained()).await.is_err(), "drained waits");
+    until(|| outbox.queued_bytes() < 4 * frame).await;
+    tokio::time::pause();
+    assert!(timeout(SILENCE / 2, outbox.drained()).await.is_err(), "drained waits");
+    assert!(outbox.queued_bytes() > 0);
+    tokio::time::resume();
     let mut received = vec![0; 4 * frame];
     timeout(SOON, client.read_exact(&mut received)).await.unwrap().unwrap();
     timeout(SOON, outbox.drained()).await.unwrap();
@@ -192,16 +191,10 @@ async fn nothing_is_counted_for_a_connection_that_has_gone() {
     for _ in 0..4 {
         outbox.send(Kind::BlobChunk, &payload).unwrap();
     }
-    sleep(Duration::from_millis(20)).await;
+    until(|| outbox.queued_bytes() < 4 * payload.len()).await;
     assert!(outbox.queued_bytes() > 0 && !outbox.is_closed());
     drop(client);
-    timeout(SOON, async {
-        while !outbox.is_closed() || outbox.queued_bytes() > 0 {
-            sleep(Duration::from_millis(5)).await;
-        }
-    })
-    .await
-    .expect("the end is noticed and the count goes back to 0");
+    until(|| outbox.is_closed() && outbox.queued_bytes() == 0).await;
     outbox.send(Kind::BlobChunk, &payload).unwrap();
     assert_eq!(outbox.queued_bytes(), 0, "a frame that cannot arrive is dropped");
     outbox.drained().await;
@@ -214,20 +207,20 @@ async fn a_side_that_never_reads_is_given_up() {
     for _ in 0..2 {
         outbox.send(Kind::BlobChunk, &payload).unwrap();
     }
-    // Until the system's buffers are full.
-    sleep(Duration::from_millis(200)).await;
-    assert!(outbox.queued_bytes() > 0);
+    until(|| outbox.queued_bytes() < 2 * payload.len()).await;
     tokio::time::pause();
-    let start = Instant::now();
-    while !outbox.is_closed() && start.elapsed() < 4 * SILENCE {
+    // The system's buffers may take some more. From then on, nothing happens until it is given up.
+    let (mut left, mut since) = (outbox.queued_bytes(), Instant::now());
+    while !outbox.is_closed() && since.elapsed() < 2 * SILENCE {
+        assert!(left > 0);
+        if outbox.queued_bytes() != left {
+            (left, since) = (outbox.queued_bytes(), Instant::now());
+        }
         sleep(Duration::from_millis(100)).await;
     }
     assert!(outbox.is_closed(), "given up");
-    assert!(start.elapsed() <= SILENCE + Duration::from_secs(1), "{:?}", start.elapsed());
-    while outbox.queued_bytes() > 0 && start.elapsed() < 8 * SILENCE {
-        sleep(Duration::from_millis(100)).await;
-    }
-    assert_eq!(outbox.queued_bytes(), 0);
+    assert!(since.elapsed() <= SILENCE + Duration::from_secs(1), "{:?}", since.elapsed());
+    until(|| outbox.queued_bytes() == 0).await;
     drop(client);
 }
 

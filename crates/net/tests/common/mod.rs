@@ -3,6 +3,7 @@
 #![allow(dead_code, clippy::unwrap_used, clippy::panic)]
 
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use holo_net::{Inbox, NetError, Outbox, accept, connect};
 use holo_proto::{
@@ -11,6 +12,22 @@ use holo_proto::{
     hello::{Answer, Hello, Role},
 };
 use tokio::net::{TcpListener, TcpStream};
+
+/// The limit of waits in real time. Only a hang reaches it.
+pub const SOON: Duration = Duration::from_secs(120);
+
+/// Waits until `condition` holds.
+///
+/// # Panics
+/// After [`SOON`].
+pub async fn until(condition: impl Fn() -> bool) {
+    let holds = async {
+        while !condition() {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+    };
+    tokio::time::timeout(SOON, holds).await.unwrap();
+}
 
 /// A welcome with two sections, from its bytes in the protocol's golden files.
 pub fn welcome() -> Welcome {
