@@ -27,9 +27,9 @@ fn exit_weight(sections: &[Section], selection: &Selection, number: u16, wall: u
         selection
             .beams
             .iter()
-            .filter(|wanted| wanted.section == number)
+            .filter(|wanted| wanted.key.section == number)
             .filter(|wanted| {
-                let pair = sections[usize::from(number)].cells(wanted.beam).unwrap();
+                let pair = sections[usize::from(number)].cells(wanted.key.beam).unwrap();
                 only.is_none_or(|wall| pair.exit.wall == wall)
             })
             .map(|wanted| f64::from(wanted.weight))
@@ -55,7 +55,7 @@ fn view_a_inside_an_interior_section_is_covered_whole() {
     assert_eq!(through, all);
     // Every beam goes forwards.
     for wanted in &selection.beams {
-        let pair = sections[0].cells(wanted.beam).unwrap();
+        let pair = sections[0].cells(wanted.key.beam).unwrap();
         let ray = sections[0].ray(pair, holo_section::RayCoords([128; 4]));
         assert!(ray.direction.x > 0.0);
     }
@@ -126,7 +126,7 @@ fn view_d_outside_an_exterior_section_misses_what_lies_beside_it() {
     );
     assert!((total(&selection) - selection.covered.pixels).abs() < 0.01);
     for wanted in &selection.beams {
-        assert_eq!(sections[0].cells(wanted.beam).unwrap().entry.wall, 0);
+        assert_eq!(sections[0].cells(wanted.key.beam).unwrap().entry.wall, 0);
     }
 }
 
@@ -145,7 +145,7 @@ fn of_several_sections_the_nearest_has_the_weight_and_others_a_small_share() {
     }
     let alone = SelectOptions { others_share: 0.0, ..SelectOptions::default() };
     let selection = select_beams(&sections, &seen, SIZE, &alone);
-    assert!(selection.beams.iter().all(|wanted| wanted.section == 0));
+    assert!(selection.beams.iter().all(|wanted| wanted.key.section == 0));
 
     // Between sections: ahead before behind.
     let selection = select(&sections[1..], &seen);
@@ -164,7 +164,7 @@ fn nearly_all_weight_of_a_dense_view_is_in_the_selected_beams() {
         let share = |options: &SelectOptions| {
             let selection = select_beams(&sections, &seen, SIZE, options);
             let wanted: HashMap<BeamId, f32> =
-                selection.beams.iter().map(|wanted| (wanted.beam, wanted.weight)).collect();
+                selection.beams.iter().map(|wanted| (wanted.key.beam, wanted.weight)).collect();
             let mut random = Random(5);
             let rays = 200_000;
             let met = (0..rays)
@@ -205,7 +205,7 @@ fn weights_are_numbers_of_pixels() {
     // outline of a cell of n pixels is about 4√n pixels long: 2√n strata.
     let mut chi = 0.0;
     for wanted in &selection.beams {
-        let pixels = exact[&wanted.beam];
+        let pixels = exact[&wanted.key.beam];
         let deviation = (8.0 * pixels.sqrt()).sqrt() + 2.0;
         let error = (f64::from(wanted.weight) - pixels) / deviation;
         assert!(error.abs() < 4.0, "{pixels} {}", wanted.weight);
