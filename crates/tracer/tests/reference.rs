@@ -1,11 +1,9 @@
-//! Tests that pictures agree with those of an independent path tracer. Blocks of pixels are
-//! compared by z-tests with the standard errors of both.
+//! Pictures agree with an independent path tracer's: blocks of pixels, by z-tests with both sides' standard errors.
 //!
-//! The reference of the cabin is 0.4 % too bright where its flood lamps shine: its renderer loses
-//! the shadow of their housings' rims (`housing.rs` tests that ours does not). The paths traced
-//! here cannot resolve that.
+//! The cabin's reference is 0.4 % too bright where its flood lamps shine: its renderer loses the shadow of their housings'
+//! rims (`housing.rs` tests that ours does not). That is below what the paths traced here can tell.
 //!
-//! The scenes and pictures are in `../shared` beside the project.
+//! The scenes and pictures are in `../shared` beside the project; where that is absent the tests say so and are skipped.
 
 #![allow(clippy::expect_used, reason = "a test fails by it")]
 
