@@ -5,7 +5,7 @@
 use holo_scene::{LoadOptions, Loaded, SceneError, Warning, load_obj};
 use std::path::{Path, PathBuf};
 
-/// Loads `s.obj` with this text beside `s.mtl` with that one, from a folder of its own.
+/// Loads `s.obj` with this text and `s.mtl` with that text, from a folder of their own.
 pub fn load_with(
     obj: impl AsRef<[u8]>,
     mtl: &str,
@@ -48,7 +48,8 @@ pub fn error(result: Result<Loaded, SceneError>) -> String {
     shown[at..].to_owned()
 }
 
-/// The folder of optional data beside the project, if it is there; says that the test is skipped if not.
+/// The folder of optional data beside the project, if it is there; says that the test is skipped if
+/// not.
 pub fn shared() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
     if folder.join("scenes").is_dir() {
