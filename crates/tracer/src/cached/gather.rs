@@ -5,7 +5,7 @@ use std::f32::consts::FRAC_1_PI;
 use std::sync::atomic::Ordering;
 
 use glam::Vec3;
-use holo_light::{Arrival, Hemisphere, Record, Source, hold};
+use holo_light::{Arrival, Hemisphere, Record, Source, limit_outliers};
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 
 use super::settings::{AIMED, Kind};
@@ -72,7 +72,7 @@ impl Cached {
                 gathering.hemisphere_ray(direction, &mut sampler)
             })
             .collect();
-        hold(&mut arrivals, most_per_ray);
+        limit_outliers(&mut arrivals, most_per_ray);
         let mut record = hemisphere.record(&arrivals, [frame.s, frame.t, normal]);
         record.point = point.point.to_array();
         record.id = id;
