@@ -34,12 +34,12 @@ def edges(bench: Bench) -> Part:
         [
             f"Files filled with `--bounces 0 --samples N`, on and on, and `picture` by every driver against `render --bounces 0 --spp "
             f"{bench.paths(TRUTH)}`. *At edges*: root mean square of the displayed difference (as PSNR has it) over pixels within two "
-            "of an edge of what is seen (another material, or a step; `crates/display/examples/edges_of_view.rs`), without the worst 1 % "
+            "of an edge of what is seen (another material, or a step; `crates/driver-voronoi/examples/edges_of_view.rs`), without the worst 1 % "
             "(the truth's fireflies), in thousandths of white. Of the bundled interior the truth itself is noisy: "
             "two such truths differ by 19 dB, and no picture can be much nearer to one than 22. The strip shows the truth on the left, then each driver from few samples to many.",
         ],
     )  # fmt: skip
-    example = bench.cargo.build("holo-display", "--example", "edges_of_view")
+    example = bench.cargo.build("holo-driver-voronoi", "--example", "edges_of_view")
     for case, obj, is_bar in cases(bench):
         line = case.view.line()
         rows = run([example, obj, line, case.size]).stdout.split()

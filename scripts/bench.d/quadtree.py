@@ -32,13 +32,13 @@ def quadtree(bench: Bench) -> Part:
     part = Part(
         "The quadtree",
         [
-            "`crates/display/examples/quadtree_speed.rs`, one core, processor time: samples of a room that is known, without noise and of one "
+            "`crates/driver-quadtree/examples/quadtree_speed.rs`, one core, processor time: samples of a room that is known, without noise and of one "
             "path. *Draft*: the first picture of a view, and so every one while the camera moves, of all samples that it has. *Whole picture*: "
             "the next one of the same samples. *At rest*: one that takes in all samples of bursts. *Insertion* is into memory that has been "
             f"used. The median of {RUNS} runs, each the least of 4 rounds.",
         ],
     )
-    example = bench.cargo.build("holo-display", "--example", "quadtree_speed")
+    example = bench.cargo.build("holo-driver-quadtree", "--example", "quadtree_speed")
     found: dict[tuple[str, str, float], list[dict]] = {}
     with one_core():
         for _ in range(1 if bench.quick else RUNS):

@@ -26,7 +26,7 @@ def rendercache(bench: Bench) -> Part:
     part = Part(
         "The render cache",
         [
-            "`crates/display/examples/pointimage.rs`: 8,000 new samples a frame, the camera walking and turning (1.5 m/s, 30 degrees/s at "
+            "`crates/driver-rendercache/examples/pointimage.rs`: 8,000 new samples a frame, the camera walking and turning (1.5 m/s, 30 degrees/s at "
             "30 frames/s), rays met with a formula outside of the time taken. Medians over frames. *Least* is the shortest frame of all: "
             "on a machine that is busy otherwise it is nearer to the truth. The second paper took 62 ms at 512×512 on a processor of 2001.",
             "The two projections take turns over portions of the points, z-buffer to interpolation over slabs of rows, so that the later "
@@ -35,7 +35,7 @@ def rendercache(bench: Bench) -> Part:
             "2048×2048, measured beside it. Projection and z-buffer scatter, sampling is a chain of additions: they have no such figure.",
         ],
     )
-    example = bench.cargo.build("holo-display", "--example", "pointimage")
+    example = bench.cargo.build("holo-driver-rendercache", "--example", "pointimage")
     found = {}
     for size, threads in RUNS:
         frames = 20 if bench.quick else 90

@@ -20,7 +20,7 @@ from harness import Bench
 from plot import decibels_over_seconds
 from program import run
 
-DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "quadtree-draft", "voronoi")
+DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "voronoi")
 # The render cache without one of its stages.
 STAGES = ("noise", "prediction", "prefilter", "eviction", "ageing", "cull", "interpolation", "dither")
 # Pixels for each new sample of a frame, and the frames: with as many samples as pixels a part of the walk must do.
@@ -64,18 +64,18 @@ def walk(bench: Bench) -> Part:
     part = Part(
         "A recorded walk",
         [
-            "`crates/display/examples/walk`: rest, turns of 90 to 120 degrees a second, a walk of 1.5 to 2 m/s through a door, rest, "
+            "`crates/holoview/examples/walk`: rest, turns of 90 to 120 degrees a second, a walk of 1.5 to 2 m/s through a door, rest, "
             "at 30 frames a second and 320×240. In each frame a driver gets pixels / *ratio* new samples that it asked for in the frame "
             "before; the next frame's view is what is predicted. Direct light and mirrors; *noisy* samples are of one path, *clean* of "
             f"16. Every {every}th frame is held against a render of relMSE ≤ 0.005 where 1024 paths do. *1999*: the stages of "
-            "the render cache's first paper; it keeps its last colours and smooths everywhere. `quadtree` shows whole pictures, `quadtree-draft` "
-            "what is shown while the camera moves; both, and `voronoi`, keep all samples so far, as a server would, and ask anywhere in the "
+            "the render cache's first paper; it keeps its last colours and smooths everywhere. `quadtree` "
+            "and `voronoi` keep all samples so far, as a server would, and ask anywhere in the "
             "picture: a section's ray, mostly of the best one, as displays weigh beams, and where there is none a ray traced for its view "
             "alone. PSNR as displayed, and structural similarity of luminance as displayed, means "
             f"over frames. With ratio 1, frames {RATIOS[0][1]} only.",
         ],
     )
-    program = bench.cargo.build("holo-display", "--example", "walk")
+    program = bench.cargo.build("holo-view", "--example", "walk")
     ratios = RATIOS[1:3] if bench.quick else RATIOS
     for recorded in walks(bench, part):
         # Truths are made once for all.
@@ -108,7 +108,7 @@ def walk(bench: Bench) -> Part:
 
 
 def walks(bench: Bench, part: Part) -> list[Recorded]:
-    recordings = bench.root / "crates/display/examples/walk/walks"
+    recordings = bench.root / "crates/holoview/examples/walk/walks"
     interior = bench.scenes.bundle() / "interior.obj"
     found = [Recorded("interior", "bundled interior", interior, recordings / "interior.walk")]
     cabin = bench.shared / "scenes/cabin/cabin.obj"

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use holo_tracer::{Sampler, Settings, Tracer};
 
-/// Blocks across a picture: large enough for means to be normal.
+/// Blocks across a picture; large enough for the means to be normal.
 const BLOCKS: usize = 8;
 
 struct Pfm {
@@ -49,8 +49,9 @@ struct View {
     eye: [f64; 3],
     towards: [f64; 3],
     up: [f64; 3],
-    /// Every how manieth pixel is traced, in both directions, and with how many paths.
+    /// Distance between traced pixels, in both directions.
     stride: usize,
+    /// Paths per traced pixel.
     paths: u64,
     /// Paths per pixel of the reference.
     reference_paths: f64,
@@ -83,7 +84,7 @@ fn compare(scene: &str, picture: &str, bounces: Option<u32>, view: &View) {
     for y in (0..height).step_by(view.stride) {
         for x in (0..width).step_by(view.stride) {
             let i = y * width + x;
-            // In shadow the reference found nothing, which says nothing about its error.
+            // The reference found no light here, so its error is unknown.
             if errors.pixels[i] == [0.0; 3] {
                 continue;
             }
@@ -107,8 +108,9 @@ fn compare(scene: &str, picture: &str, bounces: Option<u32>, view: &View) {
                 block[c].difference += mean - f64::from(reference.pixels[i][c]);
                 let own = (squares[c] / n - mean * mean) / (n - 1.0);
                 let error = f64::from(errors.pixels[i][c]).powi(2);
-                // A lamp in a mirror comes as few bright paths, which a block of ours may not have met at all: then its
-                // own spread says too little, and that of as many of the reference's paths is taken.
+                // A lamp in a mirror contributes few bright paths, which our block may have missed.
+                // Then its own variance is too small, and that of as many of the reference's paths
+                // is used.
                 block[c].variance += own.max(error * view.reference_paths / n) + error;
                 block[c].pixels += 1.0;
             }

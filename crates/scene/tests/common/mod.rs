@@ -5,7 +5,7 @@
 use holo_scene::{LoadOptions, Loaded, SceneError, Warning, load_obj};
 use std::path::Path;
 
-/// Loads `s.obj` with this text beside `s.mtl` with that one, from a folder of its own.
+/// Loads `s.obj` with this text and `s.mtl` with that text, from a folder of their own.
 pub fn load_with(
     obj: impl AsRef<[u8]>,
     mtl: &str,

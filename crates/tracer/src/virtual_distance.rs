@@ -1,12 +1,14 @@
-//! Virtual distances: how far away what is seen in flat mirrors and through flat glass seems to be (Larson & Simmons 1999, §2.3,
-//! `VDISTANCE`).
+//! Virtual distances: the distance at which something seen in flat mirrors or through flat glass
+//! appears to be (Larson & Simmons 1999, §2.3, `VDISTANCE`).
 //!
-//! A ray is followed from one flat smooth surface to the next, by reflection or transmission, whichever carries more of what arrives,
-//! and its lengths are added up as if it had gone straight on. What it meets then, diffuse, glossy, emitting or curved, is where
-//! it ends. A point that far along the first ray is where the image of that surface stands; for glass, but for its refraction.
+//! A ray is followed from one flat smooth surface to the next. At each it takes reflection or
+//! transmission, whichever carries more light, and the lengths are summed as if it went straight.
+//! It ends at the first diffuse, glossy, emitting or curved surface. A point that far along the
+//! first ray is the image of that surface, except that refraction by glass is ignored.
 //!
-//! Always true: no randomness, so that all samples of a surface agree; the distance is never less than the first surface's; without
-//! flat smooth surfaces there is no [`Straight`], and nothing to pay for.
+//! Always true: there is no randomness, so all samples of a surface agree. The distance is never
+//! less than the first surface's. A scene without flat smooth surfaces has no [`VirtualDistance`]
+//! and pays nothing.
 
 use std::collections::HashMap;
 
@@ -21,24 +23,26 @@ use crate::lights::luminance;
 use crate::medium::{Crossing, TOUCH};
 use crate::path::{PathEngine, Start};
 
-/// Surfaces passed at most: between two mirrors that face each other there is no end.
+/// Most surfaces on the way: between two mirrors that face each other there is no end.
 const MAX_PASSED: u32 = 64;
 
-/// Sine of the least angle at which two triangles are not in one plane, 0.1°: polygons with rounded corners are flat.
+/// Sine of the least angle between two triangles of a curved surface, 0.1°. Polygons whose corners
+/// were rounded are flat.
 const BENT: f32 = 1.7e-3;
 
-/// Cosine of the greatest angle between triangles that approximate one curved surface, 45°: beyond is an edge between flat ones.
+/// Cosine of the greatest angle between two triangles of a curved surface, 45°. A greater angle is
+/// an edge between flat surfaces.
 const SMOOTH: f32 = 0.707;
 
-/// Which triangles show images at a distance of their own.
+/// The triangles that show images at a distance of their own.
 #[derive(Debug)]
-pub(crate) struct Straight {
-    /// By triangle: smooth, and not part of a curved surface.
+pub(crate) struct VirtualDistance {
+    /// By triangle: whether it is smooth and not part of a curved surface.
     flat: Vec<bool>,
 }
 
-impl Straight {
-    /// `None` if there are no such triangles.
+impl VirtualDistance {
+    /// Finds the flat smooth triangles of a scene. `None` if there are none.
     pub(crate) fn new(scene: &Scene) -> Option<Self> {
         let smooth: Vec<bool> = scene
             .materials
@@ -50,7 +54,8 @@ impl Straight {
             })
             .collect();
         let mut flat: Vec<bool> = scene.material_ids.iter().map(|&m| smooth[m as usize]).collect();
-        // Triangles by edge and material. Edges are known by where they are: files repeat corners.
+        // Triangles by edge and material. Edges are compared by position, because files repeat
+        // vertices.
         let mut sides: HashMap<(u32, [[u32; 3]; 2]), Vec<u32>> = HashMap::new();
         for triangle in
             (0..flat.len() as u32).filter(|&t| smooth[scene.material_ids[t as usize] as usize])
@@ -79,8 +84,9 @@ impl Straight {
         flat.contains(&true).then_some(Self { flat })
     }
 
-    /// The virtual distance of what a ray meets whose first surface is `first` away; infinity if it ends in the sky.
-    pub(crate) fn distance(
+    /// Returns the virtual distance of what a ray shows whose first surface is `first` away.
+    /// Infinity if that is the sky.
+    pub(crate) fn along(
         &self,
         engine: &PathEngine,
         raycaster: &Raycaster,
@@ -134,7 +140,8 @@ impl Straight {
     }
 }
 
-/// Where most of the light that a smooth surface sends to `wo` comes from; `None` if the surface is not smooth.
+/// Returns the direction from which a smooth surface sends most light to `wo`. `None` if the
+/// surface is not smooth.
 fn onwards(scatter: &Scatter, wo: Vec3, front: bool) -> Option<Vec3> {
     let goes_through = |reflected: f32, transmittance: Vec3| {
         (1.0 - reflected) * luminance(transmittance.to_array()) >= reflected

@@ -1,40 +1,42 @@
-//! Parts of the tree for one who takes many samples of it from one place, and knows which parts are worth any.
+//! Subtrees of the light tree, for callers that take many samples from one point and know which
+//! subtrees matter.
 
 use glam::Vec3;
 
 use super::{Child, Lights, Node, below_one, descend};
 
-/// A part is divided while its radius is more than this share of its distance.
+/// A subtree is divided while its radius exceeds this share of its distance.
 const OPEN: f32 = 0.2;
-/// Subtrees waiting to be divided, at most: with more, they stay whole.
+/// Most subtrees waiting to be divided; beyond that they stay whole.
 const WAITING: usize = 256;
 
-/// A subtree as seen from a place.
+/// A subtree as seen from a point.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Part {
+pub(crate) struct Subtree {
     child: Child,
-    /// Of the sphere around it.
+    /// Centre of a sphere around the subtree.
     pub center: Vec3,
-    /// What it may bring, about as irradiance, in the unit of the tree's powers.
+    /// Approximate irradiance that it may bring, in the unit of the tree's powers.
     pub importance: f32,
 }
 
 impl Lights {
-    /// Subtrees that `point`, lit on the side of `normal`, may get light from, as far as `shown` says of the spheres around them.
-    pub(crate) fn parts(
+    /// Returns the subtrees that `point`, lit on the side of `normal`, may receive light from.
+    /// Leaves out subtrees whose bounding sphere `visible` rejects.
+    pub(crate) fn subtrees(
         &self,
         point: Vec3,
         normal: Vec3,
-        shown: impl Fn(Vec3, f32) -> bool,
-    ) -> Vec<Part> {
-        let mut parts = Vec::new();
+        visible: impl Fn(Vec3, f32) -> bool,
+    ) -> Vec<Subtree> {
+        let mut subtrees = Vec::new();
         let mut waiting: Vec<usize> = if self.nodes.is_empty() { Vec::new() } else { vec![0] };
         while let Some(at) = waiting.pop() {
             let node: &Node = &self.nodes[at];
             let importances = node.importances(point, normal);
             for (slot, &importance) in importances.iter().enumerate().take(node.used()) {
                 let (center, radius) = node.sphere(slot);
-                if importance <= 0.0 || !shown(center, radius) {
+                if importance <= 0.0 || !visible(center, radius) {
                     continue;
                 }
                 match node.child(slot) {
@@ -43,7 +45,7 @@ impl Lights {
                     {
                         waiting.push(next)
                     }
-                    _ => parts.push(Part {
+                    _ => subtrees.push(Subtree {
                         child: Child { node: at as u32, slot: slot as u32 },
                         center,
                         importance,
@@ -51,28 +53,30 @@ impl Lights {
                 }
             }
         }
-        parts
+        subtrees
     }
 
-    /// A triangle of a part by a uniform number in [0, 1), its probability, and what is left of the number. `None` if the descent
-    /// ends where nothing can arrive from.
+    /// Chooses a triangle of a subtree by a uniform number in [0, 1). Returns it, its probability
+    /// and what remains of the number. `None` if the descent ends at a node that contributes
+    /// nothing.
     pub(crate) fn choose_in(
         &self,
-        part: &Part,
+        subtree: &Subtree,
         point: Vec3,
         normal: Vec3,
         uniform: f64,
     ) -> Option<(u32, f32, f32)> {
         let mut rest = uniform;
         let (emitter, probability) =
-            descend(&self.nodes, part.child, point, normal, 1.0, &mut rest)?;
+            descend(&self.nodes, subtree.child, point, normal, 1.0, &mut rest)?;
         Some((self.triangles[emitter], probability, below_one(rest)))
     }
 
-    /// Which of the parts holds a triangle, and with what probability [`choose_in`](Self::choose_in) gives it there.
+    /// Returns which of the subtrees contains a triangle, and the probability with which
+    /// [`choose_in`](Self::choose_in) gives the triangle there.
     pub(crate) fn find_in(
         &self,
-        parts: &[Part],
+        subtrees: &[Subtree],
         point: Vec3,
         normal: Vec3,
         triangle: u32,
@@ -81,8 +85,8 @@ impl Lights {
         let mut probability = 1.0;
         let mut place = self.places[emitter];
         loop {
-            if let Some(part) = parts.iter().position(|part| part.child == place) {
-                return Some((part, probability));
+            if let Some(subtree) = subtrees.iter().position(|subtree| subtree.child == place) {
+                return Some((subtree, probability));
             }
             if place.node == 0 {
                 return None;

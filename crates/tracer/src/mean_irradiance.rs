@@ -1,4 +1,4 @@
-//! How bright indirect light is in a scene as a rule.
+//! The mean brightness of indirect light in a scene.
 
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
@@ -6,25 +6,27 @@ use holo_light::Store;
 
 use crate::lights::luminance;
 
-/// Records that tell it at least.
-const FEWEST: usize = 16;
+/// Records from which the mean is known.
+const MIN_RECORDS: usize = 16;
 
-/// The mean over a scene's records, found again whenever there are twice as many.
+/// The mean irradiance of a scene's records, computed again each time their number has doubled.
 #[derive(Debug)]
-pub(crate) struct Usual {
+pub(crate) struct MeanIrradiance {
     records: AtomicUsize,
+    /// Bits of an `f32`.
     irradiance: AtomicU32,
 }
 
-impl Usual {
+impl MeanIrradiance {
     pub fn new() -> Self {
         Self { records: AtomicUsize::new(0), irradiance: AtomicU32::new(f32::INFINITY.to_bits()) }
     }
 
-    /// Mean luminance of the irradiance of records; infinite as long as they are few, or all dark.
-    pub fn irradiance(&self, store: &Store) -> f32 {
+    /// Returns the mean luminance of the irradiance of the records. Infinite while there are few
+    /// records or all are dark.
+    pub fn luminance(&self, store: &Store) -> f32 {
         let count = store.len();
-        if count >= FEWEST.max(2 * self.records.load(Ordering::Relaxed)) {
+        if count >= MIN_RECORDS.max(2 * self.records.load(Ordering::Relaxed)) {
             let records = (0..count).filter_map(|index| store.get(index));
             let sum: f32 = records.map(|record| luminance(record.irradiance)).sum();
             let mean = if sum > 0.0 { sum / count as f32 } else { f32::INFINITY };
@@ -42,9 +44,9 @@ mod tests {
     use holo_light::Record;
 
     #[test]
-    fn the_mean_is_that_of_all_records_once_they_are_twice_as_many() {
+    fn the_mean_is_computed_again_when_the_number_of_records_has_doubled() {
         let store = Store::new(0.01);
-        let usual = Usual::new();
+        let mean = MeanIrradiance::new();
         let record = |id: u64, light: f32| Record {
             point: [id as f32, 0.0, 0.0],
             radius: 0.1,
@@ -56,16 +58,16 @@ mod tests {
         let near = |found: f32, expected: f32| {
             assert!((found - expected).abs() < 1e-4 * expected, "{found} {expected}")
         };
-        (0..FEWEST as u64 - 1).for_each(|id| assert!(store.receive(record(id, 2.0))));
-        assert_eq!(usual.irradiance(&store), f32::INFINITY);
-        let (dark, of_dark) = (Store::new(0.01), Usual::new());
-        (0..2 * FEWEST as u64).for_each(|id| assert!(dark.receive(record(id, 0.0))));
-        assert_eq!(of_dark.irradiance(&dark), f32::INFINITY);
+        (0..MIN_RECORDS as u64 - 1).for_each(|id| assert!(store.receive(record(id, 2.0))));
+        assert_eq!(mean.luminance(&store), f32::INFINITY);
+        let (dark, mean_of_dark) = (Store::new(0.01), MeanIrradiance::new());
+        (0..2 * MIN_RECORDS as u64).for_each(|id| assert!(dark.receive(record(id, 0.0))));
+        assert_eq!(mean_of_dark.luminance(&dark), f32::INFINITY);
         store.receive(record(100, 2.0));
-        near(usual.irradiance(&store), 2.0);
-        (200..200 + FEWEST as u64 - 1).for_each(|id| assert!(store.receive(record(id, 4.0))));
-        near(usual.irradiance(&store), 2.0);
+        near(mean.luminance(&store), 2.0);
+        (200..200 + MIN_RECORDS as u64 - 1).for_each(|id| assert!(store.receive(record(id, 4.0))));
+        near(mean.luminance(&store), 2.0);
         store.receive(record(300, 4.0));
-        near(usual.irradiance(&store), 3.0);
+        near(mean.luminance(&store), 3.0);
     }
 }
