@@ -19,6 +19,13 @@ const LINES: usize = 200_000;
 /// Lines tried for each section for a quick look.
 const FEW_LINES: usize = 40_000;
 
+/// Sections that get all these lines. More sections share as many lines as these have, so that the
+/// time does not grow with their number.
+const SECTIONS_IN_FULL: usize = 4;
+
+/// Fewest lines tried for each section, however many there are.
+const LEAST_LINES: usize = 512;
+
 /// Distance from where a ray begins at which it counts half, as a share of the shortest section's diagonal.
 const NEAR: f64 = 0.2;
 
@@ -79,6 +86,7 @@ fn by_lines(sections: &[Section], points: &[End], slack: f64, count: usize) -> V
         return found;
     }
     let near = NEAR * sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
+    let count = lines_per_section(count, sections.len());
     let part_lines = count.div_ceil(PARTS);
     for (number, section) in (0_u16..).zip(sections) {
         let mut lines = vec![None; count];
@@ -104,6 +112,12 @@ fn by_lines(sections: &[Section], points: &[End], slack: f64, count: usize) -> V
     found
 }
 
+/// Returns how many lines each of `sections` sections gets, if a few of them would get `count`.
+fn lines_per_section(count: usize, sections: usize) -> usize {
+    let shared = count * SECTIONS_IN_FULL / sections.max(SECTIONS_IN_FULL);
+    shared.max(LEAST_LINES.min(count))
+}
+
 /// The beam of a line from a random point of the section to a random point seen, and the line's weight; `None` if none of its
 /// rays could show it. `near`: distance from where its rays begin at which the weight is half.
 fn beam(section: &Section, points: &[End], line: u64, slack: f64, near: f64) -> Option<(u64, u32)> {
@@ -123,4 +137,20 @@ fn beam(section: &Section, points: &[End], line: u64, slack: f64, near: f64) -> 
     let begin = if begins_inside { hit.entry_t } else { hit.exit_t };
     let gap = (1.0 - begin).max(0.0) * along.length() / near;
     Some((section.beam(hit.pair).0, (FULL_WEIGHT / (1.0 + gap * gap)).max(1.0) as u32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_sections_share_the_lines_of_a_few() {
+        assert_eq!(lines_per_section(LINES, 1), LINES);
+        assert_eq!(lines_per_section(LINES, 4), LINES);
+        let all = |sections| sections * lines_per_section(LINES, sections);
+        for sections in 5..=1024 {
+            assert!(all(sections) <= all(4), "{sections}: {}", all(sections));
+        }
+        assert_eq!(lines_per_section(FEW_LINES, 100_000), LEAST_LINES);
+    }
 }
