@@ -37,6 +37,11 @@ impl Block {
         let end = (begin + u64::from(CHUNK_BYTES)).min(u64::from(self.header.payload_bytes));
         (payload + begin, payload + end)
     }
+
+    /// Whether these are the bytes of chunk `chunk`, by their checksum.
+    pub fn matches(&self, chunk: u32, bytes: &[u8]) -> bool {
+        self.crcs.get(chunk as usize) == Some(&crc32fast::hash(bytes))
+    }
 }
 
 /// One run of samples in one block.

@@ -1,5 +1,6 @@
 //! The one error type of the crate.
 
+use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
@@ -95,6 +96,14 @@ pub enum Error {
         /// Why the last attempt failed.
         reason: String,
     },
+    /// What is written no longer reaches the file at the path. Nothing more can be written through this handle.
+    #[error("{path}: {how}; samples added since then may be lost")]
+    Lost {
+        /// The holodeck file.
+        path: PathBuf,
+        /// What became of it.
+        how: FileLoss,
+    },
     /// The writer thread is gone; nothing more can be written through this handle.
     #[error("{path}: the file's writer has stopped")]
     WriterStopped {
@@ -125,4 +134,32 @@ pub enum Error {
     /// The directory holds 2³² - 1 extents or blocks at most.
     #[error("the holodeck has as many extents as a directory can hold; run `holodeck optimize`")]
     DirectoryFull,
+}
+
+/// What became of a file that was written, at the hands of another program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileLoss {
+    /// The path names no file any more, or another one.
+    NotAtPath,
+    /// The file ends before the last block.
+    Shortened {
+        /// Its length, bytes.
+        bytes: u64,
+        /// The length that it had, bytes.
+        written: u64,
+    },
+}
+
+impl fmt::Display for FileLoss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            FileLoss::NotAtPath => {
+                write!(f, "the file was deleted, moved or replaced while samples were added to it")
+            }
+            FileLoss::Shortened { bytes, written } => write!(
+                f,
+                "the file was cut off at {bytes} of {written} bytes while samples were added to it"
+            ),
+        }
+    }
 }

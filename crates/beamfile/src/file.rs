@@ -14,15 +14,17 @@ use std::time::{Duration, Instant};
 
 use holo_section::{BeamKey, Run, Sample};
 
+use crate::batch::Body;
 use crate::cache::Cache;
-use crate::format::{Class, FileHeader};
+use crate::directory::Block;
+use crate::format::{Class, FileHeader, aligned};
 use crate::load::load;
 use crate::open::{self, Opened};
 use crate::snapshot::{Plan, State};
 use crate::storage::{DiskStorage, Storage};
 use crate::types::{BeamSamples, Counts, Damage, OpenReport, Options, Stats};
 use crate::writer::{self, Appender};
-use crate::{Error, Result};
+use crate::{Error, FileLoss, Result};
 
 /// Appends wait while more than this has not reached the disk.
 const MAX_PENDING_BYTES: u64 = 256 << 20;
@@ -93,11 +95,38 @@ impl Shared {
     }
 
     fn not_written(&self, state: &State) -> Error {
+        if let Some(how) = state.lost {
+            return Error::Lost { path: self.path.clone(), how };
+        }
         if state.writer_gone && state.last_error.is_none() {
             return Error::WriterStopped { path: self.path.clone() };
         }
         let reason = state.last_error.clone().unwrap_or_default();
         Error::NotWritten { path: self.path.clone(), pending: state.pending_bytes(), reason }
+    }
+
+    /// Appends one block. When this returns, it is on the disk itself, in the file at the path.
+    pub fn write_block(&self, body: &Body, doing: &'static str) -> Result<Block> {
+        let mut appender = self.appender();
+        self.check_file(&appender)?;
+        let written = appender.write(&*self.storage, self.header.file_id, body);
+        let block = written.map_err(|error| self.io(doing, error))?;
+        self.check_file(&appender)?;
+        Ok(block)
+    }
+
+    /// Compares the file at the path with the one that is written.
+    fn check_file(&self, appender: &Appender) -> Result<()> {
+        let bytes = self.storage.length().map_err(|error| self.io("reading its length", error))?;
+        let how = if !self.storage.is_at_its_path() {
+            FileLoss::NotAtPath
+        } else if aligned(bytes) < appender.at {
+            FileLoss::Shortened { bytes, written: appender.at }
+        } else {
+            return Ok(());
+        };
+        self.state().lost = Some(how);
+        Err(Error::Lost { path: self.path.clone(), how })
     }
 
     /// Until the writer did something. Wakes by itself now and then: nothing is lost if a signal is.
@@ -115,7 +144,7 @@ impl BeamFile {
         let path = path.as_ref();
         let file =
             open::file(path, OpenOptions::new().read(true).write(true).create_new(true), true)?;
-        Self::create_on(Box::new(DiskStorage(file)), path, options)
+        Self::create_on(Box::new(DiskStorage::new(file, path)), path, options)
     }
 
     /// Opens a file to read and append. A copy of the header that is damaged is repaired, a block that was never
@@ -126,7 +155,7 @@ impl BeamFile {
     pub fn open(path: impl AsRef<Path>, options: Options) -> Result<Self> {
         let path = path.as_ref();
         let file = open::file(path, OpenOptions::new().read(true).write(true), true)?;
-        Self::open_on(Box::new(DiskStorage(file)), path, options)
+        Self::open_on(Box::new(DiskStorage::new(file, path)), path, options)
     }
 
     /// Opens a file to read, also while another process writes it. What comes later is seen after
@@ -136,8 +165,8 @@ impl BeamFile {
     /// If it cannot be read or is no holodeck.
     pub fn open_read_only(path: impl AsRef<Path>, cache_bytes: u64) -> Result<Self> {
         let path = path.as_ref();
-        let storage =
-            Box::new(DiskStorage(open::file(path, OpenOptions::new().read(true), false)?));
+        let file = open::file(path, OpenOptions::new().read(true), false)?;
+        let storage = Box::new(DiskStorage::new(file, path));
         let opened = open::open(&*storage, path, false)?;
         Self::start(storage, path, opened, cache_bytes, true)
     }
@@ -201,6 +230,11 @@ impl BeamFile {
             Some(started.map_err(|error| shared.io("starting its writer thread", error))?)
         };
         Ok(Self { shared, report, writer, blob_writing: Mutex::new(()) })
+    }
+
+    /// The path by which it was opened.
+    pub fn path(&self) -> &Path {
+        &self.shared.path
     }
 
     /// What opening found, and what it left out.
@@ -275,6 +309,9 @@ impl BeamFile {
                 return Err(self.shared.not_written(&state));
             }
             state = self.shared.wait_for_writer(state);
+        }
+        if state.lost.is_some() {
+            return Err(self.shared.not_written(&state));
         }
         Ok(state)
     }
@@ -441,7 +478,16 @@ impl BeamFile {
             self.shared.wake.notify_one();
             state = self.shared.wait_for_writer(state);
         }
-        Ok(())
+        drop(state);
+        self.shared.check_file(&self.shared.appender())
+    }
+
+    /// Returns [`Error::Lost`] if the file was found deleted, moved, replaced or cut off. Does not wait for the disk.
+    ///
+    /// The file is looked at with every block that is written, and with every [`BeamFile::flush`].
+    pub fn lost(&self) -> Option<Error> {
+        let state = self.shared.state();
+        state.lost.map(|_| self.shared.not_written(&state))
     }
 
     /// Figures of the file as it is now.
@@ -478,7 +524,8 @@ impl BeamFile {
         self.stop();
         // A last attempt of the writer may have succeeded where flush did not.
         let state = self.shared.state();
-        if state.frozen.is_empty() && state.active.is_empty() { Ok(()) } else { flushed }
+        let all_written = state.frozen.is_empty() && state.active.is_empty();
+        if all_written && state.lost.is_none() { Ok(()) } else { flushed }
     }
 
     fn stop(&mut self) {

@@ -36,7 +36,7 @@ mod verify;
 mod visible;
 mod writer;
 
-pub use error::Error;
+pub use error::{Error, FileLoss};
 pub use file::BeamFile;
 pub use storage::{DiskStorage, Storage};
 pub use types::{

@@ -123,7 +123,7 @@ fn check(span: &[Piece], buffer: &[u8], origin: u64, bad: &mut BadChunks) {
             checked = Some((piece.block.offset, chunk));
             let (begin, end) = piece.block.chunk_range(chunk);
             let bytes = &buffer[(begin - origin) as usize..(end - origin) as usize];
-            if piece.block.crcs.get(chunk as usize) != Some(&crc32fast::hash(bytes)) {
+            if !piece.block.matches(chunk, bytes) {
                 bad.push((piece.id, chunk));
             }
         }

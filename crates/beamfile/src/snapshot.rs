@@ -16,7 +16,7 @@ use crate::directory::{Block, Directory};
 use crate::format::{CHUNK_SAMPLES, Class, Entry, SAMPLE_BYTES, Table};
 use crate::types::{Damage, DamageKind};
 use crate::visible::{Offer, Visible, visible};
-use crate::{Error, Result};
+use crate::{Error, FileLoss, Result};
 
 pub(crate) struct State {
     pub directory: Directory,
@@ -39,6 +39,8 @@ pub(crate) struct State {
     pub hurry: bool,
     pub stop: bool,
     pub writer_gone: bool,
+    /// What became of the file at the path, if it is no longer the one that is written.
+    pub lost: Option<FileLoss>,
     pub damage: Vec<Damage>,
     /// Chunks whose samples do not match their checksum: (block, chunk).
     bad: HashSet<(u32, u32)>,
@@ -111,6 +113,7 @@ impl State {
             hurry: false,
             stop: false,
             writer_gone: false,
+            lost: None,
             damage: Vec::new(),
             bad: HashSet::new(),
         }
@@ -160,7 +163,7 @@ impl State {
         let block = Arc::new(block);
         let id = self.directory.add_block(Arc::clone(&block))?;
         match table {
-            Table::Blob(part) => self.blobs.add(part, block),
+            Table::Blob(part) => self.blobs.add(part, id, block),
             Table::Samples(entries) => {
                 let mut at = 0;
                 for entry in &entries {

@@ -4,6 +4,8 @@ use std::fmt;
 
 use holo_section::{Run, Sample};
 
+use crate::format::SAMPLE_BYTES;
+
 /// The next free sample number of each kind in one beam: the highest number stored, plus one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
@@ -73,6 +75,20 @@ pub enum DamageKind {
     TornTail,
 }
 
+impl Damage {
+    /// Returns how many samples are left out because of it, at most.
+    ///
+    /// Exact for [`DamageKind::Samples`]. Of a whole block it is what would fit into its bytes.
+    pub fn samples(&self) -> u64 {
+        match self.what {
+            DamageKind::Samples | DamageKind::BlockHeader | DamageKind::BlockTable(_) => {
+                self.bytes / u64::from(SAMPLE_BYTES)
+            }
+            DamageKind::HeaderCopy(_) | DamageKind::Blob(_) | DamageKind::TornTail => 0,
+        }
+    }
+}
+
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Damage { offset, bytes, what } = self;
@@ -90,10 +106,10 @@ impl fmt::Display for Damage {
                 )
             }
             DamageKind::Samples => {
-                write!(f, "offset {offset}: damaged samples, {bytes} bytes left out")
+                write!(f, "offset {offset}: {} damaged samples are left out", self.samples())
             }
             DamageKind::Blob(name) => {
-                write!(f, "offset {offset}: {bytes} damaged bytes of blob {name}")
+                write!(f, "offset {offset}: {bytes} damaged bytes of a copy of blob {name}")
             }
             DamageKind::TornTail => {
                 write!(

@@ -88,11 +88,8 @@ pub(crate) fn run(shared: &Arc<Shared>) {
     let mut failed_at: Option<Instant> = None;
     while let Some(batch) = next_batch(shared, failed_at) {
         let (entries, body) = batch.body();
-        let written = shared.appender().write(&*shared.storage, shared.header.file_id, &body);
-        let result: Result<()> = match written {
-            Ok(block) => list(shared, block, &entries),
-            Err(error) => Err(shared.io("writing samples", error)),
-        };
+        let written = shared.write_block(&body, "writing samples");
+        let result = written.and_then(|block| list(shared, block, &entries));
         let mut state = shared.state();
         match result {
             Ok(()) => {
@@ -109,7 +106,7 @@ pub(crate) fn run(shared: &Arc<Shared>) {
                 state.last_error = Some(error.to_string());
                 state.failures += 1;
                 failed_at = Some(Instant::now());
-                if state.stop {
+                if state.stop || state.lost.is_some() {
                     return;
                 }
             }
