@@ -1,10 +1,11 @@
 //! Named byte strings in the file, such as the packed scene.
 //!
-//! A blob that nothing can make anew is stored twice: where a chunk of one copy is damaged, it is read from the other.
+//! A blob that nothing can make anew is stored twice. Where a chunk of one copy is damaged, it is
+//! read from the other.
 //!
 //! Invariants:
-//! - A copy is listed only when all its parts are on disk. So replacing a blob is atomic: the old bytes are read until
-//!   the first copy of the new ones is whole.
+//! - A copy is listed only when all its parts are on disk. So replacing a blob is atomic: reads
+//!   give the old bytes until the first copy of the new ones is whole.
 //! - Copies of one blob have the same parts and the same checksums.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -12,11 +13,12 @@ use std::sync::Arc;
 
 use crate::batch::Body;
 use crate::directory::Block;
-use crate::file::{BeamFile, locked};
+use crate::file::BeamFile;
 use crate::format::{
     BLOB_PART_BYTES, BlobPart, BlockKind, CHUNK_BYTES, MAX_BLOB_BYTES, MAX_BLOB_NAME, Table,
     push_chunk_crcs,
 };
+use crate::shared::locked;
 use crate::{Error, Result};
 
 /// A block that holds a part of a blob, and its number in the directory.
@@ -64,7 +66,7 @@ pub(crate) struct Blobs {
 }
 
 impl Blobs {
-    /// Takes the next part of a copy in file order: block number `id` in the directory.
+    /// Takes the next part of a copy, in file order. Its block has number `id` in the directory.
     pub fn add(&mut self, part: BlobPart, id: u32, block: Arc<Block>) {
         if part.offset == 0 {
             let copy = BlobCopy { total: part.total, parts: Vec::new() };
@@ -104,7 +106,7 @@ impl Blobs {
         self.unfinished.remove(&blob_id);
     }
 
-    /// Names of blobs that were begun and are not whole.
+    /// Returns the names of blobs that were begun and are not whole.
     pub fn unfinished(&self) -> Vec<String> {
         let begun = self.unfinished.values().map(|begun| begun.name.clone());
         begun.chain(self.broken.iter().cloned()).collect::<BTreeSet<_>>().into_iter().collect()
@@ -112,19 +114,20 @@ impl Blobs {
 }
 
 impl BeamFile {
-    /// Stores named bytes twice; when this returns, both copies are on disk. For bytes that nothing can make anew.
+    /// Stores two copies of named bytes, in place of a blob of the same name. When this returns,
+    /// both copies are on disk.
     ///
-    /// They replace a blob of the same name.
+    /// Use it for bytes that nothing can make anew.
     ///
     /// # Errors
-    /// If the name or the bytes are too long, or the file is read-only or cannot be written. The blob then has either
-    /// the old bytes or the new ones.
+    /// If the name or the bytes are too long, or the file is read-only or cannot be written. The
+    /// blob then has either the old bytes or the new ones.
     pub fn put_blob(&self, name: &str, bytes: &[u8]) -> Result<()> {
         self.put_blob_once(name, bytes)?;
         self.put_blob_once(name, bytes)
     }
 
-    /// As [`BeamFile::put_blob`], but stores one copy. For bytes that can be made anew.
+    /// As [`BeamFile::put_blob`], but stores one copy. Use it for bytes that can be made anew.
     ///
     /// # Errors
     /// As [`BeamFile::put_blob`].
@@ -166,11 +169,12 @@ impl BeamFile {
 
     /// Returns the bytes stored under a name, if any.
     ///
-    /// Where a chunk of the newest copy is damaged, an older copy's is taken, the damage is listed by
-    /// [`BeamFile::damage`], and a writer stores the blob once more.
+    /// Where a chunk of the newest copy is damaged, it is read from another copy. The damage is
+    /// then listed by [`BeamFile::damage`], and a writer stores the blob once more.
     ///
     /// # Errors
-    /// [`Error::BlobDamaged`] if a chunk is damaged in every copy; [`Error::Io`] if the disk cannot be read.
+    /// [`Error::BlobDamaged`] if a chunk is damaged in every copy; [`Error::Io`] if the disk cannot
+    /// be read.
     pub fn blob(&self, name: &str) -> Result<Option<Vec<u8>>> {
         let copies = self.shared.state().blobs.whole.get(name).cloned().unwrap_or_default();
         let Some(newest) = copies.last() else { return Ok(None) };
@@ -242,7 +246,7 @@ impl BeamFile {
         failed
     }
 
-    /// Names of the blobs in the file, sorted.
+    /// Returns the names of the blobs in the file, sorted.
     pub fn blob_names(&self) -> Vec<String> {
         self.shared.state().blobs.whole.keys().cloned().collect()
     }

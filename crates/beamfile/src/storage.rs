@@ -1,4 +1,4 @@
-//! What the file needs of a disk: positioned reads and writes. A trait, so that tests can fill the disk up.
+//! The operations on a disk that the file needs, as a trait, so that tests can fill the disk up.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
@@ -37,7 +37,8 @@ pub trait Storage: Send + Sync {
     /// The system's.
     fn set_len(&self, bytes: u64) -> io::Result<()>;
 
-    /// Whether whoever opens the path now gets this file: false once it was deleted, moved or replaced.
+    /// Returns whether the path still names this file: false once it was deleted, moved or
+    /// replaced.
     fn is_at_its_path(&self) -> bool {
         true
     }
@@ -45,8 +46,8 @@ pub trait Storage: Send + Sync {
 
 /// An ordinary file.
 ///
-/// It is never mapped into memory: another process may cut it off, and reading a map beyond the file's end kills the
-/// process.
+/// It is never mapped into memory. Another process may cut it off, and whoever reads a map beyond
+/// the file's end is killed.
 #[derive(Debug)]
 pub struct DiskStorage {
     file: File,
@@ -54,14 +55,15 @@ pub struct DiskStorage {
 }
 
 impl DiskStorage {
-    /// Takes an open file, and the path by which it was opened.
+    /// Returns the storage of an open file. `path` is the path by which it was opened.
     pub fn new(file: File, path: impl AsRef<Path>) -> DiskStorage {
         DiskStorage { file, path: path.as_ref().to_owned() }
     }
 }
 
 impl Drop for DiskStorage {
-    /// Gives the lock back. Closing alone would hold it as long as a child process has the file, too.
+    /// Gives the lock back. A file that is only closed stays locked while a child process has it
+    /// open, too.
     fn drop(&mut self) {
         // A file without a lock gives an error, which does not matter.
         let _ = self.file.unlock();

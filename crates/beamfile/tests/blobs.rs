@@ -1,4 +1,4 @@
-//! Blobs of which a copy is damaged.
+//! Blobs with a damaged copy.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod common;
@@ -39,7 +39,7 @@ fn a_flipped_bit_anywhere_costs_no_blob_and_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let (path, good) = with_blob(folder.path());
     assert_eq!(copies(&good).len(), 2);
-    for at in (FIRST_BLOCK as usize..good.len()).step_by(11) {
+    for at in (FIRST_BLOCK as usize..good.len()).step_by(41) {
         let mut bytes = good.clone();
         bytes[at] ^= 1 << (at % 8);
         fs::write(&path, &bytes).unwrap();
@@ -65,7 +65,7 @@ fn each_chunk_is_read_from_the_copy_in_which_it_is_intact() {
     let damage = file.damage();
     assert_eq!(damage.len(), 1, "{damage:?}");
     assert_eq!(damage[0].what, DamageKind::Blob(NAME.into()));
-    assert!(damage[0].to_string().contains("blob holodeck"), "{}", damage[0]);
+    assert!(damage[0].to_string().contains("blob `holodeck`"), "{}", damage[0]);
 
     bytes[copies[0] + 9_500] ^= 1;
     fs::write(&path, &bytes).unwrap();
@@ -73,7 +73,7 @@ fn each_chunk_is_read_from_the_copy_in_which_it_is_intact() {
     let error = file.blob(NAME).unwrap_err();
     assert!(matches!(error, Error::BlobDamaged { .. }));
     let message = error.to_string();
-    assert!(message.contains("test.holo") && message.contains("blob holodeck"), "{message}");
+    assert!(message.contains("test.holo") && message.contains("blob `holodeck`"), "{message}");
 }
 
 #[test]

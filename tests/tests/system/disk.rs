@@ -115,7 +115,7 @@ fn one_damaged_copy_of_the_description_or_the_scene_costs_nothing_and_is_named()
         assert_eq!(copies.len(), 2, "copies of blob {blob}");
         flip(&path, &copies[1..]);
         let ended = place.run(&[&picture[..], &VIEW].concat()).ok();
-        assert!(ended.stderr.contains(&format!("a copy of blob {blob}")), "{}", ended.stderr);
+        assert!(ended.stderr.contains(&format!("a copy of blob `{blob}`")), "{}", ended.stderr);
         assert!(ended.stderr.contains("a.holo"), "{}", ended.stderr);
         let report = ended.json();
         for field in ["driver", "stored", "uncovered_pixels"] {
@@ -126,7 +126,7 @@ fn one_damaged_copy_of_the_description_or_the_scene_costs_nothing_and_is_named()
         if blob == "holodeck" {
             place
                 .run(&[&picture[..], &VIEW].concat())
-                .failed(1, &["a.holo", "blob holodeck is damaged"]);
+                .failed(1, &["a.holo", "blob `holodeck` is damaged"]);
         }
         fs::write(&path, &good).unwrap();
     }
