@@ -1,7 +1,10 @@
-//! Measures appending, flushing, opening and reading: `cargo run --release -p holo-beamfile --example rates [MEGASAMPLES]`.
+//! Measures appending, flushing, opening and reading.
 //!
-//! Packets of 21 samples go to beams in a scattered order, as in a batch fill; then the views' reads: a few thousand
-//! beams near each other, cold in the cache of this crate (the operating system's is warm), then warm.
+//! `cargo run --release -p holo-beamfile --example rates [MEGASAMPLES]`
+//!
+//! First, packets of 21 samples go to beams in a scattered order, as in a batch fill. Then a few
+//! thousand neighbouring beams are read twice, as for a view: not yet in this crate's cache (though
+//! in the operating system's), and then from it.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};

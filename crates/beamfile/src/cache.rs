@@ -1,7 +1,7 @@
-//! Beams that were read last, up to a number of bytes (Larson & Simmons 1999, §2.2).
+//! The beams that were read last, up to a number of bytes (Larson & Simmons 1999, §2.2).
 //!
-//! Invariant: what is kept never takes more than the budget. An entry is right only for the beam's version that it
-//! was read at; the caller compares.
+//! Invariant: the cached beams never take more than the budget. Each is right only for the version
+//! at which it was read, and is given for no other.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use lru::LruCache;
 
 use crate::types::BeamSamples;
 
-/// Bookkeeping per cached beam: key, links, hash slot, allocations.
+/// Bytes that a cached beam takes besides its samples: key, links, hash slot, allocations.
 const OVERHEAD: u64 = 160;
 
 struct Cached {

@@ -74,7 +74,7 @@ fn a_tail_torn_at_any_byte_is_named_and_left_out_and_the_file_goes_on_after_it()
         let new = samples(&run, 30, 99);
         writer.append(run, &new).unwrap();
         model.put(&run, &new, false);
-        // A flush for every cut would make the test as slow as the disk; closing writes just the same.
+        // Closing writes, too. A flush for every cut would make the test as slow as the disk.
         writer.close().unwrap();
         reader.refresh().unwrap();
         assert_same(&reader, &model);
@@ -236,7 +236,7 @@ fn hostile_lengths_take_no_memory_and_cost_no_sample() {
     let built = build(1, 5);
     let good = fs::read(&built.path).unwrap();
     let table = |words: [u32; 8]| words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
-    // Beam, section and kind, first, count, paths, settings, generation; then the payload's one checksum.
+    // Beam, section and kind, first, count, paths, zeros; then the payload's one checksum.
     let entry = |beam: u32, section: u32, first: u32, count: u32| {
         table([beam, 0, section, first, count, 1, 0, 0])
     };

@@ -32,7 +32,8 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Counts, statistics, `runs` and `read_many` say the same as `read`. `put` samples were appended in all.
+/// Checks that counts, statistics, `runs` and `read_many` agree with `read`. `put` samples were
+/// appended in all.
 fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
     let stats = file.stats();
     assert_eq!(stats.superseded, put - stats.samples);
@@ -78,9 +79,15 @@ fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 48,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
     #[test]
-    fn a_file_gives_back_what_a_model_in_memory_gives(steps in prop::collection::vec(step(), 1..80)) {
+    fn a_file_gives_back_what_a_model_in_memory_gives(
+        steps in prop::collection::vec(step(), 1..80),
+    ) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("test.holo");
         let mut file = BeamFile::create(&path, options()).unwrap();
@@ -92,7 +99,11 @@ proptest! {
                 Step::Put { section, beam, kind: code, first, count, paths, supersedes } => {
                     let run = Run { kind: kind(code), paths, ..run(key(section, beam), first) };
                     let new = samples(&run, count, tag);
-                    if supersedes { file.supersede(run, &new).unwrap() } else { file.append(run, &new).unwrap() }
+                    if supersedes {
+                        file.supersede(run, &new).unwrap();
+                    } else {
+                        file.append(run, &new).unwrap();
+                    }
                     model.put(&run, &new, supersedes);
                     put += u64::from(count);
                 }

@@ -56,7 +56,7 @@ fn small_disk(room: u64) -> (BeamFile, Bench) {
     let path = bench.folder.path().join("test.holo");
     let file = File::options().read(true).write(true).create_new(true).open(&path).unwrap();
     let disk = SmallDisk {
-        disk: DiskStorage(file),
+        disk: DiskStorage::new(file, &path),
         room: bench.room.clone(),
         no_sync: bench.no_sync.clone(),
     };
@@ -119,19 +119,22 @@ fn a_failed_sync_is_a_failed_write() {
 }
 
 #[test]
-fn a_failed_replacement_leaves_the_old_blob() {
+fn a_failed_replacement_of_a_blob_leaves_the_old_bytes_or_the_new_ones() {
     let (file, bench) = small_disk(u64::MAX);
-    let long = vec![3; (16 << 20) + 5000];
-    file.put_blob("scene", &long).unwrap();
-    bench.room.store(file.stats().file_bytes + (16 << 20) + 100_000, Ordering::SeqCst);
-    file.put_blob("scene", &vec![4; 20 << 20]).unwrap_err();
-    assert_eq!(file.blob("scene").unwrap().as_ref(), Some(&long));
+    let (old, new) = (vec![3; (16 << 20) + 5000], vec![4; 20 << 20]);
+    file.put_blob("scene", &old).unwrap();
+    // Room for one part of the first copy, then for the first copy and one part of the second.
+    for (room, expected) in [(17, &old), (37, &new)] {
+        bench.room.store(file.stats().file_bytes + (room << 20), Ordering::SeqCst);
+        file.put_blob("scene", &new).unwrap_err();
+        assert!(file.blob("scene").unwrap().as_ref() == Some(expected), "{room} MiB");
+    }
     bench.room.store(u64::MAX, Ordering::SeqCst);
     let path = bench.folder.path().join("test.holo");
     file.close().unwrap();
     let file = BeamFile::open(&path, options()).unwrap();
     assert_eq!(file.report().unfinished_blobs, ["scene"]);
-    assert_eq!(file.blob("scene").unwrap(), Some(long));
+    assert!(file.blob("scene").unwrap() == Some(new));
 }
 
 #[test]

@@ -185,7 +185,7 @@ fn unseen_shares(sections: &[Section], unseen: &UnseenBeams) -> Vec<f64> {
 
 /// What was wrong with the file at opening.
 fn damage(holodeck: &Holodeck) -> Vec<String> {
-    let damage = holodeck.file.report().damage.iter().map(ToString::to_string);
+    let damage = holodeck.file.damage().into_iter().map(|damage| damage.to_string());
     damage.chain(holodeck.warnings.iter().cloned()).collect()
 }
 

@@ -83,6 +83,7 @@ fn main() -> ExitCode {
 }
 
 async fn run(command: Command) -> anyhow::Result<()> {
+    holo_server::outlive_file_size_limit()?;
     match command {
         Command::Demo(args) => demo::run(args).await,
         Command::View(args) => view::view(args).await,

@@ -40,6 +40,7 @@ use holo_section::{BeamKey, Sample};
 use crate::{
     allotment::Allotment,
     batch::{BatchOrder, Wanted},
+    damage::DamageReport,
     holodeck::Holodeck,
     listen::ConnectionId,
     live::LiveQueue,
@@ -148,6 +149,7 @@ pub struct Coordinator {
     /// When records of light were last written.
     last_light: Instant,
     saving: Option<JoinHandle<()>>,
+    damage: DamageReport,
     /// The disk fails and much waits for it.
     stalled: bool,
 }
@@ -166,6 +168,7 @@ impl Coordinator {
         let batch = filling.filter(|_| holodeck.writable).map(|filling| {
             BatchOrder::new(&holodeck.sections, stored, &holodeck.unseen(), filling.enough, paths)
         });
+        let damage = DamageReport::of_opening(&holodeck.file);
         let now = Instant::now();
         Coordinator {
             holodeck,
@@ -192,6 +195,7 @@ impl Coordinator {
             last_save: (now, 0),
             last_light: now,
             saving: None,
+            damage,
             stalled: false,
         }
     }
@@ -226,6 +230,10 @@ impl Coordinator {
                 }
             }
             self.tick();
+            if self.holodeck.file.lost().is_some() {
+                // The end's flush says what became of the file.
+                break;
+            }
         }
         self.finish()
     }
@@ -244,6 +252,7 @@ impl Coordinator {
             let _ = outbox.control(&bye);
         }
         self.progress.finish();
+        self.damage.print_new(&self.holodeck.file);
         flushed?;
         Ok(self.progress.done(&self.holodeck.file.stats()))
     }
@@ -309,6 +318,7 @@ impl Coordinator {
                 let _ = display.outbox.control(&Control::Status(status));
             }
             let stats = self.holodeck.file.stats();
+            self.damage.print_new(&self.holodeck.file);
             self.stalled = stats.last_error.is_some() && stats.pending_bytes > STALLED_BYTES;
             let paths = self.batch.as_ref().and_then(BatchOrder::better_paths);
             if let Some(paths) = paths.filter(|_| paths != self.said_paths) {

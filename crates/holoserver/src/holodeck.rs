@@ -252,7 +252,7 @@ impl Holodeck {
             }
             (unseen.count(), unseen.encode())
         };
-        self.file.put_blob(UNSEEN, &bytes)?;
+        self.file.put_blob_once(UNSEEN, &bytes)?;
         *saved = count;
         Ok(())
     }

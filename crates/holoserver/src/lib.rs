@@ -9,6 +9,8 @@ mod allotment;
 mod batch;
 mod better;
 mod coordinator;
+mod damage;
+mod file_size;
 mod holodeck;
 mod light;
 mod listen;
@@ -24,6 +26,7 @@ use std::{net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
 use anyhow::{Context, Result};
 use clap::Args;
 pub use coordinator::Goal;
+pub use file_size::outlive_file_size_limit;
 use holo_net::Shutdown;
 pub use holodeck::{About, Holodeck};
 pub use light::LightRecords;
@@ -175,9 +178,6 @@ pub async fn run(
         if config.no_skip_unseen { holodeck.map(Holodeck::without_skipping) } else { holodeck }
     };
     let holodeck = Arc::new(tokio::task::spawn_blocking(open).await??);
-    for damage in &holodeck.file.report().damage {
-        eprintln!("{}: {damage}", config.file.display());
-    }
     for warning in &holodeck.warnings {
         eprintln!("{}: {warning}", config.file.display());
     }
@@ -223,6 +223,7 @@ pub async fn run(
 /// # Errors
 /// As [`run`].
 pub async fn run_until_signal(config: Config) -> Result<()> {
+    outlive_file_size_limit()?;
     let shutdown = Shutdown::new();
     shutdown.on_signals(config.with_parent)?;
     let json = config.json;

@@ -129,7 +129,7 @@ impl Saved {
         (records, blobs): (usize, Vec<(String, Vec<u8>)>),
     ) -> Result<()> {
         for (name, bytes) in blobs {
-            file.put_blob(&name, &bytes)?;
+            file.put_blob_once(&name, &bytes)?;
             self.part += 1;
             self.records = records.min(self.records + BLOB_RECORDS);
         }

@@ -28,7 +28,7 @@ fn all_ended(children: &[(u32, String)]) -> bool {
 }
 
 /// A long fill that has begun to store samples, and its children.
-fn filling(place: &Place) -> (Process, Vec<(u32, String)>) {
+pub fn filling(place: &Place) -> (Process, Vec<(u32, String)>) {
     let words = [
         "fill",
         "--config",
@@ -48,7 +48,7 @@ fn filling(place: &Place) -> (Process, Vec<(u32, String)>) {
     (process, children)
 }
 
-fn count(file: &Path) -> u64 {
+pub fn count(file: &Path) -> u64 {
     let opened = holo_beamfile::BeamFile::open_read_only(file, 0);
     opened.map_or(0, |file| file.stats().samples)
 }

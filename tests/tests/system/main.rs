@@ -7,6 +7,7 @@ mod analytic;
 mod better;
 mod cells;
 mod coming_and_going;
+mod disk;
 mod display_only;
 mod fill;
 mod hostile;

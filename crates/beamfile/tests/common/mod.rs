@@ -1,4 +1,4 @@
-//! What the tests share: samples that tell where they belong, and a model of the file in memory.
+//! Shared by the tests: samples that name their own place, and a model of the file in memory.
 #![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::collections::BTreeMap;
@@ -29,7 +29,7 @@ pub fn run(key: BeamKey, first: u32) -> Run {
     Run { key, first, count: 0, kind: SampleKind::Uniform, paths: 1 }
 }
 
-/// Ten bytes that no other (beam, kind, number, tag) has, as far as a test can tell.
+/// Ten bytes that are different for each (beam, kind, number, tag).
 pub fn sample(key: BeamKey, kind: SampleKind, number: u32, tag: u32) -> Sample {
     let seed = [u64::from(key.section), key.beam.0, kind as u64, u64::from(number), u64::from(tag)];
     let mixed = seed.iter().fold(0x9e37_79b9_7f4a_7c15u64, |h, &x| {
@@ -46,7 +46,7 @@ pub fn samples(run: &Run, count: u32, tag: u32) -> Vec<Sample> {
     (run.first..run.first + count).map(|n| sample(run.key, run.kind, n, tag)).collect()
 }
 
-/// What one sample number must give.
+/// A sample's bytes, and its paths.
 pub type Truth = (Vec<u8>, u16);
 
 /// The file as it ought to be: by beam, then by (kind, number).
