@@ -4,10 +4,7 @@
 //! blue along z, and every wall has a brightness of its own: a wall, an axis, a channel or a unit that is mistaken for
 //! another changes the picture.
 
-use std::{
-    net::SocketAddr,
-    time::{Duration, Instant},
-};
+use std::{net::SocketAddr, time::Instant};
 
 use holo_net::{Inbox, Message, NetError, Outbox};
 use holo_picture::{Picture, View};
@@ -18,6 +15,8 @@ use holo_proto::{
     hello::Role,
 };
 use holo_section::{DVec3, Sample, Section};
+
+use crate::LIMIT;
 
 /// Brightness of the twelve walls: the room's (low x, high x, low y …), then the object's.
 const BRIGHTNESS: [f64; 12] = [1.0, 0.6, 0.4, 1.5, 0.25, 2.2, 3.5, 5.0, 0.16, 7.5, 0.1, 11.0];
@@ -180,8 +179,7 @@ pub async fn join(
     address: SocketAddr,
     role: Role,
 ) -> (Inbox, Outbox, Vec<holo_section::SectionSpec>) {
-    let joined =
-        tokio::time::timeout(Duration::from_secs(10), holo_net::connect(address, role, "a test"));
+    let joined = tokio::time::timeout(LIMIT, holo_net::connect(address, role, "a test"));
     let (inbox, outbox, welcome) = joined.await.expect("in time").expect("the server takes us");
     (inbox, outbox, welcome.sections)
 }

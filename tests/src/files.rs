@@ -22,11 +22,26 @@ impl Stored {
     /// nothing done twice.
     #[track_caller]
     pub fn assert_no_gaps(&self) {
-        for ((key, kind), samples) in &self.beams {
-            for (expected, &(number, _)) in (0..).zip(samples) {
-                assert_eq!(number, expected, "a gap in {kind:?} of {key:?}");
-            }
-        }
+        assert_eq!(
+            self.gap(),
+            None,
+            "a beam, and its first number that is not there or there twice"
+        );
+    }
+
+    /// The first beam and kind whose numbers are not 0, 1, 2 …, with the first number that is not.
+    pub fn gap(&self) -> Option<(BeamKey, SampleKind, u32)> {
+        self.beams.iter().find_map(|(&(key, kind), samples)| {
+            let mut numbered = (0..).zip(samples);
+            let wrong = numbered.find(|(expected, (number, _))| number != expected);
+            wrong.map(|(expected, _)| (key, kind, expected))
+        })
+    }
+
+    /// Whether the sample with this number is here.
+    pub fn has(&self, key: BeamKey, kind: SampleKind, number: u32) -> bool {
+        let samples = self.beams.get(&(key, kind));
+        samples.is_some_and(|samples| samples.binary_search_by_key(&number, |s| s.0).is_ok())
     }
 
     /// Checks that everything in `earlier` is still here, unchanged.

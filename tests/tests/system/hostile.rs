@@ -3,22 +3,21 @@
 use std::{
     io::{Read, Write},
     net::{SocketAddr, TcpStream},
-    time::Duration,
 };
 
 use holo_net::{Inbox, Message, Outbox};
 use holo_proto::{
     PROTOCOL_VERSION,
     bulk::{
-        LiveHit, LiveRay, LiveResults, LiveSamples, LiveWanted, MAX_LIVE_RAYS, RaysWanted, Results,
-        Traced, ViewRequest, Wanted, WantedRay, Work,
+        LiveHit, LiveRay, LiveResults, LiveSamples, LiveWanted, MAX_LIVE_RAYS, Packet, RaysWanted,
+        Results, Traced, ViewRequest, Wanted, WantedRay, Work,
     },
     control::Control,
     frame::{self, Kind},
     hello::{Answer, Hello, Role},
 };
-use holo_section::{BeamId, BeamKey, RayCoords, Sample, Viewpoint};
-use holo_tests::{LIMIT, Place, Server, analytic::join, beam, stored};
+use holo_section::{BeamId, BeamKey, RayCoords, Sample, SampleKind, Viewpoint};
+use holo_tests::{LIMIT, Place, Server, analytic::join, beam, stored, wait_until};
 use rustix::process::Signal;
 
 /// Sends bytes; gives what comes back until the server closes the connection.
@@ -213,6 +212,7 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
     let place = Place::new();
     let (server, worker) = busy(&place);
     let sample = Sample::from_codes([0; 4].into(), [200, 200, 200, 200], 7);
+    let mut given: Vec<Packet> = Vec::new();
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
         type Cheat = fn(&Work) -> (u64, u32);
@@ -231,6 +231,7 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
             let (mut inbox, outbox, _) = join(server.address, Role::Worker).await;
             outbox.control(&Control::Ready { threads: 1 }).unwrap();
             let work = next_work(&mut inbox).await;
+            given.extend(&work.packets);
             let (id, count) = cheat(&work);
             let results = Results {
                 packets: vec![Traced { id, count, nanoseconds: 1000 }],
@@ -270,7 +271,9 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
         // The same packet twice: the first time it is taken.
         let (mut inbox, outbox, _) = join(server.address, Role::Worker).await;
         outbox.control(&Control::Ready { threads: 1 }).unwrap();
-        let packet = next_work(&mut inbox).await.packets[0];
+        let work = next_work(&mut inbox).await;
+        given.extend(&work.packets);
+        let packet = work.packets[0];
         let count = u32::from(packet.count);
         let traced = Traced { id: packet.id, count, nanoseconds: 1000 };
         let results = Results {
@@ -284,7 +287,14 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
         let said = dropped((inbox, outbox)).await;
         assert!(said.is_some_and(|said| said.contains("a packet that it was not given")));
     });
-    // Batch order comes to the packets given back before anything else; give the true worker the time.
-    std::thread::sleep(Duration::from_millis(500));
+    wait_until("the cheats' packets to be traced by the other worker", || {
+        let stored = stored(&place.path("a.holo"));
+        let is_stored = |packet: &Packet| {
+            let key = packet.key;
+            let mut numbers = packet.first..packet.first + u32::from(packet.count);
+            numbers.all(|number| stored.has(key, SampleKind::Uniform, number))
+        };
+        given.iter().all(is_stored).then_some(())
+    });
     went_on(&place, server, worker);
 }

@@ -1,6 +1,6 @@
 //! Pixels that no section covers: traced for the view alone while somebody traces, never stored.
 
-use std::{collections::BTreeSet, time::Duration};
+use std::collections::BTreeSet;
 
 use holo_net::{Inbox, Message, Outbox};
 use holo_picture::{Picture, View, ViewSpec};
@@ -243,6 +243,11 @@ impl Peer {
         }
     }
 
+    /// Waits until every stored sample of a view has been sent.
+    async fn wait_for_stored(&mut self, view: u32) {
+        while self.next().await != Message::Control(Control::StoredSent { view }) {}
+    }
+
     /// Waits until `count` live rays have come in all.
     async fn wait_for_live(&mut self, count: usize) {
         while self.live.len() < count {
@@ -388,14 +393,13 @@ fn a_display_that_asks_for_more_than_may_wait_is_dropped() {
         for _ in 0..MAX_LIVE_RAYS_HELD / MAX_LIVE_RAYS {
             display.ask(1, &most);
         }
-        // A new view begins anew.
-        display.look(2);
+        // Those of another view take their places.
         for _ in 0..MAX_LIVE_RAYS_HELD / MAX_LIVE_RAYS {
             display.ask(2, &most);
         }
-        tokio::time::sleep(Duration::from_millis(300)).await;
-        display.outbox.control(&Control::Ping(5)).unwrap();
-        while !matches!(display.next().await, Message::Control(Control::Pong(5))) {}
+        // The answer comes after the server has dealt with all of the above. It has dropped nobody.
+        display.look(2);
+        display.wait_for_stored(2).await;
         display.ask(2, &most[..1]);
         let reason = loop {
             if let Message::Control(Control::Bye { reason }) = display.next().await {

@@ -1,6 +1,6 @@
 //! The drivers that keep what they have from view to view: a stored holodeck warms them, and at rest they tend to `render`.
 
-use std::{collections::BTreeSet, time::Duration};
+use std::collections::BTreeSet;
 
 use holo_net::Message;
 use holo_picture::{Picture, compare};
@@ -175,7 +175,12 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
             }
         }
         assert_eq!(arrived, wanted.iter().copied().collect());
-        tokio::time::sleep(Duration::from_millis(100)).await;
+        // Then nothing is being traced for the view, and everything is on the disk.
+        outbox.control(&Control::Settle { view: 1 }).unwrap();
+        let settled = async {
+            while inbox.next().await.unwrap() != Message::Control(Control::Settled { view: 1 }) {}
+        };
+        tokio::time::timeout(LIMIT, settled).await.expect("the view settles");
     });
     server.process.end(Signal::TERM).ok();
     worker.wait().ok();
