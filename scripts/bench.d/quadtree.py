@@ -1,4 +1,4 @@
-"""The quadtree: insertions, and pictures while the camera moves and while samples come."""
+"""The quadtree: insertions, and pictures while the camera moves and while samples arrive."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from program import run
 
 SIZE = "512x512"
 RUNS = 3
-# Of every kind and number of samples.
+# For every kind and number of samples.
 LEAST_INSERTIONS = 20.0
 MOST_MILLISECONDS = 5.0
-# What the example says, and what it is.
+# Names in the example's report, and their meaning.
 FIGURES = (
     ("insert_m_per_s", "insertion, M/s"),
     ("draft_ms", "draft, ms"),
@@ -66,7 +66,7 @@ def quadtree(bench: Bench) -> Part:
 
 @contextmanager
 def one_core() -> Iterator[None]:
-    """Programs that are started within have one core, where the system lets us say so."""
+    """Runs programs that are started inside on one core, if the system allows it."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return

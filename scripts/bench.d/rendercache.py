@@ -1,4 +1,4 @@
-"""The render cache, stage by stage, as Table 1 of its papers."""
+"""The render cache, stage by stage, as in Table 1 of its papers."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from document import Bar, Part, Table
 from harness import Bench
 from program import run
 
-# Sides of the picture and threads.
+# Sides of the picture, and threads.
 RUNS = (("256x256", 1), ("512x512", 1), ("1024x1024", 1), ("2048x2048", 1), ("1920x1080", 1), ("1920x1080", 2))
-# Of a whole frame.
+# For a whole frame.
 BARS = {
     ("512x512", 1): ("ms", 2.0),
     ("1920x1080", 2): ("ms", 9.0),
     ("2048x2048", 1): ("ns_per_pixel", 9.0),
 }
-# Times that moving a stage's data once may take.
+# Greatest time of a stage over the time to move its data once.
 MOVED_BAR = 3.0
 MOVED_AT = ("2048x2048", 1)
 
 
 def rendercache(bench: Bench) -> Part:
-    """Milliseconds of every stage at several sizes, and against what moving its data takes."""
+    """Milliseconds of every stage at several sizes, against the time to move its data."""
     part = Part(
         "The render cache",
         [
