@@ -10,10 +10,7 @@ use holo_proto::{
 };
 use tokio::{net::TcpStream, time::timeout};
 
-use crate::{
-    HANDSHAKE_TIME, Inbox, NetError, Outbox,
-    inbox::FrameReader,
-};
+use crate::{HANDSHAKE_TIME, Inbox, NetError, Outbox, inbox::FrameReader};
 
 /// Connects to a server and is taken by it in `role`.
 ///
@@ -75,7 +72,8 @@ pub fn welcome(outbox: &Outbox, welcome: Welcome) -> Result<(), ProtoError> {
     Ok(())
 }
 
-/// Tells whoever has connected why it is not taken. The connection ends when the halves are dropped.
+/// Tells whoever has connected why it is not taken. The connection ends when the halves are
+/// dropped.
 pub fn refuse(outbox: &Outbox, reason: &str) {
     // A hello's answer always fits its frame: texts are cut to size.
     let _ = outbox.send(Kind::Answer, &Answer::Refused(reason.to_owned()).encode());

@@ -88,7 +88,8 @@ async fn a_hostile_length_ends_the_connection_before_anything_is_read() {
     let (mut client, (mut inbox, _outbox)) = raw_client().await;
     let header = [0xff, 0xff, 0xff, 0xff, Kind::Samples as u8, 0, 0, 0];
     client.write_all(&header).await.unwrap();
-    // Nothing follows the header: whoever waited for the payload would wait until silence is noticed.
+    // Nothing follows the header: whoever waited for the payload would wait until silence is
+    // noticed.
     let error = timeout(Duration::from_secs(5), inbox.next()).await.unwrap().unwrap_err();
     let refused = ProtoError::TooLong {
         kind: Kind::Samples,
