@@ -17,7 +17,7 @@ use crate::faces::Faces;
 use crate::limits::{
     MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES,
 };
-use crate::load::Warnings;
+use crate::load::{LoadProgress, Warnings};
 use crate::text::{LogicalLines, excerpt, keyword, logical_lines, number, without_comment};
 use std::collections::HashMap;
 use std::io::{BufRead, Read};
@@ -47,6 +47,9 @@ pub(crate) struct Checked {
 /// Vertices are shared within an object only, and so it is not shorter.
 pub(crate) const FACES_AT_ONCE: usize = 1 << 20;
 
+/// Lines between two reports of progress: some hundredths of a second.
+const LINES_BETWEEN_REPORTS: usize = 1 << 16;
+
 /// Kinds of things that are ignored beside whole statements; no keyword has a blank in it.
 const WEIGHT: &str = "v weight";
 const COLOUR: &str = "v colour";
@@ -56,8 +59,11 @@ pub(crate) const CROSSED: &str = "f crossed";
 /// The clean text of an OBJ file.
 pub(crate) struct CleanObj<'a> {
     path: &'a Path,
+    total_bytes: usize,
     lines: LogicalLines<'a>,
     line: usize,
+    watch: &'a mut dyn FnMut(LoadProgress),
+    unwatched: usize,
     /// The clean line that is being read, and how much of it was.
     clean: Vec<u8>,
     taken: usize,
@@ -74,11 +80,18 @@ pub(crate) struct CleanObj<'a> {
 
 impl<'a> CleanObj<'a> {
     /// Nothing is read yet; `path` is for messages.
-    pub(crate) fn new(path: &'a Path, text: &'a str) -> CleanObj<'a> {
+    pub(crate) fn new(
+        path: &'a Path,
+        text: &'a str,
+        watch: &'a mut dyn FnMut(LoadProgress),
+    ) -> CleanObj<'a> {
         CleanObj {
             path,
+            total_bytes: text.len(),
             lines: logical_lines(text),
             line: 0,
+            watch,
+            unwatched: 0,
             clean: Vec::new(),
             taken: 0,
             failed: None,
@@ -98,6 +111,16 @@ impl<'a> CleanObj<'a> {
             Some(error) => Err(error),
             None => Ok(self.checked),
         }
+    }
+
+    /// Reports how much has been read.
+    fn report(&mut self) {
+        self.unwatched = 0;
+        (self.watch)(LoadProgress {
+            bytes: (self.total_bytes - self.lines.left()) as u64,
+            total_bytes: self.total_bytes as u64,
+            triangles: self.checked.faces.triangles() as u64,
+        });
     }
 
     /// Checks a statement, and writes to `clean` what is to be passed on.
@@ -269,6 +292,10 @@ impl BufRead for CleanObj<'_> {
             self.taken = 0;
             let Some((line, content)) = self.lines.next() else { break };
             self.line = line;
+            self.unwatched += 1;
+            if self.unwatched == LINES_BETWEEN_REPORTS {
+                self.report();
+            }
             if let Err(error) = self.statement(&content) {
                 self.clean.clear();
                 self.failed = Some(error);
