@@ -27,7 +27,7 @@ pub use coordinator::Goal;
 use holo_net::Shutdown;
 pub use holodeck::{About, Holodeck};
 pub use light::LightRecords;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 
 use coordinator::{Coordinator, Event, FillOptions};
@@ -134,7 +134,7 @@ pub fn parse_count(text: &str) -> Result<u64, String> {
 }
 
 /// What a server did.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Summary {
     /// Samples added.
     pub added: u64,
