@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use holo_picture::Picture;
 use serde::Serialize;
 
@@ -48,8 +48,7 @@ struct Report {
 
 /// See [`Args`].
 pub fn run(args: &Args) -> Result<()> {
-    let read =
-        |path: &PathBuf| Picture::read(path).with_context(|| format!("reading {}", path.display()));
+    let read = |path: &PathBuf| Picture::read(path);
     let (picture, reference) = (read(&args.picture)?, read(&args.reference)?);
     let measures = holo_picture::compare(&picture, &reference)?;
     let worst_block_shown = holo_picture::worst_block_shown(&picture, &reference)?;

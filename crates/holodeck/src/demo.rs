@@ -86,8 +86,10 @@ pub async fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// Returns the session's script: the first view for [`FIRST_ROOM`] of the time, with pictures named
-/// by their seconds; then every other view for an equal share of the rest, each with one picture.
+/// Returns the session's script.
+///
+/// The first view gets [`FIRST_ROOM`] of the time, with pictures named by their seconds. The others
+/// share the rest, with one picture each.
 fn script(views: &[View], time: f64, out: &Path) -> String {
     let mut script = String::new();
     let others = views.len().saturating_sub(1);

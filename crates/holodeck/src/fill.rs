@@ -37,7 +37,8 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     samples: Option<u64>,
     /// Number of samples that is enough for the file, such as 60M; after that, samples are traced
-    /// again with more paths [default: 512 for each beam that sees something, at least 50M]
+    /// again with more paths; 0 adds none [default: 512 for each beam that sees something, at least
+    /// 50M]
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     enough: Option<u64>,
     #[command(flatten)]

@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use holo_beamfile::BeamFile;
-use holo_progress::{HumanBytes, HumanCount};
+use holo_progress::{HumanBytes, HumanCount, said_once};
 use holo_proto::control::{Engine, RenderSettings};
 use holo_section::{ImportanceTable, Section, ViewClass};
 use holo_server::{Holodeck, UnseenBeams, superseded_bytes};
@@ -268,7 +268,7 @@ pub fn verify(args: &VerifyArgs) -> Result<()> {
         }
     }
     if let Err(error) = holodeck.packed_scene() {
-        damage.push(format!("{error:#}"));
+        damage.push(said_once(error.as_ref()));
     }
     if args.json {
         println!("{}", serde_json::json!({ "file": args.file, "damage": damage }));

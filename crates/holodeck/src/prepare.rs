@@ -25,18 +25,17 @@ use crate::{
 /// Memory for beams while a file is only made or looked into.
 pub const SMALL_CACHE: u64 = 16 << 20;
 
-/// Share of the scene's size by which a default section is smaller on each side; an exterior one is
-/// larger by as much.
+/// Share of the scene's size between its bounds and a default section, on each side. An interior
+/// section is smaller by that, an exterior one larger.
 const MARGIN: f64 = 0.05;
 
 /// Records of indirect light are worth making if this share of a scene's surface is diffuse.
 const DIFFUSE: f64 = 0.1;
 
-/// Makes a holodeck file. A file that exists is only checked: it goes on if it is of this scene and
-/// these settings.
+/// Makes a holodeck file. If it exists, only checks that it has this scene and these settings.
 ///
 /// # Errors
-/// If the scene cannot be loaded, the file cannot be written, or it is of something else.
+/// If the scene cannot be loaded, the file cannot be written, or it has another scene.
 pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
     check_units(config)?;
     let scene = load(config, quiet)?;
@@ -202,7 +201,7 @@ fn spec(
     Ok(spec)
 }
 
-/// Returns a section for a scene of which none is given: within its bounds, or around them.
+/// Returns the section for users who name none: within the scene's bounds, or around them.
 fn default_section(scene: &Scene, exterior: bool) -> Result<config::Section> {
     let (low, high) = scene.bounds();
     let size = high - low;

@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use holo_net::Shutdown;
 use holo_picture::{Picture, View, ViewSpec};
 use holo_progress::Meter;
@@ -261,10 +261,7 @@ impl Rendered {
         for (pixel, sums) in picture.pixels.iter_mut().zip(&self.sums) {
             *pixel = sums.first.map(|sum| (sum / n) as f32);
         }
-        let write = |picture: &Picture, path: &PathBuf| {
-            picture.write(path).with_context(|| format!("writing {}", path.display()))
-        };
-        write(&picture, &args.output)?;
+        picture.write(&args.output)?;
         if let Some(path) = &args.se {
             let mut errors = Picture::new(self.size.0, self.size.1);
             for (pixel, sums) in errors.pixels.iter_mut().zip(&self.sums) {
@@ -275,7 +272,7 @@ impl Rendered {
                     *error = variance.sqrt() as f32;
                 }
             }
-            write(&errors, path)?;
+            errors.write(path)?;
         }
         if self.nonfinite > 0 {
             eprintln!("{} paths were not finite and count as black", self.nonfinite);

@@ -135,7 +135,7 @@ pub struct LiveSession {
     pub threads: Option<u16>,
     /// Memory for beams, MiB.
     pub cache: Option<u64>,
-    /// Whether not to show how far the worker has loaded.
+    /// Hides how far the worker has loaded.
     pub quiet: bool,
 }
 

@@ -10,7 +10,7 @@ use std::{
 };
 
 use anyhow::{Error, Result, anyhow};
-use holo_progress::Meter;
+use holo_progress::{Meter, said_once};
 use holo_rtworker::Report;
 use tokio::{
     io::{BufReader, Lines},
@@ -133,7 +133,7 @@ impl KeptWorker {
         if let Some(life) = self.life
             && let Err(error) = life.process.end().await
         {
-            eprintln!("{error:#}");
+            eprintln!("{}", said_once(error.as_ref()));
         }
     }
 }

@@ -27,8 +27,8 @@ const GROWTH: f64 = 1.5;
 const MIN_PACKET: f64 = 4.0;
 
 /// Rays that are enough for a beam of mean importance, by default. On a section's default grid that
-/// is up to 80 M samples. A view of 400×400 pixels crosses the beams of 0.2 % of them, one for each
-/// pixel; a fifth of them end on what it sees, a hundred for each pixel.
+/// is up to 80 M samples. A view of 400×400 pixels crosses 0.2 % of them: one sample for each
+/// pixel. A fifth of them end on what the view sees: a hundred for each pixel.
 const ENOUGH_PER_BEAM: f64 = 512.0;
 
 /// Samples that are enough for a file, at least, by default: 500 MB. Pictures need that many rays

@@ -32,6 +32,7 @@ use std::{
 
 use anyhow::{Result, bail};
 use holo_net::{Message, Outbox};
+use holo_progress::said_once;
 use holo_proto::{
     control::{Control, Status},
     hello::Role,
@@ -267,7 +268,7 @@ impl Coordinator {
                     if error.downcast_ref::<holo_beamfile::Error>().is_some() {
                         return Err(error);
                     }
-                    self.expel(id, format!("{error:#}"));
+                    self.expel(id, said_once(error.as_ref()));
                 }
             }
             Event::Left { id, reason } => self.leave(id, reason),

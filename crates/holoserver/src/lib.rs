@@ -56,7 +56,8 @@ pub struct Config {
     #[arg(long, value_name = "TIME", value_parser = parse_time)]
     pub time: Option<Duration>,
     /// Number of samples that is enough for the file, such as 60M; after that, samples are traced
-    /// again with more paths [default: 512 for each beam that sees something, at least 50M]
+    /// again with more paths; 0 adds none [default: 512 for each beam that sees something, at least
+    /// 50M]
     #[arg(long, value_name = "N", value_parser = parse_count, requires = "fill")]
     pub enough: Option<u64>,
     /// End after so many samples, such as 20M; those traced again count

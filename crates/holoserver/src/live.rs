@@ -123,8 +123,8 @@ mod tests {
         rays.iter().map(|ray| ray.number).collect()
     }
 
-    /// Compares with a plain list: what is asked for comes once and in order, after lost rays, and
-    /// there is never more than may be kept.
+    /// Compares with a plain list: rays come once and in order, after lost ones, and never too
+    /// many.
     #[test]
     fn every_ray_comes_once_in_order_and_lost_ones_come_first() {
         let mut queue = LiveQueue::default();

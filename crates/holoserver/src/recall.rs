@@ -13,6 +13,7 @@ use std::{
 
 use anyhow::{Context, Result};
 use holo_net::{Outbox, SCENE_CHUNK_BYTES};
+use holo_progress::said_once;
 use holo_proto::{
     ProtoError,
     bulk::{BlobChunk, MAX_RUN, Run, Samples, Source, Unseen},
@@ -57,7 +58,7 @@ impl Recall {
         done: impl FnOnce(u32, Result<(), String>) + Send + 'static,
     ) -> std::io::Result<()> {
         thread::Builder::new().name("recall".into()).spawn(move || {
-            let result = self.send_all().map_err(|error| format!("{error:#}"));
+            let result = self.send_all().map_err(|error| said_once(error.as_ref()));
             if self.is_wanted() {
                 done(self.view, result);
             }
@@ -73,9 +74,8 @@ impl Recall {
         self.holodeck.refresh().context("looking for what another process has added")?;
         self.send_unseen()?;
         let mut message = self.empty();
-        // Displays weigh samples by their paths. All samples of a file get the same weight, because
-        // pixels average over different rays too, which more paths in some of them do not change.
-        // docs/notes/weights.md has the figures.
+        // Displays weigh samples by their paths. Equal weights make better pictures, so the usual
+        // number is sent for all samples: docs/notes/weights.md.
         let usual = self.holodeck.about.settings.paths_per_sample;
         let mut sent = Ok(());
         self.holodeck.file.read_many(&self.keys, &mut |key, beam| {
@@ -163,7 +163,7 @@ fn send_blob(
             read => {
                 if let Err(error) = read {
                     // Even to those who want quiet: what they see is not what they asked for.
-                    eprintln!("{error:#}");
+                    eprintln!("{}", said_once(error.as_ref()));
                 }
                 let _ = outbox.send(Kind::BlobChunk, &holo_net::absent().encode());
                 return;

@@ -162,7 +162,7 @@ impl Worker {
         let _ = self.outbox.send(holo_proto::frame::Kind::LiveWork, &work.encode());
     }
 
-    /// Ends live rays of which these are the results.
+    /// Takes the results of live rays: the worker no longer has them.
     pub fn finish_live(&mut self, traced: &Traced) -> Result<LiveAssignment, ResultsError> {
         let asked = self.live.get(&traced.id).ok_or(ResultsError::Unknown)?.rays.len();
         if asked != traced.count as usize {
@@ -179,7 +179,7 @@ impl Worker {
         std::mem::take(&mut self.live).into_values()
     }
 
-    /// Ends the packet of which these are the results.
+    /// Takes the results of a packet: the worker no longer has it.
     pub fn finish(&mut self, traced: &Traced) -> Result<Assignment, ResultsError> {
         let assignment = *self.assigned.get(&traced.id).ok_or(ResultsError::Unknown)?;
         let asked = assignment.packet.count;

@@ -5,8 +5,8 @@
 //!   handshake is done, nothing longer than a hello is read.
 //! - The server pings everyone every [`PING_EVERY`], and the tasks that own the sockets send and
 //!   answer these pings. Neither a long computation nor a long transfer looks like silence.
-//! - A connection ends if nothing arrives for [`SILENCE`], or if the other side takes nothing of
-//!   what is sent for as long: the other side then hangs or has vanished.
+//! - A connection ends if nothing arrives for [`SILENCE`], or if the other side takes nothing for
+//!   as long. The other side then hangs or has vanished.
 //! - Sending never blocks. Frames queue in an [`Outbox`], whose owner watches
 //!   [`Outbox::queued_bytes`].
 //! - Only loopback addresses are used, until connections are encrypted and authenticated.

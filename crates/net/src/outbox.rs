@@ -173,8 +173,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Takes what the operating system has by now off the count. Of the present frame,
-    /// `of_this_frame` bytes are not even in the buffer.
+    /// Takes what the operating system has by now off the count. The last `of_this_frame` bytes of
+    /// the present frame are not even in the buffer.
     fn count(&mut self, of_this_frame: usize) {
         let left = self.stream.buffer().len() + of_this_frame;
         self.queued.fetch_sub(self.in_hand.saturating_sub(left), Ordering::Relaxed);

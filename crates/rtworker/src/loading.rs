@@ -20,7 +20,7 @@ use crate::{
     session::unexpected,
 };
 
-/// How often a step of which nothing else is known is reported.
+/// The time between two reports of a step that does not say how far it is.
 const STEP_EVERY: Duration = Duration::from_secs(1);
 
 /// The tracer of the last session, and where scenes are kept.

@@ -66,7 +66,7 @@ impl Reporter {
         }
     }
 
-    /// Reports a step of loading, of which `share` is done (0 to 1).
+    /// Reports that `share` of a step of loading is done (0 to 1).
     pub fn loading(&mut self, share: f64, text: &str) {
         match self {
             Reporter::People(meter) => meter.show(share, text),

@@ -5,6 +5,7 @@ use std::{net::SocketAddr, sync::Arc};
 use anyhow::{Context, Result, ensure};
 use holo_light::Store;
 use holo_net::{Inbox, Message, NetError, Outbox};
+use holo_progress::said_once;
 use holo_proto::{
     bulk::Work,
     control::{Control, Welcome},
@@ -57,7 +58,7 @@ impl Worker {
         if let Err(error) = &ended
             && error.downcast_ref::<NetError>().is_none()
         {
-            outbox.control(&Control::Failed { reason: format!("{error:#}") })?;
+            outbox.control(&Control::Failed { reason: said_once(error.as_ref()) })?;
             outbox.drained().await;
         }
         ended

@@ -117,9 +117,9 @@ impl Coordinator {
 
     /// Puts better samples in the places of those that are worse.
     ///
-    /// A packet that was lost and dealt again may come after others of more paths. If somebody
-    /// looks at the beam by now, nothing is replaced: a picture is not made of two samples of one
-    /// ray, and the file must later show what is seen now.
+    /// A packet that was lost and dealt again may come after others of more paths. If a display
+    /// looks at the beam by now, nothing is replaced, so that the file later shows what the display
+    /// shows now.
     fn store_better(
         &mut self,
         assignment: &Assignment,
