@@ -34,13 +34,13 @@ fn ping(number: u64) -> Message {
 #[tokio::test]
 async fn messages_arrive_whole_and_in_order_both_ways() {
     let ((mut inbox, outbox), (mut theirs_in, theirs_out)) = pair().await;
-    for number in 0..1000 {
+    for number in 1..=1000 {
         outbox.control(&Control::Ping(number)).unwrap();
-        theirs_out.send(Kind::Samples, &samples(number as u32 + 1).encode()).unwrap();
+        theirs_out.send(Kind::Samples, &samples(number as u32).encode()).unwrap();
     }
-    for number in 0..1000 {
+    for number in 1..=1000 {
         assert_eq!(theirs_in.next().await.unwrap(), ping(number));
-        assert_eq!(inbox.next().await.unwrap(), Message::Samples(samples(number as u32 + 1)));
+        assert_eq!(inbox.next().await.unwrap(), Message::Samples(samples(number as u32)));
     }
 }
 
@@ -86,7 +86,8 @@ async fn a_hostile_length_ends_the_connection_before_anything_is_read() {
     let (mut client, (mut inbox, _outbox)) = raw_client().await;
     let header = [0xff, 0xff, 0xff, 0xff, Kind::Samples as u8, 0, 0, 0];
     client.write_all(&header).await.unwrap();
-    // Nothing follows the header: whoever waited for the payload would wait until silence is noticed.
+    // Nothing follows the header: whoever waited for the payload would wait until silence is
+    // noticed.
     let error = timeout(SOON, inbox.next()).await.unwrap().unwrap_err();
     let refused = ProtoError::TooLong {
         kind: Kind::Samples,
@@ -123,7 +124,7 @@ async fn broken_messages_are_told_from_closed_connections() {
 
 #[tokio::test]
 async fn silence_is_noticed_in_time() {
-    let ((mut inbox, _outbox), _theirs) = pair().await;
+    let (_client, (mut inbox, _outbox)) = raw_client().await;
     tokio::time::pause();
     let start = Instant::now();
     let error = inbox.next().await.unwrap_err();
@@ -149,6 +150,44 @@ async fn a_slow_line_is_not_silence() {
     assert_eq!(inbox.next().await.unwrap(), Message::Samples(message));
     assert!(start.elapsed() > 5 * SILENCE, "{:?}", start.elapsed());
     drop(writing.await.unwrap());
+}
+
+#[tokio::test]
+async fn a_side_that_is_busy_for_minutes_is_not_silent_and_loses_nothing() {
+    let ((mut busy, _their_outbox), (mut inbox, outbox)) = pair().await;
+    tokio::time::pause();
+    let start = Instant::now();
+    let piece = |offset| BlobChunk { offset, bytes: vec![offset as u8; 1 << 20] };
+    for offset in 0..32 {
+        outbox.send(Kind::BlobChunk, &piece(offset).encode()).unwrap();
+    }
+    // It takes no message out of its inbox, as a display that builds a scene does.
+    let heard = timeout(10 * SILENCE, inbox.next()).await;
+    assert!(heard.is_err(), "neither a message nor an end: {heard:?}");
+    assert!(start.elapsed() >= 10 * SILENCE && !outbox.is_closed());
+    for offset in 0..32 {
+        assert_eq!(busy.next().await.unwrap(), Message::BlobChunk(piece(offset)));
+    }
+}
+
+#[tokio::test]
+async fn a_server_that_has_nothing_to_say_is_not_silent() {
+    let ((mut inbox, _outbox), _server) = pair().await;
+    tokio::time::pause();
+    let heard = timeout(10 * SILENCE, inbox.next()).await;
+    assert!(heard.is_err(), "neither a message nor an end: {heard:?}");
+}
+
+#[tokio::test]
+async fn a_wait_for_a_message_that_is_given_up_loses_nothing() {
+    let ((mut inbox, _outbox), (_theirs_in, theirs_out)) = pair().await;
+    let message = samples(200_000);
+    theirs_out.send(Kind::Samples, &message.encode()).unwrap();
+    while timeout(Duration::ZERO, inbox.next()).await.map(|found| found.unwrap())
+        != Ok(Message::Samples(message.clone()))
+    {
+        tokio::task::yield_now().await;
+    }
 }
 
 #[tokio::test]

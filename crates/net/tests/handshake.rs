@@ -1,4 +1,4 @@
-//! Who is taken, who is told why not, and who is dropped.
+//! Whom a server takes, whom it refuses with a reason, and whom it drops.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod common;
@@ -17,7 +17,7 @@ use tokio::{
     time::{Instant, timeout},
 };
 
-/// What the server says to a client that sends these bytes and then waits.
+/// Returns what the server says to a client that sends these bytes and then waits.
 async fn said_to(bytes: &[u8]) -> (NetError, Vec<u8>) {
     let (mut client, server) = raw().await;
     client.write_all(bytes).await.unwrap();

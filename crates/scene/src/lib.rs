@@ -32,7 +32,7 @@ mod scene;
 mod text;
 
 pub use error::{PackedError, SceneError, Warning};
-pub use load::{LoadOptions, Loaded, load_obj};
+pub use load::{LoadOptions, LoadProgress, Loaded, load_obj, load_obj_watched};
 pub use material::{Bsdf, Material, Rgb};
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use scene::{Features, Scene};

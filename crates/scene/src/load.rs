@@ -34,6 +34,17 @@ pub struct Loaded {
     pub warnings: Vec<Warning>,
 }
 
+/// How much of an OBJ file has been read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadProgress {
+    /// Bytes read.
+    pub bytes: u64,
+    /// Bytes in the file.
+    pub total_bytes: u64,
+    /// Triangles read.
+    pub triangles: u64,
+}
+
 /// Reads a scene from an OBJ file and the MTL files that it names (relative to its folder).
 ///
 /// Polygons, concave ones too, become triangles with the same winding. Normals, texture
@@ -47,8 +58,22 @@ pub struct Loaded {
 /// fewer than three corners or with a vertex that does not exist. A file without triangles; a sky
 /// that is not plausible; more of anything than [`crate::limits`] allow.
 pub fn load_obj(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
+    load_obj_watched(path, options, &mut |_| {})
+}
+
+/// Reads a scene as [`load_obj`] does, and calls `watch` some times a second while it reads.
+///
+/// # Errors
+/// As [`load_obj`].
+pub fn load_obj_watched(
+    path: &Path,
+    options: &LoadOptions,
+    watch: &mut dyn FnMut(LoadProgress),
+) -> Result<Loaded, SceneError> {
     let mut warnings = Warnings::default();
-    let obj = parse_obj(path, &read_text(path, MAX_OBJ_BYTES)?, &mut warnings)?;
+    let text = read_text(path, MAX_OBJ_BYTES)?;
+    let obj = parse_obj(path, &text, watch, &mut warnings)?;
+    drop(text);
     if obj.triangles.is_empty() {
         return Err(SceneError::Empty { path: path.to_owned() });
     }

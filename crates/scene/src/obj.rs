@@ -6,7 +6,7 @@
 
 use crate::SceneError;
 use crate::faces::Faces;
-use crate::load::Warnings;
+use crate::load::{LoadProgress, Warnings};
 use crate::obj_text::{CROSSED, CleanObj, MaterialUse};
 use crate::polygon::triangulate;
 use glam::DVec3;
@@ -30,9 +30,10 @@ pub(crate) struct ObjFile {
 pub(crate) fn parse_obj(
     path: &Path,
     text: &str,
+    watch: &mut dyn FnMut(LoadProgress),
     warnings: &mut Warnings,
 ) -> Result<ObjFile, SceneError> {
-    let mut clean = CleanObj::new(path, text);
+    let mut clean = CleanObj::new(path, text, watch);
     // The clean text names no MTL file. They are read when the used materials are known.
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
     let parsed = tobj::load_obj_buf(&mut clean, &tobj::LoadOptions::default(), no_library);

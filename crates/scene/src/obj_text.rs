@@ -18,7 +18,7 @@ use crate::faces::Faces;
 use crate::limits::{
     MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES,
 };
-use crate::load::Warnings;
+use crate::load::{LoadProgress, Warnings};
 use crate::text::{LogicalLines, excerpt, keyword, logical_lines, number, without_comment};
 use std::collections::HashMap;
 use std::io::{BufRead, Read};
@@ -48,6 +48,9 @@ pub(crate) struct Checked {
 /// object ends. Vertices are shared only within an object, so the number is not smaller.
 pub(crate) const FACES_AT_ONCE: usize = 1 << 20;
 
+/// Lines between two reports of progress: some hundredths of a second.
+const LINES_BETWEEN_REPORTS: usize = 1 << 16;
+
 /// Ignored details other than whole statements; no keyword contains a space.
 const WEIGHT: &str = "v weight";
 const COLOUR: &str = "v colour";
@@ -57,8 +60,11 @@ pub(crate) const CROSSED: &str = "f crossed";
 /// The clean text of an OBJ file.
 pub(crate) struct CleanObj<'a> {
     path: &'a Path,
+    total_bytes: usize,
     lines: LogicalLines<'a>,
     line: usize,
+    watch: &'a mut dyn FnMut(LoadProgress),
+    unwatched: usize,
     /// The clean line that is being read, and how much of it has been read.
     clean: Vec<u8>,
     taken: usize,
@@ -75,11 +81,18 @@ pub(crate) struct CleanObj<'a> {
 
 impl<'a> CleanObj<'a> {
     /// Nothing is read yet; `path` is for messages.
-    pub(crate) fn new(path: &'a Path, text: &'a str) -> CleanObj<'a> {
+    pub(crate) fn new(
+        path: &'a Path,
+        text: &'a str,
+        watch: &'a mut dyn FnMut(LoadProgress),
+    ) -> CleanObj<'a> {
         CleanObj {
             path,
+            total_bytes: text.len(),
             lines: logical_lines(text),
             line: 0,
+            watch,
+            unwatched: 0,
             clean: Vec::new(),
             taken: 0,
             failed: None,
@@ -99,6 +112,16 @@ impl<'a> CleanObj<'a> {
             Some(error) => Err(error),
             None => Ok(self.checked),
         }
+    }
+
+    /// Reports how much has been read.
+    fn report(&mut self) {
+        self.unwatched = 0;
+        (self.watch)(LoadProgress {
+            bytes: (self.total_bytes - self.lines.left()) as u64,
+            total_bytes: self.total_bytes as u64,
+            triangles: self.checked.faces.triangles() as u64,
+        });
     }
 
     /// Checks a statement, and writes what is passed on to `clean`.
@@ -271,6 +294,10 @@ impl BufRead for CleanObj<'_> {
             self.taken = 0;
             let Some((line, content)) = self.lines.next() else { break };
             self.line = line;
+            self.unwatched += 1;
+            if self.unwatched == LINES_BETWEEN_REPORTS {
+                self.report();
+            }
             if let Err(error) = self.statement(&content) {
                 self.clean.clear();
                 self.failed = Some(error);

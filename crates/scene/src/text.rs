@@ -40,6 +40,11 @@ pub(crate) struct LogicalLines<'a> {
 }
 
 impl<'a> LogicalLines<'a> {
+    /// Returns the number of bytes that are still to be read.
+    pub(crate) fn left(&self) -> usize {
+        self.rest.len()
+    }
+
     /// Returns the next physical line; it may end with LF, CR LF or CR.
     fn physical(&mut self) -> Option<&'a str> {
         if self.rest.is_empty() {

@@ -6,7 +6,7 @@ mod common;
 
 use common::{error, load, load_in, load_with, messages};
 use glam::DVec3;
-use holo_scene::{LoadOptions, Scene, SceneError};
+use holo_scene::{LoadOptions, Scene, SceneError, load_obj_watched};
 use proptest::prelude::*;
 
 const SQUARE: &str = "v 0 0 0\nv 2 0 0\nv 2 4 0\nv 0 4 0\n";
@@ -42,6 +42,22 @@ fn corners_may_be_written_in_all_forms_of_the_format() {
     ] {
         assert_eq!(load(format!("{SQUARE}{face}\n")).unwrap().scene, plain, "{face}");
     }
+}
+
+#[test]
+fn whoever_waits_for_a_long_file_sees_how_far_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.obj");
+    let text = SQUARE.to_owned() + &"f 1 2 3 4\n".repeat(300_000);
+    std::fs::write(&path, &text).unwrap();
+    let mut reports = Vec::new();
+    load_obj_watched(&path, &LoadOptions::default(), &mut |report| reports.push(report)).unwrap();
+    assert_eq!(reports.len(), 4, "one for every 65,536 lines");
+    assert!(reports.is_sorted_by(|a, b| a.bytes < b.bytes && a.triangles < b.triangles));
+    let last = reports[3];
+    assert_eq!(last.total_bytes, text.len() as u64);
+    assert!(last.bytes > text.len() as u64 / 2 && last.bytes < text.len() as u64, "{last:?}");
+    assert!(last.triangles > 2 * 250_000, "{last:?}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use holo_net::{Inbox, NetError, Outbox, accept, connect};
 use holo_proto::{
     control::{Control, Welcome},
     frame::Kind,
-    hello::{Answer, Hello, Role},
+    hello::{Hello, Role},
 };
 use tokio::net::{TcpListener, TcpStream};
 
@@ -61,8 +61,7 @@ pub async fn pair() -> (Side, Side) {
     let server = async {
         let (inbox, outbox, hello) = accept(listener.accept().await.unwrap().0).await?;
         assert_eq!(hello, Hello::new(Role::Worker, "tester"));
-        outbox.send(Kind::Answer, &Answer::Accepted.encode())?;
-        outbox.control(&Control::Welcome(Box::new(welcome())))?;
+        holo_net::welcome(&outbox, welcome())?;
         Ok::<_, NetError>((inbox, outbox))
     };
     let (server, client) = tokio::join!(server, connect(address, Role::Worker, "tester"));
