@@ -33,7 +33,8 @@ impl fmt::Display for BeamKey {
 
 /// Samples of one beam with consecutive numbers and an equal number of paths.
 ///
-/// A sample's name is its beam, its kind and its number. Numbers of different kinds are independent of each other.
+/// A sample's name is its beam, its kind and its number. Numbers of different kinds are independent
+/// of each other.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub struct Run {
     /// The beam.

@@ -211,7 +211,7 @@ fn more_or_less(asked: u8, change: i32) -> u32 {
 fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
     let place = Place::new();
     let (server, worker) = busy(&place);
-    let sample = Sample::from_codes([0; 4].into(), [200, 200, 200, 200], 7);
+    let sample = Sample::from_codes(RayCoords([0; 4]), [200, 200, 200, 200], 7);
     let mut given: Vec<Packet> = Vec::new();
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
