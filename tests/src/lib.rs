@@ -40,3 +40,18 @@ pub fn wait_until<T>(what: &str, mut condition: impl FnMut() -> Option<T>) -> T 
         std::thread::sleep(Duration::from_millis(10));
     }
 }
+
+/// Gives `attempt` 2 seconds, then 4, 8 … until its result is good, and returns the last result.
+///
+/// For programs that are told how long to work: a busy machine needs longer for the same work. A
+/// program that is wrong stays wrong after 64 seconds.
+pub fn patiently<T>(mut attempt: impl FnMut(u32) -> T, is_good: impl Fn(&T) -> bool) -> T {
+    let mut seconds = 2;
+    loop {
+        let result = attempt(seconds);
+        if seconds == 64 || is_good(&result) {
+            return result;
+        }
+        seconds *= 2;
+    }
+}

@@ -12,7 +12,7 @@ use holo_proto::{
     control::Control,
     frame::{self, Header, Kind},
 };
-use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, RayCoords, Run, Sample, SampleKind};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     time::{Instant, sleep, timeout},
@@ -22,7 +22,7 @@ fn samples(count: u32) -> Samples {
     let kind = SampleKind::Uniform;
     let run = Run { key: BeamKey { section: 1, beam: BeamId(2) }, kind, first: 3, count, paths: 4 };
     let samples = (0..count)
-        .map(|i| Sample::from_codes(i.to_le_bytes().into(), [i as u8; 4], i as u16))
+        .map(|i| Sample::from_codes(RayCoords(i.to_le_bytes()), [i as u8; 4], i as u16))
         .collect();
     Samples { view: 5, source: Source::Traced, runs: vec![run], samples }
 }

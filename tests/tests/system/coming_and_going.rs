@@ -7,7 +7,7 @@ use holo_proto::{
     control::{Control, Status},
     hello::Role,
 };
-use holo_tests::{Place, Server, analytic::join, stored, wait_until};
+use holo_tests::{Place, Server, analytic::join, patiently, stored, wait_until};
 use rustix::process::Signal;
 
 /// A display that only listens to how the server fares.
@@ -106,14 +106,15 @@ fn a_killed_display_takes_nobody_with_it() {
     assert!(alone.samples >= looking.samples);
     assert!(server.process.is_running() && worker.is_running());
     let output = place.text("a.pfm");
-    let again =
-        place.viewer(server.address, &["--time", "2", "--size", "64x64", "-o", &output, "--json"]);
-    let report = again.wait().ok().json();
-    assert!(
-        report["stored"].as_u64().unwrap() > 1000,
-        "what was traced for the dead display: {report}"
-    );
-    assert!(report["traced"].as_u64().unwrap() > 0, "{report}");
+    let again = |seconds: u32| {
+        let time = seconds.to_string();
+        let words = ["--time", &time, "--size", "64x64", "-o", &output, "--json"];
+        let report = place.viewer(server.address, &words).wait().ok().json();
+        // What was traced for the dead display is stored.
+        assert!(report["stored"].as_u64().unwrap() > 1000, "{report}");
+        report["traced"].as_u64().unwrap()
+    };
+    assert!(patiently(again, |traced| *traced > 0) > 0, "no sample is traced");
     drop(watcher);
     server.process.signal(Signal::TERM);
     ends_complete_after_views(&place, server);

@@ -17,7 +17,7 @@ use holo_proto::{
     hello::{Answer, Hello, Role},
 };
 use holo_section::{BeamId, BeamKey, RayCoords, Sample, SampleKind, Viewpoint};
-use holo_tests::{LIMIT, Place, Server, analytic::join, beam, stored, wait_until};
+use holo_tests::{LIMIT, Place, Server, analytic::join, beam, patiently, stored, wait_until};
 use rustix::process::Signal;
 
 /// Sends bytes; gives what comes back until the server closes the connection.
@@ -55,10 +55,13 @@ fn busy(place: &Place) -> (Server, holo_tests::Process) {
 fn went_on(place: &Place, mut server: Server, mut worker: holo_tests::Process) {
     assert!(server.process.is_running() && worker.is_running(), "{}", server.process.stderr());
     let output = place.text("a.pfm");
-    let viewer =
-        place.viewer(server.address, &["--time", "2", "--size", "32x32", "-o", &output, "--json"]);
-    let report = viewer.wait().ok().json();
-    assert!(report["traced"].as_u64().unwrap() > 0, "{report}");
+    let traced = |seconds: u32| {
+        let time = seconds.to_string();
+        let words = ["--time", &time, "--size", "32x32", "-o", &output, "--json"];
+        let report = place.viewer(server.address, &words).wait().ok().json();
+        report["traced"].as_u64().unwrap()
+    };
+    assert!(patiently(traced, |traced| *traced > 0) > 0, "no sample is traced");
     let ended = server.process.end(Signal::TERM).ok();
     assert!(!ended.stderr.contains("panicked"), "{}", ended.stderr);
     worker.wait().ok();
