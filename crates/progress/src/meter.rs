@@ -16,7 +16,8 @@ const STEPS: u64 = 1000;
 /// Shows how far one piece of long work is.
 #[derive(Debug)]
 pub struct Meter {
-    start: Instant,
+    /// When the work was first shown.
+    start: Option<Instant>,
     last_line: Instant,
     output: Output,
 }
@@ -41,30 +42,29 @@ impl Meter {
                 Output::Bar(bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
             }
         };
-        let now = Instant::now();
-        Meter { start: now, last_line: now, output }
+        Meter { start: None, last_line: Instant::now(), output }
     }
 
     /// Shows that `share` of the work is done (0 to 1), with a text. The time left follows from the
     /// share. It may be called as often as one likes.
     pub fn show(&mut self, share: f64, text: &str) {
         let share = share.clamp(0.0, 1.0);
+        let left = self.start.map_or_else(String::new, |start| left(start.elapsed(), share));
+        let is_first = self.start.replace(self.start.unwrap_or_else(Instant::now)).is_none();
         match &self.output {
             Output::Bar(bar) => {
+                if is_first {
+                    bar.reset_elapsed();
+                }
                 bar.set_position((share * STEPS as f64) as u64);
-                bar.set_message(format!("{text}{}", self.left(share)));
+                bar.set_message(format!("{text}{left}"));
             }
             Output::Lines if self.last_line.elapsed() >= LINE_EVERY => {
                 self.last_line = Instant::now();
-                eprintln!("{text}{}", self.left(share));
+                eprintln!("{text}{left}");
             }
             Output::Lines | Output::Nothing => {}
         }
-    }
-
-    fn left(&self, share: f64) -> String {
-        let left = self.start.elapsed().as_secs_f64() * (1.0 - share) / share;
-        if left.is_finite() { format!(", {left:.0} s left") } else { String::new() }
     }
 
     /// Prints a line that stays.
@@ -81,5 +81,24 @@ impl Meter {
         if let Output::Bar(bar) = &self.output {
             bar.finish_and_clear();
         }
+    }
+}
+
+/// Returns the time left, for people; nothing if it cannot be told yet.
+fn left(elapsed: Duration, share: f64) -> String {
+    let left = elapsed.as_secs_f64() * (1.0 - share) / share;
+    if left.is_finite() { format!(", {left:.0} s left") } else { String::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_follows_from_the_share() {
+        let ten = Duration::from_secs(10);
+        assert_eq!(left(ten, 0.25), ", 30 s left");
+        assert_eq!(left(ten, 1.0), ", 0 s left");
+        assert_eq!(left(ten, 0.0), "", "nothing is known yet");
     }
 }
