@@ -8,9 +8,9 @@ use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 
 use crate::bsdf::Scatter;
+use crate::engine::{Direct, PathEngine};
 use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf};
 use crate::lights::{Aim, Chosen, Lights, VertexLights};
-use crate::path::{Direct, PathEngine};
 use crate::sampler::Sampler;
 
 /// A vertex whose surface scatters with a density.

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 
-use crate::path::Direct;
+use crate::engine::Direct;
 use crate::sampler::Sampler;
 use crate::{Settings, Tracer};
 

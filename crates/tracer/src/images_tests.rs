@@ -8,9 +8,9 @@ use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, Ray, Raycaster};
 use holo_scene::{Bsdf, Material, Scene};
 
+use crate::engine::{Direct, PathEngine};
 use crate::images::Images;
 use crate::mirrors::Mirrors;
-use crate::path::{Direct, PathEngine};
 use crate::sampler::{Purpose, Sampler};
 
 /// A floor at z = 0 on which a mirror (x = 2) and a pane (y = 2) stand. Above it are `lamps` lamps

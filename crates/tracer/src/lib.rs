@@ -30,6 +30,7 @@ mod direct;
 mod direct_tests;
 #[cfg(test)]
 mod energy_tests;
+mod engine;
 mod fresnel;
 mod geometry;
 mod images;
@@ -64,7 +65,8 @@ use holo_scene::Scene;
 use serde::{Deserialize, Serialize};
 
 use cached::Cached;
-use path::{Direct, PathEngine, Start};
+use engine::{Direct, PathEngine};
+use path::Start;
 use virtual_distance::VirtualDistance;
 
 /// Most paths per sample. More would make one call take seconds, and a worker could not be stopped.

@@ -15,22 +15,18 @@
 //!   survives with at most probability 0.95, so chains of perfect mirrors end too. The probability
 //!   that a path reaches [`MAX_DEPTH`] is below 0.95^1000, about 5e-23.
 
-use std::sync::Arc;
-
 use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, SurfacePoint, spawn};
-use holo_scene::{Bsdf, Scene};
 
-use crate::bsdf::{Sampled, Scatter, Tables};
+use crate::bsdf::{Sampled, Scatter};
 use crate::direct::{self, LightSampling, LitVertex, MaterialSample};
+use crate::engine::{Direct, PathEngine, Surface};
 use crate::geometry::Frame;
 use crate::images::{ImageMirror, ImageSampling};
-use crate::lights::Lights;
-use crate::medium::{Crossing, Inside, Nesting, TOUCH};
-use crate::panes::Panes;
+use crate::medium::{Crossing, Inside, TOUCH};
 use crate::policy::{PathPolicy, ShadingPoint, Unbiased};
 use crate::sampler::{Purpose, Sampler};
-use crate::secondary::{AimedVertex, Choice, SecondarySources};
+use crate::secondary::{AimedVertex, Choice};
 
 /// Number of scatterings, mirrors and glass not counted, from which roulette applies.
 const ROULETTE_SCATTERINGS: u32 = 2;
@@ -42,49 +38,6 @@ const ROULETTE_DEPTH: u32 = 5;
 const ROULETTE_CEILING: f32 = 0.95;
 /// Most surfaces of a path.
 pub(crate) const MAX_DEPTH: u32 = 1024;
-
-/// How direct light is found. Tests compare the three: each is unbiased if no material is specular.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Direct {
-    /// By samples of the lights and of the material, combined.
-    Both,
-    /// By samples of the lights alone.
-    Lights,
-    /// By samples of the material alone.
-    #[cfg_attr(not(test), allow(dead_code, reason = "only for comparison"))]
-    Materials,
-}
-
-/// A material, prepared for tracing.
-#[derive(Clone, Debug)]
-pub(crate) struct Surface {
-    pub scatter: Scatter,
-    pub emission: Vec3,
-    pub emits: bool,
-    /// Whether the back emits too.
-    pub two_sided: bool,
-}
-
-/// The path tracer of one scene.
-#[derive(Debug)]
-pub(crate) struct PathEngine {
-    /// Indexed by material.
-    pub surfaces: Vec<Surface>,
-    pub lights: Lights,
-    pub panes: Arc<Panes>,
-    pub secondary: Option<SecondarySources>,
-    /// `None` if the scene has no solid glass.
-    pub nesting: Option<Nesting>,
-    /// Radiance of the sky.
-    pub sky: Vec3,
-    /// Most scatterings after the first.
-    pub bounces: u32,
-    direct: Direct,
-    /// Light samples at the first surface that is neither a mirror nor glass.
-    pub light_samples: u32,
-    /// Number of continuations from that surface. They share the part of the path before it.
-    pub branches: u32,
-}
 
 /// Where a path begins: at an eye's first hit, which all paths of a sample share, or along a ray
 /// that leaves a surface.
@@ -178,53 +131,6 @@ impl EmissionWeight {
 }
 
 impl PathEngine {
-    pub(crate) fn new(
-        raycaster: &Arc<Raycaster>,
-        bounces: Option<u32>,
-        direct: Direct,
-        light_samples: u32,
-    ) -> Self {
-        let scene: &Scene = raycaster.scene();
-        let mut used = vec![false; scene.materials.len()];
-        scene.material_ids.iter().for_each(|&m| used[m as usize] = true);
-        let mut tables = Tables::default();
-        let surfaces: Vec<Surface> = scene
-            .materials
-            .iter()
-            .zip(used)
-            .map(|(m, used)| Surface {
-                scatter: match m.bsdf {
-                    // What a solid does depends on the media on both sides (`nesting`).
-                    Bsdf::Dielectric { .. } => Scatter::Black,
-                    _ if !used => Scatter::Black,
-                    bsdf => Scatter::new(&bsdf, &mut tables),
-                },
-                emission: m.emission.into(),
-                emits: m.emits(),
-                two_sided: m.two_sided_emission,
-            })
-            .collect();
-        let panes = Arc::new(Panes::new(scene));
-        let lights = Lights::new(scene).with_cells(raycaster, &panes);
-        Self {
-            secondary: SecondarySources::find(raycaster, &surfaces, &lights),
-            surfaces,
-            lights,
-            panes,
-            nesting: Nesting::new(scene),
-            sky: scene.sky.into(),
-            bounces: bounces.unwrap_or(u32::MAX),
-            direct,
-            light_samples,
-            branches: 1,
-        }
-    }
-
-    /// Returns the solids that contain `eye` (world coordinates).
-    pub(crate) fn inside(&self, raycaster: &Raycaster, eye: DVec3) -> Inside {
-        self.nesting.as_ref().map_or_else(Inside::default, |nesting| nesting.at(raycaster, eye))
-    }
-
     /// Returns one estimate of the radiance that arrives against `start.direction`.
     #[inline]
     pub(crate) fn radiance(
@@ -304,6 +210,7 @@ impl PathEngine {
                 break;
             }
             let (mut light_sampling, mut branches) = (None, 1);
+            // Direct light, and known indirect light, where light is scattered with a density.
             if !scatter.is_delta() {
                 if matches!(scatter, Scatter::Black) || path.scatterings > self.bounces {
                     break;
@@ -360,6 +267,7 @@ impl PathEngine {
                 aimed,
                 light_sampling,
             };
+            // Smooth glass: follow both reflection and transmission.
             if path.forks < policy.forks(path.scatterings)
                 && let Some(ways) = scatter.both_ways(wo, front)
             {
@@ -373,12 +281,14 @@ impl PathEngine {
                 }
                 break;
             }
+            // The usual case: one continuation.
             if branches == 1 {
                 if self.sample_next(raycaster, &mut path, &vertex, sampler) {
                     continue;
                 }
                 break;
             }
+            // Several continuations share the path up to here.
             let mut sum = Vec3::ZERO;
             for branch in 0..branches {
                 let (mut path, mut sampler) = (path, sampler.branch(branches, branch));

@@ -4,8 +4,8 @@ use glam::Vec3;
 use holo_raycast::{Raycaster, SurfacePoint};
 
 use crate::bsdf::Scatter;
+use crate::engine::PathEngine;
 use crate::medium::Inside;
-use crate::path::PathEngine;
 use crate::sampler::Sampler;
 
 /// A vertex at which a path may end.

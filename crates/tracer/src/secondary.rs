@@ -19,10 +19,10 @@ use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::Scene;
 
+use crate::engine::Surface;
 use crate::geometry::{Frame, cosine_hemisphere, triangle};
 use crate::lights::{Aim, Chosen, Emitter, Lights, VertexLights, luminance};
 use crate::panes::Panes;
-use crate::path::Surface;
 use crate::sampler::{Purpose, Sampler};
 
 /// Number of light paths: about 50 ms of work.

@@ -6,7 +6,8 @@ use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 
-use crate::path::{Direct, PathEngine, Start, first_hit};
+use crate::engine::{Direct, PathEngine};
+use crate::path::{Start, first_hit};
 use crate::sampler::Sampler;
 use crate::secondary::OutgoingFlux;
 

@@ -17,11 +17,12 @@ use holo_raycast::{Hit, Ray, Raycaster, spawn};
 use holo_scene::{Bsdf, Scene};
 
 use crate::bsdf::{Scatter, mirrored};
+use crate::engine::PathEngine;
 use crate::fresnel::{dielectric, pane, refract};
 use crate::geometry::Frame;
 use crate::lights::luminance;
 use crate::medium::{Crossing, TOUCH};
-use crate::path::{PathEngine, Start};
+use crate::path::Start;
 
 /// Most surfaces on the way: between two mirrors that face each other there is no end.
 const MAX_PASSED: u32 = 64;

@@ -36,10 +36,11 @@ use holo_raycast::Raycaster;
 
 use crate::bsdf::Scatter;
 use crate::deviations::Deviations;
+use crate::engine::PathEngine;
 use crate::lights::luminance;
 use crate::mean_irradiance::MeanIrradiance;
 use crate::mirrors::Mirrors;
-use crate::path::{PathEngine, Start};
+use crate::path::Start;
 use crate::policy::{PathPolicy, ShadingPoint};
 use crate::sampler::{Purpose, Sampler, mix};
 use settings::*;
