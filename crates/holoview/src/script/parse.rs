@@ -6,7 +6,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
-use holo_picture::ViewSpec;
+use holo_picture::{Format, ViewSpec};
 
 use crate::drivers::SWITCHES;
 
@@ -157,7 +157,12 @@ fn parse_line(line: &str) -> Result<Option<Step>> {
             spec.apply_line(rest)?;
             Command::View(Box::new(spec))
         }
-        "picture" if !rest.is_empty() => Command::Picture(rest.into()),
+        "picture" if !rest.is_empty() => {
+            if Format::of_path(Path::new(rest)).is_none() {
+                bail!("pictures are written as .exr, .hdr, .pfm or .png, not as `{rest}`");
+            }
+            Command::Picture(rest.into())
+        }
         "picture" => bail!("`picture` takes the name of a file, such as `picture a.pfm`"),
         "probe" => match pixel(rest) {
             Some((column, row)) => Command::Probe(column, row),
@@ -273,6 +278,7 @@ mod tests {
             ("1e300 quit", "not a time"),
             ("1e19 quit", "not a time"),
             ("1 probe 3", "a column and a row"),
+            ("1 picture a.jpg", ".exr, .hdr, .pfm or .png"),
             ("1 picture", "takes the name"),
             ("1 view -vp 1 2", "-vp"),
             ("1 quit now", "not a command"),

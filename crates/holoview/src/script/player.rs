@@ -177,7 +177,7 @@ fn write_picture(session: &mut Session, path: PathBuf) -> Result<PictureReport> 
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
-    frame.picture.write(&path).with_context(|| format!("writing {}", path.display()))?;
+    frame.picture.write(&path)?;
     let counts = session.counts();
     Ok(PictureReport {
         picture: path,

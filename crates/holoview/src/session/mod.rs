@@ -154,7 +154,9 @@ impl Connected {
             progress("fetching the scene");
             match self.await_scene()? {
                 Arrived::Scene(loaded) => scene = Some(loaded),
-                Arrived::Nothing => progress("no scene yet: drawing by samples alone"),
+                Arrived::Nothing(reason) => {
+                    progress(&format!("drawing by samples alone: {reason}"));
+                }
                 Arrived::Stop => return Ok(None),
             }
         }
@@ -189,7 +191,9 @@ impl Connected {
                 Ok(Incoming::SceneProgress) => deadline = Instant::now() + SCENE_PATIENCE,
                 Ok(Incoming::Scene(Ok(scene))) => return Ok(Arrived::Scene(scene)),
                 Ok(Incoming::Scene(Err(error))) if is_required => return Err(error),
-                Ok(Incoming::Scene(Err(_))) => return Ok(Arrived::Nothing),
+                Ok(Incoming::Scene(Err(error))) => {
+                    return Ok(Arrived::Nothing(format!("{error:#}")));
+                }
                 Ok(Incoming::Message(Message::Control(Control::Bye { reason }))) => {
                     bail!("the server ended the session: {reason}")
                 }
@@ -197,7 +201,9 @@ impl Connected {
                 Ok(Incoming::Message(_)) => {}
                 Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
                 Ok(Incoming::Stop) => return Ok(Arrived::Stop),
-                Err(mpsc::RecvTimeoutError::Timeout) => return Ok(Arrived::Nothing),
+                Err(mpsc::RecvTimeoutError::Timeout) => {
+                    return Ok(Arrived::Nothing("the scene has not come yet".into()));
+                }
                 Err(mpsc::RecvTimeoutError::Disconnected) => bail!("lost the server"),
             }
         }
@@ -207,7 +213,8 @@ impl Connected {
 /// What came of waiting for the scene.
 enum Arrived {
     Scene(Box<LoadedScene>),
-    Nothing,
+    /// No scene, and why.
+    Nothing(String),
     Stop,
 }
 
