@@ -1,12 +1,12 @@
-//! Compiles each loop three times, for any processor, AVX2 and AVX-512, and picks one at run time.
+//! Compiles each loop for any processor, for AVX2 and for AVX-512, and picks one copy at run time.
 //!
-//! Invariant: results are equal bit for bit. The loops are the same source, none reorders sums
+//! Invariant: all copies return the same bits. They have the same source, no loop reorders sums
 //! across lanes, and [`Isa::run`] compiles none with fused multiply-add.
 
 /// A set of instructions that loops are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instructions {
-    /// What every processor of this architecture has.
+    /// The instructions that every processor of this architecture has.
     Portable,
     /// x86-64 with AVX2, FMA, BMI1 and BMI2.
     Avx2,
@@ -29,7 +29,7 @@ impl Instructions {
 
     /// Returns whether this processor has every instruction of the set.
     ///
-    /// A virtual machine may hide any one of them, so each is asked for by name.
+    /// A virtual machine may hide any one of them, so the function checks each by name.
     pub fn is_available(self) -> bool {
         match self {
             Self::Portable => true,
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn every_available_set_runs_a_kernel_to_the_same_result() {
+    fn every_available_set_gives_the_same_result() {
         struct Sum<'a>(&'a [u32]);
         impl Kernel for Sum<'_> {
             type Output = u32;

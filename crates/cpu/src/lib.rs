@@ -1,10 +1,10 @@
-//! What this processor can do: its instruction sets, its large pages, its cache lines.
+//! Access to features of the processor: instruction sets, large pages, prefetching.
 //!
 //! One place detects instruction sets for the whole project. Loops that gain from wide
 //! instructions are written once, as a [`Kernel`], and compiled for each set.
 //!
 //! What always holds:
-//! - Nothing but time depends on the processor: results are equal bit for bit.
+//! - Only time depends on the processor. Results are the same to the bit.
 //! - An [`Isa`] exists only if this processor has every instruction that its kernels use.
 
 mod isa;

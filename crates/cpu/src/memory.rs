@@ -1,22 +1,25 @@
-//! Memory in large pages, where the system has them.
+//! Memory in large pages, if the system has them.
 //!
-//! A frame goes through all of its memory, a good part of it in no order: with pages of 4 kB the processor's list of pages is too short
-//! for pictures from about 512×512 on. With pages of 2 MB a frame of 2048×2048 took 17 % less.
+//! Drawing a frame reads and writes much memory in random order. With pages of 4 KiB, a picture of
+//! about 512×512 or more exceeds the processor's translation cache. With pages of 2 MiB, a frame of
+//! 2048×2048 took 17 % less time.
 //!
-//! Always true: nothing but time depends on whether the system gives them.
+//! Invariant: only time depends on whether the system provides large pages.
 
 use bytemuck::Zeroable;
 
-/// `count` times `value`.
+/// Returns `count` copies of `value`.
 pub fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
     let mut memory = reserved(count);
     memory.resize(count, value);
     memory
 }
 
-/// `count` zeros: what is never touched takes no time, if the alignment is no larger than the allocator's.
+/// Returns `count` zeros. Pages that are never accessed cost no time, unless the type's alignment
+/// is larger than the allocator's.
 pub fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
-    /// Beyond, the standard library writes the zeros itself: that must not be before large pages are asked for.
+    /// Largest alignment for which the system provides the zeros. With a larger one the standard
+    /// library writes them itself, before `advise` could request large pages.
     const ALIGNMENT: usize = 16;
     if align_of::<T>() > ALIGNMENT {
         let mut memory = reserved(count);
@@ -28,38 +31,39 @@ pub fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
     memory
 }
 
-/// A copy of these.
+/// Returns a copy of `values`.
 pub fn copied<T: Copy>(values: &[T]) -> Vec<T> {
     let mut memory = reserved(values.len());
     memory.extend_from_slice(values);
     memory
 }
 
-/// Empty, with room for `count`.
+/// Returns an empty vector with room for `count` values.
 pub fn reserved<T>(count: usize) -> Vec<T> {
     let mut memory = Vec::with_capacity(count);
-    // Before it is written: pages are given when they are first touched.
+    // Before the first write, because the system provides pages at the first access.
     advise(memory.spare_capacity_mut());
     memory
 }
 
-/// Asks for large pages for memory that is about to be used.
+/// Requests large pages for memory that nothing has accessed yet.
 #[allow(unsafe_code)]
 fn advise<T>(memory: &mut [T]) {
     #[cfg(target_os = "linux")]
     {
         use rustix::mm::{Advice, madvise};
-        /// Bytes from which it is worth asking: below, the memory is not the system's to give page by page.
+        /// Fewest bytes worth a request. The allocator maps smaller memory together with other memory.
         const LEAST: usize = 1 << 18;
-        /// Smallest page of any processor that Linux runs on here.
+        /// Smallest page size of the supported processors, bytes.
         const PAGE: usize = 4096;
         let bytes = size_of_val(memory);
         if bytes >= LEAST {
             let start = memory.as_mut_ptr().addr() / PAGE * PAGE;
             let before = memory.as_mut_ptr().addr() - start;
             let first = memory.as_mut_ptr().cast::<u8>().wrapping_sub(before);
-            // SAFETY: this advice changes no content and no permission of any memory, whosever it is: the page at either end may
-            // also hold something else. An address that the system does not accept is an error, which does no harm.
+            // SAFETY: this advice changes no content and no permission of any memory, so it may
+            // cover other data on the first and last page. The system rejects an unsuitable
+            // address with an error and changes nothing.
             let _ = unsafe { madvise(first.cast(), before + bytes, Advice::LinuxHugepage) };
         }
     }
@@ -72,7 +76,7 @@ mod tests {
     use super::{filled, zeroed};
 
     #[test]
-    fn memory_is_filled_whatever_its_size() {
+    fn memory_of_any_size_is_filled() {
         for count in [0, 1, 1 << 17, (1 << 20) + 3] {
             let memory = filled(0x1234_5678_u32, count);
             assert_eq!(memory.len(), count);

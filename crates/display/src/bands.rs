@@ -1,12 +1,12 @@
-//! Work on the rows of a picture by all cores.
+//! Splits the rows of a picture among all cores.
 //!
-//! Invariant: what is written to a row is a function of the row alone, so the number of threads
-//! changes no bit.
+//! Invariant: the number of bands does not depend on the number of threads. If `work` is a
+//! function of the band alone, the number of threads changes no bit.
 
 use rayon::prelude::*;
 
-/// Calls `work(number, rows)` for each band of `rows_per_band` rows of `width` items. The last
-/// band may have fewer rows.
+/// Calls `work(number, items)` once for each band, on several threads. `number` counts bands from
+/// the first one. A band is `rows_per_band` rows of `width` items; the last one may have fewer rows.
 pub fn for_bands<T: Send>(
     items: &mut [T],
     width: usize,

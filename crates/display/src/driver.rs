@@ -1,4 +1,4 @@
-//! What a front end may ask of any driver.
+//! The trait that every driver implements, and its messages.
 
 use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample};
@@ -11,8 +11,8 @@ pub enum Resolution {
     /// Every pixel of the picture.
     #[default]
     Full,
-    /// Every other column and row, enlarged to the whole picture: for views that follow each other
-    /// faster than full frames can be drawn.
+    /// Every other column and row, enlarged to the whole picture. It serves views that follow each
+    /// other faster than full frames can be drawn.
     Half,
 }
 
@@ -31,7 +31,7 @@ impl Resolution {
 pub struct Look {
     /// The view.
     pub view: View,
-    /// Width and height of the frame, pixels, as from [`View::resolve`], which bounds them.
+    /// Width and height of the frame, pixels. [`View::resolve`] returns them and bounds them.
     pub size: (u32, u32),
     /// How many of these pixels are computed.
     pub resolution: Resolution,
@@ -52,22 +52,24 @@ pub struct SurfaceAt {
 pub struct DriverError {
     /// Name of the driver.
     pub driver: &'static str,
-    /// What it refuses, for people.
+    /// The reason, as a sentence for people.
     pub reason: String,
 }
 
 /// Turns samples into frames, from view to view.
 ///
-/// For each view a front end calls [`weigh`](Self::weigh), then [`look`](Self::look), then inserts
-/// what arrives and draws as often as it likes. [`settle`](Self::settle) says that all stored
-/// samples of the view have arrived: frames drawn from then on depend on the set of samples
-/// inserted since `look`, and not on earlier views.
+/// For each view a front end calls [`weigh`](Self::weigh), then [`look`](Self::look). It then inserts
+/// what arrives and draws as often as it likes. [`settle`](Self::settle) reports that all stored
+/// samples of the view have arrived. Later frames depend on the set of samples inserted since
+/// `look`, and not on earlier views.
 pub trait Driver: Send {
     /// Returns the driver's name, as reports give it.
     fn name(&self) -> &'static str;
 
-    /// Returns how much of each of a coming view's `beams` is wanted, considering what the driver
-    /// already has. Quick: the request waits for it. Comes before [`look`](Self::look).
+    /// Returns `beams` with weights that consider the samples which the driver already has.
+    ///
+    /// The front end calls it before [`look`](Self::look), with the beams of the view to come. It
+    /// must be quick, because the request to the server waits for it.
     ///
     /// # Errors
     /// If the driver cannot show the view.
@@ -99,12 +101,11 @@ pub trait Driver: Send {
     /// Notes that all stored samples of the view have arrived.
     fn settle(&mut self) {}
 
-    /// Draws the frame. Calls `stage_ended` with the name of each stage that took part, as it ends:
-    /// for clocks. Drivers without stages never call it.
+    /// Draws the frame. Calls `stage_ended` with the name of each stage as it ends, so that the
+    /// caller can measure the stages. Drivers without stages never call it.
     fn draw(&mut self, stage_ended: &mut dyn FnMut(&'static str)) -> Frame;
 
-    /// Returns distances from the eye, scene units, spread over the picture, as far as they are
-    /// known.
+    /// Returns the known distances from the eye, scene units, of points spread over the picture.
     fn depth(&mut self) -> Vec<f32>;
 
     /// Returns whether [`depth`](Self::depth) is complete before any sample has arrived.
@@ -115,8 +116,8 @@ pub trait Driver: Send {
     /// Returns the surface under a pixel; `None` where nothing is known.
     fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt>;
 
-    /// Returns the pixels that no section covers and that may see something, by number, row by row
-    /// from the top: live rays improve them.
+    /// Returns the pixels that live rays can improve, by number, row by row from the top. No section
+    /// covers them, and their rays may hit something.
     fn uncovered(&self) -> Vec<u32> {
         Vec::new()
     }
@@ -131,21 +132,21 @@ pub trait Driver: Send {
         Vec::new()
     }
 
-    /// Returns the most useful of [`surface_beams`](Self::surface_beams), found in less time;
-    /// empty if the driver does not choose. A beam of a section has about
+    /// Returns the most useful of [`surface_beams`](Self::surface_beams), found in less time. The
+    /// list is empty if the driver does not rank beams. A beam of a section has about
     /// `samples_per_beam(section)` stored samples.
     fn best_surface_beams(&self, _samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {
         Vec::new()
     }
 
-    /// Returns the beams, besides those that the view crosses, whose stored samples are of use,
-    /// ordered by section and beam, each once.
+    /// Returns beams that the view does not cross but whose stored samples are of use, ordered by
+    /// section and beam, each once.
     fn surface_beams(&self) -> Vec<BeamKey> {
         Vec::new()
     }
 
-    /// Returns how near to the eye rays should pass, scene units, if the nearest visible surface
-    /// is at distance `nearest`.
+    /// Returns the distance from the eye within which traced rays should pass, scene units. The
+    /// nearest visible surface is at distance `nearest`.
     fn viewpoint_radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
         viewpoint_radius(view, size, nearest, 1.0)
     }

@@ -1,8 +1,8 @@
-//! What a driver draws.
+//! The frame that a driver draws.
 
 use holo_picture::{Picture, View};
 
-/// A picture drawn from samples, and what the driver knows about it.
+/// A picture drawn from samples, with its depth and counts of its pixels.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// Linear radiance, row 0 at the top; 0 where nothing is known.
@@ -12,13 +12,13 @@ pub struct Frame {
     pub depth: Vec<f32>,
     /// Pixels that no section covers.
     pub uncovered_pixels: u64,
-    /// Covered pixels without samples of their own: filled from others, or 0.
+    /// Covered pixels without samples of their own. They are filled from other pixels, or are 0.
     pub empty_pixels: u64,
     /// Pixels that show the sky because no ray of their beam can hit anything.
     pub unseen_pixels: u64,
     /// Pixels whose surface has no known light, drawn as if the eye carried a lamp.
     pub guessed_pixels: u64,
-    /// Samples that the picture was made of.
+    /// Number of samples that the picture uses.
     pub samples_used: u64,
 }
 
@@ -74,7 +74,7 @@ impl Frame {
         frame
     }
 
-    /// Blacks out the pixels that look nowhere, as in the corners of a fisheye.
+    /// Sets pixels without a view ray to black, such as those in the corners of a fisheye.
     pub fn blank_corners(&mut self, view: &View) {
         let size = (self.picture.width, self.picture.height);
         for ((number, pixel), depth) in (0..).zip(&mut self.picture.pixels).zip(&mut self.depth) {

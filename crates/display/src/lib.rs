@@ -1,4 +1,4 @@
-//! What every driver needs to turn samples into pictures, and the trait that front ends use.
+//! The trait [`Driver`] that front ends use, and what several drivers share.
 //!
 //! [`select_beams`] turns a view into wanted beams (Larson & Simmons 1999, §2.4.2). The server
 //! answers with samples. A [`Driver`] turns samples into a [`Frame`]. Each driver is a crate of

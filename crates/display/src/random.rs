@@ -1,4 +1,4 @@
-//! Random numbers that are functions of what they are for.
+//! Random numbers as functions of a seed and an index, so that they repeat.
 
 /// Returns 32 well mixed bits of a seed and an index (two rounds of a 32-bit finaliser; Wellons,
 /// "lowbias32").
@@ -16,10 +16,10 @@ fn finish(mut bits: u32) -> u32 {
     bits ^ bits >> 16
 }
 
-/// Returns two numbers in [0, 1).
+/// Returns two uniform numbers in [0, 1), as a function of a seed and an index.
 #[inline(always)]
 pub fn pair(seed: u32, index: u32) -> (f32, f32) {
-    // 24 bits each, from two mixes: a float holds no more.
+    // An f32 holds 24 bits, so each number takes a mix of its own.
     let unit = |bits: u32| (bits >> 8) as f32 / (1 << 24) as f32;
     let first = mix(seed, index);
     (unit(first), unit(finish(first ^ 0xa511_e9b3)))

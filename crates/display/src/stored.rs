@@ -1,17 +1,17 @@
-//! Stored samples in camera coordinates: sections placed before the eye, and distance codes decoded.
+//! Stored samples in camera coordinates: sections relative to the eye, and decoded distance codes.
 //!
-//! Invariant: positions are relative to the eye, in double precision, before anything is
-//! subtracted, so sections far from the origin lose nothing.
+//! Invariant: the eye is subtracted first, in double precision, so sections far from the origin
+//! lose no precision.
 
 use crate::Camera;
 use glam::DVec3;
 use holo_section::{CellIndex, Section, distance};
 
-/// Steps of a ray coordinate in a cell.
+/// Steps of a ray coordinate in a cell: one for each value of a byte.
 const STEPS: f64 = 256.0;
 
-/// Decoded distances in units of the section's diagonal, by code: a look-up is cheaper than a
-/// power.
+/// Decoded distances by code, in units of the section's diagonal. A look-up is faster than
+/// computing a power.
 pub struct DistanceTable(Vec<f32>);
 
 impl Default for DistanceTable {
@@ -26,7 +26,7 @@ impl DistanceTable {
         Self((0..=u16::MAX).map(|code| distance::decode(code, 1.0) as f32).collect())
     }
 
-    /// Distance in diagonals; infinite for nothing.
+    /// Returns the distance of a code, in diagonals; infinite for rays that hit nothing.
     #[inline(always)]
     pub fn of(&self, code: u16) -> f64 {
         f64::from(self.0.get(usize::from(code)).copied().unwrap_or(f32::INFINITY))
@@ -38,17 +38,17 @@ impl DistanceTable {
 pub struct PlacedSection {
     origin: DVec3,
     axes: [DVec3; 3],
-    /// One cell along each axis.
+    /// The side of one cell along each axis.
     cells: [DVec3; 3],
     /// The section's diagonal, scene units.
     pub diagonal: f64,
-    /// Whether the eye is in another section and not in this one. This one's rays do not know what
-    /// stands before it.
+    /// Whether another section contains the eye and this one does not. Something that this section's
+    /// rays do not see may then stand between it and the eye.
     pub is_elsewhere: bool,
 }
 
 impl PlacedSection {
-    /// Places a section before a camera.
+    /// Returns a section in a camera's coordinates.
     pub fn new(section: &Section, camera: &Camera) -> Self {
         let spec = section.spec();
         let axes = spec.axes.map(|axis| camera.to_camera(DVec3::from_array(axis)));
@@ -57,8 +57,8 @@ impl PlacedSection {
         Self { origin, axes, cells, diagonal: section.diagonal(), is_elsewhere: false }
     }
 
-    /// Returns the cell's point for coordinates (0, 0), and a step of each coordinate. A point lies
-    /// in the middle of its step.
+    /// Returns the cell's point for ray coordinates (0, 0), and the vector of one step along each
+    /// coordinate. A coordinate means the middle of its step.
     pub fn cell(&self, cell: CellIndex) -> (DVec3, DVec3, DVec3) {
         let axis = usize::from(cell.wall >> 1);
         let (first, second) = [(1, 2), (2, 0), (0, 1)][axis];
