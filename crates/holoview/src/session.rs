@@ -15,7 +15,7 @@ use holo_picture::{View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
-    bulk::{LiveWanted, RaysWanted, ViewRequest, Wanted, WantedRay},
+    bulk::{LiveWanted, RaysWanted, ViewRequest, WantedBeam, WantedRay},
     control::{Control, Welcome},
     frame::Kind,
     hello::Role,
@@ -213,9 +213,9 @@ impl Session {
                 view.to_vf_options()
             );
         }
-        let wanted: Vec<Wanted> = (self.painter.weigh(view, size, beams)?)
+        let wanted: Vec<WantedBeam> = (self.painter.weigh(view, size, beams)?)
             .iter()
-            .map(|beam| Wanted {
+            .map(|beam| WantedBeam {
                 key: BeamKey { section: beam.section, beam: beam.beam },
                 weight: beam.weight,
             })
@@ -298,7 +298,7 @@ impl Session {
     /// Asks for everything stored that is of use to the view.
     fn ask_for_all(&mut self) -> Result<()> {
         let Some(shown) = &self.shown else { return Ok(()) };
-        let also = |&(section, beam): &(u16, BeamId)| Wanted {
+        let also = |&(section, beam): &(u16, BeamId)| WantedBeam {
             key: BeamKey { section, beam },
             weight: STORED_ONLY,
         };
@@ -311,12 +311,12 @@ impl Session {
     }
 
     /// A request under a new number: what is stored of these beams is sent from the beginning.
-    fn ask_anew(&mut self, wanted: Vec<Wanted>) -> Result<()> {
+    fn ask_anew(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
         self.view_number += 1;
         self.request_shown(wanted)
     }
 
-    fn request_shown(&self, wanted: Vec<Wanted>) -> Result<()> {
+    fn request_shown(&self, wanted: Vec<WantedBeam>) -> Result<()> {
         self.shown
             .as_ref()
             .map_or(Ok(()), |shown| self.request(&shown.view, shown.size, shown.nearest, wanted))
@@ -328,7 +328,7 @@ impl Session {
         view: &View,
         size: (u32, u32),
         nearest: f64,
-        beams: Vec<Wanted>,
+        beams: Vec<WantedBeam>,
     ) -> Result<()> {
         let radius = self.painter.radius(view, size, nearest);
         let viewpoint = holo_display::viewpoint(&self.sections, view, radius);

@@ -4,7 +4,7 @@ use std::{path::PathBuf, time::Instant};
 
 use anyhow::{Context, Result};
 use holo_picture::View;
-use holo_proto::bulk::{LiveSamples, Samples, Source, Unseen, Wanted};
+use holo_proto::bulk::{LiveSamples, Samples, Source, Unseen, WantedBeam};
 use holo_section::BeamId;
 
 use crate::{PictureReport, canvas::Canvas, live::Live, received::Received};
@@ -13,7 +13,7 @@ use crate::{PictureReport, canvas::Canvas, live::Live, received::Received};
 pub struct Shown {
     pub view: View,
     pub size: (u32, u32),
-    pub wanted: Vec<Wanted>,
+    pub wanted: Vec<WantedBeam>,
     /// Distance of the nearest visible surface, as far as it is known.
     pub nearest: f64,
     pub canvas: Canvas,

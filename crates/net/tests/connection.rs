@@ -24,7 +24,7 @@ fn samples(count: u32) -> Samples {
     let kind = SampleKind::Uniform;
     let run = Run { key: BeamKey { section: 1, beam: BeamId(2) }, kind, first: 3, count, paths: 4 };
     let samples = (0..count)
-        .map(|i| Sample::from_codes(i.to_le_bytes().into(), [i as u8; 4], i as u16))
+        .map(|i| Sample::from_codes(holo_section::RayCoords(i.to_le_bytes()), [i as u8; 4], i as u16))
         .collect();
     Samples { view: 5, source: Source::Traced, runs: vec![run], samples }
 }
