@@ -1,5 +1,5 @@
-//! The bytes of every message, as written down in `golden/`: a change of any of them is a change of the protocol, and
-//! must raise its version.
+//! The bytes of every message, compared with the files in `golden/`. A change of any of them must
+//! raise the protocol's version.
 #![allow(clippy::unwrap_used)]
 
 use std::{collections::BTreeSet, fs, path::PathBuf};
@@ -19,7 +19,7 @@ fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden")
 }
 
-/// The frame in a file: hexadecimal bytes, and comments from `#` to the end of the line.
+/// Returns the frame in a file: hexadecimal bytes, with comments from `#` to the end of the line.
 fn golden(name: &str) -> Vec<u8> {
     let text = fs::read_to_string(folder().join(name).with_extension("hex")).unwrap();
     let digits =
@@ -363,8 +363,8 @@ fn cases() -> Vec<(&'static str, Any)> {
                 view: 7,
                 viewpoint: Viewpoint { eye: [0.5, -0.25, 1.75], radius: 0.001 },
                 beams: vec![
-                    Wanted { key: key(0, 0x01_0203_0405), weight: 12.5 },
-                    Wanted { key: key(1023, 9), weight: 0.125 },
+                    WantedBeam { key: key(0, 0x01_0203_0405), weight: 12.5 },
+                    WantedBeam { key: key(1023, 9), weight: 0.125 },
                 ],
             }),
         ),
@@ -392,7 +392,7 @@ fn cases() -> Vec<(&'static str, Any)> {
 }
 
 #[test]
-fn every_message_has_exactly_the_bytes_written_down() {
+fn every_message_has_exactly_the_bytes_of_its_file() {
     for (name, message) in cases() {
         assert_eq!(message.frame(), golden(name), "{name}: encoded");
         assert_eq!(Any::decode(&golden(name)), Ok(message), "{name}: decoded");
@@ -413,11 +413,12 @@ fn every_file_is_of_a_message_and_begins_with_a_comment() {
 }
 
 #[test]
-fn every_kind_and_every_control_message_is_written_down() {
+fn every_kind_and_every_control_message_has_a_file() {
     let kinds: BTreeSet<u8> = cases().iter().map(|(_, message)| message.frame()[4]).collect();
     let known: BTreeSet<u8> = (0..=u8::MAX).filter(|&byte| Kind::from_byte(byte).is_ok()).collect();
     assert_eq!(kinds, known);
-    // A variant number is a message's first four bytes; of the next number there is none.
+    // A message's first four bytes are its variant number. The next number after the last has no
+    // message.
     let controls: BTreeSet<u8> = cases()
         .iter()
         .map(|(_, message)| message.frame())
@@ -438,7 +439,8 @@ fn a_message_cut_anywhere_or_with_a_byte_more_is_refused() {
         let decode = |payload: &[u8]| {
             Any::decode(&frame::encode(Kind::from_byte(golden(name)[4])?, payload)?)
         };
-        // Pieces of the scene are as long as they are, and hellos and answers may grow in later versions.
+        // Pieces of the scene may have any length, and hellos and answers may grow in later
+        // versions.
         let (shortest, may_grow) = match message {
             Any::BlobChunk(_) => (8, true),
             Any::Hello(_) | Any::Answer(_) => (payload.len(), true),

@@ -1,4 +1,4 @@
-//! Arbitrary messages.
+//! Strategies for arbitrary messages.
 
 use holo_proto::{bulk::*, control::*};
 use holo_section::{
@@ -70,7 +70,7 @@ pub fn results() -> impl Strategy<Value = Results> {
 pub fn view() -> impl Strategy<Value = ViewRequest> {
     let wanted = (key(), prop::num::f32::POSITIVE | prop::num::f32::NORMAL)
         .prop_filter("finite", |(_, weight)| weight.is_finite() && *weight != 0.0)
-        .prop_map(|(key, weight)| Wanted { key, weight: weight.abs() });
+        .prop_map(|(key, weight)| WantedBeam { key, weight: weight.abs() });
     (any::<u32>(), viewpoint(), vec(wanted, 0..30))
         .prop_map(|(view, viewpoint, beams)| ViewRequest { view, viewpoint, beams })
 }
@@ -104,7 +104,7 @@ pub fn unseen() -> impl Strategy<Value = Unseen> {
     (any::<u32>(), vec(key(), 0..30)).prop_map(|(view, beams)| Unseen { view, beams })
 }
 
-/// Records of every legal number, the least and the greatest too.
+/// Records of all legal numbers, also the least and the greatest.
 pub fn light() -> impl Strategy<Value = Light> {
     let three = || prop::array::uniform3(any::<f32>().prop_filter("finite", |x| x.is_finite()));
     let light = prop::array::uniform3(0.0..=f32::MAX);
@@ -184,7 +184,7 @@ pub fn chunk() -> impl Strategy<Value = BlobChunk> {
     (any::<u64>(), vec(any::<u8>(), 0..200)).prop_map(|(offset, bytes)| BlobChunk { offset, bytes })
 }
 
-/// Text as it may be printed: what decoders leave as it is.
+/// Texts without control characters, which decoders leave unchanged.
 fn text() -> impl Strategy<Value = String> {
     "\\PC{0,40}".prop_map(|text| text.replace(char::is_control, " "))
 }

@@ -9,7 +9,7 @@ use std::{
 use holo_beamfile::BeamFile;
 use holo_net::Message;
 use holo_proto::{
-    bulk::{ViewRequest, Wanted},
+    bulk::{ViewRequest, WantedBeam},
     control::Control,
     frame::Kind,
     hello::Role,
@@ -316,7 +316,7 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let mut shown = Samples::new();
     let beams =
-        (0..7680).step_by(2).map(|number| Wanted { key: beam(number), weight: 1e-5 }).collect();
+        (0..7680).step_by(2).map(|number| WantedBeam { key: beam(number), weight: 1e-5 }).collect();
     let viewpoint = Viewpoint { eye: [2.7, 2.7, -2.0], radius: 1.0 };
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;

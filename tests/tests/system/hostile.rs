@@ -10,7 +10,7 @@ use holo_proto::{
     PROTOCOL_VERSION,
     bulk::{
         LiveHit, LiveRay, LiveResults, LiveSamples, LiveWanted, MAX_LIVE_RAYS, Packet, RaysWanted,
-        Results, Traced, ViewRequest, Wanted, WantedRay, Work,
+        Results, Traced, ViewRequest, WantedBeam, WantedRay, Work,
     },
     control::Control,
     frame::{self, Kind},
@@ -143,7 +143,7 @@ fn displays_that_break_the_rules_are_dropped() {
             ViewRequest {
                 view: 1,
                 viewpoint,
-                beams: vec![Wanted { key: BeamKey { section, beam: BeamId(beam) }, weight }],
+                beams: vec![WantedBeam { key: BeamKey { section, beam: BeamId(beam) }, weight }],
             }
             .encode()
         };

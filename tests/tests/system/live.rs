@@ -7,7 +7,7 @@ use holo_picture::{Picture, View, ViewSpec};
 use holo_proto::{
     bulk::{
         LiveHit, LivePacket, LiveRay, LiveResults, LiveWanted, LiveWork, MAX_LIVE_RAYS,
-        MAX_LIVE_RAYS_HELD, Traced, ViewRequest, Wanted,
+        MAX_LIVE_RAYS_HELD, Traced, ViewRequest, WantedBeam,
     },
     control::Control,
     frame::Kind,
@@ -213,7 +213,7 @@ impl Peer {
 
     /// Looks at one beam, of which some fifty rays are traced and no more: workers here do not trace.
     fn look(&self, view: u32) {
-        let beams = vec![Wanted { key: beam(400), weight: 0.05 }];
+        let beams = vec![WantedBeam { key: beam(400), weight: 0.05 }];
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
         self.send(Kind::View, ViewRequest { view, viewpoint, beams }.encode());
     }

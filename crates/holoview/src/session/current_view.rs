@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use holo_display::{Driver, Look};
-use holo_proto::bulk::{LiveSamples, Samples, Source, Wanted};
+use holo_proto::bulk::{LiveSamples, Samples, Source, WantedBeam};
 use holo_section::BeamKey;
 
 use super::{live::LiveRays, received::Received};
@@ -12,7 +12,7 @@ use super::{live::LiveRays, received::Received};
 pub struct CurrentView {
     pub look: Look,
     /// Beams that the view crosses, and how much each is wanted.
-    pub wanted: Vec<Wanted>,
+    pub wanted: Vec<WantedBeam>,
     /// Distance of the nearest visible surface, scene units, as far as it is known.
     pub nearest: f64,
     /// Whether that distance was looked up in the picture.

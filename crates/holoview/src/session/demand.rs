@@ -8,7 +8,7 @@ use holo_display::{Look, Resolution, SelectOptions, Selection, select_beams, vie
 use holo_picture::ViewSpec;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
-    bulk::{LiveWanted, RaysWanted, ViewRequest, Wanted, WantedRay},
+    bulk::{LiveWanted, RaysWanted, ViewRequest, WantedBeam, WantedRay},
     control::Control,
     frame::Kind,
 };
@@ -81,8 +81,8 @@ impl Session {
         let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         let nearest = GUESSED_DISTANCE * diagonal;
         let beams = self.driver.weigh(&look, beams)?;
-        let wanted = beams.iter().map(|beam| Wanted { key: beam.key, weight: beam.weight });
-        let wanted: Vec<Wanted> = wanted.collect();
+        let wanted = beams.iter().map(|beam| WantedBeam { key: beam.key, weight: beam.weight });
+        let wanted: Vec<WantedBeam> = wanted.collect();
         self.request_number += 1;
         let had_live = self.current.take().is_some_and(|current| current.live.is_some());
         let since = Instant::now();
@@ -201,7 +201,7 @@ impl Session {
     /// Asks for everything stored that is of use to the view.
     pub(super) fn ask_for_all(&mut self) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
-        let also = |&key: &BeamKey| Wanted { key, weight: STORED_ONLY };
+        let also = |&key: &BeamKey| WantedBeam { key, weight: STORED_ONLY };
         let mut wanted = current.wanted.clone();
         wanted.extend(current.also.iter().map(also));
         // A stable sort: the view's own weight stands before the other's, which goes.
@@ -211,18 +211,18 @@ impl Session {
     }
 
     /// Requests under a new number: what is stored of these beams is sent from the beginning.
-    fn ask_anew(&mut self, wanted: Vec<Wanted>) -> Result<()> {
+    fn ask_anew(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
         self.request_number += 1;
         self.request_current(wanted)
     }
 
-    fn request_current(&self, wanted: Vec<Wanted>) -> Result<()> {
+    fn request_current(&self, wanted: Vec<WantedBeam>) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
         self.request(&current.look, current.nearest, wanted)
     }
 
     /// Sends a request for a view whose nearest visible surface is at distance `nearest`.
-    fn request(&self, look: &Look, nearest: f64, beams: Vec<Wanted>) -> Result<()> {
+    fn request(&self, look: &Look, nearest: f64, beams: Vec<WantedBeam>) -> Result<()> {
         let radius = self.driver.viewpoint_radius(&look.view, look.size, nearest);
         let viewpoint = viewpoint(&self.choice.sections, &look.view, radius);
         let request = ViewRequest { view: self.request_number, viewpoint, beams };
