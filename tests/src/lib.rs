@@ -41,12 +41,12 @@ pub fn wait_until<T>(what: &str, mut condition: impl FnMut() -> Option<T>) -> T 
     }
 }
 
-/// Gives `attempt` 2 seconds, then 4, 8 … until its result is good, and returns the last result.
+/// Gives `attempt` 1 second, then 2, 4 … until its result is good, and returns the last result.
 ///
 /// For programs that are told how long to work: a busy machine needs longer for the same work. A
 /// program that is wrong stays wrong after 64 seconds.
 pub fn patiently<T>(mut attempt: impl FnMut(u32) -> T, is_good: impl Fn(&T) -> bool) -> T {
-    let mut seconds = 2;
+    let mut seconds = 1;
     loop {
         let result = attempt(seconds);
         if seconds == 64 || is_good(&result) {

@@ -93,13 +93,15 @@ fn smooth_boundaries_return_all_light() {
 #[test]
 fn a_coat_adds_its_reflection_to_a_coloured_base_and_never_makes_light() {
     for alpha in ALPHAS {
+        let mut tables = Tables::default();
+        let coated = [0.0, 0.5].map(|kd| {
+            let bsdf = Bsdf::Coated { kd: [kd; 3], ks: WHITE, ior: 1.5, alpha };
+            Scatter::new(&bsdf, &mut tables)
+        });
         for theta in ANGLES {
-            let of = |kd: f32| {
-                let bsdf = Bsdf::Coated { kd: [kd; 3], ks: WHITE, ior: 1.5, alpha };
-                albedo(&prepared(&bsdf), theta, true)
-            };
-            let ((black, black_error), (grey, grey_error)) = (of(0.0), of(0.5));
-            // The base is linear in kd and returns all light at kd = 1, so grey lies in the middle.
+            let [(black, black_error), (grey, grey_error)] =
+                coated.each_ref().map(|scatter| albedo(scatter, theta, true));
+            // The base is linear in kd, and all light at 1: grey lies in the middle.
             let error = 0.5 * black_error + grey_error;
             assert!(
                 (grey - 0.5 * (1.0 + black)).abs() <= 4.5 * error + TABLE_ERROR,

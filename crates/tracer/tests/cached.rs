@@ -6,6 +6,7 @@ mod common;
 use common::{BLACK, Model, estimate, form_factor};
 use glam::DVec3;
 use holo_scene::Bsdf;
+use holo_tracer::Tracer;
 
 const GREY: Bsdf = Bsdf::Diffuse { kd: [0.5; 3] };
 
@@ -82,6 +83,24 @@ fn a_room_lit_from_above_only_is_within_the_accuracy_of_paths() {
     assert!(mean.abs() < accuracy + 3.0 * chance, "mean error {mean}");
 }
 
+/// Returns what `measure` returns with each of `caches` caches, each empty at first.
+///
+/// One tracer serves all: a new one follows some light before anything is asked of it, which takes
+/// longer than most measurements.
+fn with_caches<T>(
+    mut tracer: Tracer,
+    accuracy: f32,
+    caches: u64,
+    measure: impl Fn(&Tracer) -> T,
+) -> Vec<T> {
+    let mut found = Vec::new();
+    for name in 0..caches {
+        tracer = tracer.with_cache(accuracy, name);
+        found.push(measure(&tracer));
+    }
+    found
+}
+
 /// Returns the mean relative error of a furnace's brightness, seen in several directions with
 /// several caches, and its standard error.
 fn error_of_a_furnace(add: impl FnOnce(&mut Model)) -> (f64, f64) {
@@ -90,19 +109,14 @@ fn error_of_a_furnace(add: impl FnOnce(&mut Model)) -> (f64, f64) {
     let wall = model.material(GREY, [1.0, 2.0, 0.5]);
     model.cuboid([-1.0, -2.0, -1.5], [1.0, 2.0, 1.5], false, wall);
     add(&mut model);
-    let errors: Vec<f64> = (0..CACHES)
-        .map(|name| {
-            let tracer = model.tracer(None).with_cache(0.05, name);
-            let directions =
-                [[0.3, 0.2, 1.0], [-0.2, 0.4, -1.0], [0.1, 0.9, -1.4], [1.0, -0.4, 0.1]];
-            let mean = directions.map(|d| {
-                estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(d), 64).mean[1]
-                    / 4.0
-                    - 1.0
-            });
-            mean.iter().sum::<f64>() / mean.len() as f64
-        })
-        .collect();
+    let errors = with_caches(model.tracer(None), 0.05, CACHES, |tracer| {
+        let directions = [[0.3, 0.2, 1.0], [-0.2, 0.4, -1.0], [0.1, 0.9, -1.4], [1.0, -0.4, 0.1]];
+        let mean = directions.map(|d| {
+            estimate(tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(d), 64).mean[1] / 4.0
+                - 1.0
+        });
+        mean.iter().sum::<f64>() / mean.len() as f64
+    });
     let n = CACHES as f64;
     let mean = errors.iter().sum::<f64>() / n;
     (mean, (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt())
@@ -166,12 +180,10 @@ fn light_from_a_mirror_on_a_floor_is_as_bright_as_with_paths() {
             let eye = DVec3::new(-1.5, 1.0, 0.7);
             let towards = DVec3::new(at[0], at[1], 0.0) - eye;
             let truth = estimate(&path, eye, towards, 65_536);
-            // Each cache has a record of its own.
-            let found: Vec<_> = (0..CACHES)
-                .map(|name| {
-                    estimate(&model.tracer(bounces).with_cache(0.03, name), eye, towards, 16).mean
-                })
-                .collect();
+            // Each with a record of its own.
+            let found = with_caches(model.tracer(bounces), 0.03, CACHES, |tracer| {
+                estimate(tracer, eye, towards, 16).mean
+            });
             for c in 0..3 {
                 let n = CACHES as f64;
                 let mean = found.iter().map(|mean| mean[c]).sum::<f64>() / n;
@@ -393,8 +405,8 @@ fn limited_effort_gives_paths_until_there_are_records() {
             squares[n] += green * green;
         }
     }
-    // Counts exact records.
-    let made = |tracer: &holo_tracer::Tracer| {
+    // Those that are for what is looked at.
+    let made = |tracer: &Tracer| {
         let light = tracer.light().unwrap();
         (0..light.len()).filter(|i| light.get(*i).unwrap().flags == 0).count()
     };

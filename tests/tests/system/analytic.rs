@@ -152,7 +152,7 @@ fn another_room_is_told_apart() {
     let server = place.server("room.holo", &[]);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.spawn(work(server.address, World { room: ROOM, object: None, stretch: 1.0 }));
-    show(&place, server.address, view, 2);
+    show(&place, server.address, view, 1);
     let picture = Picture::read(place.path("a.pfm")).unwrap();
     let wrong_share = |world: &World, picture: &Picture| {
         let verdict = compare(world, &sections, &resolved, picture);

@@ -11,7 +11,7 @@ use holo_proto::{
     hello::Role,
 };
 use holo_section::{RayCoords, SampleKind, Viewpoint};
-use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, analytic::join, beam, stored};
+use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, analytic::join, beam, patiently, stored};
 use rustix::process::Signal;
 
 const VIEW: [&str; 8] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60", "--size", "64x64"];
@@ -45,52 +45,49 @@ fn at_rest_both_tend_to_what_the_tracer_renders() {
     let place = Place::new();
     let truth = truth(&place);
     for driver in ["pointimage", "frameless"] {
-        // Another view first: what it leaves behind must not stay.
-        let script = format!(
-            "0 view -vp 2.5 2.5 -2.5 -vd 0.1 0 1 -vh 60\n0.5 view {LINE}\n0.05 picture {{0}}\n10 picture {{1}}\n11 quit\n"
+        let (reports, [first, last]) = patiently(
+            |seconds| rest(&place, &truth, driver, seconds),
+            |(_, [_, last])| *last > 26.0,
         );
-        let names = ["first", "last"].map(|when| format!("{driver}-{when}.pfm"));
-        let script =
-            script.replace("{0}", &place.text(&names[0])).replace("{1}", &place.text(&names[1]));
-        let script = place.write("walk.txt", &script);
-        let scene = [
-            "view",
-            "--config",
-            "{}/cornell.toml",
-            "--section",
-            CORNELL_SMALL_SECTION,
-            "--bounces",
-            "0",
-        ];
-        let words =
-            ["--headless", "--script", &script, "--size", "64x64", "--driver", driver, "--json"];
-        let reports = place.run(&[&scene[..], &words].concat()).ok();
-        let last: serde_json::Value =
-            reports.stdout.lines().last().map(|line| serde_json::from_str(line).unwrap()).unwrap();
-        assert_eq!(last["driver"], driver);
-        assert!(last["traced"].as_u64().unwrap() > 10_000, "{last}");
-        // A picture of a cache in which nothing has changed since the one before takes none of them.
-        let takes_all = |report: &str| {
-            let report: serde_json::Value = serde_json::from_str(report).unwrap();
-            let took = |stage: &&str| {
-                report["stages"]
-                    .as_array()
-                    .is_some_and(|all| all.iter().any(|one| one["stage"] == *stage))
-            };
-            STAGES.iter().all(took)
+        let end = &reports[reports.len() - 1];
+        assert_eq!(end["driver"], driver);
+        assert!(end["traced"].as_u64().unwrap() > 1000, "{end}");
+        // The stages run for some picture. Nothing changes between some pictures, and these need none.
+        let has_all_stages = |report: &serde_json::Value| {
+            let stages = report["stages"].as_array();
+            let has = |name| stages.is_some_and(|all| all.iter().any(|one| one["stage"] == name));
+            STAGES.into_iter().all(has)
         };
-        assert_eq!(
-            reports.stdout.lines().any(takes_all),
-            driver == "pointimage",
-            "{}",
-            reports.stdout
-        );
-        let [first, last] = [0, 1].map(|at| psnr(&place, &names[at], &truth));
+        assert_eq!(reports.iter().any(has_all_stages), driver == "pointimage", "{reports:?}");
         println!("{driver}: {first:.1} dB at once, {last:.1} dB at rest");
         assert!(last > first, "{driver}: {first} dB, then {last}");
         // A wrong pixel in twenty, or a blur of a pixel, would leave less.
         assert!(last > 26.0, "{driver}: {last} dB");
     }
+}
+
+/// Turns to a view and rests there for so many seconds. Returns the reports, and how near the first
+/// and the last picture are to the truth, in dB.
+fn rest(
+    place: &Place,
+    truth: &Picture,
+    driver: &str,
+    seconds: u32,
+) -> (Vec<serde_json::Value>, [f64; 2]) {
+    // Another view comes before: what it leaves behind must not stay.
+    let script = format!(
+        "0 view -vp 2.5 2.5 -2.5 -vd 0.1 0 1 -vh 60\n0.5 view {LINE}\n0.05 picture {{0}}\n\
+         {seconds} picture {{1}}\nquit\n"
+    );
+    let names = ["first", "last"].map(|when| format!("{driver}-{when}.pfm"));
+    let script =
+        script.replace("{0}", &place.text(&names[0])).replace("{1}", &place.text(&names[1]));
+    let script = place.write("walk.txt", &script);
+    let scene = ["view", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION];
+    let words = ["--bounces", "0", "--headless", "--script", &script, "--size", "64x64", "--json"];
+    let ended = place.run(&[&scene[..], &words, &["--driver", driver]].concat()).ok();
+    let reports = ended.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    (reports, names.map(|name| psnr(place, &name, truth)))
 }
 
 #[test]
