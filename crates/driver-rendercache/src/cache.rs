@@ -5,7 +5,7 @@ use glam::DVec3;
 use holo_display::mix;
 use holo_picture::{Picture, View};
 
-use crate::interpolate::Interpolate;
+use crate::interpolate::{Looks, interpolate};
 use crate::map::Map;
 use crate::noise::Noise;
 use crate::params::{EmptyPixels, PointImageError, PointImageParams};
@@ -64,13 +64,12 @@ impl PointImage {
     pub fn new(size: (u32, u32), params: PointImageParams) -> Result<Self, PointImageError> {
         Picture::check_size(size.0, size.1)?;
         params.check()?;
-        let planes = Planes::new(size);
-        let size = (planes.width, planes.height);
+        let size = (size.0 as usize, size.1 as usize);
         let capacity = ((size.0 * size.1) as f64 * params.points_per_pixel).ceil() as usize;
         let capacity = capacity.next_multiple_of(BLOCK);
         Ok(Self {
             points: Points::new(capacity, params.group as usize),
-            planes,
+            planes: Planes::new(size),
             buckets: Buckets::new(size, capacity),
             occupancy: Occupancy::new(size, params.predicted_block as usize),
             origin: DVec3::ZERO,
@@ -167,9 +166,7 @@ impl PointImage {
         let by = if stages.ageing { self.points.increment(samples, mean_last_age) } else { 0 };
         if by > 0 || moved {
             let evict = stages.eviction.then_some(eviction_age);
-            let capacity = self.points.capacity();
-            let shown = self.planes.nearest.iter().map(|key| key.slot());
-            let shown = shown.filter(|&slot| slot < capacity);
+            let shown = self.planes.slot.iter().map(|&slot| slot as usize);
             self.points.grow_older(by, by.saturating_mul(hidden_ageing), evict, shown);
         }
     }
@@ -181,7 +178,7 @@ impl PointImage {
         let Some(map) = &self.map else { return };
         buckets.fill(points, map, (planes.width, planes.height));
         ended(Stage::ProjectAndTileSort);
-        zbuffer::fill(planes, buckets, points);
+        zbuffer::fill(planes, buckets);
         ended(Stage::ZBufferTiles);
         if stages.depth_cull {
             cull::cull(planes, cull_threshold);
@@ -190,12 +187,12 @@ impl PointImage {
         let black = params.empty == EmptyPixels::Black;
         let mut prior = 0.0;
         if stages.prefilter {
-            prefilter::prefilter(planes, prefilter_window as usize, black);
+            prefilter::prefilter(planes, prefilter_window, black);
             prior = self.noise.weight(params.noise_smoothing);
             ended(Stage::Prefilter);
         }
         // What the prefilter left black may stay.
-        Interpolate::new(params, prior, black && !stages.prefilter).run(planes, points);
+        interpolate(planes, points, &Looks::new(params, prior, black && !stages.prefilter));
         ended(Stage::Interpolate);
     }
 }

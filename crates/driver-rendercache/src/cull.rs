@@ -5,40 +5,57 @@
 //! - A sample of this very view stays: its ray was seen to reach it.
 //! - Whether a point stays depends on what was there before any was removed.
 
+use holo_cpu::{Isa, Kernel};
 use rayon::prelude::*;
 
+use crate::colour;
 use crate::planes::{Planes, ROWS};
 
-/// Removes the light of points that are deeper than 1 + `threshold` times the mean over 3×3 pixels.
+/// Removes points that are deeper than 1 + `threshold` times the mean over 3×3 pixels.
 pub(crate) fn cull(planes: &mut Planes, threshold: f32) {
-    let (width, factor) = (planes.width, 1.0 + threshold);
-    let Planes { nearest, depth, light, .. } = planes;
-    light.bands_mut(ROWS).enumerate().for_each(|(band, light)| {
-        // Of three rows: the sum of depths, and the number of points; 0 beside the picture.
-        let mut sums = vec![(0.0, 0.0); width + 2];
-        for (row, light) in (band * ROWS..).zip(light) {
-            add_rows(depth, width, row, &mut sums[1..=width]);
-            let keys = &nearest[row * width..];
-            for (((key, depth), light), sums) in
-                keys.iter().zip(&depth[row * width..]).zip(light).zip(sums.windows(3))
-            {
-                let (sum, count) =
-                    sums.iter().fold((0.0, 0.0), |(s, c), (sum, count)| (s + sum, c + count));
-                if depth * count > factor * sum && !key.is_fresh() {
-                    *light = [0.0; 4];
-                }
-            }
-        }
+    let (isa, width, depth) = (Isa::best(), planes.width, &planes.depth);
+    let bands = planes.colour.par_chunks_mut(width * ROWS).enumerate();
+    bands.for_each(|(band, colour)| {
+        isa.run(Cull { colour, first: band * ROWS, width, depth, factor: 1.0 + threshold });
     });
 }
 
-/// Adds the rows around `row`, column by column.
-fn add_rows(depth: &[f32], width: usize, row: usize, sums: &mut [(f32, f32)]) {
-    sums.fill((0.0, 0.0));
-    for row in row.saturating_sub(1)..(row + 2).min(depth.len() / width) {
-        for ((sum, count), &depth) in sums.iter_mut().zip(&depth[row * width..]) {
-            *sum += depth;
-            *count += if depth > 0.0 { 1.0 } else { 0.0 };
+/// Culls the rows from `first` on, as many as `colour` has.
+struct Cull<'a> {
+    colour: &'a mut [u32],
+    first: usize,
+    width: usize,
+    /// Of the whole picture.
+    depth: &'a [f32],
+    factor: f32,
+}
+
+impl Kernel for Cull<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { colour, first, width, depth, factor } = self;
+        // Of three rows the sums of depths and numbers of points, 0 beside the picture.
+        let [mut sums, mut counts] = [(); 2].map(|()| vec![0.0; width + 2]);
+        for (row, colour) in (first..).zip(colour.chunks_exact_mut(width)) {
+            sums.fill(0.0);
+            counts.fill(0.0);
+            for row in row.saturating_sub(1)..(row + 2).min(depth.len() / width) {
+                let (sums, counts) = (sums[1..].iter_mut(), &mut counts[1..]);
+                for ((sum, count), depth) in sums.zip(counts).zip(&depth[row * width..][..width]) {
+                    *sum += depth.abs();
+                    *count += if *depth == 0.0 { 0.0 } else { 1.0 };
+                }
+            }
+            let depth = &depth[row * width..][..width];
+            for x in 0..width {
+                let sum = sums[x] + sums[x + 1] + sums[x + 2];
+                let count = counts[x] + counts[x + 1] + counts[x + 2];
+                let is_old = depth[x] < 0.0;
+                let is_deep = depth[x].abs() * count > factor * sum;
+                colour[x] = if is_old & is_deep { colour::NONE } else { colour[x] };
+            }
         }
     }
 }

@@ -9,7 +9,7 @@ use holo_display::{WantedBeam, best_beam};
 use holo_picture::Picture;
 use holo_section::{BeamId, RayCoords, Section};
 
-use crate::{PointImage, Tag};
+use crate::{PointImage, Tag, colour};
 
 /// A picture, and the rays that would improve the next one most.
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +20,13 @@ pub struct Frame<'a> {
 impl<'a> Frame<'a> {
     /// Returns the picture, with its view.
     pub fn picture(&self) -> Picture {
-        let mut picture = self.cache.planes.picture.clone();
+        let planes = &self.cache.planes;
+        let mut picture = Picture::new(planes.width as u32, planes.height as u32);
+        let [red, green, blue] = &planes.picture;
+        let channels = red.iter().zip(green).zip(blue);
+        for (pixel, ((&red, &green), &blue)) in picture.pixels.iter_mut().zip(channels) {
+            *pixel = [red, green, blue];
+        }
         picture.view = self.cache.view;
         picture
     }
@@ -32,8 +38,10 @@ impl<'a> Frame<'a> {
     /// perspectives. Infinitely far points, and those that the view clips, have huge depths.
     pub fn depth(&self) -> impl Iterator<Item = f32> + 'a {
         let planes = &self.cache.planes;
-        let shown = |(pixel, &depth)| planes.shown(pixel).map_or(0.0, |_| depth);
-        (0..).zip(&planes.depth).map(shown)
+        let shown = |(&depth, &colour): (&f32, &u32)| {
+            if colour == colour::NONE { 0.0 } else { depth.abs() }
+        };
+        planes.depth.iter().zip(&planes.colour).map(shown)
     }
 
     /// Returns the rays wanted, predicted ones first: what to give back with the sample, origin on

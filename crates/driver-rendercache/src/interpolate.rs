@@ -4,14 +4,19 @@
 //! Invariant: a pixel with a point has its point's age as priority. A pixel without has 255 if no
 //! neighbour has a point either, and less the more neighbours have.
 
+use std::ops::Range;
+
+use holo_cpu::{Isa, Kernel};
 use rayon::prelude::*;
 
 use crate::params::{PointImageParams, Smoothing};
-use crate::planes::{Light, Planes, ROWS};
+use crate::planes::{Planes, ROWS, bands, rows_of};
 use crate::points::Points;
+use crate::rows::{COUNT, Rows};
 
 /// How a picture is made from the point image.
-pub(crate) struct Interpolate {
+#[derive(Clone, Copy)]
+pub(crate) struct Looks {
     /// Weight of the middle one of three pixels, the others having 1. The 3×3 weights are its
     /// square, itself and 1.
     centre: f32,
@@ -19,98 +24,152 @@ pub(crate) struct Interpolate {
     per_weight: u8,
     /// Weight of what the picture shows already, the prefilter's mean, beside the points.
     prior: f32,
-    /// Whether the filter fills gaps and smooths at all.
+    /// Whether gaps are filled at all.
     fills: bool,
-    smoothing: Smoothing,
-    /// Whether a pixel that nothing fills becomes 0.
+    /// Whether pixels that nothing fills become 0.
     black: bool,
+    /// Whether pixels with a point show it alone: all of them, or those of this view's samples.
+    all_alone: bool,
+    fresh_alone: bool,
 }
 
-impl Interpolate {
-    /// `prior` is the weight of the prefilter's mean, and `black` tells what pixels show that
-    /// nothing fills.
+impl Looks {
+    /// `prior` is the weight of the prefilter's mean. `black` says that pixels which nothing fills
+    /// become 0.
     pub fn new(params: &PointImageParams, prior: f32, black: bool) -> Self {
-        let centre = params.centre_weight;
+        let (centre, fills) = (params.centre_weight, params.stages.interpolation);
         Self {
             centre: centre.into(),
             // Four neighbours have the centre's weight, and four have weight 1.
             per_weight: (u8::MAX - params.gap_priority) / (4 * centre + 4),
-            prior,
-            fills: params.stages.interpolation,
-            smoothing: params.smoothing,
+            prior: if fills { prior } else { 0.0 },
+            fills,
             black,
+            all_alone: !fills || params.smoothing == Smoothing::Gaps,
+            fresh_alone: params.smoothing != Smoothing::Everywhere,
         }
     }
+}
 
-    /// Makes the picture and the priorities.
-    pub fn run(&self, planes: &mut Planes, points: &Points) {
-        let width = planes.width;
-        let Planes { nearest, light, priority, picture, .. } = planes;
-        let pixels = picture.pixels.par_chunks_mut(width * ROWS);
-        let bands = pixels.zip(priority.par_chunks_mut(width * ROWS)).enumerate();
-        bands.for_each(|(band, (pixels, priority))| {
-            let mut down = vec![[0.0; 4]; width + 2];
-            let rows = pixels.chunks_mut(width).zip(priority.chunks_mut(width));
-            for (row, (pixels, priority)) in (band * ROWS..).zip(rows) {
-                let lines =
-                    [0, 1, 2].map(|y| &light.row(row + Light::MARGIN + y - 1)[Light::MARGIN - 1..]);
-                self.add_rows(lines, &mut down);
-                let nearest = &nearest[row * width..];
-                for (x, (pixel, priority)) in pixels.iter_mut().zip(priority).enumerate() {
-                    let sum = self.add([down[x], down[x + 1], down[x + 2]]);
-                    let own = lines[1][x + 1];
-                    let has_point = own[3] > 0.0;
-                    if !has_point {
-                        *priority = u8::MAX - self.per_weight * sum[3] as u8;
-                    }
-                    let smooth = self.mean(sum, *pixel);
-                    let key = nearest[x];
-                    *pixel = if !has_point {
-                        smooth
-                    } else if !self.fills || self.smoothing == Smoothing::Gaps {
-                        [own[0], own[1], own[2]]
-                    } else if self.smoothing == Smoothing::WhereOld && key.is_fresh() {
-                        self.own_mean(smooth, points, key.slot())
-                    } else {
-                        smooth
-                    };
+/// Makes the picture and the priorities.
+pub(crate) fn interpolate(planes: &mut Planes, points: &Points, looks: &Looks) {
+    let (isa, width, height) = (Isa::best(), planes.width, planes.height);
+    let Planes { slot, depth, colour, priority, picture, .. } = planes;
+    let bands = bands(picture, width).zip(priority.par_chunks_mut(width * ROWS)).enumerate();
+    bands.for_each(|(band, (mut picture, priority))| {
+        let rows = rows_of(band, height);
+        let pixels = rows.start * width..rows.end * width;
+        let planes = picture.each_mut().map(|plane| &mut **plane);
+        isa.run(Interpolate { picture: planes, priority, rows, width, colour, looks });
+        if looks.fresh_alone {
+            show_means(&mut picture, &depth[pixels.clone()], &slot[pixels], points, looks.prior);
+        }
+    });
+}
+
+/// Filters some rows.
+struct Interpolate<'a> {
+    picture: [&'a mut [f32]; 3],
+    priority: &'a mut [u8],
+    rows: Range<usize>,
+    width: usize,
+    /// Of the whole picture.
+    colour: &'a [u32],
+    looks: &'a Looks,
+}
+
+impl Kernel for Interpolate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { mut picture, priority, rows, width, colour, looks } = self;
+        let lines = Rows::around(colour, width, rows.clone(), 1);
+        let [mut weights, mut sums] = [(); 2].map(|()| vec![0.0; width]);
+        for row in 0..rows.len() {
+            let pixels = row * width..(row + 1) * width;
+            let has_point = &lines.channel(row + 1, COUNT)[1..];
+            filter(&lines, row, COUNT, looks.centre, &mut weights);
+            prioritise(&mut priority[pixels.clone()], &weights, has_point, looks.per_weight);
+            for (channel, plane) in picture.iter_mut().enumerate() {
+                let plane = &mut plane[pixels.clone()];
+                filter(&lines, row, channel, looks.centre, &mut sums);
+                show(plane, &sums, &weights, looks);
+                if looks.all_alone {
+                    show_own(plane, &lines.channel(row + 1, channel)[1..], has_point);
                 }
             }
-        });
-    }
-
-    /// Returns a pixel's colour from the weighted sum over its neighbourhood and what it shows.
-    #[inline(always)]
-    fn mean(&self, sum: [f32; 4], shown: [f32; 3]) -> [f32; 3] {
-        if sum[3] == 0.0 || !self.fills {
-            return if self.black { [0.0; 3] } else { shown };
-        }
-        let inverse = 1.0 / (sum[3] + self.prior);
-        [0, 1, 2].map(|i| (sum[i] + self.prior * shown[i]) * inverse)
-    }
-
-    /// Returns the colour of a pixel whose point is a sample of this view: the mean of its own
-    /// samples. A few noisy ones are mixed with the smoothed picture, which fades as they grow.
-    fn own_mean(&self, smooth: [f32; 3], points: &Points, slot: usize) -> [f32; 3] {
-        let own = points.colour[slot];
-        let details = &points.details[slot];
-        if self.prior == 0.0 || details.noise == 0.0 {
-            return own;
-        }
-        let share = details.count as f32 / (details.count as f32 + self.prior);
-        [0, 1, 2].map(|i| smooth[i] + share * (own[i] - smooth[i]))
-    }
-
-    fn add_rows(&self, lines: [&[[f32; 4]]; 3], down: &mut [[f32; 4]]) {
-        let [above, here, below] = lines;
-        for (((down, above), here), below) in down.iter_mut().zip(above).zip(here).zip(below) {
-            *down = self.add([*above, *here, *below]);
         }
     }
+}
 
-    /// Returns the sum of three, the middle one weighted.
-    #[inline(always)]
-    fn add(&self, [one, middle, other]: [[f32; 4]; 3]) -> [f32; 4] {
-        [0, 1, 2, 3].map(|i| (one[i] + other[i]) + self.centre * middle[i])
+/// Makes the weighted sums of a channel over 3×3 pixels.
+#[inline(always)]
+fn filter(lines: &Rows, row: usize, channel: usize, centre: f32, sums: &mut [f32]) {
+    let wide = sums.len() + 2;
+    let above = &lines.channel(row, channel)[..wide];
+    let here = &lines.channel(row + 1, channel)[..wide];
+    let below = &lines.channel(row + 2, channel)[..wide];
+    for x in 0..sums.len() {
+        let mut down = [0.0; 3];
+        for (sum, x) in down.iter_mut().zip(x..) {
+            *sum = (above[x] + below[x]) + centre * here[x];
+        }
+        sums[x] = (down[0] + down[2]) + centre * down[1];
+    }
+}
+
+/// Sets the priorities of pixels without a point.
+#[inline(always)]
+fn prioritise(priority: &mut [u8], weights: &[f32], has_point: &[f32], per_weight: u8) {
+    for ((priority, weight), has_point) in priority.iter_mut().zip(weights).zip(has_point) {
+        // A pixel without a point adds nothing to its own weight.
+        let gap = f32::from(u8::MAX) - f32::from(per_weight) * weight;
+        *priority = if *has_point > 0.0 { *priority } else { gap as i32 as u8 };
+    }
+}
+
+/// Shows the weighted means of a channel where there are points.
+#[inline(always)]
+fn show(plane: &mut [f32], sums: &[f32], weights: &[f32], looks: &Looks) {
+    let Looks { prior, fills, black, .. } = *looks;
+    for ((shown, sum), weight) in plane.iter_mut().zip(sums).zip(weights) {
+        let is_filled = fills & (*weight > 0.0);
+        if prior > 0.0 {
+            let mean = (sum + prior * *shown) / (weight + prior);
+            *shown = if is_filled { mean } else { *shown };
+        } else {
+            let kept = if black { 0.0 } else { *shown };
+            let mean = sum / weight;
+            *shown = if is_filled { mean } else { kept };
+        }
+    }
+}
+
+/// Shows the points alone.
+#[inline(always)]
+fn show_own(plane: &mut [f32], own: &[f32], has_point: &[f32]) {
+    for ((shown, own), has_point) in plane.iter_mut().zip(own).zip(has_point) {
+        *shown = if *has_point > 0.0 { *own } else { *shown };
+    }
+}
+
+/// Shows the mean of its own samples in pixels whose point is a sample of this view: packed colours
+/// round it. A few noisy samples are mixed with the smoothed picture, which fades as they grow.
+fn show_means(
+    [red, green, blue]: &mut [&mut [f32]; 3],
+    depth: &[f32],
+    slot: &[u32],
+    points: &Points,
+    prior: f32,
+) {
+    for (pixel, (depth, slot)) in depth.iter().zip(slot).enumerate() {
+        if *depth > 0.0 {
+            let details = &points.details[*slot as usize];
+            let share = details.own_share(prior);
+            for (plane, mean) in [&mut *red, green, blue].into_iter().zip(details.mean) {
+                plane[pixel] += share * (mean - plane[pixel]);
+            }
+        }
     }
 }

@@ -27,6 +27,7 @@
 //! ```
 
 mod cache;
+mod colour;
 mod cull;
 mod dither;
 mod driver;
@@ -43,6 +44,7 @@ mod predict;
 mod prefilter;
 mod project;
 mod requests;
+mod rows;
 mod sample;
 mod screen;
 mod settings;

@@ -61,6 +61,7 @@ impl Map {
 
     /// Projects as many points as there are numbers in `seen`, whose x, y and z become column, row
     /// and depth.
+    #[inline(always)]
     pub fn project_all<const N: usize>(&self, [x, y, z]: [&[f32; N]; 3], seen: &mut [[f32; N]; 3]) {
         let [columns, rows, depths] = seen;
         // One loop for each kind, so that the choice is outside of it.

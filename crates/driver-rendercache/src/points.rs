@@ -4,28 +4,38 @@
 //! - A slot is empty exactly if its age is [`EMPTY`].
 //! - A sample of the current view is never evicted, and is overwritten only by another one.
 
+use crate::colour;
+
 /// Age of an empty slot.
 pub(crate) const EMPTY: u8 = u8::MAX;
 
 /// Points that are projected together. The number of slots is a multiple.
-pub(crate) const BLOCK: usize = 64;
+pub(crate) const BLOCK: usize = 256;
 
 /// What only new samples read of a point.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Details {
-    /// Samples in the point's colour.
+    /// Mean radiance.
+    pub mean: [f32; 3],
+    /// Samples in `mean`.
     pub count: u32,
-    /// Mean radiance of the rays through the very point. The point's colour may be a mean over a
-    /// whole pixel instead.
+    /// Mean radiance of the rays through the very point. `mean` may be one over a whole pixel.
     pub reference: [f32; 3],
     /// Samples in `reference`.
     pub reference_count: u32,
     /// Standard deviation of one sample, as its renderer stated it.
     pub noise: f32,
-    /// The view whose pixel the colour is a mean of, if it is that of one view.
+    /// The view that `mean` is of, if it is that of one view's pixel.
     pub epoch: u32,
-    /// Counts the points that the slot has held.
-    pub generation: u32,
+}
+
+impl Details {
+    /// Returns the share that a pixel's own samples have of its colour beside a smoothed one of
+    /// weight `prior`. A few noisy samples have a small one, and it grows with their number.
+    pub fn own_share(&self, prior: f32) -> f32 {
+        let count = self.count as f32;
+        if self.noise > 0.0 { count / (count + prior) } else { 1.0 }
+    }
 }
 
 /// The slots.
@@ -33,11 +43,14 @@ pub(crate) struct Details {
 pub(crate) struct Points {
     /// x, y and z relative to the cache's origin.
     pub position: [Vec<f32>; 3],
-    /// Mean radiance.
-    pub colour: Vec<[f32; 3]>,
+    /// Mean radiance, packed.
+    pub colour: Vec<u32>,
     pub age: Vec<u8>,
     /// Whether the point is a sample of the current view.
     pub is_fresh: Vec<bool>,
+    /// Counts the points that the slot has held, modulo 256. A slot is taken again after tens of
+    /// frames at the soonest: a sample must be thousands of frames late to be taken for another's.
+    pub generation: Vec<u8>,
     pub details: Vec<Details>,
     /// New points take the oldest of this many slots.
     group: usize,
@@ -54,14 +67,15 @@ impl Points {
     pub fn new(capacity: usize, group: usize) -> Self {
         Self {
             position: std::array::from_fn(|_| vec![0.0; capacity]),
-            colour: vec![[0.0; 3]; capacity],
+            colour: vec![colour::NONE; capacity],
             age: vec![EMPTY; capacity],
             is_fresh: vec![false; capacity],
+            generation: vec![0; capacity],
             details: vec![Details::default(); capacity],
             group,
             cursor: 0,
             due: 0.0,
-            is_shown: vec![false; capacity],
+            is_shown: vec![false; capacity + 1],
         }
     }
 
@@ -103,13 +117,14 @@ impl Points {
         shown: impl Iterator<Item = usize>,
     ) {
         self.is_shown.fill(false);
-        shown.for_each(|slot| self.is_shown[slot] = true);
-        for ((age, is_fresh), is_shown) in
-            self.age.iter_mut().zip(&self.is_fresh).zip(&self.is_shown)
-        {
-            let older = age.saturating_add(if *is_shown { by } else { hidden_by });
-            let leaves = !is_fresh && evict.is_some_and(|evict| older >= evict);
-            *age = if *age == EMPTY || leaves { EMPTY } else { older.min(EMPTY - 1) };
+        // One place more is for whatever is no slot.
+        shown.for_each(|slot| self.is_shown[slot.min(self.age.len())] = true);
+        let evict = evict.map_or(u16::MAX, u16::from);
+        let slots = self.age.iter_mut().zip(&self.is_fresh).zip(&self.is_shown);
+        for ((age, &is_fresh), &is_shown) in slots {
+            let older = age.saturating_add(if is_shown { by } else { hidden_by });
+            let leaves = !is_fresh & (u16::from(older) >= evict);
+            *age = if leaves | (*age == EMPTY) { EMPTY } else { older.min(EMPTY - 1) };
         }
     }
 
@@ -190,7 +205,7 @@ mod tests {
 
     #[test]
     fn shown_points_age_more_slowly_than_hidden_ones() {
-        let mut points = Points::new(64, 8);
+        let mut points = Points::new(256, 8);
         points.age.fill(10);
         points.grow_older(1, 3, None, [5, 7].into_iter());
         assert_eq!((points.age[5], points.age[6], points.age[7]), (11, 13, 11));

@@ -1,19 +1,20 @@
 //! Projection and tile sort (Walter et al. 2002, §3.2): every point to its pixel, in buckets by
 //! tile of the picture, so that a tile's part of the z-buffer stays in the processor's cache.
 //!
-//! Invariant: what a bucket holds does not depend on the number of threads.
+//! Records carry colour and age: fetched later, point by point, they would come from anywhere in the
+//! cache of points, which takes longer than all else in the z-buffer.
 
 use std::ops::Range;
 
+use holo_cpu::{Isa, Kernel};
 use rayon::prelude::*;
 
 use crate::map::Map;
-use crate::planes::Key;
 use crate::points::{BLOCK, EMPTY, Points};
 
 /// Tiles of a picture, about. Tiles are whole rows.
 const TILES: usize = 64;
-/// Pixels of a tile, unless a single row has more: 64 kB and 512 kB of z-buffer.
+/// Pixels of a tile, unless a single row has more: 128 kB and 1 MB of z-buffer.
 const LEAST_PIXELS: usize = 1 << 13;
 const MOST_PIXELS: usize = 1 << 16;
 
@@ -23,9 +24,40 @@ const PARTS: usize = 16;
 /// A point that falls into a tile.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Record {
-    /// Number of the pixel in its tile.
-    pub pixel: u32,
-    pub key: Key,
+    /// The least key of a pixel's points is that of the nearest fresh one, else of the nearest one;
+    /// of equally near ones, of the first in the cache.
+    pub key: u64,
+    pub colour: u32,
+    /// From bit 8 on the number of the pixel in its tile, below the age.
+    about: u32,
+}
+
+const _: () = assert!(size_of::<Record>() == 16);
+
+impl Record {
+    /// No point.
+    pub const NONE: Self = Self { key: u64::MAX, colour: crate::colour::NONE, about: 0 };
+    /// In a key: the point is not a sample of the current view.
+    const OLD: u64 = 1 << 63;
+
+    /// Returns the slot, in 32 bits.
+    pub fn slot(&self) -> u32 {
+        self.key as u32
+    }
+
+    /// Returns the depth: negative if the point is not a sample of the current view.
+    pub fn depth(&self) -> f32 {
+        f32::from_bits((self.key >> 32) as u32)
+    }
+
+    /// Returns the number of the pixel in its tile.
+    pub fn pixel(&self) -> usize {
+        (self.about >> 8) as usize
+    }
+
+    pub fn age(&self) -> u8 {
+        self.about as u8
+    }
 }
 
 /// Records by tile.
@@ -35,13 +67,14 @@ pub(crate) struct Buckets {
     parts: Vec<Vec<Vec<Record>>>,
     /// Slots of a part.
     part_length: usize,
+    /// A power of two.
     pub tile_rows: usize,
 }
 
 impl Buckets {
     pub fn new((width, height): (usize, usize), capacity: usize) -> Self {
         let pixels = (width * height / TILES).clamp(LEAST_PIXELS, MOST_PIXELS);
-        let tile_rows = (pixels / width).max(1);
+        let tile_rows = 1 << (pixels / width).max(1).ilog2();
         let tiles = height.div_ceil(tile_rows);
         let part_length = capacity.div_ceil(PARTS).next_multiple_of(BLOCK);
         let parts = capacity.div_ceil(part_length);
@@ -50,14 +83,19 @@ impl Buckets {
 
     /// Sorts all points that fall into the picture into the buckets of their tiles.
     pub fn fill(&mut self, points: &Points, map: &Map, size: (usize, usize)) {
-        let (length, tile_rows) = (self.part_length, self.tile_rows);
+        let (length, shift) = (self.part_length, self.tile_rows.ilog2());
         self.parts.par_iter_mut().enumerate().for_each(|(part, tiles)| {
             tiles.iter_mut().for_each(Vec::clear);
             let slots = part * length..((part + 1) * length).min(points.capacity());
             each_seen(points, slots, map, size, |slot, column, row, depth| {
-                let (tile, row) = (row / tile_rows, row % tile_rows);
-                let key = Key::new(depth, points.is_fresh[slot], slot);
-                tiles[tile].push(Record { pixel: (row * size.0 + column) as u32, key });
+                let tile = row >> shift;
+                let pixel = (row - (tile << shift)) * size.0 + column;
+                let old = if points.is_fresh[slot] { 0 } else { Record::OLD };
+                tiles[tile].push(Record {
+                    key: old | u64::from(depth.to_bits()) << 32 | slot as u64,
+                    colour: points.colour[slot],
+                    about: (pixel as u32) << 8 | u32::from(points.age[slot]),
+                });
             });
         });
     }
@@ -75,22 +113,52 @@ pub(crate) fn each_seen(
     points: &Points,
     slots: Range<usize>,
     map: &Map,
-    (width, height): (usize, usize),
+    size: (usize, usize),
     mut seen: impl FnMut(usize, usize, usize, f32),
 ) {
-    let (right, bottom) = (width as f32, height as f32);
-    let blocks = points.position.each_ref().map(|axis| axis[slots.clone()].as_chunks::<BLOCK>().0);
-    let mut found = [[0.0; BLOCK]; 3];
-    for (number, first) in slots.step_by(BLOCK).enumerate() {
-        map.project_all(blocks.map(|axis| &axis[number]), &mut found);
-        let [columns, rows, depths] = &found;
+    let isa = Isa::best();
+    let mut places = [[0.0; BLOCK]; 3];
+    let mut inside = [0; BLOCK];
+    for first in slots.step_by(BLOCK) {
+        isa.run(Project { points, first, map, size, places: &mut places });
+        let [columns, rows, depths] = &places;
+        // First a list of those inside, without branches: which they are cannot be foretold.
+        let mut count = 0;
         for i in 0..BLOCK {
-            let (column, row, slot) = (columns[i], rows[i], first + i);
-            // NaN is in no range.
+            inside[count] = i;
+            count += usize::from(depths[i] > 0.0);
+        }
+        for &i in &inside[..count] {
+            seen(first + i, columns[i] as i32 as usize, rows[i] as i32 as usize, depths[i]);
+        }
+    }
+}
+
+/// Determines column, row and depth of the points from slot `first` on. The depth is 0 for those
+/// outside a picture of `size` pixels.
+struct Project<'a> {
+    points: &'a Points,
+    first: usize,
+    map: &'a Map,
+    size: (usize, usize),
+    places: &'a mut [[f32; BLOCK]; 3],
+}
+
+impl Kernel for Project<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { points, first, map, size, places } = self;
+        let axis = |axis: usize| &points.position[axis].as_chunks().0[first / BLOCK];
+        map.project_all([axis(0), axis(1), axis(2)], places);
+        let ages: &[u8; BLOCK] = &points.age.as_chunks().0[first / BLOCK];
+        let (right, bottom) = (size.0 as f32, size.1 as f32);
+        let [columns, rows, depths] = places;
+        for i in 0..BLOCK {
+            let (column, row) = (columns[i], rows[i]);
             let is_inside = (column >= 0.0) & (column < right) & (row >= 0.0) & (row < bottom);
-            if is_inside & (depths[i] > 0.0) & (points.age[slot] != EMPTY) {
-                seen(slot, column as usize, row as usize, depths[i]);
-            }
+            depths[i] = if is_inside & (ages[i] != EMPTY) { depths[i] } else { 0.0 };
         }
     }
 }

@@ -21,8 +21,8 @@ impl PointImage {
     }
 
     fn request(&self, pixel: u32, seed: u32) -> Request {
-        let (width, height) = (self.planes.width as u32, self.planes.height as u32);
-        let (column, row) = (pixel % width, pixel / width);
+        let (width, height) = (self.planes.width, self.planes.height);
+        let (column, row) = self.planes.place(pixel);
         let anywhere = || {
             let (x, y) = pair(seed, pixel);
             Aim::Picture((column as f32 + x) / width as f32, 1.0 - (row as f32 + y) / height as f32)
@@ -74,7 +74,7 @@ impl PointImage {
     }
 
     fn tag(&self, pixel: u32, purpose: Purpose, point: Option<usize>) -> Tag {
-        let generation = point.map_or(0, |slot| self.points.details[slot].generation);
+        let generation = point.map_or(0, |slot| self.points.generation[slot]);
         Tag { purpose, pixel, slot: point.unwrap_or(usize::MAX), generation, epoch: self.epoch }
     }
 
@@ -88,10 +88,9 @@ impl PointImage {
     pub(crate) fn is_in(&self, slot: usize, pixel: u32) -> bool {
         let Some(map) = &self.map else { return false };
         let [column, row, depth] = map.project(self.points.position(slot));
-        let (at, width) = (pixel as usize, self.planes.width);
+        let at = self.planes.place(pixel);
         depth > 0.0
-            && column.floor() == (at % width) as f32
-            && row.floor() == (at / width) as f32
+            && (column.floor(), row.floor()) == (at.0 as f32, at.1 as f32)
             && !self.points.is_empty(slot)
     }
 }

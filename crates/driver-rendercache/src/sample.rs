@@ -20,7 +20,7 @@ pub struct Tag {
     pub(crate) pixel: u32,
     pub(crate) slot: usize,
     /// Which of the points that the slot has held.
-    pub(crate) generation: u32,
+    pub(crate) generation: u8,
     /// Which view it was asked for.
     pub(crate) epoch: u32,
 }

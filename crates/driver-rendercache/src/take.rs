@@ -5,15 +5,17 @@
 //! - A sample that comes late is a point like any other.
 
 use glam::DVec3;
+use holo_cpu::prefetch_at;
 use holo_picture::{Clip, View};
 
 use crate::PointImage;
+use crate::colour::{self, LARGEST};
 use crate::map::{far_along, far_away};
 use crate::points::Details;
 use crate::sample::{Place, Purpose, Sample, Tag};
 
-/// Largest radiance that is kept: sums over the widest filter do not overflow.
-const LARGEST: f32 = 1e30;
+/// Samples before one whose point is fetched from memory.
+const AHEAD: usize = 16;
 
 /// A sample as the cache keeps it.
 #[derive(Clone, Copy)]
@@ -29,11 +31,17 @@ impl PointImage {
     /// Takes samples in. Returns how many of them made a new point.
     pub(crate) fn take_all(&mut self, samples: &[Sample]) -> usize {
         self.noise.take(samples, self.points.capacity());
-        let new_points = samples.iter().filter_map(|sample| {
-            let arrival = self.arrival(sample)?;
-            Some(self.take(&arrival))
-        });
-        new_points.filter(|&is_new| is_new).count()
+        let mut new_points = 0;
+        for (number, sample) in samples.iter().enumerate() {
+            // Points lie anywhere in memory: without this each sample waits for its own.
+            if let Some(later) = samples.get(number + AHEAD) {
+                prefetch_at(&self.points.details, later.tag.slot);
+            }
+            if let Some(arrival) = self.arrival(sample) {
+                new_points += usize::from(self.take(&arrival));
+            }
+        }
+        new_points
     }
 
     /// Returns what the cache keeps of a sample. `None` if a number is not finite, or if the sample
@@ -89,7 +97,7 @@ impl PointImage {
         let Tag { purpose, pixel, slot, .. } = new.tag;
         let is_current = new.tag.epoch == self.epoch;
         let holds = slot < self.points.capacity()
-            && self.points.details[slot].generation == new.tag.generation
+            && self.points.generation[slot] == new.tag.generation
             && !self.points.is_empty(slot);
         match purpose {
             Purpose::Resample if holds => self.resample(slot, new, is_current),
@@ -124,7 +132,7 @@ impl PointImage {
     fn begin(&mut self, new: &Arrival, is_fresh: bool) -> bool {
         let slot = self.add(new, is_fresh);
         if let Some(slot) = slot {
-            self.planes.show(new.tag.pixel, slot, new.radiance);
+            self.planes.show(new.tag.pixel, slot, self.points.colour[slot]);
         }
         slot.is_some()
     }
@@ -167,7 +175,7 @@ impl PointImage {
     }
 
     fn fresh_point_of(&self, pixel: u32) -> Option<usize> {
-        let slot = self.planes.nearest.get(pixel as usize)?.slot();
+        let slot = *self.planes.slot.get(pixel as usize)? as usize;
         // Since the last picture another pixel's point may have taken the slot.
         let is_its = *self.points.is_fresh.get(slot)?
             && self.points.details[slot].epoch == self.epoch
@@ -193,16 +201,17 @@ impl PointImage {
     fn put(&mut self, slot: usize, new: &Arrival, is_fresh: bool) {
         let points = &mut self.points;
         points.set_position(slot, new.position);
-        points.colour[slot] = new.radiance;
+        points.colour[slot] = colour::encode(new.radiance);
         points.age[slot] = 0;
         points.is_fresh[slot] = is_fresh;
+        points.generation[slot] = points.generation[slot].wrapping_add(1);
         points.details[slot] = Details {
+            mean: new.radiance,
             count: 1,
             reference: new.radiance,
             reference_count: 1,
             noise: new.noise,
             epoch: if is_fresh { self.epoch } else { self.epoch.wrapping_sub(1) },
-            generation: points.details[slot].generation.wrapping_add(1),
         };
     }
 
@@ -212,7 +221,8 @@ impl PointImage {
         let details = &mut self.points.details[slot];
         average(&mut details.reference, new.radiance, &mut details.reference_count, most);
         if details.epoch != self.epoch {
-            average(&mut self.points.colour[slot], new.radiance, &mut details.count, most);
+            average(&mut details.mean, new.radiance, &mut details.count, most);
+            self.points.colour[slot] = colour::encode(details.mean);
             if is_current {
                 // A pixel's mean needs rays all over the pixel, and this one stands for its point
                 // only. It counts as the first.
@@ -229,19 +239,20 @@ impl PointImage {
 
     /// Averages in another ray of the same pixel and view: the mean is the pixel's box filter.
     fn refine(&mut self, slot: usize, new: &Arrival) {
-        let count = &mut self.points.details[slot].count;
-        average(&mut self.points.colour[slot], new.radiance, count, self.params.resting_mean);
+        let details = &mut self.points.details[slot];
+        average(&mut details.mean, new.radiance, &mut details.count, self.params.resting_mean);
+        self.points.colour[slot] = colour::encode(details.mean);
         self.points.age[slot] = 0;
     }
 
     /// Makes the points around a changed one older: they have probably changed too (1999, §4.1).
     fn age_neighbours(&mut self, pixel: u32, changed: usize) {
         let (width, height) = (self.planes.width, self.planes.height);
-        let (column, row) = (pixel as usize % width, pixel as usize / width);
+        let (column, row) = self.planes.place(pixel);
         let reach = self.params.change_reach as usize;
         for y in row.saturating_sub(reach)..(row + reach + 1).min(height) {
             for x in column.saturating_sub(reach)..(column + reach + 1).min(width) {
-                let slot = self.planes.nearest[y * width + x].slot();
+                let slot = self.planes.slot[y * width + x] as usize;
                 if slot != changed && slot < self.points.capacity() {
                     self.points.add_age(slot, self.params.change_ageing);
                 }

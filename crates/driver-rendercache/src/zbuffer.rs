@@ -3,36 +3,39 @@
 
 use rayon::prelude::*;
 
+use crate::colour;
 use crate::map::BEYOND;
-use crate::planes::{Key, Planes};
-use crate::points::Points;
-use crate::project::Buckets;
+use crate::planes::Planes;
+use crate::project::{Buckets, Record};
 
-/// Makes the point image from the points of all buckets: depth, radiance and age of each pixel.
-pub(crate) fn fill(planes: &mut Planes, buckets: &Buckets, points: &Points) {
-    let (width, rows) = (planes.width, buckets.tile_rows);
-    let Planes { nearest, depth, light, priority, .. } = planes;
-    let tiles = nearest
-        .par_chunks_mut(width * rows)
-        .zip(depth.par_chunks_mut(width * rows))
-        .zip(priority.par_chunks_mut(width * rows))
-        .zip(light.bands_mut(rows));
-    tiles.enumerate().for_each(|(tile, (((nearest, depth), priority), light))| {
-        nearest.fill(Key::NONE);
+/// Makes the point image from the points of all buckets: slot, depth, colour and age of each
+/// pixel's nearest point.
+pub(crate) fn fill(planes: &mut Planes, buckets: &Buckets) {
+    let pixels = planes.width * buckets.tile_rows;
+    let Planes { slot, depth, colour, priority, .. } = planes;
+    let tiles = slot
+        .par_chunks_mut(pixels)
+        .zip(depth.par_chunks_mut(pixels))
+        .zip(colour.par_chunks_mut(pixels))
+        .zip(priority.par_chunks_mut(pixels))
+        .enumerate();
+    let zbuffer = || vec![Record::NONE; pixels];
+    tiles.for_each_init(zbuffer, |nearest, (tile, (((slot, depth), colour), priority))| {
+        nearest.fill(Record::NONE);
         for record in buckets.tile(tile) {
-            let pixel = &mut nearest[record.pixel as usize];
-            *pixel = record.key.min(*pixel);
-        }
-        let pixels = nearest.iter().zip(depth).zip(priority).zip(light.flatten());
-        for (((&key, depth), priority), light) in pixels {
-            if key == Key::NONE {
-                (*depth, *light) = (0.0, [0.0; 4]);
-                continue;
+            let pixel = &mut nearest[record.pixel()];
+            if record.key < pixel.key {
+                *pixel = *record;
             }
-            let [red, green, blue] =
-                if key.depth() < BEYOND { points.colour[key.slot()] } else { [0.0; 3] };
-            (*depth, *priority) = (key.depth(), points.age[key.slot()]);
-            *light = [red, green, blue, 1.0];
+        }
+        let planes = slot.iter_mut().zip(depth).zip(colour).zip(priority);
+        for ((((slot, depth), colour), priority), nearest) in planes.zip(&*nearest) {
+            let has_point = nearest.colour != colour::NONE;
+            let is_black = nearest.depth().abs() >= BEYOND;
+            *slot = nearest.slot();
+            *depth = if has_point { nearest.depth() } else { 0.0 };
+            *colour = if is_black { colour::BLACK } else { nearest.colour };
+            *priority = nearest.age();
         }
     });
 }
