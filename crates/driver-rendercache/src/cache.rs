@@ -103,7 +103,7 @@ impl PointImage {
     /// must not drive the others out.
     pub fn insert(&mut self, samples: &[Sample]) {
         let new_points = self.take_all(samples);
-        self.age(new_points, false);
+        self.age(new_points);
         self.is_dirty |= !samples.is_empty();
     }
 
@@ -116,7 +116,7 @@ impl PointImage {
     /// for clocks.
     pub fn frame_watched(&mut self, moment: &Moment, ended: &mut dyn FnMut(Stage)) -> Frame<'_> {
         let moved = self.look(&moment.view);
-        self.age(moment.samples.len(), moved);
+        self.age(moment.samples.len());
         self.take_all(moment.samples);
         ended(Stage::UpdatePoints);
         self.requests.clear();
@@ -160,11 +160,11 @@ impl PointImage {
     }
 
     /// Makes points older by as much as `samples` new ones are worth.
-    fn age(&mut self, samples: usize, moved: bool) {
+    fn age(&mut self, samples: usize) {
         let PointImageParams { stages, mean_last_age, hidden_ageing, eviction_age, .. } =
             self.params;
         let by = if stages.ageing { self.points.increment(samples, mean_last_age) } else { 0 };
-        if by > 0 || moved {
+        if by > 0 {
             let evict = stages.eviction.then_some(eviction_age);
             let shown = self.planes.slot.iter().map(|&slot| slot as usize);
             self.points.grow_older(by, by.saturating_mul(hidden_ageing), evict, shown);
@@ -187,8 +187,10 @@ impl PointImage {
         let black = params.empty == EmptyPixels::Black;
         let mut prior = 0.0;
         if stages.prefilter {
-            prefilter::prefilter(planes, prefilter_window, black);
             prior = self.noise.weight(params.noise_smoothing);
+            // What the interpolation overwrites need not be filtered.
+            let gaps_only = stages.interpolation && prior == 0.0;
+            prefilter::prefilter(planes, prefilter_window, black, gaps_only);
             ended(Stage::Prefilter);
         }
         // What the prefilter left black may stay.

@@ -4,10 +4,18 @@
 //! - A slot is empty exactly if its age is [`EMPTY`].
 //! - A sample of the current view is never evicted, and is overwritten only by another one.
 
+use holo_cpu::prefetch_at;
+
 use crate::colour;
 
 /// Age of an empty slot.
 pub(crate) const EMPTY: u8 = u8::MAX;
+
+/// Samples and requests by which points are fetched before their turn.
+pub(crate) const AHEAD: usize = 16;
+
+/// Units of age that points gain at a time, at least: all of them are looked at.
+const STEP: f64 = 8.0;
 
 /// Points that are projected together. The number of slots is a multiple.
 pub(crate) const BLOCK: usize = 256;
@@ -56,7 +64,7 @@ pub(crate) struct Points {
     group: usize,
     /// First slot of the next group.
     cursor: usize,
-    /// Ageing that is due but is less than one unit.
+    /// Units of age that are due but have not been added.
     due: f64,
     /// Whether some pixel shows the point. Used while points age.
     is_shown: Vec<bool>,
@@ -87,6 +95,16 @@ impl Points {
         self.age[slot] == EMPTY
     }
 
+    /// Fetches from memory what a sample or a request for a point needs. Points lie anywhere: without
+    /// this each one waits for its own.
+    pub fn prefetch(&self, slot: usize) {
+        self.position.iter().for_each(|axis| prefetch_at(axis, slot));
+        prefetch_at(&self.age, slot);
+        prefetch_at(&self.is_fresh, slot);
+        prefetch_at(&self.generation, slot);
+        prefetch_at(&self.details, slot);
+    }
+
     /// Returns a point's position relative to the cache's origin.
     pub fn position(&self, slot: usize) -> [f32; 3] {
         self.position.each_ref().map(|axis| axis[slot])
@@ -98,11 +116,11 @@ impl Points {
         }
     }
 
-    /// Returns the units of age that a frame with `samples` new samples adds, such that points are
-    /// overwritten at `mean_last_age` on average (2002, §3.4).
+    /// Returns the units of age to add after `samples` new samples, such that points are overwritten
+    /// at `mean_last_age` on average (2002, §3.4): none until [`STEP`] are due.
     pub fn increment(&mut self, samples: usize, mean_last_age: f64) -> u8 {
         self.due += mean_last_age * samples as f64 / self.capacity() as f64;
-        let whole = self.due.floor().min(254.0);
+        let whole = if self.due < STEP { 0.0 } else { self.due.floor().min(254.0) };
         self.due = (self.due - whole).min(254.0);
         whole as u8
     }

@@ -14,22 +14,24 @@ use crate::rows::{COUNT, Rows};
 
 /// Shows in every pixel the mean over the points of `window` × `window` pixels around it: 3, 5, 7
 /// or 9. A pixel without any becomes 0 if `black`, else it keeps what it showed.
-pub(crate) fn prefilter(planes: &mut Planes, window: u32, black: bool) {
+///
+/// With `gaps_only`, rows are left out in which all pixels have a point among 3×3.
+pub(crate) fn prefilter(planes: &mut Planes, window: u32, black: bool, gaps_only: bool) {
     // Loops are compiled for each, so that their sums stay in registers.
     match window {
-        3 => filter::<3>(planes, black),
-        5 => filter::<5>(planes, black),
-        7 => filter::<7>(planes, black),
-        _ => filter::<9>(planes, black),
+        3 => filter::<3>(planes, black, gaps_only),
+        5 => filter::<5>(planes, black, gaps_only),
+        7 => filter::<7>(planes, black, gaps_only),
+        _ => filter::<9>(planes, black, gaps_only),
     }
 }
 
-fn filter<const WINDOW: usize>(planes: &mut Planes, black: bool) {
+fn filter<const WINDOW: usize>(planes: &mut Planes, black: bool, gaps_only: bool) {
     let (isa, width, height) = (Isa::best(), planes.width, planes.height);
     let colour = &planes.colour;
     bands(&mut planes.picture, width).enumerate().for_each(|(band, picture)| {
         let rows = rows_of(band, height);
-        isa.run(Prefilter::<WINDOW> { picture, rows, width, colour, black });
+        isa.run(Prefilter::<WINDOW> { picture, rows, width, colour, black, gaps_only });
     });
 }
 
@@ -41,6 +43,7 @@ struct Prefilter<'a, const WINDOW: usize> {
     /// Of the whole picture.
     colour: &'a [u32],
     black: bool,
+    gaps_only: bool,
 }
 
 impl<const WINDOW: usize> Kernel for Prefilter<'_, WINDOW> {
@@ -48,12 +51,15 @@ impl<const WINDOW: usize> Kernel for Prefilter<'_, WINDOW> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { mut picture, rows, width, colour, black } = self;
+        let Self { mut picture, rows, width, colour, black, gaps_only } = self;
         let lines = Rows::around(colour, width, rows.clone(), WINDOW / 2);
         // Sums of a channel down the columns and over the whole window.
         let mut down = vec![0.0; width + WINDOW - 1];
         let [mut sums, mut counts] = [(); 2].map(|()| vec![0.0; width]);
         for row in 0..rows.len() {
+            if gaps_only && !has_gap::<WINDOW>(&lines, row, &mut down, &mut counts) {
+                continue;
+            }
             add_rows::<WINDOW>(&lines, row, COUNT, &mut down);
             add_columns::<WINDOW>(&down, &mut counts);
             for (channel, plane) in picture.iter_mut().enumerate() {
@@ -69,6 +75,20 @@ impl<const WINDOW: usize> Kernel for Prefilter<'_, WINDOW> {
             }
         }
     }
+}
+
+/// Returns whether some pixel of a row has no point among 3×3.
+#[inline(always)]
+fn has_gap<const WINDOW: usize>(
+    lines: &Rows,
+    row: usize,
+    down: &mut [f32],
+    counts: &mut [f32],
+) -> bool {
+    let margin = WINDOW / 2 - 1;
+    add_rows::<3>(lines, row + margin, COUNT, down);
+    add_columns::<3>(&down[margin..], counts);
+    counts.iter().fold(f32::INFINITY, |least, &count| least.min(count)) == 0.0
 }
 
 #[inline(always)]

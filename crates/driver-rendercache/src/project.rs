@@ -19,7 +19,7 @@ const LEAST_PIXELS: usize = 1 << 13;
 const MOST_PIXELS: usize = 1 << 16;
 
 /// Parts of the points, each of which has buckets of its own that one thread fills.
-const PARTS: usize = 16;
+const PARTS: usize = 8;
 
 /// A point that falls into a tile.
 #[derive(Clone, Copy, Debug)]
@@ -100,9 +100,9 @@ impl Buckets {
         });
     }
 
-    /// Returns the records of a tile.
-    pub fn tile(&self, tile: usize) -> impl Iterator<Item = &Record> {
-        self.parts.iter().flat_map(move |tiles| &tiles[tile])
+    /// Returns the records of a tile, in some lists.
+    pub fn tile(&self, tile: usize) -> impl Iterator<Item = &Vec<Record>> {
+        self.parts.iter().map(move |tiles| &tiles[tile])
     }
 }
 
@@ -117,31 +117,39 @@ pub(crate) fn each_seen(
     mut seen: impl FnMut(usize, usize, usize, f32),
 ) {
     let isa = Isa::best();
-    let mut places = [[0.0; BLOCK]; 3];
+    let mut block = Block { place: [[0.0; BLOCK]; 3], pixel: [[0; BLOCK]; 2] };
     let mut inside = [0; BLOCK];
     for first in slots.step_by(BLOCK) {
-        isa.run(Project { points, first, map, size, places: &mut places });
-        let [columns, rows, depths] = &places;
+        isa.run(Project { points, first, map, size, block: &mut block });
+        let Block { place: [_, _, depths], pixel: [columns, rows] } = &block;
         // First a list of those inside, without branches: which they are cannot be foretold.
         let mut count = 0;
-        for i in 0..BLOCK {
-            inside[count] = i;
-            count += usize::from(depths[i] > 0.0);
+        for (i, &depth) in depths.iter().enumerate() {
+            inside[count % BLOCK] = i;
+            count += usize::from(depth > 0.0);
         }
         for &i in &inside[..count] {
-            seen(first + i, columns[i] as i32 as usize, rows[i] as i32 as usize, depths[i]);
+            let i = i % BLOCK;
+            seen(first + i, columns[i] as usize, rows[i] as usize, depths[i]);
         }
     }
 }
 
-/// Determines column, row and depth of the points from slot `first` on. The depth is 0 for those
-/// outside a picture of `size` pixels.
+/// Some points as a picture shows them.
+struct Block {
+    /// Column, row and depth; depth 0 outside the picture.
+    place: [[f32; BLOCK]; 3],
+    /// Whole columns and rows.
+    pixel: [[u32; BLOCK]; 2],
+}
+
+/// Projects the points from slot `first` on into a picture of `size` pixels.
 struct Project<'a> {
     points: &'a Points,
     first: usize,
     map: &'a Map,
     size: (usize, usize),
-    places: &'a mut [[f32; BLOCK]; 3],
+    block: &'a mut Block,
 }
 
 impl Kernel for Project<'_> {
@@ -149,16 +157,30 @@ impl Kernel for Project<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { points, first, map, size, places } = self;
+        let Self { points, first, map, size, block: Block { place, pixel } } = self;
         let axis = |axis: usize| &points.position[axis].as_chunks().0[first / BLOCK];
-        map.project_all([axis(0), axis(1), axis(2)], places);
+        map.project_all([axis(0), axis(1), axis(2)], place);
         let ages: &[u8; BLOCK] = &points.age.as_chunks().0[first / BLOCK];
         let (right, bottom) = (size.0 as f32, size.1 as f32);
-        let [columns, rows, depths] = places;
+        let ([columns, rows, depths], [whole_columns, whole_rows]) = (place, pixel);
         for i in 0..BLOCK {
             let (column, row) = (columns[i], rows[i]);
             let is_inside = (column >= 0.0) & (column < right) & (row >= 0.0) & (row < bottom);
             depths[i] = if is_inside & (ages[i] != EMPTY) { depths[i] } else { 0.0 };
+            (whole_columns[i], whole_rows[i]) = (whole(column), whole(row));
         }
     }
+}
+
+/// Returns the whole part of a number from 0 to 2²².
+///
+/// A cast would do, but it also handles NaN and infinities, and so is not compiled for many numbers
+/// at a time.
+#[inline(always)]
+fn whole(number: f32) -> u32 {
+    /// From here on there are no fractions, and the mantissa is the number above it.
+    const LARGE: f32 = 8_388_608.0;
+    let nearest = (number + LARGE) - LARGE;
+    let whole = if nearest > number { nearest - 1.0 } else { nearest };
+    (whole + LARGE).to_bits() & 0x7f_ffff
 }

@@ -1,7 +1,9 @@
 //! Which rays are wanted, and what their samples are for (Walter et al. 1999, §4.1).
 
+use holo_cpu::prefetch_at;
 use holo_display::{mix, pair};
 
+use crate::points::AHEAD;
 use crate::sample::{Aim, Purpose, Request, Tag};
 use crate::{PointImage, dither};
 
@@ -10,14 +12,22 @@ impl PointImage {
     pub(crate) fn request_pixels(&mut self, wanted: usize) {
         let seed = mix(self.params.seed, self.frames);
         let pixels = self.planes.priority.len() as u64;
-        let chosen = if self.params.stages.dither {
+        let chosen: Vec<u32> = if self.params.stages.dither {
             dither::choose(&self.planes.priority, self.planes.width, wanted, seed)
         } else {
             let anywhere = |index| ((u64::from(mix(seed, index)) * pixels) >> 32) as u32;
             (0..wanted as u32).map(anywhere).collect()
         };
-        let requests: Vec<_> = chosen.into_iter().map(|pixel| self.request(pixel, seed)).collect();
-        self.requests.extend(requests);
+        for (number, &pixel) in chosen.iter().enumerate() {
+            if let Some(&later) = chosen.get(number + 2 * AHEAD) {
+                prefetch_at(&self.planes.slot, later as usize);
+                prefetch_at(&self.planes.colour, later as usize);
+            }
+            if let Some(&later) = chosen.get(number + AHEAD) {
+                self.points.prefetch(self.planes.slot[later as usize] as usize);
+            }
+            self.requests.push(self.request(pixel, seed));
+        }
     }
 
     fn request(&self, pixel: u32, seed: u32) -> Request {

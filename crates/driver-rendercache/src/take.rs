@@ -5,17 +5,13 @@
 //! - A sample that comes late is a point like any other.
 
 use glam::DVec3;
-use holo_cpu::prefetch_at;
 use holo_picture::{Clip, View};
 
 use crate::PointImage;
 use crate::colour::{self, LARGEST};
 use crate::map::{far_along, far_away};
-use crate::points::Details;
+use crate::points::{AHEAD, Details};
 use crate::sample::{Place, Purpose, Sample, Tag};
-
-/// Samples before one whose point is fetched from memory.
-const AHEAD: usize = 16;
 
 /// A sample as the cache keeps it.
 #[derive(Clone, Copy)]
@@ -33,9 +29,8 @@ impl PointImage {
         self.noise.take(samples, self.points.capacity());
         let mut new_points = 0;
         for (number, sample) in samples.iter().enumerate() {
-            // Points lie anywhere in memory: without this each sample waits for its own.
             if let Some(later) = samples.get(number + AHEAD) {
-                prefetch_at(&self.points.details, later.tag.slot);
+                self.points.prefetch(later.tag.slot);
             }
             if let Some(arrival) = self.arrival(sample) {
                 new_points += usize::from(self.take(&arrival));

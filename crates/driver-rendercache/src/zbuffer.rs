@@ -22,10 +22,12 @@ pub(crate) fn fill(planes: &mut Planes, buckets: &Buckets) {
     let zbuffer = || vec![Record::NONE; pixels];
     tiles.for_each_init(zbuffer, |nearest, (tile, (((slot, depth), colour), priority))| {
         nearest.fill(Record::NONE);
-        for record in buckets.tile(tile) {
-            let pixel = &mut nearest[record.pixel()];
-            if record.key < pixel.key {
-                *pixel = *record;
+        for records in buckets.tile(tile) {
+            for record in records {
+                let pixel = &mut nearest[record.pixel()];
+                if record.key < pixel.key {
+                    *pixel = *record;
+                }
             }
         }
         let planes = slot.iter_mut().zip(depth).zip(colour).zip(priority);
