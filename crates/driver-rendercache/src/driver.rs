@@ -9,8 +9,9 @@ use holo_display::{Driver, DriverError, Frame, Look, SurfaceAt, WantedBeam};
 use holo_picture::{View, ViewKind};
 use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
 
+use crate::map::far_depth;
 use crate::screen::{Screen, radius};
-use crate::{Moment, PointImage, PointImageParams, Sample, far_depth};
+use crate::{Moment, PointImage, PointImageParams, Sample};
 
 /// The driver's name.
 const NAME: &str = "pointimage";

@@ -1,170 +1,125 @@
-//! A view as projection takes it, in f32, relative to the points' origin: three dot products for a perspective, [`Curved`] for others.
+//! A view as projection takes it: in f32, relative to the points' origin.
 //!
-//! Always true: a point is mapped to a pixel only if the view sees it (what is beyond an aft clipping surface it sees black) and all its numbers are finite.
+//! Invariant: a point gets a depth above 0 only if the view sees it and all its numbers are finite.
 
 use glam::{DVec3, Vec4};
 use holo_picture::{Clip, View, ViewKind};
 
-/// Distance at which things infinitely far away are kept: far enough that no walk moves them, with room for products in f32.
+/// Distance at which infinitely far things are kept: no walk moves them, and products fit in f32.
 const FAR: f64 = 1e15;
-/// The same in parallel views, where it depends on the pixel: so many sizes of the picture. More would not tell pixels apart.
+/// The same in parallel views, in sizes of the picture. There it depends on the pixel, and more
+/// would not tell pixels apart.
 const FAR_SIZES: f64 = 1e3;
-/// Smallest depth that is in front of the eye: its reciprocal is finite.
-pub(super) const NEAREST: f32 = 1e-30;
+/// Least depth that a view sees: its reciprocal is finite.
+const NEAREST: f32 = 1e-30;
 
-/// Depth of what is beyond an aft clipping surface: no picture's sums of nine overflow.
-pub(super) const BEYOND: f32 = 1e36;
+/// Depth of black points beyond an aft clipping surface. Sums of nine do not overflow.
+pub(crate) const BEYOND: f32 = 1e36;
 
-/// Position for something infinitely far away, relative to any origin.
-pub(super) fn far_away(direction: DVec3) -> DVec3 {
+/// Returns the position of something infinitely far away, relative to any origin.
+pub(crate) fn far_away(direction: DVec3) -> DVec3 {
     direction.normalize_or_zero() * FAR
 }
 
-/// How far along a parallel view's rays things are kept that are infinitely far away.
-pub(super) fn far_along(view: &View) -> f64 {
+/// Returns how far along a parallel view's rays infinitely far things are kept.
+pub(crate) fn far_along(view: &View) -> f64 {
     FAR_SIZES * view.extent().0.max(view.extent().1)
 }
 
-/// Depth from which what [`Frame::depth`](super::Frame::depth) has is infinitely far away.
-pub fn far_depth(view: &View) -> f64 {
-    // By perspective depth is less than distance; a tenth is seen at 84° off the axis.
+/// Returns the depth, as [`Frame::depth`](crate::Frame::depth) has it, from which on a point is
+/// infinitely far away.
+pub(crate) fn far_depth(view: &View) -> f64 {
+    // The depth of a perspective is less than the distance: a tenth of it at 84° off the axis.
     if view.kind.has_eye() { 0.1 * FAR } else { 0.5 * far_along(view) }
 }
 
-/// Says where points are seen.
-pub(super) trait Lens: Copy + Sync {
-    /// Whether anything may be clipped: asked for each point, it made projection take half as long again.
-    const CLIPS: bool;
-
-    /// Column, row and depth; meaningless unless the depth is at least [`nearest`](Self::nearest).
-    fn project(&self, p: [f32; 3]) -> (f32, f32, f32);
-
-    /// Least depth that is seen.
-    #[inline(always)]
-    fn nearest(&self) -> f32 {
-        NEAREST
-    }
-
-    /// Largest depth that is not black.
-    #[inline(always)]
-    fn farthest(&self) -> f32 {
-        f32::INFINITY
-    }
-}
-
-/// Any view. Loops are compiled for each of the three: what follows from the match must be outside of them.
+/// Maps points to pixels.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Map {
-    Flat(Flat),
-    Cut(Cut),
-    Curved(Curved),
+pub(crate) enum Map {
+    Perspective(Perspective),
+    /// Any other type of view, in double precision.
+    Other(Curved),
 }
 
 impl Map {
-    /// `width` and `height` are the picture's in pixels, perhaps a fraction of the view's.
-    pub fn new(view: &View, origin: DVec3, width: f64, height: f64) -> Self {
+    /// Returns the map of a view to a picture of `size` pixels, which need not be whole.
+    pub fn new(view: &View, origin: DVec3, size: (f64, f64)) -> Self {
         match view.kind {
-            ViewKind::Perspective => {
-                let flat = Flat::new(view, origin, width, height);
-                if view.is_clipped() { Map::Cut(Cut::new(view, flat)) } else { Map::Flat(flat) }
-            }
-            _ => Map::Curved(Curved::new(view, origin, width, height)),
+            ViewKind::Perspective => Self::Perspective(Perspective::new(view, origin, size)),
+            _ => Self::Other(Curved::new(view, origin, size)),
         }
     }
 
-    /// As [`Lens::project`].
-    pub fn project(&self, p: [f32; 3]) -> (f32, f32, f32) {
+    /// Returns column, row and depth of a point; depth 0 if the view does not see it. The point may
+    /// lie beside the picture.
+    pub fn project(&self, position: [f32; 3]) -> [f32; 3] {
         match self {
-            Map::Flat(map) => map.project(p),
-            Map::Cut(map) => map.project(p),
-            Map::Curved(map) => map.project(p),
+            Self::Perspective(map) => map.project(position),
+            Self::Other(map) => map.project(position),
         }
     }
 
-    /// As [`Lens::nearest`].
-    pub fn nearest(&self) -> f32 {
-        match self {
-            Map::Flat(map) => map.nearest(),
-            Map::Cut(map) => map.nearest(),
-            Map::Curved(map) => map.nearest(),
-        }
-    }
-}
-
-/// A perspective. Column, row and depth of a point are `x·p/z·p`, `y·p/z·p` and `z·p`, with `p` = (position, 1).
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Flat {
-    pub x: [f32; 4],
-    pub y: [f32; 4],
-    pub z: [f32; 4],
-}
-
-impl Flat {
-    fn new(view: &View, origin: DVec3, width: f64, height: f64) -> Self {
-        let (across, along) = view.extent();
-        let forward = view.vd;
-        let eye = view.eye() - origin;
-        let row = |axis: DVec3| {
-            let offset = -axis.dot(eye);
-            [axis.x as f32, axis.y as f32, axis.z as f32, offset as f32]
-        };
-        Self {
-            x: row(view.right() * (width / across) + forward * ((0.5 - view.vs) * width)),
-            y: row(view.up() * (-height / along) + forward * ((0.5 + view.vl) * height)),
-            z: row(forward),
-        }
-    }
-}
-
-impl Lens for Flat {
-    const CLIPS: bool = false;
-
+    /// Projects as many points as there are numbers in `seen`, whose x, y and z become column, row
+    /// and depth.
     #[inline(always)]
-    fn project(&self, p: [f32; 3]) -> (f32, f32, f32) {
-        let dot = |row: &[f32; 4]| row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
-        let depth = dot(&self.z);
-        let inverse = 1.0 / depth;
-        (dot(&self.x) * inverse, dot(&self.y) * inverse, depth)
+    pub fn project_all<const N: usize>(&self, [x, y, z]: [&[f32; N]; 3], seen: &mut [[f32; N]; 3]) {
+        let [columns, rows, depths] = seen;
+        // One loop for each kind, so that the choice is outside of it.
+        match self {
+            Self::Perspective(map) => {
+                for i in 0..N {
+                    [columns[i], rows[i], depths[i]] = map.project([x[i], y[i], z[i]]);
+                }
+            }
+            Self::Other(map) => {
+                for i in 0..N {
+                    [columns[i], rows[i], depths[i]] = map.project([x[i], y[i], z[i]]);
+                }
+            }
+        }
     }
 }
 
-/// A perspective with clipping planes.
+/// A perspective. With p = (position, 1), the depth is z·p, the column x·p/z·p, the row y·p/z·p.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cut {
-    flat: Flat,
+pub(crate) struct Perspective {
+    x: [f32; 4],
+    y: [f32; 4],
+    z: [f32; 4],
+    /// Least depth that is seen, and largest one that is not black.
     nearest: f32,
     farthest: f32,
 }
 
-impl Cut {
-    fn new(view: &View, flat: Flat) -> Self {
-        let farthest = if view.clips_sky() { view.va as f32 } else { f32::INFINITY };
-        Self { flat, nearest: (view.vo as f32).max(NEAREST), farthest }
-    }
-}
-
-impl Lens for Cut {
-    const CLIPS: bool = true;
-
-    #[inline(always)]
-    fn project(&self, p: [f32; 3]) -> (f32, f32, f32) {
-        self.flat.project(p)
-    }
-
-    #[inline(always)]
-    fn nearest(&self) -> f32 {
-        self.nearest
+impl Perspective {
+    fn new(view: &View, origin: DVec3, (width, height): (f64, f64)) -> Self {
+        let (across, along) = view.extent();
+        let forward = view.vd;
+        let eye = view.eye() - origin;
+        let row = |axis: DVec3| axis.extend(-axis.dot(eye)).as_vec4().to_array();
+        Self {
+            x: row(view.right() * (width / across) + forward * ((0.5 - view.vs) * width)),
+            y: row(view.up() * (-height / along) + forward * ((0.5 + view.vl) * height)),
+            z: row(forward),
+            nearest: (view.vo as f32).max(NEAREST),
+            farthest: if view.clips_sky() { view.va as f32 } else { f32::INFINITY },
+        }
     }
 
     #[inline(always)]
-    fn farthest(&self) -> f32 {
-        self.farthest
+    fn project(&self, p: [f32; 3]) -> [f32; 3] {
+        let dot = |row: &[f32; 4]| row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
+        let depth = dot(&self.z);
+        let inverse = 1.0 / depth;
+        let is_seen = (depth >= self.nearest) & (depth < f32::INFINITY);
+        let shown = if depth > self.farthest { BEYOND } else { depth };
+        [dot(&self.x) * inverse, dot(&self.y) * inverse, if is_seen { shown } else { 0.0 }]
     }
 }
 
 /// A view of another type. Depth is the distance from where a point's ray begins.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Curved {
+pub(crate) struct Curved {
     view: View,
     right: Vec4,
     up: Vec4,
@@ -173,43 +128,28 @@ pub(super) struct Curved {
 }
 
 impl Curved {
-    fn new(view: &View, origin: DVec3, width: f64, height: f64) -> Self {
+    fn new(view: &View, origin: DVec3, size: (f64, f64)) -> Self {
         let eye = view.eye() - origin;
         let row = |axis: DVec3| axis.extend(-axis.dot(eye)).as_vec4();
-        Self {
-            view: *view,
-            right: row(view.right()),
-            up: row(view.up()),
-            forward: row(view.vd),
-            size: (width, height),
-        }
+        let (right, up, forward) = (row(view.right()), row(view.up()), row(view.vd));
+        Self { view: *view, right, up, forward, size }
     }
-}
 
-impl Lens for Curved {
-    const CLIPS: bool = true;
-
-    #[inline(always)]
-    fn project(&self, [x, y, z]: [f32; 3]) -> (f32, f32, f32) {
-        let dot = |row: Vec4| row.x * x + row.y * y + row.z * z + row.w;
-        let place =
-            DVec3::new(dot(self.right).into(), dot(self.up).into(), dot(self.forward).into());
+    fn project(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let dot = |row: Vec4| f64::from(row.x * x + row.y * y + row.z * z + row.w);
+        let place = DVec3::new(dot(self.right), dot(self.up), dot(self.forward));
         let depth = match self.view.clip_local(place) {
-            Clip::Shown if self.view.kind.has_eye() => place.length(),
-            Clip::Shown => place.z,
-            Clip::Beyond => BEYOND.into(),
+            Clip::Shown if self.view.kind.has_eye() => place.length() as f32,
+            Clip::Shown => place.z as f32,
+            Clip::Beyond => BEYOND,
             Clip::Before => 0.0,
         };
+        let is_seen = (NEAREST..f32::INFINITY).contains(&depth);
         match self.view.project_local(place) {
-            Some((x, y)) => {
-                ((x * self.size.0) as f32, ((1.0 - y) * self.size.1) as f32, depth as f32)
+            Some((x, y)) if is_seen => {
+                [(x * self.size.0) as f32, ((1.0 - y) * self.size.1) as f32, depth]
             }
-            None => (0.0, 0.0, 0.0),
+            _ => [0.0; 3],
         }
-    }
-
-    #[inline(always)]
-    fn farthest(&self) -> f32 {
-        if self.view.is_clipped() { 0.5 * BEYOND } else { f32::INFINITY }
     }
 }

@@ -1,19 +1,19 @@
 //! How noisy recent samples are, and what that means for the filters.
 //!
-//! The papers' samples have no noise: 3×3 pixels are enough to smooth over. With one path a sample they are not: on recorded walks
-//! with a sample for 64 pixels a frame, direct light, the mean of 7×7 pixels mixed in gained 3.3 to 3.8 dB with one path a sample, and
-//! 1.4 with 16; weights of 8 and of 32 differ by 0.2 dB.
+//! The papers' samples have no noise: 3×3 pixels are enough to smooth over. Samples of one path
+//! each need more (docs/notes/render-cache.md).
 //!
-//! Always true: without stated noise nothing changes, to the bit.
+//! Invariant: without stated noise nothing changes, to the bit.
 
-use super::sample::Sample;
+use crate::Sample;
 
-/// Noise from which the wide filter has its full weight: standard deviation over the largest channel.
+/// Noise from which on the wide filter has its full weight: standard deviation over the largest
+/// channel.
 const FULL: f32 = 0.1;
 
-/// Running mean of the noise that samples state, over about as many samples as there are points.
+/// The running mean of the noise that samples state, over about as many as there are points.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Noise {
+pub(crate) struct Noise {
     sum: f32,
     count: f32,
 }
@@ -24,12 +24,11 @@ impl Noise {
         let kept = 1.0 - (samples.len() as f32 / capacity as f32).min(1.0);
         (self.sum, self.count) = (self.sum * kept, self.count * kept);
         for sample in samples {
-            let largest =
-                sample.radiance.iter().fold(0.0_f32, |largest, &channel| largest.max(channel));
-            // Noise that is not known is as much as can be.
+            let largest = sample.radiance.into_iter().fold(0.0, f32::max);
+            // Unknown noise counts as much as the light.
             let relative =
                 if sample.noise.is_finite() { sample.noise.max(0.0) / largest } else { 1.0 };
-            // Black without noise tells nothing of others.
+            // Black without noise says nothing about others.
             if relative.is_finite() {
                 self.sum += relative.min(1.0);
                 self.count += 1.0;
@@ -37,8 +36,8 @@ impl Noise {
         }
     }
 
-    /// What the wide filter is to weigh beside the 3×3 filter, of which a single point at the middle has 4 and all points have
-    /// 16: `full` from a tenth of noise on, less below, 0 without noise.
+    /// Returns the weight of the wide filter beside the 3×3 filter, in which a single point at the
+    /// middle has 4 and all points together have 16: `full` from a tenth of noise on, less below.
     pub fn weight(&self, full: f32) -> f32 {
         if self.sum > 0.0 { full * (self.sum / (self.count * FULL)).min(1.0) } else { 0.0 }
     }
@@ -46,9 +45,10 @@ impl Noise {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sample::Place;
-    use super::*;
     use glam::DVec3;
+
+    use super::*;
+    use crate::Place;
 
     fn samples(noise: f32, count: usize) -> Vec<Sample> {
         vec![Sample { noise, ..Sample::new(Place::At(DVec3::ONE), [0.5, 1.0, 0.2]) }; count]

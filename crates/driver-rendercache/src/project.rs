@@ -1,318 +1,186 @@
-//! Projection and tile sort (Walter et al. 2002, §3.2): every point to its pixel, in buckets by tile of the picture.
+//! Projection and tile sort (Walter et al. 2002, §3.2): every point to its pixel, in buckets by
+//! tile of the picture, so that a tile's part of the z-buffer stays in the processor's cache.
 //!
-//! Buckets are chains of chunks, so one pass is enough: no count beforehand, no second copy.
-//!
-//! Records carry colour and age: fetched later, point by point, they come from anywhere in the cache, which took longer than all
-//! else in the z-buffer. A tile's z-buffer fits into the second cache many times.
-//!
-//! Always true: the result does not depend on the number of threads.
+//! Records carry colour and age: fetched later, point by point, they would come from anywhere in the
+//! cache of points, which takes longer than all else in the z-buffer.
 
-use super::colour;
-use super::map::{BEYOND, Lens, Map};
-use super::parallel;
-use super::points::{Block, FRESH, HIDDEN, State};
-use super::truncate::truncate;
-use bytemuck::{Pod, Zeroable};
-use holo_cpu::filled;
-use holo_cpu::prefetch_at;
-use holo_cpu::{Isa, Kernel};
 use std::ops::Range;
 
-/// Tiles of a picture, about. Tiles are whole rows, so that what they show is copied to the planes in order. Of 512 at 2048×2048
-/// projection and z-buffer took a quarter longer than of 64: the ends of all their chains are written by turns.
+use holo_cpu::{Isa, Kernel};
+use rayon::prelude::*;
+
+use crate::map::Map;
+use crate::points::{BLOCK, EMPTY, Points};
+
+/// Tiles of a picture, about. Tiles are whole rows.
 const TILES: usize = 64;
-/// Pixels of a tile at least: its z-buffer takes 128 kB. With half or a quarter of that nothing was faster at 512×512.
+/// Pixels of a tile, unless a single row has more: 128 kB and 1 MB of z-buffer.
 const LEAST_PIXELS: usize = 1 << 13;
-/// Pixels of a tile at most, unless one row has more: 1 MB.
 const MOST_PIXELS: usize = 1 << 16;
-/// Records of a chunk: 2 kB.
-const CHUNK: usize = 128;
-/// Points projected at a time; their number is a multiple.
-pub(super) const BLOCK: usize = 256;
-/// Records by which their memory is asked for before it is written: two cache lines.
-const AHEAD: usize = 8;
-// Tried: two or four chains a tile by turns, so that fewer wait for where the last record went (no faster at 512×512, a third slower at
-// 2048×2048: more lines are written at a time); keeping that place in a register while points of one tile follow each other (twice as
-// slow at 512×512: points of many frames lie between each other, and where the next one goes cannot be guessed).
-/// End of a chain.
-const END: u32 = u32::MAX;
-/// In a key of a point that is not a sample of this very view. It is the sign of the depth, so fresh points win.
-const OLD: u32 = 1 << 31;
+
+/// Parts of the points, each of which has buckets of its own that one thread fills.
+const PARTS: usize = 8;
 
 /// A point that falls into a tile.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C, align(16))]
-pub(super) struct Record {
-    /// Age, from bit [`Record::PIXEL`] the pixel in the tile.
-    pub about: u32,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Record {
+    /// The least key of a pixel's points is that of the nearest fresh one, else of the nearest one;
+    /// of equally near ones, of the first in the cache.
+    pub key: u64,
     pub colour: u32,
-    pub slot: u32,
-    /// Depth, as bits of an f32, negative for points that are not fresh.
-    pub depth: u32,
+    /// From bit 8 on the number of the pixel in its tile, below the age.
+    about: u32,
 }
 
 const _: () = assert!(size_of::<Record>() == 16);
 
 impl Record {
-    pub const PIXEL: u32 = 8;
-}
+    /// No point.
+    pub const NONE: Self = Self { key: u64::MAX, colour: crate::colour::NONE, about: 0 };
+    /// In a key: the point is not a sample of the current view.
+    const OLD: u64 = 1 << 63;
 
-/// Chains of one thread's points.
-#[derive(Debug, Default)]
-struct Part {
-    /// Where the next record of each tile goes; the last is the tile of points that are not seen.
-    heads: Vec<u32>,
-    /// The chunk after each.
-    next: Vec<u32>,
-    /// Where this part's chunks begin among all records.
-    base: usize,
-    chunks: usize,
-    /// The first chunk that no tile has.
-    free: u32,
+    /// Returns the slot, in 32 bits.
+    pub fn slot(&self) -> u32 {
+        self.key as u32
+    }
+
+    /// Returns the depth: negative if the point is not a sample of the current view.
+    pub fn depth(&self) -> f32 {
+        f32::from_bits((self.key >> 32) as u32)
+    }
+
+    /// Returns the number of the pixel in its tile.
+    pub fn pixel(&self) -> usize {
+        (self.about >> 8) as usize
+    }
+
+    pub fn age(&self) -> u8 {
+        self.about as u8
+    }
 }
 
 /// Records by tile.
 #[derive(Debug)]
-pub(super) struct Buckets {
-    records: Vec<Record>,
-    parts: Vec<Part>,
-    /// Points of each part.
-    lengths: Vec<usize>,
-    /// Rows of a tile: a power of two.
+pub(crate) struct Buckets {
+    /// Of each part of the points, of each tile.
+    parts: Vec<Vec<Vec<Record>>>,
+    /// Slots of a part.
+    part_length: usize,
+    /// A power of two.
     pub tile_rows: usize,
 }
 
 impl Buckets {
-    pub fn new(size: (usize, usize), points: usize, threads: usize) -> Self {
-        let tile_pixels = (size.0 * size.1 / TILES).clamp(LEAST_PIXELS, MOST_PIXELS);
-        let tile_rows = 1 << (tile_pixels / size.0).max(1).ilog2();
-        let count = size.1.div_ceil(tile_rows) + 1;
-        let ranges = parallel::bands(points, BLOCK, threads);
-        let mut base = 0;
-        let mut parts = Vec::new();
-        for range in &ranges {
-            // One more than can be filled, so that what is fetched ahead exists.
-            let chunks = count + range.len() / CHUNK + 2;
-            parts.push(Part {
-                heads: vec![0; count],
-                next: vec![END; chunks],
-                base,
-                chunks,
-                free: 0,
+    pub fn new((width, height): (usize, usize), capacity: usize) -> Self {
+        let pixels = (width * height / TILES).clamp(LEAST_PIXELS, MOST_PIXELS);
+        let tile_rows = 1 << (pixels / width).max(1).ilog2();
+        let tiles = height.div_ceil(tile_rows);
+        let part_length = capacity.div_ceil(PARTS).next_multiple_of(BLOCK);
+        let parts = capacity.div_ceil(part_length);
+        Self { parts: vec![vec![Vec::new(); tiles]; parts], part_length, tile_rows }
+    }
+
+    /// Sorts all points that fall into the picture into the buckets of their tiles.
+    pub fn fill(&mut self, points: &Points, map: &Map, size: (usize, usize)) {
+        let (length, shift) = (self.part_length, self.tile_rows.ilog2());
+        self.parts.par_iter_mut().enumerate().for_each(|(part, tiles)| {
+            tiles.iter_mut().for_each(Vec::clear);
+            let slots = part * length..((part + 1) * length).min(points.capacity());
+            each_seen(points, slots, map, size, |slot, column, row, depth| {
+                let tile = row >> shift;
+                let pixel = (row - (tile << shift)) * size.0 + column;
+                let old = if points.is_fresh[slot] { 0 } else { Record::OLD };
+                tiles[tile].push(Record {
+                    key: old | u64::from(depth.to_bits()) << 32 | slot as u64,
+                    colour: points.colour[slot],
+                    about: (pixel as u32) << 8 | u32::from(points.age[slot]),
+                });
             });
-            base += chunks * CHUNK;
-        }
-        let records = filled(Record::default(), base);
-        Self {
-            records,
-            parts,
-            lengths: ranges.iter().map(|range| range.len()).collect(),
-            tile_rows,
-        }
-    }
-
-    /// The chains of each thread, empty, with the range of points that they are for.
-    pub fn begin(&mut self) -> Vec<Chains<'_>> {
-        let Self { records, parts, lengths, .. } = self;
-        let records = parallel::cut(records, parts.iter().map(|part| part.chunks * CHUNK));
-        let mut from = 0;
-        let mut chains = Vec::new();
-        for ((part, records), &length) in parts.iter_mut().zip(records).zip(&*lengths) {
-            part.begin();
-            chains.push(Chains { points: from..from + length, part, records });
-            from += length;
-        }
-        chains
-    }
-
-    /// Points of each thread.
-    pub fn lengths(&self) -> &[usize] {
-        &self.lengths
-    }
-
-    /// All records.
-    pub fn records(&self) -> &[Record] {
-        &self.records
-    }
-
-    /// Where a tile's records are.
-    pub fn chain(&self, tile: usize) -> impl Iterator<Item = Range<usize>> {
-        self.parts.iter().flat_map(move |part| {
-            let mut chunk = tile as u32;
-            let last = part.heads[tile] as usize;
-            std::iter::from_fn(move || {
-                let next = *part.next.get(chunk as usize)?;
-                let start = chunk as usize * CHUNK;
-                let end = if next == END { last } else { start + CHUNK };
-                chunk = next;
-                Some(part.base + start..part.base + end)
-            })
-        })
-    }
-}
-
-/// What one thread fills.
-pub(super) struct Chains<'a> {
-    /// Slots that it is for.
-    pub points: Range<usize>,
-    part: &'a mut Part,
-    records: &'a mut [Record],
-}
-
-/// Where points are seen.
-#[derive(Clone, Copy)]
-pub(super) struct Screen<'a> {
-    pub map: &'a Map,
-    pub size: (usize, usize),
-    pub tile_rows: usize,
-}
-
-impl Chains<'_> {
-    /// Adds points, the slots from `first` on; marks those outside the picture as hidden. A multiple of [`BLOCK`].
-    pub fn add(
-        &mut self,
-        isa: Isa,
-        screen: Screen,
-        first: usize,
-        blocks: &[Block],
-        states: &mut [State],
-    ) {
-        match screen.map {
-            Map::Flat(lens) => self.add_by(isa, lens, screen, first, blocks, states),
-            Map::Cut(lens) => self.add_by(isa, lens, screen, first, blocks, states),
-            Map::Curved(lens) => self.add_by(isa, lens, screen, first, blocks, states),
-        }
-    }
-
-    fn add_by<L: Lens>(
-        &mut self,
-        isa: Isa,
-        map: &L,
-        screen: Screen,
-        first: usize,
-        blocks: &[Block],
-        states: &mut [State],
-    ) {
-        let Screen { size, tile_rows, .. } = screen;
-        let Chains { part, records, .. } = self;
-        isa.run(Project {
-            map,
-            size,
-            tile_rows,
-            first: first as u32,
-            blocks,
-            states,
-            records,
-            part,
         });
     }
-}
 
-impl Part {
-    fn begin(&mut self) {
-        self.next[..self.heads.len()].fill(END);
-        for (tile, head) in self.heads.iter_mut().enumerate() {
-            *head = (tile * CHUNK) as u32;
-        }
-        self.free = self.heads.len() as u32;
+    /// Returns the records of a tile, in some lists.
+    pub fn tile(&self, tile: usize) -> impl Iterator<Item = &Vec<Record>> {
+        self.parts.iter().map(move |tiles| &tiles[tile])
     }
 }
 
-struct Project<'a, L> {
-    map: &'a L,
+/// Calls `seen` with slot, column, row and depth of every point that falls into a picture of
+/// `size` pixels. `slots` begins and ends at multiples of [`BLOCK`].
+#[inline(always)]
+pub(crate) fn each_seen(
+    points: &Points,
+    slots: Range<usize>,
+    map: &Map,
     size: (usize, usize),
-    tile_rows: usize,
-    first: u32,
-    blocks: &'a [Block],
-    states: &'a mut [State],
-    records: &'a mut [Record],
-    part: &'a mut Part,
+    mut seen: impl FnMut(usize, usize, usize, f32),
+) {
+    let isa = Isa::best();
+    let mut block = Block { place: [[0.0; BLOCK]; 3], pixel: [[0; BLOCK]; 2] };
+    let mut inside = [0; BLOCK];
+    for first in slots.step_by(BLOCK) {
+        isa.run(Project { points, first, map, size, block: &mut block });
+        let Block { place: [_, _, depths], pixel: [columns, rows] } = &block;
+        // First a list of those inside, without branches: which they are cannot be foretold.
+        let mut count = 0;
+        for (i, &depth) in depths.iter().enumerate() {
+            inside[count % BLOCK] = i;
+            count += usize::from(depth > 0.0);
+        }
+        for &i in &inside[..count] {
+            let i = i % BLOCK;
+            seen(first + i, columns[i] as usize, rows[i] as usize, depths[i]);
+        }
+    }
 }
 
-impl<L: Lens> Kernel for Project<'_, L> {
+/// Some points as a picture shows them.
+struct Block {
+    /// Column, row and depth; depth 0 outside the picture.
+    place: [[f32; BLOCK]; 3],
+    /// Whole columns and rows.
+    pixel: [[u32; BLOCK]; 2],
+}
+
+/// Projects the points from slot `first` on into a picture of `size` pixels.
+struct Project<'a> {
+    points: &'a Points,
+    first: usize,
+    map: &'a Map,
+    size: (usize, usize),
+    block: &'a mut Block,
+}
+
+impl Kernel for Project<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Self { map, size, tile_rows, first, blocks, states, records, part } = self;
-        let Part { heads, next, free, .. } = part;
-        let (heads, next) = (heads.as_mut_slice(), next.as_mut_slice());
-        let trash = heads.len() - 1;
-        let mut found = [Record::default(); BLOCK];
-        let mut tile_of = [0_u32; BLOCK];
-        let pairs = blocks.iter().zip(states.as_chunks_mut().0);
-        for ((points, states), start) in pairs.zip((first..).step_by(BLOCK)) {
-            place(map, size, tile_rows, start, points, states, &mut found, &mut tile_of);
-            hide(&tile_of, trash as u32, states);
-            for (record, &tile) in found.iter().zip(&tile_of) {
-                let head = &mut heads[tile as usize];
-                records[*head as usize] = *record;
-                *head += 1;
-                // Lines of as many tiles as there are come from far: without this their stores waited one after another.
-                prefetch_at(records, *head as usize + AHEAD);
-                if (*head as usize).is_multiple_of(CHUNK) {
-                    if tile as usize == trash {
-                        // Points that are not seen overwrite each other.
-                        *head -= CHUNK as u32;
-                    } else {
-                        next[*head as usize / CHUNK - 1] = *free;
-                        next[*free as usize] = END;
-                        *head = *free * CHUNK as u32;
-                        *free += 1;
-                    }
-                }
-            }
+        let Self { points, first, map, size, block: Block { place, pixel } } = self;
+        let axis = |axis: usize| &points.position[axis].as_chunks().0[first / BLOCK];
+        map.project_all([axis(0), axis(1), axis(2)], place);
+        let ages: &[u8; BLOCK] = &points.age.as_chunks().0[first / BLOCK];
+        let (right, bottom) = (size.0 as f32, size.1 as f32);
+        let ([columns, rows, depths], [whole_columns, whole_rows]) = (place, pixel);
+        for i in 0..BLOCK {
+            let (column, row) = (columns[i], rows[i]);
+            let is_inside = (column >= 0.0) & (column < right) & (row >= 0.0) & (row < bottom);
+            depths[i] = if is_inside & (ages[i] != EMPTY) { depths[i] } else { 0.0 };
+            (whole_columns[i], whole_rows[i]) = (whole(column), whole(row));
         }
     }
 }
 
-/// Records and tiles of a block of points.
+/// Returns the whole part of a number from 0 to 2²².
+///
+/// A cast would do, but it also handles NaN and infinities, and so is not compiled for many numbers
+/// at a time.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
-fn place<L: Lens>(
-    map: &L,
-    size: (usize, usize),
-    tile_rows: usize,
-    start: u32,
-    points: &Block,
-    states: &[State; BLOCK],
-    found: &mut [Record; BLOCK],
-    tile_of: &mut [u32; BLOCK],
-) {
-    let (width, height) = (size.0 as i32, size.1 as i32);
-    let (right, bottom) = (width as f32, height as f32);
-    let shift = tile_rows.ilog2();
-    let trash = size.1.div_ceil(tile_rows) as u32;
-    let [x, y, z] = &points.position;
-    let (nearest, farthest) = (map.nearest(), map.farthest());
-    for i in 0..BLOCK {
-        let (column, row, depth) = map.project([x[i], y[i], z[i]]);
-        let state = states[i];
-        let seen = (nearest..f32::INFINITY).contains(&depth)
-            & (column >= 0.0)
-            & (column < right)
-            & (row >= 0.0)
-            & (row < bottom)
-            & !state.is_empty();
-        let (column, row) = (truncate(column, right), truncate(row, bottom));
-        let tile = row >> shift;
-        let pixel = (row - (tile << shift)) * width + column;
-        let old = if state.has(FRESH) { 0 } else { OLD };
-        let is_black = L::CLIPS && depth > farthest;
-        tile_of[i] = if seen { tile as u32 } else { trash };
-        found[i] = Record {
-            about: (pixel as u32) << Record::PIXEL | u32::from(state.age()),
-            colour: if is_black { colour::BLACK } else { points.colour[i] },
-            slot: start + i as u32,
-            depth: if is_black { BEYOND } else { depth }.to_bits() | old,
-        };
-    }
-}
-
-/// Marks points outside the picture as hidden; of those in it, the z-buffer says.
-#[inline(always)]
-fn hide(tile_of: &[u32; BLOCK], trash: u32, states: &mut [State; BLOCK]) {
-    for i in 0..BLOCK {
-        states[i].0 |= if tile_of[i] == trash { u16::from(HIDDEN) << 8 } else { 0 };
-    }
+fn whole(number: f32) -> u32 {
+    /// From here on there are no fractions, and the mantissa is the number above it.
+    const LARGE: f32 = 8_388_608.0;
+    let nearest = (number + LARGE) - LARGE;
+    let whole = if nearest > number { nearest - 1.0 } else { nearest };
+    (whole + LARGE).to_bits() & 0x7f_ffff
 }

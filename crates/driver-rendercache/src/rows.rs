@@ -1,94 +1,53 @@
-//! A row of a filter: three channels and a count, with room at both ends.
-//!
-//! Lengths are known and memory begins with a cache line: loops have no remainders, and no load or store is of two lines.
+//! Rows of the point image as filters add them: decoded, and with margins.
 
-use super::colour;
 use std::ops::Range;
 
-/// Pixels of room at each end: at least the widest filter's reach.
-pub(super) const ROOM: usize = 8;
-/// Numbers added at a time; the length of a row is a multiple.
-const LANES: usize = 16;
+use crate::colour;
 
-/// Sums of three channels, and numbers of points, of `N` pixels.
-#[derive(Clone, Debug)]
-#[repr(C, align(64))]
-pub(super) struct Row<const N: usize> {
-    pub channels: [[f32; N]; 3],
-    /// A quarter of what another channel takes.
-    pub counts: [u8; N],
+/// Red, green, blue, and the count of points.
+pub(crate) const CHANNELS: usize = 4;
+/// The count of points among the channels.
+pub(crate) const COUNT: usize = 3;
+
+/// Radiances of some rows and whether there are points, channel by channel. Zeros are around the
+/// picture, so that filters need not look for its edges.
+pub(crate) struct Rows {
+    numbers: Vec<f32>,
+    /// Pixels of a row with its margins.
+    width: usize,
 }
 
-impl<const N: usize> Row<N> {
-    pub fn new() -> Self {
-        const { assert!(N.is_multiple_of(LANES)) };
-        Self { channels: [[0.0; N]; 3], counts: [0; N] }
-    }
-
-    /// Colours of `columns` of a row and of [`ROOM`] more at both ends, and count 1 where there is one; 0 outside the picture and beyond.
-    /// The first of `columns` goes to [`ROOM`].
+impl Rows {
+    /// Returns the rows of a picture, `reach` more on each side, and as many pixels.
     #[inline(always)]
-    pub fn decode(&mut self, row: Option<&[u32]>, columns: &Range<usize>) {
-        let Some(row) = row else { return self.clear() };
-        let (start, end) =
-            (columns.start.saturating_sub(ROOM), (columns.end + ROOM).min(row.len()));
-        let (to, row) = ((ROOM + start) - columns.start, &row[start..end]);
-        if let Some(row) = row.first_chunk::<N>().filter(|_| to == 0) {
-            decode_into(row, &mut self.channels, &mut self.counts);
-        } else {
-            let mut copy = [colour::NONE; N];
-            copy[to..][..row.len()].copy_from_slice(row);
-            decode_into(&copy, &mut self.channels, &mut self.counts);
+    pub fn around(colours: &[u32], width: usize, rows: Range<usize>, reach: usize) -> Self {
+        let (height, wide) = (colours.len() / width, width + 2 * reach);
+        let mut numbers = vec![0.0; CHANNELS * wide * (rows.len() + 2 * reach)];
+        let lines = numbers.chunks_exact_mut(CHANNELS * wide).zip(rows.start..);
+        for (line, row) in lines.filter(|(_, row)| (reach..height + reach).contains(row)) {
+            decode(&colours[(row - reach) * width..][..width], line, wide, reach);
         }
+        Self { numbers, width: wide }
     }
 
-    pub fn clear(&mut self) {
-        self.channels.as_flattened_mut().fill(0.0);
-        self.counts.fill(0);
-    }
-
-    /// Adds another's numbers.
+    /// Returns a channel of a row with its margins.
     #[inline(always)]
-    pub fn add(&mut self, other: &Self) {
-        for (sums, other) in self.channels.iter_mut().zip(&other.channels) {
-            for (sums, other) in
-                sums.as_chunks_mut::<LANES>().0.iter_mut().zip(other.as_chunks::<LANES>().0)
-            {
-                for x in 0..LANES {
-                    sums[x] += other[x];
-                }
-            }
-        }
-        let counts = self.counts.as_chunks_mut::<LANES>().0.iter_mut();
-        for (sums, other) in counts.zip(other.counts.as_chunks::<LANES>().0) {
-            for x in 0..LANES {
-                sums[x] = sums[x].wrapping_add(other[x]);
-            }
-        }
+    pub fn channel(&self, row: usize, channel: usize) -> &[f32] {
+        &self.numbers[(CHANNELS * row + channel) * self.width..][..self.width]
     }
 }
 
-/// The `y`-th row of a picture.
+/// Decodes a row of colours to channels of `wide` numbers each, behind a margin.
 #[inline(always)]
-pub(super) fn row_of<T>(plane: &[T], width: usize, y: usize) -> Option<&[T]> {
-    plane.get(y.checked_mul(width)?..)?.get(..width)
-}
-
-/// Columns `0..width` in strips, so that a filter's rows stay in the fastest cache.
-pub(super) fn strips(width: usize, of: usize) -> impl Iterator<Item = Range<usize>> {
-    (0..width).step_by(of).map(move |start| start..(start + of).min(width))
-}
-
-#[inline(always)]
-fn decode_into<const N: usize>(
-    colours: &[u32; N],
-    [red, green, blue]: &mut [[f32; N]; 3],
-    counts: &mut [u8; N],
-) {
-    for x in 0..N {
-        [red[x], green[x], blue[x]] = colour::decode(colours[x]);
-    }
-    for x in 0..N {
-        counts[x] = if colours[x] == colour::NONE { 0 } else { 1 };
+fn decode(colours: &[u32], line: &mut [f32], wide: usize, margin: usize) {
+    let (red, rest) = line.split_at_mut(wide);
+    let (green, rest) = rest.split_at_mut(wide);
+    let (blue, count) = rest.split_at_mut(wide);
+    let length = margin + colours.len();
+    let (red, green) = (&mut red[margin..length], &mut green[margin..length]);
+    let (blue, count) = (&mut blue[margin..length], &mut count[margin..length]);
+    for (x, &colour) in colours.iter().enumerate() {
+        [red[x], green[x], blue[x]] = colour::decode(colour);
+        count[x] = if colour == colour::NONE { 0.0 } else { 1.0 };
     }
 }

@@ -8,24 +8,25 @@ use holo_picture::View;
 pub enum Place {
     /// At a point of the scene, in scene units.
     At(DVec3),
-    /// Infinitely far away, in this direction. In a parallel view, whose pixels all look the same way, only with the tag of a pixel.
+    /// Infinitely far away, in this direction. In a parallel view, whose rays all have one
+    /// direction, the sample needs the tag of a pixel.
     Toward(DVec3),
 }
 
-/// What a request was for; goes back with its sample. Opaque, and harmless when it comes late.
+/// What a request was for. It goes back with its sample, and does no harm when it comes late.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tag {
-    pub(super) purpose: Purpose,
-    pub(super) pixel: u32,
-    pub(super) slot: u32,
+    pub(crate) purpose: Purpose,
+    pub(crate) pixel: u32,
+    pub(crate) slot: usize,
     /// Which of the points that the slot has held.
-    pub(super) generation: u8,
+    pub(crate) generation: u8,
     /// Which view it was asked for.
-    pub(super) epoch: u32,
+    pub(crate) epoch: u32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Purpose {
+pub(crate) enum Purpose {
     /// A point like any other.
     #[default]
     Fill,
@@ -35,22 +36,22 @@ pub(super) enum Purpose {
     Pixel,
     /// Through a point, to see whether it has changed.
     Resample,
-    /// For a pixel whose point is a sample of the same view, anywhere in the pixel: to be averaged in.
+    /// For a pixel whose point is a sample of the same view, anywhere in the pixel: to be averaged.
     Refine,
 }
 
 /// Where a ray goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Aim {
+pub(crate) enum Aim {
     /// Picture coordinates.
     Picture(f32, f32),
-    /// A point relative to the origin.
+    /// A point relative to the cache's origin.
     Through([f32; 3]),
 }
 
 /// A ray that is wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Request {
+pub(crate) struct Request {
     pub aim: Aim,
     /// Whether it is for the predicted view.
     pub predicted: bool,
@@ -58,14 +59,11 @@ pub(super) struct Request {
 }
 
 impl Request {
-    /// Origin (on the fore clipping surface) and direction (of length 1) of the ray of `view`.
+    /// Returns origin, on the fore clipping surface, and unit direction of the ray of `view`.
     pub fn ray(&self, view: &View, origin: DVec3) -> (DVec3, DVec3) {
         let (start, direction) = match self.aim {
             Aim::Picture(x, y) => view.ray(x.into(), y.into()),
-            Aim::Through(point) => {
-                let point = DVec3::from(point.map(f64::from)) + origin;
-                view.ray_to(point)
-            }
+            Aim::Through(point) => view.ray_to(DVec3::from(point.map(f64::from)) + origin),
         };
         (start + direction * view.span(direction)[0], direction)
     }
@@ -74,24 +72,20 @@ impl Request {
 /// A renderer's result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Of the request; the default for a sample that nobody asked for (a stored one).
+    /// The request's tag; the default for a sample that nobody asked for, such as a stored one.
     pub tag: Tag,
-    /// Where the ray met something.
+    /// Where the ray ended.
     pub place: Place,
     /// Radiance, W·sr⁻¹·m⁻² per RGB channel.
     pub radiance: [f32; 3],
-    /// Expected standard deviation of `radiance`'s largest channel, if the renderer is random; 0 if it is not. Infinite if it is and
-    /// does not know, as of a single path that met no light: then no difference in colour is taken for a change.
+    /// Expected standard deviation of the largest channel of `radiance`; 0 if the renderer is not
+    /// random. Infinite if it is random and does not know: then no difference counts as a change.
     pub noise: f32,
-    /// The object that was met, as the application numbers them.
-    pub object: u32,
-    /// Whether the renderer expects it to change soon (a specular highlight, a moving thing): it then ages faster.
-    pub is_highlight: bool,
 }
 
 impl Sample {
-    /// A clean sample of object 0 that nobody asked for.
+    /// Returns a clean sample that nobody asked for.
     pub fn new(place: Place, radiance: [f32; 3]) -> Self {
-        Self { tag: Tag::default(), place, radiance, noise: 0.0, object: 0, is_highlight: false }
+        Self { tag: Tag::default(), place, radiance, noise: 0.0 }
     }
 }

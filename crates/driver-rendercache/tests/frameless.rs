@@ -1,11 +1,11 @@
 //! The frameless driver: each pixel once a round, newest view first, box filter at rest.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod pointimage_scenes;
+mod scenes;
 
 use glam::DVec3;
 use holo_driver_rendercache::frameless::Frameless;
-use pointimage_scenes::view;
+use scenes::view;
 use std::collections::HashSet;
 
 #[test]

@@ -1,7 +1,7 @@
 //! The render cache's numbers do what they say.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod pointimage_scenes;
+mod scenes;
 
 use glam::DVec3;
 use holo_driver_rendercache::{
@@ -9,7 +9,7 @@ use holo_driver_rendercache::{
     Smoothing, Stages,
 };
 use holo_picture::View;
-use pointimage_scenes::{answer, moment, room, view, wall, whole_picture};
+use scenes::{answer, moment, room, view, wall, whole_picture};
 
 const SIZE: (u32, u32) = (40, 30);
 
@@ -215,7 +215,7 @@ fn prediction_asks_once_for_each_block_of_the_chosen_side() {
             params.predicted_share = 1.0;
         });
         let view = ahead();
-        let predicted = Some(pointimage_scenes::view(DVec3::ZERO, 180.0, SIZE));
+        let predicted = Some(scenes::view(DVec3::ZERO, 180.0, SIZE));
         let (_, ahead) =
             cache.frame(&Moment { view, predicted, samples: &[], wanted: pixels }).request_counts();
         assert_eq!(ahead, (SIZE.0.div_ceil(side) * SIZE.1.div_ceil(side)) as usize, "{side}");

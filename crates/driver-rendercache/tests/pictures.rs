@@ -1,14 +1,14 @@
 //! The render cache: what pictures show, and what is asked for.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod pointimage_scenes;
+mod scenes;
 
 use glam::{DAffine3, DVec3};
 use holo_driver_rendercache::{
     EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stage, Stages,
 };
 use holo_picture::View;
-use pointimage_scenes::{
+use scenes::{
     answer, ball, checker, moment, random, room, squared_error, truth, view, wall, whole_picture,
 };
 

@@ -1,14 +1,14 @@
 //! The render cache with samples that it did not ask for one by one: a holodeck's, stored ones and traced ones.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod pointimage_scenes;
+mod scenes;
 
 use glam::DVec3;
 use holo_display::{SelectOptions, WantedBeam, best_beam, select_beams};
 use holo_driver_rendercache::{Place, PointImage, PointImageParams, Sample, Smoothing};
 use holo_picture::View;
 use holo_section::{Section, SectionSpec, ViewClass};
-use pointimage_scenes::{moment, random, room, squared_error, truth, view, wall, whole_picture};
+use scenes::{moment, random, room, squared_error, truth, view, wall, whole_picture};
 use std::collections::HashSet;
 
 #[test]

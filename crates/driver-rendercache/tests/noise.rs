@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod pointimage_scenes;
+mod scenes;
 
 use glam::DVec3;
 use holo_driver_rendercache::{Moment, PointImage, PointImageParams, Sample};
 use holo_picture::{Picture, View};
-use pointimage_scenes::{Hit, Scene, answer, room, squared_error, view, whole_picture};
+use scenes::{Hit, Scene, answer, room, squared_error, view, whole_picture};
 
 const SIZE: (u32, u32) = (120, 90);
 

@@ -1,7 +1,7 @@
 //! The render cache gives the same bits on any processor and any number of threads, and survives any numbers.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod pointimage_scenes;
+mod scenes;
 
 use glam::DVec3;
 use holo_driver_rendercache::{
@@ -9,8 +9,8 @@ use holo_driver_rendercache::{
     Sample, Smoothing, Stages,
 };
 use holo_picture::View;
-use pointimage_scenes::{answer, room, view};
 use proptest::prelude::*;
+use scenes::{answer, room, view};
 
 /// All bits of a walk with a rest: pictures and rays.
 fn walk(size: (u32, u32), params: PointImageParams) -> Vec<u64> {

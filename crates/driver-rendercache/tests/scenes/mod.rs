@@ -4,11 +4,11 @@
 
 use glam::DVec3;
 use holo_driver_rendercache::{Frame, Moment, Place, Sample};
-use holo_picture::View;
+use holo_picture::{Picture, View};
 
-/// What a ray met: where, its radiance, and the object's number.
-pub type Hit = (Place, [f32; 3], u32);
-/// A scene: origin and direction of a ray to what it meets.
+/// What a ray met: where, and its radiance.
+pub type Hit = (Place, [f32; 3]);
+/// A scene: from origin and direction of a ray to what it meets.
 pub type Scene<'a> = &'a dyn Fn(DVec3, DVec3) -> Hit;
 
 /// A view along `direction` (degrees from +y towards +x) from `eye`, 60 degrees wide.
@@ -23,7 +23,7 @@ pub fn checker(p: DVec3, side: f64) -> f32 {
     if odd { 0.8 } else { 0.2 }
 }
 
-/// Inside of a box 10 by 8 by 3 with checkered walls, with a ball (object 1) in it.
+/// Inside of a box 10 by 8 by 3 with checkered walls, with a ball in it.
 pub fn room(origin: DVec3, direction: DVec3) -> Hit {
     let far = (DVec3::new(5.0, 4.0, 1.5) * direction.signum() - origin) / direction;
     let wall = far.min_element();
@@ -33,11 +33,11 @@ pub fn room(origin: DVec3, direction: DVec3) -> Hit {
         let p = origin + direction * distance;
         let light =
             0.2 + 0.7 * ((p - centre).normalize().dot(DVec3::new(0.3, -0.5, 0.8)).max(0.0)) as f32;
-        return (Place::At(p), [light, 0.4 * light, 0.2 * light], 1);
+        return (Place::At(p), [light, 0.4 * light, 0.2 * light]);
     }
     let p = origin + direction * wall;
     let light = checker(p, 0.5) * (1.2 - 0.1 * p.length() as f32);
-    (Place::At(p), [light, light, 0.8 * light], 0)
+    (Place::At(p), [light, light, 0.8 * light])
 }
 
 /// Distance along a ray to a ball.
@@ -53,8 +53,8 @@ pub fn answer(frame: &Frame, scene: Scene) -> Vec<Sample> {
     frame
         .requests()
         .map(|(tag, origin, direction)| {
-            let (place, radiance, object) = scene(origin, direction);
-            Sample { tag, object, ..Sample::new(place, radiance) }
+            let (place, radiance) = scene(origin, direction);
+            Sample { tag, ..Sample::new(place, radiance) }
         })
         .collect()
 }
@@ -65,8 +65,8 @@ pub fn whole_picture(view: &View, size: (u32, u32), scene: Scene) -> Vec<Sample>
         .map(|pixel| {
             let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
             let (origin, direction) = view.ray(x, y);
-            let (place, radiance, object) = scene(origin, direction);
-            Sample { object, ..Sample::new(place, radiance) }
+            let (place, radiance) = scene(origin, direction);
+            Sample::new(place, radiance)
         })
         .collect()
 }
@@ -108,7 +108,8 @@ pub fn truth(view: &View, size: (u32, u32), scene: Scene) -> (Vec<f32>, f64) {
     (sums, squares - of_means)
 }
 
-/// Mean squared difference.
-pub fn squared_error(shown: &[f32], truth: &[f32]) -> f64 {
-    shown.iter().zip(truth).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / truth.len() as f64
+/// Mean squared difference of a picture's red channel.
+pub fn squared_error(shown: &Picture, truth: &[f32]) -> f64 {
+    let squares = shown.pixels.iter().zip(truth).map(|(a, b)| f64::from(a[0] - b).powi(2));
+    squares.sum::<f64>() / truth.len() as f64
 }
