@@ -7,9 +7,6 @@ use holo_driver_rendercache::{EmptyPixels, PointImageParams, SETTINGS, Smoothing
 /// all that some engines give.
 const MOVING_MEAN: u32 = 32;
 
-/// Threads that a frame may use at most: more do not make it faster.
-const MAX_THREADS: usize = 8;
-
 /// Of the options in help texts.
 const HEADING: &str = "Render cache (--driver pointimage)";
 
@@ -100,9 +97,7 @@ impl PointArgs {
             EmptyArg::Keep => EmptyPixels::KeepLast,
             EmptyArg::Black => EmptyPixels::Black,
         };
-        let threads = std::thread::available_parallelism()
-            .map_or(1, |threads| threads.get().min(MAX_THREADS));
-        let mut params = PointImageParams { stages, smoothing, empty, threads, ..usual() };
+        let mut params = PointImageParams { stages, smoothing, empty, ..usual() };
         for (name, value) in &self.numbers {
             // They were looked at when they were parsed; what is wrong changes nothing.
             let _ = params.set(name, *value);
@@ -133,10 +128,7 @@ mod tests {
         assert_eq!((params.prefilter_window, params.cull_threshold, params.group), (9, 0.25, 16));
         assert_eq!(
             PointImageParams { prefilter_window: 7, cull_threshold: 0.1, group: 8, ..params },
-            {
-                let threads = PointArgs::default().params().threads;
-                PointImageParams { threads, ..usual() }
-            }
+            usual()
         );
     }
 
