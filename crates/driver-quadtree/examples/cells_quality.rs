@@ -49,8 +49,13 @@ fn main() {
                 };
                 show(&|| tree.draw());
                 for filling in [Filling::Constant, Filling::Smooth] {
-                    let params = CellsParams { filling, ..CellsParams::default() };
-                    let mut cells = Cells::new(Arc::from([section.clone()]), view, SIZE, params);
+                    let mut cells = Cells::new(
+                        Arc::from([section.clone()]),
+                        view,
+                        SIZE,
+                        filling,
+                        QuadtreeParams::default(),
+                    );
                     stored.iter().for_each(|(beam, sample)| {
                         cells.insert(0, *beam, 1, std::slice::from_ref(sample))
                     });

@@ -51,7 +51,8 @@ fn main() {
                     Arc::from([section.clone()]),
                     view,
                     SIZE,
-                    CellsParams { filling, ..CellsParams::default() },
+                    filling,
+                    QuadtreeParams::default(),
                 );
                 let mut insert = || {
                     stored.chunk_by(|a, b| a.0 == b.0).for_each(|same| {

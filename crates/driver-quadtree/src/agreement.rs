@@ -8,11 +8,11 @@
 //! Invariant: as aligned samples grow, every difference is found, and the picture is made of them
 //! alone.
 
-use crate::leaf::{KAPPA, KAPPA_LINEAR, Reader, own_surface};
+use crate::blend::own_surface;
+use crate::leaf::{KAPPA, KAPPA_LINEAR, Reader};
 use crate::paint::BAND;
 use crate::surface::Bins;
 use glam::Vec4;
-use std::cell::Cell;
 
 /// Effective samples that a comparison needs.
 const FEWEST: f32 = 8.0;
@@ -29,26 +29,26 @@ const SMALLEST: usize = 2;
 /// share.
 pub(crate) struct Agreement {
     across: usize,
-    known: Vec<Cell<Option<(u16, f32)>>>,
+    known: Vec<Option<(u16, f32)>>,
 }
 
 impl Agreement {
     /// Returns an agreement that knows nothing, for a picture of so many columns.
     pub fn new(width: usize) -> Self {
         let across = width.div_ceil(1 << SMALLEST);
-        Self { across, known: vec![Cell::new(None); across * (BAND >> SMALLEST)] }
+        Self { across, known: vec![None; across * (BAND >> SMALLEST)] }
     }
 
     /// Returns how far all samples of a surface may be used at a pixel: 1 wholly, 0 not at all.
     pub fn of(
-        &self,
-        all: &Reader,
-        aligned: &Reader,
+        &mut self,
+        all: &mut Reader,
+        aligned: &mut Reader,
         (column, row): (usize, usize),
         bins: Bins,
     ) -> f32 {
         let place = (row % BAND >> SMALLEST) * self.across + (column >> SMALLEST);
-        if let Some((bin, share)) = self.known[place].get()
+        if let Some((bin, share)) = self.known[place]
             && bin.abs_diff(bins.first) <= 1
         {
             return share;
@@ -60,17 +60,22 @@ impl Agreement {
         let pixels = &all.levels[0];
         let at = (middle(column, pixels.width), middle(row, pixels.height));
         let share = agreement(all, aligned, at, bins);
-        self.known[place].set(Some((bins.first, share)));
+        self.known[place] = Some((bins.first, share));
         share
     }
 }
 
 /// Compares the samples around one pixel.
-fn agreement(all: &Reader, aligned: &Reader, (column, row): (usize, usize), bins: Bins) -> f32 {
+fn agreement(
+    all: &mut Reader,
+    aligned: &mut Reader,
+    (column, row): (usize, usize),
+    bins: Bins,
+) -> f32 {
     let mut share = 1.0_f32;
     for level in SMALLEST..all.levels.len() {
         let Some(own) = aligned.blend(column, row, level, bins) else { continue };
-        let effective = own.error.powi(-2);
+        let effective = own.error_squared.recip();
         if effective < FEWEST {
             continue;
         }
@@ -82,7 +87,7 @@ fn agreement(all: &Reader, aligned: &Reader, (column, row): (usize, usize), bins
         let variation = (KAPPA_LINEAR * relative * own.mean).with_w(KAPPA * root);
         let half = aligned.noise(column, row, level, bins).half_widths.max(variation);
         let least = Vec4::splat(f32::MIN_POSITIVE);
-        let apart = (own.mean - whole.mean).abs() / (half * own.error).max(least);
+        let apart = (own.mean - whole.mean).abs() / (half * own.error_squared.sqrt()).max(least);
         let worst = apart.max_element();
         share = share.min(((DIFFERENT - worst) / (DIFFERENT - SAME)).clamp(0.0, 1.0));
         if share == 0.0 || effective > PLENTY {

@@ -10,11 +10,11 @@
 //! Invariant: only samples of one surface are averaged: bins connected to the pixel's own.
 
 use crate::LeafSize;
+use crate::blend::{Blend, Blender, own_surface};
 use crate::pyramid::Level;
 use crate::sums::luminance;
-use crate::surface::{Bins, Deviation, Surface, gap_allowed};
+use crate::surface::{Bins, Deviation, Surface};
 use glam::Vec4;
-use std::cell::Cell;
 
 /// Half-width of an interval of the mean root of luminance, in standard errors.
 pub(crate) const KAPPA: f32 = 2.2;
@@ -37,18 +37,6 @@ const QUANTUM: f32 = 0.004;
 const UNSEEN: f32 = 0.006;
 /// Columns of pixels that share the noise found last.
 const NOISE_COLUMNS: usize = 4;
-
-/// Weighted mean over neighbouring leaves of one level, of one surface.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Blend {
-    /// Mean colour and, last, mean root of luminance.
-    pub mean: Vec4,
-    /// Standard error for samples of unit deviation: √Σw² / Σw. Infinite if few of many samples make
-    /// the mean of one of the leaves.
-    pub error: f32,
-    /// Whether quarters of one of the leaves differ by more than noise.
-    is_mixed: bool,
-}
 
 /// Noise of a surface's samples around a pixel.
 #[derive(Clone, Copy)]
@@ -88,10 +76,9 @@ impl Intersection {
     fn narrow(&mut self, middle: Vec4, half: Vec4) -> f32 {
         self.low = self.low.max(middle - half);
         self.high = self.high.min(middle + half);
-        let left = self.high - self.low;
         // An interval without width is common wholly or not at all.
-        let point = Vec4::select(left.cmpge(Vec4::ZERO), Vec4::ONE, Vec4::ZERO);
-        let share = Vec4::select(half.cmpgt(Vec4::ZERO), 0.5 * left / half, point);
+        let least = Vec4::splat(f32::MIN_POSITIVE);
+        let share = (0.5 * (self.high - self.low) + least) / (half + least);
         share.min_element().clamp(0.0, 1.0)
     }
 }
@@ -104,13 +91,14 @@ pub(crate) struct Reader<'a> {
     pub levels: &'a [Level],
     leaf: LeafSize,
     /// Noise found last, of every [`NOISE_COLUMNS`] columns.
-    known: Vec<Cell<Option<KnownNoise>>>,
+    known: Vec<Option<KnownNoise>>,
+    blender: Blender<'a>,
 }
 
 impl<'a> Reader<'a> {
     pub fn new(levels: &'a [Level], leaf: LeafSize) -> Self {
         let parts = levels.first().map_or(0, |level| level.width.div_ceil(NOISE_COLUMNS));
-        Self { levels, leaf, known: vec![Cell::new(None); parts] }
+        Self { levels, leaf, known: vec![None; parts], blender: Blender::new(levels) }
     }
 
     /// Returns the leaf of a level around a pixel.
@@ -121,7 +109,7 @@ impl<'a> Reader<'a> {
 
     /// Returns the colour at a pixel of the surface that has `bins` in the pixel's leaf of level
     /// `start`: the mean over the leaves that noise asks for.
-    pub fn colour(&self, column: usize, row: usize, start: usize, bins: Bins) -> [f32; 3] {
+    pub fn colour(&mut self, column: usize, row: usize, start: usize, bins: Bins) -> [f32; 3] {
         if let LeafSize::Fixed(level) = self.leaf {
             let level = start.max(usize::from(level)).min(self.levels.len() - 1);
             let blend = self.blend(column, row, level, bins);
@@ -132,11 +120,13 @@ impl<'a> Reader<'a> {
         let mut best = Vec4::ZERO;
         for level in start..self.levels.len() {
             let Some(blend) = self.blend(column, row, level, bins) else { break };
-            if level > start && (blend.is_mixed || blend.error == f32::INFINITY) {
+            // A mean that is of none of the leaf's parts, or of few of its samples, is no pixel's.
+            let is_any = blend.is_mixed || blend.error_squared == f32::INFINITY;
+            if level > start && is_any {
                 break;
             }
-            let error = if blend.is_mixed { f32::INFINITY } else { blend.error };
-            let width = error * (1.0 + noise.few_samples * error * error);
+            let error_squared = if is_any { f32::INFINITY } else { blend.error_squared };
+            let width = error_squared.sqrt() * (1.0 + noise.few_samples * error_squared);
             let half = noise.half_widths * width;
             let common_share = common.narrow(blend.mean, half);
             // The finest leaf counts as a whole: the difference of its bounds is rounded.
@@ -155,7 +145,7 @@ impl<'a> Reader<'a> {
     /// Returns the noise of the surface around a pixel, from the smallest leaf that has enough
     /// samples.
     #[inline(always)]
-    pub fn noise(&self, column: usize, row: usize, start: usize, bins: Bins) -> Noise {
+    pub fn noise(&mut self, column: usize, row: usize, start: usize, bins: Bins) -> Noise {
         let place = &self.known[column / NOISE_COLUMNS];
         let is_same = |known: &KnownNoise| {
             known.level >= start
@@ -164,12 +154,12 @@ impl<'a> Reader<'a> {
                 && known.bins.first <= bins.first
                 && bins.first <= known.bins.last
         };
-        let known = place.get().filter(is_same).unwrap_or_else(|| {
-            let found = self.find_noise(column, row, start, bins);
-            place.set(Some(found));
-            found
-        });
-        known.noise
+        if let Some(known) = place.as_ref().filter(|known| is_same(known)) {
+            return known.noise;
+        }
+        let found = self.find_noise(column, row, start, bins);
+        self.known[column / NOISE_COLUMNS] = Some(found);
+        found.noise
     }
 
     #[inline(never)]
@@ -204,66 +194,9 @@ impl<'a> Reader<'a> {
         KnownNoise { level, column, row, bins: found_bins, noise }
     }
 
-    /// Returns the mean of one surface around a pixel at one level, leaves weighted bilinearly by
-    /// the nearness of their middles. `None` if the pixel's leaf does not have the surface.
-    ///
-    /// Bilinear weights centre the mean on the pixel: a gradient is then not biased, and no blocks
-    /// show.
+    /// As [`Blender::blend`].
     #[inline(always)]
-    pub fn blend(&self, column: usize, row: usize, level: usize, bins: Bins) -> Option<Blend> {
-        let leaves = &self.levels[level];
-        let own = own_surface(leaves.leaf(column >> level, row >> level), bins)?;
-        if level == 0 {
-            let error = own.error_squared.sqrt() / own.weight;
-            return Some(Blend { mean: Vec4::from_array(own.mean), error, is_mixed: false });
-        }
-        let gap = gap_allowed(level);
-        let (near, far) = (own.bins.first.saturating_sub(gap), own.bins.last.saturating_add(gap));
-        let (columns, column_weights) = neighbours(column, level, leaves.width);
-        let (rows, row_weights) = neighbours(row, level, leaves.height);
-        let (mut weight, mut error_squared, mut sum) = (0.0_f32, 0.0_f32, Vec4::ZERO);
-        let mut is_mixed = false;
-        for (&leaf_row, row_weight) in rows.iter().zip(row_weights) {
-            for (&leaf_column, column_weight) in columns.iter().zip(column_weights) {
-                let share = row_weight * column_weight;
-                for surface in leaves.leaf(leaf_column, leaf_row) {
-                    if surface.bins.last < near || surface.bins.first > far {
-                        continue;
-                    }
-                    let part = share * surface.weight;
-                    weight += part;
-                    error_squared += share * share * surface.error_squared;
-                    is_mixed |= surface.is_mixed;
-                    sum += part * Vec4::from_array(surface.mean);
-                }
-            }
-        }
-        let scale = weight.recip();
-        Some(Blend { mean: sum * scale, error: error_squared.sqrt() * scale, is_mixed })
+    pub fn blend(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> Option<Blend> {
+        self.blender.blend(column, row, level, bins)
     }
-}
-
-/// Returns the surface of a leaf that holds a surface of one of its pixels.
-#[inline(always)]
-pub(crate) fn own_surface(leaf: &[Surface], bins: Bins) -> Option<&Surface> {
-    leaf.iter().find(|surface| surface.bins.first <= bins.first && bins.first <= surface.bins.last)
-}
-
-/// Returns the two leaves along one direction whose middles a pixel's middle lies between, and
-/// their bilinear weights.
-#[inline(always)]
-pub(crate) fn neighbours(pixel: usize, level: usize, leaves: usize) -> ([usize; 2], [f32; 2]) {
-    let own = pixel >> level;
-    let size = 1_usize << level;
-    let offset = (2 * (pixel & (size - 1)) + 1) as f32 / (2 * size) as f32 - 0.5;
-    let other = if offset < 0.0 { own.saturating_sub(1) } else { (own + 1).min(leaves - 1) };
-    ([own, other], [1.0 - offset.abs(), offset.abs()])
-}
-
-/// Returns the nearest surface of a leaf that lies at most `gap` bins beside `bins`.
-pub(crate) fn beside(leaf: &[Surface], bins: Bins, gap: u16) -> Option<&Surface> {
-    leaf.iter().find(|surface| {
-        surface.bins.first <= bins.last.saturating_add(gap)
-            && bins.first <= surface.bins.last.saturating_add(gap)
-    })
 }

@@ -3,6 +3,7 @@
 mod agreement;
 mod beams;
 mod bins;
+mod blend;
 mod cells;
 mod depths;
 mod driver;

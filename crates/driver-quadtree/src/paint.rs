@@ -6,7 +6,8 @@
 use crate::Quadtree;
 use crate::agreement::Agreement;
 use crate::bins::{bin_distance, merged};
-use crate::leaf::{Reader, beside};
+use crate::blend::beside;
+use crate::leaf::Reader;
 use crate::pyramid::{Level, pyramid};
 use crate::surface::{Bins, Surface, gap_allowed, of_pixel};
 use holo_display::Frame;
@@ -93,7 +94,7 @@ impl<'a> Painter<'a> {
 
     /// Draws a pixel and counts it.
     #[inline(always)]
-    fn paint(&self, column: usize, row: usize, counts: &mut Counts) -> Shown {
+    fn paint(&mut self, column: usize, row: usize, counts: &mut Counts) -> Shown {
         let pixel = row * self.tree.size.0 as usize + column;
         if !self.tree.covered[pixel] {
             return Shown::NOTHING;
@@ -112,7 +113,7 @@ impl<'a> Painter<'a> {
 
     /// Shows a surface as from leaves of a level on, by its bins there.
     #[inline(always)]
-    pub fn surface(&self, column: usize, row: usize, level: usize, bins: Bins) -> Shown {
+    pub fn surface(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> Shown {
         let colour = self.colour(column, row, level, bins);
         Shown { colour, depth: bin_distance(bins.first) }
     }
@@ -120,10 +121,10 @@ impl<'a> Painter<'a> {
     /// Returns the colour of a surface, as [`Reader::colour`]: of all samples, or of aligned ones
     /// where the others differ.
     #[inline(always)]
-    pub fn colour(&self, column: usize, row: usize, level: usize, bins: Bins) -> [f32; 3] {
+    pub fn colour(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> [f32; 3] {
         let all = self.all.colour(column, row, level, bins);
-        let Some((aligned, agreement)) = &self.aligned else { return all };
-        let share = agreement.of(&self.all, aligned, (column, row), bins);
+        let Some((aligned, agreement)) = &mut self.aligned else { return all };
+        let share = agreement.of(&mut self.all, aligned, (column, row), bins);
         if share == 1.0 {
             return all;
         }
@@ -156,7 +157,7 @@ impl Quadtree {
         let colours = frame.picture.pixels.par_chunks_mut((BAND * width).max(1));
         let depths = frame.depth.par_chunks_mut((BAND * width).max(1));
         let draw_band = |(band, (colours, depths)): (usize, (&mut [[f32; 3]], &mut [f32]))| {
-            let painter = Painter::new(self, &unseen, &pyramids);
+            let mut painter = Painter::new(self, &unseen, &pyramids);
             let mut counts = Counts::default();
             for (at, (colour, depth)) in colours.iter_mut().zip(depths).enumerate() {
                 let (column, row) = (at % width, band * BAND + at / width);

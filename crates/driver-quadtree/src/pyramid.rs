@@ -26,26 +26,21 @@ struct Row {
     surfaces: Vec<Surface>,
 }
 
-impl Level {
-    /// Makes the leaves of each row by `append`, which adds the surfaces of the leaf in a column
-    /// and row, nearest first.
-    fn new(
-        (width, height): (usize, usize),
-        append: impl Fn(usize, usize, &mut Vec<Surface>) + Sync,
-    ) -> Self {
-        let make_row = |row: usize| {
-            let mut starts = Vec::with_capacity(width + 1);
-            let mut surfaces = Vec::with_capacity(width);
-            starts.push(0);
-            for column in 0..width {
-                append(column, row, &mut surfaces);
-                starts.push(surfaces.len() as u32);
-            }
-            Row { starts, surfaces }
-        };
-        Self { width, height, rows: (0..height).into_par_iter().map(make_row).collect() }
+impl Row {
+    /// Makes a row of leaves. `append` adds the surfaces of the leaf in a column, nearest first.
+    fn new(width: usize, mut append: impl FnMut(usize, &mut Vec<Surface>)) -> Self {
+        let mut starts = Vec::with_capacity(width + 1);
+        let mut surfaces = Vec::with_capacity(width);
+        starts.push(0);
+        for column in 0..width {
+            append(column, &mut surfaces);
+            starts.push(surfaces.len() as u32);
+        }
+        Self { starts, surfaces }
     }
+}
 
+impl Level {
     /// Returns the surfaces of a leaf, nearest first.
     #[inline(always)]
     pub fn leaf(&self, column: usize, row: usize) -> &[Surface] {
@@ -55,48 +50,50 @@ impl Level {
 
     /// Returns the leaves of level `number`, each made of four of these.
     fn parents(&self, number: usize) -> Self {
-        let size = (self.width.div_ceil(2), self.height.div_ceil(2));
-        Self::new(size, |column, row, surfaces| self.join_quarters(number, column, row, surfaces))
-    }
-
-    /// Appends the surfaces of one leaf of level `number`.
-    fn join_quarters(&self, number: usize, column: usize, row: usize, surfaces: &mut Vec<Surface>) {
-        let start = surfaces.len();
-        for row in 2 * row..(2 * row + 2).min(self.height) {
-            for column in 2 * column..(2 * column + 2).min(self.width) {
-                surfaces.extend(self.leaf(column, row).iter().map(Surface::of_quarter));
-            }
-        }
-        // A stable sort of parts in a fixed order: the same bits every time.
-        surfaces[start..].sort_by_key(|part| part.bins.first);
-        join_adjacent(surfaces, start, gap_allowed(number));
+        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        let make_row = |row: usize| {
+            let mut parts = Vec::new();
+            Row::new(width, |column, surfaces| {
+                parts.clear();
+                for row in 2 * row..(2 * row + 2).min(self.height) {
+                    for column in 2 * column..(2 * column + 2).min(self.width) {
+                        parts.extend(self.leaf(column, row));
+                    }
+                }
+                // A stable sort of parts in a fixed order: the same bits every time.
+                parts.sort_by_key(|part: &&Surface| part.bins.first);
+                join_adjacent(&parts, gap_allowed(number), surfaces);
+            })
+        };
+        Self { width, height, rows: (0..height).into_par_iter().map(make_row).collect() }
     }
 }
 
-/// Joins those of the surfaces from `start` on that are parts of one surface.
-fn join_adjacent(surfaces: &mut Vec<Surface>, start: usize, gap: u16) {
-    let mut open = start;
-    for at in start + 1..surfaces.len() {
-        let part = surfaces[at];
-        if adjacent(surfaces[open].bins.last, part.bins.first, gap) {
-            surfaces[open].join(&part);
+/// Appends the surfaces that quarters' surfaces, nearest first, are parts of.
+fn join_adjacent(parts: &[&Surface], gap: u16, surfaces: &mut Vec<Surface>) {
+    let Some((first, others)) = parts.split_first() else { return };
+    let mut open = first.of_quarter();
+    for part in others {
+        if adjacent(open.bins.last, part.bins.first, gap) {
+            open.join(part);
         } else {
-            open += 1;
-            surfaces[open] = part;
+            surfaces.push(open.closed());
+            open = part.of_quarter();
         }
     }
-    surfaces.truncate(open + 1);
-    surfaces[start..].iter_mut().for_each(Surface::close);
+    surfaces.push(open.closed());
 }
 
 /// Returns all levels of a picture of `size` pixels, up to one leaf. `append` adds the surfaces of a
 /// pixel, by its number, nearest first.
 pub(crate) fn pyramid(
-    size: (usize, usize),
+    (width, height): (usize, usize),
     append: impl Fn(usize, &mut Vec<Surface>) + Sync,
 ) -> Vec<Level> {
-    let mut levels =
-        vec![Level::new(size, |column, row, surfaces| append(row * size.0 + column, surfaces))];
+    let make_row =
+        |row: usize| Row::new(width, |column, surfaces| append(row * width + column, surfaces));
+    let rows = (0..height).into_par_iter().map(make_row).collect();
+    let mut levels = vec![Level { width, height, rows }];
     while let Some(last) = levels.last().filter(|last| last.width > 1 || last.height > 1) {
         let parents = last.parents(levels.len());
         levels.push(parents);

@@ -1,6 +1,6 @@
 //! Which surface a pixel shows, or which mixture, by its own samples and those around it.
 
-use crate::bins::{BINS_PER_OCTAVE, bin_distance};
+use crate::bins::BINS_PER_OCTAVE;
 use crate::paint::{Painter, Shown};
 use crate::sums::NEAR_CLASSES;
 use crate::surface::{Bins, Surface};
@@ -16,20 +16,22 @@ const MANY_PER_PIXEL: u32 = 2;
 impl Painter<'_> {
     /// Returns what a covered pixel shows, given its own surfaces.
     #[inline(always)]
-    pub fn shown(&self, column: usize, row: usize, own: &[Surface]) -> Shown {
+    pub fn shown(&mut self, column: usize, row: usize, own: &[Surface]) -> Shown {
         if let Some((level, bins)) = self.standing(column, row, own) {
             return self.surface(column, row, level, bins);
         }
         match own {
             [] => self.filled(column, row),
-            [only] if only.near != [0; NEAR_CLASSES] => self.surface(column, row, 0, only.bins),
-            [front, ..] => self.mixed(column, row, front, own),
+            [only] if !self.may_be_covered(column, row, only.bins) => {
+                self.surface(column, row, 0, only.bins)
+            }
+            [front, ..] => self.mixed(column, row, front.bins, own),
         }
     }
 
     /// Returns what a pixel without samples shows: what the smallest leaf with samples around it
     /// shows.
-    fn filled(&self, column: usize, row: usize) -> Shown {
+    fn filled(&mut self, column: usize, row: usize) -> Shown {
         let found = (1..self.all.levels.len()).find_map(|level| {
             let leaf = self.all.leaf(level, column, row);
             let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
@@ -37,7 +39,12 @@ impl Painter<'_> {
             Some((level, seen.bins))
         });
         let Some((level, bins)) = found else { return Shown::NOTHING };
-        let (level, bins) = self.covering(column, row, bins).unwrap_or((level, bins));
+        let covering = if self.may_be_covered(column, row, bins) {
+            self.covering(column, row, bins)
+        } else {
+            None
+        };
+        let (level, bins) = covering.unwrap_or((level, bins));
         self.surface(column, row, level, bins)
     }
 
@@ -46,26 +53,53 @@ impl Painter<'_> {
     /// Samples that pass near the eye are samples of this very pixel. Their shares are what the
     /// surfaces cover of it, which makes a silhouette smooth. Without any the nearest surface is
     /// seen: what lies behind it was seen past its edge.
-    fn mixed(&self, column: usize, row: usize, front: &Surface, own: &[Surface]) -> Shown {
-        let all: f32 = own.iter().map(|surface| near_count(surface, front)).sum();
+    fn mixed(&mut self, column: usize, row: usize, front: Bins, own: &[Surface]) -> Shown {
+        let near = |surface: &Surface| self.near_count(column, row, surface.bins, front);
+        let near: Vec<f32> = own.iter().map(near).collect();
+        let all: f32 = near.iter().sum();
         if all == 0.0 {
-            let (level, bins) = self.covering(column, row, front.bins).unwrap_or((0, front.bins));
+            let (level, bins) = self.covering(column, row, front).unwrap_or((0, front));
             return self.surface(column, row, level, bins);
         }
-        if own.len() == 1 {
-            return self.surface(column, row, 0, front.bins);
-        }
-        let mut colour = [0.0; 3];
-        let mut depth = None;
-        for surface in own {
-            let coverage = near_count(surface, front) / all;
+        let mut shown = Shown::NOTHING;
+        for (surface, near) in own.iter().zip(near) {
+            let coverage = near / all;
             if coverage > 0.0 {
-                let part = self.colour(column, row, 0, surface.bins);
-                colour = [0, 1, 2].map(|channel| colour[channel] + coverage * part[channel]);
-                depth = depth.or(Some(bin_distance(surface.bins.first)));
+                let part = self.surface(column, row, 0, surface.bins);
+                for (sum, part) in shown.colour.iter_mut().zip(part.colour) {
+                    *sum += coverage * part;
+                }
+                shown.depth = if shown.depth == 0.0 { part.depth } else { shown.depth };
             }
         }
-        Shown { colour, depth: depth.unwrap_or(0.0) }
+        shown
+    }
+
+    /// Returns how many samples of a pixel's surface pass so near the eye that they see past the
+    /// front surface what the eye sees.
+    ///
+    /// Within a pixel's footprint at their own distance is not near enough. With `front` at an
+    /// eighth of the distance they would look behind it by seven pixels (batch pictures then got
+    /// worse with more samples). The radius is halved for each whole doubling from the front to the
+    /// surface, which keeps that below a pixel and a half.
+    fn near_count(&self, column: usize, row: usize, bins: Bins, front: Bins) -> f32 {
+        let halvings = usize::from(bins.first.saturating_sub(front.first) / BINS_PER_OCTAVE);
+        let halvings = halvings.min(NEAR_CLASSES - 1);
+        // All samples near the eye are aligned.
+        let of_pixel = self.tree.aligned.of(row * self.tree.size.0 as usize + column);
+        let own = of_pixel.filter(|(bin, _)| bins.first <= *bin && *bin <= bins.last);
+        own.flat_map(|(_, sums)| &sums.near[halvings..]).map(|&count| count as f32).sum()
+    }
+
+    /// Returns whether a surface around a pixel lies so far in front of the pixel's own that it may
+    /// hide it.
+    #[inline(always)]
+    fn may_be_covered(&self, column: usize, row: usize, front: Bins) -> bool {
+        [2, 1].into_iter().filter(|&level| level < self.all.levels.len()).any(|level| {
+            // The nearest comes first.
+            let nearest = self.all.leaf(level, column, row).first();
+            nearest.is_some_and(|nearest| hides(nearest, front))
+        })
     }
 
     /// Returns level and bins of a surface that hides a pixel's front surface, though the pixel has
@@ -78,12 +112,8 @@ impl Painter<'_> {
     /// behind the surface, as from the next room, and be any number. Pixels with samples near the
     /// eye see for themselves. What this gains and costs: docs/notes/quadtree.md.
     fn covering(&self, column: usize, row: usize, front: Bins) -> Option<(usize, Bins)> {
-        let hides =
-            |nearer: &Surface| nearer.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.first;
         [2, 1].into_iter().filter(|&level| level < self.all.levels.len()).find_map(|level| {
             let leaf = self.all.leaf(level, column, row);
-            // The nearest comes first.
-            leaf.first().filter(|nearest| hides(nearest))?;
             let seen = self.leaf_seen(level, column, row);
             let all: f32 = seen.iter().map(|surface| surface.count as f32).sum();
             let is_most = |surface: &Surface| {
@@ -94,22 +124,17 @@ impl Painter<'_> {
                 parts.map(|part| part.count as f32).sum::<f32>() >= 0.5 * all
             };
             let hiding = leaf.iter().find(|surface| {
-                hides(surface) && is_most(surface) && surface.count <= MANY_PER_PIXEL << (2 * level)
+                hides(surface, front)
+                    && is_most(surface)
+                    && surface.count <= MANY_PER_PIXEL << (2 * level)
             })?;
             Some((level, hiding.bins))
         })
     }
 }
 
-/// Returns how many samples of a surface pass so near the eye that they see past the front surface
-/// what the eye sees.
-///
-/// Within a pixel's footprint at their own distance is not near enough. With `front` at an eighth of
-/// the distance they would look behind it by seven pixels (batch pictures then got worse with more
-/// samples). The radius is halved for each whole doubling from the front to the surface, which keeps
-/// that below a pixel and a half.
-fn near_count(surface: &Surface, front: &Surface) -> f32 {
-    let behind = surface.bins.first.saturating_sub(front.bins.first);
-    let halvings = usize::from(behind / BINS_PER_OCTAVE).min(NEAR_CLASSES - 1);
-    surface.near.iter().skip(halvings).map(|&count| count as f32).sum()
+/// Returns whether a surface lies clearly in front of another one's bins.
+#[inline(always)]
+fn hides(nearer: &Surface, front: Bins) -> bool {
+    nearer.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.first
 }

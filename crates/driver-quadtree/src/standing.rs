@@ -8,7 +8,7 @@
 
 use crate::Quadtree;
 use crate::bins::{FAR, depth_bin};
-use crate::leaf::{beside, neighbours};
+use crate::blend::{beside, neighbours};
 use crate::paint::Painter;
 use crate::shown::CLEARLY_IN_FRONT;
 use crate::surface::{Bins, Surface, gap_allowed};
@@ -83,8 +83,8 @@ impl Painter<'_> {
     /// leaf alone it may end before the pixel.
     fn goes_on(&self, column: usize, row: usize, level: usize, bins: Bins) -> bool {
         let leaves = &self.all.levels[level];
-        let (columns, _) = neighbours(column, level, leaves.width);
-        let (rows, _) = neighbours(row, level, leaves.height);
+        let columns = neighbours(column, level, leaves.width);
+        let rows = neighbours(row, level, leaves.height);
         let around = rows.iter().flat_map(|&row| columns.map(|column| leaves.leaf(column, row)));
         around.filter(|leaf| beside(leaf, bins, gap_allowed(level)).is_some()).count()
             >= LEAVES_AROUND

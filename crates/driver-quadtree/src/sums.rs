@@ -28,7 +28,9 @@ pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
 /// The colour of a sample in fixed point.
 #[derive(Clone, Copy)]
 pub(crate) struct Colour {
-    rgb: [u128; 3],
+    /// Fixed point, without the doublings of bright colours.
+    rgb: [u64; 3],
+    doublings: u32,
     luminance: u64,
     /// Fourth root of luminance. Leaves are compared in it, because rare bright samples then do not
     /// outweigh all others: a lamp a thousand times brighter than its surroundings counts six times.
@@ -41,15 +43,15 @@ impl Colour {
     #[inline(always)]
     pub fn from_rgbe([r, g, b, exponent]: [u8; 4]) -> Self {
         if exponent == 0 {
-            return Self { rgb: [0; 3], luminance: 0, root: 0 };
+            return Self { rgb: [0; 3], doublings: 0, luminance: 0, root: 0 };
         }
         let exponent = exponent.min(MAX_EXPONENT);
         let shift = i32::from(exponent) - 136 + COLOUR_FRACTION;
-        let (left, right) = (shift.max(0), (-shift).clamp(0, 8));
         let luminance = luminance(rgbe::decode([r, g, b, exponent]));
         let root = luminance.sqrt().sqrt();
         Self {
-            rgb: [r, g, b].map(|channel| u128::from(channel) << left >> right),
+            rgb: [r, g, b].map(|channel| u64::from(channel) >> (-shift).clamp(0, 8)),
+            doublings: shift.max(0) as u32,
             luminance: (luminance * LUMINANCE_SCALE).min(LUMINANCE_MAX) as u64,
             root: (root * ROOT_SCALE).min(ROOT_MAX) as u64,
         }
@@ -79,7 +81,7 @@ impl Sums {
         let wide = u128::from(weight);
         let squared = |number: u64| u128::from(number) * u128::from(number);
         for (sum, channel) in self.rgb.iter_mut().zip(colour.rgb) {
-            *sum = sum.saturating_add(channel * wide);
+            add_wide(sum, u128::from(channel * u64::from(weight)) << colour.doublings);
         }
         add_wide(&mut self.luminance_squared, squared(colour.luminance) * wide);
         add_wide(&mut self.root_squared, squared(colour.root) * wide);
@@ -114,12 +116,14 @@ impl Sums {
         let wide = |sum: u128| {
             (sum >> 64) as u64 as f64 * 18_446_744_073_709_551_616.0 + sum as u64 as f64
         };
+        let [r, g, b] = self.rgb;
         let scale = 1.0 / self.weight as f64;
+        let colour_scale = scale / (1_u64 << COLOUR_FRACTION) as f64;
         let root_scale = scale / f64::from(ROOT_SCALE);
         Moments {
             weight: self.weight as f64,
             weight_squared: self.weight_squared as f64,
-            mean: self.rgb.map(|sum| wide(sum) * scale / (1_u64 << COLOUR_FRACTION) as f64),
+            mean: [wide(r) * colour_scale, wide(g) * colour_scale, wide(b) * colour_scale],
             luminance_squared: wide(self.luminance_squared) * scale
                 / f64::from(LUMINANCE_SCALE).powi(2),
             root: self.root as f64 * root_scale,

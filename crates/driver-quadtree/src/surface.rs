@@ -7,14 +7,14 @@
 //! which is fixed.
 
 use crate::bins::FAR;
-use crate::sums::{Moments, NEAR_CLASSES, Sums, luminance};
+use crate::sums::{Moments, Sums, luminance};
 use std::borrow::Borrow;
 
 /// Degrees of freedom that an estimate of noise from finer leaves needs. Below, a leaf's own spread
 /// is used.
 const ENOUGH_FREEDOM: f32 = 6.0;
 /// A mean is of few samples if one sample in so many, or fewer, makes it: relative variance. See
-/// [`Surface::close`] and docs/notes/quadtree.md.
+/// [`Surface::closed`] and docs/notes/quadtree.md.
 const FEW_OF: f32 = 32.0;
 // A leaf is mixed by the three numbers that follow. How they were chosen: docs/notes/quadtree.md.
 /// Least ratio of the variance between quarters to what the spread within them lets expect (the
@@ -70,14 +70,13 @@ pub(crate) struct Surface {
     /// The part of `spread_root` that lies between the leaf's four quarters; 0 for a pixel.
     spread_between: f32,
     noise: Noise,
-    /// Squared standard error of the mean for samples of unit deviation, times the squared weight.
-    /// In leaves larger than a pixel it is infinite if few of the samples make the mean.
-    pub error_squared: f32,
+    /// Whether few of the samples make the mean of a leaf larger than a pixel. It may be a lamp's,
+    /// and smaller leaves tell where that shines. No light is lost if pixels do not take the mean:
+    /// the bright part of the leaf does without it as the dark part does.
+    pub is_of_few: bool,
     /// Whether the quarters of the leaf differ by more than noise. Its mean is then that of none of
     /// its parts.
     pub is_mixed: bool,
-    /// In a pixel: samples that pass near the eye, as in [`Sums::near`]. In larger leaves: none.
-    pub near: [u32; NEAR_CLASSES],
 }
 
 /// Noise of samples about the means of the smallest leaves that have enough samples. It leaves out
@@ -123,9 +122,8 @@ impl Surface {
             spread_root: spread(root_squared, root),
             spread_between: 0.0,
             noise: Noise { luminance: 0.0, root: 0.0, freedom: 0.0 },
-            error_squared: weight_squared as f32,
+            is_of_few: false,
             is_mixed: false,
-            near: sums.near,
         };
         surface.noise = surface.own_noise();
         surface
@@ -134,7 +132,7 @@ impl Surface {
     /// Returns a quarter's surface as the beginning of the whole leaf's.
     #[inline(always)]
     pub fn of_quarter(&self) -> Self {
-        Self { spread_between: 0.0, near: [0; NEAR_CLASSES], ..*self }
+        Self { spread_between: 0.0, ..*self }
     }
 
     /// Adds another quarter's part of the same surface (the update of Chan, Golub & LeVeque 1979).
@@ -162,18 +160,16 @@ impl Surface {
         self.noise.freedom += other.noise.freedom;
     }
 
-    /// Completes the surface of a leaf larger than a pixel.
+    /// Returns the complete surface of a leaf larger than a pixel.
     #[inline(always)]
-    pub fn close(&mut self) {
+    pub fn closed(mut self) -> Self {
         if self.noise.freedom < ENOUGH_FREEDOM {
             self.noise = self.own_noise();
         }
         let mean = self.luminance();
-        // It may be a lamp's, and smaller leaves tell where that shines. No light is lost, because
-        // the bright part of the leaf does without this mean as the dark part does.
-        let is_of_few = self.spread_luminance > FEW_OF * mean * mean * self.weight;
-        self.error_squared = if is_of_few { f32::INFINITY } else { self.weight_squared };
+        self.is_of_few = self.spread_luminance > FEW_OF * mean * mean * self.weight;
         self.is_mixed = self.has_different_quarters();
+        self
     }
 
     /// Returns the noise as the spread about the leaf's own mean.
@@ -202,6 +198,13 @@ impl Surface {
         freedom > MIXED_SAMPLES
             && between > MIXED_SHARE * within
             && between * freedom > MIXED_RATIO * 3.0 * within
+    }
+
+    /// Returns the squared standard error of the mean for samples of unit deviation, times the
+    /// squared weight. Infinite if few of the samples make the mean.
+    #[inline(always)]
+    pub fn error_squared(&self) -> f32 {
+        if self.is_of_few { f32::INFINITY } else { self.weight_squared }
     }
 
     #[inline(always)]
@@ -276,8 +279,7 @@ mod tests {
         });
         let (whole, others) = quarters.split_first_mut().unwrap();
         others.iter().for_each(|quarter| whole.join(quarter));
-        whole.close();
-        *whole
+        whole.closed()
     }
 
     #[test]
@@ -309,8 +311,7 @@ mod tests {
         // Mixed leaves that are alike are alike quarters of a larger leaf.
         let closed = |mut surface: Surface, parts: &[Surface]| {
             parts.iter().for_each(|part| surface.join(part));
-            surface.close();
-            surface
+            surface.closed()
         };
         let bars = leaf([3.0, 1.0, 3.0, 1.0], 7, || 1.0).of_quarter();
         assert!(!closed(bars, &[]).is_mixed);

@@ -12,19 +12,11 @@ use holo_picture::{View, ViewKind, ViewSpec};
 use holo_section::{BeamId, RayCoords, Sample, Section};
 use proptest::prelude::*;
 use std::sync::Arc;
-use std::time::Duration;
 
 const BOTH: [Filling; 2] = [Filling::Smooth, Filling::Constant];
-const SOON: Duration = Duration::from_millis(1);
-const LATE: Duration = Duration::from_millis(33);
 
 fn empty(section: &Section, view: &View, size: (u32, u32), filling: Filling) -> Cells {
-    Cells::new(
-        Arc::from([section.clone()]),
-        *view,
-        size,
-        CellsParams { filling, ..CellsParams::default() },
-    )
+    Cells::new(Arc::from([section.clone()]), *view, size, filling, QuadtreeParams::default())
 }
 
 fn put(cells: &mut Cells, stored: &[Stored]) {
@@ -90,19 +82,10 @@ proptest! {
         }
         for (filling, picture) in BOTH.into_iter().zip(pictures) {
             let mut cells = empty(&section, &view, SIZE, filling);
-            // Another view before, so that nothing stays behind, and a picture in between.
-            cells.insert(0, beam(0), 1, &[samples[0].2]);
-            cells.reset(view);
-            for (number, (place, paths, sample)) in samples.iter().enumerate() {
-                cells.insert(0, beam(*place), *paths, &[*sample]);
-                if number == samples.len() / 2 {
-                    cells.redraw(LATE);
-                }
+            for (number, paths, sample) in &samples {
+                cells.insert(0, beam(*number), *paths, &[*sample]);
             }
             prop_assert_eq!(&bits(&cells.draw()), &picture);
-            cells.redraw(LATE);
-            let resting = cells.redraw(LATE).map(bits);
-            prop_assert!(resting.is_none_or(|resting| resting == picture));
         }
     }
 }
@@ -394,46 +377,16 @@ fn views_of_every_type_are_shown_as_well_as_by_leaves() {
 }
 
 #[test]
-fn pictures_are_drawn_when_it_is_time_and_none_while_nothing_changes() {
-    const SIZE: (u32, u32) = (96, 72);
-    let (section, view) = (room_section(8), room_view(SIZE));
-    let stored = near_samples(room, &section, &view, 60_000, 4, clean);
-    for filling in BOTH {
-        let mut cells = empty(&section, &view, SIZE, filling);
-        assert!(cells.redraw(LATE).is_some(), "a new view is drawn");
-        assert!(cells.redraw(LATE).is_none() && cells.redraw(Duration::from_secs(10)).is_none());
-        put(&mut cells, &stored[..100]);
-        assert!(cells.redraw(SOON).is_none());
-        assert!(cells.redraw(LATE).is_some());
-        put(&mut cells, &stored[100..51_000]);
-        assert!(cells.redraw(SOON).is_some());
-        assert!(cells.redraw(SOON).is_none());
-        while let Some(frame) = cells.redraw(LATE) {
-            let shown = bits(frame);
-            assert!(
-                shown == bits(&cells.draw()) || cells.redraw(LATE).is_some(),
-                "at rest it is the whole picture"
-            );
-        }
-        cells.look(view);
-        assert!(cells.redraw(LATE).is_some());
-    }
-}
-
-#[test]
 fn what_is_known_to_be_empty_is_the_sky_and_what_no_section_covers_is_0() {
     const SIZE: (u32, u32) = (40, 30);
     let section = room_section(4);
     // Past the section's side.
     let view = view([-4.0, 4.0, 5.0], [2.0, 4.0, 4.5], 70.0, SIZE);
-    let tree = |filling| CellsParams {
-        filling,
-        tree: QuadtreeParams { sky: [0.1, 0.2, 0.4], ..QuadtreeParams::default() },
-    };
+    let params = QuadtreeParams { sky: [0.1, 0.2, 0.4], ..QuadtreeParams::default() };
     let selection =
         select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     for filling in BOTH {
-        let mut cells = Cells::new(Arc::from([section.clone()]), view, SIZE, tree(filling));
+        let mut cells = Cells::new(Arc::from([section.clone()]), view, SIZE, filling, params);
         put(&mut cells, &near_samples(room, &section, &view, 300, 1, clean));
         let before = cells.draw();
         let pixels = before.picture.pixels.len() as u64;

@@ -52,9 +52,6 @@ proptest! {
             samples.swap(last, (random.bits() % (last as u64 + 1)) as usize);
         }
         let mut shuffled = new();
-        // Another view before, so that nothing stays behind.
-        shuffled.insert(0, beam(0), 1, &[samples[0].2]);
-        shuffled.reset(view);
         for (number, paths, sample) in &samples {
             shuffled.insert(0, beam(*number), *paths, std::slice::from_ref(sample));
         }

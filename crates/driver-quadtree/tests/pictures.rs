@@ -4,7 +4,6 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::viewpoint_radius;
 use holo_driver_quadtree::{Quadtree, QuadtreeParams};
 use holo_picture::View;
 use holo_section::{Sample, Section, SectionSpec, ViewClass};
@@ -173,11 +172,7 @@ fn silhouettes_become_smooth_by_samples_near_the_eye() {
         let count = (f64::from(SIZE.0 * SIZE.1) * density) as usize;
         let mut stored = near_samples(disc, &section, &seen, count, 5, clean);
         stored.extend(batch_samples(disc, &section, &seen, SIZE, count, 3, clean));
-        let params = QuadtreeParams {
-            viewpoint_radius: Some(viewpoint_radius(&seen, SIZE, 5.9, 1.0)),
-            ..QuadtreeParams::default()
-        };
-        let frame = quadtree(&section, &seen, SIZE, params, &stored).draw();
+        let frame = quadtree(&section, &seen, SIZE, QuadtreeParams::default(), &stored).draw();
         errors.push(relative_error(&frame, &reference));
     }
     println!("{errors:.6?}");
