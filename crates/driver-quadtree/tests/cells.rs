@@ -66,7 +66,7 @@ proptest! {
         const SIZE: (u32, u32) = (24, 18);
         let (section, view) = (room_section(4), room_view(SIZE));
         let selection = select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
-        let beam = |number: usize| -> BeamId { selection.beams[number % selection.beams.len()].beam };
+        let beam = |number: usize| -> BeamId { selection.beams[number % selection.beams.len()].key.beam };
         let mut pictures = Vec::new();
         for filling in BOTH {
             let mut cells = empty(&section, &view, SIZE, filling);
@@ -201,7 +201,7 @@ fn spread_samples(
         let share = f64::from(wanted.weight) * count as f64 / selection.covered.pixels;
         for _ in 0..(share + random.unit()) as u32 {
             let coords = RayCoords((random.bits() as u32).to_le_bytes());
-            stored.push(traced(scene, section, wanted.beam, coords, &mut random, clean));
+            stored.push(traced(scene, section, wanted.key.beam, coords, &mut random, clean));
         }
     }
     stored
@@ -399,7 +399,7 @@ fn what_is_known_to_be_empty_is_the_sky_and_what_no_section_covers_is_0() {
         for pixel in (0..pixels as usize).filter(|pixel| !covered(pixel)) {
             assert_eq!(before.picture.pixels[pixel], [0.0; 3]);
         }
-        selection.beams.iter().for_each(|wanted| cells.insert_unseen(0, wanted.beam));
+        selection.beams.iter().for_each(|wanted| cells.insert_unseen(0, wanted.key.beam));
         let after = cells.draw();
         // Some pixels' middles are in beams that no jittered ray of theirs has met.
         assert!(after.unseen_pixels + after.uncovered_pixels > pixels * 98 / 100);

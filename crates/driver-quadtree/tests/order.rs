@@ -40,7 +40,7 @@ proptest! {
         let (section, view) = (room_section(4), room_view(SIZE));
         let selection = holo_display::select_beams(
             std::slice::from_ref(&section), &view, SIZE, &holo_display::SelectOptions::default());
-        let beam = |number: usize| -> BeamId { selection.beams[number % selection.beams.len()].beam };
+        let beam = |number: usize| -> BeamId { selection.beams[number % selection.beams.len()].key.beam };
         let new = || Quadtree::new(Arc::from([section.clone()]), view, SIZE, QuadtreeParams::default());
 
         let mut first = new();

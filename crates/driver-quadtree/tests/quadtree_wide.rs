@@ -8,7 +8,7 @@ use common::*;
 use glam::DVec3;
 use holo_driver_quadtree::{Quadtree, QuadtreeParams};
 use holo_picture::View;
-use holo_section::{BeamId, ViewClass};
+use holo_section::{BeamId, BeamKey, ViewClass};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -53,7 +53,7 @@ fn errors(scene: Scene, noise: Noise, own_a_pixel: f64) -> (f64, f64) {
 }
 
 fn surface_beams(tree: &Quadtree) -> Vec<BeamId> {
-    tree.surface_beams().into_iter().map(|(_, beam)| beam).collect()
+    tree.surface_beams().into_iter().map(|key| key.beam).collect()
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn the_best_surface_beams_hold_more_of_it_each_and_as_many_are_asked_for_as_hold
         assert!(best.is_sorted() && best.windows(2).all(|pair| pair[0] != pair[1]));
         let expected = 2.0 * f64::from(SIZE.0 * SIZE.1) / held;
         assert!((best.len() as f64 - expected).abs() <= 1.0, "{} for {expected}", best.len());
-        let best: BTreeSet<BeamId> = best.into_iter().map(|(_, beam)| beam).collect();
+        let best: BTreeSet<BeamId> = best.into_iter().map(|key| key.beam).collect();
         let (_, found) = rays_that_end_in(&view, &best);
         let each = |found: u32, beams: &BTreeSet<BeamId>| f64::from(found) / beams.len() as f64;
         println!("{found} rays of {} beams, {of_all} of {} in all", best.len(), all.len());
@@ -149,7 +149,7 @@ fn beams_of_sections_that_are_further_from_what_is_seen_come_last() {
         tree.insert(1, beam, 1, &[sample]);
     }
     let count =
-        |beams: &[(u16, BeamId)], section| beams.iter().filter(|beam| beam.0 == section).count();
+        |beams: &[BeamKey], section| beams.iter().filter(|key| key.section == section).count();
     let (all, best) = (tree.surface_beams(), tree.best_surface_beams(|_| 20.0));
     assert!(
         count(&all, 0) > 1000 && count(&best, 1) > 1000,

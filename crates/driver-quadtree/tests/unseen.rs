@@ -35,7 +35,7 @@ fn pixels_of_unseen_beams_show_the_sky_exactly_and_no_others_do() {
     let selection =
         select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     let unseen: HashSet<BeamId> =
-        selection.beams.iter().step_by(2).map(|wanted| wanted.beam).collect();
+        selection.beams.iter().step_by(2).map(|wanted| wanted.key.beam).collect();
     let mut tree = quadtree(&section, &view, SIZE, params, &stored);
     unseen.iter().for_each(|&beam| tree.insert_unseen(0, beam));
     let frame = tree.draw();
@@ -69,7 +69,7 @@ fn without_samples_unseen_pixels_are_known_and_the_rest_are_empty() {
         select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     let mut tree = Quadtree::new(Arc::from([section]), view, SIZE, params());
     let covered = u64::from(SIZE.0 * SIZE.1) - tree.draw().uncovered_pixels;
-    selection.beams.iter().step_by(3).for_each(|wanted| tree.insert_unseen(0, wanted.beam));
+    selection.beams.iter().step_by(3).for_each(|wanted| tree.insert_unseen(0, wanted.key.beam));
     let frame = tree.draw();
     assert!(frame.unseen_pixels > 0 && frame.empty_pixels > 0);
     assert_eq!(frame.unseen_pixels + frame.empty_pixels, covered);
@@ -82,7 +82,7 @@ fn when_a_beam_becomes_known_changes_no_bit() {
     let stored = near_samples(room, &section, &view, 5_000, 2, one_path);
     let selection =
         select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
-    let unseen: Vec<BeamId> = selection.beams.iter().step_by(2).map(|wanted| wanted.beam).collect();
+    let unseen: Vec<BeamId> = selection.beams.iter().step_by(2).map(|wanted| wanted.key.beam).collect();
     let mut last = quadtree(&section, &view, SIZE, params(), &stored);
     unseen.iter().for_each(|&beam| last.insert_unseen(0, beam));
     let mut first = Quadtree::new(Arc::from([section.clone()]), view, SIZE, params());
