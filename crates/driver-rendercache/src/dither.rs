@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn as_many_are_chosen_as_priority_says_and_never_too_many() {
-        let (width, height) = (200, 160);
+        let (width, height) = (200_usize, 160);
         // Left half four times the right half.
         let priority: Vec<u8> =
             (0..width * height).map(|pixel| if pixel % width < 100 { 200 } else { 50 }).collect();

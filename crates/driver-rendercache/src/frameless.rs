@@ -35,7 +35,6 @@ pub struct Frameless {
     next: u32,
     round: u32,
     seed: u32,
-    rejected: u64,
 }
 
 impl Frameless {
@@ -48,7 +47,7 @@ impl Frameless {
         let mut picture = Picture::new(size.0, size.1);
         picture.view = Some(view);
         let shown = vec![(0, 0); picture.pixels.len()];
-        Ok(Self { picture, view, epoch: 1, shown, next: 0, round: 0, seed, rejected: 0 })
+        Ok(Self { picture, view, epoch: 1, shown, next: 0, round: 0, seed })
     }
 
     /// Takes another view; what is shown stays until it is refreshed.
@@ -91,7 +90,6 @@ impl Frameless {
             return;
         };
         if !radiance.iter().all(|channel| channel.is_finite()) {
-            self.rejected += 1;
             return;
         }
         if tag.epoch > *epoch {
@@ -131,11 +129,6 @@ impl Frameless {
     /// What is shown now.
     pub fn picture(&self) -> &Picture {
         &self.picture
-    }
-
-    /// Radiances that were left out because a number in them was not finite.
-    pub fn rejected(&self) -> u64 {
-        self.rejected
     }
 
     /// The `index`-th pixel of this round: a Feistel network on the next power of four, walked until it lands in the picture.

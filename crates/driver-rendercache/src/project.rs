@@ -14,8 +14,8 @@ use crate::points::{BLOCK, EMPTY, Points};
 
 /// Tiles of a picture, about. Tiles are whole rows.
 const TILES: usize = 64;
-/// Pixels of a tile, unless a single row has more: 128 kB and 1 MB of z-buffer.
-const LEAST_PIXELS: usize = 1 << 13;
+/// Pixels of a tile, unless a single row has more: 256 kB and 1 MB of z-buffer.
+const LEAST_PIXELS: usize = 1 << 14;
 const MOST_PIXELS: usize = 1 << 16;
 
 /// Parts of the points, each of which has buckets of its own that one thread fills.

@@ -183,7 +183,9 @@ impl PointImage {
     fn has_changed(&self, slot: usize, new: &Arrival) -> bool {
         let Details { reference, reference_count, noise, .. } = self.points.details[slot];
         let largest = reference.into_iter().chain(new.radiance).fold(0.0, f32::max);
-        // A mean of n samples has 1/n of their variance.
+        // A mean of n samples has 1/n of their variance. Unknown noise of older samples does not
+        // count: a clean sample corrects them.
+        let noise = if noise.is_finite() { noise } else { 0.0 };
         let variance = new.noise * new.noise + noise * noise / reference_count.max(1) as f32;
         let allowed =
             self.params.change_threshold * largest + self.params.noise_deviations * variance.sqrt();

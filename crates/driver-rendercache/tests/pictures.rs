@@ -1,9 +1,9 @@
-//! The render cache: what pictures show, and what is asked for.
+//! The render cache: what pictures show, and which rays are asked for.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod scenes;
 
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use holo_driver_rendercache::{
     EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stage, Stages,
 };
@@ -42,7 +42,7 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
     let light = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]];
     // In each pixel a point at depth 3 or, with probability 1/2, at depth 1 instead.
     let samples: Vec<_> =
-        whole_picture(&eye, size, &|origin, direction| (wall(origin, direction, 3.0), light[0], 0))
+        whole_picture(&eye, size, &|origin, direction| (wall(origin, direction, 3.0), light[0]))
             .into_iter()
             .enumerate()
             .map(|(index, far)| {
@@ -63,10 +63,11 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
     .unwrap();
     let mut kept = |stages| {
         cache.set_stages(stages);
-        let frame =
-            cache.frame(&moment(eye, if stages == Stages::ALL { &[] } else { &samples }, 0));
-        let [_, green, _] = frame.channels();
-        frame.has_point().zip(green).filter(|&(has_point, &green)| has_point && green > 0.5).count()
+        let samples = if stages == Stages::ALL { &[][..] } else { &samples };
+        let frame = cache.frame(&moment(eye, samples, 0));
+        let pixels = frame.picture().pixels;
+        let shown = frame.depth().zip(pixels);
+        shown.filter(|(depth, [_, green, _])| *depth > 0.0 && *green > 0.5).count()
     };
     assert_eq!(kept(Stages { depth_cull: false, ..Stages::ALL }), far_points);
     // Of n near and m far points (itself among them) a far one is kept if 3 (n + m) <= 1.1 (n + 3 m): with at most one near of 9.
@@ -79,51 +80,6 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
         (found - expected).abs() < allowed,
         "{found} of {far_points} points show through, {expected:.0} expected"
     );
-}
-
-#[test]
-fn a_moved_object_is_shown_where_it_went() {
-    let size = (64, 48);
-    let eye = view(DVec3::ZERO, 0.0, size);
-    let mut cache = PointImage::new(
-        size,
-        PointImageParams { smoothing: Smoothing::Gaps, ..Default::default() },
-    )
-    .unwrap();
-    let at = |x: f64, z: f64| Place::At(DVec3::new(x, 4.0, z));
-    let thing = Sample { object: 7, ..Sample::new(at(0.0, 0.0), [1.0, 0.0, 0.0]) };
-    let other = Sample { object: 8, ..Sample::new(at(-1.0, 0.5), [0.0, 0.0, 1.0]) };
-    cache.frame(&moment(eye, &[thing, other], 0));
-    let motion =
-        DAffine3::from_rotation_z(0.2) * DAffine3::from_translation(DVec3::new(0.7, 0.0, -0.4));
-    assert_eq!(cache.move_object(7, &motion), 1);
-    assert_eq!(cache.move_object(9, &motion), 0);
-    let picture = cache.frame(&moment(eye, &[], 0)).picture();
-    let shown = |place: DVec3| {
-        let (x, y, _) = eye.project(place).unwrap();
-        let (column, row) = View::pixel_at(size, x, y).unwrap();
-        picture.get(column, row).unwrap()
-    };
-    assert_eq!(shown(motion.transform_point3(DVec3::new(0.0, 4.0, 0.0))), [1.0, 0.0, 0.0]);
-    assert_eq!(shown(DVec3::new(-1.0, 4.0, 0.5)), [0.0, 0.0, 1.0]);
-}
-
-#[test]
-fn aged_objects_are_asked_for_first_and_leave() {
-    let size = (64, 64);
-    let eye = view(DVec3::ZERO, 0.0, size);
-    let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
-    // Object 1 on the left half, object 2 on the right.
-    let halves = |origin: DVec3, direction: DVec3| {
-        (wall(origin, direction, 2.0), [0.5; 3], if direction.x < 0.0 { 1 } else { 2 })
-    };
-    cache.frame(&moment(eye, &whole_picture(&eye, size, &halves), 0));
-    assert_eq!(cache.age_object(1, 200), 32 * 64);
-    let frame = cache.frame(&moment(eye, &[], 400));
-    let left = frame.requests().filter(|(_, _, direction)| direction.x < 0.0).count();
-    assert!(left > 380, "{left} of 400 requests are for the aged half");
-    assert_eq!(cache.age_where(255, |_, place| place.x > 0.0), 32 * 64);
-    assert_eq!(cache.point_count(), 32 * 64);
 }
 
 /// Over a turn of 90 degrees a second at 30 frames a second: the share of pixels without a point among 3×3 in the whole picture, and in
@@ -149,7 +105,7 @@ fn holes(prediction: bool) -> (f64, f64, usize) {
             wanted,
         });
         if frame >= 10 {
-            let green = shown.channels()[1];
+            let green: Vec<_> = shown.picture().pixels.iter().map(|pixel| pixel[1]).collect();
             all += green.iter().filter(|&&green| green == 0.0).count();
             // 3 degrees are the last 9 columns. Of two blocks of 4 columns, all new, the middle.
             new += green[160..118 * 160]
@@ -209,7 +165,7 @@ fn a_picture_at_rest_tends_to_the_box_filter() {
     for frame in 1..=800 {
         let shown = cache.frame(&moment(eye, &samples, pixels / 4));
         if frame == 200 || frame == 800 {
-            errors.push(squared_error(shown.channels()[0], &truth));
+            errors.push(squared_error(&shown.picture(), &truth));
         }
         samples = answer(&shown, &room);
     }
@@ -226,28 +182,54 @@ fn a_picture_at_rest_tends_to_the_box_filter() {
 }
 
 #[test]
+fn the_oldest_points_are_asked_for_first() {
+    let size = (64, 64);
+    let eye = view(DVec3::ZERO, 0.0, size);
+    let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
+    let far_wall = |origin: DVec3, direction: DVec3| (wall(origin, direction, 2.0), [0.5; 3]);
+    let samples = whole_picture(&eye, size, &far_wall);
+    cache.frame(&moment(eye, &samples, 0));
+    // The points of the right half are confirmed again and again, and the others grow old.
+    for _ in 0..3 {
+        let right: Vec<_> = (0..size.0 * size.1)
+            .filter(|pixel| pixel % size.0 >= 32)
+            .map(|pixel| {
+                let tag = cache.guess_tag(pixel % size.0, pixel / size.0).unwrap();
+                Sample { tag, ..samples[pixel as usize] }
+            })
+            .collect();
+        cache.frame(&moment(eye, &right, 0));
+    }
+    let frame = cache.frame(&moment(eye, &[], 400));
+    let left = frame.requests().filter(|(_, _, direction)| direction.x < 0.0).count();
+    assert!(left > 380, "{left} of 400 requests are for the old half");
+}
+
+#[test]
 fn without_resampling_no_ray_goes_through_an_old_point() {
     let size = (64, 48);
     let through = |resampling| {
-        let params =
-            PointImageParams { stages: Stages { resampling, ..Stages::ALL }, ..Default::default() };
-        let mut cache = PointImage::new(size, params).unwrap();
+        // Culled points are not asked for again.
+        let stages = Stages { resampling, depth_cull: false, ..Stages::ALL };
+        let mut cache =
+            PointImage::new(size, PointImageParams { stages, ..Default::default() }).unwrap();
         let eye = view(DVec3::ZERO, 0.0, size);
         let samples = whole_picture(&eye, size, &room);
         cache.frame(&moment(eye, &samples, 0));
-        cache.age_where(100, |_, _| true);
-        let shown = cache.frame(&moment(eye, &[], 500));
+        // A few samples beside the picture let the points grow older.
+        let behind = whole_picture(&view(DVec3::ZERO, 180.0, size), size, &room);
+        let shown = cache.frame(&moment(eye, &behind[..300], 500));
         // Points are kept in f32.
         let is_through = |direction: DVec3| {
-            samples
-                .iter()
-                .any(|sample| matches!(sample.place, Place::At(at) if at.normalize().dot(direction) > 1.0 - 1e-12))
+            samples.iter().any(|sample| {
+                matches!(sample.place, Place::At(at)
+                    if at.normalize().dot(direction) > 1.0 - 1e-12)
+            })
         };
         let rays: Vec<_> = shown.requests().collect();
         (rays.iter().filter(|(_, _, direction)| is_through(*direction)).count(), rays.len())
     };
     let (with, asked) = through(true);
-    // Culled points are not asked again.
     assert!(with > asked * 9 / 10 && asked > 400, "{with} of {asked}");
     assert_eq!(through(false).0, 0);
 }
@@ -262,9 +244,9 @@ fn a_change_of_light_is_noticed_at_rest_without_being_told() {
     let mut mean = 0.0;
     for frame in 0..240 {
         let light = if frame < 100 { 0.5 } else { 1.0 };
-        let scene = |origin: DVec3, direction: DVec3| (wall(origin, direction, 2.0), [light; 3], 0);
+        let scene = |origin: DVec3, direction: DVec3| (wall(origin, direction, 2.0), [light; 3]);
         let shown = cache.frame(&moment(eye, &samples, pixels / 4));
-        mean = shown.channels()[0].iter().sum::<f32>() / pixels as f32;
+        mean = shown.picture().pixels.iter().map(|pixel| pixel[0]).sum::<f32>() / pixels as f32;
         samples = answer(&shown, &scene);
         assert!(frame != 100 || (mean - 0.5).abs() < 1e-3, "{mean}");
     }
@@ -282,8 +264,7 @@ fn stated_noise_is_not_taken_for_change() {
         let mut count = 0;
         for _ in 0..400 {
             let shown = cache.frame(&moment(eye, &samples, pixels / 4));
-            samples =
-                answer(&shown, &|origin, direction| (wall(origin, direction, 2.0), [0.0; 3], 0));
+            samples = answer(&shown, &|origin, direction| (wall(origin, direction, 2.0), [0.0; 3]));
             for sample in &mut samples {
                 count += 1;
                 // Uniform in 0.5..1.5: deviation 0.29.
@@ -291,7 +272,7 @@ fn stated_noise_is_not_taken_for_change() {
                 sample.noise = stated;
             }
         }
-        squared_error(cache.frame(&moment(eye, &samples, 0)).channels()[0], &vec![1.0; pixels])
+        squared_error(&cache.frame(&moment(eye, &samples, 0)).picture(), &vec![1.0; pixels])
     };
     let (silent, stated) = (run(0.0), run(0.29));
     println!("squared error with silent noise {silent:.2e}, with stated noise {stated:.2e}");
@@ -338,7 +319,7 @@ fn an_empty_cache_asks_everywhere() {
     let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
     let eye = view(DVec3::ZERO, 0.0, size);
     let frame = cache.frame(&moment(eye, &[], 4096));
-    assert!(frame.channels().iter().all(|plane| plane.iter().all(|&channel| channel == 0.0)));
+    assert!(frame.picture().pixels.iter().all(|pixel| *pixel == [0.0; 3]));
     let mut blocks = [0; 64];
     for (_, _, direction) in frame.requests() {
         let (x, y) = eye.project_direction(direction).unwrap();

@@ -21,8 +21,8 @@ fn rays_that_a_renderer_chose_by_itself_tend_to_the_box_filter_too() {
     // Points from elsewhere first, of the same scene but half as bright: what is stored may be worth little.
     let from = view(DVec3::new(-1.5, -2.0, 0.3), 14.0, size);
     let dim = |origin: DVec3, direction: DVec3| {
-        let (place, radiance, object) = room(origin, direction);
-        (place, radiance.map(|channel| 0.5 * channel), object)
+        let (place, radiance) = room(origin, direction);
+        (place, radiance.map(|channel| 0.5 * channel))
     };
     let stored = whole_picture(&from, size, &dim);
     cache.frame(&moment(from, &stored, 0));
@@ -34,20 +34,15 @@ fn rays_that_a_renderer_chose_by_itself_tend_to_the_box_filter_too() {
         let (x, y) = (unit(x), unit(y));
         let (origin, direction) = eye.ray(x, y);
         let (column, row) = View::pixel_at(size, x, y).unwrap();
-        let (place, radiance, object) = room(origin, direction);
+        let (place, radiance) = room(origin, direction);
         let tag = cache.pixel_tag(column, row).unwrap();
-        cache.insert(&[Sample {
-            tag,
-            object,
-            noise: f32::INFINITY,
-            ..Sample::new(place, radiance)
-        }]);
+        cache.insert(&[Sample { tag, noise: f32::INFINITY, ..Sample::new(place, radiance) }]);
         if count % 1000 == 0 {
             // Stored ones that come in between must not push them out.
             cache.insert(&stored[..100]);
         }
         if count + 1 == pixels * 50 || count + 1 == pixels * 200 {
-            errors.push(squared_error(cache.frame(&moment(eye, &[], 0)).channels()[0], &truth));
+            errors.push(squared_error(&cache.frame(&moment(eye, &[], 0)).picture(), &truth));
         }
     }
     assert_eq!(cache.pixel_tag(size.0, 0), None);
@@ -82,7 +77,7 @@ fn what_other_views_left_never_pushes_out_the_pixels_of_this_one() {
     }
     let frame = cache.frame(&moment(eye, &[], 0));
     // At the end 0.86 of the slots are taken by pixels: eight groups of eight of them have nothing else with chance 0.86⁶⁴ = 6e-5.
-    let lost = frame.has_point().filter(|has| !has).count();
+    let lost = frame.depth().filter(|&depth| depth == 0.0).count();
     assert!(lost <= 1, "{lost} pixels have lost their points");
 }
 

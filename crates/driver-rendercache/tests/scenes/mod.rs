@@ -113,3 +113,8 @@ pub fn squared_error(shown: &Picture, truth: &[f32]) -> f64 {
     let squares = shown.pixels.iter().zip(truth).map(|(a, b)| f64::from(a[0] - b).powi(2));
     squares.sum::<f64>() / truth.len() as f64
 }
+
+/// What `work` returns on so many threads.
+pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
+}
