@@ -347,20 +347,22 @@ mod tests {
 
     /// A picture's size, and which of its pixels have points: many in one corner, few elsewhere.
     fn points() -> impl Strategy<Value = ((usize, usize), Vec<bool>)> {
-        (1..150_usize, 1..110_usize, any::<u64>(), 0..5_u32).prop_map(|(width, height, seed, few)| {
-            let mut state = seed | 1;
-            let mut random = move || {
-                state = state
-                    .wrapping_mul(6_364_136_223_846_793_005)
-                    .wrapping_add(1_442_695_040_888_963_407);
-                (state >> 33) as u32
-            };
-            let has_point = |pixel: usize| {
-                let is_in_corner = pixel % width < width / 2 && pixel / width < height / 2;
-                random() % (if is_in_corner { 3 } else { 9 << (2 * few) }) == 0
-            };
-            ((width, height), (0..width * height).map(has_point).collect())
-        })
+        (1..150_usize, 1..110_usize, any::<u64>(), 0..5_u32).prop_map(
+            |(width, height, seed, few)| {
+                let mut state = seed | 1;
+                let mut random = move || {
+                    state = state
+                        .wrapping_mul(6_364_136_223_846_793_005)
+                        .wrapping_add(1_442_695_040_888_963_407);
+                    (state >> 33) as u32
+                };
+                let has_point = |pixel: usize| {
+                    let is_in_corner = pixel % width < width / 2 && pixel / width < height / 2;
+                    random() % (if is_in_corner { 3 } else { 9 << (2 * few) }) == 0
+                };
+                ((width, height), (0..width * height).map(has_point).collect())
+            },
+        )
     }
 
     fn check<const K: usize>(size: (usize, usize), has_point: &[bool]) {
@@ -373,9 +375,8 @@ mod tests {
         found.for_each::<K, _>(&mut items, wanted, |_, nearest, item| *item = nearest.to_vec());
         for (pixel, item) in items.iter().enumerate() {
             // By looking at all.
-            let seen = |other: usize| {
-                Point::new(other, size.0).seen_from(Point::new(pixel, size.0).at)
-            };
+            let seen =
+                |other: usize| Point::new(other, size.0).seen_from(Point::new(pixel, size.0).at);
             let mut all: Vec<Near> = pixels().map(seen).filter(|_| wanted(pixel)).collect();
             all.sort_by(|a, b| a.squared.total_cmp(&b.squared));
             all.truncate(K);
