@@ -106,7 +106,7 @@ impl PixelBins {
     #[inline(always)]
     pub fn prefetch(&self, pixel: usize) {
         prefetch_at(&self.bins, pixel);
-        prefetch_at(&self.nearest, pixel);
+        self.nearest.get(pixel).into_iter().for_each(Sums::prefetch);
     }
 
     /// Returns the kept bins of a pixel, nearest first, with their sums.

@@ -4,6 +4,7 @@
 //! same samples give the same bits in any order and in any batches.
 
 use bytemuck::Zeroable;
+use holo_cpu::prefetch;
 use holo_section::rgbe;
 
 /// Classes of nearness to the eye. Each reaches half as far as the one before.
@@ -92,6 +93,14 @@ impl Sums {
         if let Some(count) = near.and_then(|class| self.near.get_mut(class)) {
             *count = count.saturating_add(1);
         }
+    }
+
+    /// Fetches the sums into the cache.
+    #[inline(always)]
+    pub fn prefetch(&self) {
+        prefetch(&self.rgb);
+        prefetch(&self.root_squared);
+        prefetch(&self.near);
     }
 
     /// Adds another bin's sums.

@@ -6,7 +6,7 @@
 //!
 //! Invariant: a colour is within the range of those that it is made of: no light is invented.
 
-use super::near::Near;
+use super::nearest::Near;
 use super::step::Steps;
 
 /// Samples that a pixel's colour is made of, at the most.

@@ -21,7 +21,6 @@
 mod fill;
 mod hidden;
 mod local;
-mod near;
 mod nearest;
 mod radius;
 mod sites;
@@ -123,7 +122,7 @@ impl Cells {
                 && !disputed[pixel]
                 && matches!(known[pixel], Known::Afar | Known::Near)
         };
-        let points = Points::in_middles(self.tree.size, is_sample);
+        let points = Points::new(self.size(), is_sample);
         let mut filled: Vec<Option<Seen>> = vec![None; known.len()];
         let aside = |pixel: usize| self.sites.of(pixel).map_or([0.0; 2], Site::aside);
         let single = |pixel: usize| {
@@ -178,7 +177,7 @@ impl Cells {
             (0..known.len()).map(|pixel| self.sites.of(pixel).map_or(0.0, Site::depth)).collect();
         let hidden = self.hidden(&known, &depth);
         let site = |pixel: usize| self.sites.of(pixel).filter(|_| !hidden[pixel]);
-        let points = Points::in_pixels(self.tree.size, |pixel| site(pixel).map(Site::within));
+        let points = Points::new(self.size(), |pixel| site(pixel).is_some());
         let with_sites = (0..known.len()).filter(|&pixel| site(pixel).is_some());
         let radii = Radii::new(self.size(), with_sites);
         let mut frame = self.tree.frame_of(&known);
@@ -216,7 +215,7 @@ impl Cells {
         }
         let has_site =
             |pixel: usize| matches!(known[pixel], Known::Afar | Known::Near | Known::Mixture);
-        let points = Points::in_middles(self.tree.size, has_site);
+        let points = Points::new(self.size(), has_site);
         let may_be = |pixel: usize| known[pixel] == Known::Afar;
         hidden::hidden(&points, self.size(), depth, &Steps(&self.tree), may_be, has_site)
     }
