@@ -82,7 +82,8 @@ fn when_a_beam_becomes_known_changes_no_bit() {
     let stored = near_samples(room, &section, &view, 5_000, 2, one_path);
     let selection =
         select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
-    let unseen: Vec<BeamId> = selection.beams.iter().step_by(2).map(|wanted| wanted.key.beam).collect();
+    let unseen: Vec<BeamId> =
+        selection.beams.iter().step_by(2).map(|wanted| wanted.key.beam).collect();
     let mut last = quadtree(&section, &view, SIZE, params(), &stored);
     unseen.iter().for_each(|&beam| last.insert_unseen(0, beam));
     let mut first = Quadtree::new(Arc::from([section.clone()]), view, SIZE, params());

@@ -113,8 +113,11 @@ fn a_sample_lands_where_the_view_sees_its_surface() {
             let points = [PointSample::new(Place::At(surface), [0.25, 0.5, 1.0])];
             let made =
                 cache.frame(&Moment { view: seen, predicted: None, samples: &points, wanted: 0 });
-            let has_point: Vec<usize> =
-                (0..).zip(made.depth()).filter(|(_, depth)| *depth > 0.0).map(|(at, _)| at).collect();
+            let has_point: Vec<usize> = (0..)
+                .zip(made.depth())
+                .filter(|(_, depth)| *depth > 0.0)
+                .map(|(at, _)| at)
+                .collect();
             assert_eq!(has_point, [(row * SIZE.0 + column) as usize], "{kind:?}");
             if kind != ViewKind::Perspective {
                 let depth = f64::from(made.depth().find(|&depth| depth > 0.0).unwrap());

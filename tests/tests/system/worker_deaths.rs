@@ -82,16 +82,19 @@ fn the_last_words_of_a_worker_that_cannot_trace_are_said_at_the_end() {
     let place = Place::new();
     place.fill_small("a.holo", "1k");
     let bytes = std::fs::read(place.path("a.holo")).unwrap();
-    // A packed scene in the file, damaged: workers without it in their cache cannot get it.
-    let magic = holo_scene_magic(&bytes);
+    // Every copy of the packed scene is damaged: workers without it in their cache cannot get it.
+    let copies = packed_scenes(&bytes);
+    assert_eq!(copies.len(), 2);
     let mut damaged = bytes;
-    damaged[magic + 100] ^= 1;
+    copies.iter().for_each(|copy| damaged[copy + 100] ^= 1);
     std::fs::write(place.path("a.holo"), damaged).unwrap();
     std::fs::remove_dir_all(place.path("cache")).unwrap();
     let view = ["view", "{}/a.holo", "--headless", "-o", "{}/a.pfm", "--size", "16x16"];
     place.run(&view).failed(1, &["died 5 times in a row", "cannot read the scene", "a.holo"]);
 }
 
-fn holo_scene_magic(bytes: &[u8]) -> usize {
-    bytes.windows(8).position(|window| window == b"holoscn\n").expect("a scene in the file")
+/// Returns where packed scenes begin in a file.
+fn packed_scenes(bytes: &[u8]) -> Vec<usize> {
+    let begins = |(at, window): (usize, &[u8])| (window == b"holoscn\n").then_some(at);
+    bytes.windows(8).enumerate().filter_map(begins).collect()
 }
