@@ -105,7 +105,7 @@ pub fn select_beams(
     let mut found: Vec<Candidate> = Vec::new();
     for row in 0..down {
         for column in 0..across {
-            let jitter = split_mix(options.seed ^ (u64::from(row) << 32 | u64::from(column)) + 1);
+            let jitter = split_mix(options.seed ^ ((u64::from(row) << 32 | u64::from(column)) + 1));
             let x = (f64::from(column) + unit(jitter as u32)) / f64::from(across);
             let y = (f64::from(row) + unit((jitter >> 32) as u32)) / f64::from(down);
             let Some((eye, direction, _)) = view.clipped_ray(x, y) else { continue };

@@ -47,7 +47,7 @@ impl Agreement {
         (column, row): (usize, usize),
         bins: Bins,
     ) -> f32 {
-        let place = (row % BAND >> SMALLEST) * self.across + (column >> SMALLEST);
+        let place = ((row % BAND) >> SMALLEST) * self.across + (column >> SMALLEST);
         if let Some((bin, share)) = self.known[place]
             && bin.abs_diff(bins.first) <= 1
         {

@@ -147,7 +147,7 @@ impl Quadtree {
     /// Ignores unknown sections and beams.
     pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
         let known = self.sections.get(usize::from(section));
-        if !known.is_some_and(|known| beam.0 < known.beam_count()) {
+        if known.is_none_or(|known| beam.0 >= known.beam_count()) {
             return;
         }
         if self.best.is_empty() {

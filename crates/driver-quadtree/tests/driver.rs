@@ -9,7 +9,7 @@ use glam::DVec3;
 use holo_display::{Driver, Frame, LiveSample, Look, Resolution, select_beams};
 use holo_driver_quadtree::{Filling, QuadtreeDriver};
 use holo_picture::View;
-use holo_section::{BeamId, Sample, Section, ViewClass};
+use holo_section::{BeamId, BeamKey, Sample, Section, ViewClass};
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (40, 30);
@@ -67,11 +67,13 @@ fn samples(degrees: f64) -> Vec<(BeamId, Sample)> {
 }
 
 fn put(driver: &mut dyn Driver, samples: &[(BeamId, Sample)]) {
-    samples.iter().for_each(|(beam, sample)| driver.insert(0, *beam, 1, &[*sample]));
+    samples.iter().for_each(|(beam, sample)| {
+        driver.insert(BeamKey { section: 0, beam: *beam }, 1, &[*sample])
+    });
 }
 
 fn put_unseen(driver: &mut dyn Driver, beam: BeamId) {
-    driver.insert_unseen(0, beam);
+    driver.insert_unseen(BeamKey { section: 0, beam });
 }
 
 #[test]
@@ -188,7 +190,7 @@ fn unseen_beams_show_the_sky_until_the_next_view_has_settled() {
     for mut driver in drivers() {
         look(&mut driver, 0.0, Resolution::Full);
         let beams = select_beams(&[cube()], &view(0.0), SIZE, &Default::default()).beams;
-        beams.iter().for_each(|wanted| put_unseen(&mut driver, wanted.beam));
+        beams.iter().for_each(|wanted| put_unseen(&mut driver, wanted.key.beam));
         let frame = draw(&mut driver);
         assert!(frame.unseen_pixels > PIXELS * 9 / 10);
         let is_sky = frame.picture.pixels.iter().filter(|pixel| **pixel == SKY).count() as u64;

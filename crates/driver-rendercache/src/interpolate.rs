@@ -110,12 +110,12 @@ fn filter(lines: &Rows, row: usize, channel: usize, centre: f32, sums: &mut [f32
     let above = &lines.channel(row, channel)[..wide];
     let here = &lines.channel(row + 1, channel)[..wide];
     let below = &lines.channel(row + 2, channel)[..wide];
-    for x in 0..sums.len() {
+    for (x, sum) in sums.iter_mut().enumerate() {
         let mut down = [0.0; 3];
         for (sum, x) in down.iter_mut().zip(x..) {
             *sum = (above[x] + below[x]) + centre * here[x];
         }
-        sums[x] = (down[0] + down[2]) + centre * down[1];
+        *sum = (down[0] + down[2]) + centre * down[1];
     }
 }
 

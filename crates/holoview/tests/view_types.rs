@@ -234,7 +234,7 @@ fn voronoi_shows_every_type_with_true_edges() {
             let ray = section.ray(section.cells(beam).unwrap(), coords);
             let (wall, distance) = wall_seen(ray.origin, ray.direction);
             driver.insert(
-                BeamKey { section: 0, beam: beam },
+                BeamKey { section: 0, beam },
                 1,
                 &[Sample::encode(coords, colours[wall], distance, section.diagonal(), 0)],
             );
