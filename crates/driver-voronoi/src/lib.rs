@@ -147,7 +147,7 @@ impl Voronoi {
     }
 
     /// The same with surfaces that are invisible, but of what lies beyond them nothing is known: samples that are seen through them
-    /// are drawn as the [`Quadtree`](crate::Quadtree) does, by their own depth.
+    /// are drawn as a quadtree does, by their own depth.
     pub fn through_portals(
         sections: Arc<[Section]>,
         raycaster: Arc<Raycaster>,

@@ -1,10 +1,10 @@
 //! The display process (Larson & Simmons 1999, §2.4): a session with a server, and front ends that
 //! draw from it.
 //!
-//! - [`session`] holds the connection, asks for samples, and feeds a driver. It knows no screen.
-//! - A front end ([`script`] so far) tells the session which view to show and takes its frames. It
+//! - `session` holds the connection, asks for samples, and feeds a driver. It knows no screen.
+//! - A front end (`script` so far) tells the session which view to show and takes its frames. It
 //!   knows no socket and no driver.
-//! - [`drivers`] is the one list of drivers.
+//! - `drivers` is the one list of drivers.
 //!
 //! What always holds:
 //! - The server sees only wanted beams, and gives samples. What a picture looks like is decided
