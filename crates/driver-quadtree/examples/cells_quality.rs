@@ -1,5 +1,6 @@
-//! Cells and the quadtree on the same samples, without a scene:
-//! `cargo run --release -p holo-driver-quadtree --example cells_quality`.
+//! Compares cells with the quadtree on the same samples, without a scene.
+//!
+//! `cargo run --release -p holo-driver-quadtree --example cells_quality`
 //!
 //! For each kind of samples of a room that is known in closed form: the error of each picture
 //! (display PSNR as `holodeck compare` has it, dB), and the processor time of drawing it.

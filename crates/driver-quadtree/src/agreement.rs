@@ -1,9 +1,9 @@
 //! Whether samples that look from elsewhere may stand for what the eye sees.
 //!
-//! They may on diffuse surfaces, and there are many more of them. A gloss or a mirror looks different
-//! from elsewhere. The samples themselves tell: the aligned ones are compared with all, over leaves
-//! of growing size (Lepski's rule again, the angle in place of the size). A difference that the
-//! comparison cannot find is below the noise of the samples that it concerns.
+//! They may on diffuse surfaces, and there are many more of them. A gloss or a mirror looks
+//! different from elsewhere. The samples themselves tell: the aligned ones are compared with all,
+//! over leaves of growing size (Lepski's rule again, the angle in place of the size). A difference
+//! that the comparison cannot find is below the noise of the samples that it concerns.
 //!
 //! Invariant: as aligned samples grow, every difference is found, and the picture is made of them
 //! alone.
@@ -18,15 +18,15 @@ use glam::Vec4;
 const FEWEST: f32 = 8.0;
 /// Effective samples from which on larger leaves tell nothing more of this place.
 const PLENTY: f32 = 256.0;
-/// Differences, in half-widths of the interval, up to which all samples are taken, and from which on
-/// only the aligned ones are.
+/// Differences, in half-widths of the interval, up to which all samples are taken, and from which
+/// on only the aligned ones are.
 const SAME: f32 = 1.2;
 const DIFFERENT: f32 = 1.8;
 /// Level of the smallest leaves that are compared. All pixels of one have the same answer.
 const SMALLEST: usize = 2;
 
-/// Answers for one band of rows, by smallest leaf: the nearest bin of the surface asked for, and the
-/// share.
+/// Answers for one band of rows, by smallest leaf: the nearest bin of the surface asked for, and
+/// the share.
 pub(crate) struct Agreement {
     across: usize,
     known: Vec<Option<(u16, f32)>>,

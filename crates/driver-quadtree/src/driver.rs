@@ -1,5 +1,5 @@
-//! The driver for whole sessions: what it has is shown in the next view until that has samples of its
-//! own (Larson & Simmons 1999, §3).
+//! The driver for whole sessions: what it has is shown in the next view until that has samples of
+//! its own (Larson & Simmons 1999, §3).
 //!
 //! What always holds:
 //! - Once the stored samples of a view have come, pictures are of what came for this view alone. A
@@ -17,8 +17,8 @@ use holo_section::{BeamId, Sample, Section};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Rotation of the view beyond which kept samples are of no more use than their beams would be: what
-/// shines looks too different (Larson & Simmons 1999, §3).
+/// Rotation of the view beyond which kept samples are of no more use than their beams would be:
+/// what shines looks too different (Larson & Simmons 1999, §3).
 const MOST_DEGREES: f64 = 20.0;
 
 /// The quadtree, or cells of its samples, from view to view.

@@ -1,11 +1,11 @@
 //! Which leaf a pixel's surface is averaged over: variance against bias, by the samples themselves.
 //!
 //! Lepski's rule (Lepski 1991; as intersection of confidence intervals, Katkovnik 1999): from the
-//! finest leaf upwards, a coarser one is taken as long as its confidence interval meets those of all
-//! finer ones. Where the picture is flat the intervals go on meeting, and noise is averaged out.
-//! Elsewhere they part once the samples can tell. Samples without noise have intervals of no width
-//! and stay in their pixels. As samples grow every interval shrinks, so every pixel that is not flat
-//! ends with its own mean. What else was tried: docs/notes/quadtree.md.
+//! finest leaf upwards, a coarser one is taken as long as its confidence interval meets those of
+//! all finer ones. Where the picture is flat the intervals go on meeting, and noise is averaged
+//! out. Elsewhere they part once the samples can tell. Samples without noise have intervals of no
+//! width and stay in their pixels. As samples grow every interval shrinks, so every pixel that is
+//! not flat ends with its own mean. What else was tried: docs/notes/quadtree.md.
 //!
 //! Invariant: only samples of one surface are averaged: bins connected to the pixel's own.
 

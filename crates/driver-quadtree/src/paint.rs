@@ -1,7 +1,7 @@
 //! Draws pictures: bands of rows on all cores.
 //!
-//! Invariant: a pixel is a function of the leaves and, by the noise remembered from one pixel to the
-//! next, of the pixels of its band before it. So the number of threads changes no bit.
+//! Invariant: a pixel is a function of the leaves and, by the noise remembered from one pixel to
+//! the next, of the pixels of its band before it. So the number of threads changes no bit.
 
 use crate::Quadtree;
 use crate::agreement::Agreement;

@@ -9,8 +9,8 @@ use crate::surface::{Bins, Surface};
 pub(crate) const SEEN_SHARE: f32 = 0.25;
 /// Depth bins between a surface and one that hides it: a fifth of the distance.
 pub(crate) const CLEARLY_IN_FRONT: u16 = 8;
-/// Samples in each pixel of a leaf from which on a pixel without any does not have the surface. With
-/// two expected, one pixel in seven has none.
+/// Samples in each pixel of a leaf from which on a pixel without any does not have the surface.
+/// With two expected, one pixel in seven has none.
 const MANY_PER_PIXEL: u32 = 2;
 
 impl Painter<'_> {

@@ -1,8 +1,8 @@
 //! What stands between the eye and a section that it looks into from outside.
 //!
-//! Rays of a section begin on its wall. One that passes near the eye sees what the eye sees only from
-//! there on. It does not know of a door frame before the wall, and shows what is behind it. Samples
-//! of other sections may have seen the frame.
+//! Rays of a section begin on its wall. One that passes near the eye sees what the eye sees only
+//! from there on. It does not know of a door frame before the wall, and shows what is behind it.
+//! Samples of other sections may have seen the frame.
 //!
 //! Invariant: nothing changes for an eye in a section, nor for what lies beyond the wall.
 
@@ -49,8 +49,8 @@ impl Quadtree {
 }
 
 impl Painter<'_> {
-    /// Returns level and bins of a surface that stands before the wall at a pixel, by the samples of
-    /// the pixel's own and around it.
+    /// Returns level and bins of a surface that stands before the wall at a pixel, by the samples
+    /// of the pixel's own and around it.
     #[inline(always)]
     pub fn standing(&self, column: usize, row: usize, own: &[Surface]) -> Option<(usize, Bins)> {
         if !self.tree.is_outside {
@@ -79,8 +79,8 @@ impl Painter<'_> {
         })
     }
 
-    /// Returns whether a surface of a pixel's leaf goes on in the leaves around the pixel. In its own
-    /// leaf alone it may end before the pixel.
+    /// Returns whether a surface of a pixel's leaf goes on in the leaves around the pixel. In its
+    /// own leaf alone it may end before the pixel.
     fn goes_on(&self, column: usize, row: usize, level: usize, bins: Bins) -> bool {
         let leaves = &self.all.levels[level];
         let columns = neighbours(column, level, leaves.width);

@@ -86,7 +86,8 @@ struct Noise {
     /// Sum of freedom × variance of luminance.
     luminance: f32,
     /// Sum of freedom × *deviation* of the root. The few leaves that an edge crosses then raise the
-    /// mean little. (Tails of luminance are too heavy for that: rare bright samples are most of it.)
+    /// mean little. (Tails of luminance are too heavy for that: rare bright samples are most of
+    /// it.)
     root: f32,
     /// Effective number of samples less the number of means.
     freedom: f32,

@@ -55,7 +55,8 @@ pub struct Quadtree {
     /// Whether rays of some pixels may begin ahead of the eye.
     pub(crate) is_outside: bool,
     unseen: HashSet<(u16, BeamId)>,
-    /// Best beam of every pixel's middle. Empty while no unseen beam is known: most scenes have none.
+    /// Best beam of every pixel's middle. Empty while no unseen beam is known: most scenes have
+    /// none.
     best: Vec<Option<(u16, BeamId)>>,
 }
 
@@ -93,13 +94,14 @@ impl Quadtree {
         tree
     }
 
-    /// Adds samples of one beam, each the mean of `paths` paths. Ignores unknown sections and beams.
+    /// Adds samples of one beam, each the mean of `paths` paths. Ignores unknown sections and
+    /// beams.
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
         self.insert_and_tell(section, beam, paths, samples, |_, _, _| {});
     }
 
-    /// Adds samples as [`insert`](Self::insert) does. Calls `tell` with the pixel, landing and colour
-    /// of each sample that lands in the picture.
+    /// Adds samples as [`insert`](Self::insert) does. Calls `tell` with the pixel, landing and
+    /// colour of each sample that lands in the picture.
     pub(crate) fn insert_and_tell(
         &mut self,
         section: u16,
@@ -147,7 +149,7 @@ impl Quadtree {
     /// Ignores unknown sections and beams.
     pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
         let known = self.sections.get(usize::from(section));
-        if !known.is_some_and(|known| beam.0 < known.beam_count()) {
+        if known.is_none_or(|known| beam.0 >= known.beam_count()) {
             return;
         }
         if self.best.is_empty() {
@@ -188,8 +190,8 @@ impl Quadtree {
         frame
     }
 
-    /// Returns the view ray of a pixel's middle: where it begins, and its unit direction, or 0 if the
-    /// pixel looks nowhere.
+    /// Returns the view ray of a pixel's middle: where it begins, and its unit direction, or 0 if
+    /// the pixel looks nowhere.
     pub(crate) fn middle(&self, column: usize, row: usize) -> (DVec3, DVec3) {
         let (x, y) = View::pixel_centre(self.size, column as u32, row as u32);
         let ray = self.view.clipped_ray(x, y);
