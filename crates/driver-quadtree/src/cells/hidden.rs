@@ -1,10 +1,10 @@
-//! Samples of what a nearer surface hides (Larson & Simmons 1999, Figure 6): their rays pass the
-//! eye at some distance and look behind it.
+//! Finds samples on surfaces that a nearer one hides (Larson & Simmons 1999, Figure 6). Their rays
+//! pass the eye at some distance and look behind the nearer surface.
 //!
 //! Without a scene, the nearer surface is known by its samples alone. A sample is hidden if it lies
-//! among them: if, of the samples nearest to it in the picture, those in front of it stand around
-//! it on every side. At the nearer surface's edge they do not, so the surface does not grow: no
-//! halo.
+//! among them. That is the case if the samples in front of it, of those nearest in the picture,
+//! stand around it on every side. At the nearer surface's edge they do not, so the surface does not
+//! grow: no halo.
 //!
 //! Invariant: samples that pass near the eye see the pixel itself, and are never hidden.
 

@@ -69,9 +69,9 @@ struct Pixels {
     known: Vec<Known>,
     /// Depth of the pixel's sample; what the picture shows if it has none.
     depth: Vec<f32>,
-    /// Whether the pixel's sample is of what a nearer surface hides.
+    /// Whether a nearer surface hides the surface of the pixel's sample.
     hidden: Vec<bool>,
-    /// Whether the tree takes the pixel's samples for hidden by what most samples around are of.
+    /// Whether the tree shows a nearer surface here, to which most samples around belong.
     disputed: Vec<bool>,
 }
 
@@ -110,7 +110,7 @@ impl Cells {
     /// Adds samples as [`Quadtree::insert`] does.
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
         let sites = &mut self.sites;
-        self.tree.insert_and_tell(section, beam, paths, samples, |pixel, landing, rgbe| {
+        self.tree.insert_with(section, beam, paths, samples, |pixel, landing, rgbe| {
             sites.add(pixel, Site::new(landing, rgbe));
         });
     }
@@ -261,7 +261,7 @@ impl Cells {
         Pixels { known, depth, hidden, disputed }
     }
 
-    /// Returns which pixels' samples are of what a nearer surface hides.
+    /// Returns the pixels whose sample lies on a surface that a nearer one hides.
     fn hidden(&self, known: &[Known], depth: &[f32]) -> Vec<bool> {
         if !known.contains(&Known::Afar) {
             return vec![false; known.len()];

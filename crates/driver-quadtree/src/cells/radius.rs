@@ -1,5 +1,5 @@
-//! How far a cell reaches: "a low-resolution grid over the display image so that we know the
-//! approximate local sample density" (Larson & Simmons 1999, §2.4.4).
+//! The greatest radii of cells, by "a low-resolution grid over the display image so that we know
+//! the approximate local sample density" (Larson & Simmons 1999, §2.4.4).
 //!
 //! The paper's largest cone "covers about 10% of the screen", its smallest 0.01 %: shares of its
 //! area. Between them a cell reaches so far that only one place in 10,000 is farther from its

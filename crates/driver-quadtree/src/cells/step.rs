@@ -1,13 +1,13 @@
-//! Where depth jumps: whether two samples' depths may be of one surface.
+//! Tells jumps in depth from slants: whether two samples may lie on one surface.
 //!
-//! Invariant: rays that hit nothing see one surface, beyond all others.
+//! Invariant: rays that hit nothing see one surface behind all others.
 
 use crate::Quadtree;
 
 /// Difference from which on depths jump (Larson & Simmons 1999, §2.4.4): 2 %.
 const STEP: f32 = 0.02;
-/// Tangent of the angle to its normal under which a surface may be seen, 75 degrees: it falls away
-/// by so many pixels' widths from one pixel to the next.
+/// Tangent of the largest angle between a ray and a surface's normal, 75 degrees. The surface falls
+/// away by so many pixels' widths from one pixel to the next.
 const STEEPEST: f32 = 3.7;
 /// Difference that is a jump however far apart two samples are.
 const MOST: f32 = 0.1;
