@@ -1,8 +1,9 @@
-//! Cells and the quadtree on the same samples, without a scene:
-//! `cargo run --release -p holo-driver-quadtree --example cells_quality`.
+//! Compares cells with the quadtree on the same samples, without a scene.
 //!
-//! For each kind of samples of a room that is known in closed form: the error of each picture
-//! (display PSNR as `holodeck compare` has it, dB), and the processor time of drawing it.
+//! `cargo run --release -p holo-driver-quadtree --example cells_quality`
+//!
+//! Prints, for each kind of samples of a room in closed form, the error of each picture and the
+//! processor time of drawing it. The error is display PSNR as `holodeck compare` computes it, dB.
 
 mod clock;
 #[path = "../tests/common/mod.rs"]

@@ -1,5 +1,6 @@
-//! Times cells: `cargo run --release -p holo-driver-quadtree --example cells_speed`, behind
-//! `taskset -c 0` on one core alone.
+//! Times cells, on one core alone behind `taskset -c 0`.
+//!
+//! `cargo run --release -p holo-driver-quadtree --example cells_speed`
 //!
 //! For each kind of samples of 512 × 512 pixels: insertions and whole pictures, beside the
 //! quadtree's. Processor time of all threads in ms, the mean of some rounds.

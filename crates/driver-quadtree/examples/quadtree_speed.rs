@@ -1,9 +1,10 @@
-//! Times the quadtree: `cargo run --release -p holo-driver-quadtree --example quadtree_speed`, behind
-//! `taskset -c 0` on one core alone.
+//! Times the quadtree, on one core alone behind `taskset -c 0`.
 //!
-//! For each kind of samples: a new quadtree, insertions into it, the first picture and a second one.
-//! Processor time of all threads in ms, the least of some rounds: other programs only add to it. With `--json`, one line for
-//! each kind of samples.
+//! `cargo run --release -p holo-driver-quadtree --example quadtree_speed`
+//!
+//! For each kind of samples: a new quadtree, insertions into it, the first picture and a second
+//! one. Processor time of all threads in ms, the least of some rounds: other programs only add to
+//! it. With `--json`, one line for each kind of samples.
 
 mod clock;
 #[path = "../tests/common/mod.rs"]
@@ -15,7 +16,7 @@ use holo_driver_quadtree::{Quadtree, QuadtreeParams};
 use holo_section::{BeamId, Sample};
 use std::sync::Arc;
 
-const ROUNDS: usize = 10;
+const ROUNDS: usize = 6;
 
 /// Runs `work`. Keeps the least processor time that it took, ms.
 fn timed<T>(least: &mut f64, work: impl FnOnce() -> T) -> T {
@@ -34,7 +35,7 @@ fn packets(mut stored: Vec<Stored>) -> Vec<(BeamId, Vec<Sample>)> {
 
 fn main() {
     let json = std::env::args().skip(1).any(|argument| argument == "--json");
-    for size in [(512, 512)] {
+    for size in [(320, 240), (512, 512)] {
         let (section, view) = (room_section(8), room_view(size));
         let mut select = f64::INFINITY;
         let sections = std::slice::from_ref(&section);

@@ -1,7 +1,7 @@
 //! Which beams hold samples of what is seen, besides those that the view's own rays belong to.
 //!
-//! Light on diffuse surfaces is the same from everywhere. Where it is not, drawing finds out and does
-//! without ([`agreement`](crate::agreement)).
+//! Light on diffuse surfaces is the same from everywhere. Where it is not, drawing finds out and
+//! does without ([`agreement`](crate::agreement)).
 //!
 //! Invariant: the choice is a function of the view, the sections and the set of samples so far.
 
@@ -23,9 +23,9 @@ impl Quadtree {
         beams_ending_on(&self.sections, &self.points(), SLACK)
     }
 
-    /// Returns the most useful of [`surface_beams`](Self::surface_beams), found in less time. A beam
-    /// of a section has about `samples_per_beam(section)` stored samples; in all, the beams have two
-    /// for each pixel.
+    /// Returns the most useful of [`surface_beams`](Self::surface_beams), found in less time. A
+    /// beam of a section has about `samples_per_beam(section)` stored samples; in all, the beams
+    /// have two for each pixel.
     pub fn best_surface_beams(&self, samples_per_beam: impl Fn(u16) -> f64) -> Vec<BeamKey> {
         let most = FIRST_SAMPLES * self.covered.len() as f64;
         beams_mostly_ending_on(&self.sections, &self.points(), SLACK, most, samples_per_beam)

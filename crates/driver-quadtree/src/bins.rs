@@ -2,8 +2,8 @@
 //!
 //! What always holds:
 //! - A pixel keeps its [`BINS_KEPT`] nearest bins, and their sums are complete. A bin is refused or
-//!   evicted only when that many nearer bins are known, and known bins go only for nearer ones. So a
-//!   bin that is among the nearest in the end was never refused and never evicted.
+//!   evicted only when that many nearer bins are known, and known bins go only for nearer ones. So
+//!   a bin that is among the nearest in the end was never refused and never evicted.
 //! - Memory is 140 bytes for each pixel and 384 bytes for each pixel with more than one bin.
 
 use crate::sums::{Colour, Sums};
@@ -17,8 +17,8 @@ pub(crate) const BINS_PER_OCTAVE: u16 = 32;
 pub(crate) const FAR: u16 = u16::MAX - 1;
 /// No bin.
 const NONE: u16 = u16::MAX;
-/// Bits cut from a squared distance as f32. Four bits of its mantissa stay: 16 bins to each doubling
-/// of the square, 32 to each doubling of the distance. Bins are 1.6 to 3.1 % wide.
+/// Bits cut from a squared distance as f32. Four bits of its mantissa stay: 16 bins to each
+/// doubling of the square, 32 to each doubling of the distance. Bins are 1.6 to 3.1 % wide.
 const BIN_SHIFT: u32 = 19;
 
 /// Returns the logarithmic depth bin of a squared distance from the eye.
@@ -122,7 +122,8 @@ impl PixelBins {
 
 /// Returns the [`BINS_KEPT`] nearest bins of a pixel in `a` and `b` together, nearest first.
 ///
-/// Their sums are complete: a bin among the nearest of both is among the nearest of each that has it.
+/// Their sums are complete: a bin among the nearest of both is among the nearest of each that has
+/// it.
 pub(crate) fn merged(
     a: &PixelBins,
     b: &PixelBins,

@@ -11,8 +11,8 @@ use glam::Vec4;
 pub(crate) struct Blend {
     /// Mean colour and, last, mean root of luminance.
     pub mean: Vec4,
-    /// Squared standard error for samples of unit deviation: Σw² / (Σw)². Infinite if few of many
-    /// samples make the mean of one of the leaves.
+    /// Squared standard error for samples of unit deviation: Σw² / (Σw)². Infinite if few samples
+    /// make the mean of one of the leaves.
     pub error_squared: f32,
     /// Whether quarters of one of the leaves differ by more than noise.
     pub is_mixed: bool,
@@ -38,8 +38,8 @@ struct Around {
     row: usize,
     /// The surface's bins in the leaf.
     bins: Bins,
-    /// The leaves on the left, the own one and those on the right, each with the one above or below
-    /// that is nearer to the row.
+    /// The columns of leaves on the left, in the middle and on the right. In each, the leaf in the
+    /// row and the one above or below it, whichever is nearer.
     pairs: [Pair; 3],
 }
 
@@ -65,7 +65,7 @@ impl<'a> Blender<'a> {
     /// Returns the mean of one surface around a pixel at one level, leaves weighted bilinearly by
     /// the nearness of their middles. `None` if the pixel's leaf does not have the surface.
     ///
-    /// Bilinear weights centre the mean on the pixel: a gradient is then not biased, and no blocks
+    /// Bilinear weights centre the mean on the pixel. So a gradient is not biased, and no blocks
     /// show.
     #[inline(always)]
     pub fn blend(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> Option<Blend> {
@@ -134,8 +134,8 @@ impl Around {
     }
 }
 
-/// Returns how far a pixel's middle is from the middle of its leaf along one direction, in leaves,
-/// and whether it lies to the right of it or below it.
+/// Returns the distance of a pixel's middle from its leaf's middle along one direction, in leaves,
+/// and whether the pixel lies on the right of it or below it.
 #[inline(always)]
 fn offset(pixel: usize, level: usize) -> (f32, bool) {
     let size = 1_usize << level;

@@ -72,8 +72,8 @@ impl Leaves {
 }
 
 impl Quadtree {
-    /// Returns distances from the eye of what is shown, each with the column and row of its pixel:
-    /// one for each square of 4 × 4 pixels in which anything is known.
+    /// Returns columns, rows and distances from the eye of what is shown: one for each square of 4
+    /// × 4 pixels in which anything is known.
     pub(crate) fn depths(&self) -> Vec<(usize, usize, f32)> {
         let levels = self.depth_leaves();
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);

@@ -1,5 +1,5 @@
-//! The driver for whole sessions: what it has is shown in the next view until that has samples of its
-//! own (Larson & Simmons 1999, §3).
+//! The driver for whole sessions. It shows what it has in the next view until that view has samples
+//! of its own (Larson & Simmons 1999, §3).
 //!
 //! What always holds:
 //! - Once the stored samples of a view have come, pictures are of what came for this view alone. A
@@ -17,8 +17,8 @@ use holo_section::{BeamId, BeamKey, Sample, Section};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Rotation of the view beyond which kept samples are of no more use than their beams would be: what
-/// shines looks too different (Larson & Simmons 1999, §3).
+/// Rotation of the view beyond which nothing is kept: what shines looks too different from the
+/// earlier view (Larson & Simmons 1999, §3).
 const MOST_DEGREES: f64 = 20.0;
 
 /// The quadtree, or cells of its samples, from view to view.
@@ -38,8 +38,8 @@ struct Shown {
     look: Look,
     /// What came for this view.
     own: Shape,
-    /// The same and what came for earlier views. `None` if there is nothing of those, or once all
-    /// of the view's own has come.
+    /// The same and what came for earlier views. `None` if nothing did, or once the view has
+    /// settled.
     both: Option<Shape>,
     /// `None` before the first live ray.
     overlay: Option<Overlay>,
@@ -106,8 +106,8 @@ impl QuadtreeDriver {
         }
     }
 
-    /// Returns a shape of what there was before, for a view; `None` if that is nothing, or of no
-    /// use. Forgets it if it is of no use.
+    /// Returns a shape for a view with the samples of earlier views. `None` if there are none, or
+    /// if the view is turned too far; these samples are then forgotten.
     fn kept(&mut self, look: &Look) -> Option<Shape> {
         let before = self.shown.take()?;
         let is_near = look.view.vd.dot(before.look.view.vd) >= MOST_DEGREES.to_radians().cos();

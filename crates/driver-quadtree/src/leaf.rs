@@ -1,11 +1,13 @@
-//! Which leaf a pixel's surface is averaged over: variance against bias, by the samples themselves.
+//! Chooses the leaves that a pixel's surface is averaged over: variance against bias, by the
+//! samples themselves.
 //!
-//! Lepski's rule (Lepski 1991; as intersection of confidence intervals, Katkovnik 1999): from the
-//! finest leaf upwards, a coarser one is taken as long as its confidence interval meets those of all
-//! finer ones. Where the picture is flat the intervals go on meeting, and noise is averaged out.
-//! Elsewhere they part once the samples can tell. Samples without noise have intervals of no width
-//! and stay in their pixels. As samples grow every interval shrinks, so every pixel that is not flat
-//! ends with its own mean. What else was tried: docs/notes/quadtree.md.
+//! This is Lepski's rule (Lepski 1991; as intersection of confidence intervals, Katkovnik 1999).
+//! From the finest leaf upwards, a coarser one is taken as long as its confidence interval meets
+//! those of all finer ones. Where the picture is flat the intervals go on meeting, and noise is
+//! averaged out. Elsewhere they part once the samples can tell. Samples without noise have
+//! intervals of no width and stay in their pixels. As samples grow every interval shrinks, so every
+//! pixel that is not flat ends with its own mean. Other rules that were tried are in
+//! docs/notes/quadtree.md.
 //!
 //! Invariant: only samples of one surface are averaged: bins connected to the pixel's own.
 
@@ -19,21 +21,21 @@ use glam::Vec4;
 /// Half-width of an interval of the mean root of luminance, in standard errors.
 pub(crate) const KAPPA: f32 = 2.2;
 /// Half-width of an interval of a mean channel, in standard errors. Radiance has heavy tails, and
-/// the root of luminance tells most edges. This one sees differences of hue, and means that differ
+/// the root of luminance finds most edges. This one finds differences of hue, and means that differ
 /// though most samples do not.
 pub(crate) const KAPPA_LINEAR: f32 = 4.0;
 /// Intervals of n samples are wider by 1 + FEW_SAMPLES · (relative variance + PLAIN_TAIL) / n. The
 /// mean is far from normal until n outgrows the relative variance of one sample.
 const FEW_SAMPLES: f32 = 4.0;
 const PLAIN_TAIL: f32 = 0.2;
-/// Degrees of freedom wanted of an estimate of noise. With 12 of them an estimate goes up and down
-/// with the pixel's own mean, which darkened pictures of one-path samples by 3 to 6 %.
+/// Degrees of freedom that an estimate of noise should have. With 12 the estimate varies with the
+/// pixel's own mean, which darkened pictures of one-path samples by 3 to 6 %.
 const NOISE_FREEDOM: f32 = 256.0;
 /// RGBE keeps a colour to about this part of its largest channel. Smaller differences are not the
 /// picture's.
 const QUANTUM: f32 = 0.004;
-/// Below this part of the mean root a half-width is not seen, and no larger leaf is tried: 2.4 % of
-/// luminance, a standard error of 1.1 %.
+/// A half-width below this part of the mean root is not visible, and no larger leaf is tried. It is
+/// 2.4 % of luminance, a standard error of 1.1 %.
 const UNSEEN: f32 = 0.006;
 /// Columns of pixels that share the noise found last.
 const NOISE_COLUMNS: usize = 4;
@@ -107,8 +109,8 @@ impl<'a> Reader<'a> {
         self.levels[level].leaf(column >> level, row >> level)
     }
 
-    /// Returns the colour at a pixel of the surface that has `bins` in the pixel's leaf of level
-    /// `start`: the mean over the leaves that noise asks for.
+    /// Returns the colour of a surface at a pixel: the mean over the leaves that noise asks for.
+    /// The surface has `bins` in the pixel's leaf of level `start`.
     pub fn colour(&mut self, column: usize, row: usize, start: usize, bins: Bins) -> [f32; 3] {
         if let LeafSize::Fixed(level) = self.leaf {
             let level = start.max(usize::from(level)).min(self.levels.len() - 1);
@@ -120,7 +122,8 @@ impl<'a> Reader<'a> {
         let mut best = Vec4::ZERO;
         for level in start..self.levels.len() {
             let Some(blend) = self.blend(column, row, level, bins) else { break };
-            // A mean that is of none of the leaf's parts, or of few of its samples, is no pixel's.
+            // No pixel shows a mean that fits none of the leaf's parts, or that few of its samples
+            // make.
             let is_any = blend.is_mixed || blend.error_squared == f32::INFINITY;
             if level > start && is_any {
                 break;

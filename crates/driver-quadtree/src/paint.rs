@@ -1,7 +1,7 @@
 //! Draws pictures: bands of rows on all cores.
 //!
-//! Invariant: a pixel is a function of the leaves and, by the noise remembered from one pixel to the
-//! next, of the pixels of its band before it. So the number of threads changes no bit.
+//! Invariant: a pixel is a function of the leaves and of the pixels before it in its band, because
+//! noise is remembered from one pixel to the next. So the number of threads changes no bit.
 
 use crate::Quadtree;
 use crate::agreement::Agreement;
@@ -128,8 +128,8 @@ impl<'a> Painter<'a> {
         if share == 1.0 {
             return all;
         }
-        // From the smallest leaf that has any: the comparison found one. The few samples that it
-        // has there may all lie a bin beside.
+        // From the smallest leaf with aligned samples: the comparison found one. Its few samples
+        // may all lie a bin beside.
         let found = (level..aligned.levels.len()).find_map(|level| {
             let surface = beside(aligned.leaf(level, column, row), bins, gap_allowed(level))?;
             Some((level, surface.bins))
@@ -139,8 +139,8 @@ impl<'a> Painter<'a> {
         [0, 1, 2].map(|channel| own[channel] + share * (all[channel] - own[channel]))
     }
 
-    /// Returns the surfaces of a leaf by those samples that tell best what hides what: the aligned
-    /// ones, if there are any.
+    /// Returns the surfaces of a leaf by the samples that show best what hides what: the aligned
+    /// ones, if the leaf has any.
     pub fn leaf_seen(&self, level: usize, column: usize, row: usize) -> &[Surface] {
         let aligned = self.aligned.as_ref().map(|(reader, _)| reader.leaf(level, column, row));
         let aligned = aligned.filter(|leaf| !leaf.is_empty());

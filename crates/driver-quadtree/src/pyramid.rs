@@ -84,8 +84,8 @@ fn join_adjacent(parts: &[&Surface], gap: u16, surfaces: &mut Vec<Surface>) {
     surfaces.push(open.closed());
 }
 
-/// Returns all levels of a picture of `size` pixels, up to one leaf. `append` adds the surfaces of a
-/// pixel, by its number, nearest first.
+/// Returns all levels of a picture of `size` pixels, up to one leaf. `append` adds the surfaces of
+/// a pixel, by its number, nearest first.
 pub(crate) fn pyramid(
     (width, height): (usize, usize),
     append: impl Fn(usize, &mut Vec<Surface>) + Sync,

@@ -1,4 +1,4 @@
-//! Where samples land in a picture, and how near to the eye their rays pass.
+//! Projects samples: where they land in a picture, and how near to the eye their rays pass.
 //!
 //! Invariant: positions are relative to the eye, in double precision, before anything is
 //! subtracted, so sections far from the origin lose nothing.
@@ -10,8 +10,8 @@ use holo_display::{Camera, DistanceTable, PlacedSection};
 use holo_picture::Clip;
 use holo_section::{CellPair, Sample, distance};
 
-/// A sample is aligned if its ray passes the eye at less than this part of its distance: it looks
-/// along the eye's own ray within 5.7 degrees.
+/// A sample is aligned if its ray passes the eye at less than this part of the sample's distance.
+/// It then looks within 5.7 degrees of the eye's own ray.
 const ALIGNED: f64 = 0.1;
 /// Weight of a ray that passes within its own footprint of the eye.
 pub(crate) const FULL_WEIGHT: u32 = 64;
@@ -78,8 +78,8 @@ impl<'a> BeamProjector<'a> {
     }
 
     /// Returns where a sample lands. `None` if its surface is behind the eye, before the fore
-    /// clipping surface or outside the picture. `None`, too, if its ray comes towards the eye: what
-    /// such a ray hits is turned away from the eye, as the other side of a wall is.
+    /// clipping surface or outside the picture. `None`, too, if its ray comes towards the eye: it
+    /// hits a surface that is turned away from the eye, as the other side of a wall is.
     #[inline(always)]
     pub fn land(&self, sample: &Sample) -> Option<Landing> {
         let camera = self.camera;
@@ -94,7 +94,7 @@ impl<'a> BeamProjector<'a> {
         let point = if hits {
             entry + along * (self.distances.of(code) * self.diagonal / length_squared.sqrt())
         } else if has_one_eye {
-            // Nothing is seen in the same direction from everywhere.
+            // Nothingness is seen in the same direction from everywhere.
             along
         } else {
             // A parallel view sees it where it leaves the section.
@@ -109,7 +109,7 @@ impl<'a> BeamProjector<'a> {
         if hits && is_along && sight_along < 0.0 {
             return None;
         }
-        // A parallel view shows nothing only where it looks along the ray.
+        // A parallel view sees nothingness only where it looks along the ray.
         let is_level = sight_along * sight_along >= (1.0 - ALIGNED * ALIGNED) * length_squared;
         if !(hits || has_one_eye || is_level) {
             return None;
@@ -134,7 +134,7 @@ impl<'a> BeamProjector<'a> {
             depth: if is_shown { (distance_squared as f32).sqrt() } else { f32::INFINITY },
             bin: if is_shown { depth_bin(distance_squared) } else { FAR },
             weight: nearness_weight(miss_squared / own_footprint),
-            // Nothing looks the same from everywhere.
+            // Nothingness looks the same from everywhere.
             is_aligned: (!hits || is_along) && !self.begins_ahead,
             is_black,
             near: if self.begins_ahead {
@@ -173,13 +173,13 @@ fn near_class(miss_in_radii_squared: f64) -> Option<usize> {
         .map(|class| NEAR_CLASSES - 1 - class)
 }
 
-/// Returns the weight of a ray that misses the eye by r footprints, given r²: 64 up to r = 1, then
-/// falling as 1/√r to 8 at r = 64.
+/// Returns the weight of a ray that misses the eye by r footprints, given r². It is 64 up to r = 1,
+/// then falls as 1/√r to 8 at r = 64.
 ///
 /// The paper lets the nearer ray replace the other (§2.4.2), which is right for samples without
-/// noise. Nearly all rays of a batch miss the eye by tens of footprints. If the few near ones (2 %)
-/// had 64 times their weight, the mean would be as noisy as that of 6 % of the samples. With this
-/// law it is as noisy as that of 57 %.
+/// noise. Nearly all rays of a batch miss the eye by tens of footprints. About 2 % pass near it. If
+/// these had 64 times the weight of others, the mean would be as noisy as one of 6 % of the
+/// samples. With this law it is as noisy as one of 57 %.
 #[inline(always)]
 fn nearness_weight(miss_in_footprints_squared: f64) -> u32 {
     // The exponent is the logarithm of r² to base 2. 1/√r falls by 2^(1/4) while r² doubles.

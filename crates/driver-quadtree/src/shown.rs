@@ -1,4 +1,4 @@
-//! Which surface a pixel shows, or which mixture, by its own samples and those around it.
+//! Decides which surface a pixel shows, or which mixture, by its own samples and those around it.
 
 use crate::bins::BINS_PER_OCTAVE;
 use crate::paint::{Painter, Shown};
@@ -9,8 +9,8 @@ use crate::surface::{Bins, Surface};
 pub(crate) const SEEN_SHARE: f32 = 0.25;
 /// Depth bins between a surface and one that hides it: a fifth of the distance.
 pub(crate) const CLEARLY_IN_FRONT: u16 = 8;
-/// Samples in each pixel of a leaf from which on a pixel without any does not have the surface. With
-/// two expected, one pixel in seven has none.
+/// Mean samples of a surface in a leaf's pixels beyond which a pixel without any does not have the
+/// surface. With two expected, one pixel in seven has none.
 const MANY_PER_PIXEL: u32 = 2;
 
 impl Painter<'_> {
@@ -50,9 +50,9 @@ impl Painter<'_> {
 
     /// Returns what a pixel with samples shows.
     ///
-    /// Samples that pass near the eye are samples of this very pixel. Their shares are what the
-    /// surfaces cover of it, which makes a silhouette smooth. Without any the nearest surface is
-    /// seen: what lies behind it was seen past its edge.
+    /// Samples that pass near the eye are samples of this very pixel. Each surface covers the pixel
+    /// by its share of them, which makes silhouettes smooth. Without any, the pixel shows its
+    /// nearest surface: other samples looked past that surface's edge.
     fn mixed(&mut self, column: usize, row: usize, front: Bins, own: &[Surface]) -> Shown {
         let near = |surface: &Surface| self.near_count(column, row, surface.bins, front);
         let near: Vec<f32> = own.iter().map(near).collect();
@@ -75,8 +75,8 @@ impl Painter<'_> {
         shown
     }
 
-    /// Returns how many samples of a pixel's surface pass so near the eye that they see past the
-    /// front surface what the eye sees.
+    /// Returns the number of samples of a pixel's surface that see past the front surface as the
+    /// eye does, because they pass near it.
     ///
     /// Within a pixel's footprint at their own distance is not near enough. With `front` at an
     /// eighth of the distance they would look behind it by seven pixels (batch pictures then got
@@ -105,12 +105,12 @@ impl Painter<'_> {
     /// Returns level and bins of a surface that hides a pixel's front surface, though the pixel has
     /// no sample of it.
     ///
-    /// Where samples are few, those of a far surface show through between those of a near one,
-    /// because their rays looked past its edge (the paper's Figure 6). A surface in front goes on
-    /// here if most samples of the 4 × 4 or 2 × 2 pixels around are of it, unless it has so many
-    /// that it would have one here. Aligned samples decide if there are any: others may look from
-    /// behind the surface, as from the next room, and be any number. Pixels with samples near the
-    /// eye see for themselves. What this gains and costs: docs/notes/quadtree.md.
+    /// Where samples are few, a far surface shows through between the samples of a near one: rays
+    /// looked past the near surface's edge (the paper's Figure 6). A nearer surface hides the pixel
+    /// if it has most samples of the 4 × 4 or 2 × 2 pixels around. If it has so many that it would
+    /// have one in this pixel, it ends before it. Only aligned samples count where some are: others
+    /// may look from behind the surface, as from the next room, and be any number. Pixels with
+    /// samples near the eye need none of this. Gains and costs are in docs/notes/quadtree.md.
     fn covering(&self, column: usize, row: usize, front: Bins) -> Option<(usize, Bins)> {
         [2, 1].into_iter().filter(|&level| level < self.all.levels.len()).find_map(|level| {
             let leaf = self.all.leaf(level, column, row);

@@ -1,8 +1,8 @@
-//! What stands between the eye and a section that it looks into from outside.
+//! Objects between the eye and a section that it looks into from outside.
 //!
-//! Rays of a section begin on its wall. One that passes near the eye sees what the eye sees only from
-//! there on. It does not know of a door frame before the wall, and shows what is behind it. Samples
-//! of other sections may have seen the frame.
+//! Rays of a section begin on its wall. A ray that passes near the eye sees what the eye sees only
+//! from the wall on. It misses a door frame before the wall and shows what is behind it. Samples of
+//! other sections may have seen the frame.
 //!
 //! Invariant: nothing changes for an eye in a section, nor for what lies beyond the wall.
 
@@ -14,13 +14,12 @@ use crate::shown::CLEARLY_IN_FRONT;
 use crate::surface::{Bins, Surface, gap_allowed};
 use holo_section::LineHit;
 
-/// Level of the largest leaves around a pixel in which a standing surface is looked for.
+/// Level of the largest leaves that are searched for a standing surface.
 const LARGEST: usize = 4;
-/// Samples of a surface in a leaf beyond which smaller leaves tell where it ends. A quarter of the
+/// Samples of a surface in a leaf beyond which smaller leaves show where it ends. A quarter of the
 /// leaf has four on average, and none in one case of fifty.
 const MANY: u32 = 16;
-/// Of the four leaves that a pixel lies between, how many must have a surface that goes on between
-/// them.
+/// Number of the four leaves around a pixel that must have a surface for it to go on at the pixel.
 const LEAVES_AROUND: usize = 3;
 
 impl Quadtree {
@@ -49,8 +48,8 @@ impl Quadtree {
 }
 
 impl Painter<'_> {
-    /// Returns level and bins of a surface that stands before the wall at a pixel, by the samples of
-    /// the pixel's own and around it.
+    /// Returns level and bins of a surface that stands before the wall at a pixel, by the samples
+    /// in the pixel and around it.
     #[inline(always)]
     pub fn standing(&self, column: usize, row: usize, own: &[Surface]) -> Option<(usize, Bins)> {
         if !self.tree.is_outside {
@@ -79,8 +78,8 @@ impl Painter<'_> {
         })
     }
 
-    /// Returns whether a surface of a pixel's leaf goes on in the leaves around the pixel. In its own
-    /// leaf alone it may end before the pixel.
+    /// Returns whether a surface of a pixel's leaf goes on in the leaves around the pixel. In its
+    /// own leaf alone it may end before the pixel.
     fn goes_on(&self, column: usize, row: usize, level: usize, bins: Bins) -> bool {
         let leaves = &self.all.levels[level];
         let columns = neighbours(column, level, leaves.width);

@@ -1,6 +1,6 @@
 //! Exact sums over samples, and their moments.
 //!
-//! Invariant: every sum is of integers ≥ 0 and ends at its largest value instead of overflowing. The
+//! Invariant: all sums add integers ≥ 0, and stop at the largest value instead of overflowing. The
 //! same samples give the same bits in any order and in any batches.
 
 use bytemuck::Zeroable;
@@ -33,9 +33,10 @@ pub(crate) struct Colour {
     rgb: [u64; 3],
     doublings: u32,
     luminance: u64,
-    /// Fourth root of luminance. Leaves are compared in it, because rare bright samples then do not
-    /// outweigh all others: a lamp a thousand times brighter than its surroundings counts six times.
-    /// A root and not a logarithm, because black samples are common and scenes have any scale.
+    /// Fourth root of luminance. Leaves are compared in it, so that rare bright samples do not
+    /// outweigh all others: a lamp that is 1000 times as bright as its surroundings counts six
+    /// times. It is a root and not a logarithm because black samples are common and scenes have any
+    /// scale.
     root: u64,
 }
 

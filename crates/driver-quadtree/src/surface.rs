@@ -13,10 +13,11 @@ use std::borrow::Borrow;
 /// Degrees of freedom that an estimate of noise from finer leaves needs. Below, a leaf's own spread
 /// is used.
 const ENOUGH_FREEDOM: f32 = 6.0;
-/// A mean is of few samples if one sample in so many, or fewer, makes it: relative variance. See
-/// [`Surface::closed`] and docs/notes/quadtree.md.
+/// Relative variance of a leaf's samples above which few of them make its mean: one in so many, or
+/// fewer. See docs/notes/quadtree.md.
 const FEW_OF: f32 = 32.0;
-// A leaf is mixed by the three numbers that follow. How they were chosen: docs/notes/quadtree.md.
+// The next three numbers say when a leaf is mixed. docs/notes/quadtree.md says how they were
+// chosen.
 /// Least ratio of the variance between quarters to what the spread within them lets expect (the
 /// F-ratio of an analysis of variance, Fisher 1925).
 const MIXED_RATIO: f32 = 8.0;
@@ -70,12 +71,11 @@ pub(crate) struct Surface {
     /// The part of `spread_root` that lies between the leaf's four quarters; 0 for a pixel.
     spread_between: f32,
     noise: Noise,
-    /// Whether few of the samples make the mean of a leaf larger than a pixel. It may be a lamp's,
-    /// and smaller leaves tell where that shines. No light is lost if pixels do not take the mean:
-    /// the bright part of the leaf does without it as the dark part does.
+    /// Whether few of the samples make the mean of a leaf larger than a pixel. They may see a lamp,
+    /// and smaller leaves know where it shines. No light is lost if pixels do not take the mean:
+    /// neither the bright part of the leaf nor the dark part does.
     pub is_of_few: bool,
-    /// Whether the quarters of the leaf differ by more than noise. Its mean is then that of none of
-    /// its parts.
+    /// Whether the quarters of the leaf differ by more than noise. The mean then fits none of them.
     pub is_mixed: bool,
 }
 
@@ -86,7 +86,7 @@ struct Noise {
     /// Sum of freedom × variance of luminance.
     luminance: f32,
     /// Sum of freedom × *deviation* of the root. The few leaves that an edge crosses then raise the
-    /// mean little. (Tails of luminance are too heavy for that: rare bright samples are most of it.)
+    /// mean little. (Luminance cannot do that: rare bright samples make most of its deviation.)
     root: f32,
     /// Effective number of samples less the number of means.
     freedom: f32,
@@ -213,8 +213,8 @@ impl Surface {
         luminance([r, g, b])
     }
 
-    /// Returns the standard deviations of one sample about the mean in this leaf, noise and the
-    /// picture's own variation together: of luminance over its mean, and of its root.
+    /// Returns the standard deviations of one sample about the mean in this leaf: of luminance over
+    /// its mean, and of its root. They include the picture's own variation.
     pub fn total_deviation(&self) -> (f32, f32) {
         let divisor = (self.weight - self.weight_squared / self.weight).max(f32::MIN_POSITIVE);
         let mean = self.luminance().max(f32::MIN_POSITIVE);
@@ -295,7 +295,7 @@ mod tests {
         let even: fn(f32) -> f32 = |u| 0.9 + 0.2 * u;
         let exponential: fn(f32) -> f32 = |u| -u.ln();
         let of_one_path: fn(f32) -> f32 = |u| if u < 0.9 { 0.1 } else { 9.0 };
-        // Of alike quarters at most one in a hundred: at five standard errors 16 of 500.
+        // At most one leaf of equal quarters in a hundred: at five standard errors 16 of 500.
         for noise in [even, exponential, of_one_path] {
             for samples in [2, 6, 30] {
                 assert!(mixed([1.0; 4], samples, noise) <= 16, "{samples}");
@@ -304,7 +304,7 @@ mod tests {
         // Bars before panes, with little noise and with as much noise as light.
         assert_eq!(mixed([3.0, 1.0, 3.0, 1.0], 7, even), 500);
         assert!(mixed([9.0, 1.0, 9.0, 1.0], 30, exponential) > 450);
-        // Few samples, differences far below the spread, and steps of stored colours tell nothing.
+        // Few samples, differences far below the spread, and steps of stored colours do not count.
         assert_eq!(mixed([3.0, 1.0, 3.0, 1.0], 4, even), 0);
         assert_eq!(mixed([1.0, 1.03, 1.0, 1.03], 3000, exponential), 0);
         assert_eq!(mixed([1.0, 1.003, 1.0, 1.003], 30, |_| 1.0), 0);

@@ -55,7 +55,8 @@ pub struct Quadtree {
     /// Whether rays of some pixels may begin ahead of the eye.
     pub(crate) is_outside: bool,
     unseen: HashSet<BeamKey>,
-    /// Best beam of every pixel's middle. Empty while no unseen beam is known: most scenes have none.
+    /// Best beam of every pixel's middle. Empty while no unseen beam is known: most scenes have
+    /// none.
     best: Vec<Option<BeamKey>>,
 }
 
@@ -93,20 +94,21 @@ impl Quadtree {
         tree
     }
 
-    /// Adds samples of one beam, each the mean of `paths` paths. Ignores unknown sections and beams.
+    /// Adds samples of one beam, each the mean of `paths` paths. Ignores unknown sections and
+    /// beams.
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
-        self.insert_and_tell(section, beam, paths, samples, |_, _, _| {});
+        self.insert_with(section, beam, paths, samples, |_, _, _| {});
     }
 
-    /// Adds samples as [`insert`](Self::insert) does. Calls `tell` with the pixel, landing and colour
-    /// of each sample that lands in the picture.
-    pub(crate) fn insert_and_tell(
+    /// Adds samples as [`insert`](Self::insert) does. Calls `landed` with the pixel, landing and
+    /// colour of each sample that lands in the picture.
+    pub(crate) fn insert_with(
         &mut self,
         section: u16,
         beam: BeamId,
         paths: u16,
         samples: &[Sample],
-        mut tell: impl FnMut(usize, &Landing, [u8; 4]),
+        mut landed: impl FnMut(usize, &Landing, [u8; 4]),
     ) {
         let (Some(known), Some(placed)) =
             (self.sections.get(usize::from(section)), self.placed.get(usize::from(section)))
@@ -117,9 +119,9 @@ impl Quadtree {
         let projector = BeamProjector::new(placed, pair, &self.camera, self.size, &self.distances);
         let (width, pixels) = (self.size.0 as usize, self.covered.len());
         let paths = u32::from(paths.clamp(1, MAX_PATHS));
-        let mut landed = Vec::with_capacity(BATCH);
+        let mut batch = Vec::with_capacity(BATCH);
         for samples in samples.chunks(BATCH) {
-            landed.clear();
+            batch.clear();
             for sample in samples {
                 let Some(landing) = projector.land(sample) else { continue };
                 let pixel = landing.row * width + landing.column;
@@ -128,9 +130,9 @@ impl Quadtree {
                 } else {
                     self.oblique.get_or_insert_with(|| PixelBins::new(pixels)).prefetch(pixel);
                 }
-                landed.push((pixel, landing, sample.rgbe));
+                batch.push((pixel, landing, sample.rgbe));
             }
-            for (pixel, landing, rgbe) in &landed {
+            for (pixel, landing, rgbe) in &batch {
                 let bins = match &mut self.oblique {
                     Some(oblique) if !landing.is_aligned => oblique,
                     _ => &mut self.aligned,
@@ -138,7 +140,7 @@ impl Quadtree {
                 let rgbe = if landing.is_black { [0; 4] } else { *rgbe };
                 let colour = Colour::from_rgbe(rgbe);
                 bins.add(*pixel, landing.bin, &colour, landing.weight * paths, landing.near);
-                tell(*pixel, landing, rgbe);
+                landed(*pixel, landing, rgbe);
             }
         }
     }
@@ -161,7 +163,7 @@ impl Quadtree {
         self.unseen.insert(BeamKey { section, beam });
     }
 
-    /// Returns the beams of which no ray hits anything.
+    /// Returns the beams whose rays hit nothing.
     pub(crate) fn unseen(&self) -> &HashSet<BeamKey> {
         &self.unseen
     }
@@ -188,8 +190,8 @@ impl Quadtree {
         frame
     }
 
-    /// Returns the view ray of a pixel's middle: where it begins, and its unit direction, or 0 if the
-    /// pixel looks nowhere.
+    /// Returns the view ray of a pixel's middle: where it begins, and its unit direction, or 0 if
+    /// the pixel looks nowhere.
     pub(crate) fn middle(&self, column: usize, row: usize) -> (DVec3, DVec3) {
         let (x, y) = View::pixel_centre(self.size, column as u32, row as u32);
         let ray = self.view.clipped_ray(x, y);

@@ -1,18 +1,19 @@
 //! What lies between samples: colours that go smoothly from one to the next of a surface.
 //!
-//! A pixel is of the surface of the sample nearest to it. Its colour is that of a plane through the nearest samples of this surface, fitted
-//! by least squares with weights that grow without bound at a sample and fall to nothing at the farthest (Franke & Nielson 1980, modified
-//! Shepard interpolation): samples come in and leave as one goes from pixel to pixel, and no step is seen.
+//! A pixel is of the surface of the sample nearest to it. Its colour is that of a plane through the
+//! nearest samples of this surface, fitted by least squares. The weights grow without bound at a
+//! sample and fall to nothing at the farthest (Franke & Nielson 1980, modified Shepard
+//! interpolation). So samples come in and leave from pixel to pixel, and no step is seen.
 //!
 //! Invariant: a colour is within the range of those that it is made of: no light is invented.
 
-use super::nearest::Near;
 use super::step::Steps;
+use super::window::Near;
 
 /// Samples that a pixel's colour is made of, at the most.
 pub(super) const NEIGHBOURS: usize = 8;
-/// What is added to the squares of distances in the fit, as their share: samples that lie in a line tell nothing across it, and a fit to
-/// noise is no better than a mean.
+/// What is added to the squares of distances in the fit, as their share. Samples in a line tell
+/// nothing across it, and a fit to noise is no better than a mean.
 const STIFFNESS: f32 = 0.05;
 
 /// Distance below which a sample is no nearer, pixels: weights stay finite.
@@ -33,13 +34,15 @@ const NOTHING: Seen = Seen { colour: [0.0; 3], depth: 0.0, aside: [0.0; 2] };
 pub(super) struct Seen {
     pub colour: [f32; 3],
     pub depth: f32,
-    /// How far from the pixel's middle that is: columns and rows.
+    /// How far from the pixel's middle it is seen: columns and rows.
     pub aside: [f32; 2],
 }
 
-/// What a pixel shows by the samples nearest to it, at least one; `own` is a sample of its own, if it has one: then it is of its surface.
+/// Returns what a pixel shows by the samples nearest to it; `None` if there are none. `own` is a
+/// sample of its own, if it has one: the pixel is then of its surface.
 ///
-/// They are found by the middles of their pixels, which is quicker, but are where they are: 0.3 dB at one sample a pixel.
+/// The nearest are found by the middles of their pixels, but count where they are. That is worth
+/// 0.3 dB at one sample for each pixel.
 pub(super) fn between(
     nearest: &[Near],
     own: Option<Seen>,
@@ -78,7 +81,8 @@ pub(super) fn between(
     Some(Seen { colour, depth: own.seen.depth, aside: [0.0; 2] })
 }
 
-/// The value at the origin of a plane fitted to colours at places, by weights. `None` if all weights are 0.
+/// Returns the value at the origin of a plane fitted to colours at places, by weights. `None` if
+/// all weights are 0.
 fn plane(used: &[(f32, [f32; 2], [f32; 3])]) -> Option<[f32; 3]> {
     let (mut sum, mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for &(weight, [across, down], _) in used {

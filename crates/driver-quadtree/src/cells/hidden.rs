@@ -1,8 +1,10 @@
-//! Samples of what a nearer surface hides (Larson & Simmons 1999, Figure 6): their rays pass the eye at some distance and look behind it.
+//! Finds samples on surfaces that a nearer one hides (Larson & Simmons 1999, Figure 6). Their rays
+//! pass the eye at some distance and look behind the nearer surface.
 //!
-//! Without a scene, the nearer surface is known by its samples alone. A sample is hidden if it lies among them: if those nearest to it on
-//! the picture that are in front of it stand around it, on every side. At the nearer surface's edge they do not, so the surface does
-//! not grow: no halo.
+//! Without a scene, the nearer surface is known by its samples alone. A sample is hidden if it lies
+//! among them. That is the case if the samples in front of it, of those nearest in the picture,
+//! stand around it on every side. At the nearer surface's edge they do not, so the surface does not
+//! grow: no halo.
 //!
 //! Invariant: samples that pass near the eye see the pixel itself, and are never hidden.
 
@@ -12,9 +14,9 @@ use super::step::Steps;
 
 /// Samples nearest to one that are looked at, itself included.
 const LOOKED_AT: usize = 12;
-/// Side of the squares of which the nearest depth is known, pixels.
+/// Side of the squares whose nearest depth is known, pixels.
 const SQUARE: usize = 8;
-/// Samples in 3 × 3 such squares from which on those nearest to one in the middle are all among them.
+/// Samples in 3 × 3 such squares from which on those nearest to any in the middle are among them.
 const DENSE: u32 = 64;
 
 /// What squares of the picture hold.
@@ -24,16 +26,16 @@ struct Summary {
     count: u32,
 }
 
-/// Which of the pixels' sites are hidden. `depth` is the site's of each pixel, `points` are where they are; only those are looked at that
-/// `may_be` names.
+/// Returns whether each pixel's site is hidden. `depth` is the depth of each pixel's site. Only
+/// pixels that `may_be` names are looked at.
 pub(super) fn hidden(
-    points: &Points,
     size: (usize, usize),
     depth: &[f32],
     steps: &Steps,
     may_be: impl Fn(usize) -> bool + Sync,
     has_site: impl Fn(usize) -> bool,
 ) -> Vec<bool> {
+    let points = Points::new(size, &has_site);
     let sites = (0..).zip(depth).filter(|(pixel, _)| has_site(*pixel));
     let sites = sites.map(|(pixel, &nearest)| (pixel, Summary { nearest, count: 1 }));
     let nothing = Summary { nearest: f32::INFINITY, count: 0 };
@@ -58,12 +60,12 @@ pub(super) fn hidden(
     hidden
 }
 
-/// Whether something near may be in front of what is at this depth, given what is around.
+/// Returns whether something near may be in front of what is at this depth, given what is around.
 fn may_hide(around: Summary, depth: f32, steps: &Steps) -> bool {
     around.count < DENSE || steps.may_be_in_front(around.nearest, depth)
 }
 
-/// Whether some points stand around the origin: no line through it has all of them on one side.
+/// Returns whether points stand around the origin: no line through it has all of them on one side.
 fn surround(points: &[[f32; 2]]) -> bool {
     let cross = |a: &[f32; 2], b: &[f32; 2]| a[0] * b[1] - a[1] * b[0];
     // If some line has, one through a point has, with all others to the left of it.

@@ -1,22 +1,25 @@
-//! The `voronoi` driver where there is no scene (Larson & Simmons 1999, §2.4.4): cells of samples, bounded by the samples' own depth.
+//! Cells of samples, bounded by the samples' own depth: a Voronoi diagram without a scene (Larson &
+//! Simmons 1999, §2.4.4).
 //!
-//! Samples are reprojected and summed as in the [`Quadtree`], which also says what a pixel with samples shows: their mean, over as many
-//! pixels around as noise asks, unless so few are around and so clean that those nearest to one tell more ([`local`]). Each other pixel belongs to the sample nearest to it on the picture, of those that no nearer surface
-//! hides ([`hidden`]): a Voronoi diagram, found exactly ([`nearest`]). It shows that sample's colour ([`Filling::Constant`]), or one that
-//! goes smoothly on to those of the same surface around it ([`fill`]).
+//! Samples are projected and summed as in the [`Quadtree`]. It also says what a pixel with samples
+//! shows: their mean over as many pixels as noise asks. Where few samples are around and they are
+//! clean, those nearest to a pixel tell more than a mean ([`local`]). Each other pixel belongs to
+//! the sample nearest to it in the picture ([`nearest`]). Samples that a nearer surface hides are
+//! left out ([`hidden`]). The pixel shows that sample's colour ([`Filling::Constant`]), or a colour
+//! that goes smoothly on to the samples of the same surface around it ([`fill`]).
 //!
-//! Smooth pictures have no holes: what is far from all samples is filled, too, since a display has nothing better to show. Of the
-//! paper's constant cells the greatest radius is a part ([`radius`]), and it showed the scene between them; here that stays black.
-//!
-//! Whole pictures of 512 × 512 pixels with 200,000 clean samples on one core take 28 ms (constant) and 76 (smooth, of which the tree's
-//! part is 26); of one path each 29 and 124 (84); with 377,000 from all around 39 and 132 (63). Of a burst of samples the tree draws
-//! little; what is between them is filled anew, by all cores.
+//! Smooth pictures have no holes: a display has nothing better to show far from all samples. The
+//! paper's constant cells have a greatest radius ([`radius`]), and it showed the scene between
+//! them; here that stays black.
 //!
 //! What always holds:
 //! - The picture is a function of the set of samples: their order and batches change no bit of it.
-//! - No pixel between samples has anything of another surface than its nearest sample's, as far as depths tell ([`step`]).
-//! - As samples grow, every pixel tends to the mean of its own samples (smooth), or to one in its middle (constant).
-//! - A pixel that no section covers is 0; one whose best beam sees nothing is the sky (black if the view clips it).
+//! - No pixel between samples shows another surface than its nearest sample's, as far as depths
+//!   tell ([`step`]).
+//! - As samples grow, every pixel tends to the mean of its own samples (smooth), or to one sample
+//!   near its middle (constant).
+//! - A pixel that no section covers is 0. One whose best beam sees nothing is the sky, or black if
+//!   the view clips it.
 
 mod fill;
 mod hidden;
@@ -26,6 +29,7 @@ mod radius;
 mod sites;
 mod squares;
 mod step;
+mod window;
 
 use crate::pixels::{Known, bin_of};
 use crate::{Quadtree, QuadtreeParams};
@@ -38,24 +42,51 @@ use radius::Radii;
 use sites::{Site, Sites};
 use std::sync::Arc;
 use step::Steps;
+use window::Near;
 
 /// What a cell shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filling {
-    /// Pixels with samples show what a [`Quadtree`] does, their mean if they are many, or the nearest samples where few are clean; what is between goes smoothly from sample to
-    /// sample. There is no hole.
+    /// Pixels with samples show what a [`Quadtree`] does, or the nearest samples where few samples
+    /// are clean. Colours between go smoothly from sample to sample. There is no hole.
     #[default]
     Smooth,
-    /// The paper's: the colour of one sample, that which is nearest to a pixel's middle, of its nearest depth bin. At least 0.01 % of the picture's area and
-    /// at most 10 %, by how many samples are around; what no cell reaches is 0.
+    /// The paper's cells: each shows the colour of one sample, the one nearest to a pixel's middle
+    /// in the pixel's nearest depth bin. A cell covers from 0.01 % to 10 % of the picture's area,
+    /// by how many samples are around. What no cell reaches is 0.
     Constant,
 }
 
-/// The driver of cells: samples in, pictures out.
+/// Samples of one view, and pictures of their cells.
 pub struct Cells {
     tree: Quadtree,
     sites: Sites,
     filling: Filling,
+}
+
+/// What is known of the pixels of a picture, row by row.
+struct Pixels {
+    known: Vec<Known>,
+    /// Depth of the pixel's sample; what the picture shows if it has none.
+    depth: Vec<f32>,
+    /// Whether a nearer surface hides the surface of the pixel's sample.
+    hidden: Vec<bool>,
+    /// Whether the tree shows a nearer surface here, to which most samples around belong.
+    disputed: Vec<bool>,
+}
+
+impl Pixels {
+    /// Returns whether a pixel shows a sample of its own surface.
+    fn shows_sample(&self, pixel: usize) -> bool {
+        !self.hidden[pixel]
+            && !self.disputed[pixel]
+            && matches!(self.known[pixel], Known::Afar | Known::Near)
+    }
+
+    /// Returns whether a pixel is to be filled from the samples around it.
+    fn is_open(&self, pixel: usize) -> bool {
+        self.hidden[pixel] || self.disputed[pixel] || self.known[pixel] == Known::Nothing
+    }
 }
 
 impl Cells {
@@ -76,15 +107,15 @@ impl Cells {
         }
     }
 
-    /// As [`Quadtree::insert`].
+    /// Adds samples as [`Quadtree::insert`] does.
     pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
         let sites = &mut self.sites;
-        self.tree.insert_and_tell(section, beam, paths, samples, |pixel, landing, rgbe| {
+        self.tree.insert_with(section, beam, paths, samples, |pixel, landing, rgbe| {
             sites.add(pixel, Site::new(landing, rgbe));
         });
     }
 
-    /// As [`Quadtree::insert_unseen`].
+    /// Notes that no ray of a beam hits anything, as [`Quadtree::insert_unseen`] does.
     pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
         self.tree.insert_unseen(section, beam);
     }
@@ -97,68 +128,66 @@ impl Cells {
     /// Draws the picture of all samples so far.
     pub fn draw(&self) -> Frame {
         match self.filling {
-            Filling::Smooth => self.filled(self.tree.draw()),
+            Filling::Smooth => self.smooth(),
             Filling::Constant => self.constant(),
         }
     }
 
-    /// A quadtree's picture with what is between its samples put right.
-    fn filled(&self, mut frame: Frame) -> Frame {
-        let known = self.tree.known();
-        let disputed: Vec<bool> = (0..)
-            .zip(&frame.depth)
-            .map(|(pixel, &shown)| self.is_disputed(pixel, known[pixel], shown))
-            .collect();
-        let depth: Vec<f32> = (0..)
-            .zip(&frame.depth)
-            .map(|(pixel, &shown)| self.depth_of(pixel, shown, disputed[pixel]))
-            .collect();
-        let hidden = self.hidden(&known, &depth);
-        let is_sample = |pixel: usize| {
-            // In a burst some pixels with samples have not been drawn yet.
-            let is_drawn = frame.depth[pixel] > 0.0;
-            is_drawn
-                && !hidden[pixel]
-                && !disputed[pixel]
-                && matches!(known[pixel], Known::Afar | Known::Near)
-        };
-        let points = Points::new(self.size(), is_sample);
-        let mut filled: Vec<Option<Seen>> = vec![None; known.len()];
-        let aside = |pixel: usize| self.sites.of(pixel).map_or([0.0; 2], Site::aside);
-        let single = |pixel: usize| {
-            let site = self.sites.of(pixel);
-            let colour = site.map_or(frame.picture.pixels[pixel], |site| rgbe::decode(site.rgbe));
-            Seen { colour, depth: depth[pixel], aside: aside(pixel) }
-        };
+    /// Draws smooth cells: the tree's picture, with what lies between its samples put right.
+    fn smooth(&self) -> Frame {
+        let mut frame = self.tree.draw();
+        let pixels = self.pixels(&frame);
+        let points = Points::new(self.size(), |pixel| pixels.shows_sample(pixel));
+        self.sharpen(&pixels, &points, &mut frame);
+        self.fill(&pixels, &points, &mut frame);
+        frame
+    }
+
+    /// Shows single samples in place of the tree's means where those tell more.
+    fn sharpen(&self, pixels: &Pixels, points: &Points, frame: &mut Frame) {
         let has_few = self.tree.has_few();
-        let few = |pixel: usize| {
-            let is_shown = |site: &Site| site.depth() == depth[pixel];
-            let are_many = points.count_around(pixel) > local::MANY;
-            !are_many
-                && has_few[pixel]
-                && is_sample(pixel)
+        let is_candidate = |pixel: usize| {
+            let is_shown = |site: &Site| site.depth() == pixels.depth[pixel];
+            has_few[pixel]
+                && pixels.shows_sample(pixel)
+                && points.count_around(pixel) <= local::MANY
                 && self.sites.of(pixel).is_some_and(is_shown)
         };
-        let few: Vec<bool> = (0..known.len()).map(few).collect();
-        let few = |pixel: usize| few[pixel];
+        let candidates: Vec<bool> = (0..has_few.len()).map(is_candidate).collect();
+        let single = |pixel: usize| {
+            let site = self.sites.of(pixel);
+            Seen {
+                colour: site.map_or(frame.picture.pixels[pixel], |site| rgbe::decode(site.rgbe)),
+                depth: pixels.depth[pixel],
+                aside: site.map_or([0.0; 2], Site::aside),
+            }
+        };
         let mean = |pixel: usize| frame.picture.pixels[pixel];
-        let local = local::local(&points, self.size(), few, single, mean, &Steps(&self.tree));
-        for (colour, local) in frame.picture.pixels.iter_mut().zip(local) {
-            *colour = local.unwrap_or(*colour);
+        let steps = Steps(&self.tree);
+        let sharp = local::local(points, self.size(), &candidates, single, mean, &steps);
+        for (colour, sharp) in frame.picture.pixels.iter_mut().zip(sharp) {
+            *colour = sharp.unwrap_or(*colour);
         }
+    }
+
+    /// Fills the pixels between samples.
+    fn fill(&self, pixels: &Pixels, points: &Points, frame: &mut Frame) {
         let seen = |pixel: usize| Seen {
             colour: frame.picture.pixels[pixel],
-            depth: depth[pixel],
-            aside: aside(pixel),
+            depth: pixels.depth[pixel],
+            aside: self.sites.of(pixel).map_or([0.0; 2], Site::aside),
         };
+        // A disputed sample that is not hidden is of the pixel's own surface.
         let own = |pixel: usize| {
-            let site = self.sites.of(pixel).filter(|_| disputed[pixel] && !hidden[pixel])?;
+            let is_own = pixels.disputed[pixel] && !pixels.hidden[pixel];
+            let site = self.sites.of(pixel).filter(|_| is_own)?;
             Some(Seen { colour: rgbe::decode(site.rgbe), depth: site.depth(), aside: site.aside() })
         };
         let steps = Steps(&self.tree);
+        let mut filled: Vec<Option<Seen>> = vec![None; pixels.known.len()];
         points.for_each::<NEIGHBOURS, _>(
             &mut filled,
-            |pixel| hidden[pixel] || disputed[pixel] || known[pixel] == Known::Nothing,
+            |pixel| pixels.is_open(pixel),
             |pixel, nearest, filled| *filled = between(nearest, own(pixel), seen, &steps),
         );
         let shown = frame.picture.pixels.iter_mut().zip(&mut frame.depth);
@@ -167,32 +196,35 @@ impl Cells {
                 (*colour, *depth) = (filled.colour, filled.depth);
             }
         }
-        frame
     }
 
-    /// A picture of constant cells.
+    /// Draws constant cells.
     fn constant(&self) -> Frame {
         let known = self.tree.known();
-        let depth: Vec<f32> =
-            (0..known.len()).map(|pixel| self.sites.of(pixel).map_or(0.0, Site::depth)).collect();
+        let depth = |pixel: usize| self.sites.of(pixel).map_or(0.0, Site::depth);
+        let depth: Vec<f32> = (0..known.len()).map(depth).collect();
         let hidden = self.hidden(&known, &depth);
-        let site = |pixel: usize| self.sites.of(pixel).filter(|_| !hidden[pixel]);
-        let points = Points::new(self.size(), |pixel| site(pixel).is_some());
-        let with_sites = (0..known.len()).filter(|&pixel| site(pixel).is_some());
-        let radii = Radii::new(self.size(), with_sites);
-        let mut frame = self.tree.frame_of(&known);
-        frame.samples_used = points.count() as u64;
+        let has_site = |pixel: usize| self.sites.of(pixel).is_some() && !hidden[pixel];
+        let points = Points::new(self.size(), has_site);
+        let radii = Radii::new(self.size(), (0..known.len()).filter(|&pixel| has_site(pixel)));
+        // Found by the middles of their pixels, but compared where they are.
+        let squared = |near: &Near| {
+            let [right, down] = self.sites.of(near.pixel as usize).map_or([0.0; 2], Site::aside);
+            (near.offset[0] + right).powi(2) + (near.offset[1] + down).powi(2)
+        };
         let mut cells: Vec<Option<u32>> = vec![None; known.len()];
-        points.for_each::<1, _>(
+        points.for_each::<NEIGHBOURS, _>(
             &mut cells,
             |pixel| !matches!(known[pixel], Known::Uncovered | Known::Unseen),
             |pixel, nearest, cell| {
-                *cell = nearest
-                    .first()
-                    .filter(|near| near.squared <= radii.squared_at(pixel))
-                    .map(|near| near.pixel);
+                let near = nearest.iter().map(|near| (squared(near), near.pixel));
+                let nearest = near.min_by(|a, b| a.0.total_cmp(&b.0));
+                let nearest = nearest.filter(|(squared, _)| *squared <= radii.squared_at(pixel));
+                *cell = nearest.map(|(_, site)| site);
             },
         );
+        let mut frame = self.tree.frame_of(&known);
+        frame.samples_used = points.count() as u64;
         for (pixel, cell) in cells.into_iter().enumerate() {
             if let Some(site) = cell.and_then(|cell| self.sites.of(cell as usize)) {
                 frame.picture.pixels[pixel] = rgbe::decode(site.rgbe);
@@ -202,34 +234,41 @@ impl Cells {
         frame
     }
 
-    /// Columns and rows.
+    /// Returns columns and rows of the picture.
     fn size(&self) -> (usize, usize) {
-        let (width, height) = self.tree.size;
-        (width as usize, height as usize)
+        (self.tree.size.0 as usize, self.tree.size.1 as usize)
     }
 
-    /// Which pixels' samples are of what a nearer surface hides.
+    /// Returns what is known of the pixels of the tree's picture.
+    fn pixels(&self, frame: &Frame) -> Pixels {
+        let known = self.tree.known();
+        // Where samples in front do not stand around a pixel's sample, they do not hide it. If they
+        // did, their surface would grow by a pixel all around.
+        let is_disputed = |pixel: usize| {
+            let shown = bin_of(frame.depth[pixel]).saturating_add(1);
+            let site = self.sites.of(pixel);
+            known[pixel] == Known::Afar && site.is_some_and(|site| shown < site.bin())
+        };
+        let disputed: Vec<bool> = (0..known.len()).map(is_disputed).collect();
+        // The site's depth is finer, unless the pixel shows another surface.
+        let depth = |pixel: usize| {
+            let shown = frame.depth[pixel];
+            let is_shown = |site: &&Site| disputed[pixel] || site.bin() == bin_of(shown);
+            self.sites.of(pixel).filter(is_shown).map_or(shown, Site::depth)
+        };
+        let depth: Vec<f32> = (0..known.len()).map(depth).collect();
+        let hidden = self.hidden(&known, &depth);
+        Pixels { known, depth, hidden, disputed }
+    }
+
+    /// Returns the pixels whose sample lies on a surface that a nearer one hides.
     fn hidden(&self, known: &[Known], depth: &[f32]) -> Vec<bool> {
         if !known.contains(&Known::Afar) {
             return vec![false; known.len()];
         }
         let has_site =
             |pixel: usize| matches!(known[pixel], Known::Afar | Known::Near | Known::Mixture);
-        let points = Points::new(self.size(), has_site);
         let may_be = |pixel: usize| known[pixel] == Known::Afar;
-        hidden::hidden(&points, self.size(), depth, &Steps(&self.tree), may_be, has_site)
-    }
-
-    /// Whether the tree takes a pixel's samples for hidden by what most around it are of. Where those do not stand around it, they do not
-    /// hide it: they would grow by a pixel all around.
-    fn is_disputed(&self, pixel: usize, known: Known, shown: f32) -> bool {
-        known == Known::Afar
-            && self.sites.of(pixel).is_some_and(|site| bin_of(shown).saturating_add(1) < site.bin())
-    }
-
-    /// Depth of a pixel's sample: its site's, which is finer, unless the pixel shows what is of another surface.
-    fn depth_of(&self, pixel: usize, shown: f32, is_disputed: bool) -> f32 {
-        let of_site = |site: &&Site| is_disputed || site.bin() == bin_of(shown);
-        self.sites.of(pixel).filter(of_site).map_or(shown, Site::depth)
+        hidden::hidden(self.size(), depth, &Steps(&self.tree), may_be, has_site)
     }
 }

@@ -1,39 +1,27 @@
-//! The points of a picture that are nearest to each of its pixels, exactly. A point is the middle of
-//! a pixel.
+//! The points of a picture that are nearest to each of its pixels, exactly. A point is the middle
+//! of a pixel.
 //!
-//! Where points are dense, the pixels around one are looked at by their distance. Elsewhere squares
-//! are divided. Let K points lie within D of the middle of a square, and let h be half its diagonal.
-//! Then what is among the K nearest of any place in the square lies within D + 2h of its middle. So
-//! the points of a square are found among those of the square that it is a quarter of, and those of
-//! a pixel among few.
+//! Where points are dense, the pixels around one are looked at by their distance
+//! ([`window`](super::window)). Elsewhere squares are divided. Let K points lie within D of the
+//! middle of a square, and let h be half its diagonal. Then what is among the K nearest of any
+//! place in the square lies within D + 2h of its middle. So the points of a square are found among
+//! those of the next larger square, and those of a pixel among few.
 //!
 //! What always holds:
 //! - What is found is a function of the set of points. Of two at one distance, that of the first
 //!   pixel comes first.
 //! - The number of threads changes nothing.
 
+use super::window::{Near, Window};
 use holo_display::for_bands;
 
-/// Points in a tile from which on the pixels around one are looked at one by one. At one point in 16
-/// pixels either way takes as long.
+/// Points in a tile from which on the pixels around one are looked at one by one. At one point in
+/// 16 pixels either way takes as long.
 const DENSE: usize = TILE * TILE / 16;
 /// Side of the squares in which points are looked up first, pixels.
 const TILE: usize = 32;
 /// Side of squares that are not divided.
 const LEAST: usize = 2;
-/// Pixels in each direction that are looked at one by one.
-const REACH: usize = 10;
-
-/// A point as seen from a pixel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Near {
-    /// Square of its distance, pixels.
-    pub squared: f32,
-    /// Columns and rows from the pixel to the point.
-    pub offset: [f32; 2],
-    /// The pixel whose middle it is.
-    pub pixel: u32,
-}
 
 /// A point of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,7 +68,7 @@ impl Points {
             );
             starts.push(points.len());
         }
-        let window = Window::new(size, &points);
+        let window = Window::new(size, points.iter().map(|point| point.pixel as usize));
         Self { size, tiles, starts, points, window }
     }
 
@@ -190,75 +178,6 @@ fn sort_nearest(points: &[Point], place: [f32; 2], most: usize, nearest: &mut Ve
     }
 }
 
-/// Which pixels have a point, and the pixels around any by their distance.
-struct Window {
-    width: usize,
-    /// Row by row, with [`REACH`] pixels without points around the picture.
-    has_point: Vec<bool>,
-    around: Vec<Step>,
-}
-
-/// A step from one pixel to another.
-#[derive(Clone, Copy)]
-struct Step {
-    /// By how much the other's number is larger, in [`Window::has_point`] and in the picture.
-    padded: isize,
-    pixels: isize,
-    /// Columns and rows.
-    offset: [f32; 2],
-    /// Square of its length.
-    squared: f32,
-}
-
-impl Window {
-    fn new((width, height): (usize, usize), points: &[Point]) -> Self {
-        let padded = width + 2 * REACH;
-        let reach = REACH as isize;
-        let step = |column: isize, row: isize| Step {
-            padded: row * padded as isize + column,
-            pixels: row * width as isize + column,
-            offset: [column as f32, row as f32],
-            squared: (column * column + row * row) as f32,
-        };
-        let rows = -reach..=reach;
-        let mut around: Vec<Step> =
-            rows.flat_map(|row| (-reach..=reach).map(move |column| step(column, row))).collect();
-        // What is beyond the circle is not all there.
-        around.retain(|step| step.squared <= (REACH * REACH) as f32);
-        // A stable sort: steps of one length stay row by row.
-        around.sort_by(|a, b| a.squared.total_cmp(&b.squared));
-        let mut window =
-            Self { width, has_point: vec![false; padded * (height + 2 * REACH)], around };
-        for point in points {
-            let index = window.index(point.pixel as usize);
-            window.has_point[index] = true;
-        }
-        window
-    }
-
-    /// Puts the `most` points that are nearest to a pixel into `nearest`. Returns false if too few
-    /// are around.
-    fn find(&self, pixel: usize, most: usize, nearest: &mut Vec<Near>) -> bool {
-        let index = self.index(pixel);
-        nearest.clear();
-        for step in &self.around {
-            if self.has_point[index.wrapping_add_signed(step.padded)] {
-                let pixel = pixel.wrapping_add_signed(step.pixels) as u32;
-                nearest.push(Near { squared: step.squared, offset: step.offset, pixel });
-                if nearest.len() == most {
-                    return true;
-                }
-            }
-        }
-        false
-    }
-
-    fn index(&self, pixel: usize) -> usize {
-        let (column, row) = (pixel % self.width, pixel / self.width);
-        (row + REACH) * (self.width + 2 * REACH) + column + REACH
-    }
-}
-
 /// A square of pixels.
 #[derive(Clone, Copy)]
 struct Square {
@@ -306,8 +225,8 @@ impl Default for Search {
 }
 
 impl Search {
-    /// Calls `find` for each wanted pixel of a square with points that its `most` nearest are among.
-    /// The list of this depth has such points for the square.
+    /// Calls `find` for each wanted pixel of a square with points that its `most` nearest are
+    /// among. The list of this depth has such points for the square.
     fn divide(
         &mut self,
         depth: usize,
@@ -347,7 +266,7 @@ mod tests {
 
     /// A picture's size, and which of its pixels have points: many in one corner, few elsewhere.
     fn points() -> impl Strategy<Value = ((usize, usize), Vec<bool>)> {
-        (1..150_usize, 1..110_usize, any::<u64>(), 0..5_u32).prop_map(
+        (1..130_usize, 1..50_usize, any::<u64>(), 0..5_u32).prop_map(
             |(width, height, seed, few)| {
                 let mut state = seed | 1;
                 let mut random = move || {

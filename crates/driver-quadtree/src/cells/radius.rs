@@ -1,17 +1,19 @@
-//! How far a cell reaches: "a low-resolution grid over the display image so that we know the approximate local sample density" (Larson
-//! & Simmons 1999, §2.4.4).
+//! The greatest radii of cells, by "a low-resolution grid over the display image so that we know
+//! the approximate local sample density" (Larson & Simmons 1999, §2.4.4).
 //!
-//! The paper's largest cone "covers about 10% of the screen", its smallest 0.01 %: shares of its area. Between them, cells reach as far
-//! as only one in 10,000 places is from its nearest sample where samples are spread by chance.
+//! The paper's largest cone "covers about 10% of the screen", its smallest 0.01 %: shares of its
+//! area. Between them a cell reaches so far that only one place in 10,000 is farther from its
+//! nearest sample, if samples are spread by chance.
 
 /// Shares of the picture's area that the largest and the smallest cell may cover.
 const LARGEST: f32 = 0.1;
 const SMALLEST: f32 = 0.0001;
-/// Square of how far a pixel's own sample is from its middle at the most: it is shown, however small the picture.
+/// Least square of a radius, pixels: a pixel shows its own sample, however small the picture.
 const OWN: f32 = 0.5;
 /// Squares of the grid along the larger of the picture's sides.
 const SQUARES: usize = 32;
-/// Samples that a cell has room for where they are as many as around: of a place with so many expected within reach, e⁻⁹ have none.
+/// Samples that a cell has room for at the density around it. A share of e⁻⁹ of places with so many
+/// expected within reach have none.
 const ROOM: f32 = 9.0;
 
 /// Greatest radii over a picture.
@@ -24,7 +26,7 @@ pub(super) struct Radii {
 }
 
 impl Radii {
-    /// Of the samples in these pixels.
+    /// Returns the radii for samples in these pixels.
     pub fn new((width, height): (usize, usize), pixels: impl Iterator<Item = usize>) -> Self {
         let side = width.max(height).div_ceil(SQUARES).max(1);
         let (across, down) = (width.div_ceil(side), height.div_ceil(side));
@@ -33,7 +35,7 @@ impl Radii {
         let circle = (width * height) as f32 / std::f32::consts::PI;
         let (least, most) = ((SMALLEST * circle).max(OWN), (LARGEST * circle).max(OWN));
         let radius = |index: usize| {
-            // Of 3 × 3 squares: one alone has too few to tell.
+            // Of 3 × 3 squares: one alone has too few samples.
             let (column, row) = (index % across, index / across);
             let columns = column.saturating_sub(1)..(column + 2).min(across);
             let rows = row.saturating_sub(1)..(row + 2).min(down);
@@ -47,7 +49,7 @@ impl Radii {
         Self { side, width, across, squared }
     }
 
-    /// Square of the greatest distance of a pixel from the sample whose cell it is in, pixels.
+    /// Returns the square of the greatest distance of a pixel from the sample whose cell it is in.
     pub fn squared_at(&self, pixel: usize) -> f32 {
         self.squared[pixel / self.width / self.side * self.across + pixel % self.width / self.side]
     }
@@ -66,7 +68,8 @@ mod tests {
             assert_eq!(none.squared_at(pixel), 0.1 * circle);
             assert_eq!(all.squared_at(pixel), 0.0001 * circle);
         }
-        // One sample in 100 pixels, all of them on the left: nine have room in a cell there, and cells are the largest far from them.
+        // One sample in 100 pixels, all on the left: nine have room in a cell there, and cells far
+        // from them are the largest.
         let some = Radii::new(
             (640, 480),
             (0..640 * 480).filter(|pixel| {

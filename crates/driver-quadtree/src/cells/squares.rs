@@ -1,8 +1,9 @@
 //! Sums over squares of a picture and those around them.
 //!
-//! Always true: pixels are added row by row, squares too, so that floats add up to the same bits every time.
+//! Invariant: pixels are added row by row, and squares too, so floats add up to the same bits every
+//! time.
 
-/// For each square of pixels, the sum over it and the eight around it.
+/// Sums over each square of pixels and the eight around it.
 pub(super) struct Squares<T, const SIDE: usize> {
     width: usize,
     across: usize,
@@ -10,7 +11,8 @@ pub(super) struct Squares<T, const SIDE: usize> {
 }
 
 impl<T: Copy, const SIDE: usize> Squares<T, SIDE> {
-    /// Sums of what pixels have, by their numbers; `join` adds to a sum, which begins as `nothing`.
+    /// Returns the sums of what pixels have, by their numbers. `join` adds to a sum, which begins
+    /// as `nothing`.
     pub fn new(
         (width, height): (usize, usize),
         nothing: T,
@@ -33,7 +35,7 @@ impl<T: Copy, const SIDE: usize> Squares<T, SIDE> {
         Self { width, across, around: (0..across * down).map(around).collect() }
     }
 
-    /// The sum around a pixel.
+    /// Returns the sum around a pixel.
     pub fn around(&self, pixel: usize) -> T {
         self.around[pixel / self.width / SIDE * self.across + pixel % self.width / SIDE]
     }
