@@ -9,6 +9,7 @@
 //! - No input, no output, no clocks.
 
 mod cell;
+mod draw;
 mod filter;
 mod materials;
 mod place;
@@ -16,9 +17,9 @@ mod store;
 mod trail;
 mod view;
 
-pub use filter::brightest_of;
 pub use cell::{LEVELS, Sums};
+pub use draw::Drawn;
 pub use materials::Materials;
 pub use place::{Placer, RaySample};
 pub use store::Store;
-pub use view::{Grid, Seen, View, Way};
+pub use view::{Seen, View, Way};

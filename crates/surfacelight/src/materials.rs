@@ -85,7 +85,8 @@ impl Materials {
         let lights = scene.materials.iter().flat_map(|m| m.emission).chain(scene.sky);
         let brightest = lights.fold(0.0, f32::max);
         // A power of two scales without rounding.
-        let unit = if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { 1.0 / STEPS };
+        let unit =
+            if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { 1.0 / STEPS };
         let finishes = scene.materials.iter().map(Finish::new).collect();
         Materials { finishes, sky: scene.sky, unit }
     }

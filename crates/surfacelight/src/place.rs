@@ -144,10 +144,6 @@ impl<'a> Placer<'a> {
             ((light / unit).min(MOST_LIGHT) + 0.5) as u64
         });
         let leaving = (finish.kind == Kind::Glossy).then_some(end.direction);
-        Some(Placed {
-            point: end.point,
-            face: Face::new(end.normal, end.material, leaving),
-            light,
-        })
+        Some(Placed { point: end.point, face: Face::new(end.normal, end.material, leaving), light })
     }
 }

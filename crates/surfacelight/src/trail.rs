@@ -13,7 +13,6 @@ const MOST: usize = 8;
 /// A surface that a ray ends on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct End {
-    pub hit: Hit,
     pub point: Vec3,
     /// Unit, towards where the ray came from.
     pub normal: Vec3,
@@ -71,7 +70,6 @@ impl Follower<'_> {
         let normal = self.raycaster.geometric_normal(hit.triangle);
         let front = normal.dot(ray.direction) <= 0.0;
         End {
-            hit,
             point: self.raycaster.surface_point(&hit).0,
             normal: if front { normal } else { -normal },
             front,

@@ -63,15 +63,6 @@ pub struct View<'a> {
     pub mirrored: Vec<(u32, Seen)>,
 }
 
-/// Pixels of which one in each square is looked at.
-#[derive(Clone, Copy, Debug)]
-pub struct Grid {
-    /// Pixels a side of a square.
-    pub step: usize,
-    /// Columns and rows of squares.
-    pub size: (usize, usize),
-}
-
 impl Seen {
     /// No surface.
     pub const NOTHING: Seen = Seen {
@@ -112,7 +103,12 @@ impl<'a> View<'a> {
             eye: *eye,
             size,
             seen: Vec::new(),
-            ways: vec![Way { share: [1.0; 3], radiance: [0.0; 3], direction: Vec3::ZERO, pixel: 0 }],
+            ways: vec![Way {
+                share: [1.0; 3],
+                radiance: [0.0; 3],
+                direction: Vec3::ZERO,
+                pixel: 0,
+            }],
             mirrored: Vec::new(),
         };
         let mut seen = vec![Seen::NOTHING; size.0 * size.1];
