@@ -10,7 +10,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Samples that a surface without a square is looked up with, at least.
-const ENOUGH: u32 = 24;
+const ENOUGH: u32 = 64;
+
+/// The same of what panes mirror: it is a small share of what they show, and best smooth.
+const ENOUGH_MIRRORED: u32 = 256;
 
 /// What a view shows.
 #[derive(Clone, Debug)]
@@ -48,7 +51,9 @@ impl View<'_> {
         let mirrored: Vec<_> = self
             .mirrored
             .par_iter()
-            .map(|(pixel, seen)| (*pixel as usize, self.painted(seen, self.wide(store, seen))))
+            .map(|(pixel, seen)| {
+                (*pixel as usize, self.painted(seen, self.wide(store, seen, ENOUGH_MIRRORED)))
+            })
             .collect();
         for (pixel, (more, error)) in mirrored {
             (0..3).for_each(|c| pixels[pixel][c] += more[c]);
@@ -119,11 +124,11 @@ impl View<'_> {
         if total > 1e-3 {
             return Estimate { light: sum / total, error: error / total };
         }
-        self.wide(store, seen)
+        self.wide(store, seen, ENOUGH)
     }
 
     /// Light of the first level of cells with enough samples; of the widest one if there is none.
-    fn wide(&self, store: &Store, seen: &Seen) -> Estimate {
+    fn wide(&self, store: &Store, seen: &Seen, enough: u32) -> Estimate {
         let nothing = Estimate { light: Vec3::ZERO, error: f32::INFINITY };
         if !seen.is_surface() {
             return nothing;
@@ -134,7 +139,7 @@ impl View<'_> {
         for level in 0..LEVELS {
             let Some(sums) = store.get(face.key(place, level)) else { continue };
             best = Some(*sums);
-            if sums.count >= ENOUGH {
+            if sums.count >= enough {
                 break;
             }
         }

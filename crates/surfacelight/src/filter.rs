@@ -1,8 +1,8 @@
 //! The last filter: light of squares of pixels, smoothed along surfaces as widely as its noise asks.
 //!
-//! Sums of squares are added up over ever wider neighbourhoods (à-trous, with weights by plane and normal only, so that
-//! the weights do not depend on the noise), and each square takes the narrowest neighbourhood whose standard error is
-//! small enough. `docs/notes/surface-light.md` has what else was measured.
+//! Sums of squares are added up over ever wider neighbourhoods (à-trous), and each square takes the narrowest one whose
+//! standard error is small enough. This is done twice. The first time, weights follow from geometry alone; the second
+//! time, also from how much the light found first differs. `docs/notes/surface-light.md` says what else was measured.
 //!
 //! What always holds:
 //! - No light crosses a crease or a sheet: weights fall to 0 with the distance from the plane and with the normals' angle.
@@ -17,14 +17,20 @@ use rayon::prelude::*;
 /// Neighbourhoods: each is twice as wide as the one before.
 const SCALES: usize = 6;
 
-/// The scale over which the brightest samples are judged, and the variance of samples is measured.
-const WIDE: usize = 3;
+/// Neighbourhoods over which the brightest samples are judged and the variance of samples is measured, in scales.
+const WIDE: usize = 4;
 
 /// Share of its wide neighbourhood's light that a sample brings at most.
 const MOST_SHARE: f32 = 0.1;
 
-/// Relative standard error at which a wider neighbourhood begins to count, and at which it alone counts.
-const NOISE: [f32; 2] = [0.08, 0.25];
+/// Relative standard errors at which a neighbourhood begins to count and at which it counts fully: first and second time.
+const NOISE: [[f32; 2]; 2] = [[0.25, 0.08], [0.1, 0.03]];
+
+/// Ratio of two squares' light, as a natural logarithm, at which the second time neither counts for the other.
+const DIFFERENT: f32 = 0.5;
+
+/// Sums of a square's neighbours by which a neighbourhood grows.
+const AROUND: usize = 8;
 
 /// Least variance of samples, relative to their squared mean: few samples are alike by chance.
 const LEAST_VARIANCE: f32 = 0.2;
@@ -36,8 +42,6 @@ pub(crate) struct Lit {
     pub count: f32,
     /// Of squared luminance.
     pub square: f32,
-    /// Variance of `light`'s sum by that of a sample: equals `count` where nothing was smoothed.
-    pub spread: f32,
 }
 
 /// Light of a square, and the standard error of its luminance. Nothing is known where the error is infinite.
@@ -54,7 +58,6 @@ impl Lit {
             light: Vec3::from_array(sums.light.map(|c| c as f32)),
             count,
             square: sums.square as f32,
-            spread: count,
         }
     }
 
@@ -71,68 +74,118 @@ pub(crate) struct Squares<'a> {
     pub step: usize,
 }
 
+/// By square, the weights of the 8 squares around it at one distance.
+type Weights = Vec<[f32; AROUND]>;
+
 impl Squares<'_> {
     /// The light of every square.
     pub fn filter(&self, sums: &[Sums]) -> Vec<Estimate> {
         let raw: Vec<Lit> = sums.par_iter().map(Lit::new).collect();
-        let wide = (0..WIDE).fold(raw.clone(), |lit, scale| self.widen(&lit, 1 << scale));
+        let weights: Vec<Weights> = (0..SCALES).map(|scale| self.weights(1 << scale)).collect();
+        let wide =
+            (0..WIDE).fold(raw.clone(), |lit, scale| self.widen(&lit, 1 << scale, &weights[scale]));
         let held: Vec<Lit> = raw
             .par_iter()
             .zip(&wide)
             .zip(sums)
             .map(|((raw, wide), sums)| hold_back(raw, wide, sums))
             .collect();
-        let mut scales = vec![held];
-        for scale in 0..SCALES {
-            scales.push(self.widen(&scales[scale], 1 << scale));
+        let first = self.smooth(&held, &weights, &wide, NOISE[0]);
+        let bright: Vec<f32> =
+            first.par_iter().map(|e| luminance(e.light.to_array()).max(1.0).ln()).collect();
+        let weights: Vec<Weights> = weights
+            .iter()
+            .enumerate()
+            .map(|(scale, weights)| self.weights_of_light(weights, 1 << scale, &bright))
+            .collect();
+        self.smooth(&held, &weights, &wide, NOISE[1])
+    }
+
+    /// Light on the narrowest scale with little enough noise.
+    fn smooth(
+        &self,
+        lit: &[Lit],
+        weights: &[Weights],
+        wide: &[Lit],
+        noise: [f32; 2],
+    ) -> Vec<Estimate> {
+        let mut scales = vec![lit.to_vec()];
+        for (scale, weights) in weights.iter().enumerate() {
+            scales.push(self.widen(&scales[scale], 1 << scale, weights));
         }
-        (0..sums.len()).into_par_iter().map(|at| choose(&scales, at)).collect()
+        (0..lit.len()).into_par_iter().map(|at| choose(&scales, at, &wide[at], noise)).collect()
     }
 
     /// Sums over the 3 × 3 squares at this distance.
-    fn widen(&self, lit: &[Lit], distance: usize) -> Vec<Lit> {
-        let width = self.size.0;
-        let mut wider = vec![Lit::default(); lit.len()];
-        wider.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            for (x, wider) in row.iter_mut().enumerate() {
-                let here = &self.seen[y * width + x];
-                if !here.is_surface() {
-                    continue;
-                }
-                *wider = lit[y * width + x];
-                self.around((x, y), distance, |other, kernel| {
-                    let weight = kernel * self.weight(here, &self.seen[other], distance);
+    fn widen(&self, lit: &[Lit], distance: usize, weights: &[[f32; AROUND]]) -> Vec<Lit> {
+        let at = |number: usize| {
+            let mut wider = lit[number];
+            for (other, weight) in self.around(number, distance).into_iter().zip(weights[number]) {
+                if weight > 0.0 {
                     let more = &lit[other];
                     wider.light += weight * more.light;
                     wider.count += weight * more.count;
                     wider.square += weight * more.square;
-                    wider.spread += weight * weight * more.spread;
-                });
-            }
-        });
-        wider
-    }
-
-    /// Calls `with` for the 8 squares around one, with their weights relative to its own.
-    #[inline]
-    fn around(&self, (x, y): (usize, usize), distance: usize, mut with: impl FnMut(usize, f32)) {
-        let (width, height) = self.size;
-        let columns = [x.wrapping_sub(distance), x, x + distance];
-        let rows = [y.wrapping_sub(distance), y, y + distance];
-        for (row, down) in rows.into_iter().zip([0.5, 1.0, 0.5]) {
-            for (column, across) in columns.into_iter().zip([0.5, 1.0, 0.5]) {
-                if column < width && row < height && (column, row) != (x, y) {
-                    with(row * width + column, down * across);
                 }
             }
-        }
+            wider
+        };
+        (0..lit.len()).into_par_iter().map(at).collect()
     }
 
-    /// How much light of another square counts, by geometry alone.
+    /// The numbers of the 8 squares around one; its own in place of those outside the picture.
     #[inline]
-    fn weight(&self, here: &Seen, other: &Seen, distance: usize) -> f32 {
-        let width = here.width * self.step as f32;
-        alike(here, other, width, 8.0 * width * distance as f32)
+    fn around(&self, number: usize, distance: usize) -> [usize; AROUND] {
+        let (width, height) = self.size;
+        let (x, y) = (number % width, number / width);
+        let (left, up) = (x.wrapping_sub(distance), y.wrapping_sub(distance));
+        let (right, down) = (x + distance, y + distance);
+        let places = [
+            (left, up),
+            (x, up),
+            (right, up),
+            (left, y),
+            (right, y),
+            (left, down),
+            (x, down),
+            (right, down),
+        ];
+        places.map(|(x, y)| if x < width && y < height { y * width + x } else { number })
+    }
+
+    /// Weights by geometry alone.
+    fn weights(&self, distance: usize) -> Weights {
+        const KERNEL: [f32; AROUND] = [0.25, 0.5, 0.25, 0.5, 0.5, 0.25, 0.5, 0.25];
+        let at = |number: usize| {
+            let here = &self.seen[number];
+            if !here.is_surface() {
+                return [0.0; AROUND];
+            }
+            let width = here.width * self.step as f32;
+            let mut weights = KERNEL;
+            for (weight, other) in weights.iter_mut().zip(self.around(number, distance)) {
+                let is_outside = other == number;
+                let reach = 8.0 * width * distance as f32;
+                *weight *=
+                    if is_outside { 0.0 } else { alike(here, &self.seen[other], width, reach) };
+            }
+            weights
+        };
+        (0..self.seen.len()).into_par_iter().map(at).collect()
+    }
+
+    /// Weights by geometry and by logarithms of luminance.
+    fn weights_of_light(&self, weights: &Weights, distance: usize, bright: &[f32]) -> Weights {
+        let at = |number: usize| {
+            let mut weights = weights[number];
+            for (weight, other) in weights.iter_mut().zip(self.around(number, distance)) {
+                let differ = (bright[number] - bright[other]) / DIFFERENT;
+                let same = (1.0 - differ * differ).max(0.0);
+                *weight *= same * same;
+            }
+            weights
+        };
+        (0..weights.len()).into_par_iter().map(at).collect()
     }
 }
 
@@ -171,24 +224,21 @@ fn hold_back(raw: &Lit, wide: &Lit, sums: &Sums) -> Lit {
     }
 }
 
-/// The light of a square from its sums on all scales.
-fn choose(scales: &[Vec<Lit>], at: usize) -> Estimate {
-    let last = &scales[scales.len() - 1][at];
-    if last.count <= 0.0 {
+/// The light of a square from its sums on all scales, the narrowest first.
+fn choose(scales: &[Vec<Lit>], at: usize, wide: &Lit, [high, low]: [f32; 2]) -> Estimate {
+    let Some(last) = scales.last().map(|scale| &scale[at]).filter(|lit| lit.count > 0.0) else {
         return Estimate { light: Vec3::ZERO, error: f32::INFINITY };
-    }
-    let wide = &scales[WIDE + 1][at];
+    };
     let wide = if wide.count > 0.0 { wide } else { last };
     let bright = luminance(wide.mean().to_array());
     let variance =
         (wide.square / wide.count - bright * bright).max(LEAST_VARIANCE * bright * bright);
-    let error = |lit: &Lit| (variance * lit.spread).sqrt() / lit.count.max(1e-9);
+    let error = |lit: &Lit| (variance / lit.count.max(0.3)).sqrt();
     let mut estimate = Estimate { light: last.mean(), error: error(last) };
     for scale in scales[1..scales.len() - 1].iter().rev() {
         let lit = &scale[at];
         let own = error(lit);
-        let [low, high] = NOISE.map(|noise| noise * bright);
-        let share = ((high - own) / (high - low)).clamp(0.0, 1.0);
+        let share = ((high * bright - own) / ((high - low) * bright)).clamp(0.0, 1.0);
         if lit.count > 0.0 && share > 0.0 {
             estimate.light += share * (lit.mean() - estimate.light);
             estimate.error += share * (own - estimate.error);

@@ -18,6 +18,9 @@ const FEWEST: usize = 64;
 /// Samples that are shared out to shards together.
 const CHUNK: usize = 8192;
 
+/// Cells that are fetched from memory together: one after another, each would wait for it.
+const TOGETHER: usize = 16;
+
 /// A cell in the table; its key is 0 if there is none.
 #[derive(Debug, Default)]
 struct Slot {
@@ -67,12 +70,21 @@ impl Shard {
         at
     }
 
+    /// Reads the first slots of some keys, so that they are at hand.
+    #[inline]
+    fn fetch(&self, keys: &[(u64, u32)]) {
+        let mask = self.slots.len() - 1;
+        let read =
+            keys.iter().fold(0, |read, (key, _)| read ^ self.slots[*key as usize & mask].key);
+        std::hint::black_box(read);
+    }
+
     #[inline]
     fn add(&mut self, key: u64, sums: &Sums, round: u32) {
         let mut at = self.find(key);
         if self.slots[at].key == 0 {
             if self.used * 4 >= self.slots.len() * 3 {
-                self.rebuild(self.slots.len() * 2, 0);
+                self.rebuild(self.slots.len() * 2, (0, 0));
                 at = self.find(key);
             }
             self.used += 1;
@@ -82,12 +94,12 @@ impl Shard {
         self.slots[at].sums.add(sums);
     }
 
-    /// Moves the cells that were looked at since `oldest` to a table of another size.
-    fn rebuild(&mut self, size: usize, oldest: u32) {
+    /// Moves the cells from this (round, key) on to a table of another size.
+    fn rebuild(&mut self, size: usize, oldest: (u32, u64)) {
         let old = std::mem::replace(&mut self.slots, empty(size));
         self.used = 0;
         for slot in old {
-            if slot.key != 0 && slot.round.load(Ordering::Relaxed) >= oldest {
+            if slot.key != 0 && slot.age() >= oldest {
                 let at = self.find(slot.key);
                 self.slots[at] = slot;
                 self.used += 1;
@@ -95,18 +107,23 @@ impl Shard {
         }
     }
 
-    /// Leaves at most about so many cells, those looked at last.
+    /// Leaves at most so many cells: those looked at last, and of one round those with the greatest keys.
     fn shrink(&mut self, most: usize) {
         if self.used <= most {
             return;
         }
-        let used = self.slots.iter().filter(|slot| slot.key != 0);
-        let mut rounds: Vec<u32> = used.map(|slot| slot.round.load(Ordering::Relaxed)).collect();
-        let first = rounds.len() - most;
-        let (_, &mut oldest, _) = rounds.select_nth_unstable(first);
-        let newest = rounds.iter().copied().max().unwrap_or(0);
-        // Where all are of one round, that round's cells stay: they are what views look at now.
-        self.rebuild(self.slots.len(), (oldest + 1).min(newest));
+        let mut ages: Vec<(u32, u64)> =
+            self.slots.iter().filter(|slot| slot.key != 0).map(Slot::age).collect();
+        let first = ages.len() - most;
+        let (_, &mut oldest, _) = ages.select_nth_unstable(first);
+        self.rebuild(self.slots.len(), oldest);
+    }
+}
+
+impl Slot {
+    /// What comes first goes first.
+    fn age(&self) -> (u32, u64) {
+        (self.round.load(Ordering::Relaxed), self.key)
     }
 }
 
@@ -115,7 +132,7 @@ fn empty(size: usize) -> Vec<Slot> {
 }
 
 impl Store {
-    /// An empty store of cells from this width on, in scene units, and at most so many of them (80 bytes each).
+    /// An empty store of cells from this width on, in scene units, and at most so many of them (96 bytes each).
     #[must_use]
     pub fn new(finest: f32, most_cells: usize) -> Store {
         let shards = (0..SHARDS).map(|_| Shard::new()).collect();
@@ -160,8 +177,11 @@ impl Store {
         let (round, most) = (self.round, self.most_cells / SHARDS);
         self.shards.par_iter_mut().enumerate().for_each(|(number, shard)| {
             for (lists, chunk) in dealt.iter().zip(placed.chunks(CHUNK)) {
-                for &(key, sample) in &lists[number] {
-                    shard.add(key, &Sums::of(chunk[sample as usize].light), round);
+                for some in lists[number].chunks(TOGETHER) {
+                    shard.fetch(some);
+                    for &(key, sample) in some {
+                        shard.add(key, &Sums::of(chunk[sample as usize].light), round);
+                    }
                 }
             }
             shard.shrink(most);
