@@ -23,7 +23,7 @@ pub struct Sums {
     pub square: u128,
     /// How many.
     pub count: u32,
-    /// The brightest sample: [`brightest`].
+    /// The brightest sample: its luminance above its colour.
     pub brightest: u64,
 }
 

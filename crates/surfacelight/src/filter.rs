@@ -82,14 +82,18 @@ impl Squares<'_> {
     pub fn filter(&self, sums: &[Sums]) -> Vec<Estimate> {
         let raw: Vec<Lit> = sums.par_iter().map(Lit::new).collect();
         let weights: Vec<Weights> = (0..SCALES).map(|scale| self.weights(1 << scale)).collect();
-        let wide =
-            (0..WIDE).fold(raw.clone(), |lit, scale| self.widen(&lit, 1 << scale, &weights[scale]));
+        let widest = |lit: Vec<Lit>| {
+            (0..WIDE).fold(lit, |lit, scale| self.widen(&lit, 1 << scale, &weights[scale]))
+        };
+        // Without the brightest sample of each square: none raises its own limit.
+        let usual = widest(sums.par_iter().map(without_brightest).collect());
         let held: Vec<Lit> = raw
             .par_iter()
-            .zip(&wide)
+            .zip(&usual)
             .zip(sums)
-            .map(|((raw, wide), sums)| hold_back(raw, wide, sums))
+            .map(|((raw, usual), sums)| hold_back(raw, usual, sums))
             .collect();
+        let wide = widest(held.clone());
         let first = self.smooth(&held, &weights, &wide, NOISE[0]);
         let bright: Vec<f32> =
             first.par_iter().map(|e| luminance(e.light.to_array()).max(1.0).ln()).collect();
@@ -206,6 +210,20 @@ pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
     let turned = cosine * cosine;
     let turned = turned * turned;
     flat * flat * near * turned * turned
+}
+
+/// The sums of a square's samples but the brightest one; of a single sample, its own.
+fn without_brightest(sums: &Sums) -> Lit {
+    let all = Lit::new(sums);
+    if sums.count < 2 {
+        return all;
+    }
+    let (bright, light) = brightest(sums.brightest);
+    Lit {
+        light: (all.light - Vec3::from_array(light)).max(Vec3::ZERO),
+        count: all.count - 1.0,
+        square: (all.square - bright * bright).max(0.0),
+    }
 }
 
 /// The sums of a square with its brightest sample cut to a share of the light around.

@@ -163,7 +163,8 @@ impl Store {
         let dealt: Vec<Vec<Vec<(u64, u32)>>> = placed
             .par_chunks(CHUNK)
             .map(|chunk| {
-                let mut lists = vec![Vec::with_capacity(2 * CHUNK * LEVELS / SHARDS); SHARDS];
+                let room = || Vec::with_capacity(2 * CHUNK * LEVELS / SHARDS);
+                let mut lists: Vec<Vec<(u64, u32)>> = (0..SHARDS).map(|_| room()).collect();
                 for (number, sample) in (0..).zip(chunk) {
                     let place = Place::new(sample.point, finest);
                     for level in 0..LEVELS {

@@ -45,8 +45,6 @@ pub struct Way {
     pub radiance: Rgb,
     /// Where the ray went when it met the surface.
     pub direction: Vec3,
-    /// Whether another surface is seen in a pane that this one is seen through: the way after this one has it.
-    pub pixel: u32,
 }
 
 /// The surfaces of a view.
@@ -103,12 +101,7 @@ impl<'a> View<'a> {
             eye: *eye,
             size,
             seen: Vec::new(),
-            ways: vec![Way {
-                share: [1.0; 3],
-                radiance: [0.0; 3],
-                direction: Vec3::ZERO,
-                pixel: 0,
-            }],
+            ways: vec![Way { share: [1.0; 3], radiance: [0.0; 3], direction: Vec3::ZERO }],
             mirrored: Vec::new(),
         };
         let mut seen = vec![Seen::NOTHING; size.0 * size.1];
@@ -139,9 +132,9 @@ impl<'a> View<'a> {
             let across = SIDE.min(width - left);
             let mut rays = [Ray::new(Vec3::ZERO, Vec3::ZERO); MAX_TILE];
             let mut hits = [None; MAX_TILE];
-            for number in 0..across * count {
+            for (number, ray) in rays.iter_mut().enumerate().take(across * count) {
                 let (x, y) = (left + number % across, top + number / across);
-                rays[number] = self.ray(x as f64 + 0.5, y as f64 + 0.5);
+                *ray = self.ray(x as f64 + 0.5, y as f64 + 0.5);
             }
             let used = across * count;
             self.follower.raycaster.nearest_tile(&rays[..used], &mut hits[..used]);
@@ -179,15 +172,15 @@ impl<'a> View<'a> {
             })
             .collect();
         for (special, (through, in_pane)) in special.iter().zip(shown) {
-            self.seen[special.pixel] = self.special(special.pixel, through, pixel_width);
+            self.seen[special.pixel] = self.special(through, pixel_width);
             if let Some(in_pane) = in_pane {
-                let seen = self.special(special.pixel, in_pane, pixel_width);
+                let seen = self.special(in_pane, pixel_width);
                 self.mirrored.push((special.pixel as u32, seen));
             }
         }
     }
 
-    fn special(&mut self, pixel: usize, shown: Shown, pixel_width: f32) -> Seen {
+    fn special(&mut self, shown: Shown, pixel_width: f32) -> Seen {
         let way = self.ways.len() as u32;
         let times = |a: Rgb, b: Rgb| [0, 1, 2].map(|channel: usize| a[channel] * b[channel]);
         let (mut share, mut radiance, mut direction) = ([1.0; 3], [0.0; 3], Vec3::ZERO);
@@ -205,7 +198,7 @@ impl<'a> View<'a> {
             Shown::Sky(share) => radiance = times(share, self.follower.materials.sky),
             Shown::Unknown => {}
         }
-        self.ways.push(Way { share, radiance, direction, pixel: pixel as u32 });
+        self.ways.push(Way { share, radiance, direction });
         at
     }
 
