@@ -1,4 +1,5 @@
-//! Control messages: few, small, bincode. The only module that touches bincode (see `deny.toml` for why that matters).
+//! Control messages: few, small, and encoded by bincode. No other module uses bincode, for the
+//! reason in `deny.toml`.
 
 use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
 use holo_section::SectionSpec;
@@ -10,10 +11,10 @@ use crate::{
     printable,
 };
 
-/// Sections in one holodeck: the original's 128 would do; a large building's rooms fit here.
+/// Most sections in one holodeck: enough for the rooms of a large building.
 pub const MAX_SECTIONS: usize = 1024;
 
-/// What computes a ray's radiance and distance.
+/// The way in which workers compute a ray's radiance and distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Engine {
@@ -23,24 +24,28 @@ pub enum Engine {
     Cached,
 }
 
-/// Everything that decides what a sample's radiance is, besides the scene itself. Kept in the file: a holodeck is
-/// judged against a picture rendered with its own settings.
+/// Everything that decides a sample's radiance, besides the scene itself.
+///
+/// The file stores it: a holodeck is compared with pictures that were rendered with its own
+/// settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RenderSettings {
-    /// What traces.
+    /// The engine that traces.
     pub engine: Engine,
-    /// Limit of indirect light: 0 is direct light only, `None` no limit. Specular chains do not count.
+    /// Most indirect bounces: 0 gives direct light only, `None` is no limit. Specular reflection
+    /// and transmission do not count.
     pub bounces: Option<u32>,
     /// Paths averaged into one sample.
     pub paths_per_sample: u16,
-    /// Relative error of indirect light that the engine `cached` aims at; of no meaning to others.
-    /// Files from before it was kept are of those.
+    /// Relative error of indirect light at which the engine `cached` aims. Other engines ignore it.
+    /// Absent in older files of other engines.
     #[serde(default = "any_accuracy")]
     pub accuracy: f32,
     /// Makes the random numbers of two files different.
     pub seed: u64,
-    /// Whether distances are to what flat mirrors and flat glass show, along the straightened ray, not to the mirror or glass
-    /// (Larson & Simmons 1999, §2.3, `VDISTANCE`). Files from before it was kept have plain ones.
+    /// Whether distances are to what flat mirrors and flat glass show, along the straightened ray
+    /// (Larson & Simmons 1999, §2.3, `VDISTANCE`). Otherwise they are to the mirror or glass.
+    /// Absent in older files: false.
     #[serde(default)]
     pub virtual_distance: bool,
 }
@@ -49,46 +54,46 @@ fn any_accuracy() -> f32 {
     1.0
 }
 
-/// The packed scene, by content: fetched once, cached by its hash.
+/// The hash and length of a packed scene. Workers fetch a scene once and cache it by its hash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneInfo {
     /// BLAKE3 of the packed scene.
     pub hash: [u8; 32],
-    /// Its length.
+    /// Its length, bytes.
     pub bytes: u64,
 }
 
-/// What a holodeck is: sent to whoever is taken.
+/// A description of the holodeck, for whoever was accepted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Welcome {
     /// The server's name and version, for people.
     pub software: String,
     /// The sections, in the order of their numbers.
     pub sections: Vec<SectionSpec>,
-    /// What samples hold.
+    /// How samples are traced.
     pub settings: RenderSettings,
     /// The scene.
     pub scene: SceneInfo,
     /// The scene's up axis, for views that do not say.
     pub up: [f64; 3],
-    /// Named views as Radiance options; a display begins with the first.
+    /// Named views, as Radiance view options. A display begins with the first.
     pub views: Vec<(String, String)>,
     /// Samples in the file.
     pub samples: u64,
     /// False if the file is only shown: nothing is traced.
     pub tracing: bool,
-    /// Radiance of rays that meet nothing.
+    /// Radiance of rays that hit nothing, W·sr⁻¹·m⁻².
     pub sky: [f32; 3],
-    /// Whether workers are to look for beams that meet nothing, and not trace them.
+    /// Whether workers look for beams that see nothing, and leave them untraced.
     pub skip_unseen: bool,
 }
 
-/// How the server fares, about twice a second.
+/// Figures of the server, sent about twice a second.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Status {
     /// Samples in the file and in memory.
     pub samples: u64,
-    /// Samples arriving from workers, per second, over the last few seconds.
+    /// Samples per second from workers, over the last few seconds.
     pub samples_per_second: f64,
     /// Workers connected.
     pub workers: u32,
@@ -97,7 +102,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// How it goes, in words, such as `1.2 M samples, 350 k/s, 2 workers`.
+    /// Returns the figures in words, such as `1.20 M samples, 350.0 k/s, 2 workers`.
     pub fn words(&self) -> String {
         let workers = if self.workers == 1 {
             "1 worker".to_owned()
@@ -112,7 +117,7 @@ impl Status {
     }
 }
 
-/// A count with three figures and a unit.
+/// Returns a count with three figures and a unit.
 fn short(count: f64) -> String {
     match count {
         _ if count >= 1e9 => format!("{:.2} G", count / 1e9),
@@ -122,19 +127,19 @@ fn short(count: f64) -> String {
     }
 }
 
-/// A control message, either way.
+/// A control message, in either direction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Control {
-    /// Server: the holodeck, right after the answer.
+    /// Server: a description of the holodeck, right after the answer.
     Welcome(Box<Welcome>),
-    /// Server: how it fares.
+    /// Server to display: its figures.
     Status(Status),
     /// Server to display: every stored sample of this view's beams has been sent.
     StoredSent {
         /// The view's number, as the display gave it.
         view: u32,
     },
-    /// Server to display: tracing for this view has stopped; every one of its samples is sent and flushed to disk.
+    /// Server to display: tracing for this view has stopped. All its samples are sent and on disk.
     Settled {
         /// The view's number.
         view: u32,
@@ -144,33 +149,34 @@ pub enum Control {
         /// Why, for people.
         reason: String,
     },
-    /// Either way: are you there? Answered at once with `Pong` of the same number.
+    /// Either way: answer with `Pong` of the same number.
     Ping(u64),
     /// The answer to a `Ping`.
     Pong(u64),
     /// Worker or display: send the packed scene.
     SceneWanted,
-    /// Worker: scene loaded, packets may come.
+    /// Worker: it has loaded the scene, and packets may come.
     Ready {
-        /// Threads that trace.
+        /// Number of threads that trace.
         threads: u16,
     },
-    /// Worker: cannot go on.
+    /// Worker: it cannot go on.
     Failed {
         /// Why, for people.
         reason: String,
     },
-    /// Display: stop tracing for this view, send what is under way, flush, then say `Settled`.
+    /// Display: stop tracing for this view, send what is under way, flush, then answer with
+    /// `Settled`.
     Settle {
         /// The view's number.
         view: u32,
     },
-    /// Worker or display: send the records of indirect light, those that there are and those that will be.
+    /// Worker or display: send the records of indirect light, those that exist and all later ones.
     LightWanted,
-    /// Server to display, before the scene that it asked for: there are stand-ins for it, by section ([`crate::stand_ins`]), and what
-    /// their blob is.
+    /// Server to display, before the scene that it asked for: hash and length of the blob with the
+    /// scene's stand-ins ([`crate::stand_ins`]).
     StandIns(SceneInfo),
-    /// Display: send the stand-ins, in pieces as the scene.
+    /// Display: send the stand-ins, in pieces as for the scene.
     StandInsWanted,
 }
 
@@ -183,14 +189,14 @@ fn wire() -> Wire {
 }
 
 impl Control {
-    /// The payload of a control frame.
+    /// Returns the payload of a control frame.
     ///
     /// # Errors
-    /// [`ProtoError::TooLong`] if the message is larger than a control message may be.
+    /// [`ProtoError::TooLong`] if the message is longer than a control message may be.
     pub fn encode(&self) -> Result<Vec<u8>, ProtoError> {
         let bytes = bincode::serde::encode_to_vec(self, wire())
             .map_err(|e| ProtoError::Control(e.to_string()))?;
-        // bincode's limit holds for decoding only.
+        // bincode applies its limit to decoding only.
         let length = bytes.len() as u64;
         if length > MAX_CONTROL_BYTES {
             return Err(ProtoError::TooLong {
@@ -202,11 +208,12 @@ impl Control {
         Ok(bytes)
     }
 
-    /// Parses the payload of a control frame. Control characters in texts become spaces. Whether sections are valid is
-    /// for whoever makes them.
+    /// Parses the payload of a control frame. Control characters in texts become spaces. It does
+    /// not check whether sections are valid.
     ///
     /// # Errors
-    /// [`ProtoError::Control`], [`ProtoError::Trailing`], [`ProtoError::TooMany`] sections, or [`ProtoError::Number`].
+    /// [`ProtoError::Control`], [`ProtoError::Trailing`], [`ProtoError::TooMany`] sections, or
+    /// [`ProtoError::Number`].
     pub fn decode(bytes: &[u8]) -> Result<Control, ProtoError> {
         let (mut message, used) = bincode::serde::decode_from_slice::<Control, _>(bytes, wire())
             .map_err(|error| ProtoError::Control(error.to_string()))?;

@@ -1,8 +1,8 @@
-//! Why a message was refused.
+//! The reasons for which a message is refused.
 
 use thiserror::Error;
 
-/// A message that does not follow `SPEC.md`. Always the other side's fault: the connection ends with this as the reason.
+/// A message that does not follow `SPEC.md`. It is the other side's fault, and ends the connection.
 #[derive(Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ProtoError {
@@ -11,12 +11,13 @@ pub enum ProtoError {
     NotHolodeck,
     /// The two programs are of different versions.
     #[error(
-        "the other side speaks protocol version {theirs}, this program speaks {ours}; run the same release on both machines"
+        "the other side speaks protocol version {theirs}, this program speaks {ours}; \
+         run the same release on both machines"
     )]
     Version {
-        /// What this program speaks.
+        /// The version of this program.
         ours: u16,
-        /// What the other side said.
+        /// The version of the other side.
         theirs: u16,
     },
     /// A role number that does not exist.
@@ -32,50 +33,50 @@ pub enum ProtoError {
         kind: crate::frame::Kind,
         /// Its stated length, bytes.
         length: u64,
-        /// What is allowed, bytes.
+        /// The limit, bytes.
         limit: u64,
     },
-    /// The payload ended early.
+    /// The payload ends early.
     #[error("a {what} needs {needed} bytes, found {found}")]
     Truncated {
-        /// What was being read.
+        /// The part of the message that was being read.
         what: &'static str,
         /// Bytes that it takes.
         needed: u64,
         /// Bytes that were there.
         found: u64,
     },
-    /// The payload went on after the message's end.
-    #[error("{0} bytes left over after a message")]
+    /// The payload goes on after the message's end.
+    #[error("{0} bytes are left over after a message")]
     Trailing(usize),
     /// More entries than a message may carry.
     #[error("{found} {what}, more than the {limit} allowed")]
     TooMany {
-        /// What was counted.
+        /// What the entries are.
         what: &'static str,
-        /// How many the message says.
+        /// Their number in the message.
         found: u64,
-        /// How many are allowed.
+        /// The limit.
         limit: u64,
     },
     /// A packet must have 1 to [`crate::MAX_RAYS_PER_PACKET`] rays.
-    #[error("a packet of {0} rays, must be 1 to 21")]
+    #[error("a packet of {0} rays; a packet has 1 to 21")]
     RayCount(u32),
-    /// A packet names a viewpoint that its message does not carry.
-    #[error("viewpoint {index} of {count}")]
+    /// A packet names a viewpoint that is not in its message.
+    #[error("a packet names viewpoint {index}, but the message has {count}")]
     Viewpoint {
         /// The index named.
         index: u16,
         /// Viewpoints in the message.
         count: usize,
     },
-    /// A number that must be finite (or positive) is not.
+    /// A number that is not finite, or not in its range.
     #[error("{0} is not a usable number")]
     Number(&'static str),
     /// A sample kind that does not exist.
     #[error("unknown sample kind {0}")]
     SampleKind(u8),
-    /// bincode's own complaint about a control message.
+    /// A control message that bincode cannot decode.
     #[error("malformed control message: {0}")]
     Control(String),
 }

@@ -1,17 +1,17 @@
-//! Frames: the 8-byte header in front of every payload, and how long each kind may be.
+//! Frames: the 8-byte header in front of every payload, and the longest payload of each kind.
 
 use crate::ProtoError;
 
 /// Bytes of a frame header: `u32` payload length, `u8` kind, three zero bytes.
 pub const HEADER_BYTES: usize = 8;
 
-/// Longest control message: settings, 128 sections and texts fit many times over.
+/// Longest control message. A welcome with 1024 sections and their texts fits many times over.
 pub const MAX_CONTROL_BYTES: u64 = 1 << 20;
 /// Longest bulk message: a million wanted beams, or 1.6 million samples.
 pub const MAX_BULK_BYTES: u64 = 16 << 20;
 /// Longest message of live rays: [`crate::bulk::MAX_LIVE_RAYS`] of them.
 pub const MAX_LIVE_WANTED_BYTES: u64 = 1 << 20;
-/// Longest hello, either way. Small, because it is read from whoever connects.
+/// Longest hello or answer. It is small, because strangers send it.
 pub const MAX_HELLO_BYTES: u64 = 4096;
 
 /// What a frame carries.
@@ -36,7 +36,7 @@ pub enum Kind {
     BlobChunk = 8,
     /// [`crate::bulk::Unseen`], server to display.
     Unseen = 9,
-    /// [`crate::bulk::Light`], worker to server, and server to whoever asked for it.
+    /// [`crate::bulk::Light`], worker to server, and server to whoever asked for light.
     Light = 10,
     /// [`crate::bulk::RaysWanted`], display to server.
     Rays = 11,
@@ -51,7 +51,10 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind with this number.
+    /// Returns the kind with this number.
+    ///
+    /// # Errors
+    /// [`ProtoError::Kind`] if there is none.
     pub fn from_byte(byte: u8) -> Result<Kind, ProtoError> {
         [
             Kind::Hello,
@@ -75,7 +78,7 @@ impl Kind {
         .ok_or(ProtoError::Kind(byte))
     }
 
-    /// The longest payload of this kind, bytes.
+    /// Returns the longest payload of this kind, bytes.
     pub fn max_bytes(self) -> u64 {
         match self {
             Kind::Hello | Kind::Answer => MAX_HELLO_BYTES,
@@ -96,12 +99,12 @@ impl Kind {
     }
 }
 
-/// A frame's header, parsed and bounded.
+/// A frame's header, with a length within its kind's limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// What follows.
+    /// The kind of the payload.
     pub kind: Kind,
-    /// Payload bytes that follow, at most `kind.max_bytes()`.
+    /// The length of the payload, bytes: at most `kind.max_bytes()`.
     pub length: u32,
 }
 
@@ -109,7 +112,8 @@ impl Header {
     /// Parses the 8 bytes in front of a payload.
     ///
     /// # Errors
-    /// [`ProtoError::Kind`], [`ProtoError::TooLong`], or [`ProtoError::Trailing`] for non-zero reserved bytes.
+    /// [`ProtoError::Kind`], [`ProtoError::TooLong`], or [`ProtoError::Trailing`] for non-zero
+    /// reserved bytes.
     pub fn parse(bytes: [u8; HEADER_BYTES]) -> Result<Header, ProtoError> {
         let [l0, l1, l2, l3, kind, reserved @ ..] = bytes;
         let kind = Kind::from_byte(kind)?;
@@ -127,17 +131,17 @@ impl Header {
         Ok(Header { kind, length })
     }
 
-    /// The header's bytes.
+    /// Returns the header's bytes.
     pub fn to_bytes(self) -> [u8; HEADER_BYTES] {
         let [l0, l1, l2, l3] = self.length.to_le_bytes();
         [l0, l1, l2, l3, self.kind as u8, 0, 0, 0]
     }
 }
 
-/// A whole frame: header and payload in one buffer, ready to write.
+/// Returns a whole frame: header and payload in one buffer, ready to write.
 ///
 /// # Errors
-/// [`ProtoError::TooLong`] where the payload is longer than its kind allows: the sender must split it.
+/// [`ProtoError::TooLong`] if the payload is longer than its kind allows. The sender must split it.
 pub fn encode(kind: Kind, payload: &[u8]) -> Result<Vec<u8>, ProtoError> {
     let too_long =
         ProtoError::TooLong { kind, length: payload.len() as u64, limit: kind.max_bytes() };

@@ -1,4 +1,5 @@
-//! The handshake: who connects, and whether it is taken. Its layout never changes, whatever the protocol's version.
+//! The handshake: who connects, and whether the server accepts it. Its layout never changes,
+//! whatever the protocol's version.
 
 use crate::{PROTOCOL_VERSION, ProtoError};
 
@@ -7,7 +8,7 @@ pub const MAGIC: [u8; 8] = *b"HOLODECK";
 /// Longest name or reason, bytes: a line of text.
 pub const MAX_TEXT_BYTES: usize = 512;
 
-/// What a process that connects wants to be.
+/// The role of a process that connects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Role {
@@ -17,23 +18,24 @@ pub enum Role {
     Display = 2,
 }
 
-/// First message from whoever connects.
+/// The first message from whoever connects.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Hello {
-    /// Protocol version spoken, [`PROTOCOL_VERSION`].
+    /// Its protocol version.
     pub version: u16,
-    /// What it wants to be.
+    /// Its role.
     pub role: Role,
-    /// A name for people: host and process. Control characters arrive as spaces, as in all texts.
+    /// Its name for people: host and process. Decoding replaces control characters by spaces, as in
+    /// all texts.
     pub name: String,
 }
 
 /// The server's answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// Taken; a [`crate::control::Control::Welcome`] follows.
+    /// Accepted. A [`crate::control::Control::Welcome`] follows.
     Accepted,
-    /// Not taken, and why, for people. The connection is then closed.
+    /// Refused, with the reason for people. The server then closes the connection.
     Refused(String),
 }
 
@@ -68,7 +70,7 @@ fn take_text(bytes: &[u8]) -> Result<String, ProtoError> {
             found: text.len() as u64,
         });
     }
-    // What follows the text is for later versions to add to: it is ignored, so that the hello can grow.
+    // Bytes after the text are ignored, so that later versions can add some.
     Ok(crate::printable(&String::from_utf8_lossy(&text[..length])))
 }
 
@@ -84,12 +86,12 @@ fn take_magic(bytes: &[u8]) -> Result<(u16, u8, &[u8]), ProtoError> {
 }
 
 impl Hello {
-    /// A hello in this program's version.
+    /// Returns a hello of this program's version.
     pub fn new(role: Role, name: impl Into<String>) -> Hello {
         Hello { version: PROTOCOL_VERSION, role, name: name.into() }
     }
 
-    /// The hello's bytes: magic 8, version `u16`, role `u8`, 0, name length `u16`, name.
+    /// Returns the hello's bytes: 8 of magic, version `u16`, role `u8`, 0, name length `u16`, name.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = MAGIC.to_vec();
         out.extend_from_slice(&self.version.to_le_bytes());
@@ -98,7 +100,7 @@ impl Hello {
         out
     }
 
-    /// Parses a hello of any version; whether it is ours is for the caller to say with [`Hello::check_version`].
+    /// Parses a hello of any version. [`Hello::check_version`] compares the version.
     ///
     /// # Errors
     /// [`ProtoError::NotHolodeck`], [`ProtoError::Role`], or a bad name.
@@ -112,7 +114,7 @@ impl Hello {
         Ok(Hello { version, role, name: take_text(text)? })
     }
 
-    /// Whether this side can talk to it.
+    /// Checks that the other side has this program's version.
     ///
     /// # Errors
     /// [`ProtoError::Version`].
@@ -130,7 +132,8 @@ fn check_version(theirs: u16) -> Result<(), ProtoError> {
 }
 
 impl Answer {
-    /// The answer's bytes: magic 8, version `u16`, 0 refused or 1 accepted, 0, reason length `u16`, reason.
+    /// Returns the answer's bytes: 8 of magic, version `u16`, 1 accepted or 0 refused, 0, reason
+    /// length `u16`, reason.
     pub fn encode(&self) -> Vec<u8> {
         let (accepted, reason) = match self {
             Answer::Accepted => (1, ""),
@@ -143,7 +146,7 @@ impl Answer {
         out
     }
 
-    /// Parses an answer; an acceptance by a server of another version is an error.
+    /// Parses an answer. An acceptance by a server of another version is an error.
     ///
     /// # Errors
     /// [`ProtoError::NotHolodeck`], [`ProtoError::Version`], or a bad text.
@@ -153,7 +156,7 @@ impl Answer {
         match accepted {
             0 => Ok(Answer::Refused(reason)),
             _ => {
-                // Other answers are for later versions to define: of ours there is none.
+                // Later versions may define other answers; this one has none.
                 check_version(version)?;
                 if accepted == 1 { Ok(Answer::Accepted) } else { Err(ProtoError::NotHolodeck) }
             }

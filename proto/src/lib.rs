@@ -1,16 +1,18 @@
-//! The wire protocol: what holoserver, rtworker and holoview say to each other, byte by byte as in `SPEC.md`.
+//! The wire protocol: the messages between holoserver, rtworker and holoview. `SPEC.md` draws every
+//! byte.
 //!
-//! Pure encoding and decoding; sockets are `holo-net`'s business. What always holds:
-//! - nothing that came from outside is trusted: every count is checked against the payload's length and a named limit
-//!   before memory is taken for it, and a payload with bytes left over is refused;
-//! - control messages are bincode with fixed-size little-endian integers ([`control`]); beams, packets and samples are
-//!   plain-old-data arrays ([`bulk`]), because they are all of the traffic;
-//! - the first message of either side ([`hello`]) has a layout of its own that no later version changes, so that two
-//!   programs of different versions can always tell each other so.
+//! This crate encodes and decodes; `holo-net` has the sockets. What always holds:
+//! - Nothing that came from outside is trusted. Every count is checked against the payload's length
+//!   and a named limit before memory is taken for it. A payload with bytes left over is refused.
+//! - Control messages ([`control`]) are bincode with fixed-size little-endian integers. Beams,
+//!   packets and samples ([`bulk`]) are nearly all of the traffic, so they are arrays of plain
+//!   data.
+//! - The first message of either side ([`hello`]) has a layout that no later version changes. So
+//!   two programs of different versions can always say that they are.
 
 #[cfg(target_endian = "big")]
 compile_error!(
-    "bulk messages and samples are little-endian plain-old-data arrays: no big-endian machine is supported"
+    "bulk messages are arrays of little-endian data: big-endian machines are not supported"
 );
 
 pub mod bulk;
@@ -22,17 +24,21 @@ pub mod stand_ins;
 
 pub use error::ProtoError;
 
-/// A text from outside, for people: nothing in it may steer the terminal that it is printed on.
+/// Returns a text from outside without control characters, so that it cannot steer the terminal
+/// that it is printed on.
 pub(crate) fn printable(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
-/// The version of everything after the hello. Raised by any change to a message's bytes.
+/// The version of everything after the hello. Every change of a message's bytes raises it.
 pub const PROTOCOL_VERSION: u16 = 3;
 
-/// Rays in one packet: what fitted the original's 512-byte packets (Larson & Simmons 1999, §2.2, footnote 4), and still
-/// a good unit of work: one beam's set-up is shared and a lost packet costs little.
+/// Most rays in one packet: as many as fitted the original's packets of 512 bytes (Larson & Simmons
+/// 1999, §2.2, footnote 4).
+///
+/// It is a good unit of work. The rays share their beam's set-up, and a lost packet costs little.
 pub const MAX_RAYS_PER_PACKET: usize = 21;
 
-/// Least weight of a display's beam for which anything is traced; of those below, only what is stored is sent.
+/// Least weight of a display's beam for which anything is traced. Of beams below it, only stored
+/// samples are sent.
 pub const LEAST_TRACED_WEIGHT: f32 = 1e-4;

@@ -1,41 +1,42 @@
-//! Stand-ins for the scene, by section: the blob of a holodeck that holds them, and how it travels to displays.
+//! Stand-ins: simpler scenes that displays use in place of the scene, for the views of a section.
+//! This is the blob that holds them, in the file and on the wire.
 //!
-//! Invariant: nothing is taken from bytes that end early, go on, or name something else; what a packed scene says is for whoever unpacks
-//! it.
+//! Invariant: bytes that end early, go on too long, or have an unknown version or kind are refused.
+//! The packed scenes themselves are not checked here.
 
 use crate::{ProtoError, control::MAX_SECTIONS};
 
 /// Version of the blob.
 const VERSION: u32 = 1;
 
-/// Bytes before the parts, and before the scene in each.
+/// Bytes before the first stand-in, and before the scene in each.
 const HEAD: usize = 4;
-const PART_HEAD: usize = 12;
+const STAND_IN_HEAD: usize = 12;
 
-/// What a scene stands for.
+/// What displays use a stand-in for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StandInKind {
-    /// Surfaces that displays take instead of the scene's for views of the section.
+    /// Surfaces, in place of the scene's.
     Geometry,
-    /// Invisible surfaces beyond which the geometry tells nothing.
+    /// Invisible surfaces beyond which the geometry is incomplete.
     Portals,
 }
 
 /// One stand-in.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StandIn {
-    /// The section whose views it is for.
+    /// The section for whose views it is used.
     pub section: u16,
-    /// What it is.
+    /// What it is used for.
     pub kind: StandInKind,
     /// The packed scene.
     pub packed: Vec<u8>,
 }
 
-/// The blob of these stand-ins.
-pub fn encode(parts: &[StandIn]) -> Vec<u8> {
+/// Returns the blob of these stand-ins.
+pub fn encode(stand_ins: &[StandIn]) -> Vec<u8> {
     let mut bytes = VERSION.to_le_bytes().to_vec();
-    for StandIn { section, kind, packed } in parts {
+    for StandIn { section, kind, packed } in stand_ins {
         bytes.extend(section.to_le_bytes());
         bytes.extend([u8::from(*kind == StandInKind::Portals), 0]);
         bytes.extend((packed.len() as u64).to_le_bytes());
@@ -44,10 +45,11 @@ pub fn encode(parts: &[StandIn]) -> Vec<u8> {
     bytes
 }
 
-/// The stand-ins of a blob.
+/// Returns the stand-ins in a blob.
 ///
 /// # Errors
-/// [`ProtoError::Truncated`], [`ProtoError::Number`] for another version or something unknown, or [`ProtoError::TooMany`].
+/// [`ProtoError::Truncated`], [`ProtoError::TooMany`], or [`ProtoError::Number`] for an unknown
+/// version or kind.
 pub fn decode(bytes: &[u8]) -> Result<Vec<StandIn>, ProtoError> {
     let truncated = |needed: u64, found: usize| ProtoError::Truncated {
         what: "stand-in",
@@ -59,14 +61,15 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<StandIn>, ProtoError> {
     if u32::from_le_bytes(*version) != VERSION {
         return Err(ProtoError::Number("the version of the stand-ins"));
     }
-    let mut parts = Vec::new();
+    let mut stand_ins = Vec::new();
     while !rest.is_empty() {
-        if parts.len() >= 2 * MAX_SECTIONS {
-            let (found, limit) = (parts.len() as u64 + 1, 2 * MAX_SECTIONS as u64);
+        if stand_ins.len() >= 2 * MAX_SECTIONS {
+            let (found, limit) = (stand_ins.len() as u64 + 1, 2 * MAX_SECTIONS as u64);
             return Err(ProtoError::TooMany { what: "stand-ins", found, limit });
         }
-        let (head, scene) =
-            rest.split_first_chunk::<PART_HEAD>().ok_or(truncated(PART_HEAD as u64, rest.len()))?;
+        let (head, scene) = rest
+            .split_first_chunk::<STAND_IN_HEAD>()
+            .ok_or(truncated(STAND_IN_HEAD as u64, rest.len()))?;
         let [s0, s1, kind, zero, length @ ..] = *head;
         let kind = match (kind, zero) {
             (0, 0) => StandInKind::Geometry,
@@ -76,37 +79,40 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<StandIn>, ProtoError> {
         let length = u64::from_le_bytes(length);
         let split = usize::try_from(length).ok().and_then(|length| scene.split_at_checked(length));
         let (packed, after) = split.ok_or(truncated(length, scene.len()))?;
-        parts.push(StandIn {
+        stand_ins.push(StandIn {
             section: u16::from_le_bytes([s0, s1]),
             kind,
             packed: packed.to_vec(),
         });
         rest = after;
     }
-    Ok(parts)
+    Ok(stand_ins)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn parts() -> Vec<StandIn> {
-        let part =
+    fn examples() -> Vec<StandIn> {
+        let stand_in =
             |section, kind, packed: &[u8]| StandIn { section, kind, packed: packed.to_vec() };
-        vec![part(0, StandInKind::Geometry, b"scene"), part(0x0102, StandInKind::Portals, b"")]
+        vec![
+            stand_in(0, StandInKind::Geometry, b"scene"),
+            stand_in(0x0102, StandInKind::Portals, b""),
+        ]
     }
 
     #[test]
-    fn the_blob_is_as_written_down() {
+    fn the_blob_has_the_bytes_of_the_specification() {
         let expected = b"\x01\0\0\0\0\0\0\0\x05\0\0\0\0\0\0\0scene\x02\x01\x01\0\0\0\0\0\0\0\0\0";
-        assert_eq!(encode(&parts()), expected);
-        assert_eq!(decode(expected), Ok(parts()));
+        assert_eq!(encode(&examples()), expected);
+        assert_eq!(decode(expected), Ok(examples()));
         assert_eq!(decode(&encode(&[])), Ok(vec![]));
     }
 
     #[test]
-    fn what_is_cut_or_unknown_is_refused() {
-        let whole = encode(&parts());
+    fn bytes_that_are_cut_off_or_unknown_are_refused() {
+        let whole = encode(&examples());
         for length in (0..whole.len()).filter(|length| ![4, 21].contains(length)) {
             assert!(decode(&whole[..length]).is_err(), "{length}");
         }

@@ -1,5 +1,5 @@
-//! The bytes of every message, as written down in `golden/`: a change of any of them is a change of the protocol, and
-//! must raise its version.
+//! The bytes of every message, compared with the files in `golden/`. A change of any of them must
+//! raise the protocol's version.
 #![allow(clippy::unwrap_used)]
 
 use std::{collections::BTreeSet, fs, path::PathBuf};
@@ -11,13 +11,15 @@ use holo_proto::{
     frame::{self, HEADER_BYTES, Header, Kind},
     hello::{Answer, Hello, Role},
 };
-use holo_section::{BeamId, RayCoords, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint};
+use holo_section::{
+    BeamId, BeamKey, RayCoords, Run, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint,
+};
 
 fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden")
 }
 
-/// The frame in a file: hexadecimal bytes, and comments from `#` to the end of the line.
+/// Returns the frame in a file: hexadecimal bytes, with comments from `#` to the end of the line.
 fn golden(name: &str) -> Vec<u8> {
     let text = fs::read_to_string(folder().join(name).with_extension("hex")).unwrap();
     let digits =
@@ -214,12 +216,15 @@ fn welcome_shown() -> Any {
     })))
 }
 
+fn key(section: u16, beam: u64) -> BeamKey {
+    BeamKey { section, beam: BeamId(beam) }
+}
+
 fn work() -> Any {
     let (viewpoint, rays) = (None, None);
     let packet = Packet {
         id: 1,
-        section: 0,
-        beam: BeamId(0x01_0203_0405),
+        key: key(0, 0x01_0203_0405),
         first: 0,
         count: 21,
         paths: 1,
@@ -235,8 +240,7 @@ fn work() -> Any {
             packet,
             Packet {
                 id: 2,
-                section: 3,
-                beam: BeamId(6),
+                key: key(3, 6),
                 first: 21,
                 count: 1,
                 paths: 16,
@@ -245,8 +249,7 @@ fn work() -> Any {
             },
             Packet {
                 id: 1 << 63,
-                section: 1023,
-                beam: BeamId(7),
+                key: key(1023, 7),
                 first: 0xffff_fff0,
                 count: 15,
                 paths: u16::MAX,
@@ -263,16 +266,8 @@ fn work_named() -> Any {
         rays.iter_mut().zip(known).for_each(|(to, ray)| *to = RayCoords(*ray));
         Some(rays)
     };
-    let packet = Packet {
-        id: 1,
-        section: 2,
-        beam: BeamId(6),
-        first: 7,
-        count: 2,
-        paths: 1,
-        viewpoint: None,
-        rays: None,
-    };
+    let packet =
+        Packet { id: 1, key: key(2, 6), first: 7, count: 2, paths: 1, viewpoint: None, rays: None };
     Any::Work(Work {
         viewpoints: Vec::new(),
         packets: vec![
@@ -293,21 +288,14 @@ fn samples() -> Vec<Sample> {
 
 fn stored() -> Any {
     let uniform = Run {
-        section: 0,
-        beam: BeamId(0x01_0203_0405),
+        key: key(0, 0x01_0203_0405),
         kind: SampleKind::Uniform,
         first: 40,
         count: 2,
         paths: 16,
     };
-    let single = Run {
-        section: 1023,
-        beam: BeamId(9),
-        kind: SampleKind::SingleRay,
-        first: 0,
-        count: 1,
-        paths: 1,
-    };
+    let single =
+        Run { key: key(1023, 9), kind: SampleKind::SingleRay, first: 0, count: 1, paths: 1 };
     Any::Samples(Samples {
         view: 7,
         source: Source::Stored,
@@ -318,7 +306,7 @@ fn stored() -> Any {
 
 fn traced() -> Any {
     let kind = SampleKind::ViewpointLimited;
-    let run = Run { section: 3, beam: BeamId(6), kind, first: 21, count: 3, paths: u16::MAX };
+    let run = Run { key: key(3, 6), kind, first: 21, count: 3, paths: u16::MAX };
     Any::Samples(Samples { view: 8, source: Source::Traced, runs: vec![run], samples: samples() })
 }
 
@@ -375,8 +363,8 @@ fn cases() -> Vec<(&'static str, Any)> {
                 view: 7,
                 viewpoint: Viewpoint { eye: [0.5, -0.25, 1.75], radius: 0.001 },
                 beams: vec![
-                    Wanted { beam: 0x01_0203_0405, weight: 12.5, section: 0, reserved: 0 },
-                    Wanted { beam: 9, weight: 0.125, section: 1023, reserved: 0 },
+                    WantedBeam { key: key(0, 0x01_0203_0405), weight: 12.5 },
+                    WantedBeam { key: key(1023, 9), weight: 0.125 },
                 ],
             }),
         ),
@@ -384,10 +372,7 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("samples-traced", traced()),
         (
             "unseen",
-            Any::Unseen(Unseen {
-                view: 7,
-                beams: vec![(0, BeamId(0x01_0203_0405)), (1023, BeamId(9))],
-            }),
+            Any::Unseen(Unseen { view: 7, beams: vec![key(0, 0x01_0203_0405), key(1023, 9)] }),
         ),
         ("light", Any::Light(Light { records: vec![record()] })),
         (
@@ -395,18 +380,8 @@ fn cases() -> Vec<(&'static str, Any)> {
             Any::Rays(RaysWanted {
                 view: 7,
                 rays: vec![
-                    WantedRay {
-                        beam: 0x01_0203_0405,
-                        section: 0,
-                        coords: RayCoords([1, 2, 3, 4]),
-                        reserved: 0,
-                    },
-                    WantedRay {
-                        beam: 9,
-                        section: 1023,
-                        coords: RayCoords([0, 255, 127, 128]),
-                        reserved: 0,
-                    },
+                    WantedRay { key: key(0, 0x01_0203_0405), coords: RayCoords([1, 2, 3, 4]) },
+                    WantedRay { key: key(1023, 9), coords: RayCoords([0, 255, 127, 128]) },
                 ],
             }),
         ),
@@ -417,7 +392,7 @@ fn cases() -> Vec<(&'static str, Any)> {
 }
 
 #[test]
-fn every_message_has_exactly_the_bytes_written_down() {
+fn every_message_has_exactly_the_bytes_of_its_file() {
     for (name, message) in cases() {
         assert_eq!(message.frame(), golden(name), "{name}: encoded");
         assert_eq!(Any::decode(&golden(name)), Ok(message), "{name}: decoded");
@@ -438,11 +413,12 @@ fn every_file_is_of_a_message_and_begins_with_a_comment() {
 }
 
 #[test]
-fn every_kind_and_every_control_message_is_written_down() {
+fn every_kind_and_every_control_message_has_a_file() {
     let kinds: BTreeSet<u8> = cases().iter().map(|(_, message)| message.frame()[4]).collect();
     let known: BTreeSet<u8> = (0..=u8::MAX).filter(|&byte| Kind::from_byte(byte).is_ok()).collect();
     assert_eq!(kinds, known);
-    // A variant number is a message's first four bytes; of the next number there is none.
+    // A message's first four bytes are its variant number. The next number after the last has no
+    // message.
     let controls: BTreeSet<u8> = cases()
         .iter()
         .map(|(_, message)| message.frame())
@@ -463,7 +439,8 @@ fn a_message_cut_anywhere_or_with_a_byte_more_is_refused() {
         let decode = |payload: &[u8]| {
             Any::decode(&frame::encode(Kind::from_byte(golden(name)[4])?, payload)?)
         };
-        // Pieces of the scene are as long as they are, and hellos and answers may grow in later versions.
+        // Pieces of the scene may have any length, and hellos and answers may grow in later
+        // versions.
         let (shortest, may_grow) = match message {
             Any::BlobChunk(_) => (8, true),
             Any::Hello(_) | Any::Answer(_) => (payload.len(), true),

@@ -1,4 +1,4 @@
-//! Decoders given anything at all: an error or a message, never a panic, never more memory than the bytes warrant.
+//! Decoders that get arbitrary bytes: they return an error or a message, and never panic.
 #![allow(clippy::unwrap_used)]
 
 mod common;
@@ -12,9 +12,10 @@ use holo_proto::{
 };
 use proptest::{collection::vec, prelude::*};
 
-/// Decodes as every kind of message; whatever is taken must be the same when it is sent on.
+/// Decodes bytes as every kind of message. A message that is accepted must survive encoding and
+/// decoding.
 fn decode_all(bytes: &[u8]) {
-    // Numbers may be NaN where nothing forbids it (a status's rate), so bytes are compared, not values.
+    // Where nothing forbids NaN, as in a status's rate, the test compares bytes, not values.
     if let Ok(message) = Control::decode(bytes) {
         let again = message.encode().unwrap();
         assert_eq!(Control::decode(&again).unwrap().encode().unwrap(), again);
@@ -42,7 +43,7 @@ fn decode_all(bytes: &[u8]) {
         assert_eq!(message.encode(), bytes);
     }
     if let Ok(message) = ViewRequest::decode(bytes) {
-        assert_eq!(message.encode(), bytes);
+        assert_eq!(ViewRequest::decode(&message.encode()), Ok(message));
     }
     if let Ok(message) = Samples::decode(bytes) {
         assert_eq!(
@@ -127,14 +128,21 @@ fn any_payload() -> impl Strategy<Value = Vec<u8>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 2000,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     #[test]
-    fn what_is_encoded_decodes_to_the_same(
+    fn every_message_survives_encoding_and_decoding(
         control in common::control(), work in common::work(), results in common::results(),
         view in common::view(), samples in common::samples(), unseen in common::unseen(),
         chunk in common::chunk(), light in common::light(),
-        live in (common::live_wanted(), common::live_work(), common::live_results(), common::live_samples()),
+        live in (
+            common::live_wanted(), common::live_work(),
+            common::live_results(), common::live_samples(),
+        ),
     ) {
         prop_assert_eq!(LiveWanted::decode(&live.0.encode()), Ok(live.0));
         prop_assert_eq!(LiveWork::decode(&live.1.encode()), Ok(live.1));
@@ -153,7 +161,7 @@ proptest! {
     #[test]
     fn random_bytes_are_a_message_or_an_error(bytes in vec(any::<u8>(), 0..300)) {
         decode_all(&bytes);
-        // With a small first number more of them get past the first count, or to a control variant.
+        // With a small first number, more inputs get past the first count, or to a control variant.
         if let [first, .., _, _, _, _] = bytes.as_slice() {
             let rest = &bytes[4..];
             decode_all(&[&[first % 16, 0, 0, 0], rest].concat());
@@ -162,7 +170,9 @@ proptest! {
 
     #[test]
     fn messages_cut_or_with_flipped_bits_are_messages_or_errors(
-        bytes in any_payload(), cut in any::<prop::sample::Index>(), flips in vec(any::<prop::sample::Index>(), 0..4),
+        bytes in any_payload(),
+        cut in any::<prop::sample::Index>(),
+        flips in vec(any::<prop::sample::Index>(), 0..4),
     ) {
         prop_assume!(!bytes.is_empty());
         decode_all(&bytes[..cut.index(bytes.len())]);
@@ -175,7 +185,9 @@ proptest! {
     }
 
     #[test]
-    fn a_header_is_taken_only_if_it_says_what_it_must(bytes in any::<[u8; 8]>(), kind in 0..17u8, small in any::<bool>()) {
+    fn a_header_is_accepted_only_with_a_known_kind_a_length_within_its_limit_and_zeros(
+        bytes in any::<[u8; 8]>(), kind in 0..17u8, small in any::<bool>(),
+    ) {
         let mut bytes = bytes;
         bytes[4] = kind;
         if small {
@@ -189,15 +201,19 @@ proptest! {
                 prop_assert!(u64::from(length) <= header.kind.max_bytes());
                 prop_assert_eq!(header.to_bytes(), bytes);
             }
-            Err(ProtoError::Kind(found)) => prop_assert!(found == kind && !(1..=15).contains(&kind)),
-            Err(ProtoError::TooLong { kind, limit, .. }) => prop_assert!(u64::from(length) > limit && limit == kind.max_bytes()),
+            Err(ProtoError::Kind(found)) => {
+                prop_assert!(found == kind && !(1..=15).contains(&kind));
+            }
+            Err(ProtoError::TooLong { kind, limit, .. }) => {
+                prop_assert!(u64::from(length) > limit && limit == kind.max_bytes());
+            }
             Err(ProtoError::Trailing(_)) => prop_assert!(bytes[5..] != [0; 3]),
             Err(other) => prop_assert!(false, "{other}"),
         }
     }
 
     #[test]
-    fn a_hello_of_any_version_decodes_whatever_it_has_grown_by(
+    fn a_hello_of_any_version_decodes_with_any_bytes_after_its_text(
         version in any::<u16>(), name in "\\PC{0,100}", more in vec(any::<u8>(), 0..200),
     ) {
         let hello = Hello { version, role: Role::Display, name: name.clone() };
@@ -206,7 +222,8 @@ proptest! {
         match decoded.check_version() {
             Ok(()) => prop_assert_eq!(version, PROTOCOL_VERSION),
             Err(error) => {
-                prop_assert_eq!(&error, &ProtoError::Version { ours: PROTOCOL_VERSION, theirs: version });
+                let expected = ProtoError::Version { ours: PROTOCOL_VERSION, theirs: version };
+                prop_assert_eq!(&error, &expected);
                 prop_assert!(error.to_string().contains(&version.to_string()));
             }
         }
@@ -232,7 +249,7 @@ fn each_kind_of_frame_has_its_limit_at_both_ends() {
 }
 
 #[test]
-fn answers_tell_refusal_of_any_version_but_acceptance_only_of_ours() {
+fn a_refusal_of_any_version_is_read_and_an_acceptance_only_of_this_one() {
     let mut refused = Answer::Refused("no".into()).encode();
     refused[8..10].copy_from_slice(&9u16.to_le_bytes());
     assert_eq!(Answer::decode(&refused), Ok(Answer::Refused("no".into())));
@@ -252,7 +269,7 @@ fn answers_tell_refusal_of_any_version_but_acceptance_only_of_ours() {
 }
 
 #[test]
-fn hellos_that_are_none_are_told_from_those_of_unknown_roles() {
+fn bytes_that_are_no_hello_and_hellos_of_unknown_roles_give_different_errors() {
     let good = Hello::new(Role::Worker, "w").encode();
     let with = |at: usize, byte: u8| {
         let mut bytes = good.clone();
@@ -269,7 +286,7 @@ fn hellos_that_are_none_are_told_from_those_of_unknown_roles() {
 }
 
 #[test]
-fn long_texts_are_cut_between_characters_and_none_can_steer_a_terminal() {
+fn long_texts_are_cut_between_characters_and_control_characters_become_spaces() {
     let name: String = "é".repeat(400);
     let Ok(hello) = Hello::decode(&Hello::new(Role::Worker, &name).encode()) else {
         panic!("refused")
@@ -296,7 +313,7 @@ fn long_texts_are_cut_between_characters_and_none_can_steer_a_terminal() {
 }
 
 #[test]
-fn a_control_message_too_long_to_send_is_said_so() {
+fn a_control_message_that_is_too_long_to_send_is_an_error() {
     let reason = |bytes: usize| Control::Bye { reason: "x".repeat(bytes) };
     let limit = frame::MAX_CONTROL_BYTES;
     assert_eq!(reason(limit as usize - 12).encode().unwrap().len() as u64, limit);
@@ -371,7 +388,7 @@ fn wrong_numbers_in_bulk_messages_are_named() {
     assert!(matches!(samples(1, 0, 1, 0, 0), Err(ProtoError::Number(_))));
     assert_eq!(samples(1, 0, 1, 1, 3), Err(ProtoError::SampleKind(3)));
 
-    // Packets that say more samples, or fewer, than follow.
+    // Packets with more samples, or fewer, than follow.
     let results = |counts_of: [u32; 2]| {
         let mut bytes = [counts(2, 3), vec![0; 4]].concat();
         for count in counts_of {
@@ -389,7 +406,7 @@ fn wrong_numbers_in_bulk_messages_are_named() {
 }
 
 #[test]
-fn live_rays_that_are_none_and_what_none_can_see_are_refused() {
+fn impossible_live_rays_and_impossible_results_are_refused() {
     let ray = |origin: f64, direction: [f64; 3]| LiveRay {
         origin: [0.0, origin, 0.0],
         direction,
@@ -425,7 +442,7 @@ fn live_rays_that_are_none_and_what_none_can_see_are_refused() {
         assert!(matches!(wanted(bad, 2), Err(ProtoError::Number(_))), "{bad:?}");
         assert!(matches!(work(bad, 2, 1), Err(ProtoError::Number(_))), "{bad:?}");
     }
-    // Work that says more rays of a packet than follow.
+    // A packet with more rays than follow.
     let mut bytes =
         LiveWork { packets: vec![LivePacket { id: 1, paths: 1, rays: vec![good; 2] }] }.encode();
     bytes[16] = 3;
@@ -460,7 +477,7 @@ fn live_rays_that_are_none_and_what_none_can_see_are_refused() {
 }
 
 #[test]
-fn a_welcome_that_nothing_can_be_done_with_is_refused() {
+fn a_welcome_with_impossible_numbers_is_refused() {
     let hex = include_str!("../golden/control-welcome.hex");
     let digits = hex.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
     let bytes: Vec<u8> =

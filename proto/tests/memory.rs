@@ -1,4 +1,4 @@
-//! What decoders take of memory, counted: a few bytes that claim millions of records cost nothing.
+//! The memory that decoders take: a few bytes that claim millions of records take none.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -20,23 +20,25 @@ thread_local! {
     static PEAK: Cell<usize> = const { Cell::new(0) };
 }
 
-/// The system's allocator, counting what the thread holds.
+/// The system's allocator, with a count of the bytes that the thread holds.
 struct Counting;
 
 #[allow(unsafe_code)]
-// SAFETY: every call goes on to the system's allocator as it came; the counters allocate nothing.
+// SAFETY: every call goes on to the system's allocator unchanged, and the counters allocate
+// nothing.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let now = NOW.get().wrapping_add(layout.size());
         NOW.set(now);
         PEAK.set(PEAK.get().max(now));
-        // SAFETY: the caller's promise about `layout` is passed on.
+        // SAFETY: the caller promises a valid `layout`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         NOW.set(NOW.get().wrapping_sub(layout.size()));
-        // SAFETY: `pointer` came from `alloc` above with this layout, which is the system's.
+        // SAFETY: the caller promises that `alloc` above, and so the system, gave `pointer` with
+        // this layout.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
@@ -44,7 +46,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Most bytes held at once while `act` runs, beyond what was held before.
+/// Returns the most bytes that `act` holds at once.
 fn peak(act: impl FnOnce()) -> usize {
     NOW.set(1 << 40);
     PEAK.set(1 << 40);
@@ -53,7 +55,7 @@ fn peak(act: impl FnOnce()) -> usize {
 }
 
 #[test]
-fn the_count_sees_what_is_taken() {
+fn allocations_are_counted() {
     assert!((1 << 20..2 << 20).contains(&peak(|| drop(std::hint::black_box(vec![1u8; 1 << 20])))));
     assert!(
         peak(|| drop(std::hint::black_box(vec![0u8; 1 << 20]))) >= 1 << 20,
@@ -101,8 +103,8 @@ fn bulk_messages_that_claim_more_than_they_bring_take_no_memory() {
 }
 
 #[test]
-fn control_messages_take_no_more_than_a_few_of_the_longest_whatever_they_claim() {
-    // bincode believes a text's length up to its limit, and serde reserves at most 1 MiB for a list.
+fn control_messages_take_a_few_times_the_longest_at_most() {
+    // bincode takes memory for a text up to its limit, and serde for at most 1 MiB of a list.
     let most = 4 * MAX_CONTROL_BYTES as usize;
     for variant in 0..14u8 {
         for at in 4..120 {

@@ -1,7 +1,7 @@
-//! The building itself: rooms, walls with their openings, floors, windows and doors.
+//! The building: rooms, walls with openings, floors, windows and doors.
 //!
-//! Always: walls, floor and ceiling are solids that meet without a gap, so that light enters by windows only; the space
-//! of a [`Room`] is free of them.
+//! Always true: walls, floor and ceiling are solids that meet without gaps, so light enters only
+//! through windows. They do not intrude into the space of a [`Room`].
 
 use crate::material::{
     BRASS, CEILING, FACADE, GROUT, LACQUER, Material, OAK, OAK_DARK, OAK_LIGHT, TRIM, WINDOW,
@@ -10,7 +10,7 @@ use crate::mesh::Mesh;
 use crate::random::Random;
 use crate::shapes::{ball, cuboid, rectangle, rounded};
 
-/// From floor to ceiling.
+/// Height of the rooms from floor to ceiling.
 pub const HEIGHT: f64 = 2.7;
 /// Thickness of the outer walls, the floor slab and the ceiling slab.
 pub const OUTER: f64 = 0.3;
@@ -18,11 +18,11 @@ pub const OUTER: f64 = 0.3;
 /// The space of a room between its walls.
 #[derive(Debug)]
 pub struct Room {
-    /// What it is for.
+    /// Its name.
     pub name: &'static str,
-    /// From west to east.
+    /// Extent from west to east.
     pub x: (f64, f64),
-    /// From south to north.
+    /// Extent from south to north.
     pub y: (f64, f64),
 }
 
@@ -35,7 +35,7 @@ pub static STUDY: Room = Room { name: "study", x: (8.3, 11.15), y: (6.7, 10.7) }
 /// All rooms.
 pub static ROOMS: [&Room; 6] = [&LIVING, &KITCHEN, &HALL, &BEDROOM, &BATH, &STUDY];
 
-/// The wall of a room that a thing stands against.
+/// The wall of a room against which something stands.
 #[derive(Clone, Copy)]
 pub enum Side {
     South,
@@ -45,7 +45,8 @@ pub enum Side {
 }
 
 impl Room {
-    /// `thing`, made with its back at y = 0, against a wall at coordinate `along` it, looking into the room.
+    /// Places `thing`, modelled with its back at y = 0, against a wall at coordinate `along` it,
+    /// facing the room.
     pub fn against(&self, side: Side, along: f64, thing: Mesh) -> Mesh {
         match side {
             Side::South => thing.at(along, self.y.0, 0.0),
@@ -55,7 +56,7 @@ impl Room {
         }
     }
 
-    /// `thing`, made to hang from z = 0, under the ceiling.
+    /// Places `thing`, modelled to hang from z = 0, under the ceiling.
     pub fn hung(&self, x: f64, y: f64, thing: Mesh) -> Mesh {
         thing.at(x, y, HEIGHT)
     }
@@ -65,7 +66,8 @@ impl Room {
     }
 }
 
-/// A hole in a wall, by coordinate along it and height: a door if it reaches the floor, else a window.
+/// A hole in a wall, by coordinate along the wall and by height. It is a door if it reaches the
+/// floor, otherwise a window.
 #[derive(Clone, Copy)]
 pub struct Opening {
     pub from: f64,
@@ -82,7 +84,8 @@ const fn window(from: f64, to: f64, sill: f64, head: f64) -> Opening {
     Opening { from, to, sill, head }
 }
 
-/// A straight wall between `near` and `far` across it; `faces` are what its lower and upper coordinate's sides are made of.
+/// A straight wall between `near` and `far` across it. `faces` are the materials of its two sides,
+/// the side of the lower coordinate first.
 struct Wall<'a> {
     along_x: bool,
     from: f64,
@@ -94,7 +97,7 @@ struct Wall<'a> {
 }
 
 impl Wall<'_> {
-    /// A box given along the wall, across it, and in height.
+    /// Returns a box, given along the wall, across it, and in height.
     fn solid(
         &self,
         material: &'static Material,
@@ -109,10 +112,11 @@ impl Wall<'_> {
         }
     }
 
-    /// A piece of the wall, its two sides painted as the rooms beside it, with skirting where it stands on the floor.
+    /// Returns a piece of the wall. Its sides have the colours of the adjacent rooms, and a
+    /// skirting board if the piece stands on the floor.
     fn piece(&self, along: (f64, f64), z: (f64, f64)) -> Mesh {
         let mut piece = self.solid(&TRIM, along, (self.near, self.far), z);
-        // A cuboid's faces come in pairs of triangles, -z +z -y +y -x +x.
+        // The faces of a cuboid come in pairs of triangles: -z +z -y +y -x +x.
         let first = if self.along_x { 4 } else { 8 };
         for (face, material) in
             piece.faces[first..first + 4].iter_mut().zip([0, 0, 1, 1].map(|side| self.faces[side]))
@@ -151,7 +155,7 @@ impl Wall<'_> {
         wall
     }
 
-    /// Boards around a door, on both sides of the wall.
+    /// Returns boards around a door, on both sides of the wall.
     fn casing(&self, hole: &Opening) -> Mesh {
         let (wide, proud) = (0.07, 0.018);
         Mesh::of(
@@ -172,7 +176,8 @@ impl Wall<'_> {
         )
     }
 
-    /// A frame with mullions and one pane of glass in the middle of the wall, and a sill inside and outside.
+    /// Returns a frame with mullions, one pane of glass in the middle of the wall, and a sill on
+    /// each side.
     fn window(&self, hole: &Opening) -> Mesh {
         let middle = (self.near + self.far) / 2.0;
         let (across, bar) = ((middle - 0.03, middle + 0.03), 0.05);
@@ -203,7 +208,7 @@ impl Wall<'_> {
     }
 }
 
-/// Walls, slabs, windows and casings: all that bounds the rooms.
+/// Returns walls, slabs, windows and casings: everything that bounds the rooms.
 pub fn shell(paint: impl Fn(&Room) -> &'static Material) -> Mesh {
     let [living, kitchen, hall, bedroom, bath, study] = ROOMS.map(&paint);
     let (west, east, south, north) = (-OUTER, 11.15 + OUTER, -OUTER, 10.7 + OUTER);
@@ -214,7 +219,7 @@ pub fn shell(paint: impl Fn(&Room) -> &'static Material) -> Mesh {
     let mut shell = Mesh::of([
         cuboid(&CEILING, [west, south, HEIGHT], [east, north, HEIGHT + OUTER]),
         cuboid(&GROUT, [west, south, -0.02 - OUTER], [east, north, -0.02]),
-        // From west to east, south of the hallway and north of it.
+        // Walls from west to east, south and north of the hallway.
         wall(
             true,
             (west, 6.075),
@@ -255,7 +260,7 @@ pub fn shell(paint: impl Fn(&Room) -> &'static Material) -> Mesh {
             [study, &FACADE],
             &[window(9.0, 10.7, 0.95, 2.3)],
         ),
-        // From south to north.
+        // Walls from south to north.
         wall(false, (0.0, 5.0), (west, 0.0), [&FACADE, living], &[]),
         wall(false, (5.0, 6.7), (west, 0.0), [&FACADE, hall], &[]),
         wall(false, (6.7, 10.7), (west, 0.0), [&FACADE, bedroom], &[]),
@@ -278,7 +283,7 @@ pub fn shell(paint: impl Fn(&Room) -> &'static Material) -> Mesh {
     shell
 }
 
-/// A floor of boards along x, 2 cm thick, each its own.
+/// Returns a floor of separate boards along x, 2 cm thick.
 fn planks(room: &Room) -> Mesh {
     let [x0, y0, x1, y1] = room.panels();
     let (wide, gap) = (0.16, 0.0015);
@@ -301,7 +306,7 @@ fn planks(room: &Room) -> Mesh {
     floor
 }
 
-/// A floor of square tiles in two colours, every fourth the second, 2 cm thick.
+/// Returns a floor of square tiles, 2 cm thick, of which every fourth has the second colour.
 pub fn tiled_floor(
     room: &Room,
     tile: &'static Material,
@@ -327,7 +332,7 @@ pub fn tiled_floor(
     floor
 }
 
-/// A door's leaf, 0.88 m wide, hinged at the origin, along +x, with handles.
+/// Returns the leaf of a door, 0.88 m wide, hinged at the origin, along +x, with handles.
 pub fn leaf() -> Mesh {
     let mut leaf = rounded(&LACQUER, [0.88, 0.04, 2.07], 0.006).at(0.44, 0.0, 0.012);
     for side in [-1.0, 1.0] {

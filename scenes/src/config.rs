@@ -1,24 +1,25 @@
-//! Sections and views of the interior, and the file that `holodeck --config` reads.
+//! Sections and views of the interior, and its configuration file for `holodeck --config`.
 //!
-//! Always: one section to a room, clear of walls and furniture; every view's eye lies inside a section.
+//! Always true: each room has one section, clear of walls and furniture. The eye of every view lies
+//! inside a section.
 
 use std::fmt::Write;
 
-/// An upright box to look out of.
+/// An upright box from which one looks outwards.
 pub struct Section {
-    /// The room that it is in.
+    /// Name of its room.
     pub name: &'static str,
-    /// Its lowest corner, in metres.
+    /// The lowest corner, in metres.
     pub origin: [f64; 3],
-    /// Its extent along x, y and z.
+    /// The extent along x, y and z, in metres.
     pub size: [f64; 3],
 }
 
-/// A place to look from.
+/// A view of a room.
 pub struct View {
-    /// What it is called on the command line.
+    /// Its name on the command line.
     pub name: &'static str,
-    /// The eye.
+    /// The eye's position, in metres.
     pub vp: [f64; 3],
     /// The direction of view.
     pub vd: [f64; 3],
@@ -26,7 +27,7 @@ pub struct View {
     pub vh: f64,
 }
 
-/// One to a room.
+/// The sections, one for each room.
 pub const SECTIONS: [Section; 6] = [
     Section { name: "living room", origin: [0.55, 0.55, 1.05], size: [4.35, 3.45, 1.15] },
     Section { name: "kitchen", origin: [7.35, 0.5, 1.05], size: [2.65, 3.8, 0.65] },
@@ -36,7 +37,7 @@ pub const SECTIONS: [Section; 6] = [
     Section { name: "study", origin: [8.75, 6.85, 1.05], size: [2.0, 2.95, 1.15] },
 ];
 
-/// The first is the one to begin with.
+/// The views; the first is the initial one.
 pub const VIEWS: [View; 6] = [
     View { name: "living", vp: [0.8, 0.75, 1.55], vd: [0.76, 0.62, -0.07], vh: 78.0 },
     View { name: "kitchen", vp: [7.45, 0.6, 1.6], vd: [0.55, 0.83, -0.14], vh: 75.0 },
@@ -46,10 +47,10 @@ pub const VIEWS: [View; 6] = [
     View { name: "study", vp: [10.6, 6.95, 1.55], vd: [-0.5, 0.85, -0.14], vh: 75.0 },
 ];
 
-/// Radiance of the dusk outside the windows.
+/// Radiance of the dusk sky outside the windows.
 pub const SKY: [f64; 3] = [0.28, 0.42, 0.72];
 
-/// The interior's file.
+/// Returns the configuration of the interior.
 pub fn interior() -> String {
     let mut text = format!(
         "# A house of five rooms and a hallway, for `holodeck --config`.\n\

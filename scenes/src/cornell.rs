@@ -1,15 +1,18 @@
-//! The Cornell box from the measurements that the Program of Computer Graphics at Cornell University published
-//! (<https://www.graphics.cornell.edu/online/box/data.html>), in units of 100 mm, +Y up.
+//! The Cornell box from the measurements that the Program of Computer Graphics at Cornell
+//! University published (<https://www.graphics.cornell.edu/online/box/data.html>), in units of 100
+//! mm, +Y up.
 //!
-//! The reflectances are the usual RGB renderings of the measured spectra. The lamp lies a tenth of a millimetre below
-//! the ceiling, whose published hole it fills, so that the two do not coincide.
+//! The reflectances are the usual RGB conversions of the measured spectra. The lamp lies 0.1 mm
+//! below the ceiling, which has a hole there in the published data, so that the two do not
+//! coincide.
 
 use std::fmt::Write;
 
-/// A quadrilateral: its material, and its corners in millimetres, counter-clockwise from the side that matters.
+/// A quadrilateral: its material, and its corners in millimetres, counter-clockwise from the
+/// visible side.
 type Quad = (&'static str, [[f64; 3]; 4]);
 
-/// Published corners; the lamp's height is less by 0.1 for the hole that it covers.
+/// Published corners, except for the lamp, which is 0.1 mm lower because it covers a hole.
 pub const QUADS: [Quad; 16] = [
     ("white", [[552.8, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 559.2], [549.6, 0.0, 559.2]]),
     ("white", [[556.0, 548.8, 0.0], [556.0, 548.8, 559.2], [0.0, 548.8, 559.2], [0.0, 548.8, 0.0]]),
@@ -91,7 +94,7 @@ Ke 17 12 4
 illum 1
 ";
 
-/// Section in front of the box and reaching into it, the usual view, and one from inside.
+/// A section in front of the box that extends into it, the usual view, and a view from inside.
 pub const CONFIG: &str = r#"# The Cornell box, for `holodeck --config`.
 scene = "cornell.obj"
 up = [0, 1, 0]
@@ -120,12 +123,12 @@ vu = [0, 1, 0]
 vh = 65
 "#;
 
-/// The OBJ file.
+/// Returns the OBJ file.
 pub fn obj() -> String {
     let mut text = String::from("# The Cornell box, units of 100 mm, +Y up.\nmtllib cornell.mtl\n");
     for (i, (material, corners)) in QUADS.iter().enumerate() {
         for corner in corners {
-            // Published in millimetres with one decimal: exact in thousandths of 100 mm.
+            // Published in millimetres with one decimal, so thousandths of 100 mm are exact.
             let [x, y, z] = corner.map(|mm| (mm * 10.0).round() / 1000.0);
             let _ = writeln!(text, "v {x} {y} {z}");
         }

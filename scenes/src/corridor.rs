@@ -1,11 +1,11 @@
-//! A corridor with a bend that gets its light only through an open door, metres, +Z up.
+//! A corridor with a bend that gets its light only through an open door, in metres, +Z up.
 //!
-//! Always: the lamp hangs on the room's side of the door's wall and shines away from it, so that both arms of the
-//! corridor lie behind its plane: nothing in them is lit directly.
+//! Always true: the lamp hangs on the room's side of the door's wall and shines away from it. Both
+//! arms of the corridor lie behind its plane, so nothing in them is lit directly.
 
 use std::fmt::Write;
 
-/// An upright or level rectangle: a box that has no extent along one axis.
+/// An upright or level rectangle: a box without extent along one axis.
 pub struct Rectangle {
     /// Its material.
     pub material: &'static str,
@@ -13,7 +13,7 @@ pub struct Rectangle {
     pub low: [f64; 3],
     /// Its highest corner.
     pub high: [f64; 3],
-    /// Whether it faces along its axis, not against it.
+    /// Whether it faces along its axis, or against it.
     pub along: bool,
 }
 
@@ -31,12 +31,12 @@ const fn minus(material: &'static str, low: [f64; 3], high: [f64; 3]) -> Rectang
     facing(false, material, low, high)
 }
 
-/// The door's wall is this thick: from here to [`ROOM_FROM`] along y.
+/// The corridor's side of the wall with the door, along y. The wall ends at [`ROOM_FROM`].
 pub const CORRIDOR_TO: f64 = 3.4;
-/// Where the lit room begins along y.
+/// The room's side of that wall, along y.
 pub const ROOM_FROM: f64 = 3.55;
 
-/// Everything.
+/// All rectangles.
 pub const RECTANGLES: [Rectangle; 35] = [
     // The long arm, along x.
     plus("floor", [0.0, 0.0, 0.0], [8.0, 1.8, 0.0]),
@@ -50,7 +50,7 @@ pub const RECTANGLES: [Rectangle; 35] = [
     plus("floor", [6.2, 1.8, 0.0], [8.0, CORRIDOR_TO, 0.0]),
     minus("ceiling", [6.2, 1.8, 2.6], [8.0, CORRIDOR_TO, 2.6]),
     plus("wall", [6.2, 1.8, 0.0], [6.2, CORRIDOR_TO, 2.6]),
-    // The wall with the door, from the corridor.
+    // The wall with the door, seen from the corridor.
     minus("wall", [6.2, CORRIDOR_TO, 0.0], [6.4, CORRIDOR_TO, 2.6]),
     minus("wall", [7.8, CORRIDOR_TO, 0.0], [8.0, CORRIDOR_TO, 2.6]),
     minus("wall", [6.4, CORRIDOR_TO, 2.2], [7.8, CORRIDOR_TO, 2.6]),
@@ -69,7 +69,7 @@ pub const RECTANGLES: [Rectangle; 35] = [
     plus("warm", [7.8, ROOM_FROM, 0.0], [10.0, ROOM_FROM, 2.6]),
     plus("warm", [6.4, ROOM_FROM, 2.2], [7.8, ROOM_FROM, 2.6]),
     plus("lamp", [8.4, 3.57, 1.2], [9.8, 3.57, 2.2]),
-    // The door's leaf, without thickness, opened to a right angle.
+    // The leaf of the door, without thickness, opened to a right angle.
     plus("wood", [6.38, ROOM_FROM, 0.01], [6.38, 4.95, 2.15]),
     // A bench in the long arm.
     plus("red", [3.6, 0.05, 0.45], [5.0, 0.45, 0.45]),
@@ -124,7 +124,7 @@ Ke 40 36 30
 illum 1
 ";
 
-/// A section for each arm and one for the room; first the view along the long arm.
+/// Sections for both arms and the room. The first view is along the long arm.
 pub const CONFIG: &str = r#"# A corridor lit only indirectly, for `holodeck --config`.
 scene = "corridor.obj"
 up = [0, 0, 1]
@@ -163,10 +163,11 @@ vh = 60
 "#;
 
 impl Rectangle {
-    /// Its corners, counter-clockwise from the side that it faces.
+    /// Returns its corners, counter-clockwise from the side that it faces.
     pub fn corners(&self) -> [[f64; 3]; 4] {
         let (low, high) = (self.low, self.high);
-        // One axis has no extent; the two after it, in their cyclic order, turn counter-clockwise seen from its end.
+        // One axis has no extent. The two after it, in cyclic order, turn counter-clockwise seen
+        // from its end.
         let normal = (0..3).find(|&axis| low[axis] == high[axis]).unwrap_or(0);
         let (first, second) = ((normal + 1) % 3, (normal + 2) % 3);
         let corner = |on_first: bool, on_second: bool| {
@@ -184,7 +185,7 @@ impl Rectangle {
     }
 }
 
-/// The OBJ file.
+/// Returns the OBJ file.
 pub fn obj() -> String {
     let mut text =
         String::from("# A corridor lit only indirectly, metres, +Z up.\nmtllib corridor.mtl\n");

@@ -1,4 +1,5 @@
-//! What the windows look out on: a terrace, a lawn, hedges and trees. Coarse: it is seen from afar, through glass.
+//! The garden outside the windows: a terrace, a lawn, hedges and trees. It is coarse because it is
+//! seen from far away, through glass.
 
 use crate::furniture::plant::tree;
 use crate::material::{LAWN, LEAF, LEAF_DARK, Material, OAK_DARK, SLATE, WALNUT};
@@ -10,7 +11,7 @@ use glam::DVec3;
 /// Height of the lawn; the floor of the house is at 0.
 const LAWN_Z: f64 = -0.32;
 
-/// All that is outdoors.
+/// Returns everything outdoors.
 pub fn garden() -> Mesh {
     let random = &mut Random::new(2);
     let mut garden = cuboid(&LAWN, [-16.0, -18.0, LAWN_Z - 0.2], [28.0, 28.0, LAWN_Z]);
@@ -40,7 +41,7 @@ pub fn garden() -> Mesh {
     garden
 }
 
-/// A trunk under a crown of lumps.
+/// Returns a tree: a trunk under a crown of lumps.
 fn grown_tree(random: &mut Random) -> Mesh {
     let height = random.range(2.6, 3.8);
     let mut tree = lathe(&WALNUT, 10, &[(0.16, 0.0), (0.10, height * 0.5), (0.05, height)]);
@@ -57,7 +58,7 @@ fn grown_tree(random: &mut Random) -> Mesh {
     tree
 }
 
-/// A ball of foliage, bumpy.
+/// Returns a bumpy ball of foliage.
 fn lump(material: &'static Material, radius: f64, phase: f64) -> Mesh {
     let mut lump = ball(material, radius, 14);
     for p in &mut lump.points {

@@ -1,8 +1,8 @@
-//! The bundled scenes: a Cornell box, a corridor lit only indirectly and a furnished interior, made by this program from
-//! nothing.
+//! The bundled scenes: a Cornell box, a corridor that is lit only indirectly, and a furnished
+//! interior. This crate generates them.
 //!
-//! Always: a scene is the same byte for byte each time that it is made; it is closed but for its windows; lights shine
-//! on the counter-clockwise side of their faces, into the rooms.
+//! Always true: a scene has the same bytes each time that it is made. It is closed except for its
+//! windows. Lights shine on the counter-clockwise side of their faces, into the rooms.
 
 mod building;
 mod config;
@@ -28,26 +28,28 @@ use std::path::{Path, PathBuf};
 pub enum Bundled {
     /// The Cornell box: 32 triangles, one lamp, units of 100 mm, +Y up.
     Cornell,
-    /// A corridor with a bend and an open door to a lit room, whose lamp it does not see: 70 triangles, metres, +Z up.
+    /// A corridor with a bend and an open door to a lit room, from which the lamp is not visible:
+    /// 70 triangles, metres, +Z up.
     Corridor,
-    /// A house of five rooms and a hallway with some 300,000 triangles and 90 lamps, metres, +Z up.
+    /// A house of five rooms and a hallway with about 300,000 triangles and 90 lamps, metres, +Z
+    /// up.
     Interior,
 }
 
-/// Where [`write()`] put a scene.
+/// The files that [`write()`] made.
 #[derive(Clone, Debug)]
 pub struct Written {
     /// The OBJ file; its MTL file is beside it.
     pub obj: PathBuf,
-    /// What `holodeck --config` reads.
+    /// The configuration for `holodeck --config`.
     pub config: PathBuf,
 }
 
 impl Bundled {
-    /// All of them.
+    /// All scenes.
     pub const ALL: [Self; 3] = [Self::Cornell, Self::Corridor, Self::Interior];
 
-    /// Its name, which its files are called by.
+    /// Returns the scene's name, which is also the name of its files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cornell => "cornell",
@@ -56,13 +58,13 @@ impl Bundled {
         }
     }
 
-    /// The scene of a name.
+    /// Returns the scene with this name.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|scene| scene.name() == name)
     }
 }
 
-/// Writes NAME.obj, NAME.mtl and NAME.toml into `dir`, which is made if need be.
+/// Writes NAME.obj, NAME.mtl and NAME.toml into `dir`, which is created if it does not exist.
 ///
 /// # Errors
 /// Those of the file system.
@@ -76,7 +78,7 @@ pub fn write(scene: Bundled, dir: &Path) -> io::Result<Written> {
     Ok(Written { obj: path("obj"), config: path("toml") })
 }
 
-/// The texts of the OBJ file and of the MTL file that it names.
+/// Returns the texts of the OBJ file and of the MTL file that it names.
 pub fn obj_and_mtl(scene: Bundled) -> (String, String) {
     match scene {
         Bundled::Cornell => (cornell::obj(), cornell::MTL.to_owned()),
@@ -92,7 +94,8 @@ pub fn obj_and_mtl(scene: Bundled) -> (String, String) {
     }
 }
 
-/// The text of the configuration: scene, up axis, unit, sections and views; the first view is the one to begin with.
+/// Returns the text of the configuration: scene, up axis, unit, sections and views. The first view
+/// is the initial one.
 pub fn config(scene: Bundled) -> String {
     match scene {
         Bundled::Cornell => cornell::CONFIG.to_owned(),

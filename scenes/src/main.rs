@@ -10,7 +10,7 @@ Writes the bundled scenes: NAME.obj, NAME.mtl and NAME.toml each.
 Usage: holo-scenes [cornell|corridor|interior|all] [--out DIR]
 
 Options:
-  --out DIR   where to write, made if need be [default: the current directory]
+  --out DIR   where to write; created if it does not exist [default: the current directory]
   --help      this text
 
 Example:
@@ -46,7 +46,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// What to write and where; nothing if help was asked for.
+/// Returns what to write and where; `None` if help was requested.
 fn parse(
     mut words: impl Iterator<Item = String>,
 ) -> Result<Option<(Vec<Bundled>, PathBuf)>, String> {

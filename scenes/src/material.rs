@@ -1,7 +1,8 @@
-//! The materials of the interior, as an MTL library says them.
+//! The materials of the interior, for an MTL library.
 //!
-//! Always: reflectances lie within [0, 1]; `illum 3` is a mirror (Ns ≥ 999) or a rough metal, `illum 4` a thin pane,
-//! `illum 7` solid glass, and everything else diffuse. Radiances of lights are W·sr⁻¹·m⁻²: luminous flux / 179 / (π · area).
+//! Always true: reflectances lie within [0, 1]. `illum 3` is a mirror (Ns ≥ 999) or a rough metal,
+//! `illum 4` a thin pane, `illum 7` solid glass; everything else is diffuse. Radiances of lights
+//! are in W·sr⁻¹·m⁻²: luminous flux / 179 / (π · area).
 
 use std::fmt::{self, Display};
 
@@ -10,34 +11,34 @@ use std::fmt::{self, Display};
 pub struct Material {
     /// Its name in the library.
     pub name: &'static str,
-    /// What it does to light.
+    /// How it scatters light.
     pub kind: Kind,
 }
 
-/// What a material does to light; colours are linear RGB.
+/// How a material scatters light; colours are linear RGB.
 #[derive(Clone, Copy, Debug)]
 pub enum Kind {
-    /// Reflects this part evenly.
+    /// Lambertian reflection with this albedo.
     Diffuse([f64; 3]),
-    /// A metal of this colour and shininess, a perfect mirror from 999.
+    /// A metal of this colour and shininess; a perfect mirror from shininess 999.
     Metal([f64; 3], f64),
-    /// A thin sheet of glass that lets this part through besides what its surfaces reflect.
+    /// A thin pane with this transmittance, apart from the reflection of its faces.
     Pane([f64; 3]),
     /// Solid glass.
     Glass([f64; 3]),
-    /// Shines with this radiance on the outside of its faces.
+    /// Emits this radiance on the outside of its faces.
     Light([f64; 3]),
 }
 
 impl Material {
-    /// Whether it shines.
+    /// Returns whether it emits light.
     #[cfg(test)]
     pub fn is_light(&self) -> bool {
         matches!(self.kind, Kind::Light(_))
     }
 }
 
-/// The material's entry in an MTL library.
+/// Writes the material's entry in an MTL library.
 impl Display for Material {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rgb = |key: &str, [r, g, b]: [f64; 3]| format!("{key} {r} {g} {b}\n");
@@ -55,7 +56,7 @@ impl Display for Material {
 macro_rules! materials {
     ($($id:ident = $name:literal $kind:ident $value:tt;)*) => {
         $(pub static $id: Material = Material { name: $name, kind: Kind::$kind $value };)*
-        /// All of them, in the library's order.
+        /// All materials, in the order of the library.
         pub static ALL: &[&Material] = &[$(&$id),*];
     };
 }

@@ -1,7 +1,7 @@
-//! Triangle meshes as furniture is made of: points, faces, and the material of each face.
+//! Triangle meshes of furniture: points, faces, and the material of each face.
 //!
-//! Always: faces are counter-clockwise seen from outside, affine maps with a negative determinant included, so that
-//! light leaves a lamp outwards and glass knows its inside.
+//! Always true: faces are counter-clockwise seen from outside, even after affine maps with a
+//! negative determinant. So lamps shine outwards, and glass knows its inside.
 
 use crate::material::Material;
 use glam::{DAffine3, DMat3, DVec3};
@@ -11,7 +11,7 @@ use glam::{DAffine3, DMat3, DVec3};
 pub struct Face {
     /// Indices into the mesh's points, counter-clockwise from outside.
     pub corners: [u32; 3],
-    /// What it is made of.
+    /// Its material.
     pub material: &'static Material,
 }
 
@@ -25,7 +25,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// One mesh of several.
+    /// Joins several meshes.
     pub fn of(parts: impl IntoIterator<Item = Self>) -> Self {
         let mut whole = Self::default();
         for part in parts {
@@ -49,7 +49,8 @@ impl Mesh {
         (self.points.len() - 1) as u32
     }
 
-    /// Adds a quadrilateral of four point indices, counter-clockwise; sides of length zero leave a triangle or nothing.
+    /// Adds a quadrilateral of four point indices, counter-clockwise. If sides have length zero, a
+    /// triangle or nothing is added.
     pub fn quad(&mut self, material: &'static Material, [a, b, c, d]: [u32; 4]) {
         for corners in [[a, b, c], [a, c, d]] {
             let [p, q, r] = corners.map(|i| self.points[i as usize]);
@@ -59,7 +60,7 @@ impl Mesh {
         }
     }
 
-    /// The same under an affine map.
+    /// Applies an affine map.
     pub fn transformed(mut self, map: DAffine3) -> Self {
         for p in &mut self.points {
             *p = map.transform_point3(*p);
@@ -72,27 +73,27 @@ impl Mesh {
         self
     }
 
-    /// The same, moved.
+    /// Moves the mesh.
     pub fn at(self, x: f64, y: f64, z: f64) -> Self {
         self.transformed(DAffine3::from_translation(DVec3::new(x, y, z)))
     }
 
-    /// The same, turned about +z, counter-clockwise from above.
+    /// Turns the mesh about +z, counter-clockwise seen from above.
     pub fn turned(self, degrees: f64) -> Self {
         self.transformed(DAffine3::from_mat3(DMat3::from_rotation_z(degrees.to_radians())))
     }
 
-    /// The same, tilted about +x: at 90 degrees, what pointed up points to -y.
+    /// Tilts the mesh about +x: at 90 degrees, what pointed up points to -y.
     pub fn tilted(self, degrees: f64) -> Self {
         self.transformed(DAffine3::from_mat3(DMat3::from_rotation_x(degrees.to_radians())))
     }
 
-    /// The same, stretched along the axes; a negative factor mirrors.
+    /// Stretches the mesh along the axes; a negative factor mirrors it.
     pub fn scaled(self, x: f64, y: f64, z: f64) -> Self {
         self.transformed(DAffine3::from_scale(DVec3::new(x, y, z)))
     }
 
-    /// The three corners of each triangle, with its material.
+    /// Returns the corners of each triangle, with its material.
     #[cfg(test)]
     pub fn triangles(&self) -> impl Iterator<Item = ([DVec3; 3], &'static Material)> + '_ {
         self.faces.iter().map(|face| (face.corners.map(|c| self.points[c as usize]), face.material))
@@ -105,7 +106,8 @@ mod tests {
     use crate::material::PLASTER;
     use crate::shapes::{block, cushion, lathe, rounded, tube};
 
-    /// Volume by the divergence theorem: positive if the faces of a closed mesh look outwards.
+    /// Returns the volume by the divergence theorem: positive if the faces of a closed mesh face
+    /// outwards.
     fn volume(mesh: &Mesh) -> f64 {
         mesh.triangles().map(|([a, b, c], _)| a.dot(b.cross(c)) / 6.0).sum()
     }
@@ -133,7 +135,8 @@ mod tests {
     #[test]
     fn volumes_are_those_of_the_solids() {
         assert!((volume(&block(&PLASTER, [1.0, 2.0, 3.0])) - 6.0).abs() < 1e-12);
-        // Inscribed in the solid with a rounding of its edges: a little less than the box, more than without its edges.
+        // Inscribed in the solid with rounded edges: slightly less than the box, and more than the
+        // box without its edges.
         let soft = volume(&rounded(&PLASTER, [1.0, 2.0, 3.0], 0.1));
         assert!((0.8 * 1.8 * 2.8..6.0).contains(&soft), "{soft}");
         // A prism over a regular n-gon.

@@ -1,19 +1,19 @@
-//! Objects to OBJ text.
+//! Writing objects as OBJ text.
 //!
-//! Always: coordinates are whole multiples of 10 µm; no triangle that this rounding flattens is written, and no point
-//! that nothing uses.
+//! Always true: coordinates are whole multiples of 10 µm. Triangles that this rounding flattens and
+//! unused points are not written.
 
 use crate::rooms::Object;
 use glam::DVec3;
 use std::collections::HashMap;
 use std::fmt::Write;
 
-/// Steps per metre that coordinates are rounded to.
+/// Steps per metre to which coordinates are rounded.
 const STEPS: f64 = 1e5;
-/// A triangle of less area, in steps², is a sliver that rounding made. Ten steps squared: 1e-9 m².
+/// Area in steps² below which a triangle is a sliver that rounding made: 1e-9 m².
 const SLIVER: f64 = 10.0;
 
-/// The OBJ file of `objects`, with `library` as its materials.
+/// Returns the OBJ file of `objects`, with `library` as its materials.
 pub fn write(objects: &[Object], library: &str) -> String {
     let mut text = format!("# Metres, +Z up.\nmtllib {library}\n");
     let mut written = 0;

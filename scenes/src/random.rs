@@ -1,15 +1,16 @@
-//! Numbers that vary a leaf from the next one: splitmix64, the same on every machine and in every run.
+//! Random numbers that vary things such as leaves: splitmix64, the same on every machine and in
+//! every run.
 
-/// A sequence decided by its seed.
+/// A sequence that depends only on its seed.
 pub struct Random(u64);
 
 impl Random {
-    /// The sequence of `seed`.
+    /// Returns the sequence of `seed`.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// The next number in [0, 1).
+    /// Returns the next number in [0, 1).
     pub fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -18,12 +19,12 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// The next number in [low, high).
+    /// Returns the next number in [low, high).
     pub fn range(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// The next of some things, which must not be none.
+    /// Returns one of some things; there must be at least one.
     pub fn pick<T: Copy>(&mut self, from: &[T]) -> T {
         from[(self.unit() * from.len() as f64) as usize]
     }

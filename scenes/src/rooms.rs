@@ -1,6 +1,7 @@
-//! The furnished rooms: what stands where.
+//! The furnished rooms.
 //!
-//! Always: the middle of every room, from about a metre up, stays free: the sections of the holodeck lie there.
+//! Always true: the middle of every room, from about one metre up, is free, because the sections of
+//! the holodeck lie there.
 
 use crate::building::{
     self, BATH, BEDROOM, HALL, KITCHEN, LIVING, Room, STUDY, Side, leaf, tiled_floor,
@@ -38,7 +39,7 @@ pub struct Object {
 /// The name of the object that holds walls, floors, ceilings and windows.
 pub const SHELL: &str = "shell";
 
-/// All of the interior.
+/// Returns the whole interior.
 pub fn interior() -> Vec<Object> {
     let shell = building::shell(|room| match room.name {
         "living room" => &WALL_WARM,
@@ -62,7 +63,7 @@ pub fn interior() -> Vec<Object> {
     .into()
 }
 
-/// A grid of downlights between two corners.
+/// Returns a grid of downlights between two corners.
 fn downlights(room: &Room, x: &[f64], y: &[f64]) -> Mesh {
     Mesh::of(x.iter().flat_map(|&x| y.iter().map(move |&y| room.hung(x, y, downlight()))))
 }
@@ -130,7 +131,7 @@ fn kitchen() -> Vec<Mesh> {
     for along in [-0.7, 0.0, 0.7] {
         parts.push(room.hung(x, y + along, bell(&COPPER, 0.92)));
         for side in [-1.0, 1.0] {
-            // Sitters at the west side look east, and the other way round.
+            // Guests on the west side face east, and vice versa.
             parts.push(place_setting().turned(90.0 * side).at(x + side * 0.33, y + along, 0.75));
             parts.push(chair(&OAK_LIGHT, &CURTAIN_BLUE).turned(90.0 * side).at(
                 x + side * 0.74,
@@ -158,7 +159,7 @@ fn hallway() -> Vec<Mesh> {
         hang(Side::South, 3.8, 1.1, picture(&OAK, 0.7, 0.9, 44)),
         hang(Side::South, 7.5, 1.15, picture(&BRASS, 1.6, 0.8, 45)),
         palm(1.4, 9, 12).scaled(0.7, 0.7, 1.0).at(10.75, 5.5, 0.0),
-        // The front door, shut, in the east wall.
+        // The front door in the east wall, shut.
         room.against(Side::East, 5.85, leaf().at(-0.44, 0.08, 0.0)),
         downlights(room, &[1.0, 3.0, 5.0, 7.0, 9.0, 10.6], &[5.85]),
     ];

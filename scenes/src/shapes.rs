@@ -1,6 +1,8 @@
-//! The shapes that furniture is made of: boxes, boxes with rounded edges, cushions, turned parts, tubes, sheets.
+//! The shapes that furniture is made of: boxes, boxes with rounded edges, cushions, lathed parts,
+//! tubes, sheets.
 //!
-//! Always: closed shapes look outwards; a shape stands on z = 0, centred in x and y, unless it says otherwise.
+//! Always true: closed shapes face outwards. A shape stands on z = 0, centred in x and y, unless
+//! its documentation says otherwise.
 
 use crate::material::Material;
 use crate::mesh::Mesh;
@@ -10,7 +12,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 /// Cells along each side of a cushion's six faces.
 const CUSHION: usize = 8;
 
-/// The box between two corners.
+/// Returns the box between two corners.
 pub fn cuboid(material: &'static Material, min: [f64; 3], max: [f64; 3]) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..8 {
@@ -24,19 +26,19 @@ pub fn cuboid(material: &'static Material, min: [f64; 3], max: [f64; 3]) -> Mesh
     mesh
 }
 
-/// A box of a size.
+/// Returns a box of a size.
 pub fn block(material: &'static Material, [w, d, h]: [f64; 3]) -> Mesh {
     cuboid(material, [-w / 2.0, -d / 2.0, 0.0], [w / 2.0, d / 2.0, h])
 }
 
-/// A box of a size with edges rounded to `radius`.
+/// Returns a box of a size whose edges are rounded to `radius`.
 pub fn rounded(material: &'static Material, size: [f64; 3], radius: f64) -> Mesh {
     let half = DVec3::from(size) / 2.0;
     let radius = radius.min(half.min_element());
     let inner = half - radius;
-    // Segments to 45 degrees of an edge: an edge of a few millimetres needs but a chamfer.
+    // Segments per 45 degrees of an edge. An edge of a few millimetres needs only a chamfer.
     let arc = if radius < 0.012 { 1 } else { 2 };
-    // Along an axis, as fractions of the way: the two arcs, at equal angles, and the flat part as one cell between.
+    // Along an axis, as fractions: the two arcs in equal angles, and one flat cell between them.
     let stops: Vec<(f64, f64)> = (0..=arc)
         .map(|i| (-1.0, -((arc - i) as f64 / arc as f64 * FRAC_PI_4).tan()))
         .chain((0..=arc).map(|i| (1.0, (i as f64 / arc as f64 * FRAC_PI_4).tan())))
@@ -56,12 +58,13 @@ pub fn rounded(material: &'static Material, size: [f64; 3], radius: f64) -> Mesh
     })
 }
 
-/// A cushion: square in outline, round in profile.
+/// Returns a cushion: square in outline, round in profile.
 pub fn cushion(material: &'static Material, size: [f64; 3]) -> Mesh {
     superellipsoid(material, size, 5.0, 2.4)
 }
 
-/// A superellipsoid with its own exponents for the outline (x, y) and the profile (2 is an ellipse, more is squarer).
+/// Returns a superellipsoid with separate exponents for outline (x, y) and profile; 2 is an
+/// ellipse, and more is squarer.
 pub fn superellipsoid(
     material: &'static Material,
     size: [f64; 3],
@@ -72,7 +75,7 @@ pub fn superellipsoid(
     cube_faces(material, CUSHION, |face| {
         let at = DVec3::from(face.map(|along| match along {
             Along::Wall(side) => side,
-            // Denser towards the edges, where it curves.
+            // Denser near the edges, where it curves.
             Along::Stop(i) => ((2.0 * i as f64 / CUSHION as f64 - 1.0) * FRAC_PI_2).sin(),
         }));
         let around = (at.x.abs().powf(outline) + at.y.abs().powf(outline)).powf(1.0 / outline);
@@ -88,11 +91,11 @@ enum Along {
     Stop(usize),
 }
 
-/// The six faces of a cube, `n` by `n` cells each, bent by `bend`.
+/// Returns the six faces of a cube, of `n` by `n` cells each, mapped by `bend`.
 fn cube_faces(material: &'static Material, n: usize, bend: impl Fn([Along; 3]) -> DVec3) -> Mesh {
     Mesh::of((0..6).map(|face| {
         let (axis, side) = (face / 2, if face % 2 == 0 { -1.0 } else { 1.0 });
-        // (axis, u, v) is right-handed, so the far wall runs u then v and the near wall v then u.
+        // (axis, u, v) is right-handed, so the far wall runs u then v, and the near wall v then u.
         let (mut u, mut v) = ((axis + 1) % 3, (axis + 2) % 3);
         if side < 0.0 {
             (u, v) = (v, u);
@@ -106,7 +109,8 @@ fn cube_faces(material: &'static Material, n: usize, bend: impl Fn([Along; 3]) -
     }))
 }
 
-/// A sheet of `nu` by `nv` cells: `at(u, v)` with both in [0, 1]. Its outside is where ∂u × ∂v points.
+/// Returns a sheet of `nu` by `nv` cells with points `at(u, v)`, both in [0, 1]. Its outside is the
+/// side of ∂u × ∂v.
 pub fn sheet(
     material: &'static Material,
     nu: usize,
@@ -140,13 +144,14 @@ fn indexed(
     mesh
 }
 
-/// A rectangle from a corner along two edges; its outside is where `u` × `v` points.
+/// Returns a rectangle from a corner along two edges. Its outside is the side of `u` × `v`.
 pub fn rectangle(material: &'static Material, corner: [f64; 3], u: [f64; 3], v: [f64; 3]) -> Mesh {
     let (corner, u, v) = (DVec3::from(corner), DVec3::from(u), DVec3::from(v));
     sheet(material, 1, 1, |s, t| corner + u * s + v * t)
 }
 
-/// A turned shape: `profile`, pairs of radius and height, around the z axis. Going up, its outside is away from the axis.
+/// Returns a solid of revolution about the z axis; `profile` holds pairs of radius and height.
+/// Going up, its outside is away from the axis.
 pub fn lathe(material: &'static Material, segments: usize, profile: &[(f64, f64)]) -> Mesh {
     let mut mesh = Mesh::default();
     for &(radius, z) in profile {
@@ -167,32 +172,33 @@ pub fn lathe(material: &'static Material, segments: usize, profile: &[(f64, f64)
     mesh
 }
 
-/// A turned shape with a smooth profile through the given pairs of radius and height.
+/// Returns a solid of revolution with a smooth profile through the given pairs of radius and
+/// height.
 pub fn turned(material: &'static Material, segments: usize, profile: &[(f64, f64)]) -> Mesh {
     lathe(material, segments, &smooth(profile, 2))
 }
 
-/// A ball about the origin.
+/// Returns a ball about the origin.
 pub fn ball(material: &'static Material, radius: f64, segments: usize) -> Mesh {
     let rings = segments / 2;
     let profile: Vec<_> = (0..=rings)
         .map(|j| {
             let (sin, cos) = (std::f64::consts::PI * j as f64 / rings as f64).sin_cos();
-            // The poles lie exactly on the axis, or slivers would surround them.
+            // The poles lie exactly on the axis; otherwise slivers would surround them.
             (if j == 0 || j == rings { 0.0 } else { radius * sin }, -radius * cos)
         })
         .collect();
     lathe(material, segments, &profile)
 }
 
-/// A round rod along `path`, capped.
+/// Returns a round rod along `path`, with caps.
 pub fn tube(material: &'static Material, path: &[DVec3], radius: f64, segments: usize) -> Mesh {
     let mut mesh = Mesh::default();
     let last = path.len() - 1;
     let tangent = |i: usize| (path[(i + 1).min(last)] - path[i.saturating_sub(1)]).normalize();
     let mut side = tangent(0).any_orthonormal_vector();
     for (i, &at) in path.iter().enumerate() {
-        // Carried along, so that the rod does not twist.
+        // Transported along the path, so that the rod does not twist.
         let along = tangent(i);
         side = (side - along * side.dot(along)).normalize();
         let other = along.cross(side);
@@ -218,7 +224,7 @@ pub fn tube(material: &'static Material, path: &[DVec3], radius: f64, segments: 
     mesh
 }
 
-/// A rod bent smoothly through the given points.
+/// Returns a rod that bends smoothly through the given points.
 pub fn bent(material: &'static Material, through: &[[f64; 3]], radius: f64) -> Mesh {
     let xy: Vec<_> = through.iter().map(|p| (p[0], p[1])).collect();
     let z: Vec<_> = through.iter().map(|p| (p[2], 0.0)).collect();
@@ -227,11 +233,11 @@ pub fn bent(material: &'static Material, through: &[[f64; 3]], radius: f64) -> M
         .zip(smooth(&z, 4))
         .map(|(&(x, y), (z, _))| DVec3::new(x, y, z))
         .collect();
-    // A stalk of a few millimetres needs no more sides than a pencil.
+    // A stalk of a few millimetres needs few sides.
     tube(material, &path, radius, if radius < 0.0065 { 5 } else { 10 })
 }
 
-/// A Catmull-Rom curve through the pairs, `steps` pieces between neighbours.
+/// Returns a Catmull-Rom curve through the pairs, with `steps` pieces between neighbours.
 fn smooth(points: &[(f64, f64)], steps: usize) -> Vec<(f64, f64)> {
     let last = points.len() - 1;
     let mut curve = Vec::with_capacity(last * steps + 1);

@@ -1,4 +1,4 @@
-//! Behaviours of the scenes as wholes, by their own geometry.
+//! Tests of whole scenes, by their own geometry.
 
 use crate::building::ROOMS;
 use crate::config::{SECTIONS, VIEWS};
@@ -6,7 +6,7 @@ use crate::material::{ALL, Material};
 use crate::rooms::{Object, SHELL, interior};
 use crate::{Bundled, config, cornell, corridor, obj_and_mtl, write};
 use glam::DVec3;
-use holo_scene::{LoadOptions, load_obj};
+use holo_scene::{LoadOptions, Scene, load_obj};
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
@@ -26,7 +26,7 @@ fn shell() -> Vec<Triangle> {
         .collect()
 }
 
-/// Distance along a ray to a triangle (Möller and Trumbore 1997).
+/// Returns the distance along a ray to a triangle (Möller and Trumbore 1997).
 fn meets([a, b, c]: Triangle, origin: DVec3, direction: DVec3) -> Option<f64> {
     let (u, v, from) = (b - a, c - a, origin - a);
     let p = direction.cross(v);
@@ -37,7 +37,7 @@ fn meets([a, b, c]: Triangle, origin: DVec3, direction: DVec3) -> Option<f64> {
     (s >= 0.0 && t >= 0.0 && s + t <= 1.0 && distance > 0.0).then_some(distance)
 }
 
-/// The lights as fixtures: triangles that touch, found by the corners that they share.
+/// Returns the lights as fixtures: triangles connected by shared corners.
 fn fixtures() -> Vec<Vec<Triangle>> {
     let lit: Vec<Triangle> =
         triangles().filter(|(_, material)| material.is_light()).map(|(t, _)| t).collect();
@@ -66,7 +66,7 @@ fn fixtures() -> Vec<Vec<Triangle>> {
 }
 
 #[test]
-fn a_scene_is_the_same_byte_for_byte_each_time() {
+fn a_scene_has_the_same_bytes_each_time() {
     for scene in Bundled::ALL {
         assert!(obj_and_mtl(scene) == obj_and_mtl(scene));
         assert_eq!(config(scene), config(scene));
@@ -95,7 +95,8 @@ fn furniture_stays_inside_the_house() {
     let (low, high) = (DVec3::new(0.0, 0.0, -1e-9), DVec3::new(11.15, 10.7, 2.7 + 1e-9));
     for object in INTERIOR.iter().filter(|o| ![SHELL, "garden"].contains(&o.name)) {
         for p in &object.mesh.points {
-            // Wall linings, and legs that end on the floor, may lie in the surface but not beyond the outer walls.
+            // Wall linings, and legs that end on the floor, may touch the outer walls but not
+            // extend beyond them.
             let slack = DVec3::new(1e-6, 1e-6, 0.021);
             assert!(
                 p.cmpge(low - slack).all() && p.cmple(high + slack).all(),
@@ -117,13 +118,14 @@ fn there_are_many_lights_of_different_sizes() {
     assert!(areas[areas.len() - 1] > 100.0 * areas[0], "{areas:?}");
 }
 
-/// Closed fixtures (globes, rods) have their light outside; flat and open ones look into a room, not into a solid.
+/// The light of closed fixtures (globes, rods) is on their outside. Flat and open ones face a room,
+/// not a solid.
 #[test]
 fn lights_shine_into_the_rooms() {
     let all: Vec<Triangle> = triangles().map(|(t, _)| t).collect();
     for fixture in fixtures() {
         let middle = fixture.iter().flatten().sum::<DVec3>() / (3.0 * fixture.len() as f64);
-        // Three of each fixture: a ray against everything takes a millisecond.
+        // Three triangles of each fixture, because a ray against everything takes a millisecond.
         for [a, b, c] in [0, fixture.len() / 2, fixture.len() - 1].map(|i| fixture[i]) {
             let normal = (b - a).cross(c - a).normalize();
             let from = (a * 0.4 + b * 0.35 + c * 0.25) + normal * 1e-4;
@@ -136,14 +138,15 @@ fn lights_shine_into_the_rooms() {
             let free =
                 all.iter().filter_map(|&t| meets(t, from, normal)).fold(f64::INFINITY, f64::min);
             assert!(free > 0.02, "the light at {middle} is covered at {free} m along {normal}");
-            // From a solid's inside, the way along the normal would end at its far side, seen from within.
+            // From the inside of a solid, the ray along the normal would end at its far side, seen
+            // from within.
             let behind = fixture.iter().filter_map(|&t| meets(t, from, normal)).count();
             assert_eq!(behind, 0, "the light at {middle} looks into itself");
         }
     }
 }
 
-/// The house is convex: a ray that slipped between two of its parts would meet nothing more.
+/// The house is convex, so a ray that slipped between two of its parts would hit nothing more.
 #[test]
 fn no_light_leaks_between_walls() {
     let shell = shell();
@@ -182,7 +185,7 @@ fn every_section_lies_in_its_room_clear_of_walls_and_every_eye_in_a_section() {
             section.name
         );
         assert!(low.z >= 0.9 && high.z < 2.7, "{}", section.name);
-        // Walls are boxes along the axes: a triangle's own box is exact.
+        // Walls are boxes along the axes, so a triangle's bounding box is exact.
         for [a, b, c] in &walls {
             let apart = a.max(*b).max(*c).cmplt(low).any() || a.min(*b).min(*c).cmpgt(high).any();
             assert!(apart, "{} meets a wall at {a}", section.name);
@@ -206,11 +209,21 @@ fn the_interior_loads_without_a_warning_and_its_sections_are_empty() {
     let written = write(Bundled::Interior, dir.path()).unwrap();
     let loaded = load_obj(&written.obj, &LoadOptions::default()).unwrap();
     assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
-    // As many as the mesh has, but for slivers that rounding to 10 µm flattens.
+    // As many as in the mesh, except for slivers that rounding to 10 µm flattens.
     let made = triangles().count();
     let read = loaded.scene.triangles.len();
     assert!(read <= made && read > made - made / 500, "{read} of {made}");
     assert_eq!(loaded.scene.materials.len(), ALL.len(), "a material is defined but not used");
+    let features = loaded.scene.features();
+    assert!(features.diffuse && features.mirror && features.thin_glass);
+    assert_eq!(Scene::unpack(&loaded.scene.pack()).unwrap(), loaded.scene);
+    // The bounds are those of the mesh: the file has steps of 10 µm, the scene has f32 around its centre.
+    let (low, high) = loaded.scene.bounds();
+    let corners = || triangles().flat_map(|(triangle, _)| triangle);
+    let (made_low, made_high) =
+        (corners().reduce(DVec3::min).unwrap(), corners().reduce(DVec3::max).unwrap());
+    assert!((low - made_low).abs().max_element() < 1e-5, "{low} {made_low}");
+    assert!((high - made_high).abs().max_element() < 1e-5, "{high} {made_high}");
     for section in &SECTIONS {
         let [w, d, h] = section.size;
         let axes = [DVec3::X * w, DVec3::Y * d, DVec3::Z * h];
@@ -228,13 +241,24 @@ fn cornell_loads_and_has_the_published_measurements() {
     let written = write(Bundled::Cornell, dir.path()).unwrap();
     let loaded = load_obj(&written.obj, &LoadOptions::default()).unwrap();
     assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
-    assert_eq!(loaded.scene.triangles.len(), 32);
+    assert_eq!((loaded.scene.triangles.len(), loaded.scene.materials.len()), (32, 4));
+    let features = loaded.scene.features();
+    assert!(features.diffuse && !features.mirror && !features.sky);
+    assert_eq!(features.emitters, 2);
+    let lamp = loaded.scene.emitters().next().unwrap();
+    assert_eq!(loaded.scene.material(lamp).emission, [17.0, 12.0, 4.0]);
+    assert!(loaded.scene.normal(lamp).y < -0.999, "the lamp shines down");
+    // The blocks stand inside a section that reaches into the box, not inside one before it.
+    let axes = [DVec3::X * 4.3, DVec3::Y * 4.2, DVec3::Z * 5.0];
+    assert!(loaded.scene.geometry_inside(DVec3::new(0.6, 0.6, -4.0), axes));
+    assert!(!loaded.scene.geometry_inside(DVec3::new(0.6, 0.6, -5.5), axes));
     let (low, high) = loaded.scene.bounds();
     assert!(
         (low - DVec3::ZERO).length() < 1e-6
             && (high - DVec3::new(5.56, 5.488, 5.592)).length() < 1e-6
     );
-    // The published box: a lamp of 130 mm × 105 mm that looks down, blocks of 165 mm and 330 mm, in whole millimetres.
+    // The published box in whole millimetres: a lamp of 130 mm × 105 mm that faces down, blocks of
+    // 165 mm and 330 mm.
     let area = |[a, b, _, d]: [[f64; 3]; 4]| {
         let [a, b, d] = [a, b, d].map(DVec3::from);
         (b - a).cross(d - a)
@@ -255,14 +279,12 @@ fn cornell_loads_and_has_the_published_measurements() {
     }
 }
 
-/// The file of the same box that others measured with, number for number.
+/// The bundled box has the numbers of the file that the reference pictures were made from.
 #[test]
+#[ignore = "needs ../shared"]
 fn cornell_equals_the_shared_one() {
     let shared = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes/cornell/cornell.obj");
-    let Ok(theirs) = std::fs::read_to_string(shared) else {
-        println!("skipped: ../shared/scenes is not there");
-        return;
-    };
+    let theirs = std::fs::read_to_string(shared).unwrap();
     let numbers = |text: &str| -> Vec<String> {
         text.lines()
             .filter(|l| ["v ", "f ", "us"].iter().any(|k| l.starts_with(k)))
@@ -297,7 +319,7 @@ fn the_corridor_is_small_closed_and_loads_without_a_warning() {
 }
 
 #[test]
-fn the_corridor_has_no_direct_light_and_sees_what_the_lamp_lights() {
+fn the_corridor_has_no_direct_light_and_sees_surfaces_that_have() {
     let corners =
         || corridor::RECTANGLES.iter().flat_map(|r| r.corners().map(|corner| (r.material, corner)));
     let lamp: Vec<[f64; 3]> =
@@ -308,7 +330,7 @@ fn the_corridor_has_no_direct_light_and_sees_what_the_lamp_lights() {
     // Both arms and the doorway lie behind the lamp's plane.
     const { assert!(corridor::CORRIDOR_TO < corridor::ROOM_FROM) };
     assert!(lamp.iter().all(|corner| corner[1] > corridor::ROOM_FROM));
-    // From the bend, the room's far wall is in sight, and from there the lamp.
+    // From the bend, the far wall of the room is visible, and from there the lamp.
     let all = corridor_triangles();
     let nearest = |from: DVec3, to: DVec3| {
         all.iter().filter_map(|&t| meets(t, from, to - from)).fold(f64::INFINITY, f64::min)

@@ -1,4 +1,8 @@
-"""What it gains to leave out what a scene lacks: the same picture of a scene without it, and with a trace of it that nobody sees."""
+"""The gain of leaving out features that a scene lacks.
+
+Compares a picture of a scene without a feature and of the same scene with a trace of it that
+nobody sees.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,7 @@ from harness import Bench
 from program import compare, run
 
 VIEW = ("--vp=2.78,2.73,-2", "--vd=0,0,1", "--vu=0,1,0", "--vh=60", "--size=256x256")
-# Within the short block, which has no openings.
+# Inside the short block, which has no openings.
 GLASS = """
 usemtl unseen_glass
 v 1.75 0.5 1.6
@@ -30,15 +34,15 @@ GLASS_MATERIAL = "\nnewmtl unseen_glass\nillum 7\nNi 1.5\nTf 1 1 1\n"
 EMPTY_SECTION = "--section=0.5,3.5,0.5 4.5,0,0 0,1.7,0 0,0,4.6 3,2,3"
 EMPTY_VIEW = ("--vp=2.7,4.3,2.8", "--vd=-1,0,0", "--vu=0,1,0", "--vh=40", "--size=128x128")
 
-# How many times the paths of what is judged a truth has.
+# Paths of the converged picture, over those of the picture that is judged.
 TRUTH = 8
-# Relative difference of two pictures of the same random numbers.
+# Greatest relative difference of two pictures from the same random numbers.
 SAME = 1e-3
 
 
 @dataclass
 class Variant:
-    """One way to make a picture: `make` writes the picture, and gives seconds of processor time."""
+    """One way to make a picture: `make` writes it and returns seconds of processor time."""
 
     picture: Path
     error: Path
@@ -47,17 +51,20 @@ class Variant:
 
 @dataclass
 class Skip:
-    """What is skipped, the way with the skip and that without, and what the result is held against."""
+    """A feature that is skipped, the variants with and without the skip, and the reference of the
+    result.
+    """
 
     what: str
     skipped: Variant
     done: Variant
-    # Of a picture with many more paths; `None`: the same random numbers are used, and the two pictures are compared.
+    # A converged picture. `None`: both variants use the same random numbers and are compared
+    # directly.
     truth: Variant | None
 
 
 def ablations(bench: Bench) -> Part:
-    """Skips one by one: processor time with and without, and that the result is the same."""
+    """Skips one by one: processor time with and without each, and equality of results."""
     rounds = 1 if bench.quick else 3
     part = Part(
         "What skipping gains",
@@ -81,7 +88,7 @@ def ablations(bench: Bench) -> Part:
             one, other = (against(bench, variant, skip.truth) for variant in (skip.skipped, skip.done))
             difference, half = one[0] - other[0], math.hypot(one[1], other[1])
         else:
-            # Rounding alone, and samples that it takes to the next code of a colour.
+            # Only rounding, and samples that rounding moves to the next code of a colour.
             difference, half = compare(bench.holodeck, skip.skipped.picture, skip.done.picture)["bias"], SAME
         table.rows.append([skip.what, skipped, done, skipped / done, difference, half if skip.truth else None])
         bar = Bar(f"same result, {skip.what}", f"{difference:+.3%}", f"within ±{half:.3%}", abs(difference) <= half)
@@ -91,7 +98,7 @@ def ablations(bench: Bench) -> Part:
 
 
 def against(bench: Bench, variant: Variant, truth: Variant) -> tuple[float, float]:
-    """Bias, and half of its interval."""
+    """Returns the bias, and half the width of its interval."""
     options = ("--se", variant.error, "--reference-se", truth.error)
     measures = compare(bench.holodeck, variant.picture, truth.picture, *options)
     return measures["bias"], measures["bias_99"]
@@ -102,7 +109,7 @@ def spp(bench: Bench) -> int:
 
 
 def skips_to_measure(bench: Bench) -> list[Skip]:
-    """All but the beams that see nothing."""
+    """Returns all skips except that of beams that hit nothing."""
     plain, glass, dark, faint = scenes(bench)
 
     def render(name: str, obj: Path, *options: str, seed: int = 3, times: int = 1) -> Variant:
@@ -138,7 +145,9 @@ def skips_to_measure(bench: Bench) -> list[Skip]:
 
 
 def scenes(bench: Bench) -> tuple[Path, Path, Path, Path]:
-    """The bundled Cornell box; with unseen glass; without its lamp; with next to none of it."""
+    """Returns the bundled Cornell box, and variants with unseen glass, without its lamp, and with
+    almost no lamp.
+    """
     plain = bench.scenes.bundle() / "cornell.obj"
     text, materials = plain.read_text(encoding="utf-8"), plain.with_suffix(".mtl").read_text(encoding="utf-8")
     found = [plain]

@@ -1,4 +1,4 @@
-"""The engine `cached` beside `path`: seconds to an error, bias, and what many workers cost."""
+"""The engine `cached` beside `path`: seconds to an error, bias, and the cost of many workers."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from harness import Bench
 from program import Failed, compare, run
 from scenes import Case
 
-# Error to reach and seconds allowed over those of `path`, by scene.
+# By scene: the error to reach, and the allowed time over that of `path`.
 WANTED = {"cornell": (0.005, 0.15), "cabin": (0.02, 0.3), "corridor": (0.03, 0.3)}
-# Settings tried, coarse ones first: the quickest that reaches the error counts.
+# Settings to try, coarse ones first. The quickest that reaches the error counts.
 ACCURACIES = (0.3, 0.2, 0.1, 0.06, 0.03)
 COUNTS = (1, 2, 3, 4, 6, 8)
 BIAS_BAR = 0.01
 BLOCK_BAR = 0.05
-# Many workers against one: CPU seconds for a sample, and rays of records.
+# Limits for many workers over one: CPU seconds per sample, and rays of records.
 MANY = 8
 SHARING_BAR = 1.1
-# A warm sample beside one path: rate at least, variance at most.
+# Limits for a warm sample over one path: least rate, greatest variance.
 RATE_BAR = 0.5
 VARIANCE_BAR = 1 / 30
-# A view at rest: seconds of its pictures, from which on it has settled, and the accuracy that they may differ by.
+# For a view at rest: the times of its pictures, the time from which it has settled, and the
+# greatest change between pictures.
 REST = (2, 4, 6, 8, 10, 20, 30, 40)
 SETTLED = 10
 ACCURACY = 0.03
 
 
 def cached(bench: Bench) -> Part:
-    """Seconds to an error with indirect light from records, against paths; bias; and what many workers cost."""
+    """Time to an error with indirect light from records; bias; cost of many workers."""
     part = Part(
         "Clean samples: the engine `cached`",
         [
@@ -70,7 +71,7 @@ def cached(bench: Bench) -> Part:
 
 
 def to_error(bench: Bench, part: Part, case: Case) -> list:
-    """A row: seconds of both engines to the case's error."""
+    """Returns a row: the seconds of both engines to the case's error."""
     wanted, bar = WANTED[case.name]
     truth = bench.truth(case)
     picture, said = bench.render(case, "to-error", "--spp", str(bench.paths(64)))
@@ -114,7 +115,7 @@ def warm(bench: Bench, part: Part) -> Table:
 
 
 def flicker(bench: Bench, part: Part) -> Table:
-    """How much pictures of a view at rest differ, block by block, while samples come in."""
+    """Measures how much pictures of a view at rest differ, block by block, while samples arrive."""
     steps = list(zip(REST, REST[1:]))
     columns = [["scene", ""], ["file", ""], ["driver", ""], ["", ""], *([f"{a} to {b} s", ".2%"] for a, b in steps)]
     table = Table("A view at rest: the worst lit 16 × 16 block from one picture to the next", columns)
@@ -127,7 +128,7 @@ def flicker(bench: Bench, part: Part) -> Table:
                 of = {kind: [change[measure] for change in changes] for kind, measure in kinds.items()}
                 for kind, values in of.items():
                     table.rows.append([case.title, state, driver, kind, *values])
-                # The first step is while records are still made, or the view's own samples come.
+                # During the first step records are still made, or the view's own samples arrive.
                 worst = {kind: max(values[1:]) for kind, values in of.items()}
                 if file is None:
                     for kind in ("as displayed", "away from the reference"):
@@ -139,14 +140,16 @@ def flicker(bench: Bench, part: Part) -> Table:
 
 
 def changes_at_rest(bench: Bench, case: Case, driver: str, filled: Path | None) -> list[dict[str, float]]:
-    """A session, with a filled file or an empty one, that looks at a case's view and stays there: each picture of it beside the one before."""
+    """Runs a session that looks at a case's view, with a filled file or an empty one, and compares
+    each picture with the one before.
+    """
     pictures = [bench.work / f"rest-{at}.pfm" for at in REST]
     lines = [f"0 view {case.view.line()}", *(f"{bench.seconds(at)} picture {path}" for at, path in zip(REST, pictures)), "quit"]
     script = bench.work / "rest.txt"
     script.write_text("\n".join([*lines, ""]), encoding="utf-8")
     opened = [*case.scene, "--engine", "cached"]
     if filled is not None:
-        # The session adds to the file: every one gets the same.
+        # The session adds to the file, so each session gets the same copy.
         file = bench.work / "rest.holo"
         file.write_bytes(filled.read_bytes())
         opened = [file]
@@ -183,7 +186,9 @@ def sharing(bench: Bench, part: Part) -> Table:
 
 
 def crowding(bench: Bench, case: Case) -> float:
-    """CPU seconds of a program of one thread beside as many of its like as there are workers, over those of one alone."""
+    """Returns the CPU seconds of a single-threaded program beside as many copies as there are
+    workers, over those of one alone.
+    """
     scene = [*case.scene, *case.view.options(), "--size", case.size, "--threads", "1", "--quiet"]
     cpu = {}
     for count in (1, MANY):
@@ -194,7 +199,7 @@ def crowding(bench: Bench, case: Case) -> float:
 
 
 def waited(process: subprocess.Popen) -> float:
-    """CPU seconds of a program, which is waited for."""
+    """Waits for a program and returns its CPU seconds."""
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode != 0:
@@ -203,10 +208,12 @@ def waited(process: subprocess.Popen) -> float:
 
 
 def cpu_of_fill(bench: Bench, case: Case, workers: int, samples: int) -> tuple[float, dict]:
-    """CPU seconds that workers of one thread take to add samples to a new file, and what `info` says of it."""
+    """Returns the CPU seconds that single-threaded workers take to add samples to a new file, and
+    the result of `info` about it.
+    """
     file: Path = bench.work / "sharing.holo"
     file.unlink(missing_ok=True)
-    # A file without samples to speak of, then a server and workers by hand.
+    # A nearly empty file, then a server and workers started by hand.
     run([bench.holodeck, "fill", *case.scene, "-o", file, "--engine", "cached", "--samples", "1", "--quiet"])
     command = [bench.holodeck, "holoserver", file, "--listen", "127.0.0.1:0", "--fill", "--samples", samples, "--quiet", "--with-parent"]
     words = [str(word) for word in command]

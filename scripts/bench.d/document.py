@@ -1,7 +1,7 @@
-"""The document: figures as JSON, and the Markdown that is made of them.
+"""The document: figures as JSON, and Markdown made from them.
 
-What always holds: the Markdown says nothing that the JSON does not; a measurement that is run again replaces its own
-part of both and no other.
+Always true: the Markdown contains nothing that the JSON does not. Running a measurement again
+replaces its own part of both and no other.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ FORMAT = 1
 
 @dataclass
 class Table:
-    """Rows of figures; a column is its heading and the format of its numbers (as in Python's `format`)."""
+    """Rows of figures. A column is its heading and the format of its numbers (as in Python's
+    `format`).
+    """
 
     title: str
     columns: list[list[str]]
@@ -36,7 +38,7 @@ class Table:
 
 @dataclass
 class Bar:
-    """A figure that is held against something."""
+    """A figure and the target that it is compared with."""
 
     what: str
     figure: str
@@ -57,15 +59,15 @@ class Plot:
 
 @dataclass
 class Part:
-    """What one measurement found."""
+    """The results of one measurement."""
 
     title: str
-    # What the figures mean, a paragraph each.
+    # Explanations of the figures, one paragraph each.
     meaning: list[str]
     tables: list[Table] = field(default_factory=list)
     bars: list[Bar] = field(default_factory=list)
     plots: list[Plot] = field(default_factory=list)
-    # What was left out and why.
+    # What was left out, and why.
     skipped: list[str] = field(default_factory=list)
     conditions: dict[str, str] = field(default_factory=dict)
 
@@ -89,14 +91,15 @@ class Part:
 
 
 def shown(figure: Figure, spec: str) -> str:
-    """A figure as the document prints it."""
+    """Formats a figure for the document."""
     if figure is None:
         return "–"
     return figure if isinstance(figure, str) else format(figure, spec)
 
 
 class Document:
-    """`benchmarks.json`, and `benchmarks.md` made of it, in one folder; plots go into `benchmarks/`."""
+    """`benchmarks.json` in a folder, and `benchmarks.md` made from it; plots go into `benchmarks/`.
+    """
 
     def __init__(self, folder: Path, order: list[str]) -> None:
         self.folder = folder
@@ -110,8 +113,10 @@ class Document:
             self._parts = {name: Part.of_json(part) for name, part in found["measurements"].items() if name in order}
 
     def replace(self, name: str, part: Part) -> bool:
-        """Puts a part in place of the old one and writes everything. Figures stay if all of the new part was "
-        "skipped."""
+        """Replaces a part and writes everything.
+
+        If all of the new part was skipped, the old figures stay.
+        """
         if not part.tables and name in self._parts:
             return False
         self._parts[name] = part

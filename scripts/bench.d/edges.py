@@ -1,4 +1,6 @@
-"""The same stored samples through every driver: error, and error at edges, over samples."""
+"""The same stored samples through every driver: error, and error at edges, over the number of
+samples.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +14,19 @@ from harness import Bench
 from program import compare, run
 from scenes import INTERIOR_LIVING, Case
 
-# The words that choose each; the cells are what `voronoi` makes without a scene.
+# The options that choose each driver. Without a scene, `voronoi` makes the cells.
 DRIVERS = {
     "quadtree": ("--driver", "quadtree"),
     "cells": ("--driver", "voronoi", "--cells", "smooth"),
     "voronoi": ("--driver", "voronoi"),
 }
-# Samples in the file, the worst first: it is filled on and on.
+# Numbers of samples in the file, ascending: the same file is filled further.
 SAMPLES = (10_000, 100_000, 1_000_000, 10_000_000)
-# Decibels wanted at the most samples: over the quadtree, and in all; and the share of its error at edges.
+# Targets at the most samples: decibels above the quadtree, decibels in total, and error at edges
+# over the quadtree's.
 ABOVE_QUADTREE, WANTED, SHARE_AT_EDGES = 6.0, 30.0, 0.25
-# Paths per pixel of the truth: the noise of one of 256 was a tenth of the squared error at edges.
+# Paths per pixel of the converged picture. With 256, its noise was a tenth of the squared error at
+# edges.
 TRUTH = 1024
 GAMMA = 2.2
 
@@ -34,12 +38,12 @@ def edges(bench: Bench) -> Part:
         [
             f"Files filled with `--bounces 0 --samples N`, on and on, and `picture` by every driver against `render --bounces 0 --spp "
             f"{bench.paths(TRUTH)}`. *At edges*: root mean square of the displayed difference (as PSNR has it) over pixels within two "
-            "of an edge of what is seen (another material, or a step; `crates/display/examples/edges_of_view.rs`), without the worst 1 % "
+            "of an edge of what is seen (another material, or a step; `crates/driver-voronoi/examples/edges_of_view.rs`), without the worst 1 % "
             "(the truth's fireflies), in thousandths of white. Of the bundled interior the truth itself is noisy: "
             "two such truths differ by 19 dB, and no picture can be much nearer to one than 22. The strip shows the truth on the left, then each driver from few samples to many.",
         ],
     )  # fmt: skip
-    example = bench.cargo.build("holo-display", "--example", "edges_of_view")
+    example = bench.cargo.build("holo-driver-voronoi", "--example", "edges_of_view")
     for case, obj, is_bar in cases(bench):
         line = case.view.line()
         rows = run([example, obj, line, case.size]).stdout.split()
@@ -84,7 +88,7 @@ def edges(bench: Bench) -> Part:
 
 
 def cases(bench: Bench) -> list[tuple[Case, Path, bool]]:
-    """Scenes and views, their OBJ files, and which is held against the bars."""
+    """Returns scenes and views, their OBJ files, and whether each is compared with the targets."""
     bundle = bench.scenes.bundle()
     found = []
     for case in (bench.scenes.cornell(), bench.scenes.room()):
@@ -103,7 +107,7 @@ def share(mask: list[bool]) -> float:
 
 
 def read(path: Path) -> tuple[int, int, array]:
-    """Width, height and channels of a colour .pfm, from the top."""
+    """Reads a colour .pfm file: width, height and channels, from the top."""
     data = path.read_bytes()
     _, size, scale, rest = data.split(b"\n", 3)
     width, height = map(int, size.split())
@@ -118,7 +122,7 @@ def read(path: Path) -> tuple[int, int, array]:
 
 
 def white(values: array) -> float:
-    """What is shown as white: the 95th percentile of the luminances."""
+    """Returns the luminance that is displayed as white: the 95th percentile."""
     luminances = sorted(0.2126 * r + 0.7152 * g + 0.0722 * b for r, g, b in zip(values[0::3], values[1::3], values[2::3]))
     return luminances[int(0.95 * (len(luminances) - 1))] or 1.0
 
@@ -128,7 +132,9 @@ def shown(value: float, of_white: float) -> float:
 
 
 def displayed_error(picture: Path, truth: Path, mask: list[bool]) -> float:
-    """Root mean square of the displayed difference over the pixels of the mask, without the worst 1 %."""
+    """Returns the root mean square of the displayed difference over the pixels of the mask, without
+    the worst 1 %.
+    """
     (_, _, ours), (_, _, theirs) = read(picture), read(truth)
     level = white(theirs)
     pixels = (slice(3 * at, 3 * at + 3) for at, mark in enumerate(mask) if mark)
@@ -138,7 +144,7 @@ def displayed_error(picture: Path, truth: Path, mask: list[bool]) -> float:
 
 
 def write_strip(path: Path, truth: Path, drivers: list[list[Path]]) -> None:
-    """A .png: the truth at the left of each driver's row of pictures."""
+    """Writes a .png: the converged picture, and to its right each driver's row of pictures."""
     level = white(read(truth)[2])
     lines: list[bytearray] = []
     for pictures in drivers:

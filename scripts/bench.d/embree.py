@@ -9,10 +9,12 @@ from document import Bar, Part, Table
 from harness import Bench
 from program import Failed, run
 
-# Of Embree's rate, ray by ray: incoherent nearest hits at 10⁶ triangles, and the 21 rays of a beam traced together.
+# Targets as a share of Embree's rate: incoherent nearest hits at 10⁶ triangles ray by ray, and the
+# 21 rays of a beam traced together.
 SINGLE_BAR = 0.7
 BEAM_BAR = 1.2
-# What is measured, by its name in `scripts/embree-bench --json`, and what of Embree's stands beside it.
+# Names of measurements in `scripts/embree-bench --json`, and the measurement of Embree to compare
+# with.
 KINDS = {
     "nearest": "incoherent, nearest",
     "occluded": "incoherent, occluded",
@@ -23,7 +25,8 @@ KINDS = {
 
 
 def embree(bench: Bench) -> Part:
-    """Rays per second beside Embree's, the same triangles and rays, one thread each, by turns."""
+    """Rays per second beside Embree's: the same triangles and rays, one thread each, alternating.
+    """
     part = Part(
         "The ray caster beside Embree",
         [

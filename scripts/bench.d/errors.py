@@ -1,4 +1,4 @@
-"""Error over seconds of both engines, trimmed and untrimmed, for every scene and view there is."""
+"""Error over time of both engines, trimmed and untrimmed, for every scene and view."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from program import compare
 from scenes import INTERIOR_BEDROOM, INTERIOR_LIVING, Case, View
 
 PATHS = (4, 16, 64, 256)
-# By the engine `cached` error stops falling at its accuracy.
+# The error of the engine `cached` stops falling at its accuracy.
 CACHED_PATHS = (4, 16, 64)
 
-# What has no independent reference is small, since its truth has to be rendered first.
+# Scenes without an independent reference are small, because their converged picture must be
+# rendered first.
 SMALL = {"cabin": "96x72", "interior": "96x54", "cornell": "128x128"}
 
 # The cabin's views of ../shared/scenes that have no reference there.
@@ -26,7 +27,7 @@ CABIN_OTHERS = {
 
 
 def errors(bench: Bench) -> Part:
-    """Error over seconds of the engines path and cached, with and without the worst pixels."""
+    """Error over seconds of both engines, with and without the worst pixels."""
     part = Part(
         "Error over seconds",
         [
@@ -64,7 +65,7 @@ def errors(bench: Bench) -> Part:
 
 
 def cases(bench: Bench) -> list[tuple[Case, list[str]]]:
-    """Everything to look at, with the options that its truth was made with."""
+    """Returns all cases, with the options that their converged pictures were made with."""
     found: list[tuple[Case, list[str]]] = [(case, []) for case in bench.scenes.referenced()]
     direct = bench.scenes.reference("cornell_direct")
     cornell = bench.scenes.cornell()

@@ -1,6 +1,6 @@
-"""What measurements share: the programs, the scenes, and files already made.
+"""What measurements share: the programs, the scenes, and files that exist already.
 
-What always holds: a file or session is made once in a run, by the first measurement that asks for it.
+Always true: a file or session is made once per run, by the first measurement that asks for it.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from pathlib import Path
 from program import Cargo, Failed, Session, run, session
 from scenes import Case, Reference, Scenes
 
-# Seconds after a view is asked for at which its picture is taken.
+# Seconds between the request of a view and its picture.
 PICTURES_AT = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 QUICK_PICTURES_AT = (0.1, 0.5, 2.0)
-# Paths of the whole of a picture that stands for a truth.
+# Paths of a whole converged picture.
 TRUTH_PATHS = 32_768 * 80 * 60
 
 
 @dataclass
 class Walk:
-    """An interactive session: pictures of a view over time, the last one, and its replay."""
+    """An interactive session: pictures of a view over time, the last picture, and its replay."""
 
     session: Session
     asked: tuple[float, ...]
@@ -32,7 +32,7 @@ class Walk:
 
 
 class Bench:
-    """What measurements share: programs, scenes, files already made, and how long to take."""
+    """What measurements share: programs, scenes, existing files, and how long to take."""
 
     def __init__(self, root: Path, work: Path, plots: Path, quick: bool) -> None:
         self.root = root
@@ -48,7 +48,7 @@ class Bench:
 
     @cached_property
     def holodeck(self) -> Path:
-        """The program, built on first use."""
+        """Returns the program, which is built on first use."""
         return self.cargo.build("holodeck")
 
     @property
@@ -62,13 +62,15 @@ class Bench:
         return max(full // 10, 2) if self.quick else full
 
     def render(self, case: Case, name: str, *options: str | Path, size: str = "") -> tuple[Path, dict[str, float]]:
-        """A picture of the case's view straight from the tracer, and what `render --json` says."""
+        """Renders a picture of the case's view without a file; returns it and the report of `render
+        --json`.
+        """
         path = self.work / f"{case.name}-{name}.pfm"
         command = [self.holodeck, "render", *case.scene, *case.view.options(), "--size", size or case.size]
         return path, run([*command, *options, "--json", "--quiet", "-o", path]).json()
 
     def reference(self, case: Case) -> Reference:
-        """The independent reference, or a long render of our own."""
+        """Returns the independent reference, or a long render of this program."""
         if case.reference:
             return case.reference
         if case.name not in self._references:
@@ -78,7 +80,11 @@ class Bench:
         return self._references[case.name]
 
     def truth(self, case: Case) -> Path:
-        """The independent reference's picture; else a long render of the engine `path`, kept for as long as the scene stays what it is."""
+        """Returns the picture of the independent reference.
+
+        If there is none, returns a long render with the engine `path`, which is kept until the
+        scene changes.
+        """
         if case.reference:
             return case.reference.picture
         width, height = (int(side) for side in case.size.split("x"))
@@ -95,7 +101,9 @@ class Bench:
         return picture
 
     def fill(self, name: str, case: Case, seconds: float, *options: str) -> tuple[Path, dict[str, float]]:
-        """A file filled in batch, made once for all measurements, and what `fill --json` says."""
+        """Returns a file filled in batch, which is made once for all measurements, and the report
+        of `fill --json`.
+        """
         if name not in self._fills:
             path = self.work / f"{name}.holo"
             time = f"{self.seconds(seconds)}s"
@@ -110,13 +118,17 @@ class Bench:
         return self.fill("room", self.scenes.room(), 40)
 
     def picture(self, file: Path, options: list[str], size: str, name: str) -> tuple[Path, dict[str, float], float]:
-        """A picture from a file, what `picture --json` says, and the seconds of the whole program."""
+        """Makes a picture from a file; returns it, the report of `picture --json`, and the
+        program's seconds.
+        """
         path = self.work / f"{name}.pfm"
         ended = run([self.holodeck, "picture", file, *options, "--size", size, "--json", "-o", path])
         return path, ended.json(), ended.seconds
 
     def walk(self, case: Case, moving: bool) -> Walk:
-        """A session at the case's view, from an empty file; `moving`: after a while at another view."""
+        """Returns a session at the case's view, from an empty file. `moving`: it begins at another
+        view.
+        """
         name = f"{case.name}-{'moved' if moving else 'start'}"
         if name not in self._walks:
             self._walks[name] = self._walk(case, name, moving)
@@ -142,7 +154,7 @@ class Bench:
 
 
 def differing_pixels(one: Path, other: Path) -> int:
-    """How many pixels of two colour .pfm files of one size differ in any bit."""
+    """Returns how many pixels of two colour .pfm files of one size differ in any bit."""
     *one_head, one_pixels = one.read_bytes().split(b"\n", 3)
     *other_head, other_pixels = other.read_bytes().split(b"\n", 3)
     if one_head != other_head:

@@ -1,4 +1,6 @@
-"""The measure of the whole: a view never seen before, over time, against the tracer alone given the same seconds."""
+"""The measure of the whole: a view never seen before, over time, against the tracer alone given the
+same time.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +13,16 @@ from scenes import Case
 # relMSE of an interactive picture over that of the tracer alone, at the last picture.
 INTERACTIVE_BAR = 2.0
 
-# From here on the tracer alone is asked for a picture, too: in less it has not one pass over the pixels.
+# Seconds from which the tracer alone renders a picture too. In less it does not finish one pass
+# over the pixels.
 RENDER_FROM = 0.5
 
-# The tracer's own pictures by seconds asked for: seconds taken, paths per pixel, measures.
+# The tracer's own pictures by requested seconds: actual seconds, paths per pixel, measures.
 Alone = dict[float, tuple[float, int, dict[str, float]]]
 
 
 def interactive(bench: Bench) -> Part:
-    """A view never seen before: its picture over time, against the tracer alone given the same seconds."""
+    """A view never seen before: its picture over time, against the tracer alone."""
     part = Part(
         "A view never seen before",
         [
@@ -71,7 +74,9 @@ def interactive(bench: Bench) -> Part:
 
 
 def tracer_alone(bench: Bench, case: Case) -> Alone:
-    """By seconds asked for: seconds taken, paths per pixel and measures of the tracer's own picture."""
+    """Returns, by requested seconds: actual seconds, paths per pixel and measures of the tracer's
+    picture.
+    """
     alone: Alone = {}
     for asked in bench.pictures_at:
         if asked >= RENDER_FROM:
@@ -83,7 +88,7 @@ def tracer_alone(bench: Bench, case: Case) -> Alone:
 def walk_table(
     bench: Bench, case: Case, walk: Walk, alone: Alone, title: str
 ) -> tuple[Table, float, list[tuple[float, float]]]:
-    """A session's pictures; the last one's ratio of relMSE; and its points of the plot."""
+    """Returns a session's pictures, the last one's ratio of relMSE, and its points of the plot."""
     columns = [["asked for, s", "g"], ["taken at, s", ".2f"], ["samples stored", ",d"], ["samples traced", ",d"],
                ["empty pixels", ",d"], ["relMSE", ".4f"], ["PSNR, dB", ".1f"], ["bias", "+.1%"],
                ["alone: s", ".2f"], ["paths per pixel", ",d"], ["relMSE", ".4f"], ["PSNR, dB", ".1f"],
@@ -105,10 +110,10 @@ def walk_table(
 
 
 def session_row(walk: Walk, title: str) -> list[Figure]:
-    """How a session began and what it took."""
+    """Returns how a session began and what it used."""
     first = walk.session.reports[0]
-    # The first report comes when the first picture of the *measured* view is there; without a view before it, that
-    # is also the session's first.
+    # The first report comes with the first picture of the *measured* view. If no view precedes it,
+    # that is also the session's first.
     from_start = title.endswith("from the start")
     asked = walk.session.first_report - first["seconds"] if from_start else None
     picture = walk.session.first_report if from_start else None

@@ -1,8 +1,8 @@
 """The measurements, one function each; `ALL` names them in the document's order.
 
-What always holds: the program itself measures and compares; a measurement that finds nothing fails, it leaves no gap.
-Figures of the original and of other programs are quoted beside ours: from other runs, on other days, on a 2-core
-machine of the same kind.
+Always true: the program itself measures and compares. A measurement that finds nothing fails, and
+leaves no gap. Figures of the original and of other programs stand beside ours. They are from other
+runs, on other days, on a 2-core machine of the same kind.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from skips import skips
 from walk import walk
 from whole import whole
 
-# Half width of the 99 % interval of the bias that a render has to reach.
+# Half width of the 99 % interval of the bias that a render must reach.
 BIAS_BAR = 0.005
-# PSNR of the original's picture of a cabin filled from nothing is 6.7 dB.
+# The original's picture of a cabin filled from nothing has a PSNR of 6.7 dB.
 CABIN_PSNR_BAR = 12.0
 
-# What the hierarchy of 10⁷ triangles may map while it is built.
+# Memory that may be mapped while the hierarchy of 10⁷ triangles is built.
 TEN_MILLION_MEMORY = 8 << 30
 
 RAY_KEYS = ("scene", "triangles", "build_seconds", "nearest", "beam_nearest", "beam_together", "occluded")
@@ -44,7 +44,7 @@ REPLAY_SIZES = ("320x240", "640x480", "1280x960")
 
 
 def render_bias(bench: Bench) -> Part:
-    """Whether the tracer is right: its bias against an independent renderer, and paths per second."""
+    """The tracer's bias against an independent renderer, and paths per second."""
     part = Part(
         "The tracer against an independent one",
         [
@@ -107,7 +107,7 @@ def fill_cornell_direct(bench: Bench) -> Part:
 
 
 def fill_cabin(bench: Bench) -> Part:
-    """The cabin with all its light, filled from nothing for 40 s: speed, and a picture from the file."""
+    """The cabin with all its light, filled for 40 s: speed, and a picture from the file."""
     case = bench.scenes.room()
     file, filled = bench.room_filled()
     picture, said, _ = bench.picture(file, case.view.options(), case.size, "room-filled")
@@ -137,7 +137,9 @@ def fill_cabin(bench: Bench) -> Part:
 def filled_table(
     filled: dict[str, float], said: dict[str, float], measures: dict[str, float], original: list[Figure] | None
 ) -> Table:
-    """What a fill gave, and its picture; `original` is the row of the first six columns."""
+    """Returns the results of a fill, and its picture; `original` is the row of the first six
+    columns.
+    """
     columns = [["", ""], ["samples/s", ",.0f"], ["samples", ",d"], ["bytes", ",d"], ["in the picture", ",d"],
                ["PSNR, dB", ".1f"], ["relMSE", ".3f"], ["bias", "+.1%"], ["empty pixels", ",d"],
                ["uncovered pixels", ",d"]]  # fmt: skip
@@ -283,7 +285,9 @@ def throughput(bench: Bench) -> Part:
 
 
 def find_all(line: re.Pattern[str], text: str) -> list[tuple[str, ...]]:
-    """The groups of every line that matches; none at all means that a program words its report otherwise by now."""
+    """Returns the groups of every line that matches. No match means that a program has changed its
+    report.
+    """
     found = line.findall(text)
     if not found:
         raise Failed(f"no line matches `{line.pattern}` in:\n{text}")

@@ -1,4 +1,5 @@
-"""Small plots as SVG written by hand: error over seconds, both logarithmic; decibels over seconds, both linear."""
+"""Small plots as SVG: error over seconds, both logarithmic, and decibels over seconds, both linear.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from xml.sax.saxutils import escape
 WIDTH, HEIGHT = 640, 380
 LEFT, RIGHT, TOP, BOTTOM = 64, 24, 60, 48
 COLOURS = ("#1f6feb", "#d1662b", "#2f8f5b", "#8250df", "#b02a6f")
-# Width of a name in the legend at most.
+# Greatest width of a name in the legend.
 LEGEND = 140
 INK, FAINT = "#24292f", "#d8dee4"
 
@@ -17,7 +18,7 @@ Series = dict[str, list[tuple[float, float]]]
 
 
 class Axis:
-    """Logarithmic, over whole decades or parts of them, mapped to pixels."""
+    """A logarithmic axis over whole decades or parts of them, mapped to pixels."""
 
     def __init__(self, values: list[float], start: float, end: float) -> None:
         low, high = math.log10(min(values)), math.log10(max(values))
@@ -30,7 +31,7 @@ class Axis:
         return self._start + share * (self._end - self._start)
 
     def ticks(self) -> list[float]:
-        """Powers of ten; with few of them, also twice and five times these."""
+        """Returns powers of ten; if there are few, also twice and five times these."""
         decades = range(math.floor(self._low), math.ceil(self._high) + 1)
         steps = (1, 2, 5) if self._high - self._low < 2.5 else (1,)
         ticks = [step * 10.0**decade for decade in decades for step in steps]
@@ -38,7 +39,7 @@ class Axis:
 
 
 class Linear:
-    """Linear over the values and a margin, mapped to pixels."""
+    """A linear axis over the values and a margin, mapped to pixels."""
 
     def __init__(self, values: list[float], start: float, end: float) -> None:
         low, high = min(values), max(values)
@@ -50,20 +51,21 @@ class Linear:
         return self._start + (value - self._low) / (self._high - self._low) * (self._end - self._start)
 
     def ticks(self) -> list[float]:
-        """Multiples of 1, 2 or 5 and a power of ten, ten at most."""
+        """Returns multiples of 1, 2 or 5 times a power of ten; at most ten."""
         size = 10.0 ** math.floor(math.log10((self._high - self._low) / 10))
         step = next(size * part for part in (1, 2, 5, 10) if size * part * 10 >= self._high - self._low)
         return [step * number for number in range(math.ceil(self._low / step), math.floor(self._high / step) + 1)]
 
 
 def error_over_seconds(path: Path, title: str, series: Series) -> None:
-    """Draws one line per series, with a legend; points that are not positive have no place and are left out."""
+    """Draws one line per series, with a legend. Points that are not positive are left out."""
     series = {name: [(x, y) for x, y in points if x > 0 and y > 0] for name, points in series.items()}
     _draw(path, title, series, (Axis, Axis), "relMSE")
 
 
 def decibels_over_seconds(path: Path, title: str, series: Series, across: type[Axis] | type[Linear] = Linear) -> None:
-    """Draws one line per series, with a legend; seconds are linear unless `across` says otherwise."""
+    """Draws one line per series, with a legend. Seconds are linear unless `across` says otherwise.
+    """
     _draw(path, title, series, (across, Linear), "PSNR, dB")
 
 
@@ -116,7 +118,7 @@ def _line(
     path = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in placed)
     parts = [f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="2" stroke-linejoin="round"/>']
     parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" fill="{colour}"/>' for x, y in placed]
-    # The legend lies between title and plot, where no line can pass.
+    # The legend lies between title and plot, where no line can cross it.
     x = LEFT + legend * number
     parts.append(f'<circle cx="{x + 4}" cy="44" r="4" fill="{colour}"/>')
     parts.append(_text(x + 14, 48, name, ""))

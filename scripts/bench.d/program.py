@@ -1,4 +1,4 @@
-"""Building and running the `holodeck` program, and watching what memory it takes."""
+"""Building and running the `holodeck` program, and measuring its memory."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from typing import Any, Callable, Sequence
 
 MIB = 1 << 20
 
-# Memory is looked at so often. The kernel keeps each process' peak, so only what a process takes right before its end
-# can be missed.
+# Seconds between measurements of memory. The kernel records the peak of each process, so only what
+# it takes just before its end can be missed.
 SAMPLE_MEMORY_EVERY = 0.1
 
 
 class Failed(Exception):
-    """A command failed; its words say which and why."""
+    """A command failed; the message says which and why."""
 
 
 @dataclass(frozen=True)
 class Finished:
-    """A command that has ended well."""
+    """A command that has ended successfully."""
 
     stdout: str
     seconds: float
-    # Seconds that it and the processes it started ran.
+    # Processor seconds of the command and the processes that it started.
     processor: float
 
     def json(self) -> dict[str, Any]:
@@ -42,7 +42,9 @@ class Finished:
 
 
 def run(command: Sequence[str | Path], folder: Path | None = None, memory: int | None = None) -> Finished:
-    """Runs a command to its end; `seconds` is from its start to its exit. `memory`: bytes that it may map at most."""
+    """Runs a command to its end. `seconds` is from its start to its exit. `memory`: most bytes that
+    it may map.
+    """
     words = [str(word) for word in command]
     before = _children_ran()
     start = time.monotonic()
@@ -57,7 +59,9 @@ def run(command: Sequence[str | Path], folder: Path | None = None, memory: int |
 
 
 def _children_ran() -> float:
-    """Processor seconds of all processes that were waited for, and of those that they waited for."""
+    """Returns the processor seconds of all processes that were waited for, and of their
+    descendants.
+    """
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
@@ -69,7 +73,8 @@ class Cargo:
     root: Path
 
     def build(self, package: str, *target: str) -> Path:
-        """Builds one program or example and says where it is; compiler messages go to the terminal."""
+        """Builds a program or example and returns its path; compiler messages go to the terminal.
+        """
         command = ["cargo", "build", "--release", "--locked", "-p", package, *target]
         built = subprocess.run(
             [*command, "--message-format=json-render-diagnostics"],
@@ -86,24 +91,26 @@ class Cargo:
 
 
 def compare(holodeck: Path, picture: Path, reference: Path, *options: str | Path) -> dict[str, float]:
-    """The measures of `picture` against `reference`, by the program itself."""
+    """Returns the measures of `picture` against `reference`, from the program itself."""
     return run([holodeck, "compare", picture, reference, "--json", *options]).json()
 
 
 @dataclass(frozen=True)
 class Session:
-    """An interactive session that has ended well."""
+    """An interactive session that has ended successfully."""
 
-    # What the viewer said of every picture, in their order.
+    # The viewer's report on every picture, in order.
     reports: list[dict[str, Any]]
-    # From the start of the program to the first of these reports, seconds.
+    # Seconds from the start of the program to the first of these reports.
     first_report: float
     # Peak resident memory in MiB: "holodeck and viewer", "holoserver", "rtworker".
     memory: dict[str, float]
 
 
 def session(command: Sequence[str | Path]) -> Session:
-    """Runs `holodeck view … --json`, noting when it says what, and the memory of it and the processes it starts."""
+    """Runs `holodeck view … --json`; records when each report comes, and the memory of its
+    processes.
+    """
     words = [str(word) for word in command]
     start = time.monotonic()
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
@@ -141,7 +148,7 @@ class PeakMemory(threading.Thread):
                 self._note(pid, _first_argument(pid))
 
     def stop(self) -> None:
-        """Ends the watching; `peaks` is complete then."""
+        """Ends the measurement; `peaks` is complete then."""
         self._stopped.set()
         self.join()
 
@@ -165,7 +172,9 @@ def _children(parent: int) -> list[int]:
 
 
 def _first_argument(pid: int) -> str:
-    """`rtworker` of `holodeck rtworker …`: that is how the program starts its other processes."""
+    """Returns the first argument: `rtworker` of `holodeck rtworker …`, by which the program starts
+    its processes.
+    """
     try:
         words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
     except OSError:
@@ -174,7 +183,7 @@ def _first_argument(pid: int) -> str:
 
 
 def conditions(root: Path) -> dict[str, str]:
-    """On what, and of what, is being measured."""
+    """Returns the machine and the version that are measured."""
     return {
         "CPU": _find("/proc/cpuinfo", r"model name\s*:\s*(.+)") or platform.machine(),
         "cores": str(len(os.sched_getaffinity(0))),
@@ -186,7 +195,7 @@ def conditions(root: Path) -> dict[str, str]:
 
 
 def available_memory() -> int:
-    """Bytes that programs can still take."""
+    """Returns the bytes that programs can still take."""
     kib = _find("/proc/meminfo", r"MemAvailable:\s*(\d+)")
     return int(kib) * 1024 if kib else 0
 
@@ -216,6 +225,6 @@ def _said(command: list[str], folder: Path) -> str:
 
 
 def median_of(times: int, once: Callable[[], tuple[float, Any]]) -> tuple[float, Any]:
-    """The run with the median of its seconds, of several."""
+    """Returns the run with the median time of several."""
     runs = sorted((once() for _ in range(times)), key=lambda timed: timed[0])
     return runs[len(runs) // 2]

@@ -1,4 +1,4 @@
-"""The quadtree: insertions, and pictures while the camera moves and while samples come."""
+"""The quadtree: insertions, and pictures while the camera moves and while samples arrive."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from program import run
 
 SIZE = "512x512"
 RUNS = 3
-# Of every kind and number of samples.
+# For every kind and number of samples.
 LEAST_INSERTIONS = 20.0
 MOST_MILLISECONDS = 5.0
-# What the example says, and what it is.
+# Names in the example's report, and their meaning.
 FIGURES = (
     ("insert_m_per_s", "insertion, M/s"),
     ("draft_ms", "draft, ms"),
@@ -32,13 +32,13 @@ def quadtree(bench: Bench) -> Part:
     part = Part(
         "The quadtree",
         [
-            "`crates/display/examples/quadtree_speed.rs`, one core, processor time: samples of a room that is known, without noise and of one "
+            "`crates/driver-quadtree/examples/quadtree_speed.rs`, one core, processor time: samples of a room that is known, without noise and of one "
             "path. *Draft*: the first picture of a view, and so every one while the camera moves, of all samples that it has. *Whole picture*: "
             "the next one of the same samples. *At rest*: one that takes in all samples of bursts. *Insertion* is into memory that has been "
             f"used. The median of {RUNS} runs, each the least of 4 rounds.",
         ],
     )
-    example = bench.cargo.build("holo-display", "--example", "quadtree_speed")
+    example = bench.cargo.build("holo-driver-quadtree", "--example", "quadtree_speed")
     found: dict[tuple[str, str, float], list[dict]] = {}
     with one_core():
         for _ in range(1 if bench.quick else RUNS):
@@ -66,7 +66,7 @@ def quadtree(bench: Bench) -> Part:
 
 @contextmanager
 def one_core() -> Iterator[None]:
-    """Programs that are started within have one core, where the system lets us say so."""
+    """Runs programs that are started inside on one core, if the system allows it."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return

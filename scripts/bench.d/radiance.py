@@ -1,7 +1,9 @@
-"""The engine `cached` beside Radiance's rpict with its own indirect cache: for developers, since it installs pyradiance.
+"""The engine `cached` beside Radiance's rpict with its own indirect cache. For developers, because
+it installs pyradiance.
 
-What always holds: both render the same triangles at the same size, filtered by a box, in one thread, alternately; both pay
-for their start, the scene and whatever their caches learn, by the processor's seconds.
+Always true: both render the same triangles at the same size, filtered by a box, in one thread,
+alternating. The processor seconds of both include their start, the scene, and the filling of their
+caches.
 """
 
 from __future__ import annotations
@@ -21,16 +23,18 @@ from scenes import Case
 
 PYRADIANCE = "1.3.1"
 BAR = 0.3
-# Ours: `--accuracy`, and the paths per pixel of each.
+# Our settings: `--accuracy`, and the paths per pixel of each.
 ACCURACIES = (0.2, 0.1, 0.06, 0.03, 0.015)
 COUNTS = (1, 4, 16)
-# A picture of few records is lucky or not: each point is the mean of so many, or the luckiest would be chosen.
+# A picture of few records may be lucky. Each point is the mean of several pictures; otherwise the
+# luckiest would be chosen.
 SEEDS = (1, 2, 3)
 
 
 @dataclass(frozen=True)
 class Setting:
-    """rpict's indirect cache, and its pixels to one of the picture along each side."""
+    """Settings of rpict's indirect cache, and its pixels per pixel of the picture along each side.
+    """
 
     over: int
     ab: int
@@ -39,11 +43,11 @@ class Setting:
     aa: float
 
     def options(self) -> list[str]:
-        # A quarter of the divisions as super-samples, as Radiance's own `rad` sets them.
+        # A quarter of the divisions are super-samples, as in Radiance's own `rad`.
         return [f"-ab {self.ab}", f"-ad {self.ad}", f"-as {self.ad // 4}", f"-ar {self.ar}", f"-aa {self.aa:g}"]
 
 
-# Coarse ones first.
+# Coarse settings first.
 SETTINGS = (
     Setting(1, 3, 128, 32, 0.3),
     Setting(2, 3, 128, 32, 0.2),
@@ -52,15 +56,16 @@ SETTINGS = (
     Setting(2, 7, 1024, 128, 0.15),
 )
 
-# Soft shadows by a jittered point in each part of a lamp, none guessed; deep weights are followed.
+# Soft shadows by a jittered point in each part of a lamp, with no shadow guessed. Low weights are
+# followed.
 DIRECT = ["-dt 0", "-dc 1", "-ds .1", "-dj 1", "-lw 1e-6", "-lr 12"]
-# Every pixel is traced, anywhere within itself.
+# Every pixel is traced, at any point within it.
 PIXELS = ["-ps 1", "-pt 0", "-pj 1", "-pa 1"]
 
 
 @dataclass(frozen=True)
 class Point:
-    """One picture: what it cost, how far it is from the truth, and how it was made."""
+    """One picture: its cost, its distance from the converged picture, and its settings."""
 
     seconds: float
     error: float
@@ -70,7 +75,7 @@ class Point:
 
 
 def radiance(bench: Bench) -> Part:
-    """Error over seconds of `cached` beside Radiance's rpict with its indirect cache, one thread each."""
+    """Error over seconds of `cached` beside Radiance's rpict with its indirect cache."""
     part = Part(
         "Clean samples beside Radiance",
         [
@@ -132,13 +137,13 @@ def measured(bench: Bench, picture: Path, truth: Path, seconds: float, how: str)
 
 
 def mean(points: list[Point]) -> Point:
-    """The mean of pictures made the same way; of blocks the worst."""
+    """Returns the mean of pictures made in the same way; of blocks, the worst."""
     seconds, error, bias = (sum(values) / len(points) for values in zip(*((p.seconds, p.error, p.bias) for p in points)))
     return Point(seconds, error, bias, max(p.worst_block for p in points), points[0].how)
 
 
 def our_render(bench: Bench, case: Case, accuracy: float, count: int, seed: int) -> tuple[Path, float]:
-    """A picture of one thread, and the seconds of the whole program."""
+    """Renders a picture in one thread; returns it and the seconds of the whole program."""
     picture = bench.work / f"{case.name}-beside-rpict.pfm"
     command = [bench.holodeck, "render", *case.scene, *case.view.options(), "--size", case.size, "--threads", "1", "--quiet"]
     options = ["--engine", "cached", "--accuracy", str(accuracy), "--spp", str(count), "--seed", str(seed)]
@@ -146,7 +151,7 @@ def our_render(bench: Bench, case: Case, accuracy: float, count: int, seed: int)
 
 
 def best(points: list[Point]) -> list[Point]:
-    """Those that no quicker one matches, quick ones first."""
+    """Returns the points that no quicker point matches, quick ones first."""
     found: list[Point] = []
     for point in sorted(points, key=lambda point: point.seconds):
         if not found or point.error < found[-1].error:
@@ -155,7 +160,7 @@ def best(points: list[Point]) -> list[Point]:
 
 
 def seconds_to(points: list[Point], error: float) -> float | None:
-    """Seconds to an error, of points from `best`; nothing if none gets there."""
+    """Returns the seconds to an error, for points from `best`; `None` if no point reaches it."""
     if points[0].error <= error:
         return points[0].seconds
     for coarse, fine in zip(points, points[1:]):
@@ -166,7 +171,7 @@ def seconds_to(points: list[Point], error: float) -> float | None:
 
 
 class Radiance:
-    """Radiance's programs in a Python environment of their own under target/."""
+    """Radiance's programs in their own Python environment under target/."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -174,7 +179,7 @@ class Radiance:
         self._programs = Path()
 
     def install(self) -> str | None:
-        """Makes the environment if it is not there; why it cannot, if so."""
+        """Makes the environment if it does not exist; returns the reason if that is impossible."""
         python = self._folder / "bin/python"
         try:
             if not python.exists():
@@ -182,7 +187,7 @@ class Radiance:
                 run([python, "-m", "pip", "install", "--quiet", f"pyradiance=={PYRADIANCE}"])
             package = Path(run([python, "-c", "import pyradiance; print(pyradiance.__path__[0])"]).stdout.strip())
             self._programs = package / "bin"
-            # Where its programs look for their own files.
+            # Where its programs find their own files.
             os.environ["RAYPATH"] = str(package / "lib")
             run([self._programs / "rpict", "-defaults"])
         except (Failed, OSError) as error:
@@ -190,7 +195,7 @@ class Radiance:
         return None
 
     def render(self, case: Case, setting: Setting) -> tuple[Path, float]:
-        """A picture of the case's view, and the seconds that rpict ran."""
+        """Renders a picture of the case's view; returns it and the seconds of rpict."""
         octree = self._octree(case)
         width, height = (int(side) for side in case.size.split("x"))
         view = case.view
@@ -199,10 +204,10 @@ class Radiance:
         size = f"-x {width * setting.over} -y {height * setting.over}"
         large, picture = (self._bench.work / f"{case.name}-rpict{end}.hdr" for end in ("-large", ""))
         options = " ".join([angles, spaced, size, *PIXELS, *DIRECT, *setting.options()]).split()
-        # It writes over nothing.
+        # It overwrites nothing.
         large.unlink(missing_ok=True)
         ran = run([self._programs / "rpict", *options, "-o", large, octree])
-        # One pass leaves the exposure as it is; a box is its filter unless told otherwise.
+        # One pass keeps the exposure; its default filter is a box.
         write(picture, [self._programs / "pfilt", "-1", "-x", width, "-y", height, large])
         return picture, ran.processor
 
@@ -224,12 +229,13 @@ def write(path: Path, command: list) -> None:
 
 
 def as_radiance(obj: Path) -> str:
-    """An OBJ scene of diffuse surfaces and lamps as Radiance has it, in the same units."""
+    """Converts an OBJ scene of diffuse surfaces and lamps to Radiance's format, in the same units.
+    """
     materials = materials_of(obj.with_suffix(".mtl"))
     lines = []
     for name, values in materials.items():
         if "Ke" in values:
-            # One-sided, as ours; it reflects nothing.
+            # One-sided like ours; it reflects nothing.
             lines.append(f"void light {name} 0 0 3 {values['Ke']}")
         else:
             lines.append(f"void plastic {name} 0 0 5 {values['Kd']} 0 0")
@@ -243,7 +249,7 @@ def as_radiance(obj: Path) -> str:
             material = rest.strip()
         elif word == "f":
             face = [corners[int(number.split("/")[0]) - 1] for number in rest.split()]
-            # A lamp of one piece is one light source; of other faces, not all are flat.
+            # A lamp of one piece is one light source. Not all other faces are flat.
             whole = "Ke" in materials[material]
             pieces = [face] if whole else [[face[0], *pair] for pair in zip(face[1:], face[2:])]
             for piece in pieces:
@@ -252,7 +258,9 @@ def as_radiance(obj: Path) -> str:
 
 
 def materials_of(mtl: Path) -> dict[str, dict[str, str]]:
-    """By name: the lines of each material by their first words. Fails at what is neither diffuse nor a lamp."""
+    """Returns, by name, the lines of each material by their first words. Fails for materials that
+    are neither diffuse nor a lamp.
+    """
     found: dict[str, dict[str, str]] = {}
     name = ""
     for line in mtl.read_text(encoding="utf-8").splitlines():

@@ -1,4 +1,4 @@
-"""The render cache, stage by stage, as Table 1 of its papers."""
+"""The render cache, stage by stage, as in Table 1 of its papers."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from document import Bar, Part, Table
 from harness import Bench
 from program import run
 
-# Sides of the picture and threads.
+# Sides of the picture, and threads.
 RUNS = (("256x256", 1), ("512x512", 1), ("1024x1024", 1), ("2048x2048", 1), ("1920x1080", 1), ("1920x1080", 2))
-# Of a whole frame.
+# For a whole frame.
 BARS = {
     ("512x512", 1): ("ms", 2.0),
     ("1920x1080", 2): ("ms", 9.0),
     ("2048x2048", 1): ("ns_per_pixel", 9.0),
 }
-# Times that moving a stage's data once may take.
+# Greatest time of a stage over the time to move its data once.
 MOVED_BAR = 3.0
 MOVED_AT = ("2048x2048", 1)
 
 
 def rendercache(bench: Bench) -> Part:
-    """Milliseconds of every stage at several sizes, and against what moving its data takes."""
+    """Milliseconds of every stage at several sizes, against the time to move its data."""
     part = Part(
         "The render cache",
         [
-            "`crates/display/examples/pointimage.rs`: 8,000 new samples a frame, the camera walking and turning (1.5 m/s, 30 degrees/s at "
+            "`crates/driver-rendercache/examples/pointimage.rs`: 8,000 new samples a frame, the camera walking and turning (1.5 m/s, 30 degrees/s at "
             "30 frames/s), rays met with a formula outside of the time taken. Medians over frames. *Least* is the shortest frame of all: "
             "on a machine that is busy otherwise it is nearer to the truth. The second paper took 62 ms at 512×512 on a processor of 2001.",
             "The two projections take turns over portions of the points, z-buffer to interpolation over slabs of rows, so that the later "
@@ -35,7 +35,7 @@ def rendercache(bench: Bench) -> Part:
             "2048×2048, measured beside it. Projection and z-buffer scatter, sampling is a chain of additions: they have no such figure.",
         ],
     )
-    example = bench.cargo.build("holo-display", "--example", "pointimage")
+    example = bench.cargo.build("holo-driver-rendercache", "--example", "pointimage")
     found = {}
     for size, threads in RUNS:
         frames = 20 if bench.quick else 90

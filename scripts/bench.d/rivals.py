@@ -1,7 +1,7 @@
-"""The tracer beside Mitsuba 3, in one run: for developers, since it installs Mitsuba from the package registry.
+"""The tracer beside Mitsuba 3, in one run. For developers, because it installs Mitsuba.
 
-What always holds: both render the same OBJ file at the same size with the same number of paths, alternately; neither's
-scene loading is counted, nor the compilation of Mitsuba's kernels.
+Always true: both render the same OBJ file at the same size with the same number of paths,
+alternating. Neither the loading of scenes nor the compilation of Mitsuba's kernels counts.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from scenes import INTERIOR_LIVING, Case, Reference
 
 MITSUBA = "3.9.1"
 PATHS = (16, 64, 256)
-# The first is of scenes with few lights, the second of one with a thousand emitters.
+# The first is for scenes with few lights, the second for one with a thousand emitters.
 COST_BAR, MANY_LIGHTS_BAR = 1.0, 0.5
 INTERIOR_SKY = [0.28, 0.42, 0.72]
-# Small, since its truth has to be rendered first.
+# Small, because its converged picture must be rendered first.
 INTERIOR_SIZE = "192x108"
 
 
@@ -82,7 +82,9 @@ def rivals(bench: Bench) -> Part:
 
 
 def noise_of(bench: Bench, reference: Reference) -> float:
-    """What a picture without noise would seem to err by: relMSE of the reference and one that is a standard error brighter."""
+    """Returns the apparent error of a picture without noise: relMSE of the reference and of one
+    that is a standard error brighter.
+    """
     header, picture = pfm(reference.picture)
     _, error = pfm(reference.standard_error)
     brighter = bench.work / "brighter.pfm"
@@ -91,7 +93,7 @@ def noise_of(bench: Bench, reference: Reference) -> float:
 
 
 def pfm(path: Path) -> tuple[bytes, array]:
-    """Header and values of a little-endian PFM file."""
+    """Returns header and values of a little-endian PFM file."""
     data = path.read_bytes()
     start = 0
     for _ in range(3):
@@ -100,14 +102,15 @@ def pfm(path: Path) -> tuple[bytes, array]:
 
 
 def interior(bench: Bench) -> Case:
-    """The bundled interior: 90 fixtures, thousands of emitting triangles."""
+    """Returns the bundled interior: 90 fixtures, thousands of emitting triangles."""
     scene = ("--config", str(bench.scenes.bundle() / "interior.toml"))
     title = "bundled interior, 6,224 emitting triangles"
     return Case("interior", title, scene, INTERIOR_LIVING.any_shape(), INTERIOR_LIVING, INTERIOR_SIZE, None)
 
 
 def without_floods(bench: Bench, mitsuba: Mitsuba, part: Part) -> Table:
-    """The cabin's two views with its flood lamps dark: both renderers must then agree."""
+    """Returns the cabin's two views with its flood lamps dark, for which both renderers must agree.
+    """
     room = bench.scenes.room()
     source = Path(room.scene[0])
     obj = bench.work / "no-floods.obj"
@@ -122,7 +125,8 @@ def without_floods(bench: Bench, mitsuba: Mitsuba, part: Part) -> Table:
         error = bench.work / f"{case.name}-se.pfm"
         ours, _ = bench.render(case, "bias", "--spp", str(paths), "--se", error)
         _, theirs = mitsuba.render(case, (paths,))[paths]
-        # Mitsuba's errors are those of the same estimator at the same number of paths, or larger: ours stand for both.
+        # Mitsuba's errors are those of the same estimator with as many paths, or larger, so ours
+        # stand for both.
         found = compare(bench.holodeck, ours, theirs, "--se", error, "--reference-se", error)
         bias, half = found["bias"], found["bias_99"]
         table.rows.append([name, paths, bias, half])
@@ -131,7 +135,7 @@ def without_floods(bench: Bench, mitsuba: Mitsuba, part: Part) -> Table:
 
 
 class Mitsuba:
-    """Mitsuba in a Python environment of its own under target/."""
+    """Mitsuba in its own Python environment under target/."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -139,7 +143,7 @@ class Mitsuba:
         self._python = self._folder / "bin/python"
 
     def install(self) -> str | None:
-        """Makes the environment if it is not there; why it cannot, if so."""
+        """Makes the environment if it does not exist; returns the reason if that is impossible."""
         try:
             if not self._python.exists():
                 run([sys.executable, "-m", "venv", self._folder])
@@ -150,7 +154,7 @@ class Mitsuba:
         return None
 
     def render(self, case: Case, counts: tuple[int, ...]) -> dict[int, tuple[float, Path]]:
-        """By paths per pixel: seconds and picture."""
+        """Returns seconds and picture by paths per pixel."""
         view = case.view
         described = {
             "vp": numbers(view.vp), "vd": numbers(view.vd), "vu": numbers(view.vu), "vh": view.vh,
@@ -172,7 +176,7 @@ def numbers(triple: str) -> list[float]:
 
 
 def newest_llvm() -> None:
-    """Tells Mitsuba where the newest LLVM is: older ones lack instructions that it needs."""
+    """Tells Mitsuba which LLVM is the newest: older ones lack instructions that it needs."""
     found = sorted(Path("/usr/lib").glob("*-linux-gnu/libLLVM.so.*"))
     if found and "DRJIT_LIBLLVM_PATH" not in os.environ:
         os.environ["DRJIT_LIBLLVM_PATH"] = str(found[-1])

@@ -1,7 +1,8 @@
-"""What is measured: scenes, where they are looked at from, and the pictures that they should give.
+"""The measured cases: scenes, views, and their reference pictures.
 
-The scenes in ../shared come with converged pictures of an independent path tracer. Without them the bundled scenes
-stand in, judged against long renders of this program's own: that shows noise, not whether the tracer is right.
+The scenes in ../shared come with converged pictures of an independent path tracer. Without them
+the bundled scenes are used and compared with long renders of this program. That measures noise,
+but not whether the tracer is right.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from program import Cargo, run
 
 @dataclass(frozen=True)
 class View:
-    """A perspective view, by Radiance's names; vectors as `x,y,z`, angles in degrees."""
+    """A perspective view, with Radiance's names. Vectors are `x,y,z`, angles are in degrees."""
 
     vp: str
     vd: str
@@ -24,15 +25,15 @@ class View:
     vv: float | None = None
 
     def options(self) -> list[str]:
-        """For the command line."""
+        """Returns the view as command-line options."""
         return [f"--{name}={value}" for name, value in self._given()]
 
     def line(self) -> str:
-        """For a script's `view` command."""
+        """Returns the view for a script's `view` command."""
         return " ".join(f"-{name} {str(value).replace(',', ' ')}" for name, value in self._given())
 
     def any_shape(self) -> "View":
-        """The same with a vertical angle that follows from the picture's shape."""
+        """Returns the same view with a vertical angle that follows from the picture's shape."""
         return View(self.vp, self.vd, self.vu, self.vh)
 
     def _given(self) -> list[tuple[str, object]]:
@@ -50,14 +51,14 @@ class Reference:
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with its sections and one view of it."""
+    """A scene with its sections, and one view of it."""
 
     name: str
     title: str
-    # Arguments that name scene and sections, for `render`, `fill` and `view` alike.
+    # Arguments that name scene and sections, for `render`, `fill` and `view`.
     scene: tuple[str, ...]
     view: View
-    # Where a visitor stands before moving to `view`.
+    # The view before the visitor moves to `view`.
     before: View
     size: str
     reference: Reference | None
@@ -65,10 +66,10 @@ class Case:
 
 CORNELL_SECTION = "--section=0.6,0.6,-4 4.3,0,0 0,4.2,0 0,0,5 8,8,8"
 CORNELL_VIEW = View("2.78,2.73,-2", "0,0,1", "0,1,0", 60, 60)
-# From beside the box, at a slant: the same walls through other beams.
+# From beside the box, at an angle: the same walls through other beams.
 CORNELL_BEFORE = View("1.2,3.6,-3", "0.3,-0.2,1", "0,1,0", 60, 60)
 
-# The paper's own sections of its cabin: living room, bedroom, bathroom; feet.
+# The paper's own sections of its cabin: living room, bedroom, bathroom; in feet.
 CABIN_SECTIONS = (
     "--section=14,1,3 10,0,0 0,14,0 0,0,4",
     "--section=1,1,3 8,0,0 0,8,0 0,0,4",
@@ -76,7 +77,7 @@ CABIN_SECTIONS = (
 )
 CABIN_LIVING = View("12.5,0.5,5", "0.707107,0.707107,0", "0,0,1", 60, 46.826)
 CABIN_BEDROOM = View("9,9,5", "-0.8,-0.6,-0.1", "0,0,1", 60, 46.826)
-# In the order in which a visitor moves through them.
+# In the order of a visit.
 CABIN_VIEWS = {
     "living": CABIN_LIVING,
     "living2": View("15,9,5", "0.986588,0.0507496,-0.155139", "0,0,1", 60, 46.826),
@@ -88,13 +89,13 @@ CABIN_VIEWS = {
 INTERIOR_LIVING = View("0.8,0.75,1.55", "0.76,0.62,-0.07", "0,0,1", 60, 46.826)
 INTERIOR_BEDROOM = View("3.9,7.3,1.55", "-0.76,0.6,-0.2", "0,0,1", 60, 46.826)
 
-# Along the corridor to its bend, from where neither the lamp nor the door is seen.
+# Along the corridor to its bend. Neither the lamp nor the door is visible from there.
 CORRIDOR_VIEW = View("2.2,0.8,1.55", "1,0.05,-0.1", "0,0,1", 60, 46.826)
 CORRIDOR_BEFORE = View("7.1,0.6,1.55", "0,1,-0.05", "0,0,1", 60, 46.826)
 
 
 class Scenes:
-    """The cases, of ../shared where it is there."""
+    """The cases, from ../shared if that exists."""
 
     def __init__(self, cargo: Cargo, shared: Path, folder: Path) -> None:
         self._cargo = cargo
@@ -111,7 +112,7 @@ class Scenes:
         return Case("cornell", title, scene, CORNELL_VIEW, CORNELL_BEFORE, "256x256", reference)
 
     def room(self) -> Case:
-        """The cabin's living room, or that of the bundled interior."""
+        """Returns the cabin's living room, or that of the bundled interior."""
         obj = self._shared / "scenes/cabin/cabin.obj"
         if obj.exists():
             scene = (str(obj), *CABIN_SECTIONS)
@@ -122,12 +123,14 @@ class Scenes:
         return Case("interior", title, scene, INTERIOR_LIVING, INTERIOR_BEDROOM, "320x240", None)
 
     def corridor(self) -> Case:
-        """The bundled corridor, lit only indirectly; small, since its truth has to be rendered first."""
+        """Returns the bundled corridor, lit only indirectly. It is small, because its converged
+        picture must be rendered first.
+        """
         scene = (str(self.bundle() / "corridor.obj"),)
         return Case("corridor", "bundled corridor", scene, CORRIDOR_VIEW, CORRIDOR_BEFORE, "80x60", None)
 
     def referenced(self) -> list[Case]:
-        """All that have an independent reference."""
+        """Returns all cases that have an independent reference."""
         cases = [self.cornell(), self.room()]
         bedroom = self.reference("cabin_bed")
         if cases[1].name == "cabin" and bedroom:
@@ -136,13 +139,13 @@ class Scenes:
         return [case for case in cases if case.reference]
 
     def reference(self, name: str) -> Reference | None:
-        """The independent picture of this name, if it is there."""
+        """Returns the independent picture of this name, if it exists."""
         folder = self._shared / "reference"
         reference = Reference(folder / f"{name}.pfm", folder / f"{name}_se.pfm")
         return reference if reference.picture.exists() and reference.standard_error.exists() else None
 
     def bundle(self) -> Path:
-        """The folder of the bundled scenes, made on first use."""
+        """Returns the folder of the bundled scenes, which are made on first use."""
         if not self._bundled.exists():
             run([self._cargo.build("holo-scenes"), "all", "--out", self._bundled])
         return self._bundled

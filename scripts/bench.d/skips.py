@@ -1,4 +1,4 @@
-"""What each skip gains: the same measurement with and without it."""
+"""The gain of each skip: the same measurement with and without it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ def skips(bench: Bench) -> Part:
         picture, said, _ = bench.picture(file, case.view.options(), size, f"skips-{title}")
         measures = compare(bench.holodeck, picture, truth)
         section = run([bench.holodeck, "info", file, "--json"]).json()["sections"][0]
-        # Batch order deals in proportion to importance, and the first file knows whose it need not have dealt to.
+        # Batch order deals packets in proportion to importance. The first file knows which beams
+        # need none.
         share = share or section["unseen_share"]
         useful = filled["added"] if section["unseen"] else round(filled["added"] * (1.0 - share))
         row = [title, filled["added"] / filled["seconds"], filled["added"], useful, section["unseen"], said["samples"]]

@@ -1,7 +1,8 @@
-"""A recorded walk, tracing in lockstep with frames: how like the truth every driver is, by samples a frame, with and without noise.
+"""Recorded walks with tracing in lockstep with frames: every driver's likeness to the converged
+pictures, by samples per frame, with and without noise.
 
-What always holds: what is said of a driver is a function of the program, the scene, the walk and what is asked. It is kept under target/, so a run
-that was ended goes on where it was.
+Always true: the results of a driver depend only on program, scene, walk and request. They are kept
+under target/, so an interrupted run continues where it stopped.
 """
 
 from __future__ import annotations
@@ -20,19 +21,20 @@ from harness import Bench
 from plot import decibels_over_seconds
 from program import run
 
-DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "quadtree-draft", "voronoi")
+DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "voronoi")
 # The render cache without one of its stages.
 STAGES = ("noise", "prediction", "prefilter", "eviction", "ageing", "cull", "interpolation", "dither")
-# Pixels for each new sample of a frame, and the frames: with as many samples as pixels a part of the walk must do.
+# Pixels per new sample of a frame, and the number of frames. With as many samples as pixels, part
+# of the walk suffices.
 WHOLE = "0..1000"
 RATIOS = ((1, "120..180"), (8, WHOLE), (64, WHOLE), (256, WHOLE))
 BAR_RATIO = 64
-# Paths of a sample.
+# Paths per sample.
 NOISES = (("noisy", 1), ("clean", 16))
-# Decibels that the render cache has to be above its first paper, and above frameless.
+# Targets: decibels of the render cache above its first paper, and above frameless.
 WANTED = 3.0
 
-# What the example says of drivers, by kind of samples and ratio.
+# The example's report on drivers, by kind of samples and ratio.
 Found = dict[tuple[str, int], dict[str, dict]]
 
 
@@ -48,7 +50,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Job:
-    """One run of the example: drivers that are shown the same samples."""
+    """One run of the example, with drivers that get the same samples."""
 
     recorded: Recorded
     every: int
@@ -59,39 +61,40 @@ class Job:
 
 
 def walk(bench: Bench) -> Part:
-    """Recorded walks through the bundled interior and the cabin, every driver, tracing in lockstep with frames."""
+    """Recorded walks through interior and cabin with every driver."""
     every = 80 if bench.quick else 10
     part = Part(
         "A recorded walk",
         [
-            "`crates/display/examples/walk`: rest, turns of 90 to 120 degrees a second, a walk of 1.5 to 2 m/s through a door, rest, "
+            "`crates/holoview/examples/walk`: rest, turns of 90 to 120 degrees a second, a walk of 1.5 to 2 m/s through a door, rest, "
             "at 30 frames a second and 320×240. In each frame a driver gets pixels / *ratio* new samples that it asked for in the frame "
             "before; the next frame's view is what is predicted. Direct light and mirrors; *noisy* samples are of one path, *clean* of "
             f"16. Every {every}th frame is held against a render of relMSE ≤ 0.005 where 1024 paths do. *1999*: the stages of "
-            "the render cache's first paper; it keeps its last colours and smooths everywhere. `quadtree` shows whole pictures, `quadtree-draft` "
-            "what is shown while the camera moves; both, and `voronoi`, keep all samples so far, as a server would, and ask anywhere in the "
+            "the render cache's first paper; it keeps its last colours and smooths everywhere. `quadtree` "
+            "and `voronoi` keep all samples so far, as a server would, and ask anywhere in the "
             "picture: a section's ray, mostly of the best one, as displays weigh beams, and where there is none a ray traced for its view "
             "alone. PSNR as displayed, and structural similarity of luminance as displayed, means "
             f"over frames. With ratio 1, frames {RATIOS[0][1]} only.",
         ],
     )
-    program = bench.cargo.build("holo-display", "--example", "walk")
+    program = bench.cargo.build("holo-view", "--example", "walk")
     ratios = RATIOS[1:3] if bench.quick else RATIOS
     for recorded in walks(bench, part):
-        # Truths are made once for all.
+        # Converged pictures are made once for all.
         run([*asking(bench, program, Job(recorded, every, WHOLE)), "--truths-only"])
         jobs = [
             Job(recorded, every, frames, ratio, paths, drivers)
             for ratio, frames in ratios
             for _, paths in NOISES
-            # A strip is of all drivers; else each has a run of its own, as none knows of others.
+            # A strip shows all drivers. Otherwise each driver has its own run, because they are
+            # independent.
             for drivers in ([DRIVERS] if ratio == BAR_RATIO else [(driver,) for driver in DRIVERS])
         ]
         stages = tuple(f"pointimage-{stage}" for stage in STAGES)
         jobs += [Job(recorded, every, WHOLE, BAR_RATIO, paths, stages) for _, paths in NOISES]
         found: Found = {(noise, ratio): {} for noise, _ in NOISES for ratio, _ in ratios}
         names = {paths: noise for noise, paths in NOISES}
-        # Nothing is timed, so that they may share the cores.
+        # Nothing is timed, so the runs may share the cores.
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             for job, by_driver in zip(jobs, pool.map(lambda job: shown(bench, program, job), jobs)):
                 found[names[job.paths], job.ratio] |= by_driver
@@ -108,7 +111,7 @@ def walk(bench: Bench) -> Part:
 
 
 def walks(bench: Bench, part: Part) -> list[Recorded]:
-    recordings = bench.root / "crates/display/examples/walk/walks"
+    recordings = bench.root / "crates/holoview/examples/walk/walks"
     interior = bench.scenes.bundle() / "interior.obj"
     found = [Recorded("interior", "bundled interior", interior, recordings / "interior.walk")]
     cabin = bench.shared / "scenes/cabin/cabin.obj"
@@ -120,10 +123,12 @@ def walks(bench: Bench, part: Part) -> list[Recorded]:
 
 
 def asking(bench: Bench, program: Path, job: Job) -> list[str | Path]:
-    """The example's command, without a folder for what it makes. Truths stay between runs, as long as scene and walk are the same."""
+    """Returns the example's command, without a folder for its results. Converged pictures are kept
+    between runs until the scene or the walk changes.
+    """
     scene, walk = job.recorded.scene, job.recorded.walk
     state = hashlib.sha256(scene.read_bytes() + walk.read_bytes()).hexdigest()[:12]
-    # A smoke run makes do with worse truths, of its own.
+    # A smoke run uses its own, noisier pictures.
     most = 64 if bench.quick else 1024
     truths = bench.root / "target/walk-truths" / f"{job.recorded.name}-{state}-{most}"
     return [program, scene, walk, "--truths", truths, "--bounces", "0", "--paths", str(job.paths), "--ratio", str(job.ratio),
@@ -131,7 +136,7 @@ def asking(bench: Bench, program: Path, job: Job) -> list[str | Path]:
 
 
 def shown(bench: Bench, program: Path, job: Job) -> dict[str, dict]:
-    """What the example says of each driver, now or in an earlier run."""
+    """Returns the example's report on each driver, from this run or an earlier one."""
     files = (program, job.recorded.scene, job.recorded.scene.with_suffix(".mtl"), job.recorded.walk)
     state = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
     asked = (job.ratio, job.paths, job.frames, job.every, bench.quick, *job.drivers)
@@ -181,7 +186,7 @@ def over_time(bench: Bench, recorded: Recorded, noise: str, by_driver: dict[str,
 
 
 def ablation(recorded: Recorded, found: Found) -> Table:
-    """What each stage brings at the ratio of the bar."""
+    """Returns the gain of each stage at the ratio of the target."""
     table = Table(f"The {recorded.title}, ratio {BAR_RATIO}: the render cache without a stage", [["without", ""]])
     for noise, _ in NOISES:
         table.columns += [[f"{noise}, dB", ".2f"], ["SSIM", ".3f"]]

@@ -1,4 +1,6 @@
-"""The measure of the whole: views of a filled holodeck, right after they are asked for and while workers go on."""
+"""The measure of the whole: views of a filled holodeck, right after the request and while workers
+continue.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +12,19 @@ from plot import Axis, Series, decibels_over_seconds
 from program import compare, run
 from scenes import CABIN_VIEWS, Case
 
-# Seconds after a view is asked for, and the decibels wanted of the five views then, by driver.
+# Seconds after the request of a view, and the decibels wanted of the five views by then, by driver.
 ASKED = (0.1, 1.0, 10.0)
 WANTED = {"quadtree": (18, 20, 22), "voronoi": (24, 26, 29)}
-# The same of the Cornell box at first.
+# The same for the Cornell box at first.
 CORNELL_WANTED = {"quadtree": 25, "voronoi": 30}
-# Between two views.
+# Seconds between two views.
 STAY = 10.5
-# How far below the tracer alone, given the same seconds, a picture may be, decibels.
+# Greatest distance in decibels below the tracer alone, given the same time.
 BELOW_TRACER = 1.0
 
 
 def whole(bench: Bench) -> Part:
-    """Pictures of a filled file at 0.1, 1 and 10 s after each of several views is asked for, by driver."""
+    """Pictures of a filled file at 0.1, 1 and 10 s after each of several views."""
     part = Part(
         "The measure of the whole",
         [
@@ -44,7 +46,7 @@ def whole(bench: Bench) -> Part:
 
 
 def cases(bench: Bench) -> list[tuple[Case, str, tuple[Case, ...]]]:
-    """Of each scene: a case, the seconds of its fill, and its views in their order."""
+    """Returns, for each scene, a case, the seconds of its fill, and its views in order."""
     cornell, room = bench.scenes.cornell(), bench.scenes.room()
     rooms = (room,)
     if room.name == "cabin":
@@ -64,7 +66,7 @@ def views(bench: Bench, part: Part, driver: str, worst: dict[str, Series]) -> Ta
     table = Table(f"Driver `{driver}`", columns)
     for case, seconds, looks in cases(bench):
         filled, _ = bench.fill(f"{case.name}-cached", case, seconds, "--engine", "cached")
-        # The session adds to the file: every driver gets the same.
+        # The session adds to the file, so every driver gets the same copy.
         file = bench.work / f"{case.name}-{driver}.holo"
         file.write_bytes(filled.read_bytes())
         lines, pictures = [], {}
@@ -106,7 +108,7 @@ _alone: dict = {}
 
 
 def tracer_alone(bench: Bench, look: Case, seconds: float) -> float:
-    """PSNR of the path tracer's own picture, given the same seconds."""
+    """Returns the PSNR of the path tracer's own picture, given the same time."""
     if (look.name, seconds) not in _alone:
         picture, _ = bench.render(look, f"alone-{seconds}", "--time", f"{bench.seconds(seconds)}s")
         _alone[look.name, seconds] = compare(bench.holodeck, picture, bench.truth(look))["psnr_disp"]

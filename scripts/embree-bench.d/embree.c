@@ -1,5 +1,6 @@
-/* Rays per second of Embree's rtcIntersect1 and rtcOccluded1 in a plain loop of one thread, on a dump of the `rays` example.
-   The part of Embree 4's interface that is used is declared here, since wheels carry the library without its headers. */
+/* Measures rays per second of Embree's rtcIntersect1 and rtcOccluded1 in a plain loop of one thread,
+   on a dump of the `rays` example. Declares the used part of Embree 4's interface, because wheels
+   contain the library without its headers. */
 #include <dlfcn.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Renders an OBJ scene with Mitsuba 3 and says how long it took. Run by scripts/bench-rivals; needs mitsuba and numpy.
+"""Renders an OBJ scene with Mitsuba 3 and reports the time. Needs mitsuba and numpy.
 
 usage: mitsuba_render.py SCENE.obj VARIANT VIEW_JSON SPP,SPP,... OUTPUT_PREFIX
 
-VIEW_JSON: {"vp": [..], "vd": [..], "vu": [..], "vh": degrees, "size": [w, h], "depth": max_depth or -1, "sky": [r, g, b]}
-Prints a JSON line per number of paths: {"spp": .., "seconds": .., "picture": ".."}. The first, uncounted rendering warms
-up: it compiles Mitsuba's kernels.
+VIEW_JSON: {"vp": [..], "vd": [..], "vu": [..], "vh": degrees, "size": [w, h],
+"depth": max_depth or -1, "sky": [r, g, b]}
+
+Prints a JSON line for each number of paths: {"spp": .., "seconds": .., "picture": ".."}. The first
+rendering does not count: it compiles Mitsuba's kernels.
 """
 import json
 import math
@@ -34,7 +36,7 @@ def read_mtl(path: str) -> dict[str, dict]:
 
 
 def read_obj(path: str) -> tuple[np.ndarray, dict[str, list], dict[str, dict]]:
-    """Vertices, triangles by material (fans), materials."""
+    """Returns vertices, triangles by material (as fans), and materials."""
     vertices: list = []
     faces: dict[str, list] = {}
     materials: dict[str, dict] = {}
@@ -57,7 +59,7 @@ def read_obj(path: str) -> tuple[np.ndarray, dict[str, list], dict[str, dict]]:
 
 
 def bsdf(material: dict) -> dict:
-    """As README.md says of OBJ materials."""
+    """Converts an OBJ material as README.md describes."""
     rgb = lambda key, default: {"type": "rgb", "value": material.get(key, default)}
     illum, shine = material.get("illum", 1), material.get("Ns", 1e9)
     if illum == 3 and shine >= 999:
@@ -98,7 +100,8 @@ def main() -> None:
     import drjit as dr
 
     vertices, faces, materials = read_obj(path)
-    # As the project does: coordinates about the scene's middle, where single precision is finest.
+    # As in this project, coordinates are relative to the scene's centre, where single precision is
+    # finest.
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     vertices = vertices - middle
     eye = np.array(view["vp"]) - middle

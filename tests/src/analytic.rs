@@ -4,10 +4,7 @@
 //! blue along z, and every wall has a brightness of its own: a wall, an axis, a channel or a unit that is mistaken for
 //! another changes the picture.
 
-use std::{
-    net::SocketAddr,
-    time::{Duration, Instant},
-};
+use std::{net::SocketAddr, time::Instant};
 
 use holo_net::{Inbox, Message, NetError, Outbox};
 use holo_picture::{Picture, View};
@@ -18,6 +15,8 @@ use holo_proto::{
     hello::Role,
 };
 use holo_section::{DVec3, Sample, Section};
+
+use crate::LIMIT;
 
 /// Brightness of the twelve walls: the room's (low x, high x, low y …), then the object's.
 const BRIGHTNESS: [f64; 12] = [1.0, 0.6, 0.4, 1.5, 0.25, 2.2, 3.5, 5.0, 0.16, 7.5, 0.1, 11.0];
@@ -86,9 +85,9 @@ impl World {
         for packet in &work.packets {
             let start = Instant::now();
             let viewpoint = packet.viewpoint.map(|index| &work.viewpoints[usize::from(index)]);
-            let section = &sections[usize::from(packet.section)];
+            let section = packet.key.section_in(sections).expect("the beam exists");
             let sampler = section
-                .beam_sampler(packet.section, packet.beam, viewpoint)
+                .beam_sampler(packet.key.section, packet.key.beam, viewpoint)
                 .expect("the beam exists");
             for number in packet.first..packet.first + u32::from(packet.count) {
                 let named = packet.rays.map(|rays| rays[(number - packet.first) as usize]);
@@ -180,8 +179,7 @@ pub async fn join(
     address: SocketAddr,
     role: Role,
 ) -> (Inbox, Outbox, Vec<holo_section::SectionSpec>) {
-    let joined =
-        tokio::time::timeout(Duration::from_secs(10), holo_net::connect(address, role, "a test"));
+    let joined = tokio::time::timeout(LIMIT, holo_net::connect(address, role, "a test"));
     let (inbox, outbox, welcome) = joined.await.expect("in time").expect("the server takes us");
     (inbox, outbox, welcome.sections)
 }

@@ -2,8 +2,8 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use holo_beamfile::{BeamFile, BeamKey};
-use holo_section::{Sample, SampleKind};
+use holo_beamfile::BeamFile;
+use holo_section::{BeamId, BeamKey, Sample, SampleKind};
 
 /// The samples of a file, by beam and kind, in the order of their numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,11 +22,26 @@ impl Stored {
     /// nothing done twice.
     #[track_caller]
     pub fn assert_no_gaps(&self) {
-        for ((key, kind), samples) in &self.beams {
-            for (expected, &(number, _)) in (0..).zip(samples) {
-                assert_eq!(number, expected, "a gap in {kind:?} of {key:?}");
-            }
-        }
+        assert_eq!(
+            self.gap(),
+            None,
+            "a beam, and its first number that is not there or there twice"
+        );
+    }
+
+    /// The first beam and kind whose numbers are not 0, 1, 2 …, with the first number that is not.
+    pub fn gap(&self) -> Option<(BeamKey, SampleKind, u32)> {
+        self.beams.iter().find_map(|(&(key, kind), samples)| {
+            let mut numbered = (0..).zip(samples);
+            let wrong = numbered.find(|(expected, (number, _))| number != expected);
+            wrong.map(|(expected, _)| (key, kind, expected))
+        })
+    }
+
+    /// Whether the sample with this number is here.
+    pub fn has(&self, key: BeamKey, kind: SampleKind, number: u32) -> bool {
+        let samples = self.beams.get(&(key, kind));
+        samples.is_some_and(|samples| samples.binary_search_by_key(&number, |s| s.0).is_ok())
     }
 
     /// Checks that everything in `earlier` is still here, unchanged.
@@ -42,6 +57,11 @@ impl Stored {
     }
 }
 
+/// A beam of the first section.
+pub fn beam(number: u64) -> BeamKey {
+    BeamKey { section: 0, beam: BeamId(number) }
+}
+
 /// Every sample of a file, all checksums compared.
 ///
 /// # Panics
@@ -55,9 +75,9 @@ pub fn stored(path: &Path) -> Stored {
     for (key, count) in keys {
         let beam = file.read(key).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(beam.samples.len() as u64, count, "{key:?}");
-        for (meta, samples) in beam.runs() {
-            let numbered = (meta.first..).zip(samples.iter().copied());
-            beams.entry((key, meta.kind)).or_default().extend(numbered);
+        for (run, samples) in beam.iter() {
+            let numbered = (run.first..).zip(samples.iter().copied());
+            beams.entry((key, run.kind)).or_default().extend(numbered);
         }
     }
     let stored = Stored { beams };

@@ -15,15 +15,15 @@ mod place;
 mod process;
 mod program;
 
-pub use files::{Stored, stored};
+pub use files::{Stored, beam, stored};
 pub use place::{CORNELL_SMALL_SECTION, Place, Server, listen_address};
 pub use process::{Ended, Process};
 pub use program::{cargo, program, workspace};
 
 use std::time::{Duration, Instant};
 
-/// The limit of waits that nothing but a defect makes long. Two cores may be shared with other programs: it is long.
-pub const LIMIT: Duration = Duration::from_secs(40);
+/// The limit of every wait. Only a hang reaches it, however busy the machine is.
+pub const LIMIT: Duration = Duration::from_secs(120);
 
 /// Waits until `condition` gives a value.
 ///
@@ -38,5 +38,20 @@ pub fn wait_until<T>(what: &str, mut condition: impl FnMut() -> Option<T>) -> T 
         }
         assert!(start.elapsed() < LIMIT, "waited {LIMIT:?} in vain: {what}");
         std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Gives `attempt` 1 second, then 2, 4 … until its result is good, and returns the last result.
+///
+/// For programs that are told how long to work: a busy machine needs longer for the same work. A
+/// program that is wrong stays wrong after 64 seconds.
+pub fn patiently<T>(mut attempt: impl FnMut(u32) -> T, is_good: impl Fn(&T) -> bool) -> T {
+    let mut seconds = 1;
+    loop {
+        let result = attempt(seconds);
+        if seconds == 64 || is_good(&result) {
+            return result;
+        }
+        seconds *= 2;
     }
 }

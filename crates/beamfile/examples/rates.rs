@@ -1,14 +1,17 @@
-//! Measures appending, flushing, opening and reading: `cargo run --release -p holo-beamfile --example rates [MEGASAMPLES]`.
+//! Measures appending, flushing, opening and reading.
 //!
-//! Packets of 21 samples go to beams in a scattered order, as in a batch fill; then the views' reads: a few thousand
-//! beams near each other, cold in the cache of this crate (the operating system's is warm), then warm.
+//! `cargo run --release -p holo-beamfile --example rates [MEGASAMPLES]`
+//!
+//! First, packets of 21 samples go to beams in a scattered order, as in a batch fill. Then a few
+//! thousand neighbouring beams are read twice, as for a view: not yet in this crate's cache (though
+//! in the operating system's), and then from it.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
-use holo_beamfile::{BeamFile, BeamKey, ExtentMeta, Options};
-use holo_section::{BeamId, Sample, SampleKind};
+use holo_beamfile::{BeamFile, Options};
+use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
 
 const BEAMS: u64 = 100_000;
 const PACKET: u32 = 21;
@@ -49,16 +52,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let start = Instant::now();
     for i in 0..packets {
         let round = (i / BEAMS) as u32;
-        let meta = ExtentMeta {
+        let run = Run {
             key: key(i * 61_803 % BEAMS),
             first: round * PACKET,
             count: 0,
             kind: SampleKind::Uniform,
             paths: 1,
-            settings: 0,
-            generation: 0,
         };
-        file.append(meta, &packet)?;
+        file.append(run, &packet)?;
     }
     let total = packets * u64::from(PACKET);
     report("append", start.elapsed(), total);

@@ -1,29 +1,33 @@
 //! Samples that were appended and are not yet on disk: what will become one block.
 //!
-//! Invariant: an active batch only grows; once frozen it never changes, so readers share it without a lock.
+//! Invariant: an active batch only grows. Once frozen it never changes, so readers share it without
+//! a lock.
 
-use holo_section::Sample;
+use holo_section::{BeamKey, Sample};
 
 use crate::directory::NONE;
 use crate::format::{BlockKind, Class, Entry, push_chunk_crcs};
 use crate::hash::BeamMap;
-use crate::types::BeamKey;
 
-/// One append.
+/// Samples that were appended together.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Piece {
+pub(crate) struct Append {
     pub key: BeamKey,
     pub class: Class,
+    /// Number of the first sample.
     pub first: u32,
+    /// Number of samples.
     pub count: u32,
-    /// Its first sample in the batch.
+    /// Where its first sample is among the batch's samples.
     pub at: u32,
+    /// The beam's next append in the batch.
     next: u32,
 }
 
 /// A block's table and payload, ready to be written.
 pub(crate) struct Body {
     pub kind: BlockKind,
+    /// Extents in the table; 1 for a part of a blob.
     pub entries: u32,
     pub table: Vec<u8>,
     pub payload: Vec<u8>,
@@ -31,10 +35,11 @@ pub(crate) struct Body {
 
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
+    /// Counts up with every batch of the open file.
     pub id: u64,
-    pieces: Vec<Piece>,
+    appends: Vec<Append>,
     samples: Vec<Sample>,
-    /// First and last piece of each beam.
+    /// First and last append of each beam.
     beams: BeamMap<(u32, u32)>,
 }
 
@@ -43,44 +48,46 @@ impl Batch {
         Self { id, ..self }
     }
 
-    /// An empty batch in the memory of one that is no longer needed: fresh memory costs more than what is put into it.
+    /// Returns an empty batch in the memory of one that is no longer needed. Fresh memory costs
+    /// more time than the samples that go into it.
     pub fn emptied(mut self) -> Self {
-        self.pieces.clear();
+        self.appends.clear();
         self.samples.clear();
         self.beams.clear();
         self
     }
 
     pub fn is_empty(&self) -> bool {
-        self.pieces.is_empty()
+        self.appends.is_empty()
     }
 
-    /// Memory that it takes, about.
+    /// Returns about how much memory it takes, in bytes.
     pub fn bytes(&self) -> u64 {
-        (self.samples.len() * size_of::<Sample>() + self.pieces.len() * 2 * size_of::<Piece>())
+        (self.samples.len() * size_of::<Sample>() + self.appends.len() * 2 * size_of::<Append>())
             as u64
     }
 
-    /// The caller bounds a batch by its bytes, so that numbers fit in 32 bits by far.
+    /// Adds samples. The caller bounds the batch by its bytes, so positions fit in 32 bits.
     pub fn push(&mut self, key: BeamKey, class: Class, first: u32, samples: &[Sample]) {
-        let new = self.pieces.len() as u32;
+        let new = self.appends.len() as u32;
         let at = self.samples.len() as u32;
         self.samples.extend_from_slice(samples);
-        self.pieces.push(Piece { key, class, first, count: samples.len() as u32, at, next: NONE });
+        let count = samples.len() as u32;
+        self.appends.push(Append { key, class, first, count, at, next: NONE });
         let (_, last) = self.beams.entry(key).or_insert((new, new));
         if *last != new {
-            self.pieces[*last as usize].next = new;
+            self.appends[*last as usize].next = new;
             *last = new;
         }
     }
 
-    /// A beam's pieces, oldest first.
-    pub fn pieces_of(&self, key: BeamKey) -> impl Iterator<Item = &Piece> {
+    /// Returns a beam's appends, oldest first.
+    pub fn appends_of(&self, key: BeamKey) -> impl Iterator<Item = &Append> {
         let mut at = self.beams.get(&key).map_or(NONE, |&(first, _)| first);
         std::iter::from_fn(move || {
-            let piece = self.pieces.get(at as usize)?;
-            at = piece.next;
-            Some(piece)
+            let append = self.appends.get(at as usize)?;
+            at = append.next;
+            Some(append)
         })
     }
 
@@ -88,23 +95,23 @@ impl Batch {
         &self.samples[at as usize..(at + count) as usize]
     }
 
-    /// The extents in the order of (beam, kind, time), appends that continue each other joined, and the bytes to write.
+    /// Returns the batch's extents and its block's body.
+    ///
+    /// Extents are in the order (beam, kind, time). Appends that continue each other are joined.
     pub fn body(&self) -> (Vec<Entry>, Body) {
         let mut order: Vec<_> =
-            self.pieces.iter().enumerate().map(|(i, p)| (p.key, p.class.kind, i)).collect();
+            self.appends.iter().enumerate().map(|(i, a)| (a.key, a.class.kind, i)).collect();
         order.sort_unstable();
-
         let mut entries: Vec<Entry> = Vec::with_capacity(order.len());
         let mut payload = Vec::with_capacity(self.samples.len() * size_of::<Sample>());
         for (key, _, i) in order {
-            let piece = &self.pieces[i];
-            let class = piece.class;
-            payload.extend_from_slice(bytemuck::cast_slice(self.samples(piece.at, piece.count)));
+            let Append { class, first, count, at, .. } = self.appends[i];
+            payload.extend_from_slice(bytemuck::cast_slice(self.samples(at, count)));
             match entries.last_mut() {
-                Some(e) if e.key == key && e.class == class && e.first + e.count == piece.first => {
-                    e.count += piece.count
+                Some(e) if e.key == key && e.class == class && e.first + e.count == first => {
+                    e.count += count;
                 }
-                _ => entries.push(Entry { key, class, first: piece.first, count: piece.count }),
+                _ => entries.push(Entry { key, class, first, count }),
             }
         }
         let mut table = Vec::with_capacity(entries.len() * 32 + payload.len() / 1000 + 4);

@@ -1,89 +1,137 @@
 //! Named byte strings in the file, such as the packed scene.
 //!
-//! Invariant: a blob is listed only when all its parts are on disk, so replacing one is atomic: until the last part of
-//! the new one is there, the old one is read.
+//! A blob that nothing can make anew is stored twice. Where a chunk of one copy is damaged, it is
+//! read from the other.
+//!
+//! Invariants:
+//! - A copy is listed only when all its parts are on disk. So replacing a blob is atomic: reads
+//!   give the old bytes until the first copy of the new ones is whole.
+//! - Copies of one blob have the same parts and the same checksums.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
 use crate::batch::Body;
 use crate::directory::Block;
-use crate::file::{BeamFile, locked};
+use crate::file::BeamFile;
 use crate::format::{
     BLOB_PART_BYTES, BlobPart, BlockKind, CHUNK_BYTES, MAX_BLOB_BYTES, MAX_BLOB_NAME, Table,
     push_chunk_crcs,
 };
+use crate::shared::locked;
 use crate::{Error, Result};
 
-/// The blocks of one blob, in order.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct BlobParts {
-    pub total: u64,
-    pub parts: Vec<Arc<Block>>,
+/// A block that holds a part of a blob, and its number in the directory.
+#[derive(Clone, Debug)]
+struct PartBlock {
+    id: u32,
+    block: Arc<Block>,
 }
 
+/// The blocks of one copy of a blob, in order.
+#[derive(Clone, Debug)]
+struct BlobCopy {
+    total: u64,
+    parts: Vec<PartBlock>,
+}
+
+impl BlobCopy {
+    fn is_copy_of(&self, other: &BlobCopy) -> bool {
+        let same = |(one, two): (&PartBlock, &PartBlock)| {
+            one.block.header.payload_bytes == two.block.header.payload_bytes
+                && one.block.crcs == two.block.crcs
+        };
+        self.total == other.total
+            && self.parts.len() == other.parts.len()
+            && self.parts.iter().zip(&other.parts).all(same)
+    }
+}
+
+/// A copy of which parts are still to come.
 #[derive(Debug)]
-struct Partial {
+struct UnfinishedCopy {
     name: String,
     have: u64,
-    blob: BlobParts,
+    copy: BlobCopy,
 }
 
 #[derive(Debug, Default)]
 pub(crate) struct Blobs {
-    pub whole: BTreeMap<String, BlobParts>,
-    partial: HashMap<u64, Partial>,
+    /// The whole copies of each blob's newest bytes, oldest first.
+    whole: BTreeMap<String, Vec<BlobCopy>>,
+    /// By blob id.
+    unfinished: HashMap<u64, UnfinishedCopy>,
     /// Blobs of which a part is missing.
     broken: BTreeSet<String>,
 }
 
 impl Blobs {
-    /// Takes the next part of a blob in file order.
-    pub fn add(&mut self, part: BlobPart, block: Arc<Block>) {
+    /// Takes the next part of a copy, in file order. Its block has number `id` in the directory.
+    pub fn add(&mut self, part: BlobPart, id: u32, block: Arc<Block>) {
         if part.offset == 0 {
-            let blob = BlobParts { total: part.total, parts: Vec::new() };
-            self.partial.insert(part.blob_id, Partial { name: part.name.clone(), have: 0, blob });
+            let copy = BlobCopy { total: part.total, parts: Vec::new() };
+            let begun = UnfinishedCopy { name: part.name.clone(), have: 0, copy };
+            self.unfinished.insert(part.blob_id, begun);
         }
         let bytes = u64::from(block.header.payload_bytes);
-        let fits = |p: &Partial| {
-            let grows = bytes > 0 || p.blob.total == 0;
-            grows && p.name == part.name && p.have == part.offset && p.blob.total == part.total
+        let fits = |begun: &UnfinishedCopy| {
+            let grows = bytes > 0 || begun.copy.total == 0;
+            let continues = begun.have == part.offset && begun.copy.total == part.total;
+            grows && continues && begun.name == part.name
         };
-        let Some(mut partial) = self.partial.remove(&part.blob_id).filter(fits) else {
+        let Some(mut begun) = self.unfinished.remove(&part.blob_id).filter(fits) else {
             self.broken.insert(part.name);
             return;
         };
-        partial.blob.parts.push(block);
-        partial.have += bytes;
-        if partial.have == partial.blob.total {
-            self.broken.remove(&partial.name);
-            self.whole.insert(partial.name, partial.blob);
-        } else if partial.have < partial.blob.total {
-            self.partial.insert(part.blob_id, partial);
+        begun.copy.parts.push(PartBlock { id, block });
+        begun.have += bytes;
+        if begun.have == begun.copy.total {
+            self.finish(begun);
+        } else if begun.have < begun.copy.total {
+            self.unfinished.insert(part.blob_id, begun);
         } else {
-            self.broken.insert(partial.name);
+            self.broken.insert(begun.name);
         }
     }
 
-    /// Gives up a blob whose writing failed.
-    pub fn abandon(&mut self, blob_id: u64) {
-        self.partial.remove(&blob_id);
+    fn finish(&mut self, UnfinishedCopy { name, copy, .. }: UnfinishedCopy) {
+        self.broken.remove(&name);
+        let copies = self.whole.entry(name).or_default();
+        copies.retain(|older| copy.is_copy_of(older));
+        copies.push(copy);
     }
 
-    /// Names of blobs that were begun and are not whole.
+    /// Gives up a copy whose writing failed.
+    pub fn abandon(&mut self, blob_id: u64) {
+        self.unfinished.remove(&blob_id);
+    }
+
+    /// Returns the names of blobs that were begun and are not whole.
     pub fn unfinished(&self) -> Vec<String> {
-        let begun = self.partial.values().map(|partial| partial.name.clone());
+        let begun = self.unfinished.values().map(|begun| begun.name.clone());
         begun.chain(self.broken.iter().cloned()).collect::<BTreeSet<_>>().into_iter().collect()
     }
 }
 
 impl BeamFile {
-    /// Stores named bytes; a blob of the same name is replaced once the new one is wholly on disk, which it is when this
-    /// returns.
+    /// Stores two copies of named bytes, in place of a blob of the same name. When this returns,
+    /// both copies are on disk.
+    ///
+    /// Use it for bytes that nothing can make anew.
     ///
     /// # Errors
-    /// If the name or the bytes are too long, the file is read-only, or cannot be written; the old blob is there then.
+    /// If the name or the bytes are too long, or the file is read-only or cannot be written. The
+    /// blob then has either the old bytes or the new ones.
     pub fn put_blob(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.put_blob_once(name, bytes)?;
+        self.put_blob_once(name, bytes)
+    }
+
+    /// As [`BeamFile::put_blob`], but stores one copy. Use it for bytes that can be made anew.
+    ///
+    /// # Errors
+    /// As [`BeamFile::put_blob`].
+    pub fn put_blob_once(&self, name: &str, bytes: &[u8]) -> Result<()> {
         self.writable()?;
         if !(1..=MAX_BLOB_NAME).contains(&name.len()) {
             return Err(Error::BlobName(name.len()));
@@ -114,50 +162,91 @@ impl BeamFile {
         part.encode(&mut table);
         push_chunk_crcs(bytes, &mut table);
         let body = Body { kind: BlockKind::Blob, entries: 1, table, payload: bytes.to_vec() };
-        let written =
-            self.shared.appender().write(&*self.shared.storage, self.shared.header.file_id, &body);
-        let block = written.map_err(|error| self.shared.io("writing a blob", error))?;
+        let block = self.shared.write_block(&body, "writing a blob")?;
         let block = Block { blob: Some(part.name.as_str().into()), ..block };
         self.shared.state().found(block, Table::Blob(part))
     }
 
-    /// The bytes stored under a name, if any.
+    /// Returns the bytes stored under a name, if any.
+    ///
+    /// Where a chunk of the newest copy is damaged, it is read from another copy. The damage is
+    /// then listed by [`BeamFile::damage`], and a writer stores the blob once more.
     ///
     /// # Errors
-    /// If they are damaged ([`Error::BlobDamaged`]) or the disk cannot be read.
+    /// [`Error::BlobDamaged`] if a chunk is damaged in every copy; [`Error::Io`] if the disk cannot
+    /// be read.
     pub fn blob(&self, name: &str) -> Result<Option<Vec<u8>>> {
-        let Some(blob) = self.shared.state().blobs.whole.get(name).cloned() else {
-            return Ok(None);
-        };
-        // The parts are in the file, so that `total` is no more than the file holds.
-        let mut bytes = vec![0; blob.total as usize];
+        let copies = self.shared.state().blobs.whole.get(name).cloned().unwrap_or_default();
+        let Some(newest) = copies.last() else { return Ok(None) };
+        // All parts are in the file, so that `total` is no more than the file holds.
+        let mut bytes = vec![0; newest.total as usize];
+        let mut damaged = Vec::new();
         let mut rest = bytes.as_mut_slice();
-        for block in &blob.parts {
-            let (begin, _) = block.chunk_range(0);
-            let length = rest.len().min(block.header.payload_bytes as usize);
-            let (part, others) = rest.split_at_mut(length);
-            self.shared
-                .storage
-                .read_exact_at(part, begin)
-                .map_err(|e| self.shared.io("reading a blob", e))?;
-            for ((chunk, bytes), &crc) in
-                (0..).zip(part.chunks(CHUNK_BYTES as usize)).zip(&*block.crcs)
-            {
-                if crc32fast::hash(bytes) != crc {
-                    let (offset, _) = block.chunk_range(chunk);
-                    return Err(Error::BlobDamaged {
-                        path: self.shared.path.clone(),
-                        name: name.into(),
-                        offset,
-                    });
-                }
-            }
+        let mut read = Ok(());
+        for (at, part) in newest.parts.iter().enumerate() {
+            let length = rest.len().min(part.block.header.payload_bytes as usize);
+            let (into, others) = rest.split_at_mut(length);
             rest = others;
+            let copies: Vec<_> = copies.iter().rev().map(|copy| &copy.parts[at]).collect();
+            read = read.and(self.read_part(name, &copies, into, &mut damaged));
+        }
+        if !damaged.is_empty() {
+            self.shared.state().mark_bad(&damaged);
+        }
+        read?;
+        if !damaged.is_empty() && !self.shared.read_only {
+            // A disk that does not take the copy says so to whoever writes samples.
+            let _ = self.put_blob_once(name, &bytes);
         }
         Ok(Some(bytes))
     }
 
-    /// Names of the blobs in the file, sorted.
+    /// Reads one part of a blob: each chunk from the newest copy in which it is intact.
+    ///
+    /// `copies` has the newest copy first. Adds damaged chunks to `damaged`, as (block, chunk).
+    fn read_part(
+        &self,
+        name: &str,
+        copies: &[&PartBlock],
+        into: &mut [u8],
+        damaged: &mut Vec<(u32, u32)>,
+    ) -> Result<()> {
+        let Some(newest) = copies.first() else { return Ok(()) };
+        let whole = self.shared.storage.read_exact_at(into, newest.block.chunk_range(0).0).is_ok();
+        (0..).zip(into.chunks_mut(CHUNK_BYTES as usize)).try_for_each(|(chunk, bytes)| {
+            if whole && newest.block.matches(chunk, bytes) {
+                return Ok(());
+            }
+            self.read_chunk(name, copies, chunk, bytes, damaged)
+        })
+    }
+
+    fn read_chunk(
+        &self,
+        name: &str,
+        copies: &[&PartBlock],
+        chunk: u32,
+        into: &mut [u8],
+        damaged: &mut Vec<(u32, u32)>,
+    ) -> Result<()> {
+        let mut failed = Ok(());
+        for copy in copies {
+            let (offset, _) = copy.block.chunk_range(chunk);
+            failed = match self.shared.storage.read_exact_at(into, offset) {
+                Ok(()) if copy.block.matches(chunk, into) => return Ok(()),
+                Ok(()) => Err(Error::BlobDamaged {
+                    path: self.shared.path.clone(),
+                    name: name.into(),
+                    offset,
+                }),
+                Err(error) => Err(self.shared.io("reading a blob", error)),
+            };
+            damaged.push((copy.id, chunk));
+        }
+        failed
+    }
+
+    /// Returns the names of the blobs in the file, sorted.
     pub fn blob_names(&self) -> Vec<String> {
         self.shared.state().blobs.whole.keys().cloned().collect()
     }

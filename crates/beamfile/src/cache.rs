@@ -1,15 +1,16 @@
-//! Beams that were read last, up to a number of bytes (Larson & Simmons 1999, §2.2).
+//! The beams that were read last, up to a number of bytes (Larson & Simmons 1999, §2.2).
 //!
-//! Invariant: what is kept never takes more than the budget. An entry is right only for the beam's version that it
-//! was read at; the caller compares.
+//! Invariant: the cached beams never take more than the budget. Each is right only for the version
+//! at which it was read, and is given for no other.
 
 use std::sync::Arc;
 
+use holo_section::{BeamKey, Run};
 use lru::LruCache;
 
-use crate::types::{BeamKey, BeamSamples, ExtentMeta};
+use crate::types::BeamSamples;
 
-/// Bookkeeping per cached beam: key, links, hash slot, allocations.
+/// Bytes that a cached beam takes besides its samples: key, links, hash slot, allocations.
 const OVERHEAD: u64 = 160;
 
 struct Cached {
@@ -46,7 +47,7 @@ impl Cache {
 
     pub fn put(&mut self, key: BeamKey, version: u32, samples: &Arc<BeamSamples>) {
         let bytes = (size_of_val(samples.samples.as_slice())
-            + samples.extents.len() * size_of::<ExtentMeta>()) as u64
+            + samples.runs.len() * size_of::<Run>()) as u64
             + OVERHEAD;
         if let Some(old) = self.beams.pop(&key) {
             self.bytes -= old.bytes;

@@ -1,34 +1,36 @@
-//! Where each beam's samples lie in the file, and how many there are.
+//! The directory: where each beam's samples lie in the file, and how many there are.
 //!
-//! Invariant: an extent is listed only after its block is on disk. Counts run ahead of that: they include what is
-//! still in memory. The directory costs 24 bytes an extent and about 70 a beam.
+//! Invariant: an extent is listed only after its block is on disk. Counts run ahead of that: they
+//! include samples that are still in memory. The directory takes 24 bytes an extent and about 70 a
+//! beam.
 
-use std::collections::HashMap;
 use std::collections::hash_map::Entry as MapEntry;
 use std::sync::Arc;
 
+use holo_section::BeamKey;
+
 use crate::format::{BlockHeader, CHUNK_BYTES, Class, Entry};
 use crate::hash::BeamMap;
-use crate::types::{BeamKey, SectionStats};
+use crate::types::SectionStats;
 use crate::{Error, Result};
 
-/// Ends a list of extents.
+/// Stands for "no next one" in lists of extents and appends.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// A block on disk.
 #[derive(Debug)]
 pub(crate) struct Block {
     pub header: BlockHeader,
-    /// Where it begins in the file.
+    /// Its first byte in the file.
     pub offset: u64,
     /// Checksums of its payload's chunks.
     pub crcs: Box<[u32]>,
-    /// The blob that it is a part of.
+    /// The name of the blob that it is a part of.
     pub blob: Option<Box<str>>,
 }
 
 impl Block {
-    /// Bytes of the file that chunk `chunk` takes: first and one past the last.
+    /// Returns the bytes of the file that a chunk takes: the first, and one past the last.
     pub fn chunk_range(&self, chunk: u32) -> (u64, u64) {
         let payload = self.offset + self.header.payload_offset();
         let begin =
@@ -36,33 +38,42 @@ impl Block {
         let end = (begin + u64::from(CHUNK_BYTES)).min(u64::from(self.header.payload_bytes));
         (payload + begin, payload + end)
     }
+
+    /// Returns whether `bytes` match the checksum of chunk `chunk`.
+    pub fn matches(&self, chunk: u32, bytes: &[u8]) -> bool {
+        self.crcs.get(chunk as usize) == Some(&crc32fast::hash(bytes))
+    }
 }
 
 /// One run of samples in one block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extent {
+    /// Number of the block in the directory.
     pub block: u32,
-    /// In samples, from the beginning of the payload.
+    /// Where it begins in the block's payload, in samples.
     pub at: u32,
+    /// Number of its first sample.
     pub first: u32,
+    /// Number of samples.
     pub count: u32,
-    pub class: u32,
+    pub class: Class,
     /// The beam's next extent in file order.
     next: u32,
 }
 
 const _: () = assert!(size_of::<Extent>() == 24);
 
-/// What is kept for every beam that has samples.
+/// A beam that has samples.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Beam {
+    /// First and last extent.
     head: u32,
     tail: u32,
-    /// Grows with every change: tells whether a cached copy is still right.
+    /// Changes with every append, so that outdated copies are recognised.
     pub version: u32,
-    /// Next free sample number of each kind.
+    /// The next free sample number of each kind.
     pub next: [u32; 3],
-    /// Distinct sample numbers.
+    /// Number of distinct sample numbers.
     pub samples: u64,
 }
 
@@ -71,12 +82,9 @@ pub(crate) struct Directory {
     pub beams: BeamMap<Beam>,
     pub blocks: Vec<Arc<Block>>,
     pub sections: Vec<SectionStats>,
-    /// Samples counted that had numbers which were there already.
+    /// Samples whose numbers were there already when they were counted.
     pub superseded: u64,
     extents: Vec<Extent>,
-    classes: Vec<Class>,
-    class_ids: HashMap<Class, u32>,
-    last_class: Option<(Class, u32)>,
 }
 
 impl Directory {
@@ -88,27 +96,7 @@ impl Directory {
         self.extents.len() as u64
     }
 
-    pub fn class(&self, id: u32) -> Class {
-        self.classes[id as usize]
-    }
-
-    /// The number that stands for `class`. One run of appends has one class, so the last one is tried first.
-    pub fn class_id(&mut self, class: Class) -> u32 {
-        if let Some((last, id)) = self.last_class
-            && last == class
-        {
-            return id;
-        }
-        let new = self.classes.len() as u32;
-        let id = *self.class_ids.entry(class).or_insert(new);
-        if id == new {
-            self.classes.push(class);
-        }
-        self.last_class = Some((class, id));
-        id
-    }
-
-    /// The beam's extents on disk, in file order.
+    /// Returns the beam's extents on disk, in file order.
     pub fn extents_of(&self, key: BeamKey) -> impl Iterator<Item = &Extent> {
         let mut at = self.beams.get(&key).map_or(NONE, |beam| beam.head);
         std::iter::from_fn(move || {
@@ -118,8 +106,10 @@ impl Directory {
         })
     }
 
-    /// Counts samples that were appended. `older` gives the numbers that the beam has already, and is asked for only
-    /// when the new ones may be among them.
+    /// Counts samples that were appended.
+    ///
+    /// `older` gives the numbers that the beam has already. It is called only if the new ones may
+    /// be among them.
     pub fn account(
         &mut self,
         key: BeamKey,
@@ -129,7 +119,7 @@ impl Directory {
         older: impl FnOnce(&Self) -> Vec<(u32, u32)>,
     ) {
         let known = match self.beams.get_mut(&key) {
-            // New numbers, as almost always: one look-up is enough.
+            // New numbers, as almost always, take one look-up.
             Some(beam) if first >= beam.next[usize::from(kind)] => {
                 beam.samples += u64::from(count);
                 beam.version = beam.version.wrapping_add(1);
@@ -157,14 +147,15 @@ impl Directory {
         *next = (*next).max(first + count);
     }
 
-    /// The sample numbers of `kind` that the beam's extents on disk have: first and one past the last.
+    /// Returns the sample numbers of `kind` in the beam's extents on disk: of each extent the
+    /// first, and one past the last.
     pub fn numbers_of(&self, key: BeamKey, kind: u8) -> impl Iterator<Item = (u32, u32)> {
         self.extents_of(key)
-            .filter(move |e| self.class(e.class).kind == kind)
+            .filter(move |e| e.class.kind == kind)
             .map(|e| (e.first, e.first + e.count))
     }
 
-    /// Lists a block that is on disk; gives the number that stands for it.
+    /// Lists a block that is on disk, and returns its number.
     pub fn add_block(&mut self, block: Arc<Block>) -> Result<u32> {
         let id = self.blocks.len() as u32;
         if id == NONE {
@@ -174,19 +165,19 @@ impl Directory {
         Ok(id)
     }
 
-    /// Lists an extent that begins `at` samples into the payload of `block`. Its samples must have been counted.
+    /// Lists an extent that begins `at` samples into the payload of `block`. Its samples must have
+    /// been counted.
     pub fn add_extent(&mut self, block: u32, at: u32, entry: &Entry) -> Result<()> {
         let new = self.extents.len() as u32;
         if new == NONE {
             return Err(Error::DirectoryFull);
         }
-        let class = self.class_id(entry.class);
         self.extents.push(Extent {
             block,
             at,
             first: entry.first,
             count: entry.count,
-            class,
+            class: entry.class,
             next: NONE,
         });
         if let Some(beam) = self.beams.get_mut(&entry.key) {
@@ -200,7 +191,7 @@ impl Directory {
     }
 }
 
-/// How many of the numbers from `begin` to before `end` lie in at least one of `ranges`.
+/// Returns how many of the numbers from `begin` to before `end` lie in at least one of `ranges`.
 fn covered(mut ranges: Vec<(u32, u32)>, begin: u32, end: u32) -> u32 {
     ranges.sort_unstable();
     let (mut at, mut total) = (begin, 0);
@@ -222,10 +213,14 @@ mod tests {
     proptest! {
         #[test]
         fn covered_numbers_are_counted_once(
-            ranges in prop::collection::vec((0u32..60, 1u32..20), 0..12), begin in 0u32..60, length in 1u32..30,
+            ranges in prop::collection::vec((0u32..60, 1u32..20), 0..12),
+            begin in 0u32..60,
+            length in 1u32..30,
         ) {
-            let ranges: Vec<_> = ranges.into_iter().map(|(first, count)| (first, first + count)).collect();
-            let model = (begin..begin + length).filter(|n| ranges.iter().any(|r| (r.0..r.1).contains(n))).count();
+            let ranges: Vec<_> =
+                ranges.into_iter().map(|(first, count)| (first, first + count)).collect();
+            let is_covered = |n: &u32| ranges.iter().any(|range| (range.0..range.1).contains(n));
+            let model = (begin..begin + length).filter(is_covered).count();
             prop_assert_eq!(covered(ranges, begin, begin + length) as usize, model);
         }
     }

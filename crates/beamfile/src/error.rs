@@ -1,12 +1,14 @@
 //! The one error type of the crate.
 
+use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use holo_section::BeamId;
+use holo_section::BeamKey;
 
-/// What can go wrong with a holodeck file. Damage inside a file is no error: it is left out and named
-/// ([`crate::Damage`]).
+/// What can go wrong with a holodeck file.
+///
+/// Damage inside a file is no error: it is left out and named ([`crate::Damage`]).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -21,31 +23,29 @@ pub enum Error {
         source: io::Error,
     },
     /// Another process writes this file.
-    #[error(
-        "{path}: another process is writing this holodeck; close it first, or open the file read-only"
-    )]
+    #[error("{path}: another process writes this holodeck; end it, or open the file read-only")]
     Locked {
         /// The holodeck file.
         path: PathBuf,
     },
-    /// No intact header: not a holodeck, or both copies of the header are damaged.
+    /// No intact header: the file is no holodeck, or both copies of its header are damaged.
     #[error(
-        "{path}: not a holodeck file, or both copies of its header are damaged ({bytes} bytes long)"
+        "{path}: no holodeck file, or both copies of its header are damaged ({bytes} bytes long)"
     )]
     NoHeader {
         /// The file.
         path: PathBuf,
-        /// Its length.
+        /// Its length, bytes.
         bytes: u64,
     },
     /// A holodeck of a format that this program does not know.
-    #[error("{path}: holodeck format {found}; this program reads format {known}")]
+    #[error("{path}: holodeck format {found}, but this program reads format {known}")]
     Version {
         /// The file.
         path: PathBuf,
         /// Its format.
         found: u32,
-        /// Ours.
+        /// The format that this program reads.
         known: u32,
     },
     /// The file was made for other sections than the caller has.
@@ -61,16 +61,11 @@ pub enum Error {
     /// A file needs between one section and [`crate::format::MAX_SECTIONS`].
     #[error("a holodeck has 1 to {max} sections, not {0}", max = crate::format::MAX_SECTIONS)]
     SectionCount(usize),
-    /// No such beam in this holodeck.
-    #[error("section {section} has no beam {beam:?}")]
-    NoSuchBeam {
-        /// The section asked for.
-        section: u16,
-        /// The beam asked for.
-        beam: BeamId,
-    },
+    /// The holodeck has no such beam.
+    #[error("there is no {0}")]
+    NoSuchBeam(BeamKey),
     /// Sample numbers end at 2³² - 1.
-    #[error("sample numbers {first} and {count} more do not fit in 32 bits")]
+    #[error("{count} sample numbers from {first} on do not fit in 32 bits")]
     SampleNumbers {
         /// First sample number.
         first: u32,
@@ -83,10 +78,8 @@ pub enum Error {
         /// The holodeck file.
         path: PathBuf,
     },
-    /// Samples could not be written, are kept in memory, and will be tried again.
-    #[error(
-        "{path}: cannot write, {pending} bytes of samples are kept in memory and will be tried again: {reason}"
-    )]
+    /// Samples could not be written. They stay in memory, and writing will be tried again.
+    #[error("{path}: {pending} bytes of samples wait in memory, because writing fails: {reason}")]
     NotWritten {
         /// The holodeck file.
         path: PathBuf,
@@ -95,34 +88,78 @@ pub enum Error {
         /// Why the last attempt failed.
         reason: String,
     },
-    /// The writer thread is gone; nothing more can be written through this handle.
-    #[error("{path}: the file's writer has stopped")]
+    /// What is written no longer reaches the file at the path. This handle can write no more.
+    #[error("{path}: {how}; samples added since then may be lost")]
+    Lost {
+        /// The holodeck file.
+        path: PathBuf,
+        /// What became of it.
+        how: FileLoss,
+    },
+    /// The writer's thread is gone. This handle can write no more.
+    #[error("{path}: the thread that writes the file has stopped")]
     WriterStopped {
         /// The holodeck file.
         path: PathBuf,
     },
     /// A blob is longer than [`crate::format::MAX_BLOB_BYTES`].
-    #[error("blob {name}: {bytes} bytes are more than {max}", max = crate::format::MAX_BLOB_BYTES)]
+    #[error(
+        "blob `{name}` has {bytes} bytes, more than {max}",
+        max = crate::format::MAX_BLOB_BYTES
+    )]
     BlobSize {
         /// The blob's name.
         name: String,
-        /// Its length.
+        /// Its length, bytes.
         bytes: u64,
     },
     /// A blob's name has 1 to [`crate::format::MAX_BLOB_NAME`] bytes.
     #[error("a blob's name has 1 to {max} bytes, not {0}", max = crate::format::MAX_BLOB_NAME)]
     BlobName(usize),
-    /// A blob's bytes do not match their checksum.
-    #[error("{path}: blob {name} is damaged at byte {offset} of the file")]
+    /// A chunk of a blob does not match its checksum in any copy.
+    #[error("{path}: blob `{name}` is damaged at byte {offset} of the file")]
     BlobDamaged {
         /// The holodeck file.
         path: PathBuf,
         /// The blob's name.
         name: String,
-        /// Where in the file.
+        /// Offset of the chunk in the oldest copy.
         offset: u64,
     },
     /// The directory holds 2³² - 1 extents or blocks at most.
-    #[error("the holodeck has as many extents as a directory can hold; run `holodeck optimize`")]
+    #[error("the holodeck has as many extents as its directory can hold; fill another file")]
     DirectoryFull,
+}
+
+/// Returns a function from the system's errors to [`Error::Io`].
+pub(crate) fn io_error(path: &Path, doing: &'static str) -> impl Fn(io::Error) -> Error {
+    move |source| Error::Io { path: path.to_owned(), doing, source }
+}
+
+/// What another program did to a file while it was written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileLoss {
+    /// The path names no file any more, or another one.
+    NotAtPath,
+    /// The file ends before its last block.
+    Shortened {
+        /// Its length, bytes.
+        bytes: u64,
+        /// The length that was written, bytes.
+        written: u64,
+    },
+}
+
+impl fmt::Display for FileLoss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            FileLoss::NotAtPath => {
+                write!(f, "the file was deleted, moved or replaced while samples were added to it")
+            }
+            FileLoss::Shortened { bytes, written } => write!(
+                f,
+                "the file was cut off at {bytes} of {written} bytes while samples were added to it"
+            ),
+        }
+    }
 }

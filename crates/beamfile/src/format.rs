@@ -1,114 +1,38 @@
-//! The bytes of a holodeck file, format 1.
+//! The bytes of a holodeck file, format 1: encoding, and decoding into types with sound values.
 //!
-//! All numbers are little-endian and unsigned; offsets are 64 bits wide. CRC is CRC-32 as in zlib and PNG (IEEE
-//! 802.3, reflected polynomial 0xEDB88320). "Zero" bytes are written as zero; a reader ignores them, so that later
-//! formats may use them.
-//!
-//! ```text
-//! 0            header, copy 0
-//! 16384        header, copy 1 (the same bytes)
-//! 32768        block, block, block, ...            each begins at a multiple of 16
-//! ```
-//!
-//! **Header copy** (16384 bytes, written once, when the file is made):
-//!
-//! | offset | bytes | what |
-//! | --- | --- | --- |
-//! | 0 | 8 | `HOLOBEAM` |
-//! | 8 | 4 | format: 1 |
-//! | 12 | 4 | *n*, number of sections, 1 to 2040 |
-//! | 16 | 8 | file id: a random number, repeated in every block |
-//! | 24 | 4 | zero |
-//! | 28 | 4 | CRC of bytes 0 to 27 and 32 to 32 + 8*n* - 1 |
-//! | 32 | 8*n* | number of beams in each section |
-//! | 32 + 8*n* | | zero, up to 16384 |
-//!
-//! **Block**: header, table, zeros up to a multiple of 16, payload, zeros up to a multiple of 16. The header is written
-//! after all the rest.
-//!
-//! | offset | bytes | what |
-//! | --- | --- | --- |
-//! | 0 | 8 | `HOLOBLK1` |
-//! | 8 | 8 | file id |
-//! | 16 | 8 | sequence number, greater than that of every block before it |
-//! | 24 | 4 | kind: 1 samples, 2 part of a blob |
-//! | 28 | 4 | number of table entries (of a blob's part: 1) |
-//! | 32 | 4 | *t*, bytes of the table, without padding, at most 2²⁶ |
-//! | 36 | 4 | CRC of the table |
-//! | 40 | 4 | *p*, bytes of payload, without padding, at most 2²⁶ |
-//! | 44 | 16 | zero |
-//! | 60 | 4 | CRC of bytes 0 to 59 |
-//! | 64 | *t* | the table |
-//! | 64 + *t*, up to a multiple of 16 | *p* | the payload |
-//!
-//! The table ends with one CRC (4 bytes) for each *chunk* of 4090 bytes of payload (409 samples), the last one shorter.
-//!
-//! **Table of a block of samples**: one entry of 32 bytes for each extent, in the order of (section, beam); the extents of
-//! one beam are in the order in which they were appended for each kind. The payload is their samples, one after the other,
-//! 10 bytes each.
-//!
-//! | offset | bytes | what |
-//! | --- | --- | --- |
-//! | 0 | 8 | beam |
-//! | 8 | 2 | section |
-//! | 10 | 1 | kind: 0 uniform, 1 limited to a viewpoint, 2 single ray |
-//! | 11 | 1 | 1: supersedes older samples of the same numbers; 0: does not |
-//! | 12 | 4 | sample number of the first sample |
-//! | 16 | 4 | number of samples, at least 1 |
-//! | 20 | 2 | paths per sample |
-//! | 22 | 2 | zero |
-//! | 24 | 4 | settings id |
-//! | 28 | 4 | generation |
-//!
-//! **Which sample counts**, where several have the same beam, kind and number: take the extents in file order; one that
-//! supersedes replaces what was there before, one that does not fills only the numbers that are still free.
-//!
-//! **Table of a part of a blob**: a blob is there when its parts are all there, each beginning where the one before
-//! ended; of several blobs with one name the last whole one counts.
-//!
-//! | offset | bytes | what |
-//! | --- | --- | --- |
-//! | 0 | 8 | blob id: the sequence number that its first part's block has or would have had |
-//! | 8 | 8 | bytes of the whole blob |
-//! | 16 | 8 | offset of this part in the blob; the payload is its bytes |
-//! | 24 | 2 | *m*, bytes of the name, 1 to 255 |
-//! | 26 | 6 | zero |
-//! | 32 | *m* | the name, UTF-8, then zeros up to a multiple of 4 |
-//!
-//! **Reading after damage**: where no block header with the right file id and CRC is found, the next one is looked for
-//! at every following multiple of 16. A block that the file ends within, or a tail that begins with 64 zero bytes, was
-//! never completed: a writer cuts it off.
+//! `proto/SPEC.md`, section 8, draws the layout. All numbers are little-endian and unsigned. CRC is
+//! CRC-32 as in zlib and PNG (IEEE 802.3, reflected polynomial 0xEDB88320). Zero bytes are written
+//! as zero, and readers ignore them, so that later formats may use them.
 
 use bytemuck::{Pod, Zeroable};
-use holo_section::{BeamId, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, Sample, SampleKind};
 
-use crate::types::BeamKey;
-
-/// Bytes of one copy of the file's header; there are two.
+/// Bytes of one copy of the file's header. There are two.
 pub const HEADER_COPY_BYTES: usize = 16384;
 /// Where the first block begins.
 pub const FIRST_BLOCK: u64 = 2 * HEADER_COPY_BYTES as u64;
-/// As many beam counts as a header copy has room for.
+/// Most sections in a file: a header copy has room for no more beam counts.
 pub const MAX_SECTIONS: usize = 2040;
 /// Bytes of a block's header.
 pub const BLOCK_HEADER_BYTES: usize = 64;
-/// Blocks begin at multiples of this, so that they can be found after damage.
+/// Blocks begin at multiples of this, so that a reader finds the next one after damage.
 pub const BLOCK_ALIGNMENT: u64 = 16;
-/// A table longer than this is no table: bounds the memory that a damaged or hostile file can ask for.
+/// Longest table. It bounds the memory that a damaged or hostile file can ask for.
 pub const MAX_TABLE_BYTES: u32 = 1 << 26;
-/// The same for a payload.
+/// Longest payload, for the same reason.
 pub const MAX_PAYLOAD_BYTES: u32 = 1 << 26;
-/// Samples in a chunk: about one page, so that reading one scattered extent checks little more than it wants.
+/// Samples in a chunk. A chunk is about one page, so that the check of a short extent reads little
+/// more than the extent.
 pub const CHUNK_SAMPLES: u32 = 409;
-/// Bytes of payload under one checksum.
+/// Bytes of a chunk: payload under one checksum.
 pub const CHUNK_BYTES: u32 = CHUNK_SAMPLES * SAMPLE_BYTES;
 /// Bytes of a sample.
 pub const SAMPLE_BYTES: u32 = 10;
-/// Longest blob: a packed scene.
+/// Longest blob. Packed scenes are the longest.
 pub const MAX_BLOB_BYTES: u64 = 1 << 32;
 /// Longest name of a blob.
 pub const MAX_BLOB_NAME: usize = 255;
-/// Blobs are written in parts of this size, so that samples need not wait for a whole scene.
+/// Bytes of one part of a blob. Samples wait for one part, not for a whole scene.
 pub const BLOB_PART_BYTES: usize = 16 << 20;
 
 /// The format that this crate writes.
@@ -124,7 +48,7 @@ const _: () = assert!(size_of::<Sample>() == SAMPLE_BYTES as usize && align_of::
 const _: () = assert!(size_of::<RawEntry>() == 32);
 const _: () = assert!(32 + 8 * MAX_SECTIONS <= HEADER_COPY_BYTES);
 
-/// `bytes` rounded up to where a block or payload may begin.
+/// Rounds `bytes` up to where a block or a payload may begin.
 pub(crate) fn aligned(bytes: u64) -> u64 {
     bytes.next_multiple_of(BLOCK_ALIGNMENT)
 }
@@ -137,15 +61,16 @@ fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
     Some(u64::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
 }
 
-/// What the header says.
+/// The file's header.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct FileHeader {
+    /// A random number, repeated in every block.
     pub file_id: u64,
     /// Beams in each section.
     pub layout: Vec<u64>,
 }
 
-/// What a header copy turned out to be.
+/// What the bytes of a header copy turned out to be.
 pub(crate) enum HeaderCopy {
     Intact(FileHeader),
     OtherFormat(u32),
@@ -153,7 +78,7 @@ pub(crate) enum HeaderCopy {
 }
 
 impl FileHeader {
-    /// One copy, `HEADER_COPY_BYTES` long. The layout has at most `MAX_SECTIONS` sections.
+    /// Returns one copy, `HEADER_COPY_BYTES` long. The layout has at most `MAX_SECTIONS` sections.
     pub fn encode(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(HEADER_COPY_BYTES);
         bytes.extend_from_slice(&FILE_MAGIC);
@@ -191,7 +116,7 @@ impl FileHeader {
         Some(HeaderCopy::Intact(FileHeader { file_id: u64_at(used, 16)?, layout }))
     }
 
-    /// Whether the file has such a beam.
+    /// Returns whether the file has such a beam.
     pub fn has(&self, key: BeamKey) -> bool {
         self.layout.get(usize::from(key.section)).is_some_and(|&beams| key.beam.0 < beams)
     }
@@ -211,15 +136,19 @@ pub(crate) enum BlockKind {
     Blob,
 }
 
-/// A block's header, lengths already bounded.
+/// A block's header, with lengths within their bounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct BlockHeader {
     pub file_id: u64,
+    /// Greater than that of every block before it in the file.
     pub sequence: u64,
     pub kind: BlockKind,
+    /// Extents in the table; 1 for a part of a blob.
     pub entries: u32,
+    /// Length of the table, without padding.
     pub table_bytes: u32,
     pub table_crc: u32,
+    /// Length of the payload, without padding.
     pub payload_bytes: u32,
 }
 
@@ -247,7 +176,8 @@ impl BlockHeader {
         bytes
     }
 
-    /// `None` unless the bytes are a block header of this file, intact, with lengths within bounds.
+    /// Returns `None` unless the bytes are an intact header of this file, with lengths within
+    /// their bounds.
     pub fn decode(bytes: &[u8], file_id: u64) -> Option<Self> {
         if bytes.first_chunk() != Some(&BLOCK_MAGIC)
             || u32_at(bytes, 60)? != crc32fast::hash(&bytes[..60])
@@ -273,12 +203,12 @@ impl BlockHeader {
         (bounded && header.file_id == file_id).then_some(header)
     }
 
-    /// Offset of the payload from the beginning of the block.
+    /// Returns the offset of the payload from the beginning of the block.
     pub fn payload_offset(&self) -> u64 {
         aligned(BLOCK_HEADER_BYTES as u64 + u64::from(self.table_bytes))
     }
 
-    /// Length of the whole block, padding included.
+    /// Returns the length of the whole block, with padding.
     pub fn block_bytes(&self) -> u64 {
         aligned(self.payload_offset() + u64::from(self.payload_bytes))
     }
@@ -288,15 +218,17 @@ impl BlockHeader {
     }
 }
 
-/// What extents have in common, apart from numbers and beam. A file has few different ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// What an extent says of all its samples, besides their beam and numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Class {
+    /// The code of a [`SampleKind`].
     pub kind: u8,
+    /// Whether the samples replace older ones of the same numbers.
     pub supersedes: bool,
+    /// Paths averaged into each sample.
     pub paths: u16,
-    pub settings: u32,
-    pub generation: u32,
 }
+const _: () = assert!(size_of::<Class>() == 4);
 
 impl Class {
     pub fn sample_kind(&self) -> SampleKind {
@@ -308,7 +240,7 @@ impl Class {
     }
 }
 
-/// One extent as its table entry says.
+/// An extent's entry in the table of its block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Entry {
     pub key: BeamKey,
@@ -327,9 +259,7 @@ struct RawEntry {
     first: [u8; 4],
     count: [u8; 4],
     paths: [u8; 2],
-    zero: [u8; 2],
-    settings: [u8; 4],
-    generation: [u8; 4],
+    zero: [u8; 10],
 }
 
 impl Entry {
@@ -342,9 +272,7 @@ impl Entry {
             first: self.first.to_le_bytes(),
             count: self.count.to_le_bytes(),
             paths: self.class.paths.to_le_bytes(),
-            zero: [0; 2],
-            settings: self.class.settings.to_le_bytes(),
-            generation: self.class.generation.to_le_bytes(),
+            zero: [0; 10],
         };
         table.extend_from_slice(bytemuck::bytes_of(&raw));
     }
@@ -359,8 +287,6 @@ impl Entry {
                 kind: raw.kind,
                 supersedes: raw.supersedes == 1,
                 paths: u16::from_le_bytes(raw.paths),
-                settings: u32::from_le_bytes(raw.settings),
-                generation: u32::from_le_bytes(raw.generation),
             },
             first: u32::from_le_bytes(raw.first),
             count: u32::from_le_bytes(raw.count),
@@ -374,11 +300,14 @@ impl Entry {
     }
 }
 
-/// Which part of which blob a block holds.
+/// The entry of a part of a blob.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct BlobPart {
+    /// The same in all parts of one copy, and in no other copy's.
     pub blob_id: u64,
+    /// Bytes of the whole blob.
     pub total: u64,
+    /// Where this part begins in the blob.
     pub offset: u64,
     pub name: String,
 }
@@ -406,20 +335,21 @@ impl BlobPart {
     }
 }
 
-/// A block's table, read and found sound.
+/// A block's table, checked.
 pub(crate) enum Table {
     Samples(Vec<Entry>),
     Blob(BlobPart),
 }
 
-/// The checksums of a payload, as they stand at the end of a table.
+/// Appends the checksums of a payload's chunks to its table.
 pub(crate) fn push_chunk_crcs(payload: &[u8], table: &mut Vec<u8>) {
     for chunk in payload.chunks(CHUNK_BYTES as usize) {
         table.extend_from_slice(&crc32fast::hash(chunk).to_le_bytes());
     }
 }
 
-/// The table and the chunk checksums in `bytes`; `None` where the checksum, or anything in it, is wrong.
+/// Returns the table in `bytes` and the checksums of the payload's chunks; `None` if the table's
+/// checksum or any value in it is wrong.
 pub(crate) fn decode_table(
     block: &BlockHeader,
     bytes: &[u8],

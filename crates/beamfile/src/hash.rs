@@ -1,15 +1,15 @@
 //! A hash for beam keys: every append looks one up twice.
 //!
-//! A folded multiplication, seeded at random for each process, so that a hostile file cannot choose beams that collide.
-//! With the standard library's hash, appending a packet of 21 samples took 1.7 times as long (`examples/rates.rs`, medians
-//! of five runs).
+//! It is a folded multiplication with a random seed for each process, so that a hostile file cannot
+//! choose beams that collide. With the standard library's hash, appending a packet of 21 samples
+//! took 1.7 times as long (`examples/rates.rs`, medians of five runs).
 
 use std::collections::HashMap;
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher, Hasher};
 use std::sync::OnceLock;
 
-use crate::types::BeamKey;
+use holo_section::BeamKey;
 
 /// A map from beams.
 pub(crate) type BeamMap<T> = HashMap<BeamKey, T, BeamHash>;

@@ -1,47 +1,50 @@
-//! The holodeck file: every view ray that was ever computed, on disk, and the least-recently-used cache of beams in
-//! front of it (Larson & Simmons 1999, §2.1 and §2.2).
+//! The holodeck file: view rays on disk, and a least-recently-used cache of beams in front of it
+//! (Larson & Simmons 1999, §2.1 and §2.2).
 //!
-//! The file is a log. Samples are appended to memory, and a thread of the file's own writes them as one checksummed
-//! *block* about every half second, each a run of extents sorted by (section, beam). The directory of all extents is
-//! kept in memory and rebuilt when the file is opened, from block headers and extent tables alone. The layout is in
-//! [`mod@format`], byte by byte.
+//! The file is a log of checksummed *blocks*. Appended samples wait in memory, and a thread of the
+//! file's own writes them as one block about every half second. A block is a run of *extents*,
+//! sorted by section and beam. An extent is consecutive samples of one beam. The directory of all
+//! extents is kept in memory. Opening the file rebuilds it from block headers and extent tables,
+//! without reading samples. `proto/SPEC.md`, section 8, draws the bytes.
 //!
 //! What always holds:
 //!
-//! * A block is written once and never changed. Its header is written after its body, so a header that is there means
-//!   a block that is whole.
-//! * What was appended before a [`BeamFile::flush`] that returned `Ok` survives a killed process and a power failure;
-//!   anything else is on disk within a second.
-//! * Samples reach a caller only after their checksum was compared. What is damaged is named and left out; nothing
-//!   else is lost with it.
-//! * One writer at a time (a lock on the file), any number of readers beside it.
-//! * This crate never looks inside a radiance: a sample is ten bytes.
+//! - A block is written once and never changed. Its header is written after its body, so a block
+//!   with a header is whole.
+//! - Samples appended before a [`BeamFile::flush`] that returned `Ok` survive a killed process and
+//!   a power failure. Others are on disk within a second.
+//! - Samples reach a caller only after their checksum was compared. Damaged parts are named and
+//!   left out; nothing else is lost with them.
+//! - One process writes the file (a lock on the file sees to it), any number read beside it.
+//! - This crate never looks inside a radiance: a sample is ten bytes.
 
-pub mod format;
-
+mod append;
 mod batch;
 mod blobs;
 mod cache;
 mod directory;
 mod error;
 mod file;
+pub mod format;
 mod hash;
 mod load;
 mod open;
+mod plan;
+mod read;
 mod scan;
-mod snapshot;
+mod shared;
+mod state;
 mod storage;
 mod types;
 mod verify;
 mod visible;
 mod writer;
 
-pub use error::Error;
+pub use error::{Error, FileLoss};
 pub use file::BeamFile;
 pub use storage::{DiskStorage, Storage};
 pub use types::{
-    BeamKey, BeamSamples, Counts, Damage, DamageKind, ExtentMeta, OpenReport, Options,
-    SectionStats, Stats,
+    BeamSamples, Counts, Damage, DamageKind, OpenReport, Options, SectionStats, Stats,
 };
 
 /// What this crate's functions return.

@@ -1,41 +1,47 @@
-//! Reads planned beams from the file: in file order, neighbours in one go, each chunk compared with its checksum
-//! before a sample of it is used.
+//! Reads planned beams from the file.
+//!
+//! Reads are in file order, and one read takes neighbours together. Each chunk is compared with its
+//! checksum before a sample of it is used.
 
 use std::io;
 use std::sync::Arc;
 
 use bytemuck::Zeroable;
-use holo_section::Sample;
+use holo_section::{Run, Sample};
 
 use crate::directory::Block;
 use crate::format::{CHUNK_SAMPLES, SAMPLE_BYTES};
-use crate::snapshot::{Place, Plan};
+use crate::plan::{Location, Plan, PlannedRun};
 use crate::storage::Storage;
-use crate::types::{BeamSamples, ExtentMeta};
+use crate::types::BeamSamples;
 
-/// Reading this much for nothing costs less than another seek.
+/// Longest gap between two pieces of one read, in bytes. Reading it costs less than another seek.
 const MAX_GAP: u64 = 64 << 10;
-/// One read is at most this long (unless one extent is longer), so that the first beams come soon.
+/// Longest read of several pieces, in bytes, so that the first beams come soon.
 const MAX_SPAN: u64 = 4 << 20;
 
 /// Chunks that do not match their checksums: (block, chunk).
 pub(crate) type BadChunks = Vec<(u32, u32)>;
 
-/// Samples on disk that a beam wants.
+/// Samples on disk that a plan needs.
 struct Piece<'a> {
+    /// Index of the plan.
     plan: usize,
     /// Where in the beam's samples they go.
     to: usize,
+    /// The block, and its number in the directory.
     id: u32,
     block: &'a Arc<Block>,
+    /// The first one's index in the block's payload, and their number.
     at: u32,
     count: u32,
-    /// Bytes of the file: the chunks that they lie in.
+    /// The bytes of the file that their chunks take: the first, and one past the last.
     begin: u64,
     end: u64,
 }
 
-/// The beams in the order of the plans; or the chunks among what they want that are damaged.
+/// Returns the beams in the order of the plans; or, if chunks that they need are damaged, these
+/// chunks.
 pub(crate) fn load(
     storage: &dyn Storage,
     plans: &[Plan],
@@ -45,14 +51,14 @@ pub(crate) fn load(
     for (index, plan) in plans.iter().enumerate() {
         let mut samples = vec![Sample::zeroed(); plan.samples() as usize];
         let mut to = 0;
-        for run in &plan.runs {
+        for PlannedRun { run, location } in &plan.runs {
             let length = run.count as usize;
-            match &run.place {
-                Place::Copied(from) => samples[to..to + length].copy_from_slice(from),
-                Place::Frozen { batch, at } => {
+            match location {
+                Location::Copied(from) => samples[to..to + length].copy_from_slice(from),
+                Location::Frozen { batch, at } => {
                     samples[to..to + length].copy_from_slice(batch.samples(*at, run.count));
                 }
-                Place::Disk { id, block, at } => {
+                Location::Disk { id, block, at } => {
                     let (begin, _) = block.chunk_range(at / CHUNK_SAMPLES);
                     let (_, end) = block.chunk_range((at + run.count - 1) / CHUNK_SAMPLES);
                     pieces.push(Piece {
@@ -108,11 +114,11 @@ pub(crate) fn load(
     let whole = plans
         .iter()
         .zip(beams)
-        .map(|(plan, samples)| Arc::new(BeamSamples { extents: extents(plan), samples }));
+        .map(|(plan, samples)| Arc::new(BeamSamples { runs: joined_runs(plan), samples }));
     Ok(Ok(whole.collect()))
 }
 
-/// Compares every chunk of the pieces with its checksum once. Pieces are in file order.
+/// Compares every chunk of the pieces with its checksum, once. Pieces are in file order.
 fn check(span: &[Piece], buffer: &[u8], origin: u64, bad: &mut BadChunks) {
     let mut checked = None;
     for piece in span {
@@ -123,27 +129,26 @@ fn check(span: &[Piece], buffer: &[u8], origin: u64, bad: &mut BadChunks) {
             checked = Some((piece.block.offset, chunk));
             let (begin, end) = piece.block.chunk_range(chunk);
             let bytes = &buffer[(begin - origin) as usize..(end - origin) as usize];
-            if piece.block.crcs.get(chunk as usize) != Some(&crc32fast::hash(bytes)) {
+            if !piece.block.matches(chunk, bytes) {
                 bad.push((piece.id, chunk));
             }
         }
     }
 }
 
-/// The runs of a plan, those that continue each other joined.
-fn extents(plan: &Plan) -> Vec<ExtentMeta> {
-    let mut extents: Vec<ExtentMeta> = Vec::with_capacity(plan.runs.len());
-    for run in &plan.runs {
-        let meta = run.meta(plan.key);
-        match extents.last_mut() {
+/// Returns the runs of a plan. Runs that continue each other are joined.
+fn joined_runs(plan: &Plan) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::with_capacity(plan.runs.len());
+    for PlannedRun { run, .. } in &plan.runs {
+        match runs.last_mut() {
             Some(last)
-                if ExtentMeta { first: meta.first, count: meta.count, ..*last } == meta
-                    && last.first + last.count == meta.first =>
+                if (last.kind, last.paths) == (run.kind, run.paths)
+                    && last.first + last.count == run.first =>
             {
-                last.count += meta.count;
+                last.count += run.count;
             }
-            _ => extents.push(meta),
+            _ => runs.push(*run),
         }
     }
-    extents
+    runs
 }

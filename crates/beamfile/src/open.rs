@@ -1,27 +1,27 @@
-//! Creating and opening: header, lock, recovery.
+//! Creating and opening a file: header, lock, recovery.
 //!
-//! Invariant: nothing is cut off but a block that was never completed, and only by the writer.
+//! Invariant: only a writer cuts anything off, and only a block that was never completed.
 
 use std::collections::hash_map::RandomState;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::hash::{BuildHasher, Hasher};
-use std::io;
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use crate::error::io_error;
 use crate::file::BeamFile;
 use crate::format::{
     FIRST_BLOCK, FORMAT, FileHeader, HEADER_COPY_BYTES, HeaderCopy, MAX_SECTIONS, aligned,
 };
 use crate::scan::{ScanEnd, Tail, scan};
-use crate::snapshot::State;
+use crate::state::State;
 use crate::storage::Storage;
 use crate::types::{Damage, DamageKind, OpenReport};
 use crate::verify::bad_chunks;
 use crate::writer::Appender;
 use crate::{Error, Result};
 
-/// A file that was opened, before threads share it.
+/// What opening a file gives, before threads share it.
 pub(crate) struct Opened {
     pub header: FileHeader,
     pub state: State,
@@ -29,11 +29,7 @@ pub(crate) struct Opened {
     pub report: OpenReport,
 }
 
-fn io_error(path: &Path, doing: &'static str) -> impl Fn(io::Error) -> Error {
-    move |source| Error::Io { path: path.to_owned(), doing, source }
-}
-
-/// Opens the file itself, and takes the writer's lock unless it is only to be read.
+/// Opens the file itself and, if `lock` is set, takes the writer's lock.
 pub(crate) fn file(path: &Path, options: &OpenOptions, lock: bool) -> Result<File> {
     let file = options.open(path).map_err(io_error(path, "opening"))?;
     if lock {
@@ -47,7 +43,7 @@ pub(crate) fn file(path: &Path, options: &OpenOptions, lock: bool) -> Result<Fil
     Ok(file)
 }
 
-/// Writes the header of a new file.
+/// Writes both copies of a new file's header.
 pub(crate) fn create(storage: &dyn Storage, path: &Path, layout: &[u64]) -> Result<Opened> {
     if !(1..=MAX_SECTIONS).contains(&layout.len()) {
         return Err(Error::SectionCount(layout.len()));
@@ -66,7 +62,8 @@ pub(crate) fn create(storage: &dyn Storage, path: &Path, layout: &[u64]) -> Resu
     })
 }
 
-/// Different for every file, so that a block of another file is never taken for one of this.
+/// Returns a number that is different for every file, so that a block of another file is never
+/// taken for one of this file.
 fn random_id() -> u64 {
     let mut hasher = RandomState::new().build_hasher();
     hasher.write_u32(std::process::id());
@@ -76,7 +73,8 @@ fn random_id() -> u64 {
     hasher.finish()
 }
 
-/// Reads the header and every block's table, repairs the header's second copy and cuts off a torn tail if `writable`.
+/// Reads the header and every block's table. If `writable`, it repairs a damaged copy of the header
+/// and cuts off a torn tail.
 pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result<Opened> {
     let mut damage = Vec::new();
     let header = read_header(storage, path, &mut damage)?;
@@ -92,15 +90,14 @@ pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result
 
     let mut state = State::new(header.layout.len());
     let mut samples = 0;
-    let end = scan(storage, &header, FIRST_BLOCK, 0, &mut damage, &mut |block, table| {
+    let end = scan(storage, path, &header, FIRST_BLOCK, 0, &mut damage, &mut |block, table| {
         if block.blob.is_none() {
             samples += u64::from(block.header.payload_bytes / crate::format::SAMPLE_BYTES);
         }
         state.found(block, table)
-    })
-    .map_err(|error| at_path(error, path))?;
+    })?;
 
-    // After a power failure the last block may have its length and not its bytes.
+    // After a power failure the file may have the length of the last block without its bytes.
     if let Some(last) = state.directory.blocks.last() {
         let id = state.directory.blocks.len() as u32 - 1;
         let bad = bad_chunks(storage, last).map_err(io_error(path, "reading the last block"))?;
@@ -117,13 +114,6 @@ pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result
         unfinished_blobs: state.blobs.unfinished(),
     };
     Ok(Opened { header, state, appender, report })
-}
-
-pub(crate) fn at_path(error: Error, path: &Path) -> Error {
-    match error {
-        Error::Io { doing, source, .. } => Error::Io { path: path.to_owned(), doing, source },
-        other => other,
-    }
 }
 
 fn end_of_file(
@@ -154,7 +144,7 @@ fn end_of_file(
     Ok(Appender { at, sequence: end.sequence })
 }
 
-/// The header, from whichever copy is intact; damaged copies are added to `damage`.
+/// Returns the header from a copy that is intact. Adds damaged copies to `damage`.
 pub(crate) fn read_header(
     storage: &dyn Storage,
     path: &Path,
@@ -188,7 +178,9 @@ pub(crate) fn read_header(
 }
 
 impl BeamFile {
-    /// For a file opened read-only: takes in the blocks that its writer completed since. Gives their number.
+    /// Takes in the blocks that another process completed since, and returns their number.
+    ///
+    /// Returns 0 for a file that was not opened read-only.
     ///
     /// # Errors
     /// If the disk cannot be read.
@@ -201,6 +193,7 @@ impl BeamFile {
         let mut damage = Vec::new();
         let end = scan(
             &*self.shared.storage,
+            &self.shared.path,
             &self.shared.header,
             appender.at,
             appender.sequence,
@@ -209,9 +202,8 @@ impl BeamFile {
                 found.push((block, table));
                 Ok(())
             },
-        )
-        .map_err(|error| at_path(error, &self.shared.path))?;
-        // What could not be read at the end of the file before may be a block now.
+        )?;
+        // Bytes at the end that were no block before may be one now.
         if let Tail::Damaged(tail) = &end.tail {
             damage.push(tail.clone());
         }

@@ -1,11 +1,14 @@
-//! Finds the blocks of a file, also after damage.
+//! Finding the blocks of a file, also after damage.
 //!
-//! Invariant: what the scan passes on has an intact header, an intact table, and a payload that lies within the file.
-//! Payloads themselves are not read: that is left to whoever wants them.
+//! Invariant: a block that the scan passes on has an intact header, an intact table, and a payload
+//! within the file. The scan does not read payloads.
 
 use std::io;
+use std::path::Path;
 
+use crate::Result;
 use crate::directory::Block;
+use crate::error::io_error;
 use crate::format::{
     BLOCK_ALIGNMENT, BLOCK_HEADER_BYTES, BLOCK_MAGIC, BlockHeader, FileHeader, Table, aligned,
     decode_table,
@@ -13,7 +16,7 @@ use crate::format::{
 use crate::storage::Storage;
 use crate::types::{Damage, DamageKind};
 
-/// Bytes looked through at a time for the next block after damage.
+/// Bytes searched at a time for the next block after damage.
 const SEARCH_BYTES: u64 = 1 << 20;
 
 /// What the end of the file is.
@@ -21,32 +24,37 @@ const SEARCH_BYTES: u64 = 1 << 20;
 pub(crate) enum Tail {
     /// The file ends with a block.
     Clean,
-    /// A block that was never completed: nothing in it can be used.
+    /// The file ends with a block that was never completed. Nothing in it can be used.
     Torn(Damage),
-    /// Bytes that are no block, and that nobody should throw away.
+    /// The file ends with bytes that are no block. A rescuer may want them.
     Damaged(Damage),
 }
 
+/// Where a scan ended.
 #[derive(Debug)]
 pub(crate) struct ScanEnd {
-    /// First byte that is not part of a block or of damage before one: where a later scan goes on.
+    /// The first byte after all blocks, and after damage before one: where a later scan goes on.
     pub resume: u64,
     /// Sequence number of the last block.
     pub sequence: u64,
+    /// Length of the file.
     pub length: u64,
     pub tail: Tail,
 }
 
-/// Calls `found` for every block from `from` on whose sequence number is beyond `sequence`, in file order.
-pub(crate) fn scan<E: From<io::Error>>(
+/// Calls `found` for every block from offset `from` on, in file order. Blocks whose sequence number
+/// is not above that of the block before, at first `sequence`, are damage.
+pub(crate) fn scan(
     storage: &dyn Storage,
+    path: &Path,
     file: &FileHeader,
     from: u64,
     mut sequence: u64,
     damage: &mut Vec<Damage>,
-    found: &mut dyn FnMut(Block, Table) -> Result<(), E>,
-) -> Result<ScanEnd, E> {
-    let length = storage.length()?;
+    found: &mut dyn FnMut(Block, Table) -> Result<()>,
+) -> Result<ScanEnd> {
+    let failed = io_error(path, "reading its blocks");
+    let length = storage.length().map_err(&failed)?;
     let mut at = from;
     let tail = loop {
         let rest = length.saturating_sub(at);
@@ -58,9 +66,10 @@ pub(crate) fn scan<E: From<io::Error>>(
             break Tail::Torn(torn);
         }
         let mut bytes = [0; BLOCK_HEADER_BYTES];
-        storage.read_exact_at(&mut bytes, at)?;
+        storage.read_exact_at(&mut bytes, at).map_err(&failed)?;
         let Some(header) = header_after(&bytes, file, sequence) else {
-            let Some(next) = find_block(storage, file, sequence, at + BLOCK_ALIGNMENT, length)?
+            let Some(next) = find_block(storage, file, sequence, at + BLOCK_ALIGNMENT, length)
+                .map_err(&failed)?
             else {
                 let unwritten = bytes == [0; BLOCK_HEADER_BYTES];
                 break if unwritten {
@@ -78,7 +87,7 @@ pub(crate) fn scan<E: From<io::Error>>(
         }
         sequence = header.sequence;
         let mut table = vec![0; header.table_bytes as usize];
-        storage.read_exact_at(&mut table, at + BLOCK_HEADER_BYTES as u64)?;
+        storage.read_exact_at(&mut table, at + BLOCK_HEADER_BYTES as u64).map_err(&failed)?;
         match decode_table(&header, &table, file) {
             Some((table, crcs)) => {
                 let blob = match &table {
@@ -102,7 +111,7 @@ fn header_after(bytes: &[u8], file: &FileHeader, sequence: u64) -> Option<BlockH
     BlockHeader::decode(bytes, file.file_id).filter(|header| header.sequence > sequence)
 }
 
-/// The first place from `from` on that has an intact block header.
+/// Returns the first offset from `from` on that has an intact block header.
 fn find_block(
     storage: &dyn Storage,
     file: &FileHeader,
@@ -114,7 +123,7 @@ fn find_block(
     let mut window = Vec::new();
     let mut at = aligned(from);
     while at + header_bytes <= length {
-        // Windows overlap, so that a header across a boundary is seen whole.
+        // Windows overlap, so that a header across a boundary is found.
         let bytes = (length - at).min(SEARCH_BYTES + header_bytes);
         window.resize(bytes as usize, 0);
         storage.read_exact_at(&mut window, at)?;

@@ -1,53 +1,104 @@
-//! What the file needs of a disk: positioned reads and writes. A trait, so that tests can fill the disk up.
+//! The operations on a disk that the file needs, as a trait, so that tests can fill the disk up.
 
-use std::fs::File;
-use std::io;
-use std::os::unix::fs::FileExt;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{FileExt, MetadataExt};
+use std::path::{Path, PathBuf};
 
 /// Positioned input and output on one file. Reads may run beside writes.
 pub trait Storage: Send + Sync {
-    /// Fills `bytes` from `offset`; `UnexpectedEof` where the file ends before.
+    /// Fills `bytes` from `offset`.
+    ///
+    /// # Errors
+    /// The system's; `UnexpectedEof` if the file ends before.
     fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<()>;
-    /// Writes all of `bytes` at `offset`, making the file longer where needed. May have written a part on error.
+
+    /// Writes all of `bytes` at `offset`, and makes the file longer where needed.
+    ///
+    /// # Errors
+    /// The system's. A part of the bytes may have been written.
     fn write_all_at(&self, bytes: &[u8], offset: u64) -> io::Result<()>;
+
     /// Returns once everything written is on the disk itself.
+    ///
+    /// # Errors
+    /// The system's.
     fn sync_data(&self) -> io::Result<()>;
-    /// Length in bytes.
+
+    /// Returns the length in bytes.
+    ///
+    /// # Errors
+    /// The system's.
     fn length(&self) -> io::Result<u64>;
+
     /// Cuts the file off, or extends it by zeros.
+    ///
+    /// # Errors
+    /// The system's.
     fn set_len(&self, bytes: u64) -> io::Result<()>;
+
+    /// Returns whether the path still names this file: false once it was deleted, moved or
+    /// replaced.
+    fn is_at_its_path(&self) -> bool {
+        true
+    }
 }
 
-/// An ordinary file. Never mapped into memory: it changes, and a truncated map would kill the process.
+/// An ordinary file.
+///
+/// It is never mapped into memory. Another process may cut it off, and whoever reads a map beyond
+/// the file's end is killed.
 #[derive(Debug)]
-pub struct DiskStorage(pub File);
+pub struct DiskStorage {
+    file: File,
+    path: PathBuf,
+}
+
+impl DiskStorage {
+    /// Returns the storage of an open file. `path` is the path by which it was opened.
+    pub fn new(file: File, path: impl AsRef<Path>) -> DiskStorage {
+        DiskStorage { file, path: path.as_ref().to_owned() }
+    }
+}
 
 impl Drop for DiskStorage {
-    /// Closing alone would keep the lock for as long as a child process that is just being started has the file too.
+    /// Gives the lock back. A file that is only closed stays locked while a child process has it
+    /// open, too.
     fn drop(&mut self) {
-        // Without a lock there is nothing to give back.
-        let _ = self.0.unlock();
+        // A file without a lock gives an error, which does not matter.
+        let _ = self.file.unlock();
     }
 }
 
 impl Storage for DiskStorage {
     fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<()> {
-        self.0.read_exact_at(bytes, offset)
+        self.file.read_exact_at(bytes, offset)
     }
 
     fn write_all_at(&self, bytes: &[u8], offset: u64) -> io::Result<()> {
-        self.0.write_all_at(bytes, offset)
+        self.file.write_all_at(bytes, offset)
     }
 
     fn sync_data(&self) -> io::Result<()> {
-        self.0.sync_data()
+        self.file.sync_data()
     }
 
     fn length(&self) -> io::Result<u64> {
-        Ok(self.0.metadata()?.len())
+        Ok(self.file.metadata()?.len())
     }
 
     fn set_len(&self, bytes: u64) -> io::Result<()> {
-        self.0.set_len(bytes)
+        self.file.set_len(bytes)
+    }
+
+    fn is_at_its_path(&self) -> bool {
+        match (self.file.metadata(), fs::metadata(&self.path)) {
+            (Ok(open), Ok(named)) => (open.dev(), open.ino()) == (named.dev(), named.ino()),
+            (Ok(_), Err(error)) => {
+                !matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
+            }
+            // A disk that does not answer has lost nothing yet; writing to it says what is wrong.
+            (Err(_), _) => true,
+        }
     }
 }

@@ -2,73 +2,48 @@
 
 use std::fmt;
 
-use holo_section::{BeamId, Sample, SampleKind};
+use holo_section::{Run, Sample};
 
-/// Which beam of which section. Ordered as beams are in a block: by section, then by beam.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct BeamKey {
-    /// Index of the section in the file.
-    pub section: u16,
-    /// The beam within its section.
-    pub beam: BeamId,
-}
+use crate::format::SAMPLE_BYTES;
 
-/// What is known of a run of samples of one beam with consecutive sample numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ExtentMeta {
-    /// The beam.
-    pub key: BeamKey,
-    /// Sample number of the first sample; the others follow one by one.
-    pub first: u32,
-    /// Number of samples. Set by reads; appends take it from the samples given and ignore this.
-    pub count: u32,
-    /// How the rays were chosen. Sample numbers of different kinds are independent.
-    pub kind: SampleKind,
-    /// Paths that were averaged into each sample.
-    pub paths: u16,
-    /// Settings with which they were computed: the caller's own number.
-    pub settings: u32,
-    /// Generation of the scene: the caller's own number.
-    pub generation: u32,
-}
-
-/// The next free sample number of each kind in one beam: the highest number stored, plus one.
+/// The next free sample number of each kind in one beam: one more than the highest number stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// For [`SampleKind::Uniform`].
+    /// For [`Uniform`](holo_section::SampleKind::Uniform).
     pub uniform: u32,
-    /// For [`SampleKind::ViewpointLimited`].
+    /// For [`ViewpointLimited`](holo_section::SampleKind::ViewpointLimited).
     pub limited: u32,
-    /// For [`SampleKind::SingleRay`].
+    /// For [`SingleRay`](holo_section::SampleKind::SingleRay).
     pub single: u32,
 }
 
 /// How to open or create a file.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Memory for beams that were read, in bytes; 0 keeps none.
+    /// Memory for beams that were read, in bytes; 0 caches none.
     pub cache_bytes: u64,
-    /// Number of beams in each section. Written by `create`; `open` compares it with the file unless it is empty.
+    /// Number of beams in each section. `create` writes it; `open` compares it with the file,
+    /// unless it is empty.
     pub layout: Vec<u64>,
 }
 
 /// All samples of one beam, in the order (kind, sample number), each number once.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BeamSamples {
-    /// The runs that `samples` consists of, in order; their counts add up to its length.
-    pub extents: Vec<ExtentMeta>,
+    /// The runs that `samples` consists of, in order. Their counts add up to its length.
+    pub runs: Vec<Run>,
     /// The samples of all runs, one run after the other.
     pub samples: Vec<Sample>,
 }
 
 impl BeamSamples {
-    /// Each run with its samples.
-    pub fn runs(&self) -> impl Iterator<Item = (&ExtentMeta, &[Sample])> {
+    /// Returns each run with its samples.
+    pub fn iter(&self) -> impl Iterator<Item = (&Run, &[Sample])> {
         let mut rest = self.samples.as_slice();
-        self.extents.iter().map(move |meta| {
-            let (run, tail) = rest.split_at((meta.count as usize).min(rest.len()));
-            rest = tail;
-            (meta, run)
+        self.runs.iter().map(move |run| {
+            let (samples, after) = rest.split_at((run.count as usize).min(rest.len()));
+            rest = after;
+            (run, samples)
         })
     }
 }
@@ -76,9 +51,9 @@ impl BeamSamples {
 /// A part of the file that cannot be used and was left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damage {
-    /// First byte of it in the file.
+    /// Its first byte in the file.
     pub offset: u64,
-    /// Length in bytes.
+    /// Its length in bytes.
     pub bytes: u64,
     /// What is there, or should be.
     pub what: DamageKind,
@@ -87,47 +62,54 @@ pub struct Damage {
 /// What a damaged part of the file is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DamageKind {
-    /// One copy of the file's header; the other one is used.
+    /// One copy of the file's header. The other one is used.
     HeaderCopy(u8),
-    /// The header of a block, hence the whole block (or several).
+    /// The header of a block, and with it the block, or several.
     BlockHeader,
-    /// The extent table of the block with this sequence number, hence the whole block.
+    /// The table of the block with this sequence number, and with it the block.
     BlockTable(u64),
-    /// Samples of extents.
+    /// Samples.
     Samples,
-    /// A part of a blob.
+    /// A chunk in one copy of the blob with this name.
     Blob(String),
-    /// A block at the end of the file that was never completed (or, beside a writer, not yet).
+    /// A block at the end of the file that was never completed. Beside a writer: not yet.
     TornTail,
+}
+
+impl Damage {
+    /// Returns how many samples are left out because of it, at most.
+    ///
+    /// Exact for [`DamageKind::Samples`]. Of a whole block it is what would fit into its bytes.
+    pub fn samples(&self) -> u64 {
+        match self.what {
+            DamageKind::Samples | DamageKind::BlockHeader | DamageKind::BlockTable(_) => {
+                self.bytes / u64::from(SAMPLE_BYTES)
+            }
+            DamageKind::HeaderCopy(_) | DamageKind::Blob(_) | DamageKind::TornTail => 0,
+        }
+    }
 }
 
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Damage { offset, bytes, what } = self;
+        write!(f, "offset {offset}: ")?;
         match what {
             DamageKind::HeaderCopy(copy) => {
-                write!(f, "offset {offset}: copy {copy} of the file header is damaged")
+                write!(f, "copy {copy} of the file's header is damaged")
             }
             DamageKind::BlockHeader => {
-                write!(f, "offset {offset}: damaged block header, {bytes} bytes left out")
+                write!(f, "a block header is damaged; {bytes} bytes are left out")
             }
             DamageKind::BlockTable(sequence) => {
-                write!(
-                    f,
-                    "offset {offset}: damaged table of block {sequence}, {bytes} bytes left out"
-                )
+                write!(f, "the table of block {sequence} is damaged; {bytes} bytes are left out")
             }
-            DamageKind::Samples => {
-                write!(f, "offset {offset}: damaged samples, {bytes} bytes left out")
-            }
+            DamageKind::Samples => write!(f, "{} damaged samples are left out", self.samples()),
             DamageKind::Blob(name) => {
-                write!(f, "offset {offset}: {bytes} damaged bytes of blob {name}")
+                write!(f, "{bytes} bytes in a copy of blob `{name}` are damaged")
             }
             DamageKind::TornTail => {
-                write!(
-                    f,
-                    "offset {offset}: {bytes} bytes of a block that is not complete, left out"
-                )
+                write!(f, "a block was never completed; {bytes} bytes are left out")
             }
         }
     }
@@ -142,9 +124,9 @@ pub struct OpenReport {
     pub extents: u64,
     /// Samples in them, superseded ones included.
     pub samples: u64,
-    /// What was damaged and left out, in file order.
+    /// Damaged parts, in file order.
     pub damage: Vec<Damage>,
-    /// Names of blobs of which not every part is there (interrupted, or in a damaged block).
+    /// Names of blobs of which a part is missing: writing was interrupted, or a block is damaged.
     pub unfinished_blobs: Vec<String>,
 }
 
@@ -153,33 +135,34 @@ pub struct OpenReport {
 pub struct SectionStats {
     /// Beams that hold a sample.
     pub nonempty_beams: u64,
-    /// Samples, each sample number once.
+    /// Samples; each sample number counts once.
     pub samples: u64,
 }
 
 /// Figures of an open file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
-    /// Length of the file.
+    /// Length of the file, bytes.
     pub file_bytes: u64,
-    /// Samples, each sample number once; those not yet on disk included.
+    /// Samples, also those not yet on disk; each sample number counts once.
     pub samples: u64,
     /// The same by section.
     pub sections: Vec<SectionStats>,
-    /// Samples that count no more, or never did, since others of their numbers do: ten bytes each that nobody reads.
+    /// Samples that no read gives, because another sample of the same number counts. Each takes
+    /// ten bytes of the file.
     pub superseded: u64,
     /// Extents on disk.
     pub extents: u64,
-    /// Memory that cached beams take.
+    /// Memory that cached beams take, bytes.
     pub cache_bytes: u64,
-    /// Reads that found their beam in memory.
+    /// Reads that found their beam in the cache.
     pub cache_hits: u64,
     /// Reads that did not.
     pub cache_misses: u64,
-    /// Memory that samples not yet on disk take.
+    /// Memory that samples not yet on disk take, bytes.
     pub pending_bytes: u64,
-    /// Damaged parts found so far, at opening and since.
+    /// Number of damaged parts found so far, at opening and since.
     pub damage: u64,
-    /// Why the last write failed, until one succeeds.
+    /// Why the last write failed; `None` once a write succeeds.
     pub last_error: Option<String>,
 }

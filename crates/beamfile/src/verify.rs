@@ -1,4 +1,4 @@
-//! Compares what is on disk with its checksums.
+//! Comparing the whole file with its checksums.
 
 use std::io;
 
@@ -12,7 +12,7 @@ use crate::{Result, open};
 /// Chunks read at a time: about one mebibyte.
 const CHUNKS_TOGETHER: usize = 256;
 
-/// Chunks of the block's payload that do not match their checksums.
+/// Returns the chunks of the block's payload that do not match their checksums.
 pub(crate) fn bad_chunks(storage: &dyn Storage, block: &Block) -> io::Result<Vec<u32>> {
     let mut bad = Vec::new();
     let mut buffer = Vec::new();
@@ -29,7 +29,7 @@ pub(crate) fn bad_chunks(storage: &dyn Storage, block: &Block) -> io::Result<Vec
     Ok(bad)
 }
 
-/// Damage of the block's header or table since it was read.
+/// Returns the damage that the block's header or table took since it was read.
 pub(crate) fn block_damage(
     storage: &dyn Storage,
     file: &FileHeader,
@@ -49,8 +49,11 @@ pub(crate) fn block_damage(
 }
 
 impl BeamFile {
-    /// Reads the whole file and compares it with its checksums; gives every damaged part in file order, also those that
-    /// were known. What has not been written yet is not looked at, nor is a torn tail, which opening reports.
+    /// Reads the whole file, compares it with its checksums, and returns every damaged part in file
+    /// order, also those that were known.
+    ///
+    /// It does not look at samples that still wait in memory, nor at a torn tail, which
+    /// [`BeamFile::report`] names.
     ///
     /// # Errors
     /// If the disk cannot be read.

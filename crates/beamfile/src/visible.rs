@@ -1,12 +1,12 @@
-//! Which of several samples with the same number counts.
+//! The rule by which one of several samples with the same number counts.
 //!
-//! Extents are taken in the order in which they were appended: one that supersedes replaces what was there, one that
-//! does not fills only free numbers. So work that was done twice changes nothing, and a damaged better sample uncovers
-//! the older one.
+//! Extents are taken in the order in which they were appended. One that supersedes replaces older
+//! samples; one that does not fills only free numbers. So work that was done twice changes nothing,
+//! and damage in a better sample uncovers the older one.
 
 use std::collections::BTreeMap;
 
-/// Sample numbers that one extent offers.
+/// Sample numbers that one append offers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Offer {
     pub kind: u8,
@@ -15,7 +15,7 @@ pub(crate) struct Offer {
     pub count: u32,
 }
 
-/// A run of numbers, and which offer provides it.
+/// A run of numbers, and the index of the offer whose samples count for them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Visible {
     pub offer: usize,
@@ -23,7 +23,8 @@ pub(crate) struct Visible {
     pub count: u32,
 }
 
-/// What counts of `offers`, oldest first; in the order (kind, number), every number once.
+/// Returns which of `offers` count, in the order (kind, number), every number once. The oldest
+/// offer comes first.
 pub(crate) fn visible(offers: &[Offer]) -> Vec<Visible> {
     let mut order: Vec<usize> = (0..offers.len()).collect();
     order.sort_by_key(|&i| (offers[i].kind, offers[i].first));
@@ -104,8 +105,8 @@ mod tests {
         fn every_number_comes_from_the_offer_that_the_rule_names(
             raw in prop::collection::vec((0u8..3, any::<bool>(), 0u32..40, 1u32..15), 0..14),
         ) {
-            let offers: Vec<_> =
-                raw.into_iter().map(|(kind, supersedes, first, count)| Offer { kind, supersedes, first, count }).collect();
+            let offer = |(kind, supersedes, first, count)| Offer { kind, supersedes, first, count };
+            let offers: Vec<_> = raw.into_iter().map(offer).collect();
             let mut model = BTreeMap::new();
             for (i, o) in offers.iter().enumerate() {
                 for n in o.first..o.first + o.count {

@@ -1,7 +1,8 @@
-//! Writes blocks: the end of the file, and the thread that brings samples there.
+//! The writer: the end of the file, and the thread that brings samples there.
 //!
-//! Invariant: a block's header is written after its body, and nothing is forgotten before the disk has said that it has
-//! it. After a failed write the file is cut off where the block began, and the same samples are tried again.
+//! Invariants: a block's header is written after its body. Samples leave the memory only when the
+//! disk has them. After a failed write the file is cut off where the block began, and the same
+//! samples are tried again.
 
 use std::sync::{Arc, MutexGuard};
 use std::time::{Duration, Instant};
@@ -9,27 +10,31 @@ use std::time::{Duration, Instant};
 use crate::Result;
 use crate::batch::{Batch, Body};
 use crate::directory::Block;
-use crate::file::Shared;
 use crate::format::{BLOCK_HEADER_BYTES, BlockHeader, CHUNK_BYTES, Entry, aligned};
-use crate::snapshot::State;
+use crate::shared::Shared;
+use crate::state::State;
 use crate::storage::Storage;
 
-/// Samples wait at most this long before they are written: writing and a slow disk still fit in the promised second.
-pub(crate) const WRITE_INTERVAL: Duration = Duration::from_millis(400);
+/// Longest wait of samples before they are written. The write itself then still fits in the
+/// promised second, even on a slow disk.
+const WRITE_INTERVAL: Duration = Duration::from_millis(400);
+const _: () = assert!(WRITE_INTERVAL.as_millis() <= 500, "samples must be on disk within a second");
 /// Pause after a failed write.
 const RETRY_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Extents listed under one lock: well below a millisecond.
+/// Extents listed under one lock, which takes well below a millisecond.
 const EXTENTS_TOGETHER: usize = 1024;
 
 /// The end of the file.
 pub(crate) struct Appender {
+    /// Where the next block begins.
     pub at: u64,
+    /// Sequence number of the last block.
     pub sequence: u64,
 }
 
 impl Appender {
-    /// Appends one block; it is on the disk itself when this returns.
+    /// Appends one block. It is on the disk itself when this returns.
     pub fn write(
         &mut self,
         storage: &dyn Storage,
@@ -61,7 +66,8 @@ impl Appender {
             .and_then(|()| storage.write_all_at(&header.encode(), self.at))
             .and_then(|()| storage.sync_data());
         if let Err(error) = written {
-            // Only tidiness: what stays there is overwritten by the next attempt, or found incomplete.
+            // If this fails, too, the next attempt overwrites the bytes, or opening finds them
+            // incomplete.
             let _ = storage.set_len(self.at);
             return Err(error);
         }
@@ -72,7 +78,7 @@ impl Appender {
     }
 }
 
-/// Tells those who wait for the writer when it ends, however it ends.
+/// Wakes those who wait for the writer when it ends, even by a panic.
 struct Gone<'a>(&'a Shared);
 
 impl Drop for Gone<'_> {
@@ -82,17 +88,15 @@ impl Drop for Gone<'_> {
     }
 }
 
-/// The writer thread: runs until it is told to stop and nothing is left, or what is left cannot be written.
+/// Runs the writer's thread: until it must stop and nothing is left to write, or writing fails for
+/// good.
 pub(crate) fn run(shared: &Arc<Shared>) {
     let _gone = Gone(shared);
     let mut failed_at: Option<Instant> = None;
     while let Some(batch) = next_batch(shared, failed_at) {
         let (entries, body) = batch.body();
-        let written = shared.appender().write(&*shared.storage, shared.header.file_id, &body);
-        let result: Result<()> = match written {
-            Ok(block) => list(shared, block, &entries),
-            Err(error) => Err(shared.io("writing samples", error)),
-        };
+        let written = shared.write_block(&body, "writing samples");
+        let result = written.and_then(|block| list(shared, block, &entries));
         let mut state = shared.state();
         match result {
             Ok(()) => {
@@ -109,7 +113,7 @@ pub(crate) fn run(shared: &Arc<Shared>) {
                 state.last_error = Some(error.to_string());
                 state.failures += 1;
                 failed_at = Some(Instant::now());
-                if state.stop {
+                if state.stop || state.lost.is_some() {
                     return;
                 }
             }
@@ -118,7 +122,7 @@ pub(crate) fn run(shared: &Arc<Shared>) {
     }
 }
 
-/// Lists a block's extents, some at a time, so that appends and reads need not wait for all of them.
+/// Lists a block's extents, some at a time, so that appends and reads wait only for some.
 fn list(shared: &Shared, block: Block, entries: &[Entry]) -> Result<()> {
     let id = shared.state().directory.add_block(Arc::new(block))?;
     let mut at = 0;
@@ -132,7 +136,7 @@ fn list(shared: &Shared, block: Block, entries: &[Entry]) -> Result<()> {
     Ok(())
 }
 
-/// Waits for something to write.
+/// Waits for a batch to write; `None` when the writer must stop.
 fn next_batch(shared: &Shared, failed_at: Option<Instant>) -> Option<Arc<Batch>> {
     let mut state: MutexGuard<State> = shared.state();
     loop {

@@ -1,4 +1,4 @@
-//! What callers rely on: cache, readers beside the writer, superseding, order, errors.
+//! Behaviour that callers rely on: cache, readers beside the writer, superseding, order, errors.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod common;
@@ -6,11 +6,11 @@ mod common;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use common::{key, kind, meta, options, sample, samples};
-use holo_beamfile::{BeamFile, BeamSamples, Counts, Error, ExtentMeta, Options};
-use holo_section::SampleKind;
+use common::{key, kind, options, run, sample, samples};
+use holo_beamfile::{BeamFile, BeamSamples, Counts, Error, Options};
+use holo_section::{BeamKey, Run, SampleKind};
 
 fn fresh() -> (tempfile::TempDir, std::path::PathBuf, BeamFile) {
     let folder = tempfile::tempdir().unwrap();
@@ -26,18 +26,17 @@ fn a_file_can_be_shared_between_threads() {
 }
 
 #[test]
-fn samples_are_on_disk_within_a_second_without_a_flush() {
+fn samples_reach_the_disk_without_a_flush() {
     let (_folder, path, file) = fresh();
     let reader = BeamFile::open_read_only(&path, 0).unwrap();
-    let meta = meta(key(0, 4), 0);
-    file.append(meta, &samples(&meta, 21, 0)).unwrap();
-    let start = Instant::now();
-    while reader.count(meta.key) == 0 {
-        assert!(start.elapsed() < Duration::from_secs(1));
+    let run = run(key(0, 4), 0);
+    file.append(run, &samples(&run, 21, 0)).unwrap();
+    // How soon is a constant of the writer's. A busy machine only makes the test longer.
+    while reader.count(run.key) == 0 {
         std::thread::sleep(Duration::from_millis(10));
         reader.refresh().unwrap();
     }
-    assert_eq!(reader.read(meta.key).unwrap().samples, samples(&meta, 21, 0));
+    assert_eq!(reader.read(run.key).unwrap().samples, samples(&run, 21, 0));
 }
 
 #[test]
@@ -45,35 +44,35 @@ fn packets_that_continue_each_other_become_one_extent() {
     let (_folder, _, file) = fresh();
     for packet in 0..50 {
         for beam in 0..4 {
-            let meta = meta(key(0, beam), packet * 21);
-            file.append(meta, &samples(&meta, 21, 0)).unwrap();
+            let run = run(key(0, beam), packet * 21);
+            file.append(run, &samples(&run, 21, 0)).unwrap();
         }
     }
     file.flush().unwrap();
     assert_eq!(file.stats().extents, 4);
-    assert_eq!(file.read(key(0, 2)).unwrap().extents.len(), 1);
+    assert_eq!(file.read(key(0, 2)).unwrap().runs.len(), 1);
 }
 
 #[test]
 fn superseding_samples_replace_only_their_numbers_and_a_late_copy_changes_nothing() {
     let (_folder, path, file) = fresh();
-    let rough = meta(key(0, 7), 0);
-    let better = ExtentMeta { first: 10, paths: 16, generation: 1, ..rough };
-    let other_kind = ExtentMeta { first: 0, kind: SampleKind::SingleRay, ..rough };
+    let rough = run(key(0, 7), 0);
+    let better = Run { first: 10, paths: 16, ..rough };
+    let other_kind = Run { first: 0, kind: SampleKind::SingleRay, ..rough };
     file.append(rough, &samples(&rough, 40, 1)).unwrap();
     file.append(other_kind, &samples(&other_kind, 3, 1)).unwrap();
     file.supersede(better, &samples(&better, 20, 2)).unwrap();
-    // The same packet computed a second time, as after a worker's death: it comes late and is no better.
+    // The same packet traced a second time, as after a worker's death.
     file.append(rough, &samples(&rough, 40, 3)).unwrap();
     let check = |file: &BeamFile| {
         let read = file.read(rough.key).unwrap();
         let runs: Vec<_> = read
-            .runs()
+            .iter()
             .map(|(m, s)| (m.kind as u8, m.first, m.count, m.paths, s.to_vec()))
             .collect();
-        let expect = |meta: &ExtentMeta, first, count, tag| {
-            let meta = ExtentMeta { first, ..*meta };
-            (meta.kind as u8, first, count, meta.paths, samples(&meta, count, tag))
+        let expect = |run: &Run, first, count, tag| {
+            let run = Run { first, ..*run };
+            (run.kind as u8, first, count, run.paths, samples(&run, count, tag))
         };
         let uniform =
             [expect(&rough, 0, 10, 1), expect(&better, 10, 20, 2), expect(&rough, 30, 10, 1)];
@@ -97,8 +96,8 @@ fn the_cache_stays_within_its_budget_and_keeps_what_was_used_last() {
     let file =
         BeamFile::create(&path, Options { cache_bytes: budget, layout: vec![1000] }).unwrap();
     for beam in 0..200 {
-        let meta = meta(key(0, beam), 0);
-        file.append(meta, &samples(&meta, 100 + beam as u32, 0)).unwrap();
+        let run = run(key(0, beam), 0);
+        file.append(run, &samples(&run, 100 + beam as u32, 0)).unwrap();
     }
     file.flush().unwrap();
     for i in 0..2000u64 {
@@ -110,11 +109,11 @@ fn the_cache_stays_within_its_budget_and_keeps_what_was_used_last() {
     assert!(stats.cache_bytes > budget / 2, "it is used");
     assert_eq!(stats.cache_hits + stats.cache_misses, 4000);
     assert!(stats.cache_hits >= 1999, "a beam read all the time stays: {} hits", stats.cache_hits);
-    let meta = meta(key(0, 3), 5000);
-    file.append(meta, &samples(&meta, 5, 9)).unwrap();
+    let run = run(key(0, 3), 5000);
+    file.append(run, &samples(&run, 5, 9)).unwrap();
     assert_eq!(file.read(key(0, 3)).unwrap().samples.len(), 108, "new samples are seen at once");
 
-    let huge = self::meta(key(0, 999), 0);
+    let huge = self::run(key(0, 999), 0);
     file.append(huge, &samples(&huge, 6000, 0)).unwrap();
     assert_eq!(
         file.read(huge.key).unwrap().samples.len(),
@@ -130,15 +129,15 @@ fn read_many_gives_cached_beams_first_then_file_order_and_stops_when_told() {
     // Each beam in a block of its own, so that file order is not beam order.
     let order = [9, 2, 30, 4, 11, 0];
     for beam in order {
-        let meta = meta(key(0, beam), 0);
-        file.append(meta, &samples(&meta, 21, 0)).unwrap();
+        let run = run(key(0, beam), 0);
+        file.append(run, &samples(&run, 21, 0)).unwrap();
         file.flush().unwrap();
     }
     file.read(key(0, 11)).unwrap();
     let keys: Vec<_> =
         (0..40).map(|beam| key(0, beam)).filter(|k| order.contains(&k.beam.0)).collect();
     let mut got = Vec::new();
-    let mut collect = |beam: holo_beamfile::BeamKey, samples: Arc<BeamSamples>| {
+    let mut collect = |beam: BeamKey, samples: Arc<BeamSamples>| {
         assert_eq!(samples.samples.len(), 21);
         got.push(beam.beam.0);
         ControlFlow::Continue(())
@@ -180,8 +179,8 @@ fn readers_beside_the_writer_see_whole_blocks_and_never_a_wrong_sample() {
         });
         for packet in 0..3000 {
             for beam in 0..6 {
-                let meta = ExtentMeta { kind: kind(1), ..meta(key(0, beam), packet * 21) };
-                file.append(meta, &samples(&meta, 21, 0)).unwrap();
+                let run = Run { kind: kind(1), ..run(key(0, beam), packet * 21) };
+                file.append(run, &samples(&run, 21, 0)).unwrap();
             }
             if packet % 150 == 0 {
                 file.flush().unwrap();
@@ -212,13 +211,13 @@ fn check_prefixes(file: &BeamFile, at_least: usize) -> usize {
 #[test]
 fn wrong_use_is_refused_and_changes_nothing() {
     let (_folder, path, file) = fresh();
-    let good = meta(key(0, 0), 0);
+    let good = run(key(0, 0), 0);
     let one = samples(&good, 1, 0);
-    assert!(matches!(file.append(meta(key(0, 40), 0), &one), Err(Error::NoSuchBeam { .. })));
-    assert!(matches!(file.append(meta(key(2, 0), 0), &one), Err(Error::NoSuchBeam { .. })));
+    assert!(matches!(file.append(run(key(0, 40), 0), &one), Err(Error::NoSuchBeam { .. })));
+    assert!(matches!(file.append(run(key(2, 0), 0), &one), Err(Error::NoSuchBeam { .. })));
     assert!(matches!(file.read(key(1, 12)), Err(Error::NoSuchBeam { .. })));
     assert!(matches!(
-        file.append(meta(key(0, 0), u32::MAX), &one),
+        file.append(run(key(0, 0), u32::MAX), &one),
         Err(Error::SampleNumbers { .. })
     ));
     file.append(good, &[]).unwrap();
@@ -245,14 +244,14 @@ fn wrong_use_is_refused_and_changes_nothing() {
 #[test]
 fn a_long_append_and_the_last_sample_number_are_kept() {
     let (_folder, path, file) = fresh();
-    let long = meta(key(0, 1), 0);
+    let long = run(key(0, 1), 0);
     let many = samples(&long, (1 << 20) + 12_345, 0);
     file.append(long, &many).unwrap();
-    let last = meta(key(0, 2), u32::MAX - 1);
+    let last = run(key(0, 2), u32::MAX - 1);
     file.append(last, &many[..1]).unwrap();
     file.close().unwrap();
     let file = BeamFile::open(&path, options()).unwrap();
     assert_eq!(file.read(long.key).unwrap().samples, many);
-    assert_eq!(file.read(last.key).unwrap().extents[0].first, u32::MAX - 1);
+    assert_eq!(file.read(last.key).unwrap().runs[0].first, u32::MAX - 1);
     assert_eq!(file.counts(last.key).uniform, u32::MAX);
 }

@@ -6,9 +6,10 @@ mod common;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{LAYOUT, Model, assert_same, key, kind, meta, missing, options, samples};
+use common::{LAYOUT, Model, assert_same, key, kind, missing, options, run, samples};
 use holo_beamfile::format::{BLOCK_HEADER_BYTES, BLOCK_MAGIC, FIRST_BLOCK, HEADER_COPY_BYTES};
-use holo_beamfile::{BeamFile, DamageKind, Error, ExtentMeta};
+use holo_beamfile::{BeamFile, DamageKind, Error};
+use holo_section::Run;
 
 /// A file of a few blocks, each flushed, its model after each block, and where each block ends.
 struct Built {
@@ -29,11 +30,10 @@ fn build(blocks: u32, extents: u32) -> Built {
         for i in 0..extents {
             let section = (i % 2) as u16;
             let key = key(section, u64::from(i * 7 % 12).min(LAYOUT[usize::from(section)] - 1));
-            let meta =
-                ExtentMeta { kind: kind((i % 3) as u8), ..meta(key, block * 10_000 + i * 21) };
-            let new = samples(&meta, 21, block);
-            file.append(meta, &new).unwrap();
-            model.put(&meta, &new, false);
+            let run = Run { kind: kind((i % 3) as u8), ..run(key, block * 10_000 + i * 21) };
+            let new = samples(&run, 21, block);
+            file.append(run, &new).unwrap();
+            model.put(&run, &new, false);
         }
         file.flush().unwrap();
         built.models.push(model);
@@ -70,11 +70,11 @@ fn a_tail_torn_at_any_byte_is_named_and_left_out_and_the_file_goes_on_after_it()
         let writer = BeamFile::open(&path, options()).unwrap();
         assert_eq!(writer.report(), reader.report());
         let mut model = built.models[2].clone();
-        let meta = meta(key(0, 1), 5000);
-        let new = samples(&meta, 30, 99);
-        writer.append(meta, &new).unwrap();
-        model.put(&meta, &new, false);
-        // A flush for every cut would make the test as slow as the disk; closing writes just the same.
+        let run = run(key(0, 1), 5000);
+        let new = samples(&run, 30, 99);
+        writer.append(run, &new).unwrap();
+        model.put(&run, &new, false);
+        // Closing writes, too. A flush for every cut would make the test as slow as the disk.
         writer.close().unwrap();
         reader.refresh().unwrap();
         assert_same(&reader, &model);
@@ -158,12 +158,12 @@ fn after_damage_in_every_block_header_the_writer_goes_on_and_destroys_nothing() 
     fs::write(&built.path, &bytes).unwrap();
     let file = BeamFile::open(&built.path, options()).unwrap();
     assert_same(&file, &built.models[1]);
-    let meta = meta(key(1, 2), 9000);
-    let new = samples(&meta, 50, 5);
-    file.append(meta, &new).unwrap();
+    let run = run(key(1, 2), 9000);
+    let new = samples(&run, 50, 5);
+    file.append(run, &new).unwrap();
     file.close().unwrap();
     let mut model = built.models[1].clone();
-    model.put(&meta, &new, false);
+    model.put(&run, &new, false);
     let file = BeamFile::open_read_only(&built.path, 0).unwrap();
     assert_same(&file, &model);
     assert_eq!(file.report().damage.len(), 1, "one stretch without a block");
@@ -201,8 +201,8 @@ fn damage_in_a_better_sample_uncovers_the_one_that_it_superseded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("test.holo");
     let file = BeamFile::create(&path, options()).unwrap();
-    let rough = meta(key(0, 0), 0);
-    let better = ExtentMeta { paths: 64, ..rough };
+    let rough = run(key(0, 0), 0);
+    let better = Run { paths: 64, ..rough };
     file.append(rough, &samples(&rough, 30, 1)).unwrap();
     file.flush().unwrap();
     file.supersede(better, &samples(&better, 30, 2)).unwrap();
@@ -236,7 +236,7 @@ fn hostile_lengths_take_no_memory_and_cost_no_sample() {
     let built = build(1, 5);
     let good = fs::read(&built.path).unwrap();
     let table = |words: [u32; 8]| words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
-    // Beam, section and kind, first, count, paths, settings, generation; then the payload's one checksum.
+    // Beam, section and kind, first, count, paths, zeros; then the payload's one checksum.
     let entry = |beam: u32, section: u32, first: u32, count: u32| {
         table([beam, 0, section, first, count, 1, 0, 0])
     };
@@ -283,13 +283,8 @@ fn hostile_lengths_take_no_memory_and_cost_no_sample() {
 
 fn missing_only(file: &BeamFile, built: &Built) -> usize {
     let mut model = built.models.last().unwrap().clone();
-    let extra = meta(key(0, 0), 77_000);
+    let extra = run(key(0, 0), 77_000);
     let zero = [bytemuck::Zeroable::zeroed()];
-    let before = model.clone();
     model.put(&extra, &zero, false);
-    // Beam 0's extra sample was appended with other settings than the model's: compare all but it.
-    let settings = ExtentMeta { settings: 0, ..extra };
-    let mut with_extra = before.clone();
-    with_extra.put(&settings, &zero, false);
-    missing(file, &with_extra).iter().filter(|&&(_, _, number)| number != 77_000).count()
+    missing(file, &model).iter().filter(|&&(_, _, number)| number != 77_000).count()
 }

@@ -5,8 +5,9 @@ mod common;
 
 use std::ops::ControlFlow;
 
-use common::{LAYOUT, Model, assert_same, contents, key, kind, meta, options, samples};
-use holo_beamfile::{BeamFile, ExtentMeta};
+use common::{LAYOUT, Model, assert_same, contents, key, kind, options, run, samples};
+use holo_beamfile::BeamFile;
+use holo_section::Run;
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -31,24 +32,21 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Counts, statistics, `runs` and `read_many` say the same as `read`. `put` samples were appended in all.
+/// Checks that counts, statistics, `runs` and `read_many` agree with `read`. `put` samples were
+/// appended in all.
 fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
     let stats = file.stats();
     assert_eq!(stats.superseded, put - stats.samples);
     for (section, &beams) in (0..).zip(&LAYOUT) {
         for beam in (0..beams).map(|beam| key(section, beam)) {
-            let numbers = |runs: &[ExtentMeta]| {
-                let each = |run: &ExtentMeta| {
+            let numbers = |runs: &[Run]| {
+                let each = |run: &Run| {
                     let run = *run;
-                    (0..run.count).map(move |at| ExtentMeta {
-                        first: run.first + at,
-                        count: 1,
-                        ..run
-                    })
+                    (0..run.count).map(move |at| Run { first: run.first + at, count: 1, ..run })
                 };
                 runs.iter().flat_map(each).collect::<Vec<_>>()
             };
-            assert_eq!(numbers(&file.runs(beam)), numbers(&file.read(beam).unwrap().extents));
+            assert_eq!(numbers(&file.runs(beam)), numbers(&file.read(beam).unwrap().runs));
         }
     }
     assert_eq!(stats.samples as usize, model.len());
@@ -81,9 +79,15 @@ fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 48,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
     #[test]
-    fn a_file_gives_back_what_a_model_in_memory_gives(steps in prop::collection::vec(step(), 1..80)) {
+    fn a_file_gives_back_what_a_model_in_memory_gives(
+        steps in prop::collection::vec(step(), 1..80),
+    ) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("test.holo");
         let mut file = BeamFile::create(&path, options()).unwrap();
@@ -93,10 +97,14 @@ proptest! {
         for (tag, step) in (0..).zip(steps) {
             match step {
                 Step::Put { section, beam, kind: code, first, count, paths, supersedes } => {
-                    let meta = ExtentMeta { kind: kind(code), paths, generation: tag, ..meta(key(section, beam), first) };
-                    let new = samples(&meta, count, tag);
-                    if supersedes { file.supersede(meta, &new).unwrap() } else { file.append(meta, &new).unwrap() }
-                    model.put(&meta, &new, supersedes);
+                    let run = Run { kind: kind(code), paths, ..run(key(section, beam), first) };
+                    let new = samples(&run, count, tag);
+                    if supersedes {
+                        file.supersede(run, &new).unwrap();
+                    } else {
+                        file.append(run, &new).unwrap();
+                    }
+                    model.put(&run, &new, supersedes);
                     put += u64::from(count);
                 }
                 Step::Read { section, beam } => {

@@ -8,7 +8,7 @@ use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use common::{Model, assert_same, key, meta, options, samples};
+use common::{Model, assert_same, key, options, run, samples};
 use holo_beamfile::{BeamFile, DiskStorage, Error, Storage};
 use holo_section::Sample;
 
@@ -56,7 +56,7 @@ fn small_disk(room: u64) -> (BeamFile, Bench) {
     let path = bench.folder.path().join("test.holo");
     let file = File::options().read(true).write(true).create_new(true).open(&path).unwrap();
     let disk = SmallDisk {
-        disk: DiskStorage(file),
+        disk: DiskStorage::new(file, &path),
         room: bench.room.clone(),
         no_sync: bench.no_sync.clone(),
     };
@@ -70,10 +70,10 @@ fn a_full_disk_keeps_samples_in_memory_says_so_and_goes_on_when_there_is_room() 
         let path = bench.folder.path().join("test.holo");
         let mut model = Model::default();
         let put = |model: &mut Model, first| {
-            let meta = meta(key(1, 3), first);
-            let new = samples(&meta, 120, first);
-            file.append(meta, &new).unwrap();
-            model.put(&meta, &new, false);
+            let run = run(key(1, 3), first);
+            let new = samples(&run, 120, first);
+            file.append(run, &new).unwrap();
+            model.put(&run, &new, false);
         };
         bench.room.store(room, Ordering::SeqCst);
         put(&mut model, 0);
@@ -109,9 +109,9 @@ fn a_full_disk_keeps_samples_in_memory_says_so_and_goes_on_when_there_is_room() 
 #[test]
 fn a_failed_sync_is_a_failed_write() {
     let (file, bench) = small_disk(u64::MAX);
-    let meta = meta(key(0, 0), 0);
+    let run = run(key(0, 0), 0);
     bench.no_sync.store(true, Ordering::SeqCst);
-    file.append(meta, &samples(&meta, 21, 0)).unwrap();
+    file.append(run, &samples(&run, 21, 0)).unwrap();
     assert!(matches!(file.flush(), Err(Error::NotWritten { pending, .. }) if pending > 0));
     bench.no_sync.store(false, Ordering::SeqCst);
     file.flush().unwrap();
@@ -119,19 +119,22 @@ fn a_failed_sync_is_a_failed_write() {
 }
 
 #[test]
-fn a_failed_replacement_leaves_the_old_blob() {
+fn a_failed_replacement_of_a_blob_leaves_the_old_bytes_or_the_new_ones() {
     let (file, bench) = small_disk(u64::MAX);
-    let long = vec![3; (16 << 20) + 5000];
-    file.put_blob("scene", &long).unwrap();
-    bench.room.store(file.stats().file_bytes + (16 << 20) + 100_000, Ordering::SeqCst);
-    file.put_blob("scene", &vec![4; 20 << 20]).unwrap_err();
-    assert_eq!(file.blob("scene").unwrap().as_ref(), Some(&long));
+    let (old, new) = (vec![3; (16 << 20) + 5000], vec![4; 20 << 20]);
+    file.put_blob("scene", &old).unwrap();
+    // Room for one part of the first copy, then for the first copy and one part of the second.
+    for (room, expected) in [(17, &old), (37, &new)] {
+        bench.room.store(file.stats().file_bytes + (room << 20), Ordering::SeqCst);
+        file.put_blob("scene", &new).unwrap_err();
+        assert!(file.blob("scene").unwrap().as_ref() == Some(expected), "{room} MiB");
+    }
     bench.room.store(u64::MAX, Ordering::SeqCst);
     let path = bench.folder.path().join("test.holo");
     file.close().unwrap();
     let file = BeamFile::open(&path, options()).unwrap();
     assert_eq!(file.report().unfinished_blobs, ["scene"]);
-    assert_eq!(file.blob("scene").unwrap(), Some(long));
+    assert!(file.blob("scene").unwrap() == Some(new));
 }
 
 #[test]
@@ -140,7 +143,7 @@ fn what_waits_for_a_full_disk_is_bounded_and_an_append_beyond_it_is_refused() {
     let many = vec![<Sample as bytemuck::Zeroable>::zeroed(); 1 << 20];
     let mut taken = 0u32;
     let refused = loop {
-        match file.append(meta(key(0, 0), taken), &many) {
+        match file.append(run(key(0, 0), taken), &many) {
             Ok(()) => taken += many.len() as u32,
             Err(error) => break error,
         }

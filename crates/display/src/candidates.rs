@@ -1,24 +1,24 @@
-//! Which sections can show what a view ray sees.
+//! Finds the beams whose stored rays can show what a view ray sees.
 //!
-//! A view ray is a whole line: it may meet a section in front of the eye, behind it, or around it (Larson & Simmons
-//! 1999, §2.1 and Figure 3: views A to D). What the stored rays of the beam so met see is what the eye sees as long as
-//! nothing stands between the eye and the point where they start. That cannot be known here, and is accepted as the
-//! paper accepts it; a sample whose surface lies behind the eye is dropped when it is reprojected.
+//! A view ray counts as a whole line. The line may meet a section ahead of the eye, behind it, or
+//! around it (Larson & Simmons 1999, §2.1 and Figure 3: views A to D). The stored rays see what the
+//! eye sees if nothing stands between the eye and the points where they start. This module cannot
+//! check that, and accepts it as the paper does. Reprojection drops samples behind the eye.
 //!
-//! Rays begin on a view's fore clipping surface: that is what stands for the eye.
+//! In a clipped view, the point on the fore clipping surface takes the place of the eye.
 //!
-//! Invariant: selection and the coverage of a picture use this one rule, so a pixel is covered exactly if some beam
-//! could be requested for its ray.
+//! Invariant: selection and coverage both use this rule, so a section covers a pixel exactly if a
+//! beam can be requested for the pixel's ray.
 
 use glam::DVec3;
 use holo_picture::View;
-use holo_section::{BeamId, Section};
+use holo_section::{BeamKey, Section};
 
-/// Where a section lies on a view ray.
+/// The side of the eye on which a view ray meets a section.
 #[derive(Clone, Copy)]
-enum Place {
+enum Side {
     /// The eye is inside the section, or on its wall.
-    Contains,
+    Around,
     /// The ray enters the section ahead of the eye.
     Ahead,
     /// The ray has left the section before it reaches the eye.
@@ -27,69 +27,76 @@ enum Place {
 
 /// One beam that a view ray belongs to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Candidate {
-    pub section: u16,
-    pub beam: BeamId,
-    /// How far the section is from the eye along the ray; for a section around the eye, the length of its chord: of
-    /// two that contain the eye, the smaller has the finer beams.
-    reach: f64,
+pub struct Candidate {
+    /// The beam.
+    pub key: BeamKey,
+    /// Distance from the eye to the section along the ray. For a section that contains the eye, the
+    /// length of the line inside it: the smaller of two such sections has the finer beams.
+    rank_distance: f64,
 }
 
-/// Beams of the view ray from `eye` along unit `direction`, best first, into `found` (cleared first).
+/// Replaces the contents of `found` with the beams of the view ray from `eye` along unit
+/// `direction`, best first.
 ///
-/// "The holodeck section grid or grids the viewer is closest to" (§2.4.2): every section that contains the eye, the
-/// nearest ahead and the nearest behind.
-pub(crate) fn candidates(
-    sections: &[Section],
-    eye: DVec3,
-    direction: DVec3,
-    found: &mut Vec<Candidate>,
-) {
+/// "The holodeck section grid or grids the viewer is closest to" (§2.4.2): every section that
+/// contains the eye, then the nearest section ahead, then the nearest behind.
+pub fn candidates(sections: &[Section], eye: DVec3, direction: DVec3, found: &mut Vec<Candidate>) {
     found.clear();
     let (mut ahead, mut behind): (Option<Candidate>, Option<Candidate>) = (None, None);
     for (number, section) in (0..=u16::MAX).zip(sections) {
         let Some(hit) = section.line(eye, direction) else { continue };
-        let (place, reach) = if hit.entry_t > 0.0 {
-            (Place::Ahead, hit.entry_t)
+        let (side, rank_distance) = if hit.entry_t > 0.0 {
+            (Side::Ahead, hit.entry_t)
         } else if hit.exit_t < 0.0 {
-            (Place::Behind, -hit.exit_t)
+            (Side::Behind, -hit.exit_t)
         } else {
-            (Place::Contains, hit.exit_t - hit.entry_t)
+            (Side::Around, hit.exit_t - hit.entry_t)
         };
-        let candidate = Candidate { section: number, beam: section.beam(hit.pair), reach };
-        let nearest = match place {
-            Place::Contains => {
+        let candidate = Candidate {
+            key: BeamKey { section: number, beam: section.beam(hit.pair) },
+            rank_distance,
+        };
+        let nearest = match side {
+            Side::Around => {
                 found.push(candidate);
                 continue;
             }
-            Place::Ahead => &mut ahead,
-            Place::Behind => &mut behind,
+            Side::Ahead => &mut ahead,
+            Side::Behind => &mut behind,
         };
-        // Strictly nearer: of equals the lower section number stays.
-        if nearest.is_none_or(|kept| candidate.reach < kept.reach) {
+        // Strictly nearer, so that of equal ones the lower section number stays.
+        if nearest.is_none_or(|kept| candidate.rank_distance < kept.rank_distance) {
             *nearest = Some(candidate);
         }
     }
-    found.sort_by(|a, b| a.reach.total_cmp(&b.reach).then(a.section.cmp(&b.section)));
+    found.sort_by(|a, b| {
+        a.rank_distance.total_cmp(&b.rank_distance).then(a.key.section.cmp(&b.key.section))
+    });
     found.extend(ahead);
     found.extend(behind);
 }
 
-/// The section that a view is of: the one around the eye, else the one that the picture's middle sees best. `None` if it sees none.
+/// Returns the best beam for a view ray from `eye` along unit `direction`; `None` if the ray meets
+/// no section.
+pub fn best_beam(sections: &[Section], eye: DVec3, direction: DVec3) -> Option<BeamKey> {
+    let mut found = Vec::new();
+    candidates(sections, eye, direction, &mut found);
+    found.first().map(|best| best.key)
+}
+
+/// Returns the section of the best beam for the ray through the picture's middle; `None` if that
+/// ray meets no section.
 pub fn section_of(sections: &[Section], view: &View) -> Option<u16> {
     let (eye, direction, _) = view.clipped_ray(0.5, 0.5)?;
     let mut found = Vec::new();
     candidates(sections, eye, direction, &mut found);
-    found.first().map(|candidate| candidate.section)
+    found.first().map(|candidate| candidate.key.section)
 }
 
-/// Whether any section can show what the view ray sees. `hint` is a section to try first, and is set to the one found.
-pub(crate) fn is_covered(
-    sections: &[Section],
-    eye: DVec3,
-    direction: DVec3,
-    hint: &mut usize,
-) -> bool {
+/// Returns whether any section can show what the view ray sees.
+///
+/// `hint` is the index of the section to try first. The function sets it to the section found.
+pub fn is_covered(sections: &[Section], eye: DVec3, direction: DVec3, hint: &mut usize) -> bool {
     if sections.get(*hint).is_some_and(|section| section.line(eye, direction).is_some()) {
         return true;
     }

@@ -1,33 +1,37 @@
-//! The display process without its process: which beams a view wants, and what picture their samples make.
+//! The trait [`Driver`] that front ends use, and what several drivers share.
 //!
-//! [`select_beams`] turns a view into wanted beams (Larson & Simmons 1999, §2.4.2); the server answers with samples; a
-//! driver turns samples into pixels. [`Quadtree`] is the driver of §2.4.3, with leaves that know surfaces and noise, [`Voronoi`] that of
-//! §2.4.4, with the scene; without one, [`Cells`].
+//! [`select_beams`] turns a view into wanted beams (Larson & Simmons 1999, §2.4.2). The server
+//! answers with samples. A [`Driver`] turns samples into a [`Frame`]. Each driver is a crate of
+//! its own that uses this one and no other driver.
 //!
-//! What always holds:
-//! - No input or output, no clock, no randomness but what the caller seeds: the same calls give the same bits.
-//! - A picture at rest does not depend on the order in which samples arrived, nor on how they were batched.
-//! - A pixel that no section covers is never invented: it stays 0, or what is known of its surface, and is counted; a picture of live
-//!   rays ([`LiveSample`]) is drawn apart.
+//! What always holds, here and in every driver:
+//! - No input or output, no clock, and no randomness except what the caller seeds: the same calls
+//!   give the same bits.
+//! - Selection and coverage use one rule: a section covers a pixel exactly if a beam can be
+//!   requested for the pixel's ray.
 
+mod bands;
 mod camera;
 mod candidates;
-mod cells;
 mod covered;
+mod driver;
 mod ending;
-pub mod frameless;
+mod frame;
 mod live;
-mod parts;
-pub mod pointimage;
-mod quadtree;
+mod random;
 mod select;
-mod voronoi;
+mod stored;
 
-pub use candidates::section_of;
-pub use cells::{Cells, CellsParams, Filling};
+pub use bands::for_bands;
+pub use camera::{Camera, PixelWidth};
+pub use candidates::{Candidate, best_beam, candidates, section_of};
+pub use covered::{covered, uncovered_pixels};
+pub use driver::{Driver, DriverError, Look, Resolution, SurfaceAt};
+pub use ending::{End, beams_ending_on, beams_mostly_ending_on};
+pub use frame::Frame;
 pub use live::LiveSample;
-pub use quadtree::{Frame, LeafSize, MultiDepth, Quadtree, QuadtreeParams, REFETCH_DEGREES};
+pub use random::{mix, pair, split_mix};
 pub use select::{
     Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius,
 };
-pub use voronoi::{Drawn, Resolution, Voronoi};
+pub use stored::{DistanceTable, PlacedSection};

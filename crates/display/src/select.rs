@@ -1,37 +1,44 @@
 //! Beam selection: from a view to the beams that its pixels want (Larson & Simmons 1999, §2.4.2).
 //!
-//! Jittered view rays at low density are met with the sections that the viewer is closest to, and counted by beam.
+//! Jittered view rays at low density are intersected with the sections nearest to the viewer, and
+//! counted by beam.
 //!
-//! Invariant: the weights of a selection add up to the pixels that are covered, so a weight is a number of pixels.
+//! Invariant: a weight is a number of pixels. The weights of a selection add up to the number of
+//! covered pixels.
 
 use crate::candidates::{Candidate, candidates};
+use crate::random::split_mix;
 use glam::DVec3;
 use holo_picture::View;
-use holo_section::{BeamId, Section, Viewpoint};
+use holo_section::{BeamKey, Section, Viewpoint};
 
-/// Rays per side at least, however small the picture: fewer would miss beams.
+/// Fewest rays per side, however small the picture: fewer would miss beams.
 const MIN_RAYS_A_SIDE: u32 = 64;
-/// Rays per side at most, so that a mistaken size cannot take the memory or the time of the whole machine.
+/// Most rays per side, so that a wrong size cannot take all memory or time of the machine.
 const MAX_RAYS_A_SIDE: u32 = 2048;
 
-/// How far behind a parallel view its eye is taken to be, in reaches of the sections: its rays then differ in direction by
-/// less than what bytes can say of a position in a cell of any grid.
+/// Distance of a parallel view's substitute eye behind the view, relative to the sections' reach.
+/// Directions of rays through it then differ by less than ray coordinates can resolve in any grid.
 const FAR_EYE: f64 = 1e6;
-/// Steps of positions by which both ends of a ray together are off at the most: half of one in both directions each.
+/// Largest rounding error of a ray, in steps of ray coordinates: both ends together. Each end is off
+/// by up to half a step along both coordinates.
 const ROUNDED_STEPS: f64 = std::f64::consts::SQRT_2;
 
-/// How densely view rays are tried, and how the wanted work is shared.
+/// The density of view rays, and how a pixel's weight is shared between sections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SelectOptions {
-    /// One view ray for each square of so many pixels a side (never fewer than 64 × 64 rays). With 4 a picture of 320 × 240
-    /// finds 98.7 % of the weight of a 24³ section's beams, with 2 over 99.5 %, in 2 ms.
-    pub pixels_a_side: u32,
-    /// Share of a pixel's weight for each section that also meets its ray, besides the best one; 0 leaves them out.
+    /// Side of the squares that get one view ray each, pixels; there are at least 64 × 64 rays.
     ///
-    /// Their stored samples are worth having, tracing new ones for them mostly is not: what they would show, the best
-    /// section shows too, so they get a small share.
+    /// For a picture of 320 × 240 pixels and a 24³ section, 4 finds 98.7 % of the beams' weight,
+    /// and 2 finds over 99.5 % in 2 ms.
+    pub pixels_a_side: u32,
+    /// Share of a pixel's weight for each section that meets its ray, except the best section; 0
+    /// leaves these sections out.
+    ///
+    /// The share is small: their stored samples are useful, but the best section's new samples show
+    /// the same surfaces.
     pub others_share: f32,
-    /// Seed of the jitter.
+    /// Seed of the rays' jitter.
     pub seed: u64,
 }
 
@@ -44,27 +51,25 @@ impl Default for SelectOptions {
 /// A beam that a view wants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WantedBeam {
-    /// Number of the section, as in the slice given.
-    pub section: u16,
-    /// The beam of that section.
-    pub beam: BeamId,
-    /// Expected share: the number of pixels whose ray is served by this beam.
+    /// The beam. Its section is an index into the sections that were passed.
+    pub key: BeamKey,
+    /// Expected number of pixels whose rays belong to this beam.
     pub weight: f32,
 }
 
 /// How much of a picture the sections can show.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Coverage {
-    /// View rays tried.
+    /// Number of view rays tried.
     pub rays: u32,
-    /// View rays that some section meets.
+    /// Number of view rays that meet some section.
     pub covered_rays: u32,
-    /// Pixels covered, by the rays' share of the picture.
+    /// Estimated number of covered pixels: the rays' share times the pixels of the picture.
     pub pixels: f64,
 }
 
 impl Coverage {
-    /// Share of the picture that is covered, 0 to 1.
+    /// Returns the share of the picture that is covered, 0 to 1.
     pub fn fraction(&self) -> f64 {
         f64::from(self.covered_rays) / f64::from(self.rays.max(1))
     }
@@ -79,12 +84,13 @@ pub struct Selection {
     pub covered: Coverage,
 }
 
-/// Beams that the view rays of `view` at `size` pixels belong to, with their expected number of pixels (§2.4.2).
+/// Returns the beams that the rays of `view` belong to, with their expected numbers of pixels in a
+/// picture of `size` (§2.4.2).
 ///
-/// One jittered ray for each stratum of the picture. Every near section that the ray meets, forwards or backwards, is a
-/// candidate: those that contain the eye, then the nearest ahead, then the nearest behind. The first has the pixels'
-/// weight but for `others_share` of it to each of the others (together never more than half). Cells that a stratum only
-/// grazes come in by the jitter.
+/// The picture is divided into strata, each with one jittered ray. A ray's candidates are every
+/// section that contains the eye, then the nearest ahead, then the nearest behind. Each candidate
+/// except the first gets `others_share` of the stratum's weight, together at most half of it. The
+/// first gets the rest. The jitter also finds cells that cover only a part of a stratum.
 pub fn select_beams(
     sections: &[Section],
     view: &View,
@@ -95,11 +101,11 @@ pub fn select_beams(
     let pixels_per_ray =
         f64::from(size.0) * f64::from(size.1) / (f64::from(across) * f64::from(down));
     let mut covered = Coverage { rays: across * down, ..Coverage::default() };
-    let mut shares: Vec<(u16, BeamId, f64)> = Vec::new();
+    let mut shares: Vec<(BeamKey, f64)> = Vec::new();
     let mut found: Vec<Candidate> = Vec::new();
     for row in 0..down {
         for column in 0..across {
-            let jitter = hash(options.seed, u64::from(row) << 32 | u64::from(column));
+            let jitter = split_mix(options.seed ^ ((u64::from(row) << 32 | u64::from(column)) + 1));
             let x = (f64::from(column) + unit(jitter as u32)) / f64::from(across);
             let y = (f64::from(row) + unit((jitter >> 32) as u32)) / f64::from(down);
             let Some((eye, direction, _)) = view.clipped_ray(x, y) else { continue };
@@ -107,30 +113,30 @@ pub fn select_beams(
             let Some((best, others)) = found.split_first() else { continue };
             covered.covered_rays += 1;
             let each = f64::from(options.others_share).clamp(0.0, 0.5 / others.len().max(1) as f64);
-            shares.push((best.section, best.beam, 1.0 - each * others.len() as f64));
+            shares.push((best.key, 1.0 - each * others.len() as f64));
             if each > 0.0 {
-                shares.extend(others.iter().map(|other| (other.section, other.beam, each)));
+                shares.extend(others.iter().map(|other| (other.key, each)));
             }
         }
     }
     covered.pixels = f64::from(covered.covered_rays) * pixels_per_ray;
-    // A stable sort, so that equal beams are added up in the order of the rays: the same bits every time.
-    shares.sort_by_key(|&(section, beam, _)| (section, beam));
+    // A stable sort adds up a beam's shares in the order of the rays, so sums repeat to the bit.
+    shares.sort_by_key(|&(key, _)| key);
     let beams = shares
-        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+        .chunk_by(|a, b| a.0 == b.0)
         .map(|same| WantedBeam {
-            section: same[0].0,
-            beam: same[0].1,
-            weight: (same.iter().map(|share| share.2).sum::<f64>() * pixels_per_ray) as f32,
+            key: same[0].0,
+            weight: (same.iter().map(|share| share.1).sum::<f64>() * pixels_per_ray) as f32,
         })
         .collect();
     Selection { beams, covered }
 }
 
-/// The world width of one wanted sample's footprint at the nearest visible surface: how near to the eye a ray must pass.
+/// Returns the distance from the eye within which a ray must pass, scene units: the width of one
+/// sample's footprint on the nearest visible surface.
 ///
-/// `nearest_visible_distance` is in scene units along the view's axis; with four wanted samples a pixel the radius is half
-/// a pixel's width. Zero or fewer samples count as one.
+/// `nearest_visible_distance` is in scene units along the view's axis. With four samples per pixel
+/// the radius is half a pixel's width. Zero or fewer samples per pixel count as one.
 pub fn viewpoint_radius(
     view: &View,
     size: (u32, u32),
@@ -141,10 +147,11 @@ pub fn viewpoint_radius(
     view.pixel_footprint(size, nearest_visible_distance) / samples.sqrt()
 }
 
-/// What rays of a view have to pass: its eye, within `radius` ([`viewpoint_radius`], or as near as a driver wants).
+/// Returns the sphere that rays traced for a view must pass: `radius` around the view's eye.
 ///
-/// A parallel view has no eye. Its rays are those that pass an eye far behind it: so near that across the sections they part from
-/// the view's own rays by `radius`, or by what positions in cells are rounded to if that is more.
+/// `radius` is in scene units, from [`viewpoint_radius`] or from a driver. A parallel view has no
+/// eye, so a sphere far behind the view takes its place. Rays through it differ from the view's own
+/// rays by at most `radius` within the sections, or by the rounding of ray coordinates if larger.
 pub fn viewpoint(sections: &[Section], view: &View, radius: f64) -> Viewpoint {
     if view.kind.has_eye() {
         return Viewpoint { eye: view.vp.to_array(), radius };
@@ -170,20 +177,12 @@ pub fn viewpoint(sections: &[Section], view: &View, radius: f64) -> Viewpoint {
     Viewpoint { eye: eye.to_array(), radius: (radius / reach).max(rounding) * (reach * FAR_EYE) }
 }
 
+/// Returns the number of strata along a side of `pixels`.
 fn strata(pixels: u32, options: &SelectOptions) -> u32 {
     pixels.div_ceil(options.pixels_a_side.max(1)).clamp(MIN_RAYS_A_SIDE, MAX_RAYS_A_SIDE)
 }
 
-/// Uniform in [0, 1), from 32 random bits.
+/// Returns a uniform number in [0, 1) from 32 random bits.
 fn unit(bits: u32) -> f64 {
     f64::from(bits) / 4_294_967_296.0
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea & Flood 2014), over a seed and a counter.
-fn hash(seed: u64, counter: u64) -> u64 {
-    let mut z =
-        (seed ^ counter.wrapping_mul(0x9E37_79B9_7F4A_7C15)).wrapping_add(0x9E37_79B9_7F4A_7C15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }

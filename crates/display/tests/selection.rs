@@ -1,4 +1,4 @@
-//! Which beams a view wants: Figure 3 of the paper, coverage, weights.
+//! Tests of beam selection: the views of Figure 3 of the paper, coverage, weights.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -21,15 +21,16 @@ fn select(sections: &[Section], view: &View) -> Selection {
     select_beams(sections, view, SIZE, &SelectOptions::default())
 }
 
-/// Weight of the beams that leave section `number` by wall `wall`, and of all its beams.
+/// Returns the weight of the beams that leave section `number` through wall `wall`, and the weight of
+/// all its beams.
 fn exit_weight(sections: &[Section], selection: &Selection, number: u16, wall: u8) -> (f64, f64) {
     let of = |only: Option<u8>| {
         selection
             .beams
             .iter()
-            .filter(|wanted| wanted.section == number)
+            .filter(|wanted| wanted.key.section == number)
             .filter(|wanted| {
-                let pair = sections[usize::from(number)].cells(wanted.beam).unwrap();
+                let pair = sections[usize::from(number)].cells(wanted.key.beam).unwrap();
                 only.is_none_or(|wall| pair.exit.wall == wall)
             })
             .map(|wanted| f64::from(wanted.weight))
@@ -45,17 +46,17 @@ fn total(selection: &Selection) -> f64 {
 const ALL: f64 = (SIZE.0 * SIZE.1) as f64;
 
 #[test]
-fn view_a_inside_an_interior_section_is_covered_whole() {
+fn view_a_inside_an_interior_section_is_fully_covered() {
     let sections = [unit_cube(ViewClass::Interior)];
     let selection = select(&sections, &view([0.4, 0.5, 0.5], [1.0, 0.5, 0.5], 40.0, SIZE));
     assert_eq!(selection.covered.fraction(), 1.0);
     assert!((total(&selection) - ALL).abs() < 0.01);
-    // 40° across, 0.6 before the wall: nothing but that wall is seen, 0.44 × 0.33 of it.
+    // The view is 40° wide and 0.6 before the wall, so it sees 0.44 × 0.33 of that wall alone.
     let (through, all) = exit_weight(&sections, &selection, 0, 1);
     assert_eq!(through, all);
-    // Every beam goes forwards.
+    // Every beam points forwards.
     for wanted in &selection.beams {
-        let pair = sections[0].cells(wanted.beam).unwrap();
+        let pair = sections[0].cells(wanted.key.beam).unwrap();
         let ray = sections[0].ray(pair, holo_section::RayCoords([128; 4]));
         assert!(ray.direction.x > 0.0);
     }
@@ -69,15 +70,16 @@ fn view_b_outside_and_looking_away_is_covered_where_lines_meet_the_section_behin
     let selection = select(&sections, &seen);
     let (through, all) = exit_weight(&sections, &selection, 0, 1);
     assert_eq!(through, all, "rays leave towards the eye");
-    // Backwards, the picture is the wall's pinhole image: ±tan 20° = ±0.364 across, all of it on the wall (±0.5).
+    // Backwards, the picture is the wall's pinhole image. It spans ±tan 20° = ±0.364, all of it on
+    // the wall, which spans ±0.5.
     assert_eq!(selection.covered.fraction(), 1.0);
 
-    // Twice as near the edges: at 100° the wall takes the middle ±0.5 of ±1.19 across and of ±0.894 down.
+    // At 100° the wall fills the middle ±0.5 of ±1.19 horizontally and of ±0.894 vertically.
     let wide = view([2.0, 0.5, 0.5], [3.0, 0.5, 0.5], 100.0, SIZE);
     let selection = select(&sections, &wide);
     let half = 50_f64.to_radians().tan();
     let expected = (0.5 / half) * (0.5 / (half * 0.75));
-    // One ray in each stratum: only strata on the border vary, about 400 of 19200.
+    // Only strata on the wall's border vary with the jitter: about 400 of 19200.
     assert!(
         (selection.covered.fraction() - expected).abs() < 0.01,
         "{} {expected}",
@@ -86,11 +88,11 @@ fn view_b_outside_and_looking_away_is_covered_where_lines_meet_the_section_behin
 }
 
 #[test]
-fn view_c_inside_an_exterior_section_is_covered_whole() {
+fn view_c_inside_an_exterior_section_is_fully_covered() {
     let sections = [unit_cube(ViewClass::Exterior)];
     let selection = select(&sections, &view([0.7, 0.5, 0.5], [0.0, 0.5, 0.5], 100.0, SIZE));
     assert_eq!(selection.covered.fraction(), 1.0);
-    // The wall x = 0, ±0.5 at distance 0.7; the rest of the picture shows the four walls beside.
+    // The wall x = 0 spans ±0.5 at distance 0.7. The rest of the picture shows its four neighbours.
     let (through, all) = exit_weight(&sections, &selection, 0, 0);
     let half = 0.7 * 50_f64.to_radians().tan();
     let expected = (0.5 / half) * (0.5 / (half * 0.75));
@@ -99,16 +101,17 @@ fn view_c_inside_an_exterior_section_is_covered_whole() {
 }
 
 #[test]
-fn view_d_outside_an_exterior_section_misses_what_lies_beside_it() {
+fn view_d_outside_an_exterior_section_is_covered_where_rays_meet_the_section() {
     let sections = [unit_cube(ViewClass::Exterior)];
-    // Looking along the face y = 0 produced: only the upper half plane of the picture's columns can meet the section.
+    // The eye looks along the plane of the face y = 0, so only rays to the left can meet the section.
     let seen = view([-1.0, 0.0, 0.5], [0.0, 0.0, 0.5], 60.0, SIZE);
     let selection = select(&sections, &seen);
     let mut expected = 0.0;
     let side = 400;
     for row in 0..side {
         for column in 0..side {
-            // The slope across and up; left is +y. Met if the line is within the face x = 0, or enters at y = 0: never here.
+            // Slopes of the ray; left is +y. The ray meets the section if it crosses the face x = 0,
+            // because no ray from here enters through the face y = 0.
             let across = (1.0 - 2.0 * (f64::from(column) + 0.5) / f64::from(side))
                 * 30_f64.to_radians().tan();
             let up = (1.0 - 2.0 * (f64::from(row) + 0.5) / f64::from(side))
@@ -126,14 +129,14 @@ fn view_d_outside_an_exterior_section_misses_what_lies_beside_it() {
     );
     assert!((total(&selection) - selection.covered.pixels).abs() < 0.01);
     for wanted in &selection.beams {
-        assert_eq!(sections[0].cells(wanted.beam).unwrap().entry.wall, 0);
+        assert_eq!(sections[0].cells(wanted.key.beam).unwrap().entry.wall, 0);
     }
 }
 
 #[test]
-fn of_several_sections_the_nearest_has_the_weight_and_others_a_small_share() {
+fn the_nearest_of_several_sections_gets_most_weight_and_others_a_small_share() {
     let at = |x: f64| section([x, 0.0, 0.0], [1.0; 3], [4; 3], ViewClass::Interior, true);
-    // Around the eye; ahead and farther ahead; behind and farther behind.
+    // Sections around the eye, farther ahead, ahead, farther behind, and behind.
     let sections = [at(2.0), at(6.0), at(4.0), at(-2.0), at(0.0)];
     let seen = view([2.5, 0.5, 0.5], [3.0, 0.5, 0.5], 4.0, SIZE);
     let selection = select(&sections, &seen);
@@ -145,9 +148,9 @@ fn of_several_sections_the_nearest_has_the_weight_and_others_a_small_share() {
     }
     let alone = SelectOptions { others_share: 0.0, ..SelectOptions::default() };
     let selection = select_beams(&sections, &seen, SIZE, &alone);
-    assert!(selection.beams.iter().all(|wanted| wanted.section == 0));
+    assert!(selection.beams.iter().all(|wanted| wanted.key.section == 0));
 
-    // Between sections: ahead before behind.
+    // Without the section around the eye, the one ahead comes before the one behind.
     let selection = select(&sections[1..], &seen);
     let weights: Vec<f64> =
         (0..4).map(|number| exit_weight(&sections[1..], &selection, number, 1).1 / ALL).collect();
@@ -157,14 +160,14 @@ fn of_several_sections_the_nearest_has_the_weight_and_others_a_small_share() {
 }
 
 #[test]
-fn nearly_all_weight_of_a_dense_view_is_in_the_selected_beams() {
+fn selected_beams_hold_nearly_all_weight_of_a_dense_view() {
     for (grid, least) in [(8, 0.998), (24, 0.995)] {
         let sections = [room_section(grid)];
         let seen = room_view(SIZE);
         let share = |options: &SelectOptions| {
             let selection = select_beams(&sections, &seen, SIZE, options);
             let wanted: HashMap<BeamId, f32> =
-                selection.beams.iter().map(|wanted| (wanted.beam, wanted.weight)).collect();
+                selection.beams.iter().map(|wanted| (wanted.key.beam, wanted.weight)).collect();
             let mut random = Random(5);
             let rays = 200_000;
             let met = (0..rays)
@@ -179,7 +182,7 @@ fn nearly_all_weight_of_a_dense_view_is_in_the_selected_beams() {
         let (coarse, beams) = share(&SelectOptions::default());
         let (fine, all) = share(&SelectOptions { pixels_a_side: 1, ..SelectOptions::default() });
         println!(
-            "{grid}³: {coarse:.4} of the weight in {beams} beams; one ray a pixel: {fine:.4} in {all}"
+            "{grid}³: {coarse:.4} of the weight in {beams} beams; with one ray per pixel {fine:.4} in {all}"
         );
         assert!(coarse > least, "{grid}: {coarse}");
         assert!(fine > 0.9995, "{grid}: {fine}");
@@ -201,11 +204,12 @@ fn weights_are_numbers_of_pixels() {
             *exact.entry(sections[0].beam(hit.pair)).or_default() += 1.0 / 16.0;
         }
     }
-    // A stratum is 4 pixels. Only strata on a cell's border are uncertain, by a deviation of at most 2 pixels, and the
-    // outline of a cell of n pixels is about 4√n pixels long: 2√n strata.
+    // A stratum is 4 pixels. Only strata on a cell's border are uncertain, each with a standard
+    // deviation of at most 2 pixels. The outline of a cell of n pixels is about 4√n pixels, or 2√n
+    // strata, long.
     let mut chi = 0.0;
     for wanted in &selection.beams {
-        let pixels = exact[&wanted.beam];
+        let pixels = exact[&wanted.key.beam];
         let deviation = (8.0 * pixels.sqrt()).sqrt() + 2.0;
         let error = (f64::from(wanted.weight) - pixels) / deviation;
         assert!(error.abs() < 4.0, "{pixels} {}", wanted.weight);
@@ -215,7 +219,7 @@ fn weights_are_numbers_of_pixels() {
 }
 
 #[test]
-fn selection_is_reproducible_and_its_seed_matters() {
+fn selection_repeats_and_depends_on_its_seed() {
     let sections = [room_section(16)];
     let seen = room_view(SIZE);
     assert_eq!(select(&sections, &seen), select(&sections, &seen));
@@ -231,9 +235,9 @@ fn selection_is_reproducible_and_its_seed_matters() {
 }
 
 #[test]
-fn the_viewpoint_radius_is_a_samples_width_at_the_nearest_surface() {
+fn the_viewpoint_radius_is_the_width_of_a_sample_at_the_nearest_surface() {
     let seen = view([0.0; 3], [1.0, 0.0, 0.0], 90.0, (100, 100));
-    // 90° across: 2 units wide at distance 1, so a pixel at distance 5 is 0.1 wide.
+    // The view is 90° wide: 2 units at distance 1, so a pixel at distance 5 is 0.1 wide.
     assert!((viewpoint_radius(&seen, (100, 100), 5.0, 1.0) - 0.1).abs() < 1e-12);
     assert!((viewpoint_radius(&seen, (100, 100), 5.0, 4.0) - 0.05).abs() < 1e-12);
     let (eye, left) = seen.ray(0.5 - 0.005, 0.5);

@@ -2,18 +2,18 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use holo_picture::Picture;
 use serde::Serialize;
 
-/// How far a picture is from a reference; exposures are divided out.
-///
-/// Example: holodeck compare view.pfm reference.pfm --se view_se.pfm --reference-se reference_se.pfm
+/// Measure how far a picture is from a reference; exposures are divided out
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  holodeck compare view.pfm truth.pfm\n  \
+    holodeck compare view.pfm truth.pfm --se view_se.pfm --reference-se truth_se.pfm")]
 pub struct Args {
     /// The picture (.exr .hdr .pfm)
     picture: PathBuf,
-    /// What it should be
+    /// The picture that it should be
     reference: PathBuf,
     /// Standard errors of the picture's pixels, as `render --se` writes them
     #[arg(long, value_name = "FILE")]
@@ -21,7 +21,7 @@ pub struct Args {
     /// Standard errors of the reference's pixels
     #[arg(long, value_name = "FILE")]
     reference_se: Option<PathBuf>,
-    /// An earlier picture of the same view: also by how much the worst block is further from the reference than in that one
+    /// An earlier picture of the same view: also report how much worse the worst block became
     #[arg(long, value_name = "FILE")]
     before: Option<PathBuf>,
     /// Report as JSON
@@ -33,23 +33,22 @@ pub struct Args {
 struct Report {
     #[serde(flatten)]
     measures: holo_picture::Measures,
-    /// The worst block's error as displayed: clipped at white.
+    /// The worst block's error as displayed, clipped at white.
     worst_block_shown: f64,
-    /// By how much a block's error as displayed is larger than before.
+    /// The largest growth of a block's error as displayed, since the earlier picture.
     #[serde(skip_serializing_if = "Option::is_none")]
     worst_block_away: Option<f64>,
-    /// Half the width of the bias' 99 % confidence interval.
+    /// Half the width of the 99 % confidence interval of the bias.
     #[serde(skip_serializing_if = "Option::is_none")]
     bias_99: Option<f64>,
-    /// The worst block's error without its variance.
+    /// The worst block's error beyond its noise.
     #[serde(skip_serializing_if = "Option::is_none")]
     worst_block_beyond_noise: Option<f64>,
 }
 
 /// See [`Args`].
 pub fn run(args: &Args) -> Result<()> {
-    let read =
-        |path: &PathBuf| Picture::read(path).with_context(|| format!("reading {}", path.display()));
+    let read = |path: &PathBuf| Picture::read(path);
     let (picture, reference) = (read(&args.picture)?, read(&args.reference)?);
     let measures = holo_picture::compare(&picture, &reference)?;
     let worst_block_shown = holo_picture::worst_block_shown(&picture, &reference)?;

@@ -1,4 +1,4 @@
-//! The configuration file: `--config holodeck.toml`. Options on the command line override it.
+//! The configuration file, `--config holodeck.toml`. Options on the command line override it.
 
 use std::path::{Path, PathBuf};
 
@@ -6,37 +6,41 @@ use anyhow::{Context, Result};
 use holo_proto::control::Engine;
 use serde::Deserialize;
 
-/// A holodeck's description. Every key is optional; an unknown one is an error, since it would be a misspelt one.
+/// The description of a holodeck. Every key is optional. An unknown key is an error, because it is
+/// most likely misspelt.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// The scene, relative to this file.
     pub scene: Option<PathBuf>,
-    /// Up axis.
+    /// Up axis of the scene.
     pub up: Option<[f64; 3]>,
     /// Metres per scene unit.
     pub unit: Option<f64>,
-    /// Radiance of the sky.
+    /// Radiance of the sky, W·sr⁻¹·m⁻².
     pub sky: Option<[f32; 3]>,
     /// Whether lights shine from both sides.
     pub two_sided_lights: Option<bool>,
     /// Sections.
     pub section: Vec<Section>,
-    /// Stand-ins named on the command line, by section.
+    /// Whether `--exterior` was said.
+    #[serde(skip)]
+    pub exterior: bool,
+    /// Simpler scenes named on the command line, by section.
     #[serde(skip)]
     pub geometry: Vec<(usize, PathBuf)>,
     /// Portals named on the command line, by section.
     #[serde(skip)]
     pub portals: Vec<(usize, PathBuf)>,
-    /// Views by name; the first is where a display begins.
+    /// Views by name. A display begins with the first.
     pub view: Vec<View>,
     /// `auto`, `on` or `off`.
     pub obstructions: Option<crate::scene_args::Obstructions>,
-    /// Whether distances are to what flat mirrors and glass show.
+    /// Whether distances are those of what flat mirrors and glass show.
     pub virtual_distance: Option<bool>,
-    /// What traces.
+    /// The engine that traces.
     pub engine: Option<Engine>,
-    /// Limit of indirect light.
+    /// Limit of indirect light, in bounces.
     pub bounces: Option<u32>,
     /// Paths averaged into one sample.
     pub paths_per_sample: Option<u16>,
@@ -44,11 +48,11 @@ pub struct Config {
     pub accuracy: Option<f32>,
     /// Threads that trace.
     pub threads: Option<u16>,
-    /// Memory for beams kept at hand, MiB.
+    /// Memory for beams that are kept at hand, MiB.
     pub cache: Option<u64>,
     /// How long to fill, such as "8h".
     pub time: Option<String>,
-    /// Samples after which a fill makes what is there better, not more of it, such as "60M".
+    /// Samples that are enough, such as "60M": after that a fill makes them better.
     pub enough: Option<String>,
     /// Seed of the random numbers.
     pub seed: Option<u64>,
@@ -58,21 +62,21 @@ pub struct Config {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Section {
-    /// For people.
+    /// Its name, for people.
     #[serde(default)]
     pub name: Option<String>,
-    /// A corner.
+    /// One corner.
     pub origin: [f64; 3],
-    /// The three edges from it.
+    /// The three edges from that corner.
     pub axes: [[f64; 3]; 3],
     /// Cells along each axis.
     pub grid: Option<[u32; 3]>,
-    /// One to look into.
+    /// Whether one looks into it, and not out of it.
     #[serde(default)]
     pub exterior: bool,
-    /// A simpler scene from which displays take the surfaces of this section's views, relative to this file.
+    /// A simpler scene that displays use for this section's views, relative to this file.
     pub geometry: Option<PathBuf>,
-    /// Invisible surfaces beyond which that scene tells nothing, relative to this file.
+    /// Invisible surfaces beyond which all samples are shown, relative to this file.
     pub portals: Option<PathBuf>,
 }
 
@@ -80,7 +84,7 @@ pub struct Section {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct View {
-    /// What `--view` takes.
+    /// The name that `--view` takes.
     pub name: String,
     /// Type: `v`, `l`, `c`, `a` or `h`.
     pub vt: Option<char>,
@@ -90,9 +94,9 @@ pub struct View {
     pub vd: [f64; 3],
     /// Up in the picture.
     pub vu: Option<[f64; 3]>,
-    /// Horizontal angle, degrees; width of a parallel view, scene units.
+    /// Horizontal angle, degrees; for a parallel view its width, scene units.
     pub vh: Option<f64>,
-    /// Vertical angle, degrees; height of a parallel view, scene units.
+    /// Vertical angle, degrees; for a parallel view its height, scene units.
     pub vv: Option<f64>,
     /// Shift to the right, in widths of the picture.
     pub vs: Option<f64>,
@@ -105,7 +109,7 @@ pub struct View {
 }
 
 impl View {
-    /// As Radiance view options.
+    /// Returns the view as Radiance options.
     pub fn to_options(&self) -> String {
         let triple = |name: &str, v: [f64; 3]| format!("-{name} {} {} {}", v[0], v[1], v[2]);
         let kind = format!("-vt{}", self.vt.unwrap_or('v'));
@@ -123,7 +127,7 @@ impl View {
 }
 
 impl Config {
-    /// Reads a configuration; paths in it become relative to where it lies.
+    /// Reads a configuration. Paths in it are relative to its folder.
     ///
     /// # Errors
     /// If it cannot be read or a key is unknown or of the wrong type, with the file and the line.

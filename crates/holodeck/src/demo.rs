@@ -1,23 +1,29 @@
 //! `holodeck` alone: the bundled scene, with everything on this machine.
 
-use std::{fmt::Write, path::PathBuf};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Context, Result};
 use holo_proto::control::Engine;
 use holo_scenes::Bundled;
 use holo_view::{DriverArgs, PointArgs, ViewArgs};
 
-use crate::{config::Config, prepare, view::LiveSession};
+use crate::{
+    config::{Config, View},
+    prepare,
+    view::LiveSession,
+};
 
-/// Open the bundled scene with everything on this machine, and write pictures as it refines.
-///
-/// Example: holodeck demo --time 60s
+/// Trace the bundled house with everything on this machine, and write pictures as it refines
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  holodeck demo --time 60s --size 1280x720")]
 pub struct Args {
-    /// How long to trace
-    #[arg(long, value_name = "TIME", default_value = "20s", value_parser = holo_view::parse_seconds)]
+    /// How long to trace: two thirds in the first room, the rest in the others
+    #[arg(long, value_name = "TIME", default_value = "30s", value_parser = holo_view::parse_seconds)]
     time: f64,
-    /// Where scene, holodeck and pictures go
+    /// Folder for the scene, the holodeck and the pictures
     #[arg(long, value_name = "DIR", default_value = "demo")]
     out: PathBuf,
     /// Size of the pictures
@@ -30,12 +36,15 @@ pub struct Args {
 
 impl Default for Args {
     fn default() -> Args {
-        Args { time: 20.0, out: "demo".into(), size: (640, 360), threads: None }
+        Args { time: 30.0, out: "demo".into(), size: (640, 360), threads: None }
     }
 }
 
-/// When pictures are written, seconds.
+/// When pictures of the first room are written, seconds after its first ray.
 const PICTURES: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0];
+
+/// Share of the time that goes to the first room.
+const FIRST_ROOM: f64 = 2.0 / 3.0;
 
 /// See [`Args`].
 pub async fn run(args: Args) -> Result<()> {
@@ -48,24 +57,16 @@ pub async fn run(args: Args) -> Result<()> {
     // Records of so many small surfaces take longer than a demonstration does.
     config.engine = Some(Engine::Path);
     let file = args.out.join("interior.holo");
-    // A demonstration shows how a picture comes about: from nothing, every time.
+    // A demonstration shows how a picture comes about: it always begins with nothing.
     if file.exists() {
         std::fs::remove_file(&file).with_context(|| format!("removing {}", file.display()))?;
     }
-    drop(prepare::make(&file, &config)?);
-    let mut script = String::new();
-    for seconds in PICTURES.into_iter().filter(|&seconds| seconds < args.time) {
-        writeln!(
-            script,
-            "{seconds} picture {}",
-            args.out.join(format!("{seconds:03}s.png")).display()
-        )?;
-    }
-    writeln!(script, "{} quit", args.time)?;
+    drop(prepare::make(&file, &config, false)?);
     let path = args.out.join("script.txt");
-    std::fs::write(&path, script).with_context(|| format!("writing {}", path.display()))?;
-    let last = args.out.join("last.png");
-    let session = LiveSession { file: file.clone(), threads: args.threads, cache: None };
+    std::fs::write(&path, script(&config.view, args.time, &args.out))
+        .with_context(|| format!("writing {}", path.display()))?;
+    let session =
+        LiveSession { file: file.clone(), threads: args.threads, cache: None, quiet: false };
     session
         .run(|address| holo_view::Config {
             connect: address.to_string(),
@@ -74,18 +75,82 @@ pub async fn run(args: Args) -> Result<()> {
             points: PointArgs::default(),
             script: Some(path),
             time: 0.0,
-            output: Some(last.clone()),
+            output: None,
             json: false,
             quiet: false,
             with_parent: false,
         })
         .await?;
-    println!("the pictures are in {out}; the last is {}", last.display());
-    println!(
-        "from another place, without tracing: holodeck picture {} --view NAME -o view.png",
-        file.display()
-    );
     let names: Vec<&str> = config.view.iter().map(|view| view.name.as_str()).collect();
-    println!("where NAME is one of {}", names.join(", "));
+    println!("{}", farewell(&args.out, &file, &names));
     Ok(())
+}
+
+/// Returns the session's script.
+///
+/// The first view gets [`FIRST_ROOM`] of the time, with pictures named by their seconds. The others
+/// share the rest, with one picture each.
+fn script(views: &[View], time: f64, out: &Path) -> String {
+    let mut script = String::new();
+    let others = views.len().saturating_sub(1);
+    let first = if others == 0 { time } else { time * FIRST_ROOM };
+    let other = (time - first) / others.max(1) as f64;
+    for (index, view) in views.iter().enumerate() {
+        // A view begins when the one before has had its time.
+        let begin = [0.0, first, other][index.min(2)];
+        // Writing to a text cannot fail.
+        let _ = writeln!(script, "{begin} view {}", view.to_options());
+        if index == 0 {
+            // A picture at the end has the room's own name.
+            for seconds in PICTURES.into_iter().filter(|&seconds| seconds <= first) {
+                let picture = out.join(format!("{seconds:03}s.png"));
+                let _ = writeln!(script, "{seconds} picture {}", picture.display());
+            }
+        }
+        let end = if index == 0 { first } else { other };
+        let picture = out.join(format!("{}.png", view.name));
+        let _ = writeln!(script, "{end} picture {}", picture.display());
+    }
+    let _ = writeln!(script, "{} quit", if others == 0 { first } else { other });
+    script
+}
+
+/// Returns what there is now, and what to do with it.
+fn farewell(out: &Path, file: &Path, names: &[&str]) -> String {
+    format!(
+        "pictures in {}: of the first room after 1 s of tracing (001s.png), 2 s and so on, \
+         and one of each room ({})\n\
+         now look from elsewhere, without tracing: holodeck picture {} --view NAME -o view.png\n\
+         where NAME is one of {}",
+        out.display(),
+        names.iter().map(|name| format!("{name}.png")).collect::<Vec<_>>().join(", "),
+        file.display(),
+        names.join(", ")
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(name: &str) -> View {
+        let (vp, vd) = ([1.0, 2.0, 3.0], [0.0, 1.0, 0.0]);
+        let none = (None, None, None, None, None, None, None);
+        let (vu, (vt, vh, vv, vs, vl, vo, va)) = (None, none);
+        View { name: name.into(), vt, vp, vd, vu, vh, vv, vs, vl, vo, va }
+    }
+
+    #[test]
+    fn every_room_gets_its_time_and_its_picture() {
+        let views = ["living", "bedroom", "study"].map(view);
+        let script = script(&views, 30.0, Path::new("d"));
+        let options = "-vtv -vp 1 2 3 -vd 0 1 0";
+        let expected = format!(
+            "0 view {options}\n1 picture d/001s.png\n2 picture d/002s.png\n5 picture d/005s.png\n\
+             10 picture d/010s.png\n20 picture d/020s.png\n20 picture d/living.png\n\
+             20 view {options}\n5 picture d/bedroom.png\n\
+             5 view {options}\n5 picture d/study.png\n5 quit\n"
+        );
+        assert_eq!(script, expected);
+    }
 }

@@ -4,20 +4,25 @@ use std::{ffi::OsString, path::PathBuf, time::Duration};
 
 use anyhow::Result;
 use holo_net::Shutdown;
+use holo_progress::{HumanBytes, HumanCount};
+use holo_server::Summary;
 
 use crate::{
+    config::Config,
     prepare,
     processes::Server,
     scene_args::{SceneArgs, Usage},
+    worker::KeptWorker,
 };
 
-/// Trace a scene into a holodeck without anybody looking; called again, it goes on.
+/// Trace a scene into a holodeck while nobody looks; started again, it goes on
 ///
-/// Once the file has enough samples, they are traced again with more paths, four times as many in each sweep over all beams: better
-/// rays, not more. Its growth falls to a quarter with each.
-///
-/// Example: holodeck fill room.obj -o room.holo --time 30m
+/// Once the file has enough samples, they are traced again with more paths: four times as many in
+/// each sweep over all beams. The samples get better, and the file's growth falls to a quarter each
+/// time.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  holodeck fill room.obj -o room.holo --time 30m\n  \
+    holodeck fill statue.obj -o statue.holo --exterior --sky 1,1,1 --samples 20M")]
 pub struct Args {
     /// The scene
     #[arg(value_name = "SCENE.obj")]
@@ -25,14 +30,15 @@ pub struct Args {
     /// The holodeck
     #[arg(short, value_name = "FILE.holo")]
     output: PathBuf,
-    /// Stop after so long, such as 30s, 10m or 8h
+    /// Stop after tracing for so long, such as 30s, 10m or 8h; loading does not count
     #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time)]
     time: Option<Duration>,
-    /// Stop once so many samples have been traced, such as 20M, better ones included
+    /// Stop after so many samples, such as 20M; those traced again count
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     samples: Option<u64>,
-    /// Samples after which the file has enough, such as 60M, and gets better ones, not more [default: 512 for each beam that sees
-    /// something, at least 50M; 0: none more]
+    /// Number of samples that is enough for the file, such as 60M; after that, samples are traced
+    /// again with more paths; 0 adds none [default: 512 for each beam that sees something, at least
+    /// 50M]
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     enough: Option<u64>,
     #[command(flatten)]
@@ -40,16 +46,16 @@ pub struct Args {
     /// Threads that trace [default: one per core]
     #[arg(long, value_name = "N")]
     threads: Option<u16>,
-    /// Memory for beams kept at hand, MiB [default: 256]
+    /// Memory for beams that are kept at hand, MiB [default: 256]
     #[arg(long, value_name = "MIB")]
     cache: Option<u64>,
-    /// Trace beams of which no ray can meet anything, too: for comparison
+    /// Also trace beams whose rays cannot hit anything, for comparison
     #[arg(long)]
     no_skip_unseen: bool,
     /// Print a summary as JSON at the end
     #[arg(long)]
     json: bool,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     quiet: bool,
 }
@@ -57,6 +63,38 @@ pub struct Args {
 /// See [`Args`].
 pub async fn run(args: Args) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
+    let arguments = server_arguments(&args, &config)?;
+    // It is only made, checked and closed here: the server writes it.
+    drop(prepare::make(&args.output, &config, args.quiet)?);
+    let shutdown = Shutdown::new();
+    shutdown.on_signals(false)?;
+    let mut server = Server::start(arguments).await?;
+    let threads = args.threads.or(config.threads);
+    let mut worker = KeptWorker::start(server.address, threads, args.quiet)?;
+    let failed = tokio::select! {
+        ended = server.process.wait() => ended.err(),
+        // Ctrl-C: the server stores everything and reports what it has.
+        () = shutdown.wait() => None,
+        error = worker.keep() => Some(error),
+    };
+    let ended = server.process.end().await;
+    worker.end().await;
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    ended?;
+    let lines = server.output.await?;
+    let last = lines.last().map(String::as_str).unwrap_or_default();
+    if args.json {
+        println!("{last}");
+    } else if let Ok(summary) = serde_json::from_str::<Summary>(last) {
+        println!("{}: {}", args.output.display(), summary_words(&summary));
+    }
+    Ok(())
+}
+
+/// Returns the server's arguments.
+fn server_arguments(args: &Args, config: &Config) -> Result<Vec<OsString>> {
     let configured =
         config.time.as_deref().map(holo_server::parse_time).transpose().map_err(Usage)?;
     let time = args.time.or(configured.filter(|_| args.samples.is_none()));
@@ -65,22 +103,16 @@ pub async fn run(args: Args) -> Result<()> {
     }
     let configured =
         config.enough.as_deref().map(holo_server::parse_count).transpose().map_err(Usage)?;
-    let enough = args.enough.or(configured);
-    // Only made, checked and closed here: the server is the one who writes.
-    drop(prepare::make(&args.output, &config)?);
+    let numbers = [
+        ("--time", time.map(|time| time.as_secs_f64().to_string())),
+        ("--samples", args.samples.map(|samples| samples.to_string())),
+        ("--enough", args.enough.or(configured).map(|enough| enough.to_string())),
+        ("--cache", args.cache.or(config.cache).map(|cache| cache.to_string())),
+    ];
     let mut arguments: Vec<OsString> =
         vec![args.output.clone().into(), "--fill".into(), "--json".into()];
-    if let Some(time) = time {
-        arguments.extend(["--time".into(), time.as_secs_f64().to_string().into()]);
-    }
-    if let Some(samples) = args.samples {
-        arguments.extend(["--samples".into(), samples.to_string().into()]);
-    }
-    if let Some(enough) = enough {
-        arguments.extend(["--enough".into(), enough.to_string().into()]);
-    }
-    if let Some(cache) = args.cache.or(config.cache) {
-        arguments.extend(["--cache".into(), cache.to_string().into()]);
+    for (name, number) in numbers {
+        arguments.extend(number.into_iter().flat_map(|number| [name.into(), number.into()]));
     }
     if args.no_skip_unseen {
         arguments.push("--no-skip-unseen".into());
@@ -88,39 +120,40 @@ pub async fn run(args: Args) -> Result<()> {
     if args.quiet {
         arguments.push("--quiet".into());
     }
-    let shutdown = Shutdown::new();
-    shutdown.on_signals(false)?;
-    let mut server = Server::start(arguments).await?;
-    let mut worker = server.worker(args.threads.or(config.threads), true)?;
-    tokio::select! {
-        ended = server.process.wait() => ended?,
-        // Ctrl-C: the server stores everything and says what it has.
-        () = shutdown.wait() => server.process.end().await?,
-        // A worker leaves when the server says goodbye; alone, it has failed, and nothing would ever be traced.
-        ended = worker.wait() => match ended {
-            Ok(()) => server.process.wait().await?,
-            Err(error) => {
-                server.process.end().await?;
-                return Err(error);
-            }
-        },
+    Ok(arguments)
+}
+
+/// Returns what a fill did, for people.
+fn summary_words(summary: &Summary) -> String {
+    format!(
+        "{} samples added, {} made better, {} in all; {} ({} superseded), growing by about {}/h",
+        HumanCount(summary.added),
+        HumanCount(summary.better),
+        HumanCount(summary.samples),
+        HumanBytes(summary.file_bytes),
+        HumanBytes(summary.superseded_bytes),
+        HumanBytes(summary.bytes_per_hour as u64)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn people_read_numbers_with_units() {
+        let summary = Summary {
+            added: 1_234_567,
+            better: 0,
+            samples: 2_000_000,
+            file_bytes: 300 << 20,
+            superseded_bytes: 5 << 20,
+            bytes_per_hour: 4_238_517_257.0,
+            seconds: 60.0,
+        };
+        let words = summary_words(&summary);
+        assert!(words.contains("1,234,567 samples added"), "{words}");
+        assert!(words.contains("300.00 MiB (5.00 MiB superseded)"), "{words}");
+        assert!(words.contains("growing by about 3.95 GiB/h"), "{words}");
     }
-    worker.end().await?;
-    let lines = server.output.await?;
-    let last = lines.last().map(String::as_str).unwrap_or_default();
-    if args.json {
-        println!("{last}");
-    } else if let Ok(summary) = serde_json::from_str::<serde_json::Value>(last) {
-        println!(
-            "{}: {} samples added, {} made better, {} in all, {} bytes ({} superseded), growing by {:.0} an hour",
-            args.output.display(),
-            summary["added"],
-            summary["better"],
-            summary["samples"],
-            summary["file_bytes"],
-            summary["superseded_bytes"],
-            summary["bytes_per_hour"].as_f64().unwrap_or_default()
-        );
-    }
-    Ok(())
 }

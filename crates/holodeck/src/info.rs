@@ -1,4 +1,4 @@
-//! `holodeck info` and `verify`: what a file holds, and whether it is whole.
+//! `holodeck info` and `verify`: what a file holds, and whether it is damaged.
 
 use std::{
     collections::BTreeMap,
@@ -8,8 +8,8 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use holo_beamfile::BeamFile;
-use holo_progress::{HumanBytes, HumanCount};
-use holo_proto::control::RenderSettings;
+use holo_progress::{HumanBytes, HumanCount, said_once};
+use holo_proto::control::{Engine, RenderSettings};
 use holo_section::{ImportanceTable, Section, ViewClass};
 use holo_server::{Holodeck, UnseenBeams, superseded_bytes};
 use serde::Serialize;
@@ -19,13 +19,13 @@ use crate::prepare::SMALL_CACHE;
 /// A file that has not changed for so long has no writer.
 const QUIET: Duration = Duration::from_secs(2);
 
-/// How long a file that is being written is watched to see how fast it grows.
+/// How long a file is watched that is being written, to see how fast it grows.
 const WATCHED: Duration = Duration::from_secs(2);
 
-/// What a holodeck holds. Of one that is being written, how fast it grows, too: that takes two seconds.
-///
-/// Example: holodeck info room.holo --json
+/// Show what a holodeck holds; if it is being written, also how fast it grows (this takes 2
+/// seconds)
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  holodeck info room.holo --json")]
 pub struct InfoArgs {
     /// The holodeck
     #[arg(value_name = "FILE.holo")]
@@ -35,10 +35,9 @@ pub struct InfoArgs {
     json: bool,
 }
 
-/// Read a whole holodeck and check every checksum.
-///
-/// Example: holodeck verify room.holo
+/// Read a whole holodeck and check every checksum
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  holodeck verify room.holo")]
 pub struct VerifyArgs {
     /// The holodeck
     #[arg(value_name = "FILE.holo")]
@@ -52,12 +51,12 @@ pub struct VerifyArgs {
 struct Info {
     file: PathBuf,
     bytes: u64,
-    /// Of these, bytes of samples that better ones have replaced.
+    /// Bytes among these of samples that better ones have replaced.
     superseded_bytes: u64,
-    /// How fast it grows: 0 if nobody writes to it.
+    /// Growth; 0 if nobody writes to it.
     bytes_per_hour: f64,
     samples: u64,
-    /// Samples by the paths that were averaged into each.
+    /// Number of samples by their paths.
     paths: BTreeMap<u16, u64>,
     extents: u64,
     sections: Vec<SectionInfo>,
@@ -65,10 +64,10 @@ struct Info {
     scene: SceneInfo,
     /// Records of indirect light.
     light_records: usize,
-    /// Rays that were traced for them.
+    /// Rays traced for these records.
     light_rays: u64,
     views: Vec<(String, String)>,
-    /// Section, `geometry` or `portals`, and where it came from.
+    /// Simpler scenes for displays: section, `geometry` or `portals`, and where it came from.
     stand_ins: Vec<(u16, String, String)>,
     up: [f64; 3],
     unit: f64,
@@ -80,9 +79,9 @@ struct SectionInfo {
     grid: [u32; 3],
     beams: u64,
     nonempty: u64,
-    /// Beams known to see nothing, which are not traced.
+    /// Beams that see nothing and are not traced.
     unseen: u64,
-    /// Their share of the section's importance: of what would be traced in them.
+    /// Their share of the section's importance: so much tracing is saved.
     unseen_share: f64,
     samples: u64,
     origin: [f64; 3],
@@ -148,7 +147,8 @@ fn collect(file: &Path) -> Result<Info> {
     })
 }
 
-/// How fast a file grows at present. A writer adds to it twice a second, so one that has not changed for longer has none.
+/// Returns a file's present growth. A writer adds to it twice a second: a file that has not changed
+/// for longer has none.
 fn bytes_per_hour(file: &Path) -> std::io::Result<f64> {
     let before = file.metadata()?;
     if before.modified()?.elapsed().is_ok_and(|age| age > QUIET) {
@@ -170,7 +170,7 @@ fn paths(file: &BeamFile) -> BTreeMap<u16, u64> {
     samples
 }
 
-/// The unseen beams' share of each section's importance.
+/// Returns the unseen beams' share of each section's importance.
 fn unseen_shares(sections: &[Section], unseen: &UnseenBeams) -> Vec<f64> {
     let tables: Vec<_> = sections.iter().map(ImportanceTable::new).collect();
     let mut shares = vec![0.0; sections.len()];
@@ -183,9 +183,9 @@ fn unseen_shares(sections: &[Section], unseen: &UnseenBeams) -> Vec<f64> {
     shares
 }
 
-/// What was wrong with the file at opening.
+/// Returns what was damaged when the file was opened.
 fn damage(holodeck: &Holodeck) -> Vec<String> {
-    let damage = holodeck.file.report().damage.iter().map(ToString::to_string);
+    let damage = holodeck.file.damage().into_iter().map(|damage| damage.to_string());
     damage.chain(holodeck.warnings.iter().cloned()).collect()
 }
 
@@ -203,24 +203,28 @@ pub fn info(args: &InfoArgs) -> Result<()> {
         HumanCount(info.samples)
     );
     if info.bytes_per_hour > 0.0 {
-        println!("being written: {} more an hour", HumanBytes(info.bytes_per_hour as u64));
+        println!("being written: growing by about {}/h", HumanBytes(info.bytes_per_hour as u64));
     }
     if info.superseded_bytes > 0 {
         println!(
-            "superseded: {} of samples that were traced again with more paths",
+            "superseded: {} of samples that better ones have replaced",
             HumanBytes(info.superseded_bytes)
         );
     }
     let paths =
-        info.paths.iter().map(|(paths, samples)| format!("{} of {paths}", HumanCount(*samples)));
-    println!("samples by paths: {}", paths.collect::<Vec<_>>().join(", "));
+        info.paths.iter().map(|(paths, samples)| format!("{} have {paths}", HumanCount(*samples)));
+    println!("paths per sample: {}", paths.collect::<Vec<_>>().join(", "));
     println!("scene: {}", info.scene.source);
     let bounces =
-        info.settings.bounces.map_or("no limit of bounces".to_owned(), |n| format!("{n} bounces"));
+        info.settings.bounces.map_or("unlimited bounces".to_owned(), |n| format!("{n} bounces"));
+    let engine = match info.settings.engine {
+        Engine::Path => "path",
+        Engine::Cached => "cached",
+    };
     let distances = if info.settings.virtual_distance { ", virtual distances" } else { "" };
     println!(
-        "engine: {:?}, {bounces}, {} paths per sample{distances}",
-        info.settings.engine, info.settings.paths_per_sample
+        "engine: {engine}, {bounces}, {} paths per new sample{distances}",
+        info.settings.paths_per_sample
     );
     if info.light_records > 0 {
         println!("indirect light: {} records", HumanCount(info.light_records as u64));
@@ -228,9 +232,13 @@ pub fn info(args: &InfoArgs) -> Result<()> {
     for (index, section) in info.sections.iter().enumerate() {
         let [w, d, h] = section.grid;
         let obstructions = if section.obstructions { "on" } else { "off" };
+        let class = match section.class {
+            ViewClass::Interior => "interior",
+            ViewClass::Exterior => "exterior",
+        };
         println!(
-            "section {index}: {:?}, grid {w}x{d}x{h}, obstructions {obstructions}, {} of {} beams hold {} samples, {} see nothing",
-            section.class,
+            "section {index}: {class}, grid {w}x{d}x{h}, obstructions {obstructions}, {} of {} beams \
+             hold {} samples, {} see nothing",
             HumanCount(section.nonempty),
             HumanCount(section.beams),
             HumanCount(section.samples),
@@ -260,7 +268,7 @@ pub fn verify(args: &VerifyArgs) -> Result<()> {
         }
     }
     if let Err(error) = holodeck.packed_scene() {
-        damage.push(format!("{error:#}"));
+        damage.push(said_once(error.as_ref()));
     }
     if args.json {
         println!("{}", serde_json::json!({ "file": args.file, "damage": damage }));
@@ -275,5 +283,5 @@ pub fn verify(args: &VerifyArgs) -> Result<()> {
         }
         return Ok(());
     }
-    bail!("{}: {} damaged places; everything else can be used", args.file.display(), damage.len());
+    bail!("{}: {} damaged places; the rest can be used", args.file.display(), damage.len());
 }

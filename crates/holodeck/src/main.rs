@@ -1,27 +1,38 @@
-//! `holodeck`: what a person types. It starts the other processes by running itself with their name as first argument,
-//! so that this one program is enough.
+//! `holodeck`: what a person types.
+//!
+//! It starts the other processes by running itself with their name as first argument, so that this
+//! one program is enough.
 
+mod arguments;
 mod compare;
 mod config;
 mod demo;
+mod differences;
 mod fill;
 mod info;
+mod loading;
 mod prepare;
 mod processes;
 mod render;
 mod scene_args;
 mod view;
+mod worker;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// An interactive ray cache: fill a scene's view rays once, walk through it ever after.
+/// An interactive ray cache: trace a scene's view rays once, and walk through it ever after
 #[derive(Parser)]
 #[command(
     name = "holodeck",
     version,
-    after_help = "Examples:\n  holodeck                                        the bundled scene, everything on this machine\n  holodeck fill room.obj -o room.holo --time 8h   trace overnight\n  holodeck picture room.holo --vp 1,2,1.6 --vd 0,1,0 --vh 60 -o view.png"
+    after_help = "Examples:
+  holodeck                                        the bundled house, everything on this machine
+  holodeck fill room.obj -o room.holo --time 8h   trace overnight
+  holodeck picture room.holo --vp 1,2,1.6 --vd 0,1,0 --vh 60 -o view.png
+
+View options may be written as in Radiance, too: -vtc -vp 1 2 1.6 -vd 0 1 0"
 )]
 struct Program {
     #[command(subcommand)]
@@ -30,59 +41,61 @@ struct Program {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Open the bundled scene with everything on this machine, and write pictures as it refines (the default)
     Demo(demo::Args),
-    /// Walk through a scene or a holodeck: server, workers and viewer on this machine
     View(view::ViewCommand),
-    /// Trace a scene into a holodeck without anybody looking; called again, it goes on
     Fill(fill::Args),
-    /// Walk through a holodeck without tracing anything
     Replay(view::ReplayCommand),
-    /// A picture from a holodeck, from what is stored
     Picture(view::PictureCommand),
-    /// A picture straight from the tracer
     Render(render::Args),
-    /// How far a picture is from a reference
     Compare(compare::Args),
-    /// What a holodeck holds
     Info(info::InfoArgs),
-    /// Read a whole holodeck and check it
     Verify(info::VerifyArgs),
     /// Serve one holodeck to workers and displays (also the program `holoserver`)
     Holoserver(holo_server::Config),
     /// Trace for a holoserver (also the program `rtworker`)
     Rtworker(holo_rtworker::Config),
     /// Show what a holoserver serves (also the program `holoview`)
+    #[command(after_help = "Example:\n  holoview --connect 127.0.0.1:7070 --script walk.txt")]
     Holoview(holo_view::Config),
 }
 
+impl Command {
+    /// Returns the name under which a command reports errors. The three that run as processes of
+    /// their own have the names of these.
+    fn speaker(&self) -> &'static str {
+        match self {
+            Command::Holoserver(_) => "holoserver",
+            Command::Rtworker(_) => "rtworker",
+            Command::Holoview(_) => "holoview",
+            _ => "holodeck",
+        }
+    }
+}
+
 fn main() -> ExitCode {
-    // clap ends with status 2 on wrong usage, by itself.
-    let command = Program::parse().command.unwrap_or_else(|| Command::Demo(demo::Args::default()));
+    // On wrong usage, clap ends the process with status 2.
+    let program = Program::parse_from(arguments::with_view_options(std::env::args_os()));
+    let command = program.command.unwrap_or_else(|| Command::Demo(demo::Args::default()));
+    let speaker = command.speaker();
     let runtime =
         match tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build() {
             Ok(runtime) => runtime,
             Err(error) => {
-                eprintln!("holodeck: starting the runtime: {error}");
+                eprintln!("{speaker}: starting the runtime: {error}");
                 return ExitCode::FAILURE;
             }
         };
     let result = runtime.block_on(run(command));
     // A thread that reads standard input would hold up an orderly end for ever.
     runtime.shutdown_background();
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("holodeck: {error:#}");
-            match error.downcast_ref::<scene_args::Usage>() {
-                Some(_) => ExitCode::from(2),
-                None => ExitCode::FAILURE,
-            }
-        }
-    }
+    let is_usage =
+        result.as_ref().is_err_and(|error| error.downcast_ref::<scene_args::Usage>().is_some());
+    let code = holo_progress::exit_code(speaker, result);
+    if is_usage { ExitCode::from(2) } else { code }
 }
 
 async fn run(command: Command) -> anyhow::Result<()> {
+    holo_server::outlive_file_size_limit()?;
     match command {
         Command::Demo(args) => demo::run(args).await,
         Command::View(args) => view::view(args).await,
@@ -96,5 +109,33 @@ async fn run(command: Command) -> anyhow::Result<()> {
         Command::Holoserver(config) => holo_server::run_until_signal(config).await,
         Command::Rtworker(config) => holo_rtworker::run_until_signal(config).await,
         Command::Holoview(config) => holo_view::run_until_signal(config).await,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn every_command_s_help_has_an_example_that_can_be_parsed() {
+        let program = Program::command();
+        let mut examples = Vec::new();
+        for command in program.get_subcommands() {
+            let name = command.get_name();
+            let help = command.clone().render_long_help().to_string();
+            assert!(help.contains("Example"), "{name}: {help}");
+            let lines = help.lines().skip_while(|line| !line.starts_with("Example"));
+            examples.extend(lines.map(|line| (name.to_owned(), line.trim().to_owned())));
+        }
+        for (name, line) in examples.iter().filter(|(_, line)| !line.starts_with("Example")) {
+            let words = line.strip_prefix("holodeck ").unwrap_or(line).split(' ');
+            assert_eq!(words.clone().next(), Some(name.as_str()), "{line}");
+            let words = ["holodeck"].into_iter().chain(words).map(Into::into);
+            if let Err(error) = Program::try_parse_from(arguments::with_view_options(words)) {
+                panic!("{line}: {error}");
+            }
+        }
     }
 }

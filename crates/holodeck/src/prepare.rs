@@ -11,51 +11,34 @@ use holo_proto::{
     control::Engine,
     stand_ins::{StandIn, StandInKind},
 };
-use holo_scene::{Bsdf, LoadOptions, Scene};
+use holo_scene::{Bsdf, Scene};
 use holo_section::{Section, SectionSpec, ViewClass};
 use holo_server::{About, Holodeck};
 
 use crate::{
     config::{self, Config},
+    differences,
+    loading::{load, load_file},
     scene_args::{Obstructions, check_units, scene_path, settings},
 };
 
 /// Memory for beams while a file is only made or looked into.
 pub const SMALL_CACHE: u64 = 16 << 20;
 
-/// Share of the scene's bounds that a default section leaves free on each side: 10 % of the whole.
-const SHRINK: f64 = 0.05;
+/// Share of the scene's size between its bounds and a default section, on each side. An interior
+/// section is smaller by that, an exterior one larger.
+const MARGIN: f64 = 0.05;
 
-/// Share of a scene's surface that scatters diffusely from which records of indirect light are worth making.
+/// Records of indirect light are worth making if this share of a scene's surface is diffuse.
 const DIFFUSE: f64 = 0.1;
 
-/// Loads the configuration's scene; warnings go to standard error.
+/// Makes a holodeck file. If it exists, only checks that it has this scene and these settings.
 ///
 /// # Errors
-/// If there is no scene or it cannot be loaded.
-pub fn load(config: &Config) -> Result<Scene> {
-    load_file(scene_path(config)?, config)
-}
-
-fn load_file(path: &Path, config: &Config) -> Result<Scene> {
-    let options = LoadOptions {
-        sky: config.sky.unwrap_or([0.0; 3]),
-        two_sided_lights: config.two_sided_lights.unwrap_or(false),
-    };
-    let loaded = holo_scene::load_obj(path, &options)?;
-    for warning in &loaded.warnings {
-        eprintln!("{warning}");
-    }
-    Ok(loaded.scene)
-}
-
-/// Makes a holodeck file, or checks that the one that is there is of this scene and these settings, so that it goes on.
-///
-/// # Errors
-/// If the scene cannot be loaded, the file be written, or it is of something else.
-pub fn make(path: &Path, config: &Config) -> Result<Holodeck> {
+/// If the scene cannot be loaded, the file cannot be written, or it has another scene.
+pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
     check_units(config)?;
-    let scene = load(config)?;
+    let scene = load(config, quiet)?;
     let packed = scene.pack();
     let sections = sections(config, &scene)?;
     let source = scene_path(config)?.display().to_string();
@@ -65,45 +48,56 @@ pub fn make(path: &Path, config: &Config) -> Result<Holodeck> {
     about.sky = scene.sky;
     about.unit = config.unit.unwrap_or(about.unit);
     about.views = config.view.iter().map(|view| (view.name.clone(), view.to_options())).collect();
-    if !path.exists() {
-        if config.engine.is_none() {
-            eprintln!("{}", engine_said(about.settings.engine));
-        }
-        let stand_ins = stand_ins(config, about.sections.len())?;
-        let mut holodeck = Holodeck::create(path, about, &packed, SMALL_CACHE)?;
-        if !stand_ins.is_empty() {
-            holodeck.set_stand_ins(&stand_ins)?;
-        }
-        return Ok(holodeck);
+    let existing = path.exists().then(|| Holodeck::open(path, SMALL_CACHE)).transpose()?;
+    if let Some(file) = &existing {
+        about.settings.engine = config.engine.unwrap_or(file.about.settings.engine);
+        check_same(path, file, &about, &scene)?;
     }
-    let mut holodeck = Holodeck::open(path, SMALL_CACHE)?;
-    let there = &holodeck.about;
-    about.settings.engine = config.engine.unwrap_or(there.settings.engine);
-    let name = path.display();
-    ensure!(
-        there.scene == about.scene,
-        "{name} was made of another scene; name another file, or delete it"
-    );
-    ensure!(
-        there.settings == about.settings,
-        "{name} was traced with other settings ({:?}, now {:?}); name another file, or delete it",
-        there.settings,
-        about.settings
-    );
-    ensure!(
-        there.sections == about.sections,
-        "{name} has other sections; name another file, or delete it"
-    );
-    // They decide no sample: those named now replace those before.
-    let stand_ins = stand_ins(config, about.sections.len())?;
+    // If one of them is wrong, no file is made.
+    let stand_ins = stand_ins(config, about.sections.len(), quiet)?;
+    let mut holodeck = match existing {
+        Some(holodeck) => holodeck,
+        None => {
+            if config.engine.is_none() {
+                eprintln!("{}", engine_words(about.settings.engine));
+            }
+            Holodeck::create(path, about, &packed, SMALL_CACHE)?
+        }
+    };
+    // Stand-ins decide no sample, so those named now may replace those in the file.
     if !stand_ins.is_empty() {
         holodeck.set_stand_ins(&stand_ins)?;
     }
     Ok(holodeck)
 }
 
-/// What stands in for the scene, loaded, and where each came from: of the command line, else of the configuration's sections.
-fn stand_ins(config: &Config, sections: usize) -> Result<Vec<(StandIn, String)>> {
+/// Checks that a file holds samples of this scene, by these settings and sections.
+fn check_same(path: &Path, file: &Holodeck, now: &About, scene: &Scene) -> Result<()> {
+    let name = path.display();
+    if file.about.scene != now.scene {
+        // A damaged scene, or one of an earlier format, has nothing to compare.
+        let before = file.packed_scene().ok().and_then(|packed| Scene::unpack(&packed).ok());
+        let found = before.map(|before| differences::of_scenes(&before, scene)).unwrap_or_default();
+        let found =
+            if found.is_empty() { String::new() } else { format!(": {}", found.join("; ")) };
+        bail!("{name} was made of another scene{found}. Name another file, or delete it");
+    }
+    let found = differences::of_settings(&file.about.settings, &now.settings);
+    ensure!(
+        found.is_empty(),
+        "{name} was traced with other settings: {}. Name another file, or delete it",
+        found.join("; ")
+    );
+    ensure!(
+        file.about.sections == now.sections,
+        "{name} has other sections. Name another file, or delete it"
+    );
+    Ok(())
+}
+
+/// Loads the stand-ins for the scene, and says where each is from. The command line's come before
+/// those of the configuration's sections.
+fn stand_ins(config: &Config, sections: usize, quiet: bool) -> Result<Vec<(StandIn, String)>> {
     let of = |kind: StandInKind| {
         let (name, given) = match kind {
             StandInKind::Geometry => ("geometry", &config.geometry),
@@ -124,10 +118,10 @@ fn stand_ins(config: &Config, sections: usize) -> Result<Vec<(StandIn, String)>>
         let load = move |(section, file): (usize, PathBuf)| {
             ensure!(
                 section < sections,
-                "--{name}: there is no section {section}, only {sections} from 0 on"
+                "--{name}: there is no section {section}; there are {sections}, the first is 0"
             );
-            let scene =
-                load_file(&file, config).with_context(|| format!("{name} of section {section}"))?;
+            let scene = load_file(&file, config, quiet)
+                .with_context(|| format!("{name} of section {section}"))?;
             let section = u16::try_from(section)?;
             Ok((StandIn { section, kind, packed: scene.pack() }, file.display().to_string()))
         };
@@ -136,8 +130,8 @@ fn stand_ins(config: &Config, sections: usize) -> Result<Vec<(StandIn, String)>>
     of(StandInKind::Geometry).chain(of(StandInKind::Portals)).collect()
 }
 
-/// The engine that makes clean samples soonest: with records of indirect light where there is such light and surfaces that records
-/// are for.
+/// Returns the engine that makes clean samples soonest. Records of indirect light help if there is
+/// such light, and if enough surfaces are diffuse.
 fn engine_for(scene: &Scene, bounces: Option<u32>) -> Engine {
     let (mut diffuse, mut all) = (0.0, 0.0);
     for triangle in 0..scene.triangles.len() as u32 {
@@ -150,20 +144,19 @@ fn engine_for(scene: &Scene, bounces: Option<u32>) -> Engine {
     if bounces != Some(0) && diffuse > DIFFUSE * all { Engine::Cached } else { Engine::Path }
 }
 
-fn engine_said(engine: Engine) -> &'static str {
+fn engine_words(engine: Engine) -> &'static str {
     match engine {
-        Engine::Path => {
-            "engine path: there is no indirect light on diffuse surfaces to keep records of"
-        }
+        Engine::Path => "engine path: no indirect light on diffuse surfaces needs records",
         Engine::Cached => {
-            "engine cached: clean samples, indirect light aimed at --accuracy (--engine path for unbiased, noisy ones)"
+            "engine cached: clean samples, with indirect light within --accuracy \
+             (--engine path gives unbiased, noisy samples)"
         }
     }
 }
 
 fn sections(config: &Config, scene: &Scene) -> Result<Vec<SectionSpec>> {
     let given = match config.section.is_empty() {
-        true => vec![default_section(scene)?],
+        true => vec![default_section(scene, config.exterior)?],
         false => config.section.clone(),
     };
     given
@@ -199,31 +192,71 @@ fn spec(
     let name =
         section.name.as_ref().map_or_else(|| index.to_string(), |name| format!("{index} ({name})"));
     let [w, d, h] = spec.grid;
-    let seen = if obstructions { "what stands inside is seen" } else { "nothing stands inside" };
+    let seen = match (section.exterior, obstructions) {
+        (true, _) => "looked into from outside",
+        (false, true) => "what stands inside is seen",
+        (false, false) => "nothing stands inside",
+    };
     eprintln!("section {name}: grid {w}x{d}x{h}, {beams} beams, {seen}");
     Ok(spec)
 }
 
-fn default_section(scene: &Scene) -> Result<config::Section> {
+/// Returns the section for users who name none: within the scene's bounds, or around them.
+fn default_section(scene: &Scene, exterior: bool) -> Result<config::Section> {
     let (low, high) = scene.bounds();
     let size = high - low;
-    if size.min_element() <= 0.0 {
-        bail!("the scene is flat: name a section with --section");
-    }
-    let origin = low + size * SHRINK;
-    let size = size * (1.0 - 2.0 * SHRINK);
-    eprintln!(
-        "no section given: taking the scene's bounds shrunk by 10 %, from {origin} to {}",
-        origin + size
-    );
-    let axes = [[size.x, 0.0, 0.0], [0.0, size.y, 0.0], [0.0, 0.0, size.z]];
+    let (low, high) = if exterior {
+        // A flat scene, too, gets a section that has a volume.
+        let margin = DVec3::splat(MARGIN * size.max_element());
+        (low - margin, high + margin)
+    } else {
+        if size.min_element() <= 0.0 {
+            bail!(
+                "the scene is flat: name a section with --section, or look at it with --exterior"
+            );
+        }
+        (low + size * MARGIN, high - size * MARGIN)
+    };
+    let how = if exterior { "around the scene" } else { "the scene's bounds shrunk by 10 %" };
+    eprintln!("no section given: it is {how}, from {low} to {high}");
+    let size = high - low;
     Ok(config::Section {
         name: None,
-        origin: origin.to_array(),
-        axes,
+        origin: low.to_array(),
+        axes: [[size.x, 0.0, 0.0], [0.0, size.y, 0.0], [0.0, 0.0, size.z]],
         grid: None,
-        exterior: false,
+        exterior,
         geometry: None,
         portals: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_scene::Material;
+
+    use super::*;
+
+    fn triangle(corner: DVec3) -> Scene {
+        let corners = [DVec3::ZERO, DVec3::X * 2.0, corner];
+        Scene::from_world(&corners, &[[0, 1, 2]], &[0], vec![Material::grey("a")], [1.0; 3])
+            .unwrap()
+            .0
+    }
+
+    #[test]
+    fn an_exterior_section_of_its_own_is_around_the_scene_even_if_that_is_flat() {
+        for corner in [DVec3::new(0.0, 1.0, 4.0), DVec3::Y] {
+            let scene = triangle(corner);
+            let section = default_section(&scene, true).unwrap();
+            assert!(section.exterior);
+            let (low, high) = scene.bounds();
+            for axis in 0..3 {
+                let (from, size) = (section.origin[axis], section.axes[axis][axis]);
+                assert!(from < low[axis] && from + size > high[axis], "{section:?}");
+            }
+        }
+        let flat = default_section(&triangle(DVec3::Y), false).unwrap_err().to_string();
+        assert!(flat.contains("--section") && flat.contains("--exterior"), "{flat}");
+    }
 }

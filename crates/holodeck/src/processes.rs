@@ -1,38 +1,47 @@
 //! Starting the other processes: this same program, with their name as first argument.
 
-use std::{ffi::OsString, net::SocketAddr, process::Stdio, time::Duration};
+use std::{
+    collections::VecDeque,
+    ffi::OsString,
+    net::SocketAddr,
+    process::{ExitStatus, Stdio},
+    time::Duration,
+};
 
 use anyhow::{Context, Result, bail};
 use tokio::{
-    io::{AsyncBufReadExt, BufReader},
-    process::{Child, ChildStdin, Command},
+    io::{AsyncBufReadExt, AsyncRead, BufReader, Lines},
+    process::{Child, ChildStderr, ChildStdin, ChildStdout, Command},
     task::JoinHandle,
     time::timeout,
 };
 
-/// How long a process may take to end once asked: a server writes what it has.
+/// How long a process may take to end once it was asked: a server writes what it has.
 const END_TIME: Duration = Duration::from_secs(30);
 
-/// How much local workers give way, so that a viewer on the same machine stays smooth.
-const WORKER_NICE: &str = "5";
+/// Lines on standard error that are kept as a process's last words.
+const LAST_LINES: usize = 3;
 
-/// A process started here. It ends when its standard input does: with this one, however that comes about.
+/// A process started here. It ends when its standard input does, and so with this process, however
+/// this one ends.
 pub struct Process {
     name: &'static str,
     child: Child,
-    /// Kept apart, since waiting for a child closes the input that it still holds.
+    /// Kept apart, because waiting for a child closes the input that it still holds.
     input: Option<ChildStdin>,
 }
 
 impl Process {
-    fn start(name: &'static str, arguments: Vec<OsString>, stdout: Stdio) -> Result<Process> {
+    /// Starts this program as `name`. Its standard output is piped to here.
+    pub fn start(name: &'static str, arguments: &[OsString], stderr: Stdio) -> Result<Process> {
         let program = std::env::current_exe().context("finding this program")?;
         let mut child = Command::new(program)
             .arg(name)
             .args(arguments)
             .arg("--with-parent")
             .stdin(Stdio::piped())
-            .stdout(stdout)
+            .stdout(Stdio::piped())
+            .stderr(stderr)
             // Ctrl-C reaches this process alone, which then ends the others in order.
             .process_group(0)
             .spawn()
@@ -41,10 +50,28 @@ impl Process {
         Ok(Process { name, child, input })
     }
 
-    /// Waits for its end; an exit status other than 0 is an error.
+    /// Returns the lines of its standard output.
+    pub fn output(&mut self) -> Result<Lines<BufReader<ChildStdout>>> {
+        let output = self.child.stdout.take();
+        Ok(lines(output.with_context(|| format!("reading the output of {}", self.name))?))
+    }
+
+    /// Returns the lines of its standard error, if that is piped.
+    pub fn errors(&mut self) -> Option<Lines<BufReader<ChildStderr>>> {
+        self.child.stderr.take().map(lines)
+    }
+
+    /// Waits for its end. A call that is dropped half-way loses nothing.
+    pub async fn ended(&mut self) -> Result<ExitStatus> {
+        self.child.wait().await.with_context(|| format!("waiting for {}", self.name))
+    }
+
+    /// Waits for its end.
+    ///
+    /// # Errors
+    /// If its exit status is not 0.
     pub async fn wait(&mut self) -> Result<()> {
-        let status =
-            self.child.wait().await.with_context(|| format!("waiting for {}", self.name))?;
+        let status = self.ended().await?;
         if !status.success() {
             bail!("{} failed ({status})", self.name);
         }
@@ -52,6 +79,9 @@ impl Process {
     }
 
     /// Asks it to end, and waits.
+    ///
+    /// # Errors
+    /// If its exit status is not 0, or it had to be killed.
     pub async fn end(mut self) -> Result<()> {
         drop(self.input.take());
         if let Ok(ended) = timeout(END_TIME, self.wait()).await {
@@ -62,13 +92,30 @@ impl Process {
     }
 }
 
+fn lines<T: AsyncRead>(stream: T) -> Lines<BufReader<T>> {
+    BufReader::new(stream).lines()
+}
+
+/// Passes lines on to standard error until they end. Returns the last of them.
+pub async fn relay(mut lines: Lines<BufReader<ChildStderr>>) -> VecDeque<String> {
+    let mut last = VecDeque::new();
+    while let Ok(Some(line)) = lines.next_line().await {
+        eprintln!("{line}");
+        if last.len() == LAST_LINES {
+            last.pop_front();
+        }
+        last.push_back(line);
+    }
+    last
+}
+
 /// A server started here.
 pub struct Server {
     /// The process.
     pub process: Process,
     /// Where it listens.
     pub address: SocketAddr,
-    /// The lines that it prints after saying so, once it has ended.
+    /// The lines that it prints later, once it has ended.
     pub output: JoinHandle<Vec<String>>,
 }
 
@@ -79,9 +126,8 @@ impl Server {
     /// If it cannot be started or ends at once; it then says why on standard error.
     pub async fn start(mut arguments: Vec<OsString>) -> Result<Server> {
         arguments.extend(["--listen".into(), "127.0.0.1:0".into()]);
-        let mut process = Process::start("holoserver", arguments, Stdio::piped())?;
-        let output = process.child.stdout.take().context("reading the server's output")?;
-        let mut output = BufReader::new(output).lines();
+        let mut process = Process::start("holoserver", &arguments, Stdio::inherit())?;
+        let mut output = process.output()?;
         let first = output.next_line().await?;
         let address = first.as_deref().and_then(|line| line.strip_prefix("listening on "));
         let Some(Ok(address)) = address.map(str::parse) else {
@@ -96,25 +142,5 @@ impl Server {
             lines
         });
         Ok(Server { process, address, output })
-    }
-
-    /// Starts a worker for it, on all cores unless `threads` says otherwise.
-    ///
-    /// # Errors
-    /// If it cannot be started.
-    pub fn worker(&self, threads: Option<u16>, quiet: bool) -> Result<Process> {
-        let mut arguments: Vec<OsString> = vec![
-            "--connect".into(),
-            self.address.to_string().into(),
-            "--nice".into(),
-            WORKER_NICE.into(),
-        ];
-        if let Some(threads) = threads {
-            arguments.extend(["--threads".into(), threads.to_string().into()]);
-        }
-        if quiet {
-            arguments.push("--quiet".into());
-        }
-        Process::start("rtworker", arguments, Stdio::null())
     }
 }

@@ -1,4 +1,4 @@
-//! `holodeck render`: a picture straight from the tracer, the truth that holodecks are judged against.
+//! `holodeck render`: a picture straight from the tracer, with which holodecks are compared.
 
 use std::{
     path::PathBuf,
@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use holo_net::Shutdown;
 use holo_picture::{Picture, View, ViewSpec};
 use holo_progress::Meter;
@@ -18,31 +18,32 @@ use holo_tracer::{Settings, Tracer};
 use holo_view::ViewArgs;
 
 use crate::{
-    prepare,
+    arguments::picture_path,
+    loading,
     scene_args::{SceneArgs, Usage, settings},
 };
 
-/// A picture straight from the tracer.
-///
-/// Example: holodeck render room.obj --vp 1,2,1.6 --vd 0,1,0 --vh 60 --spp 256 -o truth.pfm
+/// Make a picture straight from the tracer
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  \
+    holodeck render room.obj --vp 1,2,1.6 --vd 0,1,0 --vh 60 --spp 256 -o truth.pfm")]
 pub struct Args {
     /// The scene
     #[arg(value_name = "SCENE.obj")]
     scene: Option<PathBuf>,
     /// The picture (.exr .hdr .pfm .png)
-    #[arg(short, value_name = "FILE")]
+    #[arg(short, value_name = "FILE", value_parser = picture_path)]
     output: PathBuf,
     #[command(flatten)]
     view: ViewArgs,
     /// Paths per pixel
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     spp: Option<u32>,
-    /// As many paths as fit into so long, such as 60s
+    /// As many paths as fit into this time, such as 60s; loading does not count
     #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time, conflicts_with = "spp")]
     time: Option<Duration>,
-    /// Also write every pixel's standard error here (as of independent paths; stratified ones err less)
-    #[arg(long, value_name = "FILE")]
+    /// Also write every pixel's standard error to this file, as if its paths were independent
+    #[arg(long, value_name = "FILE", value_parser = picture_path)]
     se: Option<PathBuf>,
     #[command(flatten)]
     scene_args: SceneArgs,
@@ -52,7 +53,7 @@ pub struct Args {
     /// Report as JSON
     #[arg(long)]
     json: bool,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     quiet: bool,
 }
@@ -60,7 +61,7 @@ pub struct Args {
 /// Rows that a thread takes at a time.
 const ROWS: u32 = 4;
 
-/// Paths per pixel in one pass: enough that passes cost nothing, few enough that `--time` is kept.
+/// Paths per pixel in one pass: so many that passes cost nothing, so few that `--time` is kept.
 const PASS: u32 = 4;
 
 /// See [`Args`].
@@ -76,7 +77,7 @@ pub async fn run(args: Args) -> Result<()> {
         spec.apply_line(first)?;
     }
     let (view, size) = spec.overridden_by(&args.view.spec(&named)?).resolve(args.view.size)?;
-    let scene = prepare::load(&config)?;
+    let scene = loading::load(&config, args.quiet)?;
     let settings = settings(&config, Engine::Path);
     let tracer = Tracer::new(
         Arc::new(scene),
@@ -118,7 +119,7 @@ struct Job {
     quiet: bool,
 }
 
-/// Sums over a pixel's paths, per channel.
+/// Sums over a pixel's paths, for each channel.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     first: [f64; 3],
@@ -135,7 +136,7 @@ struct Rendered {
 }
 
 impl Job {
-    /// Passes over the picture until there are enough paths, the time is up, or Ctrl-C.
+    /// Traces passes until there are enough paths, the time is up, or Ctrl-C.
     fn run(self, shutdown: &Shutdown) -> Rendered {
         let pixels = self.size.0 as usize * self.size.1 as usize;
         let sums = Mutex::new(vec![Sums::default(); pixels]);
@@ -143,7 +144,7 @@ impl Job {
         let mut meter = Meter::new(self.quiet);
         let mut spp = 0;
         while self.spp.is_none_or(|wanted| spp < wanted) && !shutdown.is_triggered() {
-            // With a time to keep, the pass that would overrun it is left out.
+            // A pass that would end after the time is not begun.
             let elapsed = start.elapsed();
             let next = elapsed + elapsed.checked_div(spp.div_ceil(PASS)).unwrap_or_default() / 2;
             if self.time.is_some_and(|time| next >= time) {
@@ -217,13 +218,13 @@ impl Job {
                 let [dx, dy] = jitter(path, turn);
                 let x = (f64::from(column) + dx) / f64::from(self.size.0);
                 let y = 1.0 - (f64::from(row) + dy) / f64::from(self.size.1);
-                // Corners of fisheyes look nowhere: they are black.
+                // Corners of fisheyes have no direction: they are black.
                 let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) else {
                     continue;
                 };
                 let traced = self.tracer.trace_path(origin, direction, turn, u64::from(path));
                 if reach.is_finite() && traced.distance > reach {
-                    // Beyond the aft clipping surface all is black.
+                    // Beyond the aft clipping surface everything is black.
                     continue;
                 }
                 let radiance = traced.radiance;
@@ -236,10 +237,10 @@ impl Job {
     }
 }
 
-/// Where in the pixel path `index` goes: the R2 sequence (Roberts 2018), turned by a pixel's own offset. Any number of
-/// paths is well spread over the box filter.
+/// Returns where in the pixel path `index` goes: the R2 sequence (Roberts 2018), shifted by the
+/// pixel's own offset. Any number of paths is well spread over the box filter.
 fn jitter(index: u32, turn: u64) -> [f64; 2] {
-    /// The plastic number's powers: 1/ρ and 1/ρ².
+    /// Powers of the plastic number ρ: 1/ρ and 1/ρ².
     const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
     let offset = [(turn >> 32) as f64, f64::from(turn as u32)].map(|bits| bits / 4_294_967_296.0);
     [0, 1].map(|axis| (offset[axis] + STEP[axis] * f64::from(index)).fract())
@@ -260,10 +261,7 @@ impl Rendered {
         for (pixel, sums) in picture.pixels.iter_mut().zip(&self.sums) {
             *pixel = sums.first.map(|sum| (sum / n) as f32);
         }
-        let write = |picture: &Picture, path: &PathBuf| {
-            picture.write(path).with_context(|| format!("writing {}", path.display()))
-        };
-        write(&picture, &args.output)?;
+        picture.write(&args.output)?;
         if let Some(path) = &args.se {
             let mut errors = Picture::new(self.size.0, self.size.1);
             for (pixel, sums) in errors.pixels.iter_mut().zip(&self.sums) {
@@ -274,10 +272,10 @@ impl Rendered {
                     *error = variance.sqrt() as f32;
                 }
             }
-            write(&errors, path)?;
+            errors.write(path)?;
         }
         if self.nonfinite > 0 {
-            eprintln!("{} paths were not finite and count as nothing", self.nonfinite);
+            eprintln!("{} paths were not finite and count as black", self.nonfinite);
         }
         let paths = n * self.sums.len() as f64;
         if args.json {

@@ -1,4 +1,4 @@
-//! Options that say what is traced: the scene, its sections, the engine.
+//! Options for what is traced: the scene, its sections, the engine.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use crate::config::{self, Config};
 
-/// The program was called wrongly: exit status 2.
+/// The error of somebody who called the program wrongly: exit status 2.
 #[derive(Debug)]
 pub struct Usage(pub String);
 
@@ -21,11 +21,11 @@ impl std::fmt::Display for Usage {
 
 impl std::error::Error for Usage {}
 
-/// Whether rays begin at the entry wall, so that what stands inside a section is seen.
+/// Whether what stands inside a section is seen: whether rays begin at the entry wall.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Obstructions {
-    /// On for sections with geometry inside
+    /// On for sections that have geometry inside
     #[default]
     Auto,
     /// Rays begin at the entry wall
@@ -37,46 +37,48 @@ pub enum Obstructions {
 /// What is traced.
 #[derive(Args, Clone, Debug, Default)]
 pub struct SceneArgs {
-    /// Read scene, sections, views and settings from here; options override it
+    /// Read scene, sections, views and settings from this file; options override it
     #[arg(long, value_name = "FILE.toml")]
     pub config: Option<PathBuf>,
-    /// A section: origin, three axes and, if wanted, the grid. May be repeated [default: the scene's bounds, shrunk]
+    /// A section: origin, three axes and, if wanted, the grid. May be repeated [default: the
+    /// scene's bounds shrunk by 10 %, or a box around it with --exterior]
     #[arg(long, value_name = "\"OX,OY,OZ AX,AY,AZ BX,BY,BZ CX,CY,CZ [NX,NY,NZ]\"", value_parser = parse_section, allow_hyphen_values = true)]
     pub section: Vec<config::Section>,
-    /// A simpler scene from which displays take the surfaces of a section's views; samples off them are left out. May be repeated,
-    /// once a section [default number: 0]
+    /// A simpler scene that displays use for views of a section [default: 0]. Samples that do not
+    /// lie on its surfaces are not shown. May be repeated
     #[arg(long, value_name = "[SECTION=]FILE.obj", value_parser = parse_stand_in)]
     pub geometry: Vec<(usize, PathBuf)>,
-    /// Invisible surfaces (windows, doorways, mirrors) beyond which samples are drawn wherever they lie. May be repeated, as --geometry
+    /// Invisible surfaces, such as windows and doorways, beyond which all samples of a section
+    /// [default: 0] are shown. May be repeated
     #[arg(long, value_name = "[SECTION=]FILE.obj", value_parser = parse_stand_in)]
     pub portals: Vec<(usize, PathBuf)>,
-    /// The sections are to be looked into, not out of
+    /// Make sections to look into from outside, not to look out of
     #[arg(long)]
     pub exterior: bool,
     /// Whether what stands inside sections is seen [default: auto]
     #[arg(long, value_enum)]
     pub obstructions: Option<Obstructions>,
-    /// Radiance of a sky around the scene
+    /// Surround the scene with a sky of this radiance, such as 1,1,1
     #[arg(long, value_name = "R,G,B", value_parser = parse_colour)]
     pub sky: Option<[f32; 3]>,
-    /// Lights shine from both sides
+    /// Let lights shine from both sides
     #[arg(long)]
     pub two_sided_lights: bool,
-    /// What traces: `path` (unbiased) or `cached` (clean samples, their indirect light within `--accuracy`) [default: of `render` path; else
-    /// cached where light comes by way of diffuse surfaces]
+    /// What traces: `path` (unbiased) or `cached` (clean samples, with indirect light within
+    /// --accuracy) [default: for `render` path, else cached if there are diffuse surfaces]
     #[arg(long, value_parser = parse_engine)]
     pub engine: Option<Engine>,
-    /// Limit of indirect light; 0 is direct light only [default: no limit]
+    /// Limit indirect light to so many bounces; 0 is direct light only [default: no limit]
     #[arg(long, value_name = "N")]
     pub bounces: Option<u32>,
     /// Paths averaged into one sample [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub paths_per_sample: Option<u16>,
-    /// Relative error of indirect light that `--engine cached` aims at [default: 0.03]
+    /// Relative error of indirect light that --engine cached aims at [default: 0.03]
     #[arg(long, value_name = "SHARE", value_parser = parse_accuracy)]
     pub accuracy: Option<f32>,
-    /// Store how far away what flat mirrors and glass show seems to be, not how far the mirror is: reflections get sharper in motion, but
-    /// their edges may break up
+    /// In flat mirrors and glass, store the distance of what they show. Reflections get sharper in
+    /// motion, but their edges may break up
     #[arg(long)]
     pub virtual_distance: bool,
     /// Seed of the random numbers [default: 0]
@@ -85,7 +87,7 @@ pub struct SceneArgs {
 }
 
 impl SceneArgs {
-    /// The configuration file with these options over it.
+    /// Returns the configuration file, overridden by these options.
     ///
     /// # Errors
     /// If the file cannot be read or is wrong.
@@ -95,6 +97,7 @@ impl SceneArgs {
         if !self.section.is_empty() {
             config.section.clone_from(&self.section);
         }
+        config.exterior = self.exterior;
         for section in &mut config.section {
             section.exterior |= self.exterior;
         }
@@ -113,7 +116,7 @@ impl SceneArgs {
     }
 }
 
-/// What samples hold, by the configuration, and with this engine if it names none.
+/// Returns how samples are traced. `engine` is for a configuration that names none.
 pub fn settings(config: &Config, engine: Engine) -> RenderSettings {
     RenderSettings {
         engine: config.engine.unwrap_or(engine),
@@ -141,7 +144,7 @@ fn parse_accuracy(text: &str) -> Result<f32, String> {
 }
 
 fn parse_stand_in(text: &str) -> Result<(usize, PathBuf), String> {
-    // What is before the sign must be a number: names of files may have one, too.
+    // Only a number before the sign counts, because names of files may have signs too.
     let numbered =
         text.split_once('=').and_then(|(section, file)| Some((section.trim().parse().ok()?, file)));
     let (section, file) = numbered.unwrap_or((0, text));
@@ -197,7 +200,10 @@ fn parse_section(text: &str) -> Result<config::Section, String> {
     })
 }
 
-/// Checks what only a scene file can have.
+/// Returns the path of the scene.
+///
+/// # Errors
+/// If there is none.
 pub fn scene_path(config: &Config) -> Result<&PathBuf> {
     let path = config.scene.as_ref();
     path.ok_or_else(|| {
@@ -205,7 +211,7 @@ pub fn scene_path(config: &Config) -> Result<&PathBuf> {
     })
 }
 
-/// A number of metres per unit and an up axis that can be used.
+/// Checks that the unit and the up axis can be used.
 pub fn check_units(config: &Config) -> Result<()> {
     ensure!(
         config.unit.is_none_or(|unit| unit.is_finite() && unit > 0.0),

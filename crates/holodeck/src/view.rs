@@ -1,6 +1,6 @@
-//! `holodeck view`, `replay` and `picture`: a viewer, with a server and workers as far as they are needed.
+//! `holodeck view`, `replay` and `picture`: a viewer, with a server and workers as far as needed.
 
-use std::{ffi::OsString, path::PathBuf};
+use std::{ffi::OsString, net::SocketAddr, path::PathBuf};
 
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
@@ -8,9 +8,11 @@ use holo_view::{DriverArgs, PointArgs, ViewArgs};
 use tokio::sync::oneshot;
 
 use crate::{
+    arguments::picture_path,
     prepare,
     processes::Server,
     scene_args::{SceneArgs, Usage},
+    worker::KeptWorker,
 };
 
 /// How a session is shown and followed.
@@ -22,26 +24,29 @@ pub struct SessionArgs {
     driver: DriverArgs,
     #[command(flatten)]
     points: PointArgs,
-    /// Without a window: follow a script and write pictures
+    /// Open no window: follow a script and write pictures
     #[arg(long)]
     headless: bool,
-    /// Follow this file's lines, each `SECONDS COMMAND` (`-`: standard input). Commands: view, picture FILE,
-    /// with PART,…, without PART,… (of the render cache), quit
+    /// Follow the lines of this file, each `SECONDS COMMAND` (`-`: standard input). Commands: view,
+    /// picture FILE, with PART,…, without PART,… (of the render cache), quit
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
     /// Without a script: stay for so long, such as 20s
     #[arg(long, value_name = "TIME", default_value = "0", value_parser = holo_view::parse_seconds)]
     time: f64,
+    /// Write a picture to this file at the end (.exr .hdr .pfm .png)
+    #[arg(short, value_name = "FILE", value_parser = picture_path)]
+    output: Option<PathBuf>,
     /// Report every picture as a line of JSON
     #[arg(long)]
     json: bool,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     quiet: bool,
 }
 
 impl SessionArgs {
-    fn viewer(&self, address: std::net::SocketAddr, output: Option<PathBuf>) -> holo_view::Config {
+    fn viewer(&self, address: SocketAddr) -> holo_view::Config {
         holo_view::Config {
             connect: address.to_string(),
             view: self.view.clone(),
@@ -49,39 +54,43 @@ impl SessionArgs {
             points: self.points.clone(),
             script: self.script.clone(),
             time: self.time,
-            output,
+            output: self.output.clone(),
             json: self.json,
             quiet: self.quiet,
             with_parent: false,
         }
     }
 
-    fn check(&self) -> Result<()> {
+    /// Refuses what would do nothing. `keeps` says whether traced samples go to a file that stays,
+    /// and `example` is a command that would do something.
+    fn check(&self, keeps: bool, example: &str) -> Result<(), Usage> {
         self.driver.check().map_err(Usage)?;
-        if self.headless {
-            return Ok(());
+        if !self.headless {
+            return Err(Usage(format!(
+                "there is no window yet: say --headless, as in\n  {example}"
+            )));
         }
-        Err(Usage(
-            "there is no window yet: say --headless, with --script FILE or --time TIME".into(),
-        )
-        .into())
+        let fills = keeps && self.time > 0.0;
+        if self.script.is_none() && self.output.is_none() && !fills {
+            return Err(Usage(format!(
+                "this would write nothing: say -o FILE or --script FILE, as in\n  {example}"
+            )));
+        }
+        Ok(())
     }
 }
 
-/// Walk through a scene or a holodeck: server, workers and viewer on this machine.
-///
-/// Example: holodeck view room.obj --headless --script walk.txt --size 640x480
+/// Walk through a scene or a holodeck: server, workers and viewer on this machine
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  holodeck view room.obj --headless --time 20s -o view.png\n  \
+    holodeck view room.holo --headless --script walk.txt --size 640x480")]
 pub struct ViewCommand {
     /// The scene, or a holodeck to go on with
     #[arg(value_name = "SCENE.obj|FILE.holo")]
     what: Option<PathBuf>,
-    /// Keep the samples here [default for a scene: forget them at the end]
+    /// Keep the samples in this file [default for a scene: forget them at the end]
     #[arg(long, value_name = "FILE.holo")]
     keep: Option<PathBuf>,
-    /// At the end, once everything under way has arrived, write the picture here
-    #[arg(short, value_name = "FILE")]
-    output: Option<PathBuf>,
     #[command(flatten)]
     session: SessionArgs,
     #[command(flatten)]
@@ -89,40 +98,36 @@ pub struct ViewCommand {
     /// Threads that trace [default: one per core]
     #[arg(long, value_name = "N")]
     threads: Option<u16>,
-    /// Memory for beams kept at hand, MiB [default: 256]
+    /// Memory for beams that are kept at hand, MiB [default: 256]
     #[arg(long, value_name = "MIB")]
     cache: Option<u64>,
 }
 
 /// See [`ViewCommand`].
 pub async fn view(args: ViewCommand) -> Result<()> {
-    args.session.check()?;
     let is_holodeck =
         args.what.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "holo"));
+    args.session.check(
+        is_holodeck || args.keep.is_some(),
+        "holodeck view room.obj --headless --time 20s -o view.png",
+    )?;
+    let quiet = args.session.quiet || args.session.json;
     if let Some(file) = args.what.as_ref().filter(|_| is_holodeck) {
-        let session = LiveSession { file: file.clone(), threads: args.threads, cache: args.cache };
-        return session.run(|address| args.session.viewer(address, args.output.clone())).await;
+        let (threads, cache) = (args.threads, args.cache);
+        let session = LiveSession { file: file.clone(), threads, cache, quiet };
+        return session.run(|address| args.session.viewer(address)).await;
     }
     let config = args.scene_args.resolve(args.what.as_ref())?;
     // Without a name, samples live only as long as the session.
-    let temporary = args
-        .keep
-        .is_none()
-        .then(tempfile::tempdir)
-        .transpose()
-        .context("making a temporary folder")?;
-    let file = match (&args.keep, &temporary) {
-        (Some(file), _) => file.clone(),
-        (None, Some(folder)) => folder.path().join("session.holo"),
-        (None, None) => PathBuf::from("session.holo"),
-    };
-    drop(prepare::make(&file, &config)?);
-    let threads = args.threads.or(config.threads);
-    let session = LiveSession { file, threads, cache: args.cache.or(config.cache) };
-    session.run(|address| args.session.viewer(address, args.output.clone())).await
+    let temporary = tempfile::tempdir().context("making a temporary folder")?;
+    let file = args.keep.clone().unwrap_or_else(|| temporary.path().join("session.holo"));
+    drop(prepare::make(&file, &config, quiet)?);
+    let (threads, cache) = (args.threads.or(config.threads), args.cache.or(config.cache));
+    let session = LiveSession { file, threads, cache, quiet };
+    session.run(|address| args.session.viewer(address)).await
 }
 
-/// Server and worker processes around a viewer in this one.
+/// A viewer in this process, with a server and a worker in others.
 pub struct LiveSession {
     /// The holodeck.
     pub file: PathBuf,
@@ -130,70 +135,73 @@ pub struct LiveSession {
     pub threads: Option<u16>,
     /// Memory for beams, MiB.
     pub cache: Option<u64>,
+    /// Hides how far the worker has loaded.
+    pub quiet: bool,
 }
 
 impl LiveSession {
-    /// Starts both, runs the viewer that `viewer` makes for the server's address, and ends both.
+    /// Starts server and worker, runs the viewer that `viewer` makes for the server's address, and
+    /// ends all of them.
+    ///
+    /// The viewer starts once the worker is ready, so that a script's seconds are seconds of
+    /// tracing.
     ///
     /// # Errors
     /// Whatever failed first.
-    pub async fn run(
-        self,
-        viewer: impl FnOnce(std::net::SocketAddr) -> holo_view::Config,
-    ) -> Result<()> {
+    pub async fn run(self, viewer: impl FnOnce(SocketAddr) -> holo_view::Config) -> Result<()> {
         let mut arguments: Vec<OsString> = vec![self.file.into(), "--quiet".into()];
         if let Some(cache) = self.cache {
             arguments.extend(["--cache".into(), cache.to_string().into()]);
         }
         let shutdown = Shutdown::new();
         shutdown.on_signals(false)?;
-        let server = Server::start(arguments).await?;
-        let mut worker = server.worker(self.threads, true)?;
-        let viewing = holo_view::run(viewer(server.address), shutdown);
-        tokio::pin!(viewing);
+        let mut server = Server::start(arguments).await?;
+        let mut worker = KeptWorker::start(server.address, self.threads, self.quiet)?;
+        let (ready, config) = (worker.ready(), viewer(server.address));
+        let viewing = async {
+            tokio::select! {
+                () = ready => holo_view::run(config, shutdown.clone()).await,
+                () = shutdown.wait() => Ok(()),
+            }
+        };
         let result = tokio::select! {
-            result = &mut viewing => result,
-            // Without its only worker the session would wait for ever; the worker has said why on standard error.
-            Err(error) = worker.wait() => Err(error),
+            result = viewing => result,
+            error = worker.keep() => Err(error),
+            Err(error) = server.process.wait() => Err(error),
         };
         let ended = server.process.end().await;
-        // It leaves with the server; its own trouble, if any, has been named.
-        let left = worker.end().await;
-        result.and(ended).and(left)
+        worker.end().await;
+        result.and(ended)
     }
 }
 
-/// Walk through a holodeck without tracing anything.
-///
-/// Example: holodeck replay room.holo --headless --script walk.txt
+/// Walk through a holodeck without tracing anything
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  holodeck replay room.holo --headless --script walk.txt")]
 pub struct ReplayCommand {
     /// The holodeck
     #[arg(value_name = "FILE.holo")]
     file: PathBuf,
-    /// At the end, once everything stored has arrived, write the picture here
-    #[arg(short, value_name = "FILE")]
-    output: Option<PathBuf>,
     #[command(flatten)]
     session: SessionArgs,
 }
 
 /// See [`ReplayCommand`].
 pub async fn replay(args: ReplayCommand) -> Result<()> {
-    args.session.check()?;
-    show_stored(args.file, |address| args.session.viewer(address, args.output.clone())).await
+    args.session.check(false, "holodeck replay room.holo --headless -o view.png")?;
+    show_stored(args.file, |address| args.session.viewer(address)).await
 }
 
-/// A picture from a holodeck, from what is stored.
-///
-/// Example: holodeck picture room.holo --vp 12.5,0.5,5 --vd 0.707,0.707,0 --vh 60 --size 640x480 -o view.png
+/// Make a picture from what a holodeck holds, without tracing anything
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  holodeck picture room.holo --view bedroom -o view.png\n  \
+    holodeck picture room.holo --vp 12.5,0.5,5 --vd 0.7,0.7,0 --vh 60 --size 640x480 -o view.exr")]
 pub struct PictureCommand {
     /// The holodeck
     #[arg(value_name = "FILE.holo")]
     file: PathBuf,
     /// The picture (.exr .hdr .pfm .png)
-    #[arg(short, value_name = "FILE")]
+    #[arg(short, value_name = "FILE", value_parser = picture_path)]
     output: PathBuf,
     #[command(flatten)]
     view: ViewArgs,
@@ -204,7 +212,7 @@ pub struct PictureCommand {
     /// Report as JSON
     #[arg(long)]
     json: bool,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     quiet: bool,
 }
@@ -227,10 +235,10 @@ pub async fn picture(args: PictureCommand) -> Result<()> {
     .await
 }
 
-/// A display-only server and a viewer, both within this process: there is nothing to be kept apart.
+/// Runs a display-only server and a viewer, both in this process.
 async fn show_stored(
     file: PathBuf,
-    viewer: impl FnOnce(std::net::SocketAddr) -> holo_view::Config,
+    viewer: impl FnOnce(SocketAddr) -> holo_view::Config,
 ) -> Result<()> {
     let config = holo_server::Config { display_only: true, ..holo_server::Config::new(file) };
     let shutdown = Shutdown::new();

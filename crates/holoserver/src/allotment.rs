@@ -3,10 +3,9 @@
 use std::collections::HashMap;
 
 use holo_beamfile::BeamFile;
-pub use holo_beamfile::BeamKey;
-use holo_section::SampleKind;
+use holo_section::{BeamKey, SampleKind};
 
-/// Hands out sample numbers so that none is traced twice: from the file's counts on, and from there upwards.
+/// Gives out sample numbers so that none is traced twice: from the file's counts on, upwards.
 #[derive(Default)]
 pub struct Allotment {
     next: HashMap<(BeamKey, SampleKind), u32>,
@@ -14,7 +13,8 @@ pub struct Allotment {
 }
 
 impl Allotment {
-    /// The first of up to `count` fresh numbers of a beam, and how many. `None` at the very end of the numbers.
+    /// Returns up to `count` fresh numbers of a beam: the first, and how many. `None` at the very
+    /// end of the numbers.
     pub fn take(
         &mut self,
         file: &BeamFile,
@@ -37,12 +37,12 @@ impl Allotment {
         Some((first, count))
     }
 
-    /// Takes back numbers that were given out and will not be traced: they are the beam's next.
+    /// Takes back numbers that will not be traced. They are the beam's next.
     pub fn give_back(&mut self, key: BeamKey, kind: SampleKind, first: u32, count: u8) {
         self.returned.entry((key, kind)).or_default().push((first, count));
     }
 
-    /// Numbers given out so far, stored or under way.
+    /// Returns how many numbers have been given out: stored, or under way.
     pub fn taken(&self, file: &BeamFile, key: BeamKey, kind: SampleKind) -> u32 {
         self.next.get(&(key, kind)).copied().unwrap_or_else(|| stored(file, key, kind))
     }

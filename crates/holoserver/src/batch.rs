@@ -1,40 +1,46 @@
 //! Batch order: which beams get rays when nobody looks (Larson & Simmons 1999, §2.2).
 //!
-//! Wanted rays are proportional to a beam's importance. The file is filled in *sweeps*: each visits all beams of all
-//! sections once, in an evenly spread order, and brings every beam up to its share of the sweep's total; the next
-//! sweep's total is larger by [`GROWTH`]. So at any moment the ratio of computed to wanted rays differs between any two
-//! beams by no more than that factor and one packet, and stopping is good at any time. Nothing is kept per beam.
+//! The number of rays that a beam should have is proportional to its importance. The file is filled
+//! in *sweeps*. A sweep visits all beams of all sections once, in an evenly spread order, and
+//! brings every beam up to its share of the sweep's total. The next sweep's total is larger by
+//! [`GROWTH`].
 //!
-//! Enough is enough: once a sweep has brought the file to the samples that are enough for it, later ones ask for more
-//! *paths* in the same samples, level by level ([`crate::better`]), in the same even order. Level for level that takes four
-//! times as long for the same bytes.
+//! At any moment, the ratio of traced to wanted rays differs between two beams by no more than that
+//! factor and one packet. So it is good to stop at any time. Nothing is kept for single beams.
 //!
-//! Beams that see nothing have no part in this: whoever asks passes over them. A sweep's total is kept as rays for each
-//! unit of importance, so that it is the same for the others, whenever such beams become known.
+//! Once the file has enough samples, later sweeps ask for more *paths* in the same samples, level
+//! by level ([`crate::better`]). Each level takes four times as long for the same bytes.
+//!
+//! The caller passes over beams that see nothing. A sweep's total is kept as rays for each unit of
+//! importance. So the other beams get the same, whenever such beams become known.
 
-use holo_section::{BeamOrder, ImportanceTable, Section};
+use holo_section::{BeamKey, BeamOrder, ImportanceTable, Section};
 
-use crate::{allotment::BeamKey, better, unseen::UnseenBeams};
+use crate::{better, unseen::UnseenBeams};
 
-/// How much larger each sweep's total is. Smaller is more even, larger makes fuller packets.
+/// How much larger each sweep's total is. A smaller factor fills more evenly; a larger one makes
+/// fuller packets.
 const GROWTH: f64 = 1.5;
 
-/// Rays given to a beam at a time while the file is nearly empty: fewer would spread better, but a packet's set-up and
-/// its entry in the file's directory would cost more than its rays.
+/// Rays that a beam gets at a time while the file is nearly empty. Fewer would spread better, but
+/// then a packet and its entry in the file's directory would cost more than its rays.
 const MIN_PACKET: f64 = 4.0;
 
-/// Rays that are enough for a beam of mean importance unless said otherwise. On a section's default grid that is up to
-/// 80 M samples: one for each pixel of 400×400 in what a view crosses (0.2 %), and a hundred in what ends on its surfaces (a fifth).
+/// Rays that are enough for a beam of mean importance, by default. On a section's default grid that
+/// is up to 80 M samples. A view of 400×400 pixels crosses 0.2 % of them: one sample for each
+/// pixel. A fifth of them end on what the view sees: a hundred for each pixel.
 const ENOUGH_PER_BEAM: f64 = 512.0;
 
-/// Samples that are enough for a file, unless said otherwise, are at least so many, 500 MB: pictures need rays, however coarse
-/// the grid by which they are kept.
+/// Samples that are enough for a file, at least, by default: 500 MB. Pictures need that many rays
+/// even of a coarse grid.
 const LEAST_ENOUGH: f64 = 50e6;
 
-/// A file that has so much of enough has enough: beams that turned out to see nothing on the way make the others' share larger.
+/// The share of enough samples that counts as enough. Beams that turn out to see nothing make the
+/// share of the others larger, so the last of them would take long.
 const NEARLY: f64 = 0.99;
 
-/// Unseen beams whose importance is looked up at the start, at the most: of more, an even part stands for all.
+/// Most unseen beams whose importance is added up at the start. An even part of more stands for
+/// all.
 const IMPORTANCES: u64 = 1 << 20;
 
 /// The order in which a holodeck is filled.
@@ -42,25 +48,25 @@ pub struct BatchOrder {
     sections: Vec<SectionOrder>,
     beams: u64,
     order: BeamOrder,
-    /// Samples that a beam of importance 1 has at the end of this sweep.
+    /// Samples of a beam of importance 1 at the end of this sweep.
     density: f64,
     next: u64,
-    /// Samples of such a beam that are enough, as far as was known when this sweep began.
+    /// Samples of such a beam that are enough, by what was known when this sweep began.
     target: f64,
-    /// Samples that are enough for the file, if somebody has said so.
+    /// Samples that are enough for the file, if the user has said so.
     enough: Option<u64>,
-    /// Paths of a sample at first.
+    /// Paths of a new sample.
     usual_paths: u16,
-    /// How often its paths have been raised: 0 while there are not enough samples.
+    /// How often the number of paths was raised: 0 until there are enough samples.
     level: u32,
 }
 
-/// What the order wants of a beam.
+/// What a beam should have.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wanted {
-    /// So many samples, counting those that it has.
+pub enum Target {
+    /// So many samples.
     Samples(u64),
-    /// That each of its samples has at least so many paths.
+    /// At least so many paths in each of its samples.
     Paths(u16),
 }
 
@@ -71,8 +77,8 @@ struct SectionOrder {
 }
 
 impl BatchOrder {
-    /// The order for a file that holds `stored` samples already, in beams other than those that see nothing, and has enough with
-    /// `enough`; `None`: what is sensible for these sections. Samples have `usual_paths` at first.
+    /// Returns the order for a file that holds `stored` samples, and for which `enough` samples are
+    /// enough (`None`: as many as these sections suggest). A new sample has `usual_paths`.
     pub fn new(
         sections: &[Section],
         stored: u64,
@@ -107,8 +113,8 @@ impl BatchOrder {
         };
         let seen = beams - unseen.count().min(beams);
         if seen > 0 {
-            // From here the first sweep adds something everywhere, whatever the file holds, unless it has enough. One sweep there
-            // always is: samples for views leave a file uneven.
+            // The first sweep adds something everywhere, unless the file has enough. There is
+            // always one sweep, because samples for views leave a file uneven.
             let density = (stored as f64 * GROWTH).max(seen as f64) / order.importance_seen(unseen);
             order.target = order.enough_density(unseen);
             order.density = density.min(order.target);
@@ -116,7 +122,7 @@ impl BatchOrder {
         order
     }
 
-    /// Samples for each unit of importance that are enough.
+    /// Returns the samples for each unit of importance that are enough.
     fn enough_density(&self, unseen: &UnseenBeams) -> f64 {
         let seen = self.importance_seen(unseen);
         match self.enough {
@@ -131,7 +137,7 @@ impl BatchOrder {
         self.sections.iter().map(|section| section.table.total()).sum()
     }
 
-    /// Paths that samples are being brought to; `None` while there are not enough samples.
+    /// Returns the paths that samples are to have; `None` until there are enough samples.
     pub fn better_paths(&self) -> Option<u16> {
         better::paths_of(self.usual_paths, self.level).filter(|_| self.level > 0)
     }
@@ -145,18 +151,21 @@ impl BatchOrder {
             Some(table.of(section.cells(key.beam)?))
         };
         let part: f64 = unseen.iter().step_by(every).filter_map(of).sum();
-        // What rounding or chance leaves of nothing must not make a density without bounds.
+        // Rounding and chance must not leave nothing: the density would have no bounds.
         (total - part * every as f64).max(total / self.beams as f64)
     }
 
-    /// Whether a sweep has ended of which the results are needed first: the next one asks for better samples than it gave, or was
-    /// to give, and what beams see nothing decides how many samples are enough.
+    /// Returns whether the next beam must wait until all results are in.
+    ///
+    /// That is so at the end of a sweep, if the next one asks for better samples. By then the
+    /// number of beams that see nothing must be known, which decides how many samples are enough.
     pub fn waits_for_results(&self) -> bool {
         self.next == self.beams && (self.level > 0 || self.density >= self.target * NEARLY)
     }
 
-    /// The next beam to look at and what it should have by the end of this sweep; `None` once every beam has all it may get.
-    pub fn next(&mut self, unseen: &UnseenBeams) -> Option<(BeamKey, Wanted)> {
+    /// Returns the next beam and what it should have at the end of this sweep; `None` once every
+    /// beam has all it may get.
+    pub fn next(&mut self, unseen: &UnseenBeams) -> Option<(BeamKey, Target)> {
         if self.next == self.beams {
             if self.level == 0 {
                 self.target = self.enough_density(unseen);
@@ -178,16 +187,17 @@ impl BatchOrder {
         let beam = holo_section::BeamId(index - first);
         let key = BeamKey { section: number as u16, beam };
         if let Some(paths) = self.better_paths() {
-            return Some((key, Wanted::Paths(paths)));
+            return Some((key, Target::Paths(paths)));
         }
         let wanted = section.cells(beam).map_or(0.0, |pair| self.density * table.of(pair));
         let samples = round_to_packets(wanted, holo_section::seed(key.section, beam, u32::MAX));
-        Some((key, Wanted::Samples(samples)))
+        Some((key, Target::Samples(samples)))
     }
 }
 
-/// `wanted` in whole packets of [`MIN_PACKET`], rounded up or down by chance so that the mean is kept. The chance
-/// depends on the beam alone, so that a beam once rounded up stays ahead and is not asked for the same rays twice.
+/// Rounds `wanted` to packets of [`MIN_PACKET`], up or down by chance, so that the mean stays.
+///
+/// The chance depends on the beam alone: a beam that was rounded up stays ahead.
 fn round_to_packets(wanted: f64, hash: u64) -> u64 {
     let chance = (hash >> 11) as f64 / (1u64 << 53) as f64;
     ((wanted / MIN_PACKET + chance).floor() * MIN_PACKET) as u64
@@ -213,21 +223,21 @@ mod tests {
         .unwrap()
     }
 
-    /// An order that never has enough.
+    /// Returns an order that never has enough.
     fn unlimited(sections: &[Section], stored: u64, unseen: &UnseenBeams) -> BatchOrder {
         BatchOrder::new(sections, stored, unseen, Some(u64::MAX), 1)
     }
 
-    /// The next beam and the samples wanted of it.
+    /// Returns the next beam and the samples that it should have.
     fn next(order: &mut BatchOrder, unseen: &UnseenBeams) -> (BeamKey, u64) {
         match order.next(unseen) {
-            Some((key, Wanted::Samples(wanted))) => (key, wanted),
+            Some((key, Target::Samples(wanted))) => (key, wanted),
             other => panic!("{other:?}"),
         }
     }
 
-    /// Fills as the server does, and checks the stored share of each importance decile at every power of two. Beams of
-    /// which `is_unseen` holds are found out when they first get a packet.
+    /// Fills as the server does. At every power of two it checks the stored share of each decile of
+    /// importance. Beams that are unseen by `is_unseen` become known with their first packet.
     fn fill_and_check(is_unseen: impl Fn(BeamKey) -> bool) {
         let sections = [section([4.0, 3.0, 2.0], [4, 3, 2]), section([2.0, 2.0, 2.0], [2, 2, 2])];
         let mut importances: Vec<(BeamKey, f64)> = Vec::new();
@@ -275,7 +285,7 @@ mod tests {
             for decile in deciles.chunks(deciles.len() / 10) {
                 let (wanted, have) =
                     decile.iter().fold((0.0, 0.0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
-                // Within a sweep's growth either way, and the chance of rounding to packets (4 standard deviations).
+                // A sweep's growth either way, and the chance in rounding (4 standard deviations).
                 let chance = 4.0 * MIN_PACKET * 0.5 * (decile.len() as f64).sqrt();
                 assert!(
                     have <= wanted * GROWTH + chance && have >= wanted / GROWTH - chance,
@@ -354,14 +364,14 @@ mod tests {
             let mut levels: Vec<(u16, HashMap<BeamKey, u32>)> = Vec::new();
             while let Some((key, wanted)) = order.next(&unseen) {
                 match wanted {
-                    Wanted::Samples(wanted) => {
+                    Target::Samples(wanted) => {
                         assert!(levels.is_empty(), "no more samples once there are enough");
                         if !unseen.contains(key) {
                             let have = have.entry(key).or_default();
                             *have = wanted.max(*have);
                         }
                     }
-                    Wanted::Paths(paths) => {
+                    Target::Paths(paths) => {
                         if levels.last().is_none_or(|last| last.0 != paths) {
                             levels.push((paths, HashMap::new()));
                         }
@@ -413,8 +423,8 @@ mod tests {
         let unseen = UnseenBeams::default();
         let mut order = BatchOrder::new(&sections, 1_000_000, &unseen, Some(0), 1);
         let first: Vec<_> = (0..order.beams).map(|_| order.next(&unseen).unwrap().1).collect();
-        assert!(first.iter().all(|wanted| *wanted == Wanted::Samples(0)));
-        assert_eq!(order.next(&unseen).unwrap().1, Wanted::Paths(4));
+        assert!(first.iter().all(|wanted| *wanted == Target::Samples(0)));
+        assert_eq!(order.next(&unseen).unwrap().1, Target::Paths(4));
         assert_eq!(order.better_paths(), Some(4));
     }
 }

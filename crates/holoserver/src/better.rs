@@ -1,45 +1,46 @@
-//! Better samples: the numbers that a beam has already, traced again with more paths (design: enough is enough).
+//! Better samples: stored samples that are traced again with more paths.
 //!
-//! What paths a sample has is read from the file's extents, and nothing else knows it: after a restart or a crash a fill
-//! goes on where it was. A better packet is an ordinary packet but for its paths. What always holds:
-//! - only samples that are uniform in their beam get better: of the others the viewpoint is not stored, so their rays
-//!   cannot be made again;
-//! - a sample never gets worse, whatever order results arrive in;
-//! - the rays stay the same, and a better sample's paths begin with those of the one that it supersedes.
+//! Only the file's extents say how many paths a sample has. So a fill goes on where it was after a
+//! restart or a crash. A better packet is an ordinary packet with more paths. What always holds:
+//! - Only samples that are uniform in their beam get better. The viewpoint of the others is not
+//!   stored, so their rays cannot be made again.
+//! - A sample never gets worse, in whatever order results arrive.
+//! - The rays stay the same. A better sample's paths begin with those of the sample that it
+//!   replaces.
 
 use std::ops::Range;
 
-use holo_beamfile::ExtentMeta;
 use holo_proto::MAX_RAYS_PER_PACKET;
-use holo_section::SampleKind;
+use holo_section::{Run, SampleKind};
 
-/// How many times the paths of the level before a level has. An error halves; and so much more often does each byte of
-/// the file stand for the work that went into it.
+/// The factor from one level's paths to the next level's. The error halves with each level.
 const MORE_PATHS: u32 = 4;
 
-/// Paths per sample at the most. A path's error is about what it carries, so that of 16,384 is 1/128: a step of a
-/// sample's largest channel, which has seven to eight bits.
+/// Most paths per sample. The error of one path is about its radiance, so that of 16,384 paths is
+/// 1/128. That is one step of a sample's largest channel, which has seven to eight bits.
 pub const MOST_PATHS: u16 = 1 << 14;
 
-/// Paths in one packet, about: some milliseconds of work, 0.2 s at the last level. Longer packets would be lost at the
-/// end of a fill, or make displays wait.
+/// Paths in one packet: some milliseconds of work, 0.2 s at the last level. Longer packets would be
+/// lost at the end of a fill, or make displays wait.
 const PATHS_PER_PACKET: u32 = 256 * MAX_RAYS_PER_PACKET as u32;
 
-/// Paths per sample of a level, where samples have `usual` paths at first; level 0 are these. `None` beyond the last.
+/// Returns the paths per sample of a level, if new samples have `usual` paths (level 0). `None`
+/// beyond the last level.
 pub fn paths_of(usual: u16, level: u32) -> Option<u16> {
     let times = MORE_PATHS.checked_pow(level)?;
     let paths = u16::try_from(u32::from(usual).checked_mul(times)?).ok()?;
     (level == 0 || paths <= MOST_PATHS).then_some(paths)
 }
 
-/// Rays in a packet whose samples have so many paths.
+/// Returns the rays in a packet whose samples have so many paths.
 pub fn rays_per_packet(paths: u16) -> u32 {
     (PATHS_PER_PACKET / u32::from(paths.max(1))).clamp(1, MAX_RAYS_PER_PACKET as u32)
 }
 
-/// Which of `numbers` are stored with fewer than `paths` paths and uniform in the beam, in order, neighbours joined. `runs` is
-/// what the file says of the beam.
-pub fn worse(runs: &[ExtentMeta], paths: u16, numbers: &Range<u32>) -> Vec<Range<u32>> {
+/// Returns the ranges of `numbers` whose samples are uniform and have fewer than `paths` paths.
+///
+/// `runs` are the beam's runs in the file. The ranges are in order, and neighbours are joined.
+pub fn worse(runs: &[Run], paths: u16, numbers: &Range<u32>) -> Vec<Range<u32>> {
     let mut found: Vec<Range<u32>> = Vec::new();
     for run in runs.iter().filter(|run| run.kind == SampleKind::Uniform && run.paths < paths) {
         let range = run.first.max(numbers.start)..(run.first + run.count).min(numbers.end);
@@ -54,8 +55,7 @@ pub fn worse(runs: &[ExtentMeta], paths: u16, numbers: &Range<u32>) -> Vec<Range
 
 #[cfg(test)]
 mod tests {
-    use holo_beamfile::BeamKey;
-    use holo_section::BeamId;
+    use holo_section::{BeamId, BeamKey};
 
     use super::*;
 
@@ -76,7 +76,7 @@ mod tests {
     fn only_uniform_samples_of_fewer_paths_are_traced_again() {
         let run = |kind, first, count, paths| {
             let key = BeamKey { section: 0, beam: BeamId(1) };
-            ExtentMeta { key, first, count, kind, paths, settings: 0, generation: 0 }
+            Run { key, first, count, kind, paths }
         };
         let uniform = SampleKind::Uniform;
         let runs = [
@@ -84,7 +84,7 @@ mod tests {
             run(uniform, 10, 5, 1),
             run(uniform, 15, 5, 4),
             run(uniform, 20, 5, 16),
-            // A gap: a damaged chunk.
+            // A gap, as a damaged chunk leaves.
             run(uniform, 30, 5, 4),
             run(uniform, 35, 5, 1),
             run(SampleKind::ViewpointLimited, 0, 50, 1),

@@ -1,7 +1,8 @@
-//! A holodeck on disk: the beam file, and in it everything that a server, a worker and a display need to know.
+//! A holodeck on disk: the beam file, and in it everything that a server, a worker and a display
+//! need to know.
 
 use std::{
-    path::Path,
+    path::{Path, PathBuf},
     sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard},
 };
 
@@ -20,11 +21,11 @@ use crate::{
     unseen::UnseenBeams,
 };
 
-/// Name of the blob that holds [`About`], as JSON for people and other programs to read.
+/// Name of the blob that holds [`About`], as JSON, so that people and other programs can read it.
 const ABOUT: &str = "holodeck";
 /// Name of the blob that holds the packed scene.
 const SCENE: &str = "scene";
-/// Name of the blob that holds the beams known to see nothing.
+/// Name of the blob that holds the beams that see nothing.
 const UNSEEN: &str = "unseen";
 /// Name of the blob that holds the stand-ins.
 const STAND_INS: &str = "stand-ins";
@@ -38,36 +39,36 @@ pub struct About {
     pub format: u32,
     /// The sections, in the order of their numbers.
     pub sections: Vec<SectionSpec>,
-    /// What samples hold.
+    /// How samples are traced.
     pub settings: RenderSettings,
     /// The packed scene's hash and length.
     pub scene: SceneInfo,
     /// Where the scene came from, for people.
     pub source: String,
-    /// The scene's up axis.
+    /// The scene's up axis, in the scene's coordinates.
     pub up: [f64; 3],
-    /// Radiance of rays that meet nothing.
+    /// Radiance of rays that hit nothing, W·sr⁻¹·m⁻².
     pub sky: [f32; 3],
     /// Metres per scene unit.
     pub unit: f64,
     /// Named views, as Radiance view options; the first is where a display begins.
     pub views: Vec<(String, String)>,
-    /// What displays take instead of the scene, if anything.
+    /// Simpler scenes that displays use in place of the scene, if there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_ins: Option<AboutStandIns>,
 }
 
-/// What stands in for the scene at displays, by section.
+/// Simpler scenes that displays use, by section.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AboutStandIns {
-    /// Hash and length of their blob.
+    /// Hash and length of the blob that holds them.
     pub blob: SceneInfo,
-    /// Section, `geometry` or `portals`, and where it came from, for people.
+    /// For each: the section, `geometry` or `portals`, and where it came from, for people.
     pub sources: Vec<(u16, String, String)>,
 }
 
 impl About {
-    /// A record of the present format.
+    /// Returns a record of the present format, with defaults where nothing is said.
     pub fn new(
         sections: Vec<SectionSpec>,
         settings: RenderSettings,
@@ -94,21 +95,22 @@ impl About {
 
 /// An open holodeck.
 pub struct Holodeck {
-    /// What it is.
+    /// Its description.
     pub about: About,
-    /// Its sections, valid.
+    /// Its sections, checked.
     pub sections: Arc<[Section]>,
     /// Its samples.
     pub file: Arc<BeamFile>,
-    /// False if it was opened to be shown only.
+    /// False if it was opened only to be shown.
     pub writable: bool,
-    /// Whether beams that see nothing are recognised and not traced.
+    /// Whether beams that see nothing are left out of tracing.
     pub skip_unseen: bool,
-    /// What was wrong with the file and could be done without, for people.
+    /// Damage that costs time but no samples, for people.
     pub warnings: Vec<String>,
+    path: PathBuf,
     scene: OnceLock<Arc<[u8]>>,
     unseen: RwLock<UnseenBeams>,
-    /// Unseen beams in the file. Locked while they are written.
+    /// The number of unseen beams in the file. Locked while they are written.
     unseen_saved: Mutex<u64>,
     light: RwLock<LightRecords>,
     /// Locked while records are written.
@@ -119,7 +121,7 @@ impl Holodeck {
     /// Makes a new file.
     ///
     /// # Errors
-    /// If the file exists, cannot be written, or a section is not valid.
+    /// If the file exists or cannot be written, or a section is not valid.
     pub fn create(
         path: &Path,
         about: About,
@@ -128,15 +130,20 @@ impl Holodeck {
     ) -> Result<Holodeck> {
         let sections = sections(&about)?;
         let layout = sections.iter().map(Section::beam_count).collect();
-        let file = BeamFile::create(path, Options { cache_bytes, layout })
-            .with_context(|| format!("making {}", path.display()))?;
+        let file = BeamFile::create(path, Options { cache_bytes, layout })?;
         file.put_blob(SCENE, packed_scene)?;
         file.put_blob(ABOUT, serde_json::to_string_pretty(&about)?.as_bytes())?;
         file.flush()?;
-        Ok(Self::new(about, sections, file, true))
+        Ok(Self::new(path, about, sections, file, true))
     }
 
-    fn new(about: About, sections: Arc<[Section]>, file: BeamFile, writable: bool) -> Holodeck {
+    fn new(
+        path: &Path,
+        about: About,
+        sections: Arc<[Section]>,
+        file: BeamFile,
+        writable: bool,
+    ) -> Holodeck {
         Holodeck {
             about,
             sections,
@@ -144,6 +151,7 @@ impl Holodeck {
             writable,
             skip_unseen: true,
             warnings: Vec::new(),
+            path: path.to_owned(),
             scene: OnceLock::new(),
             unseen: RwLock::default(),
             unseen_saved: Mutex::default(),
@@ -157,8 +165,8 @@ impl Holodeck {
     /// # Errors
     /// If it does not exist, is not a holodeck, or another process writes to it.
     pub fn open(path: &Path, cache_bytes: u64) -> Result<Holodeck> {
-        let file = BeamFile::open(path, Options { cache_bytes, layout: Vec::new() });
-        Self::from_file(path, file.with_context(|| format!("opening {}", path.display()))?, true)
+        let file = BeamFile::open(path, Options { cache_bytes, layout: Vec::new() })?;
+        Self::from_file(path, file, true)
     }
 
     /// Opens a file to show it; another process may go on writing to it.
@@ -166,30 +174,29 @@ impl Holodeck {
     /// # Errors
     /// If it does not exist or is not a holodeck.
     pub fn open_read_only(path: &Path, cache_bytes: u64) -> Result<Holodeck> {
-        let file = BeamFile::open_read_only(path, cache_bytes);
-        Self::from_file(path, file.with_context(|| format!("opening {}", path.display()))?, false)
+        Self::from_file(path, BeamFile::open_read_only(path, cache_bytes)?, false)
     }
 
     fn from_file(path: &Path, file: BeamFile, writable: bool) -> Result<Holodeck> {
         let about = file.blob(ABOUT)?;
-        let about =
-            about.with_context(|| format!("{} says nothing about its sections", path.display()))?;
+        let about = about
+            .with_context(|| format!("{} holds no description of its sections", path.display()))?;
         let about: About = serde_json::from_slice(&about).with_context(|| {
             format!("{}: the description of its sections is damaged", path.display())
         })?;
         ensure!(
             about.format == FORMAT,
-            "{}: format {} is not known here",
+            "{}: this program does not know format {}",
             path.display(),
             about.format
         );
         let sections = sections(&about)?;
-        let mut holodeck = Self::new(about, sections, file, writable);
-        // They are recognised again: no reason not to open the file.
+        let mut holodeck = Self::new(path, about, sections, file, writable);
+        // Workers find them again, so the file can be opened all the same.
         if let Err(error) = holodeck.load_unseen() {
             holodeck
                 .warnings
-                .push(format!("the list of beams that see nothing cannot be used: {error:#}"));
+                .push(format!("the list of beams that see nothing is lost: {error:#}"));
         }
         holodeck.load_light();
         Ok(holodeck)
@@ -202,7 +209,7 @@ impl Holodeck {
         self.warnings.extend(warnings);
     }
 
-    /// Does without knowledge of what cannot be seen: every beam is traced, for comparison.
+    /// Forgets which beams see nothing: every beam is traced, for comparison.
     pub fn without_skipping(mut self) -> Holodeck {
         self.skip_unseen = false;
         *self.unseen_mut() = UnseenBeams::default();
@@ -218,19 +225,19 @@ impl Holodeck {
         Ok(())
     }
 
-    /// For a file that is only shown: takes in what another process has added.
+    /// Reads what another process has added, if the file is only shown.
     ///
     /// # Errors
     /// If the disk cannot be read.
     pub fn refresh(&self) -> Result<()> {
         if !self.writable && self.file.refresh()? > 0 {
-            // Damaged, what was known before is still true.
+            // If the list is damaged, the one from before is still true.
             let _ = self.load_unseen();
         }
         Ok(())
     }
 
-    /// Beams known to see nothing.
+    /// Returns the beams that are known to see nothing.
     pub fn unseen(&self) -> RwLockReadGuard<'_, UnseenBeams> {
         self.unseen.read().unwrap_or_else(PoisonError::into_inner)
     }
@@ -239,7 +246,7 @@ impl Holodeck {
         self.unseen.write().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Writes the beams known to see nothing, if there are more than the file has. Waits for the disk.
+    /// Writes the beams that see nothing, if there are more than the file has. Waits for the disk.
     ///
     /// # Errors
     /// If they cannot be written.
@@ -252,12 +259,12 @@ impl Holodeck {
             }
             (unseen.count(), unseen.encode())
         };
-        self.file.put_blob(UNSEEN, &bytes)?;
+        self.file.put_blob_once(UNSEEN, &bytes)?;
         *saved = count;
         Ok(())
     }
 
-    /// Records of indirect light, of the file and of all workers.
+    /// Returns the records of indirect light of the file and of all workers.
     pub fn light(&self) -> RwLockReadGuard<'_, LightRecords> {
         self.light.read().unwrap_or_else(PoisonError::into_inner)
     }
@@ -279,7 +286,7 @@ impl Holodeck {
         saved.write(&self.file, missing)
     }
 
-    /// The packed scene, read once.
+    /// Returns the packed scene. It is read once.
     ///
     /// # Errors
     /// If it is damaged on disk.
@@ -287,22 +294,28 @@ impl Holodeck {
         if let Some(scene) = self.scene.get() {
             return Ok(Arc::clone(scene));
         }
-        let packed: Arc<[u8]> = self.file.blob(SCENE)?.context("the file holds no scene")?.into();
+        let name = self.path.display();
+        let packed = self.file.blob(SCENE)?.with_context(|| format!("{name} holds no scene"))?;
+        let packed: Arc<[u8]> = packed.into();
         ensure!(
             Scene::content_hash(&packed) == self.about.scene.hash,
-            "the scene in the file is not the one that its samples were traced in"
+            "{name}: the scene is damaged, or not the one that the samples were traced in"
         );
         Ok(Arc::clone(self.scene.get_or_init(|| packed)))
     }
 
-    /// Takes other stand-ins for the scene: parts, and where each came from.
+    /// Replaces the stand-ins for the scene. Each comes with a text that says where it is from.
     ///
     /// # Errors
-    /// If a part is of a section that there is not, or they cannot be written.
+    /// If one is for a section that does not exist, or they cannot be written.
     pub fn set_stand_ins(&mut self, parts: &[(StandIn, String)]) -> Result<()> {
         let known = |section: u16| usize::from(section) < self.sections.len();
         if let Some((part, source)) = parts.iter().find(|(part, _)| !known(part.section)) {
-            bail!("{source} is for section {}, of {}", part.section, self.sections.len());
+            bail!(
+                "{source} is for section {}, but there are only {} (the first is 0)",
+                part.section,
+                self.sections.len()
+            );
         }
         let source = |(part, source): &(StandIn, String)| {
             let kind = match part.kind {
@@ -324,21 +337,25 @@ impl Holodeck {
         Ok(())
     }
 
-    /// The blob of the stand-ins, if there are any.
+    /// Returns the blob of the stand-ins, if there are any.
     ///
     /// # Errors
     /// If it is damaged on disk.
     pub fn stand_ins(&self) -> Result<Option<Arc<[u8]>>> {
         let Some(about) = &self.about.stand_ins else { return Ok(None) };
-        let bytes = self.file.blob(STAND_INS)?.context("the file's stand-ins are not there")?;
+        let name = self.path.display();
+        let bytes = self
+            .file
+            .blob(STAND_INS)?
+            .with_context(|| format!("{name}: the stand-ins for the scene are missing"))?;
         ensure!(
             Scene::content_hash(&bytes) == about.blob.hash,
-            "the file's stand-ins are not those that it names"
+            "{name}: the stand-ins for the scene are damaged"
         );
         Ok(Some(bytes.into()))
     }
 
-    /// What whoever connects is told.
+    /// Returns what the server tells whoever connects.
     pub fn welcome(&self) -> Welcome {
         Welcome {
             software: format!("holoserver {}", env!("CARGO_PKG_VERSION")),
@@ -359,7 +376,7 @@ fn sections(about: &About) -> Result<Arc<[Section]>> {
     ensure!(!about.sections.is_empty(), "a holodeck needs at least one section");
     ensure!(
         about.sections.len() <= MAX_SECTIONS,
-        "{} sections, at most {MAX_SECTIONS}",
+        "{} sections are more than the {MAX_SECTIONS} that a holodeck may have",
         about.sections.len()
     );
     about

@@ -1,14 +1,16 @@
-//! The holodeck server: one file, any number of workers that trace for it and displays that look at it (Larson &
-//! Simmons 1999, §2.2).
+//! The holodeck server: one file, the workers that trace for it, and the displays that look at it
+//! (Larson & Simmons 1999, §2.2).
 //!
-//! Three modes, which are not settings but what the company makes of it: with a worker and no display it fills the file
-//! in batch order, with a display it answers the display's view first from the file and then by tracing, and without
-//! workers it only shows. Anyone may come and go at any time.
+//! Who is connected decides what the server does. It answers a display's view first from the file
+//! and then by tracing. With workers and no display it fills the file in batch order. Without
+//! workers it only shows what is stored. Anyone may come and go at any time.
 
 mod allotment;
 mod batch;
 mod better;
 mod coordinator;
+mod damage;
+mod file_size;
 mod holodeck;
 mod light;
 mod listen;
@@ -24,18 +26,22 @@ use std::{net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
 use anyhow::{Context, Result};
 use clap::Args;
 pub use coordinator::Goal;
+pub use file_size::outlive_file_size_limit;
 use holo_net::Shutdown;
 pub use holodeck::{About, Holodeck};
 pub use light::LightRecords;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 
-use coordinator::{Coordinator, Event, Filling};
+use coordinator::{Coordinator, Event, FillOptions};
 use progress::Progress;
 pub use unseen::UnseenBeams;
 
 /// Options of `holoserver`.
 #[derive(Args, Clone, Debug)]
+#[command(
+    after_help = "Example:\n  holoserver room.holo --listen 127.0.0.1:7070 --fill --time 30m"
+)]
 pub struct Config {
     /// The holodeck to serve
     #[arg(value_name = "FILE.holo")]
@@ -43,32 +49,33 @@ pub struct Config {
     /// Where to listen; port 0 takes any free port. The address is printed
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7070")]
     pub listen: String,
-    /// Memory for beams kept at hand, MiB
+    /// Memory for beams that are kept at hand, MiB
     #[arg(long, value_name = "MIB", default_value_t = 256)]
     pub cache: u64,
-    /// Fill the file in batch order whenever no display wants anything
+    /// Fill the file in batch order while no display wants anything
     #[arg(long)]
     pub fill: bool,
-    /// End after so long, such as 30s, 10m or 8h
+    /// End after tracing for so long, such as 30s, 10m or 8h; loading does not count
     #[arg(long, value_name = "TIME", value_parser = parse_time)]
     pub time: Option<Duration>,
-    /// Samples after which the file has enough, such as 60M: from then on filling makes its samples better, with more paths, not
-    /// more [default: 512 for each beam that sees something, at least 50M; 0: none more]
+    /// Number of samples that is enough for the file, such as 60M; after that, samples are traced
+    /// again with more paths; 0 adds none [default: 512 for each beam that sees something, at least
+    /// 50M]
     #[arg(long, value_name = "N", value_parser = parse_count, requires = "fill")]
     pub enough: Option<u64>,
-    /// End once so many samples have been traced, such as 20M, better ones included
+    /// End after so many samples, such as 20M; those traced again count
     #[arg(long, value_name = "N", value_parser = parse_count)]
     pub samples: Option<u64>,
-    /// Only show: open the file without writing to it, and take no workers
+    /// Only show the file: do not write to it, and take no workers
     #[arg(long, conflicts_with_all = ["fill", "time", "samples"])]
     pub display_only: bool,
-    /// Trace beams of which no ray can meet anything, too: for comparison
+    /// Also trace beams whose rays cannot hit anything, for comparison
     #[arg(long)]
     pub no_skip_unseen: bool,
     /// Print a summary as JSON at the end
     #[arg(long)]
     pub json: bool,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     pub quiet: bool,
     /// End when standard input ends (set by the program that starts this one)
@@ -77,7 +84,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// Serves `file` with the defaults, on any free port.
+    /// Returns the defaults for `file`, on any free port.
     pub fn new(file: PathBuf) -> Config {
         Config {
             file,
@@ -96,10 +103,10 @@ impl Config {
     }
 }
 
-/// A time such as `30s`, `10m`, `8h`, or plain seconds.
+/// Parses a time such as `30s`, `10m`, `8h`, or plain seconds.
 ///
 /// # Errors
-/// A text for people, if it is none.
+/// If it is none; the text is for people.
 pub fn parse_time(text: &str) -> Result<Duration, String> {
     let (number, factor) = match text.char_indices().next_back() {
         Some((at, 's')) => (&text[..at], 1.0),
@@ -112,10 +119,10 @@ pub fn parse_time(text: &str) -> Result<Duration, String> {
     time.ok_or_else(|| format!("`{text}` is not a time; write 30s, 10m or 8h"))
 }
 
-/// A count such as `500k`, `20M`, `1.5G`, or a plain number.
+/// Parses a count such as `500k`, `20M`, `1.5G`, or a plain number.
 ///
 /// # Errors
-/// A text for people, if it is none.
+/// If it is none; the text is for people.
 pub fn parse_count(text: &str) -> Result<u64, String> {
     let (number, factor) = match text.char_indices().next_back() {
         Some((at, 'k')) => (&text[..at], 1e3),
@@ -131,34 +138,34 @@ pub fn parse_count(text: &str) -> Result<u64, String> {
 }
 
 /// What a server did.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Summary {
     /// Samples added.
     pub added: u64,
-    /// Samples traced again with more paths, in place of those that were there.
+    /// Samples traced again with more paths, which replaced others.
     pub better: u64,
     /// Samples in the file at the end.
     pub samples: u64,
     /// The file's length, bytes.
     pub file_bytes: u64,
-    /// Of these, bytes of samples that better ones have replaced.
+    /// Bytes among these of samples that better ones have replaced.
     pub superseded_bytes: u64,
-    /// How fast the file grew in the last ten seconds.
+    /// The file's growth over the last ten seconds.
     pub bytes_per_hour: f64,
-    /// How long it ran.
+    /// Seconds since tracing began; 0 if no worker was ever ready.
     pub seconds: f64,
 }
 
-/// Bytes of a file's samples that others have replaced.
+/// Returns the bytes of a file's samples that better ones have replaced.
 pub fn superseded_bytes(stats: &holo_beamfile::Stats) -> u64 {
     stats.superseded * size_of::<holo_section::Sample>() as u64
 }
 
-/// Serves a holodeck until its goal is reached or `shutdown` is triggered. `ready` is told the address once
-/// connections are taken.
+/// Serves a holodeck until its goal is reached or `shutdown` is triggered. It calls `ready` with
+/// its address once it takes connections.
 ///
 /// # Errors
-/// If the file cannot be opened or written, or the address not be listened at.
+/// If the file cannot be opened or written, or the address is not free.
 pub async fn run(
     config: Config,
     shutdown: Shutdown,
@@ -175,9 +182,6 @@ pub async fn run(
         if config.no_skip_unseen { holodeck.map(Holodeck::without_skipping) } else { holodeck }
     };
     let holodeck = Arc::new(tokio::task::spawn_blocking(open).await??);
-    for damage in &holodeck.file.report().damage {
-        eprintln!("{}: {damage}", config.file.display());
-    }
     for warning in &holodeck.warnings {
         eprintln!("{}: {warning}", config.file.display());
     }
@@ -188,45 +192,44 @@ pub async fn run(
     let (events, receiver) = std::sync::mpsc::channel();
     let goal = Goal { time: config.time, samples: config.samples };
     let progress = Progress::new(&holodeck.file.stats(), config.quiet);
-    let filling = config.fill.then_some(Filling { enough: config.enough });
-    let coordinator =
-        Coordinator::new(Arc::clone(&holodeck), events.clone(), filling, goal, progress);
+    let fill = config.fill.then_some(FillOptions { enough: config.enough });
+    let coordinator = Coordinator::new(Arc::clone(&holodeck), events.clone(), fill, goal, progress);
     let listening = tokio::spawn(listen::listen(listener, Arc::clone(&holodeck), events.clone()));
     let watching = tokio::spawn(async move {
         shutdown.wait().await;
         // If the coordinator is gone there is nothing to end.
         let _ = events.send(Event::Shutdown);
     });
-    let started = std::time::Instant::now();
     // Not one of the runtime's threads: it may wait for the disk when memory for samples runs out.
-    let done = tokio::task::spawn_blocking(move || coordinator.run(&receiver)).await?;
+    let totals = tokio::task::spawn_blocking(move || coordinator.run(&receiver)).await?;
     listening.abort();
     watching.abort();
-    // Let the farewells leave.
+    // Time for the farewells to leave.
     tokio::time::sleep(Duration::from_millis(50)).await;
     let stats = holodeck.file.stats();
-    let seconds = started.elapsed().as_secs_f64();
-    let done = done?;
+    let totals = totals?;
     Ok(Summary {
-        added: done.added,
-        better: done.better,
+        added: totals.added,
+        better: totals.better,
         samples: stats.samples,
         file_bytes: stats.file_bytes,
         superseded_bytes: superseded_bytes(&stats),
-        bytes_per_hour: done.bytes_per_hour,
-        seconds,
+        bytes_per_hour: totals.bytes_per_hour,
+        seconds: totals.seconds,
     })
 }
 
-/// The whole program: [`run`] until a signal, with the address printed on standard output.
+/// Runs the whole program: [`run`] until a signal. It prints the address on standard output.
 ///
 /// # Errors
 /// As [`run`].
 pub async fn run_until_signal(config: Config) -> Result<()> {
+    outlive_file_size_limit()?;
     let shutdown = Shutdown::new();
     shutdown.on_signals(config.with_parent)?;
     let json = config.json;
-    // The first line on standard output, for people and for programs that start this one on any free port.
+    // The first line on standard output is for people, and for programs that start this one on any
+    // free port.
     let summary = run(config, shutdown, |address| println!("listening on {address}")).await?;
     if json {
         println!("{}", serde_json::to_string(&summary)?);

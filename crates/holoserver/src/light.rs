@@ -1,9 +1,9 @@
-//! Records of indirect light, of all workers together: kept in the file, and handed to whoever wants them.
+//! Records of indirect light of all workers: kept in the file, and sent to whoever wants them.
 //!
 //! What always holds:
-//! - a record is there once, by whatever way and however often it came;
-//! - records are only added, so that a number of records is enough to know what somebody has been given;
-//! - there are at most [`MAX_RECORDS`].
+//! - Each record is there once, however often and from wherever it came.
+//! - Records are only added. So their number says what somebody has been sent.
+//! - There are at most [`MAX_RECORDS`].
 
 use anyhow::{Context, Result, ensure};
 use holo_beamfile::BeamFile;
@@ -13,40 +13,40 @@ use rustc_hash::FxHashSet;
 
 use crate::listen::ConnectionId;
 
-/// Blobs of records are named by this, the settings and the generation of the samples, and a number. (One name for all would
-/// have to be written anew with every record that is added.) Records by the names `light/0/0/` to `light-3/0/0/` hold light that
-/// samples now bring themselves, lack light that they do not, or err more: they are passed over.
+/// The blobs of records are named so, followed by a number. New records go into a new blob, so that
+/// none is written twice. Blobs `light/0/0/` to `light-3/0/0/` are of earlier versions, whose
+/// records mean something else: they are ignored.
 const BLOBS: &str = "light-4/0/0/";
 
-/// Records in one blob at the most: half of what a message may hold.
+/// Most records in one blob: half of what a message may hold.
 const BLOB_RECORDS: usize = 1 << 16;
 
 /// All records of a holodeck.
 #[derive(Debug, Default)]
 pub struct LightRecords {
     records: Vec<Record>,
-    /// Who made each; the file's own come from nobody.
+    /// The worker that made each; `None` for those from the file.
     makers: Vec<Option<ConnectionId>>,
     ids: FxHashSet<u64>,
 }
 
 impl LightRecords {
-    /// How many there are.
+    /// Returns how many there are.
     pub fn len(&self) -> usize {
         self.records.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether there are none.
     pub fn is_empty(&self) -> bool {
         self.records.is_empty()
     }
 
-    /// Rays that were traced for all of them.
+    /// Returns the number of rays that were traced for all of them.
     pub fn rays(&self) -> u64 {
         self.records.iter().map(|record| u64::from(record.rays)).sum()
     }
 
-    /// Adds those that are new, as far as there is room.
+    /// Adds the records that are new, as far as there is room.
     pub(crate) fn merge(&mut self, maker: Option<ConnectionId>, records: &[Record]) {
         for record in records {
             if self.len() < MAX_RECORDS && self.ids.insert(record.id) {
@@ -56,7 +56,8 @@ impl LightRecords {
         }
     }
 
-    /// At most `most` of the records from number `from` on without those that `to` has made, and the number to go on from.
+    /// Returns records from number `from` on, at most `most` and none that `to` has made, and the
+    /// number to go on from.
     pub(crate) fn since(&self, from: usize, most: usize, to: ConnectionId) -> (Vec<Record>, usize) {
         let mut found = Vec::new();
         let mut next = from;
@@ -69,60 +70,62 @@ impl LightRecords {
         (found, next)
     }
 
-    /// Those from number `from` on, as blobs: names and bytes.
-    fn blobs(&self, from: usize, part: usize) -> Vec<(String, Vec<u8>)> {
+    /// Returns the records from number `from` on as blobs: names, of numbers from `blob` on, and
+    /// bytes.
+    fn blobs(&self, from: usize, blob: usize) -> Vec<(String, Vec<u8>)> {
         let chunks = self.records[from..].chunks(BLOB_RECORDS).enumerate();
         chunks
             .map(|(at, records)| {
-                (format!("{BLOBS}{}", part + at), Light { records: records.to_vec() }.encode())
+                (format!("{BLOBS}{}", blob + at), Light { records: records.to_vec() }.encode())
             })
             .collect()
     }
 }
 
-/// What of the records is in the file.
+/// How many of the records are in the file.
 #[derive(Debug, Default)]
 pub(crate) struct Saved {
     records: usize,
-    /// Number of the next blob.
-    part: usize,
+    /// The number of the next blob.
+    next_blob: usize,
 }
 
 impl Saved {
-    /// Reads all records in a file; what is damaged is left out and said.
+    /// Reads all records in a file. Returns a warning for each blob that is damaged.
     pub fn load(file: &BeamFile) -> (Saved, LightRecords, Vec<String>) {
-        let mut parts: Vec<usize> = file
+        let mut blobs: Vec<usize> = file
             .blob_names()
             .iter()
             .filter_map(|name| name.strip_prefix(BLOBS)?.parse().ok())
             .collect();
-        parts.sort_unstable();
+        blobs.sort_unstable();
         let (mut records, mut warnings) = (LightRecords::default(), Vec::new());
-        for part in &parts {
-            match read(file, *part) {
+        for blob in &blobs {
+            match read(file, *blob) {
                 Ok(light) => records.merge(None, &light.records),
                 Err(error) => warnings
-                    .push(format!("records of indirect light are lost and made anew: {error:#}")),
+                    .push(format!("records of indirect light are lost, and made again: {error:#}")),
             }
         }
         (
-            Saved { records: records.len(), part: parts.last().map_or(0, |last| last + 1) },
+            Saved { records: records.len(), next_blob: blobs.last().map_or(0, |last| last + 1) },
             records,
             warnings,
         )
     }
 
-    /// How many records the file has.
+    /// Returns how many records the file has.
     pub fn records(&self) -> usize {
         self.records
     }
 
-    /// What [`write`](Self::write) has to write. Quick, for the records are locked meanwhile.
+    /// Returns what [`write`](Self::write) must write. This is quick, because the records are
+    /// locked meanwhile.
     pub fn missing(&self, records: &LightRecords) -> (usize, Vec<(String, Vec<u8>)>) {
-        (records.len(), records.blobs(self.records, self.part))
+        (records.len(), records.blobs(self.records, self.next_blob))
     }
 
-    /// Writes what the file has not. Waits for the disk.
+    /// Writes what the file does not have. Waits for the disk.
     pub fn write(
         &mut self,
         file: &BeamFile,
@@ -130,16 +133,16 @@ impl Saved {
     ) -> Result<()> {
         for (name, bytes) in blobs {
             file.put_blob(&name, &bytes)?;
-            self.part += 1;
+            self.next_blob += 1;
             self.records = records.min(self.records + BLOB_RECORDS);
         }
         Ok(())
     }
 }
 
-fn read(file: &BeamFile, part: usize) -> Result<Light> {
-    let name = format!("{BLOBS}{part}");
-    let bytes = file.blob(&name)?.with_context(|| format!("blob {name} is not there"))?;
+fn read(file: &BeamFile, blob: usize) -> Result<Light> {
+    let name = format!("{BLOBS}{blob}");
+    let bytes = file.blob(&name)?.with_context(|| format!("blob {name} is missing"))?;
     ensure!(!bytes.is_empty(), "blob {name} is empty");
     Light::decode(&bytes).with_context(|| format!("blob {name}"))
 }
@@ -180,7 +183,7 @@ mod tests {
         }
         let (again, read, warnings) = Saved::load(&file);
         assert_eq!((read.records, warnings), (light.records, vec![]));
-        assert_eq!((again.records, again.part), (saved.records, saved.part));
+        assert_eq!((again.records, again.next_blob), (saved.records, saved.next_blob));
         file.put_blob(&format!("{BLOBS}1"), b"no records at all").unwrap();
         let (_, read, warnings) = Saved::load(&file);
         assert_eq!((read.len(), warnings.len()), (BLOB_RECORDS + 9, 1), "{warnings:?}");

@@ -1,4 +1,4 @@
-//! Connections: taken or refused, then turned into events for the coordinator.
+//! Connections: taken or refused, and then a source of events for the coordinator.
 
 use std::sync::{
     Arc,
@@ -6,20 +6,17 @@ use std::sync::{
     mpsc::Sender,
 };
 
-use holo_net::{Message, NetError, Outbox};
-use holo_proto::{
-    control::Control,
-    frame::Kind,
-    hello::{Answer, Role},
-};
+use holo_net::NetError;
+use holo_proto::hello::Role;
 use tokio::net::{TcpListener, TcpStream};
 
 use crate::{coordinator::Event, holodeck::Holodeck};
 
-/// Connections at a time. A render farm's workers and a few displays; each costs at most a bulk message's memory.
+/// Connections at a time: a render farm's workers and a few displays. Each costs at most the memory
+/// of one bulk message.
 const MAX_CONNECTIONS: usize = 256;
 
-/// A connection's number, never used twice.
+/// The number of a connection. None is used twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ConnectionId(u64);
 
@@ -30,7 +27,7 @@ pub async fn listen(listener: TcpListener, holodeck: Arc<Holodeck>, events: Send
     let open = Arc::new(AtomicUsize::new(0));
     loop {
         let Ok((stream, _)) = listener.accept().await else {
-            // Out of file descriptors, say: it passes when somebody leaves.
+            // For example, no file descriptor is left: that passes when somebody leaves.
             tokio::time::sleep(std::time::Duration::from_millis(50)).await;
             continue;
         };
@@ -44,14 +41,13 @@ pub async fn listen(listener: TcpListener, holodeck: Arc<Holodeck>, events: Send
 }
 
 async fn serve(stream: TcpStream, holodeck: &Holodeck, events: &Sender<Event>, others: usize) {
-    // Whoever does not finish the handshake has been told why, or was no one.
     let Ok((mut inbox, outbox, hello)) = holo_net::accept(stream).await else { return };
     if let Some(reason) = refusal(holodeck, hello.role, others) {
         holo_net::refuse(&outbox, &reason);
         outbox.drained().await;
         return;
     }
-    if greet(&outbox, holodeck).is_err() {
+    if holo_net::welcome(&outbox, holodeck.welcome()).is_err() {
         return;
     }
     let id = ConnectionId(NEXT.fetch_add(1, Ordering::Relaxed));
@@ -61,8 +57,6 @@ async fn serve(stream: TcpStream, holodeck: &Holodeck, events: &Sender<Event>, o
     }
     let reason = loop {
         match inbox.next().await {
-            // Whatever arrives proves that the other side lives; a pong does nothing else.
-            Ok(Message::Control(Control::Pong(_))) => {}
             Ok(message) => {
                 if events.send(Event::Message { id, message }).is_err() {
                     return;
@@ -81,15 +75,11 @@ async fn serve(stream: TcpStream, holodeck: &Holodeck, events: &Sender<Event>, o
     let _ = events.send(Event::Left { id, reason });
 }
 
+/// Returns why somebody is not taken.
 fn refusal(holodeck: &Holodeck, role: Role, others: usize) -> Option<String> {
     if others >= MAX_CONNECTIONS {
         return Some(format!("{MAX_CONNECTIONS} processes are connected already"));
     }
     (role == Role::Worker && !holodeck.writable)
-        .then(|| "this holodeck is only shown; nothing is traced".to_owned())
-}
-
-fn greet(outbox: &Outbox, holodeck: &Holodeck) -> Result<(), holo_proto::ProtoError> {
-    outbox.send(Kind::Answer, &Answer::Accepted.encode())?;
-    outbox.control(&Control::Welcome(Box::new(holodeck.welcome())))
+        .then(|| "this server only shows its holodeck; nothing is traced".to_owned())
 }

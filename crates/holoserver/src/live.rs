@@ -1,8 +1,8 @@
-//! Rays that a display wants traced, shown and forgotten: those of its view that no section covers.
+//! Live rays: those of a view that no section covers. They are traced and shown, but not stored.
 //!
 //! What always holds:
-//! - no display makes the server keep more than [`MAX_LIVE_RAYS_HELD`] of them;
-//! - while a display has both live rays and beams to trace, each gets its share of the work, and neither waits for the other.
+//! - The server keeps at most [`MAX_LIVE_RAYS_HELD`] of them for one display.
+//! - If a display wants both live rays and beams, each gets a share of the work.
 
 use std::collections::VecDeque;
 
@@ -13,20 +13,22 @@ use holo_proto::{
 
 use crate::listen::ConnectionId;
 
-/// Least share of a display's work for its live rays, and for its beams: some pixels at the edge of a view must not take forever.
+/// Least share of a display's work for its live rays, and for its beams. A few pixels at the edge
+/// of a view must not wait for ever.
 const LEAST_SHARE: f64 = 1.0 / 16.0;
 
-/// Rays by which one side may be ahead of its share, or behind: what was not wanted for a while is not made up for later.
+/// Rays by which one side may be ahead of its share, or behind it. A side that wanted nothing for a
+/// while does not get everything afterwards.
 const MOST_AHEAD: f64 = 10.0 * MAX_RAYS_PER_PACKET as f64;
 
-/// Live rays given out together, with what is needed to give them to another worker.
+/// Live rays that a worker has, with all that another worker would need.
 #[derive(Clone, Debug)]
 pub struct LiveAssignment {
-    /// The server's name for it.
+    /// The server's number for them.
     pub id: u64,
-    /// Who asked.
+    /// The display that asked.
     pub display: ConnectionId,
-    /// For which of its views.
+    /// The view that they are for, as the display numbers it.
     pub view: u32,
     /// Paths averaged into each ray.
     pub paths: u16,
@@ -34,19 +36,20 @@ pub struct LiveAssignment {
     pub rays: Vec<LiveRay>,
 }
 
-/// A display's live rays that no worker has been given, and whose turn it is: theirs, or its beams'.
+/// A display's live rays that no worker has yet, and whether they or the beams come next.
 #[derive(Debug, Default)]
 pub struct LiveQueue {
     view: u32,
     rays: VecDeque<LiveRay>,
-    /// Pixels that they are for.
+    /// The number of pixels that they are for.
     pixels: u32,
-    /// Rays by which live ones are ahead of their share.
+    /// The number of live rays above their share.
     ahead: f64,
 }
 
 impl LiveQueue {
-    /// Adds rays for so many pixels of a view; those of another view are forgotten. `false`: they are too many, and not taken.
+    /// Adds rays for so many pixels of a view, and forgets those of another view. Returns false,
+    /// and adds none, if they are too many.
     pub fn add(&mut self, view: u32, pixels: u32, rays: &[LiveRay]) -> bool {
         if self.view != view {
             self.rays.clear();
@@ -60,41 +63,42 @@ impl LiveQueue {
         fits
     }
 
-    /// Takes back rays that a worker was given and has not traced: they are next. What the display has asked for since is as much as it
-    /// may, with those.
+    /// Takes back rays that a worker has not traced. They are next. If the display has filled the
+    /// queue since, some of them are dropped.
     pub fn put_back(&mut self, rays: &[LiveRay]) {
         let room = MAX_LIVE_RAYS_HELD - self.rays.len();
         rays.iter().take(room).rev().for_each(|ray| self.rays.push_front(*ray));
     }
 
-    /// The view that they are of, as the display calls it.
+    /// Returns the number of their view.
     pub fn view(&self) -> u32 {
         self.view
     }
 
-    /// Whether there are no rays.
+    /// Returns whether there are no rays.
     pub fn is_empty(&self) -> bool {
         self.rays.is_empty()
     }
 
-    /// Forgets all rays: the view is over.
+    /// Forgets all rays, because the view is over.
     pub fn clear(&mut self) {
         self.rays.clear();
     }
 
-    /// Whether live rays come before the beams now.
+    /// Returns whether live rays come before the beams now.
     pub fn is_next(&self) -> bool {
         !self.is_empty() && self.ahead <= 0.0
     }
 
-    /// The next rays, as many as a packet has, beside beams that serve `other_pixels`; none if there are none.
+    /// Returns the next rays, up to a packet. The display's beams serve `other_pixels` at the same
+    /// time.
     pub fn next(&mut self, other_pixels: f64) -> Vec<LiveRay> {
         let count = self.rays.len().min(MAX_RAYS_PER_PACKET);
         self.ahead = (self.ahead + count as f64 * (1.0 - self.share(other_pixels))).min(MOST_AHEAD);
         self.rays.drain(..count).collect()
     }
 
-    /// Beams that serve `other_pixels` were given so many rays while there were live ones, too.
+    /// Takes note that beams, which serve `other_pixels`, got so many rays.
     pub fn passed_over(&mut self, rays: f64, other_pixels: f64) {
         if !self.is_empty() {
             self.ahead = (self.ahead - rays * self.share(other_pixels)).max(-MOST_AHEAD);
@@ -119,7 +123,8 @@ mod tests {
         rays.iter().map(|ray| ray.number).collect()
     }
 
-    /// Against a plain list: what is asked for comes once, in its order, lost rays first, and never more than may be kept.
+    /// Compares with a plain list: rays come once and in order, after lost ones, and never too
+    /// many.
     #[test]
     fn every_ray_comes_once_in_order_and_lost_ones_come_first() {
         let mut queue = LiveQueue::default();
@@ -132,7 +137,7 @@ mod tests {
                 0 | 1 => {
                     let count = (state >> 40) as usize % 3000;
                     let rays: Vec<LiveRay> = (asked..asked + count as u64).map(ray).collect();
-                    // As a display does: no more than may be unanswered.
+                    // A display keeps to the limit of unanswered rays.
                     if held + count <= MAX_LIVE_RAYS_HELD {
                         assert!(queue.add(1, 10, &rays));
                         model.extend(numbers(&rays));
@@ -164,14 +169,15 @@ mod tests {
         assert!(asked > MAX_LIVE_RAYS_HELD as u64, "the limit was met");
         assert!(
             queue.add(2, 10, &[ray(1), ray(2)]) && numbers(&queue.next(10.0)) == [1, 2],
-            "those of another view"
+            "rays of another view"
         );
         assert!(queue.add(2, 10, &[ray(3)]));
         queue.clear();
         assert!(queue.is_empty() && !queue.is_next() && queue.next(10.0).is_empty());
     }
 
-    /// Rays of each side of a thousand packets while both have some, the beams' packets of `size` rays.
+    /// Returns the live rays and the rays of beams among a thousand packets, while both are wanted.
+    /// A beam's packet has `size` rays.
     fn given(queue: &mut LiveQueue, other_pixels: f64, size: usize) -> [usize; 2] {
         let mut given = [0, 0];
         for _ in 0..1000 {
@@ -208,7 +214,7 @@ mod tests {
 
     #[test]
     fn what_was_not_wanted_for_long_is_not_made_up_for() {
-        // Only live rays for long, then both.
+        // For a long time only live rays, then both.
         let mut queue = LiveQueue::default();
         for _ in 0..10_000 {
             assert!(queue.add(1, 600, &[ray(0); 21]));
@@ -216,7 +222,7 @@ mod tests {
         }
         let [live, beams] = given(&mut queue, 600.0, 21);
         assert!(beams - live <= 2 * (MOST_AHEAD as usize) + 42, "{live} {beams}");
-        // Only beams for long, then both.
+        // For a long time only beams, then both.
         let mut queue = LiveQueue::default();
         (0..10_000).for_each(|_| queue.passed_over(21.0, 600.0));
         let [live, beams] = given(&mut queue, 600.0, 21);

@@ -1,10 +1,10 @@
 //! Serves one holodeck to workers and displays.
 
+use std::process::ExitCode;
+
 use clap::Parser;
 
-/// Serves one holodeck: workers trace for it, displays look at it.
-///
-/// Example: holoserver room.holo --listen 127.0.0.1:7070 --fill --time 30m
+/// Serve one holodeck: workers trace for it, displays look at it
 #[derive(Parser)]
 #[command(name = "holoserver", version)]
 struct Program {
@@ -13,6 +13,9 @@ struct Program {
 }
 
 #[tokio::main(worker_threads = 2)]
-async fn main() -> anyhow::Result<()> {
-    holo_server::run_until_signal(Program::parse().config).await
+async fn main() -> ExitCode {
+    holo_progress::exit_code(
+        "holoserver",
+        holo_server::run_until_signal(Program::parse().config).await,
+    )
 }

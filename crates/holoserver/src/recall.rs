@@ -1,4 +1,5 @@
-//! Sending a view's stored samples to its display: in file order, as fast as the display takes them.
+//! Sending a view's stored samples to its display: in file order, as fast as the display takes
+//! them.
 
 use std::{
     ops::ControlFlow,
@@ -12,23 +13,29 @@ use std::{
 
 use anyhow::{Context, Result};
 use holo_net::{Outbox, SCENE_CHUNK_BYTES};
+use holo_progress::said_once;
 use holo_proto::{
     ProtoError,
-    bulk::{BlobChunk, MAX_RUN, Run, Samples, Source, Unseen},
+    bulk::{BlobChunk, MAX_RUN, Samples, Source, Unseen},
     frame::Kind,
 };
-use holo_section::BeamId;
+use holo_section::{BeamKey, Run};
 
-use crate::{allotment::BeamKey, holodeck::Holodeck};
+use crate::holodeck::Holodeck;
 
-/// Samples in one message: large enough that messages cost nothing, small enough that the first is seen soon.
+/// Samples in one message: large enough that messages cost nothing, small enough that the first is
+/// seen soon.
 const SAMPLES_PER_MESSAGE: usize = 16_384;
 
 /// Beams in one message: a megabyte.
 const UNSEEN_PER_MESSAGE: usize = 65_536;
 
-/// Bytes that wait for a display at the most before reading pauses.
+/// Bytes that may wait for a display before reading pauses.
 const QUEUE_BYTES: usize = 8 << 20;
+
+/// Bytes that may wait for somebody before the next piece of a blob is queued: two pieces. Other
+/// messages wait for no more than that.
+const BLOB_QUEUE_BYTES: usize = 2 * SCENE_CHUNK_BYTES;
 
 /// How long to wait before a full queue is looked at again.
 const PAUSE: Duration = Duration::from_millis(1);
@@ -44,14 +51,14 @@ pub struct Recall {
 }
 
 impl Recall {
-    /// Reads and sends on a thread of its own, then calls `done` with the view's number, or an error's text. A view
-    /// that is no longer the newest ends without either.
+    /// Reads and sends on a thread of its own. At the end it calls `done` with the view's number,
+    /// or an error's text, unless the display has gone on to another view.
     pub fn start(
         self,
         done: impl FnOnce(u32, Result<(), String>) + Send + 'static,
     ) -> std::io::Result<()> {
         thread::Builder::new().name("recall".into()).spawn(move || {
-            let result = self.send_all().map_err(|error| format!("{error:#}"));
+            let result = self.send_all().map_err(|error| said_once(error.as_ref()));
             if self.is_wanted() {
                 done(self.view, result);
             }
@@ -67,52 +74,41 @@ impl Recall {
         self.holodeck.refresh().context("looking for what another process has added")?;
         self.send_unseen()?;
         let mut message = self.empty();
-        // A display weighs samples by their paths, and so much that pictures get worse while a level is in progress: what one pixel
-        // sees differs from ray to ray, too, which more paths in some of them do not change. With a quarter of 4 M samples at 16 paths
-        // and the rest at 4 (Cornell, `path`), `quadtree` errs by 0.019 so and by 0.010 with equal weights, which only gain.
+        // Displays weigh samples by their paths. Equal weights make better pictures, so the usual
+        // number is sent for all samples: docs/notes/weights.md.
         let usual = self.holodeck.about.settings.paths_per_sample;
-        let mut broken = Ok(());
-        self.holodeck.file.read_many(&self.keys, &mut |key, beam| {
-            for (meta, samples) in beam.runs() {
-                let mut first = meta.first;
+        let mut sent = Ok(());
+        self.holodeck.file.read_many(&self.keys, &mut |_, beam| {
+            for (run, samples) in beam.iter() {
+                let mut first = run.first;
                 for part in samples.chunks(MAX_RUN as usize) {
                     let count = part.len() as u32;
-                    message.runs.push(Run {
-                        section: key.section,
-                        beam: key.beam,
-                        kind: meta.kind,
-                        first,
-                        count,
-                        paths: meta.paths.min(usual),
-                    });
+                    let paths = run.paths.min(usual);
+                    message.runs.push(Run { first, count, paths, ..*run });
                     message.samples.extend_from_slice(part);
                     first += count;
                     if message.samples.len() >= SAMPLES_PER_MESSAGE {
-                        broken = self.send(&std::mem::replace(&mut message, self.empty()));
+                        sent = self.send(&std::mem::replace(&mut message, self.empty()));
                     }
                 }
             }
-            if broken.is_err() || !self.is_wanted() {
+            if sent.is_err() || !self.is_wanted() {
                 ControlFlow::Break(())
             } else {
                 ControlFlow::Continue(())
             }
         })?;
-        broken?;
+        sent?;
         self.send(&message)
     }
 
-    /// Those found from now on the coordinator tells of.
+    /// Sends which of the view's beams see nothing. The coordinator sends those found later.
     fn send_unseen(&self) -> Result<()> {
         let beams: Vec<_> = {
             let unseen = self.holodeck.unseen();
-            self.keys
-                .iter()
-                .filter(|key| unseen.contains(**key))
-                .map(|key| (key.section, key.beam))
-                .collect()
+            self.keys.iter().copied().filter(|&key| unseen.contains(key)).collect()
         };
-        Ok(tell_unseen(&self.outbox, self.view, &beams)?)
+        Ok(send_unseen(&self.outbox, self.view, &beams)?)
     }
 
     fn empty(&self) -> Samples {
@@ -131,7 +127,7 @@ impl Recall {
 }
 
 /// Tells a display which of its view's beams see nothing.
-pub fn tell_unseen(outbox: &Outbox, view: u32, beams: &[(u16, BeamId)]) -> Result<(), ProtoError> {
+pub fn send_unseen(outbox: &Outbox, view: u32, beams: &[BeamKey]) -> Result<(), ProtoError> {
     beams.chunks(UNSEEN_PER_MESSAGE).try_for_each(|part| {
         outbox.send(Kind::Unseen, &Unseen { view, beams: part.to_vec() }.encode())
     })
@@ -139,23 +135,36 @@ pub fn tell_unseen(outbox: &Outbox, view: u32, beams: &[(u16, BeamId)]) -> Resul
 
 /// Sends the packed scene in pieces, on a thread of its own.
 pub fn send_scene(holodeck: Arc<Holodeck>, outbox: Outbox) -> std::io::Result<()> {
-    send_blob(outbox, move || holodeck.packed_scene().ok())
+    send_blob(outbox, move || holodeck.packed_scene())
 }
 
-/// Sends the stand-ins in the same way.
+/// Sends the stand-ins in pieces, on a thread of its own.
 pub fn send_stand_ins(holodeck: Arc<Holodeck>, outbox: Outbox) -> std::io::Result<()> {
-    send_blob(outbox, move || holodeck.stand_ins().ok().flatten())
+    send_blob(outbox, move || {
+        holodeck.stand_ins()?.context("the file holds no stand-ins for the scene")
+    })
 }
 
+/// Sends a blob; in place of one that cannot be read, that it is not there.
 fn send_blob(
     outbox: Outbox,
-    read: impl FnOnce() -> Option<Arc<[u8]>> + Send + 'static,
+    read: impl FnOnce() -> Result<Arc<[u8]>> + Send + 'static,
 ) -> std::io::Result<()> {
-    thread::Builder::new().name("scene".into()).spawn(move || {
-        let Some(packed) = read() else { return };
+    thread::Builder::new().name("blob".into()).spawn(move || {
+        let bytes = match read() {
+            Ok(bytes) if !bytes.is_empty() => bytes,
+            read => {
+                if let Err(error) = read {
+                    // Even to those who want quiet: what they see is not what they asked for.
+                    eprintln!("{}", said_once(error.as_ref()));
+                }
+                let _ = outbox.send(Kind::BlobChunk, &holo_net::absent().encode());
+                return;
+            }
+        };
         let mut offset = 0;
-        for piece in packed.chunks(SCENE_CHUNK_BYTES) {
-            while outbox.queued_bytes() > QUEUE_BYTES && !outbox.is_closed() {
+        for piece in bytes.chunks(SCENE_CHUNK_BYTES) {
+            while outbox.queued_bytes() > BLOB_QUEUE_BYTES && !outbox.is_closed() {
                 thread::sleep(PAUSE);
             }
             let chunk = BlobChunk { offset, bytes: piece.to_vec() };

@@ -1,24 +1,23 @@
-//! Beams of which no ray meets anything: recognised once by a worker, then neither traced nor stored.
+//! Beams that see nothing: a worker has proved that none of their rays hits anything. They are
+//! neither traced nor stored.
 //!
 //! What always holds:
-//! - a set only grows: a scene and its sections are those of a file's beginning;
-//! - it takes a bit for each beam of the pages that hold any, at most [`MAX_PAGES`] pages: beyond, a beam is not
+//! - A set only grows, because the scene and the sections of a file never change.
+//! - It takes a bit for each beam, in at most [`MAX_PAGES`] pages. A beam beyond these is not
 //!   remembered, which costs a worker another look and nothing else.
 
 use anyhow::{Result, ensure};
-use holo_section::{BeamId, Section};
+use holo_section::{BeamId, BeamKey, Section};
 use rustc_hash::FxHashMap;
-
-use crate::allotment::BeamKey;
 
 /// Beams in a page.
 const PAGE_BEAMS: u64 = 1 << 16;
 const PAGE_BYTES: usize = (PAGE_BEAMS / 8) as usize;
-/// A page in the file: section `u16`, zero `u16`, number `u32`, bits.
+/// Bytes of a page in the file: section `u16`, zero `u16`, number `u32`, bits.
 const RECORD_BYTES: usize = 8 + PAGE_BYTES;
 /// Version of the bytes in the file.
 const FORMAT: u32 = 1;
-/// 64 MiB: all beams of one section of the finest grid.
+/// Most pages: 64 MiB, all beams of one section of the finest grid.
 const MAX_PAGES: usize = 8192;
 
 /// A set of beams.
@@ -28,25 +27,25 @@ pub struct UnseenBeams {
     counts: Vec<u64>,
 }
 
-/// The page and the bit of a beam; `None` for numbers beyond any section's.
-fn place(key: BeamKey) -> Option<((u16, u32), usize)> {
+/// Returns the page and the bit of a beam; `None` for a number that no section has.
+fn page_and_bit(key: BeamKey) -> Option<((u16, u32), usize)> {
     let page = u32::try_from(key.beam.0 / PAGE_BEAMS).ok()?;
     Some(((key.section, page), (key.beam.0 % PAGE_BEAMS) as usize))
 }
 
 impl UnseenBeams {
-    /// Whether the beam is known to see nothing.
+    /// Returns whether the beam is known to see nothing.
     pub fn contains(&self, key: BeamKey) -> bool {
-        place(key).is_some_and(|(page, bit)| {
+        page_and_bit(key).is_some_and(|(page, bit)| {
             self.pages.get(&page).is_some_and(|bits| {
                 bits.get(bit / 8).is_some_and(|byte| byte >> (bit % 8) & 1 == 1)
             })
         })
     }
 
-    /// Adds a beam; false if it is there already, or there is no room to remember it.
+    /// Adds a beam. Returns false if it is there already, or there is no room for it.
     pub fn insert(&mut self, key: BeamKey) -> bool {
-        let Some((page, bit)) = place(key) else { return false };
+        let Some((page, bit)) = page_and_bit(key) else { return false };
         if self.pages.len() >= MAX_PAGES && !self.pages.contains_key(&page) {
             return false;
         }
@@ -62,17 +61,17 @@ impl UnseenBeams {
         new
     }
 
-    /// Beams known, in all sections.
+    /// Returns the number of beams in all sections.
     pub fn count(&self) -> u64 {
         self.counts.iter().sum()
     }
 
-    /// Beams known in one section.
+    /// Returns the number of beams in one section.
     pub fn count_in(&self, section: usize) -> u64 {
         self.counts.get(section).copied().unwrap_or(0)
     }
 
-    /// Every beam, in no order.
+    /// Iterates over all beams, in no order.
     pub fn iter(&self) -> impl Iterator<Item = BeamKey> {
         self.pages.iter().flat_map(|(&(section, page), bits)| {
             ones(bits).map(move |bit| BeamKey {
@@ -82,12 +81,12 @@ impl UnseenBeams {
         })
     }
 
-    /// Length of [`encode`](Self::encode)'s bytes.
+    /// Returns the length of [`encode`](Self::encode)'s bytes.
     pub fn encoded_bytes(&self) -> u64 {
         8 + (self.pages.len() * RECORD_BYTES) as u64
     }
 
-    /// The bytes of the file's blob: version, number of pages, pages by section and number.
+    /// Returns the bytes of the file's blob: version, number of pages, pages by section and number.
     pub fn encode(&self) -> Vec<u8> {
         let mut names: Vec<_> = self.pages.keys().copied().collect();
         names.sort_unstable();
@@ -103,7 +102,7 @@ impl UnseenBeams {
         out
     }
 
-    /// The set in a blob's bytes.
+    /// Parses a blob's bytes.
     ///
     /// # Errors
     /// If they are no such set, or name beams that the sections do not have.
@@ -111,8 +110,8 @@ impl UnseenBeams {
         ensure!(bytes.len() >= 8, "{} bytes are no set of beams", bytes.len());
         let (head, rest) = bytes.split_at(8);
         let (format, pages) = (word(&head[..4]), word(&head[4..]) as usize);
-        ensure!(format == FORMAT, "format {format} is not known here");
-        ensure!(pages <= MAX_PAGES, "{pages} pages, at most {MAX_PAGES}");
+        ensure!(format == FORMAT, "this program does not know format {format}");
+        ensure!(pages <= MAX_PAGES, "{pages} pages are more than {MAX_PAGES}");
         ensure!(
             rest.len() == pages * RECORD_BYTES,
             "{pages} pages do not take {} bytes",
@@ -128,10 +127,7 @@ impl UnseenBeams {
             let first = u64::from(page) * PAGE_BEAMS;
             let bits = &record[8..];
             let known = ones(bits).all(|bit| first + u64::from(bit) < beams);
-            ensure!(
-                known && first < beams,
-                "section {section} has {beams} beams, found some beyond"
-            );
+            ensure!(known && first < beams, "section {section} has only {beams} beams");
             set.counts[usize::from(section)] += ones(bits).count() as u64;
             set.pages.insert((section, page), bits.into());
         }
@@ -143,7 +139,7 @@ fn word(bytes: &[u8]) -> u32 {
     bytes.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte))
 }
 
-/// Numbers of the bits that are 1.
+/// Iterates over the numbers of the bits that are 1.
 fn ones(bytes: &[u8]) -> impl Iterator<Item = u32> {
     (0u32..).step_by(8).zip(bytes).filter(|(_, byte)| **byte != 0).flat_map(|(first, &byte)| {
         (0..8).filter(move |bit| byte >> bit & 1 == 1).map(move |bit| first + bit)
@@ -177,7 +173,7 @@ mod tests {
         for _ in 0..5000 {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             let number = (state >> 40) as u16 % 3;
-            // Half of them near each other, so that some come twice and pages are shared.
+            // Half of them are near each other, so that some come twice and pages are shared.
             let range =
                 if state >> 63 == 0 { 700 } else { sections[usize::from(number)].beam_count() };
             let key = key(number, (state >> 8) % range);

@@ -1,7 +1,7 @@
-//! What a display wants traced: single rays if it names any, then its view's beams, least filled and most wanted first (Larson &
-//! Simmons 1999, §2.2).
+//! What a display wants traced (Larson & Simmons 1999, §2.2): first the single rays that it names,
+//! then its view's beams. The beam with the fewest rays for its weight comes first.
 //!
-//! Invariant: no view gets more than [`MAX_RAYS_PER_PIXEL`] rays for each of its pixels in either way.
+//! Invariant: no view gets more than [`MAX_RAYS_PER_PIXEL`] rays for each pixel, of either sort.
 
 use std::{
     cmp::Reverse,
@@ -9,25 +9,23 @@ use std::{
 };
 
 use holo_proto::{LEAST_TRACED_WEIGHT, MAX_RAYS_PER_PACKET, bulk::WantedRay};
-use holo_section::{BeamId, RayCoords, Viewpoint};
+use holo_section::{BeamKey, RayCoords, Viewpoint};
 use rustc_hash::FxHashMap;
 
-use crate::allotment::BeamKey;
-
-/// Rays per pixel after which a beam is left alone: a view that somebody forgot must not fill the disk. A picture of
-/// 640×480 pixels reaches it at 3 GB.
+/// Most rays per pixel: a view that somebody forgot must not fill the disk. A picture of 640×480
+/// pixels reaches it at 3 GB.
 const MAX_RAYS_PER_PIXEL: f64 = 1024.0;
 
 /// A display's present view.
 pub struct Wishes {
     /// The display's number for the view.
     pub view: u32,
-    /// Near which point rays must pass.
+    /// The point that rays must pass, and how near.
     pub viewpoint: Viewpoint,
     beams: Vec<Wish>,
     index: FxHashMap<BeamKey, u32>,
     queue: BinaryHeap<Reverse<(Ratio, u32)>>,
-    /// Single rays by beam, most wanted first.
+    /// Single rays by beam, the most wanted first.
     rays: VecDeque<RayPacket>,
     /// Single rays that may still be given out.
     rays_left: u64,
@@ -39,21 +37,21 @@ pub struct Wishes {
 pub struct RayPacket {
     /// The beam.
     pub key: BeamKey,
-    /// The rays, and then zeros.
+    /// The rays, followed by zeros.
     pub rays: [RayCoords; MAX_RAYS_PER_PACKET],
-    /// How many.
+    /// The number of rays.
     pub count: u8,
 }
 
 struct Wish {
     key: BeamKey,
-    /// Pixels of the view that the beam serves.
+    /// The number of pixels that the beam serves.
     weight: f32,
     /// Rays stored or under way.
     computed: u64,
 }
 
-/// Computed over wanted, totally ordered.
+/// Computed rays over wanted rays, in total order.
 #[derive(Clone, Copy, PartialEq)]
 struct Ratio(f64);
 
@@ -72,7 +70,7 @@ impl Ord for Ratio {
 }
 
 impl Wishes {
-    /// A view's beams with their weights and how many rays each has already.
+    /// Returns the wishes for a view: its beams, with their weights and the rays that each has.
     pub fn new(
         view: u32,
         viewpoint: Viewpoint,
@@ -90,19 +88,18 @@ impl Wishes {
         Wishes { view, viewpoint, beams, index, queue, rays: VecDeque::new(), rays_left, pixels }
     }
 
-    /// Takes the rays that are wanted most, in place of those that are left of the last such list.
+    /// Takes the rays that are wanted most. They replace what is left of the last such list.
     pub fn want_rays(&mut self, rays: &[WantedRay]) {
         self.rays.clear();
         let mut open: FxHashMap<BeamKey, usize> = FxHashMap::default();
         for ray in rays {
-            let key = BeamKey { section: ray.section, beam: BeamId(ray.beam) };
             let known = open
-                .get(&key)
+                .get(&ray.key)
                 .copied()
                 .filter(|&at| usize::from(self.rays[at].count) < MAX_RAYS_PER_PACKET);
             let at = known.unwrap_or_else(|| {
-                self.rays.push_back(RayPacket { key, rays: Default::default(), count: 0 });
-                open.insert(key, self.rays.len() - 1);
+                self.rays.push_back(RayPacket { key: ray.key, rays: Default::default(), count: 0 });
+                open.insert(ray.key, self.rays.len() - 1);
                 self.rays.len() - 1
             });
             let packet = &mut self.rays[at];
@@ -111,7 +108,8 @@ impl Wishes {
         }
     }
 
-    /// The most wanted single rays, as many as are of one beam. None of beams of which `is_unseen` holds.
+    /// Returns the most wanted single rays, as many as are of one beam. Beams that are unseen by
+    /// `is_unseen` get none.
     pub fn next_rays(&mut self, is_unseen: impl Fn(BeamKey) -> bool) -> Option<RayPacket> {
         loop {
             let packet = self.rays.pop_front()?;
@@ -126,7 +124,7 @@ impl Wishes {
         }
     }
 
-    /// Takes back rays that were not given out after all: they are next.
+    /// Takes back rays that were not given out after all. They are next.
     pub fn put_back(&mut self, key: BeamKey, rays: &[RayCoords]) {
         if !rays.is_empty() {
             let mut packet = RayPacket { key, rays: Default::default(), count: 0 };
@@ -139,23 +137,23 @@ impl Wishes {
         }
     }
 
-    /// Whether the view crosses this beam.
+    /// Returns whether the view wants this beam.
     pub fn contains(&self, key: BeamKey) -> bool {
         self.index.contains_key(&key)
     }
 
-    /// Pixels that its beams serve.
+    /// Returns the number of pixels that its beams serve.
     pub fn pixels(&self) -> f64 {
         self.pixels
     }
 
-    /// The view's beams.
+    /// Returns the view's beams.
     pub fn keys(&self) -> Vec<BeamKey> {
         self.beams.iter().map(|wish| wish.key).collect()
     }
 
-    /// The most urgent beam and how many rays to give it next; `None` once every beam has all it may get. Beams of which
-    /// `is_unseen` holds get none, ever.
+    /// Returns the most urgent beam and the rays to give it next; `None` once every beam has all it
+    /// may get. Beams that are unseen by `is_unseen` get none.
     pub fn next(&mut self, is_unseen: impl Fn(BeamKey) -> bool) -> Option<(BeamKey, u8)> {
         let index = loop {
             let Reverse((_, index)) = self.queue.pop()?;
@@ -164,7 +162,7 @@ impl Wishes {
             }
         };
         let wish = &mut self.beams[index as usize];
-        // A ray for every second pixel at first, so that every beam of the view gets its turn soon; then ever more.
+        // At first a ray for every second pixel, so that every beam gets its turn soon; then more.
         let count = (f64::from(wish.weight) / 2.0).max(wish.computed as f64 / 4.0);
         let count = count.clamp(1.0, MAX_RAYS_PER_PACKET as f64) as u8;
         wish.computed += u64::from(count);
@@ -183,6 +181,8 @@ impl Wish {
 
 #[cfg(test)]
 mod tests {
+    use holo_section::BeamId;
+
     use super::*;
 
     fn key(beam: u64) -> BeamKey {
@@ -231,7 +231,7 @@ mod tests {
         let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
         let mut rays = [0u64; 4];
         for step in 0..200 {
-            // Beam 2 from the beginning, beam 0 found on the way.
+            // Beam 2 from the beginning, beam 0 from step 50 on.
             let is_unseen = |beam: BeamKey| beam.beam.0 == 2 || (beam.beam.0 == 0 && step >= 50);
             let before = rays[0];
             let (key, count) = wishes.next(is_unseen).unwrap();
@@ -239,19 +239,15 @@ mod tests {
             assert!(step < 50 || rays[0] == before);
         }
         assert!(rays[2] == 0 && rays[0] > 0 && rays[1] > rays[0] && rays[3] > rays[0], "{rays:?}");
-        assert!(wishes.contains(key(2)), "its samples, if the file has any, are still the view's");
+        assert!(wishes.contains(key(2)), "samples that the file has of it are still sent");
     }
 
     #[test]
     fn single_rays_come_in_the_order_in_which_beams_were_first_named_and_only_the_newest() {
         let beams = (0..3).map(|i| (key(i), 10.0, 0));
         let mut wishes = Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, beams);
-        let ray = |beam: u64, number: u8| WantedRay {
-            beam,
-            section: 0,
-            coords: RayCoords([number; 4]),
-            reserved: 0,
-        };
+        let ray =
+            |beam: u64, number: u8| WantedRay { key: key(beam), coords: RayCoords([number; 4]) };
         wishes.want_rays(&[ray(1, 77)]);
         let many: Vec<WantedRay> =
             (0..60).map(|number| ray([2, 0, 5][usize::from(number) % 3], number)).collect();
@@ -283,7 +279,7 @@ mod tests {
     fn single_rays_of_a_forgotten_view_end_by_themselves() {
         let mut wishes =
             Wishes::new(1, Viewpoint { eye: [0.0; 3], radius: 0.1 }, [(key(0), 2.0, 0)]);
-        let ray = WantedRay { beam: 0, section: 0, coords: RayCoords::default(), reserved: 0 };
+        let ray = WantedRay { key: key(0), coords: RayCoords::default() };
         let mut rays = 0;
         loop {
             wishes.want_rays(&[ray; 10]);

@@ -1,37 +1,42 @@
-//! Workers and what each has been given.
+//! Workers, and the packets that each has been given.
 
 use std::{collections::HashMap, time::Duration};
 
 use holo_net::Outbox;
 use holo_proto::bulk::{LivePacket, LiveWork, Packet, Traced, Work};
-use holo_section::{SampleKind, Viewpoint};
+use holo_section::{BeamKey, Run, SampleKind, Viewpoint};
 use thiserror::Error;
 
 use crate::{listen::ConnectionId, live::LiveAssignment};
 
-/// Work that a worker is given ahead: long enough that it never waits for the server, short enough that a new view is
-/// traced at once (the paper allowed five seconds, §2.2).
+/// Work that a worker gets ahead. It is long enough that the worker never waits for the server, and
+/// short enough that a new view is traced at once (the paper allowed five seconds, §2.2).
 const AHEAD: Duration = Duration::from_millis(150);
 
-/// Rays given ahead to a worker whose speed is not known yet, per thread.
+/// Rays ahead for each thread of a worker whose speed is not known yet.
 const FIRST_RAYS_PER_THREAD: f64 = 400.0;
 
-/// Rays given ahead at the most, whatever a worker says of its speed: what is lost with it.
+/// Most rays ahead, however fast a worker says it is: what is lost with it.
 const MAX_RAYS_AHEAD: f64 = 1e6;
 
-/// A packet given out, with what is needed to give it to another.
+/// A packet that a worker has, with all that another worker would need.
 #[derive(Clone, Copy, Debug)]
 pub struct Assignment {
-    /// The packet; its `viewpoint` field is set when it is sent.
+    /// The packet. Its `viewpoint` field is set when it is sent.
     pub packet: Packet,
-    /// The viewpoint that limits it.
+    /// The viewpoint that its rays pass, if any.
     pub viewpoint: Option<Viewpoint>,
     /// The display whose view it serves, if any.
     pub display: Option<ConnectionId>,
 }
 
 impl Assignment {
-    /// How its rays are chosen.
+    /// Returns its beam.
+    pub fn key(&self) -> BeamKey {
+        self.packet.key
+    }
+
+    /// Returns how its rays are chosen.
     pub fn kind(&self) -> SampleKind {
         match (self.packet.rays, self.viewpoint) {
             (Some(_), _) => SampleKind::SingleRay,
@@ -40,20 +45,25 @@ impl Assignment {
         }
     }
 
-    /// What it costs, in rays of `usual_paths` paths.
+    /// Returns the samples that it asks for.
+    pub fn run(&self) -> Run {
+        Run { kind: self.kind(), ..self.packet.run() }
+    }
+
+    /// Returns what it costs, in rays of `usual_paths` paths.
     pub fn work(&self, usual_paths: u16) -> f64 {
         f64::from(self.packet.count) * f64::from(self.packet.paths) / f64::from(usual_paths.max(1))
     }
 }
 
-/// Why a worker's results were not taken.
+/// Why the server refused a worker's results.
 #[derive(Debug, Error)]
 pub enum ResultsError {
     #[error("it sent results for a packet that it was not given")]
     Unknown,
     #[error("it sent {found} samples for a packet of {asked} rays")]
     Count { found: u32, asked: u8 },
-    #[error("it calls a beam unseen, and was not asked to look")]
+    #[error("it says that a beam sees nothing, but it was not asked to look")]
     NotAsked,
 }
 
@@ -63,19 +73,19 @@ pub struct Worker {
     /// Its name, for people.
     pub name: String,
     threads: f64,
-    /// Paths of the rays in which work is counted.
+    /// Work is counted in rays of so many paths.
     usual_paths: u16,
     seconds_per_ray: Option<f64>,
     rays_ahead: f64,
     work_ahead: f64,
     assigned: HashMap<u64, Assignment>,
-    /// Rays that are not stored.
+    /// Live rays: they are not stored.
     live: HashMap<u64, LiveAssignment>,
     waits_for_light: bool,
 }
 
 impl Worker {
-    /// Connected, not ready yet. Its work is counted in rays of `usual_paths` paths.
+    /// Returns a worker that is not ready yet. Its work is counted in rays of `usual_paths` paths.
     pub fn new(outbox: Outbox, name: String, usual_paths: u16) -> Worker {
         Worker {
             outbox,
@@ -91,17 +101,19 @@ impl Worker {
         }
     }
 
-    /// It has loaded the scene.
+    /// Takes note that it has loaded the scene.
     pub fn ready(&mut self, threads: u16) {
         self.threads = f64::from(threads.max(1));
     }
 
-    /// Whether it is still to be given the light that is known: until then it gets no work, for it would do others' again.
+    /// Sets whether it must first get the known records of light. Until then it gets no work,
+    /// because it would make records that others have made.
     pub fn wait_for_light(&mut self, waits: bool) {
         self.waits_for_light = waits;
     }
 
-    /// Work that it should be given now, in rays of the usual paths; zero while it has enough, so that work goes out in good-sized messages.
+    /// Returns the work that it should get now, in rays of the usual paths. That is 0 while it has
+    /// nearly enough, so that work goes out in messages of good size.
     pub fn hunger(&self) -> f64 {
         let ahead = match self.seconds_per_ray {
             Some(seconds) => {
@@ -117,12 +129,12 @@ impl Worker {
         }
     }
 
-    /// Rays that it was given and has not done, but for live ones.
+    /// Returns the rays that it has and that are to be stored.
     pub fn rays_ahead(&self) -> f64 {
         self.rays_ahead
     }
 
-    /// Gives it packets.
+    /// Sends it packets.
     pub fn assign(&mut self, assignments: Vec<Assignment>) {
         let mut work = Work::default();
         for mut assignment in assignments {
@@ -142,7 +154,7 @@ impl Worker {
         let _ = self.outbox.send(holo_proto::frame::Kind::Work, &work.encode());
     }
 
-    /// Gives it live rays.
+    /// Sends it live rays.
     pub fn assign_live(&mut self, assignments: Vec<LiveAssignment>) {
         let mut work = LiveWork::default();
         for assignment in assignments {
@@ -155,7 +167,7 @@ impl Worker {
         let _ = self.outbox.send(holo_proto::frame::Kind::LiveWork, &work.encode());
     }
 
-    /// Takes live rays' results off the list, once.
+    /// Takes the results of live rays: the worker no longer has them.
     pub fn finish_live(&mut self, traced: &Traced) -> Result<LiveAssignment, ResultsError> {
         let asked = self.live.get(&traced.id).ok_or(ResultsError::Unknown)?.rays.len();
         if asked != traced.count as usize {
@@ -167,17 +179,17 @@ impl Worker {
         Ok(assignment)
     }
 
-    /// Takes all live rays off the list.
+    /// Takes away all live rays.
     pub fn take_live(&mut self) -> impl Iterator<Item = LiveAssignment> + use<> {
         std::mem::take(&mut self.live).into_values()
     }
 
-    /// Takes a packet's results off the list, once.
+    /// Takes the results of a packet: the worker no longer has it.
     pub fn finish(&mut self, traced: &Traced) -> Result<Assignment, ResultsError> {
         let assignment = *self.assigned.get(&traced.id).ok_or(ResultsError::Unknown)?;
         let asked = assignment.packet.count;
         if u32::from(asked) != traced.count {
-            // Still on the list: somebody else traces it.
+            // It stays in the list, and another worker gets it.
             return Err(ResultsError::Count { found: traced.count, asked });
         }
         self.assigned.remove(&traced.id);
@@ -188,7 +200,7 @@ impl Worker {
         Ok(assignment)
     }
 
-    /// Learns of its speed: a packet of so many rays, and of so much work.
+    /// Learns its speed from a packet of so much work and so many rays.
     fn took(&mut self, traced: &Traced, work: f64, rays: f64) {
         // Smoothed over some hundred rays: beams differ much in what a ray costs.
         let seconds = f64::from(traced.nanoseconds.max(1)) * 1e-9 / work;
@@ -197,7 +209,7 @@ impl Worker {
             Some(self.seconds_per_ray.map_or(seconds, |mean| mean + share * (seconds - mean)));
     }
 
-    /// Takes a packet off the list that it did not trace, since its beam sees nothing. Says nothing of its speed.
+    /// Ends a packet that it did not trace, because its beam sees nothing.
     pub fn finish_unseen(&mut self, id: u64) -> Result<Assignment, ResultsError> {
         let assignment = self.assigned.remove(&id).ok_or(ResultsError::Unknown)?;
         self.rays_ahead -= f64::from(assignment.packet.count);
@@ -205,17 +217,17 @@ impl Worker {
         Ok(assignment)
     }
 
-    /// What it was given and has not done.
+    /// Returns the packets that it has not done.
     pub fn into_assignments(self) -> impl Iterator<Item = Assignment> {
         self.assigned.into_values()
     }
 
-    /// Packets that it has not done.
+    /// Iterates over the packets that it has not done.
     pub fn assignments(&self) -> impl Iterator<Item = &Assignment> {
         self.assigned.values()
     }
 
-    /// Whether it has anything to do that is stored.
+    /// Returns whether it has no packet whose samples are stored.
     pub fn is_idle(&self) -> bool {
         self.assigned.is_empty()
     }

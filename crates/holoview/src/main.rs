@@ -1,5 +1,7 @@
 //! Shows a holodeck that a holoserver serves.
 
+use std::process::ExitCode;
+
 use clap::Parser;
 
 /// Shows a holodeck that a holoserver serves: follows a script and writes pictures.
@@ -13,6 +15,7 @@ struct Program {
 }
 
 #[tokio::main(worker_threads = 2)]
-async fn main() -> anyhow::Result<()> {
-    holo_view::run_until_signal(Program::parse().config).await
+async fn main() -> ExitCode {
+    let result = holo_view::run_until_signal(Program::parse().config).await;
+    holo_progress::exit_code("holoview", result)
 }

@@ -1,7 +1,8 @@
-//! Gathering: rays over the hemisphere above a point, and what follows from them.
+//! Gathering: rays over the hemisphere above a point, and the record that they make.
 //!
-//! Always true: the rays are stratified in rings of equal projected solid angle and sectors, so that the mean radiance times π
-//! is an unbiased estimate of the irradiance; gradients are those of Ward and Heckbert (1992, equations 2 and 3).
+//! Always true: the rays are stratified in rings of equal projected solid angle and in sectors. So
+//! the mean radiance times π is an unbiased estimate of the irradiance. The gradients are those of
+//! Ward and Heckbert (1992, equations 2 and 3).
 
 use std::f32::consts::{PI, TAU};
 
@@ -9,33 +10,38 @@ use glam::Vec3;
 
 use crate::record::Record;
 
-/// What one ray brought back.
+/// The result of one ray over the hemisphere.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Arrival {
-    /// Radiance that arrives along it.
+    /// Radiance that arrives along the ray.
     pub radiance: Vec3,
     /// Distance to the first surface; infinity if there is none.
     pub distance: f32,
 }
 
-/// What one ray aimed at a small source of indirect light brought.
+/// The result of one ray aimed at a small source of indirect light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Source {
-    /// What it adds to the irradiance.
+    /// Its contribution to the irradiance.
     pub irradiance: Vec3,
-    /// From the record to the source.
+    /// Vector from the record to the source.
     pub towards: Vec3,
-    /// The source's normal, unit, if it sends the same radiance everywhere; what else it sends does not move with it.
+    /// The source's unit normal if the source sends the same radiance in all directions. `None` for
+    /// other sources, whose light gets no gradient.
     pub normal: Option<Vec3>,
 }
 
-/// Holds what each ray brings to a share of what all of them bring, `most`; infinite, it holds nothing. One in thousands of records has met something so rare and
-/// bright, a lamp in a bottle, that it alone would make a wall brighter by a quarter for as far as the record goes. What this takes
-/// away is as rare. A few times what a ray brings on average each may bring, whatever the share.
-pub fn hold(arrivals: &mut [Arrival], most: f32) {
-    /// Of holding, and of summing up what is left.
+/// Limits the light of each ray to a share `most` of the light of all rays; an infinite share
+/// limits nothing.
+///
+/// One in thousands of records meets something rare and very bright, such as a lamp in a bottle.
+/// Alone, that ray would make a wall brighter by a quarter over the radius of the record. The light
+/// that the limit removes is equally rare. A ray may always bring a few times the mean.
+pub fn limit_outliers(arrivals: &mut [Arrival], most: f32) {
+    /// Iterations of limiting and summing.
     const ROUNDS: usize = 4;
-    /// Over the mean of all rays: where light is even, records have so few that each brings more than the share.
+    /// The least limit, over the mean of all rays. In even light, a record has so few rays that
+    /// each brings more than the share.
     const FAIR: f32 = 4.0;
     if most.is_infinite() {
         return;
@@ -55,7 +61,8 @@ pub fn hold(arrivals: &mut [Arrival], most: f32) {
 }
 
 impl Record {
-    /// Adds what came from sources. A source's part grows and shrinks as (n·w)(n'·w)/|w|⁴ with the vector w towards it.
+    /// Adds the light of sources. With the vector w towards a source, its contribution is
+    /// proportional to (n·w)(n'·w)/|w|⁴.
     pub fn add(&mut self, sources: &[Source]) {
         if sources.is_empty() {
             return;
@@ -97,7 +104,7 @@ impl Record {
     }
 }
 
-/// The rays of one record.
+/// The directions of one record's rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hemisphere {
     rings: u32,
@@ -105,20 +112,21 @@ pub struct Hemisphere {
 }
 
 impl Hemisphere {
-    /// About `rays` rays, at least 12 and at most 65,536, in strata about as wide as they are high.
+    /// Returns about `rays` directions, at least 12 and at most 65,536. Strata are about as wide as
+    /// high.
     #[must_use]
     pub fn new(rays: u32) -> Self {
         let rings = (rays.clamp(12, 1 << 16) as f32 / PI).sqrt().round().max(2.0) as u32;
         Self { rings, sectors: (rings as f32 * PI).round() as u32 }
     }
 
-    /// How many rays there are.
+    /// Returns the number of rays.
     #[must_use]
     pub fn rays(self) -> u32 {
         self.rings * self.sectors
     }
 
-    /// Unit direction of ray `index`, at `u` in its stratum: +z is the normal.
+    /// Returns the unit direction of ray `index`, at `u` in its stratum; +z is the normal.
     #[must_use]
     #[inline]
     pub fn direction(self, index: u32, u: [f32; 2]) -> Vec3 {
@@ -129,8 +137,9 @@ impl Hemisphere {
         Vec3::new(sine * cos, sine * sin, (1.0 - sine2).max(0.0).sqrt())
     }
 
-    /// The record of these arrivals, in the order of the rays. `x`, `y` and `normal` are the axes of [`direction`](Self::direction).
-    /// Its radius is the harmonic mean of the distances, for the caller to bound; its point and id are left 0.
+    /// Makes the record of these arrivals, in the order of the rays. `x`, `y` and `normal` are the
+    /// axes of [`direction`](Self::direction). The radius is the harmonic mean of the distances;
+    /// the caller must limit it. Point and id are 0.
     #[must_use]
     pub fn record(self, arrivals: &[Arrival], [x, y, normal]: [Vec3; 3]) -> Record {
         debug_assert_eq!(arrivals.len(), self.rays() as usize);
@@ -144,8 +153,9 @@ impl Hemisphere {
             nearest = nearest.min(arrival.distance);
         }
         let mean = luminance(sum) / count;
-        // Half the squared difference of neighbours is what a stratum varies, or more: strata that differ count as noise, but less than
-        // in the variance of all (Wolter 1984, "An Investigation of Some Estimators of Variance for Systematic Sampling").
+        // Half the squared difference of neighbours is the variance within a stratum, or more. So
+        // differences between strata count as noise, but less than in the variance of all rays
+        // (Wolter 1984, "An Investigation of Some Estimators of Variance for Systematic Sampling").
         let differences =
             (0..rings).flat_map(|j| (0..sectors).map(move |k| (j, k, (k + 1) % sectors)));
         let squares: f32 = differences
@@ -202,14 +212,14 @@ impl Hemisphere {
     }
 }
 
-/// Mean tangent of the angle from the normal over a ring, given the squares of the sines at its borders: by the integral, since it
-/// has no bound at the rim.
+/// Returns the mean tangent of the angle from the normal over a ring, from the squared sines at its
+/// borders. It uses the integral, because the tangent is unbounded at the rim.
 fn mean_tangent(low: f32, high: f32) -> f32 {
     let integral = |sine2: f32| sine2.sqrt().asin() - (sine2 * (1.0 - sine2)).max(0.0).sqrt();
     (integral(high.min(1.0)) - integral(low)) / (high - low)
 }
 
-/// Relative weights of the channels in what a person sees (Radiance's).
+/// Returns the luminance, with Radiance's weights of the channels.
 pub(crate) fn luminance(c: Vec3) -> f32 {
     c.dot(Vec3::new(0.265, 0.670, 0.065))
 }

@@ -1,47 +1,51 @@
-//! One record: the indirect light at a point of a surface, and how it changes around it.
+//! A record: the indirect light at a point of a surface, and how it changes nearby.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use crate::gather::luminance;
 
-/// Standard errors of two records together from which on they contradict each other. With 2 in place of 3, records that are too bright by
-/// chance give up so much of the surface that a bedroom is 0.3 % too dark; with 3, it is as bright as without.
+/// Standard errors of both records above which their difference is a contradiction. With 2, records
+/// that are too bright by chance lose so much of the surface that a bedroom is 0.3 % too dark. With
+/// 3 there is no such bias.
 const CONTRADICTION: f32 = 3.0;
 
-/// Irradiance by indirect light at a point, its gradients, and how far from the point it may be used (Ward and Heckbert 1992,
-/// "Irradiance Gradients"). Plain data: 136 bytes without padding, little-endian on the wire and in the file.
+/// Irradiance by indirect light at a point, its gradients, and its radius of use (Ward and Heckbert
+/// 1992, "Irradiance Gradients"). Plain data: 136 bytes without padding, little-endian on the wire
+/// and in the file.
 ///
-/// Lengths are the scene's, positions relative to its origin.
+/// Lengths are in scene units; positions are relative to the scene's origin.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Record {
-    /// Where.
+    /// Position.
     pub point: [f32; 3],
-    /// How far away it may be used.
+    /// Distance within which the record may be used.
     pub radius: f32,
-    /// Unit, on the side that is lit.
+    /// Unit normal on the lit side.
     pub normal: [f32; 3],
-    /// Distance to the nearest surface that its rays met; infinity if none did.
+    /// Distance to the nearest surface that the record's rays met; infinity if none did.
     pub nearest: f32,
-    /// W·m⁻² per channel.
+    /// Irradiance in W·m⁻² per channel.
     pub irradiance: [f32; 3],
-    /// Standard error of the luminance, relative to it.
+    /// Relative standard error of the luminance.
     pub error: f32,
-    /// Change of each channel with a step along the surface, per unit of length.
+    /// Translation gradient of each channel, per unit of length along the surface.
     pub shift: [[f32; 3]; 3],
-    /// Change of each channel as the normal turns: its scalar product with (old normal × new normal).
+    /// Rotation gradient of each channel; the change is its dot product with (old normal × new
+    /// normal).
     pub turn: [[f32; 3]; 3],
-    /// Rays that were traced for it.
+    /// Number of rays.
     pub rays: u32,
-    /// 0 if it is as exact as was asked for, 1 if it is coarse: for the rays of other records.
+    /// 0 for an exact record; 1 for a coarse one, which only rays of other records use.
     pub flags: u32,
-    /// Unique among all records of a scene: what makes merging idempotent.
+    /// Unique among all records of a scene, so that merging a record twice changes nothing.
     pub id: u64,
 }
 
 impl Record {
-    /// Whether it is what a tracer could have made: finite, of positive radius, with a normal of unit length and no negative light.
+    /// Returns whether a tracer could have made the record: it is finite, its radius is positive,
+    /// its normal has unit length, and no light is negative.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
@@ -56,7 +60,8 @@ impl Record {
             && self.error >= 0.0
     }
 
-    /// The irradiance that this record predicts at a point whose normal is `normal`: never negative.
+    /// Returns the irradiance that the record predicts at a point with normal `normal`; never
+    /// negative.
     #[must_use]
     #[inline]
     pub fn extrapolate(&self, point: Vec3, normal: Vec3) -> Vec3 {
@@ -67,14 +72,17 @@ impl Record {
                 + Vec3::from(self.shift[c]).dot(step)
                 + Vec3::from(self.turn[c]).dot(turned)
         };
-        // Gradients are noisy: at most half of the light is theirs to give or take.
+        // Gradients are noisy, so they change the light by at most half.
         let held = Vec3::from(self.irradiance);
         Vec3::new(channel(0), channel(1), channel(2)).clamp(held * 0.5, held * 1.5)
     }
 
-    /// How far this record and another may be used, as a share of their distance: less than all of it if what either predicts where the
-    /// other was made is off by more than their noise explains. Light then changes on the way as no gradient tells, by the square of
-    /// the distance: so far that it is as much as the noise.
+    /// Returns the radius, as a share of the distance between two records, up to which both may be
+    /// used. It is below 1 if the prediction of either at the other is off by more than their noise
+    /// explains.
+    ///
+    /// Then the light changes between them in a way that gradients do not predict. The error grows
+    /// with the square of the distance, so the share is where it equals the noise.
     pub(crate) fn agreed_share(&self, other: &Self) -> f32 {
         let off = |from: &Self, to: &Self| {
             luminance(

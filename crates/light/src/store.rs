@@ -1,9 +1,10 @@
-//! The store: records by where they are, read by many threads while others add to it.
+//! The store: records in a spatial hash, which many threads read while others add to it.
 //!
 //! Always true:
-//! - Readers never wait. Writers wait for each other only.
-//! - A record is in at most once: merging the same records again, in whatever order, changes nothing.
-//! - Radii only ever shrink. What is given for a point comes from records in sight of it.
+//! - Readers never wait. Writers wait only for each other.
+//! - A record is stored at most once. Merging the same records again, in any order, changes
+//!   nothing.
+//! - Radii only shrink. Light at a point comes only from records that see the point.
 //! - Memory is bounded by [`MAX_RECORDS`].
 
 use std::collections::HashSet;
@@ -17,33 +18,35 @@ use crate::record::Record;
 /// Most records of a store: 150 MB.
 pub const MAX_RECORDS: usize = 1 << 20;
 
-/// Records in one allocation.
+/// Number of records in one allocation.
 const CHUNK: usize = 1 << 12;
-/// Entries of the table of cells: a power of two.
+/// Number of entries of the hash table; a power of two.
 const HEADS: usize = 1 << 18;
-/// Entries of cells' lists in one allocation.
+/// Number of list entries in one allocation.
 const NODES: usize = 1 << 14;
-/// A record lies in at most so many cells.
+/// Most cells that a record lies in.
 const CELLS: usize = 8;
-/// Levels of the grid: each has cells twice as wide as the one before.
+/// Number of levels of the grid. The cells of each are twice as wide as those of the level before.
 const LEVELS: usize = 24;
-/// No entry.
+/// The end of a list.
 const NONE: u32 = u32::MAX;
-/// Cosine between normals beyond which a record is of no use: about 12 degrees.
+/// Least cosine between normals for which a record is used: about 12 degrees.
 const LEAST_COSINE: f32 = 0.978;
 
-/// How far a point may be out of a record's plane, over their distance, where both face the same way.
+/// Greatest distance of a point from a record's plane, over the distance between them, if both face
+/// the same way.
 const LEVEL: f32 = 0.02;
 
-/// Over the distance to the nearest surface that a record's rays met: nothing stands between it and a point so near.
+/// Distance within which nothing stands between a point and a record, over the distance to the
+/// nearest surface that the record's rays met.
 const CERTAINLY_SEEN: f32 = 0.5;
 
 #[derive(Debug, Default)]
 struct Slot {
     record: OnceLock<Record>,
-    /// Bits of the radius as it is now.
+    /// Bits of the current radius.
     radius: AtomicU32,
-    /// Whether somebody else made it.
+    /// Whether another process made the record.
     received: AtomicBool,
 }
 
@@ -59,28 +62,29 @@ pub struct Store {
     slots: Box<[OnceLock<Box<[Slot]>>]>,
     count: AtomicU32,
     heads: Box<[AtomicU32]>,
-    /// Record in the low half, next entry in the high.
+    /// Index of a record in the low half, next entry in the high half.
     nodes: Box<[OnceLock<Box<[AtomicU64]>>]>,
-    /// Which levels have records.
+    /// One bit per level that has records.
     levels: AtomicU32,
     /// Width of the cells of level 0.
     width: f32,
     writer: Mutex<Writer>,
 }
 
-/// What a store knows about a point.
+/// The light that a store knows at a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Found {
     /// Irradiance by indirect light, W·m⁻² per channel.
     pub irradiance: Vec3,
-    /// Sum of the weights of the records used: each counts for 1 where it was made and 0 from its radius on.
+    /// Sum of the weights of the records used. A weight is 1 at the record and 0 from its radius
+    /// on.
     pub weight: f32,
-    /// How many records were used.
+    /// Number of records used.
     pub records: u32,
 }
 
 impl Store {
-    /// An empty store for records whose radii are at least `least`.
+    /// Returns an empty store for records whose radii are at least `least`.
     #[must_use]
     pub fn new(least: f32) -> Self {
         Self {
@@ -94,25 +98,25 @@ impl Store {
         }
     }
 
-    /// How many records there are.
+    /// Returns the number of records.
     #[must_use]
     pub fn len(&self) -> usize {
         self.count.load(Ordering::Acquire) as usize
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no records.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Whether no more can be added.
+    /// Returns whether the store is full.
     #[must_use]
     pub fn is_full(&self) -> bool {
         self.len() == MAX_RECORDS
     }
 
-    /// Record number `index` in the order in which they came, with its radius as it is now.
+    /// Returns record number `index` in order of arrival, with its current radius.
     #[must_use]
     pub fn get(&self, index: usize) -> Option<Record> {
         let slot = self.slot(index)?;
@@ -120,17 +124,21 @@ impl Store {
         slot.record.get().map(|record| Record { radius, ..*record })
     }
 
-    /// Adds a record, after its radius and those of its neighbours were made to agree: no radius is greater than another's by
-    /// more than the distance between the two, so that what one record saw nearby is known to those around it (Křivánek et al. 2006,
-    /// "Making Radiance and Irradiance Caching Practical"); and where two records of one kind contradict each other, neither reaches
-    /// far beyond the other. `false` if it is not valid, there already, or the store is full.
+    /// Adds a record. Returns `false` if it is not valid, exists already, or the store is full.
     ///
-    /// `hidden` tells whether something stands between the new record and another, which then says nothing of it.
+    /// Its radius and those of its neighbours are first made consistent. No radius exceeds another
+    /// by more than the distance between the two, so that neighbours learn what one record saw
+    /// nearby (Křivánek et al. 2006, "Making Radiance and Irradiance Caching Practical"). If two
+    /// records of one kind contradict each other, neither reaches far beyond the other.
+    ///
+    /// `hidden` returns whether something stands between the new record and another; such records
+    /// do not affect each other.
     pub fn insert(&self, record: Record, hidden: impl FnMut(&Record) -> bool) -> bool {
         self.add(record, false, hidden)
     }
 
-    /// As [`insert`](Self::insert), for a record that somebody else made: others that may be hidden from it say nothing of it.
+    /// Adds a record that another process made, as [`insert`](Self::insert) does. Neighbours that
+    /// may be hidden from it do not affect it.
     pub fn receive(&self, record: Record) -> bool {
         let point = Vec3::from(record.point);
         self.add(record, true, |other| {
@@ -138,7 +146,8 @@ impl Store {
         })
     }
 
-    /// At most `most` of the records from number `from` on, without those received, and the number to go on from.
+    /// Returns at most `most` records from number `from` on, without received ones, and the number
+    /// to continue from.
     #[must_use]
     pub fn made_since(&self, from: usize, most: usize) -> (Vec<Record>, usize) {
         let mut made = Vec::new();
@@ -218,10 +227,12 @@ impl Store {
         writer.nodes += 1;
     }
 
-    /// Indirect light at a point, on the side of `normal`, from the records that may be used there: `None` without any.
+    /// Returns the indirect light at a point, on the side of `normal`, from the records that may be
+    /// used there. `None` if there are none.
     ///
-    /// No more records are looked for once the weights of those found add up to `enough`. `hidden` tells whether something stands
-    /// between the point and a record; it is asked last.
+    /// The look-up stops once the weights of the records add up to `enough`. `hidden` returns
+    /// whether something stands between the point and a record; it is called last, because it is
+    /// expensive.
     #[must_use]
     pub fn irradiance(
         &self,
@@ -239,7 +250,8 @@ impl Store {
             if distance >= radius || cosine < LEAST_COSINE {
                 return true;
             }
-            // Before or behind the record's plane is another surface, or a step, but as far as the surface turns on the way.
+            // A point off the record's plane is on another surface, or beyond a step. It may be as
+            // far off as the surface turns on the way.
             let bend = (LEVEL + (1.0 - cosine * cosine).max(0.0).sqrt()) * distance;
             if offset.dot(other).abs().max(offset.dot(normal).abs()) > bend.min(0.1 * radius) {
                 return true;
@@ -257,7 +269,8 @@ impl Store {
         (found.weight > 0.0).then(|| Found { irradiance: found.irradiance / found.weight, ..found })
     }
 
-    /// Calls `visit` with the records in whose cells a point lies, the newest of a size first, until it says that it has seen enough.
+    /// Calls `visit` with the records whose cells contain a point, by level and newest first, until
+    /// it returns false.
     #[inline]
     fn around(&self, point: Vec3, mut visit: impl FnMut(&Slot, &Record, f32) -> bool) {
         let mut levels = self.levels.load(Ordering::Acquire);
@@ -280,7 +293,7 @@ impl Store {
         }
     }
 
-    /// The least level whose cells are at least a diameter wide.
+    /// Returns the least level whose cells are at least a diameter wide.
     fn level(&self, radius: f32) -> usize {
         let ratio = 2.0 * radius / self.width;
         (ratio.log2().ceil().max(0.0) as usize).min(LEVELS - 1)

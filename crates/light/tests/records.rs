@@ -1,4 +1,4 @@
-//! Records against closed forms, and a store against what it promises.
+//! Tests records against closed forms, and the store against its guarantees.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot set up its scene has failed")]
 
@@ -6,14 +6,15 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_light::{Arrival, Found, Hemisphere, Record, Source, Store, hold};
+use holo_light::{Arrival, Found, Hemisphere, Record, Source, Store, limit_outliers};
 use holo_raycast::{Raycaster, SurfacePoint};
 use holo_scene::{Bsdf, Material, Scene};
 use proptest::prelude::*;
 
 const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
 
-/// The record of a radiance that is a function of direction, at given distances; strata are met in their middle.
+/// Returns the record of radiance and distance as functions of direction, with rays at the centres
+/// of strata.
 fn gathered(rays: u32, light: impl Fn(Vec3) -> (f32, f32)) -> Record {
     let hemisphere = Hemisphere::new(rays);
     let arrivals: Vec<Arrival> = (0..hemisphere.rays())
@@ -26,10 +27,10 @@ fn gathered(rays: u32, light: impl Fn(Vec3) -> (f32, f32)) -> Record {
 }
 
 #[test]
-fn rays_lie_in_strata_of_equal_flux_and_even_light_is_found_exactly() {
+fn strata_have_equal_flux_and_even_light_is_exact() {
     let hemisphere = Hemisphere::new(400);
-    // 64 places in every stratum: the mean cosine under a cosine's density is 2/3, and what the midpoints of this many
-    // squares of sines leave of its integral is below 1e-4.
+    // 64 positions in every stratum. The mean cosine under a cosine's density is 2/3. The midpoints
+    // of this many squared sines approximate its integral to 1e-4.
     let places = (0..64).map(|i| [(i as f32 + 0.5) / 64.0, 0.5]);
     let cosines =
         places.map(|u| (0..hemisphere.rays()).map(|i| hemisphere.direction(i, u).z).sum::<f32>());
@@ -43,7 +44,7 @@ fn rays_lie_in_strata_of_equal_flux_and_even_light_is_found_exactly() {
 }
 
 #[test]
-fn one_ray_in_thousands_does_not_decide_about_a_record() {
+fn a_single_bright_ray_does_not_dominate_a_record() {
     let gather = |outlier: f32, most: f32| {
         let arrival = |index: usize| {
             let radiance =
@@ -51,12 +52,12 @@ fn one_ray_in_thousands_does_not_decide_about_a_record() {
             Arrival { radiance, distance: 1.0 }
         };
         let mut arrivals: Vec<Arrival> = (0..1000).map(arrival).collect();
-        hold(&mut arrivals, most);
+        limit_outliers(&mut arrivals, most);
         arrivals.iter().map(|arrival| arrival.radiance).sum::<Vec3>()
     };
     let (fair, held) = (gather(20.0, 0.03), gather(400.0, 0.03));
-    assert_eq!(fair, gather(20.0, f32::INFINITY), "what is within the share stays as it is");
-    // What it may bring at the most is a share of itself and 999 others.
+    assert_eq!(fair, gather(20.0, f32::INFINITY), "light within the share does not change");
+    // It may bring at most a share of itself and 999 others.
     let brought = (held - 999.0).dot(Vec3::new(0.265, 0.670, 0.065));
     assert!((brought / (999.0 + brought) - 0.03).abs() < 1e-3, "{brought}");
     assert!(((held.x - 999.0) / (held.z - 999.0) - 4.0).abs() < 1e-2, "its hue stays");
@@ -64,44 +65,49 @@ fn one_ray_in_thousands_does_not_decide_about_a_record() {
     // 64 rays bring 1/64 each.
     let even = [Arrival { radiance: Vec3::ONE, distance: 1.0 }; 64];
     let mut few = even;
-    hold(&mut few, 0.002);
+    limit_outliers(&mut few, 0.002);
     assert!(
         few.iter().zip(&even).all(|(held, whole)| held.radiance == whole.radiance),
         "even light stays whole"
     );
     let mut dark = [Arrival::default(); 8];
-    hold(&mut dark, 0.03);
+    limit_outliers(&mut dark, 0.03);
     assert!(dark.iter().all(|arrival| arrival.radiance == Vec3::ZERO));
 }
 
 #[test]
-fn turning_gradients_are_those_of_a_sloping_sky() {
-    // A sky of 1 + x: turned by a towards x, the cosine's derivative is sin θ cos φ, and ∫ sin θ cos φ (1 + sin θ cos φ) dω = 2π/3.
+fn rotation_gradients_are_those_of_a_sky_with_a_slope() {
+    // A sky of 1 + x. When the surface turns by a towards x, the cosine's derivative is sin θ cos
+    // φ, and ∫ sin θ cos φ (1 + sin θ cos φ) dω = 2π/3.
     let record = gathered(4096, |d| (1.0 + d.x, 1.0));
     assert!((record.irradiance[0] - PI).abs() < 1e-3);
-    // Turned towards +x: the old normal × the new one is z × x = y.
+    // Turned towards +x: (old normal × new normal) is z × x = y.
     let turn = Vec3::from(record.turn[0]);
     assert!((turn.y - 2.0 * PI / 3.0).abs() < 0.02 * PI && turn.x.abs() < 1e-3, "{turn}");
 }
 
 #[test]
-fn steps_follow_the_light_of_a_half_bright_ceiling() {
-    // A ceiling at height 1 that shines where x > 0. E(x) = π/2 (1 + x/√(1+x²)), by the strip's closed form: slope π/2 at 0.
+fn translation_gradients_are_those_of_a_half_bright_ceiling() {
+    // A ceiling at height 1 that shines where x > 0. By the strip's closed form, E(x) = π/2 (1 +
+    // x/√(1+x²)), with slope π/2 at 0.
     let record = gathered(16_384, |d| (f32::from(d.x > 0.0), 1.0 / d.z));
     let shift = Vec3::from(record.shift[0]);
-    // The bright half's border is not one of sectors, but off by up to half a sector: 0.014 of π/2.
+    // The border of the bright half is off the borders of sectors by up to half a sector: 0.014 of
+    // π/2.
     assert!((shift.x - 0.5 * PI).abs() < 0.05 * PI && shift.y.abs() < 0.03, "{shift}");
     let at = |x: f32| record.extrapolate(Vec3::new(x, 0.0, 0.0), Vec3::Z).x;
     let exact = |x: f32| 0.5 * PI * (1.0 + x / x.hypot(1.0));
     for x in [-0.2, -0.1, 0.1, 0.2] {
-        // What a straight line leaves of it is of third order here, beside the gradient's own error.
+        // The error of linear extrapolation is of third order here, besides the gradient's own
+        // error.
         assert!((at(x) - exact(x)).abs() < 0.05 * PI * x.abs() + x.abs().powi(3) * PI, "{x}");
     }
 }
 
-/// A small flat source: its light at the origin and beside it, on a surface turned by a little, to first order.
+/// A small flat source: its light at the origin and beside it, and on a surface that is turned
+/// slightly, to first order.
 #[test]
-fn a_small_source_brings_its_own_gradients() {
+fn a_small_source_has_exact_gradients() {
     let (at, normal) = (Vec3::new(0.4, -0.7, 1.1), Vec3::new(-0.5, 0.3, -1.0).normalize());
     let exact = |point: Vec3, up: Vec3| {
         let w = at - point;
@@ -116,12 +122,13 @@ fn a_small_source_brings_its_own_gradients() {
     let h = 1e-2;
     for step in [Vec3::X, Vec3::Y, Vec3::new(-0.6, 0.8, 0.0)] {
         let slope = (exact(step * h, Vec3::Z) - exact(-step * h, Vec3::Z)) / (2.0 * h);
-        let told = (record.extrapolate(step * h, Vec3::Z) - record.extrapolate(-step * h, Vec3::Z))
+        let found = (record.extrapolate(step * h, Vec3::Z)
+            - record.extrapolate(-step * h, Vec3::Z))
             / (2.0 * h);
-        assert!((told.x - slope).abs() < 2e-3 * 4.0 * part, "{step}: {told} {slope}");
+        assert!((found.x - slope).abs() < 2e-3 * 4.0 * part, "{step}: {found} {slope}");
         assert!(
-            (told.y - 2.0 * slope).abs() < 4e-3 * 4.0 * part && told.z == 0.0,
-            "{step}: {told}"
+            (found.y - 2.0 * slope).abs() < 4e-3 * 4.0 * part && found.z == 0.0,
+            "{step}: {found}"
         );
         let (one, other) = ((Vec3::Z + step * h).normalize(), (Vec3::Z - step * h).normalize());
         let turned =
@@ -129,23 +136,26 @@ fn a_small_source_brings_its_own_gradients() {
         let exact = exact(Vec3::ZERO, one) - exact(Vec3::ZERO, other);
         assert!((turned - exact).abs() < 2e-3 * h * 4.0 * part, "{step}: {turned} {exact}");
     }
-    // What a mirror shows does not move with the mirror: light without gradients. And sources that differ are uncertain.
+    // Light shown by a mirror has no gradient, because its source does not move with the mirror.
+    // Sources that differ increase the error.
     let mut record = gathered(1000, |_| (0.0, 1.0));
     record.add(&[Source { normal: None, ..source }, Source::default()]);
     assert_eq!(record.shift, [[0.0; 3]; 3]);
     assert!((record.error - 1.0).abs() < 1e-5, "{}", record.error);
 }
 
-/// The spread of records of one place, each with its own random numbers, is what they say that it is, or less.
+/// The spread of records of one point, each with its own random numbers, is at most their stated
+/// error.
 #[test]
-fn a_record_knows_its_error() {
+fn the_stated_error_is_that_of_the_record() {
     let mut state = 1_u64;
     let mut random = || {
         state =
             state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 40) as f32 / (1 << 24) as f32
     };
-    // Noise in every ray, of mean 1 and relative standard deviation 1/√3, over a slope that strata take out.
+    // Noise in every ray, of mean 1 and relative standard deviation 1/√3, plus a slope that strata
+    // remove.
     let hemisphere = Hemisphere::new(300);
     let records: Vec<Record> = (0..400)
         .map(|_| {
@@ -165,11 +175,11 @@ fn a_record_knows_its_error() {
         .sqrt()
         / mean;
     let said = records.iter().map(|r| r.error).sum::<f32>() / count;
-    // 4 standard errors of a standard deviation by 400 values, and what the slope leaves within strata.
+    // 4 standard errors of a standard deviation from 400 values, and the slope within strata.
     assert!(said > spread * 0.86 && said < spread * 1.2, "{said} {spread}");
 }
 
-/// A floor, and a wall of no thickness that stands on it at x = 0.
+/// Returns a floor, and a wall without thickness that stands on it at x = 0.
 fn walled() -> Raycaster {
     let corners = [
         [-10.0, -10.0, 0.0],
@@ -194,8 +204,13 @@ fn walled() -> Raycaster {
     Raycaster::build(Arc::new(scene)).unwrap()
 }
 
-/// What the store tells of a point on its upper side or on the other.
-fn told(store: &Store, raycaster: &Raycaster, point: &SurfacePoint, normal: Vec3) -> Option<Found> {
+/// Returns what the store finds at a point, on the side of `normal`.
+fn found_at(
+    store: &Store,
+    raycaster: &Raycaster,
+    point: &SurfacePoint,
+    normal: Vec3,
+) -> Option<Found> {
     store.irradiance(point.point, normal, f32::INFINITY, |record| {
         raycaster.parted(point, normal, record.point.into(), record.normal.into())
     })
@@ -229,18 +244,18 @@ fn no_light_comes_through_a_wall_without_thickness() {
     let raycaster = walled();
     let store = Store::new(0.01);
     assert!(store.insert(record(local(&raycaster, 0.5, 0.0).point, 7.0, 2.0, 1), |_| false));
-    let beside = told(&store, &raycaster, &local(&raycaster, 0.1, 0.1), Vec3::Z);
+    let beside = found_at(&store, &raycaster, &local(&raycaster, 0.1, 0.1), Vec3::Z);
     assert_eq!(beside.map(|found| found.irradiance), Some(Vec3::splat(7.0)));
     for x in [-0.01, -0.1, -0.5, -1.0] {
-        assert_eq!(told(&store, &raycaster, &local(&raycaster, x, 0.1), Vec3::Z), None, "{x}");
+        assert_eq!(found_at(&store, &raycaster, &local(&raycaster, x, 0.1), Vec3::Z), None, "{x}");
     }
-    // Nor to the other side of the floor.
+    // Nor on the other side of the floor.
     let point = local(&raycaster, 0.5, 0.0);
-    assert_eq!(told(&store, &raycaster, &point, Vec3::NEG_Z), None);
+    assert_eq!(found_at(&store, &raycaster, &point, Vec3::NEG_Z), None);
 }
 
 #[test]
-fn a_record_is_for_its_own_surface_and_not_for_one_a_step_behind_or_before_it() {
+fn a_record_serves_its_own_surface_and_none_a_step_before_or_behind_it() {
     let store = Store::new(0.01);
     assert!(store.insert(record(Vec3::ZERO, 3.0, 2.0, 1), |_| false));
     let known = |point: Vec3, normal: Vec3| {
@@ -248,7 +263,7 @@ fn a_record_is_for_its_own_surface_and_not_for_one_a_step_behind_or_before_it() 
     };
     for distance in [0.1_f32, 0.5, 1.0, 1.9] {
         assert!(known(Vec3::new(distance, 0.0, 0.0), Vec3::Z), "{distance}");
-        // As flat as meshes are.
+        // Meshes are at least this flat.
         assert!(known(Vec3::new(distance, 0.0, 0.005 * distance), Vec3::Z), "{distance}");
         for step in [-0.1, -0.05, 0.05, 0.1] {
             assert!(
@@ -256,7 +271,7 @@ fn a_record_is_for_its_own_surface_and_not_for_one_a_step_behind_or_before_it() 
                 "{distance} {step}"
             );
         }
-        // A ball and a bowl, smooth or in facets: the normal is that of the point or of half the way.
+        // A ball and a bowl, smooth or faceted: the normal is that of the point or of half the way.
         for radius in [10.0_f32, -10.0] {
             let angle = distance / radius;
             let point = Vec3::new(radius * angle.sin(), 0.0, radius * (angle.cos() - 1.0));
@@ -270,10 +285,10 @@ fn a_record_is_for_its_own_surface_and_not_for_one_a_step_behind_or_before_it() 
     }
 }
 
-/// What light does between two records that contradict each other no gradient tells: only what is near belongs to one of them. Noise is
-/// no contradiction, nor is what a wall keeps apart.
+/// If two records contradict each other, only nearby points use either. Noise is no contradiction,
+/// and records that a wall separates do not contradict each other.
 #[test]
-fn records_that_contradict_each_other_beyond_their_noise_reach_less_far() {
+fn contradicting_records_get_smaller_radii() {
     let radii = |light: f32, error: f32, hidden: bool| {
         let store = Store::new(0.01);
         let noisy = |x: f32, light, id| Record { error, ..record(Vec3::X * x, light, 2.0, id) };
@@ -287,13 +302,13 @@ fn records_that_contradict_each_other_beyond_their_noise_reach_less_far() {
     assert_eq!(radii(1.4, 0.03, true), whole, "behind a wall");
     assert_eq!(radii(1.4, 0.0, false), whole, "of unknown noise");
     for radius in radii(1.4, 0.03, false) {
-        // 0.4 is 7.75 standard errors of both: 1 over its root.
+        // 0.4 is 7.75 combined standard errors; the share is 1 over its root.
         assert!(radius.is_some_and(|radius| (radius - 0.359).abs() < 1e-3), "{radius:?}");
     }
 }
 
 #[test]
-fn what_was_received_is_not_passed_on_as_made_here() {
+fn received_records_are_not_reported_as_made_here() {
     let store = Store::new(0.01);
     for id in 0..10 {
         let record = record(Vec3::X * id as f32, 1.0, 0.5, id);
@@ -308,7 +323,7 @@ fn what_was_received_is_not_passed_on_as_made_here() {
 }
 
 #[test]
-fn what_is_not_a_record_is_not_taken() {
+fn invalid_and_duplicate_records_are_refused() {
     let store = Store::new(0.01);
     let good = record(Vec3::ZERO, 1.0, 1.0, 1);
     let bad: [fn(&mut Record); 7] = [
@@ -357,7 +372,7 @@ fn readers_see_whole_records_while_others_add_to_them() {
             scope.spawn(move || {
                 let point = local(raycaster, 1.5, 0.3);
                 for _ in 0..2000 {
-                    if let Some(found) = told(store, raycaster, &point, Vec3::Z) {
+                    if let Some(found) = found_at(store, raycaster, &point, Vec3::Z) {
                         assert!((found.irradiance - Vec3::splat(4.0)).abs().max_element() < 1e-4);
                     }
                 }
@@ -370,7 +385,8 @@ fn readers_see_whole_records_while_others_add_to_them() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// The set of records does not depend on order or repetition, and what is found is within what they hold.
+    /// The set of records does not depend on order or repetition, and interpolated values stay
+    /// within their range.
     #[test]
     fn merging_is_idempotent_and_interpolation_stays_within_its_records(
         lights in prop::collection::vec((0.2_f64..3.0, -1.0_f64..1.0, 0.0_f32..10.0, 0.05_f32..2.0), 1..40),
@@ -391,7 +407,7 @@ proptest! {
         prop_assert_eq!(backwards.len(), records.len());
         let point = local(&raycaster, at.0, at.1);
         for store in [&forwards, &backwards] {
-            if let Some(found) = told(store, &raycaster, &point, Vec3::Z) {
+            if let Some(found) = found_at(store, &raycaster, &point, Vec3::Z) {
                 let (low, high) = lights.iter().fold((f32::INFINITY, 0.0_f32), |(l, h), r| (l.min(r.2), h.max(r.2)));
                 prop_assert!(found.irradiance.x >= low * 0.9999 && found.irradiance.x <= high * 1.0001);
                 prop_assert!(found.records as usize <= records.len() && found.weight > 0.0);

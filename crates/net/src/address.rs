@@ -7,7 +7,8 @@ use crate::NetError;
 /// Resolves `HOST:PORT` to a loopback address.
 ///
 /// # Errors
-/// [`NetError::Address`] if it does not parse or resolve, [`NetError::NotLoopback`] for any other machine's address.
+/// [`NetError::Address`] if it does not parse or resolve; [`NetError::NotLoopback`] for an address
+/// of another machine.
 pub fn loopback(text: &str) -> Result<SocketAddr, NetError> {
     let bad = || NetError::Address(text.to_owned());
     let addresses: Vec<SocketAddr> = text.to_socket_addrs().map_err(|_| bad())?.collect();

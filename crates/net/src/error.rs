@@ -14,15 +14,17 @@ pub enum NetError {
     Address(String),
     /// Only loopback may be used so far.
     #[error(
-        "{0} is not a loopback address: connections are not encrypted yet, so only this machine may be served (use 127.0.0.1:PORT, and a secure tunnel between machines)"
+        "{0} is not a loopback address: connections are not encrypted yet, so only this machine \
+         may be served (use 127.0.0.1:PORT, and a secure tunnel between machines)"
     )]
     NotLoopback(SocketAddr),
-    /// The operating system's word.
-    #[error("{0}")]
+    /// An error of the operating system.
+    #[error(transparent)]
     Io(#[from] io::Error),
     /// The other side broke the protocol.
+    // Not marked as its source: the message has it already.
     #[error("protocol error: {0}")]
-    Proto(#[from] ProtoError),
+    Proto(ProtoError),
     /// The server does not take us.
     #[error("the server refused: {0}")]
     Refused(String),
@@ -33,9 +35,21 @@ pub enum NetError {
     #[error("the other side has been silent for {} seconds", crate::SILENCE.as_secs())]
     Silent,
     /// The handshake did not finish.
-    #[error("no answer within {} seconds; is this a holoserver's port?", crate::HANDSHAKE_TIME.as_secs())]
+    #[error(
+        "no answer within {} seconds; is this a holoserver's port?",
+        crate::HANDSHAKE_TIME.as_secs()
+    )]
     Handshake,
     /// The scene that arrived is not the one announced.
     #[error("the scene received does not have the announced {0}")]
     Scene(&'static str),
+    /// The server has no such scene to send, or it is damaged.
+    #[error("the server cannot read the scene that was asked for, and has said why")]
+    Absent,
+}
+
+impl From<ProtoError> for NetError {
+    fn from(error: ProtoError) -> NetError {
+        NetError::Proto(error)
+    }
 }

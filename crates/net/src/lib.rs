@@ -1,36 +1,47 @@
-//! Protocol sockets: frames over TCP, the handshake, limits and time-outs. The only crate that opens protocol sockets.
+//! Protocol sockets: frames over TCP, the handshake, limits and time-outs.
 //!
-//! What always holds:
-//! - a frame's length is checked against its kind before memory is taken for it, and before the handshake nothing
-//!   longer than a hello is read;
-//! - a connection on which nothing arrives for [`SILENCE`] is given up: the server pings everyone, so silence means that
-//!   the other side hangs or has vanished; so is one that takes nothing of what is sent for as long;
-//! - sending never blocks: frames queue in an [`Outbox`] whose [`Outbox::queued_bytes`] its owner watches, and which is 0
-//!   again once everything is with the operating system or the connection is gone;
-//! - addresses other than loopback are refused until connections are encrypted and authenticated.
+//! No other crate opens a protocol socket. What always holds:
+//! - Memory for a frame is taken only after its length was checked against its kind. Before the
+//!   handshake is done, nothing longer than a hello is read.
+//! - The server pings everyone every [`PING_EVERY`], and the tasks that own the sockets send and
+//!   answer these pings. Neither a long computation nor a long transfer looks like silence.
+//! - A connection ends if nothing arrives for [`SILENCE`], or if the other side takes nothing for
+//!   as long. The other side then hangs or has vanished.
+//! - Sending never blocks. Frames queue in an [`Outbox`], whose owner watches
+//!   [`Outbox::queued_bytes`].
+//! - Only loopback addresses are used, until connections are encrypted and authenticated.
 
 mod address;
-mod connection;
 mod error;
 mod handshake;
+mod inbox;
+mod message;
+mod outbox;
 mod scene;
 mod shutdown;
 
 pub use address::loopback;
-pub use connection::{Inbox, Message, Outbox};
 pub use error::NetError;
-pub use handshake::{accept, connect, refuse};
-pub use scene::{SCENE_CHUNK_BYTES, SceneReceiver};
+pub use handshake::{accept, connect, refuse, welcome};
+pub use inbox::Inbox;
+pub use message::Message;
+pub use outbox::Outbox;
+pub use scene::{SCENE_CHUNK_BYTES, SceneReceiver, absent};
 pub use shutdown::Shutdown;
 
 use std::time::Duration;
 
-/// A connection silent for so long is dead. The server pings every [`PING_EVERY`], so live ones never are; a worker on
-/// a machine that swaps may stall for some seconds and must not be given up for it.
+/// A connection silent for so long is dead. The server pings every [`PING_EVERY`], so live ones
+/// never are. A process on a machine that swaps may stall for some seconds and must survive that.
 pub const SILENCE: Duration = Duration::from_secs(15);
 
 /// How often the server pings.
 pub const PING_EVERY: Duration = Duration::from_secs(2);
 
-/// A handshake takes round trips, not seconds; whoever connects and says nothing holds a socket no longer than this.
+/// The longest handshake. It takes round trips, not seconds; whoever connects and says nothing
+/// holds a socket no longer than this.
 pub const HANDSHAKE_TIME: Duration = Duration::from_secs(5);
+
+/// The number of pings that keep a connection alive. Socket tasks send and answer them. A ping of
+/// any other number is a message like others: its pong says that everything before it was handled.
+const KEEP_ALIVE: u64 = 0;

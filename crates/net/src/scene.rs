@@ -1,16 +1,23 @@
-//! Fetching the packed scene: in pieces, bounded by what was announced.
+//! Fetching a blob, such as the packed scene: in pieces, bounded by what was announced.
 
 use holo_proto::{bulk::BlobChunk, control::SceneInfo};
 
 use crate::NetError;
 
-/// Bytes of scene in one message: small enough that other messages slip in between.
+/// Bytes of a blob in one message: small enough that other messages slip in between.
 pub const SCENE_CHUNK_BYTES: usize = 1 << 20;
 
-/// Largest scene taken from a server: 1.6 · 10⁸ triangles.
+/// Largest blob taken from a server: a scene of 1.6 · 10⁸ triangles.
 const MAX_SCENE_BYTES: u64 = 4 << 30;
 
-/// Collects the pieces of a scene as they arrive, in order.
+/// Returns the piece that a server sends in place of a blob that it does not have.
+///
+/// It is empty. Whoever asked need not guess from a delay whether the blob will come.
+pub fn absent() -> BlobChunk {
+    BlobChunk { offset: 0, bytes: Vec::new() }
+}
+
+/// Collects the pieces of a blob as they arrive, in order.
 #[derive(Debug)]
 pub struct SceneReceiver {
     bytes: Vec<u8>,
@@ -18,10 +25,10 @@ pub struct SceneReceiver {
 }
 
 impl SceneReceiver {
-    /// Ready for the scene announced.
+    /// Returns a receiver for the blob announced. It takes no memory before pieces arrive.
     ///
     /// # Errors
-    /// [`NetError::Scene`] if it is larger than any scene may be, or empty: no piece of it would ever come.
+    /// [`NetError::Scene`] for a blob that is too large, or empty: no piece of it would ever come.
     pub fn new(info: &SceneInfo) -> Result<SceneReceiver, NetError> {
         if info.bytes > MAX_SCENE_BYTES {
             return Err(NetError::Scene("size: it is too large"));
@@ -32,12 +39,16 @@ impl SceneReceiver {
         Ok(SceneReceiver { bytes: Vec::new(), expected: info.bytes })
     }
 
-    /// Takes the next piece; true once all is there.
+    /// Takes the next piece. Returns true once the blob is complete.
     ///
     /// # Errors
-    /// [`NetError::Scene`] for a piece that is empty, out of order, or past the announced size.
+    /// [`NetError::Absent`] if the server does not have the blob; [`NetError::Scene`] for a piece
+    /// that is empty, out of order, or past the announced size.
     pub fn take(&mut self, chunk: &BlobChunk) -> Result<bool, NetError> {
         let have = self.bytes.len() as u64;
+        if have == 0 && *chunk == absent() {
+            return Err(NetError::Absent);
+        }
         if chunk.bytes.is_empty()
             || chunk.offset != have
             || have + chunk.bytes.len() as u64 > self.expected
@@ -48,7 +59,12 @@ impl SceneReceiver {
         Ok(self.bytes.len() as u64 == self.expected)
     }
 
-    /// The scene's bytes. Whoever uses them checks their hash.
+    /// Returns how much has arrived, in bytes.
+    pub fn received(&self) -> u64 {
+        self.bytes.len() as u64
+    }
+
+    /// Returns the blob's bytes. Whoever uses them checks their hash.
     pub fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }

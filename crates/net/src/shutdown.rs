@@ -20,7 +20,7 @@ impl Default for Shutdown {
 }
 
 impl Shutdown {
-    /// Not yet triggered.
+    /// Returns a request that is not triggered yet.
     pub fn new() -> Shutdown {
         Shutdown { sender: Arc::new(watch::Sender::new(false)) }
     }
@@ -30,7 +30,7 @@ impl Shutdown {
         self.sender.send_replace(true);
     }
 
-    /// Whether it was triggered.
+    /// Returns whether it was triggered.
     pub fn is_triggered(&self) -> bool {
         *self.sender.borrow()
     }
@@ -41,9 +41,11 @@ impl Shutdown {
         let _ = self.sender.subscribe().wait_for(|&triggered| triggered).await;
     }
 
-    /// Triggers on Ctrl-C and on SIGTERM, and, where `with_parent` is set, when standard input ends: a process that
-    /// another one started leaves with it, even if that one was killed. A second Ctrl-C or SIGTERM ends the process where
-    /// it stands, with status 130: an orderly end may wait for a disk that hangs.
+    /// Triggers on Ctrl-C and on SIGTERM. With `with_parent`, also when standard input ends: a
+    /// process that another one started leaves with it, even if that one was killed.
+    ///
+    /// A second Ctrl-C or SIGTERM ends the process at once, with status 130, because an orderly end
+    /// may wait for a disk that hangs.
     ///
     /// Must be called within a tokio runtime.
     ///
@@ -63,7 +65,8 @@ impl Shutdown {
         }
         if with_parent {
             let shutdown = self.clone();
-            // A thread, not a task: reading standard input cannot be cancelled and must not hold up the runtime's end.
+            // A thread, not a task: reading standard input cannot be cancelled and must not hold up
+            // the runtime's end.
             std::thread::spawn(move || {
                 let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
                 shutdown.trigger();

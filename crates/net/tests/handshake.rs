@@ -1,11 +1,11 @@
-//! Who is taken, who is told why not, and who is dropped.
+//! Whom a server takes, whom it refuses with a reason, and whom it drops.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod common;
 
 use std::time::Duration;
 
-use common::{listener, pair, raw};
+use common::{SOON, listener, pair, raw};
 use holo_net::{HANDSHAKE_TIME, NetError, accept, connect, refuse};
 use holo_proto::{
     PROTOCOL_VERSION, ProtoError,
@@ -17,17 +17,14 @@ use tokio::{
     time::{Instant, timeout},
 };
 
-/// What the server says to a client that sends these bytes and then waits.
+/// Returns what the server says to a client that sends these bytes and then waits.
 async fn said_to(bytes: &[u8]) -> (NetError, Vec<u8>) {
     let (mut client, server) = raw().await;
     client.write_all(bytes).await.unwrap();
     let error = accept(server).await.map(|(.., hello)| hello).unwrap_err();
     let mut said = Vec::new();
     // The server's side is dropped: the answer, if any, is followed by the end.
-    timeout(Duration::from_secs(5), client.read_to_end(&mut said))
-        .await
-        .expect("the connection ends")
-        .unwrap();
+    timeout(SOON, client.read_to_end(&mut said)).await.expect("the connection ends").unwrap();
     (error, said)
 }
 
@@ -130,7 +127,7 @@ async fn a_client_that_says_nothing_is_dropped_in_time() {
         "{waited:?}"
     );
     let mut said = Vec::new();
-    timeout(Duration::from_secs(5), client.read_to_end(&mut said)).await.expect("dropped").unwrap();
+    timeout(SOON, client.read_to_end(&mut said)).await.expect("dropped").unwrap();
     assert_eq!(said, b"");
 }
 

@@ -1,6 +1,6 @@
 //! Scenes in pieces.
 
-use holo_net::{NetError, SCENE_CHUNK_BYTES, SceneReceiver};
+use holo_net::{NetError, SCENE_CHUNK_BYTES, SceneReceiver, absent};
 use holo_proto::{bulk::BlobChunk, control::SceneInfo, frame::MAX_BULK_BYTES};
 
 fn info(bytes: u64) -> SceneInfo {
@@ -41,6 +41,13 @@ fn pieces_out_of_order_twice_empty_or_too_long_are_refused() {
         assert!(matches!(error, NetError::Scene(_)), "{bad:?}: {error}");
         assert_eq!(receiver.into_bytes(), b"abc", "nothing of it is kept");
     }
+}
+
+#[test]
+fn an_empty_first_piece_says_that_there_is_none() {
+    let mut receiver = SceneReceiver::new(&info(10)).unwrap();
+    assert!(matches!(receiver.take(&absent()), Err(NetError::Absent)));
+    assert_eq!(BlobChunk::decode(&absent().encode()).unwrap(), absent(), "it can be sent");
 }
 
 #[test]

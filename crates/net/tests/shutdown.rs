@@ -1,13 +1,14 @@
 //! Being asked to end.
 
-use std::{process::Command, time::Duration};
+mod common;
 
+use std::process::Command;
+
+use common::SOON;
 use holo_net::Shutdown;
 use tokio::time::timeout;
 
-const SOON: Duration = Duration::from_secs(10);
-
-#[tokio::test]
+#[tokio::test(start_paused = true)]
 async fn everyone_who_waits_is_woken_and_whoever_comes_later_does_not_wait() {
     let shutdown = Shutdown::new();
     assert!(!shutdown.is_triggered());
@@ -17,10 +18,7 @@ async fn everyone_who_waits_is_woken_and_whoever_comes_later_does_not_wait() {
             tokio::spawn(async move { shutdown.wait().await })
         })
         .collect();
-    assert!(
-        timeout(Duration::from_millis(20), shutdown.wait()).await.is_err(),
-        "not triggered yet"
-    );
+    assert!(timeout(SOON, shutdown.wait()).await.is_err(), "not triggered yet");
     assert!(waiting.iter().all(|task| !task.is_finished()));
     shutdown.clone().trigger();
     for task in waiting {

@@ -1,47 +1,51 @@
-//! Fore and aft clipping (Radiance's `-vo` and `-va`): a view shows what lies beyond one surface and before another.
+//! Fore and aft clipping (Radiance's `-vo` and `-va`): a view shows only what lies between two
+//! surfaces.
 //!
-//! The surfaces are planes at right angles to the view's direction in perspectives and parallel views, cylinders around the up vector in
-//! panoramas, and spheres around the eye in fisheyes, as in Radiance's `viewray` (image.c). What lies before the fore surface is as if it
-//! were not there. Beyond the aft surface all is black, the sky too.
+//! As in Radiance's `viewray` (image.c), the surfaces are planes perpendicular to the view
+//! direction in perspective and parallel views, cylinders around the up vector in panoramas, and
+//! spheres around the eye in fisheyes. Objects before the fore surface are ignored. Beyond the aft
+//! surface everything is black, the sky too.
 //!
-//! Invariant: the aft surface, if there is one, is beyond the fore surface, and that is not behind an eye.
+//! Always true: the aft surface, if there is one, is beyond the fore surface. The fore surface is
+//! not behind the eye.
 
 use crate::kind::ViewKind;
 use crate::view::View;
 use crate::view_error::ViewError;
 use glam::DVec3;
 
-/// Where something is with respect to a view's clipping surfaces.
+/// The position of a point relative to a view's clipping surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Clip {
-    /// Before the fore surface: as if it were not there.
+    /// Before the fore surface: the point is ignored.
     Before,
-    /// Between them.
+    /// Between the surfaces.
     Shown,
-    /// Beyond the aft surface: black.
+    /// Beyond the aft surface: the point is black.
     Beyond,
 }
 
 impl View {
-    /// From where distances count: the eye; of a parallel view the middle of the plane on which its rays begin, which is its fore
-    /// clipping plane.
+    /// Returns the point from which distances are measured: the eye. For a parallel view, it is the
+    /// centre of the plane on which rays begin, the fore clipping plane.
     #[inline]
     pub fn eye(&self) -> DVec3 {
         if self.kind.has_eye() || self.vo == 0.0 { self.vp } else { self.vp + self.vd * self.vo }
     }
 
-    /// Whether anything is clipped, seen from [`eye`](Self::eye).
+    /// Returns whether the view clips anything, seen from [`eye`](Self::eye).
     #[inline]
     pub fn is_clipped(&self) -> bool {
         self.va != 0.0 || (self.vo != 0.0 && self.kind.has_eye())
     }
 
-    /// Whether the sky is clipped: whatever meets nothing is black.
+    /// Returns whether the sky is clipped: rays that hit nothing are black.
     pub fn clips_sky(&self) -> bool {
         self.va != 0.0
     }
 
-    /// Distances along a ray of this direction (of length 1) at which it passes the clipping surfaces; 0 and infinity without.
+    /// Returns the distances at which a ray of this unit direction crosses the clipping surfaces; 0
+    /// and infinity without surfaces.
     #[inline]
     pub fn span(&self, direction: DVec3) -> [f64; 2] {
         if !self.is_clipped() {
@@ -51,8 +55,9 @@ impl View {
         self.limits().map(|limit| limit / pace)
     }
 
-    /// The ray that is seen through picture coordinates (`x`, `y`) as [`try_ray`](Self::try_ray), but beginning on the fore clipping
-    /// surface, and the distance from there at which it ends on the aft one: infinite without.
+    /// Returns the ray through picture coordinates (`x`, `y`), as [`try_ray`](Self::try_ray) does,
+    /// but starting on the fore surface. The third value is the distance from there to the aft
+    /// surface; infinite without one.
     #[inline]
     pub fn clipped_ray(&self, x: f64, y: f64) -> Option<(DVec3, DVec3, f64)> {
         let (origin, direction) = self.try_ray(x, y)?;
@@ -60,7 +65,7 @@ impl View {
         Some((origin + direction * fore, direction, aft - fore))
     }
 
-    /// Whether a point, relative to [`eye`](Self::eye) as (right, up, forward), is shown.
+    /// Classifies a point relative to [`eye`](Self::eye), given as (right, up, forward).
     #[inline]
     pub fn clip_local(&self, place: DVec3) -> Clip {
         if !self.is_clipped() {
@@ -76,13 +81,13 @@ impl View {
         }
     }
 
-    /// Whether a point of the scene is shown.
+    /// Classifies a point of the scene.
     #[inline]
     pub fn clip(&self, p: DVec3) -> Clip {
         if self.is_clipped() { self.clip_local(self.to_local(p - self.eye())) } else { Clip::Shown }
     }
 
-    /// What the surfaces' distances are measured by.
+    /// Returns the quantity that the distances of the surfaces limit.
     #[inline]
     fn clip_depth(&self, place: DVec3) -> f64 {
         match self.kind {
@@ -92,14 +97,14 @@ impl View {
         }
     }
 
-    /// The surfaces' distances from [`eye`](Self::eye).
+    /// Returns the distances of the surfaces from [`eye`](Self::eye).
     fn limits(&self) -> [f64; 2] {
         let fore = if self.kind.has_eye() { self.vo } else { 0.0 };
         [fore, if self.va == 0.0 { f64::INFINITY } else { self.va - self.vo + fore }]
     }
 }
 
-/// Fails unless there is a view with these clipping distances.
+/// Checks the clipping distances of a view.
 pub(crate) fn check(kind: ViewKind, vo: f64, va: f64) -> Result<(), ViewError> {
     for (option, value) in [("-vo", vo), ("-va", va)] {
         if !value.is_finite() {
@@ -109,7 +114,7 @@ pub(crate) fn check(kind: ViewKind, vo: f64, va: f64) -> Result<(), ViewError> {
     if vo < 0.0 && kind.has_eye() {
         return Err(ViewError::ForeBehindEye { vo });
     }
-    // As Radiance's `setview`: 0 is none.
+    // As in Radiance's `setview`, 0 means none.
     if va < 0.0 || (va > 0.0 && va <= vo) {
         return Err(ViewError::AftBeforeFore { vo, va });
     }

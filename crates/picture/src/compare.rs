@@ -1,7 +1,9 @@
-//! How far a picture is from a reference: the measures of the project, and how sure its bias is.
+//! Measures of the difference between a picture and a reference, and confidence intervals of the
+//! bias.
 //!
-//! The formulas are those of the reference data's `compare.py`, in f64, with numpy's percentile and median. Luminance is
-//! 0.2126R + 0.7152G + 0.0722B here (Rec. 709 weights, relative), not the candelas of [`luminance`](crate::luminance).
+//! The formulas are those of the reference data's `compare.py`, in f64, with numpy's percentile and
+//! median. Luminance is 0.2126R + 0.7152G + 0.0722B here (Rec. 709 weights, relative), not the
+//! cd/m² of [`luminance`](crate::luminance).
 
 use crate::picture::Picture;
 use serde::{Deserialize, Serialize};
@@ -10,7 +12,8 @@ use std::fmt;
 /// Weights of the channels in a relative luminance (Rec. 709).
 const REC709: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Pixels brighter than this times the reference's median are left out of the bias: a lamp in view would hide the rest.
+/// Factor of the reference's median above which pixels are left out of the bias: a lamp in view
+/// would hide everything else.
 const LAMP: f64 = 20.0;
 
 /// Percentile of the reference's luminance that a display shows as white.
@@ -22,7 +25,7 @@ const BLOCK: usize = 16;
 /// Half width of a two-sided 99 % interval in standard errors of a normal distribution.
 pub const BIAS_Z: f64 = 2.575_829_303_548_901;
 
-/// Why two pictures cannot be compared.
+/// The reason why two pictures cannot be compared.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CompareError {
@@ -37,10 +40,10 @@ pub enum CompareError {
     /// A picture has no pixels, or not as many as its size says.
     #[error("the {0} has no pixels, or not as many as its size says")]
     Pixels(&'static str),
-    /// A pixel is infinite or not a number: no measure of it would mean anything.
+    /// A pixel is infinite or NaN, so no measure would mean anything.
     #[error("the {which} has no finite value at column {column}, row {row} (from the top)")]
     NotFinite {
-        /// Which of the pictures.
+        /// The picture concerned.
         which: &'static str,
         /// Column, from 0.
         column: u32,
@@ -50,7 +53,7 @@ pub enum CompareError {
     /// A standard error is negative.
     #[error("the {which} is negative at column {column}, row {row} (from the top)")]
     NegativeError {
-        /// Which of the pictures.
+        /// The picture concerned.
         which: &'static str,
         /// Column, from 0.
         column: u32,
@@ -59,30 +62,36 @@ pub enum CompareError {
     },
 }
 
-/// The measures of a picture against a reference; all 0 (and `psnr_disp` 120) for equal pictures.
+/// The measures of a picture against a reference. All are 0 (and `psnr_disp` is 120) for equal
+/// pictures.
 ///
-/// A measure that a pair of pictures does not have (a bias against black) is NaN, which JSON has as `null`.
+/// A measure that does not exist (such as a bias against black) is NaN, which JSON writes as
+/// `null`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
-    /// Mean of (a-r)²/(r² + 0.01·mean(r)²) over pixels and channels, each at most 10⁴.
+    /// Mean of (a-r)²/(r² + 0.01·mean(r)²) over pixels and channels, where each term is at most
+    /// 10⁴.
     pub relmse: f64,
-    /// The same without that cap, without the worst 0.1 % of pixels: *the* relMSE of this project.
+    /// The same without that limit, and without the worst 0.1 % of pixels. Elsewhere in this
+    /// project, relMSE means this measure.
     pub relmse_trim: f64,
     /// Root mean square of the difference of log₁₀ luminance.
     pub log_rmse: f64,
-    /// PSNR in dB of the picture as displayed: clipped at the reference's 95th percentile, gamma 2.2.
+    /// PSNR in dB of the picture as displayed: clipped at the reference's 95th percentile, gamma
+    /// 2.2.
     pub psnr_disp: f64,
-    /// Relative error of the mean luminance over pixels no brighter than 20 × the reference's median.
+    /// Relative error of the mean luminance over pixels no brighter than 20 × the reference's
+    /// median.
     pub bias: f64,
     /// Relative error of the mean luminance over all pixels.
     pub bias_all: f64,
     /// Largest relative error of the mean luminance of a 16×16 block of lit pixels.
     pub worst_block: f64,
-    /// Share of pixels off by more than 0.1 decades.
+    /// Share of pixels whose error exceeds 0.1 decades.
     pub bad: f64,
 }
 
-/// Prints as `compare.py` does: `relmse=0.0123 … bad=0.4`, five significant digits.
+/// Prints the measures as `compare.py` does: `relmse=0.0123 … bad=0.4`, five significant digits.
 impl fmt::Display for Measures {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Measures { relmse, relmse_trim, log_rmse, psnr_disp, bias, bias_all, worst_block, bad } =
@@ -105,10 +114,10 @@ impl fmt::Display for Measures {
     }
 }
 
-/// The measures of `picture` against `reference`.
+/// Returns the measures of `picture` against `reference`.
 ///
 /// # Errors
-/// Sizes that differ, pixels that are not finite.
+/// Sizes that differ, or pixels that are not finite.
 pub fn compare(picture: &Picture, reference: &Picture) -> Result<Measures, CompareError> {
     check(picture, "picture", reference)?;
     check(reference, "reference", reference)?;
@@ -138,7 +147,7 @@ pub fn compare(picture: &Picture, reference: &Picture) -> Result<Measures, Compa
     let dim = dim_pixels(&lr, &sorted);
     let white = percentile(&sorted, WHITE) + 1e-9;
     let shown = |value: f32| (f64::from(value) / white).clamp(0.0, 1.0).powf(1.0 / 2.2);
-    // compare.py clips each channel at the luminance's percentile.
+    // As compare.py, clips each channel at the percentile of the luminance.
     let both = picture.pixels.as_flattened().iter().zip(reference.pixels.as_flattened());
     let display = mean(both.map(|(a, r)| (shown(*a) - shown(*r)).powi(2)));
 
@@ -154,15 +163,17 @@ pub fn compare(picture: &Picture, reference: &Picture) -> Result<Measures, Compa
     })
 }
 
-/// The bias of `picture` as [`Measures::bias`] has it, and the half width of its 99 % confidence interval.
+/// Returns the bias of `picture` as in [`Measures::bias`], and the half width of its 99 %
+/// confidence interval.
 ///
-/// `picture_error` and `reference_error` hold the standard error of every pixel and channel; None counts as exact. Pixels
-/// are taken to be independent of each other, as those of a path tracer are; the channels of a pixel as fully correlated
-/// (the error of a luminance is the weighted *sum* of theirs), which is the widest that they can make it. The interval of the
-/// ratio is that of its linearisation, good while the reference's mean is known to a few per cent.
+/// `picture_error` and `reference_error` hold the standard error of every pixel and channel; `None`
+/// means exact. Pixels are assumed to be independent, as those of a path tracer are. The channels
+/// of a pixel are assumed to be fully correlated, which makes the interval widest: the error of a
+/// luminance is the weighted *sum* of theirs. The interval is that of the linearised ratio, which
+/// is accurate if the reference's mean is known to a few per cent.
 ///
 /// # Errors
-/// As [`compare()`]; standard errors that are negative, or of another size.
+/// As [`compare()`]; standard errors that are negative or of another size.
 pub fn bias_interval(
     picture: &Picture,
     picture_error: Option<&Picture>,
@@ -185,9 +196,12 @@ pub fn bias_interval(
     Ok((ratio - 1.0, BIAS_Z * deviation))
 }
 
-/// [`Measures::worst_block`] without noise: of each block's relative error squared, its variance by the standard errors is taken off;
-/// the root of the largest rest, 0 if noise explains all. Errors as [`bias_interval`] has them. A block whose noise is as large as what is
-/// looked for can still be this worst one by chance: take as many paths as make noise small.
+/// Returns [`Measures::worst_block`] without noise. The variance that the standard errors explain
+/// is subtracted from each block's squared relative error. The result is the root of the largest
+/// difference; 0 if noise explains everything.
+///
+/// A block whose noise is as large as the error in question may still be the worst by chance. Use
+/// so many paths that noise is small.
 ///
 /// # Errors
 /// As [`bias_interval`].
@@ -209,20 +223,24 @@ pub fn worst_block_beyond_noise(
     Ok(lit_blocks(&lr, &dim, reference.width as usize).map(beyond).fold(0.0, f64::max).sqrt())
 }
 
-/// Largest relative difference of what a display shows of a lit 16×16 block: its mean luminance where all that is brighter than
-/// the reference's 95th percentile is white, as [`Measures::psnr_disp`] has it. How much one picture of a view flickers beside the
-/// next: a pixel at a lamp's edge that shows more of the lamp is no more than white.
+/// Returns the largest relative difference between displayed 16×16 blocks of lit pixels. It
+/// measures flicker between two pictures of a view.
+///
+/// The luminance of a displayed block is a mean in which everything above the reference's 95th
+/// percentile is white, as in [`Measures::psnr_disp`]. So a pixel at a lamp's edge that shows more
+/// of the lamp counts at most as white.
 ///
 /// # Errors
 /// As [`compare()`].
 pub fn worst_block_shown(picture: &Picture, reference: &Picture) -> Result<f64, CompareError> {
-    let ([la], lr) = shown([(picture, "picture")], reference)?;
+    let ([la], lr) = displayed([(picture, "picture")], reference)?;
     Ok(worst_block(&la, &lr, &vec![true; lr.len()], reference.width as usize))
 }
 
-/// By how much the relative error of what a display shows of a lit 16×16 block, as [`worst_block_shown`] has it, is larger than that of the
-/// same block of the picture `before`, where it grows most; 0 if none grows. A view at rest that only comes nearer to what it should be
-/// does not flicker, however much it changes.
+/// Returns the largest growth of the relative error of a displayed 16×16 block, from the picture
+/// `before` to `picture`; 0 if no error grows. Blocks are displayed as in [`worst_block_shown`].
+///
+/// A view at rest that approaches the reference does not flicker, however much it changes.
 ///
 /// # Errors
 /// As [`compare()`].
@@ -231,7 +249,7 @@ pub fn worst_block_away(
     before: &Picture,
     reference: &Picture,
 ) -> Result<f64, CompareError> {
-    let ([la, lb], lr) = shown([(picture, "picture"), (before, "picture before")], reference)?;
+    let ([la, lb], lr) = displayed([(picture, "picture"), (before, "picture before")], reference)?;
     let away = |block: Vec<usize>| {
         let sum = |values: &[f64]| block.iter().map(|&at| values[at]).sum::<f64>();
         let (a, b, r) = (sum(&la), sum(&lb), sum(&lr));
@@ -241,9 +259,9 @@ pub fn worst_block_away(
     Ok(lit_blocks(&lr, &all, reference.width as usize).map(away).fold(0.0, f64::max))
 }
 
-/// Luminances of pictures, which errors name, and of their reference, as a display shows them: what is brighter than the reference's 95th
-/// percentile is white.
-fn shown<const N: usize>(
+/// Returns the luminances of pictures and of their reference as displayed: everything above the
+/// reference's 95th percentile is white. The names of the pictures are for errors.
+fn displayed<const N: usize>(
     pictures: [(&Picture, &'static str); N],
     reference: &Picture,
 ) -> Result<([Vec<f64>; N], Vec<f64>), CompareError> {
@@ -254,11 +272,12 @@ fn shown<const N: usize>(
     let mut sorted = luminances(reference);
     sorted.sort_unstable_by(f64::total_cmp);
     let white = percentile(&sorted, WHITE);
-    let shown = |picture| luminances(picture).into_iter().map(|value| value.min(white)).collect();
-    Ok((pictures.map(|(picture, _)| shown(picture)), shown(reference)))
+    let displayed =
+        |picture| luminances(picture).into_iter().map(|value| value.min(white)).collect();
+    Ok((pictures.map(|(picture, _)| displayed(picture)), displayed(reference)))
 }
 
-/// Luminances of two pictures, and which pixels of the reference are no lamps.
+/// Luminances of two pictures, and the pixels of the reference that are not lamps.
 struct Lit {
     picture: Vec<f64>,
     reference: Vec<f64>,
@@ -277,7 +296,7 @@ impl Lit {
     }
 }
 
-/// Squares of the standard errors of luminances; zeros without.
+/// Returns the squared standard errors of luminances; zeros if there are none.
 fn variances(
     error: Option<&Picture>,
     which: &'static str,
@@ -319,13 +338,13 @@ fn luminances(picture: &Picture) -> Vec<f64> {
     picture.pixels.iter().map(weighted).collect()
 }
 
-/// Which pixels of the reference are no lamps.
+/// Returns which pixels of the reference are not lamps.
 fn dim_pixels(lr: &[f64], sorted: &[f64]) -> Vec<bool> {
     let limit = LAMP * percentile(sorted, 50.0).max(1e-12);
     lr.iter().map(|l| *l <= limit).collect()
 }
 
-/// NaN without values, as numpy has it.
+/// Returns the mean; NaN without values, as in numpy.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0u64), |(sum, count), value| (sum + value, count + 1));
     sum / count as f64
@@ -335,7 +354,8 @@ fn masked_mean(values: &[f64], mask: &[bool]) -> f64 {
     mean(values.iter().zip(mask).filter(|(_, kept)| **kept).map(|(value, _)| *value))
 }
 
-/// numpy's default percentile: linear between the two nearest ranks. Its median is the 50th. NaN without values.
+/// Returns numpy's default percentile: linear between the two nearest ranks. The 50th is the
+/// median. NaN without values.
 fn percentile(sorted: &[f64], percent: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let rank = percent / 100.0 * last as f64;
@@ -352,8 +372,8 @@ fn worst_block(la: &[f64], lr: &[f64], dim: &[bool], width: usize) -> f64 {
     lit_blocks(lr, dim, width).map(error).fold(0.0, f64::max)
 }
 
-/// The pixels that are no lamps of each lit block: whole ones only, with at least half their pixels such ones, whose reference is above
-/// 5 % of the mean.
+/// Returns, for each lit block, its pixels that are not lamps. A lit block is whole, has at least
+/// half its pixels without lamps, and their mean in the reference is above 5 % of the picture's.
 fn lit_blocks(lr: &[f64], dim: &[bool], width: usize) -> impl Iterator<Item = Vec<usize>> {
     let floor = 0.05 * masked_mean(lr, dim);
     let height = lr.len() / width;
@@ -369,7 +389,7 @@ fn lit_blocks(lr: &[f64], dim: &[bool], width: usize) -> impl Iterator<Item = Ve
     )
 }
 
-/// C's `%.5g`.
+/// Formats like C's `%.5g`.
 fn general(value: f64) -> String {
     if !value.is_finite() {
         return if value.is_nan() {

@@ -1,14 +1,14 @@
-//! What can go wrong with a picture and its file.
+//! Errors of pictures and their files.
 
 use std::path::PathBuf;
 
 use crate::picture::{MAX_PIXELS, MAX_SIDE};
 
-/// Why a picture could not be read, written or made.
+/// The reason why a picture could not be read, written or made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PictureError {
-    /// Something is wrong with a file: which one, and what.
+    /// An error in a file.
     #[error("{}: {error}", path.display())]
     File {
         /// The file.
@@ -16,16 +16,16 @@ pub enum PictureError {
         /// What is wrong.
         error: Box<PictureError>,
     },
-    /// The disk or the system said no.
+    /// An error of the operating system.
     #[error("{0}")]
     Io(#[from] std::io::Error),
-    /// Neither the first bytes nor the extension say what this is.
+    /// Neither the first bytes nor the extension belong to a known format.
     #[error("not a picture that can be read: its first bytes are not those of .hdr, .pfm or .exr")]
     UnknownFormat,
-    /// An extension that is none of those that can be written.
-    #[error("pictures are written as .exr, .hdr, .pfm or .png: `{0}` is none of them")]
+    /// A file name whose extension belongs to no format that can be written.
+    #[error("pictures are written as .exr, .hdr, .pfm or .png, not as `{0}`")]
     UnknownExtension(String),
-    /// A `.png`, which has display colours and no radiance.
+    /// A `.png`, which contains display colours instead of radiance.
     #[error("a .png holds display colours, not radiance: give .hdr, .pfm or .exr")]
     PngIsNotRadiance,
     /// A picture without pixels, or too large.
@@ -33,22 +33,22 @@ pub enum PictureError {
         "{width}x{height} pixels: each side must be 1 to {MAX_SIDE}, and at most {MAX_PIXELS} in all"
     )]
     Size {
-        /// Pixels across.
+        /// Width in pixels.
         width: u64,
-        /// Pixels down.
+        /// Height in pixels.
         height: u64,
     },
-    /// More bytes than any picture within the limits has.
+    /// A file larger than any picture within the limits.
     #[error("{0} bytes are more than any picture of at most {MAX_PIXELS} pixels has")]
     TooLong(u64),
-    /// The number of pixels is not that of the size.
-    #[error("{width}x{height} pixels are stated but {pixels} are there")]
+    /// The number of pixels does not match the size.
+    #[error("the size is {width}x{height}, but there are {pixels} pixels")]
     PixelCount {
-        /// Stated pixels across.
+        /// Stated width in pixels.
         width: u32,
-        /// Stated pixels down.
+        /// Stated height in pixels.
         height: u32,
-        /// Pixels there.
+        /// Number of pixels.
         pixels: usize,
     },
     /// An exposure that is not a positive number.
@@ -58,7 +58,7 @@ pub enum PictureError {
     #[error("header: {0}")]
     Header(String),
     /// The file ends too early.
-    #[error("the file ends within its pixels: row {row} of {rows} is not whole")]
+    #[error("the file ends within its pixels: row {row} of {rows} is incomplete")]
     Truncated {
         /// Row in the file's order, from 0.
         row: u32,

@@ -1,7 +1,7 @@
-//! Files of pictures: which format, whole files only, and every error with the file's name.
+//! Picture files: formats, and reading and writing of whole files. Every error names the file.
 //!
-//! Invariants: memory is taken only for a size within [`MAX_PIXELS`] and, where the format allows to tell, for pixels
-//! that are there; a file that is written appears whole or not at all.
+//! Always true: memory is allocated only for a size within [`MAX_PIXELS`]. If the format allows it,
+//! only pixels that exist are counted. A file that is written appears whole or not at all.
 
 mod hdr;
 mod hdr_pixels;
@@ -17,25 +17,25 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Most bytes that a file of [`MAX_PIXELS`] pixels has: 16 a pixel, and room for headers.
+/// Most bytes of a file of [`MAX_PIXELS`] pixels: 16 a pixel, plus headers.
 const MAX_FILE_BYTES: u64 = MAX_PIXELS * 16 + (1 << 20);
 
 /// A file format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Format {
-    /// Radiance RGBE, `.hdr` and `.pic`: within 0.4 % of the largest channel.
+    /// Radiance RGBE, `.hdr` and `.pic`: exact to 0.4 % of the largest channel.
     Hdr,
     /// Portable float map, `.pfm`: exact.
     Pfm,
     /// OpenEXR with 32-bit floats, `.exr`: exact.
     Exr,
-    /// Tone mapped, 8 bits, `.png`: written only.
+    /// Tone mapped, 8 bits, `.png`: for writing only.
     Png,
 }
 
 impl Format {
-    /// The format that a path's extension names, in any case.
+    /// Returns the format of a path's extension, in upper or lower case.
     pub fn of_path(path: &Path) -> Option<Format> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "hdr" | "pic" => Some(Format::Hdr),
@@ -46,7 +46,7 @@ impl Format {
         }
     }
 
-    /// The format that the first bytes of a file belong to.
+    /// Returns the format that the first bytes of a file belong to.
     pub fn of_bytes(bytes: &[u8]) -> Option<Format> {
         match bytes {
             [b'#', b'?', ..] => Some(Format::Hdr),
@@ -60,7 +60,7 @@ impl Format {
 
 pub(crate) fn read(path: &Path) -> Result<Picture, PictureError> {
     let result = read_bytes(path).and_then(|bytes| {
-        // Pictures of before 1991 have no `#?`: Radiance's extension is trusted for them alone.
+        // Pictures older than 1991 lack `#?`. For them alone, Radiance's extension decides.
         let by_name = Format::of_path(path).filter(|format| *format == Format::Hdr);
         decode(&bytes, Format::of_bytes(&bytes).or(by_name).ok_or(PictureError::UnknownFormat)?)
     });
@@ -117,7 +117,7 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, PictureError> {
     if stated > MAX_FILE_BYTES {
         return Err(PictureError::TooLong(stated));
     }
-    // A pipe states no length, and a file may grow: the bound holds for what comes, too.
+    // A pipe states no length, and a file may grow. So the bound applies to the bytes read, too.
     let mut bytes = Vec::new();
     file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
@@ -126,7 +126,7 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, PictureError> {
     Ok(bytes)
 }
 
-/// Writes beside `path`, flushes, and moves into place.
+/// Writes a file next to `path`, flushes it, and renames it.
 fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PictureError> {
     let temporary = temporary_beside(path);
     let written = File::create_new(&temporary).and_then(|mut file| {
@@ -135,13 +135,13 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PictureError> {
     });
     let moved = written.and_then(|()| fs::rename(&temporary, path));
     if moved.is_err() {
-        // The first error is the one to report; a file that was never made cannot be removed either.
+        // Report the first error. A file that was never created cannot be removed either.
         let _ = fs::remove_file(&temporary);
     }
     Ok(moved?)
 }
 
-/// A name in the same folder that no other process and no other thread uses.
+/// Returns a name in the same folder that no other process or thread uses.
 fn temporary_beside(path: &Path) -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     let mut name = OsString::from(".");

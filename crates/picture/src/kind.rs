@@ -1,23 +1,27 @@
-//! View types: how what the eye sees is laid out on a plane (Radiance's `-vt`; rpict's manual page).
+//! View types: projections of the directions that an eye sees onto a plane (Radiance's `-vt`;
+//! rpict's manual page).
 //!
-//! A picture is a rectangle of that plane, around its origin unless it is shifted. What `-vh` and `-vv` mean is the type's own:
+//! A picture is a rectangle of that plane, centred on its origin unless it is shifted. The meaning
+//! of `-vh` and `-vv` depends on the type:
 //!
 //! | type | plane | `-vh` | `-vv` |
 //! |---|---|---|---|
 //! | `v` perspective | tangents | angle below 180° | angle below 180° |
 //! | `l` parallel | lengths | width, scene units | height, scene units |
 //! | `c` cylindrical panorama | angle around, tangent up | angle to 360° | angle below 180° |
-//! | `a` angular fisheye | angle from the middle | angle to 360° | angle to 360° |
-//! | `h` hemispherical fisheye | sine of the angle from the middle | angle to 180° | angle to 180° |
+//! | `a` angular fisheye | angle from the centre | angle to 360° | angle to 360° |
+//! | `h` hemispherical fisheye | sine of the angle from the centre | angle to 180° | angle to 180° |
 //!
-//! Invariant: [`ViewKind::direction`] is the inverse of [`ViewKind::plane`]. Local coordinates are right, up and forward.
+//! Always true: [`ViewKind::direction`] is the inverse of [`ViewKind::plane`]. Local coordinates
+//! are right, up and forward.
 
 use crate::view_error::ViewError;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// How directions are laid out in a picture. Radiance's planispheric fisheye (`s`) is refused by name.
+/// A projection of directions onto a picture. Radiance's planispheric fisheye (`s`) is not
+/// supported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -25,17 +29,18 @@ pub enum ViewKind {
     /// Perspective, `-vtv`.
     #[default]
     Perspective,
-    /// Parallel, `-vtl`: all rays have one direction, each begins on the plane through `-vp`.
+    /// Parallel, `-vtl`: all rays have one direction and begin on the plane through `-vp`.
     Parallel,
     /// Cylindrical panorama, `-vtc`: around the up vector.
     Cylindrical,
-    /// Angular fisheye, `-vta`: distance from the middle is in proportion to the angle.
+    /// Angular fisheye, `-vta`: the distance from the centre is proportional to the angle.
     Angular,
-    /// Hemispherical fisheye, `-vth`: a hemisphere seen from far away; area is projected solid angle.
+    /// Hemispherical fisheye, `-vth`: a hemisphere seen from far away. Areas are projected solid
+    /// angles.
     Hemispherical,
 }
 
-/// What one of a picture's sides has to do with its option.
+/// The relation between the side of a picture and its option.
 #[derive(Clone, Copy, PartialEq)]
 enum Law {
     /// 2·tan of half the angle.
@@ -47,16 +52,16 @@ enum Law {
     Sine,
 }
 
-/// A side of a picture: its option, and the number of its axis.
+/// A side of a picture: its option, and the index of its axis.
 pub(crate) const ACROSS: (&str, usize) = ("-vh", 0);
 /// See [`ACROSS`].
 pub(crate) const ALONG: (&str, usize) = ("-vv", 1);
 
-/// Smallest side: its square must not vanish.
+/// Smallest side, so that its square does not vanish.
 const LEAST_SIDE: f64 = 1e-100;
 
 impl ViewKind {
-    /// All of them.
+    /// All view types.
     pub const ALL: [ViewKind; 5] = [
         ViewKind::Perspective,
         ViewKind::Parallel,
@@ -65,7 +70,7 @@ impl ViewKind {
         ViewKind::Hemispherical,
     ];
 
-    /// What follows `-vt`.
+    /// Returns the letter that follows `-vt`.
     pub fn letter(self) -> char {
         match self {
             ViewKind::Perspective => 'v',
@@ -76,17 +81,18 @@ impl ViewKind {
         }
     }
 
-    /// The type of a letter.
+    /// Returns the type of a letter.
     pub fn from_letter(letter: char) -> Option<ViewKind> {
         ViewKind::ALL.into_iter().find(|kind| kind.letter() == letter)
     }
 
-    /// Whether all of its rays pass one point, the eye: all types but the parallel one.
+    /// Returns whether all rays pass through one point, the eye. True for all types but the
+    /// parallel one.
     pub fn has_eye(self) -> bool {
         self != ViewKind::Parallel
     }
 
-    /// `-vh` when neither size is given; `None` for lengths, which nobody can guess.
+    /// Returns `-vh` for views that state no size. `None` for lengths, which have no default.
     pub(crate) fn default_vh(self) -> Option<f64> {
         match self {
             ViewKind::Perspective => Some(crate::view::DEFAULT_VH),
@@ -96,7 +102,7 @@ impl ViewKind {
         }
     }
 
-    /// How large a side is on the plane, of what its option says.
+    /// Returns the size of a side on the plane, from its option.
     pub(crate) fn extent(
         self,
         (option, axis): (&'static str, usize),
@@ -109,7 +115,7 @@ impl ViewKind {
             Law::Angle => (size.to_radians(), size > 0.0 && size <= 360.0),
             Law::Sine => (2.0 * (size.to_radians() / 2.0).sin(), size > 0.0 && size <= 180.0),
         };
-        // The second test catches sizes so small that nothing is left of their square.
+        // The second test rejects sizes whose square vanishes.
         if fits && extent > 2.0 * LEAST_SIDE {
             return Ok(extent);
         }
@@ -121,9 +127,9 @@ impl ViewKind {
         })
     }
 
-    /// What a side's option has to say for this size on the plane; `None` if no value does.
+    /// Returns the option's value for a size of a side on the plane; `None` if there is none.
     pub(crate) fn option_value(self, (_, axis): (&'static str, usize), extent: f64) -> Option<f64> {
-        // A square that is as large as it can be must not fail for the last bit.
+        // The largest possible square must not fail because of rounding.
         let within = |most: f64| (extent <= most * (1.0 + 1e-12)).then(|| extent.min(most));
         match self.law(axis) {
             Law::Tangent => Some((extent / 2.0).atan().to_degrees() * 2.0),
@@ -144,7 +150,8 @@ impl ViewKind {
         }
     }
 
-    /// The direction, of length 1, that a point of the plane shows; `None` for points that show none (a fisheye's corners).
+    /// Returns the unit direction that a point of the plane shows. `None` for points that show
+    /// none, such as a fisheye's corners.
     #[inline]
     pub(crate) fn direction(self, [u, v]: [f64; 2]) -> Option<DVec3> {
         match self {
@@ -167,8 +174,9 @@ impl ViewKind {
         }
     }
 
-    /// Where on the plane something at `place` is seen; only its direction matters if there is an eye. `None` if it is not:
-    /// behind the eye (or the plane) of types that do not look back, along a cylinder's axis.
+    /// Returns the point of the plane at which a point `place` is seen; if there is an eye, only
+    /// its direction matters. `None` if it is not seen: behind the eye (or plane) of types that do
+    /// not look back, or along the axis of a cylinder.
     #[inline]
     pub(crate) fn plane(self, place: DVec3) -> Option<[f64; 2]> {
         let DVec3 { x, y, z } = place;
@@ -185,7 +193,8 @@ impl ViewKind {
                 if aside > 0.0 {
                     Some([x / aside * angle, y / aside * angle])
                 } else {
-                    // Right behind is the whole rim: one of its points stands for it. At the eye itself there is no direction.
+                    // The direction straight behind is the whole rim; one of its points represents
+                    // it. The eye itself has no direction.
                     (z != 0.0).then_some([angle, 0.0])
                 }
             }

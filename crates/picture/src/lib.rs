@@ -1,12 +1,14 @@
 //! Views, pictures of radiance, their files, tone mapping and comparison measures.
 //!
-//! - [`View`]: a view of one of Radiance's types v, l, c, a and h; [`ViewSpec`] is what a person or a file said of one.
-//! - [`Picture`]: linear radiance per pixel, row 0 at the top; reads and writes `.hdr`, `.pfm` and `.exr`, writes `.png`.
-//! - [`ToneMap`]: radiance to display bytes, with an automatic exposure.
-//! - [`compare()`] and [`bias_interval`]: how far a picture is from a reference.
+//! - [`View`]: a view of one of Radiance's types v, l, c, a and h. [`ViewSpec`] holds the parts of
+//!   a view that a person or a file states.
+//! - [`Picture`]: linear radiance per pixel, row 0 at the top. Reads and writes `.hdr`, `.pfm` and
+//!   `.exr`, writes `.png`.
+//! - [`ToneMap`]: converts radiance to display bytes, with an automatic exposure.
+//! - [`compare()`] and [`bias_interval`]: measure the difference between a picture and a reference.
 //!
-//! What always holds: a [`View`] can be seen through (finite, not degenerate); a picture that was read has radiance
-//! with the file's exposure divided out, and never more than [`MAX_PIXELS`] pixels.
+//! Always true: a [`View`] is finite and not degenerate. A picture that was read has the file's
+//! exposure divided out, and at most [`MAX_PIXELS`] pixels.
 
 mod clip;
 mod compare;

@@ -1,20 +1,21 @@
 //! A picture of linear radiance in memory.
 //!
-//! Invariant of every function here: row 0 is the top row, and values are radiance in W·sr⁻¹·m⁻² per RGB channel,
-//! whatever exposure a file had.
+//! Always true: row 0 is the top row. Values are radiance in W·sr⁻¹·m⁻² per RGB channel, whatever
+//! the exposure of a file was.
 
 use crate::error::PictureError;
 use crate::files::{self, Format};
 use crate::view::{View, check_size};
 use std::path::Path;
 
-/// Most pixels of a picture: 2²⁶ take 805 MB, and no picture of ours comes near.
+/// Most pixels of a picture: 2²⁶ take 805 MB, far more than any display needs.
 pub const MAX_PIXELS: u64 = 1 << 26;
 
-/// Most pixels on one side of a picture; bounds what one scanline can take.
+/// Most pixels on one side of a picture. Bounds the memory for one scanline.
 pub const MAX_SIDE: u32 = 65_535;
 
-/// Luminance in cd/m² of a radiance in W·sr⁻¹·m⁻² per RGB channel: 179·(0.265R + 0.670G + 0.065B), as Radiance has it.
+/// Returns the luminance in cd/m² of a radiance in W·sr⁻¹·m⁻² per RGB channel: 179·(0.265R + 0.670G
+/// + 0.065B), as in Radiance.
 #[inline]
 pub fn luminance(rgb: [f32; 3]) -> f32 {
     179.0 * (0.265 * rgb[0] + 0.670 * rgb[1] + 0.065 * rgb[2])
@@ -23,27 +24,28 @@ pub fn luminance(rgb: [f32; 3]) -> f32 {
 /// Linear radiance, pixel by pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// Pixels across.
+    /// Width in pixels.
     pub width: u32,
-    /// Pixels down.
+    /// Height in pixels.
     pub height: u32,
     /// `width * height` radiances (RGB, W·sr⁻¹·m⁻²), rows from the top, each from the left.
     pub pixels: Vec<[f32; 3]>,
-    /// The view that it shows, where known.
+    /// The view of the picture, if known.
     pub view: Option<View>,
-    /// What a `.hdr` file multiplies radiance by (its `EXPOSURE=`), kept to be written again. `pixels` never contain it.
+    /// The factor by which a `.hdr` file multiplies radiance (its `EXPOSURE=`), kept to be written
+    /// again. `pixels` never contain it.
     pub exposure: f32,
 }
 
 impl Picture {
-    /// A black picture. For sizes that come from outside call [`Picture::check_size`] first; sizes of
-    /// [`View::resolve`] have been checked.
+    /// Returns a black picture. Call [`Picture::check_size`] first for sizes from outside. Sizes
+    /// from [`View::resolve`] have been checked.
     pub fn new(width: u32, height: u32) -> Picture {
         let pixels = vec![[0.0; 3]; width as usize * height as usize];
         Picture { width, height, pixels, view: None, exposure: 1.0 }
     }
 
-    /// A picture of these pixels, rows from the top.
+    /// Returns a picture of these pixels, in rows from the top.
     ///
     /// # Errors
     /// A size outside the limits, or a number of pixels other than `width * height`.
@@ -57,7 +59,8 @@ impl Picture {
         Ok(picture)
     }
 
-    /// Fails unless a picture of this size may be made: each side 1 to [`MAX_SIDE`], at most [`MAX_PIXELS`] in all.
+    /// Checks the size of a picture: each side from 1 to [`MAX_SIDE`], and at most [`MAX_PIXELS`]
+    /// in all.
     ///
     /// # Errors
     /// [`PictureError::Size`].
@@ -66,12 +69,12 @@ impl Picture {
             .map_err(|_| PictureError::Size { width: width.into(), height: height.into() })
     }
 
-    /// (width, height).
+    /// Returns (width, height).
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
-    /// The radiance of a pixel, `row` 0 at the top; None outside the picture.
+    /// Returns the radiance of a pixel; `row` 0 is at the top. `None` outside the picture.
     pub fn get(&self, column: u32, row: u32) -> Option<[f32; 3]> {
         if column >= self.width {
             return None;
@@ -79,19 +82,22 @@ impl Picture {
         self.pixels.get(row as usize * self.width as usize + column as usize).copied()
     }
 
-    /// Reads a picture; its first bytes say what it is, its extension only where they do not.
+    /// Reads a picture. The first bytes decide about the format; the extension decides only if they
+    /// do not.
     ///
-    /// `.hdr`, `.pic`: Radiance RGBE, flat or with either run-length encoding; `EXPOSURE=` and `COLORCORR=` are divided
-    /// out, `VIEW=` is kept. `.pfm`: colour or grey, either byte order, multiplied by the size of its scale. `.exr`: the
-    /// R, G and B of the first layer that has them.
+    /// - `.hdr`, `.pic`: Radiance RGBE, flat or with either run-length encoding. `EXPOSURE=` and
+    ///   `COLORCORR=` are divided out, `VIEW=` is kept.
+    /// - `.pfm`: colour or grey, either byte order, multiplied by the magnitude of its scale.
+    /// - `.exr`: R, G and B of the first layer that has them.
     ///
     /// # Errors
-    /// The file cannot be read, is of another kind, damaged, or larger than [`MAX_PIXELS`]. Names the file.
+    /// The file cannot be read, is of another format, is damaged, or has more than [`MAX_PIXELS`]
+    /// pixels. The error names the file.
     pub fn read(path: impl AsRef<Path>) -> Result<Picture, PictureError> {
         files::read(path.as_ref())
     }
 
-    /// Reads a picture from the bytes of a file of a known format; `.png` is not read.
+    /// Decodes a picture from the bytes of a file. `.png` is not supported.
     ///
     /// # Errors
     /// As [`Picture::read`].
@@ -99,26 +105,28 @@ impl Picture {
         files::decode(bytes, format)
     }
 
-    /// Writes `.hdr` (or `.pic`), `.pfm`, `.exr` (32-bit floats) or, tone mapped by
-    /// [`ToneMap::auto`](crate::ToneMap::auto), `.png`, as the extension says.
+    /// Writes `.hdr` (or `.pic`), `.pfm`, `.exr` (32-bit floats) or `.png`, depending on the
+    /// extension. A `.png` is tone mapped by [`ToneMap::auto`](crate::ToneMap::auto).
     ///
-    /// The file appears whole or not at all: it is written beside its place, flushed, and moved there.
+    /// The file appears whole or not at all: it is written under another name, flushed, and
+    /// renamed.
     ///
     /// # Errors
-    /// An unknown extension, a picture whose parts disagree, or the disk. Names the file.
+    /// An unknown extension, a picture whose fields disagree, or a failure of the disk. The error
+    /// names the file.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PictureError> {
         files::write(self, path.as_ref())
     }
 
-    /// The bytes of a file of this picture.
+    /// Encodes the picture as the bytes of a file.
     ///
     /// # Errors
-    /// A picture whose parts disagree.
+    /// A picture whose fields disagree.
     pub fn encode(&self, format: Format) -> Result<Vec<u8>, PictureError> {
         files::encode(self, format)
     }
 
-    /// Fails unless size, pixels and exposure agree with each other: the fields are public.
+    /// Checks that size, pixels and exposure agree, because the fields are public.
     pub(crate) fn check(&self) -> Result<(), PictureError> {
         Picture::check_size(self.width, self.height)?;
         if self.pixels.len() != self.width as usize * self.height as usize {

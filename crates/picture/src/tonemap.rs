@@ -1,20 +1,20 @@
 //! Tone mapping: radiance to the bytes of a display.
 //!
-//! Invariants: black stays black, more light never gives a smaller byte, and an automatic exposure follows the picture:
-//! one that is k times as bright throughout looks the same.
+//! Always true: black stays black, and more light never gives a smaller byte. An automatic exposure
+//! follows the picture: a picture that is k times as bright everywhere looks the same.
 
 use crate::picture::{Picture, luminance};
 
-/// Linear display value that the log-average luminance is brought to: the photographer's grey card (Reinhard et al.
+/// Linear display value of the log-average luminance: the photographer's grey card (Reinhard et al.
 /// 2002, "Photographic tone reproduction for digital images", §2).
 const KEY: f64 = 0.18;
 
-/// Where the shoulder begins: below, display values are in proportion to radiance; above, they bend towards 1, so that a
-/// lamp keeps some shape instead of clipping.
+/// Display value at which the shoulder begins. Below, display values are proportional to radiance.
+/// Above, they bend towards 1, so that a lamp keeps some shape instead of clipping.
 const SHOULDER: f32 = 0.6;
 
-/// Luminances farther than this factor from the median count as if they were this far: neither a lamp nor a crack of
-/// shadow decides how a room is shown.
+/// Greatest factor between a luminance and the median that counts for the exposure. So neither a
+/// lamp nor a dark crack decides how a room is shown.
 const OUTLIER: f32 = 100.0;
 
 /// A global tone curve: exposure, a soft shoulder, sRGB.
@@ -24,12 +24,14 @@ pub struct ToneMap {
 }
 
 impl ToneMap {
-    /// A curve that multiplies radiance by `exposure`; one that is not positive and finite is taken as 1.
+    /// Returns a curve that multiplies radiance by `exposure`; a value that is not positive and
+    /// finite is taken as 1.
     pub fn with_exposure(exposure: f32) -> ToneMap {
         ToneMap { exposure: if exposure.is_finite() && exposure > 0.0 { exposure } else { 1.0 } }
     }
 
-    /// The curve that brings the log-average luminance of the pixels that are not empty to a middle grey.
+    /// Returns the curve that maps the log-average luminance of all pixels above 0 to a middle
+    /// grey.
     pub fn auto(picture: &Picture) -> ToneMap {
         let lit = |&rgb: &[f32; 3]| Some(luminance(rgb)).filter(|l| l.is_finite() && *l > 0.0);
         let mut luminances: Vec<f32> = picture.pixels.iter().filter_map(lit).collect();
@@ -45,18 +47,18 @@ impl ToneMap {
         ToneMap::with_exposure((KEY * 179.0 / log_average) as f32)
     }
 
-    /// What radiance is multiplied by.
+    /// Returns the factor that radiance is multiplied by.
     pub fn exposure(&self) -> f32 {
         self.exposure
     }
 
-    /// The display colour of a radiance, sRGB bytes. NaN is black.
+    /// Returns the sRGB bytes of a radiance. NaN is black.
     #[inline]
     pub fn map(&self, rgb: [f32; 3]) -> [u8; 3] {
         rgb.map(|radiance| to_byte(srgb(shoulder(radiance * self.exposure))))
     }
 
-    /// The display colours of a picture: 3 bytes per pixel, rows from the top.
+    /// Returns the display colours of a picture: 3 bytes per pixel, rows from the top.
     pub fn apply(&self, picture: &Picture) -> Vec<u8> {
         picture.pixels.iter().flat_map(|&rgb| self.map(rgb)).collect()
     }
@@ -113,7 +115,8 @@ mod tests {
         with_lamp.pixels.truncate(255);
         with_lamp.pixels.push([1e9; 3]);
         let lamp = ToneMap::auto(&with_lamp).exposure();
-        // One pixel of 256 counts at most as a factor of OUTLIER^(1/256) = 1.018, and as much for the pixel it replaced.
+        // One pixel of 256 counts at most as a factor of OUTLIER^(1/256) = 1.018; so does the pixel
+        // it replaced.
         assert!((lamp / plain).ln().abs() < 2.0 * OUTLIER.ln() / 256.0, "{plain} {lamp}");
         let mut empty = ramp();
         empty.height = 32;
@@ -122,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn black_and_numbers_that_are_none_are_black() {
+    fn black_and_nan_are_black() {
         let tone = ToneMap::auto(&Picture::new(4, 4));
         assert_eq!(tone.exposure(), 1.0);
         assert_eq!(tone.map([0.0, f32::NAN, -1.0]), [0, 0, 0]);

@@ -1,7 +1,8 @@
-//! A view: where the eye is, which way it looks, how wide, and the ray of every point of its picture.
+//! A view: the eye's position, direction and field of view, and the ray of every point of its
+//! picture.
 //!
-//! Invariant: a [`View`] is finite and not degenerate: its axes are orthonormal and both sides of its picture are what its type
-//! allows. Its parameters can be read like fields, and never changed.
+//! Always true: a [`View`] is finite and not degenerate. Its axes are orthonormal, and both sides
+//! of its picture are valid for its type. Its parameters can be read like fields but never changed.
 
 use crate::clip;
 use crate::kind::{ACROSS, ALONG, ViewKind};
@@ -12,43 +13,44 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use std::ops::Deref;
 
-/// Horizontal angle of a perspective view, in degrees, when neither angle is given.
+/// Horizontal angle in degrees of a perspective view that states no angle.
 pub const DEFAULT_VH: f64 = 60.0;
 
 /// Sine of the smallest angle allowed between the view direction and the up vector.
 const MIN_UP_SINE: f64 = 1e-6;
 
-/// The parameters of a [`View`], readable through it: `view.vp`, `view.vh`.
+/// The parameters of a [`View`], which can be read through it: `view.vp`, `view.vh`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ViewParams {
-    /// Type.
+    /// View type.
     #[serde(default)]
     pub kind: ViewKind,
-    /// Eye, in scene units; of a parallel view the middle of the plane on which rays begin.
+    /// Eye, in scene units. For a parallel view, the centre of the plane on which rays begin.
     pub vp: DVec3,
-    /// Direction of the picture's centre, of length 1.
+    /// Direction of the view's centre; unit length.
     pub vd: DVec3,
-    /// Direction that is up in the picture, of length 1; not always at right angles to `vd`.
+    /// Direction that is up in the picture; unit length. Not necessarily perpendicular to `vd`.
     pub vu: DVec3,
-    /// Full horizontal angle, degrees; of a parallel view the width in scene units.
+    /// Full horizontal angle in degrees; for a parallel view the width in scene units.
     pub vh: f64,
-    /// Full vertical angle, degrees; of a parallel view the height in scene units.
+    /// Full vertical angle in degrees; for a parallel view the height in scene units.
     pub vv: f64,
-    /// Shift: how far to the right of the view the picture lies, in widths of it.
+    /// Shift of the picture to the right, in widths of the picture.
     #[serde(default)]
     pub vs: f64,
-    /// Lift: how far above the view the picture lies, in heights of it.
+    /// Shift of the picture upwards, in heights of the picture.
     #[serde(default)]
     pub vl: f64,
-    /// Fore clipping distance, in scene units; 0: none. Of a parallel view, how far before `vp` rays begin.
+    /// Fore clipping distance in scene units; 0 for none. For a parallel view, the distance before
+    /// `vp` at which rays begin.
     #[serde(default)]
     pub vo: f64,
-    /// Aft clipping distance, in scene units; 0: none.
+    /// Aft clipping distance in scene units; 0 for none.
     #[serde(default)]
     pub va: f64,
 }
 
-/// What is said of a view's picture.
+/// The stated parameters of a view's picture.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Frame {
     pub kind: ViewKind,
@@ -62,21 +64,23 @@ pub(crate) struct Frame {
 
 /// A view of one of Radiance's types `v`, `l`, `c`, `a` and `h`.
 ///
-/// Picture coordinates are `x` from 0 (left) to 1 (right) and `y` from 0 (**bottom**) to 1 (top), as in Radiance;
-/// pixel coordinates count rows from the **top**, as [`Picture`](crate::Picture) stores them.
+/// Picture coordinates are as in Radiance: `x` from 0 (left) to 1 (right) and `y` from 0
+/// (**bottom**) to 1 (top). Pixel coordinates count rows from the **top**, as
+/// [`Picture`](crate::Picture) stores them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "ViewParams", into = "ViewParams")]
 pub struct View {
     params: ViewParams,
-    /// Right in the picture, of length 1.
+    /// Right in the picture; unit length.
     right: DVec3,
-    /// Up in the picture, of length 1, at right angles to `vd` and `right`.
+    /// Up in the picture; unit length, perpendicular to `vd` and `right`.
     up: DVec3,
-    /// Width and height of the picture on the type's plane.
+    /// Width and height of the picture on the plane of its type.
     extent: [f64; 2],
 }
 
-/// Lets `view.vp` and the like be read; with no `DerefMut`, nothing can make a view invalid.
+/// Makes `view.vp` and other parameters readable. Without `DerefMut`, nothing can make a view
+/// invalid.
 impl Deref for View {
     type Target = ViewParams;
 
@@ -100,14 +104,17 @@ impl From<View> for ViewParams {
 }
 
 impl View {
-    /// A perspective view for a picture of `size` pixels (only its shape matters here).
+    /// Makes a perspective view for a picture of `size` pixels; only the shape of the picture
+    /// matters.
     ///
-    /// An angle left out follows from the other one and `size` so that pixels are square; with neither, `vh` is
-    /// [`DEFAULT_VH`]. Given both, both are kept. The lengths of `vd` and `vu` do not matter. Other types are made by
-    /// [`ViewSpec::resolve`](crate::ViewSpec::resolve).
+    /// If one angle is missing, it follows from the other one and `size` so that pixels are square.
+    /// If both are missing, `vh` is [`DEFAULT_VH`]. If both are given, both are kept. The lengths
+    /// of `vd` and `vu` do not matter. [`ViewSpec::resolve`](crate::ViewSpec::resolve) makes views
+    /// of other types.
     ///
     /// # Errors
-    /// Numbers that are not finite, zero or parallel directions, angles outside (0, 180), impossible sizes.
+    /// Numbers that are not finite, zero or parallel directions, angles outside (0, 180),
+    /// impossible sizes.
     pub fn new(
         vp: DVec3,
         vd: DVec3,
@@ -119,8 +126,9 @@ impl View {
         View::framed(vp, vd, vu, &Frame { vh, vv, ..Frame::default() }, size)
     }
 
-    /// The perspective view, and the size of its picture: `max_size` itself, unless both angles are given; then the largest
-    /// picture with square pixels that fits into `max_size` (Radiance's `rpict -x -y -pa 1`).
+    /// Makes a perspective view, and returns it with the size of its picture. The size is
+    /// `max_size`, unless both angles are given. Then it is the size of the largest picture with
+    /// square pixels that fits into `max_size` (Radiance's `rpict -x -y -pa 1`).
     ///
     /// # Errors
     /// As [`View::new`].
@@ -135,7 +143,7 @@ impl View {
         View::fitted(vp, vd, vu, &Frame { vh, vv, ..Frame::default() }, max_size)
     }
 
-    /// As [`View::resolve`], of any type.
+    /// Implements [`View::resolve`] for any type.
     pub(crate) fn fitted(
         vp: DVec3,
         vd: DVec3,
@@ -149,7 +157,7 @@ impl View {
         Ok((view, size))
     }
 
-    /// As [`View::new`], of any type.
+    /// Implements [`View::new`] for any type.
     fn framed(
         vp: DVec3,
         vd: DVec3,
@@ -173,7 +181,7 @@ impl View {
         View::from_params(ViewParams { kind, vp, vd, vu, vh, vv, vs, vl, vo, va })
     }
 
-    /// The same view from elsewhere, looking elsewhere.
+    /// Returns the same view at another position and with another direction.
     ///
     /// # Errors
     /// As [`View::new`].
@@ -181,11 +189,12 @@ impl View {
         View::from_params(ViewParams { vp, vd, ..self.params })
     }
 
-    /// The largest size with square pixels for this view's shape that fits into `max_size`; each side at least 1.
+    /// Returns the largest size with square pixels for this view's shape that fits into `max_size`;
+    /// each side is at least 1.
     pub fn fit(&self, max_size: (u32, u32)) -> (u32, u32) {
         let shape = self.extent[1] / self.extent[0];
         let (width, height) = (f64::from(max_size.0), f64::from(max_size.1));
-        // The casts saturate; rounding to the nearest is Radiance's own (image.c, normaspect).
+        // The casts saturate. Radiance rounds to the nearest, too (image.c, normaspect).
         if shape * width > height {
             (((height / shape + 0.5) as u32).clamp(1, max_size.0.max(1)), max_size.1)
         } else {
@@ -193,16 +202,19 @@ impl View {
         }
     }
 
-    /// The ray through picture coordinates (`x`, `y`), `y` = 0 at the bottom: its origin and its direction of length 1.
+    /// Returns the ray through picture coordinates (`x`, `y`), where `y` = 0 is the bottom: its
+    /// origin and its unit direction.
     ///
-    /// Clipping surfaces are not considered ([`clipped_ray`](Self::clipped_ray)). The direction is 0 where the picture shows none ([`try_ray`](Self::try_ray)): nothing is met along it, and no section
-    /// covers it.
+    /// Clipping surfaces are ignored: see [`clipped_ray`](Self::clipped_ray). The direction is 0
+    /// where the picture shows none: see [`try_ray`](Self::try_ray). Such a ray meets nothing, and
+    /// no section covers it.
     #[inline]
     pub fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
         self.try_ray(x, y).unwrap_or((self.params.vp, DVec3::ZERO))
     }
 
-    /// As [`ray`](Self::ray), or `None` where the picture shows nothing: in the corners of fisheyes.
+    /// Returns the ray as [`ray`](Self::ray) does, or `None` where the picture shows nothing: in
+    /// the corners of fisheyes.
     #[inline]
     pub fn try_ray(&self, x: f64, y: f64) -> Option<(DVec3, DVec3)> {
         let across = (x - 0.5 + self.params.vs) * self.extent[0];
@@ -225,8 +237,8 @@ impl View {
         }
     }
 
-    /// The ray that sees the point `p`: its origin and its direction of length 1. From the eye, or from the plane of a parallel
-    /// view (behind which `p` may lie).
+    /// Returns the ray that sees the point `p`: its origin and its unit direction. It begins at the
+    /// eye, or on the plane of a parallel view (behind which `p` may lie).
     #[inline]
     pub fn ray_to(&self, p: DVec3) -> (DVec3, DVec3) {
         let (eye, vd) = (self.eye(), self.params.vd);
@@ -237,10 +249,11 @@ impl View {
         }
     }
 
-    /// Where the point `p` is seen: (`x`, `y`, distance from where its ray begins), the inverse of [`View::ray`].
+    /// Returns where the point `p` is seen: (`x`, `y`, distance from the origin of its ray). The
+    /// inverse of [`View::ray`].
     ///
-    /// `x` and `y` leave [0, 1] for points outside the picture; None for points that no ray of the view meets, however large its
-    /// picture: behind the eye of a perspective view.
+    /// `x` and `y` are outside [0, 1] for points outside the picture. `None` for points that no ray
+    /// of the view meets, whatever the size of its picture: behind the eye of a perspective view.
     #[inline]
     pub fn project(&self, p: DVec3) -> Option<(f64, f64, f64)> {
         let d = p - self.eye();
@@ -253,8 +266,9 @@ impl View {
         Some((x, y, d.z))
     }
 
-    /// Where something infinitely far away in direction `d` (of any length) is seen: (`x`, `y`); None if no ray of the view has
-    /// this direction, as behind the eye. Of a parallel view always None: all of its rays have one direction.
+    /// Returns the point (`x`, `y`) at which something infinitely far away in direction `d` (of any
+    /// length) is seen. `None` if no ray of the view has this direction, such as behind the eye.
+    /// Always `None` for a parallel view, because all its rays have one direction.
     #[inline]
     pub fn project_direction(&self, d: DVec3) -> Option<(f64, f64)> {
         match self.params.kind {
@@ -273,14 +287,15 @@ impl View {
         }
     }
 
-    /// As [`project`](Self::project), of a point relative to the eye as (right, up, forward): (`x`, `y`).
+    /// Implements [`project`](Self::project) for a point relative to the eye, given as (right, up,
+    /// forward): (`x`, `y`).
     #[inline]
     pub fn project_local(&self, place: DVec3) -> Option<(f64, f64)> {
         let [u, v] = self.params.kind.plane(place)?;
         let (x, y) =
             (u / self.extent[0] + 0.5 - self.params.vs, v / self.extent[1] + 0.5 - self.params.vl);
         if self.params.kind == ViewKind::Cylindrical && !(0.0..1.0).contains(&x) {
-            // A shifted panorama goes on past the direction behind.
+            // A shifted panorama continues beyond the direction straight behind.
             let around = TAU / self.extent[0];
             let other = if x < 0.0 { x + around } else { x - around };
             return Some((if (0.0..1.0).contains(&other) { other } else { x }, y));
@@ -288,12 +303,12 @@ impl View {
         Some((x, y))
     }
 
-    /// A vector as (right, up, forward).
+    /// Converts a vector to (right, up, forward).
     pub(crate) fn to_local(self, d: DVec3) -> DVec3 {
         DVec3::new(d.dot(self.right), d.dot(self.up), d.dot(self.params.vd))
     }
 
-    /// Picture coordinates of the centre of a pixel; `row` 0 is at the top.
+    /// Returns the picture coordinates of the centre of a pixel; `row` 0 is at the top.
     #[inline]
     pub fn pixel_centre(size: (u32, u32), column: u32, row: u32) -> (f64, f64) {
         (
@@ -302,7 +317,8 @@ impl View {
         )
     }
 
-    /// The (column, row) of the pixel that picture coordinates fall into, row 0 at the top; None outside the picture.
+    /// Returns the (column, row) of the pixel that contains picture coordinates; row 0 is at the
+    /// top. `None` outside the picture.
     #[inline]
     pub fn pixel_at(size: (u32, u32), x: f64, y: f64) -> Option<(u32, u32)> {
         let (column, row) =
@@ -312,31 +328,33 @@ impl View {
         inside.then_some((column as u32, row as u32))
     }
 
-    /// World width of one pixel, in scene units, at `distance` along the axis of a picture of `size` pixels; in parallel views
-    /// at any distance.
+    /// Returns the width of one pixel in scene units, at `distance` along the axis, for a picture
+    /// of `size` pixels. It does not depend on the distance in parallel views.
     pub fn pixel_footprint(&self, size: (u32, u32), distance: f64) -> f64 {
         let distance = if self.params.kind.has_eye() { distance } else { 1.0 };
         self.extent[0] * distance / f64::from(size.0)
     }
 
-    /// Right in the picture, of length 1.
+    /// Returns the direction that is right in the picture; unit length.
     pub fn right(&self) -> DVec3 {
         self.right
     }
 
-    /// Up in the picture, of length 1, at right angles to the view direction (`vu` need not be).
+    /// Returns the direction that is up in the picture; unit length. Perpendicular to the view
+    /// direction, which `vu` need not be.
     pub fn up(&self) -> DVec3 {
         self.up
     }
 
-    /// Width and height of the picture on its type's plane: of a perspective view at distance 1 along the axis, of a parallel one
-    /// in scene units; else radians along the axes, near the middle.
+    /// Returns width and height of the picture on the plane of its type. For a perspective view
+    /// they are taken at distance 1 along the axis; for a parallel one they are scene units. For
+    /// others they are radians along the axes, near the centre.
     pub fn extent(&self) -> (f64, f64) {
         (self.extent[0], self.extent[1])
     }
 
-    /// The view as Radiance's options: `-vtv -vp 1 2 3 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45 -vo 0 -va 0 -vs 0 -vl 0`.
-    /// Numbers are written so that they read back as they are.
+    /// Returns the view as Radiance's options: `-vtv -vp 1 2 3 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45
+    /// -vo 0 -va 0 -vs 0 -vl 0`. Numbers are written so that they read back exactly.
     pub fn to_vf_options(&self) -> String {
         let ViewParams { kind, vp, vd, vu, vh, vv, vs, vl, vo, va } = self.params;
         format!(
@@ -377,7 +395,7 @@ impl View {
     }
 }
 
-/// Fails unless a picture of `size` may be made.
+/// Checks the size of a picture.
 pub(crate) fn check_size(size: (u32, u32)) -> Result<(), ViewError> {
     let (width, height) = size;
     let sides = (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height);
@@ -396,16 +414,17 @@ fn unit(option: &'static str, v: DVec3) -> Result<DVec3, ViewError> {
     if largest == 0.0 {
         return Err(ViewError::ZeroDirection { option });
     }
-    // A vector that already has length 1 stays as it is, so that a view written and read again is the same view.
+    // A vector of unit length stays unchanged, so that a view that is written and read is the same
+    // view.
     if (v.length_squared() - 1.0).abs() < 4.0 * f64::EPSILON {
         return Ok(v);
     }
-    // Scaled first: the square of a very short or very long vector is 0 or infinite.
+    // Scaled first, because the square of a very short or very long vector is 0 or infinite.
     Ok((v / largest).normalize())
 }
 
-/// The value of `other` for which a picture whose side `given` has this value has square pixels: its size on the plane is
-/// `ratio` times the given one's.
+/// Returns the value of option `other` that makes pixels square, if option `given` has this value.
+/// The size on the plane is `ratio` times that of `given`.
 fn other_size(
     kind: ViewKind,
     (given, size): ((&'static str, usize), f64),

@@ -1,65 +1,65 @@
-//! What can be wrong with a view, in words for the person who gave it.
+//! Errors of views, in words for the person who stated the view.
 
 use crate::picture::{MAX_PIXELS, MAX_SIDE};
 
-/// Why a view cannot be used or understood.
+/// The reason why a view cannot be used or understood.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
-    /// An option that a view needs was not given.
+    /// A required option is missing.
     #[error("the view lacks {0}")]
     Missing(&'static str),
-    /// A number is infinite or not a number.
+    /// A number is infinite or NaN.
     #[error("{option} must be finite")]
     NotFinite {
-        /// The option, as typed in a view file.
+        /// The option, as in a view file.
         option: &'static str,
     },
     /// A direction has length zero.
     #[error("{option} has length zero: it must be a direction")]
     ZeroDirection {
-        /// The option, as typed in a view file.
+        /// The option, as in a view file.
         option: &'static str,
     },
     /// The view direction and the up vector are parallel.
     #[error("-vd and -vu are parallel: no direction is up in this picture")]
     UpIsAlongView,
-    /// An angle is not that of a perspective view.
+    /// An angle is not possible for a perspective view.
     #[error("{option} {degrees} must lie between 0 and 180 degrees, both excluded")]
     Angle {
-        /// The option, as typed in a view file.
+        /// The option, as in a view file.
         option: &'static str,
-        /// What was given.
+        /// The value.
         degrees: f64,
     },
-    /// An angle is not that of a fisheye or of a panorama.
+    /// An angle is not possible for a fisheye or panorama.
     #[error("{option} {degrees} must be above 0 and at most {most} degrees")]
     WideAngle {
-        /// The option, as typed in a view file.
+        /// The option, as in a view file.
         option: &'static str,
-        /// What was given.
+        /// The value.
         degrees: f64,
-        /// The largest that there is.
+        /// The largest possible value.
         most: f64,
     },
-    /// A size of a parallel view is none.
+    /// A size is not possible for a parallel view.
     #[error("{option} {length} must be a length above 0, in scene units")]
     Length {
-        /// The option, as typed in a view file.
+        /// The option, as in a view file.
         option: &'static str,
-        /// What was given.
+        /// The value.
         length: f64,
     },
-    /// With one size given, no other makes pixels square.
+    /// For the stated size, no other size makes pixels square.
     #[error(
         "with {given} {size} this picture has no {other} that makes its pixels square: give both"
     )]
     NoSquare {
-        /// The option that was given.
+        /// The option that was stated.
         given: &'static str,
         /// Its value.
         size: f64,
-        /// The option that was not.
+        /// The option that was not stated.
         other: &'static str,
     },
     /// A picture size is zero or above the limits.
@@ -67,24 +67,24 @@ pub enum ViewError {
         "a picture of {width}x{height} pixels: each side must be 1 to {MAX_SIDE}, and at most {MAX_PIXELS} in all"
     )]
     Size {
-        /// Pixels across.
+        /// Width in pixels.
         width: u32,
-        /// Pixels down.
+        /// Height in pixels.
         height: u32,
     },
-    /// A Radiance view type that is not implemented, or none.
+    /// An unknown or unsupported Radiance view type.
     #[error(
-        "view type -vt{0} is not supported: there are v (perspective), l (parallel), c (cylindrical panorama), a (angular \
+        "view type -vt{0} is not supported; the types are v (perspective), l (parallel), c (cylindrical panorama), a (angular \
          fisheye) and h (hemispherical fisheye)"
     )]
     UnsupportedKind(String),
-    /// A fore clipping surface behind the eye.
-    #[error("-vo {vo} is behind the eye: it must be at least 0, but in parallel views")]
+    /// A fore clipping surface is behind the eye.
+    #[error("-vo {vo} is behind the eye: it must be at least 0 except in parallel views")]
     ForeBehindEye {
-        /// What was given.
+        /// The value.
         vo: f64,
     },
-    /// An aft clipping surface that nothing is before.
+    /// An aft clipping surface is not beyond the fore one.
     #[error("-va {va} must be larger than -vo {vo}, or 0 for none")]
     AftBeforeFore {
         /// Fore clipping distance.
@@ -92,10 +92,10 @@ pub enum ViewError {
         /// Aft clipping distance.
         va: f64,
     },
-    /// A word that is no view option.
+    /// A word is not a view option.
     #[error("`{0}` is not a view option (-vtv -vp -vd -vu -vh -vv -vo -va -vs -vl)")]
     UnknownOption(String),
-    /// An option with the wrong number of numbers.
+    /// An option has the wrong number of numbers.
     #[error("{option} takes {wanted} number(s), found {found}")]
     Count {
         /// The option, as typed.
@@ -105,15 +105,15 @@ pub enum ViewError {
         /// Numbers that follow it.
         found: usize,
     },
-    /// Something that is not a finite number stands where one must be.
+    /// A word that should be a finite number is not.
     #[error("{option}: `{word}` is not a finite number")]
     Number {
         /// The option, as typed.
         option: String,
-        /// The word in question.
+        /// The word.
         word: String,
     },
-    /// A view file without a view.
+    /// A view file contains no view.
     #[error(
         "no view found: a view is a line such as `rview -vtv -vp 0 0 0 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45`"
     )]

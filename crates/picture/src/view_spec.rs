@@ -1,21 +1,22 @@
-//! What a person, a script or a Radiance file says of a view: any part of it, later words over earlier ones.
+//! The parts of a view that a person, a script or a Radiance file states; later words override
+//! earlier ones.
 //!
-//! One parser serves `--vp 1,2,3`, `view -vp 1 2 3 -vh 60`, `.vf` files and `VIEW=` lines. Every number in a
-//! [`ViewSpec`] is finite; whether they make a view is decided by [`ViewSpec::resolve`].
+//! One parser serves `--vp 1,2,3`, `view -vp 1 2 3 -vh 60`, `.vf` files and `VIEW=` lines. Every
+//! number in a [`ViewSpec`] is finite. [`ViewSpec::resolve`] decides whether they make a view.
 
 use crate::kind::ViewKind;
 use crate::view::{Frame, View};
 use crate::view_error::ViewError;
 use glam::DVec3;
 
-/// Parts of a view; what is None was not said.
+/// Parts of a view; `None` means not stated.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ViewSpec {
-    /// `-vt`: type, perspective if not said.
+    /// `-vt`: type; perspective if not stated.
     pub kind: Option<ViewKind>,
     /// `-vp`: eye.
     pub vp: Option<DVec3>,
-    /// `-vd`: direction; its length (Radiance's focus distance) is not used.
+    /// `-vd`: direction. Its length (Radiance's focus distance) is ignored.
     pub vd: Option<DVec3>,
     /// `-vu`: up.
     pub vu: Option<DVec3>,
@@ -33,19 +34,22 @@ pub struct ViewSpec {
     pub vl: Option<f64>,
 }
 
-/// Longest text that is searched for a view: a view file has one line, and 1 MiB of picture header is no header.
+/// Longest text that is searched for a view. A view file has one line, and 1 MiB exceeds any
+/// picture header.
 const MAX_TEXT: usize = 1 << 20;
 
-/// First words of lines that hold a view: programs that write their options into a picture's header.
+/// First words of lines that contain a view: programs that write their options into a picture's
+/// header.
 const PROGRAMS: [&str; 8] =
     ["rview", "rvu", "rpict", "rpiece", "rholo", "rhpict", "rtpict", "view"];
 
 impl ViewSpec {
-    /// Applies one option: its name with or without dashes, and its numbers parted by commas or spaces, as in
-    /// `apply_option("--vp", "1,2,3")`.
+    /// Applies one option. `option` is its name with or without dashes; `value` holds its numbers,
+    /// separated by commas or spaces, as in `apply_option("--vp", "1,2,3")`.
     ///
     /// # Errors
-    /// An unknown option, a wrong number of numbers, a number that is not finite, an unknown view type.
+    /// An unknown option, a wrong number of numbers, a number that is not finite, or an unknown
+    /// view type.
     pub fn apply_option(&mut self, option: &str, value: &str) -> Result<(), ViewError> {
         let name = option.trim_start_matches('-');
         let shown = || format!("--{name}");
@@ -63,17 +67,17 @@ impl ViewSpec {
         self.set(name, &shown(), &words)
     }
 
-    /// Applies a line of options such as `-vp 12.5 .5 5 -vd .7 .7 0 -vh 60`, where every word must be one or belong
-    /// to one.
+    /// Applies a line of options such as `-vp 12.5 .5 5 -vd .7 .7 0 -vh 60`. Every word must be an
+    /// option or belong to one.
     ///
     /// # Errors
-    /// As [`ViewSpec::apply_option`]; the options before the wrong one have then been applied.
+    /// As [`ViewSpec::apply_option`]; the options before the wrong one have been applied by then.
     pub fn apply_line(&mut self, line: &str) -> Result<(), ViewError> {
         self.apply_words(line, true)
     }
 
-    /// This view with everything that `later` says put over it. With another type sizes do not stay: they would mean something
-    /// else.
+    /// Returns this view with everything that `later` states. If `later` changes the type, this
+    /// view's sizes are dropped, because they would mean something else.
     #[must_use]
     pub fn overridden_by(&self, later: &ViewSpec) -> ViewSpec {
         let is_other = later.kind.is_some_and(|kind| kind != self.kind.unwrap_or_default());
@@ -92,11 +96,12 @@ impl ViewSpec {
         }
     }
 
-    /// The view and the size of its picture, as [`View::resolve`]; `-vu` is +z when not given, as in Radiance.
+    /// Returns the view and the size of its picture, as [`View::resolve`] does. `-vu` defaults to
+    /// +z, as in Radiance.
     ///
     /// # Errors
-    /// As [`View::resolve`]; a missing `-vp` or `-vd`; clipping surfaces that hide everything; sizes that the type does not have; a
-    /// parallel view of no size.
+    /// As [`View::resolve`]; a missing `-vp` or `-vd`; clipping surfaces that hide everything;
+    /// sizes that the type does not allow; a parallel view without a size.
     pub fn resolve(&self, max_size: (u32, u32)) -> Result<(View, (u32, u32)), ViewError> {
         let vp = self.vp.ok_or(ViewError::Missing("-vp"))?;
         let vd = self.vd.ok_or(ViewError::Missing("-vd"))?;
@@ -112,10 +117,12 @@ impl ViewSpec {
         View::fitted(vp, vd, self.vu.unwrap_or(DVec3::Z), &frame, max_size)
     }
 
-    /// Applies one line of a Radiance header or view file if it holds a view; says whether it did.
+    /// Applies one line of a Radiance header or view file if it contains a view; returns whether it
+    /// does.
     ///
-    /// As in Radiance, only a line that begins with `VIEW=` or the name of a program that takes a view counts (so one
-    /// that is indented, of an original picture, does not), and words that are no view options are passed over.
+    /// As in Radiance, the line must begin with `VIEW=` or the name of a program that takes a view.
+    /// So an indented line, which describes an original picture, does not count. Words that are not
+    /// view options are ignored.
     pub(crate) fn apply_header_line(&mut self, line: &str) -> Result<bool, ViewError> {
         let rest = match line.strip_prefix("VIEW=") {
             Some(rest) => rest,
@@ -147,8 +154,12 @@ impl ViewSpec {
                 }
                 continue;
             };
-            if let Some(kind) = name.strip_prefix("vt") {
-                self.set_kind(kind)?;
+            if let Some(letter) = name.strip_prefix("vt") {
+                // `-vt c` is accepted besides Radiance's `-vtc`.
+                let next = words.get(at).filter(|word| option_name(word).is_none());
+                let separate = next.filter(|_| letter.is_empty());
+                at += usize::from(separate.is_some());
+                self.set_kind(separate.copied().unwrap_or(letter))?;
                 continue;
             }
             let wanted = arity(name).unwrap_or(0);
@@ -202,11 +213,12 @@ impl ViewSpec {
 }
 
 impl View {
-    /// The view of a Radiance view file, such as `rview -vtv -vp 0 0 0 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45`; a line that
-    /// begins with the options themselves will do. Later lines override earlier ones.
+    /// Returns the view of a Radiance view file, such as `rview -vtv -vp 0 0 0 -vd 0 1 0 -vu 0 0 1
+    /// -vh 60 -vv 45`. A line may also begin with the options themselves. Later lines override
+    /// earlier ones.
     ///
     /// # Errors
-    /// No view in the text, or one with an error (the line is named).
+    /// No view in the text, or one with an error; the error names the line.
     pub fn parse_vf(text: &str) -> Result<ViewSpec, ViewError> {
         if text.len() > MAX_TEXT {
             return Err(ViewError::NoView);
@@ -226,13 +238,14 @@ impl View {
     }
 }
 
-/// The name of a view option without its dash (`vp`, `vtv`), or None for other words, negative numbers among them.
+/// Returns the name of a view option without its dash (`vp`, `vtv`). `None` for other words, such
+/// as negative numbers.
 fn option_name(word: &str) -> Option<&str> {
     let name = word.strip_prefix('-')?;
     (arity(name).is_some() || (name.starts_with("vt") && name.len() <= 3)).then_some(name)
 }
 
-/// How many numbers an option takes.
+/// Returns how many numbers an option takes.
 fn arity(name: &str) -> Option<usize> {
     match name {
         "vp" | "vd" | "vu" => Some(3),

@@ -1,4 +1,4 @@
-//! Fore and aft clipping means what it does in Radiance.
+//! Tests that fore and aft clipping work as in Radiance.
 
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
@@ -20,7 +20,7 @@ fn with_sides(kind: ViewKind) -> String {
     format!("-vt{} -vh {vh} -vs .1 -vl -.05", kind.letter())
 }
 
-/// Radiance's `viewray` (image.c): where a ray begins, its direction, and how far it goes.
+/// Returns what Radiance's `viewray` (image.c) does: origin and direction of a ray, and its length.
 fn radiance_ray(view: &View, x: f64, y: f64) -> Option<(DVec3, DVec3, f64)> {
     let (across, along) = (x - 0.5 + view.vs, y - 0.5 + view.vl);
     let (right, up) = (view.right(), view.up());
@@ -63,7 +63,7 @@ fn radiance_ray(view: &View, x: f64, y: f64) -> Option<(DVec3, DVec3, f64)> {
 }
 
 #[test]
-fn rays_begin_and_end_where_radiance_s_do() {
+fn rays_begin_and_end_as_in_radiance() {
     for kind in ViewKind::ALL {
         for clips in ["-vo 0 -va 0", "-vo 1.5", "-va 7", "-vo 2.5 -va 2.75"] {
             let view = view(&format!("{} {clips}", with_sides(kind)));
@@ -80,14 +80,14 @@ fn rays_begin_and_end_where_radiance_s_do() {
                     found.0.distance(start) < 1e-12 && found.1.distance(direction) < 1e-12,
                     "{kind:?} {clips}"
                 );
-                // 0 is none in Radiance.
+                // 0 means none in Radiance.
                 let is_same = if reach == 0.0 {
                     found.2 == f64::INFINITY
                 } else {
                     (found.2 - reach).abs() < 1e-12
                 };
                 assert!(is_same, "{kind:?} {clips}: {} for {reach}", found.2);
-                // And what is shown lies on the ray.
+                // Points on the ray between the surfaces are visible.
                 let at = |distance: f64| view.clip(start + direction * distance);
                 assert_eq!(at(1e-9), Clip::Shown);
                 assert!(view.vo == 0.0 || !kind.has_eye() || at(-1e-9) == Clip::Before);
@@ -120,7 +120,7 @@ fn clipping_is_written_and_read() {
     let view = view("-vtv -vh 50 -vo .25 -va 12.5");
     assert!(view.to_vf_options().contains("-vo 0.25 -va 12.5"));
     assert_eq!(View::parse_vf(&view.to_vf_options()).unwrap().resolve(SIZE).unwrap().0, view);
-    // Moving a view leaves them.
+    // Moving a view keeps them.
     let moved = view.moved(DVec3::ZERO, DVec3::X).unwrap();
     assert_eq!((moved.vo, moved.va), (0.25, 12.5));
 }

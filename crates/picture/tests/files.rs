@@ -1,6 +1,7 @@
-//! Files: what is written reads back, what Radiance writes is understood, and what is damaged is refused by name.
+//! Tests of files: what is written reads back, files of Radiance are understood, and errors name
+//! what is wrong with a damaged file.
 
-// Helpers of tests may fail as tests do; clippy allows it only inside the test functions themselves.
+// Clippy allows these only inside test functions, but helpers need them too.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use glam::DVec3;
@@ -8,7 +9,7 @@ use holo_picture::{Format, MAX_SIDE, Picture, PictureError, View};
 use proptest::prelude::*;
 use std::fs;
 
-/// Pixels drawn from a few colours, so that runs of all lengths occur beside noise.
+/// Returns pictures of few colours, so that runs of all lengths occur beside noise.
 fn picture(brightest: f32) -> impl Strategy<Value = Picture> {
     let colour = prop::array::uniform3(
         prop_oneof![4 => 0.0..1.0f32, 1 => 0.0..brightest, 1 => Just(0.0f32)],
@@ -65,12 +66,13 @@ proptest! {
         for (found, wanted) in once.pixels.iter().zip(&picture.pixels) {
             let largest = wanted[0].max(wanted[1]).max(wanted[2]);
             for c in 0..3 {
-                // Mantissas of the largest channel are at least 128: half a step is at most 1/256 of it; and f32 rounds.
+                // Mantissas of the largest channel are at least 128, so half a step is at most
+                // 1/256 of it, plus f32 rounding.
                 let limit = f64::from(largest) * (1.0 / 256.0 + 1e-6);
                 prop_assert!((f64::from(found[c]) - f64::from(wanted[c])).abs() <= limit, "{found:?} for {wanted:?}");
             }
         }
-        // A picture that came from RGBE goes back unchanged.
+        // A picture that came from RGBE is unchanged.
         if exposure == 1.0 {
             let twice = Picture::decode(&once.encode(Format::Hdr).unwrap(), Format::Hdr).unwrap();
             prop_assert_eq!(twice, once);
@@ -95,12 +97,12 @@ proptest! {
             let whole = with_view(picture.clone()).encode(format).unwrap();
             let mut bytes = whole.clone();
             for (at, byte) in &flips {
-                // Half of them in the header, where they do most.
+                // Half of them in the header, where damage matters most.
                 let reach = if byte & 1 == 0 { bytes.len().min(300) } else { bytes.len() };
                 bytes[(at * reach as f64) as usize] = *byte;
             }
             let _ = Picture::decode(&bytes, format);
-            // Every byte of a file of ours is needed.
+            // A file of ours has no superfluous byte.
             let short = &whole[..(cut * whole.len() as f64) as usize];
             prop_assert!(Picture::decode(short, format).is_err());
         }
@@ -121,13 +123,13 @@ fn radiance_header_lines_are_understood_and_the_exposure_divided_out() {
     assert_eq!(picture.exposure, 2.0);
     let view = picture.view.unwrap();
     assert_eq!((view.vp, view.vh, view.vv), (DVec3::new(1.0, 2.0, 3.0), 40.0, 20.0));
-    // A fisheye picture can be read; it has no view of ours.
+    // A fisheye picture without directions can be read, but has no view.
     let fisheye = b"#?RADIANCE\nVIEW= -vta -vp 1 2 3\n\n-Y 1 +X 1\n\x80\x80\x80\x81";
     assert_eq!(Picture::decode(fisheye, Format::Hdr).unwrap().view, None);
 }
 
 #[test]
-fn all_encodings_of_a_row_mean_the_same() {
+fn all_encodings_of_a_row_decode_alike() {
     let (a, b) = ([128, 50, 20, 120], [90, 200, 7, 130]);
     let file = |resolution: &str, data: &[u8]| {
         let mut bytes =
@@ -138,7 +140,7 @@ fn all_encodings_of_a_row_mean_the_same() {
     // One row of 300: a, then 259 more of it, then 40 of b.
     let flat: Vec<u8> = [a; 260].iter().chain(&[b; 40]).flatten().copied().collect();
     let flat = file("-Y 1 +X 300", &flat).unwrap();
-    // Old runs: 3 more, then 1·256 more (two in a row count 1 + 256·…), and b.
+    // Old runs: 3 more, then 1·256 more (consecutive runs count 1 + 256·…), and b.
     let old: Vec<u8> = [a, [1, 1, 1, 3], [1, 1, 1, 1], b, [1, 1, 1, 39]].concat();
     assert_eq!(file("-Y 1 +X 300", &old).unwrap(), flat);
     let mut new = vec![2, 2, 1, 44];
@@ -153,7 +155,7 @@ fn all_encodings_of_a_row_mean_the_same() {
     assert_eq!(reason("-Y 1 +X 301", &new), "row 0: its length is not the picture's width");
     assert_eq!(
         reason("-Y 2 +X 300", &new),
-        "the file ends within its pixels: row 1 of 2 is not whole"
+        "the file ends within its pixels: row 1 of 2 is incomplete"
     );
     assert_eq!(reason("-Y 1 +X 9", &[2, 2, 0, 9, 138, 7]), "row 0: a run goes past its end");
     assert_eq!(reason("-Y 1 +X 9", &[1, 1, 1, 9]), "row 0: it begins with a run");
@@ -163,7 +165,7 @@ fn all_encodings_of_a_row_mean_the_same() {
 
 #[test]
 fn all_eight_orientations_show_the_same_picture() {
-    // Named by their exponents: 1 2 3 over 4 5 6.
+    // Pixels are identified by their exponents: 1 2 3 over 4 5 6.
     let wanted = file_of("-Y 2 +X 3", [1, 2, 3, 4, 5, 6]);
     assert_eq!((wanted.width, wanted.height), (3, 2));
     assert!(wanted.pixels.is_sorted_by(|a, b| a[0] < b[0]));
@@ -187,8 +189,9 @@ fn file_of(resolution: &str, exponents: [u8; 6]) -> Picture {
 }
 
 #[test]
-fn a_written_hdr_is_byte_by_byte_what_radiance_expects() {
-    // Radiance's setcolr: 1 is 128 with exponent 129; 0.75 0.3 0.1 is 192 76 25 with 128. A run of 5, a literal of 3.
+fn a_written_hdr_has_the_bytes_that_radiance_expects() {
+    // By Radiance's setcolr, 1 is 128 with exponent 129, and 0.75 0.3 0.1 is 192 76 25 with 128. A
+    // run of 5, then a literal of 3.
     let mut pixels = vec![[1.0, 0.5, 0.25]; 5];
     pixels.extend([[0.75, 0.3, 0.1], [0.0; 3], [3.0, 0.0, 1.5]]);
     let mut picture = Picture::from_pixels(8, 1, pixels).unwrap();
@@ -220,7 +223,10 @@ fn pfm_rows_run_from_the_bottom_in_either_byte_order_and_scaled() {
     assert_eq!(file("Pf\n2 2\n1\n", values.map(f32::to_be_bytes)).unwrap(), little);
     assert_eq!(file("Pf 2\n2 -0.5\n", values.map(|v| (2.0 * v).to_le_bytes())).unwrap(), little);
     let reason = |header: &str| file(header, [[0; 4]; 4]).unwrap_err().to_string();
-    assert_eq!(reason("PF\n2 2\n-1\n"), "the file ends within its pixels: row 0 of 2 is not whole");
+    assert_eq!(
+        reason("PF\n2 2\n-1\n"),
+        "the file ends within its pixels: row 0 of 2 is incomplete"
+    );
     assert_eq!(reason("Pf\n2 2\n0\n"), "header: scale 0 must be finite and not 0");
     assert_eq!(reason("Pf\n2 two\n-1\n"), "header: height `two` is not a number");
     assert!(reason("Pf\n0 2\n-1\n").starts_with("0x2 pixels: each side must be"));
@@ -272,7 +278,7 @@ fn files_are_written_whole_and_errors_name_them() {
     }
     picture.write(path("a.png")).unwrap();
     assert!(matches!(file_error(Picture::read(path("a.png"))), PictureError::PngIsNotRadiance));
-    // The first bytes count, not the name.
+    // The first bytes decide, not the name.
     fs::rename(path("a.exr"), path("b.hdr")).unwrap();
     assert_eq!(Picture::read(path("b.hdr")).unwrap(), picture);
 
@@ -281,7 +287,7 @@ fn files_are_written_whole_and_errors_name_them() {
     broken.pixels.pop();
     assert!(matches!(file_error(broken.write(path("a.pfm"))), PictureError::PixelCount { .. }));
     assert_eq!(fs::read(path("a.pfm")).unwrap(), before);
-    // A folder in the place: the move fails, and nothing is left behind.
+    // A folder has the name: renaming fails, and no file is left behind.
     fs::create_dir(path("taken.pfm")).unwrap();
     assert!(matches!(file_error(picture.write(path("taken.pfm"))), PictureError::Io(_)));
     assert!(

@@ -1,6 +1,7 @@
-//! A header's claims take no memory: only pixels that are there do. Alone in its process, since it counts all of it.
+//! Tests that a header's sizes allocate no memory; only existing pixels do. It is alone in its
+//! process, because it counts all allocations.
 
-// Helpers of tests may fail as tests do; clippy allows it only inside the test functions themselves.
+// Clippy allows these only inside test functions, but helpers need them too.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use holo_picture::{Format, Picture, PictureError};
@@ -16,12 +17,12 @@ mod counting {
 
     struct Counting;
 
-    // SAFETY: every call goes to the system's allocator unchanged; `realloc` and `alloc_zeroed` are the trait's own,
-    // which call `alloc`.
+    // SAFETY: every call goes to the system's allocator unchanged. `realloc` and `alloc_zeroed` are
+    // those of the trait, which call `alloc`.
     unsafe impl GlobalAlloc for Counting {
         unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
             LARGEST.fetch_max(layout.size(), Ordering::Relaxed);
-            // SAFETY: the caller keeps the contract of `alloc`, which is the same.
+            // SAFETY: the caller keeps the contract of `alloc`, which is the same here.
             unsafe { System.alloc(layout) }
         }
 
@@ -45,7 +46,7 @@ fn largest_allocation(
 }
 
 #[test]
-fn sizes_that_a_header_claims_take_no_memory() {
+fn sizes_in_a_header_allocate_no_memory() {
     // Within the limits, 8192×8192 would be 805 MB; one row of the widest .hdr is 65535 pixels.
     let mut exr = Picture::new(64, 64).encode(Format::Exr).unwrap();
     let name = b"dataWindow\0box2i\0";
@@ -67,7 +68,7 @@ fn sizes_that_a_header_claims_take_no_memory() {
             bytes.len()
         );
     }
-    // The counter counts: a picture of this size is seen.
+    // The counter works: it notices a picture of this size.
     let pixels = Picture::new(512, 512).encode(Format::Pfm).unwrap();
     let (largest, _) = largest_allocation(|| {
         Picture::decode(&pixels, Format::Pfm)?;

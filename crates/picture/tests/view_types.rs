@@ -1,7 +1,7 @@
-//! Views of every type: rays and projections are inverse, lie where Radiance has them (rpict's manual page, `image.c`), and cover
-//! the solid angles that closed forms say.
+//! Tests views of every type: rays and projections are inverse, agree with Radiance (rpict's manual
+//! page, `image.c`), and cover the solid angles of closed forms.
 
-// Helpers of tests may fail as tests do; clippy allows it only inside the test functions themselves.
+// Clippy allows these only inside test functions, but helpers need them too.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use glam::DVec3;
@@ -9,7 +9,8 @@ use holo_picture::{View, ViewKind, ViewSpec};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
-/// From the origin along +y, +z up, so that local (right, up, forward) is (x, z, y).
+/// Returns a view from the origin along +y, with +z up, so that local (right, up, forward) is (x,
+/// z, y).
 fn forward(options: &str, size: (u32, u32)) -> (View, (u32, u32)) {
     let spec = View::parse_vf(&format!("-vp 0 0 0 -vd 0 1 0 -vu 0 0 1 {options}")).unwrap();
     spec.resolve(size).unwrap()
@@ -22,7 +23,7 @@ fn direction() -> impl Strategy<Value = DVec3> {
         .prop_filter("a direction", |v| v.length() > 0.1)
 }
 
-/// Views of all types, with shifts and lifts.
+/// Returns views of all types, with shifts and lifts.
 fn view() -> impl Strategy<Value = View> {
     let coordinate = -1e3..1e3f64;
     let eye = (coordinate.clone(), coordinate.clone(), coordinate)
@@ -63,8 +64,9 @@ proptest! {
             prop_assert_eq!((origin, direction), view.ray(x, y));
             let point = origin + direction * t;
             let (px, py, distance) = view.project(point).unwrap();
-            // The point is rounded by |p|·ε. On the plane an error of directions grows by 1/cos² (tangents), by θ/sin θ behind
-            // (angles) and by 1/cos at the rim (sines); picture coordinates are in units of the sides.
+            // The point is rounded by |p|·ε. On the plane, an error of directions grows by 1/cos²
+            // (tangents), by θ/sin θ (angles) and by 1/cos at the rim (sines). Picture coordinates
+            // are in units of the sides.
             let (across, along) = view.extent();
             let moved = if view.kind.has_eye() { t } else { 1.0 };
             let rounding = 64.0 * f64::EPSILON * (1.0 + (origin.length() + t) / moved);
@@ -92,7 +94,7 @@ proptest! {
     }
 
     #[test]
-    fn options_read_back_as_the_view_that_they_were_written_of(view in view()) {
+    fn written_options_read_back_as_the_same_view(view in view()) {
         let spec = View::parse_vf(&view.to_vf_options()).unwrap();
         prop_assert_eq!(spec.resolve((7, 5)).unwrap().0, view);
     }
@@ -107,7 +109,7 @@ proptest! {
             prop_assert_eq!(size, (width, height));
             let (across, along) = view.extent();
             prop_assert!((across / f64::from(width) / (along / f64::from(height)) - 1.0).abs() < 1e-9);
-            // And back: the other side alone says the same view.
+            // In reverse: the other side alone gives the same view.
             let other = format!("-vp 0 0 0 -vd 0 1 0 -vt{letter} -vv {}", view.vv);
             let (same, _) = View::parse_vf(&other).unwrap().resolve((width, height)).unwrap();
             prop_assert!((same.vh / vh - 1.0).abs() < 1e-9);
@@ -118,20 +120,21 @@ proptest! {
 }
 
 #[test]
-fn rays_lie_where_radiance_has_them() {
+fn rays_agree_with_radiance() {
     let close = |options: &str, (x, y): (f64, f64), wanted: DVec3| {
         let (view, _) = forward(options, (100, 100));
         let found = view.ray(x, y).1;
         assert!(found.distance(wanted.normalize()) < 1e-15, "{options} ({x} {y}): {found}");
     };
     let degrees = f64::to_radians;
-    // A cylinder turns around the up vector: a quarter of the width of 360° is a right angle; half its height is a tangent.
+    // A cylinder around the up vector: a quarter of a width of 360° is a right angle; half its
+    // height is a tangent.
     let panorama = "-vtc -vh 360 -vv 90";
     close(panorama, (0.5, 0.5), DVec3::Y);
     close(panorama, (0.75, 0.5), DVec3::X);
     close(panorama, (0.25, 1.0), DVec3::new(-1.0, 0.0, 1.0));
     close(panorama, (0.0, 0.0), DVec3::new(0.0, -1.0, -1.0));
-    // An angular fisheye: the angle grows evenly from the middle, past the horizon, too.
+    // An angular fisheye: the angle grows evenly from the centre, also beyond the horizon.
     close("-vta -vh 180 -vv 180", (0.5, 0.5), DVec3::Y);
     close("-vta -vh 180 -vv 180", (0.75, 0.5), DVec3::new(1.0, 1.0, 0.0));
     close("-vta -vh 180 -vv 180", (0.5, 0.0), -DVec3::Z);
@@ -156,10 +159,11 @@ fn rays_lie_where_radiance_has_them() {
     );
     let (all, _) = forward("-vta -vh 360 -vv 360", (10, 10));
     assert!(all.try_ray(0.1, 0.1).is_none() && all.try_ray(0.16, 0.16).is_some());
-    // Half a fisheye sees what is beside it in a corner: Radiance cuts at 180° from the middle only.
+    // A half fisheye shows what is beside the eye in its corners, because Radiance cuts only at
+    // 180° from the centre.
     let (half, _) = forward("-vta -vh 180 -vv 180", (10, 10));
     assert!(half.ray(1.0, 1.0).1.y < 0.0);
-    // A parallel view: sizes are lengths, rays begin side by side.
+    // A parallel view: sizes are lengths, and rays begin side by side.
     let (parallel, size) = forward("-vtl -vh 8 -vv 4", (100, 100));
     assert_eq!(size, (100, 50));
     assert_eq!(parallel.ray(0.75, 0.25), (DVec3::new(2.0, 0.0, -1.0), DVec3::Y));
@@ -169,7 +173,7 @@ fn rays_lie_where_radiance_has_them() {
 }
 
 #[test]
-fn a_shift_moves_the_picture_and_a_panorama_goes_on_around() {
+fn a_shift_moves_the_picture_and_a_panorama_wraps_around() {
     for kind in ['v', 'l', 'c', 'a', 'h'] {
         let (plain, _) = forward(&format!("-vt{kind} -vh 40 -vv 40"), (100, 100));
         let (shifted, _) =
@@ -185,7 +189,7 @@ fn a_shift_moves_the_picture_and_a_panorama_goes_on_around() {
 }
 
 #[test]
-fn sizes_do_not_stay_when_the_type_changes() {
+fn a_change_of_type_drops_the_sizes() {
     let spec = |text: &str| View::parse_vf(text).unwrap();
     let base = spec("-vp 0 0 0 -vd 0 1 0 -vh 60 -vv 40");
     assert_eq!(base.overridden_by(&spec("-vta -vh 170")).resolve((64, 64)).unwrap().0.vv, 170.0);
@@ -194,13 +198,13 @@ fn sizes_do_not_stay_when_the_type_changes() {
     assert!(base.overridden_by(&spec("-vtl")).resolve((64, 64)).is_err());
 }
 
-/// Solid angle of a triangle of directions (Van Oosterom & Strackee 1983).
+/// Returns the solid angle of a triangle of directions (Van Oosterom & Strackee 1983).
 fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
     2.0 * a.dot(b.cross(c)).abs().atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a))
 }
 
-/// Sums the solid angles of the pixels, measured by the rays of their corners, whose middle is at most `most` degrees off the axis.
-/// Also the largest that one has.
+/// Returns the sum of the solid angles of the pixels whose centre is at most `most` degrees off the
+/// axis, and the largest of them. Solid angles are measured by the rays of the pixels' corners.
 fn sum(view: &View, side: u32, most: f64) -> (f64, f64) {
     let least = most.to_radians().cos();
     let (mut sum, mut largest) = (0.0, 0.0_f64);
@@ -223,10 +227,11 @@ fn sum(view: &View, side: u32, most: f64) -> (f64, f64) {
 }
 
 #[test]
-fn solid_angles_of_pixels_add_up_to_what_the_view_covers() {
+fn solid_angles_of_pixels_sum_to_that_of_the_view() {
     const SIDE: u32 = 256;
-    // Whole rectangles: each pixel is two triangles of great circles, exact for a perspective view; a panorama's pixels have two
-    // sides that are none, off by a share of the square of their angle.
+    // Whole rectangles. Each pixel is two triangles of great circles, which is exact for a
+    // perspective view. Two sides of a panorama's pixel are not great circles, which adds an error
+    // of the square of their angle.
     let (perspective, _) = forward("-vtv -vh 80 -vv 50", (SIDE, SIDE));
     let (a, b) = (40f64.to_radians().sin(), 25f64.to_radians().sin());
     assert!((sum(&perspective, SIDE, 180.0).0 - 4.0 * (a * b).asin()).abs() < 1e-10);
@@ -236,7 +241,7 @@ fn solid_angles_of_pixels_add_up_to_what_the_view_covers() {
         (sum(&panorama, SIDE, 180.0).0 / zone - 1.0).abs()
             < (300f64.to_radians() / f64::from(SIDE)).powi(2)
     );
-    // Cones of fisheyes: at most 4·SIDE pixels lie on the border, and each is counted or not.
+    // Cones of fisheyes: at most 4·SIDE pixels lie on the border, where each counts or does not.
     for (options, cone) in [
         ("-vta -vh 360 -vv 360", 130.0),
         ("-vta -vh 150 -vv 150", 75.0),
@@ -252,7 +257,7 @@ fn solid_angles_of_pixels_add_up_to_what_the_view_covers() {
             "{options}: {found} for {exact}"
         );
     }
-    // All of the sphere: pixels with a corner outside are the border's.
+    // The whole sphere: pixels with a corner outside belong to the border.
     let (all, _) = forward("-vta -vh 360 -vv 360", (SIDE, SIDE));
     let (found, largest) = sum(&all, SIDE, 180.0);
     assert!((4.0 * PI - found).abs() < 4.0 * f64::from(SIDE) * largest, "{found}");

@@ -1,6 +1,7 @@
-//! Views: rays and projections are inverse, angles and sizes are Radiance's, and every way to say a view is understood.
+//! Tests views: rays and projections are inverse, angles and sizes are Radiance's, and every
+//! notation of a view is understood.
 
-// Helpers of tests may fail as tests do; clippy allows it only inside the test functions themselves.
+// Clippy allows these only inside test functions, but helpers need them too.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use glam::DVec3;
@@ -39,7 +40,8 @@ proptest! {
         let (origin, direction) = view.ray(x, y);
         prop_assert!((direction.length() - 1.0).abs() < 1e-14);
         let (px, py, distance) = view.project(origin + direction * t).unwrap();
-        // The point is rounded by |p|·ε, seen under |p|·ε/t; picture coordinates stretch that by (1 + tan²)/tan(angle/2).
+        // The point is rounded by |p|·ε, seen under |p|·ε/t. Picture coordinates stretch that by (1
+        // + tan²)/tan(angle/2).
         let (th, tv) = (view.extent().0 / 2.0, view.extent().1 / 2.0);
         let tan_squared = 2.0 * (th * th + tv * tv);
         let rounding = 32.0 * f64::EPSILON * (1.0 + origin.length() / t);
@@ -60,7 +62,7 @@ proptest! {
     }
 
     #[test]
-    fn options_read_back_as_the_view_that_they_were_written_of(view in view()) {
+    fn written_options_read_back_as_the_same_view(view in view()) {
         let spec = View::parse_vf(&view.to_vf_options()).unwrap();
         let again = spec.resolve((7, 5)).unwrap().0;
         prop_assert_eq!(again, view);
@@ -72,7 +74,8 @@ proptest! {
     ) {
         let (view, (w, h)) = forward(Some(vh), Some(vv), (width, height)).unwrap();
         prop_assert!((1..=width).contains(&w) && (1..=height).contains(&h) && (w == width || h == height));
-        // Square to within the half pixel that the shorter side was rounded by (or the one pixel that it has at least).
+        // Pixels are square within the half pixel of rounding of the shorter side, or within its
+        // minimum of one pixel.
         let (across, down) = view.extent();
         let (ideal_w, ideal_h) = (f64::from(h) * across / down, f64::from(w) * down / across);
         let w_fits = (f64::from(w) - ideal_w).abs() <= 0.5 + 1e-9 || w == 1;
@@ -92,7 +95,7 @@ proptest! {
 }
 
 #[test]
-fn rays_lie_where_radiance_has_them() {
+fn rays_agree_with_radiance() {
     let (view, _) = forward(Some(90.0), Some(60.0), (100, 100)).unwrap();
     let half_high = 30f64.to_radians().tan();
     for ((x, y), wanted) in [
@@ -104,7 +107,7 @@ fn rays_lie_where_radiance_has_them() {
     ] {
         assert!(view.ray(x, y).1.distance(wanted.normalize()) < 1e-15, "({x} {y})");
     }
-    // Row 0 is the top: its rays go up.
+    // Row 0 is at the top: its rays go up.
     let (x, y) = View::pixel_centre((4, 4), 3, 0);
     let up_right = view.ray(x, y).1;
     assert!(up_right.x > 0.0 && up_right.z > 0.0);
@@ -117,7 +120,7 @@ fn rays_lie_where_radiance_has_them() {
 
 #[test]
 fn the_shape_of_the_picture_and_the_angles_follow_from_each_other() {
-    // The reference pictures': vh 60 with 320×240 is vv 46.826.
+    // As in the reference pictures: vh 60 with 320×240 gives vv 46.826.
     let (view, size) = forward(Some(60.0), None, (320, 240)).unwrap();
     assert_eq!(size, (320, 240));
     assert!((view.vv - 46.826).abs() < 5e-4);
@@ -125,7 +128,8 @@ fn the_shape_of_the_picture_and_the_angles_follow_from_each_other() {
     assert!(size == (320, 240) && (view.vh - 60.0).abs() < 1e-12);
     let (view, _) = forward(None, None, (100, 100)).unwrap();
     assert!(view.vh == 60.0 && (view.vv - 60.0).abs() < 1e-12);
-    // Both given: rpict -x 640 -y 480 -vh 60 -vv 60 makes 480×480; -vv 46.826 all of it; a tall one is cut in width.
+    // Both given: rpict -x 640 -y 480 -vh 60 -vv 60 makes 480×480; -vv 46.826 uses all of it; a
+    // tall picture loses width.
     assert_eq!(forward(Some(60.0), Some(60.0), (640, 480)).unwrap().1, (480, 480));
     assert_eq!(forward(Some(60.0), Some(46.826), (640, 480)).unwrap().1, (640, 480));
     assert_eq!(forward(Some(60.0), Some(20.0), (640, 480)).unwrap().1, (640, 195));
@@ -134,7 +138,7 @@ fn the_shape_of_the_picture_and_the_angles_follow_from_each_other() {
 }
 
 #[test]
-fn views_that_cannot_be_seen_through_are_refused() {
+fn degenerate_views_are_refused() {
     let at = |vp, vd, vu, vh| View::resolve(vp, vd, vu, Some(vh), None, (64, 64)).map(|_| ());
     let (o, x, z) = (DVec3::ZERO, DVec3::X, DVec3::Z);
     assert_eq!(at(o, x, z, 60.0), Ok(()));
@@ -155,7 +159,7 @@ fn views_that_cannot_be_seen_through_are_refused() {
 }
 
 #[test]
-fn every_way_to_say_a_view_says_the_same() {
+fn all_notations_of_a_view_mean_the_same() {
     let file =
         "rview -vtv -vp 12.5 .5 5 -vd .7 .7 0 -vu 0 0 1 -vh 60 -vv 40 -vo 0 -va 0 -vs 0 -vl 0\n";
     let wanted = View::parse_vf(file).unwrap();
@@ -165,7 +169,8 @@ fn every_way_to_say_a_view_says_the_same() {
     for text in [
         "VIEW= -vtv -vp 12.5 .5 5 -vd .7 .7 0 -vu 0 0 1 -vh 60 -vv 40 -vo 0 -va 0 -vs 0 -vl 0",
         "-vtv -vp 12.5 .5 5 -vd .7 .7 0 -vu 0 0 1\n-vh 60 -vv 40 -vo 0 -va 0 -vs 0 -vl 0",
-        // A picture's header: other options and lines are passed over, later ones override, indented ones do not count.
+        // A picture's header: other options and lines are ignored, later ones override, indented
+        // ones do not count.
         "#?RADIANCE\n/usr/bin/rpict -x 64 -av 0 -1 .5 -vtv -vp 1 1 1 -vd .7 .7 0 -vu 0 0 1 -vh 60 -vv 40 scene.oct\n\
          CAPDATE= 2024:01:01\nVIEW= -vp 12.5 .5 5 -vo 0 -va 0 -vs 0 -vl 0\npfilt -1\n",
     ] {
@@ -190,7 +195,14 @@ fn every_way_to_say_a_view_says_the_same() {
     };
     let both = ViewSpec { kind: Some(ViewKind::Perspective), ..typed }.overridden_by(&zeros);
     assert_eq!(both, wanted);
-    // A script's `view` line moves the eye and leaves the rest.
+    // A letter apart from its option, at the end of a line and before another option.
+    for text in ["-vh 90 -vt c", "-vt c -vh 90"] {
+        let mut spaced = ViewSpec::default();
+        spaced.apply_line(text).unwrap();
+        let kind = Some(ViewKind::Cylindrical);
+        assert_eq!(spaced, ViewSpec { kind, vh: Some(90.0), ..ViewSpec::default() });
+    }
+    // A script's `view` line moves the eye and keeps the rest.
     let mut moved = wanted;
     moved.apply_line("-vp -1 -2.5 -3e-1").unwrap();
     assert_eq!(moved, ViewSpec { vp: Some(DVec3::new(-1.0, -2.5, -0.3)), ..wanted });
@@ -199,12 +211,15 @@ fn every_way_to_say_a_view_says_the_same() {
 }
 
 #[test]
-fn what_is_wrong_with_a_view_is_named() {
+fn errors_name_what_is_wrong_with_a_view() {
     let line = |text: &str| ViewSpec::default().apply_line(text).unwrap_err().to_string();
     assert!(
-        line("-vts").starts_with("view type -vts is not supported: there are v (perspective), l")
+        line("-vts")
+            .starts_with("view type -vts is not supported; the types are v (perspective), l")
     );
     assert!(line("-vt").starts_with("view type -vt is not supported"));
+    assert!(line("-vt -vp 1 2 3").starts_with("view type -vt is not supported"));
+    assert!(line("-vt x").starts_with("view type -vtx is not supported"));
     assert_eq!(line("-vp 1 2 -vh 60"), "-vp takes 3 number(s), found 2");
     assert_eq!(line("-vp 1 2 x"), "-vp: `x` is not a finite number");
     assert_eq!(line("-vh inf"), "-vh: `inf` is not a finite number");
@@ -226,7 +241,7 @@ fn what_is_wrong_with_a_view_is_named() {
     let from_here = |text: &str| unresolved(&format!("-vp 0 0 0 -vd 0 1 0 {text}"));
     assert_eq!(
         from_here("-vo -.5"),
-        "-vo -0.5 is behind the eye: it must be at least 0, but in parallel views"
+        "-vo -0.5 is behind the eye: it must be at least 0 except in parallel views"
     );
     assert_eq!(from_here("-vo 2 -va 2"), "-va 2 must be larger than -vo 2, or 0 for none");
     assert_eq!(

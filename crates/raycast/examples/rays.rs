@@ -1,12 +1,16 @@
-//! Rays per second of one core: incoherent rays one by one, and the 21 rays of a beam together; nearest hit and occlusion.
+//! Measures rays per second of one core: incoherent rays one by one, and the 21 rays of a beam
+//! together; nearest hit and occlusion.
 //!
-//! `cargo run --release -p holo-raycast --example rays -- [--json] [--obj FILE] [--triangles N,N…] [--rays N]
-//! [--quality fast|fine] [--dump FOLDER]`
+//! `cargo run --release -p holo-raycast --example rays -- [--json] [--obj FILE] [--triangles N,N…]
+//! [--rays N] [--dump FOLDER]`
 //!
-//! Without `--obj`, closed displaced spheres of about 10³ to 10⁶ triangles (`--triangles 10000000` takes a few GB and a minute).
-//! Seconds are those that the thread ran, where the system tells (Linux): other programs do not count. `--dump` writes what was traced
-//! for `scripts/embree-bench`, little-endian: the counts of vertices, triangles, incoherent rays and beam rays (u32), then positions (3 f32),
-//! triangles (3 u32) and rays (origin, direction, t_min, t_max: 8 f32).
+//! Without `--obj`, the scenes are closed displaced spheres of about 10³ to 10⁶ triangles.
+//! `--triangles 10000000` takes a few GB and a minute. Times are processor seconds of the thread
+//! where the system reports them (Linux), so other programs do not count.
+//!
+//! `--dump` writes scene and rays for `scripts/embree-bench`, little-endian: the counts of
+//! vertices, triangles, incoherent rays and beam rays (u32), then positions (3 f32), triangles (3
+//! u32) and rays (origin, direction, t_min, t_max: 8 f32).
 
 use std::error::Error;
 use std::io::{BufWriter, Write};
@@ -15,13 +19,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use holo_raycast::{Hit, MAX_TOGETHER, Quality, Ray, Raycaster};
+use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
 use holo_scene::{Material, Scene};
 
-/// Cells along each edge of a wall, for beams: the default grid of a section is of this order.
+/// Cells along each edge of a wall, for beams: about the default grid of a section.
 const GRID: f32 = 16.0;
 
-/// Seconds that this thread has run; the time since `start` where the system does not tell.
+/// Returns the processor time of this thread; the time since `start` where the system does not
+/// report it.
 fn seconds(start: Instant) -> f64 {
     let ran = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
     let nanoseconds =
@@ -32,7 +37,7 @@ fn seconds(start: Instant) -> f64 {
 struct Random(u64);
 
 impl Random {
-    /// Uniform in [0, 1).
+    /// Returns a number that is uniform in [0, 1).
     fn unit(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
@@ -45,7 +50,8 @@ impl Random {
         Vec3::new(self.unit(), self.unit(), self.unit()) - 0.5
     }
 
-    /// Points of one cell of a wall of the cube from -½ to ½.
+    /// Chooses a cell of a wall of the cube from -½ to ½, and returns a function that gives points
+    /// of it.
     fn cell(&mut self) -> impl Fn(&mut Self) -> Vec3 + use<> {
         let (axis, side) = ((self.unit() * 3.0) as usize, (self.unit() * 2.0).floor() - 0.5);
         let corner = [(self.unit() * GRID).floor(), (self.unit() * GRID).floor()];
@@ -59,7 +65,8 @@ impl Random {
     }
 }
 
-/// A sphere of radius 1 with bumps, of about `triangles` triangles: rings of latitude, closed at the poles.
+/// Returns a sphere of radius 1 with bumps, of about `triangles` triangles: rings of latitude,
+/// closed at the poles.
 fn bumpy_sphere(triangles: usize) -> Result<Scene, Box<dyn Error>> {
     let rings = ((triangles as f64 / 4.0).sqrt().round() as u32).max(2);
     let around = 2 * rings;
@@ -99,7 +106,6 @@ struct Arguments {
     obj: Option<PathBuf>,
     triangles: Vec<usize>,
     rays: usize,
-    quality: Quality,
     dump: Option<PathBuf>,
 }
 
@@ -109,7 +115,6 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
         obj: None,
         triangles: vec![1_000, 10_000, 100_000, 1_000_000],
         rays: 1_000_000,
-        quality: Quality::Fine,
         dump: None,
     };
     let mut given = std::env::args().skip(1);
@@ -123,13 +128,6 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
             }
             "--rays" => parsed.rays = value()?.parse()?,
             "--dump" => parsed.dump = Some(value()?.into()),
-            "--quality" => {
-                parsed.quality = match value()?.as_str() {
-                    "fast" => Quality::Fast,
-                    "fine" => Quality::Fine,
-                    other => return Err(format!("--quality is fast or fine, not {other}").into()),
-                }
-            }
             other => return Err(format!("unknown argument {other}").into()),
         }
     }
@@ -161,7 +159,7 @@ fn dump(path: &PathBuf, scene: &Scene, sets: [&[Ray]; 2]) -> Result<(), Box<dyn 
     Ok(file.flush()?)
 }
 
-/// Best of three runs, in millions a second, and what the runs counted.
+/// Returns the best of three runs, in millions per second, and what that run counted.
 fn rate(rays: usize, mut run: impl FnMut() -> usize) -> (f64, usize) {
     let clock = Instant::now();
     let mut best = (f64::INFINITY, 0);
@@ -187,7 +185,7 @@ fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dy
             Ray::new(from, (to - from).normalize())
         })
         .collect();
-    // A section is the bounds shrunk by a tenth: its beams begin inside the scene.
+    // A section is nine tenths of the bounds, so its beams begin inside the scene.
     let section = size * 0.9;
     let mut beams: Vec<Ray> = Vec::with_capacity(arguments.rays);
     while beams.len() + MAX_TOGETHER <= arguments.rays {
@@ -204,7 +202,7 @@ fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dy
     }
     let clock = Instant::now();
     let start = seconds(clock);
-    let raycaster = Raycaster::build_with(scene.clone(), arguments.quality)?;
+    let raycaster = Raycaster::build(scene.clone())?;
     let built = seconds(clock) - start;
 
     let short = |ray: &Ray| Ray { t_max: 1.0, ..*ray };
@@ -244,7 +242,7 @@ fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dy
         );
     } else {
         println!(
-            "{name}: {triangles} triangles, built in {built:.2} s; million rays a second and how many hit:"
+            "{name}: {triangles} triangles, built in {built:.2} s; million rays per second, and number of hits:"
         );
         for (n, (rate, count)) in rows {
             println!("    {n:14} {rate:7.2} {count:9}");

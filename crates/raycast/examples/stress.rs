@@ -1,7 +1,8 @@
-//! Rays where ray tracers break, against meshes that are closed: counts those that find no surface (leaks) and those with a result that is
-//! no number. Exits with 1 if there are any.
+//! Traces rays that are difficult for ray tracers against closed meshes. Counts rays that hit
+//! nothing (leaks) and rays whose result is NaN. Exits with 1 if there are any.
 //!
-//! `cargo run --release -p holo-raycast --example stress -- [RAYS]` (a million; 100000000 takes minutes)
+//! `cargo run --release -p holo-raycast --example stress -- [RAYS]` (a million; 100000000 takes
+//! minutes)
 
 #[path = "../tests/common/mod.rs"]
 mod common;

@@ -1,7 +1,9 @@
-//! Builds the hierarchy: obvhs makes a binary tree, which is then collapsed to eight children a node.
+//! Builds the hierarchy: obvhs makes a binary tree, which is then collapsed to eight children a
+//! node.
 //!
-//! Always true: every triangle is in a leaf; every box holds its triangles with a margin of [`PAD`] times the scene's
-//! reach; a traversal needs at most [`LARGE_STACK`] stack entries, by replacing a tree that is too deep with a balanced one.
+//! Always true: every triangle is in a leaf. Every box contains its triangles with a margin of
+//! [`PAD`] times the scene's reach. A traversal needs at most [`LARGE_STACK`] stack entries,
+//! because a balanced tree replaces a tree that is too deep.
 
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
@@ -12,31 +14,34 @@ use obvhs::splits::split_aabbs_preset;
 use obvhs::triangle::Triangle;
 
 use crate::dispatch::LARGE_STACK;
-use crate::node::{Block, Few, Hierarchy, LANES, LEAF, Node, WIDTH};
-use crate::raycaster::{Facet, Quality};
+use crate::node::{Block, Hierarchy, LANES, LEAF, Node, SmallScene, WIDTH};
+use crate::raycaster::Facet;
 
-/// Widening of boxes, as a share of the greatest coordinate.
+/// Padding of boxes, as a share of the greatest coordinate.
 ///
-/// The triangle test sees vertices that are rounded when the ray's origin is subtracted and again when they are sheared: at
-/// most 5 · 2⁻²⁴ of the distance, which is within 3 reaches; and spatial splits end boxes at points that were interpolated
-/// in f32. The stretch in the box test covers the first as well; neither alone is argued to cover both.
+/// The triangle test rounds vertices twice: when the ray's origin is subtracted, and when they are
+/// sheared. The error is at most 5 · 2⁻²⁴ of the distance, which is within 3 reaches. Spatial
+/// splits end boxes at points that were interpolated in f32. The stretch in the box test covers the
+/// first error too; this padding does not rely on it.
 const PAD: f32 = 1.0 / (1 << 19) as f32;
 
-/// Least widening: a scene whose every vertex is 0 still needs boxes that are not empty, and coarser than [`Node`]'s least step.
+/// Least padding. A scene whose vertices are all 0 still needs boxes that are not empty, and the
+/// padding must exceed the least step of a [`Node`].
 const LEAST_PAD: f32 = 1e-25;
 
-/// Hierarchy over facets, none of whose coordinates exceeds `reach`.
-pub(crate) fn hierarchy(facets: &[Facet], reach: f32, quality: Quality) -> Hierarchy {
+/// Builds the hierarchy over facets whose coordinates are at most `reach`.
+pub(crate) fn hierarchy(facets: &[Facet], reach: f32) -> Hierarchy {
     if facets.is_empty() {
         return Hierarchy::default();
     }
     let pad = (reach * PAD).max(LEAST_PAD);
-    let tree = Tree::from_obvhs(&binary(facets, quality));
+    let tree = Tree::from_obvhs(&binary(facets));
     let mut hierarchy = collapse(&tree, facets, pad);
     if hierarchy.stack_need > LARGE_STACK {
         hierarchy = collapse(&Tree::balanced(facets), facets, pad);
     }
-    hierarchy.few = Few::new(facets.iter().map(|f| f.vertices.map(|v| v.to_array())).collect());
+    hierarchy.few =
+        SmallScene::new(facets.iter().map(|f| f.vertices.map(|v| v.to_array())).collect());
     hierarchy
 }
 
@@ -45,12 +50,10 @@ fn bounds(facet: &Facet) -> Aabb {
     Aabb::new(a.min(b).min(c), a.max(b).max(c))
 }
 
-/// obvhs' own steps, without its collapse and its check of the whole tree in debug builds.
-fn binary(facets: &[Facet], quality: Quality) -> Bvh2 {
-    let params = match quality {
-        Quality::Fast => BvhBuildParams::fast_build(),
-        Quality::Fine => BvhBuildParams::slow_build(),
-    };
+/// Builds a binary tree by the steps of obvhs's slow preset, without its collapse and its debug
+/// check of the whole tree. Other presets were tried: docs/notes/ray-casting.md.
+fn binary(facets: &[Facet]) -> Bvh2 {
+    let params = BvhBuildParams::slow_build();
     let mut boxes: Vec<Aabb> = facets.iter().map(bounds).collect();
     let mut indices: Vec<u32> = (0..facets.len() as u32).collect();
     if params.pre_split {
@@ -80,7 +83,7 @@ fn binary(facets: &[Facet], quality: Quality) -> Bvh2 {
     bvh
 }
 
-/// A binary tree, children after their parents.
+/// A binary tree in which children come after their parents.
 struct Tree {
     nodes: Vec<TreeNode>,
 }
@@ -89,9 +92,9 @@ struct Tree {
 struct TreeNode {
     min: Vec3,
     max: Vec3,
-    /// `Ok`: first of two neighbouring children; `Err`: a triangle.
+    /// `Ok`: the first of two adjacent children. `Err`: a triangle.
     content: Result<u32, u32>,
-    /// Triangle references in the subtree.
+    /// Number of triangle references in the subtree.
     references: u32,
 }
 
@@ -116,7 +119,7 @@ impl Tree {
             };
             TreeNode::new(*node.aabb(), content)
         };
-        // Renumbered on the way, since reinsertion leaves no particular order.
+        // Renumbered, because reinsertion leaves nodes in no particular order.
         let mut sources = vec![0_usize];
         let mut nodes = Vec::with_capacity(bvh.nodes.len());
         while let Some(&source) = sources.get(nodes.len()) {
@@ -129,7 +132,8 @@ impl Tree {
         Self::counted(nodes)
     }
 
-    /// Halves by number along the widest axis of the centres: never deeper than log₂ of the number of triangles.
+    /// Builds a tree by halving the number of triangles along the widest axis of their centres. It
+    /// is never deeper than log₂ of the number of triangles.
     fn balanced(facets: &[Facet]) -> Self {
         let boxes: Vec<Aabb> = facets.iter().map(bounds).collect();
         let mut order: Vec<u32> = (0..facets.len() as u32).collect();
@@ -168,7 +172,7 @@ impl Tree {
         Self { nodes }
     }
 
-    /// The triangles of a subtree, each once: a split triangle may be there twice.
+    /// Returns the triangles of a subtree, each once: a split triangle may be there twice.
     fn triangles(&self, root: u32) -> Vec<u32> {
         let mut pending = vec![root];
         let mut found = Vec::with_capacity(LANES);
@@ -182,7 +186,8 @@ impl Tree {
         found
     }
 
-    /// Up to eight subtrees that make up this one: the child of the greatest area is opened first.
+    /// Returns up to eight subtrees that make up this one. The child of the greatest area is opened
+    /// first.
     fn children(&self, root: u32) -> Vec<u32> {
         let mut children = vec![root];
         while children.len() < WIDTH {
@@ -203,7 +208,7 @@ impl Tree {
 
 fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
     let mut hierarchy = Hierarchy { nodes: vec![Node::EMPTY], ..Hierarchy::default() };
-    // Depth first, so that a subtree is together in memory.
+    // Depth first, so that a subtree is contiguous in memory.
     let mut pending = vec![(0_u32, 0_usize, 1_usize)];
     while let Some((root, index, depth)) = pending.pop() {
         hierarchy.stack_need = hierarchy.stack_need.max(depth * (WIDTH - 1) + WIDTH);
@@ -240,7 +245,7 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    /// Facets whose centres crowd ever nearer to one point: agglomeration makes a chain of them.
+    /// Returns facets whose centres crowd towards one point; agglomeration makes a chain of them.
     fn chain(count: usize) -> Vec<Facet> {
         let facet = |i: usize| {
             let x = 0.8_f32.powi(i as i32);
@@ -264,10 +269,10 @@ mod tests {
     #[test]
     fn every_triangle_is_in_a_leaf_and_inside_the_boxes_above_it() {
         let facets = chain(300);
-        for tree in [Tree::from_obvhs(&binary(&facets, Quality::Fine)), Tree::balanced(&facets)] {
+        for tree in [Tree::from_obvhs(&binary(&facets)), Tree::balanced(&facets)] {
             let h = collapse(&tree, &facets, 1e-6);
             assert_eq!(references(&h), (0..300).collect::<Vec<_>>());
-            // Split triangles reach out of their boxes; these are small enough for none to be split.
+            // Split triangles extend beyond their boxes; these are too small to be split.
             let mut pending = vec![(0_u32, DVec3::NEG_INFINITY, DVec3::INFINITY)];
             while let Some((node, low, high)) = pending.pop() {
                 let node = &h.nodes[node as usize];
@@ -295,15 +300,14 @@ mod tests {
     }
 
     #[test]
-    fn a_balanced_tree_never_needs_more_stack_than_there_is() {
+    fn a_balanced_tree_never_exceeds_the_stack() {
         let facets = chain(3000);
         let h = collapse(&Tree::balanced(&facets), &facets, 1e-6);
         assert_eq!(references(&h).len(), 3000);
-        // 3000 / 4 leaves, a node opens at least two levels of a balanced tree.
+        // There are 3000 / 4 leaves, and a node opens at least two levels of a balanced tree.
         assert!(h.stack_need <= (WIDTH - 1) * 12 + 1, "{}", h.stack_need);
-        let unbalanced =
-            collapse(&Tree::from_obvhs(&binary(&facets, Quality::Fine)), &facets, 1e-6);
-        let built = hierarchy(&facets, 1.0, Quality::Fine);
+        let unbalanced = collapse(&Tree::from_obvhs(&binary(&facets)), &facets, 1e-6);
+        let built = hierarchy(&facets, 1.0);
         assert!(
             built.stack_need <= LARGE_STACK
                 && built.stack_need <= unbalanced.stack_need.max(h.stack_need)

@@ -1,40 +1,43 @@
-//! Memory layout of the hierarchy: nodes of eight children in two cache lines, leaves of four triangles in three.
+//! Memory layout of the hierarchy: nodes of eight children in two cache lines, leaves of four
+//! triangles in three.
 //!
-//! Always true: a decoded box holds the box that was given, in exact arithmetic; an unused lane of a leaf holds NaN, which no
-//! ray hits. An unused child has an empty box; rounding may let a ray from afar enter it, and names block 0, which does no harm.
+//! Always true: in exact arithmetic, a decoded box contains the box that was encoded. An unused
+//! lane of a leaf holds NaN, which no ray hits. An unused child has an empty box. Rounding may let
+//! a ray from far away enter it; it refers to block 0, which is harmless.
 //!
-//! Tried: 32-bit boxes (224 bytes a node) and leaves of eight triangles: no difference beyond the noise of a busy machine, from 10³ to
-//! 10⁶ triangles. Large pages by `madvise`: 0 to 5 % on 10⁶ triangles, not worth the unsafe code.
+//! Other layouts were tried: docs/notes/ray-casting.md.
 
 use bytemuck::Zeroable;
 use glam::DVec3;
 
-/// Children of a node.
+/// Number of children of a node.
 pub(crate) const WIDTH: usize = 8;
-/// Triangles of a leaf: with three vertices, 12 of the 16 lanes of a 512-bit register.
+/// Number of triangles of a leaf: with three vertices they take 12 of the 16 lanes of a 512-bit
+/// register.
 pub(crate) const LANES: usize = 4;
-/// Most triangles of [`Few`]: a bit for each.
+/// Most triangles of a [`SmallScene`]: one bit each.
 pub(crate) const FEW: usize = 64;
-/// Triangles of a [`Row`].
+/// Number of triangles of a [`Row`].
 pub(crate) const ROW: usize = 16;
-/// Set in a child reference that names a leaf block; the other bits are an index.
+/// Set in a reference to a leaf block; the other bits are an index.
 pub(crate) const LEAF: u32 = 1 << 31;
 
-/// Least step of a quantised box: smaller ones would meet subnormal numbers when divided by long directions.
+/// Least step of a quantised box. Smaller steps would become subnormal when divided by long
+/// directions.
 const LEAST_STEP: f64 = f64::from_bits((1023 - 90) << 52);
 
-/// Eight boxes, as bytes on a grid of their own, and what is in them.
+/// Eight boxes, as bytes on the node's own grid, and references to their contents.
 #[derive(Clone, Copy, Debug, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
-    /// Where the bytes are 0, by axis.
+    /// The coordinates of byte 0, by axis.
     pub origin: [f32; 3],
-    /// What one unit of a byte is, by axis: powers of two.
+    /// The size of one unit of a byte, by axis: a power of two.
     pub step: [f32; 3],
-    /// By axis: least, greatest and once more least coordinate, so that near and far are 16 consecutive bytes for either sign of
-    /// a direction. A column per child.
+    /// By axis, three rows: least, greatest and again least coordinate of each child. So near and
+    /// far bounds are 16 consecutive bytes for either sign of a direction.
     pub bounds: [[[u8; WIDTH]; 3]; 3],
-    /// An index into the nodes, or [`LEAF`] and an index into the blocks.
+    /// The index of a node, or [`LEAF`] and the index of a block.
     pub children: [u32; WIDTH],
 }
 
@@ -48,7 +51,7 @@ impl Node {
         children: [LEAF; WIDTH],
     };
 
-    /// Sets the boxes (least corner, greatest corner) of the first children, at most eight.
+    /// Sets the boxes (least corner, greatest corner) of the first children; at most eight.
     pub(crate) fn set_boxes(&mut self, boxes: &[([f32; 3], [f32; 3])]) {
         for axis in 0..3 {
             let origin = boxes.iter().fold(f32::INFINITY, |least, b| least.min(b.0[axis]));
@@ -61,7 +64,8 @@ impl Node {
             self.origin[axis] = origin;
             self.step[axis] = step as f32;
             for (slot, (low, high)) in boxes.iter().enumerate() {
-                // Division by a power of two is exact, and so is the difference up to 2⁻⁵³: far below the boxes' padding.
+                // Division by a power of two is exact. So is the difference up to 2⁻⁵³, far below
+                // the boxes' padding.
                 let low = ((f64::from(low[axis]) - from) / step).floor() as u8;
                 let high = ((f64::from(high[axis]) - from) / step).ceil() as u8;
                 self.bounds[axis][0][slot] = low;
@@ -71,7 +75,7 @@ impl Node {
         }
     }
 
-    /// Least and greatest corner of a child's box, exactly; `None` if there is no such child.
+    /// Returns the exact least and greatest corner of a child's box; `None` for an unused child.
     pub(crate) fn child_box(&self, slot: usize) -> Option<(DVec3, DVec3)> {
         let at = |row: usize| {
             let corner = |axis: usize| {
@@ -88,7 +92,7 @@ impl Node {
 #[derive(Clone, Copy, Debug, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Block {
-    /// Axis, vertex, lane; the fourth vertex does not exist and fills the register.
+    /// Indexed by axis, vertex and lane. The fourth vertex does not exist and fills the register.
     pub vertices: [[[f32; LANES]; 4]; 3],
 }
 
@@ -97,13 +101,13 @@ const _: () = assert!(size_of::<Block>() == 192);
 impl Block {
     pub(crate) const EMPTY: Self = Self { vertices: [[[f32::NAN; LANES]; 4]; 3] };
 
-    /// Index of a lane's triangle in the scene, kept where the first axis has no fourth vertex.
+    /// Returns the scene's index of a lane's triangle. It is stored in the unused fourth vertex.
     #[inline(always)]
     pub(crate) fn id(&self, lane: usize) -> u32 {
         self.vertices[0][3][lane % LANES].to_bits()
     }
 
-    /// The vertices of a lane's triangle.
+    /// Returns the vertices of a lane's triangle.
     #[inline(always)]
     pub(crate) fn triangle(&self, lane: usize) -> [[f32; 3]; 3] {
         let lane = lane % LANES;
@@ -112,7 +116,7 @@ impl Block {
         [vertex(0), vertex(1), vertex(2)]
     }
 
-    /// Puts triangle `id` into a lane.
+    /// Stores triangle `id` in a lane.
     pub(crate) fn set(&mut self, lane: usize, id: u32, vertices: [[f32; 3]; 3]) {
         for (vertex, position) in vertices.iter().enumerate() {
             for (axis, coordinate) in position.iter().enumerate() {
@@ -122,29 +126,29 @@ impl Block {
         self.vertices[0][3][lane] = f32::from_bits(id);
     }
 
-    /// The triangle in a lane, if there is one.
+    /// Returns the index of the triangle in a lane, if there is one.
     pub(crate) fn used(&self, lane: usize) -> Option<u32> {
         (!self.vertices[0][0][lane].is_nan()).then(|| self.id(lane))
     }
 }
 
-/// Sixteen triangles, the coordinates of each kind together.
+/// Sixteen triangles as a structure of arrays.
 #[derive(Clone, Copy, Debug, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Row {
-    /// Axis, vertex, lane.
+    /// Indexed by axis, vertex and lane.
     pub vertices: [[[f32; ROW]; 3]; 3],
 }
 
-/// At most [`FEW`] triangles, in the scene's order.
+/// All triangles of a scene with at most [`FEW`] of them, in the scene's order.
 #[derive(Debug)]
-pub(crate) struct Few {
+pub(crate) struct SmallScene {
     pub rows: Vec<Row>,
-    /// Vertices by triangle.
+    /// Vertices, indexed by triangle.
     pub triangles: Vec<[[f32; 3]; 3]>,
 }
 
-impl Few {
+impl SmallScene {
     pub(crate) fn new(triangles: Vec<[[f32; 3]; 3]>) -> Option<Self> {
         if triangles.len() > FEW {
             return None;
@@ -162,13 +166,13 @@ impl Few {
     }
 }
 
-/// A hierarchy ready for tracing. Root is node 0; no nodes if there are no triangles.
+/// The hierarchy. The root is node 0; without triangles there are no nodes.
 #[derive(Debug, Default)]
 pub(crate) struct Hierarchy {
     pub nodes: Vec<Node>,
     pub blocks: Vec<Block>,
-    /// Every triangle, if there are so few that testing them all takes less than finding out which.
-    pub few: Option<Few>,
-    /// Entries that a traversal's stack may need at most.
+    /// All triangles, if there are so few that testing all is faster than traversal.
+    pub few: Option<SmallScene>,
+    /// Most entries that a traversal puts on its stack.
     pub stack_need: usize,
 }

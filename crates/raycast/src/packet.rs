@@ -1,39 +1,41 @@
-//! The rays of a beam together: a node is fetched once for all rays that enter it, and its children are asked for in advance.
+//! Traces the rays of a beam together: a node is loaded once for all rays that enter it, and its
+//! children are prefetched.
 //!
-//! Always true: each ray's result is the same, bit for bit, as if it were traced alone: it meets the same boxes and triangles by the
-//! same tests, in another order, on which results do not depend.
+//! Always true: each ray's result has the same bits as if the ray were traced alone. The ray meets
+//! the same boxes and triangles in the same tests. Only the order differs, and results do not
+//! depend on it.
 //!
-//! Measured, 21 rays between two cells of a 16 x 16 grid, against one by one: 2.0 times the rays a second on 960 triangles, 1.8 on the
-//! cabin, 1.7 on 10⁶ triangles. There, rays taking turns, so that memory arrives meanwhile, made 1.4 into 1.7. Rays in all directions
-//! gain 10 to 20 % on 10⁶ triangles and lose 5 to 25 % on smaller scenes: trace those alone.
+//! Gains of tracing together are in docs/notes/ray-casting.md. Rays in all directions lose time on
+//! small scenes: trace those alone.
 
 use crate::Hit;
 use crate::kernel::{Query, advance};
 use crate::node::{Hierarchy, LEAF, WIDTH};
-use crate::simd::{Near, RAYS, RayBytes, STRETCH, Simd, entry, parts};
+use crate::simd::{Near, RAYS, RayBytes, STRETCH, Simd, entry, unpack};
 use crate::triangle::intersect;
 
-/// Stack of subtrees and the rays that enter them.
+/// A subtree to visit and the rays that enter it.
 #[derive(Clone, Copy)]
 struct Pending {
     child: u32,
-    /// A bit per ray.
+    /// One bit per ray.
     rays: u32,
     /// Least distance at which any of them enters.
     near: f32,
 }
 
-/// Farthest distances that still matter, one per ray.
+/// Farthest distances that still matter, by ray.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub(crate) struct Limits(pub [f32; RAYS]);
 
-/// Subtrees that at most so many rays enter are traversed by each ray for itself: testing a box for many at once no longer pays.
-const FEW: u32 = 4;
-/// Rays that are traversed by turns, so that one's memory arrives while others compute.
+/// Subtrees that at most so many rays enter are traversed by each ray alone. Testing a box for many
+/// rays no longer pays.
+const SINGLE_RAYS: u32 = 4;
+/// Rays that are traversed in turns, so that memory for one arrives while others compute.
 const AT_ONCE: usize = 8;
 
-/// One ray on its own.
+/// The traversal of one ray.
 #[derive(Clone, Copy)]
 struct Lane {
     ray: usize,
@@ -41,14 +43,14 @@ struct Lane {
     top: usize,
 }
 
-/// Rays on their own, by turns.
-struct Few<const STACK: usize> {
+/// Rays that are traversed alone, in turns.
+struct SingleRays<const STACK: usize> {
     lanes: [Lane; AT_ONCE],
     count: usize,
     stacks: [[u64; STACK]; AT_ONCE],
 }
 
-impl<const STACK: usize> Few<STACK> {
+impl<const STACK: usize> SingleRays<STACK> {
     #[inline(always)]
     fn add(&mut self, mut rays: u32, child: u32) {
         while rays != 0 {
@@ -102,7 +104,7 @@ fn prefetch<S: Simd>(simd: S, hierarchy: &Hierarchy, child: u32) {
     }
 }
 
-/// Nearest hits of at most [`RAYS`] queries; `best` has [`Query::nothing`] of each.
+/// Finds the nearest hits of at most [`RAYS`] queries. `best` holds [`Query::nothing`] of each.
 #[inline(always)]
 pub(crate) fn traverse_many<S: Simd, const STACK: usize>(
     simd: S,
@@ -119,7 +121,7 @@ pub(crate) fn traverse_many<S: Simd, const STACK: usize>(
     let mut stack = [Pending { child: 0, rays: 0, near: 0.0 }; STACK];
     stack[0].rays = ((1_u64 << count) - 1) as u32;
     let mut top = 1;
-    let mut few = Few::<STACK> {
+    let mut single = SingleRays::<STACK> {
         lanes: [Lane { ray: 0, current: 0, top: 0 }; AT_ONCE],
         count: 0,
         stacks: [[0; STACK]; AT_ONCE],
@@ -142,23 +144,27 @@ pub(crate) fn traverse_many<S: Simd, const STACK: usize>(
             }
             continue;
         }
-        if rays.count_ones() <= FEW {
-            few.count = 0;
-            few.add(rays, child);
-            // Further subtrees of few rays, as long as they are of other rays.
+        if rays.count_ones() <= SINGLE_RAYS {
+            single.count = 0;
+            single.add(rays, child);
+            // Add further subtrees of few rays while these are other rays.
             let mut taken = rays;
             while top > 0 {
                 let Pending { child, rays, near } = stack[top - 1];
                 let rays = rays & simd.at_least(&limits, near);
-                let room = few.count + rays.count_ones() as usize <= AT_ONCE;
-                if child & LEAF != 0 || rays & taken != 0 || rays.count_ones() > FEW || !room {
+                let room = single.count + rays.count_ones() as usize <= AT_ONCE;
+                if child & LEAF != 0
+                    || rays & taken != 0
+                    || rays.count_ones() > SINGLE_RAYS
+                    || !room
+                {
                     break;
                 }
-                few.add(rays, child);
+                single.add(rays, child);
                 taken |= rays;
                 top -= 1;
             }
-            few.run(simd, hierarchy, queries, best);
+            single.run(simd, hierarchy, queries, best);
             while taken != 0 {
                 let ray = taken.trailing_zeros() as usize % RAYS;
                 taken &= taken - 1;
@@ -183,7 +189,7 @@ pub(crate) fn traverse_many<S: Simd, const STACK: usize>(
         let mut order = [entry(0, 0.0); WIDTH];
         simd.stack::<true>(&SLOTS, &least, any, &mut order);
         for &next in &order[..any.count_ones() as usize] {
-            let (slot, near) = parts(next);
+            let (slot, near) = unpack(next);
             let slot = slot as usize % WIDTH;
             let child = node.children[slot];
             prefetch(simd, hierarchy, child);

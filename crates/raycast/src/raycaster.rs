@@ -15,25 +15,27 @@ use crate::surface::{SurfacePoint, edge_margin, interpolate, keep_off_edges, spa
 use crate::triangle::Prepared;
 use crate::{Hit, MAX_TILE, MAX_TOGETHER, NO_TRIANGLE, Ray};
 
-/// Most triangles of a scene: spatial splits may name each one several times, and references have 31 bits.
+/// Most triangles of a scene. Spatial splits may refer to each several times, and references have
+/// 31 bits.
 pub const MAX_TRIANGLES: usize = 1 << 27;
 
-/// Greatest coordinate relative to the scene's origin: the triangle test multiplies three of them in f32.
+/// Greatest coordinate relative to the scene's origin, because the triangle test multiplies three
+/// of them in f32.
 pub const MAX_COORDINATE: f32 = 1e12;
 
-/// Why a hierarchy cannot be built.
+/// The reason why a hierarchy cannot be built.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BuildError {
-    /// More than [`MAX_TRIANGLES`].
+    /// There are more than [`MAX_TRIANGLES`].
     TooManyTriangles(usize),
-    /// A triangle names a vertex that is not there.
+    /// A triangle refers to a vertex that does not exist.
     Index {
-        /// Which triangle.
+        /// Index of the triangle.
         triangle: usize,
     },
     /// A vertex is not finite or beyond [`MAX_COORDINATE`].
     Coordinate {
-        /// Which triangle.
+        /// Index of the triangle.
         triangle: usize,
     },
 }
@@ -56,91 +58,76 @@ impl fmt::Display for BuildError {
 
 impl std::error::Error for BuildError {}
 
-/// How much time to spend on building.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Quality {
-    /// Well under half the time of `Fine`, for scenes being edited. On the cabin as fast to trace, within the noise.
-    Fast,
-    /// Splits large triangles in space. obvhs' `very_slow_build` took three times as long and traced the cabin no faster.
-    #[default]
-    Fine,
-}
-
-/// Vertices and normal of a triangle, together since they are used together: one cache line.
+/// Vertices and normal of a triangle. They share a cache line because they are used together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Facet {
     pub vertices: [Vec3; 3],
     pub normal: Vec3,
-    /// Least barycentric of a stated surface point: see [`edge_margin`].
+    /// Least barycentric coordinate of a surface point: see [`edge_margin`].
     pub margin: f32,
 }
 
-/// Answers ray queries on one scene. Share it between threads with an `Arc`.
+/// Answers ray queries on one scene. Threads share it by `Arc`.
 #[derive(Debug)]
 pub struct Raycaster {
     scene: Arc<Scene>,
     facets: Vec<Facet>,
     hierarchy: Hierarchy,
     isa: Isa,
-    /// Half the size of the cube around the scene's origin that holds all vertices.
+    /// Half the side of the cube around the scene's origin that contains all vertices.
     reach: f32,
 }
 
 impl Raycaster {
-    /// Builds the hierarchy with [`Quality::Fine`].
+    /// Builds the hierarchy of a scene.
     ///
     /// # Errors
-    /// Too many triangles, or a scene that is not valid.
+    /// Too many triangles, a coordinate beyond [`MAX_COORDINATE`], or a scene that is not valid.
     pub fn build(scene: Arc<Scene>) -> Result<Self, BuildError> {
-        Self::build_with(scene, Quality::Fine)
-    }
-
-    /// Builds the hierarchy.
-    ///
-    /// # Errors
-    /// As [`build`](Self::build).
-    pub fn build_with(scene: Arc<Scene>, quality: Quality) -> Result<Self, BuildError> {
         let facets = facets(&scene.positions, &scene.triangles)?;
         let reach = facets
             .iter()
             .flat_map(|f| f.vertices)
             .fold(0.0, |reach: f32, v| reach.max(v.abs().max_element()));
-        let hierarchy = build::hierarchy(&facets, reach, quality);
+        let hierarchy = build::hierarchy(&facets, reach);
         Ok(Self { scene, facets, hierarchy, isa: Isa::detect(), reach })
     }
 
-    /// The scene that was built from.
+    /// Returns the scene.
     #[must_use]
     pub fn scene(&self) -> &Arc<Scene> {
         &self.scene
     }
 
-    /// The first surface along the ray, from either side.
+    /// Returns the first surface along the ray, seen from either side.
     #[must_use]
     #[inline]
     pub fn nearest(&self, ray: &Ray) -> Option<Hit> {
         self.query(ray, [NO_TRIANGLE; 2])
     }
 
-    /// The first surface along a ray that leaves triangle `from`, which cannot be met again.
+    /// Returns the first surface along a ray that leaves triangle `from`, which it cannot meet
+    /// again.
     #[must_use]
     #[inline]
     pub fn nearest_from(&self, ray: &Ray, from: u32) -> Option<Hit> {
         self.query(ray, [from, NO_TRIANGLE])
     }
 
-    /// The first surface along each of many rays: the same as [`nearest`](Self::nearest) of each, bit for bit.
+    /// Finds the first surface along each of many rays: the same bits as [`nearest`](Self::nearest)
+    /// of each.
     ///
-    /// Rays are traced [`MAX_TOGETHER`] at a time, which is faster if those go much the same way, as the rays of a beam do. As many are
-    /// traced as the shorter of the two slices has.
+    /// Traces [`MAX_TOGETHER`] rays at a time, which is faster if these have similar directions, as
+    /// the rays of a beam do. The number of rays is the length of the shorter slice.
     pub fn nearest_many(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (rays, hits) in rays.chunks(MAX_TOGETHER).zip(hits.chunks_mut(MAX_TOGETHER)) {
             self.nearest_together(rays, &[NO_TRIANGLE; MAX_TOGETHER], hits);
         }
     }
 
-    /// The first surface along each of many rays, each of which leaves the triangle `from` that has its place: the same as
-    /// [`nearest_from`](Self::nearest_from) of each, bit for bit. As many are traced as the shortest of the three slices has.
+    /// Finds the first surface along each of many rays, where each leaves the triangle of the same
+    /// index in `from`. The same bits as [`nearest_from`](Self::nearest_from) of each. The number
+    /// of rays is the length of the shortest slice.
     pub fn nearest_many_from(&self, rays: &[Ray], from: &[u32], hits: &mut [Option<Hit>]) {
         let chunks = rays
             .chunks(MAX_TOGETHER)
@@ -170,10 +157,12 @@ impl Raycaster {
         }
     }
 
-    /// The first surface along each of many rays from one eye: the same as [`nearest`](Self::nearest) of each, bit for bit.
+    /// Finds the first surface along each of many rays from one eye: the same bits as
+    /// [`nearest`](Self::nearest) of each.
     ///
-    /// Rays are traced [`MAX_TILE`] at a time, which is fastest if those go through a square of pixels. Rays that do not begin at
-    /// one point, or that differ in the axis along which they go farthest, are traced as [`nearest_many`](Self::nearest_many) does.
+    /// Traces [`MAX_TILE`] rays at a time, which is fastest if these go through a square of pixels.
+    /// Rays that do not begin at one point, or that differ in their main axis, are traced as by
+    /// [`nearest_many`](Self::nearest_many).
     pub fn nearest_tile(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (rays, hits) in rays.chunks(MAX_TILE).zip(hits.chunks_mut(MAX_TILE)) {
             let used = rays.len().min(hits.len());
@@ -183,45 +172,43 @@ impl Raycaster {
         }
     }
 
-    /// Whether anything lies on the ray between `t_min` and `t_max`.
+    /// Returns whether anything lies on the ray between `t_min` and `t_max`.
     #[must_use]
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
         self.any(ray, [NO_TRIANGLE; 2]).is_some()
     }
 
-    /// Whether anything lies on a ray that leaves triangle `from`, which itself does not count.
+    /// Returns whether anything lies on a ray that leaves triangle `from`, which does not count.
     #[must_use]
     #[inline]
     pub fn occluded_from(&self, ray: &Ray, from: u32) -> bool {
         self.any(ray, [from, NO_TRIANGLE]).is_some()
     }
 
-    /// Whether anything lies between two points on surfaces; neither's own triangle counts.
+    /// Returns a triangle between two points on surfaces, whichever is found first. The points' own
+    /// triangles do not count.
     ///
     /// The segment ends before the error bound of either point.
-    #[must_use]
-    #[inline]
-    pub fn blocked(&self, from: &SurfacePoint, to: &SurfacePoint) -> bool {
-        self.blocker(from, to).is_some()
-    }
-
-    /// As [`blocked`](Self::blocked): a triangle that is in the way, whichever is found first.
     #[must_use]
     #[inline]
     pub fn blocker(&self, from: &SurfacePoint, to: &SurfacePoint) -> Option<u32> {
         self.any(&between(from, to), [from.triangle, to.triangle])
     }
 
-    /// As [`blocked`](Self::blocked): what is met first on the way. Its `t` is a share of the way.
+    /// Returns the first hit between two points on surfaces, without their own triangles. Its `t`
+    /// is a share of the segment.
     #[must_use]
     #[inline]
     pub fn nearest_between(&self, from: &SurfacePoint, to: &SurfacePoint) -> Option<Hit> {
         self.query(&between(from, to), [from.triangle, to.triangle])
     }
 
-    /// Whether anything stands between two points of surfaces that are nearly one, each seen from the side of its normal. Both ends
-    /// are lifted off the surface by a twentieth of their distance: a surface between them that is not quite flat is no obstacle.
+    /// Returns whether anything separates two nearby points on surfaces, each seen from the side of
+    /// its normal.
+    ///
+    /// Both ends are lifted off the surface by a twentieth of their distance, so that a surface
+    /// between them that is not quite flat is no obstacle.
     #[must_use]
     pub fn parted(&self, from: &SurfacePoint, normal: Vec3, to: Vec3, to_normal: Vec3) -> bool {
         let lift = 0.05 * from.point.distance(to) + 4.0 * from.error.max_element();
@@ -230,7 +217,8 @@ impl Raycaster {
         self.occluded(&Ray { origin, direction, t_min: 0.0, t_max: 1.0 })
     }
 
-    /// Unit normal on the side from which the triangle's vertices run counter-clockwise; 0 for a triangle without area.
+    /// Returns the unit normal on the side from which the triangle's vertices run
+    /// counter-clockwise; 0 for a triangle without area.
     ///
     /// # Panics
     /// If the scene has no such triangle.
@@ -240,7 +228,7 @@ impl Raycaster {
         self.facets[triangle as usize].normal
     }
 
-    /// The three vertices of a triangle.
+    /// Returns the three vertices of a triangle.
     ///
     /// # Panics
     /// If the scene has no such triangle.
@@ -250,7 +238,7 @@ impl Raycaster {
         self.facets[triangle as usize].vertices
     }
 
-    /// The point of a hit from its barycentrics, and a bound on its error by axis.
+    /// Returns the point of a hit, and a bound on its error by axis.
     ///
     /// # Panics
     /// If the scene has no such triangle.
@@ -260,8 +248,9 @@ impl Raycaster {
         interpolate(self.facets[hit.triangle as usize].vertices, hit.u, hit.v)
     }
 
-    /// The point at barycentrics `u`, `v` of a triangle, exact up to rounding: for distances and directions to it. Rays that start there
-    /// need [`surface`](Self::surface).
+    /// Returns the point at barycentrics `u`, `v` of a triangle, exact up to rounding. Use it for
+    /// distances and directions to the point. Rays that start there need
+    /// [`surface`](Self::surface).
     ///
     /// # Panics
     /// If the scene has no such triangle.
@@ -271,8 +260,10 @@ impl Raycaster {
         interpolate(self.facets[triangle as usize].vertices, u, v).0
     }
 
-    /// Point, error bound and normal at barycentrics `u`, `v` of a triangle. A point within rounding of an edge is moved off
-    /// it, by some times its rounding: a ray that starts beyond the neighbouring face has leaked.
+    /// Returns point, error bound and normal at barycentrics `u`, `v` of a triangle.
+    ///
+    /// A point within rounding of an edge is moved off it by several roundings. Otherwise a ray
+    /// might start beyond the adjacent face, and leak.
     ///
     /// # Panics
     /// If the scene has no such triangle.
@@ -285,10 +276,12 @@ impl Raycaster {
         SurfacePoint { point, error, normal: facet.normal, triangle }
     }
 
-    /// A world ray in f64 as one in the scene's f32 coordinates, and how far along the world ray that one begins.
+    /// Converts a world ray to the scene's f32 coordinates. Returns the ray and the distance along
+    /// the world ray at which it begins.
     ///
-    /// An eye far away would lose its precision in f32: the ray is moved, in f64, to where it comes near the scene. `None`
-    /// if it never does, or is not finite. `direction` is unit.
+    /// A far eye would lose its precision in f32. So the ray's origin is moved, in f64, to where
+    /// the ray comes near the scene. `None` if it never does, or is not finite. `direction` has
+    /// unit length.
     #[must_use]
     pub fn localize(&self, origin: DVec3, direction: DVec3) -> Option<(Ray, f64)> {
         let local = origin - self.scene.origin;
@@ -299,13 +292,14 @@ impl Raycaster {
         Some((Ray::new((local + direction * skipped).as_vec3(), direction.as_vec3()), skipped))
     }
 
-    /// How far to go along a ray until it is within twice the scene's reach; 0 if it is already. `None` if it never is.
+    /// Returns the distance along a ray at which it is within twice the scene's reach; 0 if it
+    /// already is. `None` if it never is.
     fn approach(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
         let limit = f64::from(self.reach) * 2.0;
         if origin.abs().max_element() <= limit {
             return Some(0.0);
         }
-        // Aim at the cube of 1.5 times the reach, so that rounding leaves a margin on both sides.
+        // Use the cube of 1.5 times the reach, so that rounding leaves a margin on both sides.
         let (mut first, mut last) = (0.0_f64, f64::INFINITY);
         for axis in 0..3 {
             let (o, d) = (origin[axis], direction[axis]);
@@ -349,7 +343,8 @@ impl Raycaster {
         ray.origin.abs().max_element() > 2.0 * self.reach
     }
 
-    /// The same ray from near the scene, and by how much of `t` it was moved, in f64: boxes are padded for origins near the scene.
+    /// Moves a ray's origin near the scene, in f64, because boxes are padded for origins near the
+    /// scene. Returns the ray and the change of `t`.
     #[cold]
     fn brought_near(&self, ray: &Ray) -> Option<(Ray, f64)> {
         let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
@@ -370,13 +365,14 @@ impl Raycaster {
         ))
     }
 
-    /// What is traced, and half the size of the cube around the scene's origin that holds all vertices.
+    /// Returns the hierarchy, and half the side of the cube around the scene's origin that contains
+    /// all vertices.
     pub(crate) fn hierarchy(&self) -> (&Hierarchy, f32) {
         (&self.hierarchy, self.reach)
     }
 }
 
-/// The way between two points on surfaces, up to the error bound of either.
+/// Returns the segment between two points on surfaces, shortened by the error bound of each.
 #[inline]
 fn between(from: &SurfacePoint, to: &SurfacePoint) -> Ray {
     let towards = to.point - from.point;
@@ -385,11 +381,11 @@ fn between(from: &SurfacePoint, to: &SurfacePoint) -> Ray {
     Ray { origin: start, direction: end - start, t_min: 0.0, t_max: 1.0 }
 }
 
-/// What a ray asks; `None` if it cannot hit anything.
+/// Prepares a query; `None` if the ray cannot hit anything.
 #[inline(always)]
 fn prepare(ray: &Ray, skip: [u32; 2]) -> Option<Query> {
     let prepared = Prepared::new(ray.origin, ray.direction)?;
-    // The sum turns -0 into 0: entries of the stack are sorted by their bits.
+    // Adding 0 turns -0 into 0: stack entries are sorted by their bits.
     let t_min = ray.t_min.max(0.0) + 0.0;
     if ray.t_min.is_nan() || ray.t_max.is_nan() || t_min >= ray.t_max {
         return None;
@@ -410,7 +406,7 @@ fn facets(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Vec<Facet>, 
                 return Err(BuildError::Coordinate { triangle });
             }
         }
-        // f64: the normal of a sliver is the difference of nearly equal products.
+        // In f64, because the normal of a sliver is a difference of nearly equal products.
         let [a, b, c] = vertices.map(|v| v.as_dvec3());
         let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
         Ok(Facet { vertices, normal, margin: edge_margin(vertices) })

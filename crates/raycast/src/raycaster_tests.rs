@@ -1,4 +1,4 @@
-//! Every way of asking the same gives the same bits.
+//! Tests that all ways to ask the same query give the same bits.
 
 use super::*;
 use holo_scene::Material;
@@ -13,7 +13,7 @@ fn random() -> impl FnMut() -> Vec3 {
     move || Vec3::new(unit(), unit(), unit())
 }
 
-/// Triangles anywhere in a cube.
+/// Returns random triangles in a cube.
 fn soup(count: u32, mut point: impl FnMut() -> Vec3) -> Raycaster {
     let corners: Vec<[f32; 3]> = (0..count)
         .flat_map(|_| {
@@ -36,12 +36,12 @@ fn bits(hit: Option<Hit>) -> Bits {
 }
 
 #[test]
-fn few_triangles_are_met_as_the_hierarchy_meets_them() {
+fn small_scenes_give_the_same_bits_as_the_hierarchy() {
     let mut point = random();
     for count in [1, 15, 16, 17, 33, 63, 64, 65] {
         let mut raycaster = soup(count, &mut point);
         assert_eq!(raycaster.hierarchy.few.is_some(), count <= 64);
-        // Every fourth along an axis, from a corner of a triangle: on edges.
+        // Every fourth ray runs along an axis from above a corner of a triangle: it hits edges.
         let rays: Vec<Ray> = (0..20_000)
             .map(|i| {
                 let (from, to) = (point() * 2.0, point());
@@ -79,17 +79,17 @@ fn few_triangles_are_met_as_the_hierarchy_meets_them() {
     }
 }
 
-/// A ray of one eye, near the way that `first` goes: by how much, `other` decides.
+/// Returns a ray from the origin of `first`, near its direction; `other` decides how near.
 fn eye_ray(first: &Ray, other: &Ray) -> Ray {
     let t_max = if first.direction.y > 0.7 { 0.5 } else { f32::INFINITY };
     Ray { t_max, ..Ray::new(first.origin, (first.direction + 0.1 * other.direction).normalize()) }
 }
 
 #[test]
-fn every_kind_of_processor_gives_the_same_bits() {
+fn every_instruction_set_gives_the_same_bits() {
     let mut point = random();
     let mut raycaster = soup(2000, &mut point);
-    // 21 rays of a beam in turn, then 21 in all directions.
+    // Alternately 21 rays of a beam and 21 rays in all directions.
     let mut rays = Vec::new();
     for i in 0..4_000 {
         let (from, to) = (point() * 2.0, point());
@@ -109,7 +109,7 @@ fn every_kind_of_processor_gives_the_same_bits() {
             .map(|ray| (bits(raycaster.nearest(ray)), raycaster.occluded(ray)))
             .collect();
         assert!(together.into_iter().map(bits).eq(found.iter().map(|(hit, _)| *hit)), "{isa:?}");
-        // The tiles' rays from one eye, and the same among rays from elsewhere.
+        // The rays of tiles from one eye, and rays of two eyes in one tile.
         for size in [64, 40] {
             let tiles: Vec<Ray> = rays
                 .iter()

@@ -1,30 +1,32 @@
-//! Shafts: whether any ray of a bundle can meet anything at all (after Haines & Wallace 1991, "Shaft Culling for Efficient
-//! Ray-Cast Radiosity").
+//! Shafts: whether any ray of a bundle can meet anything at all (after Haines & Wallace 1991,
+//! "Shaft Culling for Efficient Ray-Cast Radiosity").
 //!
-//! A shaft is all rays from a point of one parallelogram through a point of another. What they sweep are two convex
-//! bodies: the hull of the two parallelograms, and beyond the second one B + cone(B - A). A box or a triangle is outside
-//! a body if one of a few planes has it on its far side: those that bound the body, and those that bound the box or
-//! triangle.
+//! A shaft is all rays from a point of one parallelogram through a point of another. The rays sweep
+//! two convex bodies. One is the hull of the two parallelograms. The other begins at the second one
+//! and extends without end in all directions from points of the first to points of the second. A
+//! box or triangle is outside a body if some plane separates them. The planes tested are those that
+//! bound the body, and those that bound the box or triangle.
 //!
-//! Always true: a "no" is proved, in f64 and with a margin far above the rounding of f32 rays; a "yes" may be wrong.
+//! Always true: "no" is proved, in f64 and with a margin far above the rounding of f32 rays. "Yes"
+//! may be wrong.
 
 use glam::DVec3;
 
 use crate::Raycaster;
 use crate::node::{Hierarchy, LANES, LEAF, WIDTH};
 
-/// Margin of every comparison as a share of the scene's reach.
+/// Margin of every comparison, as a share of the scene's reach.
 ///
-/// A traced ray strays from the exact one: its origin is rounded by 2⁻²⁴ of at most twice the reach, its direction by 2⁻²⁴
-/// over at most seven reaches, and the triangle test by a few 2⁻²⁴ of coordinates up to four reaches: together below
-/// 1.5e-6 along any axis.
+/// A traced ray deviates from the exact one. Its origin is rounded by 2⁻²⁴ of at most twice the
+/// reach. Its direction is rounded by 2⁻²⁴ over at most seven reaches. The triangle test rounds by
+/// a few 2⁻²⁴ of coordinates up to four reaches. The sum is below 1.5e-6 along any axis.
 const MARGIN: f64 = 4e-6;
 
-/// What f64 may round of coordinates as they are before the scene's origin is subtracted.
+/// Rounding of f64 world coordinates, before the scene's origin is subtracted.
 const WORLD_MARGIN: f64 = 1e-14;
 
-/// Sine of the angle by which a plane may lean into a body that it bounds: rounding, far below [`MARGIN`] at any distance
-/// within the scene.
+/// Sine of the angle by which a plane may lean into a body that it bounds. This is rounding, far
+/// below [`MARGIN`] at any distance within the scene.
 const LEAN: f64 = 1e-12;
 
 /// Rays from any point of one parallelogram through any point of another, in world coordinates.
@@ -34,30 +36,32 @@ pub struct Shaft {
     pub from: [DVec3; 4],
     /// Corners of the second one, in order around it.
     pub through: [DVec3; 4],
-    /// Whether what lies before the second parallelogram counts; otherwise the rays begin there.
+    /// Whether objects between the parallelograms count; otherwise the rays begin at the second
+    /// one.
     pub between: bool,
 }
 
-/// A half space that holds a convex body: normal · x ≥ offset for all its points, within rounding.
+/// A half space that contains a convex body: normal · x ≥ offset for all its points, within
+/// rounding.
 #[derive(Clone, Copy, Debug)]
 struct Plane {
     normal: DVec3,
     offset: f64,
 }
 
-/// A convex body: the hull of some points, and from there on without end along some directions.
+/// A convex body: the hull of some points, extended without end along some directions.
 #[derive(Clone, Debug)]
 struct Body {
     points: Vec<DVec3>,
-    /// Unit vectors.
+    /// Unit length.
     directions: Vec<DVec3>,
     planes: Vec<Plane>,
     margin: f64,
 }
 
 impl Body {
-    /// The body with the planes that bound it: each holds an edge of `a` or `b` and a vertex of the other, or is that of
-    /// `a` or `b`, and has the body on one side.
+    /// Makes a body with the planes that bound it. Candidates are the planes through an edge of `a`
+    /// or `b` and a vertex of the other, and the planes of `a` and `b`.
     fn new(
         points: Vec<DVec3>,
         directions: Vec<DVec3>,
@@ -80,7 +84,7 @@ impl Body {
         body
     }
 
-    /// Adds the planes across `normal` that bound the body, if any do.
+    /// Adds the planes perpendicular to `normal` that bound the body, if any do.
     fn bound(&mut self, normal: DVec3) {
         let Some(normal) = normal.try_normalize() else { return };
         for normal in [normal, -normal] {
@@ -91,7 +95,8 @@ impl Body {
         }
     }
 
-    /// Least value of `normal` · x over the body; `None` if there is none. `normal` is unit.
+    /// Returns the least value of `normal` · x over the body; `None` if there is none. `normal` has
+    /// unit length.
     fn least(&self, normal: DVec3) -> Option<f64> {
         let bounded = self.directions.iter().all(|direction| normal.dot(*direction) >= -LEAN);
         bounded.then(|| {
@@ -99,7 +104,7 @@ impl Body {
         })
     }
 
-    /// False only if no point of the box is in the body.
+    /// Returns false only if no point of the box is in the body.
     fn may_meet_box(&self, low: DVec3, high: DVec3) -> bool {
         self.planes.iter().all(|plane| {
             let farthest = DVec3::select(plane.normal.cmpge(DVec3::ZERO), high, low);
@@ -107,7 +112,7 @@ impl Body {
         })
     }
 
-    /// False only if no point of the triangle is in the body.
+    /// Returns false only if no point of the triangle is in the body.
     fn may_meet_triangle(&self, triangle: [DVec3; 3]) -> bool {
         let reaches = |plane: &Plane| {
             triangle.iter().any(|vertex| plane.normal.dot(*vertex) >= plane.offset - self.margin)
@@ -117,7 +122,7 @@ impl Body {
         }
         let [a, b, c] = triangle;
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { return true };
-        // The triangle's own plane has all of the body on one side.
+        // Is all of the body on one side of the triangle's plane?
         let level = [a, b, c].map(|vertex| normal.dot(vertex));
         let (low, high) = (
             level.into_iter().fold(f64::MAX, f64::min),
@@ -130,10 +135,11 @@ impl Body {
 }
 
 impl Raycaster {
-    /// Whether any ray of the shaft may meet anything. "No" is certain, for rays traced by this raycaster, too.
+    /// Returns whether any ray of the shaft may meet anything. "No" is certain, also for rays that
+    /// this raycaster traces.
     ///
-    /// Takes some microseconds, more where the shaft passes close to much geometry. A shaft that is not finite may meet
-    /// anything.
+    /// Takes a few microseconds, and more if the shaft passes close to much geometry. A shaft that
+    /// is not finite may meet anything.
     #[must_use]
     pub fn may_hit(&self, shaft: &Shaft) -> bool {
         let (hierarchy, reach) = self.hierarchy();
@@ -188,14 +194,14 @@ impl Raycaster {
     }
 }
 
-/// The boxes of a node's children, and what is in them.
+/// Returns the boxes of a node's children, and references to their contents.
 fn children(hierarchy: &Hierarchy, node: u32) -> impl Iterator<Item = (DVec3, DVec3, u32)> {
     let node = &hierarchy.nodes[node as usize];
     (0..WIDTH)
         .filter_map(|slot| node.child_box(slot).map(|(low, high)| (low, high, node.children[slot])))
 }
 
-/// The triangles of a leaf.
+/// Returns the triangles of a leaf.
 fn triangles(hierarchy: &Hierarchy, leaf: u32) -> impl Iterator<Item = u32> {
     let block = &hierarchy.blocks[(leaf & !LEAF) as usize];
     (0..LANES).filter_map(|lane| block.used(lane))
@@ -210,7 +216,8 @@ mod tests {
             .map(|(x, y)| DVec3::new(x * half, y * half, z))
     }
 
-    /// From a square of half width 1 at z = 0 through one at z = 1: beyond, the half width at z is 2z - 1.
+    /// Returns the shaft from a square of half width 1 at z = 0 through one at z = 1. Beyond it,
+    /// the half width at z is 2z - 1.
     fn widening() -> Body {
         let (a, b) = (square(0.0, 1.0), square(1.0, 1.0));
         let directions = b
@@ -236,10 +243,11 @@ mod tests {
     }
 
     #[test]
-    fn a_large_triangle_beside_a_shaft_is_told_by_its_own_plane() {
+    fn the_plane_of_a_large_triangle_separates_it_from_a_shaft() {
         let body = widening();
-        // A plane that passes by s below the second square's edge x = 1 and from there rises less steeply than the shaft's
-        // side z = (x + 1)/2. The triangle is large enough to reach across all of the shaft's planes.
+        // The plane passes by s below the second square's edge x = 1, and rises less steeply from
+        // there than the shaft's side z = (x + 1)/2. The triangle extends across all planes of the
+        // shaft.
         let corner = |x: f64, y: f64, s: f64| DVec3::new(x, y, 0.4 * (x - 1.0) + 1.0 - s);
         let slope = |s| [corner(-50.0, -90.0, s), corner(90.0, -90.0, s), corner(20.0, 180.0, s)];
         assert!(!body.may_meet_triangle(slope(2.0)));

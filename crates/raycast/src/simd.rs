@@ -1,19 +1,20 @@
-//! What is done on many boxes or triangles at once, for each kind of processor.
+//! Operations on many boxes or triangles at once, for each instruction set.
 //!
-//! Always true: [`Simd::straddled`] gives the same bits everywhere. [`Simd::enter`] need not: it is conservative in any rounding, and which
-//! boxes are entered beyond those that must be does not change a result.
+//! Always true: [`Simd::edge_signs`] and its variants give the same bits everywhere.
+//! [`Simd::enter`] need not: it is conservative in any rounding, and entering more boxes than
+//! necessary does not change a result.
 
 use crate::node::{Block, LANES, Node, ROW, Row, WIDTH};
 use crate::packet::Limits;
 use crate::triangle::Prepared;
 
-/// Rays of a packet, rounded up to a register of masks.
+/// Rays of a packet, rounded up to the bits of a mask.
 pub(crate) const RAYS: usize = 32;
 
-/// 1 + 2 γ₃ in f32.
+/// Factor for far distances: 1 + 2 γ₃ in f32.
 pub(crate) const STRETCH: f32 = 1.0 + 6.0 * f32::EPSILON;
 
-/// A row of eight distances.
+/// Distances of the eight children.
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 pub(crate) struct Near(pub [f32; WIDTH]);
@@ -23,28 +24,29 @@ pub(crate) struct Near(pub [f32; WIDTH]);
 #[repr(C, align(32))]
 pub(crate) struct RayBytes(pub [u8; RAYS]);
 
-/// Which of a block's triangles a ray may meet, a bit per lane.
+/// The triangles that a ray may meet, one bit per lane.
 #[derive(Clone, Copy)]
-pub(crate) struct Straddled {
+pub(crate) struct EdgeSigns {
     /// All edge functions have one sign or are 0.
     pub inside: u32,
-    /// Some edge function is 0: whether the ray meets it takes more digits to tell.
+    /// Some edge function is 0: more digits are needed.
     pub on_edge: u32,
 }
 
-/// A child and the distance of its box, not negative: sorted as an integer, it is sorted by distance.
+/// Packs a child and the distance of its box, which is not negative. Entries sort as integers by
+/// distance.
 #[inline(always)]
 pub(crate) fn entry(child: u32, near: f32) -> u64 {
     u64::from(near.to_bits()) << 32 | u64::from(child)
 }
 
-/// The two parts of an [`entry`].
+/// Unpacks an [`entry`].
 #[inline(always)]
-pub(crate) fn parts(entry: u64) -> (u32, f32) {
+pub(crate) fn unpack(entry: u64) -> (u32, f32) {
     (entry as u32, f32::from_bits((entry >> 32) as u32))
 }
 
-/// [`Simd::stack`] one by one: two or three children as a rule.
+/// Implements [`Simd::stack`] one child at a time; usually there are two or three.
 #[inline(always)]
 pub(crate) fn stack_scalar<const SORTED: bool>(
     children: &[u32; WIDTH],
@@ -67,27 +69,30 @@ pub(crate) fn stack_scalar<const SORTED: bool>(
     }
 }
 
-/// A processor's way to do it.
+/// The operations of one instruction set.
 pub(crate) trait Simd: Copy {
-    /// Distances at which the ray enters the eight boxes, and a bit per box that it enters between `t_min` and `t_max`.
+    /// Returns the distances at which the ray enters the eight boxes, and one bit per box that it
+    /// enters between `t_min` and `t_max`.
     fn enter(self, node: &Node, ray: &Prepared, t_min: f32, t_max: f32) -> (Near, u32);
 
-    /// The signs of the edge functions of four triangles.
-    fn straddled(self, block: &Block, ray: &Prepared) -> Straddled;
+    /// Returns the signs of the edge functions of four triangles.
+    fn edge_signs(self, block: &Block, ray: &Prepared) -> EdgeSigns;
 
-    /// The same of sixteen, in the same roundings.
-    fn straddled_row(self, row: &Row, ray: &Prepared) -> Straddled;
+    /// The same for sixteen triangles, with the same roundings.
+    fn edge_signs_of_row(self, row: &Row, ray: &Prepared) -> EdgeSigns;
 
-    /// The same of one triangle for sixteen rays of one origin, in the same roundings. `corners` by vertex, relative to the origin, along
-    /// the axes of the rays' shears.
-    fn straddled_rays(
+    /// The same for one triangle and sixteen rays of one origin, with the same roundings. `corners`
+    /// is indexed by vertex; corners are relative to the origin, along the axes of the rays'
+    /// shears.
+    fn edge_signs_of_rays(
         self,
         corners: &[[f32; 3]; 3],
         shear_x: &[f32; ROW],
         shear_y: &[f32; ROW],
-    ) -> Straddled;
+    ) -> EdgeSigns;
 
-    /// Puts the children in `mask`, with their distances, at the start of `stack`: farthest first if `SORTED`. The rest is undefined.
+    /// Stores the children in `mask` with their distances at the start of `stack`, farthest first
+    /// if `SORTED`. The rest of `stack` is undefined.
     fn stack<const SORTED: bool>(
         self,
         children: &[u32; WIDTH],
@@ -96,22 +101,22 @@ pub(crate) trait Simd: Copy {
         stack: &mut [u64; WIDTH],
     );
 
-    /// The lesser of each of the distances that are in `mask`.
+    /// Lowers the distances that are in `mask` to those of `near`.
     fn least(self, so_far: &mut Near, near: &Near, mask: u32);
 
-    /// A bit per ray whose limit is not below `near`.
+    /// Returns one bit per ray whose limit is at least `near`.
     fn at_least(self, limits: &Limits, near: f32) -> u32;
 
-    /// From a bit per child for each ray, a bit per ray for each child.
+    /// Turns one bit per child for each ray into one bit per ray for each child.
     fn transpose(self, masks: &RayBytes) -> [u32; WIDTH];
 
-    /// Asks for memory that will be needed soon.
+    /// Prefetches memory that will be needed soon.
     fn prefetch_node(self, node: &Node);
-    /// Asks for memory that will be needed soon.
+    /// Prefetches memory that will be needed soon.
     fn prefetch_block(self, block: &Block);
 }
 
-/// Any processor.
+/// Code for any processor.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
 
@@ -140,7 +145,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn straddled(self, block: &Block, ray: &Prepared) -> Straddled {
+    fn edge_signs(self, block: &Block, ray: &Prepared) -> EdgeSigns {
         let [kx, ky, kz] = ray.axes;
         let (rx, ry, rz) =
             (&block.vertices[kx % 3], &block.vertices[ky % 3], &block.vertices[kz % 3]);
@@ -164,11 +169,11 @@ impl Simd for Portable {
             inside |= u32::from(same) << i;
             on_edge |= u32::from((u == 0.0) | (v == 0.0) | (w == 0.0)) << i;
         }
-        Straddled { inside, on_edge }
+        EdgeSigns { inside, on_edge }
     }
 
     #[inline(always)]
-    fn straddled_row(self, row: &Row, ray: &Prepared) -> Straddled {
+    fn edge_signs_of_row(self, row: &Row, ray: &Prepared) -> EdgeSigns {
         let [kx, ky, kz] = ray.axes;
         let (rx, ry, rz) = (&row.vertices[kx % 3], &row.vertices[ky % 3], &row.vertices[kz % 3]);
         let [ox, oy, oz] = ray.sheared_origin;
@@ -187,16 +192,16 @@ impl Simd for Portable {
             inside |= u32::from(same) << i;
             on_edge |= u32::from((u == 0.0) | (v == 0.0) | (w == 0.0)) << i;
         }
-        Straddled { inside, on_edge }
+        EdgeSigns { inside, on_edge }
     }
 
     #[inline(always)]
-    fn straddled_rays(
+    fn edge_signs_of_rays(
         self,
         corners: &[[f32; 3]; 3],
         shear_x: &[f32; ROW],
         shear_y: &[f32; ROW],
-    ) -> Straddled {
+    ) -> EdgeSigns {
         let (mut inside, mut on_edge) = (0, 0);
         for i in 0..ROW {
             let [a, b, c] = corners.map(|[x, y, z]| [x - shear_x[i] * z, y - shear_y[i] * z]);
@@ -208,7 +213,7 @@ impl Simd for Portable {
             inside |= u32::from(same) << i;
             on_edge |= u32::from((u == 0.0) | (v == 0.0) | (w == 0.0)) << i;
         }
-        Straddled { inside, on_edge }
+        EdgeSigns { inside, on_edge }
     }
 
     #[inline(always)]

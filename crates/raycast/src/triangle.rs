@@ -1,9 +1,11 @@
-//! Watertight ray/triangle test (Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2(1)), four at a time.
+//! Watertight ray/triangle test (Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection",
+//! JCGT 2(1)), for four triangles at a time.
 //!
-//! Always true: the sign of an edge function is the exact sign for the (rounded) sheared vertices. A product of two f32
-//! rounds monotonically, so the f32 difference has the right sign or is 0, and for 0 the f64 products are exact. Two
-//! triangles that share an edge get edge functions that are exact negatives, so no ray passes between them. Fused
-//! multiply-add would break that; Rust never contracts on its own.
+//! Always true: the sign of an edge function is exact for the (rounded) sheared vertices. A product
+//! of two f32 rounds monotonically, so the f32 difference has the right sign or is 0. For 0 the f64
+//! products are exact. Two triangles that share an edge get edge functions that are exact
+//! negatives, so no ray passes between them. Fused multiply-add would break that; Rust never
+//! contracts on its own.
 
 use glam::{DVec3, Vec3};
 
@@ -15,24 +17,24 @@ use crate::{Hit, NO_TRIANGLE};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prepared {
     pub origin: [f32; 3],
-    /// Finite and not 0 in any axis, and small enough for its product with any coordinate to be finite.
+    /// Finite, not 0 in any axis, and so small that its product with any coordinate is finite.
     pub inverse: [f32; 3],
     /// 1 for an axis along which the direction is negative: the first row of `Node::bounds` to use.
     pub reversed: [usize; 3],
-    /// The other two axes and, last, the one along which the direction is greatest.
+    /// The two minor axes and, last, the main axis, along which the direction is greatest.
     pub axes: [usize; 3],
     /// The origin along `axes`.
     pub sheared_origin: [f32; 3],
-    /// Slopes of the direction along the first two of `axes` against the last.
+    /// Slopes of the direction along the two minor axes against the main axis.
     pub shear: [f32; 2],
     pub direction: [f32; 3],
 }
 
-/// Directions shorter or longer than this (squared) are refused: their inverses and products overflow.
+/// Squared lengths of acceptable directions; for others, inverses and products overflow.
 pub(crate) const LENGTH_SQUARED: std::ops::Range<f32> = 1e-24..1e24;
 
 impl Prepared {
-    /// Fills arrays.
+    /// A placeholder that fills arrays.
     pub(crate) const NONE: Self = Self {
         origin: [0.0; 3],
         inverse: [0.0; 3],
@@ -43,10 +45,11 @@ impl Prepared {
         direction: [0.0; 3],
     };
 
-    /// `None` if the ray cannot hit anything: not finite, or a direction of no usable length.
+    /// Prepares a ray. `None` if it cannot hit anything: it is not finite, or its direction has no
+    /// usable length.
     #[inline(always)]
     pub(crate) fn new(origin: Vec3, direction: Vec3) -> Option<Self> {
-        // A NaN or infinity in the direction fails the range test.
+        // The range test rejects a direction with NaN or infinity.
         if !origin.is_finite() || !LENGTH_SQUARED.contains(&direction.length_squared()) {
             return None;
         }
@@ -60,8 +63,8 @@ impl Prepared {
             [0, 1, 2]
         };
         let z = d[axes[2]];
-        // For boxes only. A slope of 1e-12 moves the ray, over all of the scene, by far less than boxes are padded; directions are
-        // longer than 1e-12, so that inverses stay below 2e24.
+        // For boxes only. Over the whole scene, a slope of 1e-12 moves the ray by far less than the
+        // padding of boxes. Directions are longer than 1e-12, so inverses stay below 2e24.
         let least = z.abs() * 1e-12;
         let inverse = d.map(|c| 1.0 / c.abs().max(least).copysign(c));
         let reversed = inverse.map(|i| usize::from(i < 0.0));
@@ -79,12 +82,14 @@ impl Prepared {
     }
 }
 
-/// Nearest hit so far; no triangle, and `t` the end of the ray, if there is none.
+/// The nearest hit so far. If there is none, it has no triangle, and `t` is the end of the ray.
 pub(crate) type Nearest = Hit;
 
-/// Replaces `best` by the nearest triangle of the block that the ray meets at `t_min < t < best.t`, and is not to be skipped.
+/// Replaces `best` by the nearest triangle of the block that the ray meets at `t_min < t < best.t`,
+/// except triangles to skip.
 ///
-/// At equal distances the triangle of least index counts: so a result does not depend on the order of traversal.
+/// Of triangles at the same distance, the one of least index wins. So the result does not depend on
+/// the order of traversal.
 #[inline(always)]
 pub(crate) fn intersect<S: Simd>(
     simd: S,
@@ -94,20 +99,20 @@ pub(crate) fn intersect<S: Simd>(
     skip: [u32; 2],
     best: &mut Nearest,
 ) {
-    let straddled = simd.straddled(block, ray);
-    let mut candidates = straddled.inside | straddled.on_edge;
+    let signs = simd.edge_signs(block, ray);
+    let mut candidates = signs.inside | signs.on_edge;
     while candidates != 0 {
         let lane = candidates.trailing_zeros() as usize;
         candidates &= candidates - 1;
-        // First, since a ray goes through the triangle that it leaves.
+        // The common case first: a ray passes through the triangle that it leaves.
         if !skip.contains(&block.id(lane)) {
-            let on_edge = straddled.on_edge >> lane & 1 != 0;
+            let on_edge = signs.on_edge >> lane & 1 != 0;
             consider(block.triangle(lane), block.id(lane), on_edge, ray, t_min, best);
         }
     }
 }
 
-/// The same for one triangle, whose edge functions have one sign but for zeros.
+/// The same for one triangle. Its edge functions have one sign, or some are 0 (`on_edge`).
 #[inline(always)]
 pub(crate) fn consider(
     vertices: [[f32; 3]; 3],
@@ -132,7 +137,8 @@ pub(crate) fn replace(best: &mut Nearest, hit: Hit, t_min: f32) {
     }
 }
 
-/// The inside test in f64, where the products of f32 are exact. An edge-on triangle is not met.
+/// Returns whether the ray passes inside the triangle, in f64, in which products of f32 are exact.
+/// A triangle seen edge-on is not hit.
 #[cold]
 pub(crate) fn inside_exactly(vertices: [[f32; 3]; 3], ray: &Prepared) -> bool {
     let [kx, ky, kz] = ray.axes;
@@ -151,11 +157,12 @@ pub(crate) fn inside_exactly(vertices: [[f32; 3]; 3], ray: &Prepared) -> bool {
     negative != positive
 }
 
-/// Where on a triangle that it meets the ray does so, in f64.
+/// Returns the point at which the ray meets a triangle that it is known to meet, in f64.
 ///
-/// In f32 a sliver seen at a grazing angle puts the hit off by whole units along the ray: of 300,000 rays that left a
-/// wall of slivers at 0.06 to 45 degrees, 124 met the neighbour of the triangle that they started on. The plane may be met
-/// outside the triangle by the rounding of the inside test: weights and distance are clamped to those of the triangle.
+/// In f32, the hit on a sliver seen at a grazing angle is off by whole units along the ray. Of
+/// 300,000 rays that left a wall of slivers at 0.06 to 45 degrees, 124 met the neighbour of their
+/// own triangle. The ray may meet the plane outside the triangle, by the rounding of the inside
+/// test. So weights and distance are clamped to those of the triangle.
 #[inline(always)]
 fn locate(vertices: [[f32; 3]; 3], ray: &Prepared) -> Hit {
     let direction = Vec3::from_array(ray.direction).as_dvec3();
@@ -163,10 +170,10 @@ fn locate(vertices: [[f32; 3]; 3], ray: &Prepared) -> Hit {
     Hit { t, triangle: NO_TRIANGLE, u, v }
 }
 
-/// A triangle as rays from one origin see it.
+/// A triangle as seen by rays from one origin.
 struct Facing {
     corners: [DVec3; 3],
-    /// Edges from the first corner, and the first one's cross product with that.
+    /// Edges from the first corner, and the first edge's cross product with that corner.
     e1: DVec3,
     e2: DVec3,
     q: DVec3,
@@ -181,14 +188,15 @@ impl Facing {
         Self { corners, e1, e2, q: e1.cross(a) }
     }
 
-    /// `t`, `u` and `v` of a ray.
+    /// Returns `t`, `u` and `v` of a ray.
     #[inline(always)]
     #[allow(clippy::manual_clamp, reason = "clamp keeps a NaN")]
     fn along(&self, direction: DVec3, length_squared: f64) -> [f32; 3] {
         let Self { corners: [a, b, c], e1, e2, q } = *self;
         let p = direction.cross(e2);
         let scale = 1.0 / e1.dot(p);
-        // An infinite or NaN scale ends as some point of the triangle too: `max` and `min` drop a NaN.
+        // An infinite or NaN scale gives some point of the triangle too: `max` and `min` drop a
+        // NaN.
         let u = (-a.dot(p) * scale).max(0.0).min(1.0);
         let v = (direction.dot(q) * scale).max(0.0).min(1.0 - u);
         let (ta, tb, tc) = (a.dot(direction), b.dot(direction), c.dot(direction));
@@ -199,7 +207,7 @@ impl Facing {
     }
 }
 
-/// Directions of a row of rays from one origin, as [`locate`] has them.
+/// The directions of a row of rays from one origin, as [`locate`] uses them.
 #[derive(Clone, Copy)]
 pub(crate) struct Directions {
     axes: [[f64; ROW]; 3],
@@ -207,7 +215,7 @@ pub(crate) struct Directions {
 }
 
 impl Directions {
-    /// Fills arrays.
+    /// A placeholder that fills arrays.
     pub(crate) const NONE: Self = Self { axes: [[0.0; ROW]; 3], length_squared: [0.0; ROW] };
 
     #[inline(always)]
@@ -221,14 +229,15 @@ impl Directions {
     }
 }
 
-/// Where a row of rays meets one triangle.
+/// The points at which a row of rays meets one triangle.
 pub(crate) struct Located {
     pub t: [f32; ROW],
     pub u: [f32; ROW],
     pub v: [f32; ROW],
 }
 
-/// As [`locate`] of each ray, bit for bit: a loop of known length, which becomes vectors.
+/// Returns the same bits as [`locate`] for each ray. A loop of fixed length, which the compiler
+/// vectorises.
 #[inline(always)]
 pub(crate) fn locate_row(vertices: [[f32; 3]; 3], origin: [f32; 3], rays: &Directions) -> Located {
     let seen = Facing::new(vertices, origin);

@@ -1,4 +1,4 @@
-//! Shafts: "no" is never wrong, and not too rarely said.
+//! Tests that the answer "no" about a shaft is never wrong, and not too rare.
 #![allow(clippy::expect_used, reason = "a test fails by it")]
 
 mod common;
@@ -7,7 +7,7 @@ use common::{Mesh, Random};
 use glam::{DVec3, Vec3};
 use holo_raycast::{Raycaster, Shaft};
 
-/// A parallelogram with a corner and two edges.
+/// Returns a parallelogram from a corner and two edges.
 fn parallelogram(corner: DVec3, u: DVec3, v: DVec3) -> [DVec3; 4] {
     [corner, corner + u, corner + u + v, corner + v]
 }
@@ -19,7 +19,7 @@ fn random_shaft(random: &mut Random) -> Shaft {
     Shaft { from, through, between: random.next().is_multiple_of(2) }
 }
 
-/// The first thing that random rays of a shaft meet, traced as a worker traces them: in world coordinates.
+/// Traces random rays of a shaft as a worker does, in world coordinates, and returns the first hit.
 fn some_hit(
     raycaster: &Raycaster,
     shaft: &Shaft,
@@ -29,7 +29,7 @@ fn some_hit(
     (0..rays).find_map(|_| {
         let mut point = |corners: &[DVec3; 4]| {
             let (mut s, mut t) = (f64::from(random.unit()), f64::from(random.unit()));
-            // Most of all near the edges, where a plane that is a little off would show.
+            // Mostly near the edges, where an inexact plane would show.
             if random.next().is_multiple_of(2) {
                 (s, t) = (s.round(), t.round());
             }
@@ -66,7 +66,7 @@ fn a_shaft_that_may_not_hit_has_no_ray_that_does() {
         }
     }
     assert!(unseen > 2000, "{unseen}");
-    // Some of those have a ray that hits and was not tried, or only graze.
+    // Some of the others have a ray that hits and was not tried, or touch the shaft.
     assert!(
         missed * 8 < unseen,
         "{missed} shafts that seem to meet nothing are not recognised, {unseen} are"
@@ -74,13 +74,13 @@ fn a_shaft_that_may_not_hit_has_no_ray_that_does() {
 }
 
 #[test]
-fn what_only_just_touches_a_shaft_is_met() {
+fn a_triangle_that_barely_touches_a_shaft_is_met() {
     let shaft = Shaft {
         from: parallelogram(DVec3::ZERO, DVec3::X, DVec3::Y),
         through: parallelogram(DVec3::Z, DVec3::X, DVec3::Y),
         between: false,
     };
-    // At z = 3 the shaft reaches from -2 to 3. A triangle whose corner is there or just not.
+    // At z = 3 the shaft extends from -2 to 3. A triangle has a corner just inside or just outside.
     let with_corner_at = |x: f32, z: f32| {
         let mut mesh = Mesh::default();
         mesh.push([Vec3::new(x, 0.5, z), Vec3::new(x + 3.0, 0.0, z), Vec3::new(x + 3.0, 1.0, z)]);
@@ -89,7 +89,7 @@ fn what_only_just_touches_a_shaft_is_met() {
     assert!(with_corner_at(3.0, 3.0));
     assert!(with_corner_at(2.999, 3.0));
     assert!(!with_corner_at(3.01, 3.0));
-    // What lies between, or before, counts only if it is asked for.
+    // Objects between or before the parallelograms count only on request.
     assert!(!with_corner_at(0.5, 0.5) && !with_corner_at(0.5, -1.0));
     let mut mesh = Mesh::default();
     mesh.push([Vec3::new(0.5, 0.5, 0.5), Vec3::new(3.0, 0.0, 0.5), Vec3::new(3.0, 1.0, 0.5)]);
@@ -97,7 +97,7 @@ fn what_only_just_touches_a_shaft_is_met() {
 }
 
 #[test]
-fn shafts_that_are_degenerate_or_not_finite_are_answered() {
+fn degenerate_and_infinite_shafts_get_an_answer() {
     let mut random = Random(5);
     let raycaster = Mesh::soup(50, 0.5, &mut random).raycaster();
     let point = [DVec3::ONE * 3.0; 4];

@@ -1,11 +1,11 @@
-//! The rays of `examples/stress.rs`, a million of them.
+//! Runs a million rays of `examples/stress.rs`.
 
 mod common;
 #[path = "common/stress.rs"]
 mod stress;
 
 #[test]
-fn no_ray_leaks_or_ends_as_no_number_at_any_scale() {
+fn no_ray_leaks_or_gives_nan_at_any_scale() {
     let results = stress::run(1_000_000);
     assert!(results.iter().map(|(_, counts)| counts.rays).sum::<u64>() >= 1_000_000);
     for (name, counts) in results {

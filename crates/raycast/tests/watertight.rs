@@ -1,4 +1,5 @@
-//! Closed meshes do not leak: neither rays aimed at their edges and vertices, nor rays that start on their surface.
+//! Tests that closed meshes do not leak: neither rays aimed at their edges and vertices, nor rays
+//! that start on their surface.
 
 mod common;
 
@@ -6,7 +7,8 @@ use common::{Mesh, Random};
 use glam::Vec3;
 use holo_raycast::{Ray, Raycaster, spawn};
 
-/// Rays from random inside points at points on edges and at vertices: how many find no surface.
+/// Traces rays from random inside points to points on edges and to vertices. Returns how many hit
+/// nothing.
 fn leaks(mesh: &Mesh, inside: f32, rays: usize, seed: u64) -> usize {
     let raycaster = mesh.raycaster();
     let mut random = Random(seed);
@@ -30,8 +32,9 @@ fn no_ray_leaves_a_sphere_of_131072_triangles() {
 }
 
 #[test]
-fn no_ray_leaves_a_sphere_far_from_the_origin_of_coordinates() {
-    // The mesh is 1 wide at 100: coordinates keep 17 bits of it. Rays start within it, so they are moved by the same amount.
+fn no_ray_leaves_a_sphere_far_from_the_origin() {
+    // The mesh has size 1 at distance 100, so coordinates keep 17 bits of it. Rays start inside it,
+    // so they are moved by the same amount.
     let centre = Vec3::new(100.0, -70.0, 40.0);
     let mesh = Mesh::sphere(5, centre, 1.0);
     let raycaster = mesh.raycaster();
@@ -51,7 +54,8 @@ fn no_ray_leaves_a_box_of_slivers() {
 
 #[test]
 fn rays_nearly_along_an_axis_do_not_leak_between_the_boxes_of_a_grid() {
-    // Such a ray is nearly parallel to the faces where boxes meet, and the slabs of a flat face's boxes have no depth.
+    // Such a ray is nearly parallel to the faces at which boxes meet, and the boxes of a flat face
+    // have no depth.
     let mesh = Mesh::sliver_box(Vec3::new(1.1, 0.9, 1.3), 50, 50);
     let raycaster = mesh.raycaster();
     let mut random = Random(7);
@@ -73,8 +77,8 @@ fn rays_nearly_along_an_axis_do_not_leak_between_the_boxes_of_a_grid() {
 
 #[test]
 fn axis_parallel_rays_along_grid_lines_do_not_leak() {
-    // Origins on the planes of the grid, directions along axes with zeros of both signs: every ray runs along edges or
-    // through vertices of both end faces.
+    // Origins lie on the planes of the grid, and directions along axes have zeros of both signs.
+    // Every ray runs along edges or through vertices of both end faces.
     let mesh = Mesh::sliver_box(Vec3::ONE, 8, 8);
     let raycaster = mesh.raycaster();
     for axis in 0..3 {
@@ -99,16 +103,17 @@ fn axis_parallel_rays_along_grid_lines_do_not_leak() {
 }
 
 #[test]
-fn a_ray_in_the_plane_of_a_face_ends_at_the_face_that_it_runs_into() {
+fn a_ray_in_the_plane_of_a_face_ends_at_the_next_face() {
     let raycaster = Mesh::sliver_box(Vec3::ONE, 4, 4).raycaster();
-    // In the plane x = 1 the side face is seen edge-on, which is no hit; the face z = 1 begins at that very edge.
+    // In the plane x = 1 the side face is seen edge-on, which is no hit. The face z = 1 begins at
+    // its edge.
     let hit = raycaster
         .nearest(&Ray::new(Vec3::new(1.0, 0.3, 0.1), Vec3::Z))
         .expect("the face at the end");
     assert!((hit.t - 0.9).abs() < 1e-6, "{hit:?}");
 }
 
-/// A billiard of rays that restart from each surface: how many escape in `bounces`.
+/// Bounces rays that restart from each surface. Returns how many escape within `bounces`.
 fn escapes(raycaster: &Raycaster, seed: u64, bounces: usize) -> usize {
     let mut random = Random(seed);
     let mut escapes = 0;
@@ -145,7 +150,8 @@ fn light_stays_in_closed_meshes_over_hundreds_of_thousands_of_bounces() {
 
 #[test]
 fn a_ray_that_starts_within_rounding_of_an_edge_stays_inside() {
-    // Far off the origin, where a point's rounding is largest, against coarse meshes, whose edges are sharp.
+    // Far from the origin, where points have the largest rounding error, and coarse meshes, which
+    // have sharp edges.
     let middle = Vec3::new(300.0, -41.0, 7.0);
     let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, 0.7, 1.1);
     let mut tetrahedron = Mesh::default();
@@ -181,8 +187,8 @@ fn a_ray_that_starts_within_rounding_of_an_edge_stays_inside() {
 
 #[test]
 fn a_spawned_ray_does_not_meet_its_own_plane() {
-    // A wall of slivers, left at all angles down to grazing: nothing may be found in front of the wall. The skipped
-    // triangle cannot hide a fault, since the neighbours lie in the same plane.
+    // A wall of slivers that rays leave at all angles down to grazing: they must hit nothing. The
+    // skipped triangle cannot hide an error, because its neighbours lie in the same plane.
     let mut mesh = Mesh::default();
     let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, 0.7, 1.1);
     for i in 0..200 {
@@ -208,6 +214,7 @@ fn a_spawned_ray_does_not_meet_its_own_plane() {
         let ray = Ray::new(spawn(s.point, s.error, s.normal, direction), direction);
         false_hits += usize::from(raycaster.nearest_from(&ray, triangle).is_some());
     }
-    // The vertices are rounded: neighbours are tilted against each other by up to 1e-5, which a ray at 1e-3 cannot meet.
+    // The vertices are rounded, so neighbours are tilted by up to 1e-5; a ray at 1e-3 cannot hit
+    // them.
     assert_eq!(false_hits, 0);
 }

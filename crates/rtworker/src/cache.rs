@@ -1,8 +1,8 @@
-//! Scenes received, kept on disk by their content's hash and mapped at the next start.
+//! Scenes that servers have sent, kept on disk under the hash of their content.
 
 use std::{
     fs::{self, File},
-    io::Write,
+    io::{Read, Write},
     path::{Path, PathBuf},
 };
 
@@ -10,7 +10,7 @@ use anyhow::{Context, Result, ensure};
 use holo_proto::control::SceneInfo;
 use holo_scene::Scene;
 
-/// Scenes kept: a user works on a few; older ones are fetched again when needed.
+/// Scenes that are kept: a user works on a few. Older ones are fetched again when needed.
 const MAX_SCENES: usize = 8;
 
 /// A folder of packed scenes.
@@ -20,7 +20,8 @@ pub struct SceneCache {
 }
 
 impl SceneCache {
-    /// The folder given, or the user's cache folder; without either, nothing is kept.
+    /// Returns the cache in the folder given, or in the user's cache folder. Without either, it
+    /// keeps nothing.
     pub fn new(folder: Option<PathBuf>) -> SceneCache {
         let absolute = |name: &str| {
             std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute())
@@ -35,17 +36,21 @@ impl SceneCache {
         Some(self.folder.as_ref()?.join(name).with_extension("scene"))
     }
 
-    /// The scene, if it is here and whole.
+    /// Returns the scene, if it is here and whole.
+    ///
+    /// The file is read and not mapped: a mapped file that shrinks under its reader ends the
+    /// process.
     pub fn get(&self, info: &SceneInfo) -> Option<Scene> {
         let file = File::open(self.path(info)?).ok()?;
         if file.metadata().ok()?.len() != info.bytes {
             return None;
         }
-        let map = map(&file)?;
-        unpack(&map, info).ok()
+        let mut packed = Vec::with_capacity(usize::try_from(info.bytes).ok()?);
+        file.take(info.bytes).read_to_end(&mut packed).ok()?;
+        unpack(&packed, info).ok()
     }
 
-    /// Keeps a scene for the next time. A full or read-only disk only means that it is fetched again.
+    /// Keeps a scene for the next time. If the disk is full or read-only, it will be fetched again.
     pub fn put(&self, info: &SceneInfo, packed: &[u8]) {
         if let Some(path) = self.path(info) {
             let _ = self.write(&path, packed);
@@ -55,7 +60,8 @@ impl SceneCache {
     fn write(&self, path: &Path, packed: &[u8]) -> std::io::Result<()> {
         let Some(folder) = path.parent() else { return Ok(()) };
         fs::create_dir_all(folder)?;
-        // Another worker may be writing the same scene: each to a file of its own, then a rename, which is atomic.
+        // Another worker may write the same scene. Each writes a file of its own and renames it,
+        // which is atomic.
         let temporary = path.with_extension(format!("{}.part", std::process::id()));
         let written = File::create(&temporary).and_then(|mut file| file.write_all(packed));
         if let Err(error) = written.and_then(|()| fs::rename(&temporary, path)) {
@@ -66,7 +72,7 @@ impl SceneCache {
     }
 }
 
-/// Leaves the newest [`MAX_SCENES`].
+/// Deletes all but the newest [`MAX_SCENES`] scenes.
 fn prune(folder: &Path) -> std::io::Result<()> {
     let mut scenes: Vec<_> = fs::read_dir(folder)?
         .filter_map(|entry| entry.ok())
@@ -80,20 +86,16 @@ fn prune(folder: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// The scene in these bytes, if they are the ones announced.
+/// Returns the scene in these bytes.
+///
+/// # Errors
+/// If they are not the bytes announced, or not a scene.
 pub fn unpack(packed: &[u8], info: &SceneInfo) -> Result<Scene> {
     ensure!(
         Scene::content_hash(packed) == info.hash,
-        "the scene's bytes do not have the announced hash"
+        "the scene's bytes do not have the hash that the server announced"
     );
     Scene::unpack(packed).context("reading the server's scene")
-}
-
-#[allow(unsafe_code)]
-fn map(file: &File) -> Option<memmap2::Mmap> {
-    // SAFETY: scenes in the cache are written to a temporary file and renamed, never changed in place. If another
-    // program truncates one while it is read here, this process ends by SIGBUS: the server gives its work to others.
-    unsafe { memmap2::Mmap::map(file) }.ok()
 }
 
 #[cfg(test)]

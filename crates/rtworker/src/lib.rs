@@ -1,12 +1,16 @@
-//! The sample generator: one process that traces packets for a holoserver on all its cores (Larson & Simmons 1999, §2.3).
+//! The sample generator: one process that traces packets for a holoserver on all its cores (Larson
+//! & Simmons 1999, §2.3).
 //!
 //! What always holds:
-//! - one copy of the scene serves all threads, and it comes from the server: no shared disk is needed;
-//! - which rays a packet holds follows from the packet alone, so a packet traced again holds the same rays;
-//! - pings are answered while a scene loads and while every core traces.
+//! - The scene comes from the server, so no shared disk is needed. One copy serves all threads.
+//! - A packet alone determines its rays: traced again, it holds the same rays.
+#![forbid(unsafe_code)]
 
 mod cache;
+mod loading;
 mod pool;
+mod report;
+mod sending;
 mod session;
 mod unseen;
 
@@ -15,9 +19,11 @@ use std::{net::SocketAddr, path::PathBuf, time::Duration};
 use anyhow::{Context, Result};
 use clap::Args;
 use holo_net::{NetError, Shutdown};
+pub use report::Report;
 
 /// Options of `rtworker`.
 #[derive(Args, Clone, Debug)]
+#[command(after_help = "Example:\n  rtworker --connect 127.0.0.1:7070 --threads 4")]
 pub struct Config {
     /// The holoserver's address
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7070")]
@@ -28,13 +34,14 @@ pub struct Config {
     /// Give way to other programs by this much (0 to 19)
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(i32).range(0..=19))]
     pub nice: i32,
-    /// Go on trying to reach the server for so long, at the start and after a lost connection
+    /// How long to try to reach the server, at the start and after a lost connection
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
     pub retry: f64,
-    /// Where scenes received are kept [default: holodeck/scenes in the user's cache folder]
+    /// Folder for scenes that servers have sent [default: holodeck/scenes in the user's cache
+    /// folder]
     #[arg(long, value_name = "DIR")]
     pub scene_cache: Option<PathBuf>,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     pub quiet: bool,
     /// End when standard input ends (set by the program that starts this one)
@@ -42,14 +49,14 @@ pub struct Config {
     pub with_parent: bool,
 }
 
-/// How long to wait between two attempts to reach the server.
+/// The time between two attempts to reach the server.
 const RETRY_EVERY: Duration = Duration::from_millis(250);
 
 /// Traces for a server until the server says goodbye, or `shutdown` is triggered.
 ///
 /// # Errors
-/// If the server cannot be reached for `config.retry` seconds, refuses, breaks the protocol, or its scene cannot be
-/// traced.
+/// If the server cannot be reached for `config.retry` seconds, refuses, breaks the protocol, or its
+/// scene cannot be traced.
 pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
     let address = holo_net::loopback(&config.connect)?;
     if config.nice > 0 {
@@ -61,7 +68,7 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
         let lost = tokio::select! {
             ended = serve(&mut worker, &config, address) => match ended {
                 Ok(reason) => {
-                    say(&config, &format!("leaving: {reason}"));
+                    chat(&config, &format!("leaving: {reason}"));
                     return Ok(());
                 }
                 Err(error) => error,
@@ -90,7 +97,7 @@ async fn serve(
             Err(NetError::Io(_) | NetError::Closed) if tokio::time::Instant::now() < deadline => {
                 tokio::time::sleep(RETRY_EVERY).await;
             }
-            // Not a connection lost but one never made: the caller must not try for ever.
+            // Not a lost connection, but one never made: the caller must not try for ever.
             Err(NetError::Io(error)) => {
                 return Err(anyhow::Error::msg(error.to_string())).with_context(|| {
                     format!("no holoserver answers at {address} (is it running?)")
@@ -99,8 +106,15 @@ async fn serve(
             Err(error) => return Err(error.into()),
         }
     };
-    say(config, &format!("connected to {address}"));
+    chat(config, &format!("connected to {address}"));
     worker.session(connection).await
+}
+
+/// Prints a line that is news only to whoever has started this program by hand.
+fn chat(config: &Config, text: &str) {
+    if !config.with_parent {
+        say(config, text);
+    }
 }
 
 fn say(config: &Config, text: &str) {
@@ -109,7 +123,7 @@ fn say(config: &Config, text: &str) {
     }
 }
 
-/// The whole program: [`run`] until a signal.
+/// Runs the whole program: [`run`] until a signal.
 ///
 /// # Errors
 /// As [`run`].

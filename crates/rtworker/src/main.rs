@@ -1,10 +1,10 @@
 //! Traces packets of rays for a holoserver.
 
+use std::process::ExitCode;
+
 use clap::Parser;
 
-/// Traces packets of rays for a holoserver, on all cores of this machine.
-///
-/// Example: rtworker --connect 127.0.0.1:7070 --threads 4
+/// Trace packets of rays for a holoserver, on all cores of this machine
 #[derive(Parser)]
 #[command(name = "rtworker", version)]
 struct Program {
@@ -13,6 +13,7 @@ struct Program {
 }
 
 #[tokio::main(worker_threads = 2)]
-async fn main() -> anyhow::Result<()> {
-    holo_rtworker::run_until_signal(Program::parse().config).await
+async fn main() -> ExitCode {
+    let ended = holo_rtworker::run_until_signal(Program::parse().config).await;
+    holo_progress::exit_code("rtworker", ended)
 }

@@ -11,63 +11,68 @@ use holo_proto::{
     MAX_RAYS_PER_PACKET,
     bulk::{LiveHit, LivePacket, LiveRay, Packet, Traced},
 };
-use holo_section::{BeamId, BeamSampler, DVec3, RayCoords, Sample, SampleKind, Section, Viewpoint};
+use holo_section::{
+    BeamId, BeamKey, BeamSampler, DVec3, RayCoords, Sample, SampleKind, Section, Viewpoint,
+};
 use holo_tracer::Tracer;
 use tokio::sync::mpsc;
 
-use crate::unseen::Answers;
+use crate::unseen::UnseenCache;
 
-/// Packets that a thread takes at a time: few, so that the threads end together, but more than one, so that they
-/// seldom meet at the queue.
+/// Packets that a thread takes at a time: few, so that the threads end together, but more than one,
+/// so that they seldom wait for each other at the queue.
 const TAKE: usize = 4;
 
-/// Rays for records of indirect light for each sample that comes where there is none. For a display: two thirds of the time go into
-/// records while most samples lack them. With nobody waiting: nine tenths, so that few samples of a file are noisy.
+/// Rays for records of indirect light, for each sample in a place without records, while a display
+/// waits. Two thirds of the time go into records while most samples lack them.
 const EFFORT: u32 = 2;
+
+/// The same while nobody waits. Nine tenths of the time go into records, so that few samples of a
+/// file are noisy.
 const EFFORT_UNWATCHED: u32 = 16;
 
-/// Makes the random numbers of live rays others than those of samples, whose kinds are 0 to 2.
+/// Makes the random numbers of live rays differ from those of samples, whose kinds are 0 to 2.
 const LIVE_SALT: u64 = 3 << 56;
 
-/// A packet with the viewpoint that it refers to.
+/// A packet of a beam, with the viewpoint that it refers to.
 #[derive(Clone, Copy, Debug)]
 pub struct BeamJob {
-    /// What to trace. Its beam is known to exist.
+    /// The packet. Its beam exists.
     pub packet: Packet,
-    /// Near which point the rays must pass.
+    /// The point that the rays must pass, and how near, if any.
     pub viewpoint: Option<Viewpoint>,
     /// The holodeck's seed.
     pub seed: u64,
 }
 
-/// A packet of either sort.
+/// Work for a thread.
 #[derive(Debug)]
 pub enum Job {
-    /// Of a beam.
+    /// A packet of a beam.
     Beam(BeamJob),
-    /// Of live rays, with the holodeck's seed.
+    /// A packet of live rays, with the holodeck's seed.
     Live(LivePacket, u64),
 }
 
-/// A packet done.
+/// A packet that is finished.
 #[derive(Debug)]
-pub enum Done {
-    /// Traced: what goes on the wire, and the samples in the order of their numbers.
+pub enum Finished {
+    /// It was traced: what goes on the wire, and the samples in the order of their numbers.
     Traced(Traced, Vec<Sample>),
-    /// Not traced, since no ray of its beam meets anything: the packet's name.
+    /// It was not traced, because no ray of its beam hits anything: the packet's number.
     Unseen(u64),
-    /// Live rays traced, and what they saw in their order.
+    /// Live rays were traced: what goes on the wire, and the hits in the order of the rays.
     Live(Traced, Vec<LiveHit>),
 }
 
 /// What all threads of a session trace.
 pub struct Task {
-    /// The engine, and the scene.
+    /// The engine, with the scene.
     pub tracer: Arc<Tracer>,
-    /// The sections that beams belong to.
+    /// The holodeck's sections.
     pub sections: Arc<[Section]>,
-    /// What is known of beams that see nothing; `None`: every beam is traced.
-    pub unseen: Option<Answers>,
+    /// Which beams see nothing; `None` if every beam is traced.
+    pub unseen: Option<UnseenCache>,
 }
 
 #[derive(Default)]
@@ -84,40 +89,41 @@ struct Shared {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, Queue> {
-        // The queue is only pushed to and popped from: a thread that panicked elsewhere leaves it whole.
+        // The queue is only pushed to and popped from, so a thread that panicked leaves it whole.
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The threads of one session. Dropped, it forgets what is queued and waits for what is being traced.
+/// The threads of one session. Dropping it forgets what is queued, and waits for what is being
+/// traced.
 pub struct Pool {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
 }
 
 impl Pool {
-    /// Starts `threads` threads that send what they have traced to `done`.
+    /// Starts `threads` threads that send finished packets to `finished`.
     ///
     /// # Errors
-    /// If the operating system gives no thread.
+    /// If the operating system starts no thread.
     pub fn start(
         threads: u16,
         task: &Arc<Task>,
-        done: &mpsc::UnboundedSender<Done>,
+        finished: &mpsc::UnboundedSender<Finished>,
     ) -> std::io::Result<Pool> {
         let mut pool = Pool { shared: Arc::default(), threads: Vec::new() };
         for index in 0..threads {
             let (shared, task) = (Arc::clone(&pool.shared), Arc::clone(task));
-            let done = done.clone();
+            let finished = finished.clone();
             let thread = std::thread::Builder::new()
                 .name(format!("trace-{index}"))
-                .spawn(move || work(&shared, &task, &done))?;
+                .spawn(move || work(&shared, &task, &finished))?;
             pool.threads.push(thread);
         }
         Ok(pool)
     }
 
-    /// Queues packets, after those that are there.
+    /// Queues jobs, after those that are there.
     pub fn push(&self, jobs: impl IntoIterator<Item = Job>) {
         self.shared.lock().jobs.extend(jobs);
         self.shared.more.notify_all();
@@ -139,7 +145,7 @@ impl Drop for Pool {
     }
 }
 
-fn work(shared: &Shared, task: &Task, done: &mpsc::UnboundedSender<Done>) {
+fn work(shared: &Shared, task: &Task, finished: &mpsc::UnboundedSender<Finished>) {
     let mut jobs: Vec<Job> = Vec::with_capacity(TAKE);
     loop {
         {
@@ -155,7 +161,7 @@ fn work(shared: &Shared, task: &Task, done: &mpsc::UnboundedSender<Done>) {
         }
         for job in jobs.drain(..) {
             if let Some(result) = trace(&job, task)
-                && done.send(result).is_err()
+                && finished.send(result).is_err()
             {
                 return;
             }
@@ -163,21 +169,21 @@ fn work(shared: &Shared, task: &Task, done: &mpsc::UnboundedSender<Done>) {
     }
 }
 
-fn trace(job: &Job, task: &Task) -> Option<Done> {
+fn trace(job: &Job, task: &Task) -> Option<Finished> {
     match job {
         Job::Beam(job) => trace_beam(job, task),
         Job::Live(packet, seed) => Some(trace_live(packet, *seed, &task.tracer)),
     }
 }
 
-fn trace_live(packet: &LivePacket, seed: u64, tracer: &Tracer) -> Done {
+fn trace_live(packet: &LivePacket, seed: u64, tracer: &Tracer) -> Finished {
     let start = Instant::now();
-    // Somebody waits for them.
+    // A display waits for them.
     tracer.set_effort(EFFORT);
     let hits: Vec<LiveHit> =
         packet.rays.iter().map(|ray| live_hit(tracer, ray, seed, packet.paths)).collect();
     let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
-    Done::Live(Traced { id: packet.id, count: hits.len() as u32, nanoseconds }, hits)
+    Finished::Live(Traced { id: packet.id, count: hits.len() as u32, nanoseconds }, hits)
 }
 
 fn live_hit(tracer: &Tracer, ray: &LiveRay, seed: u64, paths: u16) -> LiveHit {
@@ -185,25 +191,26 @@ fn live_hit(tracer: &Tracer, ray: &LiveRay, seed: u64, paths: u16) -> LiveHit {
     let (origin, direction) =
         (DVec3::from_array(ray.origin), DVec3::from_array(ray.direction).normalize());
     let traced = tracer.trace_paths(origin, direction, seed, 0..u64::from(paths));
-    // A display may ask for rays from anywhere; what numbers cannot hold there, it does not see.
+    // A display may ask for rays from anywhere, even where numbers overflow: it sees nothing there.
     let usable = |x: f32| if x.is_finite() { x.max(0.0) } else { 0.0 };
     let distance = if traced.distance >= 0.0 { traced.distance as f32 } else { f32::INFINITY };
     LiveHit { radiance: traced.radiance.map(usable), distance }
 }
 
-fn trace_beam(job: &BeamJob, task: &Task) -> Option<Done> {
+fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
     let start = Instant::now();
-    let Packet { section: index, beam, first, count, paths, .. } = job.packet;
-    let section = task.sections.get(usize::from(index))?;
+    let Packet { key, first, count, paths, .. } = job.packet;
+    let BeamKey { section: index, beam } = key;
+    let section = key.section_in(&task.sections)?;
     let raycaster = task.tracer.raycaster();
     if task.unseen.as_ref().is_some_and(|unseen| unseen.is_unseen(raycaster, section, index, beam))
     {
-        return Some(Done::Unseen(job.packet.id));
+        return Some(Finished::Unseen(job.packet.id));
     }
     let is_watched = job.packet.kind() != SampleKind::Uniform;
     task.tracer.set_effort(if is_watched { EFFORT } else { EFFORT_UNWATCHED });
     let sampler = section.beam_sampler(index, beam, job.viewpoint.as_ref())?;
-    // Samples of all kinds have the same numbers; their random numbers must not be the same.
+    // Samples of all kinds have the same numbers, but their random numbers must differ.
     let salt = job.seed ^ ((job.packet.kind() as u64) << 56);
     let samples = (first..first + u32::from(count))
         .zip(0..)
@@ -218,10 +225,13 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Done> {
         })
         .collect();
     let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
-    Some(Done::Traced(Traced { id: job.packet.id, count: u32::from(count), nanoseconds }, samples))
+    Some(Finished::Traced(
+        Traced { id: job.packet.id, count: u32::from(count), nanoseconds },
+        samples,
+    ))
 }
 
-/// Traces one sample: the ray at these positions, from the wall where the section lets rays begin.
+/// Traces one sample: the ray at `coords`, from where the section lets rays begin.
 fn sample(
     tracer: &Tracer,
     section: &Section,
@@ -238,7 +248,7 @@ fn sample(
         seed,
         0..u64::from(paths),
     );
-    // The distance counts from the entry point, wherever the ray was begun.
+    // The distance counts from the entry point, wherever the ray begins.
     Sample::encode(
         coords,
         traced.radiance,

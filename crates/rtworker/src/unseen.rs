@@ -1,25 +1,28 @@
-//! Whether a beam sees anything at all: asked once for each, before the first ray of it is traced.
+//! Whether a beam sees anything: worked out once for each, before its first ray is traced.
 //!
-//! Always true: a beam that is called unseen has no ray that meets anything, from where its section lets rays begin.
+//! Invariant: an unseen beam has no ray that hits anything beyond where its section lets rays
+//! begin.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use holo_raycast::{Raycaster, Shaft};
 use holo_section::{BeamId, CellIndex, CellPair, DVec3, Section, ViewClass};
 
-/// Answers remembered, 8 bytes each. A view has thousands of beams, a section mostly fewer than this.
+/// Answers that are remembered, of 8 bytes each. A view has thousands of beams, and most sections
+/// have fewer than this.
 const ANSWERS: usize = 1 << 20;
 
-/// Answers, shared by all threads. One that is lost to another beam in its place is worked out again.
-pub struct Answers(Box<[AtomicU64]>);
+/// Answers for beams, shared by all threads. Two beams may share a slot; the answer for the one
+/// that lost it is worked out again.
+pub struct UnseenCache(Box<[AtomicU64]>);
 
-impl Answers {
-    /// None yet.
-    pub fn new() -> Answers {
-        Answers((0..ANSWERS).map(|_| AtomicU64::new(0)).collect())
+impl UnseenCache {
+    /// Returns a cache without answers.
+    pub fn new() -> UnseenCache {
+        UnseenCache((0..ANSWERS).map(|_| AtomicU64::new(0)).collect())
     }
 
-    /// Whether no ray of the beam meets anything.
+    /// Returns whether no ray of the beam hits anything.
     pub fn is_unseen(
         &self,
         raycaster: &Raycaster,
@@ -28,25 +31,26 @@ impl Answers {
         beam: BeamId,
     ) -> bool {
         let Some(pair) = section.cells(beam) else { return false };
-        // Section 16 bits, beam below 2²⁹; never 0, and the lowest bit is free for the answer.
+        // A section has 16 bits and a beam is below 2²⁹. A name is never 0, and its lowest bit is
+        // free for the answer.
         let name = (u64::from(number) << 40 | beam.0) << 2 | 2;
-        let place = name.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (64 - ANSWERS.trailing_zeros());
-        let Some(place) = self.0.get(place as usize) else { return false };
-        // An entry says all of itself in one word, so that no order between threads matters.
-        let known = place.load(Ordering::Relaxed);
+        let slot = name.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (64 - ANSWERS.trailing_zeros());
+        let Some(slot) = self.0.get(slot as usize) else { return false };
+        // A slot is one word, so that the order between threads does not matter.
+        let known = slot.load(Ordering::Relaxed);
         if known & !1 == name {
             return known & 1 == 1;
         }
         let unseen = !raycaster.may_hit(&shaft(section, pair));
-        place.store(name | u64::from(unseen), Ordering::Relaxed);
+        slot.store(name | u64::from(unseen), Ordering::Relaxed);
         unseen
     }
 }
 
-/// All rays of a beam, from where its section lets them begin.
+/// Returns the shaft of all rays of a beam, from where its section lets them begin.
 pub fn shaft(section: &Section, pair: CellPair) -> Shaft {
     let spec = section.spec();
-    // As `Section::trace_start` has it.
+    // The same rule as in `Section::trace_start`.
     let between = spec.obstructions || spec.class == ViewClass::Exterior;
     Shaft { from: corners(section, pair.entry), through: corners(section, pair.exit), between }
 }
@@ -72,7 +76,7 @@ mod tests {
 
     use super::*;
 
-    /// A deterministic stream of numbers in [0, 1).
+    /// A deterministic stream of random numbers.
     struct Random(u64);
 
     impl Random {
@@ -101,7 +105,7 @@ mod tests {
         Raycaster::build(Arc::new(scene)).unwrap()
     }
 
-    /// A section around `centre`, sheared or not, of about `size`.
+    /// Returns a section of about `size` around `centre`. Half of them are sheared.
     fn section(
         random: &mut Random,
         centre: DVec3,
@@ -123,7 +127,7 @@ mod tests {
         }
     }
 
-    /// Rays of a beam that meet something, of `rays` that a worker would trace.
+    /// Returns how many of the first `rays` rays of a beam hit something.
     fn hits(raycaster: &Raycaster, section: &Section, beam: BeamId, rays: u32) -> usize {
         let sampler = section.beam_sampler(0, beam, None).unwrap();
         let meets = |number: &u32| {
@@ -137,12 +141,12 @@ mod tests {
     }
 
     #[test]
-    fn a_beam_called_unseen_has_no_sample_that_meets_anything() {
+    fn an_unseen_beam_has_no_sample_that_hits_anything() {
         let mut random = Random(0);
-        let answers = Answers::new();
+        let cache = UnseenCache::new();
         let (mut unseen, mut seen, mut doubtful) = (0, 0, 0);
         for round in 0..80u16 {
-            // Scenes of all sizes and places: from a thimble far away to a city.
+            // Scenes of all sizes and in all places: from a thimble far away to a city.
             let size = 10f64.powf(random.unit() * 6.0 - 3.0);
             let away = size * 10f64.powf(random.unit() * 4.0);
             let place = random.vector(away);
@@ -159,15 +163,15 @@ mod tests {
             let section = section(&mut random, place, size, class, round % 3 == 0);
             for _ in 0..60 {
                 let beam = BeamId(random.bits() % section.beam_count());
-                let is_unseen = answers.is_unseen(&raycaster, &section, round, beam);
+                let is_unseen = cache.is_unseen(&raycaster, &section, round, beam);
                 let hits = hits(&raycaster, &section, beam, if is_unseen { 256 } else { 4096 });
                 assert!(
                     !is_unseen || hits == 0,
-                    "{hits} rays of beam {beam:?} meet something: {:?}",
+                    "{hits} rays of beam {beam:?} hit something: {:?}",
                     section.spec()
                 );
                 assert_eq!(
-                    answers.is_unseen(&raycaster, &section, round, beam),
+                    cache.is_unseen(&raycaster, &section, round, beam),
                     is_unseen,
                     "asked again"
                 );
@@ -179,7 +183,7 @@ mod tests {
         assert!(unseen > 800 && seen > 800, "{unseen} unseen, {seen} seen");
         assert!(
             doubtful * 5 < unseen,
-            "{doubtful} beams without a hit are not recognised, {unseen} are"
+            "{doubtful} beams without a hit are not found, {unseen} are"
         );
     }
 
@@ -206,10 +210,10 @@ mod tests {
                 obstructions,
             };
             let section = Section::new(spec).unwrap();
-            let answers = Answers::new();
+            let cache = UnseenCache::new();
             let all = (0..section.beam_count()).map(BeamId);
             assert_eq!(
-                all.filter(|&beam| answers.is_unseen(&raycaster, &section, 0, beam)).count(),
+                all.filter(|&beam| cache.is_unseen(&raycaster, &section, 0, beam)).count(),
                 0
             );
         }
@@ -229,9 +233,9 @@ mod tests {
                 obstructions,
             };
             let section = Section::new(spec).unwrap();
-            let answers = Answers::new();
+            let cache = UnseenCache::new();
             let all = (0..section.beam_count()).map(BeamId);
-            all.filter(|&beam| !answers.is_unseen(&raycaster, &section, 0, beam)).count()
+            all.filter(|&beam| !cache.is_unseen(&raycaster, &section, 0, beam)).count()
         };
         assert_eq!(with(ViewClass::Interior, false), 0);
         let seen = with(ViewClass::Interior, true);

@@ -1,9 +1,9 @@
-//! What can be wrong with a scene, and what is only worth saying.
+//! Errors and warnings about scenes.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// Why a scene could not be read, made or unpacked.
+/// The reason why a scene could not be read, made or unpacked.
 ///
 /// Lines count from 1. `found` holds at most a few dozen characters of the file.
 #[derive(Debug, thiserror::Error)]
@@ -14,10 +14,10 @@ pub enum SceneError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The file is larger than is read.
+    /// The file exceeds the size limit.
     #[error("{path}: the file is larger than {limit} bytes")]
     FileTooLarge {
         /// The file.
@@ -36,7 +36,7 @@ pub enum SceneError {
         keyword: String,
         /// What it takes, in words.
         expected: &'static str,
-        /// How many there are.
+        /// The number found.
         found: usize,
     },
     /// A value is not a finite number (or integer) of reasonable size.
@@ -50,10 +50,10 @@ pub enum SceneError {
         keyword: String,
         /// What it takes, in words.
         expected: &'static str,
-        /// What is there.
+        /// The text found.
         found: String,
     },
-    /// A face names a vertex that is not there.
+    /// A face refers to a vertex that does not exist.
     #[error(
         "{path}:{line}: `f` names vertex {index}, but {count} are defined before this line (the first is 1)"
     )]
@@ -62,9 +62,9 @@ pub enum SceneError {
         path: PathBuf,
         /// The line.
         line: usize,
-        /// The index as written: 0, too large, or negative beyond the first.
+        /// The index as written: 0, too large, or too negative.
         index: i64,
-        /// How many vertices there are by then.
+        /// The number of vertices up to that line.
         count: usize,
     },
     /// An MTL file sets a property before it names a material.
@@ -77,24 +77,24 @@ pub enum SceneError {
         /// The statement.
         keyword: String,
     },
-    /// A file holds more of something than a scene may.
+    /// A file exceeds a limit of scenes.
     #[error("{path}:{line}: more than {limit} {what}")]
     FileLimit {
         /// The file.
         path: PathBuf,
-        /// The line where it is too much.
+        /// The line that exceeds it.
         line: usize,
-        /// Of what.
+        /// What there is too much of.
         what: &'static str,
         /// The limit of [`crate::limits`].
         limit: usize,
     },
-    /// `tobj` refuses a file that our checks let through.
+    /// `tobj` rejects a file that passed our checks.
     #[error("{path}: {source}")]
     Parser {
         /// The file.
         path: PathBuf,
-        /// What `tobj` says.
+        /// The error of `tobj`.
         source: tobj::LoadError,
     },
     /// A file has no triangle with an area.
@@ -103,12 +103,12 @@ pub enum SceneError {
         /// The file.
         path: PathBuf,
     },
-    /// A scene would hold more of something than it may.
+    /// A scene would exceed a limit.
     #[error("{count} {what} are more than the limit of {limit}")]
     Limit {
-        /// Of what.
+        /// What there is too much of.
         what: &'static str,
-        /// How many.
+        /// The number.
         count: u64,
         /// The limit of [`crate::limits`].
         limit: u64,
@@ -119,35 +119,35 @@ pub enum SceneError {
     /// A position is not finite or too far away.
     #[error("position {0} is not finite or beyond {limit} units", limit = crate::limits::MAX_COORDINATE)]
     Position(usize),
-    /// A triangle names a position that is not there.
+    /// A triangle refers to a position that does not exist.
     #[error("triangle {triangle} names position {index} of {count}")]
     PositionIndex {
         /// The triangle.
         triangle: usize,
-        /// The position it names.
+        /// The index of the position.
         index: u32,
-        /// How many there are.
+        /// Number of positions.
         count: usize,
     },
-    /// A triangle names a material that is not there.
+    /// A triangle refers to a material that does not exist.
     #[error("triangle {triangle} names material {index} of {count}")]
     MaterialIndex {
         /// The triangle.
         triangle: usize,
-        /// The material it names.
+        /// The index of the material.
         index: u32,
-        /// How many there are.
+        /// Number of materials.
         count: usize,
     },
-    /// There is not one material id for each triangle.
+    /// The number of material ids differs from the number of triangles.
     #[error("{triangles} triangles have {material_ids} material ids")]
     MaterialIdCount {
-        /// Triangles.
+        /// Number of triangles.
         triangles: usize,
-        /// Material ids.
+        /// Number of material ids.
         material_ids: usize,
     },
-    /// A triangle has no area (by `f64` arithmetic on its `f32` corners), so no normal.
+    /// A triangle has no area (in `f64`, from its `f32` corners), so it has no normal.
     #[error("triangle {0} has no area")]
     NoArea(usize),
     /// A material has an impossible value.
@@ -166,22 +166,22 @@ pub enum SceneError {
     Packed(#[from] PackedError),
 }
 
-/// Why bytes are not a packed scene.
+/// The reason why bytes are not a packed scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PackedError {
-    /// They do not begin as one.
+    /// They do not begin with the magic bytes.
     #[error("it does not begin with the magic bytes")]
     Magic,
-    /// They are of a version that this program does not know.
+    /// Their version is unknown to this program.
     #[error("its version is {0}, this program reads {known}", known = crate::VERSION)]
     Version(u32),
-    /// The length differs from what the header says.
+    /// Their length differs from the header.
     #[error("{found} bytes, its header says {expected}")]
     Length {
-        /// Bytes that the header asks for.
+        /// Length by the header.
         expected: u64,
-        /// Bytes that are there.
+        /// Actual length.
         found: u64,
     },
     /// Bytes that must be zero are not.
@@ -192,14 +192,14 @@ pub enum PackedError {
     Material(usize),
 }
 
-/// Something in a file that is not, or not exactly, in the scene. Displayed as `path:line: text`.
+/// Something in a file that the scene does not represent exactly. Displayed as `path:line: text`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
     /// The file.
     pub path: PathBuf,
-    /// The line, from 1, where it is first; `None` if it is about the whole file.
+    /// The first line concerned, counted from 1; `None` if it is about the whole file.
     pub line: Option<usize>,
-    /// What is not as the file says, and what is done instead.
+    /// What differs from the file, and what is done instead.
     pub text: String,
 }
 

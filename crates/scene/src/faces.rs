@@ -1,8 +1,8 @@
-//! Where the triangles of an OBJ file come from: the line and the material of each.
+//! The line and the material of each triangle of an OBJ file.
 //!
-//! Invariant: runs are in the order of their triangles, and each holds at least one face.
+//! Always true: runs are in the order of their triangles, and each has at least one face.
 
-/// Faces of one material and one number of corners on consecutive lines, as most are.
+/// Faces on consecutive lines with the same material and number of corners, as most are.
 struct Run {
     /// The first triangle of the first face.
     triangle: u32,
@@ -20,12 +20,12 @@ pub(crate) struct Faces {
 }
 
 impl Faces {
-    /// Triangles in all faces.
+    /// Returns the number of triangles of all faces.
     pub(crate) fn triangles(&self) -> usize {
         self.triangles
     }
 
-    /// One more face, of at least one triangle; there are at most [`crate::limits::MAX_TRIANGLES`].
+    /// Adds a face of at least one triangle. There are at most [`crate::limits::MAX_TRIANGLES`].
     pub(crate) fn push(&mut self, triangles: usize, line: usize, material: u32) {
         let continues = |run: &Run| {
             let faces = (self.triangles - run.triangle as usize) / run.triangles_per_face as usize;
@@ -40,14 +40,14 @@ impl Faces {
         self.triangles += triangles;
     }
 
-    /// The line of a triangle's face.
+    /// Returns the line of a triangle's face.
     pub(crate) fn line(&self, triangle: usize) -> usize {
         let after = self.runs.partition_point(|run| run.triangle as usize <= triangle);
         let run = &self.runs[after - 1];
         run.line + (triangle - run.triangle as usize) / run.triangles_per_face as usize
     }
 
-    /// The material of each triangle.
+    /// Returns the material of each triangle.
     pub(crate) fn material_ids(&self) -> Vec<u32> {
         let mut ids = Vec::with_capacity(self.triangles);
         let ends =
@@ -65,7 +65,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn faces_alike_on_consecutive_lines_are_kept_as_one() {
+    fn similar_faces_on_consecutive_lines_are_one_run() {
         let mut faces = Faces::default();
         (10..1010).for_each(|line| faces.push(2, line, 7));
         assert_eq!((faces.runs.len(), faces.triangles(), faces.line(1999)), (1, 2000, 1009));

@@ -1,22 +1,24 @@
-//! Does a triangle meet the interior of a parallelepiped? By separating axes.
+//! Tests whether a triangle meets the interior of a parallelepiped, by separating axes.
 //!
-//! In the parallelepiped's own coordinates it is the unit cube. A triangle and an open cube are disjoint exactly if one
-//! of 13 directions separates them (touching allowed): the cube's 3 face normals, the triangle's normal, and the 9
-//! products of an edge of one with an edge of the other (Akenine-Möller 2001).
+//! In its own coordinates the parallelepiped is the unit cube. A triangle and an open cube are
+//! disjoint (touching allowed) exactly if one of 13 directions separates them. These are the cube's
+//! 3 face normals, the triangle's normal, and the 9 products of an edge of one with an edge of the
+//! other (Akenine-Möller 2001).
 
 use glam::{DMat3, DVec3};
 
 /// The interior of a parallelepiped, slightly shrunk.
 pub(crate) struct OpenBox {
-    /// From coordinates around `corner` to the unit cube's.
+    /// Maps coordinates relative to `corner` to those of the unit cube.
     to_local: DMat3,
     corner: DVec3,
-    /// Half the sides in local coordinates: a half each, less the rounding.
+    /// Half the sides in local coordinates: ½ each, minus the rounding.
     half: DVec3,
 }
 
 impl OpenBox {
-    /// `None` if it has no interior: no volume, not finite, or thinner than twice `rounding` (in world units).
+    /// Makes the box. `None` if it has no interior: no volume, not finite, or thinner than twice
+    /// `rounding` (in world units).
     pub(crate) fn new(corner: DVec3, axes: [DVec3; 3], rounding: f64) -> Option<OpenBox> {
         let matrix = DMat3::from_cols(axes[0], axes[1], axes[2]);
         let to_local = matrix.inverse_or_zero();
@@ -25,7 +27,8 @@ impl OpenBox {
         {
             return None;
         }
-        // A point moved by `rounding` in every coordinate moves by this much in each local one.
+        // If a point moves by `rounding` in every world coordinate, each local one changes by this
+        // much.
         let rows = to_local.transpose();
         let moved = |row: DVec3| rounding * row.abs().element_sum();
         let slack = DVec3::new(moved(rows.x_axis), moved(rows.y_axis), moved(rows.z_axis));
@@ -33,7 +36,7 @@ impl OpenBox {
         (half.min_element() > 0.0).then_some(OpenBox { to_local, corner, half })
     }
 
-    /// Whether a triangle, in the same coordinates as the corner, meets the interior.
+    /// Returns whether a triangle, in the coordinates of `corner`, meets the interior.
     pub(crate) fn meets(&self, triangle: [DVec3; 3]) -> bool {
         let [a, b, c] = triangle.map(|p| self.to_local * (p - self.corner) - 0.5);
         let beyond = |axis: DVec3| {
@@ -41,7 +44,7 @@ impl OpenBox {
             let reach = axis.abs().dot(self.half);
             pa.min(pb).min(pc) >= reach || pa.max(pb).max(pc) <= -reach
         };
-        // The cube's faces first: they dismiss nearly all triangles.
+        // The cube's faces first, because they reject nearly all triangles.
         if [DVec3::X, DVec3::Y, DVec3::Z].into_iter().any(beyond) {
             return false;
         }

@@ -1,16 +1,19 @@
-//! Scenes: OBJ/MTL files into a validated, packed [`Scene`], and which features that scene uses.
+//! Scenes: reads OBJ/MTL files into a validated, packed [`Scene`] and determines which features it
+//! uses.
 //!
-//! A [`Scene`] is triangles with a material each, in single precision around an `f64` origin, so that a building at map
-//! coordinates loses nothing. [`load_obj`] reads one from a file (`tobj` parses it, each line checked before),
-//! [`Scene::pack`] turns it into the bytes that travel to workers and lie in a holodeck file, [`Scene::unpack`] reads
-//! those back without trusting them.
+//! A [`Scene`] is a set of triangles, each with a material. Coordinates are f32 around an `f64`
+//! origin, so a building at map coordinates loses no precision. [`load_obj`] reads a scene from a
+//! file; `tobj` parses it after each line has been checked. [`Scene::pack`] makes the bytes that
+//! are sent to workers and stored in a holodeck file. [`Scene::unpack`] reads those bytes without
+//! trusting them.
 //!
-//! What always holds:
-//! - A [`Scene`] is valid: every index is in range, every number finite and within the limits of [`limits`], every
-//!   triangle has an area, every albedo lies in [0, 1].
-//! - Text and bytes from outside give a clear error or a valid scene, never a panic; every count is bounded before
-//!   memory is taken for it.
-//! - What a file says and the scene cannot is never dropped silently: it is a [`Warning`] with its line.
+//! Always true:
+//! - A [`Scene`] is valid: every index is in range, every number is finite and within [`limits`],
+//!   every triangle has an area, every albedo lies in [0, 1].
+//! - Text and bytes from outside give a clear error or a valid scene, never a panic. Every count is
+//!   bounded before memory is allocated for it.
+//! - Nothing that a file says is dropped silently: a [`Warning`] with its line names what a scene
+//!   cannot represent.
 //! - `pack` is canonical: a scene has one packing, and `unpack` accepts nothing else.
 
 mod error;
@@ -29,7 +32,7 @@ mod scene;
 mod text;
 
 pub use error::{PackedError, SceneError, Warning};
-pub use load::{LoadOptions, Loaded, load_obj};
+pub use load::{LoadOptions, LoadProgress, Loaded, load_obj, load_obj_watched};
 pub use material::{Bsdf, Material, Rgb};
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use scene::{Features, Scene};

@@ -1,8 +1,8 @@
-//! From an OBJ file and its MTL files to a scene.
+//! Loading a scene from an OBJ file and its MTL files.
 //!
-//! `tobj` parses them, out of text that was checked and made plain line by line.
-//! What is wrong in a way that nobody can guess around is an error with its line; what is left out or replaced is a
-//! warning. A missing MTL file or material gives grey diffuse 0.5.
+//! `tobj` parses text that has been checked and simplified line by line. What cannot be interpreted
+//! is an error with its line. What is omitted or replaced is a warning. A missing MTL file or
+//! material becomes grey diffuse 0.5.
 
 use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES, MAX_OBJ_BYTES, MAX_WARNINGS};
 use crate::mtl::MtlMaterial;
@@ -14,39 +14,66 @@ use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// What a file cannot say.
+/// Options for what a file cannot express.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LoadOptions {
-    /// Radiance from infinity, the same from all directions, W·sr⁻¹·m⁻².
+    /// Radiance of the sky, the same in all directions, W·sr⁻¹·m⁻².
     pub sky: Rgb,
     /// Surfaces with `Ke` emit on both sides.
     pub two_sided_lights: bool,
 }
 
-/// A scene from a file, and what of the file is not in it.
+/// A scene from a file, and warnings about what it does not represent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded {
-    /// The scene, with at least one triangle. Its materials are those that triangles have, in order of first use.
+    /// The scene, with at least one triangle. Its materials are those that triangles use, in order
+    /// of first use.
     pub scene: Scene,
     /// What was ignored or replaced.
     pub warnings: Vec<Warning>,
 }
 
+/// How much of an OBJ file has been read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadProgress {
+    /// Bytes read.
+    pub bytes: u64,
+    /// Bytes in the file.
+    pub total_bytes: u64,
+    /// Triangles read.
+    pub triangles: u64,
+}
+
 /// Reads a scene from an OBJ file and the MTL files that it names (relative to its folder).
 ///
-/// Polygons become triangles with the same winding, concave ones too. Normals, texture coordinates, lines and points
-/// are ignored with a warning; so are triangles without area. What materials mean is the table of [`crate::mtl`];
-/// in short: `illum` 3 mirror or rough metal, 4 thin pane, 7 solid dielectric, 2 with `Ks` a coat, else
-/// diffuse `Kd`; `Ke` is one-sided radiance.
+/// Polygons, concave ones too, become triangles with the same winding. Normals, texture
+/// coordinates, lines, points and triangles without area are ignored with a warning. The table of
+/// [`crate::mtl`] defines the materials. In short, `illum` 3 is a mirror or rough metal, 4 a thin
+/// pane, 7 a solid dielectric, 2 with `Ks` a coat; otherwise `Kd` is diffuse. `Ke` is one-sided
+/// radiance.
 ///
 /// # Errors
-/// A file that cannot be read (except MTL files), a malformed number, a face without three corners or with a vertex
-/// that is not there, each with its line; a file without triangles; options whose sky is not plausible; more of
-/// anything than [`crate::limits`].
+/// A file that cannot be read (except MTL files). With its line: a malformed number, or a face with
+/// fewer than three corners or with a vertex that does not exist. A file without triangles; a sky
+/// that is not plausible; more of anything than [`crate::limits`] allow.
 pub fn load_obj(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
+    load_obj_watched(path, options, &mut |_| {})
+}
+
+/// Reads a scene as [`load_obj`] does, and calls `watch` some times a second while it reads.
+///
+/// # Errors
+/// As [`load_obj`].
+pub fn load_obj_watched(
+    path: &Path,
+    options: &LoadOptions,
+    watch: &mut dyn FnMut(LoadProgress),
+) -> Result<Loaded, SceneError> {
     let mut warnings = Warnings::default();
-    let obj = parse_obj(path, &read_text(path, MAX_OBJ_BYTES)?, &mut warnings)?;
+    let text = read_text(path, MAX_OBJ_BYTES)?;
+    let obj = parse_obj(path, &text, watch, &mut warnings)?;
+    drop(text);
     if obj.triangles.is_empty() {
         return Err(SceneError::Empty { path: path.to_owned() });
     }
@@ -68,7 +95,7 @@ pub fn load_obj(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError
     Ok(Loaded { scene, warnings: warnings.finish(path) })
 }
 
-/// The materials of `obj.uses`, in that order.
+/// Returns the materials of `obj.uses`, in that order.
 fn materials(
     path: &Path,
     obj: &ObjFile,
@@ -102,7 +129,7 @@ fn materials(
             warnings.push(path, Some(wanted.line), text);
         }
     } else if let Some(first) = undefined.first() {
-        // One message instead of one for each material: the reason is the same.
+        // One message for all materials, because the reason is the same.
         let text = format!(
             "no MTL file was read; grey diffuse 0.5 is taken for all materials ({})",
             undefined.len()
@@ -112,7 +139,8 @@ fn materials(
     Ok(materials)
 }
 
-/// Materials by name, whole and without what looks like a comment. The last of several counts.
+/// Returns an index of the materials by name, with and without what looks like a comment. Of
+/// several materials with one name, the last counts.
 fn index<'a>(library: &'a [MtlMaterial], warnings: &mut Warnings) -> HashMap<&'a str, usize> {
     let mut by_name = HashMap::new();
     for (id, material) in library.iter().enumerate() {
@@ -132,7 +160,7 @@ fn index<'a>(library: &'a [MtlMaterial], warnings: &mut Warnings) -> HashMap<&'a
     by_name
 }
 
-/// All materials of all MTL files, and whether there was any file.
+/// Returns all materials of all MTL files, and whether any file was read.
 fn read_libraries(
     obj_path: &Path,
     obj: &ObjFile,
@@ -169,7 +197,7 @@ fn read_libraries(
     Ok((library, any_file))
 }
 
-/// The text of an MTL file. Reading a pipe or a device that a file happens to name might never end.
+/// Reads the text of an MTL file. Only regular files are read: a pipe or device might never end.
 fn read_library(path: &Path) -> Result<String, SceneError> {
     if path.exists() && !path.is_file() {
         let source = std::io::Error::new(std::io::ErrorKind::InvalidInput, "not a file");
@@ -178,13 +206,14 @@ fn read_library(path: &Path) -> Result<String, SceneError> {
     read_text(path, MAX_MTL_BYTES)
 }
 
-/// The files that a `mtllib` line names. Blanks separate names in the format, yet are common within names: the whole
-/// is one name if such a file exists or if no part of it is one.
+/// Returns the files that a `mtllib` line names. Spaces separate names in the format, but are
+/// common within names. So the whole is one name if that file exists, or if no part of it is a
+/// file.
 fn library_paths(folder: &Path, names: &str) -> Vec<PathBuf> {
     let names = name_without_comment(names).trim_matches('"');
     let file = |name: &str| {
         let as_written = folder.join(name);
-        // Written on Windows: its separator is an ordinary character elsewhere.
+        // Written on Windows. Its separator is an ordinary character elsewhere.
         if as_written.exists() { as_written } else { folder.join(name.replace('\\', "/")) }
     };
     let whole = file(names);
@@ -192,7 +221,7 @@ fn library_paths(folder: &Path, names: &str) -> Vec<PathBuf> {
     if whole.exists() || !parts.iter().any(|part| part.exists()) { vec![whole] } else { parts }
 }
 
-/// Collects warnings, [`MAX_WARNINGS`] at most.
+/// Collects at most [`MAX_WARNINGS`] warnings.
 #[derive(Default)]
 pub(crate) struct Warnings {
     listed: Vec<Warning>,

@@ -1,7 +1,7 @@
 //! Materials: how a surface scatters light, and what it emits.
 //!
-//! A material of a [`crate::Scene`] is plausible: colours in [0, 1], roughness in [0, 1], an index of refraction within
-//! [`MIN_IOR`]..=[`MAX_IOR`], radiance finite and not negative.
+//! A material of a [`crate::Scene`] is plausible: colours and roughness lie in [0, 1], the index of
+//! refraction in [`MIN_IOR`]..=[`MAX_IOR`], and radiance is finite and not negative.
 
 use crate::SceneError;
 use crate::limits::{MAX_IOR, MAX_NAME_BYTES, MAX_RADIANCE, MIN_IOR};
@@ -15,15 +15,16 @@ pub type Rgb = [f32; 3];
 pub struct Material {
     /// Its name in the MTL file.
     pub name: String,
-    /// How it scatters light.
+    /// Its scattering.
     pub bsdf: Bsdf,
-    /// Radiance that it emits, in W·sr⁻¹·m⁻², on the side from which the corners run counter-clockwise.
+    /// Radiance that it emits, in W·sr⁻¹·m⁻², on the side from which the corners run
+    /// counter-clockwise.
     pub emission: Rgb,
-    /// Whether it emits on the other side as well.
+    /// Whether it emits on the other side too.
     pub two_sided_emission: bool,
 }
 
-/// How a surface scatters light. Opaque kinds are two-sided.
+/// How a surface scatters light. Both sides of opaque kinds are the same.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Bsdf {
@@ -44,18 +45,19 @@ pub enum Bsdf {
         /// GGX roughness, in (0, 1].
         alpha: f32,
     },
-    /// A thin pane with two parallel faces: light goes straight through or is mirrored.
+    /// A thin pane with two parallel faces, which light passes straight or is reflected by.
     ThinGlass {
         /// Index of refraction.
         ior: f32,
-        /// Colour of what goes through; reflection is uncoloured.
+        /// Colour of transmitted light; reflection is uncoloured.
         transmittance: Rgb,
     },
-    /// The boundary of a solid, the inside being on the clockwise side.
+    /// The boundary of a solid, whose inside is on the clockwise side.
     Dielectric {
-        /// Index of refraction inside, relative to air; if below 1, relative to what the solid lies in.
+        /// Index of refraction inside, relative to air. If below 1, relative to the surroundings of
+        /// the solid.
         ior: f32,
-        /// Colour of what goes through the boundary; reflection is uncoloured.
+        /// Colour of transmitted light; reflection is uncoloured.
         transmittance: Rgb,
         /// GGX roughness in [0, 1]; 0 is smooth.
         alpha: f32,
@@ -64,7 +66,7 @@ pub enum Bsdf {
     Coated {
         /// Albedo of the base.
         kd: Rgb,
-        /// Colour of the coat's reflection, multiplied by Fresnel's.
+        /// Colour of the coat's reflection, a factor to Fresnel's.
         ks: Rgb,
         /// Index of refraction of the coat.
         ior: f32,
@@ -74,7 +76,8 @@ pub enum Bsdf {
 }
 
 impl Material {
-    /// Grey diffuse of albedo 0.5 without emission: what is used where a file names no material that exists.
+    /// Returns a grey diffuse material of albedo 0.5 without emission, for files that name no
+    /// existing material.
     pub fn grey(name: impl Into<String>) -> Material {
         Material {
             name: name.into(),
@@ -84,7 +87,7 @@ impl Material {
         }
     }
 
-    /// Whether it emits light at all.
+    /// Returns whether it emits any light.
     pub fn emits(&self) -> bool {
         self.emission.iter().any(|&e| e > 0.0)
     }
@@ -92,7 +95,7 @@ impl Material {
     /// Checks that the material is plausible.
     ///
     /// # Errors
-    /// [`SceneError::Material`] names the material and the value that is not.
+    /// [`SceneError::Material`] names the material and the value that is not plausible.
     pub fn validate(&self) -> Result<(), SceneError> {
         match self.problem() {
             None => Ok(()),
@@ -134,7 +137,7 @@ impl Material {
     }
 }
 
-/// Whether all channels are finite, not negative and not beyond [`MAX_RADIANCE`].
+/// Returns whether all channels are finite and from 0 to [`MAX_RADIANCE`].
 pub(crate) fn is_radiance(colour: Rgb) -> bool {
     colour.iter().all(|c| (0.0..=MAX_RADIANCE).contains(c))
 }

@@ -1,4 +1,4 @@
-//! What MTL files say, made into materials.
+//! The meaning of MTL files: converts their statements to materials.
 //!
 //! | `illum` | surface |
 //! | --- | --- |
@@ -8,15 +8,18 @@
 //! | 2 | with `Ks` above zero: diffuse `Kd` under a coat of colour `Ks`, index `Ni` (1.5 if absent or, with a warning, ≤ 1), alpha as above (absent `Ns` = 0, the broadest highlight) |
 //! | else | diffuse `Kd` |
 //!
-//! - **`d` and `Tr` = 1 - `d`** (`d` counts if both are there) count only where `illum` is absent, 6 or 9: there `d` below
-//!   0.5 makes a thin pane of transmission `Tf`, else (1 - `d`)·`Kd` (`Kd` zero or absent: white); from 0.5 on it is
-//!   opaque, since no surface here is half of each. Both with a warning. With other `illum`, except 4 and 7, `d` is ignored with a warning.
-//! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a warning.
-//! - **`Kd` absent** is 0.5, with a warning where it matters, but 0 for a lamp (`Ke` above zero).
-//! - **Implausible values** are clamped with a warning. What is not a finite number is an error; so is a
-//!   wrong count of them.
-//! - **`Ke`** is radiance, on the counter-clockwise side. `Ka` and `sharpness` mean nothing here. Textures and unknown
-//!   statements are ignored with a warning. Keywords may be in any case.
+//! - **`d` and `Tr` = 1 - `d`** (`d` counts if both exist) count only if `illum` is absent, 6 or 9.
+//!   Then `d` below 0.5 makes a thin pane of transmission `Tf`, or else (1 - `d`)·`Kd` (white if
+//!   `Kd` is zero or absent). From 0.5 on the surface is opaque, because no surface can be half of
+//!   each. Both give a warning. With other `illum` except 4 and 7, `d` is ignored with a warning.
+//! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a
+//!   warning.
+//! - **`Kd` absent** is 0.5, with a warning if it matters, but 0 for a lamp (`Ke` above zero).
+//! - **Implausible values** are clamped with a warning. A value that is not a finite number is an
+//!   error. So is a wrong number of values.
+//! - **`Ke`** is radiance, on the counter-clockwise side. `Ka` and `sharpness` have no effect.
+//!   Textures and unknown statements are ignored with a warning. Keywords may be in upper or lower
+//!   case.
 
 use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
 use crate::load::Warnings;
@@ -24,43 +27,43 @@ use crate::text::excerpt;
 use crate::{Bsdf, Material, Rgb};
 use std::path::PathBuf;
 
-/// A value, and the line that says it.
+/// A value, and the line that states it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Said<T> {
+pub(crate) struct Stated<T> {
     pub value: T,
     pub line: usize,
 }
 
-/// What an MTL file says of one material, before it is made sense of.
+/// The statements of an MTL file about one material, before they are interpreted.
 #[derive(Debug)]
 pub(crate) struct MtlMaterial {
     pub name: String,
     pub path: PathBuf,
     pub line: usize,
-    pub kd: Option<Said<[f64; 3]>>,
-    pub ks: Option<Said<[f64; 3]>>,
-    pub ke: Option<Said<[f64; 3]>>,
-    pub tf: Option<Said<[f64; 3]>>,
-    pub ns: Option<Said<f64>>,
-    pub ni: Option<Said<f64>>,
-    pub d: Option<Said<f64>>,
-    pub tr: Option<Said<f64>>,
-    pub illum: Option<Said<u8>>,
+    pub kd: Option<Stated<[f64; 3]>>,
+    pub ks: Option<Stated<[f64; 3]>>,
+    pub ke: Option<Stated<[f64; 3]>>,
+    pub tf: Option<Stated<[f64; 3]>>,
+    pub ns: Option<Stated<f64>>,
+    pub ni: Option<Stated<f64>>,
+    pub d: Option<Stated<f64>>,
+    pub tr: Option<Stated<f64>>,
+    pub illum: Option<Stated<u8>>,
 }
 
-/// From this `Ns` on a highlight is a mirror image.
+/// `Ns` from which a highlight is a mirror image.
 const MIRROR_NS: f64 = 999.0;
 const DEFAULT_IOR: f64 = 1.5;
 const GREY: f64 = 0.5;
 
 impl MtlMaterial {
-    /// The material as a scene has it (the table of this module).
+    /// Returns the material of the scene, by the table of this module.
     pub(crate) fn resolve(&self, two_sided_lights: bool, warnings: &mut Warnings) -> Material {
-        let mut say = |line: usize, text: String| warnings.push(&self.path, Some(line), text);
+        let mut warn = |line: usize, text: String| warnings.push(&self.path, Some(line), text);
         let emission =
-            self.ke.map_or([0.0; 3], |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut say));
+            self.ke.map_or([0.0; 3], |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut warn));
         let emits = emission.iter().any(|&e| e > 0.0);
-        let bsdf = self.bsdf(emits, &mut say);
+        let bsdf = self.bsdf(emits, &mut warn);
         Material {
             name: self.name.clone(),
             bsdf,
@@ -69,66 +72,66 @@ impl MtlMaterial {
         }
     }
 
-    fn bsdf(&self, emits: bool, say: &mut impl FnMut(usize, String)) -> Bsdf {
+    fn bsdf(&self, emits: bool, warn: &mut impl FnMut(usize, String)) -> Bsdf {
         let illum = self.illum.map(|illum| illum.value);
         let illum_line = self.illum.map_or(self.line, |illum| illum.line);
         let shines = self.ks.is_some_and(|ks| ks.value.iter().any(|&c| c > 0.0));
         match (illum, self.ks) {
             (Some(3), Some(ks)) => {
-                let ks = clamped("Ks", ks, 1.0, say);
-                self.ignore_opacity(say);
+                let ks = clamped("Ks", ks, 1.0, warn);
+                self.ignore_opacity(warn);
                 match self.ns.filter(|ns| ns.value < MIRROR_NS) {
                     None => Bsdf::Mirror { ks },
-                    Some(ns) => Bsdf::Conductor { ks, alpha: alpha(ns, say) },
+                    Some(ns) => Bsdf::Conductor { ks, alpha: alpha(ns, warn) },
                 }
             }
             (Some(4), _) => {
-                Bsdf::ThinGlass { ior: self.ior(say), transmittance: self.transmittance(say) }
+                Bsdf::ThinGlass { ior: self.ior(warn), transmittance: self.transmittance(warn) }
             }
             (Some(7), _) => {
                 let rough = self.ns.filter(|ns| ns.value < MIRROR_NS);
-                let alpha = rough.map_or(0.0, |ns| alpha(ns, say));
+                let alpha = rough.map_or(0.0, |ns| alpha(ns, warn));
                 Bsdf::Dielectric {
-                    ior: self.ior(say),
-                    transmittance: self.transmittance(say),
+                    ior: self.ior(warn),
+                    transmittance: self.transmittance(warn),
                     alpha,
                 }
             }
             (Some(2), Some(ks)) if shines => {
-                self.ignore_opacity(say);
-                let ns = self.ns.unwrap_or(Said { value: 0.0, line: self.line });
+                self.ignore_opacity(warn);
+                let ns = self.ns.unwrap_or(Stated { value: 0.0, line: self.line });
                 Bsdf::Coated {
-                    kd: self.kd(emits, say),
-                    ks: clamped("Ks", ks, 1.0, say),
-                    ior: self.coat_ior(say),
-                    alpha: alpha(ns, say),
+                    kd: self.kd(emits, warn),
+                    ks: clamped("Ks", ks, 1.0, warn),
+                    ior: self.coat_ior(warn),
+                    alpha: alpha(ns, warn),
                 }
             }
-            (None | Some(6) | Some(9), _) => self.see_through(say).unwrap_or_else(|| {
+            (None | Some(6) | Some(9), _) => self.see_through(warn).unwrap_or_else(|| {
                 if illum.is_some() {
-                    say(
+                    warn(
                         illum_line,
                         format!("{}: `illum` of this kind is taken as diffuse", self.called()),
                     );
                 } else if shines {
-                    say(self.line, format!("{}: `Ks` is ignored without `illum`", self.called()));
+                    warn(self.line, format!("{}: `Ks` is ignored without `illum`", self.called()));
                 }
-                Bsdf::Diffuse { kd: self.kd(emits, say) }
+                Bsdf::Diffuse { kd: self.kd(emits, warn) }
             }),
             _ => {
-                self.ignore_opacity(say);
+                self.ignore_opacity(warn);
                 match illum {
-                    Some(3) => say(
+                    Some(3) => warn(
                         illum_line,
                         format!("{}: `illum 3` without `Ks` is taken as diffuse", self.called()),
                     ),
                     Some(0..=2) => {}
-                    _ => say(
+                    _ => warn(
                         illum_line,
                         format!("{}: `illum` of this kind is taken as diffuse", self.called()),
                     ),
                 }
-                Bsdf::Diffuse { kd: self.kd(emits, say) }
+                Bsdf::Diffuse { kd: self.kd(emits, warn) }
             }
         }
     }
@@ -137,15 +140,15 @@ impl MtlMaterial {
         format!("material `{}`", excerpt(&self.name))
     }
 
-    /// What `d` or `Tr` say, if the material is not opaque by it.
-    fn opacity(&self) -> Option<Said<f64>> {
-        let from_tr = self.tr.map(|tr| Said { value: 1.0 - tr.value, line: tr.line });
+    /// Returns what `d` or `Tr` state, unless it is opaque.
+    fn opacity(&self) -> Option<Stated<f64>> {
+        let from_tr = self.tr.map(|tr| Stated { value: 1.0 - tr.value, line: tr.line });
         self.d.or(from_tr).filter(|d| d.value < 1.0)
     }
 
-    fn ignore_opacity(&self, say: &mut impl FnMut(usize, String)) {
+    fn ignore_opacity(&self, warn: &mut impl FnMut(usize, String)) {
         if let Some(d) = self.opacity() {
-            say(
+            warn(
                 d.line,
                 format!(
                     "{}: `d` and `Tr` are ignored with this `illum`: it is opaque",
@@ -155,36 +158,36 @@ impl MtlMaterial {
         }
     }
 
-    /// A material that only `d` or `Tr` calls transparent.
-    fn see_through(&self, say: &mut impl FnMut(usize, String)) -> Option<Bsdf> {
+    /// Returns the scattering of a material that only `d` or `Tr` declares transparent.
+    fn see_through(&self, warn: &mut impl FnMut(usize, String)) -> Option<Bsdf> {
         let d = self.opacity()?;
         if d.value >= 0.5 {
-            say(
+            warn(
                 d.line,
                 format!("{}: it is taken as opaque, since `d` is not below 0.5", self.called()),
             );
             return None;
         }
-        say(
+        warn(
             d.line,
             format!("{}: it is taken as a thin pane, since `d` is below 0.5", self.called()),
         );
-        let white = Said { value: [1.0; 3], line: d.line };
+        let white = Stated { value: [1.0; 3], line: d.line };
         let tint = self.kd.filter(|kd| kd.value.iter().any(|&c| c > 0.0)).unwrap_or(white);
         let clear = (1.0 - d.value).min(1.0) as f32;
         let transmittance = match self.tf {
-            Some(_) => self.transmittance(say),
-            None => clamped("Kd", tint, 1.0, say).map(|c| c * clear),
+            Some(_) => self.transmittance(warn),
+            None => clamped("Kd", tint, 1.0, warn).map(|c| c * clear),
         };
-        Some(Bsdf::ThinGlass { ior: self.ior(say), transmittance })
+        Some(Bsdf::ThinGlass { ior: self.ior(warn), transmittance })
     }
 
-    fn kd(&self, emits: bool, say: &mut impl FnMut(usize, String)) -> Rgb {
+    fn kd(&self, emits: bool, warn: &mut impl FnMut(usize, String)) -> Rgb {
         match self.kd {
-            Some(kd) => clamped("Kd", kd, 1.0, say),
+            Some(kd) => clamped("Kd", kd, 1.0, warn),
             None if emits => [0.0; 3],
             None => {
-                say(
+                warn(
                     self.line,
                     format!("{}: it has no RGB `Kd`; grey {GREY} is taken", self.called()),
                 );
@@ -193,57 +196,58 @@ impl MtlMaterial {
         }
     }
 
-    fn transmittance(&self, say: &mut impl FnMut(usize, String)) -> Rgb {
-        self.tf.map_or([1.0; 3], |tf| clamped("Tf", tf, 1.0, say))
+    fn transmittance(&self, warn: &mut impl FnMut(usize, String)) -> Rgb {
+        self.tf.map_or([1.0; 3], |tf| clamped("Tf", tf, 1.0, warn))
     }
 
-    fn ior(&self, say: &mut impl FnMut(usize, String)) -> f32 {
-        let ni = self.ni.unwrap_or(Said { value: DEFAULT_IOR, line: self.line });
+    fn ior(&self, warn: &mut impl FnMut(usize, String)) -> f32 {
+        let ni = self.ni.unwrap_or(Stated { value: DEFAULT_IOR, line: self.line });
         let within = ni.value.clamp(f64::from(MIN_IOR), f64::from(MAX_IOR));
         if within != ni.value {
-            say(ni.line, format!("`Ni` {} is impossible; {within} is taken", ni.value));
+            warn(ni.line, format!("`Ni` {} is impossible; {within} is taken", ni.value));
         }
         (within as f32).clamp(MIN_IOR, MAX_IOR)
     }
 
-    /// Exporters write `Ni 1` as a default. Taken at its word, the coat would not be there at all.
-    fn coat_ior(&self, say: &mut impl FnMut(usize, String)) -> f32 {
+    /// Returns the index of refraction of a coat. Exporters write `Ni 1` as a default, with which
+    /// the coat would not exist.
+    fn coat_ior(&self, warn: &mut impl FnMut(usize, String)) -> f32 {
         match self.ni.filter(|ni| ni.value <= 1.0) {
             Some(ni) => {
                 let text = format!(
                     "`Ni` {} would make a coat invisible; {DEFAULT_IOR} is taken",
                     ni.value
                 );
-                say(ni.line, text);
+                warn(ni.line, text);
                 DEFAULT_IOR as f32
             }
-            None => self.ior(say),
+            None => self.ior(warn),
         }
     }
 }
 
-/// GGX roughness from a Phong exponent.
-fn alpha(ns: Said<f64>, say: &mut impl FnMut(usize, String)) -> f32 {
+/// Returns the GGX roughness of a Phong exponent.
+fn alpha(ns: Stated<f64>, warn: &mut impl FnMut(usize, String)) -> f32 {
     if ns.value < 0.0 {
-        say(ns.line, format!("`Ns` {} is impossible; 0 is taken", ns.value));
+        warn(ns.line, format!("`Ns` {} is impossible; 0 is taken", ns.value));
     }
     ((2.0 / (ns.value.max(0.0) + 2.0)).sqrt() as f32).clamp(f32::MIN_POSITIVE, 1.0)
 }
 
 fn clamped(
     keyword: &str,
-    said: Said<[f64; 3]>,
+    stated: Stated<[f64; 3]>,
     most: f64,
-    say: &mut impl FnMut(usize, String),
+    warn: &mut impl FnMut(usize, String),
 ) -> Rgb {
-    let clamped = said.value.map(|c| c.clamp(0.0, most));
-    if clamped != said.value {
-        let [r, g, b] = said.value;
-        say(
-            said.line,
+    let clamped = stated.value.map(|c| c.clamp(0.0, most));
+    if clamped != stated.value {
+        let [r, g, b] = stated.value;
+        warn(
+            stated.line,
             format!("`{keyword} {r} {g} {b}` is implausible; it is clamped to [0, {most}]"),
         );
     }
-    // Rounding to f32 must not go beyond the limit again.
+    // Rounding to f32 must not exceed the limit again.
     clamped.map(|c| (c as f32).min(most as f32) + 0.0)
 }

@@ -1,23 +1,23 @@
-//! MTL text, checked and made plain for `tobj` to parse.
+//! MTL text, checked and simplified before `tobj` parses it.
 //!
-//! `tobj` panics at a colour of one number, gives up the file at `Kd spectral`, an `illum` beyond 255 or a material
-//! without name, takes NaN, knows one case of each keyword, and tells no lines. It gets only [`COLOURS`] of three
-//! finite numbers and [`NUMBERS`] of one, in the words of the file, and materials named by their numbers; lines and
-//! names are remembered here.
+//! `tobj` panics at a colour of one number. It gives up a file at `Kd spectral`, an `illum` beyond
+//! 255 or a material without name. It accepts NaN, knows one case of each keyword, and reports no
+//! lines. So it gets only [`COLOURS`] of three finite numbers and [`NUMBERS`] of one, in the words
+//! of the file, and materials named by numbers. Lines and names are remembered here.
 
 use crate::SceneError;
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES};
 use crate::load::Warnings;
-use crate::mtl::{MtlMaterial, Said};
+use crate::mtl::{MtlMaterial, Stated};
 use crate::text::{excerpt, keyword, logical_lines, number, without_comment};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-/// Colours, each as `tobj` spells it.
+/// Colours, in the spelling of `tobj`.
 const COLOURS: [&str; 4] = ["Kd", "Ks", "Ke", "Tf"];
-/// Single numbers, `illum` among them.
+/// Single numbers, with `illum`.
 const NUMBERS: [&str; 5] = ["Ns", "Ni", "d", "Tr", "illum"];
-/// Different unknown statements that are worth naming in one file.
+/// Most unknown statements that are named for one file.
 const MAX_UNKNOWN: usize = 32;
 
 /// Reads MTL text; `path` is for messages.
@@ -42,15 +42,15 @@ pub(crate) fn parse_mtl(
         .collect())
 }
 
-/// What `tobj` does not tell of a material.
+/// What `tobj` does not report about a material.
 struct Header {
     name: String,
     line: usize,
-    /// For each statement its line, the last if there are several.
+    /// The line of each statement; the last one if there are several.
     lines: HashMap<&'static str, usize>,
 }
 
-/// The clean text of an MTL file, and what is not in it.
+/// The clean text of an MTL file, and what it leaves out.
 struct CleanMtl<'a> {
     path: &'a Path,
     clean: String,
@@ -59,7 +59,7 @@ struct CleanMtl<'a> {
 }
 
 impl CleanMtl<'_> {
-    /// Checks a statement, and writes to `clean` what is to be parsed.
+    /// Checks a statement, and writes what `tobj` should parse to `clean`.
     fn statement(
         &mut self,
         line: usize,
@@ -102,7 +102,7 @@ impl CleanMtl<'_> {
             && self.unknown.len() < MAX_UNKNOWN
             && self.unknown.insert(lower)
         {
-            let text = format!("`{}` is not known and ignored (said once)", excerpt(keyword));
+            let text = format!("`{}` is unknown and ignored (reported once)", excerpt(keyword));
             warnings.push(self.path, Some(line), text);
         }
         Ok(())
@@ -113,7 +113,7 @@ fn is_texture(keyword: &str) -> bool {
     keyword.starts_with("map_") || ["bump", "disp", "decal", "refl", "norm"].contains(&keyword)
 }
 
-/// One line that sets a property.
+/// A line that sets a property.
 #[derive(Clone, Copy)]
 struct Statement<'a> {
     path: &'a Path,
@@ -137,13 +137,13 @@ impl<'a> Statement<'a> {
         SceneError::FileLimit { path: self.path.to_owned(), line: self.line, what, limit }
     }
 
-    /// `-halo` lets the edge differ from the middle: there is no such surface here.
+    /// Drops `-halo`, which lets the edge differ from the centre: there is no such surface here.
     fn without_halo(self) -> Self {
         let values = self.values.strip_prefix("-halo").map_or(self.values, str::trim_ascii_start);
         Statement { values, ..self }
     }
 
-    /// The only value: a finite number.
+    /// Returns the only value: a finite number.
     fn number(&self) -> Result<&'a str, SceneError> {
         let mut tokens = self.values.split_ascii_whitespace();
         let (first, more) = (tokens.next(), tokens.count());
@@ -154,7 +154,7 @@ impl<'a> Statement<'a> {
         number(token).map(|_| token).ok_or_else(|| self.bad_value("a finite number", token))
     }
 
-    /// An integer; `tobj` knows 0 to 255, and of the others only this matters, that they are not known here either.
+    /// Returns an integer. `tobj` knows 0 to 255; all others are equally unknown here.
     fn illum(&self) -> Result<String, SceneError> {
         let illum =
             number(self.number()?).filter(|value| value.fract() == 0.0 && value.abs() <= 1e6);
@@ -163,7 +163,8 @@ impl<'a> Statement<'a> {
         Ok(if (0.0..unknown).contains(&illum) { illum.abs() } else { unknown }.to_string())
     }
 
-    /// Three numbers, also if one stands for three; `None` for kinds of colour that are not known, which is warned of.
+    /// Returns three numbers; one stands for three. `None` for unknown kinds of colour, with a
+    /// warning.
     fn colour(&self, warnings: &mut Warnings) -> Result<Option<String>, SceneError> {
         let mut found = 0;
         for token in self.values.split_ascii_whitespace() {
@@ -185,35 +186,35 @@ impl<'a> Statement<'a> {
 }
 
 impl Header {
-    /// The whole material.
+    /// Returns the whole material.
     fn with(self, path: &Path, parsed: tobj::Material) -> MtlMaterial {
-        // What `tobj` has no field for it gives as text: that of the clean text.
+        // Properties without a field in `tobj` come as text, which is that of the clean text.
         let text = |property| parsed.unknown_param.get(property).map(String::as_str);
         let tf = text("Tf").and_then(numbers);
         let tr = text("Tr").and_then(numbers).map(|[tr]| tr);
         MtlMaterial {
-            kd: self.said("Kd", parsed.diffuse),
-            ks: self.said("Ks", parsed.specular),
-            ke: self.said("Ke", parsed.emissive),
-            tf: self.said("Tf", tf),
-            ns: self.said("Ns", parsed.shininess),
-            ni: self.said("Ni", parsed.optical_density),
-            d: self.said("d", parsed.dissolve),
-            tr: self.said("Tr", tr),
-            illum: self.said("illum", parsed.illumination_model),
+            kd: self.stated("Kd", parsed.diffuse),
+            ks: self.stated("Ks", parsed.specular),
+            ke: self.stated("Ke", parsed.emissive),
+            tf: self.stated("Tf", tf),
+            ns: self.stated("Ns", parsed.shininess),
+            ni: self.stated("Ni", parsed.optical_density),
+            d: self.stated("d", parsed.dissolve),
+            tr: self.stated("Tr", tr),
+            illum: self.stated("illum", parsed.illumination_model),
             name: self.name,
             path: path.to_owned(),
             line: self.line,
         }
     }
 
-    fn said<T>(&self, property: &str, value: Option<T>) -> Option<Said<T>> {
+    fn stated<T>(&self, property: &str, value: Option<T>) -> Option<Stated<T>> {
         let line = self.lines.get(property).copied().unwrap_or(self.line);
-        value.map(|value| Said { value, line })
+        value.map(|value| Stated { value, line })
     }
 }
 
-/// `N` numbers of a text that has as many.
+/// Returns `N` numbers of a text that has as many.
 fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     let numbers: Option<Vec<f64>> = text.split_ascii_whitespace().map(number).collect();
     numbers?.try_into().ok()

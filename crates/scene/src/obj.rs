@@ -1,27 +1,28 @@
-//! OBJ text into world-space triangles and names of materials.
+//! Reading OBJ text: world-space triangles and names of materials.
 //!
-//! `tobj` parses it, reading through [`CleanObj`]: what comes out has indices in range and finite coordinates within
-//! [`crate::limits::MAX_COORDINATE`]. Faces arrive with all their corners; polygons are cut here, since `tobj` knows
-//! only fans, which are wrong for concave ones.
+//! `tobj` parses the text as [`CleanObj`] passes it on: indices are in range, and coordinates are
+//! finite and within [`crate::limits::MAX_COORDINATE`]. Faces arrive with all their corners.
+//! Polygons are divided here, because `tobj` only makes fans, which are wrong for concave polygons.
 
 use crate::SceneError;
 use crate::faces::Faces;
-use crate::load::Warnings;
+use crate::load::{LoadProgress, Warnings};
 use crate::obj_text::{CROSSED, CleanObj, MaterialUse};
 use crate::polygon::triangulate;
 use glam::DVec3;
 use std::path::Path;
 
-/// What an OBJ file says.
+/// The contents of an OBJ file.
 pub(crate) struct ObjFile {
-    /// Those that faces use; each once, or once for each [`crate::obj_text::FACES_AT_ONCE`] faces.
+    /// Positions that faces use; each once, or once for each [`crate::obj_text::FACES_AT_ONCE`]
+    /// faces.
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
-    /// For each triangle, the line of its face, and an index into `uses`.
+    /// The line of each triangle's face, and an index into `uses`.
     pub faces: Faces,
-    /// The materials that faces have, in order of first use.
+    /// The materials that faces use, in order of first use.
     pub uses: Vec<MaterialUse>,
-    /// What follows each `mtllib`, with its line.
+    /// The text after each `mtllib`, with its line.
     pub libraries: Vec<(usize, String)>,
 }
 
@@ -29,10 +30,11 @@ pub(crate) struct ObjFile {
 pub(crate) fn parse_obj(
     path: &Path,
     text: &str,
+    watch: &mut dyn FnMut(LoadProgress),
     warnings: &mut Warnings,
 ) -> Result<ObjFile, SceneError> {
-    let mut clean = CleanObj::new(path, text);
-    // The clean text names no MTL file: those are read once it is known which materials are used.
+    let mut clean = CleanObj::new(path, text, watch);
+    // The clean text names no MTL file. They are read when the used materials are known.
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
     let parsed = tobj::load_obj_buf(&mut clean, &tobj::LoadOptions::default(), no_library);
     let mut checked = clean.finish()?;
@@ -41,7 +43,7 @@ pub(crate) fn parse_obj(
 
     let mut positions = Vec::new();
     let mut triangles = Vec::with_capacity(checked.faces.triangles());
-    // Kept between faces: allocating them anew for each costs more than the face.
+    // Reused for all faces: allocating them costs more than a face.
     let (mut corners, mut cut) = (Vec::new(), Vec::new());
     for tobj::Model { mesh, .. } in models {
         let first = positions.len() as u32;

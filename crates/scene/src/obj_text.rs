@@ -1,23 +1,24 @@
-//! OBJ text, checked and made plain while `tobj` reads it.
+//! OBJ text, checked and simplified while `tobj` reads it.
 //!
-//! `tobj` turns text into numbers and faces, but it tells no lines, takes NaN and faces of two corners, lets faces name
-//! vertices that come later, divides by weights, stops at textures' coordinates that it cannot read, forgets the names
-//! of materials that it does not find, and gives each group a copy of the vertices that it shares with another.
-//! So it reads through [`CleanObj`], which checks each line, remembers what concerns lines and materials, and
-//! passes on only `v` with three numbers and `f` with three or more vertices, both in the words of the file.
+//! `tobj` converts text to numbers and faces, but it has gaps. It reports no lines, and accepts NaN
+//! and faces of two corners. It lets faces refer to later vertices, divides by weights, and stops
+//! at texture coordinates that it cannot read. It drops the names of materials that it does not
+//! find, and copies vertices that two groups share. So it reads through [`CleanObj`], which checks
+//! each line and remembers lines and materials. It passes on only `v` with three numbers and `f`
+//! with three or more vertices, both in the words of the file.
 //!
-//! What always holds:
+//! Always true:
 //! - What is passed on is finite, within [`MAX_COORDINATE`], and has indices in range at its line.
-//! - No more of it is in memory than one logical line.
-//! - The first error ends the text; [`CleanObj::finish`] gives it.
-//! - Statements that a faceted scene has no use for are counted and said once each.
+//! - At most one logical line of it is in memory.
+//! - The first error ends the text; [`CleanObj::finish`] returns it.
+//! - Statements that a faceted scene does not use are counted, and reported once each.
 
 use crate::SceneError;
 use crate::faces::Faces;
 use crate::limits::{
     MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES,
 };
-use crate::load::Warnings;
+use crate::load::{LoadProgress, Warnings};
 use crate::text::{LogicalLines, excerpt, keyword, logical_lines, number, without_comment};
 use std::collections::HashMap;
 use std::io::{BufRead, Read};
@@ -31,41 +32,47 @@ pub(crate) struct MaterialUse {
     pub line: usize,
 }
 
-/// What a text holds beside numbers and faces.
+/// What a text contains besides numbers and faces.
 #[derive(Default)]
 pub(crate) struct Checked {
-    /// Of each face its line, and its material as an index into `uses`.
+    /// The line of each face, and its material as an index into `uses`.
     pub faces: Faces,
-    /// The materials that faces have, in order of first use.
+    /// The materials that faces use, in order of first use.
     pub uses: Vec<MaterialUse>,
-    /// What follows each `mtllib`, with its line.
+    /// The text after each `mtllib`, with its line.
     pub libraries: Vec<(usize, String)>,
     pub ignored: Ignored,
 }
 
-/// Faces that `tobj` has in hand at once, as one object each: it takes over 100 bytes for a face until an object ends.
-/// Vertices are shared within an object only, and so it is not shorter.
+/// Number of faces that `tobj` gets as one object. It takes over 100 bytes for a face until an
+/// object ends. Vertices are shared only within an object, so the number is not smaller.
 pub(crate) const FACES_AT_ONCE: usize = 1 << 20;
 
-/// Kinds of things that are ignored beside whole statements; no keyword has a blank in it.
+/// Lines between two reports of progress: some hundredths of a second.
+const LINES_BETWEEN_REPORTS: usize = 1 << 16;
+
+/// Ignored details other than whole statements; no keyword contains a space.
 const WEIGHT: &str = "v weight";
 const COLOUR: &str = "v colour";
-/// A polygon that cannot be cut properly.
+/// A polygon that cannot be divided properly.
 pub(crate) const CROSSED: &str = "f crossed";
 
 /// The clean text of an OBJ file.
 pub(crate) struct CleanObj<'a> {
     path: &'a Path,
+    total_bytes: usize,
     lines: LogicalLines<'a>,
     line: usize,
-    /// The clean line that is being read, and how much of it was.
+    watch: &'a mut dyn FnMut(LoadProgress),
+    unwatched: usize,
+    /// The clean line that is being read, and how much of it has been read.
     clean: Vec<u8>,
     taken: usize,
     failed: Option<SceneError>,
     checked: Checked,
     vertices: usize,
     faces_in_hand: usize,
-    /// The latest `usemtl`, and its index in `checked.uses` once a face has it.
+    /// The latest `usemtl`, and its index in `checked.uses` once a face uses it.
     current: Option<String>,
     current_line: usize,
     current_id: Option<u32>,
@@ -74,11 +81,18 @@ pub(crate) struct CleanObj<'a> {
 
 impl<'a> CleanObj<'a> {
     /// Nothing is read yet; `path` is for messages.
-    pub(crate) fn new(path: &'a Path, text: &'a str) -> CleanObj<'a> {
+    pub(crate) fn new(
+        path: &'a Path,
+        text: &'a str,
+        watch: &'a mut dyn FnMut(LoadProgress),
+    ) -> CleanObj<'a> {
         CleanObj {
             path,
+            total_bytes: text.len(),
             lines: logical_lines(text),
             line: 0,
+            watch,
+            unwatched: 0,
             clean: Vec::new(),
             taken: 0,
             failed: None,
@@ -92,7 +106,7 @@ impl<'a> CleanObj<'a> {
         }
     }
 
-    /// What else was in the text that was read, or the error that ended it.
+    /// Returns what else the text contained, or the error that ended it.
     pub(crate) fn finish(self) -> Result<Checked, SceneError> {
         match self.failed {
             Some(error) => Err(error),
@@ -100,7 +114,17 @@ impl<'a> CleanObj<'a> {
         }
     }
 
-    /// Checks a statement, and writes to `clean` what is to be passed on.
+    /// Reports how much has been read.
+    fn report(&mut self) {
+        self.unwatched = 0;
+        (self.watch)(LoadProgress {
+            bytes: (self.total_bytes - self.lines.left()) as u64,
+            total_bytes: self.total_bytes as u64,
+            triangles: self.checked.faces.triangles() as u64,
+        });
+    }
+
+    /// Checks a statement, and writes what is passed on to `clean`.
     fn statement(&mut self, content: &str) -> Result<(), SceneError> {
         let (keyword, rest) = keyword(content);
         match keyword {
@@ -180,7 +204,8 @@ impl<'a> CleanObj<'a> {
         self.clean.extend_from_slice(token.as_bytes());
     }
 
-    /// The vertex, as written, of a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`; of the others only the form is checked.
+    /// Returns the vertex, as written, of a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Only the form
+    /// of the others is checked.
     fn corner<'t>(&self, token: &'t str) -> Result<&'t str, SceneError> {
         let mut parts = token.split('/');
         let bad = || self.bad_value("f", "corners as v, v/vt, v//vn or v/vt/vn", token);
@@ -191,7 +216,7 @@ impl<'a> CleanObj<'a> {
         if parts.next().is_some() || !well_formed(texture) || !well_formed(normal) {
             return Err(bad());
         }
-        // Negative indices count from the latest vertex, -1; `tobj` does it too.
+        // Negative indices count back from the latest vertex (-1), as in `tobj`.
         let count = self.vertices;
         if index == 0 || index.unsigned_abs() > count as u64 {
             return Err(SceneError::VertexIndex {
@@ -269,6 +294,10 @@ impl BufRead for CleanObj<'_> {
             self.taken = 0;
             let Some((line, content)) = self.lines.next() else { break };
             self.line = line;
+            self.unwatched += 1;
+            if self.unwatched == LINES_BETWEEN_REPORTS {
+                self.report();
+            }
             if let Err(error) = self.statement(&content) {
                 self.clean.clear();
                 self.failed = Some(error);
@@ -290,14 +319,15 @@ impl Read for CleanObj<'_> {
     }
 }
 
-/// Whether a token is a finite number of at most [`MAX_COORDINATE`]. Most are plain decimals, which is seen without
-/// parsing them a second time.
+/// Returns whether a token is a finite number of at most [`MAX_COORDINATE`]. Most are plain
+/// decimals, which are recognised without parsing.
 fn is_coordinate(token: &str) -> bool {
     is_plainly_small(token.as_bytes())
         || number(token).is_some_and(|value| value.abs() <= MAX_COORDINATE)
 }
 
-/// A decimal without exponent, with one to twelve digits before the point: at most 1e12.
+/// Returns whether a token is a decimal without exponent with one to twelve digits before the
+/// point: at most 1e12.
 fn is_plainly_small(token: &[u8]) -> bool {
     let unsigned = token.strip_prefix(b"-").unwrap_or(token);
     let whole = unsigned.iter().take_while(|byte| byte.is_ascii_digit()).count();
@@ -306,18 +336,18 @@ fn is_plainly_small(token: &[u8]) -> bool {
     (1..=12).contains(&whole) && fraction.iter().all(u8::is_ascii_digit)
 }
 
-/// Statements that are left out: how many of each, and where the first is.
+/// Ignored statements: how many of each, and where the first is.
 #[derive(Default)]
 pub(crate) struct Ignored {
     kinds: HashMap<String, (usize, usize)>,
 }
 
 impl Ignored {
-    /// A file that is no OBJ file at all has any number of keywords: this many are worth naming.
+    /// Most kinds that are named. A file that is no OBJ file may have any number of keywords.
     const MAX_KINDS: usize = 32;
 
     pub(crate) fn count(&mut self, kind: &str, line: usize) {
-        // Normals are as many as vertices: no allocation for each.
+        // No allocation for known kinds: there are as many normals as vertices.
         if let Some((_, count)) = self.kinds.get_mut(kind) {
             *count += 1;
         } else if self.kinds.len() < Self::MAX_KINDS || kind == CROSSED {
@@ -338,7 +368,7 @@ impl Ignored {
                 CROSSED => {
                     "a polygon crosses itself or is very long: its triangles may overlap".to_owned()
                 }
-                _ => format!("`{}` is not known and ignored", excerpt(&kind)),
+                _ => format!("`{}` is unknown and ignored", excerpt(&kind)),
             };
             let lines = if count == 1 { String::new() } else { format!(" ({count} lines)") };
             warnings.push(path, Some(line), format!("{why}{lines}"));

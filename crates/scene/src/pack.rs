@@ -37,15 +37,15 @@
 //! 5 coated        8      kd, ks, ior, alpha
 //! ```
 //!
-//! A scene has exactly one packing. Damage is found by the content hash, not here: what `unpack` promises of any bytes
-//! is a valid scene or an error.
+//! A scene has exactly one packing. Damage is found by the content hash, not here: what `unpack`
+//! promises of any bytes is a valid scene or an error.
 
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::{Bsdf, Material, PackedError, Rgb, Scene, SceneError};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-/// First bytes of a packed scene.
+/// The first bytes of a packed scene.
 pub const MAGIC: [u8; 8] = *b"holoscn\n";
 
 /// The version of the format that this program writes and reads.
@@ -54,7 +54,8 @@ pub const VERSION: u32 = 1;
 /// Bytes of a packed scene before its arrays.
 pub const HEADER_BYTES: usize = 88;
 
-/// The header as it lies in memory and in the file: bytes only, so that alignment and byte order cannot matter.
+/// The header as in memory and in the file: bytes only, so that alignment and byte order do not
+/// matter.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Header {
@@ -89,7 +90,8 @@ type Words3 = [[u8; 4]; 3];
 const TWO_SIDED: u8 = 1;
 
 impl Scene {
-    /// The scene as bytes (format: [`crate::pack`]), 12 per position, 16 per triangle, and a little.
+    /// Returns the scene as bytes (format: [`crate::pack`]): 12 per position, 16 per triangle, and
+    /// a few more.
     pub fn pack(&self) -> Vec<u8> {
         let mut materials = Vec::new();
         for material in &self.materials {
@@ -121,11 +123,11 @@ impl Scene {
         packed
     }
 
-    /// The scene of some packed bytes, all of which are checked.
+    /// Reads a packed scene, and checks all of it.
     ///
     /// # Errors
-    /// [`SceneError::Packed`] if the bytes are malformed, [`SceneError::Limit`] if they announce too much (before any
-    /// memory is taken), otherwise as [`Scene::new`].
+    /// [`SceneError::Packed`] if the bytes are malformed. [`SceneError::Limit`] if their counts
+    /// exceed a limit (before memory is allocated). Otherwise as [`Scene::new`].
     pub fn unpack(packed: &[u8]) -> Result<Scene, SceneError> {
         let too_short =
             PackedError::Length { expected: HEADER_BYTES as u64, found: packed.len() as u64 };
@@ -146,7 +148,8 @@ impl Scene {
         let material_bytes =
             bounded("bytes of materials", header.material_bytes, MAX_MATERIALS * longest)?;
 
-        // At most 12·2²⁸ + 16·2²⁸ + 2²⁷: fits into u64, and into usize once it equals a length.
+        // At most 12·2²⁸ + 16·2²⁸ + 2²⁷. This fits into u64, and into usize once it equals a
+        // length.
         let expected = 12 * positions as u64 + 16 * triangles as u64 + material_bytes as u64;
         if rest.len() as u64 != expected {
             let (expected, found) = (expected + HEADER_BYTES as u64, packed.len() as u64);
@@ -174,7 +177,7 @@ impl Scene {
         )
     }
 
-    /// The BLAKE3 hash of a packed scene: its name among processes.
+    /// Returns the BLAKE3 hash of a packed scene, by which processes identify it.
     pub fn content_hash(packed: &[u8]) -> [u8; 32] {
         *blake3::hash(packed).as_bytes()
     }
@@ -189,7 +192,7 @@ fn bounded(what: &'static str, count: [u8; 8], limit: usize) -> Result<usize, Sc
     })
 }
 
-/// The plain-old-data value at the beginning of `bytes`, and what follows it.
+/// Returns the plain-old-data value at the beginning of `bytes`, and the rest.
 fn split<T: Pod>(bytes: &[u8]) -> Option<(T, &[u8])> {
     let (head, rest) = bytes.split_at_checked(size_of::<T>())?;
     Some((bytemuck::pod_read_unaligned(head), rest))
@@ -236,7 +239,7 @@ fn pack_material(material: &Material, out: &mut Vec<u8>) {
 }
 
 fn unpack_materials(mut bytes: &[u8], count: usize) -> Result<Vec<Material>, SceneError> {
-    // A material takes at least 32 bytes: an announced count that the bytes cannot hold takes no memory.
+    // A material takes at least 32 bytes, so a false count does not allocate memory.
     let mut materials = Vec::with_capacity(count.min(bytes.len() / 32));
     for id in 0..count {
         let (material, rest) = unpack_material(bytes).ok_or(PackedError::Material(id))?;

@@ -1,16 +1,17 @@
-//! Polygons into triangles.
+//! Division of polygons into triangles.
 //!
-//! The triangles have the polygon's winding and use only its corners, so that neighbours keep sharing edges. A polygon
-//! that a fan from its first corner covers gets that fan; any other simple one, bridges to holes included, has its ears
-//! cut. One that is neither gets a fan, and the caller is told.
+//! The triangles have the polygon's winding and use only its corners, so that neighbours still
+//! share edges. If a fan from the first corner covers the polygon, the fan is used. Other simple
+//! polygons, with bridges to holes too, are divided by cutting ears. For all others a fan is used
+//! and the caller is informed.
 
 use glam::{DVec2, DVec3};
 
-/// Longest polygon whose ears are cut: that takes up to the cube of it in time.
+/// Most corners of a polygon whose ears are cut; the time may grow with their cube.
 const MAX_EAR_CORNERS: usize = 1024;
 
-/// Appends triangles as indices into `corners` (at least three). False if the polygon crosses itself or is too long to
-/// be cut properly, so that the triangles may overlap.
+/// Appends triangles as indices into `corners` (at least three). Returns false if the polygon
+/// crosses itself or is too long to be divided properly; then the triangles may overlap.
 pub(crate) fn triangulate(corners: &[DVec3], triangles: &mut Vec<[usize; 3]>) -> bool {
     let fan = |triangles: &mut Vec<[usize; 3]>| {
         triangles.extend((2..corners.len()).map(|k| [0, k - 1, k]))
@@ -22,7 +23,7 @@ pub(crate) fn triangulate(corners: &[DVec3], triangles: &mut Vec<[usize; 3]>) ->
     let normal = newell_normal(corners);
     let forwards = |k: usize| {
         let (first, last) = (corners[k - 1] - corners[0], corners[k] - corners[0]);
-        // Corners along an edge turn neither way; rounding must not make them turn backwards.
+        // Corners on an edge turn neither way, and rounding must not make them turn backwards.
         let rounding = 8.0 * f64::EPSILON * first.length() * last.length() * normal.length();
         first.cross(last).dot(normal) >= -rounding
     };
@@ -37,14 +38,15 @@ pub(crate) fn triangulate(corners: &[DVec3], triangles: &mut Vec<[usize; 3]>) ->
     cut_ears(&project(corners, normal), triangles)
 }
 
-/// The normal of a polygon, as long as twice its area, whether it is planar or not (Newell).
+/// Returns the normal of a polygon, planar or not, whose length is twice its area (Newell).
 fn newell_normal(corners: &[DVec3]) -> DVec3 {
-    // Relative to a corner, so that far from the origin nothing cancels.
+    // Relative to a corner, so that nothing cancels far from the origin.
     let relative = |k: usize| corners[k % corners.len()] - corners[0];
     (0..corners.len()).map(|k| relative(k).cross(relative(k + 1))).sum()
 }
 
-/// Onto the coordinate plane that the polygon faces most, counter-clockwise there.
+/// Projects the polygon onto the coordinate plane that it faces most, so that it runs
+/// counter-clockwise.
 fn project(corners: &[DVec3], normal: DVec3) -> Vec<DVec2> {
     let size = normal.abs();
     let up = if size.x >= size.y && size.x >= size.z {
@@ -71,7 +73,7 @@ fn cut_ears(points: &[DVec2], triangles: &mut Vec<[usize; 3]>) -> bool {
         if is_ear(points, &left, ear) {
             triangles.push(ear);
             left.remove(at % n);
-            // One on: alternate corners give better triangles than a fan from one.
+            // Advance by one: alternate corners give better triangles than a fan.
             at = (at + 1) % (n - 1);
             tried = 0;
             continue;
@@ -93,7 +95,7 @@ fn is_ear(points: &[DVec2], left: &[usize], ear: [usize; 3]) -> bool {
     if side(a, b, c) <= 0.0 {
         return false;
     }
-    // Both ends of a bridge to a hole lie at the same point: they do not block one another.
+    // Both ends of a bridge to a hole lie at the same point, and must not block each other.
     let blocks = |p: DVec2| {
         p != a
             && p != b
@@ -117,7 +119,8 @@ mod tests {
             .collect()
     }
 
-    /// Triangles that all turn the polygon's way and have its area in sum cover it once.
+    /// Checks that triangles cover the polygon once: all have its winding, and their areas sum to
+    /// its area.
     fn assert_covers(corners: &[DVec3]) {
         let mut triangles = Vec::new();
         assert!(triangulate(corners, &mut triangles));
@@ -162,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_polygon_that_crosses_itself_is_told() {
+    fn a_polygon_that_crosses_itself_is_reported() {
         let bow =
             [[0.0, 0.0], [3.0, 3.0], [3.0, 0.0], [0.0, 2.0], [1.0, -4.0], [-2.0, 1.0], [4.0, 1.0]];
         let mut triangles = Vec::new();

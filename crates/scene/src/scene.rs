@@ -1,6 +1,6 @@
-//! The scene itself: arrays of positions, triangles and materials, and questions about them.
+//! The scene: arrays of positions, triangles and materials, and queries about them.
 //!
-//! A [`Scene`] that exists is valid: [`Scene::new`] and [`Scene::from_world`] are the only ways to make one.
+//! A [`Scene`] is valid: only [`Scene::new`] and [`Scene::from_world`] make one.
 
 use crate::inside::OpenBox;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
@@ -11,25 +11,27 @@ use serde::Serialize;
 
 /// Triangles with materials, around an origin.
 ///
-/// Fields may be read freely; what is made by changing them is checked again only when it is packed and unpacked.
+/// Fields are public for reading. A scene whose fields were changed is checked again when it is
+/// packed and unpacked.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Scene {
-    /// World coordinates of what `positions` call zero: the centre of the bounds, if the scene came from a file.
+    /// World coordinates of the zero of `positions`. For a scene from a file, the centre of the
+    /// bounds.
     pub origin: DVec3,
     /// Corners of triangles, relative to `origin`, in scene units.
     pub positions: Vec<[f32; 3]>,
-    /// Three indices into `positions` each, counter-clockwise seen from the front.
+    /// Three indices into `positions` for each triangle, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
-    /// For each triangle, an index into `materials`.
+    /// An index into `materials` for each triangle.
     pub material_ids: Vec<u32>,
-    /// What surfaces are made of.
+    /// The materials of surfaces.
     pub materials: Vec<Material>,
-    /// Radiance that comes from infinity, from every direction, W·sr⁻¹·m⁻².
+    /// Radiance of the sky, the same in every direction, W·sr⁻¹·m⁻².
     pub sky: Rgb,
 }
 
-/// What a scene uses. A material that no triangle has does not count.
+/// The features that a scene uses. Materials that no triangle has do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Features {
@@ -47,20 +49,20 @@ pub struct Features {
     pub rough_dielectric: bool,
     /// Some surface is [`Bsdf::Coated`].
     pub coated: bool,
-    /// How many triangles emit light.
+    /// Number of triangles that emit light.
     pub emitters: usize,
-    /// Some of them emit on both sides.
+    /// Some triangle emits on both sides.
     pub two_sided_emission: bool,
     /// The sky is not black.
     pub sky: bool,
 }
 
 impl Scene {
-    /// A scene of these parts; `positions` are relative to `origin`. A scene without triangles is allowed.
+    /// Makes a scene. `positions` are relative to `origin`. There may be no triangles.
     ///
     /// # Errors
-    /// Whatever is out of range, not finite or not plausible, a triangle without area, or too many of anything
-    /// ([`crate::limits`]).
+    /// Anything that is out of range, not finite or not plausible, a triangle without area, or more
+    /// than [`crate::limits`] allow.
     pub fn new(
         origin: DVec3,
         positions: Vec<[f32; 3]>,
@@ -74,8 +76,9 @@ impl Scene {
         Ok(scene)
     }
 
-    /// A scene of positions in world coordinates: they are recentred on their bounds, positions that no triangle uses
-    /// and triangles without area are left out. Returns the scene and which triangles were left out, in order.
+    /// Makes a scene from positions in world coordinates. They are recentred on their bounds.
+    /// Positions that no triangle uses and triangles without area are left out. Returns the scene
+    /// and the triangles that were left out, in order.
     ///
     /// # Errors
     /// As [`Scene::new`].
@@ -174,7 +177,7 @@ impl Scene {
         Ok(())
     }
 
-    /// The corners of a triangle, relative to the origin.
+    /// Returns the corners of a triangle, relative to the origin.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -183,17 +186,18 @@ impl Scene {
             .map(|corner| Vec3::from_array(self.positions[corner as usize]))
     }
 
-    /// The unit normal of a triangle, on the side from which its corners run counter-clockwise.
+    /// Returns the unit normal of a triangle, on the side from which its corners run
+    /// counter-clockwise.
     ///
     /// # Panics
     /// If there is no such triangle.
     pub fn normal(&self, triangle: u32) -> Vec3 {
-        // Zero only for a triangle that a valid scene does not have.
+        // Zero only for triangles that a valid scene does not have.
         doubled_area_normal(self.corners(triangle))
             .map_or(Vec3::ZERO, |n| n.normalize_or_zero().as_vec3())
     }
 
-    /// The area of a triangle in square scene units: above zero.
+    /// Returns the area of a triangle in square scene units; always above zero.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -201,7 +205,7 @@ impl Scene {
         doubled_area_normal(self.corners(triangle)).map_or(0.0, |n| 0.5 * n.length())
     }
 
-    /// The material of a triangle.
+    /// Returns the material of a triangle.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -209,7 +213,8 @@ impl Scene {
         &self.materials[self.material_ids[triangle as usize] as usize]
     }
 
-    /// Lowest and highest world coordinates of the triangles; the origin twice if there are none.
+    /// Returns the lowest and highest world coordinates of the triangles; the origin twice if there
+    /// are none.
     pub fn bounds(&self) -> (DVec3, DVec3) {
         if self.triangles.is_empty() {
             return (self.origin, self.origin);
@@ -223,7 +228,7 @@ impl Scene {
         (self.origin + low.as_dvec3(), self.origin + high.as_dvec3())
     }
 
-    /// The triangles that emit light, in ascending order.
+    /// Returns the triangles that emit light, in ascending order.
     pub fn emitters(&self) -> impl Iterator<Item = u32> + '_ {
         let emits: Vec<bool> = self.materials.iter().map(Material::emits).collect();
         (0u32..)
@@ -232,7 +237,7 @@ impl Scene {
             .map(|(triangle, _)| triangle)
     }
 
-    /// Which kinds of surfaces and lights there are.
+    /// Returns the kinds of surfaces and lights in the scene.
     pub fn features(&self) -> Features {
         let mut triangles_of = vec![0usize; self.materials.len()];
         for &material in &self.material_ids {
@@ -260,14 +265,15 @@ impl Scene {
         features
     }
 
-    /// Whether any triangle meets the interior of a parallelepiped (world `origin` and three edges `axes`).
+    /// Returns whether any triangle meets the interior of a parallelepiped (world `origin` and
+    /// three edges `axes`).
     ///
-    /// What only touches its faces does not count, nor what comes inside by no more than the rounding of stored
-    /// positions (2⁻²⁴ of the largest coordinate): a section that fits a room exactly has nothing inside. One without
-    /// volume has no interior.
+    /// Triangles that only touch its faces do not count, nor do triangles that enter it by no more
+    /// than the rounding of stored positions (2⁻²⁴ of the largest coordinate). So a section that
+    /// fits a room exactly is empty. A parallelepiped without volume has no interior.
     pub fn geometry_inside(&self, origin: DVec3, axes: [DVec3; 3]) -> bool {
         let extent = self.positions.iter().flatten().fold(0.0f32, |most, c| most.max(c.abs()));
-        // Half a unit in the last place: what rounding to f32 may have moved a coordinate by.
+        // Half a unit in the last place: the most that rounding to f32 moves a coordinate.
         let rounding = f64::from(extent) * f64::from(f32::EPSILON) * 0.5;
         let Some(open_box) = OpenBox::new(origin - self.origin, axes, rounding) else {
             return false;
@@ -284,12 +290,14 @@ fn check_limit(what: &'static str, count: usize, limit: usize) -> Result<(), Sce
     Ok(())
 }
 
-/// The normal of a triangle, as long as twice its area; `None` if that is zero within the rounding of `f64`.
+/// Returns the normal of a triangle, whose length is twice its area. `None` if that is zero within
+/// the rounding of `f64`.
 fn doubled_area_normal([a, b, c]: [Vec3; 3]) -> Option<DVec3> {
     let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
     let (ab, ac) = (b - a, c - a);
     let normal = ab.cross(ac);
-    // Each component is a difference of two products: it errs by less than 4 half units of |ab|·|ac|.
+    // Each component is a difference of two products, with an error below 4 half units of
+    // |ab|·|ac|.
     let rounding = 2.0 * f64::EPSILON * ab.length() * ac.length();
     (normal.length() > rounding).then_some(normal)
 }

@@ -1,7 +1,7 @@
-//! Text files as logical lines: what OBJ and MTL have in common.
+//! Text files as logical lines, for both OBJ and MTL.
 //!
-//! A logical line is never empty, has no byte order mark, no line end, no blanks around it, and no continuation left in
-//! it; its number is that of its first physical line, from 1.
+//! A logical line is never empty. It has no byte order mark, no line end, no surrounding spaces,
+//! and no continuation. Its number is that of its first physical line, counted from 1.
 
 use crate::SceneError;
 use std::borrow::Cow;
@@ -9,7 +9,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// The whole of a text file of at most `limit` bytes. What is not UTF-8 (old comments, say) becomes U+FFFD.
+/// Reads a text file of at most `limit` bytes. Bytes that are not UTF-8 (such as old comments)
+/// become U+FFFD.
 pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, SceneError> {
     let io = |source| SceneError::Io { path: path.to_owned(), source };
     let file = File::open(path).map_err(io)?;
@@ -19,7 +20,7 @@ pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, SceneError> {
         return Err(too_large());
     }
     let mut bytes = Vec::with_capacity(announced as usize + 1);
-    // A pipe announces nothing, and a file may grow: the limit holds for what is read.
+    // A pipe states no length, and a file may grow, so the limit applies to what is read.
     file.take(limit + 1).read_to_end(&mut bytes).map_err(io)?;
     if bytes.len() as u64 > limit {
         return Err(too_large());
@@ -39,7 +40,12 @@ pub(crate) struct LogicalLines<'a> {
 }
 
 impl<'a> LogicalLines<'a> {
-    /// The next physical line; it may end with LF, CR LF or CR.
+    /// Returns the number of bytes that are still to be read.
+    pub(crate) fn left(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// Returns the next physical line; it may end with LF, CR LF or CR.
     fn physical(&mut self) -> Option<&'a str> {
         if self.rest.is_empty() {
             return None;
@@ -88,12 +94,13 @@ impl<'a> Iterator for LogicalLines<'a> {
     }
 }
 
-/// What comes before the backslash if the line goes on. A comment does not: "# C:\models\" is common.
+/// Returns the text before a backslash that continues the line. A comment does not continue: "#
+/// C:\models\" is common.
 fn continued(line: &str) -> Option<&str> {
     line.strip_suffix('\\').filter(|head| !head.contains('#'))
 }
 
-/// The keyword of a line, and what follows it.
+/// Returns the keyword of a line, and the rest.
 pub(crate) fn keyword(line: &str) -> (&str, &str) {
     match line.split_once(|c: char| c.is_ascii_whitespace()) {
         Some((keyword, rest)) => (keyword, rest.trim_ascii_start()),
@@ -101,22 +108,23 @@ pub(crate) fn keyword(line: &str) -> (&str, &str) {
     }
 }
 
-/// What comes before a comment.
+/// Returns the text before a comment.
 pub(crate) fn without_comment(text: &str) -> &str {
     text.split_once('#').map_or(text, |(before, _)| before.trim_ascii_end())
 }
 
-/// Names may hold "#" ("Material #25"): a comment in a line with a name begins with " # ".
+/// Returns a name without its comment. Names may contain "#" ("Material #25"), so a comment after a
+/// name begins with " # ".
 pub(crate) fn name_without_comment(name: &str) -> &str {
     name.split_once(" # ").map_or(name, |(before, _)| before.trim_ascii_end())
 }
 
-/// A finite number.
+/// Parses a finite number.
 pub(crate) fn number(token: &str) -> Option<f64> {
     token.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
-/// At most the first few dozen characters of a text, for messages.
+/// Returns at most the first few dozen characters of a text, for messages.
 pub(crate) fn excerpt(text: &str) -> String {
     const SHOWN: usize = 40;
     if text.chars().nth(SHOWN).is_none() {
@@ -134,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn line_ends_comments_blanks_and_the_byte_order_mark_are_gone_and_numbers_stay() {
+    fn line_ends_comments_spaces_and_the_byte_order_mark_are_removed() {
         let expected = vec![(2, "v 1 2 3".to_owned()), (4, "f 1 2 3".to_owned())];
         for end in ["\n", "\r\n", "\r"] {
             let text = ["\u{feff}# a comment", "  v 1 2 3\t ", "", "f 1 2 3"].join(end);

@@ -1,4 +1,4 @@
-//! Questions about a scene's geometry, against models.
+//! Tests queries about a scene's geometry against models.
 
 #![allow(clippy::unwrap_used)]
 
@@ -15,7 +15,7 @@ fn scene(triangles: &[[DVec3; 3]]) -> Scene {
         .0
 }
 
-/// The six faces of a box as twelve triangles.
+/// Returns the six faces of a box as twelve triangles.
 fn box_faces(low: DVec3, high: DVec3) -> Vec<[DVec3; 3]> {
     let corner = |bits: usize| {
         let pick = |axis: usize| if bits >> axis & 1 == 1 { high[axis] } else { low[axis] };
@@ -30,7 +30,8 @@ fn box_faces(low: DVec3, high: DVec3) -> Vec<[DVec3; 3]> {
         .collect()
 }
 
-/// Clips a polygon to the cube of half side `half` around (½, ½, ½) (Sutherland and Hodgman): another way to the truth.
+/// Clips a triangle to the cube of half side `half` around (½, ½, ½) (Sutherland and Hodgman):
+/// another way to the result.
 fn clipped_is_empty(triangle: [DVec3; 3], half: f64) -> bool {
     let mut polygon = triangle.to_vec();
     for axis in 0..3 {
@@ -57,7 +58,7 @@ const UNIT: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
 
 #[test]
 fn a_section_that_fits_a_room_exactly_has_nothing_inside() {
-    // Corners that f32 cannot hold: rounding must not put the walls inside.
+    // Corners that f32 cannot represent: rounding must not move the walls inside.
     for scale in [1e-4, 0.1, 1.0, 3.3e3, 1e8] {
         let low = DVec3::new(0.1, 0.7, -1.3) * scale;
         let size = DVec3::new(3.3, 2.1, 0.9) * scale;
@@ -72,7 +73,7 @@ fn a_section_that_fits_a_room_exactly_has_nothing_inside() {
 }
 
 #[test]
-fn a_triangle_larger_than_the_box_that_cuts_it_is_found_and_one_past_its_corner_is_not() {
+fn a_large_triangle_that_cuts_the_box_counts_and_one_beyond_its_corner_does_not() {
     // x + y + z = c cuts the unit cube for 0 < c < 3; no corner of the triangle is inside.
     let cut = |c: f64| {
         let far = 100.0;
@@ -87,7 +88,7 @@ fn a_triangle_larger_than_the_box_that_cuts_it_is_found_and_one_past_its_corner_
 }
 
 #[test]
-fn what_has_no_volume_has_no_interior() {
+fn a_section_without_volume_has_no_interior() {
     let room = scene(&box_faces(DVec3::ZERO, DVec3::ONE));
     let here = DVec3::splat(-1.0);
     assert!(room.geometry_inside(here, UNIT.map(|a| a * 3.0)));
@@ -147,9 +148,9 @@ fn a_scene_without_triangles_is_allowed_and_has_nothing() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 4000, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Against clipping, in parallelepipeds of any shear, where rounding cannot decide.
+    /// Compares with clipping, in parallelepipeds of any shear, except where rounding decides.
     #[test]
-    fn inside_is_what_clipping_says(
+    fn inside_agrees_with_clipping(
         corners in prop::array::uniform3(prop::array::uniform3(-0.6..1.6f64)),
         axes in prop::array::uniform3(prop::array::uniform3(-5.0..5.0f64)),
         origin in prop::array::uniform3(-10.0..10.0f64),

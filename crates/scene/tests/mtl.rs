@@ -1,4 +1,4 @@
-//! MTL files: what each material becomes.
+//! Tests the materials that MTL files become.
 
 #![allow(clippy::unwrap_used)]
 
@@ -12,13 +12,13 @@ fn try_load(mtl: &str) -> Result<Loaded, SceneError> {
     load_with(obj, mtl, &LoadOptions::default())
 }
 
-/// The material `m` with these statements, and warnings.
+/// Returns the material `m` with these statements, and warnings.
 fn material(statements: &str) -> (Material, Vec<String>) {
     let loaded = try_load(&format!("newmtl m\n{statements}\n")).unwrap();
     (loaded.scene.materials[0].clone(), messages(&loaded))
 }
 
-/// Its scattering, there being no warning.
+/// Returns its scattering; there must be no warning.
 fn bsdf(statements: &str) -> Bsdf {
     let (material, warnings) = material(statements);
     assert!(warnings.is_empty(), "{statements}: {warnings:?}");
@@ -74,7 +74,7 @@ fn illumination_models_are_the_surfaces_of_the_table() {
 }
 
 #[test]
-fn emission_is_one_sided_unless_asked_and_lamps_need_no_albedo() {
+fn emission_is_one_sided_by_default_and_lamps_need_no_albedo() {
     let obj = "mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\nusemtl w\nf 3 2 1\n";
     let mtl = "newmtl m\nKe 17 12 4\nnewmtl w\nKd 0.5\n";
     for two_sided_lights in [false, true] {
@@ -139,7 +139,7 @@ fn implausible_values_are_clamped_with_a_warning() {
 }
 
 #[test]
-fn opacity_counts_only_where_no_illumination_model_says_otherwise() {
+fn opacity_counts_only_without_a_contradicting_illumination_model() {
     let pane = |transmittance| Bsdf::ThinGlass { ior: 1.5, transmittance };
     let half = Bsdf::Diffuse { kd: [0.5; 3] };
     let cases = [
@@ -194,14 +194,14 @@ fn opacity_counts_only_where_no_illumination_model_says_otherwise() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_warned_of_with_its_line() {
+fn unsupported_statements_give_warnings_with_their_line() {
     let cases = [
         (
             "Kd 1 1 1\nmap_Kd -s 1 1 1 my wood.png",
             "s.mtl:3: `map_Kd -s 1 1 1 my wood.png` is ignored: there are no textures",
         ),
         ("Kd 1 1 1\nbump b.png", "s.mtl:3: `bump b.png` is ignored: there are no textures"),
-        ("Kd 1 1 1\nPr 0.5\nPr 0.6", "s.mtl:3: `Pr` is not known and ignored (said once)"),
+        ("Kd 1 1 1\nPr 0.5\nPr 0.6", "s.mtl:3: `Pr` is unknown and ignored (reported once)"),
         (
             "Kd 1 1 1\nKd spectral f.rfl 1",
             "s.mtl:3: `Kd spectral` is ignored: only RGB colours are known",

@@ -1,4 +1,4 @@
-//! OBJ files: what is read exactly, what is refused with its line, what is only warned of.
+//! Tests OBJ files: what is read exactly, and errors and warnings with their lines.
 
 #![allow(clippy::unwrap_used)]
 
@@ -6,12 +6,12 @@ mod common;
 
 use common::{error, load, load_in, load_with, messages};
 use glam::DVec3;
-use holo_scene::{LoadOptions, Scene, SceneError};
+use holo_scene::{LoadOptions, Scene, SceneError, load_obj_watched};
 use proptest::prelude::*;
 
 const SQUARE: &str = "v 0 0 0\nv 2 0 0\nv 2 4 0\nv 0 4 0\n";
 
-/// World coordinates of the corners of all triangles.
+/// Returns the world coordinates of the corners of all triangles.
 fn world(scene: &Scene) -> Vec<[DVec3; 3]> {
     let corner = |p: glam::Vec3| p.as_dvec3() + scene.origin;
     (0..scene.triangles.len() as u32).map(|t| scene.corners(t).map(corner)).collect()
@@ -31,7 +31,7 @@ fn a_square_is_two_triangles_around_its_centre() {
 }
 
 #[test]
-fn corners_may_be_written_in_every_way_of_the_format() {
+fn corners_may_be_written_in_all_forms_of_the_format() {
     let plain = load(format!("{SQUARE}f 1 2 3 4\n")).unwrap().scene;
     for face in [
         "f 1/1 2/2 3/3 4/4",
@@ -42,6 +42,22 @@ fn corners_may_be_written_in_every_way_of_the_format() {
     ] {
         assert_eq!(load(format!("{SQUARE}{face}\n")).unwrap().scene, plain, "{face}");
     }
+}
+
+#[test]
+fn whoever_waits_for_a_long_file_sees_how_far_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.obj");
+    let text = SQUARE.to_owned() + &"f 1 2 3 4\n".repeat(300_000);
+    std::fs::write(&path, &text).unwrap();
+    let mut reports = Vec::new();
+    load_obj_watched(&path, &LoadOptions::default(), &mut |report| reports.push(report)).unwrap();
+    assert_eq!(reports.len(), 4, "one for every 65,536 lines");
+    assert!(reports.is_sorted_by(|a, b| a.bytes < b.bytes && a.triangles < b.triangles));
+    let last = reports[3];
+    assert_eq!(last.total_bytes, text.len() as u64);
+    assert!(last.bytes > text.len() as u64 / 2 && last.bytes < text.len() as u64, "{last:?}");
+    assert!(last.triangles > 2 * 250_000, "{last:?}");
 }
 
 #[test]
@@ -58,7 +74,7 @@ fn blanks_line_ends_comments_continuations_and_the_byte_order_mark_do_not_matter
     let odd = "\u{feff}# made by hand C:\\\r\n\r\nv  0\t0 0 \r\nv 2 0 0 # right\r\n\tv 2 4 0\r\nv 0 4 0 1.0\r\nf 1 2 \\\r\n  3 4 \r\n";
     assert_eq!(load(odd).unwrap().scene, plain.scene);
     assert_eq!(load(odd.replace("\r\n", "\r")).unwrap().scene, plain.scene);
-    // Lines are counted as an editor does.
+    // Lines count as in an editor.
     assert_eq!(load(odd).unwrap().warnings[0].line, Some(7));
 }
 
@@ -78,7 +94,7 @@ fn a_concave_polygon_is_covered_once() {
 }
 
 #[test]
-fn what_is_wrong_with_a_polygon_is_said_with_its_line() {
+fn problems_of_polygons_give_warnings_with_their_line() {
     let bow = "v 0 0 0\nv 3 3 0\nv 3 0 0\nv 0 2 0\nv 1 -4 0\nv -2 1 0\nv 4 1 0\n";
     let obj = format!("{bow}f 1 2 3\nf 1 3 2 7\n\nf 1 2 \\\n 3 4 5 6 7\nf 1 2 3\nf 4 4 5\n");
     let warnings = messages(&load(obj).unwrap());
@@ -190,7 +206,7 @@ fn a_missing_file_and_a_folder_are_errors_with_their_path() {
 }
 
 #[test]
-fn what_is_left_out_is_said_once_with_its_first_line() {
+fn ignored_statements_give_one_warning_with_the_first_line() {
     let obj = format!(
         "{SQUARE}vn 0 0 1\nvn 0 0 1\nvt 0 0\nusemtl a\nf 1 2 3\nf 1 1 2\nf 2 2 2\nl 1 2\np 1\ncurv 1 2\ncurv 3\nv 9 9 9 2\n\
          v 1 2 3 0.5 0.5 0.5\ng a\no b\ns off\n"
@@ -201,7 +217,7 @@ fn what_is_left_out_is_said_once_with_its_first_line() {
         "s.obj:5: `vn` is ignored: surfaces are faceted, as modelled (2 lines)",
         "s.obj:7: `vt` is ignored: there are no textures",
         "s.obj:12: lines and points (`l`, `p`) are ignored (2 lines)",
-        "s.obj:14: `curv` is not known and ignored (2 lines)",
+        "s.obj:14: `curv` is unknown and ignored (2 lines)",
         "s.obj:16: the weight of `v` is ignored",
         "s.obj:17: colours of vertices are ignored",
         "s.obj:8: no MTL file was read; grey diffuse 0.5 is taken for all materials (1)",
@@ -211,7 +227,7 @@ fn what_is_left_out_is_said_once_with_its_first_line() {
 }
 
 #[test]
-fn vertices_that_no_face_uses_move_nothing() {
+fn unused_vertices_do_not_move_the_origin() {
     let scene = load(format!("v 1e9 0 0\n{SQUARE}f 2 3 4\n")).unwrap().scene;
     assert_eq!((scene.origin, scene.positions.len()), (DVec3::new(1.0, 2.0, 0.0), 3));
 }
@@ -233,7 +249,7 @@ fn a_building_at_map_coordinates_loses_nothing() {
 }
 
 #[test]
-fn materials_are_found_whatever_the_name_of_their_file_and_their_own() {
+fn materials_are_found_under_all_names_of_files_and_materials() {
     let mtl = "newmtl Material #25\nKd 0.1 0.2 0.3\nnewmtl red # the wall\nKd 0.9 0 0\n";
     let names = [
         ("my file.mtl", "mtllib my file.mtl"),
@@ -279,7 +295,7 @@ fn faces_share_a_material_by_name_and_unknown_ones_are_grey() {
 }
 
 #[test]
-fn a_missing_mtl_file_and_one_that_is_no_file_are_warned_of() {
+fn a_missing_mtl_file_and_a_folder_give_warnings() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("folder")).unwrap();
     let obj = format!(
@@ -326,7 +342,7 @@ fn a_name_that_is_too_long_is_refused() {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Files in all the ways of the format, of which the generator knows what they say.
+    /// Files in all forms of the format, whose contents the generator knows.
     #[test]
     fn the_triangles_and_materials_are_those_that_were_written(
         points in prop::collection::vec(prop::array::uniform3(-100.0..100.0f64), 5..20),
@@ -358,17 +374,17 @@ proptest! {
         let scene = load(&obj).unwrap().scene;
         prop_assert_eq!(scene.triangles.len(), triangles.len());
         for (a, b) in world(&scene).iter().flatten().zip(triangles.iter().flatten()) {
-            // Relative coordinates are at most 100: half a unit of f32 there.
+            // Relative coordinates are at most 100; this is half a unit of f32 there.
             prop_assert!((*a - *b).abs().max_element() <= 100.0 * 2f64.powi(-24) * 1.001, "{} {}", a, b);
         }
         let read: Vec<_> = scene.material_ids.iter().map(|&id| &scene.materials[id as usize].name).collect();
         prop_assert_eq!(read, names.iter().collect::<Vec<_>>());
-        // Every point that is used is there once, whatever groups and materials use it.
+        // Every used point exists once, whatever groups and materials use it.
         let used: std::collections::HashSet<_> = triangles.iter().flatten().map(|p| p.to_array().map(f64::to_bits)).collect();
         prop_assert_eq!(scene.positions.len(), used.len());
     }
 
-    /// Whatever the text, there is a valid scene or an error.
+    /// Any text gives a valid scene or an error.
     #[test]
     fn no_text_panics(obj in "((v|f|l|usemtl|mtllib s.mtl|vn|#|\\\\|q)?[ \t/0-9.eE+\\-na#\\\\\r]{0,20}\n){0,30}", mtl in "((newmtl|Kd|Ks|Ns|d|Tr|Ni|illum|map_Kd|Tf|Ke)? ?[ 0-9.eE+\\-na#]{0,12}\n){0,30}") {
         let obj = format!("mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl\nf 1 2 3\n{obj}");

@@ -1,4 +1,4 @@
-//! Packed scenes: exact, canonical, and never trusted.
+//! Tests packed scenes: exact, canonical, and never trusted.
 
 #![allow(clippy::unwrap_used)]
 
@@ -95,7 +95,7 @@ fn the_hash_is_blake3_of_the_bytes() {
 }
 
 #[test]
-fn announced_counts_take_no_memory_and_errors_say_what_is_wrong() {
+fn false_counts_allocate_no_memory_and_errors_say_what_is_wrong() {
     let packed = one_triangle().pack();
     let with = |at: usize, bytes: &[u8]| {
         let mut changed = packed.clone();
@@ -199,7 +199,8 @@ proptest! {
         prop_assert_eq!(Scene::unpack(&scene.pack()).unwrap(), scene);
     }
 
-    /// What is accepted is canonical and valid: it packs to the same bytes and passes all checks again.
+    /// Accepted bytes are canonical and valid: the scene packs to the same bytes and passes all
+    /// checks again.
     #[test]
     fn changed_bytes_give_a_valid_scene_or_an_error(
         scene in scene(),

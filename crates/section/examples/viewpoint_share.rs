@@ -1,9 +1,11 @@
-//! Share of a view's rays that pass within the wanted radius of its eye (Larson & Simmons 1999, Appendix A), as JSON:
-//! `cargo run --release -p holo-section --example viewpoint_share`.
+//! Measures the share of rays that pass within the wanted radius of an eye (Larson & Simmons 1999,
+//! Appendix A). Prints JSON.
 //!
-//! For each place of the eye: beams that rays from it cross, in all directions, and the first packet of 21 samples of
-//! each, as a worker is asked for them. The radius is the width of a pixel at distance 3, of a picture 320 pixels wide
-//! over 60°.
+//! `cargo run --release -p holo-section --example viewpoint_share`
+//!
+//! For each place of the eye, the beams are those that rays from it cross, in all directions. The
+//! rays are the first packet of 21 samples of each beam. The radius is the width of a pixel at
+//! distance 3, in a picture 320 pixels wide over 60°.
 
 use std::collections::BTreeSet;
 use std::error::Error;
@@ -47,8 +49,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             let eye = section.local_to_world(DVec3::from_array(local));
             let Share { beams, near, rays, uniform } = share(&section, eye, radius);
             lines.push(format!(
-                "{{\"section\":\"{name}\",\"grid\":{grid:?},\"eye\":\"{place}\",\"radius\":{radius},\"beams\":{beams},\
-                 \"rays\":{rays},\"within_radius\":{near},\"uniform_beams\":{uniform}}}"
+                "{{\"section\":\"{name}\",\"grid\":{grid:?},\"eye\":\"{place}\",\
+                 \"radius\":{radius},\"beams\":{beams},\"rays\":{rays},\"within_radius\":{near},\"uniform_beams\":{uniform}}}"
             ));
         }
     }

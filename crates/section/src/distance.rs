@@ -1,22 +1,26 @@
-//! Distance codes: 16 bits, linear up to the section's diagonal, then logarithmic (Larson & Simmons 1999, §2.1).
+//! Distance codes: 16 bits, linear up to the section's diagonal, then logarithmic (Larson & Simmons
+//! 1999, §2.1).
 //!
 //! Invariants: encoding is monotone, and every code decodes to a distance that encodes to it.
 
 /// The code for a ray that hits nothing.
 pub const NOTHING_HIT: u16 = u16::MAX;
 
-/// Codes of the linear range, which ends at the diagonal; also the reciprocal of the logarithmic step less 1.
+/// Number of codes of the linear range, which ends at the diagonal. The logarithmic step is 1 plus
+/// its reciprocal.
 const LINEAR_CODES: f64 = 2048.0;
 
 /// ln(1 + 2⁻¹¹).
 const LN_STEP: f64 = 4.881_620_795_013_511_5e-4;
 
-/// Distance code for `distance` along a ray (paper §2.1, Table 1).
+/// Returns the distance code for `distance` along a ray (Larson & Simmons 1999, §2.1, Table 1).
 ///
-/// `distance` is in world units from the entry point, `diagonal` the section's. Linear below the diagonal, then
-/// logarithmic with step 1 + 2⁻¹¹; [`NOTHING_HIT`] for infinity and NaN. Relative error at most 2.5e-4 above the
-/// diagonal; finite distances beyond about 2.88e13 diagonals become the last code before [`NOTHING_HIT`], negative ones
-/// 0.
+/// `distance` counts from the entry point, `diagonal` is the section's; both are in world units.
+/// Codes are linear below the diagonal, then logarithmic with step 1 + 2⁻¹¹. Above the diagonal the
+/// relative error is at most 2.5e-4.
+///
+/// Infinity and NaN give [`NOTHING_HIT`]. Finite distances beyond about 2.88e13 diagonals give the
+/// last code before it, negative ones give 0.
 pub fn encode(distance: f64, diagonal: f64) -> u16 {
     let diagonals = distance / diagonal;
     if distance.is_nan() || distance == f64::INFINITY {
@@ -29,7 +33,7 @@ pub fn encode(distance: f64, diagonal: f64) -> u16 {
     }
 }
 
-/// Middle of the code's step in world units; infinity for [`NOTHING_HIT`].
+/// Returns the middle of the code's step, in world units; infinity for [`NOTHING_HIT`].
 pub fn decode(code: u16, diagonal: f64) -> f64 {
     let code_value = f64::from(code);
     if code == NOTHING_HIT {

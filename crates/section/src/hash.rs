@@ -2,8 +2,8 @@
 
 use crate::BeamId;
 
-/// Finaliser of SplitMix64 (Steele et al. 2014, variant 13 of Stafford): a bijection in which each input bit flips each
-/// output bit with probability ½.
+/// The finaliser of SplitMix64 (Steele et al. 2014, variant 13 of Stafford): a bijection in which
+/// each input bit flips each output bit with probability ½.
 pub(crate) fn mix64(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -22,8 +22,10 @@ pub(crate) fn mix32(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-/// Seed of one sample, for tracers: a function of (section, beam, sample number) alone, so that a packet traced again
-/// after a failure gives the same radiances.
+/// Returns the seed of one sample's random numbers, for tracers.
+///
+/// It depends on (section, beam, sample number) alone, so that a packet traced again after a
+/// failure gives the same radiances.
 pub fn seed(section_index: u16, beam: BeamId, sample_number: u32) -> u64 {
     combine(combine(beam.0, u64::from(section_index)), u64::from(sample_number))
 }
@@ -50,7 +52,8 @@ mod tests {
                 }
             }
         }
-        // Binomial(n, ½): 5 standard deviations, over 64 bits a false alarm in about 1 in 27,000 constructions.
+        // Binomial(n, ½): 5 standard deviations, over 64 bits a false alarm in about 1 in 27,000
+        // constructions.
         let allowed = 5.0 * (f64::from(n) / 4.0).sqrt();
         for count in ones {
             assert!((f64::from(count) - f64::from(n) / 2.0).abs() < allowed, "{count} of {n}");

@@ -1,46 +1,47 @@
 //! A beam's importance: the world volume of the convex hull of its two cells (paper §2.2).
 //!
-//! Exact, from a closed form. Scale the section to unit cubes as cells, `x` and `y` being the distances from the edge
-//! that two adjacent walls share, `z` the offset along it. Cell one is `x = 0, y ∈ [i, i+1], z ∈ [0, 1]`, cell two `y =
-//! 0, x ∈ [j, j+1], z ∈ [s, s+1]`. Their hull is the union over λ ∈ [0, 1] of the boxes `λ[j, j+1] × (1-λ)[i, i+1] ×
-//! [λs, λs+1]`. Over a point (x, y) that lies in the boxes of λ ∈ [λ₀, λ₁] it is `1 + s(λ₁-λ₀)` high, so its volume is
-//! the projected area plus s ∫λ(1-λ)dλ: `(i+j+1)/2 + s/6`. The hull of two cells of opposite walls is a sheared prism:
-//! cell area times distance.
+//! The volume is exact. The hull of two cells of opposite walls is a sheared prism: cell area times
+//! distance.
+//!
+//! For adjacent walls, scale the section so that its cells are unit cubes. Let `x` and `y` be the
+//! distances from the edge that the walls share, and `z` the offset along it. Cell one is `x = 0, y
+//! ∈ [i, i+1], z ∈ [0, 1]`; cell two is `y = 0, x ∈ [j, j+1], z ∈ [s, s+1]`. Their hull is the
+//! union over λ ∈ [0, 1] of the boxes `λ[j, j+1] × (1-λ)[i, i+1] × [λs, λs+1]`. A point (x, y) lies
+//! in the boxes of some interval λ ∈ [λ₀, λ₁], and there the hull is `1 + s(λ₁-λ₀)` high. So the
+//! volume is the projected area plus s ∫λ(1-λ)dλ, which is `(i+j+1)/2 + s/6`.
 
 use crate::cells::CellPair;
 use crate::section::Section;
 
-/// Importances of all beams of a section. Small: nothing is stored per beam.
+/// The importances of all beams of a section. It is small: nothing is stored per beam.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportanceTable {
     grid: [u32; 3],
     cell_volume: f64,
     total: f64,
-    max: f64,
 }
 
 impl ImportanceTable {
-    /// The table for a section.
+    /// Returns the table of a section.
     pub fn new(section: &Section) -> ImportanceTable {
         let grid = section.spec().grid;
         let n = grid.map(f64::from);
         let cell_volume = section.volume() / (n[0] * n[1] * n[2]);
-        let (mut total, mut max) = (0.0, 0.0f64);
+        let mut total = 0.0;
         for axis in 0..3 {
             let (across, u, v) = (n[axis], n[(axis + 1) % 3], n[(axis + 2) % 3]);
             // Two directions between the opposite walls of this axis.
             total += 2.0 * (u * v).powi(2) * across;
-            // Eight ordered pairs of adjacent walls share edges along this axis: Σ(i+j+1)/2 = uv(u+v)/4 and Σ|k-l| =
-            // n(n²-1)/3.
+            // Eight ordered pairs of adjacent walls share edges along this axis: Σ(i+j+1)/2 =
+            // uv(u+v)/4 and Σ|k-l| = n(n²-1)/3.
             total += 8.0
                 * (across.powi(2) * u * v * (u + v) / 4.0
                     + u * v * across * (across * across - 1.0) / 18.0);
-            max = max.max(across).max((u + v - 1.0) / 2.0 + (across - 1.0) / 6.0);
         }
-        ImportanceTable { grid, cell_volume, total: total * cell_volume, max: max * cell_volume }
+        ImportanceTable { grid, cell_volume, total: total * cell_volume }
     }
 
-    /// World volume of the convex hull of the pair's cells.
+    /// Returns the world volume of the convex hull of the pair's cells.
     pub fn of(&self, pair: CellPair) -> f64 {
         let (a, b) = (pair.entry.axis(), pair.exit.axis());
         if a == b {
@@ -49,32 +50,21 @@ impl ImportanceTable {
         let shared = 3 - a - b;
         let entry = cell_along(pair.entry);
         let exit = cell_along(pair.exit);
-        // Each cell's distance from the shared edge, counted from the side on which the other wall lies.
+        // Each cell's distance from the shared edge, counted from the side on which the other wall
+        // lies.
         let i = distance_from_side(entry[b], self.grid[b], pair.exit.side());
         let j = distance_from_side(exit[a], self.grid[a], pair.entry.side());
         let offset = entry[shared].abs_diff(exit[shared]);
         (f64::from(i + j + 1) / 2.0 + f64::from(offset) / 6.0) * self.cell_volume
     }
 
-    /// Sum over all beams.
+    /// Returns the sum over all beams.
     pub fn total(&self) -> f64 {
         self.total
     }
-
-    /// Largest of any beam.
-    pub fn max(&self) -> f64 {
-        self.max
-    }
 }
 
-impl Section {
-    /// World volume of the convex hull of the pair's cells; for many pairs keep an [`ImportanceTable`].
-    pub fn importance(&self, pair: CellPair) -> f64 {
-        ImportanceTable::new(self).of(pair)
-    }
-}
-
-/// The cell's index along each axis; 0 along the one that crosses its wall.
+/// Returns the cell's index along each axis; 0 along the axis that crosses its wall.
 fn cell_along(cell: crate::CellIndex) -> [u32; 3] {
     let (u, v) = cell.directions();
     let mut along = [0; 3];

@@ -1,14 +1,16 @@
-//! Sections, beams, ray coordinates, the sample codec, and sampling in a beam: pure mathematics, without input or
-//! output.
+//! Sections, beams, ray coordinates, the sample codec, and sampling in a beam: pure mathematics,
+//! without input or output.
 //!
-//! A *section* is a parallelepiped whose six walls are gridded into cells; a *beam* is all rays from one cell to
-//! another; a *sample* is one stored ray of 10 bytes (Larson & Simmons 1999, §2.1). Everything is `f64`, and every
-//! function is a function of its arguments alone: no clocks, no global state, no threads.
+//! A *section* is a parallelepiped whose six walls are gridded into cells. A *beam* is all rays
+//! from one cell to another. A *sample* is one stored ray of 10 bytes (Larson & Simmons 1999,
+//! §2.1). Numbers are `f64`, and every result depends on the arguments alone: no clocks, no global
+//! state, no threads.
 //!
 //! What always holds:
 //! - A [`Section`] is valid by construction, and its beams are numbered densely from 0.
-//! - [`Section::line`] of [`Section::ray`] gives back the same cells and coordinates, for each of the 256⁴ of a beam.
-//! - Which rays a beam's sample numbers stand for depends only on (section, beam, sample number, viewpoint).
+//! - [`Section::line`] of [`Section::ray`] gives back the same cells and coordinates, for each of a
+//!   beam's 256⁴ rays.
+//! - The ray of a sample number depends only on (section, beam, sample number, viewpoint).
 
 mod cells;
 pub mod distance;
@@ -19,6 +21,7 @@ mod order;
 mod polygon;
 mod proximity;
 pub mod rgbe;
+mod run;
 mod sample;
 mod sampler;
 mod section;
@@ -30,6 +33,7 @@ pub use hash::seed;
 pub use importance::ImportanceTable;
 pub use line::LineHit;
 pub use order::BeamOrder;
+pub use run::{BeamKey, Run};
 pub use sample::{Sample, SampleKind};
 pub use sampler::{BeamSampler, Viewpoint};
 pub use section::{

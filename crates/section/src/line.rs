@@ -1,32 +1,34 @@
-//! Where a line meets a section: its cells and byte positions.
+//! The cells and byte positions in which a line meets a section.
 //!
-//! Invariant: an edge or boundary belongs to exactly one side. A position on the border of two cells is the upper
-//! one's, one on a section's upper border the last cell's; a line that only touches the section misses it.
+//! Invariant: a boundary belongs to exactly one side. A position on the border of two cells belongs
+//! to the upper cell, one on a section's upper border to the last cell. A line that only touches
+//! the section misses it.
 
 use glam::DVec3;
 
 use crate::cells::{CellIndex, CellPair, RayCoords, wall_directions};
 use crate::section::{Frame, Section};
 
-/// Where a line meets a section. Points are `origin + t * direction` of the line that was asked about.
+/// Where a line meets a section. Points are `origin + t * direction` of that line.
 #[derive(Copy, Clone, Debug, PartialEq)]
 pub struct LineHit {
-    /// The cells that the line passes, in its direction.
+    /// The cells that the line crosses, in its direction.
     pub pair: CellPair,
-    /// Positions in these cells, snapped to bytes.
+    /// Its positions in these cells, rounded to bytes.
     pub coords: RayCoords,
-    /// Where the line enters, in multiples of `direction`; negative behind `origin`.
+    /// Where the line enters, in multiples of `direction`. Negative behind `origin`.
     pub entry_t: f64,
     /// Where it leaves; always greater than `entry_t`.
     pub exit_t: f64,
 }
 
 impl Section {
-    /// Where the infinite line through `origin` along `direction` (of any length) meets the section, forwards or
-    /// backwards.
+    /// Returns where the infinite line through `origin` along `direction` meets the section,
+    /// forwards or backwards. The length of `direction` does not matter.
     ///
-    /// `None` when it misses, only touches an edge or corner, or is not finite. The stored ray nearest to a line is
-    /// `ray(hit.pair, hit.coords)`; of a stored ray, the same pair and coordinates come back exactly.
+    /// `None` if the line misses, only touches an edge or corner, or is not finite. The stored ray
+    /// nearest to the line is `ray(hit.pair, hit.coords)`. The line of a stored ray gives exactly
+    /// its own pair and coordinates.
     pub fn line(&self, origin: DVec3, direction: DVec3) -> Option<LineHit> {
         let scale = direction.abs().max_element();
         if !origin.is_finite() || !direction.is_finite() || scale == 0.0 {
@@ -34,7 +36,7 @@ impl Section {
         }
         let frame = self.frame;
         let from = snap_to_stored(frame, origin);
-        // Scaled first: a tiny or huge direction must neither underflow nor overflow.
+        // Scaled first, so that a tiny or huge direction neither underflows nor overflows.
         let along = frame.to_steps_vector(direction / scale);
         let (mut entry_t, mut exit_t) = (f64::NEG_INFINITY, f64::INFINITY);
         let (mut entry_wall, mut exit_wall) = (0u8, 0u8);
@@ -75,9 +77,11 @@ impl Section {
     }
 }
 
-/// A world point in steps. A point that could be the rounded image of a stored ray's entry or exit point is taken to be
-/// exactly that point: otherwise the rounding of world coordinates, multiplied by the slope of a grazing ray, would
-/// move its other end by many byte positions.
+/// Returns a world point in steps.
+///
+/// A point that may be a stored ray's entry or exit point, rounded to world coordinates, becomes
+/// exactly that point. Otherwise the slope of a grazing ray multiplies the rounding error, and
+/// moves the ray's other end by many byte positions.
 fn snap_to_stored(frame: Frame, world: DVec3) -> DVec3 {
     let steps = frame.to_steps(world);
     let uncertainty = frame.uncertainty(world);
@@ -95,10 +99,10 @@ fn snap_to_stored(frame: Frame, world: DVec3) -> DVec3 {
     steps
 }
 
-/// The cell and byte position of a point (in steps) on a wall.
+/// Returns the cell and byte position of a point on a wall. The point is in steps.
 fn cell_at(frame: Frame, wall: u8, point: DVec3) -> (CellIndex, [u8; 2]) {
     let (u, v) = wall_directions(wall);
-    // Rounding may put a point just outside; the conversion saturates below 0.
+    // Rounding may put a point just outside. Below 0 the conversion saturates.
     let step = |axis: usize| (point[axis] as u32).min(frame.size[axis] as u32 - 1);
     let (su, sv) = (step(u), step(v));
     (CellIndex { wall, u: (su >> 8) as u16, v: (sv >> 8) as u16 }, [su as u8, sv as u8])

@@ -1,12 +1,14 @@
-//! An order of beams that is spread evenly over a section at every moment, without memory.
+//! An order of beams whose every beginning is spread evenly over a section. It takes no memory.
 
 use crate::cells::BeamId;
 use crate::hash::combine;
 
 const ROUNDS: u64 = 6;
 
-/// A keyed permutation of the beams 0 to n-1: a Feistel network over the next even power of two, walked until it falls
-/// below n (Black & Rogaway 2002, "cycle walking").
+/// A keyed permutation of the beams 0 to n-1.
+///
+/// It is a Feistel network over the next even power of two, repeated until the result is below n
+/// (Black & Rogaway 2002, "cycle walking").
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub struct BeamOrder {
     beams: u64,
@@ -15,20 +17,20 @@ pub struct BeamOrder {
 }
 
 impl BeamOrder {
-    /// An order of `beams` beams; different keys give different orders.
+    /// Returns an order of `beams` beams. Different keys give different orders.
     pub fn new(beams: u64, key: u64) -> BeamOrder {
         let bits = 64 - beams.saturating_sub(1).leading_zeros();
         BeamOrder { beams, key, half_bits: bits.div_ceil(2).max(1) }
     }
 
-    /// The beam at place `place`, counted modulo the number of beams; beam 0 when there are none.
-    pub fn at(&self, place: u64) -> BeamId {
+    /// Returns the beam at `position`, modulo the number of beams; beam 0 if there are none.
+    pub fn at(&self, position: u64) -> BeamId {
         if self.beams == 0 {
             return BeamId(0);
         }
-        // The domain is less than 4 times the beams, so that under 4 steps are expected. The walk ends: the place
-        // itself is on its cycle.
-        let mut x = self.permute(place % self.beams);
+        // The network's domain is less than 4 times the beams, so fewer than 4 steps are expected.
+        // The walk ends, because the position itself is on its cycle.
+        let mut x = self.permute(position % self.beams);
         while x >= self.beams {
             x = self.permute(x);
         }

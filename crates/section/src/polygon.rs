@@ -12,7 +12,7 @@ impl Linear {
         self.0[0] * p + self.0[1] * q + self.0[2]
     }
 
-    /// `self·a + other·b + c`.
+    /// Returns `self·a + other·b + c`.
     pub(crate) fn combine(self, a: f64, other: Linear, b: f64, c: f64) -> Linear {
         let mut sum = [0, 1, 2].map(|i| self.0[i] * a + other.0[i] * b);
         sum[2] += c;
@@ -20,8 +20,8 @@ impl Linear {
     }
 }
 
-/// The unit square's part in which every one of `constraints` is at least 0: the vertices of a convex polygon, none if
-/// it is empty.
+/// Returns the part of the unit square in which every one of `constraints` is at least 0, as the
+/// vertices of a convex polygon. None if that part is empty.
 pub(crate) fn clip_unit_square(constraints: &[Linear]) -> Vec<Point> {
     let mut polygon = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     for &constraint in constraints {
@@ -43,14 +43,15 @@ pub(crate) fn clip_unit_square(constraints: &[Linear]) -> Vec<Point> {
     polygon
 }
 
-/// A union of disjoint convex polygons, as triangles with the running share of the area.
+/// A union of disjoint convex polygons, as triangles. Each comes with the share of the area up to
+/// its end.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Region {
     triangles: Vec<(f64, [Point; 3])>,
 }
 
 impl Region {
-    /// A fan for each polygon; triangles without area are left out.
+    /// Splits each polygon into a fan of triangles. It leaves out triangles without area.
     pub(crate) fn new(polygons: &[Vec<Point>]) -> Region {
         let mut triangles = Vec::new();
         let mut area = 0.0;
@@ -74,7 +75,8 @@ impl Region {
         self.triangles.is_empty()
     }
 
-    /// Maps the unit square onto the region so that areas keep their proportions; the origin for an empty region.
+    /// Maps the unit square onto the region so that areas keep their proportions. An empty region
+    /// gives the origin.
     pub(crate) fn sample(&self, s: f64, t: f64) -> Point {
         let chosen = self
             .triangles
@@ -111,9 +113,9 @@ mod tests {
 
     #[test]
     fn sampling_is_uniform_over_the_region() {
-        // Two disjoint parts: the square without a diagonal band. Midpoint grid in (s, t); the share that falls in any
-        // sub-box must equal its share of the area. The map is piecewise smooth, so the grid's error is of the order of
-        // 1/1000.
+        // The region is the square without a diagonal band: two disjoint parts. Points are a
+        // midpoint grid in (s, t). The share of points in a box must equal its share of the area.
+        // The map is piecewise smooth, so the grid's error is of the order of 1/1000.
         let band = 0.2;
         let parts = [
             clip_unit_square(&[Linear([1.0, -1.0, -band])]),
@@ -135,7 +137,7 @@ mod tests {
             }
         }
         let all = f64::from(n * n);
-        // (0.5-0.2)²/2 each of two triangles over (1-0.2)² in all.
+        // Two triangles of (0.5-0.2)²/2 each, of a region of (1-0.2)².
         assert!((f64::from(low_left) / all - 0.09 / 0.64).abs() < 4e-3);
         assert!((f64::from(upper) / all - 0.5).abs() < 2e-3);
     }

@@ -1,13 +1,15 @@
 //! Rays of a beam that pass near an eye (Larson & Simmons 1999, Appendix A).
 //!
-//! The paper bounds the candidates by cones from two corners of a cell. Here they are found exactly: lines through the
-//! eye and a point P of the *far* cell (the one farther from the eye, whose bytes resolve directions best) meet the
-//! *near* wall's plane in Q. That Q lies in the near cell is linear in P once multiplied by the denominator, whose sign
-//! splits the far cell in two; so the candidates are at most two convex polygons. Lines and half-planes are affine, so
-//! all this is done in steps, sheared sections or not.
+//! The paper bounds the candidates by cones from two corners of a cell. Here they are found
+//! exactly. The *far* cell is the one farther from the eye; its bytes resolve directions best. A
+//! line through the eye and a point P of the far cell meets the plane of the *near* wall in Q. The
+//! conditions that Q lies in the near cell are linear in P, once multiplied by their denominator.
+//! The denominator's sign splits the far cell in two, so the candidates are at most two convex
+//! polygons. Lines and half-planes are affine, so all computations are in steps, also in sheared
+//! sections.
 //!
-//! Invariant: every ray given lies in the beam. It passes within the radius of the eye, or within a few roundings of
-//! positions to bytes if the radius is less than these, wherever the positions allow it.
+//! Invariant: every ray lies in the beam. It passes within the radius of the eye, wherever byte
+//! positions allow it. If the radius is less than a few roundings to bytes, it passes within these.
 
 use glam::DVec3;
 
@@ -16,25 +18,30 @@ use crate::polygon::{Linear, Region, clip_unit_square};
 use crate::section::{Frame, STEPS_PER_CELL};
 use crate::sobol::ScrambledSobol;
 
-/// Farthest byte positions from the chosen one at which a ray nearer to the eye is looked for, by growing squares:
-/// needed where a step at the near cell moves the ray by more than the radius at the eye, as it does for eyes far
-/// outside.
+/// Greatest distance, in byte positions, of the search for a ray nearer to the eye, by growing
+/// squares.
+///
+/// Without it, rays miss eyes far outside: there, one step at the near cell moves the ray by more
+/// than the radius at the eye.
 const SEARCH: i32 = 3;
 
-/// Places tried for one sample before the ray nearest to the eye is taken. Beside an edge that both cells touch, the
-/// two ends may be so near each other that no positions around a place aim well; and enlarged candidates may miss. One
-/// place gave 97 % for an eye 1.5 sections away from Cornell's.
+/// Places tried for one sample before the ray nearest to the eye is taken.
+///
+/// Beside an edge that both cells touch, the two ends may be so near each other that no positions
+/// around a place aim well. Places in enlarged cells may miss, too. With one place, 97 % of the
+/// rays passed near an eye 1.5 sections away from Cornell's.
 const TRIES: u32 = 8;
 
-/// Distance from the eye, in half diagonals of a byte position, at which a place is good enough even if the radius is
-/// less: moving rays to the few places where positions happen to aim exactly at the eye would leave the rest of the
-/// picture empty.
+/// Distance from the eye, in half diagonals of a byte position, that is always near enough.
+///
+/// Only in few places do byte positions aim exactly at the eye. If all rays moved there, the rest
+/// of the picture would stay empty.
 const ROUNDING: f64 = 4.0;
 
-/// Samples looked at before concluding that a beam has no ray near the eye.
+/// Samples tried before a beam counts as one without a ray near the eye.
 const PROBES: u32 = 16;
 
-/// Bound on the enlargement of a cell, in steps: more than any section has, and far from overflow.
+/// Greatest enlargement of a cell, in steps: more than any section has, and far from overflow.
 const MAX_MARGIN: f64 = 1e9;
 
 /// The rays of one beam near one eye.
@@ -48,16 +55,18 @@ pub(crate) struct Proximity {
     eye: DVec3,
     /// World units.
     radius: f64,
-    /// Half the diagonal of a byte position of the near cell, world units: what rounding alone may move a ray's end.
+    /// Half the diagonal of a byte position of the near cell, world units. Rounding moves a ray's
+    /// end by no more.
     half_step: f64,
-    /// Radius of the disk in which the eye is jittered: the radius less the rounding of positions to bytes, world
-    /// units.
+    /// Radius of the disk in which the eye is jittered, world units: the radius less the rounding
+    /// of positions to bytes.
     jitter: f64,
     region: Region,
 }
 
 impl Proximity {
-    /// `None` when no ray of the beam passes within `radius` of the eye, or the eye is not finite.
+    /// Returns `None` if no ray of the beam passes within `radius` of the eye, or the eye is not
+    /// finite.
     pub(crate) fn new(
         frame: Frame,
         pair: CellPair,
@@ -93,7 +102,7 @@ impl Proximity {
         };
         proximity.region = proximity.candidates([0.0; 2]);
         if proximity.region.is_empty() {
-            // The eye itself sees nothing through the beam, but its sphere may reach into it.
+            // No line through the eye itself runs in the beam, but its sphere may reach into it.
             proximity.region = proximity.candidates(proximity.margins());
             let reaches = |number| proximity.best(sequence, number).1 <= radius;
             if proximity.region.is_empty() || !(0..PROBES).any(reaches) {
@@ -103,12 +112,13 @@ impl Proximity {
         Some(proximity)
     }
 
-    /// Positions of a sample's ray.
+    /// Returns the positions of a sample's ray.
     pub(crate) fn coords(&self, sequence: &ScrambledSobol, number: u32) -> RayCoords {
         self.best(sequence, number).0
     }
 
-    /// The first place that is good enough, or the nearest; and its ray's distance from the eye.
+    /// Returns the ray of the first place that is good enough, or the nearest ray; and its distance
+    /// from the eye.
     fn best(&self, sequence: &ScrambledSobol, number: u32) -> (RayCoords, f64) {
         let good = self.radius.max(ROUNDING * self.half_step);
         let mut best = self.nearby_ray(sequence.point(number));
@@ -116,7 +126,7 @@ impl Proximity {
             if best.1 <= good {
                 break;
             }
-            // Shifting every coordinate keeps the set of points well spread.
+            // A shift of every coordinate keeps the set of points well spread.
             let shift = again.wrapping_mul(0x9e37_79b9);
             let other = self.nearby_ray(sequence.point(number).map(|x| x.wrapping_add(shift)));
             if other.1 < best.1 {
@@ -126,8 +136,8 @@ impl Proximity {
         best
     }
 
-    /// A coordinate of the far cell's points, in steps, as a function of the position in the cell (0 to 1 in each
-    /// direction).
+    /// Returns a coordinate of the far cell's points, in steps, as a function of the position in
+    /// the cell. Positions are 0 to 1 in each direction.
     fn far_coordinate(&self, axis: usize) -> Linear {
         let (u, v) = self.far.directions();
         if axis == u {
@@ -139,11 +149,12 @@ impl Proximity {
         }
     }
 
-    /// Points P of the far cell whose lines through the eye meet the near cell enlarged by `margins` (steps along u and
-    /// v).
+    /// Returns the points P of the far cell whose lines through the eye meet the near cell. The
+    /// near cell is enlarged by `margins`, in steps along u and v.
     ///
-    /// With a the near wall's axis at w: Q = E + (P-E)(w-E_a)/D with D = P_a-E_a, so for D > 0 the condition Q_u ≥ low
-    /// is (E_u-low)·D + (P_u-E_u)(w-E_a) ≥ 0, and so on; for D < 0 all signs turn.
+    /// The near wall lies at w along axis a. Then Q = E + (P-E)(w-E_a)/D, where D = P_a-E_a. If D
+    /// is positive, the condition Q_u ≥ low is (E_u-low)·D + (P_u-E_u)(w-E_a) ≥ 0, and the others
+    /// are alike. If D is negative, all signs turn.
     fn candidates(&self, margins: [f64; 2]) -> Region {
         let (near, eye) = (self.near, self.eye);
         let axis = near.axis();
@@ -167,8 +178,10 @@ impl Proximity {
         Region::new(&[clip_unit_square(&constraints), clip_unit_square(&turned)])
     }
 
-    /// How far beyond the near cell, in steps along u and v, the lines through the eye's centre may meet its plane if
-    /// others within the radius meet the cell; generous, as every ray is checked.
+    /// Returns how far beyond the near cell, in steps along u and v, lines through the eye's centre
+    /// may meet its plane while lines within the radius meet the cell.
+    ///
+    /// The margins are generous, because every ray is checked.
     fn margins(&self) -> [f64; 2] {
         let axis = self.near.axis();
         let wall = self.frame.wall_position(self.near);
@@ -179,7 +192,8 @@ impl Proximity {
         for corner in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] {
             let denominator = self.far_coordinate(axis).at(corner) - self.eye[axis];
             signs[usize::from(denominator > 0.0)] = true;
-            // An eye within its radius of the plane through P along the near wall: lines in any direction.
+            // The eye is within its radius of the plane through P along the near wall: lines have
+            // any direction.
             if denominator.abs() <= reach[axis] {
                 return [MAX_MARGIN; 2];
             }
@@ -195,15 +209,15 @@ impl Proximity {
         if signs == [true; 2] { [MAX_MARGIN; 2] } else { margins }
     }
 
-    /// The ray for one point of the sequence: a far position from the first two coordinates, the eye's jitter from the
-    /// others.
+    /// Returns the ray of one point of the sequence, and its distance from the eye. The first two
+    /// coordinates give the far position, the others the eye's jitter.
     fn nearby_ray(&self, point: [u32; 4]) -> (RayCoords, f64) {
         let [s, t, disk_area, disk_angle] = point.map(|x| (f64::from(x) + 0.5) / 4_294_967_296.0);
         let far_bytes = self.region.sample(s, t).map(|x| (x * STEPS_PER_CELL) as u8);
         let far = self.frame.cell_point(self.far, far_bytes);
         let to_eye = self.frame.to_world_vector(self.eye - far);
         if to_eye.length() <= self.radius {
-            // Every ray from here passes near enough.
+            // Every ray through this position passes near enough.
             let near_bytes = [disk_area, disk_angle].map(|x| (x * STEPS_PER_CELL) as u8);
             return self.measured(far_bytes, near_bytes);
         }
@@ -213,7 +227,8 @@ impl Proximity {
             + self
                 .frame
                 .to_steps_vector((side * cos + up * sin) * (self.jitter * disk_area.sqrt()));
-        // Mirrored at its borders, a cell keeps rays evenly spread, and none farther from the unjittered one.
+        // Positions beyond the cell's borders are mirrored: rays stay evenly spread, and none moves
+        // farther from the unjittered one.
         let mirror = |x: f64| {
             let x = x.rem_euclid(2.0 * STEPS_PER_CELL);
             x.min(2.0 * STEPS_PER_CELL - x) as u8
@@ -222,7 +237,8 @@ impl Proximity {
         if chosen.1 <= self.radius { chosen } else { self.nearest_around(far_bytes, chosen) }
     }
 
-    /// The ray nearest to the eye, or the first within the radius, among the byte positions around one of the far cell.
+    /// Returns the ray nearest to the eye among the byte positions around one of the far cell, or
+    /// the first within the radius.
     fn nearest_around(&self, [u, v]: [u8; 2], chosen: (RayCoords, f64)) -> (RayCoords, f64) {
         let mut best = chosen;
         for ring in 0..=SEARCH {
@@ -237,7 +253,8 @@ impl Proximity {
                     if !on_ring {
                         continue;
                     }
-                    // The conversion saturates: a line beside the cell gets its border, one along the wall (NaN) its corner.
+                    // The conversion saturates: a line beside the cell gets its border, and one
+                    // along the wall (NaN) its corner.
                     let near = self
                         .near_position(self.frame.cell_point(self.far, [u, v]), self.eye)
                         .map(|x| x as u8);
@@ -254,8 +271,8 @@ impl Proximity {
         best
     }
 
-    /// Where the line from a far point through the eye (both in steps) meets the near wall, in steps from the near
-    /// cell's corner.
+    /// Returns where the line from a far point through the eye meets the near wall, in steps from
+    /// the near cell's corner. Both points are in steps.
     fn near_position(&self, far: DVec3, eye: DVec3) -> [f64; 2] {
         let axis = self.near.axis();
         let along = (self.frame.wall_position(self.near) - far[axis]) / (eye[axis] - far[axis]);
@@ -267,7 +284,7 @@ impl Proximity {
         ]
     }
 
-    /// A ray from its byte positions, and its distance from the eye in world units.
+    /// Returns the ray of these byte positions, and its distance from the eye in world units.
     fn measured(&self, far_bytes: [u8; 2], near_bytes: [u8; 2]) -> (RayCoords, f64) {
         let far = self.frame.cell_point(self.far, far_bytes);
         let direction =

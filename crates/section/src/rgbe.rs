@@ -1,33 +1,38 @@
-//! Shared-exponent colours: four bytes R, G, B, E with channel = byte · 2^(E-136) (after Ward, "Real Pixels", Graphics
-//! Gems II, 1991).
+//! Colours with a shared exponent: four bytes R, G, B, E, with channel = byte · 2^(E-136) (after
+//! Ward, "Real Pixels", Graphics Gems II, 1991).
 //!
-//! Decoding adds no half step, so that exact values stay exact. Invariant: over all dither values the mean of
-//! `decode(encode(x))` is x for all channels but the largest, which is rounded to nearest, within 0.4 %.
+//! Decoding adds no half step, so that exact values stay exact. Invariant: the largest channel is
+//! rounded to nearest, within 0.4 %. For the others, the mean of `decode(encode(x))` over all
+//! dither values is x.
 
 use crate::hash::mix32;
 
-/// Largest channel value that can be stored: 255·2¹¹⁹.
+/// Largest channel value: 255·2¹¹⁹.
 pub const MAX_CHANNEL: f32 = 255.0 * ((1u128 << 119) as f32);
 
-/// 2 to the power `exponent`, which must be a normal `f64` exponent.
+/// Returns 2 to the power `exponent`, which must be a normal `f64` exponent.
 fn exp2i(exponent: i32) -> f64 {
     f64::from_bits(((1023 + exponent) as u64) << 52)
 }
 
-/// Encodes a radiance. Negative and NaN channels become 0, those above [`MAX_CHANNEL`] become it; below 2⁻¹²⁸ all is
-/// black.
+/// Encodes a radiance.
 ///
-/// The largest channel is rounded to nearest; the others up or down at random, by the 32 uniform bits of `dither`, so
-/// that their expectation is exact (to 2⁻³² of a step).
+/// Negative and NaN channels become 0, and channels above [`MAX_CHANNEL`] become that. Colours
+/// below 2⁻¹²⁸ become black.
+///
+/// The largest channel is rounded to nearest. The others are rounded up or down at random, by the
+/// 32 uniform bits of `dither`, so that their expectation is exact to 2⁻³² of a step.
 pub fn encode(rgb: [f32; 3], dither: u32) -> [u8; 4] {
     let rgb = rgb.map(|v| if v > 0.0 { v.min(MAX_CHANNEL) } else { 0.0 });
     let largest =
         if rgb[0] >= rgb[1] && rgb[0] >= rgb[2] { 0 } else { 1 + usize::from(rgb[2] > rgb[1]) };
     let peak = f64::from(rgb[largest]);
-    // Exponent of 2 above the peak; every nonzero f32 is a normal f64. Zero has the least exponent and ends as black.
+    // The exponent of the power of 2 above the peak; every nonzero f32 is a normal f64. Zero has
+    // the least exponent and becomes black.
     let above = (peak.to_bits() >> 52) as i32 - 1022;
     let mut exponent = above + 128;
-    // A dithered channel just below a peak above 255 could round up to 256: such a peak is halved instead.
+    // With a peak above 255 steps, a dithered channel could round up to 256. A greater exponent
+    // avoids that.
     if peak * exp2i((136 - exponent).min(1000)) > 255.0 {
         exponent += 1;
     }
@@ -35,7 +40,8 @@ pub fn encode(rgb: [f32; 3], dither: u32) -> [u8; 4] {
         return [0; 4];
     }
     let scale = exp2i(136 - exponent);
-    // Both marginals are exactly uniform over all dither values: the first as it is, the second through a bijection.
+    // Over all dither values both numbers are exactly uniform: the first is the dither, the second
+    // a bijection of it.
     let mut random = [dither, mix32(dither ^ 0x5bd1_e995)].into_iter();
     let mut bytes = [0, 0, 0, exponent as u8];
     for (channel, &value) in rgb.iter().enumerate() {
@@ -51,7 +57,7 @@ pub fn encode(rgb: [f32; 3], dither: u32) -> [u8; 4] {
     bytes
 }
 
-/// Radiance of a stored colour; black when E is 0.
+/// Returns the radiance of a stored colour; black if E is 0.
 pub fn decode(rgbe: [u8; 4]) -> [f32; 3] {
     let [r, g, b, e] = rgbe;
     if e == 0 {

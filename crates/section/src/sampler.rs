@@ -1,10 +1,9 @@
-//! Which rays of a beam its sample numbers stand for.
+//! The rays that a beam's sample numbers stand for.
 //!
-//! Invariant: a sample's ray is a function of (section, beam, sample number, viewpoint), so that restarts repeat
-//! nothing and two runs ask for the same rays.
+//! Invariant: a sample's ray is a function of (section, beam, sample number, viewpoint). So
+//! restarts repeat nothing, and two runs ask for the same rays.
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
 use crate::cells::{BeamId, CellPair, RayCoords};
 use crate::hash::combine;
@@ -13,11 +12,11 @@ use crate::section::{Frame, Section, SectionRay};
 use crate::sobol::ScrambledSobol;
 
 /// An eye near which rays are wanted.
-#[derive(Serialize, Deserialize, Copy, Clone, Debug, PartialEq)]
+#[derive(Copy, Clone, Debug, PartialEq)]
 pub struct Viewpoint {
     /// Position, world.
     pub eye: [f64; 3],
-    /// How near to the eye a ray should pass, world units.
+    /// Greatest distance of a ray from the eye, world units.
     pub radius: f64,
 }
 
@@ -31,9 +30,11 @@ pub struct BeamSampler {
 }
 
 impl Section {
-    /// A sampler of the rays of a beam: those near the viewpoint if one is given, otherwise spread over the whole beam.
-    /// `None` when the section has no such beam. A viewpoint that is not finite, or that no ray of the beam passes
-    /// within its radius, gives uniform rays: see [`BeamSampler::is_limited`].
+    /// Returns a sampler of the rays of a beam; `None` if the section has no such beam.
+    ///
+    /// With a viewpoint, rays pass near its eye; otherwise they are spread over the whole beam.
+    /// They are also spread over the whole beam if the viewpoint is not finite, or no ray of the
+    /// beam passes within its radius: see [`BeamSampler::is_limited`].
     pub fn beam_sampler(
         &self,
         section_index: u16,
@@ -54,7 +55,7 @@ impl Section {
 }
 
 impl BeamSampler {
-    /// Positions of a sample's ray in the beam's cells.
+    /// Returns the positions of a sample's ray in the beam's cells.
     pub fn coords(&self, sample_number: u32) -> RayCoords {
         match &self.proximity {
             Some(proximity) => proximity.coords(&self.sequence, sample_number),
@@ -62,12 +63,13 @@ impl BeamSampler {
         }
     }
 
-    /// The ray at these positions.
+    /// Returns the ray at these positions.
     pub fn ray(&self, coords: RayCoords) -> SectionRay {
         self.frame.ray(self.pair, coords)
     }
 
-    /// Whether rays pass near the viewpoint; false when none was given, or when no ray of the beam does.
+    /// Returns whether rays pass near the viewpoint: false if none was given, or if no ray of the
+    /// beam does.
     pub fn is_limited(&self) -> bool {
         self.proximity.is_some()
     }

@@ -1,44 +1,45 @@
 //! A section: a gridded parallelepiped, and the rays between its cells.
 //!
-//! Works in *steps*: 256ths of a cell along each axis from the section's origin. In steps the middle of every byte
-//! position is a half-integer and every wall an integer, both exact in `f64`, so directions never come from differences
-//! of rounded world points.
+//! Computations are in *steps*: 256ths of a cell along each axis from the section's origin. In
+//! steps the middle of every byte position is a half-integer and every wall an integer. Both are
+//! exact in `f64`, so directions never come from differences of rounded world points.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::cells::{BeamId, CellIndex, CellPair, Numbering, RayCoords, locality_key};
+use crate::cells::{BeamId, CellIndex, CellPair, Numbering, RayCoords};
 
-/// Most cells along one axis: 30·64⁴ beams, more than which no directory of beams is practical (the paper recommends 4
-/// to 24).
+/// Most cells along one axis. A section then has 30·64⁴ beams; a directory of more is not
+/// practical. The paper recommends 4 to 24 cells.
 pub const MAX_GRID: u32 = 64;
 
-/// Byte positions in a cell along one direction.
+/// Steps in a cell along one direction: one for each byte position.
 pub(crate) const STEPS_PER_CELL: f64 = 256.0;
 
-/// Least distance between opposite walls, relative to the diagonal. Flatter sections could not tell the byte positions
-/// of grazing rays apart: a direction rounded to 2⁻⁵³ moves their exit points by up to 1.2e-7 steps, divided by this
-/// ratio.
+/// Least distance between opposite walls, relative to the diagonal.
+///
+/// In flatter sections the byte positions of grazing rays run into each other: a direction rounded
+/// to 2⁻⁵³ moves their exit points by up to 1.2e-7 steps, divided by this ratio.
 const MIN_FLATNESS: f64 = 1e-5;
 
-/// Most uncertainty of a world point, in steps, that still tells byte positions (1 step apart) from each other.
+/// Greatest uncertainty of a world point, in steps. Byte positions are 1 step apart.
 const MAX_UNCERTAINTY: f64 = 0.45;
 
-/// Lengths and coordinates beyond these over- or underflow when squared or multiplied.
+/// Coordinates and lengths beyond these overflow or underflow when squared or multiplied.
 const MAX_COORDINATE: f64 = 1e60;
 const MIN_LENGTH: f64 = 1e-60;
 
-/// Where view rays originate, and so which geometry is seen (paper §2.1).
+/// Which side of the section its views are on (Larson & Simmons 1999, §2.1).
 #[derive(Serialize, Deserialize, Copy, Clone, Debug, PartialEq, Eq, Hash)]
 pub enum ViewClass {
-    /// One looks out of the section.
+    /// Views look out of the section.
     Interior,
-    /// One looks into it.
+    /// Views look into the section.
     Exterior,
 }
 
-/// What defines a section, as read from a command line or a file; [`Section::new`] checks it.
+/// The numbers that define a section. [`Section::new`] checks them.
 #[derive(Serialize, Deserialize, Clone, Debug, PartialEq)]
 pub struct SectionSpec {
     /// One corner, in world units.
@@ -47,25 +48,28 @@ pub struct SectionSpec {
     pub axes: [[f64; 3]; 3],
     /// Cells along each axis, 1 to [`MAX_GRID`].
     pub grid: [u32; 3],
-    /// Interior or exterior.
+    /// Which side of the section its views are on.
     pub class: ViewClass,
-    /// Whether geometry inside the section is seen: see [`Section::trace_start`].
+    /// Whether geometry inside the section is visible: see [`Section::trace_start`].
     pub obstructions: bool,
 }
 
 /// Why a section is refused.
 #[derive(Error, Debug, Clone, PartialEq)]
 pub enum SectionError {
-    /// A coordinate is not a number, or absurdly large.
+    /// A coordinate is not a number, or too large.
     #[error("section origin and axes must be finite numbers below {MAX_COORDINATE:e}, found {0}")]
     Coordinate(f64),
-    /// The grid has no cells, or too many.
-    #[error("section grid must have 1 to {MAX_GRID} cells along each axis, found {} {} {}", .0[0], .0[1], .0[2])]
-    Grid([u32; 3]),
-    /// The axes span no volume.
+    /// The grid has no cells along an axis, or too many.
     #[error(
-        "section axes {axes:?} are degenerate: opposite walls are {height:e} apart, which must be at least \
-         {MIN_FLATNESS} of the diagonal {diagonal:e}"
+        "section grid must have 1 to {MAX_GRID} cells along each axis, found {} {} {}",
+        .0[0], .0[1], .0[2]
+    )]
+    Grid([u32; 3]),
+    /// The axes span no volume, or the section is too flat.
+    #[error(
+        "section axes {axes:?} are degenerate: opposite walls are {height:e} apart, which must be \
+         at least {MIN_FLATNESS} of the diagonal {diagonal:e}"
     )]
     Degenerate {
         /// The axes as given.
@@ -75,10 +79,11 @@ pub enum SectionError {
         /// Longest space diagonal.
         diagonal: f64,
     },
-    /// Too small for its distance from the world's origin.
+    /// The section is too small for its distance from the world's origin.
     #[error(
-        "section at {origin:?} is too small or its grid too fine for its place: world coordinates there are uncertain \
-         by {uncertainty:.2} of a 256th of a cell; move the scene nearer to the origin"
+        "section at {origin:?} is too small, or its grid too fine: so far from the origin, \
+         coordinates are uncertain by {uncertainty:.2} of a 256th of a cell; move the scene nearer \
+         to the origin"
     )]
     Unresolved {
         /// The section's origin.
@@ -99,7 +104,7 @@ pub struct SectionRay {
     pub length: f64,
 }
 
-/// Distance of the ray's infinite line from the eye, world units.
+/// Returns the distance of the ray's infinite line from the eye, world units.
 pub fn ray_eye_distance(ray: &SectionRay, eye: DVec3) -> f64 {
     (eye - ray.origin).cross(ray.direction).length()
 }
@@ -110,11 +115,11 @@ pub(crate) struct Frame {
     pub(crate) origin: DVec3,
     /// World vectors of one step along each axis.
     step: [DVec3; 3],
-    /// Rows of the inverse: steps = dual · (world - origin).
+    /// The rows of the inverse: steps = dual · (world - origin).
     dual: [DVec3; 3],
-    /// Steps along each axis: 256 × cells.
+    /// Number of steps along each axis: 256 × cells.
     pub(crate) size: DVec3,
-    /// Sum of the axes' absolute values: how large world offsets in the section can be, for error bounds.
+    /// Sum of the axes' absolute values: a bound on world offsets in the section, for error bounds.
     extent: DVec3,
 }
 
@@ -133,7 +138,7 @@ impl Frame {
         }
     }
 
-    /// World vector of a difference in steps.
+    /// Returns the world vector of a difference in steps.
     pub(crate) fn to_world_vector(self, steps: DVec3) -> DVec3 {
         self.step[0] * steps.x + self.step[1] * steps.y + self.step[2] * steps.z
     }
@@ -142,7 +147,7 @@ impl Frame {
         self.origin + self.to_world_vector(steps)
     }
 
-    /// Steps of a world vector.
+    /// Returns a world vector in steps.
     pub(crate) fn to_steps_vector(self, world: DVec3) -> DVec3 {
         DVec3::new(self.dual[0].dot(world), self.dual[1].dot(world), self.dual[2].dot(world))
     }
@@ -151,10 +156,11 @@ impl Frame {
         self.to_steps_vector(world - self.origin)
     }
 
-    /// How far, in steps, the rounding of a world point inside the section to `f64` can move it.
+    /// Returns how far, in steps, the rounding of a world point inside the section to `f64` can
+    /// move it.
     pub(crate) fn uncertainty(self, world: DVec3) -> DVec3 {
-        // Half a unit in the last place of the point itself; the rest covers the few operations on offsets in the
-        // section.
+        // The first term is half a unit in the last place of the point itself. The second covers
+        // the few operations on offsets in the section.
         let error = (world.abs() * 0.51 + self.extent * 4.0) * f64::EPSILON;
         DVec3::new(
             self.dual[0].abs().dot(error),
@@ -163,12 +169,12 @@ impl Frame {
         )
     }
 
-    /// Most steps along each axis that a world vector of length 1 can span.
+    /// Returns the most steps along each axis that a world vector of length 1 can span.
     pub(crate) fn steps_per_length(self) -> DVec3 {
         DVec3::from_array(self.dual.map(DVec3::length))
     }
 
-    /// A byte position on a wall, in steps; exact.
+    /// Returns a byte position on a wall, in steps. It is exact.
     pub(crate) fn cell_point(self, cell: CellIndex, bytes: [u8; 2]) -> DVec3 {
         let (u, v) = cell.directions();
         let mut point = DVec3::ZERO;
@@ -178,7 +184,7 @@ impl Frame {
         point
     }
 
-    /// Where a cell's wall cuts its axis, in steps.
+    /// Returns where a cell's wall cuts its axis, in steps.
     pub(crate) fn wall_position(self, cell: CellIndex) -> f64 {
         if cell.side() == 0 { 0.0 } else { self.size[cell.axis()] }
     }
@@ -207,9 +213,9 @@ impl Section {
     /// Checks a specification.
     ///
     /// # Errors
-    /// Coordinates that are not finite, a grid outside 1 to [`MAX_GRID`], axes that span (nearly) no volume, or a
-    /// section so small and far from the world's origin that `f64` world coordinates cannot tell its byte positions
-    /// apart.
+    /// If a coordinate is not finite, the grid is outside 1 to [`MAX_GRID`], or the axes span
+    /// nearly no volume. Also if the section is so small and far from the world's origin that `f64`
+    /// coordinates cannot tell its byte positions apart.
     pub fn new(spec: SectionSpec) -> Result<Section, SectionError> {
         for &x in spec.origin.iter().chain(spec.axes.iter().flatten()) {
             if !x.is_finite() || x.abs() > MAX_COORDINATE {
@@ -227,7 +233,7 @@ impl Section {
             .fold(0.0, f64::max);
         let heights = heights(axes);
         let height = heights.into_iter().fold(f64::INFINITY, f64::min);
-        // Written so that a NaN height (of zero or underflowed axes) is refused too.
+        // Written so that NaN, the height of zero or underflowed axes, is refused, too.
         if !heights.into_iter().all(|h| h >= MIN_FLATNESS * diagonal && h >= MIN_LENGTH) {
             return Err(SectionError::Degenerate { axes: spec.axes, height, diagonal });
         }
@@ -241,8 +247,11 @@ impl Section {
         Ok(Section { numbering: Numbering::new(spec.grid), frame, axes, diagonal, spec })
     }
 
-    /// A grid for these axes: cells as near to cubes as 4 to 24 cells a side allow, with 50,000 to 500,000 beams (paper
-    /// §2.1), as near to the middle of that range (on a logarithmic scale) as can be. Axes without length get 4 cells.
+    /// Returns a good grid for these axes.
+    ///
+    /// Its cells are as near to cubes as 4 to 24 cells a side allow. The number of beams is as near
+    /// as possible to the middle of 50,000 to 500,000, on a logarithmic scale (Larson & Simmons
+    /// 1999, §2.1). Axes without length get 4 cells.
     pub fn default_grid(axes: [[f64; 3]; 3]) -> [u32; 3] {
         const TARGET: f64 = 158_000.0;
         let lengths = axes.map(|a| DVec3::from_array(a).length());
@@ -253,96 +262,77 @@ impl Section {
             })
         };
         let miss = |grid: [u32; 3]| (Numbering::new(grid).beam_count() as f64 / TARGET).ln().abs();
-        // 4 to 24 cells along the longest axis in steps fine enough that every grid on the way is met.
+        // 4 to 24 cells along the longest axis, in steps fine enough to meet every such grid.
         (0..=1000)
             .map(|i| grid_for(4.0 + 0.02 * f64::from(i)))
-            // NaN, of axes without length, became 0.
+            // Axes without length give NaN, which became 0.
             .map(|grid| grid.map(|n| n.max(4)))
             .min_by(|&a, &b| miss(a).total_cmp(&miss(b)))
             .unwrap_or([4; 3])
     }
 
-    /// The specification that the section was made from.
+    /// Returns the specification that the section was made from.
     pub fn spec(&self) -> &SectionSpec {
         &self.spec
     }
 
-    /// Longest of the four space diagonals, world units.
+    /// Returns the longest of the four space diagonals, world units.
     pub fn diagonal(&self) -> f64 {
         self.diagonal
     }
 
-    /// Volume, world units cubed.
+    /// Returns the volume, world units cubed.
     pub fn volume(&self) -> f64 {
         self.axes[0].dot(self.axes[1].cross(self.axes[2])).abs()
     }
 
-    /// Number of beams: 2W²D²+2W²H²+2D²H²+8W²DH+8WD²H+8WDH² for a W×D×H grid (paper §2.1).
+    /// Returns the number of beams: 2W²D²+2W²H²+2D²H²+8W²DH+8WD²H+8WDH² for a W×D×H grid (Larson &
+    /// Simmons 1999, §2.1).
     pub fn beam_count(&self) -> u64 {
         self.numbering.beam_count()
     }
 
-    /// Whether both cells are cells of this section, on different walls.
+    /// Returns whether both cells are cells of this section, on different walls.
     pub fn contains_pair(&self, pair: CellPair) -> bool {
         self.numbering.contains(pair)
     }
 
-    /// Number of a beam. The pair must be one of this section's ([`contains_pair`](Self::contains_pair)): for others
-    /// the number is some beam's or none's.
+    /// Returns the number of a beam. The pair must be one of this section's, by
+    /// [`contains_pair`](Self::contains_pair); for others the number has no meaning.
     pub fn beam(&self, pair: CellPair) -> BeamId {
         self.numbering.beam(pair)
     }
 
-    /// The two cells of a beam; `None` when the section has no such beam.
+    /// Returns the two cells of a beam; `None` if the section has no such beam.
     pub fn cells(&self, beam: BeamId) -> Option<CellPair> {
         self.numbering.cells(beam)
     }
 
-    /// A key by which to order beams so that those with neighbouring cells at both ends come near each other: wall
-    /// pair, then the Morton order of the four cell indices. Distinct beams have distinct keys; `u64::MAX` when there
-    /// is no such beam.
-    pub fn locality_key(&self, beam: BeamId) -> u64 {
-        self.cells(beam).map_or(u64::MAX, locality_key)
-    }
-
-    /// The ray of a beam at the given byte positions, from its entry to its exit point.
+    /// Returns the ray of a beam at these byte positions, from its entry to its exit point.
     pub fn ray(&self, pair: CellPair, coords: RayCoords) -> SectionRay {
         self.frame.ray(pair, coords)
     }
 
-    /// World point to fractions of the axes: (0,0,0) to (1,1,1) inside.
+    /// Returns a world point as fractions of the axes: (0,0,0) to (1,1,1) inside.
     pub fn world_to_local(&self, point: DVec3) -> DVec3 {
         self.frame.to_steps(point) / self.frame.size
     }
 
-    /// Fractions of the axes to world point.
+    /// Returns the world point at these fractions of the axes.
     pub fn local_to_world(&self, local: DVec3) -> DVec3 {
         self.frame.to_world(local * self.frame.size)
     }
 
-    /// Whether the world point is inside or on a wall.
+    /// Returns whether the world point is inside or on a wall.
     pub fn contains(&self, point: DVec3) -> bool {
         let local = self.world_to_local(point);
         local.cmpge(DVec3::ZERO).all() && local.cmple(DVec3::ONE).all()
     }
 
-    /// Euclidean distance from a world point to the section, 0 inside; exact for sheared sections too.
-    pub fn distance_to(&self, point: DVec3) -> f64 {
-        if self.contains(point) {
-            return 0.0;
-        }
-        let [a, b, c] = self.axes;
-        let p = point - self.frame.origin;
-        [(a, b, c), (b, c, a), (c, a, b)]
-            .into_iter()
-            .map(|(u, v, across)| {
-                distance_to_parallelogram(p, u, v).min(distance_to_parallelogram(p - across, u, v))
-            })
-            .fold(f64::INFINITY, f64::min)
-    }
-
-    /// Where along a ray (distance from its entry point) tracing starts: at the entry wall when things inside are to be
-    /// seen (`obstructions`, or an exterior section), otherwise at the exit wall.
+    /// Returns the distance from a ray's entry point at which tracing starts.
+    ///
+    /// It starts at the entry wall if geometry inside is visible: with `obstructions`, or in an
+    /// exterior section. Otherwise it starts at the exit wall.
     pub fn trace_start(&self, ray: &SectionRay) -> f64 {
         if self.spec.obstructions || self.spec.class == ViewClass::Exterior {
             0.0
@@ -352,24 +342,9 @@ impl Section {
     }
 }
 
-/// Distances between opposite walls.
+/// Returns the distances between opposite walls.
 fn heights([a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let height =
         |across: DVec3, u: DVec3, v: DVec3| (across.dot(u.cross(v)) / u.cross(v).length()).abs();
     [height(a, b, c), height(b, c, a), height(c, a, b)]
-}
-
-/// Distance from `p` to the parallelogram at the origin with edges `u` and `v`.
-fn distance_to_parallelogram(p: DVec3, u: DVec3, v: DVec3) -> f64 {
-    let normal = u.cross(v);
-    let area2 = normal.length_squared();
-    let (s, t) = (p.cross(v).dot(normal) / area2, u.cross(p).dot(normal) / area2);
-    if (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t) {
-        return p.dot(normal).abs() / area2.sqrt();
-    }
-    let to_segment = |p: DVec3, edge: DVec3| {
-        let along = (p.dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
-        (p - edge * along).length()
-    };
-    to_segment(p, u).min(to_segment(p, v)).min(to_segment(p - v, u)).min(to_segment(p - u, v))
 }

@@ -1,15 +1,18 @@
-//! A 4-D Sobol sequence with Owen scrambling, by sample number.
+//! A four-dimensional Sobol sequence with Owen scrambling, by sample number.
 //!
-//! Direction numbers of Joe & Kuo (2008, new-joe-kuo-6); hash-based nested uniform scrambling after Burley, "Practical
-//! Hash-based Owen Scrambling", JCGT 9(4), 2020, with Vegdahl's constants. The order of points is not shuffled, so that
-//! every prefix is well spread and a beam's samples go on where they stopped.
+//! Direction numbers are those of Joe & Kuo (2008, new-joe-kuo-6). Scrambling is hash-based after
+//! Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020, with Vegdahl's constants. The
+//! order of points is not shuffled: every prefix is well spread, and a beam's samples go on where
+//! they stopped.
 
 use crate::hash::mix64;
 
-/// Directions of one dimension: row `bit` is xored in when that bit of the sample number is set.
+/// The directions of one dimension: entry `bit` is xored in if that bit of the sample number is
+/// set.
 type Directions = [u32; 32];
 
-/// Directions from a primitive polynomial (degree, coefficients) and its first odd numbers.
+/// Returns the directions of a primitive polynomial (degree, coefficients) and its first odd
+/// numbers.
 const fn directions(degree: usize, coefficients: u32, initial: [u32; 3]) -> Directions {
     let mut v = [0u32; 32];
     let mut i = 0;
@@ -58,7 +61,7 @@ impl ScrambledSobol {
         }
     }
 
-    /// Point `number`, as fractions of 2³².
+    /// Returns point `number`, as fractions of 2³².
     pub(crate) fn point(&self, number: u32) -> [u32; 4] {
         let mut point = sobol(number);
         for (x, &seed) in point.iter_mut().zip(&self.seeds) {
@@ -83,7 +86,8 @@ fn sobol(number: u32) -> [u32; 4] {
 
 /// Flips each bit by a hash of the bits above it: a random element of Owen's nested permutations.
 fn owen_scramble(x: u32, seed: u32) -> u32 {
-    // In reversed order each step lets lower bits change only higher ones (Laine & Karras 2011).
+    // With the bits reversed, each step lets lower bits change only higher ones (Laine & Karras
+    // 2011).
     let mut x = x.reverse_bits();
     x ^= x.wrapping_mul(0x3d20_adea);
     x = x.wrapping_add(seed);
@@ -97,7 +101,8 @@ fn owen_scramble(x: u32, seed: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// Counts of the first 2^k points in the elementary intervals of a shape (bits of each dimension).
+    /// Counts of the first 2^k points in the elementary intervals of a shape (bits of each
+    /// dimension).
     fn counts(points: &[[u32; 4]], shape: [u32; 4]) -> Vec<u32> {
         let mut counts = vec![0; 1 << shape.iter().sum::<u32>()];
         for point in points {
@@ -150,8 +155,8 @@ mod tests {
                         "dimension {dimension}, {bits} bits"
                     );
                 }
-                // The polynomials of the exit cell's dimensions have degrees 2 and 3, so t = 1 + 2: every interval of
-                // 2^(bits-3) of volume has exactly 8 points.
+                // The polynomials of the exit cell's dimensions have degrees 2 and 3, so t = 1 + 2:
+                // every interval of 2^(bits-3) of volume has exactly 8 points.
                 if bits >= 3 {
                     for c in 0..=bits - 3 {
                         assert!(counts(&points, [0, 0, c, bits - 3 - c]).iter().all(|&n| n == 8));
@@ -163,7 +168,8 @@ mod tests {
 
     #[test]
     fn scrambling_keeps_the_counts_of_all_elementary_intervals() {
-        // A nested permutation moves elementary intervals of a shape onto each other: the sorted counts stay.
+        // A nested permutation moves elementary intervals of a shape onto each other, so the sorted
+        // counts stay the same.
         for bits in [3, 6, 8] {
             let plain: Vec<_> = (0..1 << bits).map(sobol).collect();
             for seed in 0..8 {
@@ -181,8 +187,8 @@ mod tests {
 
     #[test]
     fn scrambling_is_nested() {
-        // Numbers that share their top bits share them afterwards, and those that first differ in a bit still do so
-        // there.
+        // Numbers that share their top bits share them afterwards. Numbers that first differ in a
+        // bit still first differ there.
         let mut x = 1u32;
         for seed in 0..2000u32 {
             x = crate::hash::mix32(x.wrapping_add(seed));

@@ -18,7 +18,7 @@ fn the_layout_is_coordinates_colour_and_little_endian_distance() {
     for kind in [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay] {
         assert_eq!(SampleKind::from_code(kind as u8), Some(kind));
     }
-    assert_eq!(SampleKind::try_from(3), Err(3));
+    assert_eq!(SampleKind::from_code(3), None);
 }
 
 #[test]
@@ -41,11 +41,11 @@ fn the_largest_channel_is_within_0_4_percent_and_the_others_within_a_step() {
 
 #[test]
 fn over_all_dithers_the_mean_of_a_smaller_channel_is_its_value() {
-    // The first of the smaller channels is rounded by the dither itself: 2¹⁶ evenly spaced dithers are exact for
-    // multiples of 2⁻¹⁶ of a step.
+    // The dither itself rounds the first of the smaller channels. So 2¹⁶ evenly spaced dithers are
+    // exact for multiples of 2⁻¹⁶ of a step.
     let mut rng = Rng(11);
     for _ in 0..20 {
-        // The peak fixes the step at 1/256 below 1.
+        // The peak, just below 1, makes a step 1/256.
         let green = rng.below(255 << 16) as f64 / f64::from(256 << 16);
         let sum: f64 = (0..1u32 << 16)
             .map(|k| f64::from(rgbe::decode(rgbe::encode([0.9, green as f32, 0.0], k << 16))[1]))
@@ -73,7 +73,8 @@ fn rounding_has_no_bias_and_the_two_dithered_channels_are_independent() {
             let fraction = value - value.floor();
             let sd = (fraction * (1.0 - fraction)).sqrt().max(1e-9);
             let z: Vec<f64> = codes.iter().map(|c| (f64::from(c[channel]) - value) / sd).collect();
-            // Standard normal over √n samples: beyond 5 once in 1.7 million.
+            // In standard deviations of a mean of n samples: beyond 5 by chance once in 1.7
+            // million.
             let mean = z.iter().sum::<f64>() / f64::from(n).sqrt();
             assert!(mean.abs() < 5.0, "{rgb:?} channel {channel}: {mean} standard errors");
             centred.push(z);
@@ -138,7 +139,7 @@ fn distances_are_monotone_and_within_their_stated_error() {
         before = code;
         let back = distance::decode(code, diagonal);
         let allowed = if d < diagonal { diagonal / 4096.0 * (1.0 + 1e-12) } else { 2.5e-4 * d };
-        // The last code's step ends here; its middle stands for all that is farther.
+        // The last code's step ends here. Its middle stands for all greater distances.
         let beyond = d > diagonal * (1.0 + 1.0 / 2048.0f64).powi(65535 - 2048);
         assert!((back - d).abs() <= allowed || beyond, "{d} became {back}");
     }

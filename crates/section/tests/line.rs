@@ -1,5 +1,7 @@
-//! Rays to lines and back: exactness of the ray coordinates, and the geometry of lines that meet a section.
-#![allow(clippy::unwrap_used, clippy::panic)] // In the tests' helpers; in tests proper they are allowed anyway.
+//! From rays to lines and back: ray coordinates are exact, and lines meet sections where geometry
+//! says.
+// For the tests' helpers: in tests themselves they are allowed anyway.
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod common;
 
@@ -14,7 +16,7 @@ fn assert_exact(section: &Section, pair: CellPair, coords: RayCoords) {
     assert_eq!(found, Some((pair, coords)), "{:?}: {ray:?} -> {hit:?}", section.spec());
 }
 
-/// Sections of every size, place, shape and grid that the system promises to work for.
+/// Sections of every size, place, shape and grid for which the system must work.
 fn all_sections() -> Vec<Section> {
     let mut sections = Vec::new();
     for size in [1e-4, 1.0, 37.5, 1e4, 1e8] {
@@ -23,8 +25,8 @@ fn all_sections() -> Vec<Section> {
                 for grid in [[1; 3], [3, 4, 5], [8; 3], [64; 3], [1, 64, 7]] {
                     match Section::new(spec(place, scaled(axes, size), grid)) {
                         Ok(section) => sections.push(section),
-                        // Only where f64 itself has no room: a step of a 256th of a cell is then about the world's
-                        // resolution.
+                        // Refused only where f64 has no room: a 256th of a cell is then about the
+                        // world's resolution.
                         Err(SectionError::Unresolved { .. }) => {
                             assert!(
                                 size == 1e-4
@@ -56,8 +58,8 @@ fn a_stored_ray_is_found_again_exactly() {
 
 #[test]
 fn a_grazing_ray_is_found_again_exactly() {
-    // Both ends within a few steps of the edge that their walls share, or one end there and the other as far away as
-    // can be.
+    // Both ends lie within a few steps of the edge that their walls share; or one does, and the
+    // other is as far away as possible.
     let mut rng = Rng(2);
     for section in all_sections() {
         let grid = section.spec().grid;
@@ -132,7 +134,8 @@ fn a_ray_runs_from_its_entry_to_its_exit_wall() {
     }
 }
 
-/// Where the line meets the wall's parallelogram, by Cramer's rule: (t, u, v) with u and v in fractions of the wall.
+/// Where the line meets the wall's parallelogram, by Cramer's rule: (t, u, v) with u and v in
+/// fractions of the wall.
 fn meet_wall(
     section: &Section,
     origin: DVec3,
@@ -202,11 +205,11 @@ fn unit_line(origin: [f64; 3], direction: [f64; 3]) -> Option<LineHit> {
 
 #[test]
 fn a_boundary_belongs_to_exactly_one_side() {
-    // Between two cells: the upper one's.
+    // A position between two cells belongs to the upper one.
     let hit = unit_line([-1.0, 0.5, 0.25], [1.0, 0.0, 0.0]).unwrap();
     assert_eq!((hit.pair.entry, hit.coords.0[0]), (CellIndex { wall: 0, u: 1, v: 0 }, 0));
     assert_eq!((hit.entry_t, hit.exit_t), (1.0, 2.0));
-    // In the plane that two sections share: in exactly one of them, whichever way the line runs.
+    // A line in the plane that two sections share is in exactly one of them, whichever way it runs.
     let upper = section([1.0, 0.0, 0.0], UNIT, [2; 3]);
     for direction in [DVec3::Y, -DVec3::Z, DVec3::new(0.0, 0.3, 0.4)] {
         let origin = DVec3::new(1.0, 0.3, 0.3);
@@ -227,19 +230,19 @@ fn lines_through_edges_and_corners_enter_and_leave_by_different_walls() {
         assert_ne!(hit.pair.entry.wall, hit.pair.exit.wall);
         assert!(hit.entry_t < hit.exit_t);
     }
-    // Only touching an edge or a corner is no meeting.
+    // A line that only touches an edge or a corner misses.
     assert_eq!(unit_line([-1.0, 1.0, 0.5], [1.0, -1.0, 0.0]), None);
     assert_eq!(unit_line([1.0, -1.0, 0.0], [-1.0, 1.0, -0.5]), None);
 }
 
 #[test]
-fn lines_that_are_no_lines_meet_nothing() {
+fn lines_of_impossible_numbers_meet_nothing() {
     assert_eq!(unit_line([0.5; 3], [0.0; 3]), None);
     assert_eq!(unit_line([f64::NAN, 0.5, 0.5], [1.0, 0.0, 0.0]), None);
     assert_eq!(unit_line([0.5; 3], [1.0, f64::NAN, 0.0]), None);
     assert_eq!(unit_line([0.5; 3], [f64::INFINITY, 0.0, 0.0]), None);
     assert_eq!(unit_line([-1.0, 1.5, 0.5], [1.0, 0.0, 0.0]), None);
-    // A direction's length, however extreme, does not matter.
+    // The length of a direction does not matter, however extreme.
     for scale in [1e-300, 1e300] {
         assert_eq!(unit_line([0.1, 0.2, 0.3], [scale, 0.0, 0.0]).unwrap().pair.exit.wall, 1);
     }
@@ -250,7 +253,8 @@ proptest! {
 
     #[test]
     fn a_line_of_any_numbers_meets_a_valid_beam_or_nothing(
-        origin in prop::array::uniform3(any::<f64>()), direction in prop::array::uniform3(any::<f64>()),
+        origin in prop::array::uniform3(any::<f64>()),
+        direction in prop::array::uniform3(any::<f64>()),
         near in prop::array::uniform3(-2.0..2.0f64), small in any::<bool>(),
     ) {
         let section = section([0.0; 3], SHEARED, [3, 4, 5]);

@@ -1,5 +1,6 @@
-//! Rays limited to an eye's neighbourhood (paper, Appendix A).
-#![allow(clippy::unwrap_used, clippy::panic)] // In the tests' helpers; in tests proper they are allowed anyway.
+//! Rays that pass near an eye (Larson & Simmons 1999, Appendix A).
+// For the tests' helpers: in tests themselves they are allowed anyway.
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod common;
 
@@ -10,12 +11,12 @@ use holo_section::{
 };
 use std::collections::BTreeSet;
 
-/// Width of a pixel at distance 3 of a picture 320 pixels wide with a field of view of 60°.
+/// The width of a pixel at distance 3, in a picture 320 pixels wide over 60°.
 fn footprint() -> f64 {
     2.0 * 3.0 * 30f64.to_radians().tan() / 320.0
 }
 
-/// Beams that view rays from the eye cross, in all directions, forwards and backwards.
+/// The beams that view rays from the eye cross, in all directions, forwards and backwards.
 fn crossed(section: &Section, eye: DVec3, rays: u32) -> BTreeSet<BeamId> {
     let mut rng = Rng(30);
     (0..rays)
@@ -24,8 +25,8 @@ fn crossed(section: &Section, eye: DVec3, rays: u32) -> BTreeSet<BeamId> {
         .collect()
 }
 
-/// Share of the first samples of these beams that pass within the radius, and share of beams that fell back to uniform
-/// rays.
+/// Returns the share of these beams' first samples that pass within the radius, and the share of
+/// beams whose rays are uniform.
 fn shares(section: &Section, beams: &BTreeSet<BeamId>, viewpoint: &Viewpoint) -> (f64, f64) {
     let eye = DVec3::from_array(viewpoint.eye);
     let (mut near, mut all, mut uniform) = (0, 0, 0);
@@ -59,7 +60,8 @@ fn nearly_all_rays_pass_within_a_pixel_footprint_of_the_eye() {
             let beams = crossed(&section, eye, 20_000);
             let (near, uniform) = shares(&section, &beams, &viewpoint);
             println!(
-                "{name} {:?}, {place}: {:.2} % of rays within the radius, {:.2} % of {} beams uniform",
+                "{name} {:?}, {place}: {:.2} % of rays within the radius, \
+                 {:.2} % of {} beams uniform",
                 section.spec().grid,
                 near * 100.0,
                 uniform * 100.0,
@@ -71,7 +73,7 @@ fn nearly_all_rays_pass_within_a_pixel_footprint_of_the_eye() {
     }
 }
 
-/// The living room seen by a visitor who stands outside every section: the eye of the scene's own view.
+/// The eye of the scene's own view of the living room lies outside every section.
 #[test]
 fn an_eye_beside_the_section_is_served_like_one_inside() {
     let section = living_room();
@@ -87,7 +89,7 @@ fn an_eye_beside_the_section_is_served_like_one_inside() {
     assert!(near >= 0.99 && uniform <= 0.001);
 }
 
-/// Whether two cells have a point in common.
+/// Returns whether two cells have a point in common.
 fn touch(section: &Section, pair: CellPair) -> bool {
     let ends = [0u8, 255];
     let cell = |c: CellIndex, u: u8, v: u8| {
@@ -109,9 +111,10 @@ fn touch(section: &Section, pair: CellPair) -> bool {
 
 #[test]
 fn limited_rays_are_spread_evenly_over_all_that_the_eye_sees_through_the_beam() {
-    // The far cell in 16×16 boxes of 16×16 positions. Which are seen through the beam is asked of `line`, an
-    // independent computation: a box is open if the line from each of its positions through the eye passes the beam,
-    // closed if none of its or its neighbours' does.
+    // The far cell is split into 16×16 boxes of 16×16 positions. `line`, an independent
+    // computation, says which boxes the eye sees through the beam. A box is open if the line from
+    // each of its positions through the eye is in the beam. It is closed if no such line from it or
+    // its neighbours is.
     let section = cornell();
     let radius = 0.005;
     let samples = 8192;
@@ -125,8 +128,8 @@ fn limited_rays_are_spread_evenly_over_all_that_the_eye_sees_through_the_beam() 
                 (ray.origin, ray.origin + ray.direction * ray.length)
             };
             if touch(&section, pair) {
-                // Beside the common edge the two ends are too near each other to aim: samples move elsewhere, by
-                // design.
+                // Beside the common edge the two ends are too near each other to aim, so samples
+                // move elsewhere.
                 continue;
             }
             let (entry, exit) = ends([128; 4]);
@@ -136,8 +139,8 @@ fn limited_rays_are_spread_evenly_over_all_that_the_eye_sees_through_the_beam() 
                 for v in 0..=255u8 {
                     let (entry, exit) = ends([u, v, u, v]);
                     let towards = if entry_is_far { eye - entry } else { exit - eye };
-                    // An eye outside is in front of the near cell or behind it: the line runs the beam's way all the
-                    // same.
+                    // An eye outside may be in front of the near cell or behind it. In both cases
+                    // the line runs in the beam's direction.
                     let met = [towards, -towards].map(|d| section.line(eye, d).map(|hit| hit.pair));
                     seen[usize::from(u >> 4) * 16 + usize::from(v >> 4)] +=
                         u32::from(met.contains(&Some(pair)));
@@ -159,7 +162,7 @@ fn limited_rays_are_spread_evenly_over_all_that_the_eye_sees_through_the_beam() 
                     .flat_map(|u| (v.saturating_sub(1)..=(v + 1).min(15)).map(move |v| u * 16 + v));
                 if seen[i] == 256 {
                     open_boxes += 1;
-                    // No worse than random samples, at 5 standard deviations (Poisson).
+                    // As even as random samples at least, at 5 standard deviations (Poisson).
                     let expected = 256.0 * share;
                     let miss = (f64::from(counts[i]) - expected).abs();
                     assert!(
@@ -172,7 +175,7 @@ fn limited_rays_are_spread_evenly_over_all_that_the_eye_sees_through_the_beam() 
                     assert_eq!(counts[i], 0, "{pair:?} box {i}");
                 }
             }
-            // All rays differ: no collapse onto a few.
+            // All rays differ.
             let distinct: BTreeSet<RayCoords> = (0..1000).map(|n| sampler.coords(n)).collect();
             assert!(distinct.len() >= 900, "{pair:?}: {} distinct rays of 1000", distinct.len());
         }
@@ -183,8 +186,8 @@ fn limited_rays_are_spread_evenly_over_all_that_the_eye_sees_through_the_beam() 
 
 #[test]
 fn positions_are_uniform_over_the_visible_part() {
-    // One unit outside, on the axis of two opposite cells: the exit wall at distance 2 is seen whole, through the entry
-    // wall's central half in each direction.
+    // The eye is one unit outside, on the axis of two opposite cells. It sees the whole exit wall,
+    // at distance 2, through the central half of the entry wall in each direction.
     let section = section([0.0; 3], UNIT, [1; 3]);
     let pair = CellPair {
         entry: CellIndex { wall: 4, u: 0, v: 0 },
@@ -199,8 +202,8 @@ fn positions_are_uniform_over_the_visible_part() {
         counts[usize::from(c[2] >> 5) * 8 + usize::from(c[3] >> 5)] += 1;
         assert!((63..=192).contains(&c[0]) && (63..=192).contains(&c[1]), "{c:?}");
     }
-    // A low-discrepancy sequence: every box within 25 % of its share of 64 (random ones would stray by 12 % at one
-    // standard deviation).
+    // With a low-discrepancy sequence every box is within 25 % of its share of 64. Of random
+    // samples the standard deviation is 12 %.
     assert!(counts.iter().all(|&n| (48..=80).contains(&n)), "{counts:?}");
 }
 
@@ -218,7 +221,8 @@ fn a_radius_of_a_cells_size_does_not_pile_rays_up_at_the_borders() {
     for place in 0..4 {
         let mut strips = [0u32; 16];
         (0..n).for_each(|number| strips[usize::from(sampler.coords(number).0[place] >> 4)] += 1);
-        // The eye lies well inside a beam as wide as the radius: no strip of a 16th of a cell should get thrice its share.
+        // The eye lies well inside a beam as wide as the radius, so no strip of a 16th of a cell
+        // gets three times its share.
         assert!(strips.iter().all(|&count| count < 3 * n / 16), "coordinate {place}: {strips:?}");
     }
     let near = (0..n)
@@ -271,7 +275,7 @@ fn rays_depend_on_section_beam_number_and_viewpoint_alone() {
 }
 
 #[test]
-fn odd_viewpoints_give_rays_of_the_beam_all_the_same() {
+fn impossible_viewpoints_give_rays_of_the_beam() {
     let section = section([0.0; 3], UNIT, [4; 3]);
     let mut rng = Rng(32);
     let odd = [0.0, 1.0, 0.25, 0.5 + 0.5 / 1024.0, -1e30, 1e30, 1e308, f64::NAN, f64::INFINITY];

@@ -1,5 +1,6 @@
 //! Uniform rays of a beam: spread over it, and different from beam to beam.
-#![allow(clippy::unwrap_used, clippy::panic)] // In the tests' helpers; in tests proper they are allowed anyway.
+// For the tests' helpers: in tests themselves they are allowed anyway.
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod common;
 
@@ -55,8 +56,9 @@ fn over_many_beams_each_sample_is_uniform_in_every_coordinate_and_pair_of_coordi
 
 #[test]
 fn over_many_beams_two_samples_are_independent_within_their_strata() {
-    // Samples 0 and 1 lie in different halves of each coordinate; within the halves they are independent: the top 3
-    // bits of the one's and the 4 bits of the other's position in their halves, and which half, are uniform together.
+    // Samples 0 and 1 lie in different halves of each coordinate. Within the halves they are
+    // independent. So three things are uniform together: which half, the top 3 bits of one's
+    // position in its half, and the top 4 bits of the other's.
     let section = cornell();
     let beams = 1u64 << 16;
     for a in 0..4 {
@@ -84,7 +86,8 @@ fn sections_do_not_share_their_samples() {
 
 #[test]
 fn a_prefix_fills_a_beam_better_than_chance() {
-    // 4096 samples in the 4096 boxes of an 8×8×8×8 split: random ones would leave a share of 1/e = 36.8 % empty.
+    // 4096 samples go into the 4096 boxes of an 8×8×8×8 split. Random samples would leave a share
+    // of 1/e = 36.8 % empty.
     let section = cornell();
     let sampler = section.beam_sampler(0, BeamId(4321), None).unwrap();
     let mut seen = vec![false; 4096];
@@ -94,6 +97,6 @@ fn a_prefix_fills_a_beam_better_than_chance() {
     }
     let empty = seen.iter().filter(|&&s| !s).count();
     println!("empty boxes: {empty} of 4096");
-    // Binomial-like spread of random samples is below 25 boxes (1 standard deviation).
+    // Of random samples, the standard deviation is below 25 boxes.
     assert!(empty < 1507 - 10 * 25, "{empty} of 4096 boxes are empty");
 }

@@ -1,4 +1,4 @@
-//! Sections as such: what is refused, default grids, distances.
+//! Sections: refused specifications, default grids, distances.
 
 mod common;
 
@@ -43,7 +43,7 @@ fn default_grids_have_near_cubic_cells_and_the_recommended_number_of_beams() {
         assert!(grid.iter().all(|n| (4..=24).contains(n)));
         let beams = section([0.0; 3], axes, grid).beam_count();
         assert!((50_000..=500_000).contains(&beams), "{lengths:?}: {grid:?} has {beams}");
-        // Where no limit of 4 or 24 cells is in the way, cells are cubes up to rounding.
+        // Except at the limits of 4 and 24, cells are cubes up to rounding.
         if grid.iter().all(|n| (5..24).contains(n)) {
             let edges = [0, 1, 2].map(|i| lengths[i] / f64::from(grid[i]));
             let ratio = edges.into_iter().fold(0.0, f64::max)
@@ -83,32 +83,6 @@ fn local_coordinates_invert_and_contain_the_inside() {
 }
 
 #[test]
-fn the_distance_to_a_section_is_that_of_its_nearest_point() {
-    let mut rng = Rng(22);
-    let section = section([10.0, -20.0, 30.0], SHEARED, [4; 3]);
-    for _ in 0..200 {
-        let p = section.local_to_world(DVec3::new(
-            rng.between(-1.0, 2.0),
-            rng.between(-1.0, 2.0),
-            rng.between(-1.0, 2.0),
-        ));
-        // Convex minimisation over the section by projected coordinate descent: each step is exact along one axis.
-        let axes = section.spec().axes.map(DVec3::from_array);
-        let mut local = DVec3::splat(0.5);
-        for _ in 0..400 {
-            for axis in 0..3 {
-                let rest = p - section.local_to_world(local);
-                local[axis] = (local[axis] + rest.dot(axes[axis]) / axes[axis].length_squared())
-                    .clamp(0.0, 1.0);
-            }
-        }
-        let expected = (p - section.local_to_world(local)).length();
-        let found = section.distance_to(p);
-        assert!((found - expected).abs() < 1e-9, "{found} and {expected}");
-    }
-}
-
-#[test]
 fn tracing_starts_at_the_exit_wall_only_for_interior_sections_without_obstructions() {
     for (class, obstructions, at_exit) in [
         (ViewClass::Interior, true, false),
@@ -130,7 +104,7 @@ fn the_distance_of_a_ray_from_an_eye_is_its_lines() {
     let section = section([0.0; 3], UNIT, [1; 3]);
     let hit = section.line(DVec3::new(0.5, 0.5, -1.0), DVec3::Z).unwrap();
     let ray = section.ray(hit.pair, hit.coords);
-    // The ray runs along z through (½ + ½ step, ½ + ½ step); eyes beside and far behind it.
+    // The ray runs along z through (½ + ½ step, ½ + ½ step). Eyes are beside it and far behind it.
     let off = 0.5 + 0.5 / 256.0;
     assert!((ray_eye_distance(&ray, DVec3::new(off + 0.3, off - 0.4, -50.0)) - 0.5).abs() < 1e-12);
 }

@@ -1,8 +1,9 @@
-//! Paths per second of the path engine on a view of a scene, with one thread and with two; and per second that the
-//! threads ran, where the system tells (Linux), since other programs take their share of the first.
+//! Measures paths per second of the path engine on a view of a scene, with one thread and with two.
+//! Also prints paths per second of processor time where the system reports it (Linux), because
+//! other programs take a share of the elapsed time.
 //!
-//! `cargo run --release -p holo-tracer --example throughput -- SCENE.obj VP VD VH` (vectors as `x,y,z`), for example
-//! `... cornell.obj 2.78,2.73,-2 0,0,1 60`.
+//! `cargo run --release -p holo-tracer --example throughput -- SCENE.obj VP VD VH` (vectors as
+//! `x,y,z`), for example `... cornell.obj 2.78,2.73,-2 0,0,1 60`.
 
 use std::error::Error;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -19,8 +20,8 @@ fn vector(text: &str) -> Result<DVec3, Box<dyn Error>> {
     Ok(DVec3::from_array(parts.try_into().map_err(|_| "three numbers, as x,y,z")?))
 }
 
-/// Seconds that this thread has run.
-fn ran() -> Option<f64> {
+/// Returns the processor time of this thread in seconds.
+fn processor_seconds() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)
 }
@@ -51,7 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                         sum += f64::from(tracer.trace(eye, direction.normalize(), i).radiance[1]);
                     }
                 }
-                (sum, ran().unwrap_or(f64::NAN))
+                (sum, processor_seconds().unwrap_or(f64::NAN))
             };
             let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
             workers
@@ -62,7 +63,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let paths = next.load(Ordering::Relaxed) as f64;
         let rate = paths / start.elapsed().as_secs_f64() / 1e6;
         println!(
-            "{threads} threads: {rate:.3} M paths/s, {:.3} M in a thread's second, mean green {:.4}",
+            "{threads} threads: {rate:.3} M paths/s, {:.3} M per second of processor time, mean green {:.4}",
             paths / busy / 1e6,
             sum / paths
         );

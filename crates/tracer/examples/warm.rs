@@ -1,8 +1,9 @@
-//! What a sample costs and how noisy it is, by the engine `path` and by a warm `cached`: one thread, rays of a view.
+//! Measures cost and noise of a sample, for the engine `path` and for `cached` with a warm cache.
 //!
-//! `cargo run --release -p holo-tracer --example warm -- SCENE.obj VP VD VH` (vectors as `x,y,z`) prints one line of JSON: samples per
-//! second that the thread ran, and the mean relative variance of a sample, without the worst 1 % of rays, for which a few
-//! bright paths decide.
+//! `cargo run --release -p holo-tracer --example warm -- SCENE.obj VP VD VH` (vectors as `x,y,z`)
+//! traces rays of a view with one thread and prints one line of JSON: samples per second, and the
+//! mean relative variance of a sample. The worst 1 % of rays is left out of the mean, because a few
+//! bright paths decide it.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -12,10 +13,11 @@ use glam::DVec3;
 use holo_raycast::Raycaster;
 use holo_tracer::{DEFAULT_ACCURACY, Settings, Tracer};
 
-/// Rays of the view, and samples of each that tell its variance.
+/// The view has `SIDE`² rays.
 const SIDE: u64 = 64;
+/// Samples of each ray, for its variance.
 const SAMPLES: u64 = 64;
-/// Rays before, so that their surroundings have records.
+/// Rays traced first, so that there are records.
 const WARMING: u64 = 1 << 18;
 
 fn vector(text: &str) -> Result<DVec3, Box<dyn Error>> {
@@ -23,7 +25,7 @@ fn vector(text: &str) -> Result<DVec3, Box<dyn Error>> {
     Ok(DVec3::from_array(parts.try_into().map_err(|_| "three numbers, as x,y,z")?))
 }
 
-/// The rays of a view, any number of them by an even sequence.
+/// The rays of a view, from a sequence that is even at any length.
 struct View {
     eye: DVec3,
     forward: DVec3,
@@ -33,7 +35,7 @@ struct View {
 
 impl View {
     fn ray(&self, number: u64) -> DVec3 {
-        // Additive recurrences of the plastic number: even, whatever the count.
+        // Additive recurrences of the plastic number are even at any length.
         let at = |step: f64| 2.0 * ((number as f64 + 0.5) * step).fract() - 1.0;
         (self.forward
             + self.right * at(0.754_877_666_246_692_8)
@@ -42,7 +44,7 @@ impl View {
     }
 }
 
-/// Samples per second, and the relative variance of one.
+/// Returns samples per second, and the relative variance of one sample.
 fn measure(tracer: &Tracer, view: &View) -> (f64, f64) {
     let start = Instant::now();
     let mut variances: Vec<f64> = (0..SIDE * SIDE)

@@ -1,30 +1,31 @@
-//! Functions of a cosine, tabulated for one roughness: what a rough surface loses when light may meet only one facet.
+//! Tables of functions of a cosine, for one roughness. They hold the flux that a rough surface
+//! loses if light may meet only one facet.
 //!
-//! Compensation for light that meets several facets (Kulla and Conty 2017, "Revisiting Physically Based Shading at
-//! Imageworks") needs the lost share by direction, and its mean.
+//! Compensation for light that meets several facets (Kulla and Conty 2017, "Revisiting Physically
+//! Based Shading at Imageworks") needs the lost share by direction, and its mean.
 //!
-//! Always true: a table's [`mean`](Table::mean) is the cosine-weighted mean of its interpolation, not of the function that
-//! was tabulated, so that what is lost in one direction is returned exactly over all; the table itself is within 5e-4 of
-//! the function.
+//! Always true: [`mean`](Table::mean) is the cosine-weighted mean of the table's interpolation, not
+//! of the tabulated function. So the light lost in one direction is returned exactly over all
+//! directions. The table is within 5e-4 of the function.
 
 use glam::Vec3;
 
 use crate::microfacet::Ggx;
 
-/// Intervals of a table.
+/// Number of intervals of a table.
 const STEPS: usize = 128;
-/// Points of the quadrature over visible normals: around, and outwards.
+/// Points of the quadrature over visible normals: azimuthal and radial.
 const AROUND: usize = 32;
 const OUTWARDS: usize = 128;
 
 /// A function of the cosine to the normal, linear between entries.
 #[derive(Clone, Debug)]
 pub(crate) struct Table {
-    /// Entries lie evenly in the root of ln(1 + cosine / alpha): shadowing sets in where the cosine is about alpha, and
-    /// is steepest at 0.
+    /// Entries are evenly spaced in the square root of ln(1 + cosine / alpha). Shadowing sets in
+    /// where the cosine is about alpha, and is steepest at 0.
     entries: Vec<f32>,
     inverse_alpha: f32,
-    /// Square of the entries per unit of the root.
+    /// Square of the number of entries per unit of the root.
     scale: f32,
     /// 2 ∫ f(μ) μ dμ.
     pub mean: f32,
@@ -35,7 +36,7 @@ impl Table {
         let alpha = f64::from(ggx.alpha());
         let range = (1.0 / alpha).ln_1p();
         let cosine = |t: f64| alpha * (range * (t / STEPS as f64).powi(2)).exp_m1();
-        // At 0 itself directions have no half vector.
+        // At cosine 0 directions have no half vector.
         let entries: Vec<f64> =
             (0..=STEPS).map(|i| f(cosine((i as f64).max(1e-2)).min(1.0) as f32)).collect();
         let mut mean = 0.0;
@@ -57,7 +58,7 @@ impl Table {
         }
     }
 
-    /// The value at a cosine in (0, 1].
+    /// Returns the value at a cosine in (0, 1].
     #[inline]
     pub(crate) fn at(&self, cosine: f32) -> f32 {
         let at = ((cosine * self.inverse_alpha).ln_1p() * self.scale).sqrt();
@@ -67,17 +68,19 @@ impl Table {
     }
 }
 
-/// Mean of `f` over the normals that a direction of this cosine sees; `f` gets the direction and a normal.
+/// Returns the mean of `f` over the normals visible from a direction of this cosine. Arguments of
+/// `f` are the direction and a normal.
 pub(crate) fn over_normals(ggx: Ggx, cosine: f32, mut f: impl FnMut(Vec3, Vec3) -> f32) -> f64 {
     let wo = Vec3::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine);
     let mut sum = 0.0;
     for j in 0..OUTWARDS {
-        // Steep facets, which lose most, are the last alpha² of the outward coordinate: it is stretched there.
+        // Steep facets lose most, and fill only the last alpha² of the radial coordinate: stretch
+        // it there.
         let s = (j as f32 + 0.5) / OUTWARDS as f32;
         let outwards = 1.0 - s.powi(3);
         let mut ring = 0.0;
         for i in 0..AROUND {
-            // Half the circle: the other half is its mirror image.
+            // Half of the circle suffices, because the other half is its mirror image.
             let m = ggx.sample(wo, [0.5 * (i as f32 + 0.5) / AROUND as f32, outwards]);
             ring += f64::from(f(wo, m));
         }

@@ -1,11 +1,12 @@
 //! How surfaces scatter light: evaluation, sampling and density.
 //!
-//! Directions are local to the side that is seen: +z is the normal turned towards `wo`, so `wo.z > 0`. `wo` is where the
-//! light goes (to the eye), `wi` where it comes from. Values include the cosine at `wi`.
+//! Directions are local to the side that is seen: +z is the normal turned towards `wo`, so `wo.z >
+//! 0`. Light travels to `wo` (towards the eye) and comes from `wi`. Values include the cosine at
+//! `wi`.
 //!
-//! Always true: `sample`'s weight is value over density of the same `wi`; no opaque material reflects more than arrives;
-//! what is transmitted into a solid carries radiance, so it is divided by the square of the relative index (Walter et al.
-//! 2007, §5.1; the convention of Mitsuba 3's `dielectric` in radiance mode).
+//! Always true: `sample` returns value over density of its own `wi` as weight. No opaque material
+//! reflects more than arrives. Radiance that is transmitted into a solid is divided by the square
+//! of the relative index (Walter et al. 2007, §5.1; as Mitsuba 3's `dielectric` in radiance mode).
 
 use std::collections::HashMap;
 use std::f32::consts::FRAC_1_PI;
@@ -23,13 +24,14 @@ use crate::interface::Interface;
 use crate::microfacet::Ggx;
 use crate::sampler::Sampler;
 
-/// Relative index so near 1 that a boundary bends nothing: the half vector of a rough one would be noise.
+/// Difference of the relative index from 1 below which a boundary bends nothing. The half vector of
+/// a rough boundary would be rounding noise.
 pub(crate) const SAME_INDEX: f32 = 1e-4;
 
-/// A material's scattering, prepared.
+/// The scattering of a material, prepared for tracing.
 #[derive(Clone, Debug)]
 pub(crate) enum Scatter {
-    /// Absorbs everything.
+    /// Absorbs all light.
     Black,
     Diffuse(Vec3),
     Mirror(Vec3),
@@ -38,12 +40,12 @@ pub(crate) enum Scatter {
         ior: f32,
         transmittance: Vec3,
     },
-    /// A boundary between equal indices: light goes straight on.
+    /// A boundary between equal indices: light goes straight through.
     Clear {
         transmittance: Vec3,
     },
     Smooth {
-        /// Index on the clockwise side over the other's.
+        /// Index of refraction on the clockwise side over that on the other.
         eta: f32,
         transmittance: Vec3,
     },
@@ -54,7 +56,8 @@ pub(crate) enum Scatter {
     Coated(Box<Coat>),
 }
 
-/// Tables made so far, each some ten milliseconds' work, by the bits of roughness and index.
+/// Tables that materials may share, keyed by the bits of roughness and index. Each takes about 10
+/// ms to compute.
 #[derive(Debug, Default)]
 pub(crate) struct Tables {
     losses: HashMap<[u32; 2], Arc<Table>>,
@@ -75,9 +78,10 @@ pub(crate) struct Sampled {
     pub wi: Vec3,
     /// Value over density.
     pub weight: Vec3,
-    /// Per solid angle; `None` for a direction without a density (mirror, smooth glass).
+    /// Density per solid angle. `None` for a direction without a density (mirror, smooth glass).
     pub pdf: Option<f32>,
-    /// Square of the index beyond over the one before; 1 without refraction into a solid.
+    /// Squared index of refraction beyond the surface over the one before it; 1 unless the
+    /// direction refracts into or out of a solid.
     pub eta2: f32,
 }
 
@@ -88,7 +92,7 @@ impl Sampled {
 }
 
 impl Scatter {
-    /// `tables` keeps what materials may share.
+    /// Prepares a material. `tables` collects the tables that materials share.
     pub(crate) fn new(bsdf: &Bsdf, tables: &mut Tables) -> Self {
         match *bsdf {
             Bsdf::Diffuse { kd } if kd == [0.0; 3] => Self::Black,
@@ -116,8 +120,8 @@ impl Scatter {
         }
     }
 
-    /// The boundary of a solid of `eta` times the index of what is on its counter-clockwise side; `rough` makes the
-    /// interface if one is needed.
+    /// Returns the boundary of a solid that has `eta` times the index of refraction of its
+    /// counter-clockwise side. `rough` makes the interface if the boundary is rough.
     #[inline]
     pub(crate) fn dielectric(
         eta: f32,
@@ -134,7 +138,8 @@ impl Scatter {
         }
     }
 
-    /// Whether light is scattered into single directions only, so that sampling lights is useless.
+    /// Returns whether light is scattered into single directions only. Samples of lights are
+    /// useless then.
     #[inline]
     pub(crate) fn is_delta(&self) -> bool {
         matches!(
@@ -143,20 +148,21 @@ impl Scatter {
         )
     }
 
-    /// Whether light is scattered from all directions of a side, so that samples may be aimed.
+    /// Returns whether light is scattered from all directions of a side, so that samples may be
+    /// aimed.
     #[inline]
     pub(crate) fn is_wide(&self) -> bool {
         matches!(self, Self::Diffuse(_) | Self::Coated(_))
     }
 
-    /// Whether light from behind can be scattered to `wo` with a density.
+    /// Returns whether light from behind can be scattered to `wo` with a density.
     #[inline]
     pub(crate) fn transmits(&self) -> bool {
         matches!(self, Self::Rough { .. })
     }
 
-    /// Value times cosine, and the density with which [`sample`](Self::sample) makes `wi`. `front`: `wo` is on the
-    /// counter-clockwise side.
+    /// Returns value times cosine, and the density with which [`sample`](Self::sample) gives `wi`.
+    /// `front`: whether `wo` is on the counter-clockwise side.
     #[inline]
     pub(crate) fn evaluate(&self, wo: Vec3, wi: Vec3, front: bool) -> (Vec3, f32) {
         if wi.z <= 0.0 && !self.transmits() {
@@ -178,7 +184,8 @@ impl Scatter {
         }
     }
 
-    /// A direction that was chosen otherwise, as [`sample`](Self::sample) would have returned it. `None` if it could not.
+    /// Returns a given direction as [`sample`](Self::sample) would have returned it. `None` if it
+    /// could not.
     #[inline]
     pub(crate) fn towards(&self, wo: Vec3, wi: Vec3, front: bool) -> Option<Sampled> {
         let (value, pdf) = self.evaluate(wo, wi, front);
@@ -190,8 +197,9 @@ impl Scatter {
         })
     }
 
-    /// Both ways that light comes from if the surface is smooth and reflects some and lets some through, each with its share; else `None`.
-    pub(crate) fn ways(&self, wo: Vec3, front: bool) -> Option<[Sampled; 2]> {
+    /// Returns the reflected and the transmitted direction of a smooth surface, each weighted with
+    /// its share. `None` if the surface is not smooth or one of the two carries nothing.
+    pub(crate) fn both_ways(&self, wo: Vec3, front: bool) -> Option<[Sampled; 2]> {
         let (reflected, wi, transmittance, eta2) = match self {
             Self::Pane { ior, transmittance } => (pane(wo.z, *ior), -wo, *transmittance, 1.0),
             Self::Smooth { eta, transmittance } => {
@@ -208,7 +216,7 @@ impl Scatter {
         ])
     }
 
-    /// Chooses where the light that goes to `wo` came from. `None` if it is absorbed.
+    /// Samples the direction from which light to `wo` arrives. `None` if it is absorbed.
     #[inline]
     pub(crate) fn sample(&self, wo: Vec3, front: bool, sampler: &mut Sampler) -> Option<Sampled> {
         match self {

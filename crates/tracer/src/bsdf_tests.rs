@@ -1,5 +1,5 @@
-//! Every material: what is sampled has the density that is stated, values are densities times weights, and light goes both
-//! ways alike.
+//! Tests of every material: samples follow the stated density, weights are values over densities,
+//! and scattering is reciprocal.
 
 use std::f32::consts::PI;
 
@@ -37,10 +37,12 @@ const ANGLES: [f32; 5] = [0.02, 0.5, 1.0, 1.4, 1.54];
 const THETAS: usize = 48;
 const PHIS: usize = 32;
 
-/// Expected counts of a grid of directions over the sphere, by the midpoint rule within its cells.
+/// Returns expected counts of a grid of directions over the sphere, by the midpoint rule within its
+/// cells.
 ///
-/// `sub` points by polar angle: 12 resolve lobes down to alpha 0.25. By azimuth four times as many at grazing angles, where
-/// a lobe is only alpha times the sum of both elevations wide.
+/// Each cell has `sub` points by polar angle: 12 resolve lobes down to alpha 0.25. It has four
+/// times as many by azimuth at grazing angles, where a lobe is only alpha times the sum of both
+/// elevations wide.
 fn expected(scatter: &Scatter, wo: Vec3, front: bool, samples: f64, sub: usize) -> Vec<f64> {
     let around = if wo.z < 0.1 { 4 * sub } else { sub };
     let (dt, dp) = (PI / (THETAS * sub) as f32, 2.0 * PI / (PHIS * around) as f32);
@@ -79,7 +81,8 @@ fn samples_follow_the_stated_density() {
                         }
                     }
                 }
-                // The density integrates to the probability that a direction is made at all; 1e-3 for the midpoint rule.
+                // The density integrates to the probability that a direction is made; 1e-3 for the
+                // midpoint rule.
                 let made = f64::from(samples - absorbed);
                 let integral: f64 = expected.iter().sum();
                 let sigma = (made * f64::from(absorbed) / f64::from(samples)).sqrt();
@@ -88,7 +91,8 @@ fn samples_follow_the_stated_density() {
                     (made - integral).abs() <= bound,
                     "{name} {theta} {front}: {made}, {integral}"
                 );
-                // Cells of few are pooled, with the absorbed: what the density lacks of 1.
+                // Cells with few samples are pooled with the absorbed samples, which are what the
+                // density lacks of 1.
                 let (mut pooled, mut pooled_expected) =
                     (f64::from(absorbed), f64::from(samples) - expected.iter().sum::<f64>());
                 let (mut chi2, mut degrees) = (0.0_f64, 0.0_f64);
@@ -104,15 +108,17 @@ fn samples_follow_the_stated_density() {
                 if pooled_expected >= 10.0 {
                     chi2 += (pooled - pooled_expected).powi(2) / pooled_expected;
                 } else {
-                    // A share too small for chi²: Poisson, with a margin for the midpoint rule's own error of 1e-4.
+                    // A share too small for chi²: use Poisson's distribution, with a margin of 1e-4
+                    // for the midpoint rule.
                     degrees -= 1.0;
                     assert!(
                         pooled < 10.0 + 4.5 * 10.0_f64.sqrt() + 1e-4 * f64::from(samples),
                         "{name} {theta}: {pooled}"
                     );
                 }
-                // Wilson and Hilferty 1931: the cube root of chi² over its degrees is nearly normal. 4.5 sigma over 85
-                // cases: by chance once in 3,400 sets of seeds, and the seeds are fixed.
+                // Wilson and Hilferty 1931: the cube root of chi² over its degrees is nearly
+                // normal. 4.5 sigma over 85 cases: by chance once in 3,400 sets of seeds, and the
+                // seeds are fixed.
                 let v = 2.0 / (9.0 * degrees.max(1.0));
                 let z = ((chi2 / degrees.max(1.0)).cbrt() - (1.0 - v)) / v.sqrt();
                 assert!(
@@ -135,8 +141,9 @@ fn weights_are_values_over_densities_of_the_same_direction() {
                     let Some(s) = scatter.sample(wo, front, &mut sampler) else { continue };
                     let (value, pdf) = scatter.evaluate(wo, s.wi, front);
                     let stated = s.pdf.unwrap_or(0.0);
-                    // At alpha 0.1 a half vector's rounding of 1e-7 changes the density by about 1e-4 of it; close to
-                    // grazing, and where refraction turns into total reflection, by more.
+                    // At alpha 0.1, a half vector's rounding of 1e-7 changes the density by about
+                    // 1e-4 of it. The change is greater near grazing angles and where refraction
+                    // turns into total reflection.
                     if s.wi.z.abs() < 0.02 || stated < 1e-3 {
                         continue;
                     }
@@ -156,7 +163,7 @@ fn weights_are_values_over_densities_of_the_same_direction() {
 }
 
 #[test]
-fn light_is_scattered_alike_in_both_directions() {
+fn scattering_is_reciprocal() {
     let mut sampler = Sampler::new(19, 0);
     for (name, scatter) in materials() {
         for _ in 0..2_000 {
@@ -170,7 +177,8 @@ fn light_is_scattered_alike_in_both_directions() {
                 "{name}: {there} {back}"
             );
             if scatter.transmits() {
-                // f(wo, wi) n_wi² = f(wi, wo) n_wo² (Veach 1997, §5.2), here with n_wi = 1.5 and n_wo = 1.
+                // f(wo, wi) n_wi² = f(wi, wo) n_wo² (Veach 1997, §5.2), here with n_wi = 1.5 and
+                // n_wo = 1.
                 let flip = Vec3::new(1.0, 1.0, -1.0);
                 let (there, _) = scatter.evaluate(a, b * flip, true);
                 let (back, _) = scatter.evaluate(b, a * flip, false);

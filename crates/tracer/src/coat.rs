@@ -1,14 +1,17 @@
 //! A diffuse base below a rough dielectric coat.
 //!
-//! The coat reflects as the boundary that it is, light that meets several facets included; what it lets through in both
-//! directions reaches the base (Ashikhmin and Shirley 2000, Kelemen and Szirmay-Kalos 2001): kd (1 - E(wo)) (1 - E(wi)) /
-//! (π (1 - Ē)), where E is the share that the coat reflects of light from a direction and Ē its cosine-weighted mean.
-//! Division by 1 - Ē gives back what the coat reflects down to the base again and again (for the inside of the coat
-//! reflects 1 - (1 - Ē) / n²); kd is thus the colour that is seen, inner reflections included, as in Mitsuba 3's
-//! `roughplastic` without `nonlinear`.
+//! The coat reflects as a rough boundary does, with light that meets several facets. What it
+//! transmits in both directions reaches the base (Ashikhmin and Shirley 2000, Kelemen and
+//! Szirmay-Kalos 2001): kd (1 - E(wo)) (1 - E(wi)) / (π (1 - Ē)). E is the share that the coat
+//! reflects of light from a direction, and Ē its cosine-weighted mean.
 //!
-//! Always true: it is reciprocal, reflects at most what arrives, and all of it if `kd` and `ks` are 1, because E is
-//! tabulated for the very lobe that is sampled and not taken from the smooth surface's Fresnel term.
+//! The division by 1 - Ē returns the light that the coat reflects back to the base repeatedly; the
+//! coat's inside reflects 1 - (1 - Ē) / n². So `kd` is the colour that is seen, inner reflections
+//! included, as in Mitsuba 3's `roughplastic` without `nonlinear`.
+//!
+//! Always true: the coat is reciprocal and reflects at most what arrives, and all of it if `kd` and
+//! `ks` are 1. This holds because E is tabulated for the lobe that is sampled; Fresnel's term for
+//! the smooth surface would not do.
 
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
@@ -22,11 +25,11 @@ use crate::interface::Interface;
 use crate::microfacet::Ggx;
 use crate::sampler::Sampler;
 
-/// What coats of one index and roughness share.
+/// The tables that coats of one index and roughness share.
 #[derive(Clone, Debug)]
 pub(crate) struct Layer {
     interface: Interface,
-    /// Share reflected by a coat of colour 1, by cosine.
+    /// Reflected share of a coat of colour 1, by cosine.
     reflected: Table,
 }
 
@@ -54,17 +57,18 @@ impl Coat {
         Self { kd, ks, base: kd * FRAC_1_PI / below, layer }
     }
 
-    /// What the coat lets through, by cosine.
+    /// Returns the share that the coat transmits at a cosine.
     fn through(&self, cosine: f32) -> Vec3 {
         Vec3::ONE - self.ks * self.layer.reflected.at(cosine)
     }
 
-    /// Probability of sampling the coat rather than the base: what each is expected to return.
+    /// Returns the probability of sampling the coat rather than the base: its share of the
+    /// reflected light.
     fn coat_probability(&self, wo: Vec3) -> f32 {
         let through = self.through(wo.z);
         let coat = (Vec3::ONE - through).element_sum();
         let base = (self.kd * through).element_sum();
-        // Never quite 0 or 1: the share of a wi may be far from the mean.
+        // Bounded away from 0 and 1, because the share at one `wi` may be far from the mean.
         if coat + base > 0.0 { (coat / (coat + base)).clamp(0.05, 0.95) } else { 0.5 }
     }
 

@@ -1,7 +1,8 @@
-//! A rough metal of one reflectance at all angles, with light that meets several facets accounted for.
+//! A rough metal whose reflectance is the same at all angles, with light that meets several facets.
 //!
-//! Light that meets one facet reflects as GGX; what that loses, L(wo), is given back as F L(wo) L(wi) / (π L̄), F being the
-//! reflectance after several facets (Kulla and Conty 2017; Hill 2018): ks² (1 - L̄) / (1 - ks L̄).
+//! Light that meets one facet reflects as GGX. The lost share L(wo) is returned as F L(wo) L(wi) /
+//! (π L̄), where F = ks² (1 - L̄) / (1 - ks L̄) is the reflectance after several facets (Kulla and
+//! Conty 2017; Hill 2018).
 //!
 //! Always true: it is reciprocal, and reflects all that arrives if `ks` is 1.
 
@@ -23,12 +24,12 @@ pub(crate) struct Conductor {
     ks: Vec3,
     ggx: Ggx,
     loss: Arc<Table>,
-    /// What comes back of light that meets several facets, over π L̄.
+    /// Reflectance of light that meets several facets, over π L̄.
     several: Vec3,
 }
 
 impl Conductor {
-    /// What light that meets one facet of a white metal loses, by cosine.
+    /// Returns the share that light loses if it meets only one facet of a white metal, by cosine.
     pub(crate) fn loss(ggx: Ggx) -> Table {
         Table::new(ggx, |cosine| {
             over_normals(ggx, cosine, |wo, m| {
@@ -38,22 +39,22 @@ impl Conductor {
         })
     }
 
-    /// `loss` is that of the same roughness.
+    /// `loss` is the table of [`loss`](Self::loss) for the same roughness.
     pub(crate) fn new(ks: Vec3, ggx: Ggx, loss: Arc<Table>) -> Self {
         let reflectance = ks * ks * (1.0 - loss.mean) / (Vec3::ONE - ks * loss.mean);
-        // A polished metal loses nothing, to f32.
+        // In f32, a polished metal loses nothing.
         let several =
             if loss.mean > 1e-8 { reflectance * FRAC_1_PI / loss.mean } else { Vec3::ZERO };
         Self { ks, ggx, loss, several }
     }
 
-    /// Probability of sampling the wide lobe: its share.
+    /// Returns the probability of sampling the wide lobe: its share of the reflected light.
     #[inline]
     fn probability(&self, wo: Vec3) -> f32 {
         self.loss.at(wo.z).clamp(0.0, 0.99)
     }
 
-    /// Value with cosine, and density.
+    /// Returns value times cosine, and density.
     #[inline]
     pub(crate) fn evaluate(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
         if wi.z <= 0.0 {
@@ -81,7 +82,7 @@ impl Conductor {
             if wi.z <= 0.0 {
                 return None;
             }
-            // From the facet that was sampled: a half vector found again is less exact.
+            // Uses the sampled facet: a half vector computed from the directions is less exact.
             let seen = self.ggx.pdf(wo, m) / (4.0 * wo.dot(m));
             (value, pdf) = self.with_several((seen * self.ggx.shadowing(wo, wi), seen), wo, wi);
         }

@@ -1,32 +1,37 @@
-//! How many rays records need: by how much those of pilots differ, this one's and all others'.
+//! How many rays a record needs, estimated from pilot rays: its own and those of all earlier
+//! records.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use holo_light::Record;
 
-/// Standard deviation of a record's rays, over their mean, that is reckoned with at least, over that of records so far: where few rays
-/// tell that they differ by much less than elsewhere, they may have missed what is bright.
+/// Least relative standard deviation of a record's rays that is assumed, over the mean of all
+/// records so far. Few pilot rays that agree much better than elsewhere may have missed something
+/// bright.
 const LEAST_DEVIATION: f32 = 0.7;
 
-/// What is reckoned with before there are records, as if there were so many; and what one counts at most.
+/// Relative standard deviation assumed before there are records.
 const FIRST_DEVIATION: f32 = 1.0;
+/// Number of records that this assumption counts as.
 const FIRST_RECORDS: f32 = 8.0;
+/// Most that one record contributes to the mean.
 const MOST_DEVIATION: f32 = 16.0;
 
-/// Unit of [`Deviations`].
+/// Unit of [`Deviations::sum`].
 const DEVIATION_STEPS: f32 = 1024.0;
 
-/// By how much the rays of a scene's records differ, as their pilots tell.
+/// Statistics of how much the rays of a scene's records differ.
 #[derive(Debug, Default)]
 pub(crate) struct Deviations {
-    /// Sum of standard deviations over means, in steps.
+    /// Sum of relative standard deviations, in steps.
     sum: AtomicU64,
     pilots: AtomicU64,
 }
 
 impl Deviations {
-    /// Standard deviation of a record's rays over their mean, by those of its pilot and of all pilots before it.
-    pub fn take_in(&self, pilot: &Record) -> f32 {
+    /// Returns the standard deviation of a record's rays over their mean, estimated from its pilot
+    /// and all earlier pilots. Adds the pilot to the statistics.
+    pub fn add(&self, pilot: &Record) -> f32 {
         let own = pilot.error * (pilot.rays as f32).sqrt();
         let sum = self
             .sum
@@ -48,23 +53,24 @@ mod tests {
     }
 
     #[test]
-    fn a_pilot_that_missed_what_is_bright_is_reckoned_with_as_others_were() {
+    fn a_pilot_that_missed_bright_light_is_assumed_to_vary_as_others_did() {
         let near = |found: f32, expected: f32| {
             assert!((found - expected).abs() < 1e-3 * expected, "{found} {expected}")
         };
         let deviations = Deviations::default();
-        near(deviations.take_in(&pilot(0.0, 64)), LEAST_DEVIATION * FIRST_DEVIATION);
+        near(deviations.add(&pilot(0.0, 64)), LEAST_DEVIATION * FIRST_DEVIATION);
         let deviations = Deviations::default();
-        (0..1992).for_each(|_| near(deviations.take_in(&pilot(3.0 / 8.0, 64)), 3.0));
-        // As the mean of 1992 of 3 and of what is reckoned with at first.
+        (0..1992).for_each(|_| near(deviations.add(&pilot(3.0 / 8.0, 64)), 3.0));
+        // The mean of 1992 deviations of 3 and of the initial assumption.
         let usual = (1992.0 * 3.0 + FIRST_RECORDS * FIRST_DEVIATION) / 2000.0;
-        near(deviations.take_in(&pilot(0.0, 32)), LEAST_DEVIATION * usual);
-        // Its own counts in full, but no more than others to those after it, whatever it is.
-        near(deviations.take_in(&pilot(5.0, 64)), 40.0);
-        deviations.take_in(&pilot(f32::INFINITY, 64));
-        deviations.take_in(&pilot(f32::NAN, 64));
+        near(deviations.add(&pilot(0.0, 32)), LEAST_DEVIATION * usual);
+        // A record's own deviation counts in full for itself, and at most MOST_DEVIATION for later
+        // ones.
+        near(deviations.add(&pilot(5.0, 64)), 40.0);
+        deviations.add(&pilot(f32::INFINITY, 64));
+        deviations.add(&pilot(f32::NAN, 64));
         let usual =
             (1992.0 * 3.0 + 3.0 * MOST_DEVIATION + FIRST_RECORDS * FIRST_DEVIATION) / 2004.0;
-        near(deviations.take_in(&pilot(0.0, 64)), LEAST_DEVIATION * usual);
+        near(deviations.add(&pilot(0.0, 64)), LEAST_DEVIATION * usual);
     }
 }

@@ -1,24 +1,22 @@
-//! Direct light at one vertex: samples of the lights, and the weights that combine them with what materials find.
+//! Direct light at one vertex: samples of the lights, and weights that combine them with samples of
+//! the material.
 //!
-//! Always true: light is combined by the power heuristic for n samples of the lights and one of the material (Veach 1997,
-//! §9.2.2 and §9.2.4); the densities on both sides are the same functions.
+//! Always true: the weights are those of the power heuristic for n samples of the lights and one of
+//! the material (Veach 1997, §9.2.2 and §9.2.4). Both sides use the same density functions.
 
 use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 
 use crate::bsdf::Scatter;
+use crate::engine::{Direct, PathEngine};
 use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf};
-use crate::lights::{Aim, Chosen, Lights, Seen};
-use crate::panes::Panes;
-use crate::path::{Direct, Surface};
+use crate::lights::{Aim, Chosen, Lights, VertexLights};
 use crate::sampler::Sampler;
 
 /// A vertex whose surface scatters with a density.
-pub(crate) struct Vertex<'a> {
+pub(crate) struct LitVertex<'a> {
     pub raycaster: &'a Raycaster,
-    /// By material.
-    pub surfaces: &'a [Surface],
-    pub panes: &'a Panes,
+    pub engine: &'a PathEngine,
     pub scatter: &'a Scatter,
     pub point: &'a SurfacePoint,
     pub frame: &'a Frame,
@@ -26,97 +24,105 @@ pub(crate) struct Vertex<'a> {
     pub front: bool,
 }
 
-/// How lights were sampled at a vertex: enough to know again with which density.
+/// How lights were sampled at a vertex: enough to compute the same densities again.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lit {
+pub(crate) struct LightSampling {
     point: Vec3,
-    /// As [`Lights::seen`] has it.
+    /// As in [`Lights::at_vertex`].
     normal: Vec3,
     /// Probability of choosing the sky.
     sky: f32,
     samples: u32,
 }
 
-impl Lit {
+impl LightSampling {
     #[inline]
     pub(crate) fn new(
-        seen: &Seen,
+        lights: &VertexLights,
         scatter: &Scatter,
         point: &SurfacePoint,
         normal: Vec3,
         samples: u32,
     ) -> Self {
-        Self { point: point.point, normal: lit_from(scatter, normal), sky: seen.sky, samples }
+        Self { point: point.point, normal: lit_side(scatter, normal), sky: lights.sky, samples }
     }
 
-    /// For weighing what a sample of the material towards `wi`, made with density `pdf`, finds.
+    /// Returns what is needed to weigh emission that a sample of the material towards `wi`, made
+    /// with density `pdf`, meets.
     #[inline]
-    pub(crate) fn left(self, pdf: f32, scatter: &Scatter, wi: Vec3) -> Left {
-        Left { pdf, lit: self, sky_pdf: sky_pdf(self.sky, scatter, wi) }
+    pub(crate) fn material_sample(self, pdf: f32, scatter: &Scatter, wi: Vec3) -> MaterialSample {
+        MaterialSample { pdf, lights: self, sky_pdf: sky_pdf(self.sky, scatter, wi) }
     }
 }
 
-/// What light sampling at a vertex could have found, for weighing what its material's sample finds.
+/// A sample of a material at a vertex whose lights were sampled too.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Left {
-    /// Density of the material's sample, per solid angle.
+pub(crate) struct MaterialSample {
+    /// Density of the sample per solid angle.
     pub pdf: f32,
-    lit: Lit,
-    /// Density with which one light sample aims at the sky in the sample's direction.
+    lights: LightSampling,
+    /// Density per solid angle with which one light sample aims at the sky in the same direction.
     sky_pdf: f32,
 }
 
-impl Left {
-    /// Expected number of light samples per solid angle towards the sky.
+impl MaterialSample {
+    /// Returns the expected number of light samples per solid angle towards the sky.
     pub(crate) fn sky_density(&self) -> f32 {
-        self.lit.samples as f32 * self.sky_pdf
+        self.lights.samples as f32 * self.sky_pdf
     }
 
-    /// The same towards a point on an emitter that the sample met. Few samples meet one: to weigh the lights again takes less than to carry
-    /// their weights along all paths.
+    /// Returns the expected number of light samples per solid angle towards a point of an emitter
+    /// that the sample met.
+    ///
+    /// Weighs the lights again: few samples meet an emitter, so this costs less than carrying the
+    /// weights along every path.
     pub(crate) fn emitter_density(
         &self,
         lights: &Lights,
         raycaster: &Raycaster,
-        met: &Hit,
+        hit: &Hit,
         cosine: f32,
     ) -> f32 {
-        let Lit { point, normal, samples, .. } = self.lit;
-        let probability = lights.probability(&lights.seen(point, normal), met.triangle);
+        let LightSampling { point, normal, samples, .. } = self.lights;
+        let probability = lights.probability(&lights.at_vertex(point, normal), hit.triangle);
         if probability == 0.0 {
             return 0.0;
         }
-        let aim = Aim::new(point, raycaster.vertices(met.triangle));
-        let distance2 = raycaster.point(met.triangle, met.u, met.v).distance_squared(point);
+        let aim = Aim::new(point, raycaster.vertices(hit.triangle));
+        let distance2 = raycaster.point(hit.triangle, hit.u, hit.v).distance_squared(point);
         samples as f32 * probability * aim.density(distance2, cosine)
     }
 }
 
-/// The side from which a surface is lit, given the normal that is turned to the eye; 0 if from everywhere.
+/// Returns `normal` (turned to the eye) if only its side can be lit, and 0 if both can.
 #[inline]
-fn lit_from(scatter: &Scatter, normal: Vec3) -> Vec3 {
+fn lit_side(scatter: &Scatter, normal: Vec3) -> Vec3 {
     if scatter.transmits() { Vec3::ZERO } else { normal }
 }
 
-/// Lights as a vertex sees them: `normal` is turned to the eye.
+/// Returns the lights as a vertex sees them. `normal` is turned to the eye.
 #[inline]
-pub(crate) fn seen(lights: &Lights, scatter: &Scatter, point: &SurfacePoint, normal: Vec3) -> Seen {
-    lights.seen(point.point, lit_from(scatter, normal))
+pub(crate) fn lights_at(
+    lights: &Lights,
+    scatter: &Scatter,
+    point: &SurfacePoint,
+    normal: Vec3,
+) -> VertexLights {
+    lights.at_vertex(point.point, lit_side(scatter, normal))
 }
 
+/// Returns the density of sky samples towards `wi` if the sky is chosen with probability `sky`.
 #[inline]
 fn sky_pdf(sky: f32, scatter: &Scatter, wi: Vec3) -> f32 {
     sky * if scatter.transmits() { 0.5 * cosine_pdf(wi.z.abs()) } else { cosine_pdf(wi.z) }
 }
 
-impl Vertex<'_> {
-    /// Direct light by `count` stratified samples of the lights.
+impl LitVertex<'_> {
+    /// Returns an estimate of direct light from `count` stratified samples of the lights.
     #[inline]
-    pub(crate) fn lit(
+    pub(crate) fn direct_light(
         &self,
-        lights: &Lights,
-        seen: &Seen,
-        sky: Vec3,
+        lights: &VertexLights,
         count: u32,
         direct: Direct,
         sampler: &mut Sampler,
@@ -125,9 +131,9 @@ impl Vertex<'_> {
         let pairs = sampler.pairs(count);
         for j in 0..count {
             let (first, second) = pairs.at(j);
-            match lights.choose(seen, first) {
+            match self.engine.lights.choose(lights, first) {
                 Some(Chosen::Sky { rest }) => {
-                    sum += self.sky(seen, sky, count, direct, [rest, second])
+                    sum += self.sky(lights, count, direct, [rest, second]);
                 }
                 Some(Chosen::Triangle { triangle, probability, rest }) => {
                     sum += self.emitter(triangle, probability, count, direct, [rest, second]);
@@ -138,16 +144,9 @@ impl Vertex<'_> {
         sum / count as f32
     }
 
-    /// Value over density of one sample of the sky, weighed against the material's.
+    /// Returns value over density of one sample of the sky, weighed against the material's.
     #[inline]
-    fn sky(
-        &self,
-        seen: &Seen,
-        sky: Vec3,
-        count: u32,
-        direct: Direct,
-        [mut x, y]: [f32; 2],
-    ) -> Vec3 {
+    fn sky(&self, lights: &VertexLights, count: u32, direct: Direct, [mut x, y]: [f32; 2]) -> Vec3 {
         let mut side = 1.0;
         if self.scatter.transmits() {
             x *= 2.0;
@@ -158,7 +157,7 @@ impl Vertex<'_> {
         let mut wi = cosine_hemisphere([x, y]);
         wi.z *= side;
         let (value, pdf) = self.scatter.evaluate(self.wo, wi, self.front);
-        let density = sky_pdf(seen.sky, self.scatter, wi);
+        let density = sky_pdf(lights.sky, self.scatter, wi);
         if value == Vec3::ZERO || density <= 0.0 {
             return Vec3::ZERO;
         }
@@ -170,10 +169,10 @@ impl Vertex<'_> {
         if self.raycaster.occluded_from(&ray, self.point.triangle) {
             return Vec3::ZERO;
         }
-        value * sky * (direct.light_weight(density * count as f32, pdf) / density)
+        value * self.engine.sky * (direct.light_weight(density * count as f32, pdf) / density)
     }
 
-    /// The same of a chosen emitter.
+    /// Returns value over density of one sample of an emitter, weighed against the material's.
     #[inline]
     fn emitter(
         &self,
@@ -188,12 +187,13 @@ impl Vertex<'_> {
         }
         let aim = Aim::new(self.point.point, self.raycaster.vertices(triangle));
         let (u, v) = aim.sample(u);
-        // The point itself and not the one that `surface` keeps off the edges, which is another one on small triangles far from the
-        // scene's origin: light in a glowing box of 5 mm, 250 m from there, was 2 to 3 % too bright.
+        // The exact point. `surface` moves points off edges; on small triangles far from the
+        // scene's origin that is another point: a glowing box of 5 mm at 250 m was 2 to 3 % too
+        // bright.
         let towards = self.raycaster.point(triangle, u, v) - self.point.point;
         let light = self.raycaster.surface(triangle, u, v);
-        let emitter =
-            &self.surfaces[self.raycaster.scene().material_ids[triangle as usize] as usize];
+        let material = self.raycaster.scene().material_ids[triangle as usize];
+        let emitter = &self.engine.surfaces[material as usize];
         let distance2 = towards.length_squared();
         if distance2 == 0.0 {
             return Vec3::ZERO;
@@ -208,7 +208,7 @@ impl Vertex<'_> {
         if value == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        let passed = self.panes.between(self.raycaster, self.point, &light);
+        let passed = self.engine.panes.between(self.raycaster, self.point, &light);
         if passed == Vec3::ZERO {
             return Vec3::ZERO;
         }
@@ -221,7 +221,8 @@ impl Vertex<'_> {
 }
 
 impl Direct {
-    /// Weight of light found by the material, given the density of its sample and of the lights'.
+    /// Returns the weight of light that the material found, from the expected numbers of samples
+    /// per solid angle of the material and of the lights.
     #[inline]
     pub(crate) fn material_weight(self, pdf: f32, lights: f32) -> f32 {
         match self {
@@ -237,7 +238,8 @@ impl Direct {
     }
 }
 
-/// Veach's power heuristic with exponent 2, safe for densities whose squares overflow.
+/// Returns Veach's power heuristic with exponent 2; densities may be so large that squares
+/// overflow.
 #[inline]
 pub(crate) fn power_heuristic(chosen: f32, other: f32) -> f32 {
     let ratio = other / chosen;

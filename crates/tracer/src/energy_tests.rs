@@ -1,4 +1,5 @@
-//! White materials return what arrives, to 4.5 standard errors and the stated error of the tables; coloured ones less.
+//! Tests that white materials return all light, within 4.5 standard errors and the stated error of
+//! the tables, and that coloured ones return less.
 
 use glam::Vec3;
 use holo_scene::Bsdf;
@@ -15,23 +16,23 @@ fn prepared(bsdf: &Bsdf) -> Scatter {
 
 const WHITE: [f32; 3] = [1.0; 3];
 const ALPHAS: [f32; 6] = [1e-3, 0.05, 0.2, 0.4, 0.7, 1.0];
-/// From normal incidence to grazing, where a rough surface loses most.
+/// From normal incidence to grazing angles, where a rough surface loses most.
 const ANGLES: [f32; 6] = [0.0, 0.5, 1.0, 1.4, 1.54, 1.57];
-/// What `albedo` states of its tables.
+/// The error that `albedo` states for its tables.
 const TABLE_ERROR: f64 = 5e-4;
 
 fn direction(theta: f32) -> Vec3 {
     Vec3::new(theta.sin(), 0.0, theta.cos())
 }
 
-/// Mean and standard error of the share of flux that is scattered, first channel.
+/// Returns mean and standard error of the share of flux that is scattered, in the first channel.
 fn albedo(scatter: &Scatter, theta: f32, front: bool) -> (f64, f64) {
     let samples = 40_000;
     let mut sampler = Sampler::new(20, u64::from(theta.to_bits()));
     let (mut sum, mut squares) = (0.0, 0.0);
     for _ in 0..samples {
         let sampled = scatter.sample(direction(theta), front, &mut sampler);
-        // Radiance in glass is greater: eta2 makes it flux.
+        // Radiance in glass is greater; eta2 turns it into flux.
         let w = sampled.map_or(0.0, |s| f64::from(s.weight.x * s.eta2));
         sum += w;
         squares += w * w;
@@ -42,7 +43,8 @@ fn albedo(scatter: &Scatter, theta: f32, front: bool) -> (f64, f64) {
 
 #[test]
 fn white_materials_return_all_light_at_every_roughness_and_angle() {
-    // 6 roughnesses, 6 angles, 5 kinds, 2 sides at 4.5 sigma: by chance once in 400 sets of seeds, and the seeds are fixed.
+    // 6 roughnesses, 6 angles, 5 kinds, 2 sides at 4.5 sigma: by chance once in 400 sets of seeds,
+    // and the seeds are fixed.
     for alpha in ALPHAS {
         for bsdf in [
             Bsdf::Conductor { ks: WHITE, alpha },
@@ -91,12 +93,14 @@ fn smooth_boundaries_return_all_light() {
 #[test]
 fn a_coat_adds_its_reflection_to_a_coloured_base_and_never_makes_light() {
     for alpha in ALPHAS {
+        let mut tables = Tables::default();
+        let coated = [0.0, 0.5].map(|kd| {
+            let bsdf = Bsdf::Coated { kd: [kd; 3], ks: WHITE, ior: 1.5, alpha };
+            Scatter::new(&bsdf, &mut tables)
+        });
         for theta in ANGLES {
-            let of = |kd: f32| {
-                let bsdf = Bsdf::Coated { kd: [kd; 3], ks: WHITE, ior: 1.5, alpha };
-                albedo(&prepared(&bsdf), theta, true)
-            };
-            let ((black, black_error), (grey, grey_error)) = (of(0.0), of(0.5));
+            let [(black, black_error), (grey, grey_error)] =
+                coated.each_ref().map(|scatter| albedo(scatter, theta, true));
             // The base is linear in kd, and all light at 1: grey lies in the middle.
             let error = 0.5 * black_error + grey_error;
             assert!(
@@ -115,8 +119,9 @@ fn a_smooth_coat_on_black_reflects_four_percent_at_normal_incidence() {
     assert!((share - 0.04).abs() <= 4.5 * error + 1e-5, "{share} ± {error}");
 }
 
-/// Directional albedo of light that meets one facet of a white metal, from Walter et al. 2007, eqs. 20 and 33, and
-/// Heitz 2014, eq. 99, in f64 with angles, integrated over the hemisphere around the mirror direction's plane.
+/// Returns the directional albedo of light that meets one facet of a white metal. Computed in f64
+/// with angles from Walter et al. 2007, eqs. 20 and 33, and Heitz 2014, eq. 99, and integrated over
+/// the hemisphere.
 fn textbook_albedo(alpha: f64, theta: f32) -> f64 {
     let o = direction(theta).as_dvec3();
     let lambda = |z: f64| 0.5 * ((1.0 + alpha * alpha * (1.0 - z * z) / (z * z)).sqrt() - 1.0);
@@ -138,7 +143,7 @@ fn textbook_albedo(alpha: f64, theta: f32) -> f64 {
 }
 
 #[test]
-fn what_one_facet_reflects_is_what_the_textbook_formula_integrates_to() {
+fn light_from_one_facet_matches_the_integral_of_the_textbook_formula() {
     for alpha in [0.2_f32, 0.5, 1.0] {
         let ggx = Ggx::new(alpha);
         for theta in [0.02, 0.5, 1.0, 1.4] {
@@ -155,7 +160,8 @@ fn what_one_facet_reflects_is_what_the_textbook_formula_integrates_to() {
 
 #[test]
 fn a_coloured_metal_is_more_saturated_the_rougher_it_is() {
-    // The geometric series of Kulla and Conty: E + (1 - E) ks² (1 - L̄) / (1 - ks L̄), E being one facet's share.
+    // The geometric series of Kulla and Conty: E + (1 - E) ks² (1 - L̄) / (1 - ks L̄), E being one
+    // facet's share.
     let ks = 0.5;
     let mut last = 0.51;
     for alpha in [0.05_f32, 0.5, 1.0] {
@@ -194,7 +200,7 @@ fn tables_are_as_exact_as_stated() {
         };
         let table = Table::new(ggx, |cosine| over_normals(ggx, cosine, f));
         for i in (1..100).step_by(3) {
-            // Fourth powers: most of them close to grazing.
+            // Fourth powers put most of them close to grazing angles.
             let cosine = (i as f32 / 100.0).powi(4);
             let wo = Vec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
             let (around, outwards, mut sum) = (200, 1000, 0.0);

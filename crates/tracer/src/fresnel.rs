@@ -2,9 +2,10 @@
 
 use glam::Vec3;
 
-/// Share reflected, and the cosine beyond the boundary (0 if all is reflected).
+/// Returns the reflected share, and the cosine beyond the boundary (0 if all is reflected).
 ///
-/// `cosine` ≥ 0 is on the side of the light, `eta` the index of refraction beyond relative to that side.
+/// `cosine` ≥ 0 is the cosine on the side of the light. `eta` is the index of refraction beyond the
+/// boundary over that on the light's side.
 #[inline]
 pub(crate) fn dielectric(cosine: f32, eta: f32) -> (f32, f32) {
     let sin2 = (1.0 - cosine * cosine).max(0.0) / (eta * eta);
@@ -22,14 +23,16 @@ pub(crate) fn dielectric(cosine: f32, eta: f32) -> (f32, f32) {
     (reflected, beyond)
 }
 
-/// Share reflected by a pane of two parallel faces with all orders of reflection between them: r + t² r / (1 - r²).
+/// Returns the share reflected by a pane of two parallel faces, with all orders of reflection
+/// between them: r + t² r / (1 - r²).
 #[inline]
 pub(crate) fn pane(cosine: f32, ior: f32) -> f32 {
     let (r, _) = dielectric(cosine, ior);
     2.0 * r / (1.0 + r)
 }
 
-/// Direction beyond a boundary of normal `m` (on the side of `wo`), from the results of [`dielectric`].
+/// Returns the direction beyond a boundary of normal `m` (on the side of `wo`), from the results of
+/// [`dielectric`].
 #[inline]
 pub(crate) fn refract(wo: Vec3, m: Vec3, beyond: f32, eta: f32) -> Vec3 {
     (m * (wo.dot(m) / eta - beyond) - wo / eta).normalize()
@@ -43,12 +46,13 @@ mod tests {
     fn normal_incidence_brewster_and_total_reflection_are_as_in_optics() {
         let (r, beyond) = dielectric(1.0, 1.5);
         assert!((r - 0.04).abs() < 1e-6 && (beyond - 1.0).abs() < 1e-6);
-        // Brewster's angle: the parallel part vanishes, half of the perpendicular remains.
+        // Brewster's angle: the parallel component vanishes, and half of the perpendicular one
+        // remains.
         let angle = 1.5_f64.atan();
         let (r, _) = dielectric(angle.cos() as f32, 1.5);
         let perpendicular = (1.0 - 1.5_f64.powi(2)) / (1.0 + 1.5_f64.powi(2));
         assert!((f64::from(r) - 0.5 * perpendicular.powi(2)).abs() < 1e-6);
-        // Inside glass the critical angle has sine 1/1.5.
+        // Inside glass the sine of the critical angle is 1/1.5.
         assert_eq!(dielectric((1.0_f32 - 0.45).sqrt(), 1.0 / 1.5).0, 1.0);
         assert!(dielectric((1.0_f32 - 0.44).sqrt(), 1.0 / 1.5).0 < 1.0);
         assert_eq!(dielectric(0.0, 1.5).0, 1.0);
@@ -62,7 +66,8 @@ mod tests {
             let cosine = i as f32 / 100.0;
             let (r, beyond) = dielectric(cosine, 1.52);
             let (back, before) = dielectric(beyond, 1.0 / 1.52);
-            // A cosine is recovered from 1 - cos²: its error is some 1e-7 over itself, and the slope of r is at most 6.
+            // The cosine is recovered from 1 - cos²: its error is about 1e-7 over the cosine. The
+            // slope of r is at most 6.
             let bound = 3e-6 / cosine;
             assert!(
                 (r - back).abs() < bound && (before - cosine).abs() < bound,

@@ -13,7 +13,8 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    /// Duff et al. 2017, "Building an Orthonormal Basis, Revisited", JCGT 6(1): without the branch that loses precision.
+    /// Builds a frame without the cancellation near n.z = -1 (Duff et al. 2017, "Building an
+    /// Orthonormal Basis, Revisited", JCGT 6(1)).
     #[inline]
     pub(crate) fn new(n: Vec3) -> Self {
         let sign = 1.0_f32.copysign(n.z);
@@ -37,7 +38,7 @@ impl Frame {
     }
 }
 
-/// Uniform on the unit disc, area-preserving and continuous (Shirley and Chiu 1997).
+/// Maps the unit square to the unit disc, continuously and preserving area (Shirley and Chiu 1997).
 #[inline]
 pub(crate) fn disc([u, v]: [f32; 2]) -> [f32; 2] {
     let (x, y) = (2.0 * u - 1.0, 2.0 * v - 1.0);
@@ -50,8 +51,8 @@ pub(crate) fn disc([u, v]: [f32; 2]) -> [f32; 2] {
     if wide { [radius * cos, radius * sin] } else { [radius * sin, radius * cos] }
 }
 
-/// Sine and cosine for angles of at most π/4, within 1e-7: by the first terms of their series, made even over that range (Cephes,
-/// `sinf` and `cosf`). Without the calls, which took 3 % of a path's time.
+/// Returns sine and cosine of an angle of at most π/4, within 1e-7. Polynomials of Cephes's `sinf`
+/// and `cosf`; calling the library instead took 3 % of a path's time.
 #[inline]
 fn sin_cos_eighth(angle: f32) -> (f32, f32) {
     let z = angle * angle;
@@ -60,20 +61,20 @@ fn sin_cos_eighth(angle: f32) -> (f32, f32) {
     (sin, cos)
 }
 
-/// Cosine-weighted on the hemisphere around +z; density [`cosine_pdf`].
+/// Returns a cosine-weighted direction of the hemisphere around +z, with density [`cosine_pdf`].
 #[inline]
 pub(crate) fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
     let [x, y] = disc(u);
     Vec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())
 }
 
-/// Density of [`cosine_hemisphere`] per solid angle.
+/// Returns the density of [`cosine_hemisphere`] per solid angle.
 #[inline]
 pub(crate) fn cosine_pdf(cosine: f32) -> f32 {
     cosine.max(0.0) * FRAC_1_PI
 }
 
-/// Uniform on a triangle: weights of its second and third vertex.
+/// Returns a uniform point of a triangle: the weights of its second and third vertex.
 #[inline]
 pub(crate) fn triangle([u, v]: [f32; 2]) -> (f32, f32) {
     let root = u.sqrt();
@@ -94,7 +95,7 @@ mod tests {
                 1 => -Vec3::Z,
                 _ => {
                     let v = Vec3::new(s.one() - 0.5, s.one() - 0.5, s.one() - 0.5);
-                    // Half of them close to an axis, where a frame by cross products goes wrong.
+                    // Half of them close to an axis, where frames from cross products are inexact.
                     (if i % 2 == 0 { v * Vec3::new(1e-5, 1e-4, 1.0) } else { v }).normalize()
                 }
             };
@@ -121,8 +122,8 @@ mod tests {
 
     #[test]
     fn points_on_a_triangle_are_uniform() {
-        // Each sub-triangle of the 4-by-4 subdivision has 1/16 of the area. Chi² with 15 degrees: 44.3 is exceeded with
-        // probability 1e-4.
+        // Each sub-triangle of the 4-by-4 subdivision has 1/16 of the area. Chi² with 15 degrees:
+        // 44.3 is exceeded with probability 1e-4.
         let mut counts = [0_u32; 16];
         let n = 160_000;
         let mut s = Sampler::new(2, 0);

@@ -1,41 +1,44 @@
-//! Images of lamps in flat mirrors and panes: what these throw on surfaces, where rays over the hemisphere find it by chance alone
-//! (virtual light sources: Ward 1994, "The RADIANCE Lighting Simulation and Rendering System", §2.2.2; Shirley et al. 1996).
+//! Images of lamps in flat mirrors and panes: the light that these reflect onto other surfaces.
 //!
-//! A lamp behind a mirror is seen from a place as the lamp itself is from the place's image; so the tree of the lamps serves all
-//! mirrors, and what a mirror can show is known without rays. Records of the engine `cached` aim some of their rays.
+//! A lamp seen in a mirror from a point looks as the lamp itself does from the mirror image of the
+//! point (virtual light sources: Ward 1994, "The RADIANCE Lighting Simulation and Rendering
+//! System", §2.2.2; Shirley et al. 1996). So the light tree serves all mirrors, and no ray is
+//! needed to know what a mirror can show. Records of the engine `cached` aim some of their rays at
+//! images.
 //!
-//! Always true: what is aimed at is one reflection by a mirror or pane of a plane that is known, with any number of panes gone through
-//! before and after. What rays over the hemisphere find that way is weighed with it (Veach 1997, §9.2.2), so that neither is brighter than
-//! those rays alone would make it where little is known. A scene without such planes has no images, and pays nothing.
+//! Always true: aimed rays account for exactly one reflection by a mirror or pane of a known plane,
+//! with any number of panes passed before and after it. They are combined with what hemisphere rays
+//! find in the same way (Veach 1997, §9.2.2). A scene without such planes pays nothing.
 
 use glam::Vec3;
 use holo_raycast::{Hit, Raycaster, SurfacePoint};
 
 use crate::direct::power_heuristic;
-use crate::lights::{Aim, Lights, Part, luminance};
+use crate::lights::{Aim, Lights, Subtree, luminance};
 use crate::mirrors::Mirrors;
 use crate::panes::Panes;
 
-/// A plane that shows lamps to a place, and the place's image behind it.
+/// A plane that shows lamps to a point, and the mirror image of that point.
 #[derive(Clone, Copy, Debug)]
-struct Behind {
+struct MirroredPoint {
+    /// Index of the plane.
     plane: u8,
     point: Vec3,
     normal: Vec3,
-    /// Its parts are those from here.
+    /// Index of the plane's first subtree.
     first: usize,
 }
 
-/// The images of lamps that a place may see.
+/// The images of lamps that a point may see.
 #[derive(Debug)]
 pub(crate) struct Images<'a> {
     raycaster: &'a Raycaster,
     lights: &'a Lights,
     panes: &'a Panes,
     mirrors: &'a Mirrors,
-    planes: Vec<Behind>,
-    parts: Vec<Part>,
-    /// Probability of all parts up to and with each.
+    planes: Vec<MirroredPoint>,
+    subtrees: Vec<Subtree>,
+    /// Cumulative probabilities of the subtrees.
     sums: Vec<f64>,
 }
 
@@ -43,57 +46,61 @@ pub(crate) struct Images<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Image {
     pub plane: u8,
-    /// The lamp's triangle, and where on it.
+    /// The lamp's triangle.
     pub triangle: u32,
+    /// Position on that triangle.
     pub barycentrics: [f32; 2],
-    /// From the place.
+    /// Vector from the observing point to the image.
     pub towards: Vec3,
-    /// Of the image.
+    /// Normal of the image.
     pub normal: Vec3,
-    /// With which it was chosen, per solid angle.
+    /// Density, per solid angle, with which it was chosen.
     pub density: f32,
 }
 
 impl<'a> Images<'a> {
-    /// As `point` may see them that is lit on the side of `normal`; `None` if it sees none.
-    pub(crate) fn seen(
+    /// Returns the images that `point`, lit on the side of `normal`, may see. `None` if it sees
+    /// none.
+    pub(crate) fn visible_from(
         raycaster: &'a Raycaster,
         lights: &'a Lights,
         panes: &'a Panes,
         mirrors: &'a Mirrors,
         [point, normal]: [Vec3; 2],
     ) -> Option<Self> {
-        let (mut planes, mut parts, mut sums, mut sum) = (Vec::new(), Vec::new(), Vec::new(), 0.0);
+        let (mut planes, mut subtrees, mut sums, mut sum) =
+            (Vec::new(), Vec::new(), Vec::new(), 0.0);
         for (number, plane) in (0..).zip(&mirrors.planes) {
             let (point, normal) = (plane.reflect(point), plane.reflect_direction(normal));
             let shown =
-                lights.parts(point, normal, |center, radius| plane.shows(point, center, radius));
+                lights.subtrees(point, normal, |center, radius| plane.shows(point, center, radius));
             if shown.is_empty() {
                 continue;
             }
-            planes.push(Behind { plane: number, point, normal, first: parts.len() });
-            for part in &shown {
-                let reflectance = plane.face.reflectance(plane.cosine(part.center - point));
-                sum += f64::from(part.importance * luminance(reflectance.to_array()));
+            planes.push(MirroredPoint { plane: number, point, normal, first: subtrees.len() });
+            for subtree in &shown {
+                let reflectance = plane.face.reflectance(plane.cosine(subtree.center - point));
+                sum += f64::from(subtree.importance * luminance(reflectance.to_array()));
                 sums.push(sum);
             }
-            parts.extend(shown);
+            subtrees.extend(shown);
         }
         if !(sum > 0.0 && sum.is_finite()) {
             return None;
         }
         sums.iter_mut().for_each(|s| *s /= sum);
-        Some(Self { raycaster, lights, panes, mirrors, planes, parts, sums })
+        Some(Self { raycaster, lights, panes, mirrors, planes, subtrees, sums })
     }
 
-    /// A point on an image by two uniform numbers. `None` if there is none to be seen there.
+    /// Returns a point on an image by two uniform numbers. `None` if no light arrives from the one
+    /// chosen.
     pub(crate) fn choose(&self, uniform: f64, second: f32) -> Option<Image> {
-        let i = self.sums.partition_point(|&sum| sum <= uniform).min(self.parts.len() - 1);
-        let Behind { plane, point, normal, .. } =
+        let i = self.sums.partition_point(|&sum| sum <= uniform).min(self.subtrees.len() - 1);
+        let MirroredPoint { plane, point, normal, .. } =
             self.planes[self.planes.partition_point(|p| p.first <= i) - 1];
         let rest = ((uniform - self.before(i)) / self.share(i)).clamp(0.0, 1.0 - f64::EPSILON);
         let (triangle, probability, rest) =
-            self.lights.choose_in(&self.parts[i], point, normal, rest)?;
+            self.lights.choose_in(&self.subtrees[i], point, normal, rest)?;
         let aim = Aim::new(point, self.raycaster.vertices(triangle));
         let (u, v) = aim.sample([rest, second]);
         let towards = self.raycaster.point(triangle, u, v) - point;
@@ -116,7 +123,7 @@ impl<'a> Images<'a> {
         })
     }
 
-    /// The share of an image's light that arrives at the place.
+    /// Returns the share of an image's light that arrives at the point.
     pub(crate) fn arriving(&self, at: &SurfacePoint, image: &Image) -> Vec3 {
         let Image { plane, triangle, barycentrics: [u, v], towards, .. } = *image;
         let mirror = &self.mirrors.planes[usize::from(plane)];
@@ -137,13 +144,14 @@ impl<'a> Images<'a> {
             * self.panes.between(self.raycaster, &met, &lamp)
     }
 
-    /// Density with which [`choose`](Self::choose) gives a point on a lamp as a plane shows it, per solid angle.
+    /// Returns the density, per solid angle, with which [`choose`](Self::choose) gives a point of a
+    /// lamp as seen in a plane.
     pub(crate) fn density(&self, plane: u8, met: &Hit, cosine: f32) -> f32 {
         let Some(at) = self.planes.iter().position(|p| p.plane == plane) else { return 0.0 };
-        let Behind { point, normal, first, .. } = self.planes[at];
-        let end = self.planes.get(at + 1).map_or(self.parts.len(), |next| next.first);
+        let MirroredPoint { point, normal, first, .. } = self.planes[at];
+        let end = self.planes.get(at + 1).map_or(self.subtrees.len(), |next| next.first);
         let Some((i, probability)) =
-            self.lights.find_in(&self.parts[first..end], point, normal, met.triangle)
+            self.lights.find_in(&self.subtrees[first..end], point, normal, met.triangle)
         else {
             return 0.0;
         };
@@ -156,41 +164,42 @@ impl<'a> Images<'a> {
         if i == 0 { 0.0 } else { self.sums[i - 1] }
     }
 
-    /// Probability of a part.
+    /// Returns the probability of a subtree.
     fn share(&self, i: usize) -> f64 {
         self.sums[i] - self.before(i)
     }
 }
 
-/// How a ray left a place from which images were aimed at, for weighing what it finds by mirrors.
+/// How a ray left a point at which images were sampled. Weighs what the ray meets by way of
+/// mirrors.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Aims<'a> {
+pub(crate) struct ImageSampling<'a> {
     pub images: &'a Images<'a>,
-    /// How many times.
+    /// Number of rays that were aimed at images.
     pub count: u32,
-    /// Expected number of other rays per solid angle, in the direction that was taken.
+    /// Expected number of other rays per solid angle in the ray's direction.
     pub others: f32,
 }
 
-/// A mirror or pane that shows images of its own plane.
+/// A mirror or pane that a ray met and that shows sampled images.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Shown<'a> {
-    aims: Aims<'a>,
+pub(crate) struct ImageMirror<'a> {
+    sampling: ImageSampling<'a>,
     plane: u8,
 }
 
-impl<'a> Aims<'a> {
-    /// What a ray has met, and is reflected by; `None` if it shows no images.
-    pub(crate) fn shown_by(self, mirror: u32) -> Option<Shown<'a>> {
+impl<'a> ImageSampling<'a> {
+    /// Returns the mirror or pane that reflects a ray; `None` if it shows no images.
+    pub(crate) fn mirror_at(self, mirror: u32) -> Option<ImageMirror<'a>> {
         let &(plane, _) = self.images.mirrors.faces.get(&mirror)?;
-        Some(Shown { aims: self, plane })
+        Some(ImageMirror { sampling: self, plane })
     }
 }
 
-impl Shown<'_> {
-    /// Weight of a lamp that a ray has met by way of the mirror, at a cosine.
+impl ImageMirror<'_> {
+    /// Returns the weight of a lamp that a ray met by way of the mirror, at a cosine.
     pub(crate) fn weight(&self, met: &Hit, cosine: f32) -> f32 {
-        let Aims { images, count, others } = self.aims;
+        let ImageSampling { images, count, others } = self.sampling;
         let density = count as f32 * images.density(self.plane, met, cosine);
         if density > 0.0 { power_heuristic(others, density) } else { 1.0 }
     }

@@ -1,4 +1,5 @@
-//! Images of lamps are chosen with the density that they are weighed with, and bring what mirrors and panes throw.
+//! Tests that images of lamps are chosen with the stated density, and bring the light that mirrors
+//! and panes reflect.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -7,13 +8,13 @@ use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, Ray, Raycaster};
 use holo_scene::{Bsdf, Material, Scene};
 
+use crate::engine::{Direct, PathEngine};
 use crate::images::Images;
 use crate::mirrors::Mirrors;
-use crate::path::{Direct, PathEngine};
 use crate::sampler::{Purpose, Sampler};
 
-/// A floor at z = 0 with a mirror at x = 2 and a pane at y = 2, that stand on it, and `lamps` of two triangles above it, at heights of 1 to 2,
-/// turned to all sides.
+/// A floor at z = 0 on which a mirror (x = 2) and a pane (y = 2) stand. Above it are `lamps` lamps
+/// of two triangles each, at heights of 1 to 2, facing all sides.
 fn room(lamps: usize) -> Arc<Raycaster> {
     let (mut positions, mut triangles, mut ids) = (Vec::new(), Vec::new(), Vec::new());
     let mut quad = |corners: [DVec3; 4], id: u32| {
@@ -51,7 +52,7 @@ fn room(lamps: usize) -> Arc<Raycaster> {
     Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
 }
 
-/// A point of the floor and its normal.
+/// Returns a point of the floor and its normal.
 fn place(raycaster: &Raycaster, x: f64, y: f64) -> (holo_raycast::SurfacePoint, Vec3) {
     let from = (DVec3::new(x, y, 1e-3) - raycaster.scene().origin).as_vec3();
     let hit = raycaster.nearest(&Ray::new(from, -Vec3::Z)).expect("the floor");
@@ -59,14 +60,14 @@ fn place(raycaster: &Raycaster, x: f64, y: f64) -> (holo_raycast::SurfacePoint, 
 }
 
 #[test]
-fn images_are_weighed_with_the_density_that_they_are_chosen_with() {
+fn images_are_chosen_with_the_density_that_they_are_weighted_with() {
     for lamps in [1, 40, 400] {
         let raycaster = room(lamps);
         let engine = PathEngine::new(&raycaster, None, Direct::Both, 1);
         let mirrors = Mirrors::find(raycaster.scene(), &engine.surfaces);
         assert_eq!(mirrors.planes.len(), 2);
         let (point, normal) = place(&raycaster, 0.3, -0.4);
-        let Some(images) = Images::seen(
+        let Some(images) = Images::visible_from(
             &raycaster,
             &engine.lights,
             &engine.panes,
@@ -87,7 +88,7 @@ fn images_are_weighed_with_the_density_that_they_are_chosen_with() {
             let met = Hit { t: 1.0, triangle: image.triangle, u, v };
             let cosine = image.towards.normalize().dot(image.normal).abs();
             let again = images.density(image.plane, &met, cosine);
-            // Both from f32, by other ways to the same numbers.
+            // Both are computed in f32, in different ways.
             assert!(
                 (again / image.density - 1.0).abs() < 1e-3,
                 "{lamps} lamps: {again} and {}",
@@ -99,13 +100,13 @@ fn images_are_weighed_with_the_density_that_they_are_chosen_with() {
 }
 
 #[test]
-fn images_bring_what_rays_over_the_hemisphere_find_by_one_mirror() {
+fn images_bring_the_light_that_hemisphere_rays_find_by_one_reflection() {
     let raycaster = room(40);
     let engine = PathEngine::new(&raycaster, None, Direct::Both, 1);
     let mirrors = Mirrors::find(raycaster.scene(), &engine.surfaces);
     for (number, (x, y)) in [(0.3, -0.4), (-1.0, 1.2), (1.2, 1.5)].into_iter().enumerate() {
         let (point, normal) = place(&raycaster, x, y);
-        let images = Images::seen(
+        let images = Images::visible_from(
             &raycaster,
             &engine.lights,
             &engine.panes,
@@ -119,7 +120,7 @@ fn images_bring_what_rays_over_the_hemisphere_find_by_one_mirror() {
             let cosine = image.towards.normalize().dot(normal).max(0.0);
             f64::from(images.arriving(&point, &image).y * cosine / image.density)
         });
-        // Uniform over the hemisphere: the lamps' emission counts as 1.
+        // Directions are uniform over the hemisphere; the lamps' emission counts as 1.
         let by_chance = statistics(2_000_000, |sampler| {
             let [a, b] = sampler.two();
             let (z, angle) = (a, 2.0 * std::f32::consts::PI * b);
@@ -138,7 +139,7 @@ fn images_bring_what_rays_over_the_hemisphere_find_by_one_mirror() {
     }
 }
 
-/// Mean of a function of random numbers, and the variance of that.
+/// Returns the mean of a function of random numbers, and the variance of that mean.
 fn statistics(count: u64, of: impl Fn(&mut Sampler) -> f64) -> (f64, f64) {
     let (mut sum, mut squares) = (0.0, 0.0);
     for number in 0..count {
@@ -152,7 +153,8 @@ fn statistics(count: u64, of: impl Fn(&mut Sampler) -> f64) -> (f64, f64) {
     (sum / n, (squares / n - (sum / n).powi(2)).max(0.0) / n)
 }
 
-/// Green of what arrives from lamps by one reflection, through any panes before and after.
+/// Returns the green channel of light that arrives from lamps by one reflection, through any panes
+/// before and after it.
 fn by_one_mirror(
     raycaster: &Raycaster,
     engine: &PathEngine,
@@ -160,7 +162,7 @@ fn by_one_mirror(
     mut from: holo_raycast::SurfacePoint,
     mut direction: Vec3,
 ) -> f32 {
-    // What has been met by going straight on, and by the reflection: both ways at panes.
+    // The surfaces reached by going straight on, and by the reflection: a pane offers both.
     let mut arriving = 0.0;
     let mut share = 1.0;
     for _ in 0..8 {
@@ -179,7 +181,7 @@ fn by_one_mirror(
     arriving
 }
 
-/// What arrives straight from lamps, through any panes.
+/// Returns the light that arrives straight from lamps, through any panes.
 fn straight(
     raycaster: &Raycaster,
     engine: &PathEngine,

@@ -1,11 +1,14 @@
-//! The rough boundary between two dielectrics, with light that meets several facets accounted for.
+//! The rough boundary between two dielectrics, with light that meets several facets.
 //!
-//! Light that meets one facet scatters as in Walter et al. 2007. What that loses by direction is given back as two wide
-//! lobes, reflected and transmitted (Kulla and Conty 2017): with L the lost share on a side and L̄ its mean, from side a to
-//! a: (1 - t) L(wo) L(wi) / (π L̄), from a to b: t L(wo) L(wi) / (π L̄ of b), as shares of flux.
+//! Light that meets one facet scatters as in Walter et al. 2007. The flux that this loses is
+//! returned by two wide lobes, reflected and transmitted (Kulla and Conty 2017). Let L be the lost
+//! share on a side, L̄ its mean, and t the share of the loss that is transmitted. Then side a
+//! reflects (1 - t) L(wo) L(wi) / (π L̄) of the flux and transmits t L(wo) L(wi) / (π L̄ of b) to
+//! side b.
 //!
-//! Always true: both sides scatter exactly as much flux as arrives, up to the tables' error; and f(wo, wi) n² of wi's side
-//! is the same with wo and wi exchanged (Veach 1997, §5.2), because t L̄ of a n² of a is the same from both sides.
+//! Always true: both sides scatter exactly the flux that arrives, up to the error of the tables.
+//! The product of f(wo, wi) and n² of `wi`'s side is symmetric in wo and wi (Veach 1997, §5.2),
+//! because t L̄ n² is the same for both sides.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -18,17 +21,17 @@ use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::microfacet::Ggx;
 use crate::sampler::Sampler;
 
-/// Below this mean loss there is nothing to give back, and quotients of losses would be noise.
+/// Mean loss below which nothing is returned: quotients of losses would be rounding noise.
 const NO_LOSS: f32 = 1e-8;
 
-/// What is seen from one side.
+/// The properties of one side.
 #[derive(Clone, Debug)]
 struct Side {
-    /// Index beyond relative to this side's.
+    /// Index of refraction beyond the boundary over this side's.
     eta: f32,
-    /// Share of flux lost by meeting one facet only.
+    /// Share of flux that is lost if light meets only one facet.
     loss: Option<Table>,
-    /// Share of the loss that is given back as transmission.
+    /// Share of the loss that is returned as transmission.
     transmitted: f32,
 }
 
@@ -40,19 +43,19 @@ pub(crate) struct Interface {
     back: Side,
 }
 
-/// What an interface does to a direction; colours are the caller's.
+/// A direction that an interface scatters light from. Colours are up to the caller.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scattered {
     pub wi: Vec3,
-    /// Value with cosine, for radiance.
+    /// Value of radiance times cosine.
     pub value: f32,
     pub pdf: f32,
-    /// Square of the index on `wi`'s side over that on `wo`'s.
+    /// Squared index of refraction on `wi`'s side over that on `wo`'s.
     pub eta2: f32,
 }
 
 impl Interface {
-    /// A boundary whose clockwise side has `eta` times the index of the other.
+    /// Makes a boundary whose clockwise side has `eta` times the index of refraction of the other.
     pub(crate) fn new(ggx: Ggx, eta: f32) -> Self {
         let mut plain = Self::without_compensation(ggx, eta);
         let [front, back] = [&plain.front, &plain.back].map(|side| {
@@ -63,7 +66,8 @@ impl Interface {
         });
         if let (Some(a), Some(b)) = (&front, &back) {
             let eta2 = eta * eta;
-            // As much goes through as of diffuse light through a smooth boundary, as far as both sides can give it.
+            // The transmitted share is that of diffuse light at a smooth boundary, limited by what
+            // both sides lose.
             let through = 1.0 - mean_reflectance(eta);
             let share = (2.0 * through / (eta2 * (a.mean + b.mean)))
                 .min(1.0 / (eta2 * b.mean))
@@ -75,7 +79,8 @@ impl Interface {
         plain
     }
 
-    /// One that loses what one facet loses: for more pairs of media than tables are made for.
+    /// Makes a boundary that does not return the lost light. For scenes with more pairs of media
+    /// than [`Nesting`](crate::medium::Nesting) makes tables for.
     pub(crate) fn without_compensation(ggx: Ggx, eta: f32) -> Self {
         let side = |eta| Side { eta, loss: None, transmitted: 0.0 };
         Self { ggx, front: side(eta), back: side(1.0 / eta) }
@@ -85,7 +90,7 @@ impl Interface {
         if front { (&self.front, &self.back) } else { (&self.back, &self.front) }
     }
 
-    /// Share of the flux that meets a facet of normal `m` which meets another one.
+    /// Returns the share of the flux reaching a facet of normal `m` that then meets another facet.
     fn lost(&self, side: &Side, wo: Vec3, m: Vec3) -> f32 {
         let (reflected, beyond) = dielectric(wo.dot(m).max(0.0), side.eta);
         let wi = reflect(wo, m);
@@ -97,7 +102,8 @@ impl Interface {
         1.0 - kept
     }
 
-    /// Share of flux from the front that is reflected, by cosine, with all facets that it meets.
+    /// Returns the share of flux from the front that is reflected, by cosine. It counts all facets
+    /// that light meets.
     pub(crate) fn reflectance(&self) -> Table {
         let side = &self.front;
         Table::new(self.ggx, |cosine| {
@@ -114,7 +120,7 @@ impl Interface {
         })
     }
 
-    /// Value with cosine, and density of [`sample`](Self::sample).
+    /// Returns value times cosine, and the density of [`sample`](Self::sample).
     #[inline]
     pub(crate) fn evaluate(&self, wo: Vec3, wi: Vec3, front: bool) -> (f32, f32) {
         let eta = self.sides(front).0.eta;
@@ -123,7 +129,8 @@ impl Interface {
         self.with_several(once, wo, wi, front)
     }
 
-    /// As [`evaluate`](Self::evaluate) for directions on one side, with the density of [`sample_reflection`](Self::sample_reflection).
+    /// The same for directions on one side, with the density of
+    /// [`sample_reflection`](Self::sample_reflection).
     #[inline]
     pub(crate) fn evaluate_reflection(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
         let (value, _) = self.evaluate(wo, wi, true);
@@ -133,7 +140,8 @@ impl Interface {
         (value, (1.0 - several) * single + several * cosine_pdf(wi.z))
     }
 
-    /// A direction on the front side, about as the front reflects, without regard to Fresnel's term.
+    /// Samples a direction on the front side, roughly as the front reflects: Fresnel's term is
+    /// ignored.
     #[inline]
     pub(crate) fn sample_reflection(&self, wo: Vec3, sampler: &mut Sampler) -> Vec3 {
         if sampler.one() < self.several(wo, true) {
@@ -143,7 +151,7 @@ impl Interface {
         }
     }
 
-    /// Chooses where light came from. `None` if it met a second facet.
+    /// Samples the direction that light came from. `None` if it met a second facet.
     #[inline]
     pub(crate) fn sample(&self, wo: Vec3, front: bool, sampler: &mut Sampler) -> Option<Scattered> {
         let side = self.sides(front).0;
@@ -163,7 +171,7 @@ impl Interface {
             if through != (wi.z < 0.0) {
                 return None;
             }
-            // From the facet that was sampled: a half vector found again is less exact.
+            // Uses the sampled facet: a half vector computed from the directions is less exact.
             let seen = self.ggx.pdf(wo, m);
             let once = if through {
                 let pdf = (1.0 - reflected) * seen * jacobian(wo, wi, m, eta);
@@ -178,7 +186,7 @@ impl Interface {
         (pdf > 0.0 && wi.z != 0.0).then_some(Scattered { wi, value, pdf, eta2 })
     }
 
-    /// Probability of sampling the wide lobes: their share.
+    /// Returns the probability of sampling the wide lobes: their share of the flux.
     #[inline]
     fn several(&self, wo: Vec3, front: bool) -> f32 {
         self.sides(front).0.loss.as_ref().map_or(0.0, |loss| loss.at(wo.z).clamp(0.0, 0.99))
@@ -211,7 +219,7 @@ impl Interface {
         )
     }
 
-    /// Reflection from one facet: value with cosine, and density.
+    /// Returns value times cosine, and density, of reflection from one facet.
     #[inline]
     fn reflection(&self, wo: Vec3, wi: Vec3, eta: f32) -> (f32, f32) {
         let m = (wo + wi).normalize_or_zero();
@@ -220,12 +228,13 @@ impl Interface {
         (value * reflected, pdf * reflected)
     }
 
-    /// Transmission through one facet (Walter et al. 2007, eq. 21, for radiance): value with cosine, and density.
+    /// Returns value times cosine, and density, of transmission through one facet (Walter et al.
+    /// 2007, eq. 21, for radiance).
     #[inline]
     fn transmission(&self, wo: Vec3, wi: Vec3, eta: f32) -> (f32, f32) {
         let m = (wo + wi * eta).normalize_or_zero();
         let m = if m.z < 0.0 { -m } else { m };
-        // The normal must be on the side of both.
+        // The facet must face both directions.
         if wo.dot(m) <= 0.0 || wi.dot(m) >= 0.0 || wi.z >= 0.0 {
             return (0.0, 0.0);
         }
@@ -235,7 +244,7 @@ impl Interface {
     }
 }
 
-/// Reflection from facets that reflect everything: value with cosine, and density by visible normals.
+/// Returns value times cosine, and density by visible normals, of facets that reflect everything.
 #[inline]
 pub(crate) fn reflection(ggx: Ggx, wo: Vec3, wi: Vec3) -> (f32, f32) {
     let m = (wo + wi).normalize_or_zero();
@@ -246,14 +255,15 @@ pub(crate) fn reflection(ggx: Ggx, wo: Vec3, wi: Vec3) -> (f32, f32) {
     (pdf * ggx.shadowing(wo, wi), pdf)
 }
 
-/// Solid angle of normals per solid angle of refracted directions (Walter et al. 2007, eq. 17).
+/// Returns the solid angle of normals per solid angle of refracted directions (Walter et al. 2007,
+/// eq. 17).
 #[inline]
 fn jacobian(wo: Vec3, wi: Vec3, m: Vec3, eta: f32) -> f32 {
     let denominator = wo.dot(m) + eta * wi.dot(m);
     eta * eta * wi.dot(m).abs() / (denominator * denominator)
 }
 
-/// Share of diffuse light that a smooth boundary reflects.
+/// Returns the share of diffuse light that a smooth boundary reflects.
 fn mean_reflectance(eta: f32) -> f32 {
     const STEPS: u32 = 512;
     // Uniform in the square of the cosine.

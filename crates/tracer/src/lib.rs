@@ -1,17 +1,21 @@
-//! Engines: a ray in, its radiance and the distance to the first surface out. Knows no beams and no sockets.
+//! Engines: they compute the radiance along a ray and the distance to the first surface. This crate
+//! knows neither beams nor sockets.
 //!
-//! The engine `path` is an unbiased path tracer ("The Rendering Equation", Kajiya 1986) with next-event estimation. What
-//! materials mean is said at [`holo_scene::Bsdf`]; the conventions are those of Mitsuba 3's `diffuse`, `conductor`,
-//! `roughconductor`, `thindielectric`, `dielectric` and `roughdielectric`, but that light which meets
-//! several facets of a rough surface is not lost, and that indices of refraction hold between the solids that really meet:
-//! bubbles in glass, water in a glass (module `medium`).
+//! The engine `path` is an unbiased path tracer (module `path`). The engine `cached` interpolates
+//! indirect light (module `cached`). [`holo_scene::Bsdf`] defines the materials. They follow
+//! Mitsuba 3's `diffuse`, `conductor`, `roughconductor`, `thindielectric`, `dielectric` and
+//! `roughdielectric`, with two differences. Light that meets several facets of a rough surface is
+//! not lost. Indices of refraction apply between the solids that really touch: bubbles in glass,
+//! water in a glass (module `medium`).
 //!
 //! Always true:
-//! - A [`Traced`] is a function of (scene, settings, ray, seed): not of threads, processor or order.
-//! - Radiance is finite and not negative. A path whose estimate is not finite counts as 0 and is counted
-//!   ([`Tracer::nonfinite_paths`]).
-//! - Rays travel in f32 relative to the scene's origin; rays from far away are brought near it in f64 first.
-//! - A [`Tracer`] may be shared by any number of threads.
+//! - The engine `path` gives a [`Traced`] that is a function of (scene, settings, ray, seed): not
+//!   of threads, processor or order.
+//! - Radiance is finite and not negative. A path whose estimate is not finite contributes 0 and is
+//!   counted ([`Tracer::nonfinite_paths`]).
+//! - Rays travel in f32 relative to the scene's origin. Rays from far away are moved near it in
+//!   f64.
+//! - Any number of threads may share a [`Tracer`].
 
 mod albedo;
 mod bsdf;
@@ -24,9 +28,9 @@ mod deviations;
 mod direct;
 #[cfg(test)]
 mod direct_tests;
-mod ending;
 #[cfg(test)]
 mod energy_tests;
+mod engine;
 mod fresnel;
 mod geometry;
 mod images;
@@ -34,21 +38,23 @@ mod images;
 mod images_tests;
 mod interface;
 mod lights;
+mod mean_irradiance;
 mod medium;
 mod microfacet;
 mod mirrors;
 mod panes;
 mod path;
+mod policy;
 mod sampler;
 mod secondary;
 #[cfg(test)]
 mod secondary_tests;
-mod straight;
-mod usual;
+mod virtual_distance;
 
 pub use cached::{ACCURACIES, DEFAULT_ACCURACY};
 pub use sampler::Sampler;
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -59,34 +65,30 @@ use holo_scene::Scene;
 use serde::{Deserialize, Serialize};
 
 use cached::Cached;
-use path::{Direct, PathEngine, Start};
-use straight::Straight;
+use engine::{Direct, PathEngine};
+use path::Start;
+use virtual_distance::VirtualDistance;
 
-/// Most paths per sample: beyond, one call would take seconds, and a worker could not be stopped.
+/// Most paths per sample. More would make one call take seconds, and a worker could not be stopped.
 pub const MAX_PATHS: u32 = 1 << 16;
 
-/// Samples of the lights of a path, at its first surface that is not a mirror or glass, unless said otherwise.
-///
-/// Error squared times processor time with 1, 2 and 4 of them: cabin's living room 0.097, 0.081, 0.088; its bedroom 0.30, 0.28,
-/// 0.34. Where all light comes from one quad it is one sample: the Cornell box, whose error is of indirect light, is as noisy and takes 10 %
-/// less time.
-pub const DEFAULT_LIGHT_SAMPLES: u32 = 2;
+/// Light samples of a path at its first surface that is neither a mirror nor glass. Scenes whose
+/// light comes from one quad take 1 instead (docs/notes/path-tracing.md).
+const LIGHT_SAMPLES: u32 = 2;
 
-/// Ways on from that surface where all light comes from one quad, if any is indirect. Error squared times time on the Cornell box, for 64 of
-/// them in each pixel, with 1, 2 and 4: 0.029, 0.026, 0.025; with 4 samples are half as many as with 2. Where direct light makes most of
-/// the error there is one: with 1, 2 and 4 cabin's living room 0.131, 0.130, 0.184.
+/// Continuations of a path from that surface, if all light comes from one quad and indirect light
+/// counts. Other scenes take 1 (docs/notes/path-tracing.md).
 const BRANCHES: u32 = 2;
 
-/// Most light samples of a path.
-pub const MAX_LIGHT_SAMPLES: u32 = 256;
-
-/// What a tracer is to do, beside the scene.
+/// What a tracer computes, besides the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Settings {
-    /// Limit of indirect light: how often light may be scattered by surfaces other than mirrors and glass after the first
-    /// such surface. `None`: without limit; `Some(0)`: direct light only. Mirror reflection and smooth transmission do not count.
+    /// Limit of indirect light: the most scatterings after the first, by surfaces other than
+    /// mirrors and glass. `None`: no limit. `Some(0)`: direct light only. Mirror reflection and
+    /// smooth transmission do not count.
     pub bounces: Option<u32>,
-    /// Paths averaged into one [`Traced`]: 1 to [`MAX_PATHS`]. A path may fork at its first surface that is not a mirror or glass.
+    /// Paths averaged into one [`Traced`]: 1 to [`MAX_PATHS`]. A path may branch at its first
+    /// surface that is neither a mirror nor glass.
     pub paths: u32,
 }
 
@@ -96,7 +98,7 @@ impl Default for Settings {
     }
 }
 
-/// Why a tracer cannot be made.
+/// The reason why a tracer cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum TracerError {
     /// [`Settings::paths`] is 0 or above [`MAX_PATHS`].
@@ -107,19 +109,20 @@ pub enum TracerError {
     Scene(#[from] BuildError),
 }
 
-/// One sample: what a ray carries back.
+/// One traced ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Traced {
     /// Radiance towards the ray's origin, linear RGB, W·sr⁻¹·m⁻².
     pub radiance: [f32; 3],
-    /// World distance to the first surface, glass included; infinity if there is none. Or virtual distance:
-    /// [`Tracer::with_virtual_distance`].
+    /// World distance to the first surface, glass included; infinity if there is none. A virtual
+    /// distance after [`Tracer::with_virtual_distance`].
     pub distance: f64,
 }
 
-/// Independent means at most that [`Tracer::trace_with_variance`] makes: its estimate has a relative error of √(2/3) then, for paths
-/// whose error is normal; more would tell more, and stratify less.
-pub const REPLICATES: u32 = 4;
+/// Most independent means that [`Tracer::trace_with_variance`] makes. Its variance then has a
+/// relative error of √(2/3) if the paths' error is normal. More means would lower that error, and
+/// stratify less.
+const REPLICATES: u32 = 4;
 
 /// Traces rays through one scene.
 #[derive(Debug)]
@@ -127,7 +130,7 @@ pub struct Tracer {
     raycaster: Arc<Raycaster>,
     engine: PathEngine,
     cached: Option<Cached>,
-    straight: Option<Straight>,
+    virtual_distance: Option<VirtualDistance>,
     settings: Settings,
     nonfinite: AtomicU64,
 }
@@ -141,7 +144,7 @@ impl Tracer {
         Self::with_raycaster(Arc::new(Raycaster::build(scene)?), settings)
     }
 
-    /// As [`new`](Self::new) with a hierarchy that exists already.
+    /// Prepares a scene whose hierarchy exists already.
     ///
     /// # Errors
     /// Settings out of range.
@@ -149,8 +152,7 @@ impl Tracer {
         raycaster: Arc<Raycaster>,
         settings: Settings,
     ) -> Result<Self, TracerError> {
-        let mut tracer =
-            Self::with_direct(raycaster, settings, Direct::Both, DEFAULT_LIGHT_SAMPLES)?;
+        let mut tracer = Self::with_direct(raycaster, settings, Direct::Both, LIGHT_SAMPLES)?;
         if tracer.engine.lights.is_one() {
             tracer.engine.light_samples = 1;
             tracer.engine.branches = if settings.bounces == Some(0) { 1 } else { BRANCHES };
@@ -172,98 +174,86 @@ impl Tracer {
             raycaster,
             engine,
             cached: None,
-            straight: None,
+            virtual_distance: None,
             settings,
             nonfinite: AtomicU64::new(0),
         })
     }
 
-    /// As this one, with this many samples of the lights at a path's first surface that is not a mirror or glass, at least
-    /// 1 and at most [`MAX_LIGHT_SAMPLES`]. Powers of two are stratified best.
-    #[must_use]
-    pub fn with_light_samples(mut self, samples: u32) -> Self {
-        self.engine.light_samples = samples.clamp(1, MAX_LIGHT_SAMPLES);
-        self
-    }
-
-    /// As this one, with the engine `cached`: indirect light within a relative error of `accuracy`, which is brought within
-    /// [`ACCURACIES`].
+    /// Switches to the engine `cached`: indirect light within the relative error `accuracy`, which
+    /// is clamped to [`ACCURACIES`].
     ///
-    /// `name` seeds the records' numbers: tracers that share their records must have different ones, or they would trace the same
-    /// rays. With one thread, the same name gives the same picture.
+    /// `name` seeds the random numbers of records. Tracers that share records need different names,
+    /// or they would trace the same rays. One thread with the same name gives the same picture.
     #[must_use]
     pub fn with_cache(mut self, accuracy: f32, name: u64) -> Self {
         self.cached = Some(Cached::new(&self.engine, &self.raycaster, accuracy, name));
         self
     }
 
-    /// As this one, with distances to what flat mirrors show and flat glass lets through, along the straightened ray, in place of those
-    /// to mirror and glass (Larson & Simmons 1999, §2.3, `VDISTANCE`); infinity if that is the sky. Curved ones are themselves
-    /// what is seen.
+    /// Switches to virtual distances (Larson & Simmons 1999, §2.3, `VDISTANCE`).
+    ///
+    /// The distance is that to what flat mirrors show and flat glass lets through, along the
+    /// straightened ray, instead of that to the mirror or glass. It is infinite if that is the sky.
+    /// Curved mirrors and glass have their own distance.
     #[must_use]
     pub fn with_virtual_distance(mut self) -> Self {
-        self.straight = Straight::new(self.raycaster.scene());
+        self.virtual_distance = VirtualDistance::new(self.raycaster.scene());
         self
     }
 
-    /// From now on, if the engine is `cached`: a sample that comes where there is no record of indirect light yet is a path, nearly as
-    /// noisy as those of the engine `path`, until `effort` rays for each such sample make the next record. Unless this is called, every such sample
-    /// makes a record, whatever it takes, and none is noisy.
+    /// Bounds the cost of samples of the engine `cached` from now on.
+    ///
+    /// A sample that needs a record of indirect light where there is none becomes a path instead,
+    /// nearly as noisy as those of the engine `path`. Each such sample allows `effort` rays for
+    /// records, and records are made as these allow. Unless this is called, every such sample makes
+    /// a record, however long that takes, and no sample is noisy.
     pub fn set_effort(&self, effort: u32) {
         if let Some(cached) = &self.cached {
             cached.set_effort(effort);
         }
     }
 
-    /// The indirect light found so far, if the engine is `cached`.
+    /// Returns the indirect light found so far, if the engine is `cached`.
     #[must_use]
     pub fn light(&self) -> Option<&Arc<Store>> {
         self.cached.as_ref().map(Cached::store)
     }
 
-    /// The scene that is traced.
-    #[must_use]
-    pub fn scene(&self) -> &Arc<Scene> {
-        self.raycaster.scene()
-    }
-
-    /// The hierarchy, for other uses of the same scene.
+    /// Returns the hierarchy, for other uses of the same scene.
     #[must_use]
     pub fn raycaster(&self) -> &Arc<Raycaster> {
         &self.raycaster
     }
 
-    /// What was asked for.
-    #[must_use]
-    pub fn settings(&self) -> Settings {
-        self.settings
-    }
-
-    /// Estimates the radiance that arrives at `origin` against `direction` (world, unit length), as the mean of
-    /// `settings.paths` paths.
+    /// Estimates the radiance that arrives at `origin` against `direction` (world coordinates) as
+    /// the mean of `settings.paths` paths.
     ///
-    /// Seeds of samples should differ; any will do. A ray that is not finite or has no direction sees black.
+    /// Seeds of different samples should differ; any values will do. The result is black if the ray
+    /// is not finite or has no direction.
     #[must_use]
     pub fn trace(&self, origin: DVec3, direction: DVec3, seed: u64) -> Traced {
         self.trace_paths(origin, direction, seed, 0..u64::from(self.settings.paths))
     }
 
-    /// The estimate of path number `path` of a sample alone: [`trace`](Self::trace) is the mean of paths 0 to `paths - 1`.
+    /// Returns the estimate of one path of a sample. [`trace`](Self::trace) returns the mean of
+    /// paths 0 to `paths - 1`.
     #[must_use]
     pub fn trace_path(&self, origin: DVec3, direction: DVec3, seed: u64, path: u64) -> Traced {
         self.trace_paths(origin, direction, seed, path..path.saturating_add(1))
     }
 
-    /// The mean of a range of path numbers of a sample, so that more paths can be added to earlier ones.
+    /// Returns the mean of a range of path numbers of a sample, so that more paths can be added to
+    /// earlier ones.
     #[must_use]
     pub fn trace_paths(
         &self,
         origin: DVec3,
         direction: DVec3,
         seed: u64,
-        paths: std::ops::Range<u64>,
+        paths: Range<u64>,
     ) -> Traced {
-        match self.meet(origin, direction) {
+        match self.first_surface(origin, direction) {
             Ok((start, distance)) => {
                 Traced { radiance: self.mean(start, seed, paths).to_array(), distance }
             }
@@ -271,12 +261,16 @@ impl Tracer {
         }
     }
 
-    /// As [`trace`](Self::trace), of other random numbers, with the variance of the result by channel, estimated from its own
-    /// paths: without bias, since they are dealt to [`REPLICATES`] means that are independent. `None` for one path, which
-    /// tells nothing. Of the engine `cached`, what its records err by is not in it.
+    /// Estimates radiance as [`trace`](Self::trace) does, from other random numbers, together with
+    /// the variance of the result by channel.
     ///
-    /// The paths of [`trace`](Self::trace) are stratified together, so that nothing can be said of their mean but that it errs less
-    /// than that of independent ones; here there are fewer in each stratification, and the mean varies more (in a diffuse room 1.4 to 1.6 times, for 2 to 16 paths).
+    /// The variance is estimated without bias from the paths themselves, which are dealt to up to 4
+    /// independent means. It is `None` for one path. For the engine `cached` it leaves out the
+    /// error of records.
+    ///
+    /// [`trace`](Self::trace) stratifies all paths together. That lowers the error but says nothing
+    /// about its size. Here each mean has fewer strata, so the result varies more: 1.4 to 1.6 times
+    /// for 2 to 16 paths in a diffuse room.
     #[must_use]
     pub fn trace_with_variance(
         &self,
@@ -285,23 +279,19 @@ impl Tracer {
         seed: u64,
     ) -> (Traced, Option<[f64; 3]>) {
         let count = self.settings.paths.min(REPLICATES);
-        let (start, distance) = match self.meet(origin, direction) {
-            Ok(met) => met,
+        let (start, distance) = match self.first_surface(origin, direction) {
+            Ok(found) => found,
             Err(traced) => return (traced, (count > 1).then_some([0.0; 3])),
         };
-        // Unequal numbers of paths do no harm: expectations are equal, and the variance of a plain mean of independent values is estimated
-        // without bias whatever theirs are.
+        // Means of unequal numbers of paths are fine. They have the same expectation, and the
+        // estimated variance of a plain mean of independent values is unbiased whatever their own
+        // variances are.
         let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
         for replicate in 0..count {
             let share = |i: u32| u64::from(self.settings.paths) * u64::from(i) / u64::from(count);
             let paths = 0..share(replicate + 1) - share(replicate);
-            let mean = self
-                .mean(
-                    start,
-                    sampler::mix(seed.wrapping_add(sampler::mix(u64::from(replicate)))),
-                    paths,
-                )
-                .as_dvec3();
+            let seed = sampler::mix(seed.wrapping_add(sampler::mix(u64::from(replicate))));
+            let mean = self.mean(start, seed, paths).as_dvec3();
             sum += mean;
             squares += mean * mean;
         }
@@ -312,27 +302,34 @@ impl Tracer {
         (traced, (count > 1).then(|| variance.to_array()))
     }
 
-    /// The first surface of a ray and the distance to tell, or what the ray carries if there is none.
-    fn meet(&self, origin: DVec3, direction: DVec3) -> Result<(Start<'static>, f64), Traced> {
+    /// Finds the first surface of a ray and the distance to report. `Err` is the result for a ray
+    /// that meets nothing.
+    fn first_surface(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+    ) -> Result<(Start<'static>, f64), Traced> {
         let direction = direction.normalize_or_zero();
         if !origin.is_finite() || direction == DVec3::ZERO {
             return Err(Traced { radiance: [0.0; 3], distance: f64::INFINITY });
         }
         let (hit, distance) = path::first_hit(&self.raycaster, origin, direction);
         if hit.is_none() {
-            return Err(Traced { radiance: self.engine.sky().to_array(), distance });
+            return Err(Traced { radiance: self.engine.sky.to_array(), distance });
         }
         let inside = self.engine.inside(&self.raycaster, origin);
         let start = Start::eye(hit, direction.as_vec3(), inside);
-        let distance = match &self.straight {
+        let distance = match &self.virtual_distance {
             None => distance,
-            Some(straight) => straight.distance(&self.engine, &self.raycaster, start, distance),
+            Some(virtual_distance) => {
+                virtual_distance.along(&self.engine, &self.raycaster, start, distance)
+            }
         };
         Ok((start, distance))
     }
 
-    /// The mean of a range of path numbers.
-    fn mean(&self, start: Start, seed: u64, paths: std::ops::Range<u64>) -> Vec3 {
+    /// Returns the mean of a range of path numbers.
+    fn mean(&self, start: Start, seed: u64, paths: Range<u64>) -> Vec3 {
         let count = paths.end.saturating_sub(paths.start).max(1);
         let mut sum = Vec3::ZERO;
         for path in paths {
@@ -350,7 +347,8 @@ impl Tracer {
         (sum / count as f32).min(Vec3::MAX)
     }
 
-    /// How many paths so far were dropped because their estimate was not finite. Anything but 0 deserves a look at the scene.
+    /// Returns how many paths so far were dropped because their estimate was not finite. Anything
+    /// but 0 hints at a problem with the scene.
     #[must_use]
     pub fn nonfinite_paths(&self) -> u64 {
         self.nonfinite.load(Ordering::Relaxed)

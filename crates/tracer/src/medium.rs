@@ -1,21 +1,27 @@
-//! Which solid fills the place where a path is, so that nested, overlapping and touching glass refracts as it should.
+//! The solid that fills each point of space, so that nested, overlapping and touching glass
+//! refracts correctly.
 //!
-//! A place is inside the solids whose closed surfaces wind around it (counted by material: +1 where a path comes in
-//! through the counter-clockwise side, -1 where it goes out). What fills it follows from these numbers alone:
-//! - Of several solids, the one of highest priority (Schmidt and Budge 2002, "Simple Nested Dielectrics in Ray Traced
-//!   Images", JGT 7(2)): the later material of the scene, so that contents come after their container; but a material of
-//!   index at most 1, a bubble, comes before all others. Overlapping pieces of one material are one piece.
-//! - A solid wound around the wrong way, within another one, is a hole: bubbles may be drawn as surfaces of the glass that
-//!   look inwards, or as solids of index 1 that look either way. Alone, it is taken as if it looked outwards.
-//! - An index below 1 is relative to what surrounds it: `Ni 0.667` in glass of 1.5 is air.
+//! A point is inside the solids whose closed surfaces wind around it. Windings are counted by
+//! material: +1 where a path enters through the counter-clockwise side, -1 where it leaves. These
+//! counts alone decide what fills the point:
+//! - Of several solids, the one of highest priority does (Schmidt and Budge 2002, "Simple Nested
+//!   Dielectrics in Ray Traced Images", JGT 7(2)). Later materials of the scene have higher
+//!   priority, so contents come after their container. A material of index at most 1 (a bubble)
+//!   precedes all others. Overlapping pieces of one material are one piece.
+//! - A solid with reversed winding inside another solid is a hole. So bubbles may be drawn as
+//!   surfaces of the glass that face inwards, or as solids of index 1 that face either way. A
+//!   reversed solid that stands alone is treated as if it faced outwards.
+//! - An index below 1 is relative to the surroundings: `Ni 0.667` in glass of 1.5 is air.
 //!
-//! A surface between a solid and itself is not there: no bend, no reflection, no colour. Any other one has the ratio of
-//! the two indices and the roughness and colour (`Tf`, once per crossing) of its own material. Surfaces that touch are
-//! crossed as one; what touches an opaque surface is that opaque surface.
+//! A surface between a solid and itself has no effect: no bend, no reflection, no colour. Any other
+//! one has the ratio of the two indices, and the roughness and colour (`Tf`, once per crossing) of
+//! its own material. A path crosses surfaces that touch as one. An opaque surface that touches the
+//! boundary of a solid hides it.
 //!
-//! Always true: a boundary is the same from both sides, since what fills a place depends on the place and not on the way
-//! there; at most [`DEPTH`] materials are counted at a place, and further ones are not there. A surface that is not closed
-//! has no inside: eyes are taken as outside of it, and a path is inside from crossing it on.
+//! Always true: a boundary is the same from both sides, because what fills a point does not depend
+//! on the path that leads there. At most [`DEPTH`] materials are counted at a point; further ones
+//! are ignored. A surface that is not closed has no inside: an eye is never inside it, and a path
+//! is inside from crossing it on.
 
 use std::sync::Arc;
 
@@ -27,20 +33,22 @@ use crate::bsdf::{SAME_INDEX, Scatter};
 use crate::interface::Interface;
 use crate::microfacet::Ggx;
 
-/// Materials that a place may be inside of.
+/// Most materials that a point may be inside of.
 const DEPTH: usize = 8;
-/// Surfaces that touch at a point, beside the one that was met.
+/// Most surfaces that touch at a point, beside the one that was met.
 const TOUCHING: usize = 4;
-/// Surfaces passed in looking for what an eye is inside of.
+/// Most surfaces crossed to find which solids contain an eye.
 const MAX_PASSED: usize = 4096;
-/// Most pairs of indices at rough surfaces that tables are made for, each some milliseconds' work.
+/// Most pairs of indices at rough surfaces that have tables. A table takes a few milliseconds to
+/// compute.
 const MAX_PAIRS: usize = 64;
-/// How much farther than its rounding a surface is from one that touches it: corners of both were rounded.
+/// Factor by which surfaces that touch may be farther apart than the rounding of one, because the
+/// corners of both were rounded.
 pub(crate) const TOUCH: f32 = 4.0;
-/// Along no axis or diagonal that builders use.
+/// A direction along no axis or diagonal that scenes use.
 const PROBE: Vec3 = Vec3::new(0.367_879, 0.577_216, 0.729_027);
 
-/// What a place is inside of: materials and how often their surfaces wind around it.
+/// The solids that contain a point: materials, and how often their surfaces wind around it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Inside {
     entries: [(u32, i32); DEPTH],
@@ -56,7 +64,7 @@ impl Inside {
         self.entries().iter().find(|e| e.0 == material).map_or(0, |e| e.1)
     }
 
-    /// Goes through a surface, inwards if it is met on its front.
+    /// Crosses a surface; `inwards`: the surface is met on its front.
     fn pass(&mut self, material: u32, inwards: bool) {
         let step = if inwards { 1 } else { -1 };
         if let Some(i) = self.entries().iter().position(|e| e.0 == material) {
@@ -72,7 +80,7 @@ impl Inside {
     }
 }
 
-/// A solid's material.
+/// The material of a solid.
 #[derive(Clone, Copy, Debug)]
 struct Solid {
     ior: f32,
@@ -83,26 +91,27 @@ struct Solid {
 /// The solids of a scene.
 #[derive(Debug)]
 pub(crate) struct Nesting {
-    /// By material; `None` for what is not a solid.
+    /// Indexed by material; `None` for materials that are not solids.
     solids: Vec<Option<Solid>>,
-    /// Bounds of all their surfaces, relative to the scene's origin.
+    /// Bounds of all surfaces of solids, relative to the scene's origin.
     low: DVec3,
     high: DVec3,
-    /// Rough interfaces by the bits of roughness and of the index of the clockwise over the other side, sorted.
+    /// Rough interfaces, sorted by key: the bits of the roughness, and of the index on the
+    /// clockwise side over that on the other.
     rough: Vec<((u32, u32), Arc<Interface>)>,
 }
 
-/// What happens where a path meets the surface of a solid.
+/// What happens to a path that meets the surface of a solid.
 #[derive(Debug)]
 pub(crate) enum Crossing {
-    /// The boundary, and what a path that goes through it is inside of.
+    /// It meets the boundary between two media. `beyond`: the solids behind the boundary.
     Boundary { scatter: Scatter, beyond: Inside },
-    /// An opaque surface touches it.
+    /// It meets an opaque surface that touches the boundary.
     Opaque(Hit),
 }
 
 impl Nesting {
-    /// `None` if the scene has no solids: then nothing here costs anything.
+    /// Finds the solids of a scene. `None` if there are none; then this module costs nothing.
     pub(crate) fn new(scene: &Scene) -> Option<Self> {
         let mut solids = vec![None; scene.materials.len()];
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -125,7 +134,7 @@ impl Nesting {
         Some(Self { solids, low: low.as_dvec3(), high: high.as_dvec3(), rough })
     }
 
-    /// What fills a place: a material, or none for air.
+    /// Returns the material that fills a point; `None` for air.
     fn filling(&self, inside: &Inside) -> Option<u32> {
         let best = |positive: bool| {
             inside
@@ -137,7 +146,7 @@ impl Nesting {
         };
         match (best(true), best(false)) {
             (Some(solid), None) | (None, Some(solid)) => Some(solid),
-            // A hole in a solid, or nothing at all.
+            // A hole in a solid, or no solid at all.
             (Some(_), Some(_)) | (None, None) => None,
         }
     }
@@ -146,7 +155,7 @@ impl Nesting {
         (self.solids[material as usize].is_some_and(|s| s.ior <= 1.0 + SAME_INDEX), material)
     }
 
-    /// The filling and its index of refraction.
+    /// Returns the material that fills a point and its index of refraction.
     fn index(&self, inside: &Inside) -> (Option<u32>, f32) {
         let mut remaining = *inside;
         let filling = self.filling(inside);
@@ -157,7 +166,7 @@ impl Nesting {
             if ior >= 1.0 {
                 break;
             }
-            // Relative to what would be here without it.
+            // The index is relative to what would be here without this material.
             let inwards = remaining.winding(m) < 0;
             while remaining.winding(m) != 0 {
                 remaining.pass(m, inwards);
@@ -167,9 +176,10 @@ impl Nesting {
         (filling, index)
     }
 
-    /// What an eye is inside of (world coordinates).
+    /// Returns the solids that contain an eye (world coordinates).
     ///
-    /// Counted along a ray and along the opposite one: for closed surfaces both agree, and others do not count.
+    /// They are counted along one ray and along the opposite one. For closed surfaces the counts
+    /// agree; other surfaces are ignored.
     pub(crate) fn at(&self, raycaster: &Raycaster, eye: DVec3) -> Inside {
         let local = eye - raycaster.scene().origin;
         let mut inside = Inside::default();
@@ -190,7 +200,8 @@ impl Nesting {
         inside
     }
 
-    /// Windings around a place by what a ray from there meets on its way to infinity. `None` if that is too much.
+    /// Returns the windings around a point from the surfaces that a ray meets on its way to
+    /// infinity. `None` if it meets too many.
     fn around(&self, raycaster: &Raycaster, origin: Vec3, direction: Vec3) -> Option<Inside> {
         let direction = direction.normalize();
         let mut inside = Inside::default();
@@ -202,7 +213,7 @@ impl Nesting {
             let material = raycaster.scene().material_ids[hit.triangle as usize];
             let mut pass = |material: u32, normal: Vec3| {
                 if self.solids[material as usize].is_some() {
-                    // Backwards: what is left there is entered here.
+                    // The ray leaves what a path towards the point would enter.
                     inside.pass(material, direction.dot(normal) > 0.0);
                 }
             };
@@ -217,9 +228,10 @@ impl Nesting {
         None
     }
 
-    /// What happens to a path from `inside` that meets the surface of a solid at `point`; `None` if it is not a solid's.
+    /// Returns what happens to a path inside `inside` that meets a surface at `point`. `None` if
+    /// the surface is not that of a solid.
     ///
-    /// Not inlined: scenes without solids keep a short loop.
+    /// Not inlined, so that the loop of scenes without solids stays short.
     #[inline(never)]
     pub(crate) fn cross(
         &self,
@@ -268,7 +280,8 @@ impl Nesting {
     }
 }
 
-/// Tables for every pair of indices that may meet at a rough surface, those with air first.
+/// Makes tables for the pairs of indices that may meet at a rough surface; pairs with air come
+/// first.
 fn rough_interfaces(solids: &[Option<Solid>]) -> Vec<((u32, u32), Arc<Interface>)> {
     let mut indices = vec![1.0_f32];
     for solid in solids.iter().flatten() {
@@ -276,7 +289,7 @@ fn rough_interfaces(solids: &[Option<Solid>]) -> Vec<((u32, u32), Arc<Interface>
             indices.push(solid.ior);
         }
     }
-    // Those below 1 are relative to the others.
+    // Indices below 1 are relative to the others.
     let relative: Vec<f32> = indices.iter().copied().filter(|&n| n < 1.0).collect();
     let mut all = indices.clone();
     all.extend(
@@ -308,10 +321,10 @@ fn rough_interfaces(solids: &[Option<Solid>]) -> Vec<((u32, u32), Arc<Interface>
     made
 }
 
-/// Calls `found` (hit, material, normal) for the surfaces that touch `point` beside its own.
+/// Calls `found` (hit, material, normal) for each surface that touches `point`, except its own.
 ///
-/// Triangles of one surface that meet in an edge, and surfaces that are there twice, count once: the same material on the
-/// same side.
+/// Triangles of one surface that meet at an edge count once, and so do duplicate surfaces: two
+/// surfaces are the same if material and side are.
 fn touching(
     raycaster: &Raycaster,
     point: &SurfacePoint,

@@ -1,7 +1,7 @@
-//! Flat mirrors and panes, by the planes that they lie in.
+//! Flat mirrors and panes, grouped by the planes that they lie in.
 //!
-//! Always true: every triangle is of one plane at most. A scene without flat mirrors and panes has no planes; what is too small, too narrow or
-//! bent is none.
+//! Always true: a triangle belongs to at most one plane. Mirrors that are too small, too narrow or
+//! curved belong to none. A scene without flat mirrors and panes has no planes.
 
 use std::collections::HashMap;
 
@@ -9,28 +9,29 @@ use glam::Vec3;
 use holo_scene::Scene;
 
 use crate::bsdf::Scatter;
+use crate::engine::Surface;
 use crate::fresnel::pane;
 use crate::lights::luminance;
-use crate::path::Surface;
 
-/// Planes that are told apart, at most: a curved mirror has one for each triangle.
+/// Most planes that are distinguished. A curved mirror has one for each triangle.
 const PLANES: usize = 64;
-/// Least area of a plane, as a share of the square of the scene's greatest side.
+/// Least area of a plane over the square of the scene's longest side.
 const LEAST_AREA: f64 = 1e-4;
-/// Least mean width, as a share of that side: the facets of a pole throw streaks that few rays meet.
+/// Least mean width over that side. Narrow mirrors, as the facets of a pole, reflect streaks that
+/// few rays meet.
 const LEAST_WIDTH: f64 = 5e-3;
-/// How far off its plane a mirror's corner may be, as a share of that side.
+/// Greatest distance of a mirror's corner from its plane, over that side.
 const FLAT: f32 = 1e-5;
-/// Sine of the angle by which its normal may differ.
+/// Sine of the greatest angle between a mirror's normal and its plane's.
 const BENT: f32 = 1e-4;
-/// By how much bounds of mirrors are wider than they, as a share of their greatest side.
+/// Margin around a plane's bounds over their longest side.
 const SLACK: f32 = 1e-3;
 
 /// How a mirror or pane reflects.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Face {
     Mirror(Vec3),
-    /// Of that index of refraction.
+    /// Index of refraction.
     Pane(f32),
 }
 
@@ -50,21 +51,21 @@ impl Face {
         }
     }
 
-    /// Luminance of what it reflects of light from ahead.
+    /// Returns the luminance that it reflects of light at normal incidence.
     fn strength(self) -> f32 {
         luminance(self.reflectance(1.0).to_array())
     }
 }
 
-/// A plane that holds mirrors or panes: the points x with x · normal = offset.
+/// A plane that contains mirrors or panes: the points x with x · normal = offset.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plane {
     normal: Vec3,
     offset: f32,
-    /// Bounds of what it holds.
+    /// Bounds of the mirrors and panes.
     low: Vec3,
     high: Vec3,
-    /// What reflects most in it.
+    /// The face that reflects most.
     pub face: Face,
     area: f64,
 }
@@ -81,7 +82,7 @@ impl Plane {
         }
     }
 
-    /// Whether a triangle lies in it, to within a length.
+    /// Returns whether a triangle lies in the plane, within `slack`.
     fn holds(&self, corners: [Vec3; 3], normal: Vec3, slack: f32) -> bool {
         self.normal.cross(normal).length() <= BENT
             && corners.iter().all(|&c| self.height(c).abs() <= slack)
@@ -102,7 +103,7 @@ impl Plane {
         self.area >= LEAST_AREA * size * size && self.area >= LEAST_WIDTH * size * length
     }
 
-    /// Distance of a point, positive on the side of the normal.
+    /// Returns the distance of a point, positive on the side of the normal.
     pub(crate) fn height(&self, point: Vec3) -> f32 {
         point.dot(self.normal) - self.offset
     }
@@ -115,13 +116,14 @@ impl Plane {
         direction - self.normal * (2.0 * direction.dot(self.normal))
     }
 
-    /// Cosine of the angle at which a direction of any length meets it.
+    /// Returns the cosine of the angle of incidence of a direction of any length.
     pub(crate) fn cosine(&self, direction: Vec3) -> f32 {
         direction.normalize_or_zero().dot(self.normal).abs()
     }
 
-    /// Whether a line from `behind` it to some point of a sphere before it may meet what it holds. For points, exact up to rounding but for
-    /// what of its bounds is no mirror; for spheres, about.
+    /// Returns whether a line from `behind` the plane to some point of a sphere before it may cross
+    /// the plane's mirrors. The bounds of the mirrors decide. Exact up to rounding for points,
+    /// approximate for spheres.
     pub(crate) fn shows(&self, behind: Vec3, center: Vec3, radius: f32) -> bool {
         let below = self.height(behind);
         let above = -self.height(center) * below.signum();
@@ -135,18 +137,18 @@ impl Plane {
         let height = below.abs() + above;
         let share = below.abs() / height;
         let met = behind + line * share;
-        // A slanted line spreads what the sphere is seen through.
+        // Oblique lines widen the cross-section through which the sphere is seen.
         let spread =
             radius * share * line.length() / height + SLACK * (self.high - self.low).max_element();
         met.cmpge(self.low - spread).all() && met.cmple(self.high + spread).all()
     }
 }
 
-/// The planes of a scene.
+/// The mirror planes of a scene.
 #[derive(Debug)]
 pub(crate) struct Mirrors {
     pub planes: Vec<Plane>,
-    /// By triangle of a mirror or pane, its plane and what it reflects.
+    /// By triangle of a mirror or pane: the index of its plane, and how it reflects.
     pub faces: HashMap<u32, (u8, Face)>,
 }
 
@@ -155,7 +157,8 @@ impl Mirrors {
         let (low, high) = scene.bounds();
         let size = (high - low).max_element();
         let face = |t: u32| Face::of(&surfaces[scene.material_ids[t as usize] as usize].scatter);
-        // The largest first: a curved mirror of many small ones takes no place from a flat one.
+        // The largest first, so that the many small triangles of a curved mirror do not displace a
+        // flat mirror.
         let mut shining: Vec<(f64, u32, Face)> = (0..scene.triangles.len() as u32)
             .filter_map(|t| Some((scene.area(t), t, face(t)?)))
             .collect();

@@ -1,8 +1,8 @@
-//! Light that comes straight from lamps through panes of thin glass, which bend nothing: shadow rays go on behind them, with what
-//! each lets through.
+//! Panes of thin glass between a surface and a lamp: shadow rays continue behind them.
 //!
-//! Always true: what passes is what a path loses that goes straight through the same panes; anything else blocks, solid glass as well. A
-//! scene without panes, and a shadow ray without one in its way, pay nothing.
+//! Always true: a pane lets through what a path loses that goes straight through it. Anything else,
+//! solid glass too, blocks. A scene without panes pays nothing, nor does a shadow ray that meets
+//! none.
 
 use glam::Vec3;
 use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
@@ -10,10 +10,10 @@ use holo_scene::{Bsdf, Scene};
 
 use crate::fresnel::pane;
 
-/// Panes that light passes at most, the same as a path's surfaces.
+/// Most panes on a shadow ray: as many as a path has surfaces.
 const MOST: u32 = crate::path::MAX_DEPTH;
 
-/// One material of thin glass.
+/// A material of thin glass.
 #[derive(Clone, Copy, Debug)]
 struct Pane {
     ior: f32,
@@ -21,7 +21,7 @@ struct Pane {
 }
 
 impl Pane {
-    /// What it lets through of light at that cosine, from either side.
+    /// Returns the transmitted share of light at a cosine, from either side.
     fn passes(self, cosine: f32) -> Vec3 {
         self.transmittance * (1.0 - pane(cosine.abs(), self.ior))
     }
@@ -30,7 +30,7 @@ impl Pane {
 /// The panes of a scene.
 #[derive(Debug)]
 pub(crate) struct Panes {
-    /// By material; nothing if there is none.
+    /// Indexed by material; empty if no material is thin glass.
     materials: Vec<Option<Pane>>,
 }
 
@@ -49,12 +49,14 @@ impl Panes {
         Self { materials }
     }
 
-    /// Panes that are walls like any other: for what is aimed at in sight only.
+    /// Returns a set in which panes block like walls, for rays that look for what can be seen
+    /// directly.
     pub(crate) fn closed() -> Self {
         Self { materials: Vec::new() }
     }
 
-    /// The share of light that comes straight from one surface point to the other, by channel.
+    /// Returns the share of light, by channel, that travels straight from one surface point to the
+    /// other.
     #[inline]
     pub(crate) fn between(
         &self,
@@ -71,7 +73,8 @@ impl Panes {
         }
     }
 
-    /// The first surface that way that is no pane, or at which it `ends`, and the share of light that comes from there.
+    /// Follows a ray through panes to the first surface that is not a pane or for which `ends` is
+    /// true. Returns that surface and the share of light that arrives from there.
     pub(crate) fn to_face(
         &self,
         raycaster: &Raycaster,
@@ -99,7 +102,7 @@ impl Panes {
         *self.materials.get(raycaster.scene().material_ids[triangle as usize] as usize)?
     }
 
-    /// The same where there is at least one pane in the way.
+    /// Implements [`between`](Self::between) for a segment that at least one pane crosses.
     #[cold]
     fn through(&self, raycaster: &Raycaster, mut from: SurfacePoint, to: &SurfacePoint) -> Vec3 {
         let mut share = Vec3::ONE;

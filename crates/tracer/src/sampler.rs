@@ -1,52 +1,58 @@
-//! Random numbers of one path: Owen-scrambled Sobol points by path number (Burley 2020, "Practical Hash-based Owen
-//! Scrambling", JCGT 9(4)), in pairs of dimensions that are scrambled and shuffled independently of each other.
+//! Random numbers of one path: Owen-scrambled Sobol points, indexed by path number (Burley 2020,
+//! "Practical Hash-based Owen Scrambling", JCGT 9(4)). Each pair of dimensions is scrambled and
+//! shuffled independently.
 //!
-//! The plan: what a number drives is said by the vertex of the path and by a [`Purpose`], and within these by a count.
+//! A number is identified by the vertex of the path, a [`Purpose`], and its position among the
+//! numbers of that vertex and purpose.
 //!
 //! | purpose | points |
 //! | --- | --- |
-//! | [`Purpose::Light`] | one pair for each light sample: along the light tree (and what is left of it, across the light), and across the light. Light sample j of n has point n·path + j, so that the samples of one path are stratified among each other, and those of all paths too |
+//! | [`Purpose::Light`] | one pair for each light sample. The first number chooses in the light tree, and what remains of it chooses one coordinate on the light; the second number is the other coordinate. Light sample j of n has point n·path + j, so that the samples of one path are stratified, and those of all paths too |
 //! | [`Purpose::Scatter`] | lobe and direction, in the order in which the material asks |
-//! | [`Purpose::Roulette`] | whether the path goes on |
+//! | [`Purpose::Roulette`] | whether the path survives |
 //! | [`Purpose::Record`] | whether a coarse record of indirect light is made |
 //! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source, which one, and where on it |
+//! | [`Purpose::Image`] | one pair: which image of a lamp, and where on it |
 //!
-//! Where a path forks, branch j of n goes on with the numbers of path n·path + j.
+//! If a path branches, branch j of n uses the numbers of path n·path + j.
 //!
-//! Always true: the numbers are a function of (seed, path, branch, vertex, purpose, count) alone; a path that is cut off earlier
-//! has the same numbers up to there. Any aligned block of 2^k paths of one seed has one point in each of its 2^k
-//! strata of every pair, of whatever shape. The point of one path alone is uniform, and those of different
-//! seeds, vertices, purposes and counts are independent.
+//! Always true: a number is a function of (seed, path, branch, vertex, purpose, position) alone, so
+//! a path that ends earlier has the same numbers up to its end. In any aligned block of 2^k paths
+//! of one seed, each of the 2^k strata of a pair contains exactly one point, for strata of every
+//! shape. The point of a single path is uniform. Points of different seeds, vertices, purposes and
+//! positions are independent.
 
-/// The golden ratio in 64 bits: SplitMix64's step (Steele, Lea, Flood 2014, "Fast splittable pseudorandom number generators").
+/// The golden ratio in 64 bits: the step of SplitMix64 (Steele, Lea, Flood 2014, "Fast splittable
+/// pseudorandom number generators").
 const STEP: u64 = 0x9E37_79B9_7F4A_7C15;
 
-/// What numbers are for. Each has its own dimensions at every vertex.
+/// What a number is used for. Each purpose has its own dimensions at every vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
     Scatter = 0,
     Light = 1,
     Roulette = 2,
     Aim = 3,
-    /// Beyond those of all vertices.
+    /// The remaining purposes have numbers beyond those of all vertices.
     Record = 1 << 20,
     Image = 1 << 21,
 }
 
-/// Draws the numbers of one path.
+/// The random numbers of one path.
 #[derive(Clone, Debug)]
 pub struct Sampler {
-    /// Of the seed, and of the bits of the path number beyond the sequence.
+    /// Hash of the seed and of the bits of the path number that the sequence does not cover.
     base: u64,
     state: u64,
-    /// Number in the sequence, and the same with its bits reversed.
+    /// Index in the sequence.
     index: u32,
+    /// The same with its bits reversed.
     reversed: u32,
 }
 
 impl Sampler {
-    /// The numbers of path `path` of sample `seed`, at the path's beginning. Neighbouring seeds are independent; the paths of
-    /// one seed are stratified.
+    /// Returns the numbers of path `path` of sample `seed`, at the path's beginning. Paths of one
+    /// seed are stratified; different seeds, neighbouring ones too, are independent.
     #[must_use]
     pub fn new(seed: u64, path: u64) -> Self {
         let base = mix(seed ^ mix((path >> 32).wrapping_add(STEP)));
@@ -54,24 +60,26 @@ impl Sampler {
         Self { base, state: base, index, reversed: index.reverse_bits() }
     }
 
-    /// The numbers of one of `count` branches of this path, for branches below `count`: those of path `count` times this one's number, and
-    /// on, so that branches of all paths are stratified together.
+    /// Returns the numbers of one of `count` branches of this path; `branch` is below `count`. They
+    /// are those of path number `count` · `path` + `branch`, so that the branches of all paths are
+    /// stratified together.
     #[inline]
     pub(crate) fn branch(&self, count: u32, branch: u32) -> Self {
         let index = self.index.wrapping_mul(count).wrapping_add(branch);
         Self { index, reversed: index.reverse_bits(), ..*self }
     }
 
-    /// The numbers of one of the ways on of a path that goes all of them; the first has this one's own.
+    /// Returns the numbers of one continuation of a path that follows several. The first
+    /// continuation has the path's own numbers.
     #[inline]
-    pub(crate) fn way(&self, way: u32) -> Self {
+    pub(crate) fn fork(&self, way: u32) -> Self {
         Self {
             base: if way == 0 { self.base } else { mix(self.base.wrapping_add(u64::from(way))) },
             ..*self
         }
     }
 
-    /// Turns to the numbers of a vertex and purpose.
+    /// Moves to the numbers of a vertex and purpose.
     #[inline]
     pub(crate) fn turn(&mut self, vertex: u32, purpose: Purpose) {
         self.state = mix(self.base
@@ -84,28 +92,28 @@ impl Sampler {
         mix(self.state)
     }
 
-    /// Uniform in [0, 1).
+    /// Returns a number that is uniform in [0, 1).
     #[inline]
     pub fn one(&mut self) -> f32 {
         let [x, _] = Pair { keys: self.next() }.point(self.reversed);
         unit(x)
     }
 
-    /// Uniform in the unit square.
+    /// Returns a point that is uniform in the unit square.
     #[inline]
     pub fn two(&mut self) -> [f32; 2] {
         Pair { keys: self.next() }.point(self.reversed).map(unit)
     }
 
-    /// The pairs of `count` light samples, for sample numbers below `count`.
+    /// Returns the pairs of `count` light samples.
     #[inline]
     pub(crate) fn pairs(&mut self, count: u32) -> Pairs {
-        // A sequence that is too long begins again: its blocks stay what they are.
+        // If the index overflows, the sequence starts again; aligned blocks stay blocks.
         Pairs { pair: Pair { keys: self.next() }, first: self.index.wrapping_mul(count) }
     }
 }
 
-/// Points of consecutive numbers in one pair of dimensions.
+/// Points of consecutive indices in one pair of dimensions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pairs {
     pair: Pair,
@@ -113,19 +121,20 @@ pub(crate) struct Pairs {
 }
 
 impl Pairs {
-    /// Point `j`: the first number has 53 bits, for choices among many that leave enough for another use.
+    /// Returns point `j`. Its first number has 53 bits: enough to choose among many lights and to
+    /// use the remainder for something else.
     #[inline]
     pub(crate) fn at(self, j: u32) -> (f64, f32) {
         let index = self.first.wrapping_add(j);
         let [x, y] = self.pair.point(index.reverse_bits());
-        // Below the sequence's own bits, any will do.
+        // The bits below those of the sequence are arbitrary.
         let low = mix(self.pair.keys ^ u64::from(index)) >> 43;
         let fine = (u64::from(x) << 21 | low) as f64 * (1.0 / (1_u64 << 53) as f64);
         (fine, unit(y))
     }
 }
 
-/// One pair of dimensions: a Sobol sequence (0,2) in base 2, shuffled and scrambled by these keys.
+/// One pair of dimensions: a Sobol (0,2)-sequence in base 2, shuffled and scrambled by `keys`.
 #[derive(Clone, Copy, Debug)]
 struct Pair {
     keys: u64,
@@ -136,7 +145,8 @@ impl Pair {
     fn point(self, reversed: u32) -> [u32; 2] {
         let index = shuffle(reversed, self.keys as u32);
         let more = mix(self.keys.wrapping_add(STEP));
-        // The scrambling alone does not make the low bits of single points uniform: a shift of digits, which keeps all strata, does.
+        // Scrambling alone does not make the low bits of a single point uniform. A digital shift
+        // does, and it keeps all strata.
         let shift = (more >> 32) as u32;
         [
             scramble(index, (self.keys >> 32) as u32) ^ shift,
@@ -145,19 +155,21 @@ impl Pair {
     }
 }
 
-/// Owen's shuffle of a number whose bits are reversed: numbers of one aligned block of 2^k stay in one.
+/// Owen-shuffles an index whose bits are reversed: indices of an aligned block of 2^k stay in one
+/// block.
 #[inline]
 fn shuffle(reversed: u32, key: u32) -> u32 {
     nested(reversed, key).reverse_bits()
 }
 
-/// Owen's scrambling of a fraction whose bits are reversed.
+/// Owen-scrambles a fraction whose bits are reversed.
 #[inline]
 fn scramble(reversed: u32, key: u32) -> u32 {
     nested(reversed, key).reverse_bits()
 }
 
-/// Every bit is flipped or not by a hash of the bits below it (Laine and Karras 2011, with the constants of Vegdahl 2021).
+/// Flips each bit or not, by a hash of the bits below it (Laine and Karras 2011, with the constants
+/// of Vegdahl 2021).
 #[inline]
 fn nested(mut x: u32, key: u32) -> u32 {
     x ^= x.wrapping_mul(0x3D20_ADEA);
@@ -167,8 +179,9 @@ fn nested(mut x: u32, key: u32) -> u32 {
     x ^ x.wrapping_mul(0x53A2_2864)
 }
 
-/// Sobol's second dimension of a number, with its bits reversed: the product with Pascal's triangle modulo 2, in the five steps
-/// that its self-similarity allows (Ahmed 2024, "An Implementation Algorithm of 2D Sobol Sequence Fast, Elegant, and Compact").
+/// Returns Sobol's second dimension of an index, with reversed bits: the product with Pascal's
+/// triangle modulo 2. Five steps suffice because the triangle is self-similar (Ahmed 2024, "An
+/// Implementation Algorithm of 2D Sobol Sequence Fast, Elegant, and Compact").
 #[inline]
 fn pascal(mut x: u32) -> u32 {
     x ^= (x & 0xAAAA_AAAA) >> 1;
@@ -178,7 +191,8 @@ fn pascal(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-/// SplitMix64's finalizer: a bijection whose every output bit depends on every input bit.
+/// Returns SplitMix64's finalizer of `z`: a bijection in which every output bit depends on every
+/// input bit.
 #[inline]
 pub(crate) fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -186,7 +200,7 @@ pub(crate) fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// 24 bits, so that 1 is never reached by rounding.
+/// Returns a float in [0, 1) from 24 bits; more bits could round to 1.
 #[inline]
 fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / (1 << 24) as f32)
@@ -198,9 +212,10 @@ mod tests {
 
     #[test]
     fn different_seeds_and_dimensions_are_uniform_and_uncorrelated() {
-        // 2^16 streams of one path, or one stream of 2^16: each mean is 1/2 with standard error at most 1/sqrt(12 n), each
-        // product of deviations of different dimensions or seeds 0 with 1/(12 sqrt n). Few dozen statistics at 4.5 standard
-        // errors fail by chance once in thousands of runs; the seeds are fixed.
+        // 2^16 streams of one path, or one stream of 2^16 paths. Each mean is 1/2 with standard
+        // error at most 1/sqrt(12 n). Each product of deviations of different dimensions or seeds
+        // is 0 with standard error 1/(12 sqrt n). A few dozen statistics at 4.5 standard errors
+        // fail by chance once in thousands of runs; the seeds are fixed.
         let n = 1 << 16;
         for by_path in [false, true] {
             let mut sums = [[0.0; 6]; 6];
@@ -230,7 +245,7 @@ mod tests {
                 for (k, sum) in sums[j][..j].iter().enumerate() {
                     assert!((sum / root * 12.0).abs() < 4.5, "{by_path} {j} {k}");
                 }
-                // Variance 1/12; that of its estimate is 1/180 n.
+                // The variance is 1/12; the variance of its estimate is 1/180 n.
                 assert!(
                     (sums[j][j] - n as f64 / 12.0).abs() / root * 180.0_f64.sqrt() < 4.5,
                     "{by_path} {j}"
@@ -251,7 +266,7 @@ mod tests {
             low[((x * 65536.0).fract() * 256.0) as usize] += 1;
             low[256 + ((y * 65536.0).fract() * 256.0) as usize] += 1;
         };
-        // Half of them drawn one after the other, half from one seed each.
+        // Half of the points are drawn one after the other, half from one seed each.
         let mut s = Sampler::new(3, 0);
         for i in 0..n / 2 {
             count(s.two());
@@ -269,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn the_second_dimension_is_sobol_s() {
+    fn the_second_dimension_is_that_of_sobol() {
         // Direction numbers of the polynomial x + 1.
         let mut directions = [1_u32 << 31; 32];
         for k in 1..32 {

@@ -1,13 +1,15 @@
-//! Secondary sources: small surfaces beside lamps that send on so much light that a diffuse surface's samples, which find them
-//! by chance, make most of a picture's error: housings, mirrors and polished metal around a bulb, the wall behind a sconce.
+//! Secondary sources: small surfaces near lamps that reflect so much light that they dominate the
+//! noise of a picture. Examples are lamp housings, polished metal around a bulb, and the wall
+//! behind a sconce. Diffuse surfaces find them only by chance.
 //!
-//! Light is followed once from the emitters when the scene is prepared (Appel 1968; Arvo 1986, "Backward Ray Tracing"); triangles that then
-//! send on much more per area than surfaces do on average are the leaves of a second tree like that of the lights. Wide
-//! materials aim a share of their samples at them, and both ways of finding a point there are combined with one sample (Veach
-//! 1997, §9.2.4, balance heuristic).
+//! When the scene is prepared, light paths from the emitters are traced once (Appel 1968; Arvo
+//! 1986, "Backward Ray Tracing"). Triangles that reflect far more light per area than the average
+//! become the leaves of a second light tree. Wide materials aim a share of their samples at it. One
+//! sample combines both ways of finding a point there (Veach 1997, §9.2.4, balance heuristic).
 //!
-//! Always true: what is aimed at is a function of the scene alone, and only decides where samples go: any set of triangles and
-//! powers gives the same expectation. Emitters are never among them. A scene without such places pays nothing.
+//! Always true: the set of sources is a function of the scene alone. It only decides where samples
+//! go: any set of triangles and powers gives the same expectation. Emitters are never secondary
+//! sources. A scene without secondary sources pays nothing.
 
 use std::collections::HashMap;
 use std::ops::AddAssign;
@@ -17,103 +19,112 @@ use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::Scene;
 
+use crate::engine::Surface;
 use crate::geometry::{Frame, cosine_hemisphere, triangle};
-use crate::lights::{Aim, Chosen, Emitter, Lights, Seen, luminance};
+use crate::lights::{Aim, Chosen, Emitter, Lights, VertexLights, luminance};
 use crate::panes::Panes;
-use crate::path::Surface;
 use crate::sampler::{Purpose, Sampler};
 
-/// Paths of light that are followed: some 50 ms.
+/// Number of light paths: about 50 ms of work.
 const PATHS: u32 = 1 << 16;
-/// Surfaces that each may meet.
+/// Most surfaces of a light path.
 const DEPTH: u32 = 4;
-/// Paths that must have met a place: fewer say little.
-const LEAST_PATHS: u32 = 4;
-/// How many times the average of the scene's lit surfaces a place must send on by area.
+/// Light paths that must have met a patch: fewer say little about it.
+const MIN_PATHS: u32 = 4;
+/// Reflected flux per area of a source, over the average of the scene's lit surfaces.
 const CONTRAST: f64 = 30.0;
-/// Places are cubes of this share of the scene's greatest side, by material: single facets are met too seldom.
-const PLACES: f32 = 1.0 / 256.0;
-/// Share of a vertex's samples that is aimed, if it sees any source. With 0.25, error and time are the same within a few percent.
+/// Side of a patch over the scene's longest side. A patch is what one material has in one cube of
+/// that side, because light paths meet single facets too rarely.
+const PATCH_SIZE: f32 = 1.0 / 256.0;
+/// Share of a vertex's samples that is aimed at secondary sources. With 0.25, error and time differ
+/// by a few percent.
 const SHARE: f32 = 0.15;
 
-/// What light brings to a place.
+/// The light that a patch reflects.
 #[derive(Clone, Copy, Default)]
-struct Place {
+struct Patch {
     area: f64,
-    sent: Sent,
+    outgoing: OutgoingFlux,
 }
 
-/// What light's paths bring to a triangle or a place, each path as much as any other.
+/// The flux that light paths bring to a triangle or patch and that it reflects; each path starts
+/// with 1.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Sent {
-    /// Sent on from the counter-clockwise side, and from the other.
+pub(crate) struct OutgoingFlux {
+    /// Flux that leaves the counter-clockwise side, and the other side.
     pub flux: [f64; 2],
-    /// Of that, what shows an emitter as a mirror does, and the same times the radiance that it shows.
-    pub shown: f64,
-    pub shown_radiance: f64,
+    /// The part of the flux that shows an emitter as a mirror does.
+    pub specular: f64,
+    /// Sum of that flux times the emitter's radiance.
+    pub specular_radiance: f64,
+    /// Number of light paths.
     pub paths: u32,
 }
 
-impl Sent {
+impl OutgoingFlux {
     fn flux(&self) -> f64 {
         self.flux[0] + self.flux[1]
     }
 
-    /// Root of the mean square of the radiance that leaves `area`, where a path brings `flux_of_path` (over π): samples had best be
-    /// so dense there. The mean, if it leaves in all directions; where a curved mirror shows a lamp to some, more.
+    /// Returns the root mean square of the radiance that leaves `area`, times π. `flux_of_path` is
+    /// the flux of one path.
+    ///
+    /// This is the best density of samples. If the light leaves in all directions it is the mean
+    /// radiance; if a curved mirror shows a lamp in some directions, it is greater.
     pub(crate) fn rms_radiance(&self, area: f64, flux_of_path: f64) -> f64 {
         let mean = self.flux() * flux_of_path / area;
-        ((self.shown_radiance + (self.flux() - self.shown) * mean) * flux_of_path / area).sqrt()
+        ((self.specular_radiance + (self.flux() - self.specular) * mean) * flux_of_path / area)
+            .sqrt()
     }
 }
 
-impl AddAssign for Sent {
+impl AddAssign for OutgoingFlux {
     fn add_assign(&mut self, other: Self) {
         self.flux = [self.flux[0] + other.flux[0], self.flux[1] + other.flux[1]];
-        self.shown += other.shown;
-        self.shown_radiance += other.shown_radiance;
+        self.specular += other.specular;
+        self.specular_radiance += other.specular_radiance;
         self.paths += other.paths;
     }
 }
 
-/// The sources of a scene.
+/// The secondary sources of a scene.
 #[derive(Debug)]
-pub(crate) struct Secondary {
+pub(crate) struct SecondarySources {
     tree: Lights,
-    /// A bit per triangle of the scene: most that a path meets are no sources.
+    /// One bit per triangle of the scene; most triangles that a path meets are no sources.
     members: Vec<u64>,
 }
 
-/// A vertex that sees sources, at which [`SHARE`] of its samples are aimed.
+/// A vertex that may see sources and aims [`SHARE`] of its samples at them.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Aimed<'a> {
-    sources: &'a Secondary,
+pub(crate) struct AimedVertex<'a> {
+    sources: &'a SecondarySources,
     point: Vec3,
     normal: Vec3,
 }
 
-/// What the next sample of a vertex is.
+/// What the next sample of a vertex is drawn from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Choice {
-    /// One of its material.
+    /// The material.
     Material,
     /// A point on a source.
     Source(SurfacePoint),
-    /// None: what seemed to be there from farther up the tree is not.
+    /// Neither: the descent of the tree ended where no source can contribute.
     Nothing,
 }
 
-/// What a sample counts when it is known what it met.
+/// The weight of a sample once it is known what it met.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Weight {
-    /// Times value over density by the material.
+    /// Factor to value over density by the material.
     pub weight: f32,
-    /// Whether it met a source.
+    /// Whether the sample met a source.
     pub on_source: bool,
 }
 
-impl Aimed<'_> {
-    /// Material or source, by numbers of [`Purpose::Aim`].
+impl AimedVertex<'_> {
+    /// Chooses between material and source with numbers of [`Purpose::Aim`].
     #[inline]
     pub(crate) fn choose(&self, raycaster: &Raycaster, sampler: &mut Sampler) -> Choice {
         let (first, second) = sampler.pairs(1).at(0);
@@ -124,7 +135,8 @@ impl Aimed<'_> {
             .map_or(Choice::Nothing, Choice::Source)
     }
 
-    /// A point on a source by two uniform numbers; `None` if what seemed to be there from farther up the tree is not.
+    /// Returns a point on a source by two uniform numbers. `None` if the descent of the tree ends
+    /// where no source can contribute.
     #[inline]
     pub(crate) fn target(
         &self,
@@ -133,7 +145,7 @@ impl Aimed<'_> {
         second: f32,
     ) -> Option<SurfacePoint> {
         let Chosen::Triangle { triangle, rest, .. } =
-            self.sources.tree.choose(&self.seen(), first)?
+            self.sources.tree.choose(&self.lights(), first)?
         else {
             return None;
         };
@@ -141,8 +153,9 @@ impl Aimed<'_> {
         Some(raycaster.surface(triangle, u, v))
     }
 
-    /// For a sample whose direction the material chooses with density `pdf`: aimed at `target` or not, and what it met. `None` if
-    /// something else is in front of its target.
+    /// Returns the weight of a sample that met `met` and whose direction the material samples with
+    /// density `pdf`. `None` if the sample was aimed at `target` and something else is in front of
+    /// it.
     #[inline]
     pub(crate) fn weight(
         &self,
@@ -163,19 +176,20 @@ impl Aimed<'_> {
         })
     }
 
-    /// For the few samples that need it.
+    /// Computed on demand, because few samples need it.
     #[inline]
-    fn seen(&self) -> Seen {
-        self.sources.tree.seen(self.point, self.normal)
+    fn lights(&self) -> VertexLights {
+        self.sources.tree.at_vertex(self.point, self.normal)
     }
 
-    /// Density of aimed samples, per solid angle, towards a point that was met; 0 if that is on no source.
+    /// Returns the density of aimed samples, per solid angle, towards a point that a ray met; 0 if
+    /// the point is on no source.
     #[inline]
     pub(crate) fn density(&self, raycaster: &Raycaster, met: &Hit) -> f32 {
         if self.sources.members[met.triangle as usize / 64] >> (met.triangle % 64) & 1 == 0 {
             return 0.0;
         }
-        let probability = self.sources.tree.probability(&self.seen(), met.triangle);
+        let probability = self.sources.tree.probability(&self.lights(), met.triangle);
         if probability == 0.0 {
             return 0.0;
         }
@@ -187,8 +201,8 @@ impl Aimed<'_> {
     }
 }
 
-impl Secondary {
-    /// `None` if the scene has no such places.
+impl SecondarySources {
+    /// Finds the sources of a scene. `None` if there are none.
     pub(crate) fn find(
         raycaster: &Arc<Raycaster>,
         surfaces: &[Surface],
@@ -208,7 +222,7 @@ impl Secondary {
         if total.is_nan() || total <= 0.0 || !total.is_finite() {
             return None;
         }
-        let mut sent = HashMap::<u32, Sent>::new();
+        let mut outgoing = HashMap::<u32, OutgoingFlux>::new();
         for path in 0..PATHS {
             let mut sampler = Sampler::new(SEED, u64::from(path));
             sampler.turn(0, Purpose::Light);
@@ -217,86 +231,98 @@ impl Secondary {
             let radiance = strength[scene.material_ids[emitters[i] as usize] as usize];
             follow(raycaster, surfaces, emitters[i], &mut sampler, &mut |t, side, share, shows| {
                 let share = f64::from(share);
-                let shown = if shows { share } else { 0.0 };
-                let mut one = Sent {
-                    shown,
-                    shown_radiance: shown * share * radiance,
+                let specular = if shows { share } else { 0.0 };
+                let mut one = OutgoingFlux {
+                    specular,
+                    specular_radiance: specular * share * radiance,
                     paths: 1,
-                    ..Sent::default()
+                    ..OutgoingFlux::default()
                 };
                 one.flux[side] = share;
-                *sent.entry(t).or_default() += one;
+                *outgoing.entry(t).or_default() += one;
             });
         }
-        let tree = brightest(scene, &sent, total / f64::from(PATHS))?
+        let tree = brightest(scene, &outgoing, total / f64::from(PATHS))?
             .with_cells(raycaster, &Arc::new(Panes::closed()));
         let mut members = vec![0; scene.triangles.len().div_ceil(64)];
         tree.triangles().iter().for_each(|&t| members[t as usize / 64] |= 1 << (t % 64));
         Some(Self { tree, members })
     }
 
-    /// The sources as a surface sees them that is lit on the side of `normal`. `None` if it sees none.
+    /// Returns the sources as a surface sees them that is lit on the side of `normal`. `None` if it
+    /// sees none.
     #[inline]
-    pub(crate) fn aimed(&self, point: &SurfacePoint, normal: Vec3) -> Option<Aimed<'_>> {
+    pub(crate) fn aimed(&self, point: &SurfacePoint, normal: Vec3) -> Option<AimedVertex<'_>> {
         self.tree.reaches(point.point, normal).then(|| self.aimed_from(point, normal))
     }
 
-    /// The same wherever it is: for many samples, of which some may be in vain.
-    pub(crate) fn aimed_from(&self, point: &SurfacePoint, normal: Vec3) -> Aimed<'_> {
-        Aimed { sources: self, point: point.point, normal }
+    /// The same without the test whether any source can be seen. For callers that take many
+    /// samples.
+    pub(crate) fn aimed_from(&self, point: &SurfacePoint, normal: Vec3) -> AimedVertex<'_> {
+        AimedVertex { sources: self, point: point.point, normal }
     }
 }
 
-/// The triangles of the places that send on most by area, by what each sends on.
-fn brightest(scene: &Scene, sent: &HashMap<u32, Sent>, flux_of_path: f64) -> Option<Lights> {
+/// Returns a tree of the triangles whose patches reflect the most flux per area.
+fn brightest(
+    scene: &Scene,
+    outgoing: &HashMap<u32, OutgoingFlux>,
+    flux_of_path: f64,
+) -> Option<Lights> {
     let (low, high) = scene.bounds();
-    let side = ((high - low).max_element() as f32 * PLACES).max(f32::MIN_POSITIVE);
+    let side = ((high - low).max_element() as f32 * PATCH_SIZE).max(f32::MIN_POSITIVE);
     let is_large = |t: u32| {
         let [a, b, c] = scene.corners(t);
         (a.max(b).max(c) - a.min(b).min(c)).max_element() > side
     };
-    let place_of = |t: u32| {
+    let patch_of = |t: u32| {
         let corners = scene.corners(t);
         let center = (corners[0] + corners[1] + corners[2]) / 3.0;
         let cube = (center / side).floor().as_ivec3().to_array();
-        // A triangle that is larger than a cube is a place of its own.
+        // A triangle that is larger than a cube is a patch of its own.
         if is_large(t) { (cube, u32::MAX - t) } else { (cube, scene.material_ids[t as usize]) }
     };
     let candidates = || (0..scene.triangles.len() as u32).filter(|&t| !scene.material(t).emits());
-    // Numbered in the order of triangles, so that sums are the same every time.
+    // Numbered in the order of triangles, so that sums do not depend on the hash map.
     let mut numbers = HashMap::new();
-    let mut places: Vec<Place> = Vec::new();
+    let mut patches: Vec<Patch> = Vec::new();
     for t in candidates() {
-        if let Some(&sent) = sent.get(&t) {
-            // What shows a lamp in a small part of itself is not worth being aimed at all over.
-            let sent =
-                if is_large(t) { Sent { shown: 0.0, shown_radiance: 0.0, ..sent } } else { sent };
-            let number = *numbers.entry(place_of(t)).or_insert(places.len());
-            if number == places.len() {
-                places.push(Place::default());
+        if let Some(&outgoing) = outgoing.get(&t) {
+            // A large mirror shows a lamp in a small part of itself: aiming at all of it is not
+            // worth it.
+            let outgoing = if is_large(t) {
+                OutgoingFlux { specular: 0.0, specular_radiance: 0.0, ..outgoing }
+            } else {
+                outgoing
+            };
+            let number = *numbers.entry(patch_of(t)).or_insert(patches.len());
+            if number == patches.len() {
+                patches.push(Patch::default());
             }
-            places[number].sent += sent;
+            patches[number].outgoing += outgoing;
         }
     }
     let numbers: Vec<Option<usize>> =
-        candidates().map(|t| numbers.get(&place_of(t)).copied()).collect();
+        candidates().map(|t| numbers.get(&patch_of(t)).copied()).collect();
     for (t, number) in candidates().zip(&numbers) {
         if let Some(number) = *number {
-            places[number].area += scene.area(t);
+            patches[number].area += scene.area(t);
         }
     }
-    let area: f64 = places.iter().map(|p| p.area).sum();
-    let all: f64 = places.iter().map(|p| p.sent.flux()).sum();
+    let area: f64 = patches.iter().map(|p| p.area).sum();
+    let all: f64 = patches.iter().map(|p| p.outgoing.flux()).sum();
     let mean = all * flux_of_path / area;
     let mut triangles = Vec::new();
     let mut emitters = Vec::new();
     for (t, number) in candidates().zip(&numbers) {
-        let Some(Place { area, sent }) = number.map(|number| &places[number]) else { continue };
-        let radiance = sent.rms_radiance(*area, flux_of_path);
-        if sent.paths < LEAST_PATHS || radiance < CONTRAST * mean {
+        let Some(Patch { area, outgoing }) = number.map(|number| &patches[number]) else {
+            continue;
+        };
+        let radiance = outgoing.rms_radiance(*area, flux_of_path);
+        if outgoing.paths < MIN_PATHS || radiance < CONTRAST * mean {
             continue;
         }
-        let (front, back) = (sent.flux[0] > 0.0, sent.flux[1] > 0.0);
+        let (front, back) = (outgoing.flux[0] > 0.0, outgoing.flux[1] > 0.0);
         let normal = if front { scene.normal(t) } else { -scene.normal(t) };
         triangles.push(t);
         emitters.push(Emitter::new(
@@ -309,17 +335,18 @@ fn brightest(scene: &Scene, sent: &HashMap<u32, Sent>, flux_of_path: f64) -> Opt
     (!triangles.is_empty()).then(|| Lights::over(triangles, emitters))
 }
 
-/// Of the numbers of light's paths: any will do.
+/// Seed of the light paths; any number will do.
 const SEED: u64 = 0x5EC0_DA2E;
 
-/// Follows light from a point of an emitter; says which triangles send on what share of it on which side, and whether as mirrors
-/// show it.
+/// Traces one light path from a point of an emitter. Calls `outgoing` for each surface that
+/// reflects it, with triangle, side (0: counter-clockwise), remaining flux and whether it shows the
+/// emitter as a mirror.
 fn follow(
     raycaster: &Raycaster,
     surfaces: &[Surface],
     emitter: u32,
     sampler: &mut Sampler,
-    sent: &mut impl FnMut(u32, usize, f32, bool),
+    outgoing: &mut impl FnMut(u32, usize, f32, bool),
 ) {
     let material_ids = &raycaster.scene().material_ids;
     let (u, v) = triangle(sampler.two());
@@ -347,7 +374,7 @@ fn follow(
         shows &= sampled.pdf.is_none();
         share *= luminance(sampled.weight.to_array()).min(1.0);
         if sampled.wi.z > 0.0 {
-            sent(hit.triangle, usize::from(!front), share, shows);
+            outgoing(hit.triangle, usize::from(!front), share, shows);
         }
         direction = frame.to_world(sampled.wi);
     }

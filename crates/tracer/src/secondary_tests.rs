@@ -1,4 +1,4 @@
-//! Aiming at secondary sources changes the error and not the expectation.
+//! Tests that aiming at secondary sources changes the error and not the expectation.
 
 use std::sync::Arc;
 
@@ -6,11 +6,12 @@ use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 
-use crate::path::{Direct, PathEngine, Start, first_hit};
+use crate::engine::{Direct, PathEngine};
+use crate::path::{Start, first_hit};
 use crate::sampler::Sampler;
-use crate::secondary::Sent;
+use crate::secondary::OutgoingFlux;
 
-/// A floor that sees a lamp only by way of a small plate above it.
+/// A floor that receives the light of a lamp only by way of a small plate above it.
 fn scene(floor: Bsdf, plate: Bsdf) -> Arc<Raycaster> {
     let quad =
         |z: f64, h: f64| [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
@@ -28,7 +29,7 @@ fn scene(floor: Bsdf, plate: Bsdf) -> Arc<Raycaster> {
     Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
 }
 
-/// Mean and variance of a path's green.
+/// Returns mean and variance of the green channel of single paths.
 fn estimate(engine: &PathEngine, raycaster: &Raycaster, paths: u64) -> (f64, f64) {
     let direction = DVec3::new(-0.6, 0.1, -1.0).normalize();
     let eye = DVec3::new(1.4, 0.2, 0.7);
@@ -45,7 +46,7 @@ fn estimate(engine: &PathEngine, raycaster: &Raycaster, paths: u64) -> (f64, f64
 }
 
 #[test]
-fn aimed_and_plain_samples_have_one_expectation_and_aimed_ones_err_less() {
+fn aimed_and_plain_samples_have_one_expectation_and_aimed_samples_less_variance() {
     let mut seen = Vec::new();
     for floor in [
         Bsdf::Diffuse { kd: [0.7; 3] },
@@ -80,9 +81,10 @@ fn aimed_and_plain_samples_have_one_expectation_and_aimed_ones_err_less() {
     assert!(seen.iter().all(|&gain| gain > 2.0), "{seen:?}");
 }
 
-/// The same plate, but much of the light comes by a ceiling that is no source, and a glowing disc hides part of the plate.
+/// The same plate, but much of the light comes from a ceiling that is no source, and a glowing disc
+/// hides part of the plate.
 #[test]
-fn light_that_nothing_aims_at_and_sources_that_are_hidden_change_no_expectation() {
+fn light_from_elsewhere_and_hidden_sources_change_no_expectation() {
     let quad = |x: f64, z: f64, h: f64| {
         [[x - h, -h, z], [x + h, -h, z], [x + h, h, z], [x - h, h, z]].map(DVec3::from_array)
     };
@@ -114,7 +116,7 @@ fn light_that_nothing_aims_at_and_sources_that_are_hidden_change_no_expectation(
     let scene =
         Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).expect("valid").0;
     let raycaster = Arc::new(Raycaster::build(Arc::new(scene)).expect("built"));
-    // Materials alone count what an aimed sample meets in full.
+    // With `Materials`, emission that an aimed sample meets counts in full.
     for direct in [Direct::Both, Direct::Materials] {
         let mut engine = PathEngine::new(&raycaster, None, direct, 1);
         assert!(engine.secondary.is_some());
@@ -130,8 +132,8 @@ fn light_that_nothing_aims_at_and_sources_that_are_hidden_change_no_expectation(
 }
 
 #[test]
-fn a_scene_whose_light_is_spread_has_none() {
-    // The plate as large as the floor.
+fn a_scene_with_evenly_spread_light_has_no_sources() {
+    // The plate is as large as the floor.
     let quad =
         |z: f64, h: f64| [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
     let positions = [quad(0.0, 4.0), quad(1.9, 0.5), quad(2.0, 4.0)].concat();
@@ -147,9 +149,9 @@ fn a_scene_whose_light_is_spread_has_none() {
     assert!(PathEngine::new(&raycaster, None, Direct::Both, 1).secondary.is_none());
 }
 
-/// A plate between a strong lamp below it and one of a fiftieth of its power above.
+/// A plate between a strong lamp below it and one of a fiftieth of its power above it.
 #[test]
-fn a_source_is_one_on_its_dimmer_side_too() {
+fn a_source_is_a_source_on_its_dimmer_side_too() {
     let quad = |z: f64, h: f64, up: bool| {
         let corners = [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
         if up { corners } else { [corners[0], corners[3], corners[2], corners[1]] }
@@ -179,7 +181,7 @@ fn a_source_is_one_on_its_dimmer_side_too() {
         let towards = (DVec3::new(0.15, 0.02, 1.2) - eye).normalize();
         let hit = first_hit(&raycaster, eye, towards).0.expect("the plate");
         assert!([4, 5].contains(&hit.triangle), "{hit:?}");
-        // A point of a wall there.
+        // A point of a wall that only the dimmer side lights.
         let down = first_hit(&raycaster, eye, -normal.as_dvec3()).0.expect("a wall");
         let point = raycaster.surface(down.triangle, down.u, down.v);
         let density = sources.aimed_from(&point, normal).density(&raycaster, &hit);
@@ -188,11 +190,11 @@ fn a_source_is_one_on_its_dimmer_side_too() {
 }
 
 #[test]
-fn what_shows_a_lamp_counts_by_the_lamp_and_what_spreads_its_light_by_its_own_radiance() {
-    // An area of 2, 3 of 5 paths sent on; each path is worth 0.4.
-    let spread = Sent { flux: [2.0, 1.0], paths: 5, ..Sent::default() };
+fn mirrors_count_by_the_lamp_they_show_and_diffuse_surfaces_by_their_own_radiance() {
+    // An area of 2 reflects 3 of 5 paths; each path has a flux of 0.4.
+    let spread = OutgoingFlux { flux: [2.0, 1.0], paths: 5, ..OutgoingFlux::default() };
     assert!((spread.rms_radiance(2.0, 0.4) - 0.6).abs() < 1e-12);
-    // A mirror: the lamp's radiance of 50 on a share of directions.
-    let shown = Sent { shown: 3.0, shown_radiance: 150.0, ..spread };
-    assert!((shown.rms_radiance(2.0, 0.4) - (0.6 * 50.0_f64).sqrt()).abs() < 1e-12);
+    // A mirror shows the lamp's radiance of 50 in a share of directions.
+    let specular = OutgoingFlux { specular: 3.0, specular_radiance: 150.0, ..spread };
+    assert!((specular.rms_radiance(2.0, 0.4) - (0.6 * 50.0_f64).sqrt()).abs() < 1e-12);
 }

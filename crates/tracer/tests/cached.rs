@@ -1,16 +1,19 @@
-//! The engine `cached` against closed forms and the path engine: within its accuracy, and without light through walls.
+//! Tests the engine `cached` against closed forms and the path engine: results are within its
+//! accuracy, and no light passes through walls.
 
 mod common;
 
 use common::{BLACK, Model, estimate, form_factor};
 use glam::DVec3;
 use holo_scene::Bsdf;
+use holo_tracer::Tracer;
 
 const GREY: Bsdf = Bsdf::Diffuse { kd: [0.5; 3] };
 
-/// A closed box whose walls all shine a little and reflect half: the same radiance everywhere, Le / (1 - ρ).
+/// A closed box whose walls all shine a little and reflect half: the same radiance everywhere, Le /
+/// (1 - ρ).
 #[test]
-fn a_furnace_is_as_bright_as_it_must_be_at_any_accuracy() {
+fn a_furnace_has_the_exact_brightness_at_any_accuracy() {
     let mut model = Model::default();
     let wall = model.material(GREY, [1.0, 2.0, 0.5]);
     model.cuboid([-1.0, -2.0, -1.5], [1.0, 2.0, 1.5], false, wall);
@@ -20,7 +23,8 @@ fn a_furnace_is_as_bright_as_it_must_be_at_any_accuracy() {
             let found =
                 estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(direction), 64);
             for (found, le) in found.mean.into_iter().zip([1.0, 2.0, 0.5]) {
-                // Half of the light is indirect, and a record's standard error is the accuracy at most.
+                // Half of the light is indirect, and the standard error of a record is at most the
+                // accuracy.
                 let error = found / (2.0 * le) - 1.0;
                 assert!(error.abs() < 2.25 * f64::from(accuracy), "{accuracy}: {error}");
             }
@@ -57,7 +61,7 @@ fn a_room_lit_from_above_only_is_within_the_accuracy_of_paths() {
             for cached in &caches {
                 let found = estimate(cached, eye, towards, 32);
                 if truth.mean == [0.0; 3] {
-                    // The lamp's dark side.
+                    // The dark side of the lamp.
                     assert_eq!(found.mean, [0.0; 3]);
                     continue;
                 }
@@ -72,38 +76,53 @@ fn a_room_lit_from_above_only_is_within_the_accuracy_of_paths() {
     let (mean, rms) = (sum / count, (squares / count).sqrt());
     let accuracy = f64::from(accuracy);
     assert!(rms < 3.0 * accuracy + (noise / count).sqrt(), "errors of {rms}");
-    // A record's rays leave the accuracy at most, coarse records that they end in as much again, independent from record to record; some 40 of
-    // each cache are seen here.
+    // The rays of a record leave an error of at most the accuracy. Coarse records, in which they
+    // end, add as much again, independently from record to record. About 40 records of each cache
+    // contribute here.
     let chance = 2.0 * accuracy / f64::from(40 * CACHES).sqrt();
     assert!(mean.abs() < accuracy + 3.0 * chance, "mean error {mean}");
 }
 
-/// Mean relative error of a furnace's brightness, seen in several directions with several caches, and its standard error.
+/// Returns what `measure` returns with each of `caches` caches, each empty at first.
+///
+/// One tracer serves all: a new one follows some light before anything is asked of it, which takes
+/// longer than most measurements.
+fn with_caches<T>(
+    mut tracer: Tracer,
+    accuracy: f32,
+    caches: u64,
+    measure: impl Fn(&Tracer) -> T,
+) -> Vec<T> {
+    let mut found = Vec::new();
+    for name in 0..caches {
+        tracer = tracer.with_cache(accuracy, name);
+        found.push(measure(&tracer));
+    }
+    found
+}
+
+/// Returns the mean relative error of a furnace's brightness, seen in several directions with
+/// several caches, and its standard error.
 fn error_of_a_furnace(add: impl FnOnce(&mut Model)) -> (f64, f64) {
     const CACHES: u64 = 24;
     let mut model = Model::default();
     let wall = model.material(GREY, [1.0, 2.0, 0.5]);
     model.cuboid([-1.0, -2.0, -1.5], [1.0, 2.0, 1.5], false, wall);
     add(&mut model);
-    let errors: Vec<f64> = (0..CACHES)
-        .map(|name| {
-            let tracer = model.tracer(None).with_cache(0.05, name);
-            let directions =
-                [[0.3, 0.2, 1.0], [-0.2, 0.4, -1.0], [0.1, 0.9, -1.4], [1.0, -0.4, 0.1]];
-            let mean = directions.map(|d| {
-                estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(d), 64).mean[1]
-                    / 4.0
-                    - 1.0
-            });
-            mean.iter().sum::<f64>() / mean.len() as f64
-        })
-        .collect();
+    let errors = with_caches(model.tracer(None), 0.05, CACHES, |tracer| {
+        let directions = [[0.3, 0.2, 1.0], [-0.2, 0.4, -1.0], [0.1, 0.9, -1.4], [1.0, -0.4, 0.1]];
+        let mean = directions.map(|d| {
+            estimate(tracer, DVec3::new(0.1, 0.2, -0.3), DVec3::from_array(d), 64).mean[1] / 4.0
+                - 1.0
+        });
+        mean.iter().sum::<f64>() / mean.len() as f64
+    });
     let n = CACHES as f64;
     let mean = errors.iter().sum::<f64>() / n;
     (mean, (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt())
 }
 
-/// Above and below the eye, tilted.
+/// Adds shelves above and below the eye, tilted.
 fn shelves(model: &mut Model, bsdf: [Bsdf; 2]) {
     for (z, bsdf) in [-0.9, 0.8].into_iter().zip(bsdf) {
         let material = model.material(bsdf, [0.0; 3]);
@@ -114,15 +133,16 @@ fn shelves(model: &mut Model, bsdf: [Bsdf; 2]) {
     }
 }
 
-/// What panes and mirrors reflect and let through is counted once, by light samples, by records or by those of images: they change
-/// nothing where all is equally bright.
+/// Light that panes and mirrors reflect and transmit counts once: by light samples, by records or
+/// by images. So they change nothing where all is equally bright.
 #[test]
 fn panes_and_mirrors_in_a_furnace_change_nothing() {
     let [thin, thick] = [1.5, 2.4].map(|ior| Bsdf::ThinGlass { ior, transmittance: [1.0; 3] });
     let mirror = Bsdf::Mirror { ks: [1.0; 3] };
     for shelved in [[thin, thick], [mirror, mirror], [thick, mirror]] {
         let (mean, error) = error_of_a_furnace(|model| shelves(model, shelved));
-        // Student's t with 23 degrees of freedom: beyond 5 once in 20,000 sets of seeds; three sets. And there is something to see.
+        // Student's t with 23 degrees of freedom exceeds 5 once in 20,000 sets of seeds; there are
+        // three sets. The second condition makes sure that the test can fail.
         assert!(
             mean.abs() < 5.0 * error && error < 0.004,
             "{shelved:?}: {mean} with an error of {error}"
@@ -130,7 +150,8 @@ fn panes_and_mirrors_in_a_furnace_change_nothing() {
     }
 }
 
-/// A lamp shines into a mirror behind a pane, and the mirror on a floor that the lamp itself does not reach.
+/// A lamp shines through a pane into a mirror, which reflects its light to a floor that the lamp
+/// does not reach directly.
 fn mirrored() -> Model {
     let mut model = Model::default();
     let floor = model.material(GREY, [0.0; 3]);
@@ -150,7 +171,7 @@ fn mirrored() -> Model {
 }
 
 #[test]
-fn what_a_mirror_throws_on_a_floor_is_as_bright_as_by_paths() {
+fn light_from_a_mirror_on_a_floor_is_as_bright_as_with_paths() {
     const CACHES: u64 = 100;
     let model = mirrored();
     for bounces in [Some(1), None] {
@@ -160,11 +181,9 @@ fn what_a_mirror_throws_on_a_floor_is_as_bright_as_by_paths() {
             let towards = DVec3::new(at[0], at[1], 0.0) - eye;
             let truth = estimate(&path, eye, towards, 65_536);
             // Each with a record of its own.
-            let found: Vec<_> = (0..CACHES)
-                .map(|name| {
-                    estimate(&model.tracer(bounces).with_cache(0.03, name), eye, towards, 16).mean
-                })
-                .collect();
+            let found = with_caches(model.tracer(bounces), 0.03, CACHES, |tracer| {
+                estimate(tracer, eye, towards, 16).mean
+            });
             for c in 0..3 {
                 let n = CACHES as f64;
                 let mean = found.iter().map(|mean| mean[c]).sum::<f64>() / n;
@@ -185,14 +204,14 @@ fn what_a_mirror_throws_on_a_floor_is_as_bright_as_by_paths() {
     }
 }
 
-/// A lamp that shines only upwards, at a mirror, and two rugs that see it there and not each other: one for records, and one at
-/// [`FAR_RUG`], beyond their reach.
+/// A lamp that shines only upwards at a mirror, and two rugs that see it there but not each other.
+/// One rug is for records; the other one, at [`FAR_RUG`], is beyond their reach.
 fn two_rugs() -> Model {
     let mut model = Model::default();
     let rug = model.material(GREY, [0.0; 3]);
     let mirror = model.material(Bsdf::Mirror { ks: [SHOWN; 3] }, [0.0; 3]);
     let lamp = model.material(BLACK, [LAMP; 3]);
-    // In halves: where all light comes from one quad, a sample has two ways on.
+    // Two halves: if all light came from one quad, a sample would have two continuations.
     for [west, east] in [[-LAMP_HALF, 0.0], [0.0, LAMP_HALF]] {
         let [south, north] = [-LAMP_HALF, LAMP_HALF];
         model.polygon(
@@ -217,33 +236,34 @@ const SHOWN: f32 = 0.8;
 const MIRROR_HEIGHT: f64 = 2.0;
 const FAR_RUG: [f64; 3] = [1.2, 0.9, 0.0];
 
-/// One path in 500 meets the lamp by way of the mirror. As many do as must, and each brings eight times the usual in place of 230 times.
+/// One path in 500 meets the lamp by way of the mirror. The test checks that this number is right,
+/// and that each such path brings eight times the mean of the records instead of 230 times.
 #[test]
-fn what_paths_in_the_place_of_records_bring_by_mirrors_is_held_to_the_usual_of_records() {
+fn mirrored_lamps_on_paths_without_records_are_clamped_to_the_mean_of_records() {
     const PATHS: u64 = 200_000;
     let tracer = two_rugs().tracer(None).with_cache(0.01, 1);
     let eye = DVec3::new(0.0, 0.0, 0.5);
     let at = DVec3::from_array(FAR_RUG);
     let luminances = || -> Vec<f64> {
         let radiance = |seed| tracer.trace(eye, (at - eye).normalize(), seed).radiance;
-        // All is grey.
+        // All surfaces are grey, so one channel suffices.
         (0..PATHS)
             .map(|seed| f64::from(radiance(seed)[1]))
             .filter(|&radiance| radiance > 0.0)
             .collect()
     };
-    // The mirrored lamp, of which the rug sees the whole.
+    // The rug sees the whole of the mirrored lamp.
     let above = 2.0 * MIRROR_HEIGHT - 1.0;
     let corner = |(x, y)| [LAMP_HALF * f64::from(x), LAMP_HALF * f64::from(y), above];
     let share = form_factor(&[(-1, -1), (1, -1), (1, 1), (-1, 1)].map(corner), at, DVec3::Z);
     let expected = share * PATHS as f64;
     let of_one = f64::from(0.5 * SHOWN * LAMP);
     let check = |found: &[f64], each: f64, name: &str| {
-        // At 4.5 standard deviations of a number of rare events: by chance once in 150,000.
+        // 4.5 standard deviations of a number of rare events: by chance once in 150,000.
         let number = found.len() as f64;
         assert!(
             (number - expected).abs() < 4.5 * expected.sqrt(),
-            "{name}: {number} in place of {expected}"
+            "{name}: {number} paths instead of {expected}"
         );
         let differs = |&&radiance: &&f64| (radiance / each - 1.0).abs() > 1e-4;
         assert_eq!(found.iter().find(differs), None, "{name}: not {each}");
@@ -263,7 +283,7 @@ fn what_paths_in_the_place_of_records_bring_by_mirrors_is_held_to_the_usual_of_r
         (records.len(), sum / records.len() as f64)
     };
 
-    // Where few records tell what is usual, all count for what they bring.
+    // While there are few records, nothing is clamped.
     let (few, _) = furnish(0..1);
     check(&luminances(), of_one, "few");
     let (count, usual) = furnish(1..12);
@@ -274,7 +294,7 @@ fn what_paths_in_the_place_of_records_bring_by_mirrors_is_held_to_the_usual_of_r
 }
 
 #[test]
-fn direct_light_alone_has_what_mirrors_and_panes_throw() {
+fn direct_light_alone_includes_light_from_mirrors_and_panes() {
     let model = mirrored();
     let (path, cached) = (model.tracer(Some(0)), model.tracer(Some(0)).with_cache(0.03, 1));
     let eye = DVec3::new(-1.5, 1.0, 0.7);
@@ -292,11 +312,11 @@ fn direct_light_alone_has_what_mirrors_and_panes_throw() {
 #[test]
 fn a_dark_room_beside_a_bright_one_stays_dark() {
     let mut model = room();
-    // The wall at y = 3 has no thickness, and floor and ceiling go on beyond it.
+    // The wall at y = 3 has no thickness, and floor and ceiling continue beyond it.
     model.polygon(&[[-2.0, 3.0, 0.0], [2.0, 3.0, 0.0], [2.0, 6.0, 0.0], [-2.0, 6.0, 0.0]], 0);
     model.polygon(&[[-2.0, 3.0, 2.5], [-2.0, 6.0, 2.5], [2.0, 6.0, 2.5], [2.0, 3.0, 2.5]], 0);
     let tracer = model.tracer(None).with_cache(0.05, 1);
-    // First the bright room, so that there are records all along the wall.
+    // Light the bright room first, so that there are records all along the wall.
     for i in 0..2000 {
         let at =
             DVec3::new(-1.9 + 3.8 * f64::from(i % 50) / 50.0, 2.0 + f64::from(i / 50) / 41.0, 1.0);
@@ -340,7 +360,7 @@ fn one_bounce_is_one_bounce() {
             "{found:?} {truth:?}"
         );
     }
-    // All light is more than that.
+    // Light of all bounces is more.
     let all = estimate(&room().tracer(None), eye, towards, 4096);
     assert!(all.mean[0] > 1.1 * truth.mean[0]);
 }
@@ -359,7 +379,7 @@ fn one_thread_makes_the_same_picture_again() {
 }
 
 #[test]
-fn who_waits_gets_paths_until_there_are_records() {
+fn limited_effort_gives_paths_until_there_are_records() {
     let model = room();
     let eager = model.tracer(None).with_cache(0.05, 1);
     let waiting = model.tracer(None).with_cache(0.05, 1);
@@ -371,7 +391,7 @@ fn who_waits_gets_paths_until_there_are_records() {
     let mut sums = [0.0; 2];
     let mut squares = [0.0; 2];
     for i in 0..rays {
-        // All around.
+        // All directions.
         let (angle, z) = (2.4 * f64::from(i), 1.0 - 2.0 * (f64::from(i) * 0.618_034).fract());
         let towards =
             DVec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z);
@@ -386,14 +406,15 @@ fn who_waits_gets_paths_until_there_are_records() {
         }
     }
     // Those that are for what is looked at.
-    let made = |tracer: &holo_tracer::Tracer| {
+    let made = |tracer: &Tracer| {
         let light = tracer.light().unwrap();
         (0..light.len()).filter(|i| light.get(*i).unwrap().flags == 0).count()
     };
-    // A ray for each of 300 samples: a record takes 128 at least, and is begun if none are owed.
+    // The effort of 1 allows 300 rays for 300 samples. A record takes at least 128 rays, and one is
+    // begun whenever none are owed.
     let (waited, eagerly) = (made(&waiting), made(&eager));
     assert!((1..=3).contains(&waited) && eagerly > 3, "{eagerly} and {waited}");
-    // The first sample of all makes a record; that one alone cannot move the mean.
+    // Effort 0 still makes one record, at the first sample. It alone cannot shift the mean.
     let mean = sums.map(|sum| sum / f64::from(rays));
     let variance: f64 =
         (0..2).map(|n| (squares[n] / f64::from(rays) - mean[n] * mean[n]) / f64::from(rays)).sum();

@@ -1,4 +1,5 @@
-//! What builders of scenes do by mistake or at the limits of numbers: it is defined, finite and where it can be, right.
+//! Tests scenes with errors or at the limits of numbers. Results are finite, and right where the
+//! right result is defined.
 
 mod common;
 
@@ -9,7 +10,7 @@ use holo_tracer::{Settings, Tracer};
 
 const KD: [f32; 3] = [0.5, 0.75, 0.0];
 const LE: [f32; 3] = [1.0, 2.0, 3.0];
-/// L = Le / (1 - kd): what is seen in a closed room that emits everywhere.
+/// Radiance in a closed room that emits everywhere: L = Le / (1 - kd).
 const INSIDE: [f64; 3] = [2.0, 8.0, 3.0];
 
 const DIRECTIONS: [DVec3; 4] = [
@@ -32,8 +33,8 @@ fn expect_furnace(tracer: &Tracer, eye: DVec3) {
 }
 
 #[test]
-fn light_in_a_gap_of_a_millionth_of_the_scene_neither_leaks_nor_gets_lost() {
-    // At the scene's rim, where rounding is greatest, along an axis, and askew.
+fn a_gap_of_a_millionth_of_the_scene_neither_leaks_nor_loses_light() {
+    // At the scene's boundary, where rounding is greatest; along an axis, and oblique.
     for (name, normal) in [("level", DVec3::Z), ("askew", DVec3::new(0.36, 0.48, 0.8))] {
         let turned = glam::DQuat::from_rotation_arc(DVec3::Z, normal);
         let at = |x: f64, y: f64, z: f64| (turned * DVec3::new(x, y, z)).to_array();
@@ -47,7 +48,7 @@ fn light_in_a_gap_of_a_millionth_of_the_scene_neither_leaks_nor_gets_lost() {
             &[at(-2.0, -2.0, low), at(2.0, -2.0, low), at(2.0, 2.0, low), at(-2.0, 2.0, low)],
             floor,
         );
-        // Something at the other end, for the scene to be as large as it is said to be.
+        // A triangle at the other end gives the scene its size.
         model.polygon(&[at(-0.1, -0.1, 2.0), at(0.1, -0.1, 2.0), at(0.1, 0.1, 2.0)], card);
         model.polygon(
             &[at(-1.7, -1.0, high), at(-1.7, 1.0, high), at(-0.2, 1.0, high), at(-0.2, -1.0, high)],
@@ -62,12 +63,12 @@ fn light_in_a_gap_of_a_millionth_of_the_scene_neither_leaks_nor_gets_lost() {
         for (slant, y) in [(0.0, 0.3), (0.8, -0.31), (3.0, 0.07)] {
             let direction = axis(DVec3::new(slant, 0.2, -1.0).normalize());
             let eye = |x| DVec3::from_array(at(x, y, low + gap / 2.0));
-            // The lamp covers all that the floor below it sees, but for a part in 10¹¹.
+            // The lamp covers all that the floor below it sees, except one part in 10¹¹.
             expect(
                 estimate(&tracer, eye(-0.9), direction, 2_000),
                 [0, 1, 2].map(|c| f64::from(LE[c]) * f64::from([0.8_f32, 0.5, 0.2][c])),
             );
-            // What comes sideways, from the lamp's edge, is a part in 10¹¹ too.
+            // Sideways light from the lamp's edge is one part in 10¹¹ too.
             let below = estimate(&tracer, eye(0.9), direction, 2_000).mean;
             assert!(below[0] < 1e-10, "{name}: {below:?} below the card");
             let found = tracer.trace(eye(-0.9), direction, 0).distance;
@@ -81,7 +82,7 @@ fn light_in_a_gap_of_a_millionth_of_the_scene_neither_leaks_nor_gets_lost() {
     }
 }
 
-/// A rectangle as a row of `n` ever narrower strips, each from the last's `share` on: slivers.
+/// Adds a rectangle as a row of 24 strips, each half as wide as the one before: slivers.
 fn slivers(model: &mut Model, [a, b, c, d]: [DVec3; 4], material: u32) {
     let mut from = 0.0;
     for i in 0..24 {
@@ -108,7 +109,7 @@ fn a_room_of_slivers_is_as_bright_as_one_of_squares() {
     }
     let tracer = model.tracer(None);
     expect_furnace(&tracer, DVec3::new(0.1, 0.2, -0.3));
-    // At the slivers themselves, and beside the room's edge: down to 2e-7 from it.
+    // At the slivers, and beside the room's edge, as close as 2e-7.
     for i in (8..24).step_by(3) {
         let y = 1.0 - 1.5 * 2.0_f64.powi(-i);
         for direction in
@@ -120,14 +121,14 @@ fn a_room_of_slivers_is_as_bright_as_one_of_squares() {
 }
 
 #[test]
-fn a_room_whose_faces_are_there_twice_is_as_bright_as_one_whose_are_there_once() {
+fn a_room_of_duplicate_faces_is_as_bright_as_one_of_single_faces() {
     let (mut model, wall) = glowing();
     let other = model.material(Bsdf::Diffuse { kd: KD }, LE);
     for material in [wall, other, wall] {
         model.cuboid([-1.0; 3], [1.0; 3], false, material);
     }
     expect_furnace(&model.tracer(None), DVec3::new(0.1, 0.2, -0.3));
-    // Corners named in another order, and facing away: the first triangle counts.
+    // The duplicates list their corners in another order and face away. The first triangle counts.
     let (mut model, wall) = glowing();
     model.cuboid([-1.0; 3], [1.0; 3], false, wall);
     let inwards = model.triangles.clone();
@@ -135,10 +136,11 @@ fn a_room_whose_faces_are_there_twice_is_as_bright_as_one_whose_are_there_once()
     model.triangles.extend(inwards.iter().map(|[a, b, c]| [*b, *c, *a]));
     model.ids.extend(vec![wall; 2 * inwards.len()]);
     expect_furnace(&model.tracer(None), DVec3::new(0.1, 0.2, -0.3));
-    // The other way round: who looks at the backs of lamps sees no light, not even that of lamps which cannot be seen.
+    // In reverse order, rays meet the backs of lamps and see no light. Hidden lamps must not light
+    // them either.
     model.triangles.rotate_left(inwards.len());
     assert_eq!(estimate(&model.tracer(None), DVec3::ZERO, DVec3::X, 1_000).mean, [0.0; 3]);
-    // A lamp behind a card of the same corners.
+    // A lamp behind a card with the same corners.
     let (mut model, lamp) = glowing();
     let card = model.material(Bsdf::Diffuse { kd: KD }, [0.0; 3]);
     for material in [card, lamp] {
@@ -177,7 +179,7 @@ fn a_room_of_inverted_normals_is_dark_unless_its_faces_emit_both_ways() {
 }
 
 #[test]
-fn radiance_from_least_to_greatest_is_carried_without_loss() {
+fn radiance_from_the_least_to_the_greatest_float_is_exact() {
     for power in [-30, -20, -10, 10, 20] {
         let (mut model, wall) = glowing();
         let scale = 10.0_f32.powi(power);
@@ -187,7 +189,7 @@ fn radiance_from_least_to_greatest_is_carried_without_loss() {
         let found = estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), DIRECTIONS[1], 10_000);
         expect(found, INSIDE.map(|c| c * f64::from(scale) / 3.0));
     }
-    // Beside a great light a small one gets lost in rounding, but takes nothing away.
+    // Beside a strong light a weak one is lost in rounding, but must not reduce it.
     let (mut model, wall) = glowing();
     model.cuboid([-1.0; 3], [1.0; 3], false, wall);
     let weak = model.material(Bsdf::Diffuse { kd: KD }, [1e-10; 3]);

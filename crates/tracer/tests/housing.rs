@@ -1,7 +1,7 @@
-//! A lamp sunk a hair's breadth into its housing: the rim's shadow must not be lost to an epsilon.
+//! Tests a lamp that lies slightly inside its housing: the rim casts a shadow.
 //!
-//! Renderers that end shadow rays a fixed share before the light lose occluders that stand closer to it than that; in a
-//! room with such lamps all that they light is then too bright by up to a percent.
+//! Renderers that end shadow rays a fixed share before the light lose occluders that are closer to
+//! it than that. In a room with such lamps the picture is up to a percent too bright.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot set up its scene has failed")]
 
@@ -11,11 +11,11 @@ use glam::DVec3;
 use holo_scene::{Bsdf, Material, Scene};
 use holo_tracer::{Settings, Tracer};
 
-/// Corners of lamp and housing.
+/// Number of corners of lamp and housing.
 const CORNERS: usize = 32;
 const RADIUS: f64 = 0.25;
 const HEIGHT: f64 = 8.0;
-/// How deep the lamp lies: a thousandth of the distance from which it is seen.
+/// Depth of the lamp: a thousandth of the distance from which it is seen.
 const DEPTH: f64 = 0.008;
 const RADIANCE: f64 = 60.0;
 const ALBEDO: f64 = 0.5;
@@ -25,7 +25,7 @@ fn corner(index: usize, height: f64) -> DVec3 {
     DVec3::new(RADIUS * angle.cos(), RADIUS * angle.sin(), height)
 }
 
-/// A polygonal lamp that shines downwards from within a tube, above a floor.
+/// Returns a polygonal lamp that shines downwards from inside a tube, above a floor.
 fn scene() -> Scene {
     let (mut points, mut triangles, mut materials) = (Vec::new(), Vec::new(), Vec::new());
     let mut add = |corners: [DVec3; 3], material: u32| {
@@ -61,8 +61,9 @@ fn scene() -> Scene {
     Scene::from_world(&points, &triangles, &materials, palette, [0.0; 3]).unwrap().0
 }
 
-/// The floor's radiance at `x`: the lamp's points, weighed by their form factor, where the line to them passes the
-/// housing's mouth. Strata fine enough that the edge of the shadow costs less than 1e-4.
+/// Returns the floor's radiance at `x`: the sum over points of the lamp, weighted by form factor,
+/// that are visible through the mouth of the housing. The strata are so fine that the shadow's edge
+/// costs less than 1e-4.
 fn expected(x: DVec3) -> f64 {
     const RINGS: usize = 600;
     const SPOKES: usize = 600;
@@ -74,7 +75,8 @@ fn expected(x: DVec3) -> f64 {
     };
     let mut sum = 0.0;
     for ring in 0..RINGS {
-        // Equal areas of the circle about the polygon; what lies between the two is left out.
+        // Rings of equal area of the circumscribed circle; what lies outside the polygon is
+        // skipped.
         let radius = RADIUS * ((ring as f64 + 0.5) / RINGS as f64).sqrt();
         for spoke in 0..SPOKES {
             let angle = 2.0 * PI * (spoke as f64 + 0.5) / SPOKES as f64;
@@ -104,7 +106,8 @@ fn a_rim_close_to_its_lamp_casts_its_shadow() {
     {
         let (mut sum, mut squares) = (0.0, 0.0);
         for path in 0..PATHS {
-            // A seed for every path: independent, so that the standard error below is one.
+            // A seed for each path makes paths independent, so that the standard error below is
+            // correct.
             let seed = path.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ index as u64;
             let found =
                 f64::from(tracer.trace_path(*x + DVec3::Z * 0.01, -DVec3::Z, seed, 0).radiance[0]);
@@ -115,13 +118,10 @@ fn a_rim_close_to_its_lamp_casts_its_shadow() {
         let mean = sum / n;
         let error = ((squares / n - mean * mean) / (n - 1.0)).sqrt();
         let exact = expected(*x);
-        // Three points, 99.99 % together; the quadrature's own error beside it.
+        // 99.99 % for three points together, plus the error of the quadrature.
         let allowed = 4.2 * error + 1e-4 * exact;
-        assert!(
-            (mean - exact).abs() < allowed,
-            "at {x}: {mean} where {exact} is exact (± {allowed})"
-        );
-        // Without the rim's shadow the point would be brighter by more than could be missed.
+        assert!((mean - exact).abs() < allowed, "at {x}: {mean} instead of {exact} ± {allowed}");
+        // The shadow must be large enough for the test to notice its absence.
         let unshadowed = 60.0 * ALBEDO / PI * PI * RADIUS * RADIUS * HEIGHT * HEIGHT
             / (HEIGHT * HEIGHT + x.truncate().length_squared()).powi(2);
         assert!(

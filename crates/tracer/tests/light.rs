@@ -1,4 +1,4 @@
-//! Emission and direct light against closed forms.
+//! Tests emission and direct light against closed forms.
 
 mod common;
 
@@ -8,7 +8,7 @@ use holo_scene::Bsdf;
 
 const KD: [f32; 3] = [0.8, 0.5, 0.2];
 const LE: [f32; 3] = [3.0, 5.0, 7.0];
-/// An off-centre rectangle above the floor, its front downwards.
+/// An off-centre rectangle above the floor that faces down.
 const PANEL: [[f64; 3]; 4] =
     [[-1.0, 2.0, 2.0], [1.5, 2.0, 2.0], [1.5, -0.5, 2.0], [-1.0, -0.5, 2.0]];
 
@@ -52,7 +52,7 @@ fn a_panel_emits_from_its_front_only_unless_it_is_two_sided() {
         let above = tracer.trace(DVec3::new(0.0, 0.0, 3.0), -DVec3::Z, 0);
         assert_eq!(above.radiance, LE.map(|c| c * seen));
 
-        // A ceiling above the panel, which looks at the panel's back.
+        // The ceiling above sees the panel's back.
         let mut model = panel_over_floor(two_sided, BLACK);
         let ceiling = model.material(Bsdf::Diffuse { kd: KD }, [0.0; 3]);
         model.square(5.0, 50.0, false, ceiling);
@@ -65,7 +65,7 @@ fn a_panel_emits_from_its_front_only_unless_it_is_two_sided() {
 
 #[test]
 fn both_sides_of_a_diffuse_surface_reflect() {
-    // The floor's front is down: its lit side is the back.
+    // The floor faces down: its lit side is its back.
     let mut model = Model::default();
     let floor = model.material(Bsdf::Diffuse { kd: KD }, [0.0; 3]);
     let light = model.material(BLACK, LE);
@@ -79,7 +79,7 @@ fn both_sides_of_a_diffuse_surface_reflect() {
 }
 
 #[test]
-fn an_obstacle_takes_away_the_sky_that_it_covers() {
+fn an_obstacle_hides_the_sky_that_it_covers() {
     let sky = [0.5, 1.0, 2.0];
     let mut model = Model { sky, ..Model::default() };
     let floor = model.material(Bsdf::Diffuse { kd: KD }, [0.0; 3]);
@@ -112,8 +112,9 @@ fn sky_and_panel_add_up() {
 
 #[test]
 fn a_white_furnace_glows_with_its_geometric_series() {
-    // Every wall emits LE and reflects KD: LE (1 + KD + KD² + ...), cut off where `bounces` says. Direct light alone has
-    // two terms: what is seen, and what that receives.
+    // Every wall emits LE and reflects KD, so radiance is LE (1 + KD + KD² + ...), truncated as
+    // `bounces` says. Direct light alone has two terms: the wall's emission, and its reflection of
+    // other walls.
     let mut model = Model::default();
     let wall = model.material(Bsdf::Diffuse { kd: KD }, LE);
     model.cuboid([-1.0, -2.0, -1.5], [1.0, 2.0, 1.5], false, wall);
@@ -128,20 +129,22 @@ fn a_white_furnace_glows_with_its_geometric_series() {
 
 #[test]
 fn one_bounce_carries_light_around_a_corner_and_none_does_not() {
-    // A panel that faces a wall lights it; the floor sees the wall, but only the panel's black back.
+    // A panel that faces a wall lights it. The floor sees the wall, but only the panel's black
+    // back.
     let mut model = Model::default();
     let diffuse = model.material(Bsdf::Diffuse { kd: KD }, [0.0; 3]);
     let light = model.material(BLACK, LE);
     model.square(0.0, 10.0, true, diffuse);
-    // Ceiling above; the panel just below it faces up and keeps clear of its edge.
+    // The panel just below the ceiling faces up and stays clear of its edge.
     model.square(3.0, 4.0, false, diffuse);
     model.square(2.9, 1.0, true, light);
     let (eye, direction) = (DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.2, 0.1, -1.0));
     assert_eq!(estimate(&model.tracer(Some(0)), eye, direction, 2_000).mean, [0.0; 3]);
     let [one, two, three] =
         [1, 2, 3].map(|n| estimate(&model.tracer(Some(n)), eye, direction, 5_000).mean);
-    // Floor and ceiling take turns and only the ceiling is lit: odd numbers add light, even ones none. So few scatterings
-    // are before roulette, and a path with one more begins with the same random numbers: equal is equal.
+    // Paths alternate between floor and ceiling, and only the ceiling is lit. So odd numbers of
+    // bounces add light and even ones add none. Roulette starts later, and a path with one more
+    // bounce begins with the same random numbers, so results are equal exactly.
     assert!(one[0] > 0.0);
     assert_eq!(one, two);
     assert!((0..3).all(|c| three[c] > two[c]));

@@ -1,4 +1,4 @@
-//! Many lights, and how error falls with paths, against closed forms and statistics.
+//! Tests scenes with many lights, and how the error falls with the number of paths.
 
 mod common;
 
@@ -21,7 +21,7 @@ fn floor(model: &mut Model) {
     model.square(0.0, 50.0, true, floor);
 }
 
-/// A ceiling at height 2 of 32 by 32 luminous squares, faces down.
+/// A ceiling at height 2 of 32 by 32 luminous squares that face down.
 fn ceiling(two_sided: bool) -> Model {
     let mut model = Model::default();
     floor(&mut model);
@@ -45,23 +45,22 @@ fn ceiling(two_sided: bool) -> Model {
 fn a_luminous_ceiling_of_2048_triangles_lights_as_one_panel() {
     let panel = [[-8.0, -8.0, 2.0], [-8.0, 8.0, 2.0], [8.0, 8.0, 2.0], [8.0, -8.0, 2.0]];
     for two_sided in [false, true] {
-        for samples in [1, 3, 8] {
-            let tracer = ceiling(two_sided).tracer(Some(0)).with_light_samples(samples);
-            for (x, y) in [(0.1, 0.2), (7.9, 7.9), (20.0, 3.0)] {
-                let point = DVec3::new(x, y, 0.0);
-                let eye = point + DVec3::new(0.3, -0.4, 1.0);
-                expect(
-                    estimate(&tracer, eye, point - eye, 10_000),
-                    lit(form_factor(&panel, point, DVec3::Z)),
-                );
-            }
+        let tracer = ceiling(two_sided).tracer(Some(0));
+        for (x, y) in [(0.1, 0.2), (7.9, 7.9), (20.0, 3.0)] {
+            let point = DVec3::new(x, y, 0.0);
+            let eye = point + DVec3::new(0.3, -0.4, 1.0);
+            expect(
+                estimate(&tracer, eye, point - eye, 10_000),
+                lit(form_factor(&panel, point, DVec3::Z)),
+            );
         }
     }
 }
 
 #[test]
 fn a_small_source_obeys_the_fourth_power_of_the_cosine() {
-    // A facing plane: L A cos⁴ / h². Its size of 1/1000 of the height leaves 1e-6 of error.
+    // A plane that faces the source receives L A cos⁴ / h². The source's size of 1/1000 of the
+    // height leaves an error of 1e-6.
     let mut model = Model::default();
     floor(&mut model);
     let light = model.material(BLACK, LE);
@@ -96,7 +95,7 @@ fn a_far_source_of_great_power_and_a_near_weak_one_add_up() {
 
 #[test]
 fn a_point_in_an_emitter_s_plane_gets_nothing_from_it() {
-    // The floor goes on as an emitter; another, edge-on, stands across it.
+    // The floor continues as an emitter. Another emitter, edge-on, stands across it.
     let mut model = Model::default();
     floor(&mut model);
     let light = model.material(BLACK, LE);
@@ -107,7 +106,8 @@ fn a_point_in_an_emitter_s_plane_gets_nothing_from_it() {
     );
     model.polygon(&[[3.0, 0.0, 0.0], [5.0, 0.0, 0.0], [5.0, 0.0, 2.0], [3.0, 0.0, 2.0]], light);
     let tracer = model.tracer(Some(0));
-    // Not 0: there the floor's diagonal runs, and points within rounding of an edge are moved off it, out of the plane.
+    // Not 0: the floor's diagonal runs there, and points within rounding of an edge are moved off
+    // it and out of the plane.
     for x in [49.9, 30.0, 1.0] {
         let point = DVec3::new(x, 0.0, 0.0);
         let eye = point + DVec3::new(0.0, -0.4, 1.0);
@@ -115,7 +115,8 @@ fn a_point_in_an_emitter_s_plane_gets_nothing_from_it() {
     }
 }
 
-/// A sphere of radius 1 about the origin by `n` by `2 n` patches, seen from inside; patches that `emits` says have the second material.
+/// Adds a sphere of radius 1 about the origin, of `n` by `2 n` patches, seen from inside. Patches
+/// for which `emits` is true have the second material.
 fn sphere(model: &mut Model, n: usize, materials: [u32; 2], emits: impl Fn(usize, usize) -> bool) {
     let at = |i: usize, j: usize| {
         let (theta, phi) = (PI * i as f64 / n as f64, PI * (j % (2 * n)) as f64 / n as f64);
@@ -137,9 +138,9 @@ fn sphere(model: &mut Model, n: usize, materials: [u32; 2], emits: impl Fn(usize
 
 #[test]
 fn an_integrating_sphere_has_the_irradiance_of_its_closed_form() {
-    // E = Φ / (A (1 - ρ)) everywhere, the emitting cap reflecting as the rest does; of it, Φ ρ / (A (1 - ρ)) is of reflected
-    // light. 2,048 of 16,000 triangles emit. A polyhedron with facets of 2.8 degrees
-    // (0.049) is a sphere to within some halves of 0.049²: 1.5e-3.
+    // E = Φ / (A (1 - ρ)) everywhere, if the emitting cap reflects as the rest does. Reflected
+    // light makes Φ ρ / (A (1 - ρ)) of it. 2,048 of 16,000 triangles emit. A polyhedron with facets
+    // of 2.8 degrees (0.049) deviates from a sphere by about half of 0.049²: 1.5e-3.
     let (n, rho) = (64, 0.7);
     let mut model = Model::default();
     let wall = model.material(Bsdf::Diffuse { kd: [rho; 3] }, [0.0; 3]);
@@ -159,7 +160,8 @@ fn an_integrating_sphere_has_the_irradiance_of_its_closed_form() {
         let tracer = model.tracer(bounces);
         let (mut sum, mut squares, n) = (0.0, 0.0, 60_000);
         for seed in 0..n {
-            // All over the lower half: facets are tilted against the sphere, to this side and to that.
+            // Points all over the lower half, because facets are tilted against the sphere to
+            // either side.
             let [x, y] = Sampler::new(!seed, 0).two().map(f64::from);
             let (z, phi) = (-x, 2.0 * PI * y);
             let direction =
@@ -178,7 +180,7 @@ fn an_integrating_sphere_has_the_irradiance_of_its_closed_form() {
     }
 }
 
-/// Variance of means of `paths` paths, and its own standard error.
+/// Returns the variance of means of `paths` paths, and its own standard error.
 fn variance(tracer: &Tracer, paths: u64, seeds: u64) -> (f64, f64) {
     let eye = DVec3::new(0.3, -0.4, 1.0);
     let values: Vec<f64> = (0..seeds)
@@ -196,8 +198,9 @@ fn variance(tracer: &Tracer, paths: u64, seeds: u64) -> (f64, f64) {
 }
 
 #[test]
-fn error_falls_with_paths_at_least_as_that_of_independent_ones() {
-    // A lit floor under a black ceiling with a window to the sky: light, sky and indirect light together.
+fn error_falls_with_paths_at_least_as_fast_as_for_independent_paths() {
+    // A lit floor under a black ceiling with a window to the sky: light, sky and indirect light
+    // together.
     let mut model = Model { sky: [0.3; 3], ..Model::default() };
     floor(&mut model);
     let wall = model.material(Bsdf::Diffuse { kd: [0.6; 3] }, [0.0; 3]);
@@ -213,7 +216,7 @@ fn error_falls_with_paths_at_least_as_that_of_independent_ones() {
         println!("{paths} paths: variance {:.3} of independent ones'", many * n / one);
         assert!(many <= bound, "{paths}: {many} ± {many_error}, {one} ± {one_error}");
     }
-    // Stratification is worth something: clearly, at 64.
+    // At 64 paths, stratification must clearly lower the variance.
     let (many, many_error) = variance(&tracer, 64, 2_000);
     assert!(many + 4.5 * many_error < 0.6 * one / 64.0, "{many} ± {many_error}, {one}");
 }

@@ -1,7 +1,7 @@
-//! Nested, overlapping and touching glass against closed forms.
+//! Tests nested, overlapping and touching glass against closed forms.
 //!
-//! A ray through parallel boundaries without absorption that reflect shares r of its light transmits, with all reflections
-//! between them, 1 / (1 + Σ r / (1 - r)).
+//! Consider a ray through parallel boundaries without absorption, each of which reflects a share r.
+//! With all reflections between them they transmit 1 / (1 + Σ r / (1 - r)).
 
 mod common;
 
@@ -18,14 +18,15 @@ fn solid(ior: f32) -> Bsdf {
     Bsdf::Dielectric { ior, transmittance: CLEAR, alpha: 0.0 }
 }
 
-/// A slab too wide for its sides to matter.
+/// Adds a slab that is too wide for its sides to matter.
 fn slab(model: &mut Model, low: f64, high: f64, outwards: bool, material: u32) {
-    // No slab has its sides where another one has them.
+    // No two slabs share their sides.
     let half = 500.0 + model.triangles.len() as f64;
     model.cuboid([-half, -half, low], [half, half, high], outwards, material);
 }
 
-/// Transmission from air through media in order, back to air, of a ray with this cosine in air.
+/// Returns the transmission of a ray with this cosine in air through the media in order and back to
+/// air.
 fn through(cosine: f64, media: &[f64]) -> f64 {
     let sine = (1.0 - cosine * cosine).sqrt();
     let all: Vec<f64> = [&[1.0], media, &[1.0]].concat();
@@ -39,13 +40,13 @@ fn through(cosine: f64, media: &[f64]) -> f64 {
     1.0 / (1.0 + sum)
 }
 
-/// The light below, seen from above, is `LE` times `share`.
+/// Checks that the light below, seen from above, is `LE` times `share`.
 #[track_caller]
 fn expect_through(model: &mut Model, cosine: f64, share: f64) {
     expect_through_turned(model, cosine, share, DMat3::IDENTITY);
 }
 
-/// The same with everything turned.
+/// The same with the scene rotated by `turn`.
 #[track_caller]
 fn expect_through_turned(model: &mut Model, cosine: f64, share: f64, turn: DMat3) {
     let light = model.material(BLACK, LE);
@@ -59,7 +60,8 @@ fn expect_through_turned(model: &mut Model, cosine: f64, share: f64, turn: DMat3
 
 #[test]
 fn a_bubble_in_glass_is_air_however_it_is_drawn() {
-    // Its own material's index and which way it looks; `None`: the glass's own material.
+    // The index of the bubble's own material, and which way it faces. `None`: the glass's own
+    // material.
     for (ior, outwards) in [
         (None, false),
         (Some(1.5), false),
@@ -89,7 +91,7 @@ fn a_bubble_in_glass_is_air_however_it_is_drawn() {
 
 #[test]
 fn a_radial_ray_through_a_shell_transmits_its_four_boundaries() {
-    // Octahedra: the ray along (1, 1, 1) meets every face at right angles, as a sphere's would.
+    // Octahedra: the ray along (1, 1, 1) meets every face at right angles, as a sphere's.
     let mut model = Model::default();
     let glass = model.material(solid(1.5), [0.0; 3]);
     for (radius, outwards) in [(2.0, true), (1.0, false)] {
@@ -102,7 +104,8 @@ fn a_radial_ray_through_a_shell_transmits_its_four_boundaries() {
             model.polygon(&corners, glass);
         }
     }
-    // Light fills the half space that the ray goes to: what is reflected comes back to the eye's side, which is dark.
+    // The light fills the half space ahead. What is reflected returns to the eye's side, which is
+    // dark.
     let light = model.material(BLACK, LE);
     let (a, b) = (DVec3::new(1.0, -1.0, 0.0).normalize(), DVec3::new(1.0, 1.0, -2.0).normalize());
     let centre = DVec3::splat(-5.0);
@@ -117,8 +120,8 @@ fn a_radial_ray_through_a_shell_transmits_its_four_boundaries() {
 }
 
 #[test]
-fn what_has_the_index_of_its_surroundings_is_invisible() {
-    // The same material again, drawn as an overlapping piece; another material of the same index.
+fn glass_of_the_index_of_its_surroundings_is_invisible() {
+    // The same material again as an overlapping piece, or another material of the same index.
     for own in [true, false] {
         for cosine in [1.0, 0.6, 0.2] {
             let mut model = Model::default();
@@ -133,7 +136,8 @@ fn what_has_the_index_of_its_surroundings_is_invisible() {
 
 #[test]
 fn a_ray_through_matched_media_does_not_bend() {
-    // Seen from inside the glass, through two nested boxes of its index, a panel of 1 mm: without noise.
+    // A panel of 1 mm seen from inside the glass, through two nested boxes of the same index.
+    // Without noise.
     let mut model = Model::default();
     let eye = DVec3::new(-3.0, 0.2, 0.3);
     let target = DVec3::new(3.0, -1.1, 0.9);
@@ -150,14 +154,15 @@ fn a_ray_through_matched_media_does_not_bend() {
     );
     let traced = model.tracer(Some(0)).trace(eye, (target - eye).normalize(), 3);
     assert_eq!(traced.radiance, LE);
-    // The distance is to the first surface, be it invisible.
+    // The distance is to the first surface, even an invisible one.
     let first = (eye.x + 2.0) / -(target - eye).normalize().x;
     assert!((traced.distance - first).abs() < 1e-5, "{}", traced.distance);
 }
 
 #[test]
 fn water_in_glass_is_the_same_drawn_touching_or_overlapping() {
-    // (lower, upper) faces of the water between walls that are 1 thick; which of the two comes first in the file.
+    // (lower, upper) faces of the water between walls of thickness 1, and which of the two comes
+    // first in the file.
     for (low, high) in [(-3.0, -1.0), (-3.5, -0.5)] {
         for water_first in [false, true] {
             for cosine in [1.0, 0.6, 0.3] {
@@ -173,7 +178,7 @@ fn water_in_glass_is_the_same_drawn_touching_or_overlapping() {
                 slab(&mut model, -4.0, -3.0, true, glass);
                 slab(&mut model, -1.0, 0.0, true, glass);
                 slab(&mut model, low, high, true, water);
-                // Turned, planes that touch are no longer the same to the last bit: corners are rounded.
+                // Rotation rounds corners, so planes that touch differ in the last bits.
                 for turn in [DMat3::IDENTITY, DMat3::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, 0.3)]
                 {
                     let mut model = model.clone();
@@ -193,7 +198,7 @@ fn pieces_of_one_glass_that_touch_are_one_piece() {
         for piece in 0..4 {
             slab(&mut model, f64::from(-piece - 1), f64::from(-piece), true, glass);
         }
-        // A face that is there twice, as careless exporters write.
+        // A duplicate face, as careless exporters write.
         slab(&mut model, -4.0, 0.0, true, glass);
         expect_through(&mut model, cosine, through(cosine, &[GLASS]));
     }
@@ -201,7 +206,8 @@ fn pieces_of_one_glass_that_touch_are_one_piece() {
 
 #[test]
 fn glass_that_lies_on_a_surface_shows_it() {
-    // Index 1, so that nothing is reflected: the lamp is seen through one boundary, that of the top, coloured by it.
+    // Index 1, so nothing is reflected. The lamp is seen through the top boundary alone, and
+    // coloured by it.
     let tf = [0.9, 0.6, 0.3];
     for glass_first in [true, false] {
         let mut model = Model::default();
@@ -224,7 +230,7 @@ fn glass_that_lies_on_a_surface_shows_it() {
 }
 
 #[test]
-fn boundaries_colour_once_each_and_surfaces_that_are_none_do_not() {
+fn each_boundary_colours_once_and_surfaces_without_effect_do_not() {
     let tf = [0.9, 0.6, 0.3];
     let bsdf = Bsdf::Dielectric { ior: 1.5, transmittance: tf, alpha: 0.0 };
     let mut model = Model::default();
@@ -235,7 +241,7 @@ fn boundaries_colour_once_each_and_surfaces_that_are_none_do_not() {
     model.square(-30.0, 2000.0, true, light);
     let share = through(1.0, &[GLASS]);
     let expected = [0, 1, 2].map(|c| f64::from(LE[c]) * f64::from(tf[c]).powi(2) * share);
-    // The series of reflections inside is coloured by no boundary: only the first and the last count.
+    // Reflections inside are not coloured; only the first and last boundary are.
     expect(
         estimate(&model.tracer(Some(0)), DVec3::new(0.1, 0.2, 1.0), -DVec3::Z, 40_000),
         expected,
@@ -256,12 +262,13 @@ fn eyes_inside_glass_water_and_bubbles_see_the_sky_by_the_square_of_their_index(
         }
         let tracer = model.tracer(None);
         for (x, index) in [(5.0, 1.0), (3.5, GLASS), (2.5, WATER), (1.5, 1.0)] {
-            // The innermost box wins nowhere: the bubble of index 1 comes before all. It is a box of air in air.
+            // The innermost box has the lowest priority, because a bubble of index 1 precedes all.
+            // It is air in air.
             let expected = model.sky.map(|c| f64::from(c) * index * index);
             let e =
                 estimate(&tracer, DVec3::new(x, 0.13, 0.21), DVec3::new(-0.6, 0.5, 0.4), 20_000);
             for (c, wanted) in expected.into_iter().enumerate() {
-                // Rough boundaries: what their tables may lack at each of a few scatterings.
+                // Rough boundaries: the error of their tables at a few scatterings.
                 let tables = if alpha > 0.0 { 3e-3 } else { 3e-6 };
                 let bound = 4.5 * e.error[c] + tables * wanted;
                 assert!(
@@ -275,7 +282,8 @@ fn eyes_inside_glass_water_and_bubbles_see_the_sky_by_the_square_of_their_index(
 
 #[test]
 fn light_beyond_the_critical_angle_is_reflected_totally_into_an_eye_in_glass() {
-    // From inside, at 60 degrees against the top: the panel below shows as in a mirror, without noise, and the sky not.
+    // An eye inside looks at the top at 60 degrees. It sees the panel below as in a mirror, without
+    // noise, and not the sky.
     let mut model = Model { sky: [9.0; 3], ..Model::default() };
     let glass = model.material(solid(1.5), [0.0; 3]);
     slab(&mut model, -10.0, 0.0, true, glass);
@@ -285,7 +293,7 @@ fn light_beyond_the_critical_angle_is_reflected_totally_into_an_eye_in_glass() {
     let traced =
         model.tracer(Some(0)).trace(DVec3::new(0.0, 0.0, -1.0), DVec3::new(sine, 0.0, 0.5), 0);
     assert_eq!(traced.radiance, LE);
-    // On a triangle 1000 across, a point is known to some 2⁻²³ of that.
+    // On a triangle of size 1000, a point is exact to about 2⁻²³ of that.
     assert!((traced.distance - 2.0).abs() < 2e-4);
 }
 
@@ -297,7 +305,8 @@ fn glass_drawn_inside_out_is_still_glass_and_open_sheets_have_no_inside() {
         slab(&mut model, -4.0, 0.0, false, glass);
         expect_through(&mut model, cosine, through(cosine, &[GLASS]));
     }
-    // An eye between two sheets that look away from each other and have no sides is in air: each reflects 4 %.
+    // An eye between two sheets that face away from each other and have no sides is in air. Each
+    // sheet reflects 4 %.
     let mut model = Model { sky: [1.0; 3], ..Model::default() };
     let glass = model.material(solid(1.5), [0.0; 3]);
     model.polygon(&[[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]], glass);
@@ -307,7 +316,7 @@ fn glass_drawn_inside_out_is_still_glass_and_open_sheets_have_no_inside() {
     );
     let light = model.material(BLACK, LE);
     model.square(-5.0, 8.0, true, light);
-    // 4 % of the panel, and what of the sky comes through into what then counts as glass: 96 % over n².
+    // 4 % of the panel, and the sky through what then counts as glass: 96 % over n².
     let e = estimate(&model.tracer(Some(0)), DVec3::new(0.1, 0.2, -3.0), DVec3::Z, 40_000);
     expect(e, LE.map(|c| 0.04 * f64::from(c) + 0.96 / 2.25));
 }

@@ -1,11 +1,13 @@
-//! Pictures agree with an independent path tracer's: blocks of pixels, by z-tests with both sides' standard errors.
+//! Pictures agree with those of an independent path tracer, by z-tests over blocks of pixels.
 //!
-//! The cabin's reference is 0.4 % too bright where its flood lamps shine: its renderer loses the shadow of their housings'
-//! rims (`housing.rs` tests that ours does not). That is below what the paths traced here can tell.
+//! Each z-test uses the standard errors of both sides. Scenes and pictures lie in `../shared`, beside
+//! the project.
 //!
-//! The scenes and pictures are in `../shared` beside the project; where that is absent the tests say so and are skipped.
+//! The cabin's reference is 0.4 % too bright where its flood lamps shine: its renderer loses the shadow
+//! of the rims of their housings. `housing.rs` tests that this tracer does not. The paths traced here
+//! are too few to show that difference.
 
-#![allow(clippy::expect_used, reason = "a test fails by it")]
+#![allow(clippy::expect_used, clippy::panic, reason = "tests fail by them")]
 
 use std::f64::consts::FRAC_PI_3;
 use std::path::{Path, PathBuf};
@@ -13,7 +15,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use holo_tracer::{Sampler, Settings, Tracer};
 
-/// Blocks across a picture: large enough for means to be normal.
+/// Blocks across a picture; large enough for the means to be normal.
 const BLOCKS: usize = 8;
 
 struct Pfm {
@@ -24,7 +26,7 @@ struct Pfm {
 }
 
 fn pfm(path: &Path) -> Pfm {
-    let bytes = std::fs::read(path).expect("a readable picture");
+    let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let mut at = 0;
     let mut word = || {
         let end = at + bytes[at..].iter().position(u8::is_ascii_whitespace).expect("a header");
@@ -47,8 +49,9 @@ struct View {
     eye: [f64; 3],
     towards: [f64; 3],
     up: [f64; 3],
-    /// Every how manieth pixel is traced, in both directions, and with how many paths.
+    /// Distance between traced pixels, in both directions.
     stride: usize,
+    /// Paths per traced pixel.
     paths: u64,
     /// Paths per pixel of the reference.
     reference_paths: f64,
@@ -66,10 +69,6 @@ fn compare(scene: &str, picture: &str, bounces: Option<u32>, view: &View) {
     let obj = shared.join("scenes").join(scene).join(format!("{scene}.obj"));
     let reference = shared.join("reference").join(format!("{picture}.pfm"));
     let errors = shared.join("reference").join(format!("{picture}_se.pfm"));
-    if let Some(absent) = [&obj, &reference, &errors].into_iter().find(|p| !p.exists()) {
-        println!("skipped: {} is not there", absent.display());
-        return;
-    }
     let (reference, errors) = (pfm(&reference), pfm(&errors));
     let loaded = holo_scene::load_obj(&obj, &Default::default()).expect("a scene");
     let tracer =
@@ -85,7 +84,7 @@ fn compare(scene: &str, picture: &str, bounces: Option<u32>, view: &View) {
     for y in (0..height).step_by(view.stride) {
         for x in (0..width).step_by(view.stride) {
             let i = y * width + x;
-            // In shadow the reference found nothing, which says nothing about its error.
+            // The reference found no light here, so its error is unknown.
             if errors.pixels[i] == [0.0; 3] {
                 continue;
             }
@@ -109,8 +108,9 @@ fn compare(scene: &str, picture: &str, bounces: Option<u32>, view: &View) {
                 block[c].difference += mean - f64::from(reference.pixels[i][c]);
                 let own = (squares[c] / n - mean * mean) / (n - 1.0);
                 let error = f64::from(errors.pixels[i][c]).powi(2);
-                // A lamp in a mirror comes as few bright paths, which a block of ours may not have met at all: then its
-                // own spread says too little, and that of as many of the reference's paths is taken.
+                // A lamp in a mirror contributes few bright paths, which our block may have missed.
+                // Then its own variance is too small, and that of as many of the reference's paths
+                // is used.
                 block[c].variance += own.max(error * view.reference_paths / n) + error;
                 block[c].pixels += 1.0;
             }
@@ -146,16 +146,19 @@ const CORNELL: View = View {
 };
 
 #[test]
+#[ignore = "needs ../shared"]
 fn cornell_box_with_all_its_light() {
     compare("cornell", "cornell", None, &CORNELL);
 }
 
 #[test]
+#[ignore = "needs ../shared"]
 fn cornell_box_with_direct_light() {
     compare("cornell", "cornell_direct", Some(0), &View { reference_paths: 1024.0, ..CORNELL });
 }
 
 #[test]
+#[ignore = "needs ../shared"]
 fn cabin_living_room_with_mirrors_and_windows() {
     let view = View {
         eye: [12.5, 0.5, 5.0],

@@ -1,4 +1,5 @@
-//! The same scene at any size and anywhere, and great and small things in one scene, against each other and closed forms.
+//! Tests scenes of any size and position, and large and small things in one scene, against each
+//! other and against closed forms.
 
 mod common;
 
@@ -7,7 +8,8 @@ use glam::DVec3;
 use holo_scene::Bsdf;
 use holo_tracer::Tracer;
 
-/// A room with one of every material, lit by a lamp, a small bright lamp, and a sky where a wall is missing.
+/// A room with every material, lit by a lamp, a small bright lamp, and a sky where a wall is
+/// missing.
 fn room() -> Model {
     let mut model = Model { sky: [0.3, 0.4, 0.6], ..Model::default() };
     let t = [0.9, 0.8, 0.7];
@@ -65,7 +67,7 @@ fn ray(pixel: usize) -> DVec3 {
     DVec3::new(2.0 * x / WIDTH as f64 - 1.0, 1.2, 0.75 - 1.5 * y / HEIGHT as f64).normalize()
 }
 
-/// Single paths of every pixel, each of its own seed, grey.
+/// Returns single paths of every pixel, each with its own seed, in grey.
 fn paths(tracer: &Tracer, eye: DVec3, count: usize, first_seed: u64) -> Vec<Vec<f64>> {
     let seeds = |pixel| first_seed + (pixel * count) as u64;
     let grey = |[r, g, b]: [f32; 3]| f64::from(r) + f64::from(g) + f64::from(b);
@@ -76,15 +78,18 @@ fn paths(tracer: &Tracer, eye: DVec3, count: usize, first_seed: u64) -> Vec<Vec<
     found
 }
 
-/// Sum over root of the sum of squares. If `differences` are independent and symmetric about 0, as differences of estimates of the
-/// same thing are, it exceeds z in magnitude with probability at most 2 exp(-z²/2), whatever their tails (Efron 1969, "Student's
-/// t-Test under Symmetry Conditions").
+/// Returns the sum over the square root of the sum of squares.
+///
+/// If `differences` are independent and symmetric about 0, as differences of estimates of the same
+/// thing are, its magnitude exceeds z with probability at most 2 exp(-z²/2), whatever their tails
+/// (Efron 1969, "Student's t-Test under Symmetry Conditions").
 fn self_normalised(differences: impl Iterator<Item = f64>) -> f64 {
     let (sum, squares) = differences.fold((0.0, 0.0), |(s, q): (f64, f64), d| (s + d, q + d * d));
     if squares == 0.0 { 0.0 } else { sum / squares.sqrt() }
 }
 
-/// What [`self_normalised`] exceeds in none of `tests` tests but with probability 1e-4.
+/// Returns the value that [`self_normalised`] exceeds in any of `tests` tests with probability
+/// 1e-4.
 fn limit(tests: usize) -> f64 {
     (2.0 * (2.0 * tests as f64 / 1e-4).ln()).sqrt()
 }
@@ -93,7 +98,7 @@ fn differences(a: &[f64], b: &[f64]) -> impl Iterator<Item = f64> {
     a.iter().zip(b).map(|(a, b)| a - b)
 }
 
-/// The worst pixel's statistic, and that of all pixels' means.
+/// Returns the worst pixel's statistic, and that of the means of all pixels.
 fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
     let pixels =
         a.iter().zip(b).map(|(a, b)| self_normalised(differences(a, b)).abs()).fold(0.0, f64::max);
@@ -124,8 +129,8 @@ fn a_scene_of_any_size_anywhere_gives_statistically_the_same_picture() {
 }
 
 #[test]
-fn the_comparison_of_pictures_tells_a_lamp_that_is_dimmer_by_a_tenth() {
-    // Without this, the test above might pass for its noise.
+fn the_comparison_of_pictures_detects_a_lamp_that_is_dimmer_by_a_tenth() {
+    // Otherwise the test above might pass because of noise.
     let truth = paths(&room().tracer(None), EYE, PATHS, 0);
     let mut dimmer = room();
     dimmer.materials[1].emission = [3.6, 4.5, 5.4];
@@ -135,7 +140,8 @@ fn the_comparison_of_pictures_tells_a_lamp_that_is_dimmer_by_a_tenth() {
 
 #[test]
 fn a_scene_of_twice_any_size_gives_the_same_bits() {
-    // Numbers times a power of two round as they did: a length anywhere that does not come from the scene would be seen.
+    // Multiplication by a power of two does not change rounding, so any length that does not come
+    // from the scene would show.
     let tracer = room().tracer(None);
     for power in [-14, -10, -1, 1, 17, 27] {
         let scale = 2.0_f64.powi(power);
@@ -157,7 +163,8 @@ fn a_scene_of_twice_any_size_gives_the_same_bits() {
     }
 }
 
-/// A site of 500 by 500, and what stands in its farthest corner within `size`: 50,000 times smaller than the way there.
+/// A site of 500 by 500, and objects within `size` of its farthest corner. They are 50,000 times
+/// smaller than their distance from the centre.
 const SITE: f64 = 250.0;
 const SMALL: f64 = 0.005;
 
@@ -170,7 +177,7 @@ fn site() -> Model {
     model
 }
 
-/// As stored: corners are rounded to f32 around the scene's origin.
+/// Returns the corners as stored: rounded to f32 relative to the scene's origin.
 fn stored(corners: &[[f64; 3]], origin: DVec3) -> Vec<[f64; 3]> {
     corners
         .iter()
@@ -179,13 +186,13 @@ fn stored(corners: &[[f64; 3]], origin: DVec3) -> Vec<[f64; 3]> {
 }
 
 #[test]
-fn light_in_a_box_of_millimetres_beside_hundreds_of_metres_neither_leaks_nor_gets_lost() {
+fn a_box_of_millimetres_in_a_scene_of_hundreds_of_metres_neither_leaks_nor_loses_light() {
     // In a closed box that emits everywhere, L = Le / (1 - kd).
     let corner = [SITE - 1.0, SITE - 1.0, 5.0];
     let mut model = site();
     let glowing = model.material(Bsdf::Diffuse { kd: [0.5, 0.75, 0.0] }, [1.0, 2.0, 3.0]);
     model.cuboid(corner, corner.map(|c| c + SMALL), false, glowing);
-    // Outside it is bright: what leaks in is seen.
+    // The outside is bright, so leaks would show.
     model.sky = [1e6; 3];
     let tracer = model.tracer(None);
     let eye = DVec3::from_array(corner) + SMALL * DVec3::new(0.4, 0.45, 0.6);
@@ -217,20 +224,21 @@ fn a_lamp_of_millimetres_beside_hundreds_of_metres_lights_as_its_form_factor_say
     ];
     model.polygon(&square, lamp);
     let tracer = model.tracer(Some(0));
-    let origin = tracer.scene().origin;
+    let origin = tracer.raycaster().scene().origin;
     let lit = stored(&square, origin);
     let level = stored(&top, origin)[0][2];
     let expected = |point| {
         let factor = form_factor(&lit, point, DVec3::Z);
         [0.8 * 3.0, 0.5 * 5.0, 0.2 * 7.0].map(|light| light * factor)
     };
-    // From aside, below the lamp's plane.
+    // From the side, below the lamp's plane.
     let from = DVec3::new(0.003, -0.02, 0.002);
     for (dx, dy) in [(0.0013, -0.0007), (0.004, -0.002), (0.02, 0.01)] {
         let point = DVec3::new(x + dx, y + dy, level);
         expect(estimate(&tracer, point + from, -from, 20_000), expected(point));
     }
-    // Within 16 roundings of an edge, here the table's diagonal, points are moved off it: by no more than 0.5 mm.
+    // Points within 16 roundings of an edge (here the table's diagonal) are moved off it, by at
+    // most 0.5 mm.
     let point = DVec3::new(x + 0.001, y + 0.001, level);
     let found = estimate(&tracer, point + from, -from, 20_000);
     let near = [(5e-4, 0.0), (-5e-4, 0.0), (0.0, 5e-4), (0.0, -5e-4)]

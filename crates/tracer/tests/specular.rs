@@ -1,4 +1,4 @@
-//! Mirrors, panes and solid glass against closed forms.
+//! Tests mirrors, panes and solid glass against closed forms.
 
 mod common;
 
@@ -32,7 +32,8 @@ fn a_mirror_shows_its_colour_times_the_light_without_noise() {
 
 #[test]
 fn mirrors_do_not_count_as_bounces_and_chains_of_perfect_mirrors_end() {
-    // Two perfect mirrors face each other, slightly inclined to the ray: it reaches the light after a dozen reflections.
+    // Two perfect mirrors face each other, slightly inclined to the ray, which reaches the light
+    // after a dozen reflections.
     let mut model = Model::default();
     let mirror = model.material(Bsdf::Mirror { ks: [1.0; 3] }, [0.0; 3]);
     let light = model.material(BLACK, LE);
@@ -42,7 +43,7 @@ fn mirrors_do_not_count_as_bounces_and_chains_of_perfect_mirrors_end() {
     let (eye, direction) = (DVec3::new(-4.5, 0.0, 0.5), DVec3::new(1.0, 0.0, 1.2));
     expect(estimate(&model.tracer(Some(0)), eye, direction, 20_000), scaled(LE, [1.0; 3]));
 
-    // A closed box of perfect mirrors without light: a path only ends by roulette.
+    // A closed box of perfect mirrors without light: only roulette ends a path.
     let mut closed = Model::default();
     let mirror = closed.material(Bsdf::Mirror { ks: [1.0; 3] }, [0.0; 3]);
     closed.cuboid([-1.0; 3], [1.0; 3], false, mirror);
@@ -65,7 +66,7 @@ fn a_pane_transmits_and_reflects_its_series_of_fresnel_terms() {
         let back = r + (1.0 - r).powi(2) * r * orders;
         assert!((through + back - 1.0).abs() < 1e-12);
 
-        // Light beyond: coloured. Light behind the eye: uncoloured.
+        // Light behind the pane is coloured; reflected light from behind the eye is not.
         for (height, up, expected) in [
             (-1.0, true, scaled(LE, TF.map(|t| f64::from(t) * through))),
             (3.0, false, scaled(LE, [back; 3])),
@@ -101,7 +102,8 @@ fn light_through_a_pane_reaches_a_floor_by_the_material_alone() {
     let expected =
         [0, 1, 2].map(|c| f64::from(kd[c]) * f64::from(model.sky[c]) * f64::from(TF[c]) * mean);
     let direction = DVec3::new(0.3, 0.2, -1.0);
-    // The eye is below the pane. Direct light alone: what the pane reflects back to the floor is a bounce.
+    // The eye is below the pane. With direct light alone, light that the pane reflects back to the
+    // floor is a bounce and does not count.
     expect(
         estimate(&model.tracer(Some(0)), DVec3::new(0.0, 0.0, 0.5), direction, 60_000),
         expected,
@@ -119,7 +121,7 @@ fn a_solid_slab_transmits_its_series_and_colours_each_boundary() {
         let glass =
             model.material(Bsdf::Dielectric { ior: 1.5, transmittance: TF, alpha: 0.0 }, [0.0; 3]);
         let light = model.material(BLACK, LE);
-        // So thin that the light cannot leave at the sides within many reflections.
+        // So thin that light cannot leave at the sides within many reflections.
         model.cuboid([-500.0, -500.0, -0.25], [500.0, 500.0, 0.0], true, glass);
         model.square(-3.0, 500.0, true, light);
         let expected = scaled(LE, TF.map(|t| f64::from(t) * f64::from(t) * through));
@@ -129,7 +131,8 @@ fn a_solid_slab_transmits_its_series_and_colours_each_boundary() {
 
 #[test]
 fn radiance_in_glass_is_greater_by_the_square_of_the_index() {
-    // Under an even sky, clear glass is invisible from outside; inside, every direction that leads out has n² of it.
+    // Under an even sky, clear glass is invisible from outside. Inside, every direction that leads
+    // out has n² times the radiance.
     let mut model = Model { sky: [1.0, 2.0, 4.0], ..Model::default() };
     let glass = model
         .material(Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: 0.0 }, [0.0; 3]);

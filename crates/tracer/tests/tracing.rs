@@ -1,4 +1,4 @@
-//! What callers rely on: distances, reproducibility, far eyes, bad input.
+//! Tests the properties that callers rely on: distances, reproducibility, far eyes, and bad input.
 
 mod common;
 
@@ -39,14 +39,15 @@ fn a_sample_is_a_function_of_its_seed_and_the_mean_of_its_paths() {
 }
 
 #[test]
-fn map_coordinates_and_far_eyes_lose_nothing() {
+fn map_coordinates_and_far_eyes_lose_no_precision() {
     let near = room(DVec3::ZERO).tracer(None);
     let offset = DVec3::new(4_500_000.0, -5_200_000.0, 300.0);
     let mapped = room(offset).tracer(None);
     let direction = DVec3::new(0.48, 0.6, -0.64);
     let (a, b) = (near.trace(DVec3::ZERO, direction, 1), mapped.trace(offset, direction, 1));
     assert_eq!(a, b);
-    // Looking in from 1e7 units through a wall that is seen from behind: the near wall's outside is hit.
+    // From 1e7 units away, looking through a wall that is seen from behind: the near wall's outside
+    // is hit.
     let target = DVec3::new(2.0, 0.3, 0.2);
     let back = DVec3::new(-0.8, 0.36, 0.48);
     let far = near.trace(target - back * 1e7, back, 1);
@@ -55,7 +56,7 @@ fn map_coordinates_and_far_eyes_lose_nothing() {
 }
 
 #[test]
-fn rays_that_are_none_see_black_and_rays_past_everything_see_the_sky() {
+fn invalid_rays_are_black_and_rays_past_everything_see_the_sky() {
     let mut model = room(DVec3::ZERO);
     model.sky = [1.0, 2.0, 3.0];
     let tracer = model.tracer(None);

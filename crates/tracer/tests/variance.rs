@@ -1,4 +1,4 @@
-//! What samples say of their own variance, against how much they vary.
+//! Tests the variance that samples state against the variance that they have.
 
 mod common;
 
@@ -24,7 +24,7 @@ fn tracer(paths: u32) -> Tracer {
 const SAMPLES: u64 = 20_000;
 
 #[test]
-fn the_stated_variance_is_how_much_samples_vary() {
+fn the_stated_variance_is_the_variance_of_samples() {
     let direction = DVec3::new(0.5, 0.6, -0.3).normalize();
     for paths in [2, 3, 4, 7, 16] {
         let tracer = tracer(paths);
@@ -36,14 +36,15 @@ fn the_stated_variance_is_how_much_samples_vary() {
             .collect();
         let n = SAMPLES as f64;
         let mean = found.iter().map(|f| f.0).sum::<f64>() / n;
-        // The square of each sample's error is an estimate of the same variance; so their differences have the expectation 0.
+        // The square of a sample's error is an unbiased estimate of the same variance, so the
+        // differences have expectation 0.
         let differences =
             found.iter().map(|(value, variance)| variance - (value - mean).powi(2) * n / (n - 1.0));
         let (sum, squares) =
             differences.fold((0.0, 0.0), |(s, q): (f64, f64), d| (s + d, q + d * d));
         // Five pairs of tests: by chance once in 15,000 runs.
         assert!((sum / squares.sqrt()).abs() < 4.5, "{paths} paths: {}", sum / squares.sqrt());
-        // And the test has something to say: an estimate 20 % off would fail it.
+        // An estimate that is 20 % off would fail the test.
         assert!(
             squares.sqrt() * 4.5 < 0.2 * found.iter().map(|f| f.1).sum::<f64>(),
             "{paths} paths"
@@ -64,12 +65,12 @@ fn the_stated_variance_is_how_much_samples_vary() {
 }
 
 #[test]
-fn one_path_tells_nothing_and_what_does_not_vary_has_no_variance() {
+fn one_path_has_no_estimate_and_constant_radiance_has_no_variance() {
     let wall = DVec3::new(0.5, 0.6, -0.3);
     let (traced, variance) = tracer(1).trace_with_variance(DVec3::ZERO, wall, 0);
     assert!(traced.radiance[0] > 0.0 && traced.distance > 2.0 && variance.is_none());
     let tracer = tracer(8);
-    // The lamp, the sky, and no ray at all.
+    // The lamp, the sky, and an invalid ray.
     for (eye, direction, radiance) in [
         (DVec3::ZERO, DVec3::Z, [4.0, 5.0, 6.0]),
         (DVec3::X * 9.0, DVec3::X, [0.2, 0.3, 0.4]),

@@ -1,4 +1,4 @@
-//! Distances along straightened rays, against closed forms.
+//! Tests distances along straightened rays against closed forms.
 
 mod common;
 
@@ -31,10 +31,11 @@ fn hall() -> Model {
 }
 
 #[test]
-fn mirrors_show_what_is_as_far_behind_them_as_it_is_in_front() {
+fn mirror_images_are_as_far_behind_the_mirror_as_objects_are_in_front() {
     let [plain, virtual_] = both(&hall());
     let eye = DVec3::new(0.2, -0.3, 0.1);
-    // Unfolded at the mirrors, the hall is a slab without end: the ray goes straight to y = ±1 or z = ±1.
+    // Unfolded at the mirrors, the hall is an infinite slab: the ray goes straight to y = ±1 or z =
+    // ±1.
     for direction in [
         DVec3::new(1.0, 0.7, 0.2),
         DVec3::new(-3.0, 0.4, -0.5),
@@ -47,10 +48,10 @@ fn mirrors_show_what_is_as_far_behind_them_as_it_is_in_front() {
             ((0..3).map(until).fold(f64::INFINITY, f64::min), until(1).min(until(2)));
         expect_distance(&plain, eye, d, first);
         expect_distance(&virtual_, eye, d, straight);
-        // The image stands where the object mirrored at the walls stands: all eyes see it there.
+        // The image stands where the object mirrored at the walls stands; all eyes see it there.
         assert!(straight >= first);
     }
-    // Exactly to and fro: it ends somewhere.
+    // The ray runs back and forth between the mirrors without end, but its distance ends.
     let endless = virtual_.trace(eye, DVec3::X, 0).distance;
     assert!(endless > 60.0 && endless.is_finite(), "{endless}");
     let (a, b) = (
@@ -74,7 +75,7 @@ fn all_eyes_see_an_image_at_one_place() {
 }
 
 #[test]
-fn glass_shows_what_is_behind_it_and_at_grazing_angles_what_is_before_it() {
+fn glass_shows_what_is_behind_it_and_at_grazing_angles_its_reflection() {
     let mut model = Model { sky: [1.0; 3], ..Model::default() };
     let pane = model.material(Bsdf::ThinGlass { ior: 1.5, transmittance: GLASS }, [0.0; 3]);
     let wall = model.material(Bsdf::Diffuse { kd: [0.5; 3] }, [0.0; 3]);
@@ -87,7 +88,7 @@ fn glass_shows_what_is_behind_it_and_at_grazing_angles_what_is_before_it() {
         expect_distance(&plain, eye, down, 2.0 * down.length());
         expect_distance(&virtual_, eye, down, 5.0 * down.length());
     }
-    // Above half is reflected at 3°: the sky.
+    // At 3° more than half is reflected: the sky.
     expect_distance(&virtual_, eye, DVec3::new(20.0, 0.0, -1.0), f64::INFINITY);
     expect_distance(&plain, eye, DVec3::new(20.0, 0.0, -1.0), 2.0 * 401.0_f64.sqrt());
 }
@@ -111,8 +112,8 @@ fn through_a_slab_of_glass_the_bent_ray_s_length_counts() {
 }
 
 #[test]
-fn curved_rough_and_shining_surfaces_are_themselves_what_is_seen() {
-    // A column of 24 sides, 15° apart; and the same number of sides of a prism, 120° apart.
+fn curved_rough_and_emitting_surfaces_have_their_own_distance() {
+    // A column of 24 sides, 15° apart, and a prism of 3 sides, 120° apart.
     for (sides, curved) in [(24, true), (3, false)] {
         let mut model = Model::default();
         let wall = model.material(Bsdf::Diffuse { kd: [0.5; 3] }, [0.0; 3]);

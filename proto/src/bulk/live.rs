@@ -1,29 +1,31 @@
-//! Rays that no section covers: traced for one display, shown there, and never stored.
+//! Live rays: rays that are in no section. They are traced for one display, shown there, and never
+//! stored.
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Counts, Reader, Traced, expect_rays, put};
+use super::{Head, Reader, Traced, expect_rays, put};
 use crate::ProtoError;
 
-/// Live rays in one message of a display: some hundredths of a second of work.
+/// Most live rays in one message of a display: some hundredths of a second of work.
 pub const MAX_LIVE_RAYS: usize = 1 << 14;
 
-/// Live rays that a display may have sent for a view without an answer: workers are given work for 150 ms, and what is traced next
-/// must be here by then. They take 4 MB.
+/// Most live rays of one view that a display may have sent without an answer. They take 4 MB.
+///
+/// Workers get work for 150 ms ahead, so the rays traced next must be here by then.
 pub const MAX_LIVE_RAYS_HELD: usize = 1 << 16;
 
-/// How much a direction's squared length may differ from 1.
+/// Greatest difference of a direction's squared length from 1.
 const UNIT_SLACK: f64 = 1e-6;
 
 /// A ray by its geometry. 56 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct LiveRay {
-    /// Where it begins, world coordinates.
+    /// Its origin, world coordinates.
     pub origin: [f64; 3],
-    /// Where it goes; of length 1.
+    /// Its direction, of length 1.
     pub direction: [f64; 3],
-    /// The display's name for it, given back with what it saw; its random numbers follow from it, too.
+    /// The display's name for it, repeated in its sample. Its random numbers depend on it.
     pub number: u64,
 }
 const _: () = assert!(size_of::<LiveRay>() == 56);
@@ -43,13 +45,15 @@ impl LiveRay {
     }
 }
 
-/// Display to server: rays to trace and to forget, after those of its earlier messages for the same view, and in place of those for
-/// another.
+/// Display to server: rays to trace without storing them.
+///
+/// They come after those of earlier messages for the same view, and replace those of other views.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveWanted {
-    /// The view that they are for, by the number of its first request: it may be requested again under others meanwhile.
+    /// The view that they are for: the number of its first request, even if it was requested again
+    /// under others.
     pub view: u32,
-    /// Pixels of the view that live rays are for: the share of tracing that they get is that of these pixels.
+    /// Number of pixels of the view that need live rays. It decides their share of the tracing.
     pub pixels: u32,
     /// The rays, at most [`MAX_LIVE_RAYS`].
     pub rays: Vec<LiveRay>,
@@ -66,7 +70,7 @@ struct WantedHead {
 const _: () = assert!(size_of::<WantedHead>() == 16);
 
 impl LiveWanted {
-    /// The payload of a frame of live rays: view, pixels, count, rays.
+    /// Returns the payload: view, pixels, number of rays, rays.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(16 + self.rays.len() * 56);
         let head = WantedHead {
@@ -80,10 +84,10 @@ impl LiveWanted {
         out
     }
 
-    /// Parses a frame of live rays.
+    /// Parses a payload.
     ///
     /// # Errors
-    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for a ray that is none.
+    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible ray.
     pub fn decode(bytes: &[u8]) -> Result<LiveWanted, ProtoError> {
         let mut reader = Reader(bytes);
         let head: WantedHead = reader.one("message of live rays")?;
@@ -101,7 +105,7 @@ impl LiveWanted {
 /// Live rays that one worker traces together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LivePacket {
-    /// The server's name for this assignment, given back with the results.
+    /// The server's name for the packet, repeated in the results.
     pub id: u64,
     /// Paths averaged into each ray, at least 1.
     pub paths: u16,
@@ -112,7 +116,7 @@ pub struct LivePacket {
 /// Server to worker: live rays.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LiveWork {
-    /// The packets, in the order wanted.
+    /// The packets, the most urgent first.
     pub packets: Vec<LivePacket>,
 }
 
@@ -127,11 +131,11 @@ struct RawPacket {
 const _: () = assert!(size_of::<RawPacket>() == 16);
 
 impl LiveWork {
-    /// The payload of a frame of live work: counts of packets and rays, packets, rays.
+    /// Returns the payload: numbers of packets and rays, packets, rays.
     pub fn encode(&self) -> Vec<u8> {
         let rays: usize = self.packets.iter().map(|packet| packet.rays.len()).sum();
         let mut out = Vec::with_capacity(8 + self.packets.len() * 16 + rays * 56);
-        put(&mut out, &Counts { first: self.packets.len() as u32, second: rays as u32 });
+        put(&mut out, &Head { first: self.packets.len() as u32, second: rays as u32 });
         for packet in &self.packets {
             let count = packet.rays.len() as u32;
             put(&mut out, &RawPacket { id: packet.id, count, paths: packet.paths, reserved: 0 });
@@ -142,13 +146,13 @@ impl LiveWork {
         out
     }
 
-    /// Parses a frame of live work: every packet has 1 to 21 rays and all are there.
+    /// Parses a payload. Every packet has 1 to 21 rays, and all are there.
     ///
     /// # Errors
-    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for a ray that is none.
+    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible ray.
     pub fn decode(bytes: &[u8]) -> Result<LiveWork, ProtoError> {
         let mut reader = Reader(bytes);
-        let counts: Counts = reader.one("live work message")?;
+        let counts: Head = reader.one("live work message")?;
         let packets = reader.many::<RawPacket>("live packet list", u64::from(counts.first))?;
         let rays = reader.many::<LiveRay>("live ray list", u64::from(counts.second))?;
         reader.end()?;
@@ -167,13 +171,14 @@ impl LiveWork {
     }
 }
 
-/// What a live ray saw. 16 bytes.
+/// The result of a live ray. 16 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct LiveHit {
     /// Radiance, finite and not negative.
     pub radiance: [f32; 3],
-    /// Distance from the ray's origin to the surface that it met, not negative; infinite if it met nothing.
+    /// Distance from the ray's origin to the surface that it hit, not negative. Infinite if it hit
+    /// nothing.
     pub distance: f32,
 }
 const _: () = assert!(size_of::<LiveHit>() == 16);
@@ -188,82 +193,79 @@ impl LiveHit {
     }
 }
 
-/// Worker to server: what live rays saw.
+/// Worker to server: the results of live rays.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LiveResults {
-    /// The packets, in the order of what their rays saw.
+    /// The packets, in the order of their hits.
     pub packets: Vec<Traced>,
-    /// For each ray of each packet, in their order.
+    /// One for each ray of each packet, in their order.
     pub hits: Vec<LiveHit>,
 }
 
 impl LiveResults {
-    /// The payload of a frame of live results: counts of packets and rays, packets, what the rays saw.
+    /// Returns the payload: numbers of packets and rays, packets, hits.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + (self.packets.len() + self.hits.len()) * 16);
-        put(&mut out, &Counts { first: self.packets.len() as u32, second: self.hits.len() as u32 });
+        put(&mut out, &Head { first: self.packets.len() as u32, second: self.hits.len() as u32 });
         out.extend_from_slice(bytemuck::cast_slice(&self.packets));
         out.extend_from_slice(bytemuck::cast_slice(&self.hits));
         out
     }
 
-    /// Parses a frame of live results: every packet has 1 to 21 rays and all are there.
+    /// Parses a payload. Every packet has 1 to 21 rays, and all are there.
     ///
     /// # Errors
-    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for radiances or distances that are none.
+    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible radiance or
+    /// distance.
     pub fn decode(bytes: &[u8]) -> Result<LiveResults, ProtoError> {
         let mut reader = Reader(bytes);
-        let counts: Counts = reader.one("live results message")?;
+        let counts: Head = reader.one("live results message")?;
         let packets = reader.many::<Traced>("live packet list", u64::from(counts.first))?;
-        let hits =
-            reader.many::<LiveHit>("list of what live rays saw", u64::from(counts.second))?;
+        let hits = reader.many::<LiveHit>("live hit list", u64::from(counts.second))?;
         reader.end()?;
-        expect_rays(
-            "list of what live rays saw",
-            packets.iter().map(|packet| packet.count),
-            &hits,
-        )?;
+        expect_rays("live hit list", packets.iter().map(|packet| packet.count), &hits)?;
         hits.iter().try_for_each(LiveHit::check)?;
         Ok(LiveResults { packets, hits })
     }
 }
 
-/// What one of a display's live rays saw. 24 bytes.
+/// The result of one of a display's live rays. 24 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct LiveSample {
     /// The display's name for the ray.
     pub number: u64,
-    /// What it saw.
+    /// Its result.
     pub hit: LiveHit,
 }
 const _: () = assert!(size_of::<LiveSample>() == 24);
 
-/// Server to display: what its live rays saw.
+/// Server to display: the results of its live rays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveSamples {
     /// The view that they are for.
     pub view: u32,
-    /// The rays.
+    /// The results.
     pub samples: Vec<LiveSample>,
 }
 
 impl LiveSamples {
-    /// The payload of a frame of live samples: view, count, samples.
+    /// Returns the payload: view, number of samples, samples.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + self.samples.len() * 24);
-        put(&mut out, &Counts { first: self.view, second: self.samples.len() as u32 });
+        put(&mut out, &Head { first: self.view, second: self.samples.len() as u32 });
         out.extend_from_slice(bytemuck::cast_slice(&self.samples));
         out
     }
 
-    /// Parses a frame of live samples.
+    /// Parses a payload.
     ///
     /// # Errors
-    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for radiances or distances that are none.
+    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible radiance or
+    /// distance.
     pub fn decode(bytes: &[u8]) -> Result<LiveSamples, ProtoError> {
         let mut reader = Reader(bytes);
-        let counts: Counts = reader.one("live samples message")?;
+        let counts: Head = reader.one("live samples message")?;
         let samples = reader.many::<LiveSample>("live sample list", u64::from(counts.second))?;
         reader.end()?;
         samples.iter().try_for_each(|sample| sample.hit.check())?;

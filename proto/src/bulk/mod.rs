@@ -1,4 +1,5 @@
-//! Bulk messages: packets to trace, samples traced, beams wanted, rays that are only shown. A fixed head, then arrays of plain-old-data records.
+//! Bulk messages: packets, samples, views and live rays. A message is a fixed head, then arrays of
+//! plain records.
 
 mod live;
 mod results;
@@ -14,16 +15,17 @@ pub use live::{
     MAX_LIVE_RAYS, MAX_LIVE_RAYS_HELD,
 };
 pub use results::{Results, Traced};
-pub use samples::{MAX_RUN, Run, Samples, Source, Unseen};
+pub use samples::{MAX_RUN, Samples, Source, Unseen};
 pub use shared::{BlobChunk, Light, Record};
-pub use view::{RaysWanted, ViewRequest, Wanted, WantedRay};
+pub use view::{RaysWanted, ViewRequest, WantedBeam, WantedRay};
 pub use work::{Packet, Work};
 
 use crate::{MAX_RAYS_PER_PACKET, ProtoError};
 
+/// Two numbers with which a message begins: counts, or a view and a count.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Counts {
+struct Head {
     first: u32,
     second: u32,
 }
@@ -52,7 +54,8 @@ impl RawViewpoint {
     }
 }
 
-/// Takes records off a payload; what is not there is an error before any memory is taken.
+/// Takes records off a payload. A record that is not there is an error before memory is taken for
+/// it.
 struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
@@ -84,7 +87,7 @@ fn put<T: Pod>(out: &mut Vec<u8>, record: &T) {
     out.extend_from_slice(bytemuck::bytes_of(record));
 }
 
-/// Checks that runs add up to the samples that follow them.
+/// Checks that a list has as many entries as the records before it say.
 fn expect_total<T>(what: &'static str, said: u64, list: &[T]) -> Result<(), ProtoError> {
     let (bytes, found) = (size_of::<T>() as u64, list.len() as u64);
     if said == found {
@@ -93,7 +96,7 @@ fn expect_total<T>(what: &'static str, said: u64, list: &[T]) -> Result<(), Prot
     Err(ProtoError::Truncated { what, needed: said * bytes, found: found * bytes })
 }
 
-/// Checks that packets of 1 to 21 rays add up to what follows of them.
+/// Checks that packets have 1 to 21 rays each, and that a list has as many entries as their sum.
 fn expect_rays<T>(
     what: &'static str,
     said: impl Iterator<Item = u32>,

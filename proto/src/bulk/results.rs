@@ -1,4 +1,4 @@
-//! What became of packets, worker to server.
+//! The results of packets, worker to server.
 
 use bytemuck::{Pod, Zeroable};
 use holo_section::Sample;
@@ -6,14 +6,15 @@ use holo_section::Sample;
 use super::{Reader, expect_rays, put};
 use crate::ProtoError;
 
-/// Worker to server: what became of packets.
+/// Worker to server: the results of packets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Results {
     /// The packets traced, in the order of their samples.
     pub packets: Vec<Traced>,
     /// Samples of all packets traced, one after the other.
     pub samples: Vec<Sample>,
-    /// Names of packets that were not traced because no ray of their beam can meet anything.
+    /// Ids of packets that were not traced because their beams are unseen: no ray of them hits
+    /// anything.
     pub unseen: Vec<u64>,
 }
 
@@ -21,11 +22,11 @@ pub struct Results {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Traced {
-    /// The assignment's name.
+    /// The packet's id.
     pub id: u64,
-    /// Samples, as many as were asked for.
+    /// Number of samples: as many as the packet asked for.
     pub count: u32,
-    /// Time that one thread took, nanoseconds, saturated.
+    /// Time that one thread took, nanoseconds. Longer times are `u32::MAX`.
     pub nanoseconds: u32,
 }
 const _: () = assert!(size_of::<Traced>() == 16);
@@ -40,7 +41,7 @@ struct ResultCounts {
 const _: () = assert!(size_of::<ResultCounts>() == 12);
 
 impl Results {
-    /// The payload of a results frame: counts of packets, samples and unseen packets, then the lists of each.
+    /// Returns the payload: numbers of packets, samples and unseen packets, then the list of each.
     pub fn encode(&self) -> Vec<u8> {
         let bytes = 12 + self.packets.len() * 16 + self.samples.len() * 10 + self.unseen.len() * 8;
         let mut out = Vec::with_capacity(bytes);
@@ -53,7 +54,7 @@ impl Results {
         out
     }
 
-    /// Parses a results frame: every packet traced has 1 to 21 samples and all are there.
+    /// Parses a payload. Every traced packet has 1 to 21 samples, and all are there.
     ///
     /// # Errors
     /// Any [`ProtoError`] about counts.

@@ -1,47 +1,30 @@
-//! What a display gets for a view, server to display: samples, and beams that see nothing.
+//! The answer to a view, server to display: samples, and unseen beams.
 
 use bytemuck::{Pod, Zeroable};
-use holo_section::{BeamId, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
 
-use super::{Counts, Reader, expect_total, put};
+use super::{Head, Reader, expect_total, put};
 use crate::ProtoError;
 
-/// Longest run of samples of one beam in a [`Samples`] message.
+/// Most samples of a run in a [`Samples`] message.
 pub const MAX_RUN: u32 = 1 << 20;
 
-/// Where samples sent to a display came from.
+/// The source of samples that a display gets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Source {
-    /// Stored before.
+    /// The file.
     Stored = 0,
-    /// Traced just now.
+    /// A worker, just now.
     Traced = 1,
-}
-
-/// A run of samples of one beam with consecutive numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Run {
-    /// Section number.
-    pub section: u16,
-    /// Beam in the section.
-    pub beam: BeamId,
-    /// Kind, part of a sample's name.
-    pub kind: SampleKind,
-    /// First sample number.
-    pub first: u32,
-    /// Samples.
-    pub count: u32,
-    /// Paths averaged into each.
-    pub paths: u16,
 }
 
 /// Server to display: samples for a view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Samples {
-    /// The view that they answer.
+    /// The view that they are for.
     pub view: u32,
-    /// Stored or traced.
+    /// Where they come from.
     pub source: Source,
     /// The runs, in the order of their samples.
     pub runs: Vec<Run>,
@@ -63,19 +46,19 @@ struct RawRun {
 const _: () = assert!(size_of::<RawRun>() == 24);
 
 impl Samples {
-    /// The payload of a samples frame: view and source, counts of runs and samples, runs, samples.
+    /// Returns the payload: view and source, numbers of runs and samples, runs, samples.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(16 + self.runs.len() * 24 + self.samples.len() * 10);
-        put(&mut out, &Counts { first: self.view, second: self.source as u32 });
-        put(&mut out, &Counts { first: self.runs.len() as u32, second: self.samples.len() as u32 });
+        put(&mut out, &Head { first: self.view, second: self.source as u32 });
+        put(&mut out, &Head { first: self.runs.len() as u32, second: self.samples.len() as u32 });
         for run in &self.runs {
             put(
                 &mut out,
                 &RawRun {
-                    beam: run.beam.0,
+                    beam: run.key.beam.0,
                     first: run.first,
                     count: run.count,
-                    section: run.section,
+                    section: run.key.section,
                     paths: run.paths,
                     kind: run.kind as u8,
                     reserved: [0; 3],
@@ -86,14 +69,14 @@ impl Samples {
         out
     }
 
-    /// Parses a samples frame. Whether a beam exists is for whoever knows the sections.
+    /// Parses a payload. It does not check whether the beams exist.
     ///
     /// # Errors
     /// Any [`ProtoError`] about counts, kinds or numbers.
     pub fn decode(bytes: &[u8]) -> Result<Samples, ProtoError> {
         let mut reader = Reader(bytes);
-        let head: Counts = reader.one("samples message")?;
-        let counts: Counts = reader.one("samples message")?;
+        let head: Head = reader.one("samples message")?;
+        let counts: Head = reader.one("samples message")?;
         let raw = reader.many::<RawRun>("run list", u64::from(counts.first))?;
         let samples = reader.many::<Sample>("sample list", u64::from(counts.second))?;
         reader.end()?;
@@ -108,7 +91,7 @@ impl Samples {
         Ok(Samples { view: head.first, source, runs, samples })
     }
 
-    /// Each run with its samples.
+    /// Returns each run with its samples.
     pub fn iter(&self) -> impl Iterator<Item = (&Run, &[Sample])> {
         let mut rest = self.samples.as_slice();
         self.runs.iter().map(move |run| {
@@ -120,12 +103,7 @@ impl Samples {
 }
 
 fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
-    let kind = match raw.kind {
-        0 => SampleKind::Uniform,
-        1 => SampleKind::ViewpointLimited,
-        2 => SampleKind::SingleRay,
-        other => return Err(ProtoError::SampleKind(other)),
-    };
+    let kind = SampleKind::from_code(raw.kind).ok_or(ProtoError::SampleKind(raw.kind))?;
     if raw.count == 0 || raw.count > MAX_RUN {
         return Err(ProtoError::TooMany {
             what: "samples in a run",
@@ -140,8 +118,7 @@ fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
         return Err(ProtoError::Number("a run's first sample number"));
     }
     Ok(Run {
-        section: raw.section,
-        beam: BeamId(raw.beam),
+        key: BeamKey { section: raw.section, beam: BeamId(raw.beam) },
         kind,
         first: raw.first,
         count: raw.count,
@@ -149,13 +126,14 @@ fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
     })
 }
 
-/// Server to display: beams of a view of which no ray meets anything. They show the sky, and nothing is traced in them.
+/// Server to display: unseen beams of a view. None of their rays hits anything, so they show the
+/// sky, and nothing is traced in them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unseen {
     /// The view that they belong to.
     pub view: u32,
-    /// The beams: section number, beam in the section.
-    pub beams: Vec<(u16, BeamId)>,
+    /// The beams.
+    pub beams: Vec<BeamKey>,
 }
 
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -168,26 +146,29 @@ struct RawUnseen {
 const _: () = assert!(size_of::<RawUnseen>() == 16);
 
 impl Unseen {
-    /// The payload of an unseen frame: view number and beam count, beams.
+    /// Returns the payload: view, number of beams, beams.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + self.beams.len() * 16);
-        put(&mut out, &Counts { first: self.view, second: self.beams.len() as u32 });
-        for &(section, beam) in &self.beams {
+        put(&mut out, &Head { first: self.view, second: self.beams.len() as u32 });
+        for &BeamKey { section, beam } in &self.beams {
             put(&mut out, &RawUnseen { beam: beam.0, section, reserved: [0; 6] });
         }
         out
     }
 
-    /// Parses an unseen frame. Whether a beam exists is for whoever knows the sections.
+    /// Parses a payload. It does not check whether the beams exist.
     ///
     /// # Errors
     /// Any [`ProtoError`] about counts.
     pub fn decode(bytes: &[u8]) -> Result<Unseen, ProtoError> {
         let mut reader = Reader(bytes);
-        let counts: Counts = reader.one("unseen message")?;
+        let counts: Head = reader.one("unseen message")?;
         let beams = reader.many::<RawUnseen>("unseen beam list", u64::from(counts.second))?;
         reader.end()?;
-        let beams = beams.into_iter().map(|raw| (raw.section, BeamId(raw.beam))).collect();
+        let beams = beams
+            .into_iter()
+            .map(|raw| BeamKey { section: raw.section, beam: BeamId(raw.beam) })
+            .collect();
         Ok(Unseen { view: counts.first, beams })
     }
 }

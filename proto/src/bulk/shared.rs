@@ -1,11 +1,12 @@
-//! What whoever has it hands to all others: records of indirect light, pieces of the packed scene.
+//! Data that all processes share: records of indirect light, and the packed scene in pieces.
 
 pub use holo_light::Record;
 
-use super::{Counts, Reader, put};
+use super::{Head, Reader, put};
 use crate::ProtoError;
 
-/// Records of indirect light that whoever gets them may not know yet. Merging them twice, or in another order, changes nothing.
+/// Records of indirect light. A receiver may merge them twice or in another order; it changes
+/// nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Light {
     /// The records, all valid.
@@ -13,24 +14,24 @@ pub struct Light {
 }
 
 impl Light {
-    /// The payload of a light frame: count and length of the records, records.
+    /// Returns the payload: number and length of the records, records.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + size_of_val(self.records.as_slice()));
         put(
             &mut out,
-            &Counts { first: self.records.len() as u32, second: size_of::<Record>() as u32 },
+            &Head { first: self.records.len() as u32, second: size_of::<Record>() as u32 },
         );
         out.extend_from_slice(bytemuck::cast_slice(&self.records));
         out
     }
 
-    /// Parses a light frame.
+    /// Parses a payload.
     ///
     /// # Errors
-    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for a record that no tracer makes.
+    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible record.
     pub fn decode(bytes: &[u8]) -> Result<Light, ProtoError> {
         let mut reader = Reader(bytes);
-        let head: Counts = reader.one("light message")?;
+        let head: Head = reader.one("light message")?;
         if head.second != size_of::<Record>() as u32 {
             return Err(ProtoError::Number("the length of a light record"));
         }
@@ -46,21 +47,21 @@ impl Light {
 /// A piece of the packed scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlobChunk {
-    /// Where it belongs, bytes from the start.
+    /// Its offset in the packed scene.
     pub offset: u64,
     /// The bytes.
     pub bytes: Vec<u8>,
 }
 
 impl BlobChunk {
-    /// The payload of a chunk frame: offset `u64`, bytes.
+    /// Returns the payload: offset `u64`, bytes.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = self.offset.to_le_bytes().to_vec();
         out.extend_from_slice(&self.bytes);
         out
     }
 
-    /// Parses a chunk frame.
+    /// Parses a payload.
     ///
     /// # Errors
     /// [`ProtoError::Truncated`] if there is no offset.

@@ -1,34 +1,34 @@
 //! Packets to trace, server to worker.
 
 use bytemuck::{Pod, Zeroable};
-use holo_section::{BeamId, RayCoords, SampleKind, Viewpoint};
+use holo_section::{BeamId, BeamKey, RayCoords, Run, SampleKind, Viewpoint};
 
-use super::{Counts, RawViewpoint, Reader, put};
+use super::{Head, RawViewpoint, Reader, put};
 use crate::{MAX_RAYS_PER_PACKET, ProtoError};
 
-/// A packet to trace: which rays is a function of (section, beam, kind, first, viewpoint) alone, or it names them.
+/// A packet to trace. Its rays are a function of (section, beam, kind, first number, viewpoint)
+/// alone, or it has their positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Packet {
-    /// The server's name for this assignment, given back with the results.
+    /// The server's name for the packet, repeated in the results.
     pub id: u64,
-    /// Section number.
-    pub section: u16,
-    /// Beam in the section.
-    pub beam: BeamId,
-    /// First sample number.
+    /// The beam.
+    pub key: BeamKey,
+    /// Number of the first sample.
     pub first: u32,
-    /// Rays, 1 to [`MAX_RAYS_PER_PACKET`].
+    /// Number of samples, 1 to [`MAX_RAYS_PER_PACKET`].
     pub count: u8,
     /// Paths averaged into each sample, at least 1.
     pub paths: u16,
-    /// Index into [`Work::viewpoints`], less than 65534; `None`: uniform in the beam.
+    /// Index into [`Work::viewpoints`], less than 65534. `None` if rays need not pass near an eye.
     pub viewpoint: Option<u16>,
-    /// Its rays, `count` of them and then zeros, if they were asked for one by one; it then has no viewpoint.
+    /// The positions of its rays, `count` of them and then zeros, if a display asked for single
+    /// rays. It then has no viewpoint.
     pub rays: Option<[RayCoords; MAX_RAYS_PER_PACKET]>,
 }
 
 impl Packet {
-    /// How its rays are chosen.
+    /// Returns how its rays are chosen.
     pub fn kind(&self) -> SampleKind {
         match (self.rays, self.viewpoint) {
             (Some(_), _) => SampleKind::SingleRay,
@@ -36,14 +36,20 @@ impl Packet {
             (None, None) => SampleKind::Uniform,
         }
     }
+
+    /// Returns the samples that it asks for.
+    pub fn run(&self) -> Run {
+        let Packet { key, first, count, paths, .. } = *self;
+        Run { key, kind: self.kind(), first, count: u32::from(count), paths }
+    }
 }
 
 /// Server to worker: packets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Work {
-    /// Viewpoints that the packets refer to.
+    /// The viewpoints that the packets refer to.
     pub viewpoints: Vec<Viewpoint>,
-    /// The packets, in the order wanted.
+    /// The packets, the most urgent first.
     pub packets: Vec<Packet>,
 }
 
@@ -64,107 +70,105 @@ const _: () = assert!(size_of::<RawPacket>() == 32);
 /// `RawPacket::viewpoint` of a uniform packet.
 const NO_VIEWPOINT: u16 = u16::MAX;
 
-/// `RawPacket::viewpoint` of a packet that names its rays.
-const NAMED_RAYS: u16 = u16::MAX - 1;
+/// `RawPacket::viewpoint` of a packet of single rays.
+const SINGLE_RAYS: u16 = u16::MAX - 1;
 
 impl Work {
-    /// The payload of a work frame: counts, viewpoints, packets, rays that packets name.
+    /// Returns the payload: numbers of viewpoints and packets, viewpoints, packets, positions of
+    /// single rays.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + self.viewpoints.len() * 32 + self.packets.len() * 32);
-        put(
-            &mut out,
-            &Counts { first: self.viewpoints.len() as u32, second: self.packets.len() as u32 },
-        );
-        for viewpoint in &self.viewpoints {
-            put(&mut out, &RawViewpoint::new(viewpoint));
-        }
+        let (viewpoints, packets) = (self.viewpoints.len() as u32, self.packets.len() as u32);
+        put(&mut out, &Head { first: viewpoints, second: packets });
+        self.viewpoints.iter().for_each(|viewpoint| put(&mut out, &RawViewpoint::new(viewpoint)));
+        self.packets.iter().for_each(|packet| put(&mut out, &RawPacket::new(packet)));
         for packet in &self.packets {
-            put(
-                &mut out,
-                &RawPacket {
-                    id: packet.id,
-                    beam: packet.beam.0,
-                    first: packet.first,
-                    section: packet.section,
-                    viewpoint: if packet.rays.is_some() {
-                        NAMED_RAYS
-                    } else {
-                        packet.viewpoint.unwrap_or(NO_VIEWPOINT)
-                    },
-                    paths: packet.paths,
-                    count: packet.count,
-                    reserved: [0; 5],
-                },
-            );
-        }
-        for (rays, packet) in
-            self.packets.iter().filter_map(|packet| Some((packet.rays.as_ref()?, packet)))
-        {
-            out.extend_from_slice(bytemuck::cast_slice(
-                &rays[..usize::from(packet.count).min(MAX_RAYS_PER_PACKET)],
-            ));
+            if let Some(rays) = &packet.rays {
+                let count = usize::from(packet.count).min(MAX_RAYS_PER_PACKET);
+                out.extend_from_slice(bytemuck::cast_slice(&rays[..count]));
+            }
         }
         out
     }
 
-    /// Parses a work frame. Whether a beam exists is for whoever knows the sections.
+    /// Parses a payload. It does not check whether the beams exist.
     ///
     /// # Errors
     /// Any [`ProtoError`] about counts, viewpoints, or numbers.
     pub fn decode(bytes: &[u8]) -> Result<Work, ProtoError> {
         let mut reader = Reader(bytes);
-        let counts: Counts = reader.one("work message")?;
-        let viewpoints = reader.many::<RawViewpoint>("viewpoint list", u64::from(counts.first))?;
-        let packets = reader.many::<RawPacket>("packet list", u64::from(counts.second))?;
-        let named = packets
-            .iter()
-            .filter(|raw| raw.viewpoint == NAMED_RAYS)
-            .map(|raw| u64::from(raw.count))
-            .sum();
-        let rays = reader.many::<RayCoords>("ray list", named)?;
+        let head: Head = reader.one("work message")?;
+        let viewpoints = reader.many::<RawViewpoint>("viewpoint list", u64::from(head.first))?;
+        let packets = reader.many::<RawPacket>("packet list", u64::from(head.second))?;
+        let single = packets.iter().filter(|raw| raw.viewpoint == SINGLE_RAYS);
+        let rays =
+            reader.many::<RayCoords>("ray list", single.map(|raw| u64::from(raw.count)).sum())?;
         reader.end()?;
         let mut rays = rays.into_iter();
         let viewpoints =
             viewpoints.into_iter().map(RawViewpoint::parse).collect::<Result<Vec<_>, _>>()?;
         let packets = packets
             .into_iter()
-            .map(|raw| {
-                if !(1..=MAX_RAYS_PER_PACKET).contains(&usize::from(raw.count)) {
-                    return Err(ProtoError::RayCount(u32::from(raw.count)));
-                }
-                if raw.paths == 0 {
-                    return Err(ProtoError::Number("a packet's number of paths"));
-                }
-                if raw.first.checked_add(u32::from(raw.count)).is_none() {
-                    return Err(ProtoError::Number("a packet's first sample number"));
-                }
-                let named = (raw.viewpoint == NAMED_RAYS).then(|| {
-                    let mut named = [RayCoords::default(); MAX_RAYS_PER_PACKET];
-                    named
-                        .iter_mut()
-                        .zip(rays.by_ref().take(usize::from(raw.count)))
-                        .for_each(|(to, ray)| *to = ray);
-                    named
-                });
-                let viewpoint =
-                    (raw.viewpoint != NO_VIEWPOINT && named.is_none()).then_some(raw.viewpoint);
-                if let Some(index) =
-                    viewpoint.filter(|&index| usize::from(index) >= viewpoints.len())
-                {
-                    return Err(ProtoError::Viewpoint { index, count: viewpoints.len() });
-                }
-                Ok(Packet {
-                    id: raw.id,
-                    section: raw.section,
-                    beam: BeamId(raw.beam),
-                    first: raw.first,
-                    count: raw.count,
-                    paths: raw.paths,
-                    viewpoint,
-                    rays: named,
-                })
-            })
+            .map(|raw| raw.parse(viewpoints.len(), &mut rays))
             .collect::<Result<Vec<_>, _>>()?;
         Ok(Work { viewpoints, packets })
+    }
+}
+
+impl RawPacket {
+    fn new(packet: &Packet) -> RawPacket {
+        let BeamKey { section, beam } = packet.key;
+        let viewpoint = match packet.rays {
+            Some(_) => SINGLE_RAYS,
+            None => packet.viewpoint.unwrap_or(NO_VIEWPOINT),
+        };
+        RawPacket {
+            id: packet.id,
+            beam: beam.0,
+            first: packet.first,
+            section,
+            viewpoint,
+            paths: packet.paths,
+            count: packet.count,
+            reserved: [0; 5],
+        }
+    }
+
+    /// Checks a packet of a message with so many viewpoints. If its rays are single ones, it takes
+    /// their positions off `rays`.
+    fn parse(
+        self,
+        viewpoints: usize,
+        rays: &mut impl Iterator<Item = RayCoords>,
+    ) -> Result<Packet, ProtoError> {
+        let count = usize::from(self.count);
+        if !(1..=MAX_RAYS_PER_PACKET).contains(&count) {
+            return Err(ProtoError::RayCount(u32::from(self.count)));
+        }
+        if self.paths == 0 {
+            return Err(ProtoError::Number("a packet's number of paths"));
+        }
+        if self.first.checked_add(u32::from(self.count)).is_none() {
+            return Err(ProtoError::Number("a packet's first sample number"));
+        }
+        let (viewpoint, rays) = match self.viewpoint {
+            NO_VIEWPOINT => (None, None),
+            SINGLE_RAYS => {
+                let mut single = [RayCoords::default(); MAX_RAYS_PER_PACKET];
+                single[..count].iter_mut().zip(rays).for_each(|(to, ray)| *to = ray);
+                (None, Some(single))
+            }
+            index if usize::from(index) < viewpoints => (Some(index), None),
+            index => return Err(ProtoError::Viewpoint { index, count: viewpoints }),
+        };
+        Ok(Packet {
+            id: self.id,
+            key: BeamKey { section: self.section, beam: BeamId(self.beam) },
+            first: self.first,
+            count: self.count,
+            paths: self.paths,
+            viewpoint,
+            rays,
+        })
     }
 }

@@ -1,8 +1,14 @@
-//! Arbitrary messages.
+//! Strategies for arbitrary messages.
 
 use holo_proto::{bulk::*, control::*};
-use holo_section::{BeamId, RayCoords, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint};
+use holo_section::{
+    BeamId, BeamKey, RayCoords, Run, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint,
+};
 use proptest::{collection::vec, prelude::*};
+
+fn key() -> impl Strategy<Value = BeamKey> {
+    any::<(u16, u64)>().prop_map(|(section, beam)| BeamKey { section, beam: BeamId(beam) })
+}
 
 fn finite() -> impl Strategy<Value = f64> {
     prop::num::f64::NORMAL | prop::num::f64::ZERO | prop::num::f64::SUBNORMAL
@@ -22,34 +28,25 @@ pub fn work() -> impl Strategy<Value = Work> {
     vec(viewpoint(), 0..4).prop_flat_map(|viewpoints| {
         let known = viewpoints.len() as u16;
         let rays = prop::option::of(vec(any::<[u8; 4]>(), 21));
-        let packet = (
-            any::<u64>(),
-            any::<u16>(),
-            any::<u64>(),
-            0..u32::MAX - 21,
-            1..=21u8,
-            1..=u16::MAX,
-            0..=known,
-            rays,
-        )
-            .prop_map(move |(id, section, beam, first, count, paths, viewpoint, rays)| Packet {
-                id,
-                section,
-                beam: BeamId(beam),
-                first,
-                count,
-                paths,
-                viewpoint: (viewpoint < known && rays.is_none()).then_some(viewpoint),
-                rays: rays.map(|rays| {
-                    std::array::from_fn(|at| {
-                        if at < usize::from(count) {
-                            RayCoords(rays[at])
-                        } else {
-                            RayCoords::default()
-                        }
-                    })
-                }),
-            });
+        let packet =
+            (any::<u64>(), key(), 0..u32::MAX - 21, 1..=21u8, 1..=u16::MAX, 0..=known, rays)
+                .prop_map(move |(id, key, first, count, paths, viewpoint, rays)| Packet {
+                    id,
+                    key,
+                    first,
+                    count,
+                    paths,
+                    viewpoint: (viewpoint < known && rays.is_none()).then_some(viewpoint),
+                    rays: rays.map(|rays| {
+                        std::array::from_fn(|at| {
+                            if at < usize::from(count) {
+                                RayCoords(rays[at])
+                            } else {
+                                RayCoords::default()
+                            }
+                        })
+                    }),
+                });
         vec(packet, 0..20).prop_map(move |packets| Work { viewpoints: viewpoints.clone(), packets })
     })
 }
@@ -71,14 +68,9 @@ pub fn results() -> impl Strategy<Value = Results> {
 }
 
 pub fn view() -> impl Strategy<Value = ViewRequest> {
-    let wanted = (any::<u64>(), prop::num::f32::POSITIVE | prop::num::f32::NORMAL, any::<u16>())
-        .prop_filter("finite", |(_, weight, _)| weight.is_finite() && *weight != 0.0)
-        .prop_map(|(beam, weight, section)| Wanted {
-            beam,
-            weight: weight.abs(),
-            section,
-            reserved: 0,
-        });
+    let wanted = (key(), prop::num::f32::POSITIVE | prop::num::f32::NORMAL)
+        .prop_filter("finite", |(_, weight)| weight.is_finite() && *weight != 0.0)
+        .prop_map(|(key, weight)| WantedBeam { key, weight: weight.abs() });
     (any::<u32>(), viewpoint(), vec(wanted, 0..30))
         .prop_map(|(view, viewpoint, beams)| ViewRequest { view, viewpoint, beams })
 }
@@ -89,17 +81,15 @@ pub fn samples() -> impl Strategy<Value = Samples> {
         Just(SampleKind::ViewpointLimited),
         Just(SampleKind::SingleRay)
     ];
-    let run =
-        (any::<u16>(), any::<u64>(), kind, 0..u32::MAX - 50, 1..=u16::MAX, vec(sample(), 1..50));
+    let run = (key(), kind, 0..u32::MAX - 50, 1..=u16::MAX, vec(sample(), 1..50));
     let source = prop_oneof![Just(Source::Stored), Just(Source::Traced)];
     (any::<u32>(), source, vec(run, 0..8)).prop_map(|(view, source, runs)| Samples {
         view,
         source,
         runs: runs
             .iter()
-            .map(|(section, beam, kind, first, paths, samples)| Run {
-                section: *section,
-                beam: BeamId(*beam),
+            .map(|(key, kind, first, paths, samples)| Run {
+                key: *key,
                 kind: *kind,
                 first: *first,
                 count: samples.len() as u32,
@@ -111,11 +101,10 @@ pub fn samples() -> impl Strategy<Value = Samples> {
 }
 
 pub fn unseen() -> impl Strategy<Value = Unseen> {
-    let beam = (any::<u16>(), any::<u64>().prop_map(BeamId));
-    (any::<u32>(), vec(beam, 0..30)).prop_map(|(view, beams)| Unseen { view, beams })
+    (any::<u32>(), vec(key(), 0..30)).prop_map(|(view, beams)| Unseen { view, beams })
 }
 
-/// Records of every legal number, the least and the greatest too.
+/// Records of all legal numbers, also the least and the greatest.
 pub fn light() -> impl Strategy<Value = Light> {
     let three = || prop::array::uniform3(any::<f32>().prop_filter("finite", |x| x.is_finite()));
     let light = prop::array::uniform3(0.0..=f32::MAX);
@@ -195,7 +184,7 @@ pub fn chunk() -> impl Strategy<Value = BlobChunk> {
     (any::<u64>(), vec(any::<u8>(), 0..200)).prop_map(|(offset, bytes)| BlobChunk { offset, bytes })
 }
 
-/// Text as it may be printed: what decoders leave as it is.
+/// Texts without control characters, which decoders leave unchanged.
 fn text() -> impl Strategy<Value = String> {
     "\\PC{0,40}".prop_map(|text| text.replace(char::is_control, " "))
 }

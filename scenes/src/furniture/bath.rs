@@ -12,11 +12,12 @@ use crate::shapes::{
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// A built-in tub, `w` long in x and 0.75 m deep, 0.56 m high, with a screen of glass at its left end.
+/// A built-in tub, `w` long in x and 0.75 m deep, 0.56 m high, with a screen of glass at its left
+/// end.
 pub fn tub(panel: &'static Material, w: f64) -> Mesh {
     let (d, h) = (0.75, 0.56);
     let mut tub = cuboid(panel, [-w / 2.0, d - 0.02, 0.0], [w / 2.0, d, h - 0.03]);
-    // From the rim's rectangle to the hollow's rounded foot: rings of a superellipse that sink.
+    // From the rim's rectangle to the rounded foot of the hollow: sinking rings of a superellipse.
     let rings = [
         (1.0, h, 60.0),
         (0.93, h, 9.0),
@@ -45,7 +46,7 @@ pub fn tub(panel: &'static Material, w: f64) -> Mesh {
     tub
 }
 
-/// A riser with its head, from the rim of a tub.
+/// A shower riser with its head, from the rim of a tub.
 fn shower() -> Mesh {
     Mesh::of([
         bent(
@@ -154,7 +155,7 @@ pub fn towel(cloth: &'static Material) -> Mesh {
     towel.add(sheet(cloth, 30, 40, |u, v| {
         let x = 0.42 * (u - 0.5);
         let swing = 0.006 * (24.0 * u + 1.0).sin();
-        // Up behind, over the rail in a half turn, down before.
+        // Up behind, over the rail in a half turn, down in front.
         let (y, z) = if v < 0.42 {
             (0.055, -0.42 * (1.0 - v / 0.42))
         } else if v < 0.58 {
@@ -168,7 +169,7 @@ pub fn towel(cloth: &'static Material) -> Mesh {
     towel
 }
 
-/// Towels rolled up in a pile.
+/// A pile of rolled towels.
 pub fn rolled_towels() -> Mesh {
     let roll = |cloth: &'static Material| {
         lathe(

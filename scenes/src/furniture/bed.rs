@@ -1,4 +1,5 @@
-//! A bed: mattress, pillows, a duvet that hangs over its sides, and a folded blanket; and a wardrobe.
+//! A bed with mattress, pillows, a duvet that hangs over its sides, and a folded blanket; and a
+//! wardrobe.
 
 use crate::material::{BRASS, CORAL, LACQUER, LINEN, MIRROR, MUSTARD, Material, SHEET, TEAL};
 use crate::mesh::Mesh;
@@ -27,7 +28,8 @@ pub fn bed(wood: &'static Material, fabric: &'static Material) -> Mesh {
     bed
 }
 
-/// A cloth over the bed from y0 to y1 at height `top`, in soft folds; it hangs down beyond `half` of the width.
+/// A cloth over the bed from y0 to y1 at height `top`, in soft folds. It hangs down beyond `half`
+/// of the width.
 fn cover(cloth: &'static Material, y0: f64, y1: f64, top: f64, half: f64) -> Mesh {
     let hang = top - 0.27;
     let span = half + hang;
@@ -35,7 +37,7 @@ fn cover(cloth: &'static Material, y0: f64, y1: f64, top: f64, half: f64) -> Mes
         let across = (2.0 * u - 1.0) * span;
         let y = y0 + (y1 - y0) * v;
         let fold = 0.010 * (9.0 * y + 3.0 * across).sin() + 0.007 * (17.0 * across - 5.0 * y).sin();
-        // Beyond the mattress it turns down over a radius, and swings in waves.
+        // Beyond the mattress it turns down over a radius, and waves.
         let over = (across.abs() - half).max(0.0);
         let turn = 1.0 - (-over / 0.05).exp();
         let wave = 0.022 * (21.0 * y).sin() * (over / hang);
@@ -45,7 +47,7 @@ fn cover(cloth: &'static Material, y0: f64, y1: f64, top: f64, half: f64) -> Mes
     })
 }
 
-/// A wardrobe of `doors` doors, 2.2 m high; door `mirrored` is a mirror.
+/// A wardrobe of `doors` doors, 2.2 m high; door number `mirrored` is a mirror.
 pub fn wardrobe(w: f64, doors: usize, mirrored: usize) -> Mesh {
     let (d, h) = (0.58, 2.2);
     let mut wardrobe = cuboid(&LACQUER, [-w / 2.0, 0.0, 0.0], [w / 2.0, d - 0.025, h]);

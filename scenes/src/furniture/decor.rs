@@ -1,4 +1,4 @@
-//! Pictures, mirrors, rugs, curtains, and what stands on tables.
+//! Pictures, mirrors, rugs, curtains, and things on tables.
 
 use crate::material::{
     AMBER, BOOKS, CERAMIC, CERAMIC_BLUE, CORAL, CRYSTAL, INK, LIME, MIRROR, MUSTARD, Material,
@@ -10,7 +10,8 @@ use crate::shapes::{ball, block, cuboid, lathe, rounded, sheet, tube, turned};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// A framed abstract picture: bands and discs decided by `seed`; its lower edge is at z = 0.
+/// A framed abstract picture of bands and discs, which depend on `seed`; its lower edge is at z =
+/// 0.
 pub fn picture(frame: &'static Material, w: f64, h: f64, seed: u64) -> Mesh {
     let random = &mut Random::new(seed);
     let mut art = framed(frame, &PAPER, w, h);
@@ -86,7 +87,8 @@ pub fn rug(ground: &'static Material, stripe: &'static Material, w: f64, d: f64)
     rug
 }
 
-/// A pair of curtains on a rod, drawn aside from a window `w` wide: each gathers in folds over `part` of the width.
+/// A pair of curtains on a rod, drawn aside from a window `w` wide. Each gathers in folds over
+/// `part` of the width.
 pub fn curtains(cloth: &'static Material, w: f64, h: f64, part: f64) -> Mesh {
     let reach = w / 2.0 + 0.2;
     let rod = [DVec3::new(-reach, 0.09, h), DVec3::new(reach, 0.09, h)];
@@ -107,7 +109,7 @@ pub fn curtains(cloth: &'static Material, w: f64, h: f64, part: f64) -> Mesh {
             let folds = (width / 0.115).round();
             let gather = 0.022 + 0.022 * (1.0 - v);
             let phase = TAU * folds * u + 0.5 * (3.0 * v + side).sin();
-            // Tied a little narrower at two fifths of its height.
+            // Tied slightly narrower at two fifths of its height.
             let tie = 1.0 - 0.16 * (-(v - 0.4) * (v - 0.4) / 0.03).exp();
             let x = side * (reach - 0.06 - width * u * tie) + 0.012 * (2.0 * phase).sin();
             DVec3::new(x, 0.09 + gather * phase.sin(), 0.015 + (h - 0.02) * v)
@@ -116,7 +118,8 @@ pub fn curtains(cloth: &'static Material, w: f64, h: f64, part: f64) -> Mesh {
     pair
 }
 
-/// A vase with a narrow neck, 0.3 m high, open above. Closed as a solid, so that it may be of glass.
+/// A vase with a narrow neck, 0.3 m high, open at the top. It is a closed solid, so it may be of
+/// glass.
 pub fn vase(material: &'static Material) -> Mesh {
     turned(
         material,
@@ -213,7 +216,7 @@ pub fn bottle() -> Mesh {
     ])
 }
 
-/// A place at a table, laid: plates, a bowl, cutlery, a glass. The sitter is towards -y.
+/// A set place at a table: plates, a bowl, cutlery, a glass. The guest sits towards -y.
 pub fn place_setting() -> Mesh {
     let plate = |r: f64| {
         turned(
@@ -241,7 +244,7 @@ pub fn place_setting() -> Mesh {
     set
 }
 
-/// A globe of the earth's sort on a stand.
+/// A globe on a stand.
 pub fn globe() -> Mesh {
     let ring: Vec<_> = (0..=24)
         .map(|i| {

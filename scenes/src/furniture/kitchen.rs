@@ -12,7 +12,7 @@ use glam::DVec3;
 /// Height of the worktop.
 const TOP: f64 = 0.90;
 
-/// Fronts from `z0` to `z1` along `w`, at depth `d`, each with a bar to pull.
+/// Fronts from `z0` to `z1` along `w`, at depth `d`, each with a handle bar.
 fn fronts(w: f64, d: f64, z0: f64, z1: f64, count: usize, grip: f64) -> Mesh {
     let pitch = w / count as f64;
     Mesh::of((0..count).map(|i| {
@@ -34,8 +34,9 @@ fn fronts(w: f64, d: f64, z0: f64, z1: f64, count: usize, grip: f64) -> Mesh {
     }))
 }
 
-/// The run along a wall, `w` wide: cupboards with worktop, sink in the left part, hob with oven and hood right, tiles
-/// behind, cupboards above with strips of light beneath.
+/// The units along a wall, `w` wide: base cupboards with worktop, a sink on the left, and a hob
+/// with oven and hood on the right. Behind are tiles; above are cupboards with strips of light
+/// beneath.
 pub fn run(w: f64) -> Mesh {
     let sink = -w / 4.0;
     let hob = w / 4.0;
@@ -86,7 +87,7 @@ pub fn basin(material: &'static Material, w: f64, d: f64, deep: f64) -> Mesh {
     ])
 }
 
-/// A high tap that bows towards +y.
+/// A high tap that arches towards +y.
 pub fn tap(metal: &'static Material) -> Mesh {
     Mesh::of([
         lathe(
@@ -158,7 +159,7 @@ fn hood() -> Mesh {
     hood
 }
 
-/// Single tiles on a wall from z = 0, centred in x, before a bed of grout.
+/// Single tiles on a wall from z = 0, centred in x, in front of a bed of grout.
 pub fn tiles(tile: &'static Material, w: f64, h: f64, tile_w: f64, tile_h: f64) -> Mesh {
     let (columns, rows) = ((w / tile_w).round() as usize, (h / tile_h).round() as usize);
     let (cw, ch) = (w / columns as f64, h / rows as f64);

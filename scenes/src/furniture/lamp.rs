@@ -1,6 +1,6 @@
-//! Lamps: what shines, and what holds it.
+//! Lamps: luminous surfaces and their holders.
 //!
-//! Always: a light's face looks away from its housing. No light stands behind glass: shadow rays do not pass it.
+//! Always true: a luminous face points away from its housing. No light stands behind glass.
 
 use crate::material::{
     BRASS, BULB, CEILING, CERAMIC, FABRIC_DARK, FLAME, GLOBE, INK, LINEN, Material, PANEL, SHADE,
@@ -27,7 +27,8 @@ pub fn panel(w: f64, d: f64) -> Mesh {
     ])
 }
 
-/// A luminous strip along x, 20 mm wide, that looks up; `tilted` by 180 degrees it looks down.
+/// A luminous strip along x, 20 mm wide, that shines upwards; `tilted` by 180 degrees it shines
+/// downwards.
 pub fn strip(light: &'static Material, length: f64) -> Mesh {
     Mesh::of([
         block(&STEEL, [length + 0.01, 0.026, 0.012]),
@@ -67,7 +68,7 @@ pub fn bell(metal: &'static Material, drop: f64) -> Mesh {
         lathe(&INK, 24, &[(0.0, -0.02), (0.04, -0.02), (0.045, 0.0)]),
         cord(drop - 0.25),
         turned(metal, 40, &outside).at(0.0, 0.0, -drop),
-        // The lining, a little inside, seen from below.
+        // The lining, slightly inside, seen from below.
         turned(
             &LINEN,
             40,
@@ -91,7 +92,7 @@ fn shade(low: f64, high: f64, height: f64) -> Mesh {
     ])
 }
 
-/// A lamp for a table: a turned foot and a glowing shade; 0.52 m high.
+/// A table lamp: a lathed foot and a glowing shade; 0.52 m high.
 pub fn table_lamp(foot: &'static Material) -> Mesh {
     let profile = [
         (0.0, 0.0),
@@ -118,7 +119,7 @@ pub fn floor_lamp() -> Mesh {
     ])
 }
 
-/// A lamp with a bent arm for a desk; its light looks down.
+/// A desk lamp with a bent arm that shines downwards.
 pub fn desk_lamp() -> Mesh {
     let head = lathe(&STEEL, 28, &[(0.07, 0.0), (0.065, 0.03), (0.03, 0.06), (0.0, 0.065)]);
     let light = lathe(&BULB, 28, &[(0.0, 0.008), (0.045, 0.008)]);
@@ -168,7 +169,7 @@ pub fn garland(length: f64, count: usize) -> Mesh {
     Mesh::of([tube(&FABRIC_DARK, &path, 0.002, 6)].into_iter().chain(balls))
 }
 
-/// A round ceiling lamp: a ceramic bowl with a luminous disc that looks down.
+/// A round ceiling lamp: a ceramic bowl with a luminous disc that shines downwards.
 pub fn ceiling_disc(radius: f64) -> Mesh {
     Mesh::of([
         lathe(&CERAMIC, 40, &[(radius, -0.055), (radius + 0.03, -0.06), (radius + 0.03, 0.0)]),
@@ -176,7 +177,8 @@ pub fn ceiling_disc(radius: f64) -> Mesh {
     ])
 }
 
-/// A ceiling raft: a slab that hangs under the ceiling with strips on its upper side, so that the ceiling gives the light.
+/// A slab under the ceiling with luminous strips on its upper side, so that the ceiling reflects
+/// the light.
 pub fn raft(light: &'static Material, w: f64, d: f64) -> Mesh {
     let mut raft = rounded(&CEILING, [w, d, 0.05], 0.015).at(0.0, 0.0, -0.17);
     for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {

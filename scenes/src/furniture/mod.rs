@@ -1,7 +1,8 @@
-//! Furniture, one kind to a file.
+//! Furniture, one kind per file.
 //!
-//! Always: metres, +z up, standing on z = 0. What stands or hangs against a wall has its back at y = 0 and looks towards
-//! +y, centred in x; what stands free is centred on the z axis; what hangs from a ceiling hangs from z = 0.
+//! Always true: coordinates are in metres, +z is up, and things stand on z = 0. Things against a
+//! wall have their back at y = 0, face +y and are centred in x. Free-standing things are centred on
+//! the z axis. Things that hang from a ceiling hang from z = 0.
 
 pub mod bath;
 pub mod bed;

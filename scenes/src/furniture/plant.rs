@@ -9,18 +9,19 @@ use std::f64::consts::PI;
 
 const LEAVES: [&Material; 4] = [&LEAF, &LEAF, &LEAF_LIGHT, &LEAF_DARK];
 
-/// A leaf along +x that droops: `length`, greatest `width`, and the fall of its tip.
+/// A leaf along +x that droops; parameters are its length, its greatest width, and the fall of its
+/// tip.
 fn leaf(material: &'static Material, length: f64, width: f64, droop: f64) -> Mesh {
     sheet(material, 5, 2, |u, v| {
         let side = 2.0 * v - 1.0;
         let broad = (PI * u.powf(0.75)).sin() * width / 2.0;
-        // Folded along its middle like a real one, or it would be a flat card.
+        // Folded along its middle like a real leaf; otherwise it would be a flat card.
         let keel = 0.25 * broad * side.abs();
         DVec3::new(length * u, side * broad, keel - droop * u * u)
     })
 }
 
-/// `leaf` with its root at `root`, pointing at azimuth and elevation.
+/// Places `leaf` with its root at `root`, pointing at an azimuth and elevation.
 fn pointed(leaf: Mesh, root: DVec3, azimuth: f64, elevation: f64) -> Mesh {
     let turn = DMat3::from_rotation_z(azimuth) * DMat3::from_rotation_y(-elevation);
     leaf.transformed(DAffine3::from_mat3_translation(turn, root))
@@ -47,7 +48,7 @@ fn pot(material: &'static Material, radius: f64, height: f64) -> Mesh {
     ])
 }
 
-/// A palm: stems from the middle, each with rows of narrow leaflets; about `height` tall.
+/// A palm, about `height` tall: stems from the middle, each with rows of narrow leaflets.
 pub fn palm(height: f64, stems: usize, seed: u64) -> Mesh {
     let random = &mut Random::new(seed);
     let mut palm = pot(&CLAY, 0.19, 0.36);
@@ -110,7 +111,7 @@ pub fn tree(height: f64, crown: f64, count: usize, seed: u64) -> Mesh {
         0.02,
     ));
     for i in 0..count {
-        // Evenly about a ball (a Fibonacci lattice), at depths that differ.
+        // Evenly distributed over a ball (a Fibonacci lattice), at varying depths.
         let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
         let azimuth = 2.399_963 * i as f64;
         let ring = (1.0 - z * z).sqrt();

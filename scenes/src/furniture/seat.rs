@@ -70,7 +70,7 @@ pub fn leg(height: f64) -> Mesh {
     lathe(&WALNUT, 14, &[(0.0, 0.0), (0.014, 0.0), (0.024, height), (0.0, height)])
 }
 
-/// A chair for a table, centred, its back towards -y, 0.84 m high.
+/// A dining chair, centred, its back towards -y, 0.84 m high.
 pub fn chair(wood: &'static Material, fabric: &'static Material) -> Mesh {
     let mut chair = superellipsoid(fabric, [0.45, 0.44, 0.07], 5.0, 2.6).at(0.0, 0.0, 0.42);
     chair.add(rounded(wood, [0.43, 0.42, 0.03], 0.012).at(0.0, 0.0, 0.40));
@@ -93,7 +93,7 @@ pub fn chair(wood: &'static Material, fabric: &'static Material) -> Mesh {
         let rung = [DVec3::new(side * 0.195, 0.19, 0.2), DVec3::new(side * 0.195, -0.205, 0.2)];
         chair.add(tube(wood, &rung, 0.009, 10));
     }
-    // The back: a board bent around the sitter.
+    // The back: a board that curves around the sitter.
     for (z, y) in [(0.62, -0.215), (0.76, -0.245)] {
         let slat = |u: f64, v: f64| {
             let bow = 0.045 * (1.0 - (2.0 * u - 1.0) * (2.0 * u - 1.0));

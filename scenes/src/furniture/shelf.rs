@@ -1,4 +1,4 @@
-//! Shelves, books and what stands between them.
+//! Shelves, books and the things between them.
 
 use super::decor::{bowl, vase};
 use crate::material::{AQUA, BOOKS, CERAMIC_BLUE, COPPER, Material, PAPER};
@@ -11,7 +11,7 @@ use glam::DVec3;
 const DEPTH: f64 = 0.32;
 const BOARD: f64 = 0.022;
 
-/// A bookcase of `columns` × `rows` compartments, filled; 0.36 m to a row.
+/// A filled bookcase of `columns` × `rows` compartments; 0.36 m per row.
 pub fn bookcase(wood: &'static Material, w: f64, columns: usize, rows: usize, seed: u64) -> Mesh {
     let random = &mut Random::new(seed);
     let (pitch, step) = ((w - BOARD) / columns as f64, 0.36);
@@ -36,7 +36,7 @@ pub fn bookcase(wood: &'static Material, w: f64, columns: usize, rows: usize, se
     case
 }
 
-/// What fills a compartment from x = 0 to `w`: books, and at its end sometimes a thing.
+/// The contents of a compartment from x = 0 to `w`: books, and sometimes a thing at the end.
 fn compartment(w: f64, h: f64, random: &mut Random) -> Mesh {
     let mut filled = Mesh::default();
     let mut end = w;
@@ -61,7 +61,7 @@ fn compartment(w: f64, h: f64, random: &mut Random) -> Mesh {
         if x + thick > end - 0.02 {
             return filled;
         }
-        // A book now and then leans a little; its neighbours leave it room.
+        // Some books lean a little, and their neighbours leave room.
         let lean: f64 = if random.unit() < 0.06 { random.range(3.0, 7.0) } else { 0.0 };
         let height = random.range(0.6, 0.92) * h;
         let room = thick + height * lean.to_radians().sin();

@@ -22,7 +22,7 @@ pub fn coffee_table(wood: &'static Material) -> Mesh {
     table
 }
 
-/// A table to dine at, 0.75 m high, long in y.
+/// A dining table, 0.75 m high, long in y.
 pub fn dining_table(wood: &'static Material, w: f64, d: f64) -> Mesh {
     let mut table = rounded(wood, [w, d, 0.04], 0.014).at(0.0, 0.0, 0.71);
     table.add(rounded(wood, [w - 0.2, d - 0.2, 0.08], 0.01).at(0.0, 0.0, 0.63));
@@ -109,7 +109,7 @@ pub fn nightstand(wood: &'static Material, front: &'static Material) -> Mesh {
     stand
 }
 
-/// A narrow table for a hallway, 0.8 m high.
+/// A narrow hallway table, 0.8 m high.
 pub fn console(wood: &'static Material, w: f64) -> Mesh {
     let mut table = rounded(wood, [w, 0.28, 0.035], 0.012).at(0.0, 0.15, 0.765);
     table.add(rounded(wood, [w - 0.06, 0.24, 0.02], 0.008).at(0.0, 0.15, 0.2));
@@ -122,7 +122,7 @@ pub fn console(wood: &'static Material, w: f64) -> Mesh {
     table
 }
 
-/// A body with rounded fronts and a knob on each.
+/// A chest with rounded fronts and a knob on each.
 fn chest(
     wood: &'static Material,
     front: &'static Material,

@@ -3,19 +3,19 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     path::Path,
-    time::Duration,
+    time::Instant,
 };
 
-use holo_beamfile::{BeamFile, BeamKey};
+use holo_beamfile::BeamFile;
 use holo_net::Message;
 use holo_proto::{
-    bulk::{ViewRequest, Wanted},
+    bulk::{ViewRequest, WantedBeam},
     control::Control,
     frame::Kind,
     hello::Role,
 };
-use holo_section::{Sample, SampleKind, Section, Viewpoint};
-use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, Server, analytic::join, wait_until};
+use holo_section::{BeamKey, Sample, SampleKind, Section, Viewpoint};
+use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, Server, analytic::join, beam, wait_until};
 use rustix::process::Signal;
 
 /// Every sample, with the paths in it, by beam, kind and number.
@@ -28,10 +28,10 @@ fn samples(path: &Path) -> Samples {
     let mut samples = Samples::new();
     for key in keys {
         let beam = file.read(key).unwrap();
-        for (meta, run) in beam.runs() {
-            let numbered = (meta.first..).zip(run);
+        for (run, of_run) in beam.iter() {
+            let numbered = (run.first..).zip(of_run);
             samples.extend(
-                numbered.map(|(number, sample)| ((key, meta.kind, number), (meta.paths, *sample))),
+                numbered.map(|(number, sample)| ((key, run.kind, number), (run.paths, *sample))),
             );
         }
     }
@@ -148,15 +148,16 @@ fn info_says_how_fast_a_file_grows_that_is_being_filled() {
     let server = place.server("a.holo", &["--fill"]);
     let _worker = place.worker(server.address, &[]);
     let length = || std::fs::metadata(place.path("a.holo")).unwrap().len();
-    let before = length();
-    wait_until("it to grow", || (length() > before).then_some(()));
-    let info = place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json();
-    // At least a thousand samples a second, slow as the machine may be.
-    assert!(
-        info["bytes_per_hour"].as_f64().unwrap() > 10.0 * 1000.0 * 3600.0,
-        "{}",
-        info["bytes_per_hour"]
-    );
+    // `info` watches the file for most of the time that it runs. The file grows in steps, so what it
+    // says is compared with the whole growth meanwhile within a factor of ten: units are right then.
+    wait_until("info to say how fast the file grows", || {
+        let (before, start) = (length(), Instant::now());
+        let info = place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json();
+        let said =
+            info["bytes_per_hour"].as_f64().unwrap() / 3600.0 * start.elapsed().as_secs_f64();
+        let grown = (length() - before) as f64;
+        (said > grown / 10.0 && said < grown * 10.0).then_some(())
+    });
 }
 
 #[test]
@@ -294,6 +295,14 @@ fn better_packets_of_dead_workers_are_dealt_again() {
     );
 }
 
+/// The most paths of any sample in even beams, and in odd beams.
+fn most_paths_in_even_and_odd_beams(samples: &Samples) -> [u16; 2] {
+    [0, 1].map(|odd| {
+        let beams = samples.iter().filter(|((key, ..), _)| key.beam.0 % 2 == odd);
+        beams.map(|(_, (paths, _))| *paths).max().unwrap_or(0)
+    })
+}
+
 #[test]
 fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     let place = Place::new();
@@ -302,30 +311,32 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     assert_eq!(info["sections"][0]["beams"], 7680, "{CORNELL_SMALL_SECTION}");
     let _worker = place.worker(server.address, &[]);
     wait_for_better(&place.path("a.holo"), 1000);
-    // A view of every second beam, for what is stored of them: nothing is traced for it, so that filling goes on.
+    // A view of the even beams. Its weights are so small that nothing is traced for it, and filling
+    // goes on.
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let mut shown = Samples::new();
-    let beams = (0..7680)
-        .step_by(2)
-        .map(|beam| Wanted { beam, weight: 1e-5, section: 0, reserved: 0 })
-        .collect();
+    let beams =
+        (0..7680).step_by(2).map(|number| WantedBeam { key: beam(number), weight: 1e-5 }).collect();
     let viewpoint = Viewpoint { eye: [2.7, 2.7, -2.0], radius: 1.0 };
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
         outbox.send(Kind::View, &ViewRequest { view: 1, viewpoint, beams }.encode()).unwrap();
-        let mut until = tokio::time::Instant::now() + LIMIT;
-        while let Ok(message) = tokio::time::timeout_at(until, inbox.next()).await {
-            match message.unwrap() {
+        let mut is_sent = false;
+        let odd_are_better = || {
+            let [even, odd] = most_paths_in_even_and_odd_beams(&samples(&place.path("a.holo")));
+            odd > even
+        };
+        while !is_sent || !odd_are_better() {
+            let message = tokio::time::timeout(LIMIT, inbox.next()).await;
+            match message.expect("the server speaks twice a second").unwrap() {
                 Message::Control(Control::Ping(number)) => {
                     outbox.control(&Control::Pong(number)).unwrap()
                 }
-                Message::Control(Control::StoredSent { .. }) => {
-                    until = tokio::time::Instant::now() + Duration::from_millis(2500);
-                }
+                Message::Control(Control::StoredSent { .. }) => is_sent = true,
                 Message::Samples(message) => {
                     let mut rest = message.samples.as_slice();
                     for run in &message.runs {
-                        let key = BeamKey { section: run.section, beam: run.beam };
+                        let key = run.key;
                         let (samples, after) = rest.split_at(run.count as usize);
                         rest = after;
                         for (number, sample) in (run.first..).zip(samples) {
@@ -347,8 +358,9 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     server.process.wait().ok();
     let stored = samples(&place.path("a.holo"));
     assert!(shown.len() > 5000, "{}", shown.len());
-    let (seen, others): (Samples, Samples) =
-        stored.into_iter().partition(|((key, ..), _)| key.beam.0 % 2 == 0);
+    let [even, odd] = most_paths_in_even_and_odd_beams(&stored);
+    assert!(odd > even, "{even} paths in what was looked at, {odd} in the rest");
+    let seen = stored.into_iter().filter(|((key, ..), _)| key.beam.0 % 2 == 0).collect();
     let plain = |samples: &Samples| {
         samples.iter().map(|(name, (_, sample))| (*name, *sample)).collect::<Vec<_>>()
     };
@@ -358,8 +370,6 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     );
     // Displays weigh samples by what they are told of them: all alike.
     assert_eq!(by_paths(&shown).into_keys().collect::<Vec<_>>(), [1]);
-    let (seen, others) = (by_paths(&seen), by_paths(&others));
-    assert!(others.keys().last() > seen.keys().last(), "{seen:?} were looked at, {others:?} not");
 }
 
 /// The rays of better samples are not only as many: the section's own arithmetic gives the same ones.

@@ -7,6 +7,7 @@ use holo_server::{About, Holodeck};
 use holo_tests::{
     Place,
     analytic::{World, compare, work},
+    patiently,
 };
 use rustix::process::Signal;
 
@@ -56,21 +57,17 @@ fn a_file_without_a_scene_is_shown_by_the_driver_voronoi_and_seen_right() {
     let server = place.server("room.holo", &[]);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.spawn(work(server.address, world));
-    let script = place.write("walk.txt", &format!("0 view {VIEW}\n2 quit\n"));
-    let words = [
-        "--script",
-        &script,
-        "--size",
-        "80x60",
-        "--driver",
-        "voronoi",
-        "--json",
-        "-o",
-        &place.text("live.pfm"),
-    ];
-    let report = place.viewer(server.address, &words).wait().ok().json();
-    assert_eq!(report["driver"], "cells");
-    assert!(report["samples"].as_u64().unwrap() > 50_000, "{report}");
+    let show = |seconds| {
+        let script = place.write("walk.txt", &format!("0 view {VIEW}\n{seconds} quit\n"));
+        let output = place.text("live.pfm");
+        let words = ["--script", &script, "--size", "80x60", "--driver", "voronoi", "--json", "-o"];
+        let report =
+            place.viewer(server.address, &[&words[..], &[&output]].concat()).wait().ok().json();
+        assert_eq!(report["driver"], "cells");
+        report["samples"].as_u64().unwrap()
+    };
+    let samples = patiently(show, |samples| *samples > 50_000);
+    assert!(samples > 50_000, "{samples}");
     check("live.pfm", 0);
     server.process.end(Signal::TERM).ok();
     runtime.shutdown_background();

@@ -12,7 +12,7 @@ fn a_file_that_is_only_shown_takes_no_workers_and_any_number_of_readers() {
     let before = std::fs::read(place.path("a.holo")).unwrap();
     let one = place.server("a.holo", &["--display-only"]);
     let two = place.server("a.holo", &["--display-only"]);
-    place.worker(one.address, &[]).wait().failed(1, &["refused", "only shown"]);
+    place.worker(one.address, &[]).wait().failed(1, &["refused", "only shows"]);
     for (server, name) in [(&one, "one.pfm"), (&two, "two.pfm")] {
         let output = place.text(name);
         let report =

@@ -69,12 +69,16 @@ fn a_file_of_something_else_is_refused_and_left_as_it_is() {
     };
     let section = ["--section", CORNELL_SMALL_SECTION];
     let with = |words: &[&str]| fill(&[&section, words].concat());
-    with(&["--bounces", "0"]).failed(1, &["a.holo", "other settings", "name another file"]);
+    with(&["--bounces", "0"]).failed(1, &["a.holo", "other settings", "Name another file"]);
     with(&["--paths-per-sample", "2"]).failed(1, &["a.holo", "other settings"]);
-    with(&["--virtual-distance"])
-        .failed(1, &["a.holo", "other settings", "virtual_distance: true"]);
+    with(&["--virtual-distance"]).failed(
+        1,
+        &["a.holo", "other settings", "--virtual-distance is off in the file, and on now"],
+    );
     with(&["--seed", "5"]).failed(1, &["a.holo", "other settings"]);
-    with(&["{}/other.obj"]).failed(1, &["a.holo", "another scene"]);
+    with(&["{}/other.obj"]).failed(1, &["a.holo", "another scene", "triangles have moved"]);
+    with(&["--sky", "1,1,0.5"])
+        .failed(1, &["a.holo", "the sky is 0,0,0 in the file, and 1,1,0.5 now", "--sky"]);
     fill(&["--section", "0.6,0.6,-4 4.3,0,0 0,4.2,0 0,0,5 4,4,5"])
         .failed(1, &["a.holo", "other sections"]);
     // Not one byte: the file was only looked at.

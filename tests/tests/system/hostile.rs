@@ -3,22 +3,21 @@
 use std::{
     io::{Read, Write},
     net::{SocketAddr, TcpStream},
-    time::Duration,
 };
 
 use holo_net::{Inbox, Message, Outbox};
 use holo_proto::{
     PROTOCOL_VERSION,
     bulk::{
-        LiveHit, LiveRay, LiveResults, LiveSamples, LiveWanted, MAX_LIVE_RAYS, RaysWanted, Results,
-        Traced, ViewRequest, Wanted, WantedRay, Work,
+        LiveHit, LiveRay, LiveResults, LiveSamples, LiveWanted, MAX_LIVE_RAYS, Packet, RaysWanted,
+        Results, Traced, ViewRequest, WantedBeam, WantedRay, Work,
     },
     control::Control,
     frame::{self, Kind},
     hello::{Answer, Hello, Role},
 };
-use holo_section::{RayCoords, Sample, Viewpoint};
-use holo_tests::{LIMIT, Place, Server, analytic::join, stored};
+use holo_section::{BeamId, BeamKey, RayCoords, Sample, SampleKind, Viewpoint};
+use holo_tests::{LIMIT, Place, Server, analytic::join, beam, patiently, stored, wait_until};
 use rustix::process::Signal;
 
 /// Sends bytes; gives what comes back until the server closes the connection.
@@ -56,10 +55,13 @@ fn busy(place: &Place) -> (Server, holo_tests::Process) {
 fn went_on(place: &Place, mut server: Server, mut worker: holo_tests::Process) {
     assert!(server.process.is_running() && worker.is_running(), "{}", server.process.stderr());
     let output = place.text("a.pfm");
-    let viewer =
-        place.viewer(server.address, &["--time", "2", "--size", "32x32", "-o", &output, "--json"]);
-    let report = viewer.wait().ok().json();
-    assert!(report["traced"].as_u64().unwrap() > 0, "{report}");
+    let traced = |seconds: u32| {
+        let time = seconds.to_string();
+        let words = ["--time", &time, "--size", "32x32", "-o", &output, "--json"];
+        let report = place.viewer(server.address, &words).wait().ok().json();
+        report["traced"].as_u64().unwrap()
+    };
+    assert!(patiently(traced, |traced| *traced > 0) > 0, "no sample is traced");
     let ended = server.process.end(Signal::TERM).ok();
     assert!(!ended.stderr.contains("panicked"), "{}", ended.stderr);
     worker.wait().ok();
@@ -141,16 +143,13 @@ fn displays_that_break_the_rules_are_dropped() {
             ViewRequest {
                 view: 1,
                 viewpoint,
-                beams: vec![Wanted { beam, weight, section, reserved: 0 }],
+                beams: vec![WantedBeam { key: BeamKey { section, beam: BeamId(beam) }, weight }],
             }
             .encode()
         };
         let coords = RayCoords::default();
-        let rays = RaysWanted {
-            view: 1,
-            rays: vec![WantedRay { beam: 7_680, section: 0, coords, reserved: 0 }],
-        }
-        .encode();
+        let rays =
+            RaysWanted { view: 1, rays: vec![WantedRay { key: beam(7_680), coords }] }.encode();
         let live = |direction: [f64; 3], count: usize| {
             let rays = vec![LiveRay { origin: [0.0; 3], direction, number: 1 }; count];
             LiveWanted { view: 1, pixels: 1, rays }.encode()
@@ -215,7 +214,8 @@ fn more_or_less(asked: u8, change: i32) -> u32 {
 fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
     let place = Place::new();
     let (server, worker) = busy(&place);
-    let sample = Sample::from_codes([0; 4].into(), [200, 200, 200, 200], 7);
+    let sample = Sample::from_codes(RayCoords([0; 4]), [200, 200, 200, 200], 7);
+    let mut given: Vec<Packet> = Vec::new();
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
         type Cheat = fn(&Work) -> (u64, u32);
@@ -234,6 +234,7 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
             let (mut inbox, outbox, _) = join(server.address, Role::Worker).await;
             outbox.control(&Control::Ready { threads: 1 }).unwrap();
             let work = next_work(&mut inbox).await;
+            given.extend(&work.packets);
             let (id, count) = cheat(&work);
             let results = Results {
                 packets: vec![Traced { id, count, nanoseconds: 1000 }],
@@ -273,7 +274,9 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
         // The same packet twice: the first time it is taken.
         let (mut inbox, outbox, _) = join(server.address, Role::Worker).await;
         outbox.control(&Control::Ready { threads: 1 }).unwrap();
-        let packet = next_work(&mut inbox).await.packets[0];
+        let work = next_work(&mut inbox).await;
+        given.extend(&work.packets);
+        let packet = work.packets[0];
         let count = u32::from(packet.count);
         let traced = Traced { id: packet.id, count, nanoseconds: 1000 };
         let results = Results {
@@ -287,7 +290,14 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
         let said = dropped((inbox, outbox)).await;
         assert!(said.is_some_and(|said| said.contains("a packet that it was not given")));
     });
-    // Batch order comes to the packets given back before anything else; give the true worker the time.
-    std::thread::sleep(Duration::from_millis(500));
+    wait_until("the cheats' packets to be traced by the other worker", || {
+        let stored = stored(&place.path("a.holo"));
+        let is_stored = |packet: &Packet| {
+            let key = packet.key;
+            let mut numbers = packet.first..packet.first + u32::from(packet.count);
+            numbers.all(|number| stored.has(key, SampleKind::Uniform, number))
+        };
+        given.iter().all(is_stored).then_some(())
+    });
     went_on(&place, server, worker);
 }

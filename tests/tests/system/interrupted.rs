@@ -6,7 +6,7 @@ use holo_tests::{CORNELL_SMALL_SECTION, Place, Process, stored, wait_until};
 use rustix::process::Signal;
 
 /// The processes that `id` has started, with the time of their start (an id may be used again).
-fn children(id: u32) -> Vec<(u32, String)> {
+pub fn children(id: u32) -> Vec<(u32, String)> {
     let Ok(tasks) = fs::read_dir(format!("/proc/{id}/task")) else { return Vec::new() };
     let lists =
         tasks.filter_map(|task| fs::read_to_string(task.ok()?.path().join("children")).ok());
@@ -28,7 +28,7 @@ fn all_ended(children: &[(u32, String)]) -> bool {
 }
 
 /// A long fill that has begun to store samples, and its children.
-fn filling(place: &Place) -> (Process, Vec<(u32, String)>) {
+pub fn filling(place: &Place) -> (Process, Vec<(u32, String)>) {
     let words = [
         "fill",
         "--config",
@@ -48,7 +48,7 @@ fn filling(place: &Place) -> (Process, Vec<(u32, String)>) {
     (process, children)
 }
 
-fn count(file: &Path) -> u64 {
+pub fn count(file: &Path) -> u64 {
     let opened = holo_beamfile::BeamFile::open_read_only(file, 0);
     opened.map_or(0, |file| file.stats().samples)
 }
@@ -76,22 +76,6 @@ fn the_children_of_a_killed_fill_end_by_themselves() {
     stored(&place.path("a.holo")).assert_no_gaps();
     place.run(&["verify", "{}/a.holo"]).ok();
     place.fill_small("a.holo", "10k");
-}
-
-#[test]
-fn a_fill_whose_worker_dies_fails_and_keeps_what_it_has() {
-    let place = Place::new();
-    let (process, children) = filling(&place);
-    let worker = children.iter().find(|(id, _)| {
-        fs::read(format!("/proc/{id}/cmdline"))
-            .is_ok_and(|line| line.split(|byte| *byte == 0).any(|word| word == b"rtworker"))
-    });
-    let (worker, _) = worker.expect("one of the children is a worker");
-    let id = rustix::process::Pid::from_raw(i32::try_from(*worker).unwrap()).unwrap();
-    rustix::process::kill_process(id, Signal::KILL).unwrap();
-    process.wait().failed(1, &["rtworker"]);
-    assert!(all_ended(&children), "{children:?}");
-    assert!(stored(&place.path("a.holo")).count() > 20_000);
 }
 
 #[test]

@@ -127,7 +127,7 @@ fn a_holodeck_of_another_engine_takes_no_records() {
                 Err(error) => panic!("{error}"),
             }
         };
-        assert!(reason.contains("made without"), "{reason}");
+        assert!(reason.contains("does not use"), "{reason}");
     });
     server.process.end(Signal::TERM).ok();
 }

@@ -1,20 +1,20 @@
 //! Pixels that no section covers: traced for the view alone while somebody traces, never stored.
 
-use std::{collections::BTreeSet, time::Duration};
+use std::collections::BTreeSet;
 
 use holo_net::{Inbox, Message, Outbox};
 use holo_picture::{Picture, View, ViewSpec};
 use holo_proto::{
     bulk::{
         LiveHit, LivePacket, LiveRay, LiveResults, LiveWanted, LiveWork, MAX_LIVE_RAYS,
-        MAX_LIVE_RAYS_HELD, Traced, ViewRequest, Wanted,
+        MAX_LIVE_RAYS_HELD, Traced, ViewRequest, WantedBeam,
     },
     control::Control,
     frame::Kind,
     hello::Role,
 };
 use holo_section::{Section, Viewpoint};
-use holo_tests::{LIMIT, Place, analytic::join, stored};
+use holo_tests::{LIMIT, Place, analytic::join, beam, stored};
 use rustix::process::Signal;
 
 /// The left half of the space before the box.
@@ -213,7 +213,7 @@ impl Peer {
 
     /// Looks at one beam, of which some fifty rays are traced and no more: workers here do not trace.
     fn look(&self, view: u32) {
-        let beams = vec![Wanted { beam: 400, weight: 0.05, section: 0, reserved: 0 }];
+        let beams = vec![WantedBeam { key: beam(400), weight: 0.05 }];
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
         self.send(Kind::View, ViewRequest { view, viewpoint, beams }.encode());
     }
@@ -241,6 +241,11 @@ impl Peer {
                 message => return message,
             }
         }
+    }
+
+    /// Waits until every stored sample of a view has been sent.
+    async fn wait_for_stored(&mut self, view: u32) {
+        while self.next().await != Message::Control(Control::StoredSent { view }) {}
     }
 
     /// Waits until `count` live rays have come in all.
@@ -388,14 +393,13 @@ fn a_display_that_asks_for_more_than_may_wait_is_dropped() {
         for _ in 0..MAX_LIVE_RAYS_HELD / MAX_LIVE_RAYS {
             display.ask(1, &most);
         }
-        // A new view begins anew.
-        display.look(2);
+        // Those of another view take their places.
         for _ in 0..MAX_LIVE_RAYS_HELD / MAX_LIVE_RAYS {
             display.ask(2, &most);
         }
-        tokio::time::sleep(Duration::from_millis(300)).await;
-        display.outbox.control(&Control::Ping(5)).unwrap();
-        while !matches!(display.next().await, Message::Control(Control::Pong(5))) {}
+        // The answer comes after the server has dealt with all of the above. It has dropped nobody.
+        display.look(2);
+        display.wait_for_stored(2).await;
         display.ask(2, &most[..1]);
         let reason = loop {
             if let Message::Control(Control::Bye { reason }) = display.next().await {

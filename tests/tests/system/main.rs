@@ -3,10 +3,12 @@
 // Helpers beside the tests fail them in the same way.
 #![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used)]
 
+mod advice;
 mod analytic;
 mod better;
 mod cells;
 mod coming_and_going;
+mod disk;
 mod display_only;
 mod fill;
 mod hostile;
@@ -18,7 +20,9 @@ mod render_cache;
 mod samples;
 mod session;
 mod stand_ins;
+mod tracing_time;
 mod unseen;
 mod usage;
 mod view_types;
 mod virtual_distance;
+mod worker_deaths;

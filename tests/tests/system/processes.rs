@@ -44,10 +44,13 @@ fn server_worker_and_viewer_started_by_hand_make_pictures() {
 fn a_worker_started_before_its_server_waits_for_it() {
     let place = Place::new();
     place.fill_small("a.holo", "1k");
-    // A port that is free now; another program could take it, but hardly within this moment.
-    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let worker = place.worker(address, &["--retry", "30"]);
-    std::thread::sleep(std::time::Duration::from_millis(600));
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = nobody.local_addr().unwrap();
+    let worker = place.worker(address, &["--retry", "120"]);
+    // The worker has tried once, and was turned away. Another program could take the port now, but
+    // hardly within this moment.
+    drop(nobody.accept().unwrap());
+    drop(nobody);
     let address = address.to_string();
     let file = place.text("a.holo");
     let words = [

@@ -78,8 +78,8 @@ fn failures_end_with_status_1_and_name_the_file() {
     place.fill_small("a.holo", "1k");
     let picture =
         |words: &[&str]| place.run(&[&["picture", "{}/a.holo", "--size", "16x16"], words].concat());
-    picture(&["-o", "{}/a.gif"]).failed(1, &["a.gif"]);
-    picture(&["-o", "{}/cornell.obj/a.pfm"]).failed(1, &["cornell.obj"]);
+    picture(&["-o", "{}/a.gif"]).failed(2, &["a.gif"]);
+    picture(&["-o", "{}/cornell.obj/a.pfm"]).failed(2, &["cornell.obj"]);
     picture(&["-o", "{}/a.pfm", "--view", "nowhere"]).failed(1, &["nowhere", "front", "left"]);
     picture(&["-o", "{}/a.pfm", "--vp", "100,100,100", "--vd", "1,0,0"]).failed(1, &["no section"]);
     let file = place.text("a.holo");

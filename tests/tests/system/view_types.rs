@@ -137,7 +137,7 @@ fn parts_of_the_render_cache_are_switched_while_it_shows_a_view() {
         "--driver",
         "quadtree",
     ];
-    place.run(&wrong).failed(1, &["only --driver pointimage has parts"]);
+    place.run(&wrong).failed(1, &["`--driver pointimage` has parts"]);
 }
 
 #[test]

@@ -32,10 +32,12 @@ fn a_file_keeps_the_distances_that_it_was_made_with_and_is_not_filled_with_other
     fill("{}/virtual.holo", &["--virtual-distance"]).ok();
     fill("{}/plain.holo", &[]).ok();
     // To go on with the other kind would mix them; to go on with the same is what one does.
-    fill("{}/virtual.holo", &[])
-        .failed(1, &["virtual.holo", "virtual_distance: true", "name another file"]);
+    fill("{}/virtual.holo", &[]).failed(
+        1,
+        &["virtual.holo", "--virtual-distance is on in the file, and off now", "Name another file"],
+    );
     fill("{}/plain.holo", &["--virtual-distance"])
-        .failed(1, &["plain.holo", "virtual_distance: false"]);
+        .failed(1, &["plain.holo", "--virtual-distance is off in the file"]);
     fill("{}/virtual.holo", &["--virtual-distance"]).ok();
 
     let (low, high) = (DVec3::ZERO, DVec3::splat(4.0));

@@ -1,10 +1,10 @@
-//! What the tests share: samples that tell where they belong, and a model of the file in memory.
+//! Shared by the tests: samples that name their own place, and a model of the file in memory.
 #![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::collections::BTreeMap;
 
-use holo_beamfile::{BeamFile, BeamKey, ExtentMeta, Options};
-use holo_section::{BeamId, Sample, SampleKind};
+use holo_beamfile::{BeamFile, Options};
+use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
 
 /// Beams of the two sections that test files have.
 pub const LAYOUT: [u64; 2] = [40, 12];
@@ -25,19 +25,11 @@ pub fn kind(code: u8) -> SampleKind {
     }
 }
 
-pub fn meta(key: BeamKey, first: u32) -> ExtentMeta {
-    ExtentMeta {
-        key,
-        first,
-        count: 0,
-        kind: SampleKind::Uniform,
-        paths: 1,
-        settings: 7,
-        generation: 0,
-    }
+pub fn run(key: BeamKey, first: u32) -> Run {
+    Run { key, first, count: 0, kind: SampleKind::Uniform, paths: 1 }
 }
 
-/// Ten bytes that no other (beam, kind, number, tag) has, as far as a test can tell.
+/// Ten bytes that are different for each (beam, kind, number, tag).
 pub fn sample(key: BeamKey, kind: SampleKind, number: u32, tag: u32) -> Sample {
     let seed = [u64::from(key.section), key.beam.0, kind as u64, u64::from(number), u64::from(tag)];
     let mixed = seed.iter().fold(0x9e37_79b9_7f4a_7c15u64, |h, &x| {
@@ -50,24 +42,23 @@ pub fn sample(key: BeamKey, kind: SampleKind, number: u32, tag: u32) -> Sample {
     bytemuck::pod_read_unaligned(&bytes)
 }
 
-pub fn samples(meta: &ExtentMeta, count: u32, tag: u32) -> Vec<Sample> {
-    (meta.first..meta.first + count).map(|n| sample(meta.key, meta.kind, n, tag)).collect()
+pub fn samples(run: &Run, count: u32, tag: u32) -> Vec<Sample> {
+    (run.first..run.first + count).map(|n| sample(run.key, run.kind, n, tag)).collect()
 }
 
-/// What one sample number must give.
-pub type Truth = (Vec<u8>, u16, u32, u32);
+/// A sample's bytes, and its paths.
+pub type Truth = (Vec<u8>, u16);
 
 /// The file as it ought to be: by beam, then by (kind, number).
 #[derive(Clone, Default)]
 pub struct Model(pub BTreeMap<BeamKey, BTreeMap<(u8, u32), Truth>>);
 
 impl Model {
-    pub fn put(&mut self, meta: &ExtentMeta, samples: &[Sample], supersedes: bool) {
-        for (number, sample) in (meta.first..).zip(samples) {
-            let truth =
-                (bytemuck::bytes_of(sample).to_vec(), meta.paths, meta.settings, meta.generation);
-            let numbers = self.0.entry(meta.key).or_default();
-            let old = numbers.entry((meta.kind as u8, number)).or_insert_with(|| truth.clone());
+    pub fn put(&mut self, run: &Run, samples: &[Sample], supersedes: bool) {
+        for (number, sample) in (run.first..).zip(samples) {
+            let truth = (bytemuck::bytes_of(sample).to_vec(), run.paths);
+            let numbers = self.0.entry(run.key).or_default();
+            let old = numbers.entry((run.kind as u8, number)).or_insert_with(|| truth.clone());
             if supersedes {
                 *old = truth;
             }
@@ -88,17 +79,17 @@ pub fn contents(file: &BeamFile) -> Model {
             let read = file.read(key).unwrap();
             assert_eq!(
                 read.samples.len() as u64,
-                read.extents.iter().map(|e| u64::from(e.count)).sum::<u64>()
+                read.runs.iter().map(|e| u64::from(e.count)).sum::<u64>()
             );
             let mut last = None;
-            for (meta, samples) in read.runs() {
-                assert_eq!(meta.key, key);
+            for (run, samples) in read.iter() {
+                assert_eq!(run.key, key);
                 assert!(
-                    last < Some((meta.kind as u8, meta.first)),
+                    last < Some((run.kind as u8, run.first)),
                     "runs are in the order (kind, number)"
                 );
-                last = Some((meta.kind as u8, meta.first + meta.count - 1));
-                model.put(meta, samples, false);
+                last = Some((run.kind as u8, run.first + run.count - 1));
+                model.put(run, samples, false);
             }
         }
     }

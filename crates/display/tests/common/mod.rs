@@ -1,15 +1,14 @@
-//! A room known in closed form, samples of it, and its picture.
+//! A room with radiance in closed form, samples of it, and its picture.
 
 #![allow(dead_code, reason = "each test file uses its own part")]
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use glam::DVec3;
-use holo_display::{Frame, Quadtree, QuadtreeParams, SelectOptions, select_beams};
+use holo_display::{Frame, SelectOptions, select_beams};
 use holo_picture::View;
 use holo_section::{BeamId, RayCoords, Sample, Section, SectionSpec, ViewClass};
-use std::sync::Arc;
 
-/// SplitMix64.
+/// The random number generator SplitMix64.
 pub struct Random(pub u64);
 
 impl Random {
@@ -42,14 +41,15 @@ pub fn view(eye: [f64; 3], towards: [f64; 3], vh: f64, size: (u32, u32)) -> View
     View::new(eye, towards - eye, DVec3::Z, Some(vh), None, size).unwrap()
 }
 
-/// What a ray from a point in a direction of length 1 sees: radiance, and distance (infinite where there is nothing).
+/// Returns the radiance and the distance that a ray sees, from its origin and unit direction. The
+/// distance is infinite if the ray hits nothing.
 pub type Scene = fn(DVec3, DVec3) -> ([f32; 3], f64);
 
 pub const ROOM: DVec3 = DVec3::new(10.0, 8.0, 6.0);
 pub const BALL: DVec3 = DVec3::new(8.0, 4.6, 2.6);
 pub const BALL_RADIUS: f64 = 0.7;
 
-/// A closed room with a sharp shadow, a soft one, a checked floor, walls of different colours, and a ball before a wall.
+/// A closed room: a sharp shadow and a soft one, a checked floor, coloured walls, and a ball.
 pub fn room(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     let (mut nearest, mut colour) = (f64::INFINITY, [0.0; 3]);
     for axis in 0..3 {
@@ -77,7 +77,7 @@ pub fn room(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
 fn wall_colour(axis: usize, positive: bool, p: DVec3) -> [f32; 3] {
     match (axis, positive) {
         (0, true) => {
-            // A soft shadow across, and a sharp one upwards.
+            // A soft shadow's edge runs vertically, a sharp one's horizontally.
             let soft = (0.5 + 0.4 * ((p.y - 3.0) * 1.5).tanh()) as f32;
             let sharp = if p.z > 3.0 + 0.3 * (p.y - 4.0) { 1.0 } else { 0.35 };
             [soft * sharp, soft * sharp, 0.9 * soft * sharp]
@@ -93,7 +93,7 @@ fn wall_colour(axis: usize, positive: bool, p: DVec3) -> [f32; 3] {
     }
 }
 
-/// The section that one looks out of in [`room`].
+/// A section inside [`room`].
 pub fn room_section(grid: u32) -> Section {
     section([2.0, 2.5, 1.5], [4.0, 3.0, 3.0], [grid; 3], ViewClass::Interior, false)
 }
@@ -102,7 +102,8 @@ pub fn room_view(size: (u32, u32)) -> View {
     view([3.3, 4.1, 3.2], [10.0, 4.3, 2.2], 60.0, size)
 }
 
-/// The picture of a scene, each pixel the mean of `side`² regular rays; rows from the top.
+/// Returns the picture of a scene, row by row from the top. A pixel is the mean of `side`² regular
+/// rays.
 pub fn truth(scene: Scene, view: &View, size: (u32, u32), side: u32) -> Vec<[f32; 3]> {
     let mut pixels = Vec::new();
     for row in 0..size.1 {
@@ -121,14 +122,14 @@ pub fn truth(scene: Scene, view: &View, size: (u32, u32), side: u32) -> Vec<[f32
     pixels
 }
 
-/// Multiplies a sample's radiance: mean 1.
+/// Returns a factor for a sample's radiance, with mean 1.
 pub type Noise = fn(&mut Random) -> f32;
 
 pub fn clean(_: &mut Random) -> f32 {
     1.0
 }
 
-/// As one path each: mostly dark, sometimes a lamp was found. Deviation 2.1 of mean 1.
+/// Noise of one path: mostly dark, but some paths reach a lamp. Standard deviation 2.1.
 pub fn one_path(random: &mut Random) -> f32 {
     let value = match random.unit() {
         u if u < 0.60 => 0.2,
@@ -138,17 +139,17 @@ pub fn one_path(random: &mut Random) -> f32 {
     value / (0.60 * 0.2 + 0.38 * 1.5 + 0.02 * 15.0)
 }
 
-/// As 16 paths each: deviation 0.53 of mean 1.
+/// Noise of the mean of 16 paths. Standard deviation 0.53.
 pub fn some_paths(random: &mut Random) -> f32 {
     (0..16).map(|_| one_path(random)).sum::<f32>() / 16.0
 }
 
-/// Deviation 1 of mean 1.
+/// Exponential noise. Standard deviation 1.
 pub fn exponential(random: &mut Random) -> f32 {
     -(1.0 - random.unit()).ln() as f32
 }
 
-/// Deviation 1.3 of mean 1, with a tail heavier than any exponential.
+/// Log-normal noise. Standard deviation 1.3, with a tail heavier than any exponential.
 pub fn log_normal(random: &mut Random) -> f32 {
     let normal =
         (-2.0 * (1.0 - random.unit()).ln()).sqrt() * (std::f64::consts::TAU * random.unit()).cos();
@@ -179,7 +180,8 @@ pub fn traced(
     (beam, sample)
 }
 
-/// Samples of rays from the eye through random points of the picture, snapped to ray coordinates.
+/// Returns samples of rays from the eye through random points of the picture, rounded to ray
+/// coordinates.
 pub fn near_samples(
     scene: Scene,
     section: &Section,
@@ -198,8 +200,8 @@ pub fn near_samples(
         .collect()
 }
 
-/// Samples spread over the whole beams that a view wants, in proportion to their weight: what a batch has stored. About
-/// `count` of them land in the picture's beams; many miss the picture.
+/// Returns about `count` samples spread over the whole beams that a view wants, in proportion to
+/// their weights, as a batch stores them. Many of them miss the picture.
 pub fn batch_samples(
     scene: Scene,
     section: &Section,
@@ -214,13 +216,13 @@ pub fn batch_samples(
         select_beams(std::slice::from_ref(section), view, size, &SelectOptions::default());
     let mut stored = Vec::new();
     for wanted in &selection.beams {
-        let sampler = section.beam_sampler(0, wanted.beam, None).unwrap();
+        let sampler = section.beam_sampler(0, wanted.key.beam, None).unwrap();
         let share = f64::from(wanted.weight) * count as f64 / selection.covered.pixels;
         for number in 0..(share + random.unit()) as u32 {
             stored.push(traced(
                 scene,
                 section,
-                wanted.beam,
+                wanted.key.beam,
                 sampler.coords(number),
                 &mut random,
                 noise,
@@ -230,26 +232,7 @@ pub fn batch_samples(
     stored
 }
 
-/// A quadtree of one section with these samples.
-pub fn quadtree(
-    section: &Section,
-    view: &View,
-    size: (u32, u32),
-    params: QuadtreeParams,
-    stored: &[Stored],
-) -> Quadtree {
-    let mut quadtree = Quadtree::new(Arc::from([section.clone()]), *view, size, params);
-    insert(&mut quadtree, stored);
-    quadtree
-}
-
-pub fn insert(quadtree: &mut Quadtree, stored: &[Stored]) {
-    for (beam, sample) in stored {
-        quadtree.insert(0, *beam, 1, std::slice::from_ref(sample));
-    }
-}
-
-/// Mean square error over the mean square of the reference.
+/// Returns the mean squared error, relative to the mean square of the reference.
 pub fn relative_error(frame: &Frame, reference: &[[f32; 3]]) -> f64 {
     let (mut error, mut square) = (0.0, 0.0);
     for (pixel, reference) in frame.picture.pixels.iter().zip(reference) {
@@ -261,7 +244,7 @@ pub fn relative_error(frame: &Frame, reference: &[[f32; 3]]) -> f64 {
     error / square
 }
 
-/// Mean of the picture over the mean of the reference, less 1.
+/// Returns the mean of the picture relative to the mean of the reference, minus 1.
 pub fn bias(frame: &Frame, reference: &[[f32; 3]]) -> f64 {
     let sum = |pixels: &[[f32; 3]]| {
         pixels.iter().flatten().map(|&channel| f64::from(channel)).sum::<f64>()

@@ -1,4 +1,4 @@
-//! Rays that are traced for one display and not stored: asked for, given out, and passed on.
+//! Live rays: traced for one display and not stored.
 
 use std::collections::BTreeMap;
 
@@ -16,14 +16,14 @@ use crate::{
 };
 
 impl Display {
-    /// Whether live rays of this view are still of use.
-    fn looks_at(&self, view: u32) -> bool {
+    /// Returns whether live rays of this view are still of use.
+    fn wants_live(&self, view: u32) -> bool {
         self.settling.is_none() && self.wishes.is_some() && self.live.view() == view
     }
 }
 
 impl Coordinator {
-    /// A display's rays of its view that no section covers.
+    /// Queues the live rays that a display asks for.
     pub(super) fn live_wanted(&mut self, id: ConnectionId, request: &LiveWanted) -> Result<()> {
         let shows = |display: &&mut Display| display.settling.is_none() && display.wishes.is_some();
         if let Some(display) = self.displays.get_mut(&id).filter(shows) {
@@ -33,7 +33,7 @@ impl Coordinator {
         Ok(())
     }
 
-    /// The next live rays of a display.
+    /// Returns the next live rays of a display.
     pub(super) fn next_live(&mut self, id: ConnectionId) -> Option<LiveAssignment> {
         let display = self.displays.get_mut(&id)?;
         let wishes = display.wishes.as_ref()?;
@@ -41,16 +41,16 @@ impl Coordinator {
         if rays.is_empty() {
             return None;
         }
-        self.next_packet += 1;
+        self.last_packet += 1;
         let paths = self.holodeck.about.settings.paths_per_sample;
-        Some(LiveAssignment { id: self.next_packet, display: id, view, paths, rays })
+        Some(LiveAssignment { id: self.last_packet, display: id, view, paths, rays })
     }
 
-    /// What live rays saw: told to whoever asked, if it still looks.
+    /// Hands a worker's live results to the displays that asked, if they still look.
     pub(super) fn live_results(&mut self, id: ConnectionId, results: &LiveResults) -> Result<()> {
         let mut outgoing = BTreeMap::new();
         let taken = self.take_live(id, results, &mut outgoing);
-        // Even if a packet was refused, as with samples.
+        // Even if a packet was refused: those before it are good.
         for (id, message) in outgoing {
             if let Some(display) = self.displays.get(&id) {
                 display.outbox.send(Kind::LiveSamples, &LiveSamples::encode(&message))?;
@@ -71,7 +71,7 @@ impl Coordinator {
             let LiveAssignment { display, view, rays, .. } = worker.finish_live(traced)?;
             let (hits, after) = rest.split_at(rays.len());
             rest = after;
-            if self.displays.get(&display).is_some_and(|display| display.looks_at(view)) {
+            if self.displays.get(&display).is_some_and(|display| display.wants_live(view)) {
                 let message = outgoing
                     .entry(display)
                     .or_insert_with(|| LiveSamples { view, samples: Vec::new() });
@@ -84,12 +84,11 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Rays that a lost worker had are given to another, if they are still of use.
+    /// Queues a lost worker's live rays again, if they are still of use.
     pub(super) fn live_again(&mut self, worker: &mut Worker) {
         for LiveAssignment { display, view, rays, .. } in worker.take_live() {
-            if let Some(display) =
-                self.displays.get_mut(&display).filter(|display| display.looks_at(view))
-            {
+            let display = self.displays.get_mut(&display);
+            if let Some(display) = display.filter(|display| display.wants_live(view)) {
                 display.live.put_back(&rays);
             }
         }

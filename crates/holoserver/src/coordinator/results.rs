@@ -3,24 +3,23 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Context, Result, ensure};
-use holo_beamfile::ExtentMeta;
+use holo_beamfile::Error as FileError;
 use holo_proto::{
-    bulk::{Results, Run, Samples, Source},
+    bulk::{Results, Samples, Source},
     frame::Kind,
 };
-use holo_section::Sample;
+use holo_section::{BeamKey, Run, Sample};
 
-use super::Coordinator;
+use super::{Coordinator, views::is_looked_at};
 use crate::{
-    allotment::BeamKey,
     better,
     listen::ConnectionId,
-    recall::tell_unseen,
+    recall::send_unseen,
     workers::{Assignment, ResultsError},
 };
 
 impl Coordinator {
-    /// A worker's results: stored, then sent to every display that looks at their beams.
+    /// Stores a worker's results and sends them to every display that looks at their beams.
     pub(super) fn results(&mut self, id: ConnectionId, results: &Results) -> Result<()> {
         let mut outgoing = BTreeMap::new();
         let taken = self
@@ -42,56 +41,53 @@ impl Coordinator {
         results: &Results,
         outgoing: &mut BTreeMap<ConnectionId, Samples>,
     ) -> Result<()> {
+        let usual = self.holodeck.about.settings.paths_per_sample;
         let mut rest = results.samples.as_slice();
         for traced in &results.packets {
             let Some(worker) = self.workers.get_mut(&id) else { return Ok(()) };
             let assignment = worker.finish(traced)?;
             let (samples, after) = rest.split_at(traced.count as usize);
             rest = after;
-            let better = self.is_better(&assignment.packet);
-            let stored = if better {
-                self.store_better(&assignment, samples)
-            } else {
-                self.store(&assignment, samples)
+            let is_better = assignment.packet.paths > usual;
+            let stored = match is_better {
+                true => self.store_better(&assignment, samples),
+                false => self.store(&assignment, samples),
             };
             match stored {
                 Ok(()) => {}
-                Err(holo_beamfile::Error::NotWritten { .. }) => {
-                    // No memory left for what a full disk does not take: it is traced again when there is room.
-                    self.again.push_back(assignment);
+                Err(FileError::NotWritten { .. }) => {
+                    // A full disk, and no memory left. It is traced again when there is room.
+                    self.lost.push_back(assignment);
                     continue;
                 }
                 Err(error) => return Err(error.into()),
             }
-            self.done(&assignment);
+            self.finish_packet(&assignment);
             // Nobody looks at better ones.
-            if !better {
+            if !is_better {
                 self.forward(&assignment, samples, outgoing);
             }
         }
         Ok(())
     }
 
-    /// Packets that a worker did not trace since their beams see nothing: remembered, and told to whoever looks at them.
+    /// Remembers beams that a worker found to see nothing, and tells displays that look at them.
     fn take_unseen(&mut self, id: ConnectionId, packets: &[u64]) -> Result<()> {
         let mut outgoing: BTreeMap<ConnectionId, BTreeSet<_>> = BTreeMap::new();
         let taken = packets.iter().try_for_each(|&packet| {
             let key = self.finish_unseen(id, packet)?;
             self.holodeck.unseen_mut().insert(key);
-            for (&display, looking) in &self.displays {
-                if looking.wishes.as_ref().is_some_and(|wishes| wishes.contains(key)) {
-                    // Several packets of one beam may have been under way.
-                    outgoing.entry(display).or_default().insert((key.section, key.beam));
-                }
+            for (&display, _) in self.displays.iter().filter(|(_, display)| display.looks_at(key)) {
+                // Several packets of one beam may have been under way.
+                outgoing.entry(display).or_default().insert(key);
             }
             Ok(())
         });
         // Even if a packet was refused, as with samples.
         for (id, beams) in outgoing {
-            if let Some((display, view)) =
-                self.displays.get(&id).and_then(|d| Some((d, d.wishes.as_ref()?.view)))
-            {
-                tell_unseen(&display.outbox, view, &Vec::from_iter(beams))?;
+            let display = self.displays.get(&id);
+            if let Some((display, wishes)) = display.and_then(|d| Some((d, d.wishes.as_ref()?))) {
+                send_unseen(&display.outbox, wishes.view, &Vec::from_iter(beams))?;
             }
         }
         taken
@@ -101,31 +97,35 @@ impl Coordinator {
         ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
         let worker = self.workers.get_mut(&id).context("it has left")?;
         let assignment = worker.finish_unseen(packet)?;
-        self.done(&assignment);
-        Ok(BeamKey { section: assignment.packet.section, beam: assignment.packet.beam })
+        self.finish_packet(&assignment);
+        Ok(assignment.key())
     }
 
-    fn store(
-        &mut self,
-        assignment: &Assignment,
-        samples: &[Sample],
-    ) -> Result<(), holo_beamfile::Error> {
-        self.holodeck.file.append(meta(assignment, assignment.packet.first, samples), samples)?;
+    /// Takes note that a packet's results have come, whatever they are.
+    fn finish_packet(&mut self, assignment: &Assignment) {
+        if let Some(fill) = self.fill.as_mut().filter(|_| assignment.display.is_none()) {
+            fill.finish_packet();
+        }
+    }
+
+    fn store(&mut self, assignment: &Assignment, samples: &[Sample]) -> Result<(), FileError> {
+        self.holodeck.file.append(assignment.run(), samples)?;
         self.progress.add(samples.len() as u64);
         Ok(())
     }
 
-    /// Better samples take the places of those that are worse. A lost packet that was dealt again may come after others of more
-    /// paths. What somebody looks at by now stays as it is: a picture is not made of two samples of one ray, and the file shows
-    /// later what is seen at present.
+    /// Puts better samples in the places of those that are worse.
+    ///
+    /// A packet that was lost and dealt again may come after others of more paths. If a display
+    /// looks at the beam by now, nothing is replaced, so that the file later shows what the display
+    /// shows now.
     fn store_better(
         &mut self,
         assignment: &Assignment,
         samples: &[Sample],
-    ) -> Result<(), holo_beamfile::Error> {
-        let packet = &assignment.packet;
-        let key = BeamKey { section: packet.section, beam: packet.beam };
-        if self.is_looked_at(key) {
+    ) -> Result<(), FileError> {
+        let (packet, key) = (&assignment.packet, assignment.key());
+        if is_looked_at(&self.displays, key) {
             return Ok(());
         }
         let file = &self.holodeck.file;
@@ -133,20 +133,21 @@ impl Coordinator {
         for range in better::worse(&file.runs(key), packet.paths, &numbers) {
             let part = &samples
                 [(range.start - packet.first) as usize..(range.end - packet.first) as usize];
-            file.supersede(meta(assignment, range.start, part), part)?;
+            let run = Run { first: range.start, count: range.len() as u32, ..assignment.run() };
+            file.supersede(run, part)?;
             self.progress.add_better(part.len() as u64);
         }
         Ok(())
     }
 
+    /// Adds samples to the messages for displays that look at their beam.
     fn forward(
         &self,
         assignment: &Assignment,
         samples: &[Sample],
         outgoing: &mut BTreeMap<ConnectionId, Samples>,
     ) {
-        let packet = &assignment.packet;
-        let key = BeamKey { section: packet.section, beam: packet.beam };
+        let key = assignment.key();
         for (&id, display) in &self.displays {
             let Some(wishes) = display.wishes.as_ref().filter(|wishes| wishes.contains(key)) else {
                 continue;
@@ -157,28 +158,8 @@ impl Coordinator {
                 runs: Vec::new(),
                 samples: Vec::new(),
             });
-            message.runs.push(Run {
-                section: packet.section,
-                beam: packet.beam,
-                kind: assignment.kind(),
-                first: packet.first,
-                count: samples.len() as u32,
-                paths: packet.paths,
-            });
+            message.runs.push(assignment.run());
             message.samples.extend_from_slice(samples);
         }
-    }
-}
-
-fn meta(assignment: &Assignment, first: u32, samples: &[Sample]) -> ExtentMeta {
-    let packet = &assignment.packet;
-    ExtentMeta {
-        key: BeamKey { section: packet.section, beam: packet.beam },
-        first,
-        count: samples.len() as u32,
-        kind: assignment.kind(),
-        paths: packet.paths,
-        settings: 0,
-        generation: 0,
     }
 }

@@ -1,30 +1,32 @@
 //! Records of indirect light: taken from workers, kept, and handed to whoever wants them.
 
+use std::sync::Arc;
+
 use anyhow::{Result, ensure};
 use holo_proto::{bulk::Light, control::Engine, frame::Kind};
 
 use super::Coordinator;
 use crate::listen::ConnectionId;
 
-/// Records in a message at the most: a megabyte, so that other messages come in between.
+/// Records in one message: a megabyte, so that other messages come in between.
 const MESSAGE_RECORDS: usize = 1 << 13;
 
-/// No more is handed to somebody who has not read so much, bytes.
+/// Bytes that may wait for somebody. Above, no more records are sent until they are read.
 const QUEUE_BYTES: usize = 4 << 20;
 
 impl Coordinator {
-    /// A worker's records.
+    /// Keeps a worker's records.
     pub(super) fn light(&mut self, id: ConnectionId, light: &Light) -> Result<()> {
         let engine = self.holodeck.about.settings.engine;
         ensure!(
             engine == Engine::Cached,
-            "it sent records of indirect light, which this holodeck is made without"
+            "it sent records of indirect light, which this holodeck does not use"
         );
         self.holodeck.light_mut().merge(Some(id), &light.records);
         Ok(())
     }
 
-    /// Somebody wants all records, from now on.
+    /// Sends all records to somebody, and from now on those that come.
     pub(super) fn light_wanted(&mut self, id: ConnectionId) {
         self.listeners.entry(id).or_insert(0);
         if let Some(worker) = self.workers.get_mut(&id) {
@@ -33,9 +35,10 @@ impl Coordinator {
         self.hand_light();
     }
 
-    /// Hands records to those who want them and do not have them yet. A worker that has caught up may trace.
+    /// Sends records to those who want them and do not have them yet. A worker that has all of them
+    /// may trace.
     pub(super) fn hand_light(&mut self) {
-        let holodeck = std::sync::Arc::clone(&self.holodeck);
+        let holodeck = Arc::clone(&self.holodeck);
         let records = holodeck.light();
         for (&id, next) in &mut self.listeners {
             let worker = self.workers.get_mut(&id);

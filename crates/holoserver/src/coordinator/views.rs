@@ -1,45 +1,83 @@
-//! What displays ask for: a view from its beginning, recalled and wished for, to its settling.
+//! Views of displays: from the request, through recall and tracing, until they settle.
 
-use std::sync::{Arc, atomic::Ordering};
+use std::{
+    collections::BTreeMap,
+    sync::{
+        Arc,
+        atomic::{AtomicU32, Ordering},
+    },
+};
 
 use anyhow::{Result, ensure};
+use holo_net::Outbox;
 use holo_proto::{
     bulk::{RaysWanted, ViewRequest},
     control::Control,
 };
+use holo_section::BeamKey;
 
 use super::{Coordinator, Event};
 use crate::{
-    allotment::BeamKey, listen::ConnectionId, recall::Recall, wishes::Wishes, workers::Assignment,
+    listen::ConnectionId, live::LiveQueue, recall::Recall, wishes::Wishes, workers::Assignment,
 };
 
+/// A connected display.
+pub struct Display {
+    pub outbox: Outbox,
+    /// Its name, for people.
+    pub name: String,
+    /// What it wants for its present view; `None` before the first view and once it has settled.
+    pub wishes: Option<Wishes>,
+    /// Live rays of its view.
+    pub live: LiveQueue,
+    /// The number of its newest view, for the thread that recalls an older one.
+    pub newest: Arc<AtomicU32>,
+    /// Whether stored samples of its view are still being sent.
+    pub recalling: bool,
+    /// If it settles: the last packet that was given out before. Later ones do not delay it,
+    /// because a file that is filled at the same time always has some of the view's beams under
+    /// way.
+    pub settling: Option<u64>,
+}
+
+impl Display {
+    /// Returns a display without a view.
+    pub fn new(outbox: Outbox, name: String) -> Display {
+        Display {
+            outbox,
+            name,
+            wishes: None,
+            live: LiveQueue::default(),
+            newest: Arc::default(),
+            recalling: false,
+            settling: None,
+        }
+    }
+
+    /// Returns whether its view crosses the beam.
+    pub fn looks_at(&self, key: BeamKey) -> bool {
+        self.wishes.as_ref().is_some_and(|wishes| wishes.contains(key))
+    }
+}
+
+/// Returns whether a display may show samples of the beam.
+pub fn is_looked_at(displays: &BTreeMap<ConnectionId, Display>, key: BeamKey) -> bool {
+    displays.values().any(|display| display.looks_at(key))
+}
+
 impl Coordinator {
-    /// A display's view: recall what is stored, and from now on trace for it. The same view again only moves the
-    /// viewpoint's radius.
+    /// Takes a display's view: sends what is stored, and from now on traces for it. The same view
+    /// again only moves the viewpoint's radius.
     pub(super) fn view(&mut self, id: ConnectionId, request: ViewRequest) -> Result<()> {
-        let sections = &self.holodeck.sections;
-        let known = request.beams.iter().all(|wanted| {
-            sections
-                .get(usize::from(wanted.section))
-                .is_some_and(|section| wanted.beam < section.beam_count())
-        });
-        ensure!(known, "it asked for beams that do not exist");
-        let in_order = request.beams.is_sorted_by_key(|wanted| (wanted.section, wanted.beam))
-            && request
-                .beams
-                .windows(2)
-                .all(|pair| (pair[0].section, pair[0].beam) != (pair[1].section, pair[1].beam));
-        ensure!(in_order, "it asked for a beam twice, or not in order");
+        self.check_beams(&request)?;
         let Some(display) = self.displays.get_mut(&id) else { return Ok(()) };
         if let Some(wishes) = display.wishes.as_mut().filter(|wishes| wishes.view == request.view) {
             wishes.viewpoint = request.viewpoint;
             return Ok(());
         }
         let file = &self.holodeck.file;
-        let beams = request.beams.iter().map(|wanted| {
-            let key = BeamKey { section: wanted.section, beam: holo_section::BeamId(wanted.beam) };
-            (key, wanted.weight, file.count(key))
-        });
+        let beams =
+            request.beams.iter().map(|wanted| (wanted.key, wanted.weight, file.count(wanted.key)));
         let wishes = Wishes::new(request.view, request.viewpoint, beams);
         display.newest.store(request.view, Ordering::Release);
         let recall = Recall {
@@ -57,19 +95,25 @@ impl Coordinator {
             // If the coordinator is gone, so is the process.
             let _ = events.send(Event::Recalled { id, view, result });
         })?;
-        // Packets for the display's former view are no longer urgent; what is under way arrives and is stored.
+        // Lost packets of its former view are no longer urgent.
         self.forget(|assignment| assignment.display == Some(id));
         Ok(())
     }
 
-    /// Single rays that a display's view wants most.
+    /// Checks that a view's beams exist, in order and each once.
+    fn check_beams(&self, request: &ViewRequest) -> Result<()> {
+        let sections = &self.holodeck.sections;
+        let known = request.beams.iter().all(|wanted| wanted.key.section_in(sections).is_some());
+        ensure!(known, "it asked for beams that do not exist");
+        let in_order = request.beams.is_sorted_by(|one, next| one.key < next.key);
+        ensure!(in_order, "it asked for a beam twice, or not in order");
+        Ok(())
+    }
+
+    /// Takes the single rays that a display's view wants most.
     pub(super) fn rays(&mut self, id: ConnectionId, request: &RaysWanted) -> Result<()> {
         let sections = &self.holodeck.sections;
-        let known = request.rays.iter().all(|ray| {
-            sections
-                .get(usize::from(ray.section))
-                .is_some_and(|section| ray.beam < section.beam_count())
-        });
+        let known = request.rays.iter().all(|ray| ray.key.section_in(sections).is_some());
         ensure!(known, "it asked for rays of beams that do not exist");
         let wishes = self.displays.get_mut(&id).and_then(|display| display.wishes.as_mut());
         if let Some(wishes) = wishes.filter(|wishes| wishes.view == request.view) {
@@ -78,6 +122,7 @@ impl Coordinator {
         Ok(())
     }
 
+    /// Tells a display that all stored samples of its view are sent.
     pub(super) fn recalled(&mut self, id: ConnectionId, view: u32, result: Result<(), String>) {
         let Some(display) = self.displays.get_mut(&id) else { return };
         if display.wishes.as_ref().is_none_or(|wishes| wishes.view != view) {
@@ -91,10 +136,11 @@ impl Coordinator {
         self.try_settle();
     }
 
+    /// Stops tracing for a view; the display hears once nothing of it is under way.
     pub(super) fn settle(&mut self, id: ConnectionId, view: u32) {
         if let Some(display) = self.displays.get_mut(&id) {
             let shown = display.wishes.as_ref().is_some_and(|wishes| wishes.view == view);
-            display.settling = shown.then_some(self.next_packet);
+            display.settling = shown.then_some(self.last_packet);
             display.live.clear();
             if !shown {
                 // No such view: nothing is under way for it.
@@ -105,7 +151,7 @@ impl Coordinator {
         self.try_settle();
     }
 
-    /// Tells displays that wait for it that nothing of their view is under way any more.
+    /// Ends the views of settling displays of which nothing is under way any more.
     pub(super) fn try_settle(&mut self) {
         for (&id, display) in &mut self.displays {
             let (Some(wishes), Some(last), false) =
@@ -114,21 +160,20 @@ impl Coordinator {
                 continue;
             };
             let under_way = self.workers.values().any(|worker| {
-                worker.assignments().any(|Assignment { packet, .. }| {
-                    packet.id <= last
-                        && wishes.contains(BeamKey { section: packet.section, beam: packet.beam })
+                worker.assignments().any(|assignment| {
+                    assignment.packet.id <= last && wishes.contains(assignment.key())
                 })
             });
             if under_way {
                 continue;
             }
-            let (view, events, holodeck) =
-                (wishes.view, self.events.clone(), Arc::clone(&self.holodeck));
+            let view = wishes.view;
+            let (events, holodeck) = (self.events.clone(), Arc::clone(&self.holodeck));
             display.settling = None;
             display.wishes = None;
             // Flushing waits for the disk, and the coordinator waits for no one.
             std::thread::spawn(move || {
-                // A disk that fails is named in the file's statistics, and at the end.
+                // The file's statistics report a disk that fails, and the end of the server does.
                 let _ = holodeck.save_unseen();
                 let _ = holodeck.writable.then(|| holodeck.file.flush());
                 let _ = events.send(Event::Flushed { id, view });
@@ -136,7 +181,7 @@ impl Coordinator {
         }
     }
 
-    /// Forgets lost packets for displays that have left or settle.
+    /// Forgets lost packets of displays that have left or settle.
     pub(super) fn forget_stale(&mut self) {
         let wanted: Vec<_> = self
             .displays
@@ -147,14 +192,19 @@ impl Coordinator {
         self.forget(|assignment| assignment.display.is_some_and(|id| !wanted.contains(&id)));
     }
 
-    /// Does not trace some lost packets again; their sample numbers are given to later packets.
-    fn forget(&mut self, stale: impl Fn(&Assignment) -> bool) {
-        let (stale, kept) = std::mem::take(&mut self.again).into_iter().partition(stale);
-        self.again = kept;
-        for assignment in Vec::from(stale) {
-            let (packet, kind) = (assignment.packet, assignment.kind());
-            let key = BeamKey { section: packet.section, beam: packet.beam };
-            self.allotment.give_back(key, kind, packet.first, packet.count);
+    /// Forgets some lost packets. Later packets get their sample numbers.
+    fn forget(&mut self, is_stale: impl Fn(&Assignment) -> bool) {
+        let lost = std::mem::take(&mut self.lost);
+        let (stale, kept): (Vec<_>, Vec<_>) = lost.into_iter().partition(is_stale);
+        self.lost = kept.into();
+        for assignment in stale {
+            let Assignment { packet, .. } = assignment;
+            self.allotment.give_back(
+                assignment.key(),
+                assignment.kind(),
+                packet.first,
+                packet.count,
+            );
         }
     }
 }

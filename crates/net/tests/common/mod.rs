@@ -3,14 +3,31 @@
 #![allow(dead_code, clippy::unwrap_used, clippy::panic)]
 
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use holo_net::{Inbox, NetError, Outbox, accept, connect};
 use holo_proto::{
     control::{Control, Welcome},
     frame::Kind,
-    hello::{Answer, Hello, Role},
+    hello::{Hello, Role},
 };
 use tokio::net::{TcpListener, TcpStream};
+
+/// The limit of waits in real time. Only a hang reaches it.
+pub const SOON: Duration = Duration::from_secs(120);
+
+/// Waits until `condition` holds.
+///
+/// # Panics
+/// After [`SOON`].
+pub async fn until(condition: impl Fn() -> bool) {
+    let holds = async {
+        while !condition() {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+    };
+    tokio::time::timeout(SOON, holds).await.unwrap();
+}
 
 /// A welcome with two sections, from its bytes in the protocol's golden files.
 pub fn welcome() -> Welcome {
@@ -44,8 +61,7 @@ pub async fn pair() -> (Side, Side) {
     let server = async {
         let (inbox, outbox, hello) = accept(listener.accept().await.unwrap().0).await?;
         assert_eq!(hello, Hello::new(Role::Worker, "tester"));
-        outbox.send(Kind::Answer, &Answer::Accepted.encode())?;
-        outbox.control(&Control::Welcome(Box::new(welcome())))?;
+        holo_net::welcome(&outbox, welcome())?;
         Ok::<_, NetError>((inbox, outbox))
     };
     let (server, client) = tokio::join!(server, connect(address, Role::Worker, "tester"));

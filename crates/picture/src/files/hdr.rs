@@ -1,8 +1,9 @@
-//! Radiance pictures: text header, resolution line, RGBE pixels (Ward, "Real Pixels", Graphics Gems II; Radiance's
-//! `filefmts.pdf` and `color.c`).
+//! Radiance pictures: text header, resolution line, RGBE pixels (Ward, "Real Pixels", Graphics Gems
+//! II; Radiance's `filefmts.pdf` and `color.c`).
 //!
-//! What always holds: a pixel's value is (mantissa + ½)·2^(exponent - 136) divided by the product of all `EXPOSURE=` (and, by
-//! channel, `COLORCORR=`) lines; memory grows with rows that were decoded, never with what the header claims.
+//! Always true: a pixel's value is (mantissa + ½)·2^(exponent - 136), divided by the product of all
+//! `EXPOSURE=` and, by channel, `COLORCORR=` lines. Memory grows with decoded rows, never with the
+//! sizes in the header.
 
 use super::hdr_pixels::{read_row, write_row};
 use crate::error::PictureError;
@@ -11,10 +12,11 @@ use crate::view::View;
 use crate::view_spec::ViewSpec;
 use std::fmt::Write;
 
-/// Most bytes of a header. Radiance's grow by a line for every program that a picture went through.
+/// Most bytes of a header. Radiance adds a line for every program that processed a picture.
 const MAX_HEADER: usize = 1 << 20;
 
-/// Scanlines of these widths have the newer run-length encoding when written (Radiance color.c, MINELEN and MAXELEN).
+/// Widths of scanlines that are written with the newer run-length encoding (Radiance color.c,
+/// MINELEN and MAXELEN).
 const RLE_WIDTHS: std::ops::RangeInclusive<usize> = 8..=0x7fff;
 
 pub(super) fn encode(picture: &Picture) -> Vec<u8> {
@@ -48,7 +50,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
     let layout = Layout::parse(line(&mut rest, MAX_HEADER)?)?;
     let (width, height) = layout.size();
     Picture::check_size(width, height)?;
-    // A file of nothing but runs may be much smaller than its pixels: take memory row by row.
+    // A file of runs may be much smaller than its pixels, so memory is allocated row by row.
     let (length, rows) = (layout.row_length as usize, layout.rows);
     let mut scanned: Vec<[f32; 3]> = Vec::new();
     let mut row_rgbe = vec![[0u8; 4]; length];
@@ -63,11 +65,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
     Ok(picture)
 }
 
-/// What the lines of a header say.
+/// The contents of a header.
 struct Header {
     /// Product of the `EXPOSURE=` lines.
     exposure: f32,
-    /// What decoded values are multiplied by, by channel: exposure and colour correction undone.
+    /// Factor of decoded values by channel, which reverses exposure and colour correction.
     multiplier: [f64; 3],
     view: Option<ViewSpec>,
 }
@@ -102,7 +104,7 @@ impl Header {
                     )));
                 }
             } else {
-                // A view of a kind that we do not have leaves a picture whose pixels are still good.
+                // A view of an unsupported type does not make the pixels unusable.
                 has_view |= spec.apply_header_line(text).unwrap_or(false);
             }
         }
@@ -119,7 +121,7 @@ impl Header {
     }
 
     fn view(&self, size: (u32, u32)) -> Option<View> {
-        // Not resolve's size: the picture has the size that it has.
+        // The size of the picture, not the one that `resolve` suggests.
         Some(self.view?.resolve(size).ok()?.0)
     }
 }
@@ -131,7 +133,7 @@ fn positive(what: &str, text: &str) -> Result<f64, PictureError> {
         .ok_or_else(|| PictureError::Header(format!("{what}={text} must be a positive number")))
 }
 
-/// The next line without its end.
+/// Returns the next line without its end.
 fn line<'a>(rest: &mut &'a [u8], room: usize) -> Result<&'a [u8], PictureError> {
     let end = rest.iter().take(room).position(|byte| *byte == b'\n');
     let end = end.ok_or_else(|| {
@@ -142,7 +144,8 @@ fn line<'a>(rest: &mut &'a [u8], room: usize) -> Result<&'a [u8], PictureError> 
     Ok(text)
 }
 
-/// The order of pixels in the file: `-Y 480 +X 640` is rows from the top; seven others turn or mirror it.
+/// The order of pixels in the file. `-Y 480 +X 640` is rows from the top; seven others rotate or
+/// mirror the picture.
 struct Layout {
     rows: u32,
     row_length: u32,
@@ -176,7 +179,7 @@ impl Layout {
         if self.columns_first { (self.rows, self.row_length) } else { (self.row_length, self.rows) }
     }
 
-    /// The pixels in rows from the top, each from the left.
+    /// Returns the pixels in rows from the top, each from the left.
     fn place(&self, scanned: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
         if !self.columns_first && self.from_top && !self.from_right {
             return scanned;
@@ -195,25 +198,26 @@ impl Layout {
     }
 }
 
-/// Radiance's `setcolr`: mantissas are cut, not rounded, since reading adds ½. Negative and NaN become 0, and what is too
-/// bright for an exponent byte the brightest there is.
+/// Encodes as Radiance's `setcolr`: mantissas are truncated, not rounded, because decoding adds ½.
+/// Negative values and NaN become 0. Values above the greatest exponent become the greatest value.
 fn to_rgbe(rgb: [f64; 3]) -> [u8; 4] {
     let rgb = rgb.map(|value| if value > 0.0 { value.min(MOST) } else { 0.0 });
     let largest = rgb[0].max(rgb[1]).max(rgb[2]);
     if largest < LEAST {
         return [0; 4];
     }
-    // The exponent field of an f64 is exact where log2 is not: 2^(exponent-1) <= largest < 2^exponent.
+    // The exponent field of an f64 is exact where log2 is not: 2^(exponent-1) <= largest <
+    // 2^exponent.
     let exponent = (largest.to_bits() >> 52) as i32 - 1022;
     let scale = 2f64.powi(8 - exponent);
     let mantissa = rgb.map(|value| (value * scale) as u8);
     [mantissa[0], mantissa[1], mantissa[2], (exponent + 128) as u8]
 }
 
-/// Below this there is no exponent byte but 0, which is black: 2^-128.
+/// Values below this are black, because only the exponent byte 0 is left: 2^-128.
 const LEAST: f64 = 0.5 / (1u128 << 127) as f64;
 
-/// The largest value that an exponent byte of 255 holds, just below 2^127.
+/// The largest value with exponent byte 255, just below 2^127.
 const MOST: f64 = 255.9 * (1u128 << 119) as f64;
 
 fn from_rgbe(rgbe: [u8; 4], multiplier: [f64; 3]) -> [f32; 3] {
@@ -221,7 +225,7 @@ fn from_rgbe(rgbe: [u8; 4], multiplier: [f64; 3]) -> [f32; 3] {
         return [0.0; 3];
     }
     let scale = 2f64.powi(i32::from(rgbe[3]) - 136);
-    // An exposure below 1 may take bright pixels beyond f32.
+    // An exposure below 1 may move bright pixels beyond f32.
     let value = |c: usize| {
         ((f64::from(rgbe[c]) + 0.5) * scale * multiplier[c]).min(f64::from(f32::MAX)) as f32
     };
@@ -233,13 +237,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_limits_of_rgbe_are_what_its_exponent_byte_allows() {
+    fn the_limits_of_rgbe_are_those_of_its_exponent_byte() {
         assert_eq!(LEAST, 2f64.powi(-128));
         assert_eq!(MOST, 255.9 * 2f64.powi(119));
         assert_eq!(to_rgbe([f64::INFINITY, 0.0, 1e300]), [255, 0, 255, 255]);
         assert_eq!(to_rgbe([2f64.powi(-128), 0.0, 0.0]), [128, 0, 0, 1]);
         assert_eq!(to_rgbe([2f64.powi(-129), f64::NAN, -1.0]), [0; 4]);
-        // Radiance's own: setcolr(1, 0.5, 0.25) gives 128 64 32 129.
+        // From Radiance: setcolr(1, 0.5, 0.25) gives 128 64 32 129.
         assert_eq!(to_rgbe([1.0, 0.5, 0.25]), [128, 64, 32, 129]);
     }
 

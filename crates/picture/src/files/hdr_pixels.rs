@@ -1,6 +1,8 @@
-//! The scanlines of a Radiance picture: flat, old runs (1 1 1 count) and new ones (channel by channel).
+//! The scanlines of a Radiance picture: flat, with old runs (1 1 1 count), or with new runs
+//! (channel by channel).
 //!
-//! Invariant: a reader takes what it is given and no more, and fills exactly one row or fails.
+//! Always true: a reader consumes no more bytes than it is given, and fills exactly one row or
+//! fails.
 
 use crate::error::PictureError;
 
@@ -11,7 +13,7 @@ const MAX_LITERAL: usize = 128;
 /// Shortest run worth its two bytes (Radiance color.c, MINRUN).
 const MIN_RUN: usize = 4;
 
-/// What is wrong with a row.
+/// An error in a row.
 pub(super) enum Fault {
     Truncated,
     Encoding(&'static str),
@@ -26,10 +28,10 @@ impl Fault {
     }
 }
 
-/// Reads one row; `rle` says that its width allows the newer encoding.
+/// Reads one row. `rle`: the width allows the newer encoding.
 pub(super) fn read_row(rest: &mut &[u8], row: &mut [[u8; 4]], rle: bool) -> Result<(), Fault> {
     match rest {
-        // A length of 2^15 and more cannot be: Radiance takes these four bytes as a pixel then.
+        // A length of 2^15 or more is impossible; Radiance then takes these four bytes as a pixel.
         [2, 2, high, low, ..] if rle && *high < 128 => {
             if usize::from(*high) << 8 | usize::from(*low) != row.len() {
                 return Err(Fault::Encoding("its length is not the picture's width"));
@@ -61,7 +63,8 @@ fn read_channel(rest: &mut &[u8], row: &mut [[u8; 4]], channel: usize) -> Result
     Ok(())
 }
 
-/// Flat pixels, in which 1 1 1 n repeats the last one n times, and following ones count 256 times as much each.
+/// Reads flat pixels with old runs: 1 1 1 n repeats the previous pixel n times, and each following
+/// run counts 256 times as much.
 fn read_old(rest: &mut &[u8], row: &mut [[u8; 4]]) -> Result<(), Fault> {
     let (mut at, mut shift) = (0, 0);
     while at < row.len() {
@@ -78,7 +81,7 @@ fn read_old(rest: &mut &[u8], row: &mut [[u8; 4]]) -> Result<(), Fault> {
         if shift > 16 {
             return Err(Fault::Encoding("a run is longer than any row"));
         }
-        // Radiance cuts a run at the end of the row, and so do we.
+        // As in Radiance, a run ends at the end of the row.
         let end = row.len().min(at + (usize::from(pixel[3]) << shift));
         row[at..end].fill(last);
         (at, shift) = (end, shift + 8);
@@ -92,10 +95,11 @@ fn take<const N: usize>(rest: &mut &[u8]) -> Result<[u8; N], Fault> {
     Ok(*bytes)
 }
 
-/// Appends one row, in the newer encoding if `rle` (its length must then be less than 2^15).
+/// Appends one row, in the newer encoding if `rle` (its length must then be below 2^15).
 pub(super) fn write_row(bytes: &mut Vec<u8>, row: &[[u8; 4]], rle: bool) {
     if !rle {
-        // No pixel of ours reads as a run: the largest mantissa is never below 128, but for black.
+        // Our pixels cannot be mistaken for runs: the largest mantissa is at least 128, except for
+        // black.
         bytes.extend_from_slice(row.as_flattened());
         return;
     }
@@ -127,7 +131,8 @@ fn write_channel(bytes: &mut Vec<u8>, row: &[[u8; 4]], channel: usize) {
     }
 }
 
-/// Length of the run that begins at `at`, counted no further than [`MIN_RUN`]: a literal asks this at every byte.
+/// Returns the length of the run that begins at `at`, but counts at most to [`MIN_RUN`]: literals
+/// need it at every byte.
 fn run_at_least(row: &[[u8; 4]], at: usize, channel: usize) -> usize {
     row[at..].iter().take(MIN_RUN).take_while(|pixel| pixel[channel] == row[at][channel]).count()
 }

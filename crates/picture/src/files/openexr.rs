@@ -1,6 +1,7 @@
-//! OpenEXR: R, G and B as 32-bit floats, written with lossless compression; the view as a text attribute `VIEW`.
+//! OpenEXR: R, G and B as 32-bit floats, written with lossless compression. The view is the text
+//! attribute `VIEW`.
 //!
-//! Invariant: sizes and channels of the header are bounded before any pixel is asked for.
+//! Always true: sizes and channels of the header are bounded before any pixel is decoded.
 
 use crate::error::PictureError;
 use crate::picture::{MAX_PIXELS, Picture};
@@ -16,9 +17,10 @@ use std::io::Cursor;
 /// Name of the attribute that holds the view as Radiance's options.
 const VIEW: &str = "VIEW";
 
-/// The compressions that a damaged file cannot misuse: a million damaged files of these gave pictures or errors.
-/// exr 1.74.2 takes the lengths inside a DWA chunk as they are (a flipped byte asked for 4 TB and ended the process), its B44
-/// overflows on damaged blocks, and newer ones are untried.
+/// Compressions that are safe for damaged files: a million damaged files of these gave pictures or
+/// errors. Others are not. exr 1.74.2 trusts the lengths inside a DWA chunk (a flipped byte
+/// requested 4 TB and ended the process). Its B44 decoder overflows on damaged blocks. Newer
+/// compressions are untested.
 const SAFE: [Compression; 6] = [
     Compression::Uncompressed,
     Compression::RLE,
@@ -28,7 +30,8 @@ const SAFE: [Compression; 6] = [
     Compression::PXR24,
 ];
 
-/// Most bytes of a layer's pixels, all channels together: a chunk, and so what is unpacked at once, may be a whole layer.
+/// Most bytes of a layer's pixels, all channels together. A chunk, which is decompressed at once,
+/// may be a whole layer.
 const MAX_LAYER_BYTES: u64 = MAX_PIXELS * 32;
 
 pub(super) fn encode(picture: &Picture) -> Result<Vec<u8>, PictureError> {
@@ -85,9 +88,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
     Ok(picture)
 }
 
-/// Fails unless every layer is within the limits and of a compression that is safe.
+/// Checks that every layer is within the limits and has a safe compression.
 ///
-/// The library itself reads the table of chunks before it asks for pixels, and so refuses files far shorter than claimed.
+/// The library reads the table of chunks before it decodes pixels, so it rejects files that are far
+/// too short.
 fn check_header(bytes: &[u8]) -> Result<(), PictureError> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(failed)?;
     for header in &meta.headers {
@@ -114,7 +118,7 @@ fn check_header(bytes: &[u8]) -> Result<(), PictureError> {
     Ok(())
 }
 
-/// A view that cannot be understood leaves a picture whose pixels are still good.
+/// Returns the view; `None` if it cannot be understood, which leaves the pixels usable.
 fn view(options: &str, size: (u32, u32)) -> Option<View> {
     Some(View::parse_vf(options).ok()?.resolve(size).ok()?.0)
 }

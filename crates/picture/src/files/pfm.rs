@@ -1,12 +1,13 @@
-//! Portable float maps: `PF` (RGB) or `Pf` (grey), width, height, scale, then 32-bit floats, rows from the **bottom**.
+//! Portable float maps: `PF` (RGB) or `Pf` (grey), width, height, scale, then 32-bit floats, rows
+//! from the **bottom** (<https://netpbm.sourceforge.net/doc/pfm.html>).
 //!
-//! The scale's sign gives the byte order (negative: little-endian), and values are multiplied by its size
-//! (<https://netpbm.sourceforge.net/doc/pfm.html>). Written little-endian with scale -1, so that values are exact.
+//! The sign of the scale gives the byte order (negative: little-endian). Values are multiplied by
+//! its magnitude. Files are written little-endian with scale -1, so that values are exact.
 
 use crate::error::PictureError;
 use crate::picture::Picture;
 
-/// Longest word of a header; more is no number.
+/// Longest word of a header.
 const MAX_WORD: usize = 64;
 
 pub(super) fn encode(picture: &Picture) -> Vec<u8> {
@@ -52,7 +53,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
     Picture::from_pixels(width, height, pixels)
 }
 
-/// The next word of the header; exactly one white space after it is taken, since pixels may begin right there.
+/// Returns the next word of the header. Consumes exactly one white space after it, because pixels
+/// may begin there.
 fn word<'a>(rest: &mut &'a [u8]) -> Result<&'a str, PictureError> {
     let bytes = rest.trim_ascii_start();
     let end = bytes.iter().take(MAX_WORD).position(u8::is_ascii_whitespace);

@@ -20,7 +20,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Uniform in [0, 1).
+    /// Returns a number that is uniform in [0, 1).
     pub fn unit(&mut self) -> f32 {
         (self.next() >> 40) as f32 * (1.0 / (1 << 24) as f32)
     }
@@ -29,7 +29,7 @@ impl Random {
         (self.next() % n as u64) as usize
     }
 
-    /// Uniform in the cube from -1 to 1.
+    /// Returns a point that is uniform in the cube from -1 to 1.
     pub fn cube(&mut self) -> Vec3 {
         Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
     }
@@ -79,7 +79,8 @@ impl Mesh {
         self.triangles.push([base, base + 1, base + 2]);
     }
 
-    /// A closed sphere of `8 * 4^level` triangles: a subdivided octahedron, at `centre` with `radius`.
+    /// Returns a closed sphere of `8 * 4^level` triangles: a subdivided octahedron, at `centre`
+    /// with `radius`.
     pub fn sphere(level: u32, centre: Vec3, radius: f32) -> Self {
         let mut corners: Vec<Vec3> = vec![Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
         let mut triangles = vec![
@@ -114,11 +115,13 @@ impl Mesh {
         Self { positions, triangles }
     }
 
-    /// A closed box around the origin whose faces are `n` x `m` rectangles, cut into slivers where `n` and `m` differ.
+    /// Returns a closed box around the origin whose faces are grids of `n` x `m` rectangles. The
+    /// rectangles are slivers if `n` and `m` differ.
     pub fn sliver_box(half: Vec3, n: u32, m: u32) -> Self {
         let mut mesh = Self::default();
         let mut known = std::collections::HashMap::new();
-        // Vertices on the shared edges must be the same on both faces: every axis has one grid of steps.
+        // Vertices on shared edges must be the same on both faces, so every axis has one grid of
+        // steps.
         let steps = [n, m, n];
         for axis in 0..3 {
             let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -149,7 +152,7 @@ impl Mesh {
         mesh
     }
 
-    /// Unconnected random triangles in the cube from -1 to 1.
+    /// Returns unconnected random triangles in the cube from -1 to 1.
     pub fn soup(count: usize, size: f32, random: &mut Random) -> Self {
         let mut mesh = Self::default();
         while mesh.triangles.len() < count {

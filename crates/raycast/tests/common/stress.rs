@@ -1,20 +1,22 @@
-//! Rays where ray tracers break, against closed meshes: by the million in tests, by the hundred million in the example.
+//! Rays that are difficult for ray tracers, against closed meshes: a million in tests, 100 million
+//! in the example.
 
 use glam::Vec3;
-use holo_raycast::{Hit, MAX_TOGETHER, Quality, Ray, Raycaster, spawn};
+use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster, spawn};
 
 use super::common::{Mesh, Random};
 
-/// What became of the rays of a case.
+/// The results of a case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     pub rays: u64,
-    /// Rays inside a closed mesh, or aimed at it from outside, that met nothing; one by one, together, or as an occlusion query.
+    /// Rays inside a closed mesh, or aimed at it from outside, that hit nothing: alone, together,
+    /// or as an occlusion query.
     pub leaks: u64,
     pub not_a_number: u64,
 }
 
-/// A ray that must meet the mesh.
+/// Makes a ray that must hit the mesh.
 type Aim = fn(&Mesh, f32, &mut Random) -> Ray;
 
 fn corner(mesh: &Mesh, random: &mut Random) -> [Vec3; 3] {
@@ -39,7 +41,8 @@ fn at_vertices(mesh: &Mesh, size: f32, random: &mut Random) -> Ray {
     towards(random.cube() * (0.3 * size), a)
 }
 
-/// From inside along an axis, from below a vertex where that is inside: zeros of both signs in the direction.
+/// From inside along an axis, if possible from below a vertex: zeros of both signs in the
+/// direction.
 fn along_axes(mesh: &Mesh, size: f32, random: &mut Random) -> Ray {
     let axis = random.below(3);
     let mut direction = [0, 1, 2].map(|_| if random.below(2) == 0 { 0.0 } else { -0.0 });
@@ -52,7 +55,8 @@ fn along_axes(mesh: &Mesh, size: f32, random: &mut Random) -> Ray {
     Ray::new(origin, direction.into())
 }
 
-/// In the plane of a face across an axis, from a point of that face: it ends at the face that it runs into. Parallel to other faces.
+/// In the plane of a face perpendicular to an axis, from a point of that face. It ends at the next
+/// face and is parallel to others.
 fn in_face_planes(mesh: &Mesh, size: f32, random: &mut Random) -> Ray {
     let [a, b, c] = corner(mesh, random);
     let Some(axis) = (0..3).find(|&axis| a[axis] == b[axis] && b[axis] == c[axis]) else {
@@ -65,14 +69,14 @@ fn in_face_planes(mesh: &Mesh, size: f32, random: &mut Random) -> Ray {
     Ray::new(origin, direction.normalize_or((b - a).normalize_or(Vec3::X)))
 }
 
-/// From a million sizes off, or as far as a coordinate may be told apart, at a point inside.
+/// From outside at an inside point, a million sizes away or as far as coordinates allow.
 fn from_afar(_: &Mesh, size: f32, random: &mut Random) -> Ray {
     let direction = random.direction();
     // In f32 the origin is rounded by 1e6 · 2⁻²⁴ sizes: the target is within 0.1.
     Ray::new(direction * (-1e6 * size), direction)
 }
 
-/// From 1e-6 to 2e-6 of the size in front of a surface, towards it: nothing else is beyond.
+/// Towards a surface from 1e-6 to 2e-6 of the size in front of it; nothing else is beyond.
 fn very_near(mesh: &Mesh, _: f32, random: &mut Random) -> Ray {
     let [a, b, c] = corner(mesh, random);
     let (mut u, mut v) = (random.unit(), random.unit());
@@ -97,10 +101,11 @@ fn mesh_middle(mesh: &mut Mesh, a: u32, b: u32) -> u32 {
     mesh.positions.len() as u32 - 1
 }
 
-/// Closed meshes of size about 1 (half the edge of their cube); the last ones have every fault that keeps them closed.
+/// Returns closed meshes of size about 1 (half the edge of their cube). The last ones have every
+/// fault that keeps them closed.
 fn meshes() -> Vec<(&'static str, Mesh)> {
     let mut faulty = Mesh::sphere(3, Vec3::ZERO, 1.0);
-    // Duplicates, once as they are and once turned inside out.
+    // Duplicates: once unchanged and once turned inside out.
     let copies: Vec<[u32; 3]> = faulty.triangles.iter().step_by(2).copied().collect();
     faulty.triangles.extend(copies.iter().copied());
     faulty.triangles.extend(copies.iter().map(|&[a, b, c]| [a, c, b]));
@@ -138,7 +143,7 @@ fn check(counts: &mut Counts, raycaster: &Raycaster, rays: &[Ray], together: &mu
     }
 }
 
-/// Light that bounces in the mesh and restarts from each surface by error bounds: it must never get out.
+/// Bounces rays in the mesh. They restart from each surface by error bounds and must never escape.
 fn bounce(counts: &mut Counts, raycaster: &Raycaster, rays: u64, random: &mut Random) {
     let mut ray = Ray::new(Vec3::ZERO, random.direction());
     let mut from = holo_raycast::NO_TRIANGLE;
@@ -150,7 +155,7 @@ fn bounce(counts: &mut Counts, raycaster: &Raycaster, rays: u64, random: &mut Ra
             continue;
         };
         let surface = raycaster.surface(hit.triangle, hit.u, hit.v);
-        // A mesh around the origin: inside is where the origin is.
+        // The mesh is around the origin, so the origin is inside.
         let inwards =
             if surface.normal.dot(surface.point) > 0.0 { -surface.normal } else { surface.normal };
         let direction = random.direction();
@@ -161,7 +166,7 @@ fn bounce(counts: &mut Counts, raycaster: &Raycaster, rays: u64, random: &mut Ra
     }
 }
 
-/// About `rays` rays over all meshes, scales from 1e-3 to 1e5 and ways to aim.
+/// Traces about `rays` rays over all meshes, scales from 1e-3 to 1e5, and ways to aim.
 pub fn run(rays: u64) -> Vec<(String, Counts)> {
     let scales = [1e-3, 1.0, 1e5];
     let meshes = meshes();
@@ -172,7 +177,7 @@ pub fn run(rays: u64) -> Vec<(String, Counts)> {
         let mut counts = [Counts::default(); AIMS.len() + 1];
         for scale in scales {
             let mesh = scaled(mesh, scale);
-            let Ok(raycaster) = Raycaster::build_with(mesh.scene(), Quality::Fine) else {
+            let Ok(raycaster) = Raycaster::build(mesh.scene()) else {
                 counts[0].leaks += share;
                 continue;
             };

@@ -3,9 +3,9 @@
 #![allow(dead_code, clippy::unwrap_used)]
 
 use holo_scene::{LoadOptions, Loaded, SceneError, Warning, load_obj};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Loads `s.obj` with this text beside `s.mtl` with that one, from a folder of its own.
+/// Loads `s.obj` with this text and `s.mtl` with that text, from a folder of their own.
 pub fn load_with(
     obj: impl AsRef<[u8]>,
     mtl: &str,
@@ -46,14 +46,4 @@ pub fn error(result: Result<Loaded, SceneError>) -> String {
     let shown = result.unwrap_err().to_string();
     let at = ["s.obj", "s.mtl"].iter().filter_map(|name| shown.find(name)).min().unwrap();
     shown[at..].to_owned()
-}
-
-/// The folder of optional data beside the project, if it is there; says that the test is skipped if not.
-pub fn shared() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    if folder.join("scenes").is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no ../shared/scenes beside the project");
-    None
 }

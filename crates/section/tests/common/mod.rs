@@ -1,5 +1,5 @@
 //! Shared by the tests: a random stream, random beams, and the sections of the known scenes.
-// Each test file uses a part; clippy allows `unwrap` in test functions only, not in their helpers.
+// Each test file uses some of it. Clippy allows `unwrap` in test functions only, not in helpers.
 #![allow(dead_code, clippy::unwrap_used)]
 
 use holo_section::{BeamId, CellPair, DVec3, RayCoords, Section, SectionSpec, ViewClass, seed};
@@ -17,7 +17,7 @@ impl Rng {
         ((u128::from(self.next()) * u128::from(n)) >> 64) as u64
     }
 
-    /// In [0, 1).
+    /// Returns a number in [0, 1).
     pub fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
@@ -58,14 +58,15 @@ pub fn section(origin: [f64; 3], axes: [[f64; 3]; 3], grid: [u32; 3]) -> Section
 
 pub const UNIT: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// Axes that are neither perpendicular nor along the world's, about as long as those of [`UNIT`].
+/// Axes that are neither perpendicular to each other nor along the world's, about as long as those
+/// of [`UNIT`].
 pub const SHEARED: [[f64; 3]; 3] = [[0.8, 0.5, -0.1], [-0.3, 1.1, 0.2], [0.25, 0.15, 0.9]];
 
 pub fn scaled(axes: [[f64; 3]; 3], factor: f64) -> [[f64; 3]; 3] {
     axes.map(|axis| axis.map(|x| x * factor))
 }
 
-/// The section of the Cornell box's baselines.
+/// The section in front of the Cornell box.
 pub fn cornell() -> Section {
     section([0.6, 0.6, -4.0], [[4.3, 0.0, 0.0], [0.0, 4.2, 0.0], [0.0, 0.0, 5.0]], [8; 3])
 }
@@ -76,8 +77,8 @@ pub fn living_room() -> Section {
     section([14.0, 1.0, 3.0], axes, Section::default_grid(axes))
 }
 
-/// Upper bound of a chi² statistic with many degrees of freedom at 5 standard deviations (Wilson & Hilferty 1931):
-/// exceeded by chance once in 3.5 million.
+/// Returns a bound on a chi² statistic with many degrees of freedom, at 5 standard deviations
+/// (Wilson & Hilferty 1931). Chance exceeds it once in 3.5 million.
 pub fn chi2_limit(degrees: f64) -> f64 {
     let k = 2.0 / (9.0 * degrees);
     degrees * (1.0 - k + 5.0 * k.sqrt()).powi(3)

@@ -1,20 +1,20 @@
-//! Building the light tree: groups are split where the surface-area-orientation heuristic is least (Conty Estevez and Kulla
-//! 2018, §4.4), into up to eight at a time.
+//! Building the light tree. Groups are split where the surface-area-orientation heuristic is least
+//! (Conty Estevez and Kulla 2018, §4.4), into up to eight at a time.
 //!
-//! Always true: every emitter is in exactly one place; the tree is at most some 60 levels deep, since deep down groups are
-//! halved by number.
+//! Always true: every emitter is in exactly one leaf. The tree has at most about 60 levels, because
+//! groups deep in the tree are halved by number.
 
 use glam::Vec3;
 
-use super::Source;
+use super::Emission;
 use super::cone::Cone;
 use super::node::{Bound, Child, Node, WIDTH};
 
-/// Places at which a split is considered, by axis.
+/// Number of intervals per axis between which splits are considered.
 const BUCKETS: usize = 12;
-/// Levels after which groups are halved by number, so that no scene makes a deep tree.
+/// Depth from which groups are halved by number, so that no scene makes a deep tree.
 const HALVING_DEPTH: usize = 24;
-/// Share of the coordinates by which a plane is put lower, for rounding.
+/// Share of the coordinates by which a plane is lowered, for rounding.
 const SLACK: f32 = 4e-6;
 
 /// A triangle that emits, or a group of them.
@@ -22,16 +22,16 @@ const SLACK: f32 = 4e-6;
 pub(crate) struct Emitter {
     low: Vec3,
     high: Vec3,
-    /// Of a single one, its centroid.
+    /// For a single emitter, its centroid.
     center: Vec3,
-    /// Around `center`, for a single one.
+    /// For a single emitter: squared radius of a sphere around `center`.
     radius2: f32,
     normals: Cone,
     /// Least `axis · p`.
     plane: f32,
     two_sided: bool,
     power: f64,
-    source: Source,
+    emission: Emission,
 }
 
 impl Emitter {
@@ -52,13 +52,13 @@ impl Emitter {
             plane: if two_sided { f32::NEG_INFINITY } else { plane },
             two_sided,
             power,
-            source: Source { radiance, side },
+            emission: Emission { radiance, side },
         }
     }
 
-    /// What a single one sends out.
-    pub(crate) fn source(&self) -> Source {
-        self.source
+    /// Returns the emission of a single emitter.
+    pub(crate) fn emission(&self) -> Emission {
+        self.emission
     }
 
     fn union(self, other: Self) -> Self {
@@ -77,11 +77,11 @@ impl Emitter {
             plane: if flat { self.plane.min(other.plane) } else { f32::NEG_INFINITY },
             two_sided: self.two_sided || other.two_sided,
             power: self.power + other.power,
-            source: self.source,
+            emission: self.emission,
         }
     }
 
-    /// The heuristic's cost: what a group emits, by how far it is spread in space and in direction.
+    /// Returns the cost of the heuristic: power times the spread in space and in direction.
     fn cost(self) -> f64 {
         let size = self.high - self.low;
         let area =
@@ -106,7 +106,8 @@ impl Emitter {
     }
 }
 
-/// The nodes, the root first, and where each emitter is; no nodes without emitters.
+/// Builds the tree. Returns the nodes, the root first, and the leaf of each emitter. Without
+/// emitters there are no nodes.
 pub(crate) fn tree(emitters: Vec<Emitter>) -> (Vec<Node>, Vec<Child>) {
     let mut builder = Builder { nodes: Vec::new(), places: vec![Child::default(); emitters.len()] };
     let mut items: Vec<(u32, Emitter)> = (0..).zip(emitters).collect();
@@ -158,7 +159,8 @@ fn whole(group: &[(u32, Emitter)]) -> Emitter {
     group[1..].iter().fold(group[0].1, |sum, &(_, e)| sum.union(e))
 }
 
-/// Reorders a group of at least two for its best split; returns how many come first: some, and not all.
+/// Reorders a group of at least two for its best split. Returns the size of the first part, which
+/// is neither 0 nor all.
 fn split(group: &mut [(u32, Emitter)], halve: bool) -> usize {
     let (low, high) = group.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), (_, e)| {
         (l.min(e.center), h.max(e.center))
@@ -183,7 +185,7 @@ fn split(group: &mut [(u32, Emitter)], halve: bool) -> usize {
             for i in (1..BUCKETS).rev() {
                 above[i - 1] = add(buckets[i], above[i]);
             }
-            // Long thin groups are the worse for the light that comes from their side (Conty Estevez and Kulla's Kr).
+            // Long thin groups illuminate unevenly from their sides (Conty Estevez and Kulla's Kr).
             let stretch = f64::from(size.max_element() / size[axis]);
             let mut below = None;
             for i in 0..BUCKETS - 1 {

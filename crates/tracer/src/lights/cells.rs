@@ -1,12 +1,13 @@
-//! Which lights a part of the scene really gets light from: by cells of space and the way that a surface faces, estimated with
-//! shadow rays when a path first comes there.
+//! The lights that each part of a scene really receives light from.
 //!
-//! The tree's importances know nothing of walls: of ninety lamps in six rooms most are behind some, and of a group that reaches to
-//! the vertex they see only its middle. A cell therefore chooses among some tens of subtrees ([`CLUSTERS`]) by what
-//! probes on its surfaces got from each; within a subtree the importances decide.
+//! The tree's importances ignore walls: most of ninety lamps in six rooms are hidden, and of a
+//! group that reaches up to the vertex they see only the middle. This module divides space into
+//! cells, and each cell by the axis that surfaces face. A cell chooses among at most [`CLUSTERS`]
+//! subtrees by what probes on its surfaces received from each. Within a subtree the importances
+//! decide. A cell is estimated with shadow rays when a path first reaches it.
 //!
-//! Always true: what a cell holds is a function of the scene and the cell, whichever thread makes it, and when; every cluster has a
-//! share ([`UNSEEN`]) even where no probe saw it.
+//! Always true: a cell is a function of the scene and its number, no matter which thread makes it,
+//! or when. Every cluster keeps a share ([`UNSEEN`]), even if no probe saw it.
 
 use std::sync::{Arc, OnceLock};
 
@@ -14,57 +15,62 @@ use glam::{IVec3, Vec3};
 use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
 
 use super::node::{Child, Node, WIDTH};
-use super::{Lights, Source, Weights, descend};
+use super::{Emission, Lights, Weights, descend};
 use crate::geometry::{Frame, cosine_hemisphere};
 use crate::lights::{Aim, luminance};
 use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
 
-/// Subtrees that a cell chooses among, at most.
+/// Most subtrees that a cell chooses among.
 const CLUSTERS: usize = 64;
-/// Cells in space at most; each comes in seven kinds, by the axis that a surface faces.
+/// Most cells of the grid.
 const MOST_CELLS: f32 = 8_192.0;
+/// Variants of a cell, by the axis and sign that a surface faces; one more for light from
+/// everywhere.
 const FACINGS: usize = 7;
-/// Places in a cell that look for the lights.
+/// Points of a cell that estimate its lights.
 const PROBES: usize = 4;
-/// Shadow rays of a cell, about.
+/// Approximate number of shadow rays for a cell.
 const LOOKS: usize = 128;
-/// Nodes of clusters that are weighed for every vertex.
+/// Nodes of clusters that are weighed anew for every vertex.
 const SEEN_NODES: usize = 2;
-/// Attempts at finding them on surfaces.
+/// Attempts to place the probes on surfaces.
 const ATTEMPTS: usize = 16;
-/// Rays per probe that look for the sky.
+/// Rays per probe that test the sky.
 const SKY_RAYS: usize = 4;
-/// Share of the samples that goes by what would arrive if nothing were in the way.
+/// Share of samples that follows the light that would arrive without obstacles.
 const UNSEEN: f32 = 0.1;
-/// Clusters nearer than so many sides of a cell are not the same for all of it: probes may not have seen what others do.
+/// Distance in cell sides below which a cluster differs within the cell: what probes see may not
+/// hold for all of it.
 const NEAR: f32 = 1.5;
-/// Such ones count at least so much of their importance.
+/// Least share of its importance that such a cluster keeps.
 const LEAST_NEAR: f32 = 0.5;
-/// And by power alone.
+/// Share of the samples without obstacles that follows power alone.
 const BLIND: f32 = 0.01;
-/// Cosine that every light counts at least: a cell's surfaces do not all face as its probes do.
+/// Least cosine of a light: the surfaces of a cell do not all face as its probes do.
 const LEAST_COSINE: f32 = 0.1;
-/// How much larger than the box of the emitters the grid is, in each direction, of the box's greatest side.
+/// Margin of the grid around the box of the emitters, over the box's longest side.
 const MARGIN: f32 = 0.25;
 
-/// What a cell's surfaces get.
+/// What the surfaces of a cell receive.
 #[derive(Debug)]
 pub(super) struct Cell {
-    /// From all emitters, about as irradiance, in the unit of the tree's powers.
+    /// From all emitters: approximate irradiance, in the unit of the tree's powers.
     pub total: f32,
-    /// From the sky.
+    /// The same from the sky.
     pub sky: f32,
-    /// Sums of the clusters' shares up to and with each, wherever in the cell.
+    /// Cumulative shares of the clusters, the same for the whole cell.
     sums: Box<[f32]>,
-    /// The clusters that probes saw, their power as far as they did: weighed anew for every vertex.
+    /// The clusters that probes saw or that are near, weighed anew for every vertex. Their power is
+    /// scaled by the share that reached the probes.
     pub seen: Box<[Node]>,
-    /// By place in them, the cluster, and by cluster its place.
+    /// The cluster of each slot of `seen`.
     seen_clusters: [u8; SEEN_NODES * WIDTH],
+    /// The slot of each cluster in `seen`; `u8::MAX` if it has none.
     seen_as: Box<[u8]>,
 }
 
-/// All cells.
+/// The grid of cells.
 #[derive(Debug)]
 pub(super) struct Cells {
     raycaster: Arc<Raycaster>,
@@ -73,13 +79,13 @@ pub(super) struct Cells {
     side: f32,
     size: IVec3,
     clusters: Vec<Child>,
-    /// By emitter.
+    /// The cluster of each emitter.
     cluster_of: Vec<u16>,
     cells: Box<[OnceLock<Cell>]>,
 }
 
 impl Cell {
-    /// A cluster by a uniform number, which becomes uniform again.
+    /// Picks a cluster by a uniform number and makes the number uniform again.
     #[inline]
     fn pick(&self, seen: &Weights, uniform: &mut f64) -> usize {
         if seen.total() > 0.0 {
@@ -107,7 +113,7 @@ impl Cell {
         self.sums[i] - self.before(i)
     }
 
-    /// Probability of a cluster.
+    /// Returns the probability of a cluster.
     #[inline]
     fn probability(&self, seen: &Weights, i: usize) -> f32 {
         if seen.total() > 0.0 {
@@ -119,7 +125,7 @@ impl Cell {
 }
 
 impl Cells {
-    /// `None` if the tree is too small to need them.
+    /// Divides space into cells. `None` if the tree is too small to need them.
     pub(super) fn new(
         lights: &Lights,
         raycaster: &Arc<Raycaster>,
@@ -168,11 +174,11 @@ impl Cells {
         })
     }
 
-    /// The number of the cell of a point and normal; `None` outside of the grid.
+    /// Returns the number of the cell of a point and normal; `None` outside of the grid.
     #[inline]
     pub(super) fn find(&self, point: Vec3, normal: Vec3) -> Option<u32> {
         let at = ((point - self.low) / self.side).floor();
-        // A NaN is outside too.
+        // NaN is outside too.
         if !(at.cmpge(Vec3::ZERO).all() && at.cmplt(self.size.as_vec3()).all()) {
             return None;
         }
@@ -186,21 +192,21 @@ impl Cells {
         self.cells[number as usize].get_or_init(|| self.probe(lights, number))
     }
 
-    /// A subtree or emitter, and its probability.
+    /// Picks a cluster by a uniform number; returns it and its probability.
     #[inline]
     pub(super) fn pick(&self, cell: &Cell, seen: &Weights, uniform: &mut f64) -> (Child, f32) {
         let i = cell.pick(seen, uniform);
         (self.clusters[i], cell.probability(seen, i))
     }
 
-    /// The cluster of an emitter and its probability.
+    /// Returns the cluster of an emitter and its probability.
     #[inline]
     pub(super) fn share(&self, cell: &Cell, seen: &Weights, emitter: usize) -> (Child, f32) {
         let i = usize::from(self.cluster_of[emitter]);
         (self.clusters[i], cell.probability(seen, i))
     }
 
-    /// Looks from a few places of the cell at all clusters.
+    /// Estimates a cell: probes send shadow rays to all clusters.
     #[cold]
     fn probe(&self, lights: &Lights, number: u32) -> Cell {
         let (cell, facing) = (number / FACINGS as u32, number % FACINGS as u32);
@@ -267,7 +273,7 @@ impl Cells {
             seen_as[i] = place as u8;
             seen_clusters[place] = i as u8;
         }
-        // So that their importances are, for the probes, what really arrived.
+        // Scale powers so that importances at the probes equal what arrived there.
         let mut expected = [0.0_f32; SEEN_NODES * WIDTH];
         for probe in &probes {
             let normal = if facing == EVERYWHERE { Vec3::ZERO } else { probe.normal };
@@ -298,7 +304,7 @@ impl Cells {
         if sum > 0.0 && sum.is_finite() {
             sums.iter_mut().for_each(|s| *s /= sum);
         } else {
-            // Beyond the range of f32: evenly.
+            // The sum exceeds the range of f32: share evenly.
             let count = sums.len() as f32;
             sums.iter_mut().zip(1_u8..).for_each(|(s, i)| *s = f32::from(i) / count);
         }
@@ -313,7 +319,8 @@ impl Cells {
         }
     }
 
-    /// Points on surfaces of the cell that face its way, or anywhere in it.
+    /// Returns points on surfaces that face the cell's way; if there are too few, points in the
+    /// cell.
     fn probes(&self, corner: Vec3, facing: u32, sampler: &mut Sampler) -> [SurfacePoint; PROBES] {
         let axis = axis(facing);
         let nowhere = |point| SurfacePoint {
@@ -340,7 +347,7 @@ impl Cells {
                     on_surface = true;
                 }
             }
-            // The last attempts are taken as they come.
+            // The last attempts are taken as they are.
             if on_surface || ATTEMPTS - attempt <= PROBES - count {
                 probes[count] = found;
                 count += 1;
@@ -352,7 +359,8 @@ impl Cells {
         probes
     }
 
-    /// One sample of what a cluster brings to a probe, and the share of it that nothing stops.
+    /// Returns one sample of what a cluster brings to a probe without obstacles, and the share of
+    /// it that arrives.
     fn look(
         &self,
         lights: &Lights,
@@ -375,7 +383,7 @@ impl Cells {
         let towards = light.point - probe.point;
         let distance2 = towards.length_squared();
         let cosine = -towards.dot(light.normal) / distance2.sqrt();
-        let Source { radiance, side } = lights.sources[emitter];
+        let Emission { radiance, side } = lights.emissions[emitter];
         let shining = if side == 0.0 { cosine.abs() } else { cosine * side };
         if !(distance2 > 0.0 && shining > 0.0) || triangle == probe.triangle {
             return (0.0, 0.0);
@@ -392,9 +400,9 @@ impl Cells {
     }
 }
 
-/// Of the cells' numbers: any will do.
+/// Seed of the cells; any number will do.
 const SEED: u64 = 0xCE11;
-/// The facing of vertices that light reaches from all sides.
+/// The facing of vertices that are lit from all sides.
 const EVERYWHERE: u32 = 6;
 
 #[inline]
@@ -413,7 +421,8 @@ fn axis(facing: u32) -> Vec3 {
     [Vec3::X, Vec3::Y, Vec3::Z].get(facing as usize / 2).map_or(Vec3::Z, |axis| *axis * sign)
 }
 
-/// Subtrees that hold every emitter once: the largest, weighed by power, are divided.
+/// Returns subtrees that together contain every emitter once. The largest, weighed by power, are
+/// divided first.
 fn cut(nodes: &[Node], least_radius2: f32) -> Vec<Child> {
     let slots = |node: usize| {
         (0..nodes[node].used()).map(move |slot| Child { node: node as u32, slot: slot as u32 })

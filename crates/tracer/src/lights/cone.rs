@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 
 use glam::{Quat, Vec3};
 
-/// All directions within `angle` (radians, at most π) of the unit `axis`.
+/// All directions within `angle` (radians, at most π) of the unit vector `axis`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Cone {
     pub axis: Vec3,
@@ -12,9 +12,9 @@ pub(crate) struct Cone {
 }
 
 impl Cone {
-    /// A cone that holds both (Pharr et al. 2023, §3.8.4).
+    /// Returns a cone that contains both (Pharr et al. 2023, §3.8.4).
     pub(crate) fn union(self, other: Self) -> Self {
-        // Of equal cones exactly one is the result, so that flat groups stay flat.
+        // Of equal cones the result is exactly one of them, so that flat groups stay flat.
         if self == other {
             return self;
         }
@@ -25,11 +25,11 @@ impl Cone {
         if (apart + self.angle).min(PI) <= other.angle {
             return other;
         }
-        // Half a step of f32 angles wider, since these are rounded.
+        // Wider by half a step of f32 angles, because these are rounded.
         let angle = 0.5 * (self.angle + apart + other.angle) + 1e-6;
         let across = self.axis.cross(other.axis);
         if across.length_squared() < 1e-8 {
-            // No plane to turn in: nearly the same axes, or opposite ones.
+            // No plane to turn in: the axes are nearly equal or opposite.
             return Self {
                 axis: self.axis,
                 angle: (apart + other.angle.max(self.angle) + 1e-6).min(PI),
@@ -42,8 +42,8 @@ impl Cone {
         Self { axis: (turn * self.axis).normalize(), angle }
     }
 
-    /// Solid angle into which emitters with these normals emit, weighted by cosine (Conty Estevez and Kulla 2018, eq. 1, with an emission
-    /// of π/2 around each normal).
+    /// Returns the cosine-weighted solid angle into which emitters with these normals emit (Conty
+    /// Estevez and Kulla 2018, eq. 1, with an emission of π/2 around each normal).
     pub(crate) fn measure(self) -> f32 {
         let (o, w) = (self.angle, (self.angle + FRAC_PI_2).min(PI));
         let (sin, cos) = o.sin_cos();
@@ -52,7 +52,7 @@ impl Cone {
     }
 }
 
-/// Radians between unit vectors; an arc cosine would lose the small ones.
+/// Returns the angle between unit vectors in radians. An arc cosine would lose small angles.
 fn between(a: Vec3, b: Vec3) -> f32 {
     let (a, b) = (a.as_dvec3(), b.as_dvec3());
     a.cross(b).length().atan2(a.dot(b)) as f32

@@ -1,18 +1,21 @@
-//! Choosing points on lights, and the density with which a direction would have been chosen.
+//! Light sampling: choosing points on lights, and the density with which a direction would have
+//! been chosen.
 //!
-//! Emitting triangles are the leaves of a tree (Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with
-//! Adaptive Tree Splitting"; Pharr et al. 2023, §12.6) that is descended by what each branch may bring to the vertex that
-//! is lit. The constant sky is one more light beside the tree.
+//! Emitting triangles are the leaves of a tree (Conty Estevez and Kulla 2018, "Importance Sampling
+//! of Many Lights with Adaptive Tree Splitting"; Pharr et al. 2023, §12.6). Sampling descends it by
+//! the light that each branch may bring to the vertex. The constant sky is one more light beside
+//! the tree.
 //!
-//! Always true: a light that could bring anything to the vertex has a probability, but for rounding at its horizon; one
-//! that cannot has none. Choosing and [`Lights::probability`] agree to within the rounding of f32, which is enough since
-//! what is computed in it is a ratio that both use alike. Cost grows with the logarithm of the number of lights.
+//! Always true: a light that could bring anything to the vertex has a positive probability, except
+//! by rounding at its horizon. A light that cannot has probability 0. Choosing and
+//! [`Lights::probability`] agree within f32 rounding. The cost grows with the logarithm of the
+//! number of lights.
 
 mod build;
 mod cells;
 mod cone;
 mod node;
-mod parts;
+mod subtrees;
 mod triangle;
 
 use std::collections::{HashMap, HashSet};
@@ -26,55 +29,58 @@ use holo_scene::Scene;
 pub(crate) use build::Emitter;
 use cells::{Cell, Cells};
 use node::{Child, Node, WIDTH};
-pub(crate) use parts::Part;
+pub(crate) use subtrees::Subtree;
 pub(crate) use triangle::Aim;
 
 use crate::panes::Panes;
 
-/// Share of the sky and of the emitters, at least, where there are both: which of them a vertex sees is unknown.
+/// Least share of samples for the sky and for the emitters, if a scene has both: which of them a
+/// vertex sees is unknown.
 const LEAST_SHARE: f32 = 0.1;
 
-/// The same of the sky where a cell knows more.
+/// Least share of samples for the sky in a cell, which knows more.
 const LEAST_SKY_OF_CELL: f32 = 0.02;
 
-/// Radiance-weighted luminance as in Radiance's photopic weights.
+/// Returns the luminance of radiance, with Radiance's photopic weights.
 pub(crate) fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.265 * r + 0.670 * g + 0.065 * b
 }
 
-/// What an emitter sends out.
+/// The emission of one triangle.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Source {
+pub(crate) struct Emission {
     /// Luminance, in the unit of the tree's powers.
     radiance: f32,
-    /// Of its triangle's normal: 1 or -1 for the side that shines, 0 for both.
+    /// The side of the triangle's normal that emits: 1 or -1, or 0 for both.
     side: f32,
 }
 
-/// What to sample: a tree over emitting triangles, and the sky.
+/// The lights of a scene: a tree of emitting triangles, and the sky.
 #[derive(Debug)]
 pub(crate) struct Lights {
-    /// Ascending.
+    /// The triangles of all emitters, ascending.
     triangles: Vec<u32>,
     nodes: Vec<Node>,
-    /// Where each of `triangles` is.
+    /// The leaf of each emitter.
     places: Vec<Child>,
-    sources: Vec<Source>,
+    /// Indexed by emitter.
+    emissions: Vec<Emission>,
     cells: Option<Cells>,
-    /// Irradiance of a surface that sees all of the sky, as luminance, in the unit of the tree's powers.
+    /// Luminance of the irradiance of a surface that sees all of the sky, in the unit of the tree's
+    /// powers.
     sky: f32,
 }
 
-/// The lights as seen from one vertex.
+/// The lights as one vertex sees them.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Seen {
+pub(crate) struct VertexLights {
     pub point: Vec3,
     /// Normal of a surface that is lit from this side only; 0 if it is lit from everywhere.
     normal: Vec3,
     /// Probability of choosing the sky.
     pub sky: f32,
     first: Weights,
-    /// Number of the cell that decides in place of the root.
+    /// Number of the cell that decides instead of the root; `None` outside of the cells.
     cell: Option<u32>,
 }
 
@@ -85,7 +91,7 @@ struct Weights {
     totals: [f32; 2],
 }
 
-/// A light that was chosen, and what is left of the random number: uniform in [0, 1).
+/// A light that was chosen. `rest` is what remains of the random number, uniform in [0, 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Chosen {
     Sky { rest: f32 },
@@ -104,7 +110,7 @@ impl Weights {
         self.totals[0] + self.totals[1]
     }
 
-    /// Probability of a place; 0 beyond the last, and if there is nothing at all.
+    /// Returns the probability of a child; 0 for unused ones, and if all importances are 0.
     #[inline]
     fn share(&self, place: usize) -> f32 {
         let total = self.total();
@@ -112,7 +118,8 @@ impl Weights {
         if total > 0.0 { importance / total } else { 0.0 }
     }
 
-    /// A place by importance; the number becomes uniform again. There must be something.
+    /// Picks a child by importance and makes the number uniform again. Some importance must be
+    /// positive.
     #[inline]
     fn pick(&self, uniform: &mut f64) -> usize {
         if self.totals[1] == 0.0 {
@@ -127,11 +134,11 @@ impl Weights {
     }
 }
 
-/// The emitters that are not hidden by a triangle of lesser index between the same corners: of such, rays meet the first, and what no
-/// ray meets must not light.
+/// Removes the emitters that a triangle of lower index with the same corners hides. Rays meet the
+/// lower index, and a lamp that no ray can meet must not emit.
 fn visible(scene: &Scene, mut emitters: Vec<u32>) -> Vec<u32> {
     let between = |triangle: u32| {
-        // The sum turns -0 into 0.
+        // Adding 0 turns -0 into 0.
         let mut corners =
             scene.corners(triangle).map(|c| (c + Vec3::ZERO).to_array().map(f32::to_bits));
         corners.sort_unstable();
@@ -144,7 +151,7 @@ fn visible(scene: &Scene, mut emitters: Vec<u32>) -> Vec<u32> {
     }
     let last = emitters.last().copied().unwrap_or(0);
     let hidden: HashSet<_> = (0..last)
-        // Most triangles need not be looked up: lamps are in few places.
+        // Only triangles within the bounds of the lamps need a look-up.
         .filter(|&t| scene.corners(t).iter().all(|c| c.cmpge(low).all() && c.cmple(high).all()))
         .map(|t| (between(t), t))
         .filter(|(corners, t)| first_emitters.get(corners).is_some_and(|first| t < first))
@@ -164,7 +171,7 @@ impl Lights {
         let triangles =
             visible(scene, scene.emitters().filter(|&t| strength[material(t)] > 0.0).collect());
         let power = |t: u32| f64::from(strength[material(t)]) * scene.area(t);
-        // As shares of the greatest, far from the ends of f32's range.
+        // Relative to the greatest, far from the limits of f32.
         let unit = triangles.iter().map(|&t| power(t)).fold(0.0, f64::max);
         let emitters = triangles
             .iter()
@@ -183,39 +190,41 @@ impl Lights {
         Self { sky, ..Self::over(triangles, emitters) }
     }
 
-    /// Only these triangles (ascending), one emitter for each.
+    /// Makes a tree of the given triangles (ascending), with one emitter for each.
     pub(crate) fn over(triangles: Vec<u32>, emitters: Vec<Emitter>) -> Self {
-        let sources = emitters.iter().map(Emitter::source).collect();
+        let emissions = emitters.iter().map(Emitter::emission).collect();
         let (nodes, places) = build::tree(emitters);
-        Self { triangles, nodes, places, sources, cells: None, sky: 0.0 }
+        Self { triangles, nodes, places, emissions, cells: None, sky: 0.0 }
     }
 
-    /// As this one, with choices among many by what parts of the scene really get, through these panes.
+    /// Adds cells: where there are many lights, choices follow what each part of the scene receives
+    /// through these panes.
     pub(crate) fn with_cells(mut self, raycaster: &Arc<Raycaster>, panes: &Arc<Panes>) -> Self {
         self.cells = Cells::new(&self, raycaster, panes);
         self
     }
 
-    /// The triangles, ascending.
+    /// Returns the triangles, ascending.
     pub(crate) fn triangles(&self) -> &[u32] {
         &self.triangles
     }
 
-    /// Whether there is anything to sample.
+    /// Returns whether there is any light to sample.
     pub(crate) fn any(&self) -> bool {
         self.sky > 0.0 || !self.nodes.is_empty()
     }
 
-    /// Whether there is nothing to choose: a quad or triangle.
+    /// Returns whether all light comes from one quad or triangle.
     pub(crate) fn is_one(&self) -> bool {
         self.sky == 0.0 && self.triangles.len() <= 2
     }
 
-    /// The lights as seen from `point`, by a surface that light reaches only on the side of `normal`, or from everywhere if
-    /// that is 0.
+    /// Returns the lights as seen from `point`. `normal` is the only side on which the surface is
+    /// lit, or 0 if light reaches it from everywhere.
     #[inline]
-    pub(crate) fn seen(&self, point: Vec3, normal: Vec3) -> Seen {
-        let mut seen = Seen { point, normal, sky: 0.0, first: Weights::default(), cell: None };
+    pub(crate) fn at_vertex(&self, point: Vec3, normal: Vec3) -> VertexLights {
+        let mut seen =
+            VertexLights { point, normal, sky: 0.0, first: Weights::default(), cell: None };
         let Some(root) = self.nodes.first() else {
             seen.sky = if self.sky > 0.0 { 1.0 } else { 0.0 };
             return seen;
@@ -241,7 +250,8 @@ impl Lights {
         seen
     }
 
-    /// Whether triangles are worth choosing among for such a surface, as far as is known without weighing them.
+    /// Returns whether such a surface may receive light from the triangles. A quick test that does
+    /// not weigh them.
     #[inline]
     pub(crate) fn reaches(&self, point: Vec3, normal: Vec3) -> bool {
         match self
@@ -250,11 +260,12 @@ impl Lights {
             .and_then(|cells| Some(cells.get(self, cells.find(point, normal)?)))
         {
             Some(cell) => !cell.seen.is_empty(),
-            None => self.seen(point, normal).first.total() > 0.0,
+            None => self.at_vertex(point, normal).first.total() > 0.0,
         }
     }
 
-    /// Probability of choosing the sky where it brings `sky` and the emitters `total`.
+    /// Returns the probability of choosing the sky, from the irradiance of the sky and of the
+    /// emitters.
     #[inline]
     fn sky_share(&self, sky: f32, total: f32, least: f32) -> f32 {
         if self.sky == 0.0 {
@@ -266,16 +277,17 @@ impl Lights {
         }
     }
 
-    /// The cell that decides, if one does.
+    /// Returns the cell that decides, if there is one.
     #[inline]
-    fn cell(&self, seen: &Seen) -> Option<(&Cells, &Cell)> {
+    fn cell(&self, seen: &VertexLights) -> Option<(&Cells, &Cell)> {
         let cells = self.cells.as_ref()?;
         Some((cells, cells.get(self, seen.cell?)))
     }
 
-    /// A light by a uniform number in [0, 1). `None` if the descent ends where nothing can arrive from.
+    /// Chooses a light by a uniform number in [0, 1). `None` if the descent ends at a node that
+    /// contributes nothing.
     #[inline]
-    pub(crate) fn choose(&self, seen: &Seen, uniform: f64) -> Option<Chosen> {
+    pub(crate) fn choose(&self, seen: &VertexLights, uniform: f64) -> Option<Chosen> {
         let sky = f64::from(seen.sky);
         if uniform < sky {
             return Some(Chosen::Sky { rest: below_one(uniform / sky) });
@@ -300,9 +312,9 @@ impl Lights {
         })
     }
 
-    /// Probability with which [`choose`](Self::choose) gives a triangle.
+    /// Returns the probability with which [`choose`](Self::choose) gives a triangle.
     #[inline]
-    pub(crate) fn probability(&self, seen: &Seen, triangle: u32) -> f32 {
+    pub(crate) fn probability(&self, seen: &VertexLights, triangle: u32) -> f32 {
         let Ok(emitter) = self.triangles.binary_search(&triangle) else { return 0.0 };
         let mut probability = 1.0 - seen.sky;
         let mut end = None;
@@ -329,8 +341,8 @@ impl Lights {
     }
 }
 
-/// An emitter below `from` by importance, and its probability times that of `from`. `None` if the descent ends where nothing can
-/// arrive from.
+/// Chooses an emitter below `from` by importance. Returns it and its probability times
+/// `probability`. `None` if the descent ends at a node that contributes nothing.
 #[inline]
 fn descend(
     nodes: &[Node],
@@ -359,12 +371,12 @@ fn descend(
     }
 }
 
-/// A child by importance; the number becomes uniform again in the child's interval.
+/// Picks a child by importance and makes the number uniform again within the child's interval.
 #[inline]
 fn pick(importances: &[f32; WIDTH], total: f32, uniform: &mut f64) -> usize {
     let target = *uniform * f64::from(total);
     let (mut sum, mut chosen, mut start) = (0.0, 0, 0.0);
-    // Rounding may leave the target beyond the last child's end: that child then.
+    // Rounding may put the target beyond the last child's end: the last child is taken then.
     for (i, &importance) in importances.iter().enumerate() {
         if importance > 0.0 && sum <= target {
             (chosen, start) = (i, sum);

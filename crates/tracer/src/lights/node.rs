@@ -1,45 +1,46 @@
-//! Nodes of the light tree: eight children as structures of arrays, so that two passes of
-//! four lanes weigh all of them.
+//! Nodes of the light tree: eight children as a structure of arrays, so that vector instructions
+//! weigh all of them at once.
 //!
-//! Always true: an importance is 0 for an unused child, for a child wholly below the surface's horizon, and for one none of
-//! whose emitters turns its front to the point; it is finite and not negative.
+//! Always true: an importance is finite and not negative. It is 0 for unused children, for children
+//! wholly below the surface's horizon, and for children none of whose emitters faces the point.
 
 use glam::Vec3;
 
-/// Children of a node. Binary trees weigh two at every of three times as many levels, one after the other.
+/// Children of a node. A binary tree weighs two children at each of three times as many levels, one
+/// after the other.
 pub(crate) const WIDTH: usize = 8;
 /// Set in a reference to an emitter; the other bits are an index.
 const LEAF: u32 = 1 << 31;
 
-/// Least squared distance: divisions by it stay finite.
+/// Least squared distance, so that divisions stay finite.
 const LEAST: f32 = 1e-30;
 
-/// Where a node or an emitter is in its parent.
+/// The position of a node or emitter in its parent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Child {
     pub node: u32,
     pub slot: u32,
 }
 
-/// Bounds of a child, as nodes keep them.
+/// Bounds of a child.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bound {
     pub center: Vec3,
-    /// Half of the size of a box around `center` that holds everything.
+    /// Half the size of a box around `center` that contains everything.
     pub half: Vec3,
-    /// Of a sphere around `center`.
+    /// Squared radius of such a sphere around `center`.
     pub radius2: f32,
     pub axis: Vec3,
     /// Greatest angle between `axis` and a normal, in radians.
     pub angle: f32,
-    /// Points at `axis · p` up to here see backs only; negative infinity if that is not known.
+    /// Points whose `axis · p` is at most this see only backs; negative infinity if unknown.
     pub plane: f32,
     pub two_sided: bool,
     /// Luminance times area, relative to the strongest emitter's.
     pub power: f32,
 }
 
-/// Eight children.
+/// A node with eight children.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(crate) struct Node {
@@ -51,7 +52,7 @@ pub(crate) struct Node {
     sin: [f32; WIDTH],
     plane: [f32; WIDTH],
     power: [f32; WIDTH],
-    /// 1 if some emitter has two sides, 0 if none.
+    /// 1 if some emitter has two sides, 0 if none has.
     two_sided: [f32; WIDTH],
     children: [u32; WIDTH],
     used: u32,
@@ -76,7 +77,7 @@ impl Node {
         }
     }
 
-    /// Fills a slot. `child` is a node's index, or an emitter's as the error.
+    /// Fills a slot. `child` is the index of a node, or of an emitter as the error.
     pub(crate) fn set(&mut self, slot: usize, bound: &Bound, child: Result<usize, usize>) {
         for axis in 0..3 {
             self.center[axis][slot] = bound.center[axis];
@@ -95,35 +96,35 @@ impl Node {
         };
     }
 
-    /// A node's index, or an emitter's as the error.
+    /// Returns the index of a node, or of an emitter as the error.
     #[inline]
     pub(crate) fn child(&self, slot: usize) -> Result<usize, usize> {
         let child = self.children[slot];
         if child & LEAF == 0 { Ok(child as usize) } else { Err((child & !LEAF) as usize) }
     }
 
-    /// How many children there are.
+    /// Returns the number of children.
     pub(crate) fn used(&self) -> usize {
         self.used as usize
     }
 
-    /// Luminance times area of a child.
+    /// Returns the luminance times area of a child.
     pub(crate) fn power(&self, slot: usize) -> f32 {
         self.power[slot]
     }
 
-    /// A sphere around a child.
+    /// Returns a sphere around a child.
     pub(crate) fn sphere(&self, slot: usize) -> (Vec3, f32) {
         (Vec3::from(self.center.map(|row| row[slot])), self.radius2[slot].sqrt())
     }
 
-    /// Of a sphere around a child.
+    /// Returns the squared radius of a sphere around a child.
     pub(crate) fn radius2(&self, slot: usize) -> f32 {
         self.radius2[slot]
     }
 
-    /// Fills a slot with another node's child; `name` takes the place of an emitter.
-    pub(crate) fn copy(&mut self, slot: usize, from: &Self, which: usize, name: usize) {
+    /// Fills a slot with another node's child. `emitter` becomes the slot's child.
+    pub(crate) fn copy(&mut self, slot: usize, from: &Self, which: usize, emitter: usize) {
         for axis in 0..3 {
             self.center[axis][slot] = from.center[axis][which];
             self.half[axis][slot] = from.half[axis][which];
@@ -135,7 +136,7 @@ impl Node {
         self.plane[slot] = from.plane[which];
         self.power[slot] = from.power[which];
         self.two_sided[slot] = from.two_sided[which];
-        self.children[slot] = name as u32 | LEAF;
+        self.children[slot] = emitter as u32 | LEAF;
     }
 
     /// Multiplies a child's power.
@@ -143,19 +144,21 @@ impl Node {
         self.power[slot] *= by;
     }
 
-    /// Power times the square of a child's size.
+    /// Returns a child's power times the square of its size.
     pub(crate) fn extent(&self, slot: usize) -> f32 {
         self.power[slot] * self.radius2[slot]
     }
 
-    /// What each child may bring to a point, about as irradiance: power, over distance squared, by the greatest cosine at the
-    /// emitters and about the greatest at the surface.
+    /// Returns what each child may bring to a point, approximately as irradiance. It is the power
+    /// over the squared distance, times the greatest cosine at the emitters and about the greatest
+    /// at the surface.
     ///
-    /// Nothing is known of obstacles. A quarter of every choice by power alone, against lamps close behind walls, was tried:
-    /// error squared times time was 19 % more on the cabin's living room and 4 % on its bedroom (one run each).
+    /// Obstacles are ignored. Choosing a quarter by power alone, for lamps behind nearby walls, was
+    /// worse (docs/notes/path-tracing.md).
     ///
-    /// Inside a child's sphere the distance is its radius: the square law would favour the child without reason (Pharr et al. 2023,
-    /// §12.6.3). A `normal` of 0 is a surface that is lit from everywhere.
+    /// Inside a child's sphere the radius replaces the distance; otherwise the square law would
+    /// favour the child without reason (Pharr et al. 2023, §12.6.3). A `normal` of 0 means light
+    /// from everywhere.
     #[inline]
     #[allow(unsafe_code)]
     pub(crate) fn importances(&self, p: Vec3, normal: Vec3) -> [f32; WIDTH] {
@@ -173,7 +176,8 @@ impl Node {
         self.weigh(p, normal)
     }
 
-    /// [`importances`](Self::importances) in loops that become vectors as wide as the caller's; the same bits in each.
+    /// Implements [`importances`](Self::importances) in loops that the compiler vectorises as wide
+    /// as the caller allows. All widths give the same bits.
     #[inline(always)]
     fn weigh(&self, p: Vec3, normal: Vec3) -> [f32; WIDTH] {
         let mut importances = [0.0; WIDTH];
@@ -186,7 +190,8 @@ impl Node {
             let r2 = self.radius2[i];
             let near2 = larger(larger(d2, r2), LEAST);
             let inverse = 1.0 / larger(d2, LEAST).sqrt();
-            // Emitters: the angle at them, less that of the cone, less that of the sphere as seen from the point.
+            // At the emitters: the angle minus that of the cone and minus that of the sphere seen
+            // from the point.
             let (wx, wy, wz) = (self.axis[0][i], self.axis[1][i], self.axis[2][i]);
             let towards = -(dx * wx + dy * wy + dz * wz) * inverse;
             let cos_w = smaller(larger(towards, -towards * self.two_sided[i]), 1.0);
@@ -201,7 +206,7 @@ impl Node {
             let emitted = if reached { 1.0 } else { larger(cos_x * cos_b + sin_x * sin_b, 0.0) };
             let along = wx * p.x + wy * p.y + wz * p.z;
             let front = if along > self.plane[i] { emitted } else { 0.0 };
-            // Surface: the highest point of the box.
+            // At the surface: the highest point of the box.
             let above =
                 above.x * self.half[0][i] + above.y * self.half[1][i] + above.z * self.half[2][i];
             let height = normal.x * dx + normal.y * dy + normal.z * dz + above;
@@ -212,7 +217,7 @@ impl Node {
     }
 }
 
-/// `f32::max` takes three instructions where neither is a NaN.
+/// `f32::max` takes three instructions even if neither argument is NaN.
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }

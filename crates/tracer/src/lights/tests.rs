@@ -1,4 +1,4 @@
-//! The tree against exhaustive models.
+//! Compares the light tree with exhaustive sums over all lights.
 
 use glam::{DVec3, Vec3};
 use holo_scene::{Bsdf, Material, Scene};
@@ -6,7 +6,7 @@ use holo_scene::{Bsdf, Material, Scene};
 use super::*;
 use crate::sampler::Sampler;
 
-/// Emitters in clusters, turned at random; a third of them two-sided, and of three sizes.
+/// Returns emitters in clusters, turned at random, of three sizes; a third of them are two-sided.
 fn scene(count: usize, sky: f32) -> Scene {
     let mut s = Sampler::new(5, 0);
     let mut point = || DVec3::from_array([0, 1, 2].map(|_| f64::from(s.one()) - 0.5));
@@ -32,12 +32,12 @@ fn scene(count: usize, sky: f32) -> Scene {
     Scene::from_world(&positions, &triangles, &ids, materials, [sky; 3]).expect("a valid scene").0
 }
 
-/// A scene without panes.
+/// Returns a set of panes that lets nothing through.
 fn closed() -> Arc<Panes> {
     Arc::new(Panes::closed())
 }
 
-/// Points among the emitters and far from them, with and without a normal.
+/// Returns points among the emitters and far from them, with and without a normal.
 fn vertices() -> Vec<(Vec3, Vec3)> {
     let mut s = Sampler::new(6, 0);
     let mut vector = || Vec3::new(s.one() - 0.5, s.one() - 0.5, s.one() - 0.5);
@@ -51,22 +51,23 @@ fn vertices() -> Vec<(Vec3, Vec3)> {
 }
 
 #[test]
-fn choosing_follows_the_probabilities_and_they_add_up() {
+fn choices_follow_the_stated_probabilities_which_sum_to_one() {
     for (count, sky) in [(1, 0.0), (2, 0.3), (9, 0.0), (3000, 0.0), (3000, 2.0)] {
         let scene = Arc::new(scene(count, sky));
         let plain = Lights::new(&scene);
-        // By cells where there are many.
+        // Enough lights for cells.
         let celled = Lights::new(&scene)
             .with_cells(&Arc::new(Raycaster::build(scene.clone()).expect("built")), &closed());
         assert_eq!(celled.cells.is_some(), count > 8);
         let mut s = Sampler::new(7, 0);
         let cases = vertices().into_iter().flat_map(|v| [(v, &plain), (v, &celled)]);
         for ((point, normal), lights) in cases {
-            let seen = lights.seen(point, normal);
+            let seen = lights.at_vertex(point, normal);
             let probabilities: Vec<f64> =
                 (0..count as u32).map(|t| f64::from(lights.probability(&seen, t))).collect();
             let emitters: f64 = probabilities.iter().sum();
-            // What is left ends where nothing arrives from: bounds of a group may promise what none of it keeps.
+            // The rest of the probability belongs to descents that end without a light: the bounds
+            // of a group may promise more than any of its emitters gives.
             let lost = 1.0 - emitters - f64::from(seen.sky);
             assert!(lost > -1e-4, "{count} {point} {normal}: {lost}");
             let n = 40_000;
@@ -108,7 +109,8 @@ fn choosing_follows_the_probabilities_and_they_add_up() {
                 cells += 1.0;
             }
             if cells > 1.0 {
-                // Wilson and Hilferty 1931. 240 tests at 4.5 sigma: by chance once in 1,200 sets of seeds.
+                // Wilson and Hilferty 1931. 240 tests at 4.5 sigma: by chance once in 1,200 sets of
+                // seeds.
                 let v = 2.0 / (9.0 * (cells - 1.0));
                 let z = ((chi2 / (cells - 1.0)).cbrt() - (1.0 - v)) / v.sqrt();
                 assert!(z < 4.5, "{count} {sky} {point} {normal}: chi² {chi2} of {cells}");
@@ -118,12 +120,12 @@ fn choosing_follows_the_probabilities_and_they_add_up() {
 }
 
 #[test]
-fn what_can_contribute_has_a_probability_and_what_cannot_has_none() {
+fn only_lights_that_can_contribute_have_a_probability() {
     let scene = scene(3000, 0.0);
     let lights = Lights::new(&scene);
     let (mut lit, mut skipped) = (0, 0);
     for (point, normal) in vertices() {
-        let seen = lights.seen(point, normal);
+        let seen = lights.at_vertex(point, normal);
         for t in 0..3000 {
             let [a, b, c] = scene.corners(t);
             let facing = scene.normal(t).dot(point - a);
@@ -136,7 +138,7 @@ fn what_can_contribute_has_a_probability_and_what_cannot_has_none() {
                 assert!(probability > 0.0, "{t} from {point} {normal}");
                 lit += 1;
             }
-            // Below the horizon with the sphere around it, so that its box is too.
+            // The sphere around the triangle is below the horizon, so its box is too.
             let size = (a - b).length() + (b - c).length() + (c - a).length();
             if (!front && facing.abs() > clear) || (normal != Vec3::ZERO && height < -2.0 * size) {
                 assert!(probability == 0.0, "{t} from {point} {normal}: {probability}");
@@ -148,9 +150,10 @@ fn what_can_contribute_has_a_probability_and_what_cannot_has_none() {
 }
 
 #[test]
-fn choices_follow_what_lights_bring() {
-    // Against irradiance without obstacles, by centroids: the variance of irradiance over probability, relative to the square of the
-    // whole, is the error of one sample. By power alone it is in the hundreds here.
+fn choices_follow_the_irradiance_of_lights() {
+    // Uses irradiance without obstacles, by centroids. The error of one sample is the variance of
+    // irradiance over probability, relative to the square of the whole. By power alone it is in the
+    // hundreds here.
     let scene = scene(3000, 0.0);
     let lights = Lights::new(&scene);
     let power: f64 = (0..3000).map(|t| scene.area(t)).sum();
@@ -158,7 +161,7 @@ fn choices_follow_what_lights_bring() {
     for (point, normal) in
         vertices().into_iter().filter(|v| v.1 != Vec3::ZERO && v.0.length() > 8.0)
     {
-        let seen = lights.seen(point, normal);
+        let seen = lights.at_vertex(point, normal);
         let (mut by_tree, mut by_power, mut whole) = (0.0, 0.0, 0.0);
         for t in 0..3000 {
             let [a, b, c] = scene.corners(t);
@@ -183,7 +186,8 @@ fn choices_follow_what_lights_bring() {
     assert!(tree < 0.25 * table, "{tree} {table}");
 }
 
-/// Two rooms, one side of a wall each: a lamp of eight small triangles in the first, fifty of them in the second.
+/// Two rooms on the two sides of a wall: one lamp of eight small triangles in the first, fifty such
+/// lamps in the second.
 fn rooms() -> Arc<Raycaster> {
     let (mut positions, mut triangles, mut ids) = (Vec::new(), Vec::new(), Vec::new());
     let mut add = |corners: [[f64; 3]; 3], id: u32| {
@@ -192,7 +196,7 @@ fn rooms() -> Arc<Raycaster> {
         triangles.push([base, base + 1, base + 2]);
         ids.push(id);
     };
-    // The wall at x = 0, reaching far beyond the lamps.
+    // The wall at x = 0 reaches far beyond the lamps.
     add([[0.0, -60.0, -60.0], [0.0, 60.0, -60.0], [0.0, 0.0, 90.0]], 0);
     // A floor in both rooms.
     for x in [-10.0, 0.0] {
@@ -225,19 +229,19 @@ fn lights_behind_a_wall_are_seldom_chosen_but_can_be() {
     for (x, y) in [(-0.3, 0.1), (-2.0, 2.2), (-1.1, -4.0)] {
         let point = (DVec3::new(x, y, 0.0) - scene.origin).as_vec3();
         let visible = |lights: &Lights| {
-            let seen = lights.seen(point, Vec3::Z);
+            let seen = lights.at_vertex(point, Vec3::Z);
             (5..13).map(|t| lights.probability(&seen, t)).sum::<f32>()
         };
         assert!(visible(&plain) < 0.25, "{}", visible(&plain));
-        // All but the share that is left for what no probe saw, of which some falls to these too.
+        // The rest is the share for lights that no probe saw; part of that goes to these lamps too.
         assert!(visible(&celled) > 0.88, "{}", visible(&celled));
-        let seen = celled.seen(point, Vec3::Z);
+        let seen = celled.at_vertex(point, Vec3::Z);
         assert!((13..413).all(|t| celled.probability(&seen, t) > 0.0));
     }
 }
 
 #[test]
-fn what_a_cell_holds_does_not_depend_on_who_came_first() {
+fn a_cell_does_not_depend_on_the_order_of_visits() {
     let raycaster = rooms();
     let lights = [0, 1].map(|_| Lights::new(raycaster.scene()).with_cells(&raycaster, &closed()));
     let mut s = Sampler::new(8, 0);
@@ -245,7 +249,7 @@ fn what_a_cell_holds_does_not_depend_on_who_came_first() {
         .map(|_| Vec3::new(s.one() - 0.5, s.one() - 0.5, 0.0) * Vec3::new(20.0, 10.0, 1.0))
         .collect();
     let of = |lights: &Lights, point: &Vec3| {
-        let seen = lights.seen(*point, Vec3::Z);
+        let seen = lights.at_vertex(*point, Vec3::Z);
         (5..413).map(|t| lights.probability(&seen, t).to_bits()).collect::<Vec<_>>()
     };
     let forth: Vec<_> = points.iter().map(|p| of(&lights[0], p)).collect();

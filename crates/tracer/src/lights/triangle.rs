@@ -1,26 +1,30 @@
-//! Points on one emitting triangle as seen from a point: by solid angle where it is large, by area where it is small.
+//! Points on one emitting triangle as seen from a point: sampled by solid angle if that is large,
+//! and by area if it is small.
 //!
-//! Sampling by solid angle is that of Arvo 1995, "Stratified Sampling of Spherical Triangles", in the form of Peters 2021, "BRDF
-//! Importance Sampling for Polygonal Lights", §4.1, that has no angles but the solid one.
+//! Sampling by solid angle follows Arvo 1995, "Stratified Sampling of Spherical Triangles", in the
+//! form of Peters 2021, "BRDF Importance Sampling for Polygonal Lights", §4.1. That form computes
+//! no angle but the solid angle.
 //!
-//! Always true: which of the two it is depends on the point and the triangle alone, and so does the density; f32 does for
-//! both, since a solid angle is only used where the triple product that it comes from has not cancelled.
+//! Always true: the choice and the density depend on the point and the triangle alone. f32 suffices
+//! for both, because a solid angle is used only if its triple product has not cancelled.
 
 use std::f32::consts::{PI, TAU};
 
 use glam::Vec3;
 
-/// Solid angles above which they are sampled, in steradians. Below, an area is nearly as even, and cheaper. Error squared on the bundled
-/// interior with 0.003, 0.03, 0.1 and 0.3: 0.60, 0.62, 0.69, 0.82 (the last two by their ratios); time is the same but for 4 % less with 0.3.
+/// Solid angle, in steradians, above which points are sampled by solid angle. Below, areas are
+/// nearly as even, and cheaper (docs/notes/path-tracing.md).
 const LEAST: f32 = 0.03;
-/// Solid angles up to which they are sampled: nearer to 2π the point lies in the triangle, for f32.
+/// Solid angle up to which points are sampled by it. Nearer to 2π the point lies in the triangle,
+/// for f32.
 const MOST: f32 = 6.22;
 
-/// Cosine between two corners below which the point is close to the edge between them: at 1e-4 of an edge's length, 1 plus that
-/// cosine is no more than rounding, and light was a tenth too dim along every corner of a room.
+/// Cosine between two corners below which the point is close to the edge between them. At 1e-4 of
+/// an edge's length, 1 plus that cosine is only rounding; light was a tenth too dim along every
+/// corner of a room.
 const NEARLY_OPPOSITE: f32 = -0.9;
 
-/// How to sample a triangle from a point.
+/// How a triangle is sampled from a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Way {
     Area,
@@ -31,23 +35,24 @@ pub(crate) enum Way {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aim {
     pub way: Way,
-    /// Steradians by the one way, area by the other.
+    /// Steradians or area, depending on `way`.
     pub size: f32,
     /// Corners relative to the point.
     corners: [Vec3; 3],
-    /// To the corners, in a cyclic order.
+    /// Unit directions to the corners, in cyclic order.
     directions: [Vec3; 3],
     /// Sum of the first and third direction.
     across: Vec3,
-    /// Triple product of the directions; 1 and their three dot products; 1 and the first's with the second.
+    /// The triple product of the directions; 1 plus their three dot products; 1 plus the dot
+    /// product of the first two.
     parameters: [f32; 3],
 }
 
 impl Aim {
-    /// From `point`, at a triangle of these corners.
+    /// Prepares sampling of a triangle from `point`.
     #[inline]
     pub(crate) fn new(point: Vec3, corners: [Vec3; 3]) -> Self {
-        // Before the point is taken away: what that rounds off is much of a small triangle's area.
+        // Subtracting the point would round off much of a small triangle's area.
         let original = corners;
         let doubled = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
         let (a, b, c) = (corners[0] - point, corners[1] - point, corners[2] - point);
@@ -61,7 +66,8 @@ impl Aim {
             across: Vec3::ZERO,
             parameters: [0.0; 3],
         };
-        // Of nearly equal distances, far away: the solid angle is surely small, and a root for each corner is saved.
+        // If the corners are far away at similar distances, the solid angle is surely small. That
+        // saves a square root for each corner.
         let farthest = lengths2[0].max(lengths2[1]).max(lengths2[2]);
         if doubled < 0.25 * LEAST * farthest
             && lengths2[0].min(lengths2[1]).min(lengths2[2]) > 0.5 * farthest
@@ -69,7 +75,8 @@ impl Aim {
             return aim;
         }
         let directions = [a / lengths2[0].sqrt(), b / lengths2[1].sqrt(), c / lengths2[2].sqrt()];
-        // Fanned around the second corner, as there; and of first and third as the two that are farthest apart.
+        // As in Peters's form, triangles fan around the second corner. The first and third corner
+        // are the two that are farthest apart.
         let dots = [
             directions[0].dot(directions[2]),
             directions[1].dot(directions[0]),
@@ -85,7 +92,8 @@ impl Aim {
         let (volume, total, across) = if apart > NEARLY_OPPOSITE {
             ((v1 - v0).cross(v2 - v0).dot(v0).abs(), one + v2.dot(v0) + v2.dot(v1), v0 + v2)
         } else {
-            // Close to the edge between them, all three would be what rounding leaves of differences of ones. The edge itself is well known.
+            // Close to the edge between them, all three quantities would be differences of ones.
+            // The edge's moment is exact.
             let (from, to) = (at(0), at(2));
             let moment = corners[from].cross(original[to] - original[from])
                 / (lengths2[from] * lengths2[to]).sqrt();
@@ -110,7 +118,8 @@ impl Aim {
         aim
     }
 
-    /// Barycentrics of a point of the triangle (weights of the second and third corner), from two uniform numbers.
+    /// Returns a point of the triangle by two uniform numbers: the weights of the second and third
+    /// corner.
     #[inline]
     pub(crate) fn sample(&self, [x, y]: [f32; 2]) -> (f32, f32) {
         match self.way {
@@ -123,11 +132,11 @@ impl Aim {
     fn direction(&self, x: f32, y: f32) -> Vec3 {
         let [v0, v1, _] = self.directions;
         let [volume, total, one] = self.parameters;
-        // A third corner such that the part towards the first has share x of the solid angle.
+        // Replaces the third corner so that the triangle has share x of the solid angle.
         let (sin, cos) = (0.5 * self.size * x).sin_cos();
         let offset = v0 * (volume * cos - total * sin) + self.across * (one * sin);
         let third = offset * (2.0 * v0.dot(offset) / offset.length_squared()) - v0;
-        // On the arc from the second to that corner.
+        // A direction on the arc from the second corner to that one.
         let end = v1.dot(third);
         let along = 1.0 + (end - 1.0) * y;
         let across = 1.0 - end * end;
@@ -135,7 +144,7 @@ impl Aim {
         v1 * (along - share * end) + third * share
     }
 
-    /// Where a direction meets the triangle's plane, as the nearest barycentrics in the triangle.
+    /// Returns where a direction meets the triangle's plane, clamped to the triangle.
     #[inline]
     #[allow(clippy::manual_clamp, reason = "clamp keeps a NaN")]
     fn project(&self, direction: Vec3) -> (f32, f32) {
@@ -149,8 +158,8 @@ impl Aim {
         (u, v)
     }
 
-    /// Density per solid angle of the direction to a point on the triangle at squared distance `distance2`, the absolute cosine at
-    /// the triangle being `cosine`.
+    /// Returns the density, per solid angle, of a point on the triangle at squared distance
+    /// `distance2` and absolute cosine `cosine` at the triangle.
     #[inline]
     pub(crate) fn density(&self, distance2: f32, cosine: f32) -> f32 {
         match self.way {
@@ -169,7 +178,7 @@ mod tests {
     use super::*;
     use crate::sampler::Sampler;
 
-    /// Van Oosterom and Strackee 1983, in f64.
+    /// Returns the solid angle in f64 (Van Oosterom and Strackee 1983).
     fn solid_angle(corners: [DVec3; 3]) -> f64 {
         let [a, b, c] = corners;
         let (la, lb, lc) = (a.length(), b.length(), c.length());
@@ -180,7 +189,8 @@ mod tests {
             .atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
     }
 
-    /// Triangles as seen from 0: tiny, middling, slivers, at grazing angles, and up to nearly half of all directions.
+    /// Returns triangles seen from 0: tiny, medium, slivers, at grazing angles, and up to nearly
+    /// half of all directions.
     fn triangles() -> Vec<[DVec3; 3]> {
         let at = |z: f64, x: f64, size: f64| {
             [[x - size, -size, z], [x + size, -0.7 * size, z], [x, size, z]].map(DVec3::from_array)
@@ -203,7 +213,8 @@ mod tests {
         .collect()
     }
 
-    /// Walls that meet the wall on which 0 lies in an edge at distance `d`, each corner first.
+    /// Returns walls that meet the wall of point 0 in an edge at distance `d`; each corner comes
+    /// first once.
     fn beside(d: f64) -> Vec<[DVec3; 3]> {
         let half = [[0.0, d, -1.1], [0.0, d, 0.9], [2.0, d, 0.9]].map(DVec3::from_array);
         let other = [[0.3 * d, d, -1.1], [1.6, d, -0.2], [-0.9 * d, d, 1.3]].map(DVec3::from_array);
@@ -255,7 +266,7 @@ mod tests {
                     };
                     let expected = share * f64::from(n);
                     let count = counts[(0..j).map(|r| 7 - 2 * r).sum::<usize>() + k];
-                    // Parts that are hardly ever met say nothing.
+                    // Parts that almost no sample hits say nothing.
                     if expected > 5.0 {
                         chi2 += (f64::from(count) - expected).powi(2) / expected;
                     }
@@ -289,7 +300,7 @@ mod tests {
             let mean = sum / f64::from(n);
             let error = ((squares / f64::from(n) - mean * mean).max(0.0) / f64::from(n)).sqrt();
             let whole = solid_angle(corners);
-            // By area from close above the triangle the variance is beyond any number of samples.
+            // From close above the triangle, the variance of sampling by area is unbounded.
             if whole < f64::from(MOST) {
                 assert!(
                     (mean - whole).abs() < 4.5 * error + 1e-3 * whole,

@@ -36,7 +36,7 @@ impl Model {
         self.materials[material as usize].two_sided_emission = true;
     }
 
-    /// A polygon of corners in order; its front is the side from which they run counter-clockwise.
+    /// Adds a polygon. Its front is the side from which the corners run counter-clockwise.
     pub fn polygon(&mut self, corners: &[[f64; 3]], material: u32) {
         let base = self.positions.len() as u32;
         self.positions.extend(corners.iter().map(|&c| DVec3::from_array(c)));
@@ -46,7 +46,7 @@ impl Model {
         }
     }
 
-    /// A square of half width `h` at height `z`, facing up or down.
+    /// Adds a square of half width `h` at height `z` that faces up or down.
     pub fn square(&mut self, z: f64, h: f64, up: bool, material: u32) {
         let mut corners = [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]];
         if !up {
@@ -55,7 +55,7 @@ impl Model {
         self.polygon(&corners, material);
     }
 
-    /// The six faces of a box, fronts outwards or inwards.
+    /// Adds the six faces of a box, which face outwards or inwards.
     pub fn cuboid(&mut self, low: [f64; 3], high: [f64; 3], outwards: bool, material: u32) {
         for axis in 0..3 {
             let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -122,8 +122,9 @@ pub fn estimate(tracer: &Tracer, origin: DVec3, direction: DVec3, paths: u64) ->
     Estimate { mean, error }
 }
 
-/// The estimate's expectation is `expected`: within 4.5 standard errors (by chance once in 150,000), and f32 rounding of
-/// some dozen operations for estimates without variance.
+/// Checks that the estimate's expectation is `expected`: within 4.5 standard errors (by chance once
+/// in 150,000), and for estimates without variance within the f32 rounding of about twelve
+/// operations.
 #[track_caller]
 pub fn expect(estimate: Estimate, expected: [f64; 3]) {
     for c in 0..3 {
@@ -133,8 +134,9 @@ pub fn expect(estimate: Estimate, expected: [f64; 3]) {
     }
 }
 
-/// Form factor of a polygon seen from a surface element at `x` with normal `n` (Lambert 1760): the share of the cosine-weighted
-/// hemisphere that it covers. The polygon must be wholly above the element's plane.
+/// Returns the form factor of a polygon seen from a surface element at `x` with normal `n` (Lambert
+/// 1760): the share of the cosine-weighted hemisphere that it covers. The polygon must be wholly
+/// above the element's plane.
 pub fn form_factor(corners: &[[f64; 3]], x: DVec3, n: DVec3) -> f64 {
     let v: Vec<DVec3> = corners.iter().map(|&c| (DVec3::from_array(c) - x).normalize()).collect();
     let sum: f64 = (0..v.len())
@@ -146,7 +148,8 @@ pub fn form_factor(corners: &[[f64; 3]], x: DVec3, n: DVec3) -> f64 {
     (sum / (2.0 * PI)).abs()
 }
 
-/// Share of unpolarised light that a smooth boundary reflects, from Fresnel's equations with angles.
+/// Returns the share of unpolarised light that a smooth boundary reflects, from Fresnel's equations
+/// with angles.
 pub fn fresnel(cosine: f64, eta: f64) -> f64 {
     let (i, sin_t) = (cosine.acos(), cosine.acos().sin() / eta);
     if sin_t >= 1.0 {

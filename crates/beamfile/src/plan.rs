@@ -1,0 +1,150 @@
+//! Plans for reading beams.
+//!
+//! Invariant: a plan owns a share of everything that it refers to, so reading by it takes no lock.
+
+use std::sync::Arc;
+
+use holo_section::{BeamKey, Run, Sample};
+
+use crate::batch::Batch;
+use crate::directory::Block;
+use crate::format::{CHUNK_SAMPLES, Class, SAMPLE_BYTES};
+use crate::state::State;
+use crate::visible::{Offer, Visible, visible};
+
+/// Where the samples of a planned run are.
+pub(crate) enum Location {
+    /// On disk: in block number `id`, from sample `at` of its payload on.
+    Disk { id: u32, block: Arc<Block>, at: u32 },
+    /// In a batch that waits to be written, from its sample `at` on.
+    Frozen { batch: Arc<Batch>, at: u32 },
+    /// Here: a copy of what is in the active batch.
+    Copied(Vec<Sample>),
+}
+
+/// A run that a read gives, and where its samples are.
+pub(crate) struct PlannedRun {
+    pub run: Run,
+    pub location: Location,
+}
+
+/// How to read one beam.
+pub(crate) struct Plan {
+    pub key: BeamKey,
+    /// The beam's version in the directory when the plan was made.
+    pub version: u32,
+    /// In the order (kind, sample number).
+    pub runs: Vec<PlannedRun>,
+}
+
+impl Plan {
+    /// Returns the number of samples that it reads.
+    pub fn samples(&self) -> u64 {
+        self.runs.iter().map(|planned| u64::from(planned.run.count)).sum()
+    }
+
+    /// Returns the offset in the file of its first samples; 0 if all are in memory.
+    pub fn file_position(&self) -> u64 {
+        let positions = self.runs.iter().filter_map(|planned| match &planned.location {
+            Location::Disk { block, at, .. } => {
+                Some(block.chunk_range(0).0 + u64::from(*at) * u64::from(SAMPLE_BYTES))
+            }
+            Location::Frozen { .. } | Location::Copied(_) => None,
+        });
+        positions.min().unwrap_or(0)
+    }
+}
+
+/// Where the samples of an [`Offer`] are: as [`Location`], before anything is copied.
+enum OfferedAt<'a> {
+    Disk { id: u32, at: u32 },
+    Frozen { batch: &'a Arc<Batch>, at: u32 },
+    Active { at: u32 },
+}
+
+fn run(key: BeamKey, class: Class, first: u32, count: u32) -> Run {
+    Run { key, kind: class.sample_kind(), first, count, paths: class.paths }
+}
+
+impl State {
+    /// Returns everything that was appended to a beam, oldest first, and where it is.
+    fn offers(&self, key: BeamKey) -> (Vec<Offer>, Vec<(Class, OfferedAt<'_>)>) {
+        let mut offers: Vec<Offer> = Vec::new();
+        let mut places: Vec<(Class, OfferedAt)> = Vec::new();
+        let mut offer = |class: Class, first: u32, count: u32, place| {
+            offers.push(Offer { kind: class.kind, supersedes: class.supersedes, first, count });
+            places.push((class, place));
+        };
+        for extent in self.directory.extents_of(key) {
+            for (skip, count) in self.intact(extent.block, extent.at, extent.count) {
+                let place = OfferedAt::Disk { id: extent.block, at: extent.at + skip };
+                offer(extent.class, extent.first + skip, count, place);
+            }
+        }
+        for batch in &self.frozen {
+            for append in batch.appends_of(key) {
+                let place = OfferedAt::Frozen { batch, at: append.at };
+                offer(append.class, append.first, append.count, place);
+            }
+        }
+        for append in self.active.appends_of(key) {
+            offer(append.class, append.first, append.count, OfferedAt::Active { at: append.at });
+        }
+        (offers, places)
+    }
+
+    /// Returns the runs that [`State::plan`] would read, in its order.
+    pub fn runs(&self, key: BeamKey) -> Vec<Run> {
+        let (offers, places) = self.offers(key);
+        let run = |seen: Visible| run(key, places[seen.offer].0, seen.first, seen.count);
+        visible(&offers).into_iter().map(run).collect()
+    }
+
+    /// Returns how to read a beam as it is now; `None` if nothing was ever appended to it.
+    pub fn plan(&self, key: BeamKey) -> Option<Plan> {
+        let version = self.directory.beams.get(&key)?.version;
+        let (offers, places) = self.offers(key);
+        let runs = visible(&offers).into_iter().map(|seen| {
+            let (class, place) = &places[seen.offer];
+            let skip = seen.first - offers[seen.offer].first;
+            let location = match *place {
+                OfferedAt::Disk { id, at } => Location::Disk {
+                    id,
+                    block: Arc::clone(&self.directory.blocks[id as usize]),
+                    at: at + skip,
+                },
+                OfferedAt::Frozen { batch, at } => {
+                    Location::Frozen { batch: Arc::clone(batch), at: at + skip }
+                }
+                OfferedAt::Active { at } => {
+                    Location::Copied(self.active.samples(at + skip, seen.count).to_vec())
+                }
+            };
+            PlannedRun { run: run(key, *class, seen.first, seen.count), location }
+        });
+        Some(Plan { key, version, runs: runs.collect() })
+    }
+
+    /// Returns the stretches of `count` samples from `at` in a block that lie in no bad chunk: for
+    /// each its distance from `at`, and its number of samples.
+    fn intact(&self, block: u32, at: u32, count: u32) -> Vec<(u32, u32)> {
+        if self.bad.is_empty() {
+            return vec![(0, count)];
+        }
+        let mut stretches: Vec<(u32, u32)> = Vec::new();
+        let end = at + count;
+        let mut from = at;
+        while from < end {
+            let chunk = from / CHUNK_SAMPLES;
+            let to = ((chunk + 1) * CHUNK_SAMPLES).min(end);
+            if !self.bad.contains(&(block, chunk)) {
+                match stretches.last_mut() {
+                    Some((skip, length)) if at + *skip + *length == from => *length += to - from,
+                    _ => stretches.push((from - at, to - from)),
+                }
+            }
+            from = to;
+        }
+        stretches
+    }
+}

@@ -1,0 +1,158 @@
+//! Reading beams from a [`BeamFile`], through its cache.
+
+use std::collections::HashSet;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use holo_section::{BeamKey, Run};
+
+use crate::Result;
+use crate::file::BeamFile;
+use crate::load::load;
+use crate::plan::Plan;
+use crate::state::State;
+use crate::types::{BeamSamples, Counts};
+
+/// Samples read together by [`BeamFile::read_many`], at most; and beams.
+const GROUP_SAMPLES: u64 = 400_000;
+const GROUP_BEAMS: usize = 8192;
+/// Beams looked up under one lock.
+const LOOKUP_BEAMS: usize = 512;
+
+impl BeamFile {
+    /// Returns all samples of a beam, also those not yet on disk: each number once, in the order
+    /// (kind, number).
+    ///
+    /// Empty if the beam has none. Damaged samples are left out and listed by
+    /// [`BeamFile::damage`].
+    ///
+    /// # Errors
+    /// If the beam does not exist or the disk cannot be read.
+    pub fn read(&self, key: BeamKey) -> Result<Arc<BeamSamples>> {
+        self.check(key)?;
+        if let Some(samples) = self.cached(&self.shared.state(), key) {
+            return Ok(samples);
+        }
+        let plan = self.shared.state().plan(key);
+        let read = self.load_group(plan.into_iter().collect())?;
+        Ok(read.into_iter().next().map(|(_, samples)| samples).unwrap_or_default())
+    }
+
+    /// Calls `sink` once for each beam: first those in memory, then the others in file order.
+    /// Neighbours in the file are read together. Stops when `sink` says so.
+    ///
+    /// # Errors
+    /// If a beam does not exist (before the first call) or the disk cannot be read.
+    pub fn read_many(
+        &self,
+        keys: &[BeamKey],
+        sink: &mut dyn FnMut(BeamKey, Arc<BeamSamples>) -> ControlFlow<()>,
+    ) -> Result<()> {
+        keys.iter().try_for_each(|&key| self.check(key))?;
+        let mut seen = HashSet::with_capacity(keys.len());
+        let mut plans: Vec<Plan> = Vec::new();
+        for some in keys.chunks(LOOKUP_BEAMS) {
+            let mut ready = Vec::new();
+            let state = self.shared.state();
+            for &key in some.iter().filter(|&&key| seen.insert(key)) {
+                match self.cached(&state, key) {
+                    Some(samples) => ready.push((key, samples)),
+                    None => plans.extend(state.plan(key)),
+                }
+            }
+            drop(state);
+            for (key, samples) in ready {
+                if sink(key, samples).is_break() {
+                    return Ok(());
+                }
+            }
+        }
+        plans.sort_by_cached_key(|plan| (plan.file_position(), plan.key));
+
+        let mut plans = plans.into_iter().peekable();
+        while plans.peek().is_some() {
+            let mut group = Vec::new();
+            let mut samples = 0;
+            while samples < GROUP_SAMPLES && group.len() < GROUP_BEAMS {
+                let Some(plan) = plans.next() else { break };
+                samples += plan.samples();
+                group.push(plan);
+            }
+            for (key, samples) in self.load_group(group)? {
+                if sink(key, samples).is_break() {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the beam as it is now, if it is in the cache or has no samples.
+    fn cached(&self, state: &State, key: BeamKey) -> Option<Arc<BeamSamples>> {
+        match state.directory.beams.get(&key) {
+            Some(beam) => self.shared.cache().get(key, beam.version),
+            None => Some(Arc::default()),
+        }
+    }
+
+    /// Reads beams and puts them into the cache. Where it finds damage, it plans again without the
+    /// damaged chunks.
+    fn load_group(&self, mut plans: Vec<Plan>) -> Result<Vec<(BeamKey, Arc<BeamSamples>)>> {
+        loop {
+            let loaded = load(&*self.shared.storage, &plans)
+                .map_err(|error| self.shared.io("reading samples", error))?;
+            match loaded {
+                Ok(beams) => {
+                    let mut cache = self.shared.cache();
+                    let read = plans.iter().zip(beams).map(|(plan, samples)| {
+                        cache.put(plan.key, plan.version, &samples);
+                        (plan.key, samples)
+                    });
+                    return Ok(read.collect());
+                }
+                Err(bad) => {
+                    let mut state = self.shared.state();
+                    state.mark_bad(&bad);
+                    plans = plans.iter().filter_map(|plan| state.plan(plan.key)).collect();
+                }
+            }
+        }
+    }
+
+    /// Returns the runs that a read of the beam would give now, without reading any sample.
+    ///
+    /// They are in the same order, but runs that continue each other are not joined. Empty if the
+    /// beam has none.
+    pub fn runs(&self, key: BeamKey) -> Vec<Run> {
+        self.shared.state().runs(key)
+    }
+
+    /// Returns the next free sample numbers of a beam.
+    pub fn counts(&self, key: BeamKey) -> Counts {
+        let next = self.shared.state().directory.beams.get(&key).map_or([0; 3], |beam| beam.next);
+        Counts { uniform: next[0], limited: next[1], single: next[2] }
+    }
+
+    /// Returns the number of samples of a beam, also of those not yet on disk; each number counts
+    /// once.
+    ///
+    /// Samples that a read or [`BeamFile::verify`] found damaged still count. Those in blocks left
+    /// out at opening do not.
+    pub fn count(&self, key: BeamKey) -> u64 {
+        self.shared.state().directory.beams.get(&key).map_or(0, |beam| beam.samples)
+    }
+
+    /// Calls `f` for every beam that has samples, in order, with their number.
+    pub fn for_each_beam(&self, f: &mut dyn FnMut(BeamKey, u64)) {
+        let mut beams: Vec<_> = self
+            .shared
+            .state()
+            .directory
+            .beams
+            .iter()
+            .map(|(&key, beam)| (key, beam.samples))
+            .collect();
+        beams.sort_unstable();
+        beams.into_iter().for_each(|(key, samples)| f(key, samples));
+    }
+}

@@ -1,0 +1,133 @@
+//! What the callers' threads and the writer's thread of one open file share.
+//!
+//! Invariant: nobody holds the state's lock during input or output, nor while a caller's function
+//! runs. Locks are taken in the order appender, state, cache.
+
+use std::io;
+use std::path::PathBuf;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use crate::batch::Body;
+use crate::cache::Cache;
+use crate::directory::Block;
+use crate::format::{FileHeader, aligned};
+use crate::state::State;
+use crate::storage::Storage;
+use crate::writer::Appender;
+use crate::{Error, FileLoss, Result};
+
+/// One open file, without the handle of its writer's thread.
+pub(crate) struct Shared {
+    pub path: PathBuf,
+    pub storage: Box<dyn Storage>,
+    pub header: FileHeader,
+    pub read_only: bool,
+    state: Mutex<State>,
+    /// Signals to the writer that there is something to do.
+    pub wake: Condvar,
+    /// Signals from the writer that a write was done, or failed.
+    pub progress: Condvar,
+    appender: Mutex<Appender>,
+    cache: Mutex<Cache>,
+}
+
+/// Locks a mutex, also after a thread panicked with it.
+///
+/// What such a thread leaves behind is sound: the state changes in small steps that cannot panic
+/// half-way.
+pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Shared {
+    pub fn new(
+        path: PathBuf,
+        storage: Box<dyn Storage>,
+        header: FileHeader,
+        read_only: bool,
+        (state, appender, cache): (State, Appender, Cache),
+    ) -> Shared {
+        Shared {
+            path,
+            storage,
+            header,
+            read_only,
+            state: Mutex::new(state),
+            wake: Condvar::new(),
+            progress: Condvar::new(),
+            appender: Mutex::new(appender),
+            cache: Mutex::new(cache),
+        }
+    }
+
+    pub fn state(&self) -> MutexGuard<'_, State> {
+        locked(&self.state)
+    }
+
+    pub fn appender(&self) -> MutexGuard<'_, Appender> {
+        locked(&self.appender)
+    }
+
+    pub fn cache(&self) -> MutexGuard<'_, Cache> {
+        locked(&self.cache)
+    }
+
+    /// Returns the error of an operation that the system refused.
+    pub fn io(&self, doing: &'static str, source: io::Error) -> Error {
+        Error::Io { path: self.path.clone(), doing, source }
+    }
+
+    /// Returns why samples could not be written.
+    pub fn not_written(&self, state: &State) -> Error {
+        if let Some(how) = state.lost {
+            return Error::Lost { path: self.path.clone(), how };
+        }
+        if state.writer_gone && state.last_error.is_none() {
+            return Error::WriterStopped { path: self.path.clone() };
+        }
+        let reason = state.last_error.clone().unwrap_or_default();
+        Error::NotWritten { path: self.path.clone(), pending: state.pending_bytes(), reason }
+    }
+
+    /// Waits for a signal, at most for `time`.
+    pub fn wait<'a>(
+        &self,
+        on: &Condvar,
+        state: MutexGuard<'a, State>,
+        time: Duration,
+    ) -> MutexGuard<'a, State> {
+        on.wait_timeout(state, time).unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    /// Waits until the writer did something, or a second has passed.
+    pub fn wait_for_writer<'a>(&self, state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
+        self.wait(&self.progress, state, Duration::from_secs(1))
+    }
+
+    /// Appends one block. When this returns, the block is on the disk itself, in the file at the
+    /// path.
+    pub fn write_block(&self, body: &Body, doing: &'static str) -> Result<Block> {
+        let mut appender = self.appender();
+        self.check_file(&appender)?;
+        let written = appender.write(&*self.storage, self.header.file_id, body);
+        let block = written.map_err(|error| self.io(doing, error))?;
+        self.check_file(&appender)?;
+        Ok(block)
+    }
+
+    /// Checks that the file at the path is the one that is written, and that it is as long as the
+    /// appender left it.
+    pub fn check_file(&self, appender: &Appender) -> Result<()> {
+        let bytes = self.storage.length().map_err(|error| self.io("reading its length", error))?;
+        let how = if !self.storage.is_at_its_path() {
+            FileLoss::NotAtPath
+        } else if aligned(bytes) < appender.at {
+            FileLoss::Shortened { bytes, written: appender.at }
+        } else {
+            return Ok(());
+        };
+        self.state().lost = Some(how);
+        Err(Error::Lost { path: self.path.clone(), how })
+    }
+}

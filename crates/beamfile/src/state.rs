@@ -1,0 +1,132 @@
+//! What the threads of one open file share under a lock.
+//!
+//! Invariant: every appended sample is in the active batch, a frozen batch, or the directory. While
+//! a batch's extents are being listed, its samples are in both. That changes no read: of two equal
+//! extents, either may count.
+
+use std::collections::{HashSet, VecDeque};
+use std::sync::Arc;
+use std::time::Instant;
+
+use holo_section::{BeamKey, Sample};
+
+use crate::batch::Batch;
+use crate::blobs::Blobs;
+use crate::directory::{Block, Directory};
+use crate::format::{Class, Entry, Table};
+use crate::types::{Damage, DamageKind};
+use crate::{FileLoss, Result};
+
+#[derive(Default)]
+pub(crate) struct State {
+    pub directory: Directory,
+    pub blobs: Blobs,
+    /// The batch that takes samples now.
+    pub active: Batch,
+    /// When the first samples of the active batch came.
+    pub active_since: Option<Instant>,
+    /// Memory for the next batch.
+    pub spare: Option<Batch>,
+    /// Batches that wait to be written, oldest first.
+    pub frozen: VecDeque<Arc<Batch>>,
+    frozen_bytes: u64,
+    /// All batches with smaller ids are on disk.
+    pub written: u64,
+    /// Failed attempts to write so far.
+    pub failures: u64,
+    /// Why the last attempt failed; `None` once one succeeds.
+    pub last_error: Option<String>,
+    /// Whether somebody waits, so that the writer must not wait for its time.
+    pub hurry: bool,
+    /// Whether the writer must end once nothing is left to write.
+    pub stop: bool,
+    pub writer_gone: bool,
+    /// What became of the file, if it is no longer the one at its path.
+    pub lost: Option<FileLoss>,
+    /// Damaged parts found so far.
+    pub damage: Vec<Damage>,
+    /// Chunks that do not match their checksums: (block, chunk).
+    pub bad: HashSet<(u32, u32)>,
+}
+
+impl State {
+    pub fn new(sections: usize) -> Self {
+        Self { directory: Directory::new(sections), ..Self::default() }
+    }
+
+    /// Returns the memory that samples not yet on disk take, in bytes.
+    pub fn pending_bytes(&self) -> u64 {
+        self.frozen_bytes + self.active.bytes()
+    }
+
+    /// Closes the active batch, if it holds anything, so that it can be written.
+    pub fn freeze(&mut self) {
+        if self.active.is_empty() {
+            return;
+        }
+        let id = self.active.id + 1;
+        let next = self.spare.take().unwrap_or_default().with_id(id);
+        let batch = std::mem::replace(&mut self.active, next);
+        self.active_since = None;
+        self.frozen_bytes += batch.bytes();
+        self.frozen.push_back(Arc::new(batch));
+    }
+
+    /// Takes samples into memory and counts them.
+    pub fn append(&mut self, key: BeamKey, class: Class, first: u32, samples: &[Sample]) {
+        let (active, frozen) = (&self.active, &self.frozen);
+        self.directory.account(key, class.kind, first, samples.len() as u32, |directory| {
+            let batches = frozen.iter().map(|batch| &**batch).chain([active]);
+            let appends = batches
+                .flat_map(|batch| batch.appends_of(key))
+                .filter(|append| append.class.kind == class.kind);
+            let pending = appends.map(|append| (append.first, append.first + append.count));
+            directory.numbers_of(key, class.kind).chain(pending).collect()
+        });
+        self.active.push(key, class, first, samples);
+    }
+
+    /// Removes the oldest frozen batch, whose extents are all in the directory.
+    pub fn batch_written(&mut self) -> Option<Arc<Batch>> {
+        let batch = self.frozen.pop_front()?;
+        self.frozen_bytes -= batch.bytes();
+        self.written = batch.id + 1;
+        Some(batch)
+    }
+
+    /// Lists a block that was found in the file.
+    pub fn found(&mut self, block: Block, table: Table) -> Result<()> {
+        let block = Arc::new(block);
+        let id = self.directory.add_block(Arc::clone(&block))?;
+        match table {
+            Table::Blob(part) => self.blobs.add(part, id, block),
+            Table::Samples(entries) => {
+                let mut at = 0;
+                for entry in &entries {
+                    let Entry { key, class, first, count } = *entry;
+                    self.directory.account(key, class.kind, first, count, |directory| {
+                        directory.numbers_of(key, class.kind).collect()
+                    });
+                    self.directory.add_extent(id, at, entry)?;
+                    at += count;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes chunks that do not match their checksums. From now on plans leave them out.
+    pub fn mark_bad(&mut self, chunks: &[(u32, u32)]) {
+        for &(id, chunk) in chunks {
+            let Some(block) = self.directory.blocks.get(id as usize) else { continue };
+            if self.bad.insert((id, chunk)) {
+                let (begin, end) = block.chunk_range(chunk);
+                let what = block
+                    .blob
+                    .as_deref()
+                    .map_or(DamageKind::Samples, |name| DamageKind::Blob(name.into()));
+                self.damage.push(Damage { offset: begin, bytes: end - begin, what });
+            }
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! The trait that every driver implements, and its messages.
+
+use holo_picture::View;
+use holo_section::{BeamKey, RayCoords, Sample};
+
+use crate::{Frame, LiveSample, WantedBeam, viewpoint_radius};
+
+/// How many pixels a driver computes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Resolution {
+    /// Every pixel of the picture.
+    #[default]
+    Full,
+    /// Every other column and row, enlarged to the whole picture. It serves views that follow each
+    /// other faster than full frames can be drawn.
+    Half,
+}
+
+impl Resolution {
+    /// Returns the number of columns and rows computed for a picture of `size` pixels.
+    pub fn computed(self, size: (u32, u32)) -> (u32, u32) {
+        match self {
+            Self::Full => size,
+            Self::Half => (size.0.div_ceil(2), size.1.div_ceil(2)),
+        }
+    }
+}
+
+/// What to draw: a view at a size and a resolution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// The view.
+    pub view: View,
+    /// Width and height of the frame, pixels. [`View::resolve`] returns them and bounds them.
+    pub size: (u32, u32),
+    /// How many of these pixels are computed.
+    pub resolution: Resolution,
+}
+
+/// The surface under a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceAt {
+    /// Distance from the eye, scene units; infinite if the pixel's ray hits nothing.
+    pub distance: f32,
+    /// Index of the triangle in the scene, if the driver knows the scene.
+    pub triangle: Option<u32>,
+}
+
+/// The reason why a driver cannot show a view.
+#[derive(Debug, thiserror::Error)]
+#[error("driver {driver}: {reason}")]
+pub struct DriverError {
+    /// Name of the driver.
+    pub driver: &'static str,
+    /// The reason, as a sentence for people.
+    pub reason: String,
+}
+
+/// Turns samples into frames, from view to view.
+///
+/// For each view a front end calls [`weigh`](Self::weigh), then [`look`](Self::look). It then inserts
+/// what arrives and draws as often as it likes. [`settle`](Self::settle) reports that all stored
+/// samples of the view have arrived. Later frames depend on the set of samples inserted since
+/// `look`, and not on earlier views.
+pub trait Driver: Send {
+    /// Returns the driver's name, as reports give it.
+    fn name(&self) -> &'static str;
+
+    /// Returns whether samples inserted for one view count for all later ones. If so, a front end
+    /// inserts each sample once in a session, and not once for each view.
+    fn keeps_samples(&self) -> bool {
+        false
+    }
+
+    /// Returns `beams` with weights that consider the samples which the driver already has.
+    ///
+    /// The front end calls it before [`look`](Self::look), with the beams of the view to come. It
+    /// must be quick, because the request to the server waits for it.
+    ///
+    /// # Errors
+    /// If the driver cannot show the view.
+    fn weigh(
+        &mut self,
+        _look: &Look,
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>, DriverError> {
+        Ok(beams)
+    }
+
+    /// Starts another view.
+    ///
+    /// # Errors
+    /// If the driver cannot show the view.
+    fn look(&mut self, look: &Look) -> Result<(), DriverError>;
+
+    /// Inserts samples of one beam, each the mean of `paths` paths. Ignores unknown sections and
+    /// beams.
+    fn insert(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]);
+
+    /// Notes that no ray of a beam can hit anything.
+    fn insert_unseen(&mut self, beam: BeamKey);
+
+    /// Inserts rays of the view itself, each the mean of `paths` paths, traced for the pixels that
+    /// [`uncovered`](Self::uncovered) returned.
+    fn insert_live(&mut self, _paths: u16, _rays: &[LiveSample]) {}
+
+    /// Notes that all stored samples of the view have arrived.
+    fn settle(&mut self) {}
+
+    /// Draws the frame. Calls `stage_ended` with the name of each stage as it ends, so that the
+    /// caller can measure the stages. Drivers without stages never call it.
+    fn draw(&mut self, stage_ended: &mut dyn FnMut(&'static str)) -> Frame;
+
+    /// Returns the known distances from the eye, scene units, of points spread over the picture.
+    fn depth(&mut self) -> Vec<f32>;
+
+    /// Returns whether [`depth`](Self::depth) is complete before any sample has arrived.
+    fn knows_depth(&self) -> bool {
+        false
+    }
+
+    /// Returns the surface under a pixel; `None` where nothing is known.
+    fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt>;
+
+    /// Returns the pixels that live rays can improve, by number, row by row from the top. No section
+    /// covers them, and their rays may hit something.
+    fn uncovered(&self) -> Vec<u32> {
+        Vec::new()
+    }
+
+    /// Returns whether [`wanted_rays`](Self::wanted_rays) ever returns any.
+    fn wants_rays(&self) -> bool {
+        false
+    }
+
+    /// Returns the single rays that would improve the frame most.
+    fn wanted_rays(&mut self) -> Vec<(BeamKey, RayCoords)> {
+        Vec::new()
+    }
+
+    /// Returns the most useful of [`surface_beams`](Self::surface_beams), found in less time. The
+    /// list is empty if the driver does not rank beams. A beam of a section has about
+    /// `samples_per_beam(section)` stored samples.
+    fn best_surface_beams(&self, _samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {
+        Vec::new()
+    }
+
+    /// Returns beams that the view does not cross but whose stored samples are of use, ordered by
+    /// section and beam, each once.
+    fn surface_beams(&self) -> Vec<BeamKey> {
+        Vec::new()
+    }
+
+    /// Returns the distance from the eye within which traced rays should pass, scene units. The
+    /// nearest visible surface is at distance `nearest`.
+    fn viewpoint_radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
+        viewpoint_radius(view, size, nearest, 1.0)
+    }
+
+    /// Sets the distance of the nearest visible surface, scene units.
+    fn set_nearest(&mut self, _nearest: f64) {}
+
+    /// Switches a part of the driver's method on or off from the next frame on. Returns whether
+    /// the driver has a part of this name.
+    fn switch(&mut self, _part: &str, _on: bool) -> bool {
+        false
+    }
+}

@@ -1,0 +1,228 @@
+//! The driver for whole sessions: what it has is shown in the next view until that has samples of its
+//! own (Larson & Simmons 1999, §3).
+//!
+//! What always holds:
+//! - Once the stored samples of a view have come, pictures are of what came for this view alone. A
+//!   picture at rest does not depend on where the camera came from.
+//! - Beyond 20° of rotation nothing is kept.
+
+use crate::live::Overlay;
+use crate::log::Log;
+use crate::{Cells, Filling, Quadtree, QuadtreeParams};
+use holo_display::{
+    Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt, covered, uncovered_pixels,
+};
+use holo_picture::ViewKind;
+use holo_section::{BeamId, BeamKey, Sample, Section};
+use std::collections::HashSet;
+use std::sync::Arc;
+
+/// Rotation of the view beyond which kept samples are of no more use than their beams would be: what
+/// shines looks too different (Larson & Simmons 1999, §3).
+const MOST_DEGREES: f64 = 20.0;
+
+/// The quadtree, or cells of its samples, from view to view.
+pub struct QuadtreeDriver {
+    sections: Arc<[Section]>,
+    sky: [f32; 3],
+    /// What cells show; `None`: leaves.
+    cells: Option<Filling>,
+    /// Samples of the view, and of earlier ones until the view's own have come.
+    log: Log,
+    /// `None` before the first view.
+    shown: Option<Shown>,
+}
+
+/// One view.
+struct Shown {
+    look: Look,
+    /// What came for this view.
+    own: Shape,
+    /// The same and what came for earlier views. `None` if there is nothing of those, or once all
+    /// of the view's own has come.
+    both: Option<Shape>,
+    /// `None` before the first live ray.
+    overlay: Option<Overlay>,
+    /// Depths of the last frame; empty before it.
+    depth: Vec<f32>,
+}
+
+/// What samples are shown as.
+enum Shape {
+    Leaves(Box<Quadtree>),
+    Cells(Box<Cells>),
+}
+
+impl Shape {
+    fn tree(&self) -> &Quadtree {
+        match self {
+            Self::Leaves(tree) => tree,
+            Self::Cells(cells) => cells.quadtree(),
+        }
+    }
+
+    fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+        match self {
+            Self::Leaves(tree) => tree.insert(section, beam, paths, samples),
+            Self::Cells(cells) => cells.insert(section, beam, paths, samples),
+        }
+    }
+
+    fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+        match self {
+            Self::Leaves(tree) => tree.insert_unseen(section, beam),
+            Self::Cells(cells) => cells.insert_unseen(section, beam),
+        }
+    }
+
+    fn draw(&self) -> Frame {
+        match self {
+            Self::Leaves(tree) => tree.draw(),
+            Self::Cells(cells) => cells.draw(),
+        }
+    }
+}
+
+impl QuadtreeDriver {
+    /// Returns the driver `quadtree`. `sky` is the radiance of rays that hit nothing.
+    pub fn new(sections: Arc<[Section]>, sky: [f32; 3]) -> Self {
+        Self { sections, sky, cells: None, log: Log::default(), shown: None }
+    }
+
+    /// Returns the driver `cells`.
+    pub fn of_cells(sections: Arc<[Section]>, sky: [f32; 3], filling: Filling) -> Self {
+        Self { cells: Some(filling), ..Self::new(sections, sky) }
+    }
+
+    /// Returns an empty shape for a view.
+    fn shape(&self, look: &Look) -> Shape {
+        let (sections, size) = (Arc::clone(&self.sections), look.resolution.computed(look.size));
+        let params = QuadtreeParams { sky: self.sky, ..QuadtreeParams::default() };
+        match self.cells {
+            None => Shape::Leaves(Box::new(Quadtree::new(sections, look.view, size, params))),
+            Some(filling) => {
+                Shape::Cells(Box::new(Cells::new(sections, look.view, size, filling, params)))
+            }
+        }
+    }
+
+    /// Returns a shape of what there was before, for a view; `None` if that is nothing, or of no
+    /// use. Forgets it if it is of no use.
+    fn kept(&mut self, look: &Look) -> Option<Shape> {
+        let before = self.shown.take()?;
+        let is_near = look.view.vd.dot(before.look.view.vd) >= MOST_DEGREES.to_radians().cos();
+        if !is_near {
+            self.log.clear();
+            return None;
+        }
+        let unseen: HashSet<_> =
+            before.both.as_ref().unwrap_or(&before.own).tree().unseen().clone();
+        if self.log.is_empty() && unseen.is_empty() {
+            return None;
+        }
+        let mut shape = self.shape(look);
+        unseen.into_iter().for_each(|BeamKey { section, beam }| shape.insert_unseen(section, beam));
+        self.log.replay(|section, beam, paths, samples| {
+            shape.insert(section, beam, paths, samples);
+        });
+        Some(shape)
+    }
+}
+
+impl Driver for QuadtreeDriver {
+    fn name(&self) -> &'static str {
+        if self.cells.is_some() { "cells" } else { "quadtree" }
+    }
+
+    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+        let both = self.kept(look);
+        self.log.begin_view();
+        self.shown = Some(Shown {
+            look: *look,
+            own: self.shape(look),
+            both,
+            overlay: None,
+            depth: Vec::new(),
+        });
+        Ok(())
+    }
+
+    fn insert(&mut self, BeamKey { section, beam }: BeamKey, paths: u16, samples: &[Sample]) {
+        let Some(shown) = &mut self.shown else { return };
+        self.log.add(section, beam, paths, samples);
+        for shape in shown.both.iter_mut().chain([&mut shown.own]) {
+            shape.insert(section, beam, paths, samples);
+        }
+    }
+
+    fn insert_unseen(&mut self, BeamKey { section, beam }: BeamKey) {
+        let Some(shown) = &mut self.shown else { return };
+        for shape in shown.both.iter_mut().chain([&mut shown.own]) {
+            shape.insert_unseen(section, beam);
+        }
+    }
+
+    fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
+        let Some(shown) = &mut self.shown else { return };
+        let (sections, Look { view, size, .. }) = (&self.sections, shown.look);
+        let overlay = shown.overlay.get_or_insert_with(|| {
+            let pixels = uncovered_pixels(&covered(sections, &view, size), &view, size);
+            Overlay::new(pixels, view, size)
+        });
+        overlay.insert(paths, rays);
+    }
+
+    fn settle(&mut self) {
+        self.log.forget_earlier();
+        if let Some(shown) = &mut self.shown {
+            shown.both = None;
+        }
+    }
+
+    fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
+        let Some(shown) = &mut self.shown else { return Frame::black((0, 0)) };
+        let mut frame = shown.both.as_ref().unwrap_or(&shown.own).draw();
+        if shown.look.resolution != Resolution::Full {
+            frame = frame.enlarged(shown.look.size);
+            if shown.look.view.kind != ViewKind::Perspective {
+                frame.blank_corners(&shown.look.view);
+            }
+        }
+        if let Some(overlay) = &shown.overlay {
+            overlay.paint(&mut frame);
+        }
+        shown.depth.clone_from(&frame.depth);
+        frame
+    }
+
+    fn depth(&mut self) -> Vec<f32> {
+        self.shown.as_ref().map_or_else(Vec::new, |shown| shown.own.tree().depth())
+    }
+
+    fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
+        let shown = self.shown.as_ref()?;
+        let (width, height) = shown.look.size;
+        if column >= width || row >= height {
+            return None;
+        }
+        let pixel = row as usize * width as usize + column as usize;
+        let distance = *shown.depth.get(pixel)?;
+        (distance > 0.0).then_some(SurfaceAt { distance, triangle: None })
+    }
+
+    fn uncovered(&self) -> Vec<u32> {
+        self.shown.as_ref().map_or_else(Vec::new, |shown| {
+            let Look { view, size, .. } = shown.look;
+            uncovered_pixels(&covered(&self.sections, &view, size), &view, size)
+        })
+    }
+
+    fn best_surface_beams(&self, samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {
+        let Some(shown) = &self.shown else { return Vec::new() };
+        shown.own.tree().best_surface_beams(samples_per_beam)
+    }
+
+    fn surface_beams(&self) -> Vec<BeamKey> {
+        self.shown.as_ref().map_or_else(Vec::new, |shown| shown.own.tree().surface_beams())
+    }
+}

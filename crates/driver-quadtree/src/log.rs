@@ -1,0 +1,129 @@
+//! Samples in the order in which they came, kept to be shown in the next view.
+
+use holo_section::{BeamId, Sample};
+
+/// Samples kept at most: what two views of a large file cross. A new tree takes them in some 25 ms.
+const MOST: usize = 500_000;
+
+/// Samples of the current view and of earlier ones.
+#[derive(Default)]
+pub(crate) struct Log {
+    runs: Vec<Run>,
+    samples: Vec<Sample>,
+    /// How many of the runs came before the current view.
+    earlier: usize,
+}
+
+/// Samples of one beam that came together.
+#[derive(Clone, Copy)]
+struct Run {
+    section: u16,
+    beam: BeamId,
+    paths: u16,
+    count: usize,
+}
+
+impl Log {
+    /// Adds samples of one beam. Beyond [`MOST`] samples the older half goes.
+    pub fn add(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+        self.runs.push(Run { section, beam, paths, count: samples.len() });
+        self.samples.extend_from_slice(samples);
+        if self.samples.len() > MOST {
+            let mut count = self.samples.len();
+            let is_kept = |run: &Run| {
+                count -= run.count;
+                count <= MOST / 2
+            };
+            let gone = self.runs.iter().position(is_kept).map_or(self.runs.len(), |at| at + 1);
+            self.forget(gone);
+        }
+    }
+
+    /// Notes that another view begins.
+    pub fn begin_view(&mut self) {
+        self.earlier = self.runs.len();
+    }
+
+    /// Forgets the samples of earlier views.
+    pub fn forget_earlier(&mut self) {
+        self.forget(self.earlier);
+    }
+
+    /// Forgets all samples.
+    pub fn clear(&mut self) {
+        self.forget(self.runs.len());
+    }
+
+    /// Returns whether there are no samples.
+    pub fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
+    /// Calls `insert` with section, beam, paths and samples of each run, oldest first.
+    pub fn replay(&self, mut insert: impl FnMut(u16, BeamId, u16, &[Sample])) {
+        let mut rest = self.samples.as_slice();
+        for run in &self.runs {
+            let (samples, tail) = rest.split_at(run.count);
+            insert(run.section, run.beam, run.paths, samples);
+            rest = tail;
+        }
+    }
+
+    /// Forgets so many of the oldest runs.
+    fn forget(&mut self, runs: usize) {
+        let samples: usize = self.runs.drain(..runs).map(|run| run.count).sum();
+        self.samples.drain(..samples);
+        self.earlier = self.earlier.saturating_sub(runs);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use holo_section::RayCoords;
+
+    /// Adds a sample of one beam for each number.
+    fn add(log: &mut Log, beams: std::ops::Range<u64>) {
+        for beam in beams {
+            let sample = Sample::from_codes(RayCoords::default(), [beam as u8; 4], 7);
+            log.add(0, BeamId(beam), 1, &[sample]);
+        }
+    }
+
+    fn beams(log: &Log) -> Vec<u64> {
+        let mut beams = Vec::new();
+        log.replay(|_, beam, _, samples| {
+            assert_eq!(samples[0].rgbe[0], beam.0 as u8);
+            beams.push(beam.0);
+        });
+        beams
+    }
+
+    #[test]
+    fn earlier_views_are_forgotten_and_the_current_one_stays() {
+        let mut log = Log::default();
+        add(&mut log, 0..3);
+        log.begin_view();
+        add(&mut log, 3..5);
+        assert_eq!(beams(&log), [0, 1, 2, 3, 4]);
+        log.forget_earlier();
+        assert_eq!(beams(&log), [3, 4]);
+        log.forget_earlier();
+        assert_eq!(beams(&log), [3, 4]);
+        log.clear();
+        assert!(log.is_empty());
+    }
+
+    #[test]
+    fn no_more_than_the_most_is_kept_and_the_newest_stay() {
+        let (mut log, most) = (Log::default(), MOST as u64);
+        add(&mut log, 0..10);
+        log.begin_view();
+        add(&mut log, 10..most + 1);
+        let kept = beams(&log);
+        assert_eq!(kept, (most / 2 + 1..most + 1).collect::<Vec<_>>());
+        // All of the earlier view are gone.
+        log.forget_earlier();
+        assert_eq!(beams(&log), kept);
+    }
+}

@@ -1,0 +1,176 @@
+//! Draws pictures: bands of rows on all cores.
+//!
+//! Invariant: a pixel is a function of the leaves and, by the noise remembered from one pixel to the
+//! next, of the pixels of its band before it. So the number of threads changes no bit.
+
+use crate::Quadtree;
+use crate::agreement::Agreement;
+use crate::bins::{bin_distance, merged};
+use crate::blend::beside;
+use crate::leaf::Reader;
+use crate::pyramid::{Level, pyramid};
+use crate::surface::{Bins, Surface, gap_allowed, of_pixel};
+use holo_display::Frame;
+use rayon::prelude::*;
+
+/// Rows of pixels that are drawn one after the other.
+pub(crate) const BAND: usize = 16;
+
+/// What a pixel shows.
+#[derive(Clone, Copy)]
+pub(crate) struct Shown {
+    pub colour: [f32; 3],
+    /// Distance from the eye; 0 where nothing is known.
+    pub depth: f32,
+}
+
+impl Shown {
+    pub const NOTHING: Self = Self { colour: [0.0; 3], depth: 0.0 };
+}
+
+/// How many pixels and samples count as what.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Counts {
+    pub empty: u64,
+    pub unseen: u64,
+    pub samples: u64,
+}
+
+impl Counts {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            empty: self.empty + other.empty,
+            unseen: self.unseen + other.unseen,
+            samples: self.samples + other.samples,
+        }
+    }
+}
+
+/// The leaves that a picture is drawn from.
+pub(crate) struct Pyramids {
+    /// Of aligned samples.
+    aligned: Vec<Level>,
+    /// Of all samples; `None` if all are aligned.
+    all: Option<Vec<Level>>,
+}
+
+impl Pyramids {
+    fn new(tree: &Quadtree) -> Self {
+        let size = (tree.size.0 as usize, tree.size.1 as usize);
+        let of_aligned = |pixel: usize, surfaces: &mut Vec<Surface>| {
+            of_pixel(tree.aligned.of(pixel), surfaces);
+        };
+        let all = tree.oblique.as_ref().map(|oblique| {
+            pyramid(size, |pixel, surfaces| {
+                of_pixel(merged(&tree.aligned, oblique, pixel), surfaces);
+            })
+        });
+        Self { aligned: pyramid(size, of_aligned), all }
+    }
+}
+
+/// Draws the pixels of one band.
+pub(crate) struct Painter<'a> {
+    pub tree: &'a Quadtree,
+    /// Whether each pixel's beam sees nothing; empty if no such beam is known.
+    unseen: &'a [bool],
+    pub all: Reader<'a>,
+    /// Those of aligned samples alone; `None` if all are.
+    aligned: Option<(Reader<'a>, Agreement)>,
+}
+
+impl<'a> Painter<'a> {
+    fn new(tree: &'a Quadtree, unseen: &'a [bool], pyramids: &'a Pyramids) -> Self {
+        let aligned = Reader::new(&pyramids.aligned, tree.params.leaf);
+        let (all, aligned) = match &pyramids.all {
+            None => (aligned, None),
+            Some(all) => {
+                let agreement = Agreement::new(tree.size.0 as usize);
+                (Reader::new(all, tree.params.leaf), Some((aligned, agreement)))
+            }
+        };
+        Self { tree, unseen, all, aligned }
+    }
+
+    /// Draws a pixel and counts it.
+    #[inline(always)]
+    fn paint(&mut self, column: usize, row: usize, counts: &mut Counts) -> Shown {
+        let pixel = row * self.tree.size.0 as usize + column;
+        if !self.tree.covered[pixel] {
+            return Shown::NOTHING;
+        }
+        if self.unseen.get(pixel) == Some(&true) {
+            counts.unseen += 1;
+            return self.tree.sky();
+        }
+        let own = self.all.leaf(0, column, row);
+        if own.is_empty() {
+            counts.empty += 1;
+        }
+        counts.samples += own.iter().map(|surface| u64::from(surface.count)).sum::<u64>();
+        self.shown(column, row, own)
+    }
+
+    /// Shows a surface as from leaves of a level on, by its bins there.
+    #[inline(always)]
+    pub fn surface(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> Shown {
+        let colour = self.colour(column, row, level, bins);
+        Shown { colour, depth: bin_distance(bins.first) }
+    }
+
+    /// Returns the colour of a surface, as [`Reader::colour`]: of all samples, or of aligned ones
+    /// where the others differ.
+    #[inline(always)]
+    pub fn colour(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> [f32; 3] {
+        let all = self.all.colour(column, row, level, bins);
+        let Some((aligned, agreement)) = &mut self.aligned else { return all };
+        let share = agreement.of(&mut self.all, aligned, (column, row), bins);
+        if share == 1.0 {
+            return all;
+        }
+        // From the smallest leaf that has any: the comparison found one. The few samples that it
+        // has there may all lie a bin beside.
+        let found = (level..aligned.levels.len()).find_map(|level| {
+            let surface = beside(aligned.leaf(level, column, row), bins, gap_allowed(level))?;
+            Some((level, surface.bins))
+        });
+        let Some((level, bins)) = found else { return all };
+        let own = aligned.colour(column, row, level, bins);
+        [0, 1, 2].map(|channel| own[channel] + share * (all[channel] - own[channel]))
+    }
+
+    /// Returns the surfaces of a leaf by those samples that tell best what hides what: the aligned
+    /// ones, if there are any.
+    pub fn leaf_seen(&self, level: usize, column: usize, row: usize) -> &[Surface] {
+        let aligned = self.aligned.as_ref().map(|(reader, _)| reader.leaf(level, column, row));
+        let aligned = aligned.filter(|leaf| !leaf.is_empty());
+        aligned.unwrap_or_else(|| self.all.leaf(level, column, row))
+    }
+}
+
+impl Quadtree {
+    /// Draws the picture of all samples so far.
+    pub fn draw(&self) -> Frame {
+        let width = self.size.0 as usize;
+        let (pyramids, unseen) = (Pyramids::new(self), self.unseen_pixels());
+        let mut frame = self.empty_frame();
+        let colours = frame.picture.pixels.par_chunks_mut((BAND * width).max(1));
+        let depths = frame.depth.par_chunks_mut((BAND * width).max(1));
+        let draw_band = |(band, (colours, depths)): (usize, (&mut [[f32; 3]], &mut [f32]))| {
+            let mut painter = Painter::new(self, &unseen, &pyramids);
+            let mut counts = Counts::default();
+            for (at, (colour, depth)) in colours.iter_mut().zip(depths).enumerate() {
+                let (column, row) = (at % width, band * BAND + at / width);
+                let shown = painter.paint(column, row, &mut counts);
+                (*colour, *depth) = (shown.colour, shown.depth);
+            }
+            counts
+        };
+        let bands = colours.zip(depths).enumerate().map(draw_band);
+        let counts = bands.reduce(Counts::default, Counts::plus);
+        frame.empty_pixels = counts.empty;
+        frame.unseen_pixels = counts.unseen;
+        frame.samples_used = counts.samples;
+        frame
+    }
+}

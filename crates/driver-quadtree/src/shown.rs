@@ -1,0 +1,140 @@
+//! Which surface a pixel shows, or which mixture, by its own samples and those around it.
+
+use crate::bins::BINS_PER_OCTAVE;
+use crate::paint::{Painter, Shown};
+use crate::sums::NEAR_CLASSES;
+use crate::surface::{Bins, Surface};
+
+/// Share of a leaf's samples that its nearest surface needs to be shown by the leaf's empty pixels.
+pub(crate) const SEEN_SHARE: f32 = 0.25;
+/// Depth bins between a surface and one that hides it: a fifth of the distance.
+pub(crate) const CLEARLY_IN_FRONT: u16 = 8;
+/// Samples in each pixel of a leaf from which on a pixel without any does not have the surface. With
+/// two expected, one pixel in seven has none.
+const MANY_PER_PIXEL: u32 = 2;
+
+impl Painter<'_> {
+    /// Returns what a covered pixel shows, given its own surfaces.
+    #[inline(always)]
+    pub fn shown(&mut self, column: usize, row: usize, own: &[Surface]) -> Shown {
+        if let Some((level, bins)) = self.standing(column, row, own) {
+            return self.surface(column, row, level, bins);
+        }
+        match own {
+            [] => self.filled(column, row),
+            [only] if !self.may_be_covered(column, row, only.bins) => {
+                self.surface(column, row, 0, only.bins)
+            }
+            [front, ..] => self.mixed(column, row, front.bins, own),
+        }
+    }
+
+    /// Returns what a pixel without samples shows: what the smallest leaf with samples around it
+    /// shows.
+    fn filled(&mut self, column: usize, row: usize) -> Shown {
+        let found = (1..self.all.levels.len()).find_map(|level| {
+            let leaf = self.all.leaf(level, column, row);
+            let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
+            let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
+            Some((level, seen.bins))
+        });
+        let Some((level, bins)) = found else { return Shown::NOTHING };
+        let covering = if self.may_be_covered(column, row, bins) {
+            self.covering(column, row, bins)
+        } else {
+            None
+        };
+        let (level, bins) = covering.unwrap_or((level, bins));
+        self.surface(column, row, level, bins)
+    }
+
+    /// Returns what a pixel with samples shows.
+    ///
+    /// Samples that pass near the eye are samples of this very pixel. Their shares are what the
+    /// surfaces cover of it, which makes a silhouette smooth. Without any the nearest surface is
+    /// seen: what lies behind it was seen past its edge.
+    fn mixed(&mut self, column: usize, row: usize, front: Bins, own: &[Surface]) -> Shown {
+        let near = |surface: &Surface| self.near_count(column, row, surface.bins, front);
+        let near: Vec<f32> = own.iter().map(near).collect();
+        let all: f32 = near.iter().sum();
+        if all == 0.0 {
+            let (level, bins) = self.covering(column, row, front).unwrap_or((0, front));
+            return self.surface(column, row, level, bins);
+        }
+        let mut shown = Shown::NOTHING;
+        for (surface, near) in own.iter().zip(near) {
+            let coverage = near / all;
+            if coverage > 0.0 {
+                let part = self.surface(column, row, 0, surface.bins);
+                for (sum, part) in shown.colour.iter_mut().zip(part.colour) {
+                    *sum += coverage * part;
+                }
+                shown.depth = if shown.depth == 0.0 { part.depth } else { shown.depth };
+            }
+        }
+        shown
+    }
+
+    /// Returns how many samples of a pixel's surface pass so near the eye that they see past the
+    /// front surface what the eye sees.
+    ///
+    /// Within a pixel's footprint at their own distance is not near enough. With `front` at an
+    /// eighth of the distance they would look behind it by seven pixels (batch pictures then got
+    /// worse with more samples). The radius is halved for each whole doubling from the front to the
+    /// surface, which keeps that below a pixel and a half.
+    fn near_count(&self, column: usize, row: usize, bins: Bins, front: Bins) -> f32 {
+        let halvings = usize::from(bins.first.saturating_sub(front.first) / BINS_PER_OCTAVE);
+        let halvings = halvings.min(NEAR_CLASSES - 1);
+        // All samples near the eye are aligned.
+        let of_pixel = self.tree.aligned.of(row * self.tree.size.0 as usize + column);
+        let own = of_pixel.filter(|(bin, _)| bins.first <= *bin && *bin <= bins.last);
+        own.flat_map(|(_, sums)| &sums.near[halvings..]).map(|&count| count as f32).sum()
+    }
+
+    /// Returns whether a surface around a pixel lies so far in front of the pixel's own that it may
+    /// hide it.
+    #[inline(always)]
+    fn may_be_covered(&self, column: usize, row: usize, front: Bins) -> bool {
+        [2, 1].into_iter().filter(|&level| level < self.all.levels.len()).any(|level| {
+            // The nearest comes first.
+            let nearest = self.all.leaf(level, column, row).first();
+            nearest.is_some_and(|nearest| hides(nearest, front))
+        })
+    }
+
+    /// Returns level and bins of a surface that hides a pixel's front surface, though the pixel has
+    /// no sample of it.
+    ///
+    /// Where samples are few, those of a far surface show through between those of a near one,
+    /// because their rays looked past its edge (the paper's Figure 6). A surface in front goes on
+    /// here if most samples of the 4 × 4 or 2 × 2 pixels around are of it, unless it has so many
+    /// that it would have one here. Aligned samples decide if there are any: others may look from
+    /// behind the surface, as from the next room, and be any number. Pixels with samples near the
+    /// eye see for themselves. What this gains and costs: docs/notes/quadtree.md.
+    fn covering(&self, column: usize, row: usize, front: Bins) -> Option<(usize, Bins)> {
+        [2, 1].into_iter().filter(|&level| level < self.all.levels.len()).find_map(|level| {
+            let leaf = self.all.leaf(level, column, row);
+            let seen = self.leaf_seen(level, column, row);
+            let all: f32 = seen.iter().map(|surface| surface.count as f32).sum();
+            let is_most = |surface: &Surface| {
+                let bins = surface.bins;
+                let parts = seen
+                    .iter()
+                    .filter(|part| bins.first <= part.bins.first && part.bins.last <= bins.last);
+                parts.map(|part| part.count as f32).sum::<f32>() >= 0.5 * all
+            };
+            let hiding = leaf.iter().find(|surface| {
+                hides(surface, front)
+                    && is_most(surface)
+                    && surface.count <= MANY_PER_PIXEL << (2 * level)
+            })?;
+            Some((level, hiding.bins))
+        })
+    }
+}
+
+/// Returns whether a surface lies clearly in front of another one's bins.
+#[inline(always)]
+fn hides(nearer: &Surface, front: Bins) -> bool {
+    nearer.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.first
+}

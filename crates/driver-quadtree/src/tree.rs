@@ -1,0 +1,198 @@
+//! The quadtree: samples of one view in, pictures out.
+
+use crate::bins::PixelBins;
+use crate::reproject::{BeamProjector, Landing};
+use crate::sums::Colour;
+use glam::DVec3;
+use holo_display::{Camera, DistanceTable, Frame, PlacedSection, best_beam, covered};
+use holo_picture::View;
+use holo_section::{BeamId, BeamKey, Sample, Section};
+use rayon::prelude::*;
+use std::collections::HashSet;
+use std::sync::Arc;
+
+/// Paths that a sample counts for at most: more are not told apart, and no sample overflows a sum.
+pub(crate) const MAX_PATHS: u16 = 1024;
+/// Samples that are projected before any of them is summed: their sums lie anywhere in memory, and
+/// are fetched meanwhile.
+const BATCH: usize = 32;
+
+/// How large the leaves are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LeafSize {
+    /// As large as the samples' noise asks and the picture allows.
+    #[default]
+    Adaptive,
+    /// 2ⁿ pixels a side everywhere, larger where empty. 0 shows each pixel's own samples. For
+    /// comparison.
+    Fixed(u8),
+}
+
+/// Settings of a [`Quadtree`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct QuadtreeParams {
+    /// How large the leaves are.
+    pub leaf: LeafSize,
+    /// Radiance of rays that hit nothing: what unseen beams show.
+    pub sky: [f32; 3],
+}
+
+/// Samples of one view, summed by pixel and depth, and the pictures of them.
+pub struct Quadtree {
+    pub(crate) sections: Arc<[Section]>,
+    placed: Vec<PlacedSection>,
+    pub(crate) view: View,
+    pub(crate) camera: Camera,
+    pub(crate) size: (u32, u32),
+    pub(crate) params: QuadtreeParams,
+    distances: DistanceTable,
+    /// Aligned samples: those that look as the eye does.
+    pub(crate) aligned: PixelBins,
+    /// All others; `None` as long as there are none.
+    pub(crate) oblique: Option<PixelBins>,
+    /// Whether some section covers each pixel's middle.
+    pub(crate) covered: Vec<bool>,
+    /// Whether rays of some pixels may begin ahead of the eye.
+    pub(crate) is_outside: bool,
+    unseen: HashSet<BeamKey>,
+    /// Best beam of every pixel's middle. Empty while no unseen beam is known: most scenes have none.
+    best: Vec<Option<BeamKey>>,
+}
+
+impl Quadtree {
+    /// Returns an empty quadtree for a picture of `size` pixels, as from [`View::resolve`], which
+    /// bounds it: memory is in proportion.
+    pub fn new(
+        sections: Arc<[Section]>,
+        view: View,
+        size: (u32, u32),
+        params: QuadtreeParams,
+    ) -> Self {
+        let camera = Camera::new(&view, size);
+        let covered = covered(&sections, &view, size);
+        let mut tree = Self {
+            placed: sections.iter().map(|section| PlacedSection::new(section, &camera)).collect(),
+            distances: DistanceTable::new(),
+            aligned: PixelBins::new(covered.len()),
+            oblique: None,
+            covered,
+            is_outside: false,
+            unseen: HashSet::new(),
+            best: Vec::new(),
+            sections,
+            view,
+            camera,
+            size,
+            params,
+        };
+        tree.is_outside = tree.looks_from_outside();
+        // From outside of all sections, what stands before them is looked for pixel by pixel.
+        for (placed, section) in tree.placed.iter_mut().zip(tree.sections.iter()) {
+            placed.is_elsewhere = !tree.is_outside && !section.contains(view.vp);
+        }
+        tree
+    }
+
+    /// Adds samples of one beam, each the mean of `paths` paths. Ignores unknown sections and beams.
+    pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+        self.insert_and_tell(section, beam, paths, samples, |_, _, _| {});
+    }
+
+    /// Adds samples as [`insert`](Self::insert) does. Calls `tell` with the pixel, landing and colour
+    /// of each sample that lands in the picture.
+    pub(crate) fn insert_and_tell(
+        &mut self,
+        section: u16,
+        beam: BeamId,
+        paths: u16,
+        samples: &[Sample],
+        mut tell: impl FnMut(usize, &Landing, [u8; 4]),
+    ) {
+        let (Some(known), Some(placed)) =
+            (self.sections.get(usize::from(section)), self.placed.get(usize::from(section)))
+        else {
+            return;
+        };
+        let Some(pair) = known.cells(beam) else { return };
+        let projector = BeamProjector::new(placed, pair, &self.camera, self.size, &self.distances);
+        let (width, pixels) = (self.size.0 as usize, self.covered.len());
+        let paths = u32::from(paths.clamp(1, MAX_PATHS));
+        let mut landed = Vec::with_capacity(BATCH);
+        for samples in samples.chunks(BATCH) {
+            landed.clear();
+            for sample in samples {
+                let Some(landing) = projector.land(sample) else { continue };
+                let pixel = landing.row * width + landing.column;
+                if landing.is_aligned {
+                    self.aligned.prefetch(pixel);
+                } else {
+                    self.oblique.get_or_insert_with(|| PixelBins::new(pixels)).prefetch(pixel);
+                }
+                landed.push((pixel, landing, sample.rgbe));
+            }
+            for (pixel, landing, rgbe) in &landed {
+                let bins = match &mut self.oblique {
+                    Some(oblique) if !landing.is_aligned => oblique,
+                    _ => &mut self.aligned,
+                };
+                let rgbe = if landing.is_black { [0; 4] } else { *rgbe };
+                let colour = Colour::from_rgbe(rgbe);
+                bins.add(*pixel, landing.bin, &colour, landing.weight * paths, landing.near);
+                tell(*pixel, landing, rgbe);
+            }
+        }
+    }
+
+    /// Notes that no ray of a beam hits anything: pixels that it serves best show the sky, exactly.
+    /// Ignores unknown sections and beams.
+    pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+        let known = self.sections.get(usize::from(section));
+        if known.is_none_or(|known| beam.0 >= known.beam_count()) {
+            return;
+        }
+        if self.best.is_empty() {
+            let best = |pixel: usize| {
+                let width = self.size.0 as usize;
+                let (eye, along) = self.middle(pixel % width, pixel / width);
+                best_beam(&self.sections, eye, along)
+            };
+            self.best = (0..self.covered.len()).into_par_iter().map(best).collect();
+        }
+        self.unseen.insert(BeamKey { section, beam });
+    }
+
+    /// Returns the beams of which no ray hits anything.
+    pub(crate) fn unseen(&self) -> &HashSet<BeamKey> {
+        &self.unseen
+    }
+
+    /// Returns whether each pixel's best beam is known to see nothing; empty if no such beam is
+    /// known.
+    pub(crate) fn unseen_pixels(&self) -> Vec<bool> {
+        // Neighbouring pixels mostly have the same beam.
+        let mut last = (None, false);
+        let mut is_unseen = |best: &Option<BeamKey>| {
+            if last.0 != *best {
+                last = (*best, best.is_some_and(|best| self.unseen.contains(&best)));
+            }
+            last.1
+        };
+        self.best.iter().map(&mut is_unseen).collect()
+    }
+
+    /// Returns a picture that shows nothing yet.
+    pub(crate) fn empty_frame(&self) -> Frame {
+        let mut frame = Frame::black(self.size);
+        frame.picture.view = Some(self.view);
+        frame.uncovered_pixels = self.covered.iter().filter(|&&covered| !covered).count() as u64;
+        frame
+    }
+
+    /// Returns the view ray of a pixel's middle: where it begins, and its unit direction, or 0 if the
+    /// pixel looks nowhere.
+    pub(crate) fn middle(&self, column: usize, row: usize) -> (DVec3, DVec3) {
+        let (x, y) = View::pixel_centre(self.size, column as u32, row as u32);
+        let ray = self.view.clipped_ray(x, y);
+        ray.map_or((self.view.vp, DVec3::ZERO), |(origin, direction, _)| (origin, direction))
+    }
+}

@@ -1,0 +1,200 @@
+//! The render cache: samples in, pictures and requests out, stage by stage (Walter et al. 2002,
+//! Figure 1).
+
+use glam::DVec3;
+use holo_display::mix;
+use holo_picture::{Picture, View};
+
+use crate::interpolate::{Looks, interpolate};
+use crate::map::Map;
+use crate::noise::Noise;
+use crate::params::{EmptyPixels, PointImageError, PointImageParams};
+use crate::planes::Planes;
+use crate::points::{BLOCK, Points};
+use crate::predict::Occupancy;
+use crate::project::Buckets;
+use crate::sample::{Request, Sample};
+use crate::stage::{Stage, Stages};
+use crate::{Frame, cull, prefilter, zbuffer};
+
+/// What a frame is made from.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment<'a> {
+    /// The view to show. Its shape should be the picture's.
+    pub view: View,
+    /// Where the view is expected to be when samples that are asked for now arrive. `None`: no
+    /// prediction.
+    pub predicted: Option<View>,
+    /// Results since the last frame, in any order.
+    pub samples: &'a [Sample],
+    /// The largest number of samples to ask for.
+    pub wanted: usize,
+}
+
+/// The render cache.
+#[derive(Debug)]
+pub struct PointImage {
+    pub(crate) params: PointImageParams,
+    pub(crate) points: Points,
+    pub(crate) planes: Planes,
+    buckets: Buckets,
+    occupancy: Occupancy,
+    /// What positions are relative to: the first view's eye.
+    pub(crate) origin: DVec3,
+    pub(crate) view: Option<View>,
+    /// The same as projection takes it.
+    pub(crate) map: Option<Map>,
+    pub(crate) predicted: Option<View>,
+    /// Counts views.
+    pub(crate) epoch: u32,
+    pub(crate) noise: Noise,
+    /// Counts frames; chooses the jitter.
+    pub(crate) frames: u32,
+    /// Whether the picture is not what the points would give.
+    is_dirty: bool,
+    pub(crate) requests: Vec<Request>,
+}
+
+impl PointImage {
+    /// Returns an empty cache for pictures of `size` pixels, all black. It takes some 150 bytes per
+    /// pixel.
+    ///
+    /// # Errors
+    /// If the size is outside the limits of [`Picture::check_size`], or a number outside its range.
+    pub fn new(size: (u32, u32), params: PointImageParams) -> Result<Self, PointImageError> {
+        Picture::check_size(size.0, size.1)?;
+        params.check()?;
+        let size = (size.0 as usize, size.1 as usize);
+        let capacity = ((size.0 * size.1) as f64 * params.points_per_pixel).ceil() as usize;
+        let capacity = capacity.next_multiple_of(BLOCK);
+        Ok(Self {
+            points: Points::new(capacity, params.group as usize),
+            planes: Planes::new(size),
+            buckets: Buckets::new(size, capacity),
+            occupancy: Occupancy::new(size, params.predicted_block as usize),
+            origin: DVec3::ZERO,
+            view: None,
+            map: None,
+            predicted: None,
+            epoch: 0,
+            noise: Noise::default(),
+            frames: 0,
+            is_dirty: true,
+            requests: Vec::new(),
+            params,
+        })
+    }
+
+    /// Switches stages on and off, from the next frame on.
+    pub fn set_stages(&mut self, stages: Stages) {
+        self.is_dirty |= stages != self.params.stages;
+        self.params.stages = stages;
+    }
+
+    /// Returns the number of points that the cache holds.
+    pub fn point_count(&self) -> usize {
+        (0..self.points.capacity()).filter(|&slot| !self.points.is_empty(slot)).count()
+    }
+
+    /// Takes samples in without making a picture: for renderers that give more of them than fit
+    /// between two pictures.
+    ///
+    /// Only samples that make a new point let points age: millions that are averaged into pixels
+    /// must not drive the others out.
+    pub fn insert(&mut self, samples: &[Sample]) {
+        let new_points = self.take_all(samples);
+        self.age(new_points);
+        self.is_dirty |= !samples.is_empty();
+    }
+
+    /// Makes the next picture and the next requests.
+    pub fn frame(&mut self, moment: &Moment) -> Frame<'_> {
+        self.frame_watched(moment, &mut |_| {})
+    }
+
+    /// Makes the next picture and the next requests, and calls `ended` after each stage that ran:
+    /// for clocks.
+    pub fn frame_watched(&mut self, moment: &Moment, ended: &mut dyn FnMut(Stage)) -> Frame<'_> {
+        let moved = self.look(&moment.view);
+        self.age(moment.samples.len());
+        self.take_all(moment.samples);
+        ended(Stage::UpdatePoints);
+        self.requests.clear();
+        // At rest nothing is about to come into view.
+        let is_ahead = |view: &View| self.params.stages.prediction && *view != moment.view;
+        self.predicted = moment.predicted.filter(is_ahead);
+        if let Some(predicted) = self.predicted {
+            self.occupancy.project(&self.points, &predicted, self.origin);
+            ended(Stage::PredictedProjection);
+            let limit = (moment.wanted as f64 * self.params.predicted_share).floor() as usize;
+            let seed = mix(self.params.seed ^ 0x5bd1_e995, self.frames);
+            self.requests = self.occupancy.requests(limit, seed);
+            ended(Stage::PredictedSampling);
+        }
+        if moved || self.is_dirty || !moment.samples.is_empty() {
+            self.show(ended);
+            self.is_dirty = false;
+        }
+        if moment.wanted > self.requests.len() {
+            self.request_pixels(moment.wanted - self.requests.len());
+            ended(Stage::Sampling);
+        }
+        self.frames = self.frames.wrapping_add(1);
+        Frame { cache: self }
+    }
+
+    /// Takes another view. Returns whether it is another.
+    fn look(&mut self, view: &View) -> bool {
+        if self.view.as_ref() == Some(view) {
+            return false;
+        }
+        if self.view.is_none() {
+            self.origin = view.eye();
+        }
+        let size = (self.planes.width as f64, self.planes.height as f64);
+        self.map = Some(Map::new(view, self.origin, size));
+        self.view = Some(*view);
+        self.epoch = self.epoch.wrapping_add(1);
+        self.points.is_fresh.fill(false);
+        true
+    }
+
+    /// Makes points older by as much as `samples` new ones are worth.
+    fn age(&mut self, samples: usize) {
+        let PointImageParams { stages, mean_last_age, hidden_ageing, eviction_age, .. } =
+            self.params;
+        let by = if stages.ageing { self.points.increment(samples, mean_last_age) } else { 0 };
+        if by > 0 {
+            let evict = stages.eviction.then_some(eviction_age);
+            let shown = self.planes.slot.iter().map(|&slot| slot as usize);
+            self.points.grow_older(by, by.saturating_mul(hidden_ageing), evict, shown);
+        }
+    }
+
+    /// Makes the picture and the priorities from the points.
+    fn show(&mut self, ended: &mut dyn FnMut(Stage)) {
+        let Self { params, points, planes, buckets, .. } = self;
+        let PointImageParams { stages, cull_threshold, prefilter_window, .. } = *params;
+        let Some(map) = &self.map else { return };
+        buckets.fill(points, map, (planes.width, planes.height));
+        ended(Stage::ProjectAndTileSort);
+        zbuffer::fill(planes, buckets);
+        ended(Stage::ZBufferTiles);
+        if stages.depth_cull {
+            cull::cull(planes, cull_threshold);
+            ended(Stage::DepthCull);
+        }
+        let black = params.empty == EmptyPixels::Black;
+        let mut prior = 0.0;
+        if stages.prefilter {
+            prior = self.noise.weight(params.noise_smoothing);
+            // What the interpolation overwrites need not be filtered.
+            let gaps_only = stages.interpolation && prior == 0.0;
+            prefilter::prefilter(planes, prefilter_window, black, gaps_only);
+            ended(Stage::Prefilter);
+        }
+        // What the prefilter left black may stay.
+        interpolate(planes, points, &Looks::new(params, prior, black && !stages.prefilter));
+        ended(Stage::Interpolate);
+    }
+}

@@ -1,0 +1,190 @@
+//! The render cache as a driver of whole sessions.
+//!
+//! The rays that the cache wants are asked for one by one, as the nearest rays that can be stored.
+//! They also become weights of the view's beams, for tracers that are faster than it asks.
+
+use std::sync::Arc;
+
+use holo_display::{Driver, DriverError, Frame, Look, SurfaceAt, WantedBeam};
+use holo_picture::{View, ViewKind};
+use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
+
+use crate::map::far_depth;
+use crate::screen::{Screen, radius};
+use crate::{Moment, PointImage, PointImageParams, Sample};
+
+/// The driver's name.
+const NAME: &str = "pointimage";
+
+/// Share of the weight of a view's beams that goes to the pixels that want rays most. The rest goes
+/// to beams by the number of pixels that they serve.
+const BY_REQUESTS: f32 = 0.75;
+
+/// Pixels per request that decides that share.
+const PIXELS_PER_REQUEST: usize = 16;
+
+/// Shows any view of a session from the points that it has seen so far (Walter, Drettakis & Parker
+/// 1999).
+///
+/// It ignores [`Look::resolution`]: a cache of half the size would lose half of its points each
+/// time the camera starts or stops, and the render cache is fast while the camera moves.
+pub struct RenderCacheDriver {
+    sections: Arc<[Section]>,
+    sky: [f32; 3],
+    params: PointImageParams,
+    shown: Option<(PointImage, Screen)>,
+}
+
+impl RenderCacheDriver {
+    /// Returns a driver without points. Beams that cannot hit anything show `sky`.
+    pub fn new(sections: Arc<[Section]>, sky: [f32; 3], params: PointImageParams) -> Self {
+        Self { sections, sky, params, shown: None }
+    }
+
+    /// Takes another view and asks for the rays that it lacks.
+    fn see(&mut self, look: &Look, beams: &[WantedBeam]) -> Result<Vec<WantedBeam>, DriverError> {
+        let before = self.shown.take();
+        let earlier = before.as_ref().map(|(_, screen)| screen.view);
+        let mut cache = match before.filter(|(_, screen)| screen.serves(look)) {
+            Some((cache, _)) => cache,
+            None => PointImage::new(look.size, self.params.clone())
+                .map_err(|error| DriverError { driver: NAME, reason: error.to_string() })?,
+        };
+        let predicted = earlier.and_then(|earlier| ahead(&earlier, &look.view));
+        let wanted = requests(look.size);
+        let moment = Moment { view: look.view, predicted, samples: &[], wanted };
+        let weights = cache.frame(&moment).weigh(&self.sections, beams, BY_REQUESTS);
+        let screen = Screen::new(Arc::clone(&self.sections), self.sky, look);
+        self.shown = Some((cache, screen));
+        Ok(weights)
+    }
+}
+
+impl Driver for RenderCacheDriver {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn weigh(
+        &mut self,
+        look: &Look,
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>, DriverError> {
+        self.see(look, &beams)
+    }
+
+    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+        if self.shown.as_ref().is_some_and(|(_, screen)| screen.is_of(look)) {
+            return Ok(());
+        }
+        self.see(look, &[]).map(|_| ())
+    }
+
+    fn insert(&mut self, BeamKey { section, beam }: BeamKey, _paths: u16, samples: &[Stored]) {
+        let Some((cache, screen)) = &mut self.shown else { return };
+        screen.locate(section, beam, samples, |seen| {
+            let (column, row) = seen.pixel;
+            let tag = if seen.is_own {
+                cache.pixel_tag(column, row)
+            } else {
+                cache.guess_tag(column, row)
+            };
+            let Some(tag) = tag else { return false };
+            // How noisy a stored sample is nobody says.
+            let sample =
+                Sample { tag, noise: f32::INFINITY, ..Sample::new(seen.place, seen.radiance) };
+            cache.insert(&[sample]);
+            true
+        });
+    }
+
+    fn insert_unseen(&mut self, BeamKey { section, beam }: BeamKey) {
+        if let Some((_, screen)) = &mut self.shown {
+            screen.insert_unseen(section, beam);
+        }
+    }
+
+    fn draw(&mut self, stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
+        let Some((cache, screen)) = &mut self.shown else { return Frame::black((1, 1)) };
+        let moment = Moment { view: screen.view, predicted: None, samples: &[], wanted: 0 };
+        let frame = cache.frame_watched(&moment, &mut |stage| stage_ended(stage.name()));
+        let depth = distances(&screen.view, screen.size, frame.depth());
+        screen.frame(frame.picture(), depth)
+    }
+
+    fn depth(&mut self) -> Vec<f32> {
+        self.draw(&mut |_| {}).depth
+    }
+
+    fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
+        surface_at(&self.draw(&mut |_| {}), column, row)
+    }
+
+    fn wants_rays(&self) -> bool {
+        true
+    }
+
+    fn wanted_rays(&mut self) -> Vec<(BeamKey, RayCoords)> {
+        let Some((cache, screen)) = &mut self.shown else { return Vec::new() };
+        let wanted = requests(screen.size);
+        let moment = Moment { view: screen.view, predicted: None, samples: &[], wanted };
+        cache.frame(&moment).rays(&self.sections)
+    }
+
+    fn viewpoint_radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
+        radius(&self.sections, view, size, nearest)
+    }
+
+    fn set_nearest(&mut self, nearest: f64) {
+        if let Some((_, screen)) = &mut self.shown {
+            screen.set_nearest(nearest);
+        }
+    }
+
+    fn switch(&mut self, part: &str, on: bool) -> bool {
+        let known = self.params.stages.switch(part, on);
+        if let Some((cache, _)) = &mut self.shown {
+            cache.set_stages(self.params.stages);
+        }
+        known
+    }
+}
+
+/// Returns how many rays are wanted at a time.
+fn requests(size: (u32, u32)) -> usize {
+    size.0 as usize * size.1 as usize / PIXELS_PER_REQUEST
+}
+
+/// Returns the surface that a frame shows under a pixel.
+pub(crate) fn surface_at(frame: &Frame, column: u32, row: u32) -> Option<SurfaceAt> {
+    let (width, height) = frame.picture.size();
+    let is_inside = column < width && row < height;
+    let distance = *frame.depth.get(row as usize * width as usize + column as usize)?;
+    (is_inside && distance > 0.0).then_some(SurfaceAt { distance, triangle: None })
+}
+
+/// Returns where a view will be that goes on as it came from `earlier` to `now`.
+fn ahead(earlier: &View, now: &View) -> Option<View> {
+    let vp = now.vp + (now.vp - earlier.vp);
+    let vd = now.vd + (now.vd - earlier.vd);
+    // Half turns lead nowhere.
+    let is_same_walk = now.vd.dot(earlier.vd) > 0.0 && now.kind == earlier.kind;
+    now.moved(vp, vd).ok().filter(|_| is_same_walk)
+}
+
+/// Returns distances from where rays begin, from depths as [`crate::Frame::depth`] has them.
+fn distances(view: &View, size: (u32, u32), depth: impl Iterator<Item = f32>) -> Vec<f32> {
+    let far = far_depth(view);
+    let distance = |(pixel, depth): (u32, f32)| {
+        if f64::from(depth) >= far {
+            return f32::INFINITY;
+        }
+        if view.kind != ViewKind::Perspective {
+            return depth;
+        }
+        let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
+        let (_, direction) = view.ray(x, y);
+        (f64::from(depth) / direction.dot(view.vd)) as f32
+    };
+    (0..).zip(depth).map(distance).collect()
+}

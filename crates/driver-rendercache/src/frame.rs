@@ -1,0 +1,101 @@
+//! What a frame gives: the picture, and the rays that would improve the next one most, also as
+//! what a holoserver can be asked for: single rays of beams, and weights of beams (Larson & Simmons
+//! 1999, §2.4.2).
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use holo_display::{WantedBeam, best_beam};
+use holo_picture::Picture;
+use holo_section::{BeamKey, RayCoords, Section};
+
+use crate::{PointImage, Tag, colour};
+
+/// A picture, and the rays that would improve the next one most.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    pub(crate) cache: &'a PointImage,
+}
+
+impl<'a> Frame<'a> {
+    /// Returns the picture, with its view.
+    pub fn picture(&self) -> Picture {
+        let planes = &self.cache.planes;
+        let mut picture = Picture::new(planes.width as u32, planes.height as u32);
+        let [red, green, blue] = &planes.picture;
+        let channels = red.iter().zip(green).zip(blue);
+        for (pixel, ((&red, &green), &blue)) in picture.pixels.iter_mut().zip(channels) {
+            *pixel = [red, green, blue];
+        }
+        picture.view = self.cache.view;
+        picture
+    }
+
+    /// Returns the depth of the nearest point of each pixel, rows from the top; 0 without one, or
+    /// if it was culled.
+    ///
+    /// It counts along the view's direction, or along the pixel's ray in views that are not
+    /// perspectives. Infinitely far points, and those that the view clips, have huge depths.
+    pub fn depth(&self) -> impl Iterator<Item = f32> + 'a {
+        let planes = &self.cache.planes;
+        let shown = |(&depth, &colour): (&f32, &u32)| {
+            if colour == colour::NONE { 0.0 } else { depth.abs() }
+        };
+        planes.depth.iter().zip(&planes.colour).map(shown)
+    }
+
+    /// Returns the rays wanted, predicted ones first: what to give back with the sample, origin on
+    /// the view's fore clipping surface, and direction of length 1 (0 in the corners of fisheyes,
+    /// where there is nothing to see).
+    pub fn requests(&self) -> impl Iterator<Item = (Tag, DVec3, DVec3)> + 'a {
+        let cache = self.cache;
+        cache.requests.iter().filter_map(move |request| {
+            let view =
+                if request.predicted { cache.predicted.as_ref() } else { cache.view.as_ref() };
+            let (origin, direction) = request.ray(view?, cache.origin);
+            Some((request.tag, origin, direction))
+        })
+    }
+
+    /// Returns how many rays are wanted, and how many of them for the predicted view.
+    pub fn request_counts(&self) -> (usize, usize) {
+        let requests = &self.cache.requests;
+        (requests.len(), requests.iter().filter(|request| request.predicted).count())
+    }
+
+    /// Returns the requests as stored rays: the nearest ray of the best beam of each. Requests that
+    /// no section covers are left out.
+    pub fn rays(&self, sections: &[Section]) -> Vec<(BeamKey, RayCoords)> {
+        let ray = |(_, eye, direction)| {
+            let key = best_beam(sections, eye, direction)?;
+            let hit = sections.get(usize::from(key.section))?.line(eye, direction)?;
+            Some((key, hit.coords))
+        };
+        self.requests().filter_map(ray).collect()
+    }
+
+    /// Returns a view's beams with `share` of their weight (0 to 1) dealt by the requests of this
+    /// frame, and the rest as it was. The sum of the weights stays.
+    ///
+    /// Beams of predicted requests come in besides. The result is ordered by section and beam, each
+    /// once.
+    pub fn weigh(&self, sections: &[Section], beams: &[WantedBeam], share: f32) -> Vec<WantedBeam> {
+        let asked: Vec<_> = (self.requests())
+            .filter_map(|(_, eye, direction)| best_beam(sections, eye, direction))
+            .collect();
+        if asked.is_empty() {
+            return beams.to_vec();
+        }
+        let total: f64 = beams.iter().map(|beam| f64::from(beam.weight)).sum();
+        let each = (total * f64::from(share) / asked.len() as f64) as f32;
+        let mut weights: BTreeMap<BeamKey, f32> = BTreeMap::new();
+        for beam in asked {
+            *weights.entry(beam).or_default() += each;
+        }
+        for beam in beams {
+            *weights.entry(beam.key).or_default() += (1.0 - share) * beam.weight;
+        }
+        let weights = weights.into_iter();
+        weights.map(|(key, weight)| WantedBeam { key, weight }).collect()
+    }
+}

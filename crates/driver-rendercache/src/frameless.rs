@@ -1,0 +1,153 @@
+//! Frameless rendering (Bishop, Fuchs, McMillan & Scher Zagier 1994): pixels are refreshed in random order, each from the newest view.
+//!
+//! There is no frame to wait for: a picture in motion is a mixture of the last views, and sharpens once the view rests.
+//!
+//! What always holds:
+//! - Every pixel is asked for once before any is asked for again.
+//! - At rest a pixel is the mean of its rays since the view came to rest, in the order in which they came: the box filter in the end.
+//! - A ray of an older view than the pixel shows changes nothing.
+
+use glam::DVec3;
+use holo_display::{mix, pair};
+use holo_picture::{Picture, PictureError, View};
+
+/// Rounds of the permutation; four are enough to look random (Luby & Rackoff 1988).
+const ROUNDS: u32 = 4;
+
+/// Goes back with a ray's radiance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PixelTag {
+    pixel: u32,
+    /// Which view.
+    epoch: u64,
+}
+
+/// The frameless driver: one radiance per pixel, refreshed in random order.
+#[derive(Clone, Debug)]
+pub struct Frameless {
+    picture: Picture,
+    view: View,
+    /// Counts views.
+    epoch: u64,
+    /// Of each pixel: the view that it shows, and rays in its mean.
+    shown: Vec<(u64, u32)>,
+    /// Where in the order of pixels the next request is, and how often all have been asked for.
+    next: u32,
+    round: u32,
+    seed: u32,
+}
+
+impl Frameless {
+    /// A black picture of `size` pixels; `seed` chooses order and jitter.
+    ///
+    /// # Errors
+    /// A size outside the limits of [`Picture::check_size`].
+    pub fn new(size: (u32, u32), view: View, seed: u32) -> Result<Self, PictureError> {
+        Picture::check_size(size.0, size.1)?;
+        let mut picture = Picture::new(size.0, size.1);
+        picture.view = Some(view);
+        let shown = vec![(0, 0); picture.pixels.len()];
+        Ok(Self { picture, view, epoch: 1, shown, next: 0, round: 0, seed })
+    }
+
+    /// Takes another view; what is shown stays until it is refreshed.
+    pub fn look(&mut self, view: View) {
+        if self.view != view {
+            self.view = view;
+            self.picture.view = Some(view);
+            self.epoch += 1;
+        }
+    }
+
+    /// The next `count` rays of the newest view, anywhere in their pixels: what to give back, origin (on the fore clipping surface),
+    /// direction of length 1.
+    pub fn requests(
+        &mut self,
+        count: usize,
+    ) -> impl Iterator<Item = (PixelTag, DVec3, DVec3)> + '_ {
+        (0..count).map(|_| {
+            let (width, height) = self.picture.size();
+            let pixel = self.permuted(self.next);
+            let (x, y) = pair(mix(self.seed, self.round), pixel);
+            let x = (f64::from(pixel % width) + f64::from(x)) / f64::from(width);
+            let y = 1.0 - (f64::from(pixel / width) + f64::from(y)) / f64::from(height);
+            self.next += 1;
+            if self.next as usize == self.shown.len() {
+                (self.next, self.round) = (0, self.round.wrapping_add(1));
+            }
+            let (origin, direction, _) =
+                self.view.clipped_ray(x, y).unwrap_or((self.view.vp, DVec3::ZERO, 0.0));
+            (PixelTag { pixel, epoch: self.epoch }, origin, direction)
+        })
+    }
+
+    /// Takes a ray's radiance, 0 if it goes beyond the aft clipping surface (W·sr⁻¹·m⁻² per RGB channel). One that is not finite is left out and counted.
+    pub fn insert(&mut self, tag: PixelTag, radiance: [f32; 3]) {
+        let index = tag.pixel as usize;
+        let (Some(pixel), Some((epoch, count))) =
+            (self.picture.pixels.get_mut(index), self.shown.get_mut(index))
+        else {
+            return;
+        };
+        if !radiance.iter().all(|channel| channel.is_finite()) {
+            return;
+        }
+        if tag.epoch > *epoch {
+            (*epoch, *count, *pixel) = (tag.epoch, 1, radiance);
+        } else if tag.epoch == *epoch {
+            *count = count.saturating_add(1);
+            for (mean, new) in pixel.iter_mut().zip(radiance) {
+                *mean += (new - *mean) / *count as f32;
+            }
+        }
+    }
+
+    /// The tag of a ray that was traced for the current view of its own accord, through this pixel. `None` outside the picture.
+    pub fn pixel_tag(&self, column: u32, row: u32) -> Option<PixelTag> {
+        let (width, height) = self.picture.size();
+        (column < width && row < height)
+            .then(|| PixelTag { pixel: row * width + column, epoch: self.epoch })
+    }
+
+    /// Shows a radiance that is about right, a stored one say, until the first ray of the current view comes for the pixel.
+    pub fn guess(&mut self, tag: PixelTag, radiance: [f32; 3]) {
+        let index = tag.pixel as usize;
+        if let Some((shown, pixel)) =
+            self.shown.get_mut(index).zip(self.picture.pixels.get_mut(index))
+            && shown.0 < tag.epoch
+            && radiance.iter().all(|channel| channel.is_finite())
+        {
+            (*shown, *pixel) = ((tag.epoch, 0), radiance);
+        }
+    }
+
+    /// Whether each pixel shows anything yet, rows from the top.
+    pub fn has_colour(&self) -> impl Iterator<Item = bool> + '_ {
+        self.shown.iter().map(|&(epoch, _)| epoch > 0)
+    }
+
+    /// What is shown now.
+    pub fn picture(&self) -> &Picture {
+        &self.picture
+    }
+
+    /// The `index`-th pixel of this round: a Feistel network on the next power of four, walked until it lands in the picture.
+    fn permuted(&self, index: u32) -> u32 {
+        let pixels = self.shown.len() as u32;
+        // Half of the bits that tell pixels apart, rounded up: at most 13 for the largest picture.
+        let half = (u32::BITS - (pixels - 1).leading_zeros()).div_ceil(2).max(1);
+        let mask = (1 << half) - 1;
+        let key = mix(self.seed, self.round);
+        let mut at = index;
+        loop {
+            let (mut left, mut right) = (at >> half, at & mask);
+            for round in 0..ROUNDS {
+                (left, right) = (right, left ^ (mix(key.wrapping_add(round), right) & mask));
+            }
+            at = left << half | right;
+            if at < pixels {
+                return at;
+            }
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! How noisy recent samples are, and what that means for the filters.
+//!
+//! The papers' samples have no noise: 3×3 pixels are enough to smooth over. Samples of one path
+//! each need more (docs/notes/render-cache.md).
+//!
+//! Invariant: without stated noise nothing changes, to the bit.
+
+use crate::Sample;
+
+/// Noise from which on the wide filter has its full weight: standard deviation over the largest
+/// channel.
+const FULL: f32 = 0.1;
+
+/// The running mean of the noise that samples state, over about as many as there are points.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Noise {
+    sum: f32,
+    count: f32,
+}
+
+impl Noise {
+    /// Takes in what came for a cache of `capacity` points.
+    pub fn take(&mut self, samples: &[Sample], capacity: usize) {
+        let kept = 1.0 - (samples.len() as f32 / capacity as f32).min(1.0);
+        (self.sum, self.count) = (self.sum * kept, self.count * kept);
+        for sample in samples {
+            let largest = sample.radiance.into_iter().fold(0.0, f32::max);
+            // Unknown noise counts as much as the light.
+            let relative =
+                if sample.noise.is_finite() { sample.noise.max(0.0) / largest } else { 1.0 };
+            // Black without noise says nothing about others.
+            if relative.is_finite() {
+                self.sum += relative.min(1.0);
+                self.count += 1.0;
+            }
+        }
+    }
+
+    /// Returns the weight of the wide filter beside the 3×3 filter, in which a single point at the
+    /// middle has 4 and all points together have 16: `full` from a tenth of noise on, less below.
+    pub fn weight(&self, full: f32) -> f32 {
+        if self.sum > 0.0 { full * (self.sum / (self.count * FULL)).min(1.0) } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::Place;
+
+    fn samples(noise: f32, count: usize) -> Vec<Sample> {
+        vec![Sample { noise, ..Sample::new(Place::At(DVec3::ONE), [0.5, 1.0, 0.2]) }; count]
+    }
+
+    #[test]
+    fn the_wide_filter_weighs_by_the_noise_of_recent_samples() {
+        let mut noise = Noise::default();
+        assert_eq!(noise.weight(8.0), 0.0);
+        noise.take(&samples(0.0, 500), 1000);
+        assert_eq!(noise.weight(8.0), 0.0);
+        noise.take(&samples(0.05, 1000), 1000);
+        assert!((noise.weight(8.0) - 4.0).abs() < 0.01);
+        noise.take(&samples(f32::INFINITY, 1000), 1000);
+        assert_eq!(noise.weight(8.0), 8.0);
+        noise.take(&samples(f32::NAN, 10), 1000);
+        assert_eq!(noise.weight(8.0), 8.0);
+        // Forgotten once the cache holds others.
+        for _ in 0..20 {
+            noise.take(&samples(0.0, 1000), 1000);
+        }
+        assert_eq!(noise.weight(8.0), 0.0);
+    }
+}

@@ -1,0 +1,282 @@
+//! The points of the cache: a fixed number of slots, array by array (Walter et al. 1999, §4.3).
+//!
+//! What always holds:
+//! - A slot is empty exactly if its age is [`EMPTY`].
+//! - A sample of the current view is never evicted, and is overwritten only by another one.
+
+use holo_cpu::prefetch_at;
+
+use crate::colour;
+
+/// Age of an empty slot.
+pub(crate) const EMPTY: u8 = u8::MAX;
+
+/// Samples and requests by which points are fetched before their turn.
+pub(crate) const AHEAD: usize = 16;
+
+/// Units of age that points gain at a time, at least: all of them are looked at.
+const STEP: f64 = 8.0;
+
+/// Points that are projected together. The number of slots is a multiple.
+pub(crate) const BLOCK: usize = 256;
+
+/// What only new samples read of a point.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Details {
+    /// Mean radiance.
+    pub mean: [f32; 3],
+    /// Samples in `mean`.
+    pub count: u32,
+    /// Mean radiance of the rays through the very point. `mean` may be one over a whole pixel.
+    pub reference: [f32; 3],
+    /// Samples in `reference`.
+    pub reference_count: u32,
+    /// Standard deviation of one sample, as its renderer stated it.
+    pub noise: f32,
+    /// The view that `mean` is of, if it is that of one view's pixel.
+    pub epoch: u32,
+}
+
+impl Details {
+    /// Returns the share that a pixel's own samples have of its colour beside a smoothed one of
+    /// weight `prior`. A few noisy samples have a small one, and it grows with their number.
+    pub fn own_share(&self, prior: f32) -> f32 {
+        let count = self.count as f32;
+        if self.noise > 0.0 { count / (count + prior) } else { 1.0 }
+    }
+}
+
+/// The slots.
+#[derive(Debug)]
+pub(crate) struct Points {
+    /// x, y and z relative to the cache's origin.
+    pub position: [Vec<f32>; 3],
+    /// Mean radiance, packed.
+    pub colour: Vec<u32>,
+    pub age: Vec<u8>,
+    /// Whether the point is a sample of the current view.
+    pub is_fresh: Vec<bool>,
+    /// Counts the points that the slot has held, modulo 256. A slot is taken again after tens of
+    /// frames at the soonest: a sample must be thousands of frames late to be taken for another's.
+    pub generation: Vec<u8>,
+    pub details: Vec<Details>,
+    /// New points take the oldest of this many slots.
+    group: usize,
+    /// First slot of the next group.
+    cursor: usize,
+    /// Units of age that are due but have not been added.
+    due: f64,
+    /// Whether some pixel shows the point. Used while points age.
+    is_shown: Vec<bool>,
+}
+
+impl Points {
+    /// Returns empty slots. `capacity` is a multiple of [`BLOCK`], which is one of `group`.
+    pub fn new(capacity: usize, group: usize) -> Self {
+        Self {
+            position: std::array::from_fn(|_| vec![0.0; capacity]),
+            colour: vec![colour::NONE; capacity],
+            age: vec![EMPTY; capacity],
+            is_fresh: vec![false; capacity],
+            generation: vec![0; capacity],
+            details: vec![Details::default(); capacity],
+            group,
+            cursor: 0,
+            due: 0.0,
+            is_shown: vec![false; capacity + 1],
+        }
+    }
+
+    pub fn capacity(&self) -> usize {
+        self.age.len()
+    }
+
+    pub fn is_empty(&self, slot: usize) -> bool {
+        self.age[slot] == EMPTY
+    }
+
+    /// Fetches from memory what a sample or a request for a point needs. Points lie anywhere: without
+    /// this each one waits for its own.
+    pub fn prefetch(&self, slot: usize) {
+        self.position.iter().for_each(|axis| prefetch_at(axis, slot));
+        prefetch_at(&self.age, slot);
+        prefetch_at(&self.is_fresh, slot);
+        prefetch_at(&self.generation, slot);
+        prefetch_at(&self.details, slot);
+    }
+
+    /// Returns a point's position relative to the cache's origin.
+    pub fn position(&self, slot: usize) -> [f32; 3] {
+        self.position.each_ref().map(|axis| axis[slot])
+    }
+
+    pub fn set_position(&mut self, slot: usize, position: [f32; 3]) {
+        for (axis, coordinate) in self.position.iter_mut().zip(position) {
+            axis[slot] = coordinate;
+        }
+    }
+
+    /// Returns the units of age to add after `samples` new samples, such that points are overwritten
+    /// at `mean_last_age` on average (2002, §3.4): none until [`STEP`] are due.
+    pub fn increment(&mut self, samples: usize, mean_last_age: f64) -> u8 {
+        self.due += mean_last_age * samples as f64 / self.capacity() as f64;
+        let whole = if self.due < STEP { 0.0 } else { self.due.floor().min(254.0) };
+        self.due = (self.due - whole).min(254.0);
+        whole as u8
+    }
+
+    /// Makes points older: the `shown` ones by `by`, all others by `hidden_by`. Points leave at the
+    /// age `evict`, if one is given.
+    pub fn grow_older(
+        &mut self,
+        by: u8,
+        hidden_by: u8,
+        evict: Option<u8>,
+        shown: impl Iterator<Item = usize>,
+    ) {
+        self.is_shown.fill(false);
+        // One place more is for whatever is no slot.
+        shown.for_each(|slot| self.is_shown[slot.min(self.age.len())] = true);
+        let evict = evict.map_or(u16::MAX, u16::from);
+        let slots = self.age.iter_mut().zip(&self.is_fresh).zip(&self.is_shown);
+        for ((age, &is_fresh), &is_shown) in slots {
+            let older = age.saturating_add(if is_shown { by } else { hidden_by });
+            let leaves = !is_fresh & (u16::from(older) >= evict);
+            *age = if leaves | (*age == EMPTY) { EMPTY } else { older.min(EMPTY - 1) };
+        }
+    }
+
+    /// Adds units to a point's age. It leaves when the points grow older next, at the soonest.
+    pub fn add_age(&mut self, slot: usize, units: u8) {
+        if self.age[slot] != EMPTY {
+            self.age[slot] = self.age[slot].saturating_add(units).min(EMPTY - 1);
+            self.is_fresh[slot] = false;
+        }
+    }
+
+    /// Returns the slot for a new point: the oldest of the next group, the groups taking turns.
+    ///
+    /// Samples of the current view are passed over if this group or one of the next has anything
+    /// else. At rest there are nearly as many of them as slots, and a pixel that loses its mean
+    /// begins anew.
+    ///
+    /// The slots of a group lie far apart, and those of the next group beside them: so the new
+    /// points of a frame lie together (docs/notes/render-cache.md).
+    pub fn free_slot(&mut self) -> usize {
+        let stride = self.capacity() / self.group;
+        let mut slot = self.cursor;
+        for _ in 0..self.group {
+            let group = (self.cursor..self.capacity()).step_by(stride);
+            self.cursor = (self.cursor + 1) % stride;
+            let key = |&slot: &usize| (self.is_fresh[slot], EMPTY - self.age[slot]);
+            slot = group.min_by_key(key).unwrap_or(slot);
+            if !self.is_fresh[slot] {
+                break;
+            }
+        }
+        slot
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the ages at which points are overwritten, by frames of `samples` new points.
+    fn last_ages(samples: usize, mean_last_age: f64, group: usize, hidden_ageing: u8) -> Vec<u8> {
+        let mut points = Points::new(2048, group);
+        let mut ages = Vec::new();
+        for frame in 0..20 * 2048 / samples {
+            let by = points.increment(samples, mean_last_age);
+            points.grow_older(by, by.saturating_mul(hidden_ageing), Some(EMPTY), 0..0);
+            for _ in 0..samples {
+                let slot = points.free_slot();
+                if frame > 4 * 2048 / samples {
+                    ages.push(points.age[slot]);
+                }
+                points.age[slot] = 0;
+            }
+        }
+        ages
+    }
+
+    #[test]
+    fn points_are_overwritten_at_the_chosen_age_on_average() {
+        for (samples, mean_last_age, group) in
+            [(7, 128.0, 8), (100, 128.0, 8), (512, 128.0, 8), (100, 40.0, 2), (100, 200.0, 32)]
+        {
+            let ages = last_ages(samples, mean_last_age, group, 1);
+            let mean = ages.iter().map(|&age| f64::from(age)).sum::<f64>() / ages.len() as f64;
+            // A frame's increment is added whole, before or after a point of the frame is replaced.
+            let allowed = mean_last_age * samples as f64 / 2048.0 + 1.0;
+            assert!(
+                (mean - mean_last_age).abs() <= allowed,
+                "{samples} a frame: {mean} for {mean_last_age}"
+            );
+        }
+    }
+
+    #[test]
+    fn hidden_points_leave_before_they_would_be_overwritten() {
+        assert!(last_ages(100, 128.0, 8, 3).iter().all(|&age| age == EMPTY));
+    }
+
+    #[test]
+    fn shown_points_age_more_slowly_than_hidden_ones() {
+        let mut points = Points::new(256, 8);
+        points.age.fill(10);
+        points.grow_older(1, 3, None, [5, 7].into_iter());
+        assert_eq!((points.age[5], points.age[6], points.age[7]), (11, 13, 11));
+    }
+
+    #[test]
+    fn the_oldest_of_a_group_is_replaced_but_never_a_sample_of_the_view() {
+        let mut points = Points::new(256, 8);
+        points.age.fill(10);
+        // Group 0 is slots 0, 32, 64 and so on.
+        points.age[96] = 11;
+        assert_eq!(points.free_slot(), 96);
+        assert_eq!(points.free_slot(), 1);
+        points.age[2 + 5 * 32] = EMPTY;
+        points.age[2 + 4 * 32] = EMPTY - 1;
+        assert_eq!(points.free_slot(), 2 + 5 * 32);
+        // Group 3 has one point of another view; group 4 has none, group 5 has only others.
+        (0..8).for_each(|place| points.is_fresh[3 + place * 32] = place != 6);
+        (0..8).for_each(|place| points.is_fresh[4 + place * 32] = true);
+        assert_eq!(points.free_slot(), 3 + 6 * 32);
+        assert_eq!(points.free_slot(), 5);
+    }
+
+    #[test]
+    fn points_leave_at_the_chosen_age_but_never_those_of_the_view() {
+        for evict in [Some(255), Some(60), None] {
+            let mut points = Points::new(512, 8);
+            for slot in 0..512 {
+                points.age[slot] = (slot / 2) as u8;
+                // An empty slot has no sample of the view.
+                points.is_fresh[slot] = slot % 2 == 1 && slot < 510;
+            }
+            points.grow_older(3, 3, evict, 0..0);
+            for slot in 0..512 {
+                let (before, is_fresh) = (slot / 2, slot % 2 == 1);
+                let is_gone = before == 255
+                    || !is_fresh && evict.is_some_and(|evict| before + 3 >= usize::from(evict));
+                let expected = if is_gone { 255 } else { (before + 3).min(254) };
+                assert_eq!(
+                    usize::from(points.age[slot]),
+                    expected,
+                    "{before} {is_fresh} {evict:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_group_of_one_is_the_next_slot_whatever_its_age() {
+        let mut points = Points::new(256, 1);
+        points.age.fill(10);
+        points.age[7] = 200;
+        let slots: Vec<_> = (0..9).map(|_| points.free_slot()).collect();
+        assert_eq!(slots, (0..9).collect::<Vec<_>>());
+    }
+}

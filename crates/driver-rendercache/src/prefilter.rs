@@ -1,0 +1,116 @@
+//! The prefilter (Walter et al. 2002, §3.3): means over the points of 7×7 pixels, for gaps that
+//! 3×3 pixels do not fill.
+//!
+//! Every sum is made anew, in the same order. With a sum that slides over the picture, a lamp that
+//! left the window would leave a rounding error behind.
+
+use std::ops::Range;
+
+use holo_cpu::{Isa, Kernel};
+use rayon::prelude::*;
+
+use crate::planes::{Planes, bands, rows_of};
+use crate::rows::{COUNT, Rows};
+
+/// Shows in every pixel the mean over the points of `window` × `window` pixels around it: 3, 5, 7
+/// or 9. A pixel without any becomes 0 if `black`, else it keeps what it showed.
+///
+/// With `gaps_only`, rows are left out in which all pixels have a point among 3×3.
+pub(crate) fn prefilter(planes: &mut Planes, window: u32, black: bool, gaps_only: bool) {
+    // Loops are compiled for each, so that their sums stay in registers.
+    match window {
+        3 => filter::<3>(planes, black, gaps_only),
+        5 => filter::<5>(planes, black, gaps_only),
+        7 => filter::<7>(planes, black, gaps_only),
+        _ => filter::<9>(planes, black, gaps_only),
+    }
+}
+
+fn filter<const WINDOW: usize>(planes: &mut Planes, black: bool, gaps_only: bool) {
+    let (isa, width, height) = (Isa::best(), planes.width, planes.height);
+    let colour = &planes.colour;
+    bands(&mut planes.picture, width).enumerate().for_each(|(band, picture)| {
+        let rows = rows_of(band, height);
+        isa.run(Prefilter::<WINDOW> { picture, rows, width, colour, black, gaps_only });
+    });
+}
+
+/// Filters some rows.
+struct Prefilter<'a, const WINDOW: usize> {
+    picture: [&'a mut [f32]; 3],
+    rows: Range<usize>,
+    width: usize,
+    /// Of the whole picture.
+    colour: &'a [u32],
+    black: bool,
+    gaps_only: bool,
+}
+
+impl<const WINDOW: usize> Kernel for Prefilter<'_, WINDOW> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { mut picture, rows, width, colour, black, gaps_only } = self;
+        let lines = Rows::around(colour, width, rows.clone(), WINDOW / 2);
+        // Sums of a channel down the columns and over the whole window.
+        let mut down = vec![0.0; width + WINDOW - 1];
+        let [mut sums, mut counts] = [(); 2].map(|()| vec![0.0; width]);
+        for row in 0..rows.len() {
+            if gaps_only && !has_gap::<WINDOW>(&lines, row, &mut down, &mut counts) {
+                continue;
+            }
+            add_rows::<WINDOW>(&lines, row, COUNT, &mut down);
+            add_columns::<WINDOW>(&down, &mut counts);
+            for (channel, plane) in picture.iter_mut().enumerate() {
+                add_rows::<WINDOW>(&lines, row, channel, &mut down);
+                add_columns::<WINDOW>(&down, &mut sums);
+                let pixels = plane[row * width..][..width].iter_mut();
+                for ((pixel, sum), count) in pixels.zip(&sums).zip(&counts) {
+                    let kept = if black { 0.0 } else { *pixel };
+                    // Both are computed: whether there are points cannot be foretold.
+                    let mean = sum / count;
+                    *pixel = if *count > 0.0 { mean } else { kept };
+                }
+            }
+        }
+    }
+}
+
+/// Returns whether some pixel of a row has no point among 3×3.
+#[inline(always)]
+fn has_gap<const WINDOW: usize>(
+    lines: &Rows,
+    row: usize,
+    down: &mut [f32],
+    counts: &mut [f32],
+) -> bool {
+    let margin = WINDOW / 2 - 1;
+    add_rows::<3>(lines, row + margin, COUNT, down);
+    add_columns::<3>(&down[margin..], counts);
+    counts.iter().fold(f32::INFINITY, |least, &count| least.min(count)) == 0.0
+}
+
+#[inline(always)]
+fn add_rows<const WINDOW: usize>(lines: &Rows, row: usize, channel: usize, sums: &mut [f32]) {
+    let mut all = [lines.channel(row, channel); WINDOW];
+    for (number, line) in all.iter_mut().enumerate() {
+        *line = &lines.channel(row + number, channel)[..sums.len()];
+    }
+    for (x, sum) in sums.iter_mut().enumerate() {
+        *sum = 0.0;
+        for line in &all {
+            *sum += line[x];
+        }
+    }
+}
+
+#[inline(always)]
+fn add_columns<const WINDOW: usize>(numbers: &[f32], sums: &mut [f32]) {
+    for (sum, numbers) in sums.iter_mut().zip(numbers.windows(WINDOW)) {
+        *sum = 0.0;
+        for number in numbers {
+            *sum += number;
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Which rays are wanted, and what their samples are for (Walter et al. 1999, §4.1).
+
+use holo_cpu::prefetch_at;
+use holo_display::{mix, pair};
+
+use crate::points::AHEAD;
+use crate::sample::{Aim, Purpose, Request, Tag};
+use crate::{PointImage, dither};
+
+impl PointImage {
+    /// Adds requests for about `wanted` pixels of the current view, never more.
+    pub(crate) fn request_pixels(&mut self, wanted: usize) {
+        let seed = mix(self.params.seed, self.frames);
+        let pixels = self.planes.priority.len() as u64;
+        let chosen: Vec<u32> = if self.params.stages.dither {
+            dither::choose(&self.planes.priority, self.planes.width, wanted, seed)
+        } else {
+            let anywhere = |index| ((u64::from(mix(seed, index)) * pixels) >> 32) as u32;
+            (0..wanted as u32).map(anywhere).collect()
+        };
+        for (number, &pixel) in chosen.iter().enumerate() {
+            if let Some(&later) = chosen.get(number + 2 * AHEAD) {
+                prefetch_at(&self.planes.slot, later as usize);
+                prefetch_at(&self.planes.colour, later as usize);
+            }
+            if let Some(&later) = chosen.get(number + AHEAD) {
+                self.points.prefetch(self.planes.slot[later as usize] as usize);
+            }
+            self.requests.push(self.request(pixel, seed));
+        }
+    }
+
+    fn request(&self, pixel: u32, seed: u32) -> Request {
+        let (width, height) = (self.planes.width, self.planes.height);
+        let (column, row) = self.planes.place(pixel);
+        let anywhere = || {
+            let (x, y) = pair(seed, pixel);
+            Aim::Picture((column as f32 + x) / width as f32, 1.0 - (row as f32 + y) / height as f32)
+        };
+        let point = self.planes.shown(pixel);
+        let resampling = self.params.stages.resampling;
+        // A pixel with a sample of this view is looked at anew from time to time.
+        let is_check = || resampling && mix(!seed, pixel).is_multiple_of(self.params.check_every);
+        let (aim, purpose) = match point {
+            None => (anywhere(), Purpose::Pixel),
+            Some(slot) if self.points.is_fresh[slot] && !is_check() => {
+                (anywhere(), Purpose::Refine)
+            }
+            Some(slot) if resampling => {
+                (Aim::Through(self.points.position(slot)), Purpose::Resample)
+            }
+            Some(_) => (anywhere(), Purpose::Pixel),
+        };
+        Request { aim, predicted: false, tag: self.tag(pixel, purpose, point) }
+    }
+
+    /// Returns the tag of a ray that a renderer traced for the current view of its own accord: from
+    /// the eye (or from so near that it makes no difference) through this pixel, anywhere in it.
+    /// Its sample then counts as one that was asked for. `None` outside the picture.
+    pub fn pixel_tag(&self, column: u32, row: u32) -> Option<Tag> {
+        let pixel = self.pixel(column, row)?;
+        let point = self.point_in(pixel);
+        let purpose = match point {
+            Some(slot) if self.points.is_fresh[slot] => Purpose::Refine,
+            Some(_) if self.params.stages.resampling => Purpose::Resample,
+            _ => Purpose::Pixel,
+        };
+        Some(self.tag(pixel, purpose, point))
+    }
+
+    /// Returns the tag of a sample that was seen from elsewhere and lies in this pixel, such as a
+    /// stored one. `None` outside the picture.
+    ///
+    /// It is averaged with what the pixel has of other views. Of two surfaces the nearer is shown.
+    /// A sample of the current view is not touched. So any number of them takes one point a pixel.
+    pub fn guess_tag(&self, column: u32, row: u32) -> Option<Tag> {
+        let pixel = self.pixel(column, row)?;
+        Some(self.tag(pixel, Purpose::Guess, None))
+    }
+
+    fn pixel(&self, column: u32, row: u32) -> Option<u32> {
+        let (width, height) = (self.planes.width as u32, self.planes.height as u32);
+        (column < width && row < height).then(|| row * width + column)
+    }
+
+    fn tag(&self, pixel: u32, purpose: Purpose, point: Option<usize>) -> Tag {
+        let generation = point.map_or(0, |slot| self.points.generation[slot]);
+        Tag { purpose, pixel, slot: point.unwrap_or(usize::MAX), generation, epoch: self.epoch }
+    }
+
+    /// Returns the slot of the point that a pixel shows, if it lies there. Since the last picture
+    /// another point may have taken the slot.
+    pub(crate) fn point_in(&self, pixel: u32) -> Option<usize> {
+        self.planes.shown(pixel).filter(|&slot| self.is_in(slot, pixel))
+    }
+
+    /// Returns whether a point lies in a pixel of the current view.
+    pub(crate) fn is_in(&self, slot: usize, pixel: u32) -> bool {
+        let Some(map) = &self.map else { return false };
+        let [column, row, depth] = map.project(self.points.position(slot));
+        let at = self.planes.place(pixel);
+        depth > 0.0
+            && (column.floor(), row.floor()) == (at.0 as f32, at.1 as f32)
+            && !self.points.is_empty(slot)
+    }
+}

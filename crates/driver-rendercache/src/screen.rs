@@ -1,0 +1,217 @@
+//! The view that a driver shows, and where stored samples are seen in it.
+//!
+//! What always holds:
+//! - A pixel that no section covers is 0. A pixel whose beam cannot hit anything shows the sky.
+//! - A sample is a pixel's own only if its ray passes the eye within the view's radius, or within
+//!   one step of ray coordinates beyond it: stored rays lie on a lattice of such steps.
+
+use std::{collections::HashSet, sync::Arc};
+
+use glam::DVec3;
+use holo_display::{Frame, Look, best_beam, for_bands, viewpoint_radius};
+use holo_picture::{Clip, View};
+use holo_section::{BeamId, BeamKey, Sample, Section, SectionRay, ray_eye_distance};
+
+use crate::Place;
+
+/// Samples per pixel that sets how near to the eye a pixel's own rays pass: within a quarter of a
+/// pixel's footprint on the nearest surface.
+const SAMPLES_PER_PIXEL: f64 = 16.0;
+
+/// Cosine of the largest angle between a parallel view and a ray that hits nothing and still counts
+/// for that view. About 6°, as in a cell of a coarse grid: where along the ray nothing begins is
+/// not known.
+const ALONG: f64 = 0.995;
+
+/// Rows whose best beams one thread determines at a time.
+const ROWS: usize = 16;
+
+/// A stored sample as the view sees it.
+pub(crate) struct Seen {
+    /// Column and row of its pixel.
+    pub pixel: (u32, u32),
+    /// Where its ray ended.
+    pub place: Place,
+    /// Radiance; 0 beyond an aft clipping surface.
+    pub radiance: [f32; 3],
+    /// Distance from where the view's ray begins, scene units; infinite for nothing.
+    pub distance: f32,
+    /// Whether its ray passes so near to the eye that it is the pixel's own.
+    pub is_own: bool,
+}
+
+/// A view, and what is known about its pixels as a whole.
+pub(crate) struct Screen {
+    pub view: View,
+    /// Width and height, pixels.
+    pub size: (u32, u32),
+    sections: Arc<[Section]>,
+    sky: [f32; 3],
+    /// How near to the eye the view's own rays pass, scene units.
+    radius: f64,
+    /// Best beam of each pixel's middle; empty until the first frame.
+    best: Vec<Option<BeamKey>>,
+    unseen: HashSet<BeamKey>,
+    used: u64,
+}
+
+impl Screen {
+    pub fn new(sections: Arc<[Section]>, sky: [f32; 3], look: &Look) -> Self {
+        Self {
+            view: look.view,
+            size: look.size,
+            sections,
+            sky,
+            radius: 0.0,
+            best: Vec::new(),
+            unseen: HashSet::new(),
+            used: 0,
+        }
+    }
+
+    pub fn is_of(&self, look: &Look) -> bool {
+        (self.view, self.size) == (look.view, look.size)
+    }
+
+    /// Returns whether what a driver keeps for this view is good for another.
+    pub fn serves(&self, look: &Look) -> bool {
+        self.size == look.size && sees_alike(&self.view, &look.view)
+    }
+
+    /// Sets the distance of the nearest visible surface, scene units.
+    pub fn set_nearest(&mut self, nearest: f64) {
+        self.radius = radius(&self.sections, &self.view, self.size, nearest);
+    }
+
+    /// Notes that no ray of a beam can hit anything.
+    pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+        if self.sections.get(usize::from(section)).is_some_and(|s| beam.0 < s.beam_count()) {
+            self.unseen.insert(BeamKey { section, beam });
+        }
+    }
+
+    /// Calls `insert` with each sample of a beam that the view sees. `insert` returns whether it
+    /// used the sample.
+    pub fn locate(
+        &mut self,
+        section: u16,
+        beam: BeamId,
+        samples: &[Sample],
+        mut insert: impl FnMut(Seen) -> bool,
+    ) {
+        let Some(section) = self.sections.get(usize::from(section)) else { return };
+        let Some(pair) = section.cells(beam) else { return };
+        // A ray that was snapped to the lattice may pass the eye a step farther off.
+        let near = self.radius + step(section);
+        for sample in samples {
+            let ray = section.ray(pair, sample.coords);
+            let distance = sample.distance(section.diagonal());
+            let Some(seen) = self.see(&ray, distance, sample.rgb(), near) else { continue };
+            self.used += u64::from(insert(seen));
+        }
+    }
+
+    fn see(&self, ray: &SectionRay, distance: f64, radiance: [f32; 3], near: f64) -> Option<Seen> {
+        let view = &self.view;
+        let has_eye = view.kind.has_eye();
+        let (place, x, y, seen_at) = if distance.is_finite() {
+            let end = ray.origin + ray.direction * distance;
+            let (x, y, seen_at) = view.project(end)?;
+            (Place::At(end), x, y, seen_at)
+        } else if has_eye {
+            let (x, y) = view.project_direction(ray.direction)?;
+            (Place::Toward(ray.direction), x, y, f64::INFINITY)
+        } else {
+            // Where the ray leaves the section it still sees what the view sees there.
+            let (x, y, _) = view.project(ray.origin + ray.direction * ray.length)?;
+            if ray.direction.dot(view.vd) < ALONG {
+                return None;
+            }
+            (Place::Toward(view.vd), x, y, f64::INFINITY)
+        };
+        let pixel = View::pixel_at(self.size, x, y)?;
+        let (clip, eye) = match place {
+            Place::At(end) => (view.clip(end), view.ray_to(end).0),
+            Place::Toward(_) => (
+                if view.clips_sky() { Clip::Beyond } else { Clip::Shown },
+                // A parallel view has no eye; the ray is already known to go along with it.
+                if has_eye { view.eye() } else { ray.origin },
+            ),
+        };
+        let (radiance, seen_at) = match clip {
+            Clip::Before => return None,
+            Clip::Shown => (radiance, seen_at),
+            Clip::Beyond => ([0.0; 3], f64::INFINITY),
+        };
+        let is_own = ray_eye_distance(ray, eye) <= near;
+        Some(Seen { pixel, place, radiance, distance: seen_at as f32, is_own })
+    }
+
+    /// Returns the frame of a picture and its depths, with pixels outside every section black and
+    /// pixels of unseen beams showing the sky.
+    pub fn frame(&mut self, picture: holo_picture::Picture, depth: Vec<f32>) -> Frame {
+        self.find_best_beams();
+        let mut frame = Frame { picture, depth, samples_used: self.used, ..Frame::black((1, 1)) };
+        frame.picture.view = Some(self.view);
+        let sky = if self.view.clips_sky() { [0.0; 3] } else { self.sky };
+        let pixels = frame.picture.pixels.iter_mut().zip(&mut frame.depth);
+        for ((pixel, depth), best) in pixels.zip(&self.best) {
+            match best {
+                None => {
+                    (*pixel, *depth) = ([0.0; 3], 0.0);
+                    frame.uncovered_pixels += 1;
+                }
+                Some(beam) if self.unseen.contains(beam) => {
+                    (*pixel, *depth) = (sky, f32::INFINITY);
+                    frame.unseen_pixels += 1;
+                }
+                Some(_) => frame.empty_pixels += u64::from(*depth == 0.0),
+            }
+        }
+        frame
+    }
+
+    fn find_best_beams(&mut self) {
+        if !self.best.is_empty() {
+            return;
+        }
+        let (view, size, sections) = (&self.view, self.size, &self.sections);
+        let width = size.0 as usize;
+        self.best = vec![None; width * size.1 as usize];
+        for_bands(&mut self.best, width, ROWS, |band, best| {
+            for (pixel, best) in ((band * ROWS * width) as u32..).zip(best) {
+                let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
+                let ray = view.clipped_ray(x, y);
+                *best = ray.and_then(|(eye, along, _)| best_beam(sections, eye, along));
+            }
+        });
+    }
+}
+
+/// Returns whether what is kept for one view is good for another.
+///
+/// Parallel views keep infinitely far things by where they are seen, and clipped things are black.
+fn sees_alike(before: &View, now: &View) -> bool {
+    if (before.vo, before.va) != (now.vo, now.va) {
+        return false;
+    }
+    before.kind.has_eye() && now.kind.has_eye() || before.kind == now.kind && before.vd == now.vd
+}
+
+/// Returns how near to the eye a pixel's own rays pass, scene units, if the nearest visible surface
+/// is at distance `nearest`.
+///
+/// Never less than a step of ray coordinates: with less, whole rows of pixels missed part of what
+/// they see.
+pub(crate) fn radius(sections: &[Section], view: &View, size: (u32, u32), nearest: f64) -> f64 {
+    let finest = sections.iter().map(step).fold(f64::INFINITY, f64::min);
+    viewpoint_radius(view, size, nearest, SAMPLES_PER_PIXEL).max(finest)
+}
+
+/// Returns the longest step of a section's ray coordinates, scene units.
+fn step(section: &Section) -> f64 {
+    let spec = section.spec();
+    let cell =
+        |axis: usize| DVec3::from_array(spec.axes[axis]).length() / f64::from(spec.grid[axis]);
+    (0..3).map(cell).fold(0.0, f64::max) / 256.0
+}

@@ -1,0 +1,142 @@
+//! The stages of a frame, and which of them run.
+
+/// The stages of a frame, in their order (Walter et al. 2002, Figure 1 and Table 1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// Ages all points, evicts the oldest, takes new samples in.
+    UpdatePoints,
+    /// Finds the parts of the predicted view that have points, at a quarter of the resolution
+    /// (§3.1).
+    PredictedProjection,
+    /// Requests rays for the empty parts of the predicted view (§3.1).
+    PredictedSampling,
+    /// Projects points to pixels, into buckets by tile (§3.2).
+    ProjectAndTileSort,
+    /// Keeps the nearest point of each pixel, tile by tile (§3.2).
+    ZBufferTiles,
+    /// Removes points that show through nearer surfaces (1999, §3.1).
+    DepthCull,
+    /// Averages over 7×7 pixels (§3.3).
+    Prefilter,
+    /// Averages over 3×3 pixels weighted 4-2-1, and sets each pixel's priority (1999, §3.1 and §4).
+    Interpolate,
+    /// Dithers the priorities into requests (1999, §4).
+    Sampling,
+}
+
+impl Stage {
+    /// All stages, in their order.
+    pub const ALL: [Self; 9] = [
+        Self::UpdatePoints,
+        Self::PredictedProjection,
+        Self::PredictedSampling,
+        Self::ProjectAndTileSort,
+        Self::ZBufferTiles,
+        Self::DepthCull,
+        Self::Prefilter,
+        Self::Interpolate,
+        Self::Sampling,
+    ];
+
+    /// Returns the stage's name, as in the paper's table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::UpdatePoints => "Update Points",
+            Self::PredictedProjection => "Predicted Projection",
+            Self::PredictedSampling => "Predicted Sampling",
+            Self::ProjectAndTileSort => "Project and Tile Sort",
+            Self::ZBufferTiles => "Z-Buffer Tiles",
+            Self::DepthCull => "Depth Cull",
+            Self::Prefilter => "Prefilter",
+            Self::Interpolate => "Interpolate / Smooth",
+            Self::Sampling => "Sampling",
+        }
+    }
+}
+
+/// The parts of the method that run. They may change between any two frames. Projection and
+/// z-buffer always run: they are the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stages {
+    /// Points grow older each frame. Off, only changes of colour make them older.
+    pub ageing: bool,
+    /// Points of age 255 leave (2002, §3.4). Off, they stay until they are overwritten.
+    pub eviction: bool,
+    /// Predicted projection and sampling (2002, §3.1).
+    pub prediction: bool,
+    /// The depth cull.
+    pub depth_cull: bool,
+    /// The 7×7 filter (2002, §3.3).
+    pub prefilter: bool,
+    /// The 3×3 filter. Off, pixels show their points alone.
+    pub interpolation: bool,
+    /// Requests where priority is high. Off, they fall anywhere with equal chance.
+    pub dither: bool,
+    /// Requests go through the old point, which is kept if its colour has not changed (1999, §4.1).
+    /// Off, they go anywhere in the pixel, and each brings a new point.
+    pub resampling: bool,
+}
+
+impl Stages {
+    /// Everything in the two papers.
+    pub const ALL: Self = Self {
+        ageing: true,
+        eviction: true,
+        prediction: true,
+        depth_cull: true,
+        prefilter: true,
+        interpolation: true,
+        dither: true,
+        resampling: true,
+    };
+
+    /// What the first paper had (1999): no eviction, prediction or prefilter.
+    pub const OF_1999: Self =
+        Self { eviction: false, prediction: false, prefilter: false, ..Self::ALL };
+
+    /// The names of the parts, as [`switch`](Self::switch) takes them.
+    pub const NAMES: [&str; 8] = [
+        "ageing",
+        "eviction",
+        "prediction",
+        "depth-cull",
+        "prefilter",
+        "interpolation",
+        "dither",
+        "resampling",
+    ];
+
+    /// Switches the part of a name in [`NAMES`](Self::NAMES) on or off. Returns whether there is
+    /// such a part.
+    pub fn switch(&mut self, name: &str, on: bool) -> bool {
+        let part = match name {
+            "ageing" => &mut self.ageing,
+            "eviction" => &mut self.eviction,
+            "prediction" => &mut self.prediction,
+            "depth-cull" => &mut self.depth_cull,
+            "prefilter" => &mut self.prefilter,
+            "interpolation" => &mut self.interpolation,
+            "dither" => &mut self.dither,
+            "resampling" => &mut self.resampling,
+            _ => return false,
+        };
+        *part = on;
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_switches_a_part_of_its_own() {
+        let mut stages = Stages::ALL;
+        for name in Stages::NAMES {
+            let before = stages;
+            assert!(stages.switch(name, false), "{name}");
+            assert_ne!(stages, before, "{name}");
+        }
+        assert!(!stages.switch("projection", false));
+    }
+}

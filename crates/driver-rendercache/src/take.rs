@@ -1,0 +1,268 @@
+//! Takes new samples into the cache (Walter et al. 1999, §4.1 to §4.3).
+//!
+//! What always holds:
+//! - A sample with a number that is not finite changes nothing.
+//! - A sample that comes late is a point like any other.
+
+use glam::DVec3;
+use holo_picture::{Clip, View};
+
+use crate::PointImage;
+use crate::colour::{self, LARGEST};
+use crate::map::{far_along, far_away};
+use crate::points::{AHEAD, Details};
+use crate::sample::{Place, Purpose, Sample, Tag};
+
+/// A sample as the cache keeps it.
+#[derive(Clone, Copy)]
+struct Arrival {
+    tag: Tag,
+    /// Relative to the cache's origin.
+    position: [f32; 3],
+    radiance: [f32; 3],
+    noise: f32,
+}
+
+impl PointImage {
+    /// Takes samples in. Returns how many of them made a new point.
+    pub(crate) fn take_all(&mut self, samples: &[Sample]) -> usize {
+        self.noise.take(samples, self.points.capacity());
+        let mut new_points = 0;
+        for (number, sample) in samples.iter().enumerate() {
+            if let Some(later) = samples.get(number + AHEAD) {
+                self.points.prefetch(later.tag.slot);
+            }
+            if let Some(arrival) = self.arrival(sample) {
+                new_points += usize::from(self.take(&arrival));
+            }
+        }
+        new_points
+    }
+
+    /// Returns what the cache keeps of a sample. `None` if a number is not finite, or if the sample
+    /// lies before the fore clipping surface: whoever asked began the ray too early.
+    fn arrival(&self, sample: &Sample) -> Option<Arrival> {
+        let tag = sample.tag;
+        let position = match sample.place {
+            Place::At(position) => position - self.origin,
+            Place::Toward(direction) if direction.normalize_or_zero() == DVec3::ZERO => {
+                return None;
+            }
+            Place::Toward(direction) => self.far(tag, direction),
+        };
+        let position = position.as_vec3().to_array();
+        if !position.iter().chain(&sample.radiance).all(|number| number.is_finite()) {
+            return None;
+        }
+        let radiance = match self.clip(sample) {
+            Clip::Before => return None,
+            Clip::Shown => sample.radiance.map(|channel| channel.clamp(0.0, LARGEST)),
+            // The mean over a pixel's rays is of what they show.
+            Clip::Beyond => [0.0; 3],
+        };
+        let noise = if sample.noise.is_nan() { f32::INFINITY } else { sample.noise.max(0.0) };
+        Some(Arrival { tag, position, radiance, noise })
+    }
+
+    /// Returns whether the view shows what a ray that is meant for it met.
+    fn clip(&self, sample: &Sample) -> Clip {
+        let is_for_view = |view: &&View| view.is_clipped() && sample.tag.purpose != Purpose::Fill;
+        match self.view.as_ref().filter(is_for_view) {
+            None => Clip::Shown,
+            Some(view) => match sample.place {
+                Place::At(position) => view.clip(position),
+                Place::Toward(_) if view.clips_sky() => Clip::Beyond,
+                Place::Toward(_) => Clip::Shown,
+            },
+        }
+    }
+
+    /// Returns where something infinitely far away is kept, relative to the origin.
+    fn far(&self, tag: Tag, direction: DVec3) -> DVec3 {
+        let is_parallel = |view: &View| !view.kind.has_eye() && tag.purpose != Purpose::Fill;
+        let Some(view) = self.view.filter(is_parallel) else { return far_away(direction) };
+        let size = (self.planes.width as u32, self.planes.height as u32);
+        let (x, y) = View::pixel_centre(size, tag.pixel % size.0, tag.pixel / size.0);
+        let (origin, direction) = view.ray(x, y);
+        origin + direction * far_along(&view) - self.origin
+    }
+
+    /// Takes a sample in. Returns whether it made a new point.
+    fn take(&mut self, new: &Arrival) -> bool {
+        let Tag { purpose, pixel, slot, .. } = new.tag;
+        let is_current = new.tag.epoch == self.epoch;
+        let holds = slot < self.points.capacity()
+            && self.points.generation[slot] == new.tag.generation
+            && !self.points.is_empty(slot);
+        match purpose {
+            Purpose::Resample if holds => self.resample(slot, new, is_current),
+            Purpose::Refine if holds && is_current => self.refine(slot, new),
+            Purpose::Refine if holds => self.put(slot, new, false),
+            Purpose::Pixel if is_current => match self.fresh_point_of(pixel) {
+                // The pixel was asked for twice before the first sample came.
+                Some(slot) => self.refine(slot, new),
+                None => return self.begin(new, true),
+            },
+            Purpose::Guess if is_current => match self.point_in(pixel) {
+                None => return self.begin(new, false),
+                Some(slot) => self.guess(slot, new),
+            },
+            _ => return self.add(new, false).is_some(),
+        }
+        false
+    }
+
+    /// Puts a sample into a free slot. One that is not of this view does not push out what is: at
+    /// rest the picture would never come to an end.
+    fn add(&mut self, new: &Arrival, is_fresh: bool) -> Option<usize> {
+        let slot = self.points.free_slot();
+        if self.points.is_fresh[slot] && !is_fresh {
+            return None;
+        }
+        self.put(slot, new, is_fresh);
+        Some(slot)
+    }
+
+    /// Makes a sample the first point of its pixel. Returns whether there was a slot for it.
+    fn begin(&mut self, new: &Arrival, is_fresh: bool) -> bool {
+        let slot = self.add(new, is_fresh);
+        if let Some(slot) = slot {
+            self.planes.show(new.tag.pixel, slot, self.points.colour[slot]);
+        }
+        slot.is_some()
+    }
+
+    /// Compares a sample with the point that its ray went through (1999, §4.1).
+    fn resample(&mut self, slot: usize, new: &Arrival, is_current: bool) {
+        if !self.has_changed(slot, new) {
+            return self.confirm(slot, new, is_current);
+        }
+        self.put(slot, new, is_current);
+        // A ray of unknown noise that met something else says nothing about the pixels around it.
+        if new.noise.is_finite() {
+            self.age_neighbours(new.tag.pixel, slot);
+        }
+    }
+
+    /// Takes in a sample from elsewhere for a pixel that shows a point.
+    fn guess(&mut self, slot: usize, new: &Arrival) {
+        if self.points.is_fresh[slot] {
+            return;
+        }
+        let (old, found) = self.depths(slot, new);
+        if found < old * (1.0 - self.params.move_threshold) {
+            self.put(slot, new, false);
+        } else if found <= old * (1.0 + self.params.move_threshold) {
+            self.confirm(slot, new, false);
+        }
+    }
+
+    /// Returns the depths of a point and of a sample: distances from the eye, or along a parallel
+    /// view.
+    fn depths(&self, slot: usize, new: &Arrival) -> (f64, f64) {
+        let Some(view) = &self.view else { return (0.0, 0.0) };
+        let eye = view.eye() - self.origin;
+        let depth = |position: [f32; 3]| {
+            let from_eye = DVec3::from(position.map(f64::from)) - eye;
+            if view.kind.has_eye() { from_eye.length() } else { from_eye.dot(view.vd) }
+        };
+        (depth(self.points.position(slot)), depth(new.position))
+    }
+
+    fn fresh_point_of(&self, pixel: u32) -> Option<usize> {
+        let slot = *self.planes.slot.get(pixel as usize)? as usize;
+        // Since the last picture another pixel's point may have taken the slot.
+        let is_its = *self.points.is_fresh.get(slot)?
+            && self.points.details[slot].epoch == self.epoch
+            && self.is_in(slot, pixel);
+        is_its.then_some(slot)
+    }
+
+    /// Returns whether a sample differs from the point that its ray went through by more than the
+    /// noise that its renderer stated explains.
+    fn has_changed(&self, slot: usize, new: &Arrival) -> bool {
+        let Details { reference, reference_count, noise, .. } = self.points.details[slot];
+        let largest = reference.into_iter().chain(new.radiance).fold(0.0, f32::max);
+        // A mean of n samples has 1/n of their variance. Unknown noise of older samples does not
+        // count: a clean sample corrects them.
+        let noise = if noise.is_finite() { noise } else { 0.0 };
+        let variance = new.noise * new.noise + noise * noise / reference_count.max(1) as f32;
+        let allowed =
+            self.params.change_threshold * largest + self.params.noise_deviations * variance.sqrt();
+        let differs = new.radiance.iter().zip(&reference).any(|(n, old)| (n - old).abs() > allowed);
+        let (old, found) = self.depths(slot, new);
+        differs || (found - old).abs() > self.params.move_threshold * old
+    }
+
+    /// Puts a new point into a slot.
+    fn put(&mut self, slot: usize, new: &Arrival, is_fresh: bool) {
+        let points = &mut self.points;
+        points.set_position(slot, new.position);
+        points.colour[slot] = colour::encode(new.radiance);
+        points.age[slot] = 0;
+        points.is_fresh[slot] = is_fresh;
+        points.generation[slot] = points.generation[slot].wrapping_add(1);
+        points.details[slot] = Details {
+            mean: new.radiance,
+            count: 1,
+            reference: new.radiance,
+            reference_count: 1,
+            noise: new.noise,
+            epoch: if is_fresh { self.epoch } else { self.epoch.wrapping_sub(1) },
+        };
+    }
+
+    /// Averages in a sample whose ray found a point as it was.
+    fn confirm(&mut self, slot: usize, new: &Arrival, is_current: bool) {
+        let most = self.params.moving_mean;
+        let details = &mut self.points.details[slot];
+        average(&mut details.reference, new.radiance, &mut details.reference_count, most);
+        if details.epoch != self.epoch {
+            average(&mut details.mean, new.radiance, &mut details.count, most);
+            self.points.colour[slot] = colour::encode(details.mean);
+            if is_current {
+                // A pixel's mean needs rays all over the pixel, and this one stands for its point
+                // only. It counts as the first.
+                (details.epoch, details.count) = (self.epoch, 1);
+            }
+        }
+        if new.noise > 0.0 {
+            details.noise = new.noise;
+        }
+        self.points.is_fresh[slot] = details.epoch == self.epoch;
+        self.points.age[slot] = 0;
+        self.points.set_position(slot, new.position);
+    }
+
+    /// Averages in another ray of the same pixel and view: the mean is the pixel's box filter.
+    fn refine(&mut self, slot: usize, new: &Arrival) {
+        let details = &mut self.points.details[slot];
+        average(&mut details.mean, new.radiance, &mut details.count, self.params.resting_mean);
+        self.points.colour[slot] = colour::encode(details.mean);
+        self.points.age[slot] = 0;
+    }
+
+    /// Makes the points around a changed one older: they have probably changed too (1999, §4.1).
+    fn age_neighbours(&mut self, pixel: u32, changed: usize) {
+        let (width, height) = (self.planes.width, self.planes.height);
+        let (column, row) = self.planes.place(pixel);
+        let reach = self.params.change_reach as usize;
+        for y in row.saturating_sub(reach)..(row + reach + 1).min(height) {
+            for x in column.saturating_sub(reach)..(column + reach + 1).min(width) {
+                let slot = self.planes.slot[y * width + x] as usize;
+                if slot != changed && slot < self.points.capacity() {
+                    self.points.add_age(slot, self.params.change_ageing);
+                }
+            }
+        }
+    }
+}
+
+/// Adds a value to a mean of `count` values, or moves the mean by 1/`most` if it has that many.
+fn average(mean: &mut [f32; 3], value: [f32; 3], count: &mut u32, most: u32) {
+    *count = (*count).min(most - 1) + 1;
+    let share = 1.0 / *count as f32;
+    for (mean, value) in mean.iter_mut().zip(value) {
+        *mean += (value - *mean) * share;
+    }
+}

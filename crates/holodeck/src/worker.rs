@@ -1,0 +1,221 @@
+//! The worker of a fill or a session: started again whenever it dies.
+
+use std::{
+    collections::VecDeque,
+    ffi::OsString,
+    future,
+    net::SocketAddr,
+    process::{ExitStatus, Stdio},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Error, Result, anyhow};
+use holo_progress::{Meter, said_once};
+use holo_rtworker::Report;
+use tokio::{
+    io::{BufReader, Lines},
+    process::ChildStdout,
+    sync::watch,
+    task::JoinHandle,
+    time::sleep,
+};
+
+use crate::processes::{Process, relay};
+
+/// How much local workers give way, so that a viewer on the same machine stays smooth.
+const NICE: &str = "5";
+
+/// A worker that traced for less than this died quickly: its next life may be as short.
+const QUICK: Duration = Duration::from_secs(10);
+
+/// Quick deaths in a row after which it is not started again.
+const MAX_QUICK_DEATHS: u32 = 5;
+
+/// The pause after the first death. It doubles with every quick death.
+const FIRST_PAUSE: Duration = Duration::from_millis(500);
+
+/// A worker process that is started again when it dies.
+pub struct KeptWorker {
+    arguments: Vec<OsString>,
+    life: Option<Life>,
+    deaths: Deaths,
+    ready: watch::Sender<bool>,
+    meter: Meter,
+}
+
+/// A running worker process.
+struct Life {
+    process: Process,
+    output: Lines<BufReader<ChildStdout>>,
+    last_words: JoinHandle<VecDeque<String>>,
+    ready: Option<Instant>,
+}
+
+impl KeptWorker {
+    /// Starts a worker, on all cores unless `threads` says otherwise. It shows how far it has
+    /// loaded, unless `quiet`.
+    ///
+    /// # Errors
+    /// If it cannot be started.
+    pub fn start(server: SocketAddr, threads: Option<u16>, quiet: bool) -> Result<KeptWorker> {
+        let mut arguments: Vec<OsString> =
+            vec!["--connect".into(), server.to_string().into(), "--nice".into(), NICE.into()];
+        if let Some(threads) = threads {
+            arguments.extend(["--threads".into(), threads.to_string().into()]);
+        }
+        let life = Some(Life::begin(&arguments)?);
+        let (ready, _) = watch::channel(false);
+        Ok(KeptWorker {
+            arguments,
+            life,
+            deaths: Deaths::default(),
+            ready,
+            meter: Meter::new(quiet),
+        })
+    }
+
+    /// Returns a future that ends once a worker is ready to trace.
+    pub fn ready(&self) -> impl Future<Output = ()> + use<> {
+        let mut ready = self.ready.subscribe();
+        async move {
+            if ready.wait_for(|ready| *ready).await.is_err() {
+                // The worker was given up, and whoever keeps it reports why.
+                future::pending().await
+            }
+        }
+    }
+
+    /// Keeps the worker alive. Returns why it was given up.
+    ///
+    /// A worker that ends in order ends with its server, which the caller watches. So every end
+    /// counts as a death here.
+    pub async fn keep(&mut self) -> Error {
+        loop {
+            let life = match &mut self.life {
+                Some(life) => life,
+                None => match Life::begin(&self.arguments) {
+                    Ok(life) => self.life.insert(life),
+                    Err(error) => return error,
+                },
+            };
+            let status = match life.watch(&mut self.meter, &self.ready).await {
+                Ok(status) => status,
+                Err(error) => return error,
+            };
+            let Some(pause) = self.deaths.pause_after(life.traced()) else {
+                return self.last_death(status).await;
+            };
+            self.life = None;
+            if !status.success() {
+                let seconds = pause.as_secs_f64();
+                eprintln!("the worker died ({status}); it is started again in {seconds} s");
+            }
+            sleep(pause).await;
+        }
+    }
+
+    /// Returns the error for a worker that is given up.
+    async fn last_death(&mut self, status: ExitStatus) -> Error {
+        let words = match self.life.take() {
+            Some(life) => life.last_words.await.unwrap_or_default(),
+            None => VecDeque::new(),
+        };
+        let words = Vec::from(words).join(" / ");
+        let said = if words.is_empty() { "said nothing".into() } else { format!("said: {words}") };
+        anyhow!(
+            "the rtworker died {MAX_QUICK_DEATHS} times in a row, each time soon after its start; \
+             the last one ended with {status} and {said}"
+        )
+    }
+
+    /// Asks the worker to end, and waits. Its samples are stored: trouble is only reported.
+    pub async fn end(self) {
+        if let Some(life) = self.life
+            && let Err(error) = life.process.end().await
+        {
+            eprintln!("{}", said_once(error.as_ref()));
+        }
+    }
+}
+
+impl Life {
+    fn begin(arguments: &[OsString]) -> Result<Life> {
+        let mut process = Process::start("rtworker", arguments, Stdio::piped())?;
+        let output = process.output()?;
+        let errors = process.errors();
+        let last_words = tokio::spawn(async move {
+            match errors {
+                Some(errors) => relay(errors).await,
+                None => VecDeque::new(),
+            }
+        });
+        Ok(Life { process, output, last_words, ready: None })
+    }
+
+    /// Follows its reports until it ends.
+    async fn watch(
+        &mut self,
+        meter: &mut Meter,
+        ready: &watch::Sender<bool>,
+    ) -> Result<ExitStatus> {
+        while let Ok(Some(line)) = self.output.next_line().await {
+            match Report::parse(&line) {
+                // Later lives load while the server shows its own progress.
+                Some(Report::Loading { share, text }) if !*ready.borrow() => {
+                    meter.show(share, &text);
+                }
+                Some(Report::Ready) => {
+                    meter.finish();
+                    self.ready = Some(Instant::now());
+                    ready.send_replace(true);
+                }
+                _ => {}
+            }
+        }
+        // Its output has ended, and so has the process, or it is about to.
+        self.process.ended().await
+    }
+
+    /// Returns for how long it was ready to trace.
+    fn traced(&self) -> Duration {
+        self.ready.map_or(Duration::ZERO, |ready| ready.elapsed())
+    }
+}
+
+/// Counts quick deaths in a row.
+#[derive(Default)]
+struct Deaths {
+    quick: u32,
+}
+
+impl Deaths {
+    /// Returns the pause before the next start, after a life that traced for so long; `None` after
+    /// too many quick deaths in a row.
+    fn pause_after(&mut self, traced: Duration) -> Option<Duration> {
+        self.quick = if traced < QUICK { self.quick + 1 } else { 0 };
+        let doublings = self.quick.saturating_sub(1);
+        (self.quick < MAX_QUICK_DEATHS).then(|| FIRST_PAUSE * 2_u32.pow(doublings))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn five_quick_deaths_in_a_row_are_enough_and_pauses_grow_before() {
+        let mut deaths = Deaths::default();
+        let mut pause = |traced| deaths.pause_after(Duration::from_secs(traced));
+        let seconds = |pause: Option<Duration>| pause.map(|pause| pause.as_secs_f64());
+        assert_eq!(
+            [0, 0, 9].map(|traced| seconds(pause(traced))),
+            [Some(0.5), Some(1.0), Some(2.0)]
+        );
+        // A whole night of deaths is no reason to stop if there is work done between them.
+        for _ in 0..1000 {
+            assert_eq!(seconds(pause(600)), Some(0.5));
+        }
+        let last = [0; 5].map(|traced| seconds(pause(traced)));
+        assert_eq!(last, [Some(0.5), Some(1.0), Some(2.0), Some(4.0), None]);
+    }
+}

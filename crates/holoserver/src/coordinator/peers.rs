@@ -1,0 +1,57 @@
+//! Workers and displays that come and go.
+
+use std::sync::atomic::Ordering;
+
+use holo_net::Outbox;
+use holo_proto::{control::Control, hello::Role};
+
+use super::{Coordinator, views::Display};
+use crate::{listen::ConnectionId, workers::Worker};
+
+impl Coordinator {
+    /// Takes somebody in.
+    pub(super) fn join(&mut self, id: ConnectionId, role: Role, name: String, outbox: Outbox) {
+        self.progress.say(&format!("{name} joined"));
+        match role {
+            Role::Worker => {
+                let paths = self.holodeck.about.settings.paths_per_sample;
+                self.workers.insert(id, Worker::new(outbox, name, paths));
+            }
+            Role::Display => {
+                self.displays.insert(id, Display::new(outbox, name));
+            }
+        }
+    }
+
+    /// Returns the sending half of a connection.
+    pub(super) fn outbox(&self, id: ConnectionId) -> Option<&Outbox> {
+        let worker = self.workers.get(&id).map(|worker| &worker.outbox);
+        worker.or_else(|| self.displays.get(&id).map(|display| &display.outbox))
+    }
+
+    /// Ends the connection of whoever broke the rules, and tells it why.
+    pub(super) fn expel(&mut self, id: ConnectionId, reason: String) {
+        if let Some(outbox) = self.outbox(id) {
+            // If the reason is longer than a control message, the connection ends without it.
+            let _ = outbox.control(&Control::Bye { reason: reason.clone() });
+        }
+        self.leave(id, Some(reason));
+    }
+
+    /// Forgets who has gone; others get its work.
+    pub(super) fn leave(&mut self, id: ConnectionId, reason: Option<String>) {
+        let reason = reason.unwrap_or_else(|| "it closed its connection".into());
+        self.listeners.remove(&id);
+        if let Some(mut worker) = self.workers.remove(&id) {
+            self.progress.say(&format!("{} left: {reason}", worker.name));
+            self.live_again(&mut worker);
+            self.lost.extend(worker.into_assignments());
+        }
+        if let Some(display) = self.displays.remove(&id) {
+            self.progress.say(&format!("{} left: {reason}", display.name));
+            display.newest.store(u32::MAX, Ordering::Release);
+        }
+        self.forget_stale();
+        self.try_settle();
+    }
+}

@@ -1,0 +1,78 @@
+//! Writing what workers have found besides samples: beams that see nothing, and records of light.
+
+use std::{
+    sync::Arc,
+    thread::JoinHandle,
+    time::{Duration, Instant},
+};
+
+use holo_section::Sample;
+
+use crate::holodeck::Holodeck;
+
+/// How often findings are written to the file, at most. After a crash they are found again.
+const SAVE_EVERY: Duration = Duration::from_secs(5);
+
+/// Bytes of samples that come for each byte of a list of unseen beams written: old lists stay in
+/// the file.
+const SAMPLES_PER_UNSEEN_BYTE: u64 = 32;
+
+/// Writes findings on a thread of its own, one at a time.
+pub struct Saver {
+    /// When unseen beams were last written.
+    unseen_at: Instant,
+    /// Samples that had been traced then.
+    unseen_traced: u64,
+    /// When records of light were last written.
+    light_at: Instant,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Saver {
+    /// Returns a saver for findings from now on.
+    pub fn new() -> Saver {
+        let now = Instant::now();
+        Saver { unseen_at: now, unseen_traced: 0, light_at: now, thread: None }
+    }
+
+    /// Starts to write what is due, after `traced` samples.
+    pub fn save(&mut self, holodeck: &Arc<Holodeck>, traced: u64) {
+        if !holodeck.writable || self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) {
+            return;
+        }
+        let now = Instant::now();
+        let bytes = (traced - self.unseen_traced) * size_of::<Sample>() as u64;
+        let unseen = now - self.unseen_at >= SAVE_EVERY
+            && bytes >= SAMPLES_PER_UNSEEN_BYTE * holodeck.unseen().encoded_bytes();
+        let light = now - self.light_at >= SAVE_EVERY;
+        if unseen {
+            (self.unseen_at, self.unseen_traced) = (now, traced);
+        }
+        if light {
+            self.light_at = now;
+        }
+        if unseen || light {
+            let holodeck = Arc::clone(holodeck);
+            // The file's statistics report a disk that fails; what it does not take is found again.
+            self.thread = Some(std::thread::spawn(move || {
+                if unseen {
+                    let _ = holodeck.save_unseen();
+                }
+                if light {
+                    let _ = holodeck.save_light();
+                }
+            }));
+        }
+    }
+
+    /// Writes everything that is left, and waits for it.
+    pub fn finish(self, holodeck: &Holodeck) {
+        if let Some(thread) = self.thread {
+            // A thread that panicked has said so on standard error.
+            let _ = thread.join();
+        }
+        // What a failing disk does not take is found again.
+        let _ = holodeck.save_unseen();
+        let _ = holodeck.save_light();
+    }
+}

@@ -1,0 +1,95 @@
+//! When a server ends by itself, and whether it is ending.
+
+use std::time::{Duration, Instant};
+
+/// Packets under way are finished: dealing stops this long before the time is up.
+const LAST_DEAL: Duration = Duration::from_millis(100);
+
+/// How long the end waits for packets under way; whoever takes longer hangs.
+const LAST_PACKETS: Duration = Duration::from_secs(3);
+
+/// When a server ends by itself.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Goal {
+    /// The longest time of tracing, from the moment that the first worker is ready.
+    pub time: Option<Duration>,
+    /// The number of samples traced, better ones included.
+    pub samples: Option<u64>,
+}
+
+impl Goal {
+    /// Returns whether there is any.
+    pub fn is_some(&self) -> bool {
+        self.time.is_some() || self.samples.is_some()
+    }
+}
+
+/// A goal and the clock that runs towards it.
+#[derive(Debug)]
+pub struct Schedule {
+    /// The goal.
+    pub goal: Goal,
+    began: Option<Instant>,
+    ending: Option<Instant>,
+}
+
+impl Schedule {
+    /// Returns a schedule whose clock stands still.
+    pub fn new(goal: Goal) -> Schedule {
+        Schedule { goal, began: None, ending: None }
+    }
+
+    /// Starts the clock, unless it runs: a worker is ready to trace.
+    pub fn begin(&mut self) {
+        self.began.get_or_insert_with(Instant::now);
+    }
+
+    /// Returns how long ago tracing began; 0 if it has not.
+    pub fn elapsed(&self) -> Duration {
+        self.began.map_or(Duration::ZERO, |began| began.elapsed())
+    }
+
+    /// Returns whether tracing has begun.
+    pub fn has_begun(&self) -> bool {
+        self.began.is_some()
+    }
+
+    /// Returns whether `traced` samples, or the time, are what the goal asks for.
+    pub fn is_reached(&self, traced: u64) -> bool {
+        let time = self.goal.time.filter(|_| self.has_begun());
+        time.is_some_and(|time| self.elapsed() + LAST_DEAL >= time)
+            || self.goal.samples.is_some_and(|samples| traced >= samples)
+    }
+
+    /// Begins the end: no new work is given out from now on.
+    pub fn end(&mut self) {
+        self.ending.get_or_insert_with(Instant::now);
+    }
+
+    /// Returns whether the end has begun.
+    pub fn is_ending(&self) -> bool {
+        self.ending.is_some()
+    }
+
+    /// Returns whether the end has waited long enough for packets under way.
+    pub fn is_overdue(&self) -> bool {
+        self.ending.is_some_and(|since| since.elapsed() > LAST_PACKETS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_counts_from_the_first_worker_that_is_ready() {
+        let mut schedule = Schedule::new(Goal { time: Some(Duration::ZERO), samples: None });
+        assert!(!schedule.is_reached(0), "nobody traces yet: the scene may still be loading");
+        schedule.begin();
+        assert!(schedule.is_reached(0));
+        let mut long =
+            Schedule::new(Goal { time: Some(Duration::from_secs(3600)), samples: Some(5) });
+        long.begin();
+        assert!(!long.is_reached(4) && long.is_reached(5));
+    }
+}

@@ -1,0 +1,9 @@
+//! Options of the display process, shared by every program that shows views.
+
+mod driver;
+mod render_cache;
+mod view;
+
+pub use driver::{CellsArg, DriverArg, DriverArgs};
+pub use render_cache::{EmptyArg, PointArgs, SmoothingArg};
+pub use view::{ViewArgs, parse_size};

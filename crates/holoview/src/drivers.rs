@@ -1,0 +1,92 @@
+//! The list of drivers: the one place that names them all.
+//!
+//! A new driver is a crate that implements [`Driver`], an option in [`DriverArg`], and an arm here.
+
+use std::sync::Arc;
+
+use holo_display::Driver;
+use holo_driver_quadtree::{Filling, QuadtreeDriver};
+use holo_driver_rendercache::{FramelessDriver, RenderCacheDriver};
+use holo_driver_surfaces::SurfacesDriver;
+use holo_driver_voronoi::VoronoiDriver;
+use holo_section::Section;
+
+use crate::{
+    args::{CellsArg, DriverArg, DriverArgs, PointArgs},
+    session::LoadedScene,
+};
+
+/// Parts of drivers that a script may switch, by name.
+pub const SWITCHES: &[&str] = &holo_driver_rendercache::Stages::NAMES;
+
+/// Which driver a session wants, and what all drivers need.
+pub struct DriverChoice {
+    /// The driver and its filling.
+    pub args: DriverArgs,
+    /// How the render cache works.
+    pub points: PointArgs,
+    /// The holodeck's sections.
+    pub sections: Arc<[Section]>,
+    /// Radiance of rays that hit nothing.
+    pub sky: [f32; 3],
+}
+
+/// Whether a driver draws from the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SceneUse {
+    /// It never does.
+    None,
+    /// It does if the scene arrives.
+    IfThere,
+    /// It cannot draw without.
+    Required,
+}
+
+impl DriverChoice {
+    /// Returns whether the chosen driver draws from the scene.
+    pub fn scene_use(&self) -> SceneUse {
+        match (self.args.driver, self.args.cells) {
+            (DriverArg::Auto, None) => SceneUse::IfThere,
+            (DriverArg::Voronoi | DriverArg::Surfaces, None) => SceneUse::Required,
+            _ => SceneUse::None,
+        }
+    }
+
+    /// Makes the chosen driver. Without a scene, `voronoi` draws cells of the samples alone.
+    pub fn make(&self, scene: Option<&LoadedScene>) -> Box<dyn Driver> {
+        let sections = Arc::clone(&self.sections);
+        let sky = self.sky;
+        match self.args.driver {
+            DriverArg::Quadtree => Box::new(QuadtreeDriver::new(sections, sky)),
+            DriverArg::Pointimage => {
+                Box::new(RenderCacheDriver::new(sections, sky, self.points.params()))
+            }
+            DriverArg::Frameless => Box::new(FramelessDriver::new(sections, sky)),
+            DriverArg::Auto | DriverArg::Voronoi | DriverArg::Surfaces => match scene {
+                Some(scene) if self.args.driver == DriverArg::Surfaces => {
+                    Box::new(SurfacesDriver::new(sections, Arc::clone(&scene.raycaster)))
+                }
+                Some(scene) => self.voronoi(scene),
+                None => Box::new(QuadtreeDriver::of_cells(sections, sky, self.filling())),
+            },
+        }
+    }
+
+    fn voronoi(&self, scene: &LoadedScene) -> Box<dyn Driver> {
+        let (sections, sky) = (Arc::clone(&self.sections), self.sky);
+        Box::new(VoronoiDriver::new(
+            Arc::clone(&self.sections),
+            Arc::clone(&scene.raycaster),
+            Arc::clone(&scene.records),
+            scene.stand_ins.clone(),
+            Arc::new(move || Box::new(QuadtreeDriver::new(Arc::clone(&sections), sky))),
+        ))
+    }
+
+    fn filling(&self) -> Filling {
+        match self.args.cells {
+            Some(CellsArg::Constant) => Filling::Constant,
+            Some(CellsArg::Smooth) | None => Filling::Smooth,
+        }
+    }
+}

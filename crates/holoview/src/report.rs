@@ -1,0 +1,87 @@
+//! What is said of a picture that was written.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+/// How long a stage of a picture took.
+#[derive(Clone, Debug, Serialize)]
+pub struct StageTime {
+    /// Its name, as in Walter et al. 2002, Table 1.
+    pub stage: &'static str,
+    /// Wall clock, milliseconds.
+    pub milliseconds: f64,
+}
+
+/// A picture written, for people (`Display`) and programs (JSON).
+#[derive(Clone, Debug, Serialize)]
+pub struct PictureReport {
+    /// Where it is.
+    pub picture: PathBuf,
+    /// Seconds since the view was asked for.
+    pub seconds: f64,
+    /// Samples in the picture.
+    pub samples: u64,
+    /// Samples received for the view: from the file.
+    pub stored: u64,
+    /// And traced.
+    pub traced: u64,
+    /// Rays that no section covers, traced for the view alone.
+    pub live: u64,
+    /// Beams that the view crosses.
+    pub beams: usize,
+    /// Pixels that no section covers.
+    pub uncovered_pixels: u64,
+    /// Covered pixels filled from their neighbours.
+    pub empty_pixels: u64,
+    /// Pixels that show the sky because no ray of their beam can meet anything.
+    pub unseen_pixels: u64,
+    /// Pixels of whose surface nothing is known, shown as if the eye carried a lamp.
+    pub guessed_pixels: u64,
+    /// The driver that made it; `cells` if it was `voronoi` by samples alone.
+    pub driver: &'static str,
+    /// Seconds until the first samples were here; none yet if absent.
+    pub first_samples: Option<f64>,
+    /// How long each stage of the picture took; empty for drivers without stages.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<StageTime>,
+}
+
+/// Samples of which more than one would be seen if any could but by a gap between two surfaces.
+const ENOUGH_TO_TELL: u64 = 10_000;
+
+impl std::fmt::Display for PictureReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{}: {:.1} s, {} samples ({} stored, {} traced)",
+            self.picture.display(),
+            self.seconds,
+            self.samples,
+            self.stored,
+            self.traced
+        )?;
+        let came = self.stored + self.traced;
+        if came >= ENOUGH_TO_TELL && self.samples <= came / ENOUGH_TO_TELL {
+            write!(
+                f,
+                ": none of what the view shows is seen from the walls of its section, something stands between; give a section \
+                 within the room, such as --section=\"X,Y,Z 10,0,0 0,8,0 0,0,3\""
+            )?;
+        }
+        if self.uncovered_pixels > 0 {
+            write!(f, ", {} pixels that no section covers", self.uncovered_pixels)?;
+        }
+        if self.live > 0 {
+            write!(f, " (by {} rays traced for this view alone)", self.live)?;
+        }
+        if self.guessed_pixels > 0 {
+            write!(f, ", {} pixels without light known, lit from the eye", self.guessed_pixels)?;
+        }
+        if !self.stages.is_empty() {
+            let milliseconds: f64 = self.stages.iter().map(|stage| stage.milliseconds).sum();
+            write!(f, ", made in {milliseconds:.1} ms")?;
+        }
+        Ok(())
+    }
+}

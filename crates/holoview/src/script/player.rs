@@ -1,0 +1,198 @@
+//! Follows a script: shows its views, and writes its pictures when their time has come.
+
+use std::{
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result, bail};
+use holo_picture::{ViewSpec, luminance};
+use holo_progress::Meter;
+use serde_json::json;
+
+use super::{
+    Script, Step,
+    parse::{Command, Next},
+};
+use crate::{
+    Config, PictureReport,
+    session::{Connected, Session, Waited},
+};
+
+/// How often a typed script is looked at.
+const TYPED_TICK: Duration = Duration::from_millis(20);
+
+/// Follows `script` to its end. Blocks: to be called on a thread of its own.
+///
+/// # Errors
+/// If the server is lost, a view cannot be shown, or a picture cannot be written.
+pub fn play(connected: Connected, config: Config, script: Script) -> Result<()> {
+    let meter = Meter::new(config.quiet || config.json);
+    let Some(session) = connected.begin(|text| meter.say(text))? else { return Ok(()) };
+    let duration = script.duration();
+    Player { session, config, meter, duration }.follow(script)
+}
+
+struct Player {
+    session: Session,
+    config: Config,
+    meter: Meter,
+    /// Seconds that the script takes; 0 if that is not known.
+    duration: f64,
+}
+
+impl Player {
+    fn follow(&mut self, mut script: Script) -> Result<()> {
+        let said = self.config.view.spec(self.session.named_views())?;
+        let mut spec = self.session.first_view()?.overridden_by(&said);
+        let mut next = script.next_step()?;
+        // A script's first view stands for the options' one: nobody looks at that.
+        if !begins_with_view(&next) {
+            self.show(&spec)?;
+        }
+        loop {
+            let step = match next {
+                Next::Step(step) => step,
+                Next::End => break,
+                Next::NotYet => {
+                    if self.wait(Instant::now() + TYPED_TICK)? == Waited::Stop {
+                        return Ok(());
+                    }
+                    next = script.next_step()?;
+                    continue;
+                }
+            };
+            if let Some(seconds) = step.seconds
+                && self.wait(self.session.since() + Duration::from_secs_f64(seconds))?
+                    == Waited::Stop
+            {
+                break;
+            }
+            match step.command {
+                Command::View(change) => {
+                    spec = spec.overridden_by(&change);
+                    self.show(&spec)?;
+                }
+                Command::Picture(path) => self.picture(&path)?,
+                Command::Probe(column, row) => self.probe(column, row)?,
+                Command::Switch { parts, on } => {
+                    parts.iter().try_for_each(|part| self.session.switch(part, on))?;
+                }
+                Command::Quit => break,
+            }
+            next = script.next_step()?;
+        }
+        self.end()
+    }
+
+    fn show(&mut self, spec: &ViewSpec) -> Result<()> {
+        self.session.show(spec, self.config.view.size)
+    }
+
+    /// Waits until `deadline`, showing how things go.
+    fn wait(&mut self, deadline: Instant) -> Result<Waited> {
+        /// How often progress is shown.
+        const TICK: Duration = Duration::from_millis(500);
+        loop {
+            let next = deadline.min(Instant::now() + TICK);
+            match self.session.wait(next)? {
+                Waited::TimeUp if Instant::now() < deadline => {}
+                waited => return Ok(waited),
+            }
+            if let Some(status) = self.session.status().filter(|_| self.duration > 0.0) {
+                let share = self.session.start().elapsed().as_secs_f64() / self.duration;
+                self.meter.show(share, &status.words());
+            }
+        }
+    }
+
+    /// Writes the current view as it is known.
+    fn picture(&mut self, path: &Path) -> Result<()> {
+        if !self.session.has_view() {
+            bail!("there is no view to take a picture of");
+        }
+        let report = write_picture(&mut self.session, path.to_owned())?;
+        if self.config.json {
+            println!("{}", serde_json::to_string(&report)?);
+        } else {
+            self.meter.say(&report.to_string());
+        }
+        Ok(())
+    }
+
+    /// Says what a pixel shows, on standard output.
+    fn probe(&mut self, column: u32, row: u32) -> Result<()> {
+        let (frame, _) = self.session.draw();
+        let Some(radiance) = frame.picture.get(column, row) else {
+            bail!("pixel {column} {row} lies outside the picture");
+        };
+        let surface = self.session.surface_at(column, row);
+        let distance = surface.map(|surface| surface.distance);
+        let triangle = surface.and_then(|surface| surface.triangle);
+        let luminance = luminance(radiance);
+        if self.config.json {
+            let line = json!({
+                "probe": [column, row],
+                "radiance": radiance,
+                "luminance": luminance,
+                "distance": distance.filter(|distance| distance.is_finite()),
+                "triangle": triangle,
+            });
+            println!("{line}");
+        } else {
+            let [red, green, blue] = radiance;
+            let distance = match distance {
+                Some(distance) if distance.is_finite() => format!("{distance} scene units away"),
+                Some(_) => "nothing hit".to_owned(),
+                None => "nothing known".to_owned(),
+            };
+            println!(
+                "{column} {row}: radiance {red} {green} {blue} W/sr/m², luminance {luminance} \
+                 cd/m², {distance}"
+            );
+        }
+        Ok(())
+    }
+
+    /// Lets everything under way arrive and be stored, and writes the last picture.
+    fn end(&mut self) -> Result<()> {
+        self.session.settle()?;
+        self.meter.finish();
+        match self.config.output.clone() {
+            Some(path) if self.session.has_view() => self.picture(&path),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn begins_with_view(next: &Next) -> bool {
+    matches!(next, Next::Step(Step { command: Command::View(_), seconds })
+        if seconds.unwrap_or(0.0) == 0.0)
+}
+
+/// Draws the session's view, writes it to `path`, and returns what it is made of.
+fn write_picture(session: &mut Session, path: PathBuf) -> Result<PictureReport> {
+    let seconds = session.since().elapsed().as_secs_f64();
+    let (frame, stages) = session.draw();
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    }
+    frame.picture.write(&path)?;
+    let counts = session.counts();
+    Ok(PictureReport {
+        picture: path,
+        seconds,
+        samples: frame.samples_used,
+        stored: counts.stored,
+        traced: counts.traced,
+        live: session.live_rays(),
+        beams: session.beams(),
+        uncovered_pixels: frame.uncovered_pixels,
+        empty_pixels: frame.empty_pixels,
+        unseen_pixels: frame.unseen_pixels,
+        guessed_pixels: frame.guessed_pixels,
+        driver: session.driver_name(),
+        first_samples: counts.first_samples,
+        stages,
+    })
+}

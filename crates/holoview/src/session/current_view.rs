@@ -1,0 +1,109 @@
+//! The view that a session shows, and what has arrived for it.
+
+use std::time::Instant;
+
+use holo_display::{Driver, Look};
+use holo_proto::bulk::{LiveSamples, Samples, Source, WantedBeam};
+use holo_section::BeamKey;
+
+use super::{live::LiveRays, received::Received};
+
+/// A view and what has arrived for it.
+pub struct CurrentView {
+    pub look: Look,
+    /// Beams that the view crosses, and how much each is wanted.
+    pub wanted: Vec<WantedBeam>,
+    /// Distance of the nearest visible surface, scene units, as far as it is known.
+    pub nearest: f64,
+    /// Whether that distance was looked up in the picture.
+    pub nearest_is_seen: bool,
+    /// Rays that no section covers, if something traces.
+    pub live: Option<LiveRays>,
+    /// How far its stored samples have been asked for.
+    pub asked: Asked,
+    /// Beams that it does not cross but whose rays may end on what it sees, once asked for.
+    pub also: Vec<BeamKey>,
+    /// Number of its first request: samples of earlier requests are dropped.
+    pub first_request: u32,
+    pub received: Received,
+    pub since: Instant,
+    pub counts: Counts,
+    /// When single rays were last asked for.
+    pub rays_asked: Instant,
+}
+
+/// How many samples have arrived for a view.
+#[derive(Clone, Default)]
+pub struct Counts {
+    /// From the file.
+    pub stored: u64,
+    /// Of these, by section.
+    pub stored_of_section: Vec<u64>,
+    /// From workers.
+    pub traced: u64,
+    /// Seconds until the first ones were here.
+    pub first_samples: Option<f64>,
+}
+
+/// Which stored samples of a view have been asked for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Asked {
+    /// Those of the beams that it crosses.
+    Crossed,
+    /// And of some beams that end on what it sees, which hold the most.
+    Best,
+    /// And of all beams that end on what it sees.
+    Surfaces,
+    /// All that there are.
+    All,
+}
+
+impl CurrentView {
+    /// Hands samples of the view to the driver, except those that it has.
+    pub fn insert(&mut self, driver: &mut dyn Driver, message: &Samples) {
+        let seconds = self.since.elapsed().as_secs_f64();
+        self.counts.first_samples.get_or_insert(seconds);
+        for (run, samples) in message.iter() {
+            for fresh in self.received.add(run) {
+                let count = fresh.len() as u64;
+                driver.insert(run.key, run.paths, &samples[fresh]);
+                match message.source {
+                    Source::Traced => self.counts.traced += count,
+                    Source::Stored => {
+                        self.counts.stored += count;
+                        let of =
+                            self.counts.stored_of_section.get_mut(usize::from(run.key.section));
+                        of.into_iter().for_each(|of| *of += count);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Hands live rays to the driver, if they are the view's own.
+    pub fn insert_live(&mut self, driver: &mut dyn Driver, message: &LiveSamples) {
+        if message.view == self.first_request
+            && let Some(live) = &mut self.live
+        {
+            let fresh = live.take(&message.samples);
+            if !fresh.is_empty() {
+                driver.insert_live(live.paths(), &fresh);
+            }
+        }
+    }
+
+    /// Returns, by section, how many stored samples one of its beams has: at least 1. Sections that
+    /// the view does not cross get the mean over all.
+    pub fn samples_per_beam(&self) -> Vec<f64> {
+        let mut beams = vec![0_u64; self.counts.stored_of_section.len()];
+        for wanted in &self.wanted {
+            if let Some(beams) = beams.get_mut(usize::from(wanted.key.section)) {
+                *beams += 1;
+            }
+        }
+        let share = |stored: u64, beams: u64| (stored as f64 / beams.max(1) as f64).max(1.0);
+        let all = share(self.counts.stored, self.wanted.len() as u64);
+        let of = |(&stored, &beams)| if beams == 0 { all } else { share(stored, beams) };
+        self.counts.stored_of_section.iter().zip(&beams).map(of).collect()
+    }
+}

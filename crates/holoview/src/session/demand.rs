@@ -1,0 +1,278 @@
+//! What a session asks the server for: a view's own beams, then others that hold samples of what it
+//! sees, single rays, and rays that no section covers.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+use holo_display::{Look, Resolution, SelectOptions, Selection, select_beams, viewpoint};
+use holo_picture::ViewSpec;
+use holo_proto::{
+    LEAST_TRACED_WEIGHT,
+    bulk::{LiveWanted, RaysWanted, ViewRequest, WantedBeam, WantedRay},
+    control::Control,
+    frame::Kind,
+};
+use holo_section::{BeamKey, Section};
+
+use super::{
+    Session,
+    current_view::{Asked, Counts, CurrentView},
+    live::LiveRays,
+    pace::AT_REST,
+};
+
+/// Distance of the nearest visible surface, as a share of the shortest section's diagonal, before
+/// anything is known of the scene. Too near costs only rays that are of less use to other views.
+const GUESSED_DISTANCE: f64 = 0.05;
+
+/// When the nearest visible surface is looked up in the picture, after the view was asked for.
+const NEAREST_AFTER: Duration = Duration::from_millis(300);
+
+/// Share of the pixels that may be nearer than the "nearest" surface: a lamp's edge must not decide
+/// for the room.
+const NEARER_PIXELS: f64 = 0.01;
+
+/// Weight of beams that are wanted for what is stored of them, not to be traced.
+const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
+
+/// How often single rays are asked for, of drivers that can say which.
+const RAYS_EVERY: Duration = Duration::from_millis(50);
+
+impl Session {
+    /// Shows a view in a picture of at most `size` pixels.
+    ///
+    /// # Errors
+    /// If the view is malformed, or no section covers any of it.
+    pub fn show(&mut self, spec: &ViewSpec, size: (u32, u32)) -> Result<()> {
+        let (view, size) = spec.resolve(size)?;
+        let resolution = self.pace.next(Instant::now());
+        self.look(Look { view, size, resolution })
+    }
+
+    /// Shows the current view again with another driver. Its seconds go on.
+    pub(super) fn show_again(&mut self) -> Result<()> {
+        let Some(CurrentView { look, since, .. }) = self.current else { return Ok(()) };
+        self.look(look)?;
+        self.current.iter_mut().for_each(|current| current.since = since);
+        Ok(())
+    }
+
+    /// Shows the current view again at full resolution, since nothing moves any more.
+    fn rest(&mut self) -> Result<()> {
+        let resolution = self.pace.rest(Instant::now());
+        if let Some(current) = &mut self.current {
+            current.look.resolution = resolution;
+        }
+        self.show_again()
+    }
+
+    fn look(&mut self, look: Look) -> Result<()> {
+        let Look { view, size, .. } = look;
+        let sections = &self.choice.sections;
+        let Selection { beams, covered } =
+            select_beams(sections, &view, size, &SelectOptions::default());
+        if covered.covered_rays == 0 {
+            bail!(
+                "no section of the holodeck covers anything of this view ({})",
+                view.to_vf_options()
+            );
+        }
+        let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
+        let nearest = GUESSED_DISTANCE * diagonal;
+        let beams = self.driver.weigh(&look, beams)?;
+        let wanted = beams.iter().map(|beam| WantedBeam { key: beam.key, weight: beam.weight });
+        let wanted: Vec<WantedBeam> = wanted.collect();
+        self.request_number += 1;
+        let before = self.current.take();
+        let had_live = before.as_ref().is_some_and(|before| before.live.is_some());
+        let received = before.filter(|_| self.driver.keeps_samples()).map(|before| before.received);
+        let since = Instant::now();
+        // Asked first: samples are under way while the driver looks at the scene.
+        self.request(&look, nearest, wanted.clone())?;
+        if had_live {
+            // Live rays of the view before are of no use any more.
+            let none = LiveWanted { view: self.request_number, pixels: 0, rays: Vec::new() };
+            self.outbox.send(Kind::LiveWanted, &none.encode())?;
+        }
+        self.driver.look(&look)?;
+        self.driver.set_nearest(nearest);
+        let paths = self.welcome.settings.paths_per_sample;
+        let uncovered = if self.welcome.tracing { self.driver.uncovered() } else { Vec::new() };
+        self.current = Some(CurrentView {
+            look,
+            wanted,
+            nearest,
+            nearest_is_seen: false,
+            live: LiveRays::new(uncovered, view, size, paths),
+            asked: Asked::Crossed,
+            also: Vec::new(),
+            first_request: self.request_number,
+            received: received.unwrap_or_default(),
+            since,
+            counts: Counts {
+                stored_of_section: vec![0; self.choice.sections.len()],
+                ..Counts::default()
+            },
+            rays_asked: since,
+        });
+        self.ask_rays()?;
+        if self.driver.knows_depth() { self.see_nearest() } else { Ok(()) }
+    }
+
+    /// Asks for what is due by now. Returns when something is due next.
+    pub(super) fn ask_for_what_is_due(
+        &mut self,
+        now: Instant,
+        ending: bool,
+    ) -> Result<Option<Instant>> {
+        let Some(current) = &self.current else { return Ok(None) };
+        let rests = current.since + AT_REST;
+        let nearest = (!current.nearest_is_seen).then(|| current.since + NEAREST_AFTER);
+        let rays = current.rays_asked + RAYS_EVERY;
+        let is_moving = current.look.resolution == Resolution::Half;
+        if is_moving && now >= rests {
+            self.rest()?;
+        }
+        if nearest.is_some_and(|at| now >= at) {
+            self.see_nearest()?;
+        }
+        let asks_rays = !ending && self.driver.wants_rays();
+        if asks_rays && now >= rays {
+            self.ask_rays()?;
+        }
+        // Somebody who moves on at once has no use for live rays, and they delay what is stored.
+        if !ending && now >= rests {
+            self.ask_live()?;
+        }
+        let rays = if now >= rays { now + RAYS_EVERY } else { rays };
+        let due = [Some(rests), nearest, asks_rays.then_some(rays)];
+        Ok(due.into_iter().flatten().filter(|at| *at > now).min())
+    }
+
+    /// Asks on, once all stored samples of what was asked for have been sent.
+    ///
+    /// The view's own beams come first, then those that hold most of what is seen, then all whose
+    /// rays may end on it. Those are for what is stored: when it has been sent, workers turn back
+    /// to the view's own, unless the session ends.
+    pub(super) fn stored_sent(&mut self, ending: bool) -> Result<()> {
+        let Some(current) = &mut self.current else { return Ok(()) };
+        let before = current.asked;
+        match before {
+            Asked::Crossed => {
+                let counts = current.samples_per_beam();
+                let per_beam =
+                    |section: u16| counts.get(usize::from(section)).copied().unwrap_or(1.0);
+                current.also = self.driver.best_surface_beams(&per_beam);
+                current.asked = Asked::Best;
+                if current.also.is_empty() {
+                    return self.stored_sent(ending);
+                }
+                self.ask_for_all()?;
+            }
+            Asked::Best => {
+                self.driver.settle();
+                current.also = self.driver.surface_beams();
+                if current.also.is_empty() {
+                    current.asked = Asked::All;
+                } else {
+                    current.asked = Asked::Surfaces;
+                    self.ask_for_all()?;
+                }
+            }
+            Asked::Surfaces => {
+                current.asked = Asked::All;
+                let wanted = current.wanted.clone();
+                if self.welcome.tracing && !ending {
+                    self.ask_anew(wanted)?;
+                }
+            }
+            Asked::All => {}
+        }
+        if ending && before != Asked::All { self.ask_to_settle() } else { Ok(()) }
+    }
+
+    /// Asks the server to settle, unless something is still to be asked for: then once that is.
+    pub(super) fn ask_to_settle(&mut self) -> Result<()> {
+        if self.current.as_ref().is_none_or(|current| current.asked == Asked::All) {
+            self.outbox.control(&Control::Settle { view: self.request_number })?;
+        }
+        Ok(())
+    }
+
+    /// Asks for everything stored that is of use to the view.
+    pub(super) fn ask_for_all(&mut self) -> Result<()> {
+        let Some(current) = &self.current else { return Ok(()) };
+        let also = |&key: &BeamKey| WantedBeam { key, weight: STORED_ONLY };
+        let mut wanted = current.wanted.clone();
+        wanted.extend(current.also.iter().map(also));
+        // A stable sort: the view's own weight stands before the other's, which goes.
+        wanted.sort_by_key(|wanted| wanted.key);
+        wanted.dedup_by_key(|wanted| wanted.key);
+        self.ask_anew(wanted)
+    }
+
+    /// Requests under a new number: what is stored of these beams is sent from the beginning.
+    fn ask_anew(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
+        self.request_number += 1;
+        self.request_current(wanted)
+    }
+
+    fn request_current(&self, wanted: Vec<WantedBeam>) -> Result<()> {
+        let Some(current) = &self.current else { return Ok(()) };
+        self.request(&current.look, current.nearest, wanted)
+    }
+
+    /// Sends a request for a view whose nearest visible surface is at distance `nearest`.
+    fn request(&self, look: &Look, nearest: f64, beams: Vec<WantedBeam>) -> Result<()> {
+        let radius = self.driver.viewpoint_radius(&look.view, look.size, nearest);
+        let viewpoint = viewpoint(&self.choice.sections, &look.view, radius);
+        let request = ViewRequest { view: self.request_number, viewpoint, beams };
+        Ok(self.outbox.send(Kind::View, &request.encode())?)
+    }
+
+    /// Looks up the nearest visible surface, and asks for rays that pass the eye accordingly.
+    fn see_nearest(&mut self) -> Result<()> {
+        let mut depths = self.driver.depth();
+        let Some(current) = &mut self.current else { return Ok(()) };
+        current.nearest_is_seen = true;
+        depths.retain(|&depth| depth > 0.0 && depth.is_finite());
+        if depths.is_empty() {
+            return Ok(());
+        }
+        let at = (depths.len() as f64 * NEARER_PIXELS) as usize;
+        let (_, &mut nearest, _) = depths.select_nth_unstable_by(at, f32::total_cmp);
+        current.nearest = f64::from(nearest);
+        self.driver.set_nearest(current.nearest);
+        let wanted = current.wanted.clone();
+        self.request_current(wanted)
+    }
+
+    /// Asks for the single rays that the driver wants most.
+    fn ask_rays(&mut self) -> Result<()> {
+        let Some(current) = self.current.as_mut().filter(|_| self.welcome.tracing) else {
+            return Ok(());
+        };
+        current.rays_asked = Instant::now();
+        let rays = self.driver.wanted_rays().into_iter();
+        let rays = rays.map(|(key, coords)| WantedRay { key, coords });
+        let request = RaysWanted { view: self.request_number, rays: rays.collect() };
+        if request.rays.is_empty() {
+            // For now every pixel has enough.
+            return Ok(());
+        }
+        Ok(self.outbox.send(Kind::Rays, &request.encode())?)
+    }
+
+    /// Asks for rays that no section covers, if somebody traces.
+    fn ask_live(&mut self) -> Result<()> {
+        let has_workers = self.status.as_ref().is_some_and(|status| status.workers > 0);
+        let Some(current) = self.current.as_mut().filter(|_| has_workers) else { return Ok(()) };
+        let Some(live) = &mut current.live else { return Ok(()) };
+        let rays = live.wanted();
+        if rays.is_empty() {
+            return Ok(());
+        }
+        let request = LiveWanted { view: current.first_request, pixels: live.pixels(), rays };
+        Ok(self.outbox.send(Kind::LiveWanted, &request.encode())?)
+    }
+}

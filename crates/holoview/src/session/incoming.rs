@@ -1,0 +1,109 @@
+//! Reads what the server sends, on a task of its own, whatever the session is doing.
+//!
+//! Pings are answered at once. Pieces of the scene and records of indirect light are taken in here.
+//! Everything else waits for the session.
+
+use std::sync::{Arc, OnceLock, mpsc};
+
+use anyhow::Result;
+use holo_net::{Inbox, Message, NetError, Outbox};
+use holo_proto::control::Control;
+
+use super::{
+    lights::Lights,
+    scene::{Blobs, LoadedScene, SceneLoader},
+};
+
+/// What a session waits for.
+pub enum Incoming {
+    /// A message that is the session's affair.
+    Message(Message),
+    /// A piece of the scene arrived, or all of it and it is being prepared.
+    SceneProgress,
+    /// The scene is ready, or cannot be used.
+    Scene(Result<Box<LoadedScene>>),
+    /// The connection is gone.
+    Lost(NetError),
+    /// The user wants to end.
+    Stop,
+}
+
+/// Reads a connection for a session.
+pub struct Reader {
+    /// Where messages come from.
+    pub inbox: Inbox,
+    /// Where pings are answered.
+    pub outbox: Outbox,
+    /// Where the session waits.
+    pub messages: mpsc::Sender<Incoming>,
+    /// Collects the scene, if the session wants it.
+    pub loader: Option<SceneLoader>,
+    /// Adds records of indirect light, once there is a scene.
+    pub lights: Arc<OnceLock<Lights>>,
+}
+
+impl Reader {
+    /// Reads until the connection or the session is over.
+    pub async fn run(mut self) {
+        loop {
+            let next = self.inbox.next().await;
+            let incoming = match next {
+                Ok(Message::Control(Control::Ping(number))) => {
+                    if self.outbox.control(&Control::Pong(number)).is_err() {
+                        return;
+                    }
+                    continue;
+                }
+                Ok(Message::Light(light)) => {
+                    if let Some(lights) = self.lights.get() {
+                        lights.give(light);
+                    }
+                    continue;
+                }
+                Ok(Message::Control(Control::StandIns(info))) => {
+                    if let Some(loader) = &mut self.loader {
+                        loader.announce_stand_ins(info);
+                    }
+                    continue;
+                }
+                Ok(Message::BlobChunk(chunk)) => {
+                    match self.loader.as_mut().map(|loader| loader.take(&chunk)) {
+                        Some(Ok(Some(blobs))) => {
+                            self.loader = None;
+                            self.build(blobs);
+                        }
+                        Some(Ok(None)) | None => {}
+                        Some(Err(error)) => {
+                            self.loader = None;
+                            let _ = self.messages.send(Incoming::Scene(Err(error)));
+                        }
+                    }
+                    Incoming::SceneProgress
+                }
+                Ok(message) => Incoming::Message(message),
+                Err(error) => Incoming::Lost(error),
+            };
+            let over = matches!(incoming, Incoming::Lost(_));
+            if self.messages.send(incoming).is_err() || over {
+                return;
+            }
+        }
+    }
+
+    /// Prepares the scene on another thread, then asks for its indirect light.
+    fn build(&self, blobs: Blobs) {
+        let (messages, outbox) = (self.messages.clone(), self.outbox.clone());
+        let lights = Arc::clone(&self.lights);
+        tokio::task::spawn_blocking(move || {
+            let ready = || -> Result<Box<LoadedScene>> {
+                let scene = blobs.build()?;
+                lights.get_or_init(|| Lights::new(Arc::clone(&scene.records)));
+                // Records keep coming while workers make them: whoever asks once gets them all.
+                outbox.control(&Control::LightWanted)?;
+                Ok(Box::new(scene))
+            };
+            // A session that is over needs no scene.
+            let _ = messages.send(Incoming::Scene(ready()));
+        });
+    }
+}

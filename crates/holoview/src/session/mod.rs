@@ -1,0 +1,456 @@
+//! A session: the connection to a server, the view that is shown, and the driver that draws it.
+//!
+//! A front end calls [`Session::show`], [`Session::wait`] and [`Session::draw`], and never meets a
+//! socket. Messages arrive on a task of their own ([`incoming`]); the session takes them while it
+//! waits.
+//!
+//! What always holds:
+//! - Samples reach the driver only for the view that they were asked for.
+//! - A frame drawn at rest depends on what was sent for its view and on nothing earlier.
+
+mod current_view;
+mod default_view;
+mod demand;
+mod incoming;
+mod lights;
+mod live;
+mod pace;
+mod received;
+mod scene;
+
+use std::{
+    net::SocketAddr,
+    sync::{Arc, OnceLock, mpsc},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result, bail};
+use glam::DVec3;
+use holo_display::{Driver, Frame, SurfaceAt};
+use holo_net::{Message, Outbox, Shutdown};
+use holo_picture::ViewSpec;
+use holo_proto::{
+    control::{Control, Status, Welcome},
+    hello::Role,
+};
+use holo_section::Section;
+
+use crate::{
+    args::{DriverArgs, PointArgs},
+    drivers::{DriverChoice, SceneUse},
+    report::StageTime,
+};
+pub use current_view::Counts;
+use current_view::CurrentView;
+pub use default_view::default_view;
+use incoming::{Incoming, Reader};
+use lights::Lights;
+use pace::Pace;
+use received::Received;
+pub use scene::LoadedScene;
+use scene::SceneLoader;
+
+/// How long a session waits for the next piece of the scene before it draws without. What comes
+/// later is used from then on.
+const SCENE_PATIENCE: Duration = Duration::from_secs(10);
+
+/// How long messages that have arrived are taken after the time for a picture has come.
+const LATE: Duration = Duration::from_millis(20);
+
+/// How long the server may take to settle: it gives hanging workers up after some seconds.
+const SETTLE_TIME: Duration = Duration::from_secs(60);
+
+/// A connection that is made, before its session begins.
+pub struct Connected {
+    welcome: Welcome,
+    choice: DriverChoice,
+    outbox: Outbox,
+    messages: mpsc::Receiver<Incoming>,
+    lights: Arc<OnceLock<Lights>>,
+    awaits_scene: bool,
+    /// Ends when the connection does, or with the session.
+    reader: tokio::task::JoinHandle<()>,
+    stopper: tokio::task::JoinHandle<()>,
+}
+
+/// A session with a server.
+pub struct Session {
+    welcome: Welcome,
+    choice: DriverChoice,
+    driver: Box<dyn Driver>,
+    lights: Arc<OnceLock<Lights>>,
+    outbox: Outbox,
+    messages: mpsc::Receiver<Incoming>,
+    current: Option<CurrentView>,
+    /// Number of the last request.
+    request_number: u32,
+    pace: Pace,
+    status: Option<Status>,
+    start: Instant,
+    tasks: [tokio::task::JoinHandle<()>; 2],
+}
+
+/// What made a wait end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Waited {
+    /// The deadline.
+    TimeUp,
+    /// Everything under way has arrived.
+    Settled,
+    /// The user, who wants to end.
+    Stop,
+}
+
+impl Connected {
+    /// Connects to the server at `address`. The session ends when `shutdown` is triggered.
+    ///
+    /// # Errors
+    /// If the server cannot be reached or refuses.
+    pub async fn new(
+        address: SocketAddr,
+        args: DriverArgs,
+        points: PointArgs,
+        shutdown: Shutdown,
+    ) -> Result<Connected> {
+        let name = format!("holoview {}", std::process::id());
+        let connection = holo_net::connect(address, Role::Display, &name).await;
+        let (inbox, outbox, welcome) =
+            connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
+        let sections = welcome.sections.iter().cloned().map(Section::new);
+        let sections: Arc<[Section]> =
+            sections.collect::<Result<_, _>>().context("the server's sections")?;
+        let choice = DriverChoice { args, points, sections, sky: welcome.sky };
+        let loader = match choice.scene_use() {
+            SceneUse::None => None,
+            SceneUse::IfThere | SceneUse::Required => SceneLoader::ask(welcome.scene, &outbox)?,
+        };
+        let awaits_scene = loader.is_some();
+        let lights = Arc::<OnceLock<Lights>>::default();
+        let (sender, messages) = mpsc::channel();
+        let reader = Reader {
+            inbox,
+            outbox: outbox.clone(),
+            messages: sender.clone(),
+            loader,
+            lights: Arc::clone(&lights),
+        };
+        let reader = tokio::spawn(reader.run());
+        let stopper = tokio::spawn(async move {
+            shutdown.wait().await;
+            // A session that is over needs no telling.
+            let _ = sender.send(Incoming::Stop);
+        });
+        Ok(Connected { welcome, choice, outbox, messages, lights, awaits_scene, reader, stopper })
+    }
+
+    /// Begins the session, once the scene is here if the driver wants it; `None` if the user ended
+    /// it first. Blocks: to be called on a thread of its own. Calls `progress` while the scene
+    /// comes.
+    ///
+    /// # Errors
+    /// If the connection is lost, or the scene cannot be used and the driver cannot do without.
+    pub fn begin(self, mut progress: impl FnMut(&str)) -> Result<Option<Session>> {
+        let mut scene = None;
+        if self.awaits_scene {
+            progress("fetching the scene");
+            match self.await_scene()? {
+                Arrived::Scene(loaded) => scene = Some(loaded),
+                Arrived::Nothing(reason) => {
+                    progress(&format!("drawing by samples alone: {reason}"));
+                }
+                Arrived::Stop => return Ok(None),
+            }
+        }
+        let driver = self.choice.make(scene.as_deref());
+        Ok(Some(Session {
+            driver,
+            welcome: self.welcome,
+            choice: self.choice,
+            lights: self.lights,
+            outbox: self.outbox,
+            messages: self.messages,
+            current: None,
+            request_number: 0,
+            pace: Pace::default(),
+            status: None,
+            start: Instant::now(),
+            tasks: [self.reader, self.stopper],
+        }))
+    }
+
+    fn await_scene(&self) -> Result<Arrived> {
+        let is_required = self.choice.scene_use() == SceneUse::Required;
+        let mut deadline = Instant::now() + SCENE_PATIENCE;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let incoming = if is_required {
+                self.messages.recv().map_err(|_| mpsc::RecvTimeoutError::Disconnected)
+            } else {
+                self.messages.recv_timeout(left)
+            };
+            match incoming {
+                Ok(Incoming::SceneProgress) => deadline = Instant::now() + SCENE_PATIENCE,
+                Ok(Incoming::Scene(Ok(scene))) => return Ok(Arrived::Scene(scene)),
+                Ok(Incoming::Scene(Err(error))) if is_required => return Err(error),
+                Ok(Incoming::Scene(Err(error))) => {
+                    return Ok(Arrived::Nothing(format!("{error:#}")));
+                }
+                Ok(Incoming::Message(Message::Control(Control::Bye { reason }))) => {
+                    bail!("the server ended the session: {reason}")
+                }
+                // Nothing was asked for yet but the scene.
+                Ok(Incoming::Message(_)) => {}
+                Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
+                Ok(Incoming::Stop) => return Ok(Arrived::Stop),
+                Err(mpsc::RecvTimeoutError::Timeout) => {
+                    return Ok(Arrived::Nothing("the scene has not come yet".into()));
+                }
+                Err(mpsc::RecvTimeoutError::Disconnected) => bail!("lost the server"),
+            }
+        }
+    }
+}
+
+/// What came of waiting for the scene.
+enum Arrived {
+    Scene(Box<LoadedScene>),
+    /// No scene, and why.
+    Nothing(String),
+    Stop,
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.tasks.iter().for_each(tokio::task::JoinHandle::abort);
+    }
+}
+
+impl Session {
+    /// Returns the holodeck's named views, as Radiance's options.
+    pub fn named_views(&self) -> &[(String, String)] {
+        &self.welcome.views
+    }
+
+    /// Returns the view that the holodeck begins with: its first named one, or one in the middle of
+    /// its first section.
+    ///
+    /// # Errors
+    /// If the holodeck's own view is malformed.
+    pub fn first_view(&self) -> Result<ViewSpec> {
+        let up = DVec3::from_array(self.welcome.up);
+        if let Some((_, first)) = self.welcome.views.first() {
+            let mut spec = ViewSpec { vu: Some(up), ..ViewSpec::default() };
+            spec.apply_line(first).context("the holodeck's own view")?;
+            return Ok(spec);
+        }
+        Ok(match self.choice.sections.first() {
+            Some(section) => default_view(section, up),
+            None => ViewSpec { vu: Some(up), ..ViewSpec::default() },
+        })
+    }
+
+    /// Returns when the current view was asked for; before the first one, when the session began.
+    pub fn since(&self) -> Instant {
+        self.current.as_ref().map_or(self.start, |current| current.since)
+    }
+
+    /// Returns when the session began.
+    pub fn start(&self) -> Instant {
+        self.start
+    }
+
+    /// Returns how the server fares, by what it said last.
+    pub fn status(&self) -> Option<&Status> {
+        self.status.as_ref()
+    }
+
+    /// Returns the driver's name.
+    pub fn driver_name(&self) -> &'static str {
+        self.driver.name()
+    }
+
+    /// Returns how many samples have arrived for the current view.
+    pub fn counts(&self) -> Counts {
+        self.current.as_ref().map_or_else(Counts::default, |current| current.counts.clone())
+    }
+
+    /// Returns how many live rays have arrived for the current view.
+    pub fn live_rays(&self) -> u64 {
+        self.current
+            .as_ref()
+            .and_then(|current| current.live.as_ref())
+            .map_or(0, live::LiveRays::arrived)
+    }
+
+    /// Returns how many beams the current view crosses.
+    pub fn beams(&self) -> usize {
+        self.current.as_ref().map_or(0, |current| current.wanted.len())
+    }
+
+    /// Returns whether there is a view.
+    pub fn has_view(&self) -> bool {
+        self.current.is_some()
+    }
+
+    /// Switches a part of the driver on or off.
+    ///
+    /// # Errors
+    /// If the driver has no such part.
+    pub fn switch(&mut self, part: &str, on: bool) -> Result<()> {
+        if self.driver.switch(part, on) {
+            return Ok(());
+        }
+        bail!(
+            "driver {} has no part `{part}` to switch; `--driver pointimage` has parts",
+            self.driver.name()
+        )
+    }
+
+    /// Draws the current view as it is known, and measures the driver's stages.
+    pub fn draw(&mut self) -> (Frame, Vec<StageTime>) {
+        let mut stages: Vec<StageTime> = Vec::new();
+        let mut last = Instant::now();
+        let frame = self.driver.draw(&mut |stage| {
+            let now = Instant::now();
+            let milliseconds = 1e3 * now.saturating_duration_since(last).as_secs_f64();
+            last = now;
+            match stages.iter_mut().find(|known| known.stage == stage) {
+                Some(known) => known.milliseconds += milliseconds,
+                None => stages.push(StageTime { stage, milliseconds }),
+            }
+        });
+        (frame, stages)
+    }
+
+    /// Returns the surface under a pixel of the current view.
+    pub fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
+        self.driver.surface_at(column, row)
+    }
+
+    /// Takes messages until `deadline`, and asks for what is due meanwhile.
+    ///
+    /// Messages that have arrived by then are taken, as far as [`LATE`] allows: a server that never
+    /// pauses makes nobody wait.
+    ///
+    /// # Errors
+    /// If the server ends the session or is lost.
+    pub fn wait(&mut self, deadline: Instant) -> Result<Waited> {
+        self.wait_for(deadline, false)
+    }
+
+    /// Asks the server to stop tracing, and waits until everything under way has arrived and is
+    /// stored: a replay of the file then draws the same.
+    ///
+    /// # Errors
+    /// If the server does not settle, or is lost.
+    pub fn settle(&mut self) -> Result<()> {
+        let Some(current) = &self.current else { return Ok(()) };
+        if self.welcome.tracing && !current.also.is_empty() {
+            // Samples of beams that the view does not cross may have been stored without being sent.
+            self.ask_for_all()?;
+        }
+        self.ask_to_settle()?;
+        if self.wait_for(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
+            bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
+        }
+        if let Some(lights) = self.lights.get() {
+            lights.wait(SETTLE_TIME);
+        }
+        Ok(())
+    }
+
+    fn wait_for(&mut self, deadline: Instant, for_settled: bool) -> Result<Waited> {
+        // Drawing the picture before may have taken until after the deadline.
+        let last = deadline.max(Instant::now()) + LATE;
+        loop {
+            let now = Instant::now();
+            if now >= last {
+                return Ok(Waited::TimeUp);
+            }
+            let next = self.ask_for_what_is_due(now, for_settled)?;
+            let until = next.map_or(deadline, |next| next.min(deadline));
+            match self.messages.recv_timeout(until.saturating_duration_since(Instant::now())) {
+                Ok(incoming) => {
+                    if let Some(waited) = self.take(incoming, for_settled)? {
+                        return Ok(waited);
+                    }
+                }
+                Err(mpsc::RecvTimeoutError::Timeout) if Instant::now() >= deadline => {
+                    return Ok(Waited::TimeUp);
+                }
+                // Something else is due.
+                Err(mpsc::RecvTimeoutError::Timeout) => {}
+                Err(mpsc::RecvTimeoutError::Disconnected) => bail!("lost the server"),
+            }
+        }
+    }
+
+    /// Takes what has come. Returns why a wait ends, if it does.
+    fn take(&mut self, incoming: Incoming, for_settled: bool) -> Result<Option<Waited>> {
+        match incoming {
+            Incoming::Message(Message::Control(message)) => self.control(message, for_settled),
+            Incoming::Message(message) => self.samples(message).map(|()| None),
+            Incoming::SceneProgress => Ok(None),
+            Incoming::Scene(scene) => self.change_scene(scene).map(|()| None),
+            Incoming::Lost(error) => Err(error).context("lost the server"),
+            Incoming::Stop => Ok(Some(Waited::Stop)),
+        }
+    }
+
+    fn samples(&mut self, message: Message) -> Result<()> {
+        let (driver, newest) = (self.driver.as_mut(), self.request_number);
+        let current = self.current.as_mut();
+        let is_of =
+            |current: &CurrentView, number| (current.first_request..=newest).contains(&number);
+        match message {
+            Message::Samples(samples) => {
+                if let Some(current) = current.filter(|current| is_of(current, samples.view)) {
+                    current.insert(driver, &samples);
+                }
+            }
+            Message::Unseen(unseen) => {
+                if current.is_some_and(|current| is_of(current, unseen.view)) {
+                    for &beam in &unseen.beams {
+                        driver.insert_unseen(beam);
+                    }
+                }
+            }
+            Message::LiveSamples(samples) => {
+                if let Some(current) = current {
+                    current.insert_live(driver, &samples);
+                }
+            }
+            _ => bail!("the server sent a message that is not for a display"),
+        }
+        Ok(())
+    }
+
+    fn control(&mut self, message: Control, for_settled: bool) -> Result<Option<Waited>> {
+        match message {
+            Control::Settled { view } if for_settled && view == self.request_number => {
+                return Ok(Some(Waited::Settled));
+            }
+            Control::Bye { reason } => bail!("the server ended the session: {reason}"),
+            Control::Status(status) => self.status = Some(status),
+            Control::StoredSent { view } if view == self.request_number => {
+                self.stored_sent(for_settled)?;
+            }
+            _ => {}
+        }
+        Ok(None)
+    }
+
+    /// Changes to the driver that draws from the scene, which has come late.
+    fn change_scene(&mut self, scene: Result<Box<LoadedScene>>) -> Result<()> {
+        let scene = match scene {
+            Ok(scene) => scene,
+            Err(error) if self.choice.scene_use() == SceneUse::Required => return Err(error),
+            Err(_) => return Ok(()),
+        };
+        self.driver = self.choice.make(Some(&scene));
+        if let Some(current) = &mut self.current {
+            current.received = Received::default();
+        }
+        self.show_again()
+    }
+}

@@ -1,0 +1,76 @@
+//! Which samples have arrived: what is stored while it is sent may come twice, from the file and from the tracer.
+
+use holo_section::{BeamKey, Run, SampleKind};
+use rustc_hash::FxHashMap;
+
+/// Ranges of sample numbers received, by beam and kind.
+#[derive(Default)]
+pub struct Received {
+    ranges: FxHashMap<(BeamKey, SampleKind), Vec<(u32, u32)>>,
+}
+
+impl Received {
+    /// Adds a run; gives the parts of it that are new, as ranges of positions in the run.
+    pub fn add(&mut self, run: &Run) -> Vec<std::ops::Range<usize>> {
+        let ranges = self.ranges.entry((run.key, run.kind)).or_default();
+        let (first, end) = (run.first, run.first + run.count);
+        // Runs mostly arrive in order: look from the end. `at` is the first range that ends at or after `first`.
+        let mut at = ranges.len();
+        while at > 0 && ranges[at - 1].1 >= first {
+            at -= 1;
+        }
+        let mut fresh = Vec::new();
+        let (mut merged, mut next, mut upto) = ((first, end), first, at);
+        while let Some(&(low, high)) = ranges.get(upto).filter(|(low, _)| *low <= end) {
+            if next < low {
+                fresh.push((next - first) as usize..(low - first) as usize);
+            }
+            next = next.max(high);
+            merged = (merged.0.min(low), merged.1.max(high));
+            upto += 1;
+        }
+        if next < end {
+            fresh.push((next - first) as usize..run.count as usize);
+        }
+        ranges.splice(at..upto, [merged]);
+        fresh
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use holo_section::BeamId;
+
+    use super::*;
+
+    #[test]
+    fn every_number_is_new_exactly_once() {
+        let mut received = Received::default();
+        let mut model = HashSet::new();
+        let mut state = 1u64;
+        for _ in 0..2000 {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            let (first, count) = ((state >> 33) as u32 % 500, (state >> 50) as u32 % 21 + 1);
+            let run = Run {
+                key: BeamKey { section: 0, beam: BeamId(state >> 63) },
+                kind: SampleKind::Uniform,
+                first,
+                count,
+                paths: 1,
+            };
+            let fresh: Vec<u32> =
+                received.add(&run).into_iter().flatten().map(|at| first + at as u32).collect();
+            let expected: Vec<u32> =
+                (first..first + count).filter(|&number| model.insert((run.key, number))).collect();
+            assert_eq!(fresh, expected);
+        }
+        let key = BeamKey { section: 0, beam: BeamId(0) };
+        let ranges = &received.ranges[&(key, SampleKind::Uniform)];
+        assert!(
+            ranges.windows(2).all(|pair| pair[0].1 < pair[1].0),
+            "touching ranges are merged: {ranges:?}"
+        );
+    }
+}

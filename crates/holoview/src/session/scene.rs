@@ -1,0 +1,141 @@
+//! The scene that a session's driver draws from: fetched in pieces while other messages pass, and
+//! prepared on a thread of its own.
+//!
+//! Invariant: a blob is used only if its bytes have the announced hash.
+
+use std::{collections::BTreeMap, sync::Arc};
+
+use anyhow::{Context, Result, ensure};
+use holo_driver_voronoi::{StandIn, StandIns};
+use holo_light::Store;
+use holo_net::{Outbox, SceneReceiver};
+use holo_proto::{
+    bulk::BlobChunk,
+    control::{Control, SceneInfo},
+    stand_ins::{StandInKind, decode},
+};
+use holo_raycast::Raycaster;
+use holo_scene::Scene;
+
+/// Least radius of records that are told apart, as a share of the scene's size.
+const LEAST_RADIUS: f64 = 1e-5;
+
+/// A scene ready to be drawn from.
+pub struct LoadedScene {
+    /// Casts rays against the scene.
+    pub raycaster: Arc<Raycaster>,
+    /// What is cast instead for views of some sections.
+    pub stand_ins: StandIns,
+    /// Indirect light on the scene's surfaces; grows while the session lasts.
+    pub records: Arc<Store>,
+}
+
+/// Collects the blobs of a scene.
+pub struct SceneLoader {
+    outbox: Outbox,
+    scene: SceneInfo,
+    receiver: SceneReceiver,
+    /// The packed scene, once it is all there.
+    packed: Option<Vec<u8>>,
+    stand_ins: Option<SceneInfo>,
+}
+
+/// The blobs of a scene, as they arrived.
+pub struct Blobs {
+    packed: Vec<u8>,
+    hash: [u8; 32],
+    stand_ins: Option<(Vec<u8>, [u8; 32])>,
+}
+
+impl SceneLoader {
+    /// Asks the server for its scene; `None` if it has none.
+    ///
+    /// # Errors
+    /// If the scene is larger than any scene may be.
+    pub fn ask(scene: SceneInfo, outbox: &Outbox) -> Result<Option<SceneLoader>> {
+        if scene.bytes == 0 {
+            return Ok(None);
+        }
+        let receiver = SceneReceiver::new(&scene)?;
+        outbox.control(&Control::SceneWanted)?;
+        let outbox = outbox.clone();
+        Ok(Some(SceneLoader { outbox, scene, receiver, packed: None, stand_ins: None }))
+    }
+
+    /// Notes that the server has stand-ins for the scene, too.
+    pub fn announce_stand_ins(&mut self, info: SceneInfo) {
+        self.stand_ins = Some(info);
+    }
+
+    /// Takes a piece; returns the blobs once all pieces are there.
+    ///
+    /// # Errors
+    /// If a piece is out of order or too long.
+    pub fn take(&mut self, chunk: &BlobChunk) -> Result<Option<Blobs>> {
+        if !self.receiver.take(chunk)? {
+            return Ok(None);
+        }
+        let next = match (&self.packed, self.stand_ins) {
+            (None, Some(info)) if info.bytes > 0 => Some(SceneReceiver::new(&info)?),
+            _ => None,
+        };
+        if let Some(next) = next {
+            let whole = std::mem::replace(&mut self.receiver, next);
+            self.packed = Some(whole.into_bytes());
+            self.outbox.control(&Control::StandInsWanted)?;
+            return Ok(None);
+        }
+        let empty = SceneReceiver::new(&self.scene)?;
+        let last = std::mem::replace(&mut self.receiver, empty).into_bytes();
+        let (packed, stand_ins) = match (self.packed.take(), self.stand_ins) {
+            (Some(packed), Some(info)) => (packed, Some((last, info.hash))),
+            _ => (last, None),
+        };
+        Ok(Some(Blobs { packed, hash: self.scene.hash, stand_ins }))
+    }
+}
+
+impl Blobs {
+    /// Unpacks the scene and prepares it for casting rays: seconds for millions of triangles.
+    ///
+    /// # Errors
+    /// If a blob does not have its announced hash, or cannot be used.
+    pub fn build(self) -> Result<LoadedScene> {
+        ensure!(
+            Scene::content_hash(&self.packed) == self.hash,
+            "the scene's bytes do not have the announced hash"
+        );
+        let scene = Scene::unpack(&self.packed).context("reading the server's scene")?;
+        drop(self.packed);
+        let raycaster = Raycaster::build(Arc::new(scene)).context("preparing the scene")?;
+        let stand_ins = match self.stand_ins {
+            Some((blob, hash)) => build_stand_ins(&blob, hash)?,
+            None => StandIns::default(),
+        };
+        let (low, high) = raycaster.scene().bounds();
+        let radius = (LEAST_RADIUS * low.distance(high)).max(f64::from(f32::MIN_POSITIVE));
+        let records = Arc::new(Store::new(radius as f32));
+        Ok(LoadedScene { raycaster: Arc::new(raycaster), stand_ins, records })
+    }
+}
+
+fn build_stand_ins(blob: &[u8], hash: [u8; 32]) -> Result<StandIns> {
+    ensure!(
+        Scene::content_hash(blob) == hash,
+        "the stand-ins' bytes do not have the announced hash"
+    );
+    let mut stand_ins = BTreeMap::<u16, StandIn>::new();
+    for part in decode(blob).context("reading the server's stand-ins")? {
+        let build = || {
+            Raycaster::build(Arc::new(Scene::unpack(&part.packed)?)).map_err(anyhow::Error::from)
+        };
+        let raycaster =
+            build().with_context(|| format!("preparing a stand-in of section {}", part.section))?;
+        let stand_in = stand_ins.entry(part.section).or_default();
+        *match part.kind {
+            StandInKind::Geometry => &mut stand_in.geometry,
+            StandInKind::Portals => &mut stand_in.portals,
+        } = Some(Arc::new(raycaster));
+    }
+    Ok(StandIns(stand_ins))
+}

@@ -1,0 +1,133 @@
+//! The receiving half of a connection: a task reads the socket, whatever its owner is busy with.
+
+use holo_proto::{
+    ProtoError,
+    control::Control,
+    frame::{HEADER_BYTES, Header, Kind},
+};
+use tokio::{
+    io::{AsyncReadExt, BufReader},
+    net::tcp::OwnedReadHalf,
+    sync::mpsc,
+    task::AbortHandle,
+    time::timeout,
+};
+
+use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox};
+
+/// The receiving half: messages that a task has read from the socket.
+///
+/// The task answers the other side's keep-alive pings at once. So a process that builds a scene
+/// for a minute still shows that it lives. Dropping the inbox ends the task.
+#[derive(Debug)]
+pub struct Inbox {
+    messages: mpsc::UnboundedReceiver<Result<Message, NetError>>,
+    task: AbortHandle,
+}
+
+impl Inbox {
+    /// Starts the task. It answers pings through `outbox`, which it does not keep open.
+    pub(crate) fn start(reader: FrameReader, outbox: WeakOutbox) -> Inbox {
+        let (sender, messages) = mpsc::unbounded_channel();
+        let task = tokio::spawn(read(reader, outbox, sender)).abort_handle();
+        Inbox { messages, task }
+    }
+
+    /// Returns the next message. A call that is dropped half-way (`select!`) loses nothing.
+    ///
+    /// # Errors
+    /// [`NetError::Closed`], [`NetError::Silent`], [`NetError::Io`] or [`NetError::Proto`]; the
+    /// connection is then over.
+    pub async fn next(&mut self) -> Result<Message, NetError> {
+        self.messages.recv().await.unwrap_or(Err(NetError::Closed))
+    }
+}
+
+impl Drop for Inbox {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+/// Reads messages until the connection ends or the inbox is gone.
+async fn read(
+    mut reader: FrameReader,
+    outbox: WeakOutbox,
+    messages: mpsc::UnboundedSender<Result<Message, NetError>>,
+) {
+    loop {
+        let message = reader.message().await;
+        match message {
+            Ok(Message::Control(Control::Ping(KEEP_ALIVE))) => {
+                if let Some(outbox) = outbox.upgrade() {
+                    // A pong is far below a frame's limit.
+                    let _ = outbox.control(&Control::Pong(KEEP_ALIVE));
+                }
+                continue;
+            }
+            // Its arrival was all it had to say.
+            Ok(Message::Control(Control::Pong(KEEP_ALIVE))) => continue,
+            _ => {}
+        }
+        let over = message.is_err();
+        if messages.send(message).is_err() || over {
+            return;
+        }
+    }
+}
+
+/// Reads frames from a socket.
+#[derive(Debug)]
+pub(crate) struct FrameReader {
+    reader: BufReader<OwnedReadHalf>,
+}
+
+impl FrameReader {
+    pub(crate) fn new(socket: OwnedReadHalf) -> FrameReader {
+        FrameReader { reader: BufReader::with_capacity(1 << 16, socket) }
+    }
+
+    /// Reads a frame that must be of this kind. A handshake reads nothing else, and nothing longer.
+    pub(crate) async fn frame_of(&mut self, kind: Kind) -> Result<Vec<u8>, NetError> {
+        match self.header().await {
+            Ok(header) if header.kind == kind => self.payload(header).await,
+            // A browser, for example: its first bytes are no frame.
+            Ok(_) | Err(NetError::Proto(ProtoError::Kind(_))) => {
+                Err(ProtoError::NotHolodeck.into())
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    async fn message(&mut self) -> Result<Message, NetError> {
+        let header = self.header().await?;
+        let payload = self.payload(header).await?;
+        Ok(Message::decode(header.kind, &payload)?)
+    }
+
+    async fn header(&mut self) -> Result<Header, NetError> {
+        let mut bytes = [0; HEADER_BYTES];
+        self.fill(&mut bytes).await?;
+        Ok(Header::parse(bytes)?)
+    }
+
+    async fn payload(&mut self, header: Header) -> Result<Vec<u8>, NetError> {
+        let mut payload = vec![0; header.length as usize];
+        self.fill(&mut payload).await?;
+        Ok(payload)
+    }
+
+    /// Fills `room`. A long message on a slow line is not silence: every byte that arrives is a
+    /// sign of life.
+    async fn fill(&mut self, mut room: &mut [u8]) -> Result<(), NetError> {
+        while !room.is_empty() {
+            let read =
+                timeout(SILENCE, self.reader.read(room)).await.map_err(|_| NetError::Silent)??;
+            if read == 0 {
+                return Err(NetError::Closed);
+            }
+            room = &mut std::mem::take(&mut room)[read..];
+        }
+        Ok(())
+    }
+}

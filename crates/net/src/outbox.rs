@@ -1,0 +1,183 @@
+//! The sending half of a connection: a queue in front of a task that writes the socket.
+
+use std::{
+    io,
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Duration,
+};
+
+use holo_proto::{
+    ProtoError,
+    control::Control,
+    frame::{self, Kind},
+};
+use tokio::{
+    io::{AsyncWriteExt, BufWriter},
+    net::tcp::OwnedWriteHalf,
+    sync::mpsc,
+    time::{sleep, timeout},
+};
+
+use crate::{KEEP_ALIVE, PING_EVERY, SILENCE};
+
+/// The sending half: a queue that a task writes to the socket. Clones share the queue.
+///
+/// The connection closes once the last clone is gone and the queue is written, or once the other
+/// side closes it.
+#[derive(Clone, Debug)]
+pub struct Outbox {
+    queue: mpsc::UnboundedSender<Vec<u8>>,
+    queued: Arc<AtomicUsize>,
+}
+
+impl Outbox {
+    /// Starts the task that writes.
+    pub(crate) fn start(socket: OwnedWriteHalf) -> Outbox {
+        let (queue, frames) = mpsc::unbounded_channel();
+        let queued = Arc::new(AtomicUsize::new(0));
+        let writer = Writer {
+            stream: BufWriter::with_capacity(1 << 16, socket),
+            in_hand: 0,
+            queued: Arc::clone(&queued),
+        };
+        tokio::spawn(writer.run(frames));
+        Outbox { queue, queued }
+    }
+
+    /// Queues a frame. A frame to a side that has gone is dropped: the inbox reports the end.
+    ///
+    /// # Errors
+    /// [`ProtoError::TooLong`] if the payload must be split.
+    pub fn send(&self, kind: Kind, payload: &[u8]) -> Result<(), ProtoError> {
+        let frame = frame::encode(kind, payload)?;
+        let bytes = frame.len();
+        self.queued.fetch_add(bytes, Ordering::Relaxed);
+        if self.queue.send(frame).is_err() {
+            self.queued.fetch_sub(bytes, Ordering::Relaxed);
+        }
+        Ok(())
+    }
+
+    /// Queues a control message.
+    ///
+    /// # Errors
+    /// As [`Control::encode`].
+    pub fn control(&self, message: &Control) -> Result<(), ProtoError> {
+        self.send(Kind::Control, &message.encode()?)
+    }
+
+    /// Returns the bytes that are queued and not yet with the operating system.
+    pub fn queued_bytes(&self) -> usize {
+        self.queued.load(Ordering::Relaxed)
+    }
+
+    /// Returns true once nothing sent can arrive any more.
+    pub fn is_closed(&self) -> bool {
+        self.queue.is_closed()
+    }
+
+    /// Waits until everything queued is with the operating system, or the connection is gone.
+    pub async fn drained(&self) {
+        while self.queued_bytes() > 0 && !self.queue.is_closed() {
+            sleep(Duration::from_millis(2)).await;
+        }
+    }
+
+    /// Starts a task that pings the other side every [`PING_EVERY`] until the connection ends.
+    pub(crate) fn keep_alive(&self) {
+        let weak = self.downgrade();
+        tokio::spawn(async move {
+            loop {
+                sleep(PING_EVERY).await;
+                let Some(outbox) = weak.upgrade().filter(|outbox| !outbox.is_closed()) else {
+                    return;
+                };
+                // Whatever waits in the queue shows as well that this side lives.
+                if outbox.queued_bytes() == 0 {
+                    // A ping is far below a frame's limit.
+                    let _ = outbox.control(&Control::Ping(KEEP_ALIVE));
+                }
+            }
+        });
+    }
+
+    pub(crate) fn downgrade(&self) -> WeakOutbox {
+        WeakOutbox { queue: self.queue.downgrade(), queued: Arc::clone(&self.queued) }
+    }
+}
+
+/// An [`Outbox`] that does not keep the connection open.
+#[derive(Debug)]
+pub(crate) struct WeakOutbox {
+    queue: mpsc::WeakUnboundedSender<Vec<u8>>,
+    queued: Arc<AtomicUsize>,
+}
+
+impl WeakOutbox {
+    pub(crate) fn upgrade(&self) -> Option<Outbox> {
+        Some(Outbox { queue: self.queue.upgrade()?, queued: Arc::clone(&self.queued) })
+    }
+}
+
+/// The task that writes.
+///
+/// It ends with the last [`Outbox`], when the other side is gone, or when the other side has taken
+/// nothing for [`SILENCE`]. A process that hangs must not hold its connection's memory for ever.
+struct Writer {
+    stream: BufWriter<OwnedWriteHalf>,
+    /// Bytes taken off the queue, counted in `queued` and not yet with the operating system.
+    in_hand: usize,
+    queued: Arc<AtomicUsize>,
+}
+
+impl Writer {
+    async fn run(mut self, mut frames: mpsc::UnboundedReceiver<Vec<u8>>) {
+        if self.write_all(&mut frames).await.is_ok() {
+            let _ = timeout(SILENCE, self.stream.shutdown()).await;
+        }
+        // What cannot be sent any more is not queued either.
+        frames.close();
+        while let Some(frame) = frames.recv().await {
+            self.in_hand += frame.len();
+        }
+        self.queued.fetch_sub(self.in_hand, Ordering::Relaxed);
+    }
+
+    async fn write_all(&mut self, frames: &mut mpsc::UnboundedReceiver<Vec<u8>>) -> io::Result<()> {
+        while let Some(frame) = frames.recv().await {
+            let mut next = Some(frame);
+            // Everything that waits goes out together. Then flush, because somebody waits for it.
+            while let Some(frame) = next {
+                self.in_hand += frame.len();
+                self.write(&frame).await?;
+                next = frames.try_recv().ok();
+            }
+            timeout(SILENCE, self.stream.flush()).await??;
+            self.count(0);
+        }
+        Ok(())
+    }
+
+    async fn write(&mut self, mut rest: &[u8]) -> io::Result<()> {
+        while !rest.is_empty() {
+            let written = timeout(SILENCE, self.stream.write(rest)).await??;
+            if written == 0 {
+                return Err(io::ErrorKind::WriteZero.into());
+            }
+            rest = &rest[written..];
+            self.count(rest.len());
+        }
+        Ok(())
+    }
+
+    /// Takes what the operating system has by now off the count. The last `of_this_frame` bytes of
+    /// the present frame are not even in the buffer.
+    fn count(&mut self, of_this_frame: usize) {
+        let left = self.stream.buffer().len() + of_this_frame;
+        self.queued.fetch_sub(self.in_hand.saturating_sub(left), Ordering::Relaxed);
+        self.in_hand = self.in_hand.min(left);
+    }
+}

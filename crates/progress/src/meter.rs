@@ -1,0 +1,104 @@
+//! How far long work is: a bar on a terminal, a line every few seconds otherwise.
+
+use std::{
+    io::IsTerminal,
+    time::{Duration, Instant},
+};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// How often a plain line is printed.
+const LINE_EVERY: Duration = Duration::from_secs(5);
+
+/// Steps of the bar: finer than any terminal is wide.
+const STEPS: u64 = 1000;
+
+/// Shows how far one piece of long work is.
+#[derive(Debug)]
+pub struct Meter {
+    /// When the work was first shown.
+    start: Option<Instant>,
+    last_line: Instant,
+    output: Output,
+}
+
+#[derive(Debug)]
+enum Output {
+    Bar(ProgressBar),
+    Lines,
+    Nothing,
+}
+
+impl Meter {
+    /// Starts a meter. With `quiet`, it prints nothing.
+    pub fn new(quiet: bool) -> Meter {
+        let output = match (quiet, std::io::stderr().is_terminal()) {
+            (true, _) => Output::Nothing,
+            (false, false) => Output::Lines,
+            (false, true) => {
+                let bar = ProgressBar::new(STEPS);
+                // Only this fixed template is parsed, so the fallback is never seen.
+                let style = ProgressStyle::with_template("[{elapsed_precise}] {bar:30} {msg}");
+                Output::Bar(bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
+            }
+        };
+        Meter { start: None, last_line: Instant::now(), output }
+    }
+
+    /// Shows that `share` of the work is done (0 to 1), with a text. The time left follows from the
+    /// share. It may be called as often as one likes.
+    pub fn show(&mut self, share: f64, text: &str) {
+        let share = share.clamp(0.0, 1.0);
+        let left = self.start.map_or_else(String::new, |start| left(start.elapsed(), share));
+        let is_first = self.start.replace(self.start.unwrap_or_else(Instant::now)).is_none();
+        match &self.output {
+            Output::Bar(bar) => {
+                if is_first {
+                    bar.reset_elapsed();
+                }
+                bar.set_position((share * STEPS as f64) as u64);
+                bar.set_message(format!("{text}{left}"));
+            }
+            Output::Lines if self.last_line.elapsed() >= LINE_EVERY => {
+                self.last_line = Instant::now();
+                eprintln!("{text}{left}");
+            }
+            Output::Lines | Output::Nothing => {}
+        }
+    }
+
+    /// Prints a line that stays.
+    pub fn say(&self, text: &str) {
+        match &self.output {
+            Output::Bar(bar) => bar.println(text),
+            Output::Lines => eprintln!("{text}"),
+            Output::Nothing => {}
+        }
+    }
+
+    /// Takes the bar away.
+    pub fn finish(&self) {
+        if let Output::Bar(bar) = &self.output {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Returns the time left, for people; nothing if it cannot be told yet.
+fn left(elapsed: Duration, share: f64) -> String {
+    let left = elapsed.as_secs_f64() * (1.0 - share) / share;
+    if left.is_finite() { format!(", {left:.0} s left") } else { String::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_follows_from_the_share() {
+        let ten = Duration::from_secs(10);
+        assert_eq!(left(ten, 0.25), ", 30 s left");
+        assert_eq!(left(ten, 1.0), ", 0 s left");
+        assert_eq!(left(ten, 0.0), "", "nothing is known yet");
+    }
+}

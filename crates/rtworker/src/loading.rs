@@ -1,0 +1,136 @@
+//! From a server's welcome to a tracer: the scene from the cache, or from the server.
+
+use std::{
+    future::Future,
+    hash::{BuildHasher, RandomState},
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result, bail};
+use holo_net::{Inbox, Message, Outbox, SceneReceiver};
+use holo_progress::{HumanBytes, HumanCount};
+use holo_proto::control::{Control, Engine, RenderSettings, SceneInfo, Welcome};
+use holo_scene::Scene;
+use holo_tracer::{Settings, Tracer};
+
+use crate::{
+    cache::{SceneCache, unpack},
+    report::{Reporter, transfer_text},
+    session::unexpected,
+};
+
+/// The time between two reports of a step that does not say how far it is.
+const STEP_EVERY: Duration = Duration::from_secs(1);
+
+/// The tracer of the last session, and where scenes are kept.
+pub struct Loader {
+    cache: Arc<SceneCache>,
+    loaded: Option<(SceneInfo, RenderSettings, Arc<Tracer>)>,
+    reporter: Reporter,
+}
+
+impl Loader {
+    /// Returns a loader that has nothing yet.
+    pub fn new(cache: SceneCache, reporter: Reporter) -> Loader {
+        Loader { cache: Arc::new(cache), loaded: None, reporter }
+    }
+
+    /// Returns the tracer for the server's scene and settings.
+    ///
+    /// It is the one from before, or made from a scene in the cache, or from one that the server
+    /// sends.
+    pub async fn tracer(
+        &mut self,
+        inbox: &mut Inbox,
+        outbox: &Outbox,
+        welcome: &Welcome,
+    ) -> Result<Arc<Tracer>> {
+        let (info, settings) = (welcome.scene, welcome.settings);
+        if let Some((scene, same, tracer)) = &self.loaded
+            && (*scene, *same) == (info, settings)
+        {
+            return Ok(Arc::clone(tracer));
+        }
+        self.loaded = None;
+        let scene = self.scene(inbox, outbox, info).await?;
+        let triangles = HumanCount(scene.triangles.len() as u64);
+        let text = format!("preparing {triangles} triangles for tracing");
+        let build = tokio::task::spawn_blocking(move || build(scene, settings));
+        let tracer = Arc::new(self.step(&text, build).await??);
+        self.loaded = Some((info, settings, Arc::clone(&tracer)));
+        Ok(tracer)
+    }
+
+    /// Reports that the server may send packets.
+    pub fn ready(&mut self) {
+        self.reporter.ready();
+    }
+
+    async fn scene(
+        &mut self,
+        inbox: &mut Inbox,
+        outbox: &Outbox,
+        info: SceneInfo,
+    ) -> Result<Scene> {
+        let text = format!("reading the scene, {}", HumanBytes(info.bytes));
+        let cache = Arc::clone(&self.cache);
+        let cached = tokio::task::spawn_blocking(move || cache.get(&info));
+        if let Some(scene) = self.step(&text, cached).await? {
+            return Ok(scene);
+        }
+        outbox.control(&Control::SceneWanted)?;
+        let packed = self.fetch(inbox, &info).await?;
+        let cache = Arc::clone(&self.cache);
+        let unpacked = tokio::task::spawn_blocking(move || -> Result<Scene> {
+            let scene = unpack(&packed, &info)?;
+            cache.put(&info, &packed);
+            Ok(scene)
+        });
+        self.step(&text, unpacked).await?
+    }
+
+    /// Takes the scene's pieces as they arrive.
+    async fn fetch(&mut self, inbox: &mut Inbox, info: &SceneInfo) -> Result<Vec<u8>> {
+        let mut receiver = SceneReceiver::new(info)?;
+        let start = Instant::now();
+        loop {
+            match inbox.next().await? {
+                Message::BlobChunk(chunk) => {
+                    if receiver.take(&chunk)? {
+                        return Ok(receiver.into_bytes());
+                    }
+                    let done = receiver.received();
+                    let share = done as f64 / info.bytes as f64;
+                    self.reporter.loading(share, &transfer_text(done, info.bytes, start));
+                }
+                Message::Control(Control::Bye { reason }) => bail!("the server left: {reason}"),
+                Message::Control(_) => {}
+                other => return Err(unexpected(&other)),
+            }
+        }
+    }
+
+    /// Waits for a step and reports every second that it is under way.
+    async fn step<T>(&mut self, text: &str, work: impl Future<Output = T>) -> T {
+        tokio::pin!(work);
+        let mut tick = tokio::time::interval(STEP_EVERY);
+        loop {
+            tokio::select! {
+                done = &mut work => return done,
+                _ = tick.tick() => self.reporter.loading(0.0, text),
+            }
+        }
+    }
+}
+
+fn build(scene: Scene, settings: RenderSettings) -> Result<Tracer> {
+    let paths = u32::from(settings.paths_per_sample);
+    let tracer = Tracer::new(Arc::new(scene), Settings { bounces: settings.bounces, paths })
+        .context("preparing the scene for tracing")?;
+    let tracer = if settings.virtual_distance { tracer.with_virtual_distance() } else { tracer };
+    Ok(match settings.engine {
+        Engine::Path => tracer,
+        Engine::Cached => tracer.with_cache(settings.accuracy, RandomState::new().hash_one(())),
+    })
+}

@@ -1,0 +1,116 @@
+//! What a worker reports while it loads: to people, or to the program that started it.
+
+use std::{
+    fmt,
+    time::{Duration, Instant},
+};
+
+use holo_progress::{HumanBytes, Meter};
+
+/// How often a program that started this one gets a report.
+const REPORT_EVERY: Duration = Duration::from_millis(200);
+
+/// One line on the standard output of a worker that another program has started.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Report {
+    /// It loads the scene.
+    Loading {
+        /// How much of this step is done, 0 to 1.
+        share: f64,
+        /// What it does, for people.
+        text: String,
+    },
+    /// It is ready to trace.
+    Ready,
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Report::Loading { share, text } => write!(f, "loading {share:.3} {text}"),
+            Report::Ready => f.write_str("ready"),
+        }
+    }
+}
+
+impl Report {
+    /// Parses a line; `None` for any other line.
+    pub fn parse(line: &str) -> Option<Report> {
+        if line == "ready" {
+            return Some(Report::Ready);
+        }
+        let (share, text) = line.strip_prefix("loading ")?.split_once(' ')?;
+        Some(Report::Loading { share: share.parse().ok()?, text: text.to_owned() })
+    }
+}
+
+/// Where reports go.
+#[derive(Debug)]
+pub enum Reporter {
+    /// To people: a bar, or lines on standard error.
+    People(Box<Meter>),
+    /// To the program that started this one: lines on standard output.
+    Parent {
+        /// When the last one went out.
+        last: Option<Instant>,
+    },
+}
+
+impl Reporter {
+    /// Returns a reporter; with `quiet`, people hear nothing.
+    pub fn new(with_parent: bool, quiet: bool) -> Reporter {
+        if with_parent {
+            Reporter::Parent { last: None }
+        } else {
+            Reporter::People(Box::new(Meter::new(quiet)))
+        }
+    }
+
+    /// Reports that `share` of a step of loading is done (0 to 1).
+    pub fn loading(&mut self, share: f64, text: &str) {
+        match self {
+            Reporter::People(meter) => meter.show(share, text),
+            Reporter::Parent { last } => {
+                if last.is_none_or(|last| last.elapsed() >= REPORT_EVERY) {
+                    *last = Some(Instant::now());
+                    println!("{}", Report::Loading { share, text: text.to_owned() });
+                }
+            }
+        }
+    }
+
+    /// Reports that tracing may begin.
+    pub fn ready(&mut self) {
+        match self {
+            Reporter::People(meter) => meter.finish(),
+            Reporter::Parent { .. } => println!("{}", Report::Ready),
+        }
+    }
+}
+
+/// Returns the text for a transfer of `done` of `total` bytes since `start`.
+pub fn transfer_text(done: u64, total: u64, start: Instant) -> String {
+    let rate = done as f64 / start.elapsed().as_secs_f64().max(1e-3);
+    format!(
+        "fetching the scene: {} of {}, {}/s",
+        HumanBytes(done),
+        HumanBytes(total),
+        HumanBytes(rate as u64)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whoever_starts_a_worker_reads_what_it_writes() {
+        let loading = Report::Loading { share: 0.25, text: "fetching: 1 MiB of 4 MiB".to_owned() };
+        for report in [loading, Report::Ready] {
+            assert_eq!(Report::parse(&report.to_string()), Some(report));
+        }
+        for other in ["", "readiness", "loading", "loading much of it", "a panic"] {
+            assert_eq!(Report::parse(other), None, "{other}");
+        }
+    }
+}

@@ -1,0 +1,323 @@
+//! The engine `cached`. It samples direct light, traces mirrors, glass and gloss, and interpolates
+//! indirect light on diffuse surfaces from irradiance records ([`holo_light`]). All threads and
+//! workers share the records.
+//!
+//! - The rays of a record end in other records. A ray that finds none continues as a path; one in
+//!   [`COARSE_PATIENCE`] makes a coarse record there instead, whose rays continue as paths.
+//! - Some rays are aimed: at small bright surfaces near lamps ([`secondary`](crate::secondary)),
+//!   and at lamps that flat mirrors show ([`images`](crate::images)).
+//! - A record costs as much as hundreds of paths. Someone may wait for samples, so their cost is
+//!   bounded ([`Cached::set_effort`]). A sample that may not make a record uses few records nearby
+//!   or continues as a path. So useful samples arrive from the first moment.
+//!
+//! Always true:
+//! - Results depend on the records only within the engine's accuracy, with one exception: paths
+//!   instead of records bring limited light from lamps over mirrors and glass
+//!   ([`MAX_LAMP_OVER_MEAN`]). Such samples stay until better ones replace them.
+//! - A record's number of rays and radius do not depend on the light that these rays bring, unless
+//!   it contradicts nearby records. Contradicting records all get a smaller radius.
+//! - So the expectation of interpolated light is that of paths, apart from two errors. One is what
+//!   gradients miss within a radius. The other is the limit on single rays: in a cabin with bottles
+//!   and mirrors it takes 0.2 % of the light of exact records and 1.5 % of that of coarse ones.
+
+mod gather;
+mod settings;
+
+pub use settings::{ACCURACIES, DEFAULT_ACCURACY};
+
+use std::cell::Cell;
+use std::f32::consts::FRAC_1_PI;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+
+use glam::Vec3;
+use holo_light::{Found, Record, Store};
+use holo_raycast::Raycaster;
+
+use crate::bsdf::Scatter;
+use crate::deviations::Deviations;
+use crate::engine::PathEngine;
+use crate::lights::luminance;
+use crate::mean_irradiance::MeanIrradiance;
+use crate::mirrors::Mirrors;
+use crate::path::Start;
+use crate::policy::{PathPolicy, ShadingPoint};
+use crate::sampler::{Purpose, Sampler, mix};
+use settings::*;
+
+/// Quantities that follow from the accuracy.
+#[derive(Clone, Copy, Debug)]
+struct Quality {
+    /// Relative error that is asked for.
+    accuracy: f32,
+    /// Radius of a record over the harmonic mean distance of what it sees.
+    reach: f32,
+    /// Greatest radius of a record.
+    max_radius: f32,
+}
+
+impl Quality {
+    /// Returns the relative standard error to make a record with, from the radius that its
+    /// surroundings allow.
+    fn error(&self, kind: Kind, radius: f32) -> f32 {
+        let (least, most) = (ERROR[kind as usize], MAX_ERROR[kind as usize]);
+        self.accuracy * (least * self.max_radius / radius).min(most)
+    }
+}
+
+/// The records of one scene, and what is needed to make more.
+#[derive(Debug)]
+pub(crate) struct Cached {
+    store: Arc<Store>,
+    quality: Quality,
+    mirrors: Mirrors,
+    /// Whether mirrors or glass may focus light on surfaces.
+    has_caustics: bool,
+    /// Rays of records that may be traced for each sample that lacks a record, or [`UNLIMITED`].
+    effort: AtomicU32,
+    /// Rays of records that all such samples have allowed so far.
+    allowed_rays: AtomicU64,
+    /// Rays of records that have been traced.
+    traced_rays: AtomicU64,
+    deviations: Deviations,
+    mean_irradiance: MeanIrradiance,
+    /// Makes the ids of this engine's records differ from those of other engines.
+    salt: u64,
+    /// Number of records made, for their ids.
+    made: AtomicU64,
+}
+
+impl Cached {
+    pub(crate) fn new(
+        engine: &PathEngine,
+        raycaster: &Raycaster,
+        accuracy: f32,
+        name: u64,
+    ) -> Self {
+        let accuracy = accuracy.clamp(*ACCURACIES.start(), *ACCURACIES.end());
+        let reach = REACH * accuracy.sqrt();
+        let max_radius = scene_size(raycaster) * MAX_RADIUS * reach;
+        let has_caustics =
+            engine.nesting.is_some() || engine.surfaces.iter().any(|s| s.scatter.is_delta());
+        Self {
+            store: Arc::new(Store::new(max_radius / RADIUS_RATIO)),
+            quality: Quality { accuracy, reach, max_radius },
+            mirrors: Mirrors::find(raycaster.scene(), &engine.surfaces),
+            has_caustics,
+            effort: AtomicU32::new(UNLIMITED),
+            allowed_rays: AtomicU64::default(),
+            traced_rays: AtomicU64::default(),
+            deviations: Deviations::default(),
+            mean_irradiance: MeanIrradiance::new(),
+            salt: mix(name),
+            made: AtomicU64::default(),
+        }
+    }
+
+    pub(crate) fn store(&self) -> &Arc<Store> {
+        &self.store
+    }
+
+    /// Implements [`Tracer::set_effort`](crate::Tracer::set_effort).
+    pub(crate) fn set_effort(&self, effort: u32) {
+        self.effort.store(effort, Ordering::Relaxed);
+    }
+
+    /// Returns one estimate of the radiance that arrives against `start.direction`.
+    pub(crate) fn radiance(
+        &self,
+        engine: &PathEngine,
+        raycaster: &Raycaster,
+        start: Start,
+        sampler: &mut Sampler,
+    ) -> Vec3 {
+        let role = Cell::new(Role::Eye);
+        engine.follow(raycaster, start, &CachePolicy { cached: self, engine, role }, sampler)
+    }
+
+    /// Returns the irradiance by indirect light at a point that an eye sees. Makes a record if
+    /// there are too few. `None` if that would exceed the effort.
+    fn irradiance(&self, engine: &PathEngine, at: &ShadingPoint) -> Option<Vec3> {
+        let found = self.look_up(at, Kind::Exact);
+        if let Some(found) = found.filter(|found| found.weight >= MIN_WEIGHT) {
+            return Some(found.irradiance);
+        }
+        if self.store.is_full() || !self.affords_record() {
+            return found
+                .filter(|found| found.weight >= MIN_WEIGHT_WITHOUT_RECORD)
+                .map(|found| found.irradiance);
+        }
+        let made = self.make_record(engine, at, Kind::Exact);
+        // The new record has weight 1.
+        Some(
+            found.map_or(made, |found| {
+                (found.irradiance * found.weight + made) / (found.weight + 1.0)
+            }),
+        )
+    }
+
+    /// Counts a sample that lacks a record, and returns whether the effort allows to make one.
+    fn affords_record(&self) -> bool {
+        let effort = self.effort.load(Ordering::Relaxed);
+        if effort == UNLIMITED {
+            return true;
+        }
+        let allowed = self.allowed_rays.fetch_add(u64::from(effort), Ordering::Relaxed);
+        self.traced_rays.load(Ordering::Relaxed) <= allowed
+    }
+
+    /// Interpolates the irradiance by indirect light between records that reach the point and see
+    /// it. An exact look-up ignores coarse records.
+    fn look_up(&self, at: &ShadingPoint, kind: Kind) -> Option<Found> {
+        let &ShadingPoint { raycaster, point, normal, .. } = at;
+        self.store.irradiance(point.point, normal, ENOUGH_WEIGHT[kind as usize], |record| {
+            record.flags > kind as u32
+                || raycaster.parted(point, normal, record.point.into(), record.normal.into())
+        })
+    }
+
+    fn insert(&self, record: Record, at: &ShadingPoint) {
+        let &ShadingPoint { raycaster, point, normal, .. } = at;
+        self.store.insert(record, |other| {
+            raycaster.parted(point, normal, other.point.into(), other.normal.into())
+        });
+    }
+
+    /// Makes a record of the light that arrives at a point, and returns its irradiance.
+    #[cold]
+    fn make_record(&self, engine: &PathEngine, at: &ShadingPoint, kind: Kind) -> Vec3 {
+        // The pilot is thrown away. If it were part of the record, a pilot that missed the light
+        // would agree with itself and ask for few rays.
+        let pilot_rays =
+            pilot_rays(ERROR[kind as usize] * self.quality.accuracy, PILOT_RAYS[kind as usize]);
+        let pilot = self.gather(engine, at, pilot_rays, kind, f32::INFINITY);
+        let error = self.quality.error(kind, pilot.radius);
+        let deviation = self.deviations.add(&pilot);
+        let rays = ((deviation / error).powi(2) as u32).clamp(MIN_RAYS, MAX_RAYS);
+        let mut record = self.gather(engine, at, rays, kind, error);
+        if kind == Kind::Exact {
+            // The radius must not depend on the record's own light, or records that are too bright
+            // would serve less of the surface than those that are too dark. Noisy records get a
+            // smaller radius, so that more neighbours take part.
+            let reached = deviation / (record.rays as f32).sqrt();
+            record.radius =
+                record.radius.min(gradient_limit(&pilot)) * (error / reached).clamp(0.25, 1.0);
+        }
+        self.insert(record, at);
+        record.irradiance.into()
+    }
+}
+
+/// What a path of this engine is followed for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    /// A sample for an eye.
+    Eye,
+    /// The same after a surface that had no record.
+    Path,
+    /// An exact record.
+    Record,
+    /// A coarse record.
+    Coarse,
+}
+
+/// The policy of this engine: paths end where irradiance is known.
+#[derive(Clone)]
+struct CachePolicy<'a> {
+    cached: &'a Cached,
+    engine: &'a PathEngine,
+    /// Changes from `Eye` to `Path` along the way.
+    role: Cell<Role>,
+}
+
+impl PathPolicy for CachePolicy<'_> {
+    #[inline]
+    fn indirect(&self, at: &ShadingPoint, sampler: &mut Sampler) -> Option<Vec3> {
+        let Scatter::Diffuse(kd) = at.scatter else { return None };
+        let bounces = self.engine.bounces;
+        let irradiance = if at.scatterings > bounces {
+            if self.cached.has_caustics {
+                return None;
+            }
+            Vec3::ZERO
+        } else if bounces != u32::MAX && at.scatterings > 1 {
+            // A record contains light of all bounces; here only some may count.
+            return None;
+        } else if self.role.get() == Role::Eye {
+            let Some(irradiance) = self.cached.irradiance(self.engine, at) else {
+                self.role.set(Role::Path);
+                return None;
+            };
+            irradiance
+        } else {
+            match self.cached.look_up(at, Kind::Coarse) {
+                Some(found) => found.irradiance,
+                None if self.role.get() == Role::Record
+                    && at.scatterings == 2
+                    && coarse_is_due(at, sampler) =>
+                {
+                    self.cached.make_record(self.engine, at, Kind::Coarse)
+                }
+                None => return None,
+            }
+        };
+        Some(*kd * irradiance * FRAC_1_PI)
+    }
+
+    #[inline]
+    fn forks(&self, scatterings: u32) -> u32 {
+        let first = match self.role.get() {
+            Role::Eye => 0,
+            Role::Path | Role::Record | Role::Coarse => 1,
+        };
+        if scatterings == first { FORKS } else { 0 }
+    }
+
+    fn clamped(&self, light: Vec3) -> Vec3 {
+        // If the store is full, paths are not temporary and must not be biased.
+        if self.role.get() != Role::Path || self.cached.store.is_full() {
+            return light;
+        }
+        let mean = self.cached.mean_irradiance.luminance(&self.cached.store) * FRAC_1_PI;
+        let (most, found) = (MAX_LAMP_OVER_MEAN * mean, luminance(light.into()));
+        if found > most { light * (most / found) } else { light }
+    }
+
+    #[inline]
+    fn light_samples(&self, engine: &PathEngine, scatterings: u32, ends: bool) -> u32 {
+        match self.role.get() {
+            Role::Eye if ends || scatterings > engine.bounces => {
+                engine.light_samples.max(LIGHT_SAMPLES)
+            }
+            Role::Eye | Role::Path if scatterings == 1 => engine.light_samples,
+            _ => 1,
+        }
+    }
+}
+
+/// Returns the number of pilot rays for a record of this error.
+fn pilot_rays(error: f32, [least, most]: [u32; 2]) -> u32 {
+    ((PILOT_SHARE / (error * error)) as u32).clamp(least, most)
+}
+
+/// Returns whether this ray is the one in [`COARSE_PATIENCE`] that makes a record.
+fn coarse_is_due(at: &ShadingPoint, sampler: &mut Sampler) -> bool {
+    sampler.turn(at.depth, Purpose::Record);
+    sampler.one() * (COARSE_PATIENCE as f32) < 1.0
+}
+
+/// Returns half the distance over which the steepest gradient changes the light by its own size.
+fn gradient_limit(record: &Record) -> f32 {
+    let steepest = record.shift.iter().map(|g| Vec3::from(*g).length()).fold(0.0, f32::max);
+    let light = record.irradiance.iter().copied().fold(0.0, f32::max);
+    if steepest > 0.0 { 0.5 * light / steepest } else { f32::INFINITY }
+}
+
+/// Returns the longest side of the scene's bounds.
+fn scene_size(raycaster: &Raycaster) -> f32 {
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for &vertex in &raycaster.scene().positions {
+        (low, high) = (low.min(vertex.into()), high.max(vertex.into()));
+    }
+    (high - low).max_element().max(f32::MIN_POSITIVE)
+}
