@@ -66,6 +66,12 @@ pub trait Driver: Send {
     /// Returns the driver's name, as reports give it.
     fn name(&self) -> &'static str;
 
+    /// Returns whether samples inserted for one view count for all later ones. If so, a front end
+    /// inserts each sample once in a session, and not once for each view.
+    fn keeps_samples(&self) -> bool {
+        false
+    }
+
     /// Returns `beams` with weights that consider the samples which the driver already has.
     ///
     /// The front end calls it before [`look`](Self::look), with the beams of the view to come. It

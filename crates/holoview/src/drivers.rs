@@ -7,6 +7,7 @@ use std::sync::Arc;
 use holo_display::Driver;
 use holo_driver_quadtree::{Filling, QuadtreeDriver};
 use holo_driver_rendercache::{FramelessDriver, RenderCacheDriver};
+use holo_driver_surfaces::SurfacesDriver;
 use holo_driver_voronoi::VoronoiDriver;
 use holo_section::Section;
 
@@ -46,7 +47,7 @@ impl DriverChoice {
     pub fn scene_use(&self) -> SceneUse {
         match (self.args.driver, self.args.cells) {
             (DriverArg::Auto, None) => SceneUse::IfThere,
-            (DriverArg::Voronoi, None) => SceneUse::Required,
+            (DriverArg::Voronoi | DriverArg::Surfaces, None) => SceneUse::Required,
             _ => SceneUse::None,
         }
     }
@@ -61,7 +62,10 @@ impl DriverChoice {
                 Box::new(RenderCacheDriver::new(sections, sky, self.points.params()))
             }
             DriverArg::Frameless => Box::new(FramelessDriver::new(sections, sky)),
-            DriverArg::Auto | DriverArg::Voronoi => match scene {
+            DriverArg::Auto | DriverArg::Voronoi | DriverArg::Surfaces => match scene {
+                Some(scene) if self.args.driver == DriverArg::Surfaces => {
+                    Box::new(SurfacesDriver::new(sections, Arc::clone(&scene.raycaster)))
+                }
                 Some(scene) => self.voronoi(scene),
                 None => Box::new(QuadtreeDriver::of_cells(sections, sky, self.filling())),
             },

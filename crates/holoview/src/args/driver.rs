@@ -10,6 +10,9 @@ pub enum DriverArg {
     Auto,
     /// Edges from the scene itself, light from all samples on what is seen; where there is no scene, cells of the samples (`--cells`)
     Voronoi,
+    /// Light kept on the scene's surfaces for the whole session, smoothed: shows most of a new view
+    /// at once, but blurs what is small. An experiment
+    Surfaces,
     /// Means over the leaves of a quadtree, as large as noise asks; needs no scene
     Quadtree,
     /// The render cache: what is known is projected into every view, gaps are filled; needs no scene

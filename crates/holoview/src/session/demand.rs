@@ -19,7 +19,6 @@ use super::{
     current_view::{Asked, Counts, CurrentView},
     live::LiveRays,
     pace::AT_REST,
-    received::Received,
 };
 
 /// Distance of the nearest visible surface, as a share of the shortest section's diagonal, before
@@ -84,7 +83,9 @@ impl Session {
         let wanted = beams.iter().map(|beam| WantedBeam { key: beam.key, weight: beam.weight });
         let wanted: Vec<WantedBeam> = wanted.collect();
         self.request_number += 1;
-        let had_live = self.current.take().is_some_and(|current| current.live.is_some());
+        let before = self.current.take();
+        let had_live = before.as_ref().is_some_and(|before| before.live.is_some());
+        let received = before.filter(|_| self.driver.keeps_samples()).map(|before| before.received);
         let since = Instant::now();
         // Asked first: samples are under way while the driver looks at the scene.
         self.request(&look, nearest, wanted.clone())?;
@@ -106,7 +107,7 @@ impl Session {
             asked: Asked::Crossed,
             also: Vec::new(),
             first_request: self.request_number,
-            received: Received::default(),
+            received: received.unwrap_or_default(),
             since,
             counts: Counts {
                 stored_of_section: vec![0; self.choice.sections.len()],

@@ -46,6 +46,7 @@ pub use default_view::default_view;
 use incoming::{Incoming, Reader};
 use lights::Lights;
 use pace::Pace;
+use received::Received;
 pub use scene::LoadedScene;
 use scene::SceneLoader;
 
@@ -447,6 +448,9 @@ impl Session {
             Err(_) => return Ok(()),
         };
         self.driver = self.choice.make(Some(&scene));
+        if let Some(current) = &mut self.current {
+            current.received = Received::default();
+        }
         self.show_again()
     }
 }

@@ -1,0 +1,266 @@
+//! The last filter: light of squares of pixels, smoothed along surfaces as widely as its noise asks.
+//!
+//! Sums of squares are added up over ever wider neighbourhoods (à-trous), and each square takes the narrowest one whose
+//! standard error is small enough. This is done twice. The first time, weights follow from geometry alone; the second
+//! time, also from how much the light found first differs. `docs/notes/surface-light.md` says what else was measured.
+//!
+//! What always holds:
+//! - No light crosses a crease or a sheet: weights fall to 0 with the distance from the plane and with the normals' angle.
+//! - A sample brings at most a tenth of the light of its wide neighbourhood. The limit grows with the number of samples,
+//!   so the bias that it causes vanishes as they grow.
+
+use crate::cell::{Sums, brightest, luminance};
+use crate::view::Seen;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Neighbourhoods: each is twice as wide as the one before.
+const SCALES: usize = 6;
+
+/// Neighbourhoods over which the brightest samples are judged and the variance of samples is measured, in scales.
+const WIDE: usize = 4;
+
+/// Share of its wide neighbourhood's light that a sample brings at most.
+const MOST_SHARE: f32 = 0.1;
+
+/// Relative standard errors at which a neighbourhood begins to count and at which it counts fully: first and second time.
+const NOISE: [[f32; 2]; 2] = [[0.25, 0.08], [0.1, 0.03]];
+
+/// Ratio of two squares' light, as a natural logarithm, at which the second time neither counts for the other.
+const DIFFERENT: f32 = 0.5;
+
+/// Sums of a square's neighbours by which a neighbourhood grows.
+const AROUND: usize = 8;
+
+/// Least variance of samples, relative to their squared mean: few samples are alike by chance.
+const LEAST_VARIANCE: f32 = 0.2;
+
+/// What is known of the light of one square, in floating-point steps.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Lit {
+    pub light: Vec3,
+    pub count: f32,
+    /// Of squared luminance.
+    pub square: f32,
+}
+
+/// Light of a square, and the standard error of its luminance. Nothing is known where the error is infinite.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Estimate {
+    pub light: Vec3,
+    pub error: f32,
+}
+
+impl Lit {
+    pub fn new(sums: &Sums) -> Lit {
+        let count = sums.count as f32;
+        Lit {
+            light: Vec3::from_array(sums.light.map(|c| c as f32)),
+            count,
+            square: sums.square as f32,
+        }
+    }
+
+    fn mean(&self) -> Vec3 {
+        self.light / self.count.max(1e-9)
+    }
+}
+
+/// Squares of pixels, what each sees and its sums.
+pub(crate) struct Squares<'a> {
+    pub size: (usize, usize),
+    pub seen: &'a [Seen],
+    /// Pixels a side of a square.
+    pub step: usize,
+}
+
+/// By square, the weights of the 8 squares around it at one distance.
+type Weights = Vec<[f32; AROUND]>;
+
+impl Squares<'_> {
+    /// The light of every square.
+    pub fn filter(&self, sums: &[Sums]) -> Vec<Estimate> {
+        let raw: Vec<Lit> = sums.par_iter().map(Lit::new).collect();
+        let weights: Vec<Weights> = (0..SCALES).map(|scale| self.weights(1 << scale)).collect();
+        let widest = |lit: Vec<Lit>| {
+            (0..WIDE).fold(lit, |lit, scale| self.widen(&lit, 1 << scale, &weights[scale]))
+        };
+        // Without the brightest sample of each square: none raises its own limit.
+        let usual = widest(sums.par_iter().map(without_brightest).collect());
+        let held: Vec<Lit> = raw
+            .par_iter()
+            .zip(&usual)
+            .zip(sums)
+            .map(|((raw, usual), sums)| hold_back(raw, usual, sums))
+            .collect();
+        let wide = widest(held.clone());
+        let first = self.smooth(&held, &weights, &wide, NOISE[0]);
+        let bright: Vec<f32> =
+            first.par_iter().map(|e| luminance(e.light.to_array()).max(1.0).ln()).collect();
+        let weights: Vec<Weights> = weights
+            .iter()
+            .enumerate()
+            .map(|(scale, weights)| self.weights_of_light(weights, 1 << scale, &bright))
+            .collect();
+        self.smooth(&held, &weights, &wide, NOISE[1])
+    }
+
+    /// Light on the narrowest scale with little enough noise.
+    fn smooth(
+        &self,
+        lit: &[Lit],
+        weights: &[Weights],
+        wide: &[Lit],
+        noise: [f32; 2],
+    ) -> Vec<Estimate> {
+        let mut scales = vec![lit.to_vec()];
+        for (scale, weights) in weights.iter().enumerate() {
+            scales.push(self.widen(&scales[scale], 1 << scale, weights));
+        }
+        (0..lit.len()).into_par_iter().map(|at| choose(&scales, at, &wide[at], noise)).collect()
+    }
+
+    /// Sums over the 3 × 3 squares at this distance.
+    fn widen(&self, lit: &[Lit], distance: usize, weights: &[[f32; AROUND]]) -> Vec<Lit> {
+        let at = |number: usize| {
+            let mut wider = lit[number];
+            for (other, weight) in self.around(number, distance).into_iter().zip(weights[number]) {
+                if weight > 0.0 {
+                    let more = &lit[other];
+                    wider.light += weight * more.light;
+                    wider.count += weight * more.count;
+                    wider.square += weight * more.square;
+                }
+            }
+            wider
+        };
+        (0..lit.len()).into_par_iter().map(at).collect()
+    }
+
+    /// The numbers of the 8 squares around one; its own in place of those outside the picture.
+    #[inline]
+    fn around(&self, number: usize, distance: usize) -> [usize; AROUND] {
+        let (width, height) = self.size;
+        let (x, y) = (number % width, number / width);
+        let (left, up) = (x.wrapping_sub(distance), y.wrapping_sub(distance));
+        let (right, down) = (x + distance, y + distance);
+        let places = [
+            (left, up),
+            (x, up),
+            (right, up),
+            (left, y),
+            (right, y),
+            (left, down),
+            (x, down),
+            (right, down),
+        ];
+        places.map(|(x, y)| if x < width && y < height { y * width + x } else { number })
+    }
+
+    /// Weights by geometry alone.
+    fn weights(&self, distance: usize) -> Weights {
+        const KERNEL: [f32; AROUND] = [0.25, 0.5, 0.25, 0.5, 0.5, 0.25, 0.5, 0.25];
+        let at = |number: usize| {
+            let here = &self.seen[number];
+            if !here.is_surface() {
+                return [0.0; AROUND];
+            }
+            let width = here.width * self.step as f32;
+            let mut weights = KERNEL;
+            for (weight, other) in weights.iter_mut().zip(self.around(number, distance)) {
+                let is_outside = other == number;
+                let reach = 8.0 * width * distance as f32;
+                *weight *=
+                    if is_outside { 0.0 } else { alike(here, &self.seen[other], width, reach) };
+            }
+            weights
+        };
+        (0..self.seen.len()).into_par_iter().map(at).collect()
+    }
+
+    /// Weights by geometry and by logarithms of luminance.
+    fn weights_of_light(&self, weights: &Weights, distance: usize, bright: &[f32]) -> Weights {
+        let at = |number: usize| {
+            let mut weights = weights[number];
+            for (weight, other) in weights.iter_mut().zip(self.around(number, distance)) {
+                let differ = (bright[number] - bright[other]) / DIFFERENT;
+                let same = (1.0 - differ * differ).max(0.0);
+                *weight *= same * same;
+            }
+            weights
+        };
+        (0..weights.len()).into_par_iter().map(at).collect()
+    }
+}
+
+/// Weight of a point's light on another point of a surface: 1 on the same plane nearby; 0 farther off the plane than
+/// `width`, beyond `reach`, or where normals differ by a right angle.
+#[inline]
+pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
+    let cosine = here.normal.dot(other.normal);
+    if cosine <= 0.0 || !other.is_surface() {
+        return 0.0;
+    }
+    let between = other.point - here.point;
+    let away = between.length_squared();
+    let off = between.dot(here.normal).abs().max(between.dot(other.normal).abs());
+    let tolerance = width + 0.05 * away.sqrt();
+    let flat = (1.0 - off * off / (tolerance * tolerance)).max(0.0);
+    let near = (1.0 - away / (reach * reach)).max(0.0);
+    let turned = cosine * cosine;
+    let turned = turned * turned;
+    flat * flat * near * turned * turned
+}
+
+/// The sums of a square's samples but the brightest one; of a single sample, its own.
+fn without_brightest(sums: &Sums) -> Lit {
+    let all = Lit::new(sums);
+    if sums.count < 2 {
+        return all;
+    }
+    let (bright, light) = brightest(sums.brightest);
+    Lit {
+        light: (all.light - Vec3::from_array(light)).max(Vec3::ZERO),
+        count: all.count - 1.0,
+        square: (all.square - bright * bright).max(0.0),
+    }
+}
+
+/// The sums of a square with its brightest sample cut to a share of the light around.
+fn hold_back(raw: &Lit, wide: &Lit, sums: &Sums) -> Lit {
+    let (bright, light) = brightest(sums.brightest);
+    let around = luminance(wide.mean().to_array());
+    let most = around * (MOST_SHARE * wide.count).max(2.0);
+    if sums.count == 0 || bright <= most {
+        return *raw;
+    }
+    let cut = 1.0 - most / bright;
+    Lit {
+        light: (raw.light - cut * Vec3::from_array(light)).max(Vec3::ZERO),
+        square: (raw.square - (bright * bright - most * most)).max(0.0),
+        ..*raw
+    }
+}
+
+/// The light of a square from its sums on all scales, the narrowest first.
+fn choose(scales: &[Vec<Lit>], at: usize, wide: &Lit, [high, low]: [f32; 2]) -> Estimate {
+    let Some(last) = scales.last().map(|scale| &scale[at]).filter(|lit| lit.count > 0.0) else {
+        return Estimate { light: Vec3::ZERO, error: f32::INFINITY };
+    };
+    let wide = if wide.count > 0.0 { wide } else { last };
+    let bright = luminance(wide.mean().to_array());
+    let variance =
+        (wide.square / wide.count - bright * bright).max(LEAST_VARIANCE * bright * bright);
+    let error = |lit: &Lit| (variance / lit.count.max(0.3)).sqrt();
+    let mut estimate = Estimate { light: last.mean(), error: error(last) };
+    for scale in scales[1..scales.len() - 1].iter().rev() {
+        let lit = &scale[at];
+        let own = error(lit);
+        let share = ((high * bright - own) / ((high - low) * bright)).clamp(0.0, 1.0);
+        if lit.count > 0.0 && share > 0.0 {
+            estimate.light += share * (lit.mean() - estimate.light);
+            estimate.error += share * (own - estimate.error);
+        }
+    }
+    estimate
+}

@@ -1,0 +1,149 @@
+//! Samples onto surfaces: the short piece of a sample's ray around its stored distance is cast against the scene.
+//!
+//! What always holds:
+//! - A sample is placed by itself: which others arrive with it changes nothing.
+//! - A sample whose surface is not found near its stored distance is left out, as is one that shows a lamp or the sky.
+
+use crate::cell::Face;
+use crate::materials::{Kind, Materials};
+use crate::trail::{AtPanes, End, Follower, Shown};
+use glam::{DVec3, Vec3};
+use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
+use holo_section::{BeamId, Sample, Section, distance};
+
+/// Most fixed-point light of a sample: a thousand times the brightest lamp.
+const MOST_LIGHT: f32 = (1_u64 << 36) as f32;
+
+/// Rounding of distances, relative.
+const ROUNDING: f64 = 2e-4;
+
+/// Share of a mirror's or pane's light below which a sample says nothing of what is behind.
+const LEAST_SHARE: f32 = 0.05;
+
+/// A sample by its geometry, world coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RaySample {
+    /// Where the ray begins.
+    pub origin: DVec3,
+    /// Where it goes, unit.
+    pub direction: DVec3,
+    /// Distance to the first surface; infinite if there is none.
+    pub distance: f64,
+    /// How far the true distance may be from that.
+    pub uncertainty: f64,
+    /// Radiance, finite and not negative.
+    pub radiance: [f32; 3],
+}
+
+/// A sample on its surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    pub(crate) point: Vec3,
+    pub(crate) face: Face,
+    /// Light, fixed-point steps.
+    pub(crate) light: [u64; 3],
+}
+
+/// Finds the surfaces of samples.
+#[derive(Debug)]
+pub struct Placer<'a> {
+    raycaster: &'a Raycaster,
+    follower: Follower<'a>,
+}
+
+impl<'a> Placer<'a> {
+    /// Places samples in the scene that the ray caster was built from.
+    #[must_use]
+    pub fn new(raycaster: &'a Raycaster, materials: &'a Materials) -> Self {
+        Self { raycaster, follower: Follower { raycaster, materials } }
+    }
+
+    /// Appends a beam's samples to `placed`. Samples of a beam that the section has not are left out.
+    pub fn place_beam(
+        &self,
+        section: &Section,
+        beam: BeamId,
+        samples: &[Sample],
+        placed: &mut Vec<Placed>,
+    ) {
+        let Some(pair) = section.cells(beam) else { return };
+        let diagonal = section.diagonal();
+        for samples in samples.chunks(MAX_TOGETHER) {
+            let mut rays = [None; MAX_TOGETHER];
+            for (ray, sample) in rays.iter_mut().zip(samples) {
+                if sample.distance_code() == distance::NOTHING_HIT {
+                    continue;
+                }
+                let through = section.ray(pair, sample.coords);
+                let distance = sample.distance(diagonal);
+                *ray = Some(RaySample {
+                    origin: through.origin,
+                    direction: through.direction,
+                    distance,
+                    uncertainty: 2.5e-4 * distance.max(diagonal),
+                    radiance: sample.rgb(),
+                });
+            }
+            self.place_together(rays.iter().flatten(), placed);
+        }
+    }
+
+    /// Appends rays to `placed`.
+    pub fn place_rays(&self, rays: &[RaySample], placed: &mut Vec<Placed>) {
+        for rays in rays.chunks(MAX_TOGETHER) {
+            self.place_together(rays.iter().filter(|ray| ray.distance.is_finite()), placed);
+        }
+    }
+
+    /// Appends at most [`MAX_TOGETHER`] rays, which are cast together.
+    fn place_together<'b>(
+        &self,
+        samples: impl Iterator<Item = &'b RaySample>,
+        placed: &mut Vec<Placed>,
+    ) {
+        let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::ZERO, t_min: 0.0, t_max: 0.0 };
+        let mut rays = [nowhere; MAX_TOGETHER];
+        let mut radiances = [[0.0; 3]; MAX_TOGETHER];
+        let mut count = 0;
+        for sample in samples.take(MAX_TOGETHER) {
+            rays[count] = self.piece(sample);
+            radiances[count] = sample.radiance;
+            count += 1;
+        }
+        let mut hits = [None; MAX_TOGETHER];
+        self.raycaster.nearest_many(&rays[..count], &mut hits[..count]);
+        for ((ray, hit), radiance) in rays.iter().zip(hits).zip(radiances).take(count) {
+            placed.extend(hit.and_then(|hit| self.on_surface(ray, hit, radiance)));
+        }
+    }
+
+    /// The piece of a sample's ray that its surface lies on.
+    fn piece(&self, sample: &RaySample) -> Ray {
+        let reach = 2.0 * sample.uncertainty + ROUNDING * sample.distance;
+        let start = sample.origin + sample.direction * (sample.distance - reach);
+        let start = (start - self.raycaster.scene().origin).as_vec3();
+        Ray { t_max: 2.0 * reach as f32, ..Ray::new(start, sample.direction.as_vec3()) }
+    }
+
+    /// A sample whose ray meets this, if it tells of light on a surface.
+    fn on_surface(&self, ray: &Ray, hit: Hit, radiance: [f32; 3]) -> Option<Placed> {
+        match self.follower.follow(*ray, hit, AtPanes::PassAll) {
+            Shown::Surface(end) => self.on_end(&end, radiance),
+            Shown::Sky(_) | Shown::Unknown => None,
+        }
+    }
+
+    fn on_end(&self, end: &End, radiance: [f32; 3]) -> Option<Placed> {
+        let finish = self.follower.finish(end.material);
+        if finish.shines(end.front) || end.share.iter().any(|&share| share < LEAST_SHARE) {
+            return None;
+        }
+        let unit = self.follower.materials.unit;
+        let light = [0, 1, 2].map(|channel| {
+            let light = radiance[channel] / end.share[channel] / finish.reflectance[channel];
+            ((light / unit).min(MOST_LIGHT) + 0.5) as u64
+        });
+        let leaving = (finish.kind == Kind::Glossy).then_some(end.direction);
+        Some(Placed { point: end.point, face: Face::new(end.normal, end.material, leaving), light })
+    }
+}

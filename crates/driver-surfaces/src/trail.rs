@@ -1,0 +1,120 @@
+//! Rays followed through mirrors and panes to the surface whose light they show.
+//!
+//! Invariant: where a ray ends is a function of the ray and the scene.
+
+use crate::materials::{Finish, Kind, Materials, pane_reflectance};
+use glam::Vec3;
+use holo_raycast::{Hit, Ray, Raycaster, spawn};
+use holo_scene::Rgb;
+
+/// Mirrors and panes that are followed at the most.
+const MOST: usize = 8;
+
+/// A surface that a ray ends on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct End {
+    pub point: Vec3,
+    /// Unit, towards where the ray came from.
+    pub normal: Vec3,
+    /// Whether the counter-clockwise side is met.
+    pub front: bool,
+    pub material: u32,
+    /// Where the ray was going when it met the surface.
+    pub direction: Vec3,
+    /// Share of the surface's light that comes back along the whole way.
+    pub share: Rgb,
+    /// Length of the way.
+    pub length: f32,
+}
+
+/// What a ray shows in the end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Shown {
+    Surface(End),
+    /// The sky, this share of it.
+    Sky(Rgb),
+    /// Nothing that can be told: there are too many mirrors on the way.
+    Unknown,
+}
+
+/// What a pane does with the rays that meet it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum AtPanes {
+    /// Rays go through, with the share that goes through.
+    Pass,
+    /// Rays go through, with the share of all that the pane shows: what it reflects is taken to be as bright.
+    PassAll,
+    /// The first pane reflects; further ones let pass.
+    ReflectFirst,
+}
+
+/// Follows rays.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Follower<'a> {
+    pub raycaster: &'a Raycaster,
+    pub materials: &'a Materials,
+}
+
+impl<'a> Follower<'a> {
+    pub fn finish(&self, material: u32) -> &'a Finish {
+        &self.materials.finishes[material as usize]
+    }
+
+    pub fn material(&self, triangle: u32) -> u32 {
+        self.raycaster.scene().material_ids[triangle as usize]
+    }
+
+    /// The surface of a hit.
+    #[inline]
+    pub fn end(&self, ray: &Ray, hit: Hit, share: Rgb, length: f32) -> End {
+        let normal = self.raycaster.geometric_normal(hit.triangle);
+        let front = normal.dot(ray.direction) <= 0.0;
+        End {
+            point: self.raycaster.surface_point(&hit).0,
+            normal: if front { normal } else { -normal },
+            front,
+            material: self.material(hit.triangle),
+            direction: ray.direction,
+            share,
+            length: length + hit.t,
+        }
+    }
+
+    /// Follows a ray from its first hit to a surface that keeps light.
+    pub fn follow(&self, mut ray: Ray, mut hit: Hit, mut panes: AtPanes) -> Shown {
+        let mut share = [1.0; 3];
+        let mut length = 0.0;
+        for _ in 0..MOST {
+            let normal = self.raycaster.geometric_normal(hit.triangle);
+            let cosine = ray.direction.dot(normal);
+            let mirrored = ray.direction - 2.0 * cosine * normal;
+            let (colour, onward) = match self.finish(self.material(hit.triangle)).kind {
+                Kind::Diffuse | Kind::Glossy => {
+                    return Shown::Surface(self.end(&ray, hit, share, length));
+                }
+                Kind::Mirror(ks) => (ks, mirrored),
+                Kind::Pane { ior, transmittance } => {
+                    let reflected = pane_reflectance(cosine.abs(), ior);
+                    let passes = transmittance.map(|t| t * (1.0 - reflected));
+                    match panes {
+                        AtPanes::Pass => (passes, ray.direction),
+                        AtPanes::PassAll => (passes.map(|p| p + reflected), ray.direction),
+                        AtPanes::ReflectFirst => {
+                            panes = AtPanes::Pass;
+                            ([reflected; 3], mirrored)
+                        }
+                    }
+                }
+            };
+            share = [0, 1, 2].map(|channel| share[channel] * colour[channel]);
+            length += hit.t;
+            let (at, error) = self.raycaster.surface_point(&hit);
+            ray = Ray::new(spawn(at, error, normal, onward), onward);
+            match self.raycaster.nearest_from(&ray, hit.triangle) {
+                Some(next) => hit = next,
+                None => return Shown::Sky(share),
+            }
+        }
+        Shown::Unknown
+    }
+}

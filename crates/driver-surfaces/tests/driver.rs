@@ -1,0 +1,114 @@
+//! The driver of a session: what it keeps from view to view, and what it refuses.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+use glam::DVec3;
+use holo_display::{Driver, Frame, Look, Resolution};
+use holo_driver_surfaces::SurfacesDriver;
+use holo_picture::{View, ViewSpec};
+use holo_raycast::Raycaster;
+use holo_scene::{Bsdf, Material, Scene};
+use holo_section::{BeamId, BeamKey, RayCoords, Sample, Section, SectionSpec, ViewClass};
+use std::sync::Arc;
+
+const SIZE: (u32, u32) = (64, 48);
+const ALBEDO: f32 = 0.5;
+const LIGHT: f32 = 0.8;
+
+/// A floor of 8 × 8 at height 0, and a section of 2 × 2 × 2 above its middle.
+fn floor() -> (Arc<[Section]>, Arc<Raycaster>) {
+    let corner = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let positions = [corner(-4.0, -4.0), corner(4.0, -4.0), corner(4.0, 4.0), corner(-4.0, 4.0)];
+    let mut grey = Material::grey("floor");
+    grey.bsdf = Bsdf::Diffuse { kd: [ALBEDO; 3] };
+    let triangles = [[0, 1, 2], [0, 2, 3]];
+    let (scene, _) =
+        Scene::from_world(&positions, &triangles, &[0, 0], vec![grey], [1.0; 3]).unwrap();
+    let section = Section::new(SectionSpec {
+        origin: [-1.0, -1.0, 0.1],
+        axes: [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]],
+        grid: [3; 3],
+        class: ViewClass::Interior,
+        obstructions: false,
+    });
+    (Arc::from([section.unwrap()]), Arc::new(Raycaster::build(Arc::new(scene)).unwrap()))
+}
+
+/// Samples of beams all over, all of one radiance.
+fn samples(section: &Section, count: u64) -> Vec<(BeamKey, Sample)> {
+    let sample = |number: u64| {
+        let random = holo_display::split_mix(number + 1);
+        let beam = BeamId(random % section.beam_count());
+        let coords = RayCoords(((random >> 32) as u32).to_le_bytes());
+        let ray = section.ray(section.cells(beam)?, coords);
+        let distance = -ray.origin.z / ray.direction.z;
+        let at = ray.origin + ray.direction * distance;
+        let hits = distance > 0.0 && at.abs().max_element() < 4.0;
+        let encoded = Sample::encode(coords, [LIGHT; 3], distance, section.diagonal(), 0);
+        hits.then_some((BeamKey { section: 0, beam }, encoded))
+    };
+    (0..count).filter_map(sample).collect()
+}
+
+fn look(options: &str, resolution: Resolution) -> Look {
+    let mut spec = ViewSpec::default();
+    spec.apply_line(options).unwrap();
+    let (view, size): (View, _) = spec.resolve(SIZE).unwrap();
+    Look { view, size, resolution }
+}
+
+fn draw(driver: &mut SurfacesDriver) -> Frame {
+    driver.draw(&mut |_| {})
+}
+
+const DOWN: &str = "-vp 0 0 1 -vd 0 0.1 -1 -vu 0 1 0 -vh 60";
+const ASIDE: &str = "-vp 0.3 -0.2 1.2 -vd 0.2 0 -1 -vu 0 1 0 -vh 50";
+
+#[test]
+fn a_new_view_shows_the_light_that_earlier_views_brought() {
+    let (sections, raycaster) = floor();
+    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster);
+    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    assert!(draw(&mut driver).empty_pixels > 0, "nothing is known yet");
+    for (beam, sample) in samples(&sections[0], 60_000) {
+        driver.insert(beam, 1, &[sample]);
+    }
+    for (options, resolution) in
+        [(DOWN, Resolution::Full), (ASIDE, Resolution::Full), (ASIDE, Resolution::Half)]
+    {
+        driver.look(&look(options, resolution)).unwrap();
+        let frame = draw(&mut driver);
+        assert_eq!(frame.picture.pixels.len(), (SIZE.0 * SIZE.1) as usize);
+        let shown = frame.picture.pixels.iter().map(|pixel| pixel[1]);
+        // RGBE rounds by up to 1/256.
+        let right = shown.filter(|shown| (shown - LIGHT).abs() < LIGHT / 128.0).count();
+        assert!(100 * right > 99 * frame.depth.len(), "{options}: {right}");
+    }
+}
+
+#[test]
+fn the_order_of_samples_changes_no_bit() {
+    let (sections, raycaster) = floor();
+    let mut all = samples(&sections[0], 20_000);
+    let mut pictures = Vec::new();
+    for _ in 0..2 {
+        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster));
+        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        all.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
+        pictures.push(draw(&mut driver).picture.pixels);
+        all.reverse();
+    }
+    assert!(pictures[0] == pictures[1]);
+}
+
+#[test]
+fn depth_under_a_pixel_is_that_of_the_surface_and_clipped_views_are_refused() {
+    let (sections, raycaster) = floor();
+    let mut driver = SurfacesDriver::new(sections, raycaster);
+    assert!(driver.surface_at(0, 0).is_none(), "there is no view");
+    driver.look(&look("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60", Resolution::Full)).unwrap();
+    let middle = driver.surface_at(SIZE.0 / 2, SIZE.1 / 2).unwrap();
+    assert!((middle.distance - 1.0).abs() < 1e-2, "{}", middle.distance);
+    let refused = driver.look(&look(&format!("{DOWN} -va 2"), Resolution::Full)).unwrap_err();
+    assert!(refused.to_string().contains("--driver voronoi"), "{refused}");
+}

@@ -1,0 +1,113 @@
+//! Behaviours of the store and of pictures made from it, in a room that is known.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+use glam::DVec3;
+use holo_driver_surfaces::{Materials, Placer, RaySample, Store, View};
+use holo_picture::View as Eye;
+use holo_raycast::Raycaster;
+use holo_scene::{Bsdf, Material, Scene};
+use std::sync::Arc;
+
+/// A floor of 4 × 4 at height 0, albedo 0.5, and a sheet of 1 × 1 that lies 1 mm above its middle.
+fn room() -> Arc<Raycaster> {
+    let square = |half: f64, height: f64| {
+        [(-half, -half), (half, -half), (half, half), (-half, half)]
+            .map(|(x, y)| DVec3::new(x, y, height))
+    };
+    let positions: Vec<DVec3> = [square(2.0, 0.0), square(0.5, 0.001)].concat();
+    let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    let mut floor = Material::grey("floor");
+    floor.bsdf = Bsdf::Diffuse { kd: [0.5; 3] };
+    let made = Scene::from_world(&positions, &triangles, &[0; 4], vec![floor], [1.0; 3]);
+    Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap())
+}
+
+fn eye() -> Eye {
+    let (at, down) = (DVec3::new(0.0, 0.0, 3.0), DVec3::new(0.0, 0.0, -1.0));
+    Eye::new(at, down, DVec3::Y, Some(60.0), None, (64, 64)).unwrap()
+}
+
+/// Rays straight down to a regular grid of points of the floor, each with this radiance.
+fn rays(count: u32, radiance: impl Fn(f64, f64) -> f32) -> Vec<RaySample> {
+    let at = |n: u32| (f64::from(n) + 0.5) / f64::from(count) * 3.8 - 1.9;
+    let grid = (0..count).flat_map(|y| (0..count).map(move |x| (at(x), at(y))));
+    grid.map(|(x, y)| {
+        let on_sheet = x.abs() < 0.5 && y.abs() < 0.5;
+        RaySample {
+            origin: DVec3::new(x, y, 2.0),
+            direction: DVec3::new(0.0, 0.0, -1.0),
+            distance: if on_sheet { 1.999 } else { 2.0 },
+            uncertainty: 0.0,
+            radiance: [radiance(x, y); 3],
+        }
+    })
+    .collect()
+}
+
+fn drawn(raycaster: &Arc<Raycaster>, batches: &[&[RaySample]]) -> Vec<[f32; 3]> {
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let placer = Placer::new(raycaster, &materials);
+    let mut store = Store::new(0.02, 1_000_000);
+    for batch in batches {
+        let mut placed = Vec::new();
+        placer.place_rays(batch, &mut placed);
+        store.add(&placed);
+    }
+    View::new(Arc::clone(raycaster), Arc::clone(&materials), &eye(), (64, 64))
+        .draw(&store, 4)
+        .pixels
+}
+
+#[test]
+fn a_picture_does_not_depend_on_the_order_and_batches_of_samples() {
+    let raycaster = room();
+    let all = rays(100, |x, y| (1.5 + x.sin() + y * 0.3).max(0.0) as f32);
+    let mut reversed = all.clone();
+    reversed.reverse();
+    let (first, second) = reversed.split_at(1234);
+    assert_eq!(drawn(&raycaster, &[&all]), drawn(&raycaster, &[first, second]));
+}
+
+#[test]
+fn even_light_is_shown_as_it_is() {
+    let raycaster = room();
+    let pixels = drawn(&raycaster, &[&rays(100, |_, _| 0.25)]);
+    for y in 4..60 {
+        for x in 4..60 {
+            let shown = pixels[y * 64 + x][1];
+            assert!((shown - 0.25).abs() < 1e-4, "pixel {x} {y} shows {shown}");
+        }
+    }
+}
+
+#[test]
+fn one_bright_sample_brings_less_than_its_light_and_many_bring_all() {
+    let raycaster = room();
+    let sum = |pixels: &[[f32; 3]]| pixels.iter().map(|p| f64::from(p[1])).sum::<f64>();
+    let even = rays(100, |_, _| 0.25);
+    let quiet = sum(&drawn(&raycaster, &[&even]));
+    let mut one = even.clone();
+    one[3030].radiance = [25_000.0; 3];
+    let excess = sum(&drawn(&raycaster, &[&one])) - quiet;
+    // Uncut, it would bring about twelve times the light of all others.
+    assert!(excess > 0.0 && excess < 0.25 * quiet, "{excess} of {quiet}");
+    let all = rays(100, |_, _| 25.0);
+    let bright = sum(&drawn(&raycaster, &[&all]));
+    assert!((bright / quiet - 100.0).abs() < 0.1, "{bright} of {quiet}");
+}
+
+#[test]
+fn a_store_keeps_at_most_its_cells() {
+    let raycaster = room();
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let placer = Placer::new(&raycaster, &materials);
+    let mut store = Store::new(0.02, 6400);
+    let mut placed = Vec::new();
+    placer.place_rays(&rays(200, |_, _| 1.0), &mut placed);
+    for part in placed.chunks(1000) {
+        store.begin_round();
+        store.add(part);
+    }
+    assert!(store.cells() <= 6400, "{} cells", store.cells());
+}
