@@ -35,7 +35,7 @@ fn packets(mut stored: Vec<Stored>) -> Vec<(BeamId, Vec<Sample>)> {
 
 fn main() {
     let json = std::env::args().skip(1).any(|argument| argument == "--json");
-    for size in [(320, 240), (512, 512)] {
+    for size in [(256, 256), (512, 512)] {
         let (section, view) = (room_section(8), room_view(size));
         let mut select = f64::INFINITY;
         let sections = std::slice::from_ref(&section);

@@ -39,12 +39,7 @@ impl Painter<'_> {
             Some((level, seen.bins))
         });
         let Some((level, bins)) = found else { return Shown::NOTHING };
-        let covering = if self.may_be_covered(column, row, bins) {
-            self.covering(column, row, bins)
-        } else {
-            None
-        };
-        let (level, bins) = covering.unwrap_or((level, bins));
+        let (level, bins) = self.covering(column, row, bins).unwrap_or((level, bins));
         self.surface(column, row, level, bins)
     }
 
@@ -112,6 +107,9 @@ impl Painter<'_> {
     /// may look from behind the surface, as from the next room, and be any number. Pixels with
     /// samples near the eye need none of this. Gains and costs are in docs/notes/quadtree.md.
     fn covering(&self, column: usize, row: usize, front: Bins) -> Option<(usize, Bins)> {
+        if !self.may_be_covered(column, row, front) {
+            return None;
+        }
         [2, 1].into_iter().filter(|&level| level < self.all.levels.len()).find_map(|level| {
             let leaf = self.all.leaf(level, column, row);
             let seen = self.leaf_seen(level, column, row);

@@ -1,4 +1,4 @@
-//! Cells of samples: whose colour a pixel has, how far it goes, and what depth keeps apart.
+//! Cells of samples: which sample a pixel shows, how far cells reach, and what depth keeps apart.
 
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
@@ -62,7 +62,10 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
-    fn order_and_batches_change_no_bit_and_every_value_is_finite(mut samples in any_samples(), seed in any::<u64>()) {
+    fn order_and_batches_change_no_bit_and_every_value_is_finite(
+        mut samples in any_samples(),
+        seed in any::<u64>(),
+    ) {
         const SIZE: (u32, u32) = (24, 18);
         let (section, view) = (room_section(4), room_view(SIZE));
         let selection = select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
@@ -70,9 +73,12 @@ proptest! {
         let mut pictures = Vec::new();
         for filling in BOTH {
             let mut cells = empty(&section, &view, SIZE, filling);
-            samples.iter().for_each(|(number, paths, sample)| cells.insert(0, beam(*number), *paths, &[*sample]));
+            for (number, paths, sample) in &samples {
+                cells.insert(0, beam(*number), *paths, &[*sample]);
+            }
             let frame = cells.draw();
-            prop_assert!(frame.picture.pixels.iter().flatten().all(|value| value.is_finite() && *value >= 0.0));
+            let mut channels = frame.picture.pixels.iter().flatten();
+            prop_assert!(channels.all(|value| value.is_finite() && *value >= 0.0));
             prop_assert!(frame.depth.iter().all(|depth| *depth >= 0.0));
             pictures.push(bits(&frame));
         }
@@ -95,7 +101,8 @@ fn wall(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     ([0.5; 3], if direction.x > 0.0 { (10.0 - origin.x) / direction.x } else { f64::INFINITY })
 }
 
-/// Samples of a scene at random places of the picture, each of a colour of its own, and where they land, pixels from the left and top.
+/// Returns samples of a scene at random places of the picture, each with a colour of its own, and
+/// where they land in pixels from the left and top.
 fn numbered(
     scene: Scene,
     section: &Section,
@@ -115,7 +122,7 @@ fn numbered(
     };
     let mut found: Vec<(Stored, [f64; 2])> =
         stored.into_iter().enumerate().filter_map(place).collect();
-    // Of two with one colour, one.
+    // One of two with the same colour.
     found.sort_by_key(|((_, sample), _)| sample.rgbe);
     found.dedup_by_key(|((_, sample), _)| sample.rgbe);
     found.retain(|(_, [x, y])| {
@@ -157,7 +164,7 @@ fn a_constant_cell_is_the_nearest_sample_s_and_none_reaches_over_more_than_a_ten
             assert!(own <= most + placed, "{count}: {own} {most}");
         }
         if count == 1 {
-            // All of the circle that is in the picture, and nothing else.
+            // The circle in the picture, and nothing else.
             assert!(shown + far == frame.picture.pixels.len(), "{shown} {far}");
         }
         if count >= 900 {
@@ -181,7 +188,8 @@ fn disc(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     }
 }
 
-/// Samples of random rays of the beams that a view wants, in proportion to their weight; about `count` of them are of rays that it may see.
+/// Returns samples of random rays of the beams that a view wants, in proportion to their weight.
+/// About `count` of the rays may be visible.
 fn spread_samples(
     scene: Scene,
     section: &Section,
@@ -233,7 +241,7 @@ fn no_light_crosses_a_step_in_depth_no_halo_grows_and_nothing_shows_through() {
                 let middle =
                     [pixel as u32 % SIZE.0, pixel as u32 / SIZE.0].map(|at| f64::from(at) + 0.5);
                 let from_middle = (middle[0] - 60.0).hypot(middle[1] - 45.0);
-                // A pixel whose own samples pass near the eye and see both shows both.
+                // A pixel shows both if its own samples pass near the eye and see both.
                 if colour[0] > 0.0 && colour[1] > 0.0 {
                     assert!(
                         (from_middle - RADIUS).abs() < 1.5 && filling == Filling::Smooth,
@@ -252,10 +260,12 @@ fn no_light_crosses_a_step_in_depth_no_halo_grows_and_nothing_shows_through() {
         let mean = |of: &[f64]| of.iter().sum::<f64>() / SEEDS as f64;
         let (mean, leaves) = (mean(&growth), mean(&leaves));
         println!(
-            "{filling:?}, {density} a pixel: the radius grows by {mean:.2} pixels (quadtree {leaves:.2}), {mixed} mixed"
+            "{filling:?}, {density} a pixel: the radius grows by {mean:.2} pixels (quadtree \
+             {leaves:.2}), {mixed} mixed"
         );
-        // Half a pixel, since the nearer surface is shown of two in one; and rays from aside do not reach all of the wall beside the
-        // disc. A nearer surface that won within its samples' spacing would grow by most of that.
+        // Half a pixel is allowed because a pixel with two surfaces shows the nearer. Rays from
+        // aside do not reach all of the wall beside the disc. A nearer surface that won within its
+        // samples' spacing would grow by most of that spacing.
         assert!(
             mean < 0.5 + 0.25 / density.sqrt() && mean < leaves && mean > -0.5,
             "{mean} {leaves}"
@@ -265,7 +275,7 @@ fn no_light_crosses_a_step_in_depth_no_halo_grows_and_nothing_shows_through() {
     }
 }
 
-/// The wall ahead with stripes, edges of which most pixels have.
+/// The wall ahead with stripes: most pixels have an edge.
 fn stripes(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     let (_, distance) = wall(origin, direction);
     let place = origin + direction * distance;
@@ -298,12 +308,12 @@ fn as_samples_grow_every_pixel_tends_to_the_mean_over_it() {
         let mean = values.iter().sum::<f64>() / SEEDS as f64;
         let variance =
             values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (SEEDS - 1) as f64;
-        // Where hardly anything differs within a pixel, what colours are rounded to does.
+        // Where colours hardly differ within a pixel, their rounding does.
         let error = (variance / SEEDS as f64).sqrt().max(2e-4 * mean);
         worst = worst.max((mean - f64::from(reference[1])).abs() / error);
         tested += 1;
     }
-    // Student's t of 11 degrees of freedom: 9.0 is passed once in 10⁶, of 432 pixels once in 2000 runs.
+    // Student's t with 11 degrees of freedom passes 9.0 once in 10⁶ pixels: once in 2000 runs.
     assert!(tested == 432 && worst < 9.0, "{worst}");
 }
 
@@ -360,7 +370,7 @@ fn views_of_every_type_are_shown_as_well_as_by_leaves() {
                 error < if filling == Filling::Smooth { leaves } else { 1.5 * leaves },
                 "{kind:?} {filling:?} {error}"
             );
-            // What looks nowhere, and only that, is black.
+            // Pixels that look nowhere are black, and no others.
             let looks = |pixel: &usize| reference[*pixel] != [0.0; 3];
             let black = (0..reference.len())
                 .filter(looks)
@@ -398,7 +408,7 @@ fn what_is_known_to_be_empty_is_the_sky_and_what_no_section_covers_is_0() {
         }
         selection.beams.iter().for_each(|wanted| cells.insert_unseen(0, wanted.key.beam));
         let after = cells.draw();
-        // Some pixels' middles are in beams that no jittered ray of theirs has met.
+        // A few pixels' middles are in beams that no jittered ray has met.
         assert!(after.unseen_pixels + after.uncovered_pixels > pixels * 98 / 100);
         let is_sky = |pixel: &usize| {
             after.picture.pixels[*pixel] == [0.1, 0.2, 0.4] && after.depth[*pixel].is_infinite()
@@ -424,7 +434,7 @@ fn pictures_of_one_pixel_and_of_a_large_screen_have_no_hole() {
             let holes = frame.picture.pixels.iter().filter(|pixel| **pixel == [0.0; 3]).count();
             let allowed =
                 if filling == Filling::Constant { frame.picture.pixels.len() / 500 } else { 0 };
-            // A tenth of a picture of few pixels is less than one.
+            // A tenth of a tiny picture is less than a pixel.
             let is_small = filling == Filling::Constant && (2..1000).contains(&(size.0 * size.1));
             assert!(holes <= allowed || is_small, "{size:?} {filling:?}: {holes}");
             if size == (1, 1) {
@@ -434,7 +444,7 @@ fn pictures_of_one_pixel_and_of_a_large_screen_have_no_hole() {
     }
 }
 
-/// A wall of which two fifths are in shadow.
+/// A wall with two fifths in shadow.
 fn shadow(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     let (_, distance) = wall(origin, direction);
     let place = origin + direction * distance;
@@ -483,7 +493,8 @@ fn few_samples_of_one_path_make_no_darker_picture_than_their_leaves() {
             worse.push(relative_error(&frame, &reference) / relative_error(&leaves, &reference));
         }
         let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
-        // A fiftieth of such samples has a third of their light: the others agree on too little. Pairs' differences, at 3 standard errors.
+        // One in fifty samples has a third of all light, so most neighbours are too dark.
+        // Differences of pairs, at 3 standard errors.
         let squares: Vec<f64> = darker.iter().map(|by| (by - mean(&darker)).powi(2)).collect();
         let error = (mean(&squares) / (darker.len() - 1) as f64).sqrt();
         println!(

@@ -105,7 +105,7 @@ fn a_picture_at_rest_does_not_depend_on_where_one_came_from() {
         assert!(draw(&mut walked).samples_used > draw(&mut alone).samples_used);
         [&mut walked, &mut alone].into_iter().for_each(|driver| driver.settle());
         assert_eq!(draw(&mut walked).picture, draw(&mut alone).picture);
-        // What comes late counts as well.
+        // Late samples count as well.
         [&mut walked, &mut alone].into_iter().for_each(|driver| put(driver, &own[600..]));
         let (walked, alone) = (draw(&mut walked), draw(&mut alone));
         assert!(walked.picture == alone.picture && walked.depth == alone.depth);
@@ -235,7 +235,7 @@ fn uncovered_pixels_show_what_live_rays_saw_and_covered_ones_do_not_change() {
                     assert_eq!(colour, [0.0; 3], "{pixel}");
                 }
             }
-            // Live rays are of one view alone.
+            // Live rays belong to one view alone.
             past(&mut driver, resolution);
             assert_eq!(draw(&mut driver).picture, before.picture);
         }
@@ -250,7 +250,7 @@ fn a_driver_without_a_view_has_a_name_and_shows_nothing() {
         driver.settle();
         assert_eq!(draw(&mut driver).samples_used, 0);
         assert!(driver.uncovered().is_empty());
-        // Samples that came before the first view are of none.
+        // Samples that came before the first view are lost.
         assert_eq!(glance(&mut driver, 0.0).samples_used, 0);
     }
 }

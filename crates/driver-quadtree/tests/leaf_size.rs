@@ -1,4 +1,5 @@
-//! The size of leaves: as good as the best fixed one, whatever the noise and the number of samples.
+//! The size of leaves: nearly as good as the best fixed one, whatever the noise and the number of
+//! samples.
 
 mod common;
 
@@ -26,7 +27,7 @@ fn adaptive_leaves_are_nearly_as_good_as_the_best_fixed_size() {
     );
 }
 
-/// A view and a law of noise that no constant was chosen with.
+/// No constant was chosen with this view or these laws of noise.
 #[test]
 fn adaptive_leaves_are_nearly_as_good_for_another_view_and_noise() {
     let (section, view) = (room_section(12), view([5.2, 3.1, 3.9], [8.6, 8.0, 1.0], 75.0, SIZE));
@@ -41,7 +42,8 @@ fn adaptive_leaves_are_nearly_as_good_for_another_view_and_noise() {
     );
 }
 
-/// A pixel and a half wide or three: hardly a leaf but the smallest is all bar or all pane. They lean, so as to lie anywhere on leaves.
+/// Bars and panes are a pixel and a half wide or three: only the smallest leaves are all bar or all
+/// pane. They lean, so that they lie anywhere on leaves.
 #[test]
 fn adaptive_leaves_are_nearly_as_good_before_bars_and_panes() {
     let (section, view) = (room_section(8), wall_view());
@@ -86,7 +88,8 @@ fn check(
             let best = fixed.iter().copied().fold(f64::INFINITY, f64::min);
             let bias = bias(&frame, &reference);
             println!(
-                "{name}, {noise_name}, {density} a pixel: error {adaptive:.5}, {:.2} x best; bias {bias:+.4}; fixed {fixed:.5?}",
+                "{name}, {noise_name}, {density} a pixel: error {adaptive:.5}, {:.2} x best; \
+                 bias {bias:+.4}; fixed {fixed:.5?}",
                 adaptive / best
             );
             worst = worst.max(adaptive / best);
@@ -100,7 +103,8 @@ fn wall_view() -> View {
     view([3.0, 4.0, 3.0], [8.0, 4.0, 3.0], 60.0, SIZE)
 }
 
-/// A wall of dark bars and bright panes, so many halves of a pixel wide in [`wall_view`], that lean by so many tenths.
+/// A wall of dark bars and bright panes. They are so many halves of a pixel wide in [`wall_view`],
+/// and lean by so many tenths.
 fn stripes<const BAR: u32, const PANE: u32, const LEAN: u32>(
     origin: DVec3,
     direction: DVec3,
@@ -115,8 +119,8 @@ fn stripes<const BAR: u32, const PANE: u32, const LEAN: u32>(
 
 const BAR_LIGHT: f32 = 0.2;
 
-/// A mean of bars and panes together is of neither, however far the intervals of noisy samples reach: where every other column is a bar, each is as
-/// bright as it is.
+/// A mean over bars and panes together fits neither, however wide the intervals of noisy samples
+/// are. Where every other column is a bar, each column has its own brightness.
 #[test]
 fn no_pixel_shows_the_mean_of_quarters_that_differ() {
     const SEEDS: u64 = 16;
@@ -151,8 +155,8 @@ fn no_pixel_shows_the_mean_of_quarters_that_differ() {
             let squares: f64 = errors.iter().map(|errors| (errors[i] - mean).powi(2)).sum();
             let error = (squares / (n * (n - 1.0))).sqrt();
             println!("{name}, {what}: {mean:+.4} ± {error:.4}");
-            // Student's t with 15 degrees of freedom: beyond 6 once in 40,000 sets of seeds; six of them. And what there is to see is larger:
-            // without a look at the quarters 0.04 to 0.96.
+            // Student's t with 15 degrees of freedom is beyond 6 once in 40,000 sets of seeds, and
+            // there are six. Errors are much larger if quarters are not compared: 0.04 to 0.96.
             assert!(mean.abs() < 6.0 * error && error < 0.002, "{name}, {what}: {mean} ± {error}");
         }
     }
@@ -173,8 +177,8 @@ fn pictures_of_clean_samples_tend_to_the_box_filter() {
         })
         .collect();
     println!("{errors:.6?}");
-    // The mean of n independent samples of a pixel has a square error of 1/n: a quarter at each step. Not averaged away
-    // are RGBE's rounding and the snapping of rays to coordinates: the last step may gain less.
+    // The mean of n independent samples has a square error of 1/n: a quarter at each step. RGBE's
+    // rounding and the snapping of rays to coordinates remain, so the last step may gain less.
     for pair in errors[..3].windows(2) {
         assert!(pair[1] < pair[0] / 3.0, "{errors:?}");
     }
@@ -186,14 +190,15 @@ fn averaging_leaves_does_not_change_the_brightness_of_the_picture() {
     let (section, view) = (room_section(8), room_view(SIZE));
     let reference = truth(room, &view, SIZE, 8);
     for density in [16.0, 256.0] {
-        // The standard error of the mean of all samples, of relative deviation 2.1 by themselves and about 2.8 with the
-        // room's own contrast.
+        // The standard error of the mean of all samples. Their relative deviation is 2.1, and about
+        // 2.8 with the room's own contrast.
         let error = 2.8 / (PIXELS * density).sqrt();
         let stored = near_samples(room, &section, &view, (PIXELS * density) as usize, 11, one_path);
         let frame = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored).draw();
         let bias = bias(&frame, &reference);
         println!("{density} one-path samples a pixel: bias {bias:+.4}, of which chance {error:.4}");
-        // What choosing leaves by their own noise costs in bias: below 1 % at 16 samples, and going with more.
+        // Choosing leaves by their own noise costs some bias: below 1 % at 16 samples, less with
+        // more.
         let allowed = 0.16 / density + 0.001;
         assert!(bias.abs() < allowed + 2.6 * error, "{bias} at {density}");
     }
@@ -237,11 +242,13 @@ fn a_lamp_that_few_of_many_samples_see_stays_where_they_see_it() {
         let truth: f64 = reference.iter().map(|pixel| f64::from(pixel[1])).sum();
         let bright = far.iter().filter(|&&green| green > 0.09).count() as f64 / far.len() as f64;
         println!(
-            "{name}: {bright:.4} of the pixels far from the lamp are bright; {:.3} of all light is shown",
+            "{name}: {bright:.4} of the pixels far from the lamp are bright; {:.3} of all light is \
+             shown",
             shown / truth
         );
         assert!(bright < 0.005, "{name}: {bright}");
-        // Not less. More, where pixels of large leaves and of small ones in them show the same samples: with leaves of any size 1.5.
+        // More than all light is shown where large leaves and small leaves in them show the same
+        // samples: 1.5 if leaves of any size were shown.
         let shown = shown / truth;
         assert!((0.9..1.4).contains(&shown), "{name}: {shown}");
     }

@@ -1,4 +1,5 @@
-//! Samples that look from elsewhere: used where what they show does not depend on the direction, and nowhere else.
+//! Samples that look from elsewhere count where colours do not depend on the direction, and nowhere
+//! else.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -14,7 +15,7 @@ use std::sync::Arc;
 
 const SIZE: (u32, u32) = (128, 96);
 
-/// The room, its far wall a gloss: bright for those who see it from the side that the eye is on.
+/// The room with a glossy far wall, which is bright if seen from the eye's side.
 fn glossy(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     let (colour, distance) = room(origin, direction);
     let p = origin + direction * distance;
@@ -26,7 +27,7 @@ fn glossy(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     ([lobe, lobe, 0.9 * lobe], distance)
 }
 
-/// Samples of beams in all directions: for each beam the first few of its own sequence.
+/// Returns samples of beams in all directions: the first few of each beam's own sequence.
 fn of_beams(scene: Scene, beams: &[BeamId], each: u32, noise: Noise) -> Vec<Stored> {
     let (section, mut random) = (room_section(8), Random(5));
     let mut stored = Vec::new();
@@ -39,7 +40,8 @@ fn of_beams(scene: Scene, beams: &[BeamId], each: u32, noise: Noise) -> Vec<Stor
     stored
 }
 
-/// Errors of the picture of a view's own samples, one a pixel, and of that with those of all surface beams.
+/// Returns the errors of two pictures: of a view's own samples, and of these with samples of all
+/// surface beams.
 fn errors(scene: Scene, noise: Noise, own_a_pixel: f64) -> (f64, f64) {
     let (section, view) = (room_section(8), room_view(SIZE));
     let reference = truth(scene, &view, SIZE, 8);
@@ -72,7 +74,8 @@ fn samples_from_elsewhere_do_not_spoil_a_gloss() {
     }
 }
 
-/// How many of random rays of the room's section end on what the view sees, and how many of those are of these beams.
+/// Returns the number of random rays of the room's section that end on what the view sees, and how
+/// many of them belong to these beams.
 fn rays_that_end_in(view: &View, asked: &BTreeSet<BeamId>) -> (u32, u32) {
     let section = room_section(8);
     let mut random = Random(8);
@@ -111,8 +114,7 @@ fn surface_beams_hold_most_samples_that_end_on_what_is_seen() {
 }
 
 #[test]
-fn the_best_surface_beams_hold_more_of_it_each_and_as_many_are_asked_for_as_hold_some_samples_a_pixel()
- {
+fn the_best_surface_beams_are_better_and_hold_two_samples_for_each_pixel() {
     let (section, view) = (room_section(8), room_view(SIZE));
     let tree = quadtree(
         &section,
@@ -138,7 +140,7 @@ fn the_best_surface_beams_hold_more_of_it_each_and_as_many_are_asked_for_as_hold
     }
 }
 
-/// A section on the other side of a wall: its rays pass through the wall for all that the display knows.
+/// The far section is on the other side of a wall, but a display knows of no walls.
 #[test]
 fn beams_of_sections_that_are_further_from_what_is_seen_come_last() {
     let (near, view) = (room_section(8), room_view(SIZE));
@@ -163,7 +165,7 @@ fn beams_of_sections_that_are_further_from_what_is_seen_come_last() {
 #[test]
 fn depths_are_those_of_the_drawn_picture() {
     let (section, view) = (room_section(8), room_view(SIZE));
-    // From a sample for a pixel to one for 200: most leaves are then filled from larger ones.
+    // From one sample for each pixel to one for 200, where most leaves are filled from larger ones.
     for count in [12_000, 1000, 60] {
         let own = near_samples(room, &section, &view, count, 3, clean);
         let tree = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &own);

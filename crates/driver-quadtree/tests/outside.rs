@@ -1,4 +1,4 @@
-//! The quadtree driver with the eye between two sections: what stands before the one that it looks into.
+//! The eye is between two sections: objects stand before the section that it looks into.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -12,7 +12,8 @@ use std::sync::Arc;
 
 const SIZE: (u32, u32) = (160, 120);
 
-/// A bright post one unit ahead of the eye, before a dark wall beyond the section that is looked into.
+/// A bright post one unit ahead of the eye, before a dark wall beyond the section that is looked
+/// into.
 fn post(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     let to_post = (1.0 - origin.x) / direction.x;
     if to_post > 0.0 && (origin.y + direction.y * to_post).abs() < 0.2 {
@@ -22,7 +23,7 @@ fn post(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     if to_wall > 0.0 { ([0.05, 0.1, 0.2], to_wall) } else { ([0.0; 3], f64::INFINITY) }
 }
 
-/// The section behind the eye, from which the post was seen, and the one beyond it.
+/// The section behind the eye, whose rays see the post, and the one beyond the post.
 fn sections() -> [Section; 2] {
     let section =
         |x: f64| section([x, -2.0, -2.0], [2.0, 4.0, 4.0], [8; 3], ViewClass::Interior, true);

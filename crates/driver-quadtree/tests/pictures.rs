@@ -71,7 +71,7 @@ fn reprojected_samples_land_where_the_view_sees_their_surface() {
         let surface = ray.origin + ray.direction * sample.distance(section.diagonal());
         let Some((x, y, distance)) = seen.project(surface) else { continue };
         let Some((column, row)) = View::pixel_at(SIZE, x, y) else { continue };
-        // Within a part in 1000 of a pixel's border the other side may have it.
+        // Within a thousandth of a pixel's border it may land on the other side.
         let inside = |along: f64| (0.001..0.999).contains(&along.fract());
         if !(inside(x * f64::from(SIZE.0)) && inside(y * f64::from(SIZE.1))) {
             continue;
@@ -137,7 +137,8 @@ fn silhouettes_do_not_bleed() {
         let mut stored = batch_samples(disc, &section, &seen, SIZE, count(batch), 3, noise);
         stored.extend(near_samples(disc, &section, &seen, count(near), 5, noise));
         let frame = quadtree(&section, &seen, SIZE, QuadtreeParams::default(), &stored).draw();
-        // Pixels two or more from the silhouette show one surface only: red over blue tells which, whatever the noise.
+        // Pixels two or more from the silhouette show one surface only. The share of red identifies
+        // it, whatever the noise.
         let (mut wrong, mut looked_at) = (0, 0);
         for row in 2..SIZE.1 as i32 - 2 {
             for column in 2..SIZE.0 as i32 - 2 {

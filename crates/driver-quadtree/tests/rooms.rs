@@ -1,4 +1,4 @@
-//! The quadtree driver with the eye in a room, and samples of the room behind its wall.
+//! The eye is in a room, and there are samples of the room behind its wall.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -14,7 +14,8 @@ const SIZE: (u32, u32) = (160, 120);
 const PIXELS: f64 = (SIZE.0 * SIZE.1) as f64;
 const BROWN: [f32; 3] = [0.2, 0.1, 0.05];
 
-/// A thin wall between two rooms: brown to the eye's room, white to the other, whose far wall is green.
+/// A thin wall between two rooms. It is brown towards the eye's room and white towards the other,
+/// whose far wall is green.
 fn rooms(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     let (from_left, to_right) = (origin.x < 4.0, direction.x > 0.0);
     let (colour, wall) = match (from_left, to_right) {
@@ -33,8 +34,9 @@ fn sections() -> [Section; 2] {
     [section(0.5), section(4.5)]
 }
 
-/// Share of the pixels that show anything but the brown wall, by samples of the eye's room and of the other's, so many a pixel: of rays
-/// that go on where the eye's end, or of those that come towards the eye.
+/// Returns the share of pixels that do not show the brown wall. `own` and `other` are samples for
+/// each pixel from the eye's room and from the other. Rays of the other room come towards the eye,
+/// or go on where the eye's rays end.
 fn wrong(own: f64, other: f64, is_towards_eye: bool) -> f64 {
     let [room, behind] = sections();
     let seen = view([1.0, 2.0, 2.0], [4.0, 2.0, 2.0], 60.0, SIZE);

@@ -31,7 +31,7 @@ fn pixels_of_unseen_beams_show_the_sky_exactly_and_no_others_do() {
     // Leaves of one pixel: what a pixel shows depends on no other's noise.
     let params = QuadtreeParams { leaf: LeafSize::Fixed(0), ..params() };
     let plain = quadtree(&section, &view, SIZE, params, &stored).draw();
-    // Every second beam of the view, as if it saw nothing. Samples that land in its pixels are there all the same.
+    // Every second beam of the view counts as unseen, though samples land in its pixels.
     let selection =
         select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     let unseen: HashSet<BeamId> =
@@ -90,7 +90,7 @@ fn when_a_beam_becomes_known_changes_no_bit() {
     unseen.iter().rev().chain(&unseen).for_each(|&beam| first.insert_unseen(0, beam));
     insert(&mut first, &stored);
     assert_eq!(bits(&last.draw()), bits(&first.draw()));
-    // What does not exist changes nothing either.
+    // Unknown sections and beams change nothing.
     let known = bits(&first.draw());
     first.insert_unseen(0, BeamId(section.beam_count()));
     first.insert_unseen(9, unseen[0]);
