@@ -5,7 +5,7 @@ use glam::DVec3;
 use holo_display::mix;
 use holo_picture::{Picture, View};
 
-use crate::interpolate::{Looks, interpolate};
+use crate::interpolate::{Looks, interpolate, show_means};
 use crate::map::Map;
 use crate::noise::Noise;
 use crate::params::{EmptyPixels, PointImageError, PointImageParams};
@@ -47,6 +47,8 @@ pub struct PointImage {
     pub(crate) predicted: Option<View>,
     /// Counts views.
     pub(crate) epoch: u32,
+    /// Whether any point may be a sample of the current view.
+    pub(crate) has_fresh: bool,
     pub(crate) noise: Noise,
     /// Counts frames; chooses the jitter.
     pub(crate) frames: u32,
@@ -77,6 +79,7 @@ impl PointImage {
             map: None,
             predicted: None,
             epoch: 0,
+            has_fresh: false,
             noise: Noise::default(),
             frames: 0,
             is_dirty: true,
@@ -156,6 +159,7 @@ impl PointImage {
         self.view = Some(*view);
         self.epoch = self.epoch.wrapping_add(1);
         self.points.is_fresh.fill(false);
+        self.has_fresh = false;
         true
     }
 
@@ -194,7 +198,11 @@ impl PointImage {
             ended(Stage::Prefilter);
         }
         // What the prefilter left black may stay.
-        interpolate(planes, points, &Looks::new(params, prior, black && !stages.prefilter));
+        let looks = Looks::new(params, prior, black && !stages.prefilter);
+        interpolate(planes, &looks);
+        if looks.fresh_alone && self.has_fresh {
+            show_means(planes, points, prior);
+        }
         ended(Stage::Interpolate);
     }
 }

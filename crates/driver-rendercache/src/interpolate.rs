@@ -30,7 +30,7 @@ pub(crate) struct Looks {
     black: bool,
     /// Whether pixels with a point show it alone: all of them, or those of this view's samples.
     all_alone: bool,
-    fresh_alone: bool,
+    pub fresh_alone: bool,
 }
 
 impl Looks {
@@ -52,18 +52,13 @@ impl Looks {
 }
 
 /// Makes the picture and the priorities.
-pub(crate) fn interpolate(planes: &mut Planes, points: &Points, looks: &Looks) {
+pub(crate) fn interpolate(planes: &mut Planes, looks: &Looks) {
     let (isa, width, height) = (Isa::best(), planes.width, planes.height);
-    let Planes { slot, depth, colour, priority, picture, .. } = planes;
+    let Planes { colour, priority, picture, .. } = planes;
     let bands = bands(picture, width).zip(priority.par_chunks_mut(width * ROWS)).enumerate();
-    bands.for_each(|(band, (mut picture, priority))| {
+    bands.for_each(|(band, (picture, priority))| {
         let rows = rows_of(band, height);
-        let pixels = rows.start * width..rows.end * width;
-        let planes = picture.each_mut().map(|plane| &mut **plane);
-        isa.run(Interpolate { picture: planes, priority, rows, width, colour, looks });
-        if looks.fresh_alone {
-            show_means(&mut picture, &depth[pixels.clone()], &slot[pixels], points, looks.prior);
-        }
+        isa.run(Interpolate { picture, priority, rows, width, colour, looks });
     });
 }
 
@@ -154,22 +149,22 @@ fn show_own(plane: &mut [f32], own: &[f32], has_point: &[f32]) {
     }
 }
 
-/// Shows the mean of its own samples in pixels whose point is a sample of this view: packed colours
-/// round it. A few noisy samples are mixed with the smoothed picture, which fades as they grow.
-fn show_means(
-    [red, green, blue]: &mut [&mut [f32]; 3],
-    depth: &[f32],
-    slot: &[u32],
-    points: &Points,
-    prior: f32,
-) {
-    for (pixel, (depth, slot)) in depth.iter().zip(slot).enumerate() {
-        if *depth > 0.0 {
-            let details = &points.details[*slot as usize];
-            let share = details.own_share(prior);
-            for (plane, mean) in [&mut *red, green, blue].into_iter().zip(details.mean) {
-                plane[pixel] += share * (mean - plane[pixel]);
+/// Shows the mean of its own samples in each pixel whose point is a sample of this view: packed
+/// colours round it. A few noisy samples are mixed with the smoothed picture, which fades as they
+/// grow.
+pub(crate) fn show_means(planes: &mut Planes, points: &Points, prior: f32) {
+    let Planes { width, depth, slot, picture, .. } = planes;
+    let length = *width * ROWS;
+    let bands = bands(picture, *width).zip(depth.par_chunks(length).zip(slot.par_chunks(length)));
+    bands.for_each(|(mut picture, (depth, slot))| {
+        for (pixel, (depth, slot)) in depth.iter().zip(slot).enumerate() {
+            if *depth > 0.0 {
+                let details = &points.details[*slot as usize];
+                let share = details.own_share(prior);
+                for (plane, mean) in picture.iter_mut().zip(details.mean) {
+                    plane[pixel] += share * (mean - plane[pixel]);
+                }
             }
         }
-    }
+    });
 }

@@ -88,7 +88,11 @@ fn has_gap<const WINDOW: usize>(
     let margin = WINDOW / 2 - 1;
     add_rows::<3>(lines, row + margin, COUNT, down);
     add_columns::<3>(&down[margin..], counts);
-    counts.iter().fold(f32::INFINITY, |least, &count| least.min(count)) == 0.0
+    let mut has_gap = false;
+    for count in counts.iter() {
+        has_gap |= *count == 0.0;
+    }
+    has_gap
 }
 
 #[inline(always)]
