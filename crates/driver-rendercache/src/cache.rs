@@ -8,7 +8,7 @@ use holo_picture::{Picture, View};
 use crate::interpolate::{Looks, interpolate, show_means};
 use crate::map::Map;
 use crate::noise::Noise;
-use crate::params::{EmptyPixels, PointImageError, PointImageParams};
+use crate::params::{EmptyPixels, PointImageError, PointImageParams, Smoothing};
 use crate::planes::Planes;
 use crate::points::{BLOCK, Points};
 use crate::predict::Occupancy;
@@ -58,8 +58,8 @@ pub struct PointImage {
 }
 
 impl PointImage {
-    /// Returns an empty cache for pictures of `size` pixels, all black. It takes some 150 bytes per
-    /// pixel.
+    /// Returns an empty cache for pictures of `size` pixels, all black. It takes about 150 bytes
+    /// per pixel.
     ///
     /// # Errors
     /// If the size is outside the limits of [`Picture::check_size`], or a number outside its range.
@@ -197,10 +197,9 @@ impl PointImage {
             prefilter::prefilter(planes, prefilter_window, black, gaps_only);
             ended(Stage::Prefilter);
         }
-        // What the prefilter left black may stay.
-        let looks = Looks::new(params, prior, black && !stages.prefilter);
-        interpolate(planes, &looks);
-        if looks.fresh_alone && self.has_fresh {
+        // What the prefilter filled stays.
+        interpolate(planes, &Looks::new(params, prior, black && !stages.prefilter));
+        if params.smoothing != Smoothing::Everywhere && self.has_fresh {
             show_means(planes, points, prior);
         }
         ended(Stage::Interpolate);

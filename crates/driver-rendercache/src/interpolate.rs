@@ -28,14 +28,13 @@ pub(crate) struct Looks {
     fills: bool,
     /// Whether pixels that nothing fills become 0.
     black: bool,
-    /// Whether pixels with a point show it alone: all of them, or those of this view's samples.
-    all_alone: bool,
-    pub fresh_alone: bool,
+    /// Whether pixels with a point show it alone.
+    points_alone: bool,
 }
 
 impl Looks {
-    /// `prior` is the weight of the prefilter's mean. `black` says that pixels which nothing fills
-    /// become 0.
+    /// Returns the looks for a weight `prior` of the prefilter's mean. `black` says that pixels
+    /// which nothing fills become 0.
     pub fn new(params: &PointImageParams, prior: f32, black: bool) -> Self {
         let (centre, fills) = (params.centre_weight, params.stages.interpolation);
         Self {
@@ -45,13 +44,12 @@ impl Looks {
             prior: if fills { prior } else { 0.0 },
             fills,
             black,
-            all_alone: !fills || params.smoothing == Smoothing::Gaps,
-            fresh_alone: params.smoothing != Smoothing::Everywhere,
+            points_alone: !fills || params.smoothing == Smoothing::Gaps,
         }
     }
 }
 
-/// Makes the picture and the priorities.
+/// Makes the picture and the priorities from the point image.
 pub(crate) fn interpolate(planes: &mut Planes, looks: &Looks) {
     let (isa, width, height) = (Isa::best(), planes.width, planes.height);
     let Planes { colour, priority, picture, .. } = planes;
@@ -90,7 +88,7 @@ impl Kernel for Interpolate<'_> {
                 let plane = &mut plane[pixels.clone()];
                 filter(&lines, row, channel, looks.centre, &mut sums);
                 show(plane, &sums, &weights, looks);
-                if looks.all_alone {
+                if looks.points_alone {
                     show_own(plane, &lines.channel(row + 1, channel)[1..], has_point);
                 }
             }
@@ -105,12 +103,12 @@ fn filter(lines: &Rows, row: usize, channel: usize, centre: f32, sums: &mut [f32
     let above = &lines.channel(row, channel)[..wide];
     let here = &lines.channel(row + 1, channel)[..wide];
     let below = &lines.channel(row + 2, channel)[..wide];
-    for x in 0..sums.len() {
+    for (x, sum) in sums.iter_mut().enumerate() {
         let mut down = [0.0; 3];
-        for (sum, x) in down.iter_mut().zip(x..) {
-            *sum = (above[x] + below[x]) + centre * here[x];
+        for (down, x) in down.iter_mut().zip(x..) {
+            *down = (above[x] + below[x]) + centre * here[x];
         }
-        sums[x] = (down[0] + down[2]) + centre * down[1];
+        *sum = (down[0] + down[2]) + centre * down[1];
     }
 }
 

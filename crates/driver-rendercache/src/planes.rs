@@ -66,10 +66,10 @@ impl Planes {
 }
 
 /// Returns the picture's rows in bands.
-pub(crate) fn bands<'a>(
-    picture: &'a mut [Vec<f32>; 3],
+pub(crate) fn bands(
+    picture: &mut [Vec<f32>; 3],
     width: usize,
-) -> impl IndexedParallelIterator<Item = [&'a mut [f32]; 3]> {
+) -> impl IndexedParallelIterator<Item = [&mut [f32]; 3]> {
     let [red, green, blue] = picture.each_mut().map(|plane| plane.par_chunks_mut(width * ROWS));
     red.zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue])
 }
