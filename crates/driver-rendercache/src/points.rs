@@ -22,6 +22,7 @@ pub(crate) const BLOCK: usize = 256;
 
 /// What only new samples read of a point.
 #[derive(Clone, Copy, Debug, Default)]
+#[repr(align(64))] // A line of the processor's cache.
 pub(crate) struct Details {
     /// Mean radiance.
     pub mean: [f32; 3],

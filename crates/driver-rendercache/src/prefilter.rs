@@ -15,7 +15,7 @@ use crate::rows::{COUNT, Rows};
 /// Shows in every pixel the mean over the points of `window` × `window` pixels around it: 3, 5, 7
 /// or 9. A pixel without any becomes 0 if `black`, else it keeps what it showed.
 ///
-/// With `gaps_only`, rows in which every pixel has a point among 3×3 are left out.
+/// With `gaps_only`, pixels with a point among 3×3 may be left out.
 pub(crate) fn prefilter(planes: &mut Planes, window: u32, black: bool, gaps_only: bool) {
     // Loops are compiled for each, so that their sums stay in registers.
     match window {
@@ -57,16 +57,24 @@ impl<const WINDOW: usize> Kernel for Prefilter<'_, WINDOW> {
         let mut down = vec![0.0; width + WINDOW - 1];
         let [mut sums, mut counts] = [(); 2].map(|()| vec![0.0; width]);
         for row in 0..rows.len() {
-            if gaps_only && !has_gap::<WINDOW>(&lines, row, &mut down, &mut counts) {
+            let columns = if gaps_only {
+                gaps::<WINDOW>(&lines, row, &mut down, &mut counts)
+            } else {
+                0..width
+            };
+            if columns.is_empty() {
                 continue;
             }
-            add_rows::<WINDOW>(&lines, row, COUNT, &mut down);
-            add_columns::<WINDOW>(&down, &mut counts);
+            let pixels = row * width + columns.start..row * width + columns.end;
+            let (sums, counts) = (&mut sums[columns.clone()], &mut counts[columns.clone()]);
+            let down = &mut down[..columns.len() + WINDOW - 1];
+            add_rows::<WINDOW>(&lines, row, COUNT, columns.start, down);
+            add_columns::<WINDOW>(down, counts);
             for (channel, plane) in picture.iter_mut().enumerate() {
-                add_rows::<WINDOW>(&lines, row, channel, &mut down);
-                add_columns::<WINDOW>(&down, &mut sums);
-                let pixels = plane[row * width..][..width].iter_mut();
-                for ((pixel, sum), count) in pixels.zip(&sums).zip(&counts) {
+                add_rows::<WINDOW>(&lines, row, channel, columns.start, down);
+                add_columns::<WINDOW>(down, sums);
+                let pixels = plane[pixels.clone()].iter_mut();
+                for ((pixel, sum), count) in pixels.zip(&*sums).zip(&*counts) {
                     let kept = if black { 0.0 } else { *pixel };
                     // Both are computed: processors cannot foretell whether there are points.
                     let mean = sum / count;
@@ -77,30 +85,41 @@ impl<const WINDOW: usize> Kernel for Prefilter<'_, WINDOW> {
     }
 }
 
-/// Returns whether some pixel of a row has no point among 3×3.
+/// Returns the columns of a row from the first to the last pixel without a point among 3×3.
 #[inline(always)]
-fn has_gap<const WINDOW: usize>(
+fn gaps<const WINDOW: usize>(
     lines: &Rows,
     row: usize,
     down: &mut [f32],
     counts: &mut [f32],
-) -> bool {
+) -> Range<usize> {
     let margin = WINDOW / 2 - 1;
-    add_rows::<3>(lines, row + margin, COUNT, down);
+    add_rows::<3>(lines, row + margin, COUNT, 0, down);
     add_columns::<3>(&down[margin..], counts);
     let mut has_gap = false;
     for count in counts.iter() {
         has_gap |= *count == 0.0;
     }
-    has_gap
+    if !has_gap {
+        return 0..0;
+    }
+    let is_gap = |count: &f32| *count == 0.0;
+    let first = counts.iter().position(is_gap).unwrap_or(0);
+    first..counts.iter().rposition(is_gap).map_or(0, |last| last + 1)
 }
 
-/// Adds `WINDOW` rows of a channel.
+/// Adds `WINDOW` rows of a channel, from a column on.
 #[inline(always)]
-fn add_rows<const WINDOW: usize>(lines: &Rows, row: usize, channel: usize, sums: &mut [f32]) {
+fn add_rows<const WINDOW: usize>(
+    lines: &Rows,
+    row: usize,
+    channel: usize,
+    column: usize,
+    sums: &mut [f32],
+) {
     let mut all = [lines.channel(row, channel); WINDOW];
     for (number, line) in all.iter_mut().enumerate() {
-        *line = &lines.channel(row + number, channel)[..sums.len()];
+        *line = &lines.channel(row + number, channel)[column..][..sums.len()];
     }
     for (x, sum) in sums.iter_mut().enumerate() {
         *sum = 0.0;
