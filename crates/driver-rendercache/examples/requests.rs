@@ -1,7 +1,9 @@
-//! What it is worth to ask a server for single rays and not only for beams: the render cache on a walk through a room known in
-//! closed form, one new sample for so many pixels and frame, by how its requests become rays.
+//! Compares the ways in which requests of the render cache become rays: exactly, as single rays
+//! that can be stored, or as weights of beams.
 //!
-//! `cargo run --release -p holo-display --example requests`
+//! The camera walks through a room known in closed form, with a few new samples for each frame.
+//!
+//! `cargo run --release -p holo-driver-rendercache --example requests`
 
 use glam::DVec3;
 use holo_display::{SelectOptions, select_beams, viewpoint_radius};
@@ -59,7 +61,8 @@ fn room(origin: DVec3, along: DVec3) -> ([f32; 3], f64) {
     (colour, nearest)
 }
 
-/// A walk of 1.5 units a second with turns of 90 degrees a second, 30 frames a second, and a second of rest.
+/// A walk of 1.5 units a second with turns of 90 degrees a second, 30 frames a second, and a second
+/// of rest.
 fn view(frame: usize) -> Result<View, holo_picture::ViewError> {
     let step = frame.min(FRAMES - 30) as f64;
     let angle = 0.2 + 0.35 * (step / 30.0 * std::f64::consts::PI).sin();

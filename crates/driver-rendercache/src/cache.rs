@@ -5,10 +5,10 @@ use glam::DVec3;
 use holo_display::mix;
 use holo_picture::{Picture, View};
 
-use crate::interpolate::{Looks, interpolate};
+use crate::interpolate::{Looks, interpolate, show_means};
 use crate::map::Map;
 use crate::noise::Noise;
-use crate::params::{EmptyPixels, PointImageError, PointImageParams};
+use crate::params::{EmptyPixels, PointImageError, PointImageParams, Smoothing};
 use crate::planes::Planes;
 use crate::points::{BLOCK, Points};
 use crate::predict::Occupancy;
@@ -47,6 +47,8 @@ pub struct PointImage {
     pub(crate) predicted: Option<View>,
     /// Counts views.
     pub(crate) epoch: u32,
+    /// Whether any point may be a sample of the current view.
+    pub(crate) has_fresh: bool,
     pub(crate) noise: Noise,
     /// Counts frames; chooses the jitter.
     pub(crate) frames: u32,
@@ -56,8 +58,8 @@ pub struct PointImage {
 }
 
 impl PointImage {
-    /// Returns an empty cache for pictures of `size` pixels, all black. It takes some 150 bytes per
-    /// pixel.
+    /// Returns an empty cache for pictures of `size` pixels, all black. It takes about 150 bytes
+    /// per pixel.
     ///
     /// # Errors
     /// If the size is outside the limits of [`Picture::check_size`], or a number outside its range.
@@ -77,6 +79,7 @@ impl PointImage {
             map: None,
             predicted: None,
             epoch: 0,
+            has_fresh: false,
             noise: Noise::default(),
             frames: 0,
             is_dirty: true,
@@ -156,6 +159,7 @@ impl PointImage {
         self.view = Some(*view);
         self.epoch = self.epoch.wrapping_add(1);
         self.points.is_fresh.fill(false);
+        self.has_fresh = false;
         true
     }
 
@@ -193,8 +197,11 @@ impl PointImage {
             prefilter::prefilter(planes, prefilter_window, black, gaps_only);
             ended(Stage::Prefilter);
         }
-        // What the prefilter left black may stay.
-        interpolate(planes, points, &Looks::new(params, prior, black && !stages.prefilter));
+        // What the prefilter filled stays.
+        interpolate(planes, &Looks::new(params, prior, black && !stages.prefilter));
+        if params.smoothing != Smoothing::Everywhere && self.has_fresh {
+            show_means(planes, points, prior);
+        }
         ended(Stage::Interpolate);
     }
 }

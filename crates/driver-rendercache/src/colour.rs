@@ -1,5 +1,5 @@
-//! Colours in four bytes: three mantissas and a common exponent, as RGBE has them, with the exponent
-//! placed for fast decoding.
+//! Colours in four bytes: three mantissas and a common exponent, as RGBE has them, with the
+//! exponent placed for fast decoding.
 //!
 //! What always holds:
 //! - An encoded colour is never [`NONE`], not even black.

@@ -16,18 +16,18 @@ use crate::{Moment, PointImage, PointImageParams, Sample};
 /// The driver's name.
 const NAME: &str = "pointimage";
 
-/// Share of the weight of a view's beams that goes to the pixels that want rays most. The rest goes
-/// to beams by the number of pixels that they serve.
+/// Share of the weight of a view's beams that requests deal. The rest stays with the beams by the
+/// number of pixels that they serve.
 const BY_REQUESTS: f32 = 0.75;
 
-/// Pixels per request that decides that share.
+/// Pixels of the picture for each request.
 const PIXELS_PER_REQUEST: usize = 16;
 
 /// Shows any view of a session from the points that it has seen so far (Walter, Drettakis & Parker
 /// 1999).
 ///
-/// It ignores [`Look::resolution`]: a cache of half the size would lose half of its points each
-/// time the camera starts or stops, and the render cache is fast while the camera moves.
+/// It ignores [`Look::resolution`]. A cache of half the size would lose points whenever the camera
+/// starts or stops, and the render cache is fast while the camera moves.
 pub struct RenderCacheDriver {
     sections: Arc<[Section]>,
     sky: [f32; 3],
@@ -90,7 +90,7 @@ impl Driver for RenderCacheDriver {
                 cache.guess_tag(column, row)
             };
             let Some(tag) = tag else { return false };
-            // How noisy a stored sample is nobody says.
+            // The noise of stored samples is not known.
             let sample =
                 Sample { tag, noise: f32::INFINITY, ..Sample::new(seen.place, seen.radiance) };
             cache.insert(&[sample]);

@@ -1,6 +1,7 @@
-//! What a frame gives: the picture, and the rays that would improve the next one most, also as
-//! what a holoserver can be asked for: single rays of beams, and weights of beams (Larson & Simmons
-//! 1999, §2.4.2).
+//! What a frame gives: the picture, and the rays that would improve the next one most.
+//!
+//! A holoserver can be asked for the rays in two ways: as single rays of beams, and as weights of
+//! beams (Larson & Simmons 1999, §2.4.2).
 
 use std::collections::BTreeMap;
 
@@ -44,9 +45,11 @@ impl<'a> Frame<'a> {
         planes.depth.iter().zip(&planes.colour).map(shown)
     }
 
-    /// Returns the rays wanted, predicted ones first: what to give back with the sample, origin on
-    /// the view's fore clipping surface, and direction of length 1 (0 in the corners of fisheyes,
-    /// where there is nothing to see).
+    /// Returns the rays wanted, predicted ones first: tag, origin and direction. The tag goes back
+    /// with the sample.
+    ///
+    /// Rays begin on the view's fore clipping surface. The direction has length 1, or 0 in the
+    /// corners of a fisheye, where there is nothing to see.
     pub fn requests(&self) -> impl Iterator<Item = (Tag, DVec3, DVec3)> + 'a {
         let cache = self.cache;
         cache.requests.iter().filter_map(move |request| {

@@ -1,20 +1,23 @@
-//! Frameless rendering (Bishop, Fuchs, McMillan & Scher Zagier 1994): pixels are refreshed in random order, each from the newest view.
+//! Frameless rendering (Bishop, Fuchs, McMillan & Scher Zagier 1994): pixels are refreshed in
+//! random order, each from the newest view.
 //!
-//! There is no frame to wait for: a picture in motion is a mixture of the last views, and sharpens once the view rests.
+//! There is no frame to wait for: a picture in motion is a mixture of the last views, and sharpens
+//! once the view rests.
 //!
 //! What always holds:
 //! - Every pixel is asked for once before any is asked for again.
-//! - At rest a pixel is the mean of its rays since the view came to rest, in the order in which they came: the box filter in the end.
+//! - At rest a pixel is the mean of its rays since the view came to rest: the box filter in the
+//!   end.
 //! - A ray of an older view than the pixel shows changes nothing.
 
 use glam::DVec3;
 use holo_display::{mix, pair};
 use holo_picture::{Picture, PictureError, View};
 
-/// Rounds of the permutation; four are enough to look random (Luby & Rackoff 1988).
+/// Rounds of the permutation. Four are enough to look random (Luby & Rackoff 1988).
 const ROUNDS: u32 = 4;
 
-/// Goes back with a ray's radiance.
+/// What goes back with a ray's radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelTag {
     pixel: u32,
@@ -22,26 +25,26 @@ pub struct PixelTag {
     epoch: u64,
 }
 
-/// The frameless driver: one radiance per pixel, refreshed in random order.
+/// One radiance per pixel, refreshed in random order.
 #[derive(Clone, Debug)]
 pub struct Frameless {
     picture: Picture,
     view: View,
     /// Counts views.
     epoch: u64,
-    /// Of each pixel: the view that it shows, and rays in its mean.
+    /// The view that each pixel shows, and the number of rays in its mean.
     shown: Vec<(u64, u32)>,
-    /// Where in the order of pixels the next request is, and how often all have been asked for.
+    /// Place of the next request in the order of pixels, and how often all have been asked for.
     next: u32,
     round: u32,
     seed: u32,
 }
 
 impl Frameless {
-    /// A black picture of `size` pixels; `seed` chooses order and jitter.
+    /// Returns a black picture of `size` pixels. `seed` chooses order and jitter.
     ///
     /// # Errors
-    /// A size outside the limits of [`Picture::check_size`].
+    /// If the size is outside the limits of [`Picture::check_size`].
     pub fn new(size: (u32, u32), view: View, seed: u32) -> Result<Self, PictureError> {
         Picture::check_size(size.0, size.1)?;
         let mut picture = Picture::new(size.0, size.1);
@@ -50,7 +53,7 @@ impl Frameless {
         Ok(Self { picture, view, epoch: 1, shown, next: 0, round: 0, seed })
     }
 
-    /// Takes another view; what is shown stays until it is refreshed.
+    /// Takes another view. Pixels keep what they show until they are refreshed.
     pub fn look(&mut self, view: View) {
         if self.view != view {
             self.view = view;
@@ -59,8 +62,8 @@ impl Frameless {
         }
     }
 
-    /// The next `count` rays of the newest view, anywhere in their pixels: what to give back, origin (on the fore clipping surface),
-    /// direction of length 1.
+    /// Returns the next `count` rays of the newest view, anywhere in their pixels: what to give
+    /// back, origin on the fore clipping surface, direction of length 1.
     pub fn requests(
         &mut self,
         count: usize,
@@ -81,17 +84,10 @@ impl Frameless {
         })
     }
 
-    /// Takes a ray's radiance, 0 if it goes beyond the aft clipping surface (W·sr⁻¹·m⁻² per RGB channel). One that is not finite is left out and counted.
+    /// Takes a ray's radiance, W·sr⁻¹·m⁻² per RGB channel, 0 beyond the aft clipping surface. One
+    /// that is not finite changes nothing.
     pub fn insert(&mut self, tag: PixelTag, radiance: [f32; 3]) {
-        let index = tag.pixel as usize;
-        let (Some(pixel), Some((epoch, count))) =
-            (self.picture.pixels.get_mut(index), self.shown.get_mut(index))
-        else {
-            return;
-        };
-        if !radiance.iter().all(|channel| channel.is_finite()) {
-            return;
-        }
+        let Some((pixel, (epoch, count))) = self.pixel(tag, radiance) else { return };
         if tag.epoch > *epoch {
             (*epoch, *count, *pixel) = (tag.epoch, 1, radiance);
         } else if tag.epoch == *epoch {
@@ -102,39 +98,49 @@ impl Frameless {
         }
     }
 
-    /// The tag of a ray that was traced for the current view of its own accord, through this pixel. `None` outside the picture.
+    /// Shows a radiance that is about right, such as a stored one, until the first ray of the
+    /// current view comes for the pixel.
+    pub fn guess(&mut self, tag: PixelTag, radiance: [f32; 3]) {
+        let Some((pixel, shown)) = self.pixel(tag, radiance) else { return };
+        if shown.0 < tag.epoch {
+            (*shown, *pixel) = ((tag.epoch, 0), radiance);
+        }
+    }
+
+    /// Returns the tag of a ray through this pixel that was traced for the current view of its own
+    /// accord. `None` outside the picture.
     pub fn pixel_tag(&self, column: u32, row: u32) -> Option<PixelTag> {
         let (width, height) = self.picture.size();
         (column < width && row < height)
             .then(|| PixelTag { pixel: row * width + column, epoch: self.epoch })
     }
 
-    /// Shows a radiance that is about right, a stored one say, until the first ray of the current view comes for the pixel.
-    pub fn guess(&mut self, tag: PixelTag, radiance: [f32; 3]) {
-        let index = tag.pixel as usize;
-        if let Some((shown, pixel)) =
-            self.shown.get_mut(index).zip(self.picture.pixels.get_mut(index))
-            && shown.0 < tag.epoch
-            && radiance.iter().all(|channel| channel.is_finite())
-        {
-            (*shown, *pixel) = ((tag.epoch, 0), radiance);
-        }
-    }
-
-    /// Whether each pixel shows anything yet, rows from the top.
+    /// Returns whether each pixel shows anything yet, rows from the top.
     pub fn has_colour(&self) -> impl Iterator<Item = bool> + '_ {
         self.shown.iter().map(|&(epoch, _)| epoch > 0)
     }
 
-    /// What is shown now.
+    /// Returns what is shown now.
     pub fn picture(&self) -> &Picture {
         &self.picture
     }
 
-    /// The `index`-th pixel of this round: a Feistel network on the next power of four, walked until it lands in the picture.
+    /// Returns colour, view and count of rays of a tag's pixel, if the radiance is finite.
+    fn pixel(
+        &mut self,
+        tag: PixelTag,
+        radiance: [f32; 3],
+    ) -> Option<(&mut [f32; 3], &mut (u64, u32))> {
+        let index = tag.pixel as usize;
+        let pixel = self.picture.pixels.get_mut(index).zip(self.shown.get_mut(index));
+        pixel.filter(|_| radiance.iter().all(|channel| channel.is_finite()))
+    }
+
+    /// Returns the `index`-th pixel of this round: a Feistel network on the next power of four,
+    /// walked until it lands in the picture.
     fn permuted(&self, index: u32) -> u32 {
         let pixels = self.shown.len() as u32;
-        // Half of the bits that tell pixels apart, rounded up: at most 13 for the largest picture.
+        // Half of the bits that number the pixels, rounded up.
         let half = (u32::BITS - (pixels - 1).leading_zeros()).div_ceil(2).max(1);
         let mask = (1 << half) - 1;
         let key = mix(self.seed, self.round);

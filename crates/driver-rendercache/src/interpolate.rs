@@ -28,14 +28,13 @@ pub(crate) struct Looks {
     fills: bool,
     /// Whether pixels that nothing fills become 0.
     black: bool,
-    /// Whether pixels with a point show it alone: all of them, or those of this view's samples.
-    all_alone: bool,
-    fresh_alone: bool,
+    /// Whether pixels with a point show it alone.
+    points_alone: bool,
 }
 
 impl Looks {
-    /// `prior` is the weight of the prefilter's mean. `black` says that pixels which nothing fills
-    /// become 0.
+    /// Returns the looks for a weight `prior` of the prefilter's mean. `black` says that pixels
+    /// which nothing fills become 0.
     pub fn new(params: &PointImageParams, prior: f32, black: bool) -> Self {
         let (centre, fills) = (params.centre_weight, params.stages.interpolation);
         Self {
@@ -45,25 +44,19 @@ impl Looks {
             prior: if fills { prior } else { 0.0 },
             fills,
             black,
-            all_alone: !fills || params.smoothing == Smoothing::Gaps,
-            fresh_alone: params.smoothing != Smoothing::Everywhere,
+            points_alone: !fills || params.smoothing == Smoothing::Gaps,
         }
     }
 }
 
-/// Makes the picture and the priorities.
-pub(crate) fn interpolate(planes: &mut Planes, points: &Points, looks: &Looks) {
+/// Makes the picture and the priorities from the point image.
+pub(crate) fn interpolate(planes: &mut Planes, looks: &Looks) {
     let (isa, width, height) = (Isa::best(), planes.width, planes.height);
-    let Planes { slot, depth, colour, priority, picture, .. } = planes;
+    let Planes { colour, priority, picture, .. } = planes;
     let bands = bands(picture, width).zip(priority.par_chunks_mut(width * ROWS)).enumerate();
-    bands.for_each(|(band, (mut picture, priority))| {
+    bands.for_each(|(band, (picture, priority))| {
         let rows = rows_of(band, height);
-        let pixels = rows.start * width..rows.end * width;
-        let planes = picture.each_mut().map(|plane| &mut **plane);
-        isa.run(Interpolate { picture: planes, priority, rows, width, colour, looks });
-        if looks.fresh_alone {
-            show_means(&mut picture, &depth[pixels.clone()], &slot[pixels], points, looks.prior);
-        }
+        isa.run(Interpolate { picture, priority, rows, width, colour, looks });
     });
 }
 
@@ -95,7 +88,7 @@ impl Kernel for Interpolate<'_> {
                 let plane = &mut plane[pixels.clone()];
                 filter(&lines, row, channel, looks.centre, &mut sums);
                 show(plane, &sums, &weights, looks);
-                if looks.all_alone {
+                if looks.points_alone {
                     show_own(plane, &lines.channel(row + 1, channel)[1..], has_point);
                 }
             }
@@ -112,8 +105,8 @@ fn filter(lines: &Rows, row: usize, channel: usize, centre: f32, sums: &mut [f32
     let below = &lines.channel(row + 2, channel)[..wide];
     for (x, sum) in sums.iter_mut().enumerate() {
         let mut down = [0.0; 3];
-        for (sum, x) in down.iter_mut().zip(x..) {
-            *sum = (above[x] + below[x]) + centre * here[x];
+        for (down, x) in down.iter_mut().zip(x..) {
+            *down = (above[x] + below[x]) + centre * here[x];
         }
         *sum = (down[0] + down[2]) + centre * down[1];
     }
@@ -154,22 +147,22 @@ fn show_own(plane: &mut [f32], own: &[f32], has_point: &[f32]) {
     }
 }
 
-/// Shows the mean of its own samples in pixels whose point is a sample of this view: packed colours
-/// round it. A few noisy samples are mixed with the smoothed picture, which fades as they grow.
-fn show_means(
-    [red, green, blue]: &mut [&mut [f32]; 3],
-    depth: &[f32],
-    slot: &[u32],
-    points: &Points,
-    prior: f32,
-) {
-    for (pixel, (depth, slot)) in depth.iter().zip(slot).enumerate() {
-        if *depth > 0.0 {
-            let details = &points.details[*slot as usize];
-            let share = details.own_share(prior);
-            for (plane, mean) in [&mut *red, green, blue].into_iter().zip(details.mean) {
-                plane[pixel] += share * (mean - plane[pixel]);
+/// Shows the mean of its own samples in each pixel whose point is a sample of this view: packed
+/// colours round it. A few noisy samples are mixed with the smoothed picture, which fades as they
+/// grow.
+pub(crate) fn show_means(planes: &mut Planes, points: &Points, prior: f32) {
+    let Planes { width, depth, slot, picture, .. } = planes;
+    let length = *width * ROWS;
+    let bands = bands(picture, *width).zip(depth.par_chunks(length).zip(slot.par_chunks(length)));
+    bands.for_each(|(mut picture, (depth, slot))| {
+        for (pixel, (depth, slot)) in depth.iter().zip(slot).enumerate() {
+            if *depth > 0.0 {
+                let details = &points.details[*slot as usize];
+                let share = details.own_share(prior);
+                for (plane, mean) in picture.iter_mut().zip(details.mean) {
+                    plane[pixel] += share * (mean - plane[pixel]);
+                }
             }
         }
-    }
+    });
 }

@@ -26,8 +26,7 @@ pub(crate) fn far_along(view: &View) -> f64 {
     FAR_SIZES * view.extent().0.max(view.extent().1)
 }
 
-/// Returns the depth, as [`Frame::depth`](crate::Frame::depth) has it, from which on a point is
-/// infinitely far away.
+/// Returns the least depth of infinitely far points in [`Frame::depth`](crate::Frame::depth).
 pub(crate) fn far_depth(view: &View) -> f64 {
     // The depth of a perspective is less than the distance: a tenth of it at 84° off the axis.
     if view.kind.has_eye() { 0.1 * FAR } else { 0.5 * far_along(view) }

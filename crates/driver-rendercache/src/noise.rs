@@ -36,8 +36,8 @@ impl Noise {
         }
     }
 
-    /// Returns the weight of the wide filter beside the 3×3 filter, in which a single point at the
-    /// middle has 4 and all points together have 16: `full` from a tenth of noise on, less below.
+    /// Returns the weight of the wide filter beside the 3×3 filter: `full` from a tenth of noise
+    /// on, less below. In the 3×3 filter a point in the middle has 4, and nine points have 16.
     pub fn weight(&self, full: f32) -> f32 {
         if self.sum > 0.0 { full * (self.sum / (self.count * FULL)).min(1.0) } else { 0.0 }
     }

@@ -94,7 +94,7 @@ pub struct PointImageParams {
     /// Share of a frame's requests that prediction may take at most (2002, §3.1): 0 to 1.
     pub predicted_share: f64,
     /// A resampled colour has changed if a channel differs by more than this share of the larger
-    /// colour's largest channel, and by more than the noise may be (1999, §4.1 and §4.2): above 0.
+    /// colour's largest channel, beyond what noise explains (1999, §4.1 and §4.2): above 0.
     pub change_threshold: f32,
     /// Standard deviations of stated noise that are not yet a change (1999, §4.2): at least 0.
     pub noise_deviations: f32,
@@ -107,9 +107,11 @@ pub struct PointImageParams {
     pub change_reach: u32,
     /// How many times as fast points age that no pixel shows (1999, §4.1): 1 to 16.
     pub hidden_ageing: u8,
-    /// Weight of the prefilter's mean beside the 3×3 filter, whose own is up to 16, if samples
-    /// state a noise of a tenth of themselves or more, or do not know it. In proportion below; 0 as
-    /// in the papers. At rest it fades as samples of a pixel grow. At least 0.
+    /// Weight of the prefilter's mean beside the 3×3 filter, whose own is up to 16: at least 0, and
+    /// 0 in the papers.
+    ///
+    /// It counts in full if samples state a noise of a tenth of their light or more, or unknown
+    /// noise, and in proportion below. At rest it fades as the samples of a pixel grow.
     pub noise_smoothing: f32,
     /// Samples that a point's colour averages at most while the view moves: at least 1. More is
     /// smoother and follows changes of view more slowly.

@@ -8,7 +8,7 @@ use crate::colour;
 
 /// Rows that one thread works on at a time. It changes no bit: what is written to a row does not
 /// depend on where bands of rows begin.
-pub(crate) const ROWS: usize = 16;
+pub(crate) const ROWS: usize = 32;
 
 /// The slot of a pixel without a point.
 pub(crate) const NO_SLOT: u32 = u32::MAX;

@@ -22,6 +22,7 @@ pub(crate) const BLOCK: usize = 256;
 
 /// What only new samples read of a point.
 #[derive(Clone, Copy, Debug, Default)]
+#[repr(align(64))] // A line of the processor's cache.
 pub(crate) struct Details {
     /// Mean radiance.
     pub mean: [f32; 3],
@@ -95,8 +96,8 @@ impl Points {
         self.age[slot] == EMPTY
     }
 
-    /// Fetches from memory what a sample or a request for a point needs. Points lie anywhere: without
-    /// this each one waits for its own.
+    /// Fetches from memory what a sample or a request for a point needs. Points lie anywhere:
+    /// without this each one waits for its own.
     pub fn prefetch(&self, slot: usize) {
         self.position.iter().for_each(|axis| prefetch_at(axis, slot));
         prefetch_at(&self.age, slot);
@@ -116,8 +117,8 @@ impl Points {
         }
     }
 
-    /// Returns the units of age to add after `samples` new samples, such that points are overwritten
-    /// at `mean_last_age` on average (2002, §3.4): none until [`STEP`] are due.
+    /// Returns the units of age to add after `samples` new samples, such that points are
+    /// overwritten at `mean_last_age` on average (2002, §3.4): none until [`STEP`] are due.
     pub fn increment(&mut self, samples: usize, mean_last_age: f64) -> u8 {
         self.due += mean_last_age * samples as f64 / self.capacity() as f64;
         let whole = if self.due < STEP { 0.0 } else { self.due.floor().min(254.0) };

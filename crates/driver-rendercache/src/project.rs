@@ -1,8 +1,10 @@
-//! Projection and tile sort (Walter et al. 2002, §3.2): every point to its pixel, in buckets by
-//! tile of the picture, so that a tile's part of the z-buffer stays in the processor's cache.
+//! Projection and tile sort (Walter et al. 2002, §3.2).
 //!
-//! Records carry colour and age: fetched later, point by point, they would come from anywhere in the
-//! cache of points, which takes longer than all else in the z-buffer.
+//! Every point goes to its pixel, in a bucket for its tile of the picture. The z-buffer of one tile
+//! fits in the processor's cache.
+//!
+//! Records carry colour and age. Fetched later by slot, they would come from anywhere in the cache
+//! of points (docs/notes/render-cache.md).
 
 use std::ops::Range;
 
@@ -12,7 +14,7 @@ use rayon::prelude::*;
 use crate::map::Map;
 use crate::points::{BLOCK, EMPTY, Points};
 
-/// Tiles of a picture, about. Tiles are whole rows.
+/// Tiles of a picture, about. A tile is some whole rows.
 const TILES: usize = 64;
 /// Pixels of a tile, unless a single row has more: 256 kB and 1 MB of z-buffer.
 const LEAST_PIXELS: usize = 1 << 14;
@@ -21,14 +23,14 @@ const MOST_PIXELS: usize = 1 << 16;
 /// Parts of the points, each of which has buckets of its own that one thread fills.
 const PARTS: usize = 8;
 
-/// A point that falls into a tile.
+/// A point that falls into the picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Record {
     /// The least key of a pixel's points is that of the nearest fresh one, else of the nearest one;
     /// of equally near ones, of the first in the cache.
     pub key: u64,
     pub colour: u32,
-    /// From bit 8 on the number of the pixel in its tile, below the age.
+    /// Age in the lowest 8 bits, the number of the pixel in its tile above.
     about: u32,
 }
 
@@ -63,11 +65,11 @@ impl Record {
 /// Records by tile.
 #[derive(Debug)]
 pub(crate) struct Buckets {
-    /// Of each part of the points, of each tile.
+    /// The records of each part of the points, by tile.
     parts: Vec<Vec<Vec<Record>>>,
     /// Slots of a part.
     part_length: usize,
-    /// A power of two.
+    /// Rows of a tile: a power of two.
     pub tile_rows: usize,
 }
 
@@ -122,14 +124,14 @@ pub(crate) fn each_seen(
     for first in slots.step_by(BLOCK) {
         isa.run(Project { points, first, map, size, block: &mut block });
         let Block { place: [_, _, depths], pixel: [columns, rows] } = &block;
-        // First a list of those inside, without branches: which they are cannot be foretold.
+        // First a list of those inside, without branches: processors cannot foretell which they
+        // are.
         let mut count = 0;
         for (i, &depth) in depths.iter().enumerate() {
-            inside[count % BLOCK] = i;
+            inside[count] = i;
             count += usize::from(depth > 0.0);
         }
         for &i in &inside[..count] {
-            let i = i % BLOCK;
             seen(first + i, columns[i] as usize, rows[i] as usize, depths[i]);
         }
     }

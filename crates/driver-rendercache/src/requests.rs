@@ -54,9 +54,8 @@ impl PointImage {
         Request { aim, predicted: false, tag: self.tag(pixel, purpose, point) }
     }
 
-    /// Returns the tag of a ray that a renderer traced for the current view of its own accord: from
-    /// the eye (or from so near that it makes no difference) through this pixel, anywhere in it.
-    /// Its sample then counts as one that was asked for. `None` outside the picture.
+    /// Returns the tag of a ray of the current view that was traced without a request, anywhere in
+    /// this pixel. Its sample then counts as a requested one. `None` outside the picture.
     pub fn pixel_tag(&self, column: u32, row: u32) -> Option<Tag> {
         let pixel = self.pixel(column, row)?;
         let point = self.point_in(pixel);
@@ -68,11 +67,12 @@ impl PointImage {
         Some(self.tag(pixel, purpose, point))
     }
 
-    /// Returns the tag of a sample that was seen from elsewhere and lies in this pixel, such as a
-    /// stored one. `None` outside the picture.
+    /// Returns the tag of a sample that was seen from elsewhere and lies in this pixel. `None`
+    /// outside the picture.
     ///
-    /// It is averaged with what the pixel has of other views. Of two surfaces the nearer is shown.
-    /// A sample of the current view is not touched. So any number of them takes one point a pixel.
+    /// The cache averages it with the pixel's other samples of that kind, and shows the nearer of
+    /// two surfaces. So any number of them takes one point a pixel. They never change a sample of
+    /// the current view.
     pub fn guess_tag(&self, column: u32, row: u32) -> Option<Tag> {
         let pixel = self.pixel(column, row)?;
         Some(self.tag(pixel, Purpose::Guess, None))

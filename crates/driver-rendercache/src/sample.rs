@@ -21,7 +21,7 @@ pub struct Tag {
     pub(crate) slot: usize,
     /// Which of the points that the slot has held.
     pub(crate) generation: u8,
-    /// Which view it was asked for.
+    /// The view that it is for.
     pub(crate) epoch: u32,
 }
 
@@ -72,7 +72,7 @@ impl Request {
 /// A renderer's result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// The request's tag; the default for a sample that nobody asked for, such as a stored one.
+    /// The request's tag; the default for a sample without a request.
     pub tag: Tag,
     /// Where the ray ended.
     pub place: Place,
@@ -84,7 +84,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Returns a clean sample that nobody asked for.
+    /// Returns a clean sample without a request.
     pub fn new(place: Place, radiance: [f32; 3]) -> Self {
         Self { tag: Tag::default(), place, radiance, noise: 0.0 }
     }

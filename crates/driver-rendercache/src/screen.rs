@@ -2,8 +2,8 @@
 //!
 //! What always holds:
 //! - A pixel that no section covers is 0. A pixel whose beam cannot hit anything shows the sky.
-//! - A sample is a pixel's own only if its ray passes the eye within the view's radius, or within
-//!   one step of ray coordinates beyond it: stored rays lie on a lattice of such steps.
+//! - A sample is a pixel's own only if its ray passes the eye within the view's radius and one step
+//!   of ray coordinates: stored rays lie on a lattice of such steps.
 
 use std::{collections::HashSet, sync::Arc};
 
@@ -14,13 +14,12 @@ use holo_section::{BeamId, BeamKey, Sample, Section, SectionRay, ray_eye_distanc
 
 use crate::Place;
 
-/// Samples per pixel that sets how near to the eye a pixel's own rays pass: within a quarter of a
-/// pixel's footprint on the nearest surface.
+/// Wanted samples per pixel, which set how near to the eye a pixel's own rays pass: within a
+/// quarter of a pixel's footprint on the nearest surface.
 const SAMPLES_PER_PIXEL: f64 = 16.0;
 
-/// Cosine of the largest angle between a parallel view and a ray that hits nothing and still counts
-/// for that view. About 6°, as in a cell of a coarse grid: where along the ray nothing begins is
-/// not known.
+/// Cosine of the largest angle between a parallel view's direction and a ray that hits nothing and
+/// still counts for that view: about 6°, as in a cell of a coarse grid.
 const ALONG: f64 = 0.995;
 
 /// Rows whose best beams one thread determines at a time.
@@ -214,4 +213,22 @@ fn step(section: &Section) -> f64 {
     let cell =
         |axis: usize| DVec3::from_array(spec.axes[axis]).length() / f64::from(spec.grid[axis]);
     (0..3).map(cell).fold(0.0, f64::max) / 256.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_kept_of_another_type_of_view_is_used_only_if_it_means_the_same() {
+        let view = |words: &str| {
+            View::parse_vf(&format!("-vp 0 0 0 {words}")).unwrap().resolve((48, 36)).unwrap().0
+        };
+        let (perspective, fisheye) = (view("-vd 0 1 0"), view("-vd 0 1 0 -vta"));
+        let (parallel, turned) = (view("-vd 0 1 0 -vtl -vh 3"), view("-vd 1 1 0 -vtl -vh 3"));
+        assert!(sees_alike(&perspective, &fisheye));
+        assert!(sees_alike(&parallel, &view("-vd 0 2 0 -vtl -vh 9")));
+        assert!(!sees_alike(&perspective, &view("-vd 0 1 0 -va 3")));
+        assert!(!sees_alike(&perspective, &parallel) && !sees_alike(&parallel, &turned));
+    }
 }

@@ -196,6 +196,7 @@ impl PointImage {
 
     /// Puts a new point into a slot.
     fn put(&mut self, slot: usize, new: &Arrival, is_fresh: bool) {
+        self.has_fresh |= is_fresh;
         let points = &mut self.points;
         points.set_position(slot, new.position);
         points.colour[slot] = colour::encode(new.radiance);
@@ -229,7 +230,9 @@ impl PointImage {
         if new.noise > 0.0 {
             details.noise = new.noise;
         }
-        self.points.is_fresh[slot] = details.epoch == self.epoch;
+        let is_fresh = details.epoch == self.epoch;
+        self.has_fresh |= is_fresh;
+        self.points.is_fresh[slot] = is_fresh;
         self.points.age[slot] = 0;
         self.points.set_position(slot, new.position);
     }

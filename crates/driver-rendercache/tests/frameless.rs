@@ -70,7 +70,8 @@ fn a_guess_is_shown_until_the_first_ray_comes_and_counts_for_nothing() {
     frameless.guess(tag, [9.0; 3]);
     assert_eq!(shown(&frameless), [2.0; 3]);
     assert_eq!(frameless.has_colour().filter(|&has| has).count(), 1);
-    // Another view: what is shown may be guessed anew, after which rays of the old one are too late.
+    // Another view: what is shown may be guessed anew, after which rays of the old one are too
+    // late.
     frameless.look(view(DVec3::ZERO, 10.0, size));
     frameless.guess(frameless.pixel_tag(2, 1).unwrap(), [4.0; 3]);
     frameless.insert(tag, [7.0; 3]);

@@ -1,4 +1,5 @@
-//! The render cache with noisy samples: smoother than the papers' while moving, the box filter at rest all the same.
+//! The render cache with noisy samples: smoother than the papers' while moving, the box filter at
+//! rest all the same.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -11,7 +12,8 @@ use scenes::{Hit, Scene, answer, room, squared_error, view, whole_picture};
 
 const SIZE: (u32, u32) = (120, 90);
 
-/// Makes samples noisy without bias: twice the light or none, as a path that meets a lamp or does not.
+/// Makes samples noisy without bias: twice the light or none, as a path that meets a lamp or does
+/// not.
 fn noisy(samples: &mut [Sample], seed: u64, stated: bool) {
     for (index, sample) in (0_u64..).zip(samples) {
         let mut z = (seed << 32 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -90,8 +92,9 @@ fn at_rest_other_pixels_light_fades_from_noisy_pictures() {
         }
         cache.frame(&Moment { view, predicted: None, samples: &samples, wanted: 0 }).picture()
     });
-    // The same requests, the same samples: with n of each pixel the two differ by 8/(n + 8) of what the filter would change, which
-    // is less than 0.5; n is above 150, an eighth of the requests being checks of points.
+    // The same requests, the same samples: with n of each pixel the two differ by 8/(n + 8) of what
+    // the filter would change, which is less than 0.5; n is above 150, an eighth of the requests
+    // being checks of points.
     let differences =
         errors[0].pixels.iter().zip(&errors[1].pixels).map(|(a, b)| f64::from((a[0] - b[0]).abs()));
     let (sum, largest) =
@@ -117,7 +120,8 @@ fn noise_at_rest_falls_as_that_of_a_mean() {
         let shown =
             cache.frame(&Moment { view, predicted: None, samples: &samples, wanted: pixels / 4 });
         if [100, 400, 1600].contains(&frame) {
-            // Two values as far from the mean as 0.7 of it. One request in `check_every` goes to see whether a point has changed.
+            // Two values as far from the mean as 0.7 of it. One request in `check_every` goes to
+            // see whether a point has changed.
             let variance = f64::from(0.7 * light).powi(2);
             let expected = counts
                 .iter()
@@ -126,7 +130,8 @@ fn noise_at_rest_falls_as_that_of_a_mean() {
             let expected = expected / pixels as f64;
             let found = squared_error(&shown.picture(), &vec![light; pixels]);
             println!("after {frame} frames {found:.3e}, {expected:.3e} expected");
-            // The mean of squares of 10800 means is known to 1.4 %: four deviations, and 4 % for how checks are dealt out.
+            // The mean of squares of 10800 means is known to 1.4 %: four deviations, and 4 % for
+            // how checks are dealt out.
             assert!(
                 (found / expected - 1.0).abs() < 0.1,
                 "{found} after {frame} frames, {expected} expected"

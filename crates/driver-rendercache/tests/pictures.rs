@@ -70,9 +70,11 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
         shown.filter(|(depth, [_, green, _])| *depth > 0.0 && *green > 0.5).count()
     };
     assert_eq!(kept(Stages { depth_cull: false, ..Stages::ALL }), far_points);
-    // Of n near and m far points (itself among them) a far one is kept if 3 (n + m) <= 1.1 (n + 3 m): with at most one near of 9.
+    // Of n near and m far points (itself among them) a far one is kept if 3 (n + m) <= 1.1 (n + 3
+    // m): with at most one near of 9.
     let expected = far_points as f64 * 9.0 / 256.0;
-    // Neighbours' fates depend on each other: up to 25 of them, so 5 times the deviation of independent ones. And 4 of those.
+    // Neighbours' fates depend on each other: up to 25 of them, so 5 times the deviation of
+    // independent ones. And 4 of those.
     let allowed = 4.0 * 5.0 * expected.sqrt();
     let found = kept(Stages::ALL) as f64;
     println!("{found} of {far_points} points show through, {expected:.0} expected");
@@ -82,8 +84,9 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
     );
 }
 
-/// Over a turn of 90 degrees a second at 30 frames a second: the share of pixels without a point among 3×3 in the whole picture, and in
-/// columns that have just come into view, with the number of the latter.
+/// Over a turn of 90 degrees a second at 30 frames a second: the share of pixels without a point
+/// among 3×3 in the whole picture, and in columns that have just come into view, with the number of
+/// the latter.
 fn holes(prediction: bool) -> (f64, f64, usize) {
     let size = (160, 120);
     let pixels = size.0 * size.1;
@@ -125,14 +128,16 @@ fn holes(prediction: bool) -> (f64, f64, usize) {
 fn prediction_asks_for_each_block_that_turns_into_view() {
     let ((all_without, without, _), (all_with, with, strip)) = (holes(false), holes(true));
     println!(
-        "holes at 90 degrees/s, mismatch 32: {all_without:.4} without prediction, {all_with:.4} with"
+        "holes at 90 degrees/s, a sample for 32 pixels: {all_without:.4} without prediction, \
+         {all_with:.4} with"
     );
     println!("in columns that were just turned into view: {without:.4} without, {with:.4} with");
     assert!(all_with < all_without);
     // Without prediction nothing can be there yet.
     assert_eq!(without, 1.0);
-    // With it each block of 4×4 has one point, anywhere. Of a window of 3×3 around the i-th pixel of a block, 3, or 2 and 1, columns lie
-    // in the block and in its neighbour; likewise rows. Nothing is there if no block's point falls into its part of the window.
+    // With it each block of 4×4 has one point, anywhere. Of a window of 3×3 around the i-th pixel
+    // of a block, 3, or 2 and 1, columns lie in the block and in its neighbour; likewise rows.
+    // Nothing is there if no block's point falls into its part of the window.
     let parts = |i| if i == 1 || i == 2 { [3.0, 0.0] } else { [2.0, 1.0] };
     let mut expected = 0.0;
     for (i, j) in (0..16).map(|pixel| (pixel % 4, pixel / 4)) {

@@ -80,7 +80,8 @@ fn a_picture_of_four_thousand_columns_works() {
             &room,
         );
     }
-    // The columns and rows at the ends are asked for like all others: all 20 by 20 parts of the picture.
+    // The columns and rows at the ends are asked for like all others: all 20 by 20 parts of the
+    // picture.
     let mut parts = [0; 400];
     for sample in &samples {
         let Place::At(place) = sample.place else { continue };
@@ -109,7 +110,13 @@ fn bad_settings_say_what_is_wrong() {
 
 /// Numbers of all kinds: ordinary, huge, tiny, not numbers.
 fn number() -> impl Strategy<Value = f64> {
-    prop_oneof![6 => -10.0..10.0, 1 => any::<f64>(), 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => Just(0.0)]
+    prop_oneof![
+        6 => -10.0..10.0,
+        1 => any::<f64>(),
+        1 => Just(f64::NAN),
+        1 => Just(f64::INFINITY),
+        1 => Just(0.0),
+    ]
 }
 
 fn sample() -> impl Strategy<Value = Sample> {
@@ -123,42 +130,61 @@ fn sample() -> impl Strategy<Value = Sample> {
     )
 }
 
+/// Eye and direction.
+fn eye() -> impl Strategy<Value = ([f64; 3], [f64; 3])> {
+    (prop::array::uniform3(-1e3..1e3), prop::array::uniform3(-1.0..1.0))
+}
+
+/// Shows frames from some eyes, giving any samples as answers to requests.
+fn look_around(
+    cache: &mut PointImage,
+    size: (u32, u32),
+    eyes: Vec<([f64; 3], [f64; 3])>,
+    samples: &[Sample],
+    wanted: usize,
+) -> Result<(), TestCaseError> {
+    let mut returned = samples.to_vec();
+    for (eye, direction) in eyes {
+        let direction = DVec3::from(direction) + DVec3::new(0.0, 1e-3, 0.0);
+        let toward = |direction| View::new(eye.into(), direction, DVec3::Z, None, None, size).ok();
+        let Some(view) = toward(direction) else { continue };
+        let predicted = toward(direction + DVec3::X);
+        let frame = cache.frame(&Moment { view, predicted, samples: &returned, wanted });
+        let shown = frame.picture();
+        let is_light = |channel: &f32| channel.is_finite() && *channel >= 0.0;
+        prop_assert!(shown.pixels.as_flattened().iter().all(is_light));
+        let (asked, ahead) = frame.request_counts();
+        prop_assert!(asked <= wanted && ahead <= wanted / 2);
+        for (_, origin, direction) in frame.requests() {
+            prop_assert!(origin.is_finite() && (direction.length() - 1.0).abs() < 1e-6);
+        }
+        // Their positions have nothing to do with what was asked for.
+        let answers = frame.requests().zip(samples.iter().cycle());
+        returned = answers.map(|((tag, ..), sample)| Sample { tag, ..*sample }).collect();
+    }
+    Ok(())
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
     #[test]
     fn no_number_makes_it_panic_or_shows(
         size in (1_u32..90, 1_u32..90),
-        eyes in prop::collection::vec((prop::array::uniform3(-1e3..1e3), prop::array::uniform3(-1.0..1.0)), 1..5),
+        eyes in prop::collection::vec(eye(), 1..5),
         samples in prop::collection::vec(sample(), 0..200),
         wanted in 0_usize..5000,
-        stages in prop::array::uniform8(any::<bool>()),
+        parts in prop::array::uniform8(any::<bool>()),
         black in any::<bool>(),
     ) {
-        let [ageing, eviction, prediction, depth_cull, prefilter, interpolation, dither, resampling] = stages;
-        let params = PointImageParams {
-            stages: Stages { ageing, eviction, prediction, depth_cull, prefilter, interpolation, dither, resampling },
-            empty: if black { EmptyPixels::Black } else { EmptyPixels::KeepLast },
-            ..PointImageParams::default()
-        };
-        let mut cache = PointImage::new(size, params).unwrap();
-        let pixels = (size.0 * size.1) as usize;
-        let mut returned = samples.clone();
-        for (eye, direction) in eyes {
-            let direction = DVec3::from(direction) + DVec3::new(0.0, 1e-3, 0.0);
-            let Ok(view) = View::new(eye.into(), direction, DVec3::Z, None, None, size) else { continue };
-            let predicted = View::new(eye.into(), direction + DVec3::X, DVec3::Z, None, None, size).ok();
-            let moment = Moment { view, predicted, samples: &returned, wanted };
-            let frame = cache.frame(&moment);
-            let shown = frame.picture();
-            let is_light = |channel: &f32| channel.is_finite() && *channel >= 0.0;
-            prop_assert!(shown.pixels.as_flattened().iter().all(is_light));
-            let (asked, ahead) = frame.request_counts();
-            prop_assert!(asked <= wanted && ahead <= wanted / 2);
-            prop_assert!(frame.requests().all(|(_, origin, direction)| origin.is_finite() && (direction.length() - 1.0).abs() < 1e-6));
-            // The same samples as answers to requests: positions that have nothing to do with what was asked for.
-            returned = frame.requests().zip(samples.iter().cycle()).map(|((tag, ..), sample)| Sample { tag, ..*sample }).collect();
+        let mut stages = Stages::ALL;
+        for (name, on) in Stages::NAMES.into_iter().zip(parts) {
+            stages.switch(name, on);
         }
-        prop_assert!(cache.point_count() <= 2 * pixels + 256);
+        let empty = if black { EmptyPixels::Black } else { EmptyPixels::KeepLast };
+        let params = PointImageParams { stages, empty, ..PointImageParams::default() };
+        let mut cache = PointImage::new(size, params).unwrap();
+        look_around(&mut cache, size, eyes, &samples, wanted)?;
+        prop_assert!(cache.point_count() <= 2 * (size.0 * size.1) as usize + 256);
     }
 }

@@ -143,12 +143,14 @@ fn empty_pixels_among_points_have_the_gap_s_priority() {
             frame.requests().count(),
         )
     };
-    // New points have priority 0. On the left 10×15 pixels have the gap's; on the right 19×30 have 255, and one column somewhat less.
+    // New points have priority 0. On the left 10×15 pixels have the gap's; on the right 19×30 have
+    // 255, and one column somewhat less.
     for (gap, per_gap) in [(255, 255.0), (135, 135.0), (15, 15.0)] {
         let (found, all) = left(gap);
         let share = 150.0 * per_gap / (150.0 * per_gap + 600.0 * 255.0);
         let expected = share * all as f64;
-        // A dither is nearer than chance would be; pixels at the border between the halves are worth 12 at most.
+        // A dither is nearer than chance would be; pixels at the border between the halves are
+        // worth 12 at most.
         let allowed = 12.0 + 2.0 * expected.sqrt();
         assert!(
             (found as f64 - expected).abs() <= allowed,
@@ -175,7 +177,8 @@ fn prediction_asks_once_for_each_block_of_the_chosen_side() {
     }
 }
 
-/// Distances in pixels from one that gets `new` of those whose points become so old by it that they leave.
+/// Distances in pixels from one that gets `new` of those whose points become so old by it that they
+/// leave.
 fn gone_after(change: impl FnOnce(&mut PointImageParams), new: Sample) -> Vec<u32> {
     let mut cache = cache(|params| {
         // Below what a change adds.

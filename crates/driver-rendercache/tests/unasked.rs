@@ -1,4 +1,5 @@
-//! The render cache with samples that it did not ask for one by one: a holodeck's, stored ones and traced ones.
+//! The render cache with samples that it did not ask for one by one: a holodeck's, stored ones and
+//! traced ones.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod scenes;
@@ -18,7 +19,8 @@ fn rays_that_a_renderer_chose_by_itself_tend_to_the_box_filter_too() {
     let eye = view(DVec3::new(-1.0, -2.0, 0.3), 20.0, size);
     let (truth, variance) = truth(&eye, size, &room);
     let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
-    // Points from elsewhere first, of the same scene but half as bright: what is stored may be worth little.
+    // Points from elsewhere first, of the same scene but half as bright: what is stored may be
+    // worth little.
     let from = view(DVec3::new(-1.5, -2.0, 0.3), 14.0, size);
     let dim = |origin: DVec3, direction: DVec3| {
         let (place, radiance) = room(origin, direction);
@@ -62,7 +64,8 @@ fn what_other_views_left_never_pushes_out_the_pixels_of_this_one() {
     let eye = view(DVec3::ZERO, 0.0, size);
     let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
     cache.frame(&moment(eye, &[], 0));
-    // Pixel after pixel, as a file has beam after beam; in between samples of what lies beside the picture.
+    // Pixel after pixel, as a file has beam after beam; in between samples of what lies beside the
+    // picture.
     for row in 0..size.1 {
         for column in 0..size.0 {
             let (x, y) = View::pixel_centre(size, column, row);
@@ -76,7 +79,8 @@ fn what_other_views_left_never_pushes_out_the_pixels_of_this_one() {
         }
     }
     let frame = cache.frame(&moment(eye, &[], 0));
-    // At the end 0.86 of the slots are taken by pixels: eight groups of eight of them have nothing else with chance 0.86⁶⁴ = 6e-5.
+    // At the end 0.86 of the slots are taken by pixels: eight groups of eight of them have nothing
+    // else with chance 0.86⁶⁴ = 6e-5.
     let lost = frame.depth().filter(|&depth| depth == 0.0).count();
     assert!(lost <= 1, "{lost} pixels have lost their points");
 }
@@ -90,7 +94,8 @@ fn many_samples_from_elsewhere_take_one_point_a_pixel_and_the_nearer_surface_is_
     let mut cache = PointImage::new(size, params).unwrap();
     cache.frame(&moment(eye, &[], 0));
     let mut count = 0;
-    // Beam after beam: 40 noisy samples a pixel, uniform in 0.5..1.5 at depth 2; on the left every other one looks behind, at depth 3.
+    // Beam after beam: 40 noisy samples a pixel, uniform in 0.5..1.5 at depth 2; on the left every
+    // other one looks behind, at depth 3.
     for pixel in 0..size.0 * size.1 {
         let (column, row) = (pixel % size.0, pixel / size.0);
         let (x, y) = View::pixel_centre(size, column, row);
@@ -114,7 +119,8 @@ fn many_samples_from_elsewhere_take_one_point_a_pixel_and_the_nearer_surface_is_
             pixels.map(|(x, y)| (f64::from(shown.get(x, y).unwrap()[0]) - 1.0).powi(2)).collect();
         let expected = 1.0 / 12.0 / of;
         let found = errors.iter().sum::<f64>() / errors.len() as f64;
-        // Squares of normal errors: relative deviation sqrt(2/n) each; four of those, and 1/256 for the packing.
+        // Squares of normal errors: relative deviation sqrt(2/n) each; four of those, and 1/256 for
+        // the packing.
         let allowed = 4.0 * expected * (2.0 / errors.len() as f64).sqrt() + 1.0 / 256.0_f64.powi(2);
         assert!((found - expected).abs() < allowed, "squared error {found}, {expected} expected");
     }
@@ -174,9 +180,11 @@ fn beams_are_wanted_where_pixels_want_rays_and_no_weight_is_lost() {
     let ([left_before, right_before], [left_after, right_after]) =
         (halves(&beams), halves(&weighed));
     println!(
-        "left and right: {left_before:.0} and {right_before:.0} pixels, then {left_after:.0} and {right_after:.0}"
+        "left and right: {left_before:.0} and {right_before:.0} pixels, \
+         then {left_after:.0} and {right_after:.0}"
     );
-    // The known half asks for (nearly) nothing: it keeps a quarter of its weight, and what beams across the middle get.
+    // The known half asks for (nearly) nothing: it keeps a quarter of its weight, and what beams
+    // across the middle get.
     assert!(left_after < 0.4 * left_before && right_after > 1.6 * right_before);
     let total = |beams: &[WantedBeam]| beams.iter().map(|beam| f64::from(beam.weight)).sum::<f64>();
     assert!((total(&weighed) / total(&beams) - 1.0).abs() < 1e-4);
