@@ -254,7 +254,7 @@ fn the_render_cache_asks_for_rays_of_pixels_that_lack_samples() {
     insert(&mut *cache, &ahead(), 1, CHECKS);
     let rays = cache.wanted_rays();
     assert!(rays.len() > 50 && frameless.wanted_rays().is_empty(), "{}", rays.len());
-    for (number, beam, coords) in rays {
+    for (BeamKey { section: number, beam }, coords) in rays {
         let section = section();
         let ray = section.ray(section.cells(beam).unwrap(), coords);
         // Rays lie on a lattice: they pass the eye within a step of it.
