@@ -123,7 +123,8 @@ pub trait Driver: Send {
     fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt>;
 
     /// Returns the pixels that live rays can improve, by number, row by row from the top. No section
-    /// covers them, and their rays may hit something.
+    /// covers them, and their rays may hit something. None at half resolution: such a view is soon
+    /// left.
     fn uncovered(&self) -> Vec<u32> {
         Vec::new()
     }

@@ -1,6 +1,6 @@
 //! The frame that a driver draws.
 
-use holo_picture::{Picture, View};
+use holo_picture::{Picture, View, ViewKind};
 
 /// A picture drawn from samples, with its depth and counts of its pixels.
 #[derive(Clone, Debug)]
@@ -76,6 +76,9 @@ impl Frame {
 
     /// Sets pixels without a view ray to black, such as those in the corners of a fisheye.
     pub fn blank_corners(&mut self, view: &View) {
+        if view.kind == ViewKind::Perspective {
+            return;
+        }
         let size = (self.picture.width, self.picture.height);
         for ((number, pixel), depth) in (0..).zip(&mut self.picture.pixels).zip(&mut self.depth) {
             let (x, y) = View::pixel_centre(size, number % size.0, number / size.0);

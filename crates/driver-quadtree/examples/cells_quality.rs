@@ -47,7 +47,7 @@ fn main() {
                     let sections = Arc::from([section.clone()]);
                     let mut cells = Cells::new(sections, view, SIZE, filling, params);
                     stored.iter().for_each(|(beam, sample)| {
-                        cells.insert(0, *beam, 1, std::slice::from_ref(sample));
+                        cells.insert(key(0, *beam), 1, std::slice::from_ref(sample));
                     });
                     show(&|| cells.draw());
                 }

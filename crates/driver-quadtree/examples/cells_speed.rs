@@ -45,7 +45,7 @@ fn main() {
                 let start = clock::now();
                 stored.chunk_by(|a, b| a.0 == b.0).for_each(|same| {
                     let samples: Vec<_> = same.iter().map(|stored| stored.1).collect();
-                    cells.insert(0, same[0].0, 1, &samples);
+                    cells.insert(key(0, same[0].0), 1, &samples);
                 });
                 let inserted = clock::now() - start;
                 let drawn = mean_time(|| drop(cells.draw()));

@@ -50,7 +50,9 @@ fn main() {
                     let params = QuadtreeParams::default();
                     let mut tree = timed(&mut new, || Quadtree::new(sections, view, size, params));
                     timed(&mut insert, || {
-                        stored.iter().for_each(|(beam, samples)| tree.insert(0, *beam, 1, samples));
+                        stored
+                            .iter()
+                            .for_each(|(beam, samples)| tree.insert(key(0, *beam), 1, samples));
                     });
                     timed(&mut first, || tree.draw());
                     timed(&mut second, || tree.draw());

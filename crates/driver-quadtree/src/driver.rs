@@ -10,10 +10,9 @@ use crate::live::Overlay;
 use crate::log::Log;
 use crate::{Cells, Filling, Quadtree, QuadtreeParams};
 use holo_display::{
-    Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt, covered, uncovered_pixels,
+    Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt, uncovered_pixels,
 };
-use holo_picture::ViewKind;
-use holo_section::{BeamId, BeamKey, Sample, Section};
+use holo_section::{BeamKey, Sample, Section};
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -61,17 +60,17 @@ impl Shape {
         }
     }
 
-    fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+    fn insert(&mut self, key: BeamKey, paths: u16, samples: &[Sample]) {
         match self {
-            Self::Leaves(tree) => tree.insert(section, beam, paths, samples),
-            Self::Cells(cells) => cells.insert(section, beam, paths, samples),
+            Self::Leaves(tree) => tree.insert(key, paths, samples),
+            Self::Cells(cells) => cells.insert(key, paths, samples),
         }
     }
 
-    fn insert_unseen(&mut self, section: u16, beam: BeamId) {
+    fn insert_unseen(&mut self, key: BeamKey) {
         match self {
-            Self::Leaves(tree) => tree.insert_unseen(section, beam),
-            Self::Cells(cells) => cells.insert_unseen(section, beam),
+            Self::Leaves(tree) => tree.insert_unseen(key),
+            Self::Cells(cells) => cells.insert_unseen(key),
         }
     }
 
@@ -121,10 +120,8 @@ impl QuadtreeDriver {
             return None;
         }
         let mut shape = self.shape(look);
-        unseen.into_iter().for_each(|BeamKey { section, beam }| shape.insert_unseen(section, beam));
-        self.log.replay(|section, beam, paths, samples| {
-            shape.insert(section, beam, paths, samples);
-        });
+        unseen.into_iter().for_each(|key| shape.insert_unseen(key));
+        self.log.replay(|key, paths, samples| shape.insert(key, paths, samples));
         Some(shape)
     }
 }
@@ -147,26 +144,30 @@ impl Driver for QuadtreeDriver {
         Ok(())
     }
 
-    fn insert(&mut self, BeamKey { section, beam }: BeamKey, paths: u16, samples: &[Sample]) {
+    fn insert(&mut self, key: BeamKey, paths: u16, samples: &[Sample]) {
         let Some(shown) = &mut self.shown else { return };
-        self.log.add(section, beam, paths, samples);
+        self.log.add(key, paths, samples);
         for shape in shown.both.iter_mut().chain([&mut shown.own]) {
-            shape.insert(section, beam, paths, samples);
+            shape.insert(key, paths, samples);
         }
     }
 
-    fn insert_unseen(&mut self, BeamKey { section, beam }: BeamKey) {
+    fn insert_unseen(&mut self, key: BeamKey) {
         let Some(shown) = &mut self.shown else { return };
         for shape in shown.both.iter_mut().chain([&mut shown.own]) {
-            shape.insert_unseen(section, beam);
+            shape.insert_unseen(key);
         }
     }
 
     fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
         let Some(shown) = &mut self.shown else { return };
-        let (sections, Look { view, size, .. }) = (&self.sections, shown.look);
+        if shown.look.resolution != Resolution::Full {
+            return;
+        }
+        let Look { view, size, .. } = shown.look;
+        let own = &shown.own;
         let overlay = shown.overlay.get_or_insert_with(|| {
-            let pixels = uncovered_pixels(&covered(sections, &view, size), &view, size);
+            let pixels = uncovered_pixels(&own.tree().covered, &view, size);
             Overlay::new(pixels, view, size)
         });
         overlay.insert(paths, rays);
@@ -180,13 +181,11 @@ impl Driver for QuadtreeDriver {
     }
 
     fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
-        let Some(shown) = &mut self.shown else { return Frame::black((0, 0)) };
+        let Some(shown) = &mut self.shown else { return Frame::black((1, 1)) };
         let mut frame = shown.both.as_ref().unwrap_or(&shown.own).draw();
         if shown.look.resolution != Resolution::Full {
             frame = frame.enlarged(shown.look.size);
-            if shown.look.view.kind != ViewKind::Perspective {
-                frame.blank_corners(&shown.look.view);
-            }
+            frame.blank_corners(&shown.look.view);
         }
         if let Some(overlay) = &shown.overlay {
             overlay.paint(&mut frame);
@@ -211,10 +210,13 @@ impl Driver for QuadtreeDriver {
     }
 
     fn uncovered(&self) -> Vec<u32> {
-        self.shown.as_ref().map_or_else(Vec::new, |shown| {
-            let Look { view, size, .. } = shown.look;
-            uncovered_pixels(&covered(&self.sections, &view, size), &view, size)
-        })
+        match &self.shown {
+            Some(shown) if shown.look.resolution == Resolution::Full => {
+                let Look { view, size, .. } = shown.look;
+                uncovered_pixels(&shown.own.tree().covered, &view, size)
+            }
+            _ => Vec::new(),
+        }
     }
 
     fn best_surface_beams(&self, samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {

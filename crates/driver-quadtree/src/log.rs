@@ -1,6 +1,6 @@
 //! Samples in the order in which they came, kept to be shown in the next view.
 
-use holo_section::{BeamId, Sample};
+use holo_section::{BeamKey, Sample};
 
 /// Samples kept at most: what two views of a large file cross. A new tree takes them in some 25 ms.
 const MOST: usize = 500_000;
@@ -8,40 +8,40 @@ const MOST: usize = 500_000;
 /// Samples of the current view and of earlier ones.
 #[derive(Default)]
 pub(crate) struct Log {
-    runs: Vec<Run>,
+    batches: Vec<Batch>,
     samples: Vec<Sample>,
-    /// How many of the runs came before the current view.
+    /// How many of the batches came before the current view.
     earlier: usize,
 }
 
 /// Samples of one beam that came together.
 #[derive(Clone, Copy)]
-struct Run {
-    section: u16,
-    beam: BeamId,
+struct Batch {
+    key: BeamKey,
     paths: u16,
     count: usize,
 }
 
 impl Log {
     /// Adds samples of one beam. Beyond [`MOST`] samples the older half goes.
-    pub fn add(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
-        self.runs.push(Run { section, beam, paths, count: samples.len() });
+    pub fn add(&mut self, key: BeamKey, paths: u16, samples: &[Sample]) {
+        self.batches.push(Batch { key, paths, count: samples.len() });
         self.samples.extend_from_slice(samples);
         if self.samples.len() > MOST {
             let mut count = self.samples.len();
-            let is_kept = |run: &Run| {
-                count -= run.count;
+            let is_kept = |batch: &Batch| {
+                count -= batch.count;
                 count <= MOST / 2
             };
-            let gone = self.runs.iter().position(is_kept).map_or(self.runs.len(), |at| at + 1);
+            let gone =
+                self.batches.iter().position(is_kept).map_or(self.batches.len(), |at| at + 1);
             self.forget(gone);
         }
     }
 
     /// Notes that another view begins.
     pub fn begin_view(&mut self) {
-        self.earlier = self.runs.len();
+        self.earlier = self.batches.len();
     }
 
     /// Forgets the samples of earlier views.
@@ -51,7 +51,7 @@ impl Log {
 
     /// Forgets all samples.
     pub fn clear(&mut self) {
-        self.forget(self.runs.len());
+        self.forget(self.batches.len());
     }
 
     /// Returns whether there are no samples.
@@ -59,40 +59,40 @@ impl Log {
         self.samples.is_empty()
     }
 
-    /// Calls `insert` with section, beam, paths and samples of each run, oldest first.
-    pub fn replay(&self, mut insert: impl FnMut(u16, BeamId, u16, &[Sample])) {
+    /// Calls `insert` with the beam, paths and samples of each batch, oldest first.
+    pub fn replay(&self, mut insert: impl FnMut(BeamKey, u16, &[Sample])) {
         let mut rest = self.samples.as_slice();
-        for run in &self.runs {
-            let (samples, tail) = rest.split_at(run.count);
-            insert(run.section, run.beam, run.paths, samples);
+        for batch in &self.batches {
+            let (samples, tail) = rest.split_at(batch.count);
+            insert(batch.key, batch.paths, samples);
             rest = tail;
         }
     }
 
-    /// Forgets so many of the oldest runs.
-    fn forget(&mut self, runs: usize) {
-        let samples: usize = self.runs.drain(..runs).map(|run| run.count).sum();
+    /// Forgets so many of the oldest batches.
+    fn forget(&mut self, batches: usize) {
+        let samples: usize = self.batches.drain(..batches).map(|batch| batch.count).sum();
         self.samples.drain(..samples);
-        self.earlier = self.earlier.saturating_sub(runs);
+        self.earlier = self.earlier.saturating_sub(batches);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use holo_section::RayCoords;
+    use holo_section::{BeamId, RayCoords};
 
     /// Adds a sample of one beam for each number.
     fn add(log: &mut Log, beams: std::ops::Range<u64>) {
         for beam in beams {
             let sample = Sample::from_codes(RayCoords::default(), [beam as u8; 4], 7);
-            log.add(0, BeamId(beam), 1, &[sample]);
+            log.add(BeamKey { section: 0, beam: BeamId(beam) }, 1, &[sample]);
         }
     }
 
     fn beams(log: &Log) -> Vec<u64> {
         let mut beams = Vec::new();
-        log.replay(|_, beam, _, samples| {
+        log.replay(|BeamKey { beam, .. }, _, samples| {
             assert_eq!(samples[0].rgbe[0], beam.0 as u8);
             beams.push(beam.0);
         });

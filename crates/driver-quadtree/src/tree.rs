@@ -6,7 +6,7 @@ use crate::sums::Colour;
 use glam::DVec3;
 use holo_display::{Camera, DistanceTable, Frame, PlacedSection, best_beam, covered};
 use holo_picture::View;
-use holo_section::{BeamId, BeamKey, Sample, Section};
+use holo_section::{BeamKey, Sample, Section};
 use rayon::prelude::*;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -96,26 +96,25 @@ impl Quadtree {
 
     /// Adds samples of one beam, each the mean of `paths` paths. Ignores unknown sections and
     /// beams.
-    pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
-        self.insert_with(section, beam, paths, samples, |_, _, _| {});
+    pub fn insert(&mut self, key: BeamKey, paths: u16, samples: &[Sample]) {
+        self.insert_with(key, paths, samples, |_, _, _| {});
     }
 
     /// Adds samples as [`insert`](Self::insert) does. Calls `landed` with the pixel, landing and
     /// colour of each sample that lands in the picture.
     pub(crate) fn insert_with(
         &mut self,
-        section: u16,
-        beam: BeamId,
+        key: BeamKey,
         paths: u16,
         samples: &[Sample],
         mut landed: impl FnMut(usize, &Landing, [u8; 4]),
     ) {
-        let (Some(known), Some(placed)) =
-            (self.sections.get(usize::from(section)), self.placed.get(usize::from(section)))
+        let number = usize::from(key.section);
+        let (Some(section), Some(placed)) = (self.sections.get(number), self.placed.get(number))
         else {
             return;
         };
-        let Some(pair) = known.cells(beam) else { return };
+        let Some(pair) = section.cells(key.beam) else { return };
         let projector = BeamProjector::new(placed, pair, &self.camera, self.size, &self.distances);
         let (width, pixels) = (self.size.0 as usize, self.covered.len());
         let paths = u32::from(paths.clamp(1, MAX_PATHS));
@@ -147,9 +146,8 @@ impl Quadtree {
 
     /// Notes that no ray of a beam hits anything: pixels that it serves best show the sky, exactly.
     /// Ignores unknown sections and beams.
-    pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
-        let known = self.sections.get(usize::from(section));
-        if known.is_none_or(|known| beam.0 >= known.beam_count()) {
+    pub fn insert_unseen(&mut self, key: BeamKey) {
+        if key.section_in(&self.sections).is_none() {
             return;
         }
         if self.best.is_empty() {
@@ -160,7 +158,7 @@ impl Quadtree {
             };
             self.best = (0..self.covered.len()).into_par_iter().map(best).collect();
         }
-        self.unseen.insert(BeamKey { section, beam });
+        self.unseen.insert(key);
     }
 
     /// Returns the beams whose rays hit nothing.

@@ -22,7 +22,7 @@ fn empty(section: &Section, view: &View, size: (u32, u32), filling: Filling) -> 
 fn put(cells: &mut Cells, stored: &[Stored]) {
     stored
         .iter()
-        .for_each(|(beam, sample)| cells.insert(0, *beam, 1, std::slice::from_ref(sample)));
+        .for_each(|(beam, sample)| cells.insert(key(0, *beam), 1, std::slice::from_ref(sample)));
 }
 
 fn drawn(
@@ -74,7 +74,7 @@ proptest! {
         for filling in BOTH {
             let mut cells = empty(&section, &view, SIZE, filling);
             for (number, paths, sample) in &samples {
-                cells.insert(0, beam(*number), *paths, &[*sample]);
+                cells.insert(key(0, beam(*number)), *paths, &[*sample]);
             }
             let frame = cells.draw();
             let mut channels = frame.picture.pixels.iter().flatten();
@@ -89,7 +89,7 @@ proptest! {
         for (filling, picture) in BOTH.into_iter().zip(pictures) {
             let mut cells = empty(&section, &view, SIZE, filling);
             for (number, paths, sample) in &samples {
-                cells.insert(0, beam(*number), *paths, &[*sample]);
+                cells.insert(key(0, beam(*number)), *paths, &[*sample]);
             }
             prop_assert_eq!(&bits(&cells.draw()), &picture);
         }
@@ -406,7 +406,7 @@ fn what_is_known_to_be_empty_is_the_sky_and_what_no_section_covers_is_0() {
         for pixel in (0..pixels as usize).filter(|pixel| !covered(pixel)) {
             assert_eq!(before.picture.pixels[pixel], [0.0; 3]);
         }
-        selection.beams.iter().for_each(|wanted| cells.insert_unseen(0, wanted.key.beam));
+        selection.beams.iter().for_each(|wanted| cells.insert_unseen(key(0, wanted.key.beam)));
         let after = cells.draw();
         // A few pixels' middles are in beams that no jittered ray has met.
         assert!(after.unseen_pixels + after.uncovered_pixels > pixels * 98 / 100);

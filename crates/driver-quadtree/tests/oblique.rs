@@ -148,7 +148,7 @@ fn beams_of_sections_that_are_further_from_what_is_seen_come_last() {
     let sections: Arc<[_]> = Arc::from([far, near.clone()]);
     let mut tree = Quadtree::new(sections, view, SIZE, QuadtreeParams::default());
     for (beam, sample) in near_samples(room, &near, &view, 4000, 3, clean) {
-        tree.insert(1, beam, 1, &[sample]);
+        tree.insert(key(1, beam), 1, &[sample]);
     }
     let count =
         |beams: &[BeamKey], section| beams.iter().filter(|key| key.section == section).count();

@@ -45,7 +45,7 @@ proptest! {
 
         let mut first = new();
         for (number, paths, sample) in &samples {
-            first.insert(0, beam(*number), *paths, std::slice::from_ref(sample));
+            first.insert(key(0, beam(*number)), *paths, std::slice::from_ref(sample));
         }
         let mut random = Random(seed);
         for last in (1..samples.len()).rev() {
@@ -53,13 +53,13 @@ proptest! {
         }
         let mut shuffled = new();
         for (number, paths, sample) in &samples {
-            shuffled.insert(0, beam(*number), *paths, std::slice::from_ref(sample));
+            shuffled.insert(key(0, beam(*number)), *paths, std::slice::from_ref(sample));
         }
         let mut batched = new();
         samples.sort_by_key(|&(number, paths, _)| (beam(number), paths));
         for same in samples.chunk_by(|a, b| (beam(a.0), a.1) == (beam(b.0), b.1)) {
             let batch: Vec<Sample> = same.iter().map(|sample| sample.2).collect();
-            batched.insert(0, beam(same[0].0), same[0].1, &batch);
+            batched.insert(key(0, beam(same[0].0)), same[0].1, &batch);
         }
         let expected = bits(&first.draw());
         prop_assert_eq!(&expected, &bits(&shuffled.draw()));
@@ -92,8 +92,8 @@ fn unknown_sections_and_beams_are_left_out() {
     let mut tree =
         Quadtree::new(Arc::from([section.clone()]), view, SIZE, QuadtreeParams::default());
     let empty = bits(&tree.draw());
-    tree.insert(1, BeamId(0), 1, &[sample]);
-    tree.insert(0, BeamId(section.beam_count()), 1, &[sample]);
-    tree.insert(0, BeamId(u64::MAX), 0, &[sample]);
+    tree.insert(key(1, BeamId(0)), 1, &[sample]);
+    tree.insert(key(0, BeamId(section.beam_count())), 1, &[sample]);
+    tree.insert(key(0, BeamId(u64::MAX)), 0, &[sample]);
     assert_eq!(empty, bits(&tree.draw()));
 }

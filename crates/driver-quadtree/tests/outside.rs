@@ -46,7 +46,7 @@ fn what_stands_before_a_section_hides_what_its_rays_see_however_many_they_are() 
             for (beam, sample) in
                 near_samples(post, section, from, (pixels * density) as usize, 5, clean)
             {
-                tree.insert(number, beam, 1, &[sample]);
+                tree.insert(key(number, beam), 1, &[sample]);
             }
         }
         let frame = tree.draw();

@@ -81,7 +81,7 @@ fn reprojected_samples_land_where_the_view_sees_their_surface() {
             ..QuadtreeParams::default()
         };
         let mut tree = Quadtree::new(Arc::from([section.clone()]), seen, SIZE, params);
-        tree.insert(0, section.beam(hit.pair), 1, &[sample]);
+        tree.insert(key(0, section.beam(hit.pair)), 1, &[sample]);
         let frame = tree.draw();
         assert_eq!(frame.samples_used, 1);
         assert_eq!(frame.empty_pixels, u64::from(SIZE.0 * SIZE.1 - 1));
@@ -228,7 +228,7 @@ fn surfaces_behind_the_eye_are_dropped() {
         let sample = Sample::encode(hit.coords, [1.0; 3], distance, section.diagonal(), 0);
         let mut tree =
             Quadtree::new(Arc::from([section.clone()]), seen, SIZE, QuadtreeParams::default());
-        tree.insert(0, section.beam(hit.pair), 1, &[sample]);
+        tree.insert(key(0, section.beam(hit.pair)), 1, &[sample]);
         tree.draw().samples_used
     };
     // From the entry wall at x = 0: the eye is 3 away.

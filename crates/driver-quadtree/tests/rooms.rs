@@ -48,7 +48,7 @@ fn wrong(own: f64, other: f64, is_towards_eye: bool) -> f64 {
         QuadtreeParams::default(),
     );
     for (beam, sample) in near_samples(rooms, &room, &seen, (PIXELS * own) as usize, 3, clean) {
-        tree.insert(0, beam, 1, &[sample]);
+        tree.insert(key(0, beam), 1, &[sample]);
     }
     for _ in 0..(PIXELS * other) as usize {
         let (eye, along) = seen.ray(random.unit(), random.unit());
@@ -60,7 +60,7 @@ fn wrong(own: f64, other: f64, is_towards_eye: bool) -> f64 {
         if let Some(hit) = hit {
             let (beam, sample) =
                 traced(rooms, &behind, behind.beam(hit.pair), hit.coords, &mut random, clean);
-            tree.insert(1, beam, 1, &[sample]);
+            tree.insert(key(1, beam), 1, &[sample]);
         }
     }
     let is_wrong =

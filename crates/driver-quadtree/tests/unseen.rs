@@ -37,7 +37,7 @@ fn pixels_of_unseen_beams_show_the_sky_exactly_and_no_others_do() {
     let unseen: HashSet<BeamId> =
         selection.beams.iter().step_by(2).map(|wanted| wanted.key.beam).collect();
     let mut tree = quadtree(&section, &view, SIZE, params, &stored);
-    unseen.iter().for_each(|&beam| tree.insert_unseen(0, beam));
+    unseen.iter().for_each(|&beam| tree.insert_unseen(key(0, beam)));
     let frame = tree.draw();
     let mut shown = 0;
     for row in 0..SIZE.1 {
@@ -69,7 +69,11 @@ fn without_samples_unseen_pixels_are_known_and_the_rest_are_empty() {
         select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     let mut tree = Quadtree::new(Arc::from([section]), view, SIZE, params());
     let covered = u64::from(SIZE.0 * SIZE.1) - tree.draw().uncovered_pixels;
-    selection.beams.iter().step_by(3).for_each(|wanted| tree.insert_unseen(0, wanted.key.beam));
+    selection
+        .beams
+        .iter()
+        .step_by(3)
+        .for_each(|wanted| tree.insert_unseen(key(0, wanted.key.beam)));
     let frame = tree.draw();
     assert!(frame.unseen_pixels > 0 && frame.empty_pixels > 0);
     assert_eq!(frame.unseen_pixels + frame.empty_pixels, covered);
@@ -85,14 +89,14 @@ fn when_a_beam_becomes_known_changes_no_bit() {
     let unseen: Vec<BeamId> =
         selection.beams.iter().step_by(2).map(|wanted| wanted.key.beam).collect();
     let mut last = quadtree(&section, &view, SIZE, params(), &stored);
-    unseen.iter().for_each(|&beam| last.insert_unseen(0, beam));
+    unseen.iter().for_each(|&beam| last.insert_unseen(key(0, beam)));
     let mut first = Quadtree::new(Arc::from([section.clone()]), view, SIZE, params());
-    unseen.iter().rev().chain(&unseen).for_each(|&beam| first.insert_unseen(0, beam));
+    unseen.iter().rev().chain(&unseen).for_each(|&beam| first.insert_unseen(key(0, beam)));
     insert(&mut first, &stored);
     assert_eq!(bits(&last.draw()), bits(&first.draw()));
     // Unknown sections and beams change nothing.
     let known = bits(&first.draw());
-    first.insert_unseen(0, BeamId(section.beam_count()));
-    first.insert_unseen(9, unseen[0]);
+    first.insert_unseen(key(0, BeamId(section.beam_count())));
+    first.insert_unseen(key(9, unseen[0]));
     assert_eq!(bits(&first.draw()), known);
 }

@@ -80,9 +80,9 @@ impl Driver for RenderCacheDriver {
         self.see(look, &[]).map(|_| ())
     }
 
-    fn insert(&mut self, BeamKey { section, beam }: BeamKey, _paths: u16, samples: &[Stored]) {
+    fn insert(&mut self, key: BeamKey, _paths: u16, samples: &[Stored]) {
         let Some((cache, screen)) = &mut self.shown else { return };
-        screen.locate(section, beam, samples, |seen| {
+        screen.locate(key, samples, |seen| {
             let (column, row) = seen.pixel;
             let tag = if seen.is_own {
                 cache.pixel_tag(column, row)
@@ -98,9 +98,9 @@ impl Driver for RenderCacheDriver {
         });
     }
 
-    fn insert_unseen(&mut self, BeamKey { section, beam }: BeamKey) {
+    fn insert_unseen(&mut self, key: BeamKey) {
         if let Some((_, screen)) = &mut self.shown {
-            screen.insert_unseen(section, beam);
+            screen.insert_unseen(key);
         }
     }
 

@@ -69,10 +69,10 @@ impl Driver for FramelessDriver {
         Ok(())
     }
 
-    fn insert(&mut self, BeamKey { section, beam }: BeamKey, _paths: u16, samples: &[Sample]) {
+    fn insert(&mut self, key: BeamKey, _paths: u16, samples: &[Sample]) {
         let Some(Shown { frameless, screen, depth }) = &mut self.shown else { return };
         let width = screen.size.0;
-        screen.locate(section, beam, samples, |seen| {
+        screen.locate(key, samples, |seen| {
             let (column, row) = seen.pixel;
             let Some(tag) = frameless.pixel_tag(column, row) else { return false };
             if seen.is_own {
@@ -85,9 +85,9 @@ impl Driver for FramelessDriver {
         });
     }
 
-    fn insert_unseen(&mut self, BeamKey { section, beam }: BeamKey) {
+    fn insert_unseen(&mut self, key: BeamKey) {
         if let Some(shown) = &mut self.shown {
-            shown.screen.insert_unseen(section, beam);
+            shown.screen.insert_unseen(key);
         }
     }
 

@@ -10,7 +10,7 @@ use std::{collections::HashSet, sync::Arc};
 use glam::DVec3;
 use holo_display::{Frame, Look, best_beam, for_bands, viewpoint_radius};
 use holo_picture::{Clip, View};
-use holo_section::{BeamId, BeamKey, Sample, Section, SectionRay, ray_eye_distance};
+use holo_section::{BeamKey, Sample, Section, SectionRay, ray_eye_distance};
 
 use crate::Place;
 
@@ -83,9 +83,9 @@ impl Screen {
     }
 
     /// Notes that no ray of a beam can hit anything.
-    pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
-        if self.sections.get(usize::from(section)).is_some_and(|s| beam.0 < s.beam_count()) {
-            self.unseen.insert(BeamKey { section, beam });
+    pub fn insert_unseen(&mut self, key: BeamKey) {
+        if key.section_in(&self.sections).is_some() {
+            self.unseen.insert(key);
         }
     }
 
@@ -93,13 +93,12 @@ impl Screen {
     /// used the sample.
     pub fn locate(
         &mut self,
-        section: u16,
-        beam: BeamId,
+        key: BeamKey,
         samples: &[Sample],
         mut insert: impl FnMut(Seen) -> bool,
     ) {
-        let Some(section) = self.sections.get(usize::from(section)) else { return };
-        let Some(pair) = section.cells(beam) else { return };
+        let Some(section) = self.sections.get(usize::from(key.section)) else { return };
+        let Some(pair) = section.cells(key.beam) else { return };
         // A ray that was snapped to the lattice may pass the eye a step farther off.
         let near = self.radius + step(section);
         for sample in samples {

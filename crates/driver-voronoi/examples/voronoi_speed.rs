@@ -1,4 +1,4 @@
-//! Times the geometry-guided driver: `cargo run --release -p holo-display --example voronoi_speed -- SCENE.obj`, by default
+//! Times the geometry-guided driver: `cargo run --release -p holo-driver-voronoi --example voronoi_speed -- SCENE.obj`, by default
 //! the cabin beside the project.
 
 use glam::DVec3;

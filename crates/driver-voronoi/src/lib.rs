@@ -360,9 +360,7 @@ impl Voronoi {
             frame.picture = Picture { pixels, ..Picture::new(width as u32, height as u32) };
             frame.picture.view = Some(self.view);
         }
-        if !self.camera.is_perspective() {
-            frame.blank_corners(&self.view);
-        }
+        frame.blank_corners(&self.view);
         frame
     }
 }

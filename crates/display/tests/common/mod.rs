@@ -6,7 +6,7 @@
 use glam::DVec3;
 use holo_display::{Frame, SelectOptions, select_beams};
 use holo_picture::View;
-use holo_section::{BeamId, RayCoords, Sample, Section, SectionSpec, ViewClass};
+use holo_section::{BeamId, BeamKey, RayCoords, Sample, Section, SectionSpec, ViewClass};
 
 /// The random number generator SplitMix64.
 pub struct Random(pub u64);
@@ -154,6 +154,11 @@ pub fn log_normal(random: &mut Random) -> f32 {
     let normal =
         (-2.0 * (1.0 - random.unit()).ln()).sqrt() * (std::f64::consts::TAU * random.unit()).cos();
     (normal - 0.5).exp() as f32
+}
+
+/// Returns the name of a beam of a section.
+pub fn key(section: u16, beam: BeamId) -> BeamKey {
+    BeamKey { section, beam }
 }
 
 pub type Stored = (BeamId, Sample);

@@ -36,7 +36,7 @@ use crate::{Quadtree, QuadtreeParams};
 use fill::{NEIGHBOURS, Seen, between};
 use holo_display::Frame;
 use holo_picture::View;
-use holo_section::{BeamId, Sample, Section, rgbe};
+use holo_section::{BeamKey, Sample, Section, rgbe};
 use nearest::Points;
 use radius::Radii;
 use sites::{Site, Sites};
@@ -108,16 +108,16 @@ impl Cells {
     }
 
     /// Adds samples as [`Quadtree::insert`] does.
-    pub fn insert(&mut self, section: u16, beam: BeamId, paths: u16, samples: &[Sample]) {
+    pub fn insert(&mut self, key: BeamKey, paths: u16, samples: &[Sample]) {
         let sites = &mut self.sites;
-        self.tree.insert_with(section, beam, paths, samples, |pixel, landing, rgbe| {
+        self.tree.insert_with(key, paths, samples, |pixel, landing, rgbe| {
             sites.add(pixel, Site::new(landing, rgbe));
         });
     }
 
     /// Notes that no ray of a beam hits anything, as [`Quadtree::insert_unseen`] does.
-    pub fn insert_unseen(&mut self, section: u16, beam: BeamId) {
-        self.tree.insert_unseen(section, beam);
+    pub fn insert_unseen(&mut self, key: BeamKey) {
+        self.tree.insert_unseen(key);
     }
 
     /// Returns the sums of the samples.

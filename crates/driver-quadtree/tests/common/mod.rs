@@ -26,6 +26,6 @@ pub fn quadtree(
 
 pub fn insert(quadtree: &mut Quadtree, stored: &[Stored]) {
     for (beam, sample) in stored {
-        quadtree.insert(0, *beam, 1, std::slice::from_ref(sample));
+        quadtree.insert(key(0, *beam), 1, std::slice::from_ref(sample));
     }
 }
