@@ -77,7 +77,7 @@ fn a_sample_lands_where_the_view_sees_its_surface() {
                 .and_then(|(x, y, distance)| Some((View::pixel_at(SIZE, x, y)?, x, y, distance)));
             let params = QuadtreeParams { leaf: LeafSize::Fixed(0), ..QuadtreeParams::default() };
             let mut tree = Quadtree::new(Arc::from([section.clone()]), seen, SIZE, params);
-            tree.insert(0, section.beam(hit.pair), 1, &[sample]);
+            tree.insert(key(0, section.beam(hit.pair)), 1, &[sample]);
             let frame = tree.draw();
             let Some(((column, row), x, y, distance)) = pixel else {
                 assert_eq!(frame.samples_used, 0, "{kind:?}");

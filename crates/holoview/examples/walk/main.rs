@@ -1,6 +1,6 @@
 //! A recorded walk through a scene, shown by every driver, tracing in lockstep with frames: how like the truth each is over time.
 //!
-//! `cargo run --release -p holo-display --example walk -- SCENE.obj WALK --truths FOLDER --out FOLDER [--drivers A,B] [--ratio R]
+//! `cargo run --release -p holo-view --example walk -- SCENE.obj WALK --truths FOLDER --out FOLDER [--drivers A,B] [--ratio R]
 //! [--paths N] [--bounces N] [--frames FIRST..END] [--every N] [--truth-paths N]
 //! [--truths-only]`. In each frame a driver gets pixels / R new samples
 //! of N paths. One line of JSON per driver: frames judged, PSNR (dB) and structural similarity of each. `FOLDER/strip.png`: the

@@ -18,8 +18,15 @@ use super::{
 pub enum Incoming {
     /// A message that is the session's affair.
     Message(Message),
-    /// A piece of the scene arrived, or all of it and it is being prepared.
-    SceneProgress,
+    /// A piece of the scene arrived.
+    SceneFetched {
+        /// Bytes that are here.
+        bytes: u64,
+        /// Bytes of the whole scene.
+        total: u64,
+    },
+    /// The whole scene arrived. It is being prepared, which takes seconds for millions of triangles.
+    ScenePreparing,
     /// The scene is ready, or cannot be used.
     Scene(Result<Box<LoadedScene>>),
     /// The connection is gone.
@@ -67,18 +74,22 @@ impl Reader {
                     continue;
                 }
                 Ok(Message::BlobChunk(chunk)) => {
-                    match self.loader.as_mut().map(|loader| loader.take(&chunk)) {
-                        Some(Ok(Some(blobs))) => {
+                    let Some(loader) = &mut self.loader else { continue };
+                    match loader.take(&chunk) {
+                        Ok(Some(blobs)) => {
                             self.loader = None;
                             self.build(blobs);
+                            Incoming::ScenePreparing
                         }
-                        Some(Ok(None)) | None => {}
-                        Some(Err(error)) => {
+                        Ok(None) => {
+                            let (bytes, total) = loader.progress();
+                            Incoming::SceneFetched { bytes, total }
+                        }
+                        Err(error) => {
                             self.loader = None;
-                            let _ = self.messages.send(Incoming::Scene(Err(error)));
+                            Incoming::Scene(Err(error))
                         }
                     }
-                    Incoming::SceneProgress
                 }
                 Ok(message) => Incoming::Message(message),
                 Err(error) => Incoming::Lost(error),

@@ -6,8 +6,10 @@
 //!
 //! What always holds:
 //! - Samples reach the driver only for the view that they were asked for.
-//! - A frame drawn at rest depends on what was sent for its view and on nothing earlier.
+//! - A frame drawn at rest depends on what was sent for its view and on nothing earlier, unless the
+//!   driver keeps samples for the whole session.
 
+mod connect;
 mod current_view;
 mod default_view;
 mod demand;
@@ -19,7 +21,6 @@ mod received;
 mod scene;
 
 use std::{
-    net::SocketAddr,
     sync::{Arc, OnceLock, mpsc},
     time::{Duration, Instant},
 };
@@ -27,51 +28,29 @@ use std::{
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use holo_display::{Driver, Frame, SurfaceAt};
-use holo_net::{Message, Outbox, Shutdown};
+use holo_net::{Message, Outbox};
 use holo_picture::ViewSpec;
-use holo_proto::{
-    control::{Control, Status, Welcome},
-    hello::Role,
-};
-use holo_section::Section;
+use holo_proto::control::{Control, Status, Welcome};
 
 use crate::{
-    args::{DriverArgs, PointArgs},
     drivers::{DriverChoice, SceneUse},
     report::StageTime,
 };
+pub use connect::Connected;
 pub use current_view::Counts;
 use current_view::CurrentView;
 pub use default_view::default_view;
-use incoming::{Incoming, Reader};
+use incoming::Incoming;
 use lights::Lights;
 use pace::Pace;
 use received::Received;
 pub use scene::LoadedScene;
-use scene::SceneLoader;
-
-/// How long a session waits for the next piece of the scene before it draws without. What comes
-/// later is used from then on.
-const SCENE_PATIENCE: Duration = Duration::from_secs(10);
 
 /// How long messages that have arrived are taken after the time for a picture has come.
 const LATE: Duration = Duration::from_millis(20);
 
 /// How long the server may take to settle: it gives hanging workers up after some seconds.
 const SETTLE_TIME: Duration = Duration::from_secs(60);
-
-/// A connection that is made, before its session begins.
-pub struct Connected {
-    welcome: Welcome,
-    choice: DriverChoice,
-    outbox: Outbox,
-    messages: mpsc::Receiver<Incoming>,
-    lights: Arc<OnceLock<Lights>>,
-    awaits_scene: bool,
-    /// Ends when the connection does, or with the session.
-    reader: tokio::task::JoinHandle<()>,
-    stopper: tokio::task::JoinHandle<()>,
-}
 
 /// A session with a server.
 pub struct Session {
@@ -98,124 +77,6 @@ pub enum Waited {
     /// Everything under way has arrived.
     Settled,
     /// The user, who wants to end.
-    Stop,
-}
-
-impl Connected {
-    /// Connects to the server at `address`. The session ends when `shutdown` is triggered.
-    ///
-    /// # Errors
-    /// If the server cannot be reached or refuses.
-    pub async fn new(
-        address: SocketAddr,
-        args: DriverArgs,
-        points: PointArgs,
-        shutdown: Shutdown,
-    ) -> Result<Connected> {
-        let name = format!("holoview {}", std::process::id());
-        let connection = holo_net::connect(address, Role::Display, &name).await;
-        let (inbox, outbox, welcome) =
-            connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
-        let sections = welcome.sections.iter().cloned().map(Section::new);
-        let sections: Arc<[Section]> =
-            sections.collect::<Result<_, _>>().context("the server's sections")?;
-        let choice = DriverChoice { args, points, sections, sky: welcome.sky };
-        let loader = match choice.scene_use() {
-            SceneUse::None => None,
-            SceneUse::IfThere | SceneUse::Required => SceneLoader::ask(welcome.scene, &outbox)?,
-        };
-        let awaits_scene = loader.is_some();
-        let lights = Arc::<OnceLock<Lights>>::default();
-        let (sender, messages) = mpsc::channel();
-        let reader = Reader {
-            inbox,
-            outbox: outbox.clone(),
-            messages: sender.clone(),
-            loader,
-            lights: Arc::clone(&lights),
-        };
-        let reader = tokio::spawn(reader.run());
-        let stopper = tokio::spawn(async move {
-            shutdown.wait().await;
-            // A session that is over needs no telling.
-            let _ = sender.send(Incoming::Stop);
-        });
-        Ok(Connected { welcome, choice, outbox, messages, lights, awaits_scene, reader, stopper })
-    }
-
-    /// Begins the session, once the scene is here if the driver wants it; `None` if the user ended
-    /// it first. Blocks: to be called on a thread of its own. Calls `progress` while the scene
-    /// comes.
-    ///
-    /// # Errors
-    /// If the connection is lost, or the scene cannot be used and the driver cannot do without.
-    pub fn begin(self, mut progress: impl FnMut(&str)) -> Result<Option<Session>> {
-        let mut scene = None;
-        if self.awaits_scene {
-            progress("fetching the scene");
-            match self.await_scene()? {
-                Arrived::Scene(loaded) => scene = Some(loaded),
-                Arrived::Nothing(reason) => {
-                    progress(&format!("drawing by samples alone: {reason}"));
-                }
-                Arrived::Stop => return Ok(None),
-            }
-        }
-        let driver = self.choice.make(scene.as_deref());
-        Ok(Some(Session {
-            driver,
-            welcome: self.welcome,
-            choice: self.choice,
-            lights: self.lights,
-            outbox: self.outbox,
-            messages: self.messages,
-            current: None,
-            request_number: 0,
-            pace: Pace::default(),
-            status: None,
-            start: Instant::now(),
-            tasks: [self.reader, self.stopper],
-        }))
-    }
-
-    fn await_scene(&self) -> Result<Arrived> {
-        let is_required = self.choice.scene_use() == SceneUse::Required;
-        let mut deadline = Instant::now() + SCENE_PATIENCE;
-        loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            let incoming = if is_required {
-                self.messages.recv().map_err(|_| mpsc::RecvTimeoutError::Disconnected)
-            } else {
-                self.messages.recv_timeout(left)
-            };
-            match incoming {
-                Ok(Incoming::SceneProgress) => deadline = Instant::now() + SCENE_PATIENCE,
-                Ok(Incoming::Scene(Ok(scene))) => return Ok(Arrived::Scene(scene)),
-                Ok(Incoming::Scene(Err(error))) if is_required => return Err(error),
-                Ok(Incoming::Scene(Err(error))) => {
-                    return Ok(Arrived::Nothing(format!("{error:#}")));
-                }
-                Ok(Incoming::Message(Message::Control(Control::Bye { reason }))) => {
-                    bail!("the server ended the session: {reason}")
-                }
-                // Nothing was asked for yet but the scene.
-                Ok(Incoming::Message(_)) => {}
-                Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
-                Ok(Incoming::Stop) => return Ok(Arrived::Stop),
-                Err(mpsc::RecvTimeoutError::Timeout) => {
-                    return Ok(Arrived::Nothing("the scene has not come yet".into()));
-                }
-                Err(mpsc::RecvTimeoutError::Disconnected) => bail!("lost the server"),
-            }
-        }
-    }
-}
-
-/// What came of waiting for the scene.
-enum Arrived {
-    Scene(Box<LoadedScene>),
-    /// No scene, and why.
-    Nothing(String),
     Stop,
 }
 
@@ -390,7 +251,7 @@ impl Session {
         match incoming {
             Incoming::Message(Message::Control(message)) => self.control(message, for_settled),
             Incoming::Message(message) => self.samples(message).map(|()| None),
-            Incoming::SceneProgress => Ok(None),
+            Incoming::SceneFetched { .. } | Incoming::ScenePreparing => Ok(None),
             Incoming::Scene(scene) => self.change_scene(scene).map(|()| None),
             Incoming::Lost(error) => Err(error).context("lost the server"),
             Incoming::Stop => Ok(Some(Waited::Stop)),

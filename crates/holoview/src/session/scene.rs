@@ -62,6 +62,12 @@ impl SceneLoader {
         Ok(Some(SceneLoader { outbox, scene, receiver, packed: None, stand_ins: None }))
     }
 
+    /// Returns how many bytes of the scene are here, and how many it has.
+    pub fn progress(&self) -> (u64, u64) {
+        let bytes = if self.packed.is_some() { self.scene.bytes } else { self.receiver.received() };
+        (bytes, self.scene.bytes)
+    }
+
     /// Notes that the server has stand-ins for the scene, too.
     pub fn announce_stand_ins(&mut self, info: SceneInfo) {
         self.stand_ins = Some(info);

@@ -1,0 +1,226 @@
+//! Connects to a server, and waits for the scene if the driver draws from it.
+
+use std::{
+    net::SocketAddr,
+    sync::{Arc, OnceLock, mpsc},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result, bail};
+use holo_net::{Message, Outbox, Shutdown};
+use holo_progress::HumanBytes;
+use holo_proto::{
+    control::{Control, Welcome},
+    hello::Role,
+};
+use holo_section::Section;
+
+use super::{
+    Session,
+    incoming::{Incoming, Reader},
+    lights::Lights,
+    pace::Pace,
+    scene::{LoadedScene, SceneLoader},
+};
+use crate::{
+    args::{DriverArgs, PointArgs},
+    drivers::{DriverChoice, SceneUse},
+};
+
+/// How long a session waits for the next piece of the scene before it draws without. What comes
+/// later is used from then on.
+const SCENE_PATIENCE: Duration = Duration::from_secs(10);
+
+/// How often fetching the scene is reported. A scene that comes sooner is not worth a word.
+const REPORT_EVERY: Duration = Duration::from_secs(1);
+
+/// A connection that is made, before its session begins.
+pub struct Connected {
+    welcome: Welcome,
+    choice: DriverChoice,
+    outbox: Outbox,
+    messages: mpsc::Receiver<Incoming>,
+    lights: Arc<OnceLock<Lights>>,
+    awaits_scene: bool,
+    /// Ends when the connection does, or with the session.
+    reader: tokio::task::JoinHandle<()>,
+    stopper: tokio::task::JoinHandle<()>,
+}
+
+impl Connected {
+    /// Connects to the server at `address`. The session ends when `shutdown` is triggered.
+    ///
+    /// # Errors
+    /// If the server cannot be reached or refuses.
+    pub async fn new(
+        address: SocketAddr,
+        args: DriverArgs,
+        points: PointArgs,
+        shutdown: Shutdown,
+    ) -> Result<Connected> {
+        let name = format!("holoview {}", std::process::id());
+        let connection = holo_net::connect(address, Role::Display, &name).await;
+        let (inbox, outbox, welcome) =
+            connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
+        let sections = welcome.sections.iter().cloned().map(Section::new);
+        let sections: Arc<[Section]> =
+            sections.collect::<Result<_, _>>().context("the server's sections")?;
+        let choice = DriverChoice { args, points, sections, sky: welcome.sky };
+        let loader = match choice.scene_use() {
+            SceneUse::None => None,
+            SceneUse::IfThere | SceneUse::Required => SceneLoader::ask(welcome.scene, &outbox)?,
+        };
+        let awaits_scene = loader.is_some();
+        let lights = Arc::<OnceLock<Lights>>::default();
+        let (sender, messages) = mpsc::channel();
+        let reader = Reader {
+            inbox,
+            outbox: outbox.clone(),
+            messages: sender.clone(),
+            loader,
+            lights: Arc::clone(&lights),
+        };
+        let reader = tokio::spawn(reader.run());
+        let stopper = tokio::spawn(async move {
+            shutdown.wait().await;
+            // A session that is over needs no telling.
+            let _ = sender.send(Incoming::Stop);
+        });
+        Ok(Connected { welcome, choice, outbox, messages, lights, awaits_scene, reader, stopper })
+    }
+
+    /// Begins the session, once the scene is here if the driver wants it; `None` if the user ended
+    /// it first. Blocks: to be called on a thread of its own. Calls `progress` while the scene
+    /// comes.
+    ///
+    /// # Errors
+    /// If the connection is lost, or the scene cannot be used and the driver cannot do without.
+    pub fn begin(self, mut progress: impl FnMut(&str)) -> Result<Option<Session>> {
+        let mut scene = None;
+        if self.awaits_scene {
+            let is_required = self.choice.scene_use() == SceneUse::Required;
+            match await_scene(&self.messages, is_required, SCENE_PATIENCE, &mut progress)? {
+                Arrived::Scene(loaded) => scene = Some(loaded),
+                Arrived::Nothing(reason) => {
+                    progress(&format!("drawing by samples alone: {reason}"));
+                }
+                Arrived::Stop => return Ok(None),
+            }
+        }
+        let driver = self.choice.make(scene.as_deref());
+        Ok(Some(Session {
+            driver,
+            welcome: self.welcome,
+            choice: self.choice,
+            lights: self.lights,
+            outbox: self.outbox,
+            messages: self.messages,
+            current: None,
+            request_number: 0,
+            pace: Pace::default(),
+            status: None,
+            start: Instant::now(),
+            tasks: [self.reader, self.stopper],
+        }))
+    }
+}
+
+/// Waits for the scene. If the driver can do without, gives up after `patience` without any news;
+/// once the whole scene is here, it waits until the scene is prepared.
+fn await_scene(
+    messages: &mpsc::Receiver<Incoming>,
+    is_required: bool,
+    patience: Duration,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Arrived> {
+    let mut deadline = (!is_required).then(|| Instant::now() + patience);
+    let mut next_report = Instant::now() + REPORT_EVERY;
+    loop {
+        let incoming = match deadline {
+            Some(deadline) => {
+                messages.recv_timeout(deadline.saturating_duration_since(Instant::now()))
+            }
+            None => messages.recv().map_err(|_| mpsc::RecvTimeoutError::Disconnected),
+        };
+        match incoming {
+            Ok(Incoming::SceneFetched { bytes, total }) => {
+                deadline = deadline.map(|_| Instant::now() + patience);
+                if Instant::now() >= next_report {
+                    next_report = Instant::now() + REPORT_EVERY;
+                    let (bytes, total) = (HumanBytes(bytes), HumanBytes(total));
+                    progress(&format!("fetching the scene: {bytes} of {total}"));
+                }
+            }
+            Ok(Incoming::ScenePreparing) => {
+                deadline = None;
+                if Instant::now() >= next_report {
+                    progress("preparing the scene");
+                }
+            }
+            Ok(Incoming::Scene(Ok(scene))) => return Ok(Arrived::Scene(scene)),
+            Ok(Incoming::Scene(Err(error))) if is_required => return Err(error),
+            Ok(Incoming::Scene(Err(error))) => return Ok(Arrived::Nothing(format!("{error:#}"))),
+            Ok(Incoming::Message(Message::Control(Control::Bye { reason }))) => {
+                bail!("the server ended the session: {reason}")
+            }
+            // Nothing was asked for yet but the scene.
+            Ok(Incoming::Message(_)) => {}
+            Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
+            Ok(Incoming::Stop) => return Ok(Arrived::Stop),
+            Err(mpsc::RecvTimeoutError::Timeout) => {
+                return Ok(Arrived::Nothing("the scene has not come yet".into()));
+            }
+            Err(mpsc::RecvTimeoutError::Disconnected) => bail!("lost the server"),
+        }
+    }
+}
+
+/// What came of waiting for the scene.
+enum Arrived {
+    Scene(Box<LoadedScene>),
+    /// No scene, and why.
+    Nothing(String),
+    Stop,
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::anyhow;
+
+    use super::*;
+
+    /// Waits without patience for what a thread says of the scene; returns why there is none.
+    fn reason_without_scene(first: Incoming, is_required: bool) -> Result<String> {
+        let (sender, messages) = mpsc::channel();
+        sender.send(first).unwrap();
+        let preparing = std::thread::spawn(move || {
+            let _ = sender.send(Incoming::Scene(Err(anyhow!("cannot be used"))));
+        });
+        let arrived = await_scene(&messages, is_required, Duration::ZERO, &mut |_| {});
+        preparing.join().unwrap();
+        match arrived? {
+            Arrived::Nothing(reason) => Ok(reason),
+            Arrived::Scene(_) | Arrived::Stop => panic!("there is no scene, and nobody stops"),
+        }
+    }
+
+    #[test]
+    fn a_scene_that_is_being_prepared_is_waited_for_however_long_it_takes() {
+        let reason = reason_without_scene(Incoming::ScenePreparing, false).unwrap();
+        assert_eq!(reason, "cannot be used");
+    }
+
+    #[test]
+    fn a_driver_that_needs_the_scene_waits_for_it_and_ends_if_it_cannot_be_used() {
+        let fetched = Incoming::SceneFetched { bytes: 1, total: 2 };
+        let error = reason_without_scene(fetched, true).unwrap_err();
+        assert_eq!(error.to_string(), "cannot be used");
+    }
+
+    #[test]
+    fn a_driver_that_can_do_without_the_scene_draws_when_no_news_comes() {
+        let (_sender, messages) = mpsc::channel();
+        let arrived = await_scene(&messages, false, Duration::ZERO, &mut |_| {}).unwrap();
+        assert!(matches!(arrived, Arrived::Nothing(reason) if reason.contains("not come yet")));
+    }
+}
