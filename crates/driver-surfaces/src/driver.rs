@@ -3,6 +3,7 @@
 //! Unlike other drivers it keeps every sample for the whole session: a frame depends on the set of
 //! samples inserted since the session began, in any order.
 
+use crate::place::Placed;
 use crate::{Materials, Placer, RaySample, Seen, Store, View};
 use glam::DVec3;
 use holo_display::{
@@ -12,6 +13,7 @@ use holo_display::{
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, Sample, Section};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The driver's name.
@@ -44,9 +46,9 @@ pub struct SurfacesDriver {
     raycaster: Arc<Raycaster>,
     materials: Arc<Materials>,
     store: Store,
-    /// Samples that are not in the store yet.
-    waiting: Vec<(BeamKey, Vec<Sample>)>,
-    waiting_samples: usize,
+    /// Samples that are not in the store yet, and the beams that they belong to, in pieces.
+    waiting: Vec<Sample>,
+    waiting_of: Vec<(BeamKey, Range<usize>)>,
     shown: Option<Shown>,
 }
 
@@ -68,26 +70,25 @@ impl SurfacesDriver {
             raycaster,
             store: Store::new(finest, MOST_CELLS),
             waiting: Vec::new(),
-            waiting_samples: 0,
+            waiting_of: Vec::new(),
             shown: None,
         }
     }
 
     /// Puts all samples that wait into the store.
     fn place_waiting(&mut self) {
-        let waiting = std::mem::take(&mut self.waiting);
-        self.waiting_samples = 0;
         let placer = Placer::new(&self.raycaster, &self.materials);
-        let sections = &self.sections;
-        let place = |(key, samples): &(BeamKey, Vec<Sample>)| {
-            let mut placed = Vec::with_capacity(samples.len());
-            if let Some(section) = sections.get(usize::from(key.section)) {
+        let place = |mut placed: Vec<Placed>, (key, range): &(BeamKey, Range<usize>)| {
+            if let Some(section) = self.sections.get(usize::from(key.section)) {
+                let samples = &self.waiting[range.clone()];
                 placer.place_beam(section, key.beam, samples, &mut placed);
             }
             placed
         };
-        let placed: Vec<_> = waiting.par_iter().flat_map_iter(place).collect();
-        self.store.add(&placed);
+        let placed: Vec<Vec<Placed>> = self.waiting_of.par_iter().fold(Vec::new, place).collect();
+        self.store.add(&placed.concat());
+        self.waiting.clear();
+        self.waiting_of.clear();
     }
 }
 
@@ -140,9 +141,10 @@ impl Driver for SurfacesDriver {
     }
 
     fn insert(&mut self, beam: BeamKey, _paths: u16, samples: &[Sample]) {
-        self.waiting.push((beam, samples.to_vec()));
-        self.waiting_samples += samples.len();
-        if self.waiting_samples >= BATCH {
+        let begin = self.waiting.len();
+        self.waiting.extend_from_slice(samples);
+        self.waiting_of.push((beam, begin..self.waiting.len()));
+        if self.waiting.len() >= BATCH {
             self.place_waiting();
         }
     }
