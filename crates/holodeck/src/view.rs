@@ -143,8 +143,8 @@ impl LiveSession {
     /// Starts server and worker, runs the viewer that `viewer` makes for the server's address, and
     /// ends all of them.
     ///
-    /// The viewer starts once the worker is ready, so that a script's seconds are seconds of
-    /// tracing.
+    /// The viewer prepares the scene while the worker does. Its script starts once the worker is
+    /// ready, so that its seconds are seconds of tracing.
     ///
     /// # Errors
     /// Whatever failed first.
@@ -157,13 +157,18 @@ impl LiveSession {
         shutdown.on_signals(false)?;
         let mut server = Server::start(arguments).await?;
         let mut worker = KeptWorker::start(server.address, self.threads, self.quiet)?;
-        let (ready, config) = (worker.ready(), viewer(server.address));
-        let viewing = async {
+        let (sender, ready) = oneshot::channel();
+        let (is_ready, shutdown_before) = (worker.ready(), shutdown.clone());
+        tokio::spawn(async move {
             tokio::select! {
-                () = ready => holo_view::run(config, shutdown.clone()).await,
-                () = shutdown.wait() => Ok(()),
+                () = is_ready => {
+                    // A viewer that has failed meanwhile does not listen any more.
+                    let _ = sender.send(());
+                }
+                () = shutdown_before.wait() => {}
             }
-        };
+        });
+        let viewing = holo_view::run(viewer(server.address), shutdown.clone(), ready);
         let result = tokio::select! {
             result = viewing => result,
             error = worker.keep() => Err(error),
@@ -252,7 +257,7 @@ async fn show_stored(
     let Ok(address) = address.await else {
         return server.await?.map(|_| ());
     };
-    let result = holo_view::run(viewer(address), shutdown).await;
+    let result = holo_view::run(viewer(address), shutdown, holo_view::at_once()).await;
     ending.trigger();
     server.await??;
     result

@@ -22,6 +22,7 @@ use std::{net::SocketAddr, path::PathBuf};
 use anyhow::Result;
 use clap::Args;
 use holo_net::Shutdown;
+use tokio::sync::oneshot;
 
 pub use args::{
     CellsArg, DriverArg, DriverArgs, EmptyArg, PointArgs, SmoothingArg, ViewArgs, parse_size,
@@ -66,12 +67,16 @@ pub struct Config {
     pub with_parent: bool,
 }
 
-/// Shows a server's holodeck until the script, the time or the session ends, or `shutdown` is triggered.
+/// Shows a server's holodeck until the script, the time or the session ends, or `shutdown` is
+/// triggered.
+///
+/// Connects and prepares the scene at once. The script's seconds begin when `ready` says so; if
+/// its sender is dropped, the call ends.
 ///
 /// # Errors
 /// If the server cannot be reached, refuses or leaves before the end, the view cannot be seen, or a picture not be
 /// written.
-pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
+pub async fn run(config: Config, shutdown: Shutdown, ready: oneshot::Receiver<()>) -> Result<()> {
     config.driver.check().map_err(anyhow::Error::msg)?;
     let address: SocketAddr = holo_net::loopback(&config.connect)?;
     let steps = match &config.script {
@@ -81,7 +86,7 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
     let connected =
         session::Connected::new(address, config.driver, config.points.clone(), shutdown).await?;
     // Drawing takes the processor for a while; sockets must not wait for it.
-    tokio::task::spawn_blocking(move || script::play(connected, config, steps)).await?
+    tokio::task::spawn_blocking(move || script::play(connected, config, steps, ready)).await?
 }
 
 /// The whole program: [`run`] until a signal.
@@ -91,5 +96,13 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
 pub async fn run_until_signal(config: Config) -> Result<()> {
     let shutdown = Shutdown::new();
     shutdown.on_signals(config.with_parent)?;
-    run(config, shutdown).await
+    run(config, shutdown, at_once()).await
+}
+
+/// Returns a receiver that is ready already.
+pub fn at_once() -> oneshot::Receiver<()> {
+    let (sender, receiver) = oneshot::channel();
+    // The receiver is still here.
+    let _ = sender.send(());
+    receiver
 }

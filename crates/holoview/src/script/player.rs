@@ -9,6 +9,7 @@ use anyhow::{Context, Result, bail};
 use holo_picture::{ViewSpec, luminance};
 use holo_progress::Meter;
 use serde_json::json;
+use tokio::sync::oneshot;
 
 use super::{
     Script, Step,
@@ -22,13 +23,23 @@ use crate::{
 /// How often a typed script is looked at.
 const TYPED_TICK: Duration = Duration::from_millis(20);
 
-/// Follows `script` to its end. Blocks: to be called on a thread of its own.
+/// Follows `script` to its end, from when `ready` says so. Blocks: to be called on a thread of its
+/// own.
 ///
 /// # Errors
 /// If the server is lost, a view cannot be shown, or a picture cannot be written.
-pub fn play(connected: Connected, config: Config, script: Script) -> Result<()> {
+pub fn play(
+    connected: Connected,
+    config: Config,
+    script: Script,
+    ready: oneshot::Receiver<()>,
+) -> Result<()> {
     let meter = Meter::new(config.quiet || config.json);
-    let Some(session) = connected.begin(|text| meter.say(text))? else { return Ok(()) };
+    let Some(mut session) = connected.begin(|text| meter.say(text))? else { return Ok(()) };
+    if ready.blocking_recv().is_err() {
+        return Ok(());
+    }
+    session.start_clock();
     let duration = script.duration();
     Player { session, config, meter, duration }.follow(script)
 }

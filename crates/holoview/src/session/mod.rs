@@ -115,7 +115,12 @@ impl Session {
         self.current.as_ref().map_or(self.start, |current| current.since)
     }
 
-    /// Returns when the session began.
+    /// Counts the session's seconds from now.
+    pub fn start_clock(&mut self) {
+        self.start = Instant::now();
+    }
+
+    /// Returns when the session's seconds began.
     pub fn start(&self) -> Instant {
         self.start
     }
