@@ -6,7 +6,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use holo_beamfile::BeamFile;
-use holo_driver_surfaces::{Materials, Placer, RaySample, Store, View};
+use holo_denoise::Denoiser;
+use holo_driver_surfaces::{Gathered, Materials, Placer, RaySample, Store, View};
 use holo_picture::{Picture, View as Eye};
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
@@ -45,7 +46,7 @@ fn fill(store: &mut Store, file: &BeamFile, sections: &[Section], placer: &Place
             for (key, read) in beams {
                 let read: &holo_beamfile::BeamSamples = read;
                 let section = &sections[usize::from(key.section)];
-                placer.place_beam(section, key.beam, &read.samples, &mut placed);
+                placer.place_beam(section, key.beam, 1, &read.samples, &mut placed);
             }
             placed
         };
@@ -56,9 +57,9 @@ fn fill(store: &mut Store, file: &BeamFile, sections: &[Section], placer: &Place
     }
     let each = |time: f64| time * 1e9 / total as f64;
     println!(
-        "{total} samples, {} placed in {} cells; {:.0} + {:.0} ns each",
+        "{total} samples, {} placed, {} kept; {:.0} + {:.0} ns each",
         store.samples(),
-        store.cells(),
+        store.kept(),
         each(placing),
         each(adding)
     );
@@ -72,7 +73,7 @@ fn live(tracer: &Tracer, eye: &Eye, numbers: std::ops::Range<u64>) -> Vec<RaySam
         let (origin, direction) = eye.ray(x, y);
         let traced = tracer.trace(origin, direction, 0xABCD_0000_0000 + n);
         let (distance, radiance) = (traced.distance, traced.radiance);
-        RaySample { origin, direction, distance, uncertainty: 0.0, radiance }
+        RaySample { origin, direction, distance, uncertainty: 0.0, radiance, paths: 1 }
     };
     numbers.into_par_iter().map(trace).collect()
 }
@@ -86,42 +87,47 @@ fn main() {
     let raycaster = Arc::new(Raycaster::build(scene.clone()).unwrap());
     let sections: Vec<Section> =
         about.sections.into_iter().map(|spec| Section::new(spec).unwrap()).collect();
-    let materials = Arc::new(Materials::new(&scene));
+    let materials = Arc::new(Materials::new(raycaster.scene()));
     let placer = Placer::new(&raycaster, &materials);
-    let setting =
-        |name: &str, usual: f32| std::env::var(name).map_or(usual, |value| value.parse().unwrap());
-    let mut store = Store::new(setting("FINEST", 0.01), 50_000_000);
+    let (low, high) = scene.bounds();
+    let mut store = Store::new((1e-5 * low.distance(high)) as f32, 1 << 30);
     fill(&mut store, &file, &sections, &placer);
 
     let (_, spec) = about.views.iter().find(|(known, _)| known == name).unwrap();
     let (eye, size) = Eye::parse_vf(spec).unwrap().resolve((1280, 720)).unwrap();
     let tracer = Tracer::with_raycaster(raycaster.clone(), Settings::default()).unwrap();
     let mut traced = 0;
+    let library = std::env::var_os("OIDN");
+    let mut denoiser = library.map(|path| Denoiser::load(Some(path.as_ref())).unwrap());
     for count in counts {
         let rays = live(&tracer, &eye, traced..count.parse().unwrap());
         traced += rays.len() as u64;
         let mut placed = Vec::new();
         placer.place_rays(&rays, &mut placed);
         store.add(&placed);
-        for (step, size) in [(2, (size.0 / 2, size.1 / 2)), (4, size), (2, size)] {
+        for size in [(size.0 / 2, size.1 / 2), size] {
             let start = seconds();
             let view = View::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye, size);
+            let view = if size.0 == 1280 { view.with_edges() } else { view };
             let middle = seconds();
             store.begin_round();
-            let drawn = view.draw(&store, step);
+            let gathered = Gathered::new(view, &store);
+            let summed = seconds();
+            let drawn = gathered.draw(&store, denoiser.as_mut());
             let end = seconds();
             println!(
-                "{count} live, {} x {}, squares of {step}: cast {:.0} ms, drawn {:.0} ms",
+                "{count} live, {} x {}: cast {:.0} ms, gathered {:.0} ms, drawn {:.0} ms",
                 size.0,
                 size.1,
                 (middle - start) * 1e3,
-                (end - middle) * 1e3
+                (summed - middle) * 1e3,
+                (end - summed) * 1e3
             );
             let picture = Picture::from_pixels(size.0, size.1, drawn.pixels).unwrap();
-            picture.write(format!("{out}-{count}-{}-{step}.pfm", size.0)).unwrap();
+            picture.write(format!("{out}-{count}-{}.pfm", size.0)).unwrap();
             let errors = drawn.errors.iter().map(|&e| [e; 3]).collect();
             let errors = Picture::from_pixels(size.0, size.1, errors).unwrap();
-            errors.write(format!("{out}-{count}-{}-{step}-se.pfm", size.0)).unwrap();
+            errors.write(format!("{out}-{count}-{}-se.pfm", size.0)).unwrap();
         }
     }
 }

@@ -1,111 +1,183 @@
-//! A cell: the exact sums of the samples in one place, on one side of a surface.
-//!
-//! Cells are cubes of a grid; those of level n + 1 have twice the size of those of level n. A key names a cell by level,
-//! place, range of normals, material and, of glossy surfaces, range of directions.
+//! What samples in one place have in common, and exact sums over them.
 
 use glam::Vec3;
+use std::sync::LazyLock;
 
-/// Sizes of cells: each level's are twice as wide as those of the level before.
-pub const LEVELS: usize = 7;
+/// Parts of a cube's face along one side into which normals are sorted: 54 ranges of about 30°.
+const NORMALS: u64 = 3;
 
-/// Bits of a cell's coordinate: its index along one axis on the finest level.
-const COORDINATE_BITS: u32 = 21;
+/// The same for the directions in which light leaves glossy surfaces: 216 ranges of about 15°.
+const DIRECTIONS: u64 = 6;
 
-/// Offset of the grid, in cells: walls at round coordinates do not lie on the border of two cells.
-const OFFSET: f32 = 0.3819;
+/// Cosine between a normal and the middle of its range, at least, for samples to count.
+const SAME_SIDE: f32 = 0.5;
 
-/// Sums over samples. Light is in fixed-point steps.
+/// Cosine between a direction and the middle of its range, at least, for samples to count.
+const SAME_DIRECTION: f32 = 0.96;
+
+/// Sums over samples. Light is in fixed-point steps, times the sample's paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sums {
     /// Of light, by channel.
     pub light: [u64; 3],
-    /// Of squared luminance.
-    pub square: u128,
-    /// How many.
+    /// Of squared luminance, in units of 2^16 squared steps.
+    pub square: u64,
+    /// Paths.
+    pub paths: u32,
+    /// Samples.
     pub count: u32,
-    /// The brightest sample: its luminance above its colour.
-    pub brightest: u64,
+    /// Luminance of the brightest sample, the bits of an `f32`.
+    brightest: u32,
+}
+
+/// One sample's light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Light {
+    /// Whole numbers of fixed-point steps.
+    pub rgb: [f32; 3],
+    /// How many paths it is the mean of.
+    pub paths: u32,
 }
 
 impl Sums {
-    /// Adds other sums: in any order, with the same result.
+    /// Adds other sums. Any order of additions gives the same result.
     pub fn add(&mut self, other: &Sums) {
         for (sum, more) in self.light.iter_mut().zip(other.light) {
             *sum = sum.saturating_add(more);
         }
         self.square = self.square.saturating_add(other.square);
+        self.paths = self.paths.saturating_add(other.paths);
         self.count = self.count.saturating_add(other.count);
         self.brightest = self.brightest.max(other.brightest);
     }
 
-    /// Sums of one sample.
-    pub fn of(light: [u64; 3]) -> Sums {
-        let bright = u128::from(luminance(light.map(|c| c as f32)) as u64);
-        Sums { light, square: bright * bright, count: 1, brightest: pack(light) }
+    /// Returns the sums of one sample.
+    #[inline]
+    pub(crate) fn of(light: &Light) -> Sums {
+        let bright = luminance(light.rgb);
+        let paths = u64::from(light.paths);
+        // Conversions of floats saturate.
+        Sums {
+            light: light.rgb.map(|c| (c as u64).saturating_mul(paths)),
+            square: ((bright * bright / 65536.0) as u64).saturating_mul(paths),
+            paths: light.paths,
+            count: 1,
+            brightest: bright.to_bits(),
+        }
+    }
+
+    /// Returns the mean light.
+    #[inline]
+    pub(crate) fn mean(&self) -> Vec3 {
+        Vec3::from_array(self.light.map(|c| c as f32)) / (self.paths as f32).max(1.0)
+    }
+
+    /// Returns the mean of squared luminance.
+    #[inline]
+    pub(crate) fn mean_square(&self) -> f32 {
+        self.square as f32 * 65536.0 / (self.paths as f32).max(1.0)
+    }
+
+    /// Returns the luminance of the brightest sample.
+    #[inline]
+    pub(crate) fn brightest(&self) -> f32 {
+        f32::from_bits(self.brightest)
     }
 }
 
-/// Luminance, in the unit of its channels.
+/// Returns the luminance of a colour, in the unit of its channels.
 #[inline]
 pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
     0.265 * rgb[0] + 0.670 * rgb[1] + 0.065 * rgb[2]
 }
 
-/// A sample's light as one number that is greater for brighter samples: luminance above, colour below.
-fn pack(light: [u64; 3]) -> u64 {
-    let rgb = light.map(|c| c as f32);
-    let bright = luminance(rgb);
-    let most = rgb[0].max(rgb[1]).max(rgb[2]).max(1.0);
-    let [r, g, b] = rgb.map(|c| (c / most * 1023.0) as u64);
-    u64::from(bright.to_bits()) << 32 | r << 20 | g << 10 | b
-}
-
-/// Luminance and light of the brightest sample of a cell.
-pub(crate) fn brightest(packed: u64) -> (f32, [f32; 3]) {
-    let bright = f32::from_bits((packed >> 32) as u32);
-    let rgb = [20, 10, 0].map(|shift| (packed >> shift & 1023) as f32);
-    let scale = bright / luminance(rgb).max(1e-6);
-    (bright, rgb.map(|c| c * scale))
-}
-
-/// The place of a point on the finest level: its cell's index along each axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Place([i32; 3]);
-
-impl Place {
-    #[inline]
-    pub fn new(point: Vec3, finest: f32) -> Place {
-        let cells = point / finest + OFFSET * 64.0;
-        // The conversion saturates.
-        Place(cells.floor().to_array().map(|c| c as i32))
-    }
-}
-
-/// What a cell's samples have in common besides their place.
+/// What the samples of one side of a surface have in common besides their place: material, range
+/// of normals and, on glossy surfaces, range of directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Face(u64);
 
+/// Bits of a face: 20 for the material, 6 for the normal, 8 for the direction.
+const FACE_BITS: u32 = 34;
+
+/// Bits of a place along one axis.
+const PLACE_BITS: u32 = 10;
+
+/// Places along one side of a bucket.
+pub(crate) const PLACES: f32 = (1 << PLACE_BITS) as f32;
+
 impl Face {
-    /// Of a side with this normal; glossy ones, by the direction in which light leaves them.
+    /// Returns the face of a side with this unit normal. Light of a glossy one leaves against
+    /// `direction`, the way of the ray that meets it.
     #[inline]
-    pub fn new(normal: Vec3, material: u32, leaving: Option<Vec3>) -> Face {
-        let leaving = leaving.map_or(0, |direction| 1 + bin(direction, 6.0));
-        Face(u64::from(material) << 16 | bin(normal, 3.0) << 9 | leaving)
+    pub fn new(normal: Vec3, material: u32, direction: Option<Vec3>) -> Face {
+        let direction = direction.map_or(0, |direction| 1 + range(direction, DIRECTIONS));
+        let face = u64::from(material) << 14 | range(normal, NORMALS) << 8 | direction;
+        Face(face & ((1 << FACE_BITS) - 1))
     }
 
-    /// The key of the cell at a place.
+    /// Returns whether samples of this face are of use where a surface of this material is seen
+    /// with this normal, from this direction.
     #[inline]
-    pub fn key(self, place: Place, level: usize) -> u64 {
-        let mask = (1 << COORDINATE_BITS) - 1;
-        let [x, y, z] = place.0.map(|c| (c >> level) as u64 & mask);
-        let at = x | y << COORDINATE_BITS | z << (2 * COORDINATE_BITS);
-        mix(mix(at) ^ (self.0 << 3 | level as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)).max(1)
+    pub fn serves(self, normal: Vec3, material: u32, direction: Vec3) -> bool {
+        let is_same = self.0 >> 14 == u64::from(material) & 0xf_ffff;
+        let middles = &*MIDDLES;
+        is_same
+            && middles.normals[(self.0 >> 8 & 63) as usize].dot(normal) > SAME_SIDE
+            && (self.0 & 255 == 0
+                || middles.directions[(self.0 & 255) as usize].dot(direction) > SAME_DIRECTION)
     }
 }
 
-/// Which of 6 × `across`² parts of the sphere a direction lies in: the faces of a cube, divided.
+/// A sample's place in its bucket, 1 part in [`PLACES`] along each axis, and its face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Key(pub u64);
+
+impl Key {
+    /// Returns the key of a point, given relative to the bucket's corner in places.
+    #[inline]
+    pub fn new(at: Vec3, face: Face) -> Key {
+        // Conversions of floats saturate.
+        let [x, y, z] = at.to_array().map(|c| (c as u64).min((1 << PLACE_BITS) - 1));
+        Key((face.0 << PLACE_BITS | x) << (2 * PLACE_BITS) | y << PLACE_BITS | z)
+    }
+
+    /// Returns the middle of the place, relative to the bucket's corner, in places.
+    #[inline]
+    pub fn at(self) -> Vec3 {
+        let part = |shift: u32| (self.0 >> shift & ((1 << PLACE_BITS) - 1)) as f32 + 0.5;
+        Vec3::new(part(2 * PLACE_BITS), part(PLACE_BITS), part(0))
+    }
+
+    /// Returns the face.
+    #[inline]
+    pub fn face(self) -> Face {
+        Face(self.0 >> (3 * PLACE_BITS))
+    }
+}
+
+/// The middles of all ranges, by number.
+struct Middles {
+    normals: [Vec3; 64],
+    /// The first one is not used.
+    directions: [Vec3; 256],
+}
+
+static MIDDLES: LazyLock<Middles> = LazyLock::new(|| {
+    let mut middles = Middles { normals: [Vec3::ZERO; 64], directions: [Vec3::ZERO; 256] };
+    for (number, normal) in (0..6 * NORMALS * NORMALS).zip(&mut middles.normals) {
+        *normal = middle(number, NORMALS);
+    }
+    let directions = middles.directions.iter_mut().skip(1);
+    for (number, direction) in (0..6 * DIRECTIONS * DIRECTIONS).zip(directions) {
+        *direction = middle(number, DIRECTIONS);
+    }
+    middles
+});
+
+/// Returns which of 6 × `across`² parts of the sphere a direction lies in: the faces of a cube,
+/// divided.
 #[inline]
-fn bin(direction: Vec3, across: f32) -> u64 {
+fn range(direction: Vec3, across: u64) -> u64 {
     let size = direction.abs();
     let (axis, u, v) = if size.x >= size.y && size.x >= size.z {
         (0, direction.y / size.x, direction.z / size.x)
@@ -114,15 +186,22 @@ fn bin(direction: Vec3, across: f32) -> u64 {
     } else {
         (2, direction.x / size.z, direction.y / size.z)
     };
-    let part = |t: f32| ((t * 0.5 + 0.5) * across).clamp(0.0, across - 1.0) as u64;
+    let last = across as f32 - 1.0;
+    let part = |t: f32| ((t * 0.5 + 0.5) * across as f32).clamp(0.0, last) as u64;
     let side = 2 * axis + u64::from(direction[axis as usize] < 0.0);
-    (side * across as u64 + part(u)) * across as u64 + part(v)
+    (side * across + part(u)) * across + part(v)
 }
 
-/// A bijection in which each input bit flips each output bit with probability ½ (SplitMix64's finaliser).
-#[inline]
-fn mix(mut x: u64) -> u64 {
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
+/// Returns the middle of a part of the sphere, a unit vector.
+fn middle(number: u64, across: u64) -> Vec3 {
+    let part = |number: u64| (number as f32 + 0.5) / across as f32 * 2.0 - 1.0;
+    let (u, v) = (part(number / across % across), part(number % across));
+    let side = number / (across * across);
+    let main = if side % 2 == 1 { -1.0 } else { 1.0 };
+    let direction = match side / 2 {
+        0 => Vec3::new(main, u, v),
+        1 => Vec3::new(v, main, u),
+        _ => Vec3::new(u, v, main),
+    };
+    direction.normalize()
 }

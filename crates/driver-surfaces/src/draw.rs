@@ -1,19 +1,16 @@
-//! Pictures: light of squares of pixels, looked up in the store, filtered, brought to every pixel, times its material.
+//! Pictures: light of squares of pixels, summed over samples, filtered, brought to every pixel,
+//! times its material.
 //!
 //! Invariant: a picture is a function of the store's sums and the view; threads change no bit.
 
-use crate::cell::{Face, LEVELS, Place, Sums};
+use crate::cell::{Face, Sums, luminance};
 use crate::filter::{Estimate, Squares, alike};
+use crate::gather::Gathered;
 use crate::store::Store;
-use crate::view::{Seen, View};
+use crate::view::{Edge, POINTS, Seen, View, point_of};
 use glam::Vec3;
+use holo_denoise::Denoiser;
 use rayon::prelude::*;
-
-/// Samples that a surface without a square is looked up with, at least.
-const ENOUGH: u32 = 64;
-
-/// The same of what panes mirror: it is a small share of what they show, and best smooth.
-const ENOUGH_MIRRORED: u32 = 256;
 
 /// What a view shows.
 #[derive(Clone, Debug)]
@@ -24,36 +21,51 @@ pub struct Drawn {
     pub errors: Vec<f32>,
 }
 
-impl View {
-    /// Draws the view; light is found once for each square of `step` × `step` pixels.
+/// Samples a pixel, on the mean, from which squares of 2 and of 1 pixel are filtered.
+const DENSE: [f32; 2] = [0.3, 4.0];
+
+impl Gathered {
+    /// Draws the view. `store` tells of light around where no pixel has any. With a denoiser, light
+    /// is denoised instead of filtered. Standard errors are the filter's in any case.
     #[must_use]
-    pub fn draw(&self, store: &Store, step: usize) -> Drawn {
-        let (width, height) = self.size;
+    pub fn draw(&self, store: &Store, denoiser: Option<&mut Denoiser>) -> Drawn {
+        let view = &self.view;
+        let (width, height) = view.size;
+        let step = self.step();
         let size = (width.div_ceil(step), height.div_ceil(step));
         let middle = |at: usize, size: usize| (at * step + step / 2).min(size - 1);
         let seen: Vec<Seen> = (0..size.0 * size.1)
-            .map(|at| self.seen[middle(at / size.0, height) * width + middle(at % size.0, width)])
+            .map(|at| view.seen[middle(at / size.0, height) * width + middle(at % size.0, width)])
             .collect();
-        let sums: Vec<Sums> =
-            seen.par_iter().map(|seen| self.sums_of_square(store, seen, step)).collect();
         let squares = Squares { size, seen: &seen, step };
-        let lights = squares.filter(&sums);
+        let sums = view.sums_of_squares(&squares, &self.sums);
+        let mut lights = squares.filter(&sums);
+        if let Some(denoiser) = denoiser {
+            squares.denoise(&sums, &mut lights, denoiser);
+        }
         let mut pixels = vec![[0.0; 3]; width * height];
         let mut errors = vec![0.0; width * height];
         let rows = pixels.par_chunks_mut(width).zip(errors.par_chunks_mut(width)).enumerate();
         rows.for_each(|(y, (pixels, errors))| {
             for x in 0..width {
-                let seen = &self.seen[y * width + x];
-                let light = self.brought(store, &squares, &lights, (x, y), seen);
-                (pixels[x], errors[x]) = self.painted(seen, light);
+                let seen = &view.seen[y * width + x];
+                let at = (x as f32, y as f32);
+                let light = view.brought(store, &squares, &lights, at, seen);
+                (pixels[x], errors[x]) = view.painted(seen, light);
             }
         });
-        let mirrored: Vec<_> = self
+        let edges: Vec<_> = view
+            .edges
+            .par_iter()
+            .map(|edge| (edge.pixel, view.edge(store, &squares, &lights, edge)))
+            .collect();
+        for (pixel, shown) in edges {
+            (pixels[pixel], errors[pixel]) = shown;
+        }
+        let mirrored: Vec<_> = view
             .mirrored
             .par_iter()
-            .map(|(pixel, seen)| {
-                (*pixel as usize, self.painted(seen, self.wide(store, seen, ENOUGH_MIRRORED)))
-            })
+            .map(|(pixel, seen)| (*pixel as usize, view.painted(seen, view.wide(store, seen))))
             .collect();
         for (pixel, (more, error)) in mirrored {
             (0..3).for_each(|c| pixels[pixel][c] += more[c]);
@@ -62,24 +74,50 @@ impl View {
         Drawn { pixels, errors }
     }
 
+    /// Returns the side of the squares that are filtered, pixels: fewer samples want wider ones.
+    fn step(&self) -> usize {
+        let samples: f32 = self.sums.par_iter().map(|sums| sums.count as f32).sum();
+        let pixels = self.view.seen.iter().filter(|seen| seen.is_surface()).count();
+        let dense = samples / pixels.max(1) as f32;
+        if dense < DENSE[0] {
+            4
+        } else if dense < DENSE[1] {
+            2
+        } else {
+            1
+        }
+    }
+}
+
+impl View {
     /// What a surface shows in this light, and its standard error.
     fn painted(&self, seen: &Seen, light: Estimate) -> ([f32; 3], f32) {
         let (scale, radiance) = self.paint(seen);
         let unit = self.unit();
         let colour = [0, 1, 2].map(|c| radiance[c] + scale[c] * light.light[c] * unit);
-        let bright = crate::cell::luminance(scale);
+        let bright = luminance(scale);
         (colour, if seen.is_surface() { bright * light.error * unit } else { 0.0 })
     }
 
-    /// Sums of the cell that is about as wide as a square.
-    fn sums_of_square(&self, store: &Store, seen: &Seen, step: usize) -> Sums {
-        if !seen.is_surface() {
-            return Sums::default();
-        }
-        let level = (seen.width * step as f32 / store.finest()).log2().round();
-        let level = level.clamp(0.0, LEVELS as f32 - 1.0) as usize;
-        let key = self.face(seen).key(Place::new(seen.point, store.finest()), level);
-        store.get(key).copied().unwrap_or_default()
+    /// Returns the sums of squares: of their pixels that see the same surface as the middle one.
+    fn sums_of_squares(&self, squares: &Squares, of_pixels: &[Sums]) -> Vec<Sums> {
+        let (width, height) = self.size;
+        let step = squares.step;
+        let square = |number: usize| {
+            let middle = &squares.seen[number];
+            let (left, top) = (number % squares.size.0 * step, number / squares.size.0 * step);
+            let rows = top..(top + step).min(height);
+            let columns = left..(left + step).min(width);
+            let mut sums = Sums::default();
+            for pixel in rows.flat_map(|y| columns.clone().map(move |x| y * width + x)) {
+                let reach = middle.width * step as f32;
+                if alike(middle, &self.seen[pixel], 0.5 * reach, 16.0 * reach) > 0.1 {
+                    sums.add(&of_pixels[pixel]);
+                }
+            }
+            sums
+        };
+        (0..squares.seen.len()).into_par_iter().map(square).collect()
     }
 
     /// Light of the squares around a pixel, as far as they see the same surface.
@@ -88,7 +126,7 @@ impl View {
         store: &Store,
         squares: &Squares,
         lights: &[Estimate],
-        (x, y): (usize, usize),
+        (x, y): (f32, f32),
         seen: &Seen,
     ) -> Estimate {
         if !seen.is_surface() {
@@ -97,7 +135,7 @@ impl View {
         let step = squares.step;
         let (width, height) = squares.size;
         // In squares, from the middle of the first one.
-        let at = |pixel: usize| (pixel as f32 - (step / 2) as f32) / step as f32;
+        let at = |pixel: f32| (pixel - (step / 2) as f32) / step as f32;
         let (across, down) = (at(x), at(y));
         let (left, top) = (across.floor(), down.floor());
         let reach = seen.width * step as f32;
@@ -124,31 +162,46 @@ impl View {
         if total > 1e-3 {
             return Estimate { light: sum / total, error: error / total };
         }
-        self.wide(store, seen, ENOUGH)
+        self.wide(store, seen)
     }
 
-    /// Light of the first level of cells with enough samples; of the widest one if there is none.
-    fn wide(&self, store: &Store, seen: &Seen, enough: u32) -> Estimate {
+    /// Returns what a pixel on an edge shows, and its standard error: means over its points.
+    fn edge(
+        &self,
+        store: &Store,
+        squares: &Squares,
+        lights: &[Estimate],
+        edge: &Edge,
+    ) -> ([f32; 3], f32) {
+        let (column, row) = (edge.pixel % self.size.0, edge.pixel / self.size.0);
+        let (mut colour, mut error) = ([0.0; 3], 0.0);
+        for (point, seen) in edge.seen.iter().enumerate() {
+            let (x, y) = point_of(point);
+            // Pixels' own numbers are those of their middles.
+            let at = (column as f32 + x - 0.5, row as f32 + y - 0.5);
+            let light = self.brought(store, squares, lights, at, seen);
+            let (shown, more) = self.painted(seen, light);
+            colour.iter_mut().zip(shown).for_each(|(sum, c)| *sum += c / POINTS as f32);
+            error += more / POINTS as f32;
+        }
+        (colour, error)
+    }
+
+    /// Returns the mean light around a surface.
+    fn wide(&self, store: &Store, seen: &Seen) -> Estimate {
         let nothing = Estimate { light: Vec3::ZERO, error: f32::INFINITY };
         if !seen.is_surface() {
             return nothing;
         }
-        let place = Place::new(seen.point, store.finest());
-        let face: Face = self.face(seen);
-        let mut best: Option<Sums> = None;
-        for level in 0..LEVELS {
-            let Some(sums) = store.get(face.key(place, level)) else { continue };
-            best = Some(*sums);
-            if sums.count >= enough {
-                break;
-            }
+        let direction = self.way(seen).direction;
+        let serves = |face: Face| face.serves(seen.normal, seen.material, direction);
+        let sums = store.around(seen.point, serves);
+        if sums.count == 0 {
+            return nothing;
         }
-        best.map_or(nothing, |sums| {
-            let count = sums.count as f32;
-            let light = Vec3::from_array(sums.light.map(|c| c as f32 / count));
-            let bright = crate::cell::luminance(light.to_array());
-            let variance = (sums.square as f32 / count - bright * bright).max(bright * bright);
-            Estimate { light, error: (variance / count).sqrt() }
-        })
+        let light = sums.mean();
+        let bright = luminance(light.to_array());
+        let variance = (sums.mean_square() - bright * bright).max(bright * bright);
+        Estimate { light, error: (variance / sums.count as f32).sqrt() }
     }
 }

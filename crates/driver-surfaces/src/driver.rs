@@ -4,8 +4,9 @@
 //! samples inserted since the session began, in any order.
 
 use crate::place::Placed;
-use crate::{Materials, Placer, RaySample, Seen, Store, View};
+use crate::{Gathered, Materials, Placer, RaySample, Seen, Store, View};
 use glam::DVec3;
+use holo_denoise::Denoiser;
 use holo_display::{
     Driver, DriverError, End, Frame, LiveSample, Look, Resolution, SurfaceAt, beams_ending_on,
     beams_mostly_ending_on, covered, uncovered_pixels,
@@ -19,17 +20,14 @@ use std::sync::Arc;
 /// The driver's name.
 const NAME: &str = "surfaces";
 
-/// Cells kept at the most, 96 bytes each.
-const MOST_CELLS: usize = 8_000_000;
+/// Bytes that samples take at most.
+const MOST_BYTES: usize = 1 << 30;
 
-/// Width of the finest cells, as a share of the scene's size. A room of 10 m gets cells of 1 cm.
-const FINEST: f64 = 1e-3;
+/// Rounding of a sample's place, as a share of the scene's size: 0.2 mm in a house of 20 m.
+const FINEST: f64 = 1e-5;
 
 /// Samples that wait before they are placed together.
 const BATCH: usize = 1 << 16;
-
-/// Pixels a side of the squares that share one look-up, at full and at half resolution.
-const SQUARES: (usize, usize) = (4, 2);
 
 /// Beams that are asked for first.
 const FIRST_BEAMS: f64 = 8_000.0;
@@ -45,30 +43,37 @@ pub struct SurfacesDriver {
     sections: Arc<[Section]>,
     raycaster: Arc<Raycaster>,
     materials: Arc<Materials>,
+    denoiser: Option<Denoiser>,
     store: Store,
     /// Samples that are not in the store yet, and the beams that they belong to, in pieces.
     waiting: Vec<Sample>,
-    waiting_of: Vec<(BeamKey, Range<usize>)>,
+    waiting_of: Vec<(BeamKey, u16, Range<usize>)>,
     shown: Option<Shown>,
 }
 
 /// The view that is shown.
 struct Shown {
     look: Look,
-    view: View,
+    gathered: Gathered,
     covered: Vec<bool>,
 }
 
 impl SurfacesDriver {
-    /// Returns a driver that keeps light on the surfaces of `raycaster`'s scene.
-    pub fn new(sections: Arc<[Section]>, raycaster: Arc<Raycaster>) -> Self {
+    /// Returns a driver that keeps light on the surfaces of `raycaster`'s scene. A denoiser is used
+    /// at full resolution.
+    pub fn new(
+        sections: Arc<[Section]>,
+        raycaster: Arc<Raycaster>,
+        denoiser: Option<Denoiser>,
+    ) -> Self {
         let (low, high) = raycaster.scene().bounds();
         let finest = (FINEST * low.distance(high)).max(f64::from(f32::MIN_POSITIVE)) as f32;
         Self {
             sections,
             materials: Arc::new(Materials::new(raycaster.scene())),
             raycaster,
-            store: Store::new(finest, MOST_CELLS),
+            denoiser,
+            store: Store::new(finest, MOST_BYTES),
             waiting: Vec::new(),
             waiting_of: Vec::new(),
             shown: None,
@@ -78,17 +83,27 @@ impl SurfacesDriver {
     /// Puts all samples that wait into the store.
     fn place_waiting(&mut self) {
         let placer = Placer::new(&self.raycaster, &self.materials);
-        let place = |mut placed: Vec<Placed>, (key, range): &(BeamKey, Range<usize>)| {
+        let place = |mut placed: Vec<Placed>,
+                     (key, paths, range): &(BeamKey, u16, Range<usize>)| {
             if let Some(section) = self.sections.get(usize::from(key.section)) {
                 let samples = &self.waiting[range.clone()];
-                placer.place_beam(section, key.beam, samples, &mut placed);
+                placer.place_beam(section, key.beam, *paths, samples, &mut placed);
             }
             placed
         };
         let placed: Vec<Vec<Placed>> = self.waiting_of.par_iter().fold(Vec::new, place).collect();
-        self.store.add(&placed.concat());
+        let placed = placed.concat();
         self.waiting.clear();
         self.waiting_of.clear();
+        self.keep(&placed);
+    }
+
+    /// Puts placed samples into the store, and into the view that is shown.
+    fn keep(&mut self, placed: &[Placed]) {
+        self.store.add(placed);
+        if let Some(shown) = &mut self.shown {
+            shown.gathered.add(placed);
+        }
     }
 }
 
@@ -98,17 +113,17 @@ impl Shown {
         if !seen.is_surface() {
             return f32::INFINITY;
         }
-        let size = (self.view.size.0 as u32, self.view.size.1 as u32);
+        let size = (self.gathered.view.size.0 as u32, self.gathered.view.size.1 as u32);
         seen.width / self.look.view.pixel_footprint(size, 1.0) as f32
     }
 
     fn depth(&self) -> Vec<f32> {
-        self.view.seen.iter().map(|seen| self.distance(seen)).collect()
+        self.gathered.view.seen.iter().map(|seen| self.distance(seen)).collect()
     }
 
     /// Returns the surface points that are seen, in the scene.
     fn ends(&self, origin: DVec3) -> Vec<End> {
-        let surfaces = self.view.seen.iter().filter(|seen| seen.is_surface());
+        let surfaces = self.gathered.view.seen.iter().filter(|seen| seen.is_surface());
         let end = |seen: &Seen| End {
             point: origin + seen.point.as_dvec3(),
             normal: Some(seen.normal.as_dvec3()),
@@ -133,17 +148,22 @@ impl Driver for SurfacesDriver {
         }
         let size = look.resolution.computed(look.size);
         let raycaster = Arc::clone(&self.raycaster);
-        let view = View::new(raycaster, Arc::clone(&self.materials), &look.view, size);
+        let mut view = View::new(raycaster, Arc::clone(&self.materials), &look.view, size);
+        if look.resolution == Resolution::Full {
+            view = view.with_edges();
+        }
         let covered = covered(&self.sections, &look.view, size);
+        self.place_waiting();
         self.store.begin_round();
-        self.shown = Some(Shown { look: *look, view, covered });
+        let gathered = Gathered::new(view, &self.store);
+        self.shown = Some(Shown { look: *look, gathered, covered });
         Ok(())
     }
 
-    fn insert(&mut self, beam: BeamKey, _paths: u16, samples: &[Sample]) {
+    fn insert(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
         let begin = self.waiting.len();
         self.waiting.extend_from_slice(samples);
-        self.waiting_of.push((beam, begin..self.waiting.len()));
+        self.waiting_of.push((beam, paths, begin..self.waiting.len()));
         if self.waiting.len() >= BATCH {
             self.place_waiting();
         }
@@ -153,7 +173,7 @@ impl Driver for SurfacesDriver {
         // The scene tells what such a beam shows.
     }
 
-    fn insert_live(&mut self, _paths: u16, rays: &[LiveSample]) {
+    fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
         let rays: Vec<RaySample> = rays
             .iter()
             .map(|ray| RaySample {
@@ -162,19 +182,20 @@ impl Driver for SurfacesDriver {
                 distance: ray.distance,
                 uncertainty: LIVE_ROUNDING * ray.distance,
                 radiance: ray.radiance,
+                paths: u32::from(paths),
             })
             .collect();
         let mut placed = Vec::with_capacity(rays.len());
         Placer::new(&self.raycaster, &self.materials).place_rays(&rays, &mut placed);
-        self.store.add(&placed);
+        self.keep(&placed);
     }
 
     fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
         self.place_waiting();
         let Some(shown) = &self.shown else { return Frame::black((1, 1)) };
         let Look { view, size, resolution } = shown.look;
-        let squares = if resolution == Resolution::Full { SQUARES.0 } else { SQUARES.1 };
-        let drawn = shown.view.draw(&self.store, squares);
+        let denoiser = self.denoiser.as_mut().filter(|_| resolution == Resolution::Full);
+        let drawn = shown.gathered.draw(&self.store, denoiser);
         let mut frame = Frame::black(resolution.computed(size));
         frame.picture.view = Some(view);
         frame.picture.pixels = drawn.pixels;
@@ -200,13 +221,13 @@ impl Driver for SurfacesDriver {
 
     fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
         let shown = self.shown.as_ref()?;
-        let (size, cast) = (shown.look.size, shown.view.size);
+        let (size, cast) = (shown.look.size, shown.gathered.view.size);
         if column >= size.0 || row >= size.1 {
             return None;
         }
         let at = |at: u32, size: u32, cast: usize| at as usize * cast / size as usize;
         let pixel = at(row, size.1, cast.1) * cast.0 + at(column, size.0, cast.0);
-        let distance = shown.distance(&shown.view.seen[pixel]);
+        let distance = shown.distance(&shown.gathered.view.seen[pixel]);
         Some(SurfaceAt { distance, triangle: None })
     }
 

@@ -9,16 +9,14 @@
 //! - A sample brings at most a tenth of the light of its wide neighbourhood. The limit grows with the number of samples,
 //!   so the bias that it causes vanishes as they grow.
 
-use crate::cell::{Sums, brightest, luminance};
+use crate::cell::{Sums, luminance};
 use crate::view::Seen;
 use glam::Vec3;
+use holo_denoise::Denoiser;
 use rayon::prelude::*;
 
 /// Neighbourhoods: each is twice as wide as the one before.
 const SCALES: usize = 6;
-
-/// Neighbourhoods over which the brightest samples are judged and the variance of samples is measured, in scales.
-const WIDE: usize = 4;
 
 /// Share of its wide neighbourhood's light that a sample brings at most.
 const MOST_SHARE: f32 = 0.1;
@@ -32,8 +30,14 @@ const DIFFERENT: f32 = 0.5;
 /// Sums of a square's neighbours by which a neighbourhood grows.
 const AROUND: usize = 8;
 
+/// Samples from which a variance is taken as it was measured.
+const RELIABLE: f32 = 16.0;
+
 /// Least variance of samples, relative to their squared mean: few samples are alike by chance.
 const LEAST_VARIANCE: f32 = 0.2;
+
+/// Fixed-point steps that the denoiser takes for 1: its numbers are small ones.
+const SCALE: f32 = 1024.0;
 
 /// What is known of the light of one square, in floating-point steps.
 #[derive(Clone, Copy, Debug, Default)]
@@ -53,12 +57,8 @@ pub(crate) struct Estimate {
 
 impl Lit {
     pub fn new(sums: &Sums) -> Lit {
-        let count = sums.count as f32;
-        Lit {
-            light: Vec3::from_array(sums.light.map(|c| c as f32)),
-            count,
-            square: sums.square as f32,
-        }
+        let count = sums.paths as f32;
+        Lit { light: count * sums.mean(), count, square: count * sums.mean_square() }
     }
 
     fn mean(&self) -> Vec3 {
@@ -78,15 +78,19 @@ pub(crate) struct Squares<'a> {
 type Weights = Vec<[f32; AROUND]>;
 
 impl Squares<'_> {
+    /// Returns the number of scales that judge brightest samples: as many pixels at any step.
+    fn wide(&self) -> usize {
+        if self.step == 4 { 4 } else { 5 }
+    }
+
     /// The light of every square.
     pub fn filter(&self, sums: &[Sums]) -> Vec<Estimate> {
         let raw: Vec<Lit> = sums.par_iter().map(Lit::new).collect();
         let weights: Vec<Weights> = (0..SCALES).map(|scale| self.weights(1 << scale)).collect();
         let widest = |lit: Vec<Lit>| {
-            (0..WIDE).fold(lit, |lit, scale| self.widen(&lit, 1 << scale, &weights[scale]))
+            (0..self.wide()).fold(lit, |lit, scale| self.widen(&lit, 1 << scale, &weights[scale]))
         };
-        // Without the brightest sample of each square: none raises its own limit.
-        let usual = widest(sums.par_iter().map(without_brightest).collect());
+        let usual = widest(raw.clone());
         let held: Vec<Lit> = raw
             .par_iter()
             .zip(&usual)
@@ -103,6 +107,22 @@ impl Squares<'_> {
             .map(|(scale, weights)| self.weights_of_light(weights, 1 << scale, &bright))
             .collect();
         self.smooth(&held, &weights, &wide, NOISE[1])
+    }
+
+    /// Replaces filtered light by the denoised means of all samples. Where a square has none, its
+    /// filtered light is denoised. If the library fails, light stays filtered.
+    pub fn denoise(&self, sums: &[Sums], lights: &mut [Estimate], denoiser: &mut Denoiser) {
+        let mean = |(sums, filtered): (&Sums, &Estimate)| {
+            let light = if sums.count > 0 { sums.mean() } else { filtered.light };
+            (light / SCALE).to_array()
+        };
+        let mut pixels: Vec<[f32; 3]> = sums.iter().zip(&*lights).map(mean).collect();
+        let normals: Vec<[f32; 3]> = self.seen.iter().map(|seen| seen.normal.to_array()).collect();
+        if denoiser.denoise(&mut pixels, &normals, self.size).is_ok() {
+            for (light, pixel) in lights.iter_mut().zip(pixels) {
+                light.light = Vec3::from_array(pixel).max(Vec3::ZERO) * SCALE;
+            }
+        }
     }
 
     /// Light on the narrowest scale with little enough noise.
@@ -212,48 +232,41 @@ pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
     flat * flat * near * turned * turned
 }
 
-/// The sums of a square's samples but the brightest one; of a single sample, its own.
-fn without_brightest(sums: &Sums) -> Lit {
-    let all = Lit::new(sums);
-    if sums.count < 2 {
-        return all;
-    }
-    let (bright, light) = brightest(sums.brightest);
-    Lit {
-        light: (all.light - Vec3::from_array(light)).max(Vec3::ZERO),
-        count: all.count - 1.0,
-        square: (all.square - bright * bright).max(0.0),
-    }
-}
-
-/// The sums of a square with its brightest sample cut to a share of the light around.
+/// Returns the sums of a square with its brightest sample cut to a share of the light around. That
+/// sample itself does not raise its limit.
 fn hold_back(raw: &Lit, wide: &Lit, sums: &Sums) -> Lit {
-    let (bright, light) = brightest(sums.brightest);
-    let around = luminance(wide.mean().to_array());
-    let most = around * (MOST_SHARE * wide.count).max(2.0);
+    let bright = sums.brightest();
+    let others = (wide.count - 1.0).max(1.0);
+    let around = (luminance(wide.light.to_array()) - bright).max(0.0) / others;
+    let most = around * (MOST_SHARE * others).max(2.0);
     if sums.count == 0 || bright <= most {
         return *raw;
     }
-    let cut = 1.0 - most / bright;
+    let share = (bright - most) / luminance(raw.light.to_array()).max(1e-9);
     Lit {
-        light: (raw.light - cut * Vec3::from_array(light)).max(Vec3::ZERO),
+        light: raw.light * (1.0 - share).max(0.0),
         square: (raw.square - (bright * bright - most * most)).max(0.0),
         ..*raw
     }
 }
 
-/// The light of a square from its sums on all scales, the narrowest first.
+/// Returns the light of a square from its sums on all scales, the narrowest first.
 fn choose(scales: &[Vec<Lit>], at: usize, wide: &Lit, [high, low]: [f32; 2]) -> Estimate {
     let Some(last) = scales.last().map(|scale| &scale[at]).filter(|lit| lit.count > 0.0) else {
         return Estimate { light: Vec3::ZERO, error: f32::INFINITY };
     };
     let wide = if wide.count > 0.0 { wide } else { last };
     let bright = luminance(wide.mean().to_array());
-    let variance =
-        (wide.square / wide.count - bright * bright).max(LEAST_VARIANCE * bright * bright);
-    let error = |lit: &Lit| (variance / lit.count.max(0.3)).sqrt();
+    let least = LEAST_VARIANCE * bright * bright * RELIABLE / (RELIABLE + wide.count);
+    let around = (wide.square / wide.count - bright * bright).max(least);
+    let error = |lit: &Lit| {
+        // Few samples say little of their own variance.
+        let own = luminance(lit.mean().to_array());
+        let own = (lit.square - lit.count * own * own).max(0.0);
+        ((own + RELIABLE * around) / (lit.count + RELIABLE) / lit.count.max(0.3)).sqrt()
+    };
     let mut estimate = Estimate { light: last.mean(), error: error(last) };
-    for scale in scales[1..scales.len() - 1].iter().rev() {
+    for scale in scales[..scales.len() - 1].iter().rev() {
         let lit = &scale[at];
         let own = error(lit);
         let share = ((high * bright - own) / ((high - low) * bright)).clamp(0.0, 1.0);

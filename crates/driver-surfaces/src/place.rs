@@ -4,7 +4,7 @@
 //! - A sample is placed by itself: which others arrive with it changes nothing.
 //! - A sample whose surface is not found near its stored distance is left out, as is one that shows a lamp or the sky.
 
-use crate::cell::Face;
+use crate::cell::{Face, Light};
 use crate::materials::{Kind, Materials};
 use crate::trail::{AtPanes, End, Follower, Shown};
 use glam::{DVec3, Vec3};
@@ -33,6 +33,8 @@ pub struct RaySample {
     pub uncertainty: f64,
     /// Radiance, finite and not negative.
     pub radiance: [f32; 3],
+    /// How many paths that is the mean of.
+    pub paths: u32,
 }
 
 /// A sample on its surface.
@@ -40,8 +42,7 @@ pub struct RaySample {
 pub struct Placed {
     pub(crate) point: Vec3,
     pub(crate) face: Face,
-    /// Light, fixed-point steps.
-    pub(crate) light: [u64; 3],
+    pub(crate) light: Light,
 }
 
 /// Finds the surfaces of samples.
@@ -63,6 +64,7 @@ impl<'a> Placer<'a> {
         &self,
         section: &Section,
         beam: BeamId,
+        paths: u16,
         samples: &[Sample],
         placed: &mut Vec<Placed>,
     ) {
@@ -82,6 +84,7 @@ impl<'a> Placer<'a> {
                     distance,
                     uncertainty: 2.5e-4 * distance.max(diagonal),
                     radiance: sample.rgb(),
+                    paths: u32::from(paths),
                 });
             }
             self.place_together(rays.iter().flatten(), placed);
@@ -103,17 +106,17 @@ impl<'a> Placer<'a> {
     ) {
         let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::ZERO, t_min: 0.0, t_max: 0.0 };
         let mut rays = [nowhere; MAX_TOGETHER];
-        let mut radiances = [[0.0; 3]; MAX_TOGETHER];
+        let mut lights = [Light { rgb: [0.0; 3], paths: 0 }; MAX_TOGETHER];
         let mut count = 0;
         for sample in samples.take(MAX_TOGETHER) {
             rays[count] = self.piece(sample);
-            radiances[count] = sample.radiance;
+            lights[count] = Light { rgb: sample.radiance, paths: sample.paths };
             count += 1;
         }
         let mut hits = [None; MAX_TOGETHER];
         self.raycaster.nearest_many(&rays[..count], &mut hits[..count]);
-        for ((ray, hit), radiance) in rays.iter().zip(hits).zip(radiances).take(count) {
-            placed.extend(hit.and_then(|hit| self.on_surface(ray, hit, radiance)));
+        for ((ray, hit), light) in rays.iter().zip(hits).zip(lights).take(count) {
+            placed.extend(hit.and_then(|hit| self.on_surface(ray, hit, light)));
         }
     }
 
@@ -126,24 +129,25 @@ impl<'a> Placer<'a> {
     }
 
     /// A sample whose ray meets this, if it tells of light on a surface.
-    fn on_surface(&self, ray: &Ray, hit: Hit, radiance: [f32; 3]) -> Option<Placed> {
+    fn on_surface(&self, ray: &Ray, hit: Hit, shown: Light) -> Option<Placed> {
         match self.follower.follow(*ray, hit, AtPanes::PassAll) {
-            Shown::Surface(end) => self.on_end(&end, radiance),
+            Shown::Surface(end) => self.on_end(&end, shown),
             Shown::Sky(_) | Shown::Unknown => None,
         }
     }
 
-    fn on_end(&self, end: &End, radiance: [f32; 3]) -> Option<Placed> {
+    fn on_end(&self, end: &End, shown: Light) -> Option<Placed> {
         let finish = self.follower.finish(end.material);
         if finish.shines(end.front) || end.share.iter().any(|&share| share < LEAST_SHARE) {
             return None;
         }
         let unit = self.follower.materials.unit;
-        let light = [0, 1, 2].map(|channel| {
-            let light = radiance[channel] / end.share[channel] / finish.reflectance[channel];
-            ((light / unit).min(MOST_LIGHT) + 0.5) as u64
+        let rgb = [0, 1, 2].map(|channel: usize| {
+            let light = shown.rgb[channel] / end.share[channel] / finish.reflectance[channel];
+            (light / unit).min(MOST_LIGHT).round()
         });
         let leaving = (finish.kind == Kind::Glossy).then_some(end.direction);
-        Some(Placed { point: end.point, face: Face::new(end.normal, end.material, leaving), light })
+        let face = Face::new(end.normal, end.material, leaving);
+        Some(Placed { point: end.point, face, light: Light { rgb, ..shown } })
     }
 }

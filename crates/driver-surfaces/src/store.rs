@@ -1,211 +1,263 @@
-//! All cells, in a hash that is divided into shards, so that all cores add samples at once.
+//! All samples, in buckets by place: cubes of space, each with the samples on the surfaces in it.
 //!
 //! What always holds:
-//! - What a cell holds does not depend on the order in which samples came.
-//! - Cells are at most as many as was asked for. When there are more, those that no view looked at longest go first.
+//! - What the store holds does not depend on the order in which samples came, while they fit.
+//! - Samples take at most the memory that was asked for. The buckets that no view looked at longest
+//!   go first. If all were looked at last, every other sample goes, whatever its light.
 
-use crate::cell::{LEVELS, Place, Sums};
+use crate::cell::{Face, Key, Light, PLACES, Sums};
 use crate::place::Placed;
+use glam::{IVec3, Vec3};
+use holo_display::split_mix;
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Parts of the store, each filled by one thread at a time.
 const SHARDS: usize = 64;
 
-/// Cells of a shard at the least.
-const FEWEST: usize = 64;
-
-/// Samples that are shared out to shards together.
+/// Samples that are dealt to shards together.
 const CHUNK: usize = 8192;
 
-/// Cells that are fetched from memory together: one after another, each would wait for it.
-const TOGETHER: usize = 16;
+/// Offset of the grid, in buckets: walls at round coordinates do not lie on the border of two.
+const OFFSET: f32 = 0.3819;
 
-/// A cell in the table; its key is 0 if there is none.
+/// One sample: where it lies in its bucket, and its light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Record {
+    pub key: Key,
+    pub light: Light,
+}
+
+/// The samples on the surfaces in a cube of space.
 #[derive(Debug, Default)]
-struct Slot {
-    key: u64,
-    sums: Sums,
-    /// The round in which it was last looked at, or made.
+pub(crate) struct Bucket {
+    pub records: Vec<Record>,
+    /// Sums of all samples, by face.
+    faces: Vec<(Face, Sums)>,
+    /// The round in which the bucket was last looked at, or made.
     round: AtomicU32,
 }
 
-/// An open hash table of cells.
-#[derive(Debug)]
-struct Shard {
-    slots: Vec<Slot>,
-    used: usize,
+/// The number of a bucket's place: 21 bits along each axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(crate) struct Cube(u64);
+
+/// Where places, buckets and samples lie.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grid {
+    /// Width of a place, scene units.
+    pub unit: f32,
+}
+
+impl Grid {
+    /// Returns a place in buckets.
+    #[inline]
+    fn place(self, point: Vec3) -> Vec3 {
+        point / (self.unit * PLACES) + OFFSET
+    }
+
+    /// Returns the cube that a point lies in.
+    #[inline]
+    pub fn cube(self, point: Vec3) -> Cube {
+        Cube::at(self.place(point))
+    }
+
+    /// Returns a sample as its bucket keeps it.
+    #[inline]
+    pub fn record(self, sample: &Placed) -> (Cube, Record) {
+        let place = self.place(sample.point);
+        let cube = Cube::at(place);
+        let key = Key::new((place - cube.corner()) * PLACES, sample.face);
+        (cube, Record { key, light: sample.light })
+    }
+
+    /// Returns the point of a record, rounded to the middle of its place.
+    #[inline]
+    pub fn point(self, cube: Cube, key: Key) -> Vec3 {
+        (cube.corner() - OFFSET) * (self.unit * PLACES) + key.at() * self.unit
+    }
 }
 
 /// Light on surfaces.
 #[derive(Debug)]
 pub struct Store {
-    shards: Vec<Shard>,
-    /// Width of the finest cells, scene units.
-    finest: f32,
-    most_cells: usize,
+    shards: Vec<FxHashMap<Cube, Bucket>>,
+    grid: Grid,
+    most_samples: usize,
+    /// Of 2 to this power samples one is kept.
+    thinned: u32,
     round: u32,
     samples: u64,
 }
 
-/// Where a key's cell is looked for.
-#[inline]
-fn shard_of(key: u64) -> usize {
-    (key >> 58) as usize % SHARDS
-}
-
-impl Shard {
-    fn new() -> Shard {
-        Shard { slots: empty(FEWEST), used: 0 }
-    }
-
-    /// The slot of a key, or the empty one where it belongs.
+impl Cube {
+    /// Returns the cube that a place in buckets lies in.
     #[inline]
-    fn find(&self, key: u64) -> usize {
-        let mask = self.slots.len() - 1;
-        let mut at = key as usize & mask;
-        while self.slots[at].key != key && self.slots[at].key != 0 {
-            at = (at + 1) & mask;
-        }
-        at
+    fn at(place: Vec3) -> Cube {
+        // Conversions of floats saturate.
+        let [x, y, z] = place.floor().as_ivec3().to_array().map(|c| c as u64 & 0x1f_ffff);
+        Cube(x << 42 | y << 21 | z)
     }
 
-    /// Reads the first slots of some keys, so that they are at hand.
+    /// Returns the cube's lower corner, in buckets.
     #[inline]
-    fn fetch(&self, keys: &[(u64, u32)]) {
-        let mask = self.slots.len() - 1;
-        let read =
-            keys.iter().fold(0, |read, (key, _)| read ^ self.slots[*key as usize & mask].key);
-        std::hint::black_box(read);
-    }
-
-    #[inline]
-    fn add(&mut self, key: u64, sums: &Sums, round: u32) {
-        let mut at = self.find(key);
-        if self.slots[at].key == 0 {
-            if self.used * 4 >= self.slots.len() * 3 {
-                self.rebuild(self.slots.len() * 2, (0, 0));
-                at = self.find(key);
-            }
-            self.used += 1;
-            self.slots[at].key = key;
-            self.slots[at].round = AtomicU32::new(round);
-        }
-        self.slots[at].sums.add(sums);
-    }
-
-    /// Moves the cells from this (round, key) on to a table of another size.
-    fn rebuild(&mut self, size: usize, oldest: (u32, u64)) {
-        let old = std::mem::replace(&mut self.slots, empty(size));
-        self.used = 0;
-        for slot in old {
-            if slot.key != 0 && slot.age() >= oldest {
-                let at = self.find(slot.key);
-                self.slots[at] = slot;
-                self.used += 1;
-            }
-        }
-    }
-
-    /// Leaves at most so many cells: those looked at last, and of one round those with the greatest keys.
-    fn shrink(&mut self, most: usize) {
-        if self.used <= most {
-            return;
-        }
-        let mut ages: Vec<(u32, u64)> =
-            self.slots.iter().filter(|slot| slot.key != 0).map(Slot::age).collect();
-        let first = ages.len() - most;
-        let (_, &mut oldest, _) = ages.select_nth_unstable(first);
-        self.rebuild(self.slots.len(), oldest);
+    fn corner(self) -> Vec3 {
+        // Shifting up and down again restores the sign.
+        let part = |shift: u32| ((self.0 >> shift & 0x1f_ffff) as i32) << 11 >> 11;
+        IVec3::new(part(42), part(21), part(0)).as_vec3()
     }
 }
 
-impl Slot {
-    /// What comes first goes first.
-    fn age(&self) -> (u32, u64) {
-        (self.round.load(Ordering::Relaxed), self.key)
+impl Bucket {
+    fn add(&mut self, record: Record) {
+        let (face, sums) = (record.key.face(), Sums::of(&record.light));
+        match self.faces.iter_mut().find(|(known, _)| *known == face) {
+            Some((_, total)) => total.add(&sums),
+            None => self.faces.push((face, sums)),
+        }
+        self.records.push(record);
     }
 }
 
-fn empty(size: usize) -> Vec<Slot> {
-    (0..size).map(|_| Slot::default()).collect()
+impl Record {
+    /// Returns whether the sample stays when of 2 to this power samples one is kept.
+    fn stays(&self, thinned: u32) -> bool {
+        let [r, g, b] = self.light.rgb.map(|c| u64::from(c.to_bits()));
+        let random = split_mix(split_mix(self.key.0) ^ split_mix(r << 32 | g) ^ b);
+        random & ((1 << thinned) - 1) == 0
+    }
 }
 
 impl Store {
-    /// An empty store of cells from this width on, in scene units, and at most so many of them (96 bytes each).
+    /// Returns an empty store that keeps at most this many bytes of samples. Places of samples are
+    /// rounded to `finest`, scene units.
     #[must_use]
-    pub fn new(finest: f32, most_cells: usize) -> Store {
-        let shards = (0..SHARDS).map(|_| Shard::new()).collect();
-        Store { shards, finest, most_cells, round: 1, samples: 0 }
+    pub fn new(finest: f32, most_bytes: usize) -> Store {
+        let shards = (0..SHARDS).map(|_| FxHashMap::default()).collect();
+        let most_samples = (most_bytes / size_of::<Record>()).max(SHARDS);
+        Store {
+            shards,
+            grid: Grid { unit: finest },
+            most_samples,
+            thinned: 0,
+            round: 1,
+            samples: 0,
+        }
     }
 
-    /// Width of the finest cells, scene units.
-    #[must_use]
-    pub fn finest(&self) -> f32 {
-        self.finest
-    }
-
-    /// Samples added.
+    /// Returns how many samples were added.
     #[must_use]
     pub fn samples(&self) -> u64 {
         self.samples
     }
 
-    /// Cells that there are.
+    /// Returns how many samples are kept.
     #[must_use]
-    pub fn cells(&self) -> usize {
-        self.shards.iter().map(|shard| shard.used).sum()
+    pub fn kept(&self) -> usize {
+        let buckets = self.shards.iter().flat_map(|shard| shard.values());
+        buckets.map(|bucket| bucket.records.len()).sum()
     }
 
-    /// Adds placed samples, on all levels.
+    /// Adds placed samples.
     pub fn add(&mut self, placed: &[Placed]) {
-        let finest = self.finest;
-        let dealt: Vec<Vec<Vec<(u64, u32)>>> = placed
-            .par_chunks(CHUNK)
-            .map(|chunk| {
-                let room = || Vec::with_capacity(2 * CHUNK * LEVELS / SHARDS);
-                let mut lists: Vec<Vec<(u64, u32)>> = (0..SHARDS).map(|_| room()).collect();
-                for (number, sample) in (0..).zip(chunk) {
-                    let place = Place::new(sample.point, finest);
-                    for level in 0..LEVELS {
-                        let key = sample.face.key(place, level);
-                        lists[shard_of(key)].push((key, number));
-                    }
-                }
-                lists
-            })
-            .collect();
-        let (round, most) = (self.round, self.most_cells / SHARDS);
+        let dealt: Vec<Vec<Vec<(Cube, Record)>>> =
+            placed.par_chunks(CHUNK).map(|chunk| self.deal(chunk)).collect();
+        let (round, thinned) = (self.round, self.thinned);
         self.shards.par_iter_mut().enumerate().for_each(|(number, shard)| {
-            for (lists, chunk) in dealt.iter().zip(placed.chunks(CHUNK)) {
-                for some in lists[number].chunks(TOGETHER) {
-                    shard.fetch(some);
-                    for &(key, sample) in some {
-                        shard.add(key, &Sums::of(chunk[sample as usize].light), round);
-                    }
+            for &(cube, record) in dealt.iter().flat_map(|lists| &lists[number]) {
+                let make = || Bucket { round: AtomicU32::new(round), ..Bucket::default() };
+                let bucket = shard.entry(cube).or_insert_with(make);
+                if record.stays(thinned) {
+                    bucket.add(record);
                 }
             }
-            shard.shrink(most);
         });
         self.samples += placed.len() as u64;
+        if self.kept() > self.most_samples {
+            self.shrink();
+        }
     }
 
-    /// Begins a round of looks: a cell looked at in it is kept longer than those looked at before only.
+    /// Returns the records of some samples, by shard.
+    fn deal(&self, placed: &[Placed]) -> Vec<Vec<(Cube, Record)>> {
+        let room = || Vec::with_capacity(2 * CHUNK / SHARDS);
+        let mut lists: Vec<Vec<_>> = (0..SHARDS).map(|_| room()).collect();
+        for sample in placed {
+            let (cube, record) = self.grid.record(sample);
+            lists[shard_of(cube)].push((cube, record));
+        }
+        lists
+    }
+
+    /// Leaves three quarters of the samples that may be kept, or fewer.
+    fn shrink(&mut self) {
+        let most = self.most_samples / 4 * 3;
+        let mut rounds: Vec<(u32, usize)> = Vec::new();
+        for bucket in self.shards.iter().flat_map(|shard| shard.values()) {
+            rounds.push((bucket.round.load(Ordering::Relaxed), bucket.records.len()));
+        }
+        rounds.sort_unstable_by_key(|&(round, _)| std::cmp::Reverse(round));
+        let (mut oldest, mut kept) = (self.round, 0);
+        for (round, count) in rounds {
+            kept += count;
+            if kept > most {
+                oldest = self.round.min(round + 1);
+                break;
+            }
+            oldest = round;
+        }
+        for shard in &mut self.shards {
+            shard.retain(|_, bucket| *bucket.round.get_mut() >= oldest);
+        }
+        while self.kept() > most {
+            self.thinned += 1;
+            let thinned = self.thinned;
+            self.shards.par_iter_mut().flat_map_iter(|shard| shard.values_mut()).for_each(
+                |bucket| {
+                    bucket.records.retain(|record| record.stays(thinned));
+                    bucket.records.shrink_to_fit();
+                },
+            );
+        }
+    }
+
+    /// Begins a round of looks: a bucket looked at in it is kept longer than those looked at only
+    /// before.
     pub fn begin_round(&mut self) {
         self.round += 1;
     }
 
-    /// What is known of a cell.
-    #[inline]
-    pub(crate) fn get(&self, key: u64) -> Option<&Sums> {
-        let shard = &self.shards[shard_of(key)];
-        let slot = &shard.slots[shard.find(key)];
-        if slot.key == 0 {
-            return None;
-        }
-        if slot.round.load(Ordering::Relaxed) != self.round {
-            slot.round.store(self.round, Ordering::Relaxed);
-        }
-        Some(&slot.sums)
+    /// Returns where samples lie.
+    pub(crate) fn grid(&self) -> Grid {
+        self.grid
     }
+
+    /// Returns a cube's samples.
+    pub(crate) fn bucket(&self, cube: Cube) -> Option<&Bucket> {
+        let bucket = self.shards[shard_of(cube)].get(&cube)?;
+        bucket.round.store(self.round, Ordering::Relaxed);
+        Some(bucket)
+    }
+
+    /// Returns the sums of all samples near a point that serve a surface. The nearer half of each
+    /// neighbouring bucket's share counts.
+    pub(crate) fn around(&self, point: Vec3, serves: impl Fn(Face) -> bool) -> Sums {
+        let mut sums = Sums::default();
+        let place = self.grid.place(point);
+        for corner in 0..8 {
+            let side =
+                Vec3::new((corner & 1) as f32, (corner >> 1 & 1) as f32, (corner >> 2) as f32);
+            let cube = Cube::at(place - 0.5 + side);
+            if let Some(bucket) = self.bucket(cube) {
+                let faces = bucket.faces.iter().filter(|(face, _)| serves(*face));
+                faces.for_each(|(_, more)| sums.add(more));
+            }
+        }
+        sums
+    }
+}
+
+fn shard_of(cube: Cube) -> usize {
+    (split_mix(cube.0) >> 58) as usize % SHARDS
 }

@@ -25,6 +25,8 @@ pub(crate) struct End {
     pub share: Rgb,
     /// Length of the way.
     pub length: f32,
+    /// Whether the way turns at a mirror or at a pane.
+    pub is_mirrored: bool,
 }
 
 /// What a ray shows in the end.
@@ -66,7 +68,7 @@ impl<'a> Follower<'a> {
 
     /// The surface of a hit.
     #[inline]
-    pub fn end(&self, ray: &Ray, hit: Hit, share: Rgb, length: f32) -> End {
+    pub fn end(&self, ray: &Ray, hit: Hit) -> End {
         let normal = self.raycaster.geometric_normal(hit.triangle);
         let front = normal.dot(ray.direction) <= 0.0;
         End {
@@ -75,8 +77,9 @@ impl<'a> Follower<'a> {
             front,
             material: self.material(hit.triangle),
             direction: ray.direction,
-            share,
-            length: length + hit.t,
+            share: [1.0; 3],
+            length: hit.t,
+            is_mirrored: false,
         }
     }
 
@@ -84,13 +87,16 @@ impl<'a> Follower<'a> {
     pub fn follow(&self, mut ray: Ray, mut hit: Hit, mut panes: AtPanes) -> Shown {
         let mut share = [1.0; 3];
         let mut length = 0.0;
+        let mut is_mirrored = false;
         for _ in 0..MOST {
             let normal = self.raycaster.geometric_normal(hit.triangle);
             let cosine = ray.direction.dot(normal);
             let mirrored = ray.direction - 2.0 * cosine * normal;
             let (colour, onward) = match self.finish(self.material(hit.triangle)).kind {
                 Kind::Diffuse | Kind::Glossy => {
-                    return Shown::Surface(self.end(&ray, hit, share, length));
+                    let end = self.end(&ray, hit);
+                    let length = length + hit.t;
+                    return Shown::Surface(End { share, length, is_mirrored, ..end });
                 }
                 Kind::Mirror(ks) => (ks, mirrored),
                 Kind::Pane { ior, transmittance } => {
@@ -106,6 +112,7 @@ impl<'a> Follower<'a> {
                     }
                 }
             };
+            is_mirrored |= onward != ray.direction;
             share = [0, 1, 2].map(|channel| share[channel] * colour[channel]);
             length += hit.t;
             let (at, error) = self.raycaster.surface_point(&hit);

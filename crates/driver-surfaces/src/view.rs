@@ -2,10 +2,10 @@
 //!
 //! Invariant: what a pixel sees is a function of the view and the scene.
 
-use crate::cell::Face;
 use crate::materials::{Kind, Materials};
 use crate::trail::{AtPanes, End, Follower, Shown};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use holo_display::Camera;
 use holo_picture::View as Eye;
 use holo_raycast::{Hit, MAX_TILE, Ray, Raycaster};
 use holo_scene::Rgb;
@@ -46,6 +46,8 @@ pub struct Way {
     pub radiance: Rgb,
     /// Where the ray went when it met the surface.
     pub direction: Vec3,
+    /// Whether the ray turned on its way. If not, the surface lies in the pixel's direction.
+    pub is_mirrored: bool,
 }
 
 /// The surfaces of a view.
@@ -62,6 +64,25 @@ pub struct View {
     pub ways: Vec<Way>,
     /// What panes mirror, besides what is seen through them: pixels and what they see.
     pub mirrored: Vec<(u32, Seen)>,
+    /// Pixels that see several surfaces.
+    pub edges: Vec<Edge>,
+}
+
+/// Points of a pixel at which surfaces are looked up where it sees several.
+pub const POINTS: usize = 8;
+
+/// What a pixel sees that lies on an edge.
+#[derive(Clone, Copy, Debug)]
+pub struct Edge {
+    /// The pixel's number.
+    pub pixel: usize,
+    /// At each of its [`POINTS`].
+    pub seen: [Seen; POINTS],
+}
+
+impl Way {
+    const PLAIN: Way =
+        Way { share: [1.0; 3], radiance: [0.0; 3], direction: Vec3::ZERO, is_mirrored: false };
 }
 
 impl Seen {
@@ -73,6 +94,24 @@ impl Seen {
         material: NO_MATERIAL,
         way: PLAIN,
     };
+
+    /// Returns how far a point lies from this one, if it lies on the same surface. Places of points
+    /// are rounded to `unit`.
+    #[inline]
+    pub(crate) fn away(&self, point: Vec3, unit: f32) -> Option<f32> {
+        let between = point - self.point;
+        let away = between.length();
+        let tolerance = 2.0 * unit + 0.25 * self.width + 0.05 * away;
+        (self.is_surface() && between.dot(self.normal).abs() < tolerance).then_some(away)
+    }
+
+    /// Returns whether another pixel, beside this one's, sees another surface.
+    #[inline]
+    pub(crate) fn differs(&self, other: &Seen) -> bool {
+        let is_same = self.material == other.material && self.normal.dot(other.normal) > 0.9;
+        let is_nothing = !self.is_surface() && !other.is_surface() && self.way == other.way;
+        !is_nothing && (!is_same || self.away(other.point, 0.0).is_none())
+    }
 
     /// Whether there is a surface.
     #[must_use]
@@ -104,8 +143,9 @@ impl View {
             eye: *eye,
             size,
             seen: Vec::new(),
-            ways: vec![Way { share: [1.0; 3], radiance: [0.0; 3], direction: Vec3::ZERO }],
+            ways: vec![Way::PLAIN],
             mirrored: Vec::new(),
+            edges: Vec::new(),
         };
         let mut seen = vec![Seen::NOTHING; size.0 * size.1];
         let special: Vec<Special> = seen
@@ -130,10 +170,55 @@ impl View {
         local.map_or(Ray::new(Vec3::ZERO, Vec3::ZERO), |(ray, _)| ray)
     }
 
+    /// Looks several times into each pixel that lies on an edge.
+    #[must_use]
+    pub fn with_edges(mut self) -> View {
+        let pixels: Vec<usize> = on_edges(&self.seen, self.size);
+        let looked: Vec<[Shown; POINTS]> =
+            pixels.par_iter().map(|&pixel| self.look_into(pixel)).collect();
+        let pixel_width = self.pixel_width();
+        for (pixel, shown) in pixels.into_iter().zip(looked) {
+            let seen = shown.map(|shown| self.seen_of(shown, pixel_width));
+            self.edges.push(Edge { pixel, seen });
+        }
+        self
+    }
+
+    fn look_into(&self, pixel: usize) -> [Shown; POINTS] {
+        let (column, row) = ((pixel % self.size.0) as f64, (pixel / self.size.0) as f64);
+        let rays: [Ray; POINTS] = std::array::from_fn(|point| {
+            let (x, y) = point_of(point);
+            self.ray(column + f64::from(x), row + f64::from(y))
+        });
+        let mut hits = [None; POINTS];
+        self.raycaster.nearest_tile(&rays, &mut hits);
+        let follower = self.follower();
+        std::array::from_fn(|point| match hits[point] {
+            Some(hit) => follower.follow(rays[point], hit, AtPanes::Pass),
+            None => Shown::Sky([1.0; 3]),
+        })
+    }
+
+    /// Returns the width of a pixel at distance 1.
+    fn pixel_width(&self) -> f32 {
+        self.eye.pixel_footprint((self.size.0 as u32, self.size.1 as u32), 1.0) as f32
+    }
+
+    fn seen_of(&mut self, shown: Shown, pixel_width: f32) -> Seen {
+        if let Shown::Surface(end) = &shown {
+            let finish = self.follower().finish(end.material);
+            let is_direct = end.share == [1.0; 3] && !end.is_mirrored;
+            if is_direct && finish.kind == Kind::Diffuse && !finish.emits {
+                return seen(end, pixel_width, PLAIN);
+            }
+        }
+        self.special(shown, pixel_width)
+    }
+
     fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Vec<Special> {
         let width = self.size.0;
         let count = rows.len() / width;
-        let pixel_width = self.eye.pixel_footprint((width as u32, self.size.1 as u32), 1.0) as f32;
+        let pixel_width = self.pixel_width();
         let mut special = Vec::new();
         for left in (0..width).step_by(SIDE) {
             let across = SIDE.min(width - left);
@@ -151,7 +236,7 @@ impl View {
                 let plain = hit.and_then(|hit| {
                     let finish = self.follower().finish(self.follower().material(hit.triangle));
                     let is_plain = finish.kind == Kind::Diffuse && !finish.emits;
-                    is_plain.then(|| self.follower().end(&ray, hit, [1.0; 3], 0.0))
+                    is_plain.then(|| self.follower().end(&ray, hit))
                 });
                 match plain {
                     Some(end) => rows[at] = seen(&end, pixel_width, PLAIN),
@@ -164,8 +249,7 @@ impl View {
     }
 
     fn follow_special(&mut self, special: &[Special]) {
-        let pixel_width =
-            self.eye.pixel_footprint((self.size.0 as u32, self.size.1 as u32), 1.0) as f32;
+        let pixel_width = self.pixel_width();
         let follower = self.follower();
         let shown: Vec<(Shown, Option<Shown>)> = special
             .par_iter()
@@ -190,30 +274,37 @@ impl View {
     fn special(&mut self, shown: Shown, pixel_width: f32) -> Seen {
         let way = self.ways.len() as u32;
         let times = |a: Rgb, b: Rgb| [0, 1, 2].map(|channel: usize| a[channel] * b[channel]);
-        let (mut share, mut radiance, mut direction) = ([1.0; 3], [0.0; 3], Vec3::ZERO);
+        let mut how = Way::PLAIN;
         let mut at = Seen { way, ..Seen::NOTHING };
         match shown {
             Shown::Surface(end) => {
                 let finish = self.follower().finish(end.material);
-                (share, direction) = (end.share, end.direction);
+                let End { share, direction, is_mirrored, .. } = end;
+                how = Way { share, direction, is_mirrored, ..how };
                 if finish.shines(end.front) {
-                    radiance = times(end.share, finish.emission);
+                    how.radiance = times(end.share, finish.emission);
                 } else {
                     at = seen(&end, pixel_width, way);
                 }
             }
-            Shown::Sky(share) => radiance = times(share, self.materials.sky),
+            Shown::Sky(share) => how.radiance = times(share, self.materials.sky),
             Shown::Unknown => {}
         }
-        self.ways.push(Way { share, radiance, direction });
+        self.ways.push(how);
         at
     }
 
-    /// What cells of this surface have in common.
-    pub(crate) fn face(&self, seen: &Seen) -> Face {
-        let is_glossy = self.follower().finish(seen.material).kind == Kind::Glossy;
-        let leaving = is_glossy.then(|| self.ways[seen.way as usize].direction);
-        Face::new(seen.normal, seen.material, leaving)
+    /// Returns how a surface is seen.
+    #[inline]
+    pub(crate) fn way(&self, seen: &Seen) -> &Way {
+        &self.ways[seen.way as usize]
+    }
+
+    /// Returns the projection of points to pixels, and the eye relative to the scene's origin.
+    pub(crate) fn camera(&self) -> (Camera, DVec3) {
+        let camera = Camera::new(&self.eye, (self.size.0 as u32, self.size.1 as u32));
+        let eye = camera.eye - self.raycaster.scene().origin;
+        (camera, eye)
     }
 
     /// What light on a surface is multiplied by to be what its pixel shows, and what is added.
@@ -243,4 +334,23 @@ fn seen(end: &End, pixel_width: f32, way: u32) -> Seen {
         material: end.material,
         way,
     }
+}
+
+/// Returns where a point of a pixel lies in it: each in a row and a column of its own.
+pub(crate) fn point_of(point: usize) -> (f32, f32) {
+    const ROWS: [u8; POINTS] = [3, 6, 0, 5, 2, 7, 1, 4];
+    let part = |number: f32| (number + 0.5) / POINTS as f32;
+    (part(point as f32), part(f32::from(ROWS[point])))
+}
+
+/// Returns the numbers of the pixels that see another surface than one around them.
+fn on_edges(seen: &[Seen], (width, height): (usize, usize)) -> Vec<usize> {
+    let is_edge = |pixel: &usize| {
+        let (x, y) = (pixel % width, pixel / width);
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        let columns = x.saturating_sub(1)..(x + 2).min(width);
+        let mut around = rows.flat_map(|y| columns.clone().map(move |x| &seen[y * width + x]));
+        around.any(|other| seen[*pixel].differs(other))
+    };
+    (0..seen.len()).into_par_iter().filter(is_edge).collect()
 }

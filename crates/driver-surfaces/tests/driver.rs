@@ -67,7 +67,7 @@ const ASIDE: &str = "-vp 0.3 -0.2 1.2 -vd 0.2 0 -1 -vu 0 1 0 -vh 50";
 #[test]
 fn a_new_view_shows_the_light_that_earlier_views_brought() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster);
+    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
     driver.look(&look(DOWN, Resolution::Full)).unwrap();
     assert!(draw(&mut driver).empty_pixels > 0, "nothing is known yet");
     for (beam, sample) in samples(&sections[0], 60_000) {
@@ -92,7 +92,7 @@ fn the_order_of_samples_changes_no_bit() {
     let mut all = samples(&sections[0], 20_000);
     let mut pictures = Vec::new();
     for _ in 0..2 {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster));
+        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
         driver.look(&look(DOWN, Resolution::Full)).unwrap();
         all.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
         pictures.push(draw(&mut driver).picture.pixels);
@@ -104,7 +104,7 @@ fn the_order_of_samples_changes_no_bit() {
 #[test]
 fn depth_under_a_pixel_is_that_of_the_surface_and_clipped_views_are_refused() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(sections, raycaster);
+    let mut driver = SurfacesDriver::new(sections, raycaster, None);
     assert!(driver.surface_at(0, 0).is_none(), "there is no view");
     driver.look(&look("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60", Resolution::Full)).unwrap();
     let middle = driver.surface_at(SIZE.0 / 2, SIZE.1 / 2).unwrap();

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use glam::DVec3;
-use holo_driver_surfaces::{Materials, Placer, RaySample, Store, View};
+use holo_driver_surfaces::{Gathered, Materials, Placer, RaySample, Store, View};
 use holo_picture::View as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
@@ -40,6 +40,7 @@ fn rays(count: u32, radiance: impl Fn(f64, f64) -> f32) -> Vec<RaySample> {
             distance: if on_sheet { 1.999 } else { 2.0 },
             uncertainty: 0.0,
             radiance: [radiance(x, y); 3],
+            paths: 1,
         }
     })
     .collect()
@@ -48,15 +49,14 @@ fn rays(count: u32, radiance: impl Fn(f64, f64) -> f32) -> Vec<RaySample> {
 fn drawn(raycaster: &Arc<Raycaster>, batches: &[&[RaySample]]) -> Vec<[f32; 3]> {
     let materials = Arc::new(Materials::new(raycaster.scene()));
     let placer = Placer::new(raycaster, &materials);
-    let mut store = Store::new(0.02, 1_000_000);
+    let mut store = Store::new(0.001, 64 << 20);
     for batch in batches {
         let mut placed = Vec::new();
         placer.place_rays(batch, &mut placed);
         store.add(&placed);
     }
-    View::new(Arc::clone(raycaster), Arc::clone(&materials), &eye(), (64, 64))
-        .draw(&store, 4)
-        .pixels
+    let view = View::new(Arc::clone(raycaster), Arc::clone(&materials), &eye(), (64, 64));
+    Gathered::new(view, &store).draw(&store, None).pixels
 }
 
 #[test]
@@ -98,16 +98,18 @@ fn one_bright_sample_brings_less_than_its_light_and_many_bring_all() {
 }
 
 #[test]
-fn a_store_keeps_at_most_its_cells() {
+fn a_store_keeps_at_most_what_fits_and_what_was_seen_last() {
     let raycaster = room();
     let materials = Arc::new(Materials::new(raycaster.scene()));
     let placer = Placer::new(&raycaster, &materials);
-    let mut store = Store::new(0.02, 6400);
+    // A sample takes 24 bytes.
+    let mut store = Store::new(0.0001, 24 * 6400);
     let mut placed = Vec::new();
     placer.place_rays(&rays(200, |_, _| 1.0), &mut placed);
     for part in placed.chunks(1000) {
         store.begin_round();
         store.add(part);
+        assert!(store.kept() <= 6400, "{} samples", store.kept());
     }
-    assert!(store.cells() <= 6400, "{} cells", store.cells());
+    assert!(store.kept() > 1600, "{} samples", store.kept());
 }

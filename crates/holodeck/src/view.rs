@@ -50,7 +50,7 @@ impl SessionArgs {
         holo_view::Config {
             connect: address.to_string(),
             view: self.view.clone(),
-            driver: self.driver,
+            driver: self.driver.clone(),
             points: self.points.clone(),
             script: self.script.clone(),
             time: self.time,

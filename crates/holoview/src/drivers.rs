@@ -64,7 +64,10 @@ impl DriverChoice {
             DriverArg::Frameless => Box::new(FramelessDriver::new(sections, sky)),
             DriverArg::Auto | DriverArg::Voronoi | DriverArg::Surfaces => match scene {
                 Some(scene) if self.args.driver == DriverArg::Surfaces => {
-                    Box::new(SurfacesDriver::new(sections, Arc::clone(&scene.raycaster)))
+                    // A library that was named has been loaded once before.
+                    let denoiser = self.args.denoise.load().unwrap_or_default();
+                    let raycaster = Arc::clone(&scene.raycaster);
+                    Box::new(SurfacesDriver::new(sections, raycaster, denoiser))
                 }
                 Some(scene) => self.voronoi(scene),
                 None => Box::new(QuadtreeDriver::of_cells(sections, sky, self.filling())),

@@ -83,8 +83,8 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: oneshot::Receiver<()
         Some(path) => Script::open(path)?,
         None => Script::wait(config.time),
     };
-    let connected =
-        session::Connected::new(address, config.driver, config.points.clone(), shutdown).await?;
+    let (driver, points) = (config.driver.clone(), config.points.clone());
+    let connected = session::Connected::new(address, driver, points, shutdown).await?;
     // Drawing takes the processor for a while; sockets must not wait for it.
     tokio::task::spawn_blocking(move || script::play(connected, config, steps, ready)).await?
 }

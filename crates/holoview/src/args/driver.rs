@@ -1,6 +1,9 @@
 //! Options that choose a driver.
 
+use std::{ffi::OsString, path::PathBuf};
+
 use clap::{Args, ValueEnum};
+use holo_denoise::{DenoiseError, Denoiser};
 
 /// What turns samples into a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -22,7 +25,7 @@ pub enum DriverArg {
 }
 
 /// Which driver, and what it is told.
-#[derive(Args, Clone, Copy, Debug, Default)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct DriverArgs {
     /// What turns samples into a picture
     #[arg(long, value_enum, default_value_t)]
@@ -30,14 +33,60 @@ pub struct DriverArgs {
     /// Of the driver `voronoi`: cells of samples alone, even where there is a scene, such as `--driver voronoi --cells constant`
     #[arg(long, value_enum, value_name = "FILLING")]
     pub cells: Option<CellsArg>,
+    /// Of the driver `surfaces`: denoise the light of views at rest by Open Image Denoise. `auto`:
+    /// if it is installed; `off`; or the file of its library
+    #[arg(long, value_name = "auto|off|FILE", default_value = "auto")]
+    pub denoise: DenoiseArg,
+}
+
+/// Whether light is denoised by Open Image Denoise.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum DenoiseArg {
+    /// If it is installed.
+    #[default]
+    Auto,
+    /// Never.
+    Off,
+    /// By this library.
+    Library(PathBuf),
+}
+
+impl From<OsString> for DenoiseArg {
+    fn from(text: OsString) -> Self {
+        match text.to_str() {
+            Some("auto") => Self::Auto,
+            Some("off") => Self::Off,
+            _ => Self::Library(text.into()),
+        }
+    }
+}
+
+impl DenoiseArg {
+    /// Loads the denoiser; `None` if there is none or none is wanted.
+    ///
+    /// # Errors
+    /// If a library was named, and cannot be loaded.
+    pub fn load(&self) -> Result<Option<Denoiser>, DenoiseError> {
+        match self {
+            Self::Auto => Ok(Denoiser::load(None).ok()),
+            Self::Off => Ok(None),
+            Self::Library(path) => Denoiser::load(Some(path)).map(Some),
+        }
+    }
 }
 
 impl DriverArgs {
-    /// Refuses what would do nothing.
+    /// Refuses what would do nothing, and a denoiser that cannot be loaded.
     ///
     /// # Errors
-    /// A text for people, if cells are wanted of a driver that has none.
+    /// A text for people.
     pub fn check(&self) -> Result<(), String> {
+        if let DenoiseArg::Library(_) = self.denoise {
+            if self.driver != DriverArg::Surfaces {
+                return Err("--denoise is for --driver surfaces".to_owned());
+            }
+            self.denoise.load().map_err(|error| error.to_string())?;
+        }
         match (self.driver, self.cells) {
             (DriverArg::Auto | DriverArg::Voronoi, _) | (_, None) => Ok(()),
             (driver, Some(_)) => {

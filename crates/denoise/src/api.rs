@@ -1,0 +1,202 @@
+//! The library's functions, and its objects that are released when they are dropped.
+
+use std::{
+    ffi::{CStr, c_char, c_int, c_void},
+    path::Path,
+    sync::Arc,
+};
+
+use libloading::Library;
+
+use crate::DenoiseError;
+
+/// `OIDN_DEVICE_TYPE_CPU`.
+const CPU: c_int = 1;
+
+/// `OIDN_FORMAT_FLOAT3`.
+const FLOAT3: c_int = 3;
+
+type Object = *mut c_void;
+type Name = *const c_char;
+
+/// The functions that are used, as `oidn.h` of version 2 declares them.
+pub struct Api {
+    new_device: unsafe extern "C" fn(c_int) -> Object,
+    set_device_bool: unsafe extern "C" fn(Object, Name, bool),
+    get_device_int: unsafe extern "C" fn(Object, Name) -> c_int,
+    commit_device: unsafe extern "C" fn(Object),
+    device_error: unsafe extern "C" fn(Object, *mut Name) -> c_int,
+    release_device: unsafe extern "C" fn(Object),
+    new_filter: unsafe extern "C" fn(Object, Name) -> Object,
+    set_image:
+        unsafe extern "C" fn(Object, Name, *mut c_void, c_int, usize, usize, usize, usize, usize),
+    set_filter_bool: unsafe extern "C" fn(Object, Name, bool),
+    commit_filter: unsafe extern "C" fn(Object),
+    execute_filter: unsafe extern "C" fn(Object),
+    release_filter: unsafe extern "C" fn(Object),
+    /// Keeps the functions in memory.
+    _library: Library,
+}
+
+impl Api {
+    /// Loads the library and finds its functions.
+    pub fn load(path: &Path) -> Result<Api, DenoiseError> {
+        let failed = |error: libloading::Error| DenoiseError::Load {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        };
+        // SAFETY: the user, or the system's search path, says that this is Open Image Denoise,
+        // whose initialisation has no precondition.
+        let library = unsafe { Library::new(path) }.map_err(failed)?;
+        // SAFETY: each name has in `oidn.h` the type of the field that it is assigned to.
+        let found = unsafe {
+            Api {
+                new_device: *library.get(b"oidnNewDevice\0").map_err(failed)?,
+                set_device_bool: *library.get(b"oidnSetDeviceBool\0").map_err(failed)?,
+                get_device_int: *library.get(b"oidnGetDeviceInt\0").map_err(failed)?,
+                commit_device: *library.get(b"oidnCommitDevice\0").map_err(failed)?,
+                device_error: *library.get(b"oidnGetDeviceError\0").map_err(failed)?,
+                release_device: *library.get(b"oidnReleaseDevice\0").map_err(failed)?,
+                new_filter: *library.get(b"oidnNewFilter\0").map_err(failed)?,
+                set_image: *library.get(b"oidnSetSharedFilterImage\0").map_err(failed)?,
+                set_filter_bool: *library.get(b"oidnSetFilterBool\0").map_err(failed)?,
+                commit_filter: *library.get(b"oidnCommitFilter\0").map_err(failed)?,
+                execute_filter: *library.get(b"oidnExecuteFilter\0").map_err(failed)?,
+                release_filter: *library.get(b"oidnReleaseFilter\0").map_err(failed)?,
+                _library: library,
+            }
+        };
+        Ok(found)
+    }
+}
+
+/// The processor, as the library uses it.
+pub struct Device {
+    api: Api,
+    object: Object,
+}
+
+// SAFETY: the library's objects may be used from any thread (OIDN documentation, "Device").
+unsafe impl Send for Device {}
+// SAFETY: as above; calls lock the device.
+unsafe impl Sync for Device {}
+
+impl Device {
+    pub fn new(api: Api) -> Result<Device, DenoiseError> {
+        // SAFETY: the type is one of the library's.
+        let object = unsafe { (api.new_device)(CPU) };
+        let device = Device { api, object };
+        if object.is_null() {
+            return Err(device.error("no device"));
+        }
+        // SAFETY: the device exists, and names end with 0.
+        let major = unsafe { (device.api.get_device_int)(object, c"versionMajor".as_ptr()) };
+        if major != 2 {
+            return Err(DenoiseError::Library(format!("version {major}, but 2 is needed")));
+        }
+        // SAFETY: the device exists and is not committed yet.
+        unsafe {
+            (device.api.set_device_bool)(object, c"setAffinity".as_ptr(), false);
+            (device.api.commit_device)(object);
+        }
+        device.check()?;
+        Ok(device)
+    }
+
+    /// Returns the library's last error, if there is one.
+    fn check(&self) -> Result<(), DenoiseError> {
+        let mut message: Name = std::ptr::null();
+        // SAFETY: the device exists; the message is written if there is an error.
+        let code = unsafe { (self.api.device_error)(self.object, &raw mut message) };
+        if code == 0 { Ok(()) } else { Err(DenoiseError::Library(text(message, code))) }
+    }
+
+    fn error(&self, otherwise: &str) -> DenoiseError {
+        let mut message: Name = std::ptr::null();
+        // SAFETY: without a device the library reports the error of its creation.
+        let code = unsafe { (self.api.device_error)(self.object, &raw mut message) };
+        DenoiseError::Library(if code == 0 { otherwise.to_owned() } else { text(message, code) })
+    }
+}
+
+fn text(message: Name, code: c_int) -> String {
+    if message.is_null() {
+        return format!("error {code}");
+    }
+    // SAFETY: the library's messages end with 0 and live until its next call.
+    unsafe { CStr::from_ptr(message) }.to_string_lossy().into_owned()
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        if !self.object.is_null() {
+            // SAFETY: the device exists, and nothing uses it any more.
+            unsafe { (self.api.release_device)(self.object) };
+        }
+    }
+}
+
+/// A filter for ray-traced pictures.
+pub struct Filter {
+    device: Arc<Device>,
+    object: Object,
+}
+
+// SAFETY: as for the device.
+unsafe impl Send for Filter {}
+
+impl Filter {
+    pub fn new(device: Device) -> Result<Filter, DenoiseError> {
+        let device = Arc::new(device);
+        // SAFETY: the device is committed, and the name is one of the library's.
+        let object = unsafe { (device.api.new_filter)(device.object, c"RT".as_ptr()) };
+        let filter = Filter { device, object };
+        if object.is_null() {
+            return Err(filter.device.error("no filter"));
+        }
+        Ok(filter)
+    }
+
+    /// Filters a picture. All four have `size.0 * size.1` pixels.
+    pub fn run(
+        &mut self,
+        colour: &[[f32; 3]],
+        albedo: &[[f32; 3]],
+        normals: &[[f32; 3]],
+        output: &mut [[f32; 3]],
+        (width, height): (usize, usize),
+    ) -> Result<(), DenoiseError> {
+        let images = [
+            (c"color", colour.as_ptr().cast_mut()),
+            (c"albedo", albedo.as_ptr().cast_mut()),
+            (c"normal", normals.as_ptr().cast_mut()),
+            (c"output", output.as_mut_ptr()),
+        ];
+        let api = &self.device.api;
+        for (name, pixels) in images {
+            // SAFETY: the slices have width * height pixels, which the caller has checked, and
+            // outlive the filter's run below. The library writes to `output` alone.
+            unsafe {
+                let pixels = pixels.cast();
+                (api.set_image)(self.object, name.as_ptr(), pixels, FLOAT3, width, height, 0, 0, 0);
+            }
+        }
+        // SAFETY: the filter exists, and its images were set above.
+        unsafe {
+            (api.set_filter_bool)(self.object, c"hdr".as_ptr(), true);
+            (api.set_filter_bool)(self.object, c"cleanAux".as_ptr(), true);
+            (api.commit_filter)(self.object);
+            (api.execute_filter)(self.object);
+        }
+        self.device.check()
+    }
+}
+
+impl Drop for Filter {
+    fn drop(&mut self) {
+        if !self.object.is_null() {
+            // SAFETY: the filter exists, and nothing uses it any more.
+            unsafe { (self.device.api.release_filter)(self.object) };
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Open Image Denoise (OIDN 2), loaded when the program runs, from where it is installed.
+//!
+//! Nothing is linked: a machine without the library runs the same program.
+//!
+//! What always holds:
+//! - Every call into the library is checked. A failure is an error, and the picture stays as it was.
+//! - Only the processor is used, and no thread is pinned to a core.
+
+#![allow(unsafe_code)]
+
+mod api;
+
+use std::path::{Path, PathBuf};
+
+use api::{Api, Device, Filter};
+
+/// The library's name where it is installed as a package.
+const NAME: &str = if cfg!(target_os = "macos") {
+    "libOpenImageDenoise.2.dylib"
+} else if cfg!(windows) {
+    "OpenImageDenoise.dll"
+} else {
+    "libOpenImageDenoise.so.2"
+};
+
+/// Why a picture cannot be denoised.
+#[derive(Debug, thiserror::Error)]
+pub enum DenoiseError {
+    /// The library is not there, or it is another one.
+    #[error(
+        "Open Image Denoise 2 cannot be loaded from {}: {reason}. Install it, or name its library",
+        path.display()
+    )]
+    Load {
+        /// Where it was looked for.
+        path: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+    /// The library reports a failure.
+    #[error("Open Image Denoise: {0}")]
+    Library(String),
+    /// The number of pixels is not that of the size.
+    #[error("{found} pixels of {what} for a picture of {width} x {height}")]
+    Size {
+        /// Which picture.
+        what: &'static str,
+        /// Pixels given.
+        found: usize,
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+    },
+}
+
+/// The denoiser for light on surfaces.
+pub struct Denoiser {
+    filter: Filter,
+    /// A grey of 0.5: what is denoised has no texture.
+    albedo: Vec<[f32; 3]>,
+    output: Vec<[f32; 3]>,
+}
+
+impl Denoiser {
+    /// Loads the library: from `path`, or else from where the system finds libraries.
+    ///
+    /// # Errors
+    /// If it is not there, is not version 2, or cannot use this processor.
+    pub fn load(path: Option<&Path>) -> Result<Denoiser, DenoiseError> {
+        let api = match path {
+            Some(path) => Api::load(path)?,
+            None => Api::load(Path::new(NAME))?,
+        };
+        let filter = Filter::new(Device::new(api)?)?;
+        Ok(Denoiser { filter, albedo: Vec::new(), output: Vec::new() })
+    }
+
+    /// Denoises `light`, in rows of `size.0` pixels: finite, not negative, of any unit. `normals`
+    /// are unit vectors, or 0 where there is no surface.
+    ///
+    /// # Errors
+    /// If the sizes differ, or the library fails. `light` is then as it was.
+    pub fn denoise(
+        &mut self,
+        light: &mut [[f32; 3]],
+        normals: &[[f32; 3]],
+        size: (usize, usize),
+    ) -> Result<(), DenoiseError> {
+        let (width, height) = size;
+        for (what, found) in [("light", light.len()), ("normals", normals.len())] {
+            if width.checked_mul(height) != Some(found) {
+                return Err(DenoiseError::Size { what, found, width, height });
+            }
+        }
+        if light.is_empty() {
+            return Ok(());
+        }
+        self.albedo.clear();
+        self.albedo.resize(light.len(), [0.5; 3]);
+        self.output.clear();
+        self.output.resize(light.len(), [0.0; 3]);
+        self.filter.run(light, &self.albedo, normals, &mut self.output, size)?;
+        light.copy_from_slice(&self.output);
+        Ok(())
+    }
+}
