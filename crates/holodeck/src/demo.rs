@@ -8,7 +8,7 @@ use std::{
 use anyhow::{Context, Result};
 use holo_proto::control::Engine;
 use holo_scenes::Bundled;
-use holo_view::{DriverArgs, PointArgs, ViewArgs};
+use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
 
 use crate::{
     config::{Config, View},
@@ -73,6 +73,7 @@ pub async fn run(args: Args) -> Result<()> {
             view: ViewArgs { size: args.size, ..ViewArgs::default() },
             driver: DriverArgs::default(),
             points: PointArgs::default(),
+            look: LookArgs::default(),
             script: Some(path),
             time: 0.0,
             output: None,

@@ -15,7 +15,7 @@ use holo_picture::{Picture, View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::control::Engine;
 use holo_tracer::{Settings, Tracer};
-use holo_view::ViewArgs;
+use holo_view::{LookArgs, ViewArgs};
 
 use crate::{
     arguments::picture_path,
@@ -36,6 +36,8 @@ pub struct Args {
     output: PathBuf,
     #[command(flatten)]
     view: ViewArgs,
+    #[command(flatten)]
+    look: LookArgs,
     /// Paths per pixel
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     spp: Option<u32>,
@@ -70,6 +72,7 @@ pub async fn run(args: Args) -> Result<()> {
     if args.spp.is_none() && args.time.is_none() {
         return Err(Usage("how many paths? Say --spp 256 or --time 60s".into()).into());
     }
+    args.look.check(&args.output).map_err(Usage)?;
     let named: Vec<_> =
         config.view.iter().map(|view| (view.name.clone(), view.to_options())).collect();
     let mut spec = ViewSpec { vu: config.up.map(glam::DVec3::from_array), ..ViewSpec::default() };
@@ -261,7 +264,7 @@ impl Rendered {
         for (pixel, sums) in picture.pixels.iter_mut().zip(&self.sums) {
             *pixel = sums.first.map(|sum| (sum / n) as f32);
         }
-        picture.write(&args.output)?;
+        args.look.write(&picture, &args.output)?;
         if let Some(path) = &args.se {
             let mut errors = Picture::new(self.size.0, self.size.1);
             for (pixel, sums) in errors.pixels.iter_mut().zip(&self.sums) {

@@ -4,7 +4,7 @@ use std::{ffi::OsString, net::SocketAddr, path::PathBuf};
 
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
-use holo_view::{DriverArgs, PointArgs, ViewArgs};
+use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
 use tokio::sync::oneshot;
 
 use crate::{
@@ -24,6 +24,8 @@ pub struct SessionArgs {
     driver: DriverArgs,
     #[command(flatten)]
     points: PointArgs,
+    #[command(flatten)]
+    look: LookArgs,
     /// Open no window: follow a script and write pictures
     #[arg(long)]
     headless: bool,
@@ -52,6 +54,7 @@ impl SessionArgs {
             view: self.view.clone(),
             driver: self.driver.clone(),
             points: self.points.clone(),
+            look: self.look,
             script: self.script.clone(),
             time: self.time,
             output: self.output.clone(),
@@ -65,6 +68,7 @@ impl SessionArgs {
     /// and `example` is a command that would do something.
     fn check(&self, keeps: bool, example: &str) -> Result<(), Usage> {
         self.driver.check().map_err(Usage)?;
+        self.look.look().map_err(Usage)?;
         if !self.headless {
             return Err(Usage(format!(
                 "there is no window yet: say --headless, as in\n  {example}"
@@ -200,7 +204,8 @@ pub async fn replay(args: ReplayCommand) -> Result<()> {
 /// Make a picture from what a holodeck holds, without tracing anything
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck picture room.holo --view bedroom -o view.png\n  \
-    holodeck picture room.holo --vp 12.5,0.5,5 --vd 0.7,0.7,0 --vh 60 --size 640x480 -o view.exr")]
+    holodeck picture room.holo --vp 12.5,0.5,5 --vd 0.7,0.7,0 --vh 60 --size 640x480 -o view.exr\n  \
+    holodeck picture room.holo --falsecolor=1:1000 --log --contours -o luminance.png")]
 pub struct PictureCommand {
     /// The holodeck
     #[arg(value_name = "FILE.holo")]
@@ -214,6 +219,8 @@ pub struct PictureCommand {
     driver: DriverArgs,
     #[command(flatten)]
     points: PointArgs,
+    #[command(flatten)]
+    look: LookArgs,
     /// Report as JSON
     #[arg(long)]
     json: bool,
@@ -225,11 +232,13 @@ pub struct PictureCommand {
 /// See [`PictureCommand`].
 pub async fn picture(args: PictureCommand) -> Result<()> {
     args.driver.check().map_err(Usage)?;
+    args.look.check(&args.output).map_err(Usage)?;
     show_stored(args.file, |address| holo_view::Config {
         connect: address.to_string(),
         view: args.view,
         driver: args.driver,
         points: args.points,
+        look: args.look,
         script: None,
         time: 0.0,
         output: Some(args.output),

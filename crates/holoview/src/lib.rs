@@ -25,7 +25,8 @@ use holo_net::Shutdown;
 use tokio::sync::oneshot;
 
 pub use args::{
-    CellsArg, DriverArg, DriverArgs, EmptyArg, PointArgs, SmoothingArg, ViewArgs, parse_size,
+    CellsArg, DriverArg, DriverArgs, EmptyArg, LookArgs, PointArgs, Range, SmoothingArg, ToneArg,
+    ViewArgs, parse_size,
 };
 pub use report::{PictureReport, StageTime};
 pub use script::{Command, Script, Step, parse_seconds};
@@ -46,6 +47,9 @@ pub struct Config {
     /// How the render cache works
     #[command(flatten)]
     pub points: PointArgs,
+    /// How .png pictures look
+    #[command(flatten)]
+    pub look: LookArgs,
     /// Follow this file's lines, each `SECONDS COMMAND` (`-`: standard input). Commands: view, picture FILE,
     /// probe COLUMN ROW, with PART,…, without PART,… (of the render cache), quit
     #[arg(long, value_name = "FILE")]
@@ -78,6 +82,7 @@ pub struct Config {
 /// written.
 pub async fn run(config: Config, shutdown: Shutdown, ready: oneshot::Receiver<()>) -> Result<()> {
     config.driver.check().map_err(anyhow::Error::msg)?;
+    config.look.look().map_err(anyhow::Error::msg)?;
     let address: SocketAddr = holo_net::loopback(&config.connect)?;
     let steps = match &config.script {
         Some(path) => Script::open(path)?,

@@ -42,6 +42,8 @@ pub struct PictureReport {
     pub driver: &'static str,
     /// Seconds until the first samples were here; none yet if absent.
     pub first_samples: Option<f64>,
+    /// The factor from radiance to display light of a `.png`, if its tone has one.
+    pub exposure: Option<f32>,
     /// How long each stage of the picture took; empty for drivers without stages.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageTime>,

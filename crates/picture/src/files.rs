@@ -9,8 +9,8 @@ mod openexr;
 mod pfm;
 
 use crate::error::PictureError;
+use crate::look::{Image, Look};
 use crate::picture::{MAX_PIXELS, Picture};
-use crate::tonemap::ToneMap;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{Read, Write};
@@ -94,21 +94,13 @@ pub(crate) fn encode(picture: &Picture, format: Format) -> Result<Vec<u8>, Pictu
         Format::Hdr => Ok(hdr::encode(picture)),
         Format::Pfm => Ok(pfm::encode(picture)),
         Format::Exr => openexr::encode(picture),
-        Format::Png => encode_png(picture),
+        Format::Png => Look::default().show(picture).png(),
     }
 }
 
-fn encode_png(picture: &Picture) -> Result<Vec<u8>, PictureError> {
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, picture.width, picture.height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    let failed = |error: png::EncodingError| PictureError::Png(error.to_string());
-    let mut writer = encoder.write_header().map_err(failed)?;
-    writer.write_image_data(&ToneMap::auto(picture).apply(picture)).map_err(failed)?;
-    writer.finish().map_err(failed)?;
-    Ok(bytes)
+pub(crate) fn write_image(image: &Image, path: &Path) -> Result<(), PictureError> {
+    let written = image.png().and_then(|bytes| write_whole(path, &bytes));
+    written.map_err(|error| named(path, error))
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>, PictureError> {

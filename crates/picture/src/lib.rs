@@ -1,10 +1,10 @@
-//! Views, pictures of radiance, their files, tone mapping and comparison measures.
+//! Views, pictures of radiance, their files, their look on a display, and comparison measures.
 //!
 //! - [`View`]: a view of one of Radiance's types v, l, c, a and h. [`ViewSpec`] holds the parts of
 //!   a view that a person or a file states.
 //! - [`Picture`]: linear radiance per pixel, row 0 at the top. Reads and writes `.hdr`, `.pfm` and
 //!   `.exr`, writes `.png`.
-//! - [`ToneMap`]: converts radiance to display bytes, with an automatic exposure.
+//! - [`Look`]: how a display shows radiance: exposure, tones, false colours, contours.
 //! - [`compare()`] and [`bias_interval`]: measure the difference between a picture and a reference.
 //!
 //! Always true: a [`View`] is finite and not degenerate. A picture that was read has the file's
@@ -15,8 +15,8 @@ mod compare;
 mod error;
 mod files;
 mod kind;
+mod look;
 mod picture;
-mod tonemap;
 mod view;
 mod view_error;
 mod view_spec;
@@ -29,8 +29,11 @@ pub use compare::{
 pub use error::PictureError;
 pub use files::Format;
 pub use kind::ViewKind;
+pub use look::{
+    Adaptation, Exposure, Image, Legend, Look, Scale, ScaleError, Scaling, Tick, Tone,
+    auto_exposure,
+};
 pub use picture::{MAX_PIXELS, MAX_SIDE, Picture, luminance};
-pub use tonemap::ToneMap;
 pub use view::{DEFAULT_VH, View, ViewParams};
 pub use view_error::ViewError;
 pub use view_spec::ViewSpec;

@@ -106,7 +106,8 @@ impl Picture {
     }
 
     /// Writes `.hdr` (or `.pic`), `.pfm`, `.exr` (32-bit floats) or `.png`, depending on the
-    /// extension. A `.png` is tone mapped by [`ToneMap::auto`](crate::ToneMap::auto).
+    /// extension. A `.png` has the default [`Look`](crate::Look); [`Image::write`](crate::Image::write)
+    /// writes others.
     ///
     /// The file appears whole or not at all: it is written under another name, flushed, and
     /// renamed.

@@ -7,7 +7,7 @@ use holo_tests::Place;
 #[test]
 fn wrong_usage_ends_with_status_2() {
     let place = Place::new();
-    let cases: [(&[&str], &[&str]); 11] = [
+    let cases: [(&[&str], &[&str]); 14] = [
         (&["fil"], &["fil", "Usage"]),
         (&["fill", "{}/cornell.obj"], &["-o"]),
         (&["fill", "{}/cornell.obj", "-o", "{}/a.holo"], &["how long", "--time", "--samples"]),
@@ -20,6 +20,18 @@ fn wrong_usage_ends_with_status_2() {
         (&["render", "{}/cornell.obj", "-o", "{}/a.pfm"], &["--spp"]),
         (&["picture", "{}/a.holo", "-o", "{}/a.pfm", "--size", "0x7"], &["--size"]),
         (&["view", "{}/cornell.obj"], &["--headless"]),
+        (
+            &["picture", "{}/a.holo", "-o", "{}/a.pfm", "--tone", "camera"],
+            &["change .png pictures only", "a.pfm"],
+        ),
+        (
+            &["render", "{}/cornell.obj", "-o", "{}/a.png", "--spp", "1", "--exposure", "bright"],
+            &["--exposure", "stops"],
+        ),
+        (
+            &["view", "{}/cornell.obj", "--headless", "-o", "{}/a.png", "--log"],
+            &["--log needs --falsecolor"],
+        ),
         (
             &[
                 "picture",
@@ -50,6 +62,29 @@ fn wrong_usage_ends_with_status_2() {
         place.run(words).failed(2, said);
     }
     assert!(!place.path("a.holo").exists(), "a command that was refused has made a file");
+}
+
+#[test]
+fn a_look_changes_pngs_and_reports_the_exposure() {
+    let place = Place::new();
+    place.run(&["fill", "{}/cornell.obj", "-o", "{}/a.holo", "--samples", "2k"]).ok();
+    let picture = |name: &str, options: &[&str]| {
+        let file = format!("{{}}/{name}");
+        let words = ["picture", "{}/a.holo", "--size", "96x96", "--json", "-o", &file];
+        let said = place.run(&[&words[..], options].concat()).ok().stdout;
+        let report: serde_json::Value = serde_json::from_str(&said).unwrap();
+        (report["exposure"].clone(), std::fs::read(place.path(name)).unwrap())
+    };
+    let (exposure, plain) = picture("plain.png", &[]);
+    let locked = format!("={exposure}");
+    assert!(exposure.as_f64().unwrap() > 0.0);
+    assert_eq!(picture("locked.png", &["--exposure", &locked]), (exposure, plain.clone()));
+    assert_ne!(picture("dark.png", &["--exposure", "-2"]).1, plain);
+    let width = |png: &[u8]| u32::from_be_bytes([png[16], png[17], png[18], png[19]]);
+    let (exposure, colors) = picture("colors.png", &["--falsecolor", "--contours", "--log"]);
+    assert!(width(&plain) == 96 && width(&colors) > 140 && exposure.is_null());
+    let (_, bare) = picture("bare.png", &["--falsecolor=0:50", "--no-legend"]);
+    assert_eq!(width(&bare), 96);
 }
 
 #[test]

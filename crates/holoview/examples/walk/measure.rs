@@ -1,7 +1,7 @@
 //! Truths of frames, likeness to them, and strips to look at.
 
 use crate::tracing::Engine;
-use holo_picture::{Picture, ToneMap, View, compare};
+use holo_picture::{Exposure, Look, Picture, View, auto_exposure, compare};
 use std::error::Error;
 use std::path::Path;
 
@@ -53,9 +53,10 @@ pub fn truth(
 /// PSNR as the project's, and the structural similarity (Wang, Bovik, Sheikh & Simoncelli 2004) of luminance as displayed.
 pub fn likeness(picture: &Picture, truth: &Picture) -> Result<(f64, f64), Box<dyn Error>> {
     let psnr = compare(picture, truth)?.psnr_disp;
-    let shown = ToneMap::auto(truth);
+    let exposure = Exposure::Factor(auto_exposure(truth));
+    let shown = Look { exposure, ..Look::default() };
     let grey = |picture: &Picture| -> Vec<f64> {
-        let bytes = shown.apply(picture);
+        let bytes = shown.show(picture).rgb;
         let weights = [0.2126, 0.7152, 0.0722];
         bytes
             .chunks_exact(3)
@@ -95,7 +96,7 @@ pub fn strip(rows: &[Vec<Picture>], file: &Path) -> Result<(), Box<dyn Error>> {
     for (number, row) in rows.iter().enumerate() {
         for (place, picture) in row.iter().enumerate() {
             // As displayed with the truth's exposure, back to light: the PNG's own then is near 1 for all.
-            let exposure = rows[0].get(place).map_or(1.0, |truth| ToneMap::auto(truth).exposure());
+            let exposure = rows[0].get(place).map_or(1.0, auto_exposure);
             for y in 0..height as usize {
                 for x in 0..width as usize {
                     let mut sum = [0.0; 3];

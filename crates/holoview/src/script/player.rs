@@ -16,7 +16,7 @@ use super::{
     parse::{Command, Next},
 };
 use crate::{
-    Config, PictureReport,
+    Config, LookArgs, PictureReport,
     session::{Connected, Session, Waited},
 };
 
@@ -122,7 +122,7 @@ impl Player {
         if !self.session.has_view() {
             bail!("there is no view to take a picture of");
         }
-        let report = write_picture(&mut self.session, path.to_owned())?;
+        let report = write_picture(&mut self.session, path.to_owned(), &self.config.look)?;
         if self.config.json {
             println!("{}", serde_json::to_string(&report)?);
         } else {
@@ -182,13 +182,13 @@ fn begins_with_view(next: &Next) -> bool {
 }
 
 /// Draws the session's view, writes it to `path`, and returns what it is made of.
-fn write_picture(session: &mut Session, path: PathBuf) -> Result<PictureReport> {
+fn write_picture(session: &mut Session, path: PathBuf, look: &LookArgs) -> Result<PictureReport> {
     let seconds = session.since().elapsed().as_secs_f64();
     let (frame, stages) = session.draw();
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
-    frame.picture.write(&path)?;
+    let exposure = look.write(&frame.picture, &path)?;
     let counts = session.counts();
     Ok(PictureReport {
         picture: path,
@@ -204,6 +204,7 @@ fn write_picture(session: &mut Session, path: PathBuf) -> Result<PictureReport> 
         guessed_pixels: frame.guessed_pixels,
         driver: session.driver_name(),
         first_samples: counts.first_samples,
+        exposure,
         stages,
     })
 }
