@@ -65,8 +65,13 @@ pub async fn run(args: Args) -> Result<()> {
     let path = args.out.join("script.txt");
     std::fs::write(&path, script(&config.view, args.time, &args.out))
         .with_context(|| format!("writing {}", path.display()))?;
-    let session =
-        LiveSession { file: file.clone(), threads: args.threads, cache: None, quiet: false };
+    let session = LiveSession {
+        file: file.clone(),
+        threads: args.threads,
+        cache: None,
+        quiet: false,
+        page: None,
+    };
     session
         .run(|address| holo_view::Config {
             connect: address.to_string(),

@@ -66,7 +66,11 @@ impl Session {
         self.show_again()
     }
 
-    fn look(&mut self, look: Look) -> Result<()> {
+    /// Shows a view at a size and a resolution.
+    ///
+    /// # Errors
+    /// If the driver cannot show the view, or no section covers any of it.
+    pub fn look(&mut self, look: Look) -> Result<()> {
         let Look { view, size, .. } = look;
         let sections = &self.choice.sections;
         let Selection { beams, covered } =
@@ -217,7 +221,7 @@ impl Session {
         self.request_current(wanted)
     }
 
-    fn request_current(&self, wanted: Vec<WantedBeam>) -> Result<()> {
+    pub(super) fn request_current(&self, wanted: Vec<WantedBeam>) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
         self.request(&current.look, current.nearest, wanted)
     }
@@ -226,6 +230,10 @@ impl Session {
     fn request(&self, look: &Look, nearest: f64, beams: Vec<WantedBeam>) -> Result<()> {
         let radius = self.driver.viewpoint_radius(&look.view, look.size, nearest);
         let viewpoint = viewpoint(&self.choice.sections, &look.view, radius);
+        let mut beams = beams;
+        if self.is_paused {
+            beams.iter_mut().for_each(|beam| beam.weight = beam.weight.min(STORED_ONLY));
+        }
         let request = ViewRequest { view: self.request_number, viewpoint, beams };
         Ok(self.outbox.send(Kind::View, &request.encode())?)
     }
@@ -249,9 +257,8 @@ impl Session {
 
     /// Asks for the single rays that the driver wants most.
     fn ask_rays(&mut self) -> Result<()> {
-        let Some(current) = self.current.as_mut().filter(|_| self.welcome.tracing) else {
-            return Ok(());
-        };
+        let traces = self.welcome.tracing && !self.is_paused;
+        let Some(current) = self.current.as_mut().filter(|_| traces) else { return Ok(()) };
         current.rays_asked = Instant::now();
         let rays = self.driver.wanted_rays().into_iter();
         let rays = rays.map(|(key, coords)| WantedRay { key, coords });
@@ -266,7 +273,8 @@ impl Session {
     /// Asks for rays that no section covers, if somebody traces.
     fn ask_live(&mut self) -> Result<()> {
         let has_workers = self.status.as_ref().is_some_and(|status| status.workers > 0);
-        let Some(current) = self.current.as_mut().filter(|_| has_workers) else { return Ok(()) };
+        let traces = has_workers && !self.is_paused;
+        let Some(current) = self.current.as_mut().filter(|_| traces) else { return Ok(()) };
         let Some(live) = &mut current.live else { return Ok(()) };
         let rays = live.wanted();
         if rays.is_empty() {
