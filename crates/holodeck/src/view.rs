@@ -17,7 +17,7 @@ use crate::{
     prepare::{self, SMALL_CACHE},
     processes::Server,
     scene_args::{SceneArgs, Usage},
-    worker::KeptWorker,
+    worker::{KeptWorker, NICE, NICE_WHILE_WALKING},
 };
 
 /// How a session is shown and followed.
@@ -191,7 +191,8 @@ impl LiveSession {
         let shutdown = Shutdown::new();
         shutdown.on_signals(false)?;
         let mut server = Server::start(arguments).await?;
-        let mut worker = KeptWorker::start(server.address, self.threads, self.quiet)?;
+        let nice = if self.page.is_some() { NICE_WHILE_WALKING } else { NICE };
+        let mut worker = KeptWorker::start(server.address, self.threads, nice, self.quiet)?;
         let (ready, config) = (worker.ready(), viewer(server.address));
         let viewing = async {
             if let Some((browser, unit)) = self.page {

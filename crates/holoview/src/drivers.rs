@@ -63,13 +63,18 @@ impl DriverChoice {
             }
             DriverArg::Frameless => Box::new(FramelessDriver::new(sections, sky)),
             DriverArg::Auto | DriverArg::Voronoi | DriverArg::Surfaces => match scene {
-                Some(scene) if self.args.driver == DriverArg::Surfaces => {
+                Some(scene) if self.keeps_light() => {
                     Box::new(SurfacesDriver::new(sections, Arc::clone(&scene.raycaster)))
                 }
                 Some(scene) => self.voronoi(scene),
                 None => Box::new(QuadtreeDriver::of_cells(sections, sky, self.filling())),
             },
         }
+    }
+
+    fn keeps_light(&self) -> bool {
+        let is_chosen = self.args.walks && self.args.driver == DriverArg::Auto;
+        self.args.driver == DriverArg::Surfaces || is_chosen
     }
 
     fn voronoi(&self, scene: &LoadedScene) -> Box<dyn Driver> {

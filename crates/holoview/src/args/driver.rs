@@ -30,6 +30,10 @@ pub struct DriverArgs {
     /// Of the driver `voronoi`: cells of samples alone, even where there is a scene, such as `--driver voronoi --cells constant`
     #[arg(long, value_enum, value_name = "FILLING")]
     pub cells: Option<CellsArg>,
+    /// Whether `auto` draws light that is kept on surfaces: whoever walks sees at once what was
+    /// seen before, from elsewhere.
+    #[arg(skip)]
+    pub walks: bool,
 }
 
 impl DriverArgs {

@@ -229,7 +229,7 @@ impl Framed<'_> {
             },
             "exposure": self.exposure,
             "milliseconds": shown.milliseconds,
-            "unknown": (frame.empty_pixels + frame.guessed_pixels) as f64 / pixels.max(1.0),
+            "unknown": frame.empty_pixels as f64 / pixels.max(1.0),
             "under": self.cursor.and_then(|cursor| under(shown, cursor)),
         });
         let header = header.to_string().into_bytes();

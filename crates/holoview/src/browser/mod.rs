@@ -27,13 +27,13 @@ use holo_net::{NetError, Shutdown};
 use tokio::net::TcpListener;
 
 use crate::{
-    Config, session,
+    Config, DriverArgs, session,
     stage::{Front, Wishes, stage},
 };
 use hub::Hub;
 
 /// How the page is served.
-#[derive(Args, Clone, Debug, Default)]
+#[derive(Args, Clone, Debug)]
 pub struct BrowserArgs {
     /// Serve the page here; port 0 is any free one. Only this machine's own addresses
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0")]
@@ -46,6 +46,12 @@ pub struct BrowserArgs {
     pub record: Option<PathBuf>,
 }
 
+impl Default for BrowserArgs {
+    fn default() -> BrowserArgs {
+        BrowserArgs { http: "127.0.0.1:0".into(), no_open: false, record: None }
+    }
+}
+
 /// Shows a server's holodeck in a browser until somebody quits or `shutdown` is triggered.
 ///
 /// # Errors
@@ -55,9 +61,9 @@ pub async fn run(config: Config, args: BrowserArgs, unit: f64, shutdown: Shutdow
     let listener = listen(&args.http).await?;
     let address = listener.local_addr().context("the page's address")?;
     let server: SocketAddr = holo_net::loopback(&config.connect)?;
+    let driver = DriverArgs { walks: true, ..config.driver };
     let connected =
-        session::Connected::new(server, config.driver, config.points.clone(), shutdown.clone())
-            .await?;
+        session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;
     let wishes = Wishes { view: config.view, unit, record: args.record };
     let (stage, front) = stage(connected, wishes);
     println!("http://{address}/");
