@@ -32,6 +32,7 @@ impl Session {
         }
         self.is_paused = pause;
         let Some(current) = &self.current else { return Ok(()) };
-        self.request_current(current.wanted.clone())
+        // A request of the same number would change the viewpoint alone.
+        self.ask_anew(current.wanted.clone())
     }
 }

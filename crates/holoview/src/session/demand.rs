@@ -216,12 +216,12 @@ impl Session {
     }
 
     /// Requests under a new number: what is stored of these beams is sent from the beginning.
-    fn ask_anew(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
+    pub(super) fn ask_anew(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
         self.request_number += 1;
         self.request_current(wanted)
     }
 
-    pub(super) fn request_current(&self, wanted: Vec<WantedBeam>) -> Result<()> {
+    fn request_current(&self, wanted: Vec<WantedBeam>) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
         self.request(&current.look, current.nearest, wanted)
     }
