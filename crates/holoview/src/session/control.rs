@@ -22,6 +22,12 @@ impl Session {
         self.welcome.tracing
     }
 
+    /// Notes whether the eye moves. Whatever takes long and serves only the current view then waits
+    /// until it rests.
+    pub fn set_moving(&mut self, is_moving: bool) {
+        self.is_moving = is_moving;
+    }
+
     /// Pauses tracing for this display, or resumes it. Stored samples are asked for all the same.
     ///
     /// # Errors

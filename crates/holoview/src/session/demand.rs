@@ -35,6 +35,10 @@ const NEARER_PIXELS: f64 = 0.01;
 /// Weight of beams that are wanted for what is stored of them, not to be traced.
 const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
 
+/// How often a moving eye asks for samples, of drivers that keep them: those of a view serve the
+/// next ones, and one that was asked for at once would never send any.
+const MOVING_EVERY: Duration = Duration::from_millis(150);
+
 /// How often single rays are asked for, of drivers that can say which.
 const RAYS_EVERY: Duration = Duration::from_millis(50);
 
@@ -71,6 +75,9 @@ impl Session {
     /// # Errors
     /// If the driver cannot show the view, or no section covers any of it.
     pub fn look(&mut self, look: Look) -> Result<()> {
+        if self.is_moving && self.driver.keeps_samples() && self.since().elapsed() < MOVING_EVERY {
+            return self.look_on(look);
+        }
         let Look { view, size, .. } = look;
         let sections = &self.choice.sections;
         let Selection { beams, covered } =
@@ -123,6 +130,17 @@ impl Session {
         if self.driver.knows_depth() { self.see_nearest() } else { Ok(()) }
     }
 
+    /// Shows a view while samples of the one before still arrive.
+    fn look_on(&mut self, look: Look) -> Result<()> {
+        let Some(current) = &mut self.current else { return Ok(()) };
+        self.driver.look(&look)?;
+        self.driver.set_nearest(current.nearest);
+        current.look = look;
+        // They were those of another view.
+        current.live = None;
+        Ok(())
+    }
+
     /// Asks for what is due by now. Returns when something is due next.
     pub(super) fn ask_for_what_is_due(
         &mut self,
@@ -159,6 +177,10 @@ impl Session {
     /// rays may end on it. Those are for what is stored: when it has been sent, workers turn back
     /// to the view's own, unless the session ends.
     pub(super) fn stored_sent(&mut self, ending: bool) -> Result<()> {
+        if self.is_moving && !ending {
+            // Finding out takes longer than the view lasts. Where the eye rests, it is asked again.
+            return Ok(());
+        }
         let Some(current) = &mut self.current else { return Ok(()) };
         let before = current.asked;
         match before {

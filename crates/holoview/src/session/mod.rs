@@ -65,6 +65,8 @@ pub struct Session {
     /// Number of the last request.
     request_number: u32,
     pace: Pace,
+    /// Whether the eye moves, so that the current view is soon another.
+    is_moving: bool,
     /// Whether nothing is traced for this display.
     is_paused: bool,
     status: Option<Status>,

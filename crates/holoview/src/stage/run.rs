@@ -20,8 +20,12 @@ use super::{
 };
 use crate::session::{Session, Waited};
 
-/// The eye rests once it has not moved for so long.
-const REST: Duration = Duration::from_millis(60);
+/// The eye rests once it has not moved for so long, at least.
+const REST: Duration = Duration::from_millis(80);
+
+/// And at most. Between, it is as long as a frame at rest takes: whoever only pauses must not wait
+/// for one.
+const LATEST_REST: Duration = Duration::from_millis(200);
 
 /// Least time between the beginnings of two frames while the eye moves: screens show no more.
 const FRAME: Duration = Duration::from_millis(16);
@@ -82,8 +86,14 @@ pub struct Player {
 struct Times {
     advanced: Instant,
     moved: Instant,
+    /// When the last frame was begun.
+    begun: Instant,
+    /// When it was done.
     frame: Instant,
+    /// How long the last frame took.
     drawn_in: Duration,
+    /// How long the last one at rest took.
+    rest_drawn_in: Duration,
     state: Instant,
 }
 
@@ -119,8 +129,15 @@ impl Player {
             up: session.up().to_array(),
             ..State::default()
         };
-        let times =
-            Times { advanced: now, moved: now, frame: now, drawn_in: Duration::ZERO, state: now };
+        let times = Times {
+            advanced: now,
+            moved: now,
+            begun: now,
+            frame: now,
+            drawn_in: Duration::ZERO,
+            rest_drawn_in: Duration::ZERO,
+            state: now,
+        };
         Ok(Player {
             session,
             walker,
@@ -278,11 +295,16 @@ impl Player {
         let now = Instant::now();
         let Some(last) = &self.last else { return true };
         if !last.is_at_rest {
-            return now >= self.times.moved + REST;
+            return now >= self.times.moved + self.rest();
         }
         self.publisher.is_watched()
             && self.samples() != self.drawn_samples
             && now >= self.next_redraw()
+    }
+
+    /// How long the eye has not moved when it rests.
+    fn rest(&self) -> Duration {
+        self.times.rest_drawn_in.clamp(REST, LATEST_REST)
     }
 
     fn next_redraw(&self) -> Instant {
@@ -295,10 +317,12 @@ impl Player {
     fn next_due(&self) -> Instant {
         let now = Instant::now();
         if self.walker.controls.moves() {
-            return now.max(self.times.frame + FRAME);
+            return now.max(self.times.begun + FRAME);
         }
         match &self.last {
-            Some(last) if !last.is_at_rest && self.trouble.is_none() => self.times.moved + REST,
+            Some(last) if !last.is_at_rest && self.trouble.is_none() => {
+                self.times.moved + self.rest()
+            }
             _ => self.next_redraw().max(now + NEWS),
         }
     }
@@ -315,6 +339,7 @@ impl Player {
         let spec = *self.walker.view();
         let (view, full) = spec.resolve(self.size)?;
         let size = if is_at_rest { full } else { self.detail.size(full) };
+        self.session.set_moving(!is_at_rest);
         let is_shown = self.last.as_ref().is_some_and(|last| {
             last.view == view && last.frame.picture.size() == size && self.trouble.is_none()
         });
@@ -326,11 +351,13 @@ impl Player {
         let (frame, _) = self.session.draw();
         let end = Instant::now();
         let took = end.saturating_duration_since(begin);
-        if !is_at_rest {
+        if is_at_rest {
+            self.times.rest_drawn_in = took;
+        } else {
             self.detail.note(size, full, took.as_secs_f64());
         }
         let since = begin.saturating_duration_since(self.times.frame).as_secs_f64();
-        (self.times.frame, self.times.drawn_in) = (end, took);
+        (self.times.begun, self.times.frame, self.times.drawn_in) = (begin, end, took);
         let shown = Shown {
             number: 0,
             input: self.input,
