@@ -10,11 +10,13 @@
 #![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used)]
 
 pub mod analytic;
+mod chromium;
 mod files;
 mod place;
 mod process;
 mod program;
 
+pub use chromium::Chromium;
 pub use files::{Stored, beam, stored};
 pub use place::{CORNELL_SMALL_SECTION, Place, Server, listen_address};
 pub use process::{Ended, Process};

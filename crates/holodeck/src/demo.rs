@@ -2,13 +2,15 @@
 
 use std::{
     fmt::Write,
+    io::IsTerminal,
+    net::SocketAddr,
     path::{Path, PathBuf},
 };
 
 use anyhow::{Context, Result};
 use holo_proto::control::Engine;
 use holo_scenes::Bundled;
-use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
+use holo_view::{BrowserArgs, DriverArgs, LookArgs, PointArgs, ViewArgs};
 
 use crate::{
     config::{Config, View},
@@ -46,16 +48,59 @@ const PICTURES: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0
 /// Share of the time that goes to the first room.
 const FIRST_ROOM: f64 = 2.0 / 3.0;
 
-/// See [`Args`].
-pub async fn run(args: Args) -> Result<()> {
-    let out = args.out.display();
-    std::fs::create_dir_all(&args.out).with_context(|| format!("making {out}"))?;
-    let written = holo_scenes::write(Bundled::Interior, &args.out)
-        .with_context(|| format!("writing to {out}"))?;
-    println!("scene: {}", written.obj.display());
+/// Returns whether somebody sits before a screen that can show a browser.
+pub fn has_desktop() -> bool {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let has_screen =
+        cfg!(any(windows, target_os = "macos")) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY");
+    has_screen && std::io::stdout().is_terminal()
+}
+
+/// Walks through the bundled house in a browser. Its file is kept, so that all of it is there
+/// again the next time.
+pub async fn walk() -> Result<()> {
+    let out = Args::default().out;
+    let config = house(&out)?;
+    let file = out.join("interior.holo");
+    let unit = prepare::make(&file, &config, true)?.about.unit;
+    eprintln!("everything is kept in {}", file.display());
+    let page = Some((BrowserArgs::default(), unit));
+    let session = LiveSession { file, threads: None, cache: None, quiet: true, page };
+    session.run(|address| viewer(address, Args::default().size, None)).await
+}
+
+/// Writes the bundled house to a folder, and returns its configuration.
+fn house(folder: &Path) -> Result<Config> {
+    let name = folder.display();
+    std::fs::create_dir_all(folder).with_context(|| format!("making {name}"))?;
+    let written = holo_scenes::write(Bundled::Interior, folder)
+        .with_context(|| format!("writing to {name}"))?;
     let mut config = Config::read(&written.config)?;
     // Records of so many small surfaces take longer than a demonstration does.
     config.engine = Some(Engine::Path);
+    Ok(config)
+}
+
+fn viewer(address: SocketAddr, size: (u32, u32), script: Option<PathBuf>) -> holo_view::Config {
+    holo_view::Config {
+        connect: address.to_string(),
+        view: ViewArgs { size, ..ViewArgs::default() },
+        driver: DriverArgs::default(),
+        points: PointArgs::default(),
+        look: LookArgs::default(),
+        script,
+        time: 0.0,
+        output: None,
+        json: false,
+        quiet: false,
+        with_parent: false,
+    }
+}
+
+/// See [`Args`].
+pub async fn run(args: Args) -> Result<()> {
+    let config = house(&args.out)?;
+    println!("scene: {}", args.out.join("interior.obj").display());
     let file = args.out.join("interior.holo");
     // A demonstration shows how a picture comes about: it always begins with nothing.
     if file.exists() {
@@ -65,23 +110,14 @@ pub async fn run(args: Args) -> Result<()> {
     let path = args.out.join("script.txt");
     std::fs::write(&path, script(&config.view, args.time, &args.out))
         .with_context(|| format!("writing {}", path.display()))?;
-    let session =
-        LiveSession { file: file.clone(), threads: args.threads, cache: None, quiet: false };
-    session
-        .run(|address| holo_view::Config {
-            connect: address.to_string(),
-            view: ViewArgs { size: args.size, ..ViewArgs::default() },
-            driver: DriverArgs::default(),
-            points: PointArgs::default(),
-            look: LookArgs::default(),
-            script: Some(path),
-            time: 0.0,
-            output: None,
-            json: false,
-            quiet: false,
-            with_parent: false,
-        })
-        .await?;
+    let session = LiveSession {
+        file: file.clone(),
+        threads: args.threads,
+        cache: None,
+        quiet: false,
+        page: None,
+    };
+    session.run(|address| viewer(address, args.size, Some(path))).await?;
     let names: Vec<&str> = config.view.iter().map(|view| view.name.as_str()).collect();
     println!("{}", farewell(&args.out, &file, &names));
     Ok(())
@@ -122,11 +158,13 @@ fn farewell(out: &Path, file: &Path, names: &[&str]) -> String {
         "pictures in {}: of the first room after 1 s of tracing (001s.png), 2 s and so on, \
          and one of each room ({})\n\
          now look from elsewhere, without tracing: holodeck picture {} --view NAME -o view.png\n\
-         where NAME is one of {}",
+         where NAME is one of {}\n\
+         or walk through it in a browser: holodeck view {}",
         out.display(),
         names.iter().map(|name| format!("{name}.png")).collect::<Vec<_>>().join(", "),
         file.display(),
-        names.join(", ")
+        names.join(", "),
+        file.display()
     )
 }
 

@@ -12,7 +12,7 @@ use crate::{
     prepare,
     processes::Server,
     scene_args::{SceneArgs, Usage},
-    worker::KeptWorker,
+    worker::{KeptWorker, NICE},
 };
 
 /// Trace a scene into a holodeck while nobody looks; started again, it goes on
@@ -70,7 +70,7 @@ pub async fn run(args: Args) -> Result<()> {
     shutdown.on_signals(false)?;
     let mut server = Server::start(arguments).await?;
     let threads = args.threads.or(config.threads);
-    let mut worker = KeptWorker::start(server.address, threads, args.quiet)?;
+    let mut worker = KeptWorker::start(server.address, threads, NICE, args.quiet)?;
     let failed = tokio::select! {
         ended = server.process.wait() => ended.err(),
         // Ctrl-C: the server stores everything and reports what it has.

@@ -28,7 +28,8 @@ use clap::{Parser, Subcommand};
     name = "holodeck",
     version,
     after_help = "Examples:
-  holodeck                                        the bundled house, everything on this machine
+  holodeck                                        walk through the bundled house
+  holodeck view room.obj                          walk through a scene while it is traced
   holodeck fill room.obj -o room.holo --time 8h   trace overnight
   holodeck picture room.holo --vp 1,2,1.6 --vd 0,1,0 --vh 60 -o view.png
 
@@ -75,8 +76,7 @@ impl Command {
 fn main() -> ExitCode {
     // On wrong usage, clap ends the process with status 2.
     let program = Program::parse_from(arguments::with_view_options(std::env::args_os()));
-    let command = program.command.unwrap_or_else(|| Command::Demo(demo::Args::default()));
-    let speaker = command.speaker();
+    let speaker = program.command.as_ref().map_or("holodeck", Command::speaker);
     let runtime =
         match tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build() {
             Ok(runtime) => runtime,
@@ -85,7 +85,7 @@ fn main() -> ExitCode {
                 return ExitCode::FAILURE;
             }
         };
-    let result = runtime.block_on(run(command));
+    let result = runtime.block_on(run(program.command));
     // A thread that reads standard input would hold up an orderly end for ever.
     runtime.shutdown_background();
     let is_usage =
@@ -94,8 +94,15 @@ fn main() -> ExitCode {
     if is_usage { ExitCode::from(2) } else { code }
 }
 
-async fn run(command: Command) -> anyhow::Result<()> {
+async fn run(command: Option<Command>) -> anyhow::Result<()> {
     holo_server::outlive_file_size_limit()?;
+    let Some(command) = command else {
+        return if demo::has_desktop() {
+            demo::walk().await
+        } else {
+            demo::run(demo::Args::default()).await
+        };
+    };
     match command {
         Command::Demo(args) => demo::run(args).await,
         Command::View(args) => view::view(args).await,

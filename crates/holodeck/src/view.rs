@@ -1,18 +1,23 @@
 //! `holodeck view`, `replay` and `picture`: a viewer, with a server and workers as far as needed.
 
-use std::{ffi::OsString, net::SocketAddr, path::PathBuf};
+use std::{
+    ffi::OsString,
+    net::SocketAddr,
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
-use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
+use holo_server::Holodeck;
+use holo_view::{BrowserArgs, DriverArgs, LookArgs, PointArgs, ViewArgs};
 use tokio::sync::oneshot;
 
 use crate::{
     arguments::picture_path,
-    prepare,
+    prepare::{self, SMALL_CACHE},
     processes::Server,
     scene_args::{SceneArgs, Usage},
-    worker::KeptWorker,
+    worker::{KeptWorker, NICE, NICE_WHILE_WALKING},
 };
 
 /// How a session is shown and followed.
@@ -26,8 +31,10 @@ pub struct SessionArgs {
     points: PointArgs,
     #[command(flatten)]
     look: LookArgs,
-    /// Open no window: follow a script and write pictures
-    #[arg(long)]
+    #[command(flatten)]
+    browser: BrowserArgs,
+    /// Serve no page: follow a script and write pictures
+    #[arg(long, conflicts_with_all = ["http", "no_open", "record"])]
     headless: bool,
     /// Follow the lines of this file, each `SECONDS COMMAND` (`-`: standard input). Commands: view,
     /// picture FILE, with PART,…, without PART,… (of the render cache), quit
@@ -70,9 +77,7 @@ impl SessionArgs {
         self.driver.check().map_err(Usage)?;
         self.look.look().map_err(Usage)?;
         if !self.headless {
-            return Err(Usage(format!(
-                "there is no window yet: say --headless, as in\n  {example}"
-            )));
+            return self.check_browser(example);
         }
         let fills = keeps && self.time > 0.0;
         if self.script.is_none() && self.output.is_none() && !fills {
@@ -82,12 +87,33 @@ impl SessionArgs {
         }
         Ok(())
     }
+
+    /// Refuses what a browser's session does not do.
+    fn check_browser(&self, example: &str) -> Result<(), Usage> {
+        let said = [
+            ("--script", self.script.is_some()),
+            ("--time", self.time > 0.0),
+            ("-o", self.output.is_some()),
+            ("--json", self.json),
+        ];
+        match said.into_iter().find(|(_, is_said)| *is_said) {
+            None => Ok(()),
+            Some((option, _)) => Err(Usage(format!(
+                "{option} is for sessions without a page: add --headless, as in\n  {example}"
+            ))),
+        }
+    }
+
+    /// Returns how the page is served, and metres per scene unit; `None` if there is no page.
+    fn page(&self, unit: impl FnOnce() -> Result<f64>) -> Result<Option<(BrowserArgs, f64)>> {
+        (!self.headless).then(|| Ok((self.browser.clone(), unit()?))).transpose()
+    }
 }
 
-/// Walk through a scene or a holodeck: server, workers and viewer on this machine
+/// Walk through a scene or a holodeck in a browser, with everything on this machine
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  holodeck view room.obj --headless --time 20s -o view.png\n  \
-    holodeck view room.holo --headless --script walk.txt --size 640x480")]
+#[command(after_help = "Examples:\n  holodeck view room.obj\n  \
+    holodeck view room.obj --headless --time 20s -o view.png\n  holodeck view room.holo --headless --script walk.txt --size 640x480")]
 pub struct ViewCommand {
     /// The scene, or a holodeck to go on with
     #[arg(value_name = "SCENE.obj|FILE.holo")]
@@ -118,16 +144,18 @@ pub async fn view(args: ViewCommand) -> Result<()> {
     let quiet = args.session.quiet || args.session.json;
     if let Some(file) = args.what.as_ref().filter(|_| is_holodeck) {
         let (threads, cache) = (args.threads, args.cache);
-        let session = LiveSession { file: file.clone(), threads, cache, quiet };
+        let page = args.session.page(|| unit_of(file))?;
+        let session = LiveSession { file: file.clone(), threads, cache, quiet, page };
         return session.run(|address| args.session.viewer(address)).await;
     }
     let config = args.scene_args.resolve(args.what.as_ref())?;
     // Without a name, samples live only as long as the session.
     let temporary = tempfile::tempdir().context("making a temporary folder")?;
     let file = args.keep.clone().unwrap_or_else(|| temporary.path().join("session.holo"));
-    drop(prepare::make(&file, &config, quiet)?);
+    let unit = prepare::make(&file, &config, quiet)?.about.unit;
     let (threads, cache) = (args.threads.or(config.threads), args.cache.or(config.cache));
-    let session = LiveSession { file, threads, cache, quiet };
+    let page = args.session.page(|| Ok(unit))?;
+    let session = LiveSession { file, threads, cache, quiet, page };
     session.run(|address| args.session.viewer(address)).await
 }
 
@@ -141,6 +169,13 @@ pub struct LiveSession {
     pub cache: Option<u64>,
     /// Hides how far the worker has loaded.
     pub quiet: bool,
+    /// How the page is served and metres per scene unit; without, a script is followed.
+    pub page: Option<(BrowserArgs, f64)>,
+}
+
+/// Returns the length of a holodeck's scene unit, metres.
+fn unit_of(file: &Path) -> Result<f64> {
+    Ok(Holodeck::open_read_only(file, SMALL_CACHE)?.about.unit)
 }
 
 impl LiveSession {
@@ -148,7 +183,7 @@ impl LiveSession {
     /// ends all of them.
     ///
     /// The viewer prepares the scene while the worker does. Its script starts once the worker is
-    /// ready, so that its seconds are seconds of tracing.
+    /// ready, so that its seconds are seconds of tracing. A page is there at once.
     ///
     /// # Errors
     /// Whatever failed first.
@@ -160,7 +195,8 @@ impl LiveSession {
         let shutdown = Shutdown::new();
         shutdown.on_signals(false)?;
         let mut server = Server::start(arguments).await?;
-        let mut worker = KeptWorker::start(server.address, self.threads, self.quiet)?;
+        let nice = if self.page.is_some() { NICE_WHILE_WALKING } else { NICE };
+        let mut worker = KeptWorker::start(server.address, self.threads, nice, self.quiet)?;
         let (sender, ready) = oneshot::channel();
         let (is_ready, shutdown_before) = (worker.ready(), shutdown.clone());
         tokio::spawn(async move {
@@ -172,7 +208,15 @@ impl LiveSession {
                 () = shutdown_before.wait() => {}
             }
         });
-        let viewing = holo_view::run(viewer(server.address), shutdown.clone(), ready);
+        let config = viewer(server.address);
+        let viewing = async {
+            match self.page {
+                Some((browser, unit)) => {
+                    holo_view::run_in_browser(config, browser, unit, shutdown.clone()).await
+                }
+                None => holo_view::run(config, shutdown.clone(), ready).await,
+            }
+        };
         let result = tokio::select! {
             result = viewing => result,
             error = worker.keep() => Err(error),
@@ -186,7 +230,8 @@ impl LiveSession {
 
 /// Walk through a holodeck without tracing anything
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  holodeck replay room.holo --headless --script walk.txt")]
+#[command(after_help = "Examples:\n  holodeck replay room.holo\n  \
+    holodeck replay room.holo --headless --script walk.txt")]
 pub struct ReplayCommand {
     /// The holodeck
     #[arg(value_name = "FILE.holo")]
@@ -198,7 +243,8 @@ pub struct ReplayCommand {
 /// See [`ReplayCommand`].
 pub async fn replay(args: ReplayCommand) -> Result<()> {
     args.session.check(false, "holodeck replay room.holo --headless -o view.png")?;
-    show_stored(args.file, |address| args.session.viewer(address)).await
+    let page = args.session.page(|| unit_of(&args.file))?;
+    show_stored(args.file, page, |address| args.session.viewer(address)).await
 }
 
 /// Make a picture from what a holodeck holds, without tracing anything
@@ -233,7 +279,7 @@ pub struct PictureCommand {
 pub async fn picture(args: PictureCommand) -> Result<()> {
     args.driver.check().map_err(Usage)?;
     args.look.check(&args.output).map_err(Usage)?;
-    show_stored(args.file, |address| holo_view::Config {
+    show_stored(args.file, None, |address| holo_view::Config {
         connect: address.to_string(),
         view: args.view,
         driver: args.driver,
@@ -252,6 +298,7 @@ pub async fn picture(args: PictureCommand) -> Result<()> {
 /// Runs a display-only server and a viewer, both in this process.
 async fn show_stored(
     file: PathBuf,
+    page: Option<(BrowserArgs, f64)>,
     viewer: impl FnOnce(SocketAddr) -> holo_view::Config,
 ) -> Result<()> {
     let config = holo_server::Config { display_only: true, ..holo_server::Config::new(file) };
@@ -266,7 +313,11 @@ async fn show_stored(
     let Ok(address) = address.await else {
         return server.await?.map(|_| ());
     };
-    let result = holo_view::run(viewer(address), shutdown, holo_view::at_once()).await;
+    let config = viewer(address);
+    let result = match page {
+        Some((browser, unit)) => holo_view::run_in_browser(config, browser, unit, shutdown).await,
+        None => holo_view::run(config, shutdown, holo_view::at_once()).await,
+    };
     ending.trigger();
     server.await??;
     result

@@ -22,8 +22,12 @@ use tokio::{
 
 use crate::processes::{Process, relay};
 
-/// How much local workers give way, so that a viewer on the same machine stays smooth.
-const NICE: &str = "5";
+/// How much local workers give way to other programs.
+pub const NICE: u8 = 5;
+
+/// How much they give way while somebody walks: drawing and encoding get nine tenths of a core for
+/// which both compete. More would starve workers beside a busy program.
+pub const NICE_WHILE_WALKING: u8 = 10;
 
 /// A worker that traced for less than this died quickly: its next life may be as short.
 const QUICK: Duration = Duration::from_secs(10);
@@ -57,9 +61,15 @@ impl KeptWorker {
     ///
     /// # Errors
     /// If it cannot be started.
-    pub fn start(server: SocketAddr, threads: Option<u16>, quiet: bool) -> Result<KeptWorker> {
+    pub fn start(
+        server: SocketAddr,
+        threads: Option<u16>,
+        nice: u8,
+        quiet: bool,
+    ) -> Result<KeptWorker> {
+        let nice = nice.to_string().into();
         let mut arguments: Vec<OsString> =
-            vec!["--connect".into(), server.to_string().into(), "--nice".into(), NICE.into()];
+            vec!["--connect".into(), server.to_string().into(), "--nice".into(), nice];
         if let Some(threads) = threads {
             arguments.extend(["--threads".into(), threads.to_string().into()]);
         }

@@ -63,7 +63,7 @@ impl DriverChoice {
             }
             DriverArg::Frameless => Box::new(FramelessDriver::new(sections, sky)),
             DriverArg::Auto | DriverArg::Voronoi | DriverArg::Surfaces => match scene {
-                Some(scene) if self.args.driver == DriverArg::Surfaces => {
+                Some(scene) if self.keeps_light() => {
                     // A library that was named has been loaded once before.
                     let denoiser = self.args.denoise.load().unwrap_or_default();
                     let raycaster = Arc::clone(&scene.raycaster);
@@ -73,6 +73,11 @@ impl DriverChoice {
                 None => Box::new(QuadtreeDriver::of_cells(sections, sky, self.filling())),
             },
         }
+    }
+
+    fn keeps_light(&self) -> bool {
+        let is_chosen = self.args.walks && self.args.driver == DriverArg::Auto;
+        self.args.driver == DriverArg::Surfaces || is_chosen
     }
 
     fn voronoi(&self, scene: &LoadedScene) -> Box<dyn Driver> {

@@ -2,7 +2,7 @@
 //! draw from it.
 //!
 //! - `session` holds the connection, asks for samples, and feeds a driver. It knows no screen.
-//! - A front end (`script` so far) tells the session which view to show and takes its frames. It
+//! - A front end (`script`, or `browser` on a `stage`) tells the session which view to show. It
 //!   knows no socket and no driver.
 //! - `drivers` is the one list of drivers.
 //!
@@ -12,10 +12,13 @@
 //! - A sample counts once in a picture, however often it arrives.
 
 pub mod args;
+mod browser;
 mod drivers;
 mod report;
+mod screen;
 mod script;
 mod session;
+mod stage;
 
 use std::{net::SocketAddr, path::PathBuf};
 
@@ -28,6 +31,7 @@ pub use args::{
     CellsArg, DriverArg, DriverArgs, EmptyArg, LookArgs, PointArgs, Range, SmoothingArg, ToneArg,
     ViewArgs, parse_size,
 };
+pub use browser::{BrowserArgs, run as run_in_browser};
 pub use report::{PictureReport, StageTime};
 pub use script::{Command, Script, Step, parse_seconds};
 pub use session::default_view;

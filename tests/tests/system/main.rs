@@ -6,6 +6,7 @@
 mod advice;
 mod analytic;
 mod better;
+mod browser;
 mod cells;
 mod coming_and_going;
 mod disk;

@@ -37,6 +37,10 @@ pub struct DriverArgs {
     /// if it is installed; `off`; or the file of its library
     #[arg(long, value_name = "auto|off|FILE", default_value = "auto")]
     pub denoise: DenoiseArg,
+    /// Whether `auto` draws light that is kept on surfaces: whoever walks sees at once what was
+    /// seen before, from elsewhere.
+    #[arg(skip)]
+    pub walks: bool,
 }
 
 /// Whether light is denoised by Open Image Denoise.

@@ -40,11 +40,24 @@ pub struct Connected {
     choice: DriverChoice,
     outbox: Outbox,
     messages: mpsc::Receiver<Incoming>,
+    waker: Waker,
     lights: Arc<OnceLock<Lights>>,
     awaits_scene: bool,
     /// Ends when the connection does, or with the session.
     reader: tokio::task::JoinHandle<()>,
     stopper: tokio::task::JoinHandle<()>,
+}
+
+/// Ends a session's wait, from any thread.
+#[derive(Clone)]
+pub struct Waker(mpsc::Sender<Incoming>);
+
+impl Waker {
+    /// Ends the wait, or the next one if the session does not wait.
+    pub fn wake(&self) {
+        // A session that is over waits no more.
+        let _ = self.0.send(Incoming::Wake);
+    }
 }
 
 impl Connected {
@@ -81,12 +94,28 @@ impl Connected {
             lights: Arc::clone(&lights),
         };
         let reader = tokio::spawn(reader.run());
+        let waker = Waker(sender.clone());
         let stopper = tokio::spawn(async move {
             shutdown.wait().await;
             // A session that is over needs no telling.
             let _ = sender.send(Incoming::Stop);
         });
-        Ok(Connected { welcome, choice, outbox, messages, lights, awaits_scene, reader, stopper })
+        Ok(Connected {
+            welcome,
+            choice,
+            outbox,
+            messages,
+            waker,
+            lights,
+            awaits_scene,
+            reader,
+            stopper,
+        })
+    }
+
+    /// Returns what ends the session's waits.
+    pub fn waker(&self) -> Waker {
+        self.waker.clone()
     }
 
     /// Begins the session, once the scene is here if the driver wants it; `None` if the user ended
@@ -118,6 +147,8 @@ impl Connected {
             current: None,
             request_number: 0,
             pace: Pace::default(),
+            is_moving: false,
+            is_paused: false,
             status: None,
             start: Instant::now(),
             tasks: [self.reader, self.stopper],
@@ -163,8 +194,8 @@ fn await_scene(
             Ok(Incoming::Message(Message::Control(Control::Bye { reason }))) => {
                 bail!("the server ended the session: {reason}")
             }
-            // Nothing was asked for yet but the scene.
-            Ok(Incoming::Message(_)) => {}
+            // Nothing was asked for yet but the scene, and nothing is shown yet.
+            Ok(Incoming::Message(_) | Incoming::Wake) => {}
             Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
             Ok(Incoming::Stop) => return Ok(Arrived::Stop),
             Err(mpsc::RecvTimeoutError::Timeout) => {

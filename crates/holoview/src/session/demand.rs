@@ -35,6 +35,10 @@ const NEARER_PIXELS: f64 = 0.01;
 /// Weight of beams that are wanted for what is stored of them, not to be traced.
 const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
 
+/// How often a moving eye asks for samples, of drivers that keep them: those of a view serve the
+/// next ones, and one that was asked for at once would never send any.
+const MOVING_EVERY: Duration = Duration::from_millis(150);
+
 /// How often single rays are asked for, of drivers that can say which.
 const RAYS_EVERY: Duration = Duration::from_millis(50);
 
@@ -66,7 +70,14 @@ impl Session {
         self.show_again()
     }
 
-    fn look(&mut self, look: Look) -> Result<()> {
+    /// Shows a view at a size and a resolution.
+    ///
+    /// # Errors
+    /// If the driver cannot show the view, or no section covers any of it.
+    pub fn look(&mut self, look: Look) -> Result<()> {
+        if self.is_moving && self.driver.keeps_samples() && self.since().elapsed() < MOVING_EVERY {
+            return self.look_on(look);
+        }
         let Look { view, size, .. } = look;
         let sections = &self.choice.sections;
         let Selection { beams, covered } =
@@ -119,6 +130,17 @@ impl Session {
         if self.driver.knows_depth() { self.see_nearest() } else { Ok(()) }
     }
 
+    /// Shows a view while samples of the one before still arrive.
+    fn look_on(&mut self, look: Look) -> Result<()> {
+        let Some(current) = &mut self.current else { return Ok(()) };
+        self.driver.look(&look)?;
+        self.driver.set_nearest(current.nearest);
+        current.look = look;
+        // They were those of another view.
+        current.live = None;
+        Ok(())
+    }
+
     /// Asks for what is due by now. Returns when something is due next.
     pub(super) fn ask_for_what_is_due(
         &mut self,
@@ -155,6 +177,10 @@ impl Session {
     /// rays may end on it. Those are for what is stored: when it has been sent, workers turn back
     /// to the view's own, unless the session ends.
     pub(super) fn stored_sent(&mut self, ending: bool) -> Result<()> {
+        if self.is_moving && !ending {
+            // Finding out takes longer than the view lasts. Where the eye rests, it is asked again.
+            return Ok(());
+        }
         let Some(current) = &mut self.current else { return Ok(()) };
         let before = current.asked;
         match before {
@@ -212,7 +238,7 @@ impl Session {
     }
 
     /// Requests under a new number: what is stored of these beams is sent from the beginning.
-    fn ask_anew(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
+    pub(super) fn ask_anew(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
         self.request_number += 1;
         self.request_current(wanted)
     }
@@ -226,6 +252,10 @@ impl Session {
     fn request(&self, look: &Look, nearest: f64, beams: Vec<WantedBeam>) -> Result<()> {
         let radius = self.driver.viewpoint_radius(&look.view, look.size, nearest);
         let viewpoint = viewpoint(&self.choice.sections, &look.view, radius);
+        let mut beams = beams;
+        if self.is_paused {
+            beams.iter_mut().for_each(|beam| beam.weight = beam.weight.min(STORED_ONLY));
+        }
         let request = ViewRequest { view: self.request_number, viewpoint, beams };
         Ok(self.outbox.send(Kind::View, &request.encode())?)
     }
@@ -249,9 +279,8 @@ impl Session {
 
     /// Asks for the single rays that the driver wants most.
     fn ask_rays(&mut self) -> Result<()> {
-        let Some(current) = self.current.as_mut().filter(|_| self.welcome.tracing) else {
-            return Ok(());
-        };
+        let traces = self.welcome.tracing && !self.is_paused;
+        let Some(current) = self.current.as_mut().filter(|_| traces) else { return Ok(()) };
         current.rays_asked = Instant::now();
         let rays = self.driver.wanted_rays().into_iter();
         let rays = rays.map(|(key, coords)| WantedRay { key, coords });
@@ -266,7 +295,8 @@ impl Session {
     /// Asks for rays that no section covers, if somebody traces.
     fn ask_live(&mut self) -> Result<()> {
         let has_workers = self.status.as_ref().is_some_and(|status| status.workers > 0);
-        let Some(current) = self.current.as_mut().filter(|_| has_workers) else { return Ok(()) };
+        let traces = has_workers && !self.is_paused;
+        let Some(current) = self.current.as_mut().filter(|_| traces) else { return Ok(()) };
         let Some(live) = &mut current.live else { return Ok(()) };
         let rays = live.wanted();
         if rays.is_empty() {

@@ -31,6 +31,8 @@ pub enum Incoming {
     Scene(Result<Box<LoadedScene>>),
     /// The connection is gone.
     Lost(NetError),
+    /// A front end has something to do.
+    Wake,
     /// The user wants to end.
     Stop,
 }

@@ -10,6 +10,7 @@
 //!   driver keeps samples for the whole session.
 
 mod connect;
+mod control;
 mod current_view;
 mod default_view;
 mod demand;
@@ -64,6 +65,10 @@ pub struct Session {
     /// Number of the last request.
     request_number: u32,
     pace: Pace,
+    /// Whether the eye moves, so that the current view is soon another.
+    is_moving: bool,
+    /// Whether nothing is traced for this display.
+    is_paused: bool,
     status: Option<Status>,
     start: Instant,
     tasks: [tokio::task::JoinHandle<()>; 2],
@@ -76,6 +81,8 @@ pub enum Waited {
     TimeUp,
     /// Everything under way has arrived.
     Settled,
+    /// A [`connect::Waker`].
+    Woken,
     /// The user, who wants to end.
     Stop,
 }
@@ -259,6 +266,7 @@ impl Session {
             Incoming::SceneFetched { .. } | Incoming::ScenePreparing => Ok(None),
             Incoming::Scene(scene) => self.change_scene(scene).map(|()| None),
             Incoming::Lost(error) => Err(error).context("lost the server"),
+            Incoming::Wake => Ok((!for_settled).then_some(Waited::Woken)),
             Incoming::Stop => Ok(Some(Waited::Stop)),
         }
     }

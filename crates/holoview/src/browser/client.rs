@@ -1,0 +1,318 @@
+//! One client: a page's connection, from its first message to its last.
+
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result};
+use axum::{
+    extract::{
+        State, WebSocketUpgrade,
+        ws::{Message, WebSocket},
+    },
+    response::Response,
+};
+use futures_util::{
+    SinkExt, StreamExt,
+    stream::{SplitSink, SplitStream},
+};
+use tokio::{
+    sync::{mpsc, watch},
+    time::{sleep_until, timeout},
+};
+
+use super::{
+    encode::{Colours, Rect},
+    hub::{Guest, Hub},
+    messages::{self, Asked, Framed},
+    screen::{Screen, Update},
+};
+use crate::{
+    screen::Display,
+    stage::{Input, Phase, Shown},
+};
+
+/// Longest message of a page: they are lines of a few numbers.
+const MOST_BYTES: usize = 16 << 10;
+
+/// Messages that are none, after which the connection ends.
+const MOST_GARBAGE: u32 = 8;
+
+/// How long a message may take to be sent: whoever takes nothing for so long has gone.
+const SENDING: Duration = Duration::from_secs(20);
+
+/// How long nothing newer comes until a picture at rest is made exact.
+const CALM: Duration = Duration::from_millis(250);
+
+/// Answers that wait for a client. It gets no more than it asks for.
+const MOST_ANSWERS: usize = 32;
+
+/// Takes a page's connection.
+pub async fn connect(upgrade: WebSocketUpgrade, State(hub): State<Arc<Hub>>) -> Response {
+    let upgrade = upgrade.max_message_size(MOST_BYTES).max_frame_size(MOST_BYTES);
+    upgrade.on_upgrade(move |socket| async move {
+        let (sink, stream) = socket.split();
+        let Some(guest) = hub.enter() else {
+            let mut sink = sink;
+            // Whoever has gone need not know.
+            let _ = sink.send(text(messages::error("too many people look already"))).await;
+            return;
+        };
+        let wanted = watch::Sender::new(Wanted::default());
+        let (answers, waiting) = mpsc::channel(MOST_ANSWERS);
+        let reader = Reader { hub: &hub, guest: &guest, stream, wanted: &wanted, answers };
+        let writer = Writer::new(&hub, &guest, sink, wanted.subscribe());
+        tokio::select! {
+            () = reader.run() => {}
+            // A connection that fails is over.
+            _ = writer.run(waiting) => {}
+        }
+    })
+}
+
+/// What a client wants to see.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Wanted {
+    /// The last update that is on its screen.
+    shown: u64,
+    display: Display,
+    cursor: Option<(f64, f64)>,
+}
+
+/// Takes what a client says.
+struct Reader<'a> {
+    hub: &'a Hub,
+    guest: &'a Guest,
+    stream: SplitStream<WebSocket>,
+    wanted: &'a watch::Sender<Wanted>,
+    answers: mpsc::Sender<String>,
+}
+
+impl Reader<'_> {
+    /// Reads until the client leaves or sends garbage.
+    async fn run(mut self) {
+        let mut garbage = 0;
+        while let Some(Ok(message)) = self.stream.next().await {
+            let parsed = match message {
+                Message::Text(text) => messages::parse(&text),
+                Message::Binary(_) => Err("messages are texts".to_owned()),
+                Message::Close(_) => return,
+                Message::Ping(_) | Message::Pong(_) => continue,
+            };
+            let answer = match parsed {
+                Ok((number, asked)) => self.take(number, asked),
+                Err(reason) => {
+                    garbage += 1;
+                    Some(messages::error(&reason))
+                }
+            };
+            if let Some(answer) = answer {
+                // Who takes no answers gets none.
+                let _ = self.answers.try_send(answer);
+            }
+            if garbage == MOST_GARBAGE {
+                return;
+            }
+        }
+    }
+
+    /// Does what a client asks for. Returns what it is told.
+    fn take(&self, number: u64, asked: Asked) -> Option<String> {
+        let mut answer = None;
+        match asked {
+            Asked::Shown(update) => self.wanted.send_modify(|wanted| wanted.shown = update),
+            Asked::Display(display) => self.wanted.send_modify(|wanted| wanted.display = display),
+            Asked::TakeOver => self.hub.take_over(self.guest.number),
+            Asked::Input(input) => {
+                if let Input::Cursor(cursor) = input {
+                    self.wanted.send_if_modified(|wanted| {
+                        wanted.cursor = cursor;
+                        // The cursor alone is no reason to send a frame.
+                        false
+                    });
+                    let shown = self.hub.latest();
+                    let under = shown.zip(cursor);
+                    answer = under.and_then(|(shown, at)| messages::under_cursor(&shown, at));
+                }
+                let is_driver = self.hub.drives(self.guest.number);
+                if is_driver && !self.hub.front.inputs.send(self.guest.number, number, input) {
+                    answer = Some(messages::error("too many inputs at once: some were lost"));
+                }
+            }
+        }
+        answer
+    }
+}
+
+/// Sends a client what it is to see.
+struct Writer<'a> {
+    hub: &'a Arc<Hub>,
+    guest: &'a Guest,
+    sink: SplitSink<WebSocket, Message>,
+    wanted: watch::Receiver<Wanted>,
+    screen: Screen,
+    /// What the client's screen shows or will show soon.
+    on_screen: Option<(Arc<Shown>, Display)>,
+    under_way: Option<UnderWay>,
+    /// Number of the last update.
+    updates: u64,
+}
+
+/// An update on its way.
+struct UnderWay {
+    update: u64,
+    bytes: usize,
+    since: Instant,
+}
+
+impl<'a> Writer<'a> {
+    fn new(
+        hub: &'a Arc<Hub>,
+        guest: &'a Guest,
+        sink: SplitSink<WebSocket, Message>,
+        wanted: watch::Receiver<Wanted>,
+    ) -> Writer<'a> {
+        let screen = Screen::default();
+        let (on_screen, under_way, updates) = (None, None, 0);
+        Writer { hub, guest, sink, wanted, screen, on_screen, under_way, updates }
+    }
+
+    /// Sends until the session is over or the client takes nothing any more.
+    async fn run(mut self, mut answers: mpsc::Receiver<String>) -> Result<()> {
+        let mut frames = self.hub.front.frames.subscribe();
+        let mut states = self.hub.front.state.subscribe();
+        let mut roles = self.hub.roles();
+        states.mark_changed();
+        roles.mark_changed();
+        self.send(text(messages::hello(self.guest.number))).await?;
+        let mut has_facts = false;
+        let mut sent_at = Instant::now();
+        loop {
+            let is_free = self.under_way.is_none();
+            let latest = frames.borrow_and_update().clone();
+            if is_free && self.update(latest).await? {
+                sent_at = Instant::now();
+                continue;
+            }
+            let calm = is_free && !self.screen.is_exact() && self.is_at_rest();
+            tokio::select! {
+                changed = frames.changed(), if is_free => changed?,
+                changed = self.wanted.changed() => {
+                    changed?;
+                    self.note_shown();
+                }
+                changed = states.changed() => {
+                    changed?;
+                    let state = states.borrow_and_update().clone();
+                    if !has_facts && state.phase == Phase::Running {
+                        has_facts = true;
+                        self.send(text(messages::facts(&state))).await?;
+                    }
+                    self.send(text(messages::state(&state))).await?;
+                    if matches!(state.phase, Phase::Ended(_)) {
+                        return self.send(Message::Close(None)).await;
+                    }
+                }
+                changed = roles.changed() => {
+                    changed?;
+                    let (drives, clients) = {
+                        let roles = roles.borrow_and_update();
+                        (roles.driver == Some(self.guest.number), roles.clients.len())
+                    };
+                    self.send(text(messages::roles(drives, clients))).await?;
+                }
+                Some(answer) = answers.recv() => self.send(text(answer)).await?,
+                () = sleep_until((sent_at + CALM).into()), if calm => {
+                    self.improve().await?;
+                    sent_at = Instant::now() - CALM;
+                }
+            }
+        }
+    }
+
+    /// Notes that the client's screen shows what was under way, if it does.
+    fn note_shown(&mut self) {
+        let shown = self.wanted.borrow_and_update().shown;
+        if let Some(under_way) = self.under_way.take_if(|under_way| shown >= under_way.update) {
+            self.screen.note(under_way.bytes, under_way.since.elapsed().as_secs_f64());
+        }
+    }
+
+    fn is_at_rest(&self) -> bool {
+        self.on_screen.as_ref().is_some_and(|(shown, _)| shown.is_at_rest)
+    }
+
+    /// Sends the latest frame, if the client's screen does not show it. Returns whether it did.
+    async fn update(&mut self, latest: Option<Arc<Shown>>) -> Result<bool> {
+        let Some(shown) = latest else { return Ok(false) };
+        let display = self.wanted.borrow().display;
+        let is_on_screen = self
+            .on_screen
+            .as_ref()
+            .is_some_and(|(before, with)| before.number == shown.number && *with == display);
+        if is_on_screen {
+            return Ok(false);
+        }
+        let (hub, frame) = (Arc::clone(self.hub), Arc::clone(&shown));
+        let colours = tokio::task::spawn_blocking(move || hub.colours(&frame, display)).await?;
+        let update = self.screen.show(Arc::clone(&colours), shown.frame.picture.size());
+        self.on_screen = Some((shown, display));
+        self.send_update(update, colours).await?;
+        Ok(true)
+    }
+
+    /// Sends the next tiles that are not exact.
+    async fn improve(&mut self) -> Result<()> {
+        let Some((shown, display)) = self.on_screen.clone() else { return Ok(()) };
+        let update = self.screen.improve();
+        let colours = self.hub.colours(&shown, display);
+        self.send_update(update, colours).await
+    }
+
+    async fn send_update(&mut self, update: Update, colours: Arc<Vec<u8>>) -> Result<()> {
+        let Some((shown, display)) = self.on_screen.clone() else { return Ok(()) };
+        let (hub, coding) = (Arc::clone(self.hub), update.coding);
+        let (frame, size) = (shown.number, shown.frame.picture.size());
+        let encoded = tokio::task::spawn_blocking(move || {
+            let colours = Colours { bytes: &colours, size };
+            let encode = |rect: Rect| {
+                Ok((rect, SharedBytes(hub.part((frame, display), colours, rect, coding)?)))
+            };
+            update.rects.into_iter().map(encode).collect::<Result<Vec<_>>>()
+        });
+        let parts = encoded.await?.context("encoding a frame")?;
+        self.updates += 1;
+        let framed = Framed {
+            shown: &shown,
+            update: self.updates,
+            client: self.guest.number,
+            cursor: self.wanted.borrow().cursor,
+            exposure: display.factor(&shown),
+            is_exact: self.screen.is_exact(),
+            coding: update.coding,
+        };
+        let message = framed.message(&parts);
+        self.under_way =
+            Some(UnderWay { update: self.updates, bytes: message.len(), since: Instant::now() });
+        self.send(Message::Binary(message.into())).await
+    }
+
+    async fn send(&mut self, message: Message) -> Result<()> {
+        timeout(SENDING, self.sink.send(message)).await.context("the client takes nothing")??;
+        Ok(())
+    }
+}
+
+/// Bytes that several clients get.
+struct SharedBytes(Arc<Vec<u8>>);
+
+impl AsRef<[u8]> for SharedBytes {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+fn text(text: String) -> Message {
+    Message::Text(text.into())
+}

@@ -1,0 +1,342 @@
+//! Messages between page and server: JSON texts, and frames as a JSON header with parts behind it.
+
+use glam::DVec3;
+use holo_picture::{ViewSpec, luminance};
+use holo_section::{Section, SectionSpec};
+use holo_walk::Controls;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::encode::{Coding, Rect};
+use crate::{
+    screen::{Display, Exposure},
+    stage::{Input, Phase, Shown, State},
+};
+
+/// Greatest angle of one input, radians.
+const MOST_ANGLE: f64 = 7.0;
+
+/// Most steps of a wheel in one input.
+const MOST_STEPS: f64 = 20.0;
+
+/// Most that a speed is changed by.
+const MOST_PACE: f64 = 100.0;
+
+/// Most stops of exposure.
+const MOST_STOPS: f32 = 40.0;
+
+/// A message of a page.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Message {
+    /// Its number; every later one of the same page has a larger one.
+    pub n: u64,
+    /// What it says.
+    pub say: Said,
+}
+
+/// What a page says.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Said {
+    /// See [`Input::Hold`].
+    Hold {
+        #[serde(default)]
+        ahead: f64,
+        #[serde(default)]
+        right: f64,
+        #[serde(default)]
+        rise: f64,
+        #[serde(default)]
+        turn: f64,
+        #[serde(default)]
+        tilt: f64,
+        #[serde(default)]
+        glide: f64,
+        #[serde(default)]
+        around: f64,
+        #[serde(default)]
+        over: f64,
+        #[serde(default = "one")]
+        pace: f64,
+    },
+    /// See [`Input::Cursor`].
+    Cursor { at: Option<[f64; 2]> },
+    /// See [`Input::Turn`].
+    Turn { right: f64, up: f64 },
+    /// See [`Input::Orbit`].
+    Orbit { right: f64, up: f64 },
+    /// See [`Input::Slide`].
+    Slide { right: f64, up: f64 },
+    /// See [`Input::Wheel`].
+    Wheel { steps: f64 },
+    /// See [`Input::View`].
+    View { options: String },
+    /// See [`Input::GoTo`].
+    GoTo { eye: [f64; 3] },
+    /// See [`Input::Home`].
+    Home {},
+    /// See [`Input::Back`].
+    Back {},
+    /// See [`Input::Forward`].
+    Forward {},
+    /// See [`Input::LockHeight`].
+    LockHeight { on: bool },
+    /// See [`Input::Pause`].
+    Pause { on: bool },
+    /// See [`Input::Size`].
+    Size { width: u32, height: u32 },
+    /// See [`Input::Quit`].
+    Quit {},
+    /// An update is on the screen: the next one may come.
+    Shown { update: u64 },
+    /// How frames are to look: exposure is automatic if it is not locked.
+    Display { locked: Option<f32>, stops: f32 },
+    /// This page drives from now on.
+    TakeOver {},
+}
+
+/// What a message asks for.
+#[derive(Debug, PartialEq)]
+pub enum Asked {
+    /// The stage does something.
+    Input(Input),
+    /// The next update may come.
+    Shown(u64),
+    /// Frames look like this.
+    Display(Display),
+    /// The page drives.
+    TakeOver,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Parses what a page sends.
+///
+/// # Errors
+/// A text for people, if it is no message.
+pub fn parse(text: &str) -> Result<(u64, Asked), String> {
+    let message: Message = serde_json::from_str(text).map_err(|error| error.to_string())?;
+    Ok((message.n, asked(message.say)?))
+}
+
+fn asked(said: Said) -> Result<Asked, String> {
+    let angle = |angle: f64| angle.clamp(-MOST_ANGLE, MOST_ANGLE);
+    let part = |part: f64| part.clamp(-1.0, 1.0);
+    Ok(Asked::Input(match said {
+        Said::Hold { ahead, right, rise, turn, tilt, glide, around, over, pace } => {
+            let [ahead, right, rise, turn] = [ahead, right, rise, turn].map(part);
+            let [tilt, glide, around, over] = [tilt, glide, around, over].map(part);
+            let pace = pace.clamp(1.0 / MOST_PACE, MOST_PACE);
+            Input::Hold(Controls { ahead, right, rise, turn, tilt, glide, around, over, pace })
+        }
+        Said::Cursor { at } => {
+            let inside = |at: &[f64; 2]| at.iter().all(|share| (0.0..=1.0).contains(share));
+            Input::Cursor(at.filter(inside).map(|[x, y]| (x, y)))
+        }
+        Said::Turn { right, up } => Input::Turn(angle(right), angle(up)),
+        Said::Orbit { right, up } => Input::Orbit(angle(right), angle(up)),
+        Said::Slide { right, up } => Input::Slide(part(right), part(up)),
+        Said::Wheel { steps } => Input::Wheel(steps.clamp(-MOST_STEPS, MOST_STEPS)),
+        Said::View { options } => {
+            let mut view = ViewSpec::default();
+            view.apply_line(&options).map_err(|error| error.to_string())?;
+            Input::View(Box::new(view))
+        }
+        Said::GoTo { eye } => Input::GoTo(DVec3::from_array(eye)),
+        Said::Home {} => Input::Home,
+        Said::Back {} => Input::Back,
+        Said::Forward {} => Input::Forward,
+        Said::LockHeight { on } => Input::LockHeight(on),
+        Said::Pause { on } => Input::Pause(on),
+        Said::Size { width, height } => Input::Size(width, height),
+        Said::Quit {} => Input::Quit,
+        Said::Shown { update } => return Ok(Asked::Shown(update)),
+        Said::TakeOver {} => return Ok(Asked::TakeOver),
+        Said::Display { locked, stops } => {
+            let exposure = locked.map_or(Exposure::Automatic, Exposure::Locked);
+            let stops = stops.clamp(-MOST_STOPS, MOST_STOPS);
+            return Ok(Asked::Display(Display { exposure, stops }));
+        }
+    }))
+}
+
+/// Returns what is under a cursor.
+fn under(shown: &Shown, (x, y): (f64, f64)) -> Option<Value> {
+    let (radiance, distance) = shown.radiance_at(x, y)?;
+    Some(json!({
+        "radiance": radiance,
+        "luminance": luminance(radiance),
+        // JSON has no infinity; nothing known and nothing hit are both no distance.
+        "distance": Some(distance).filter(|distance| distance.is_finite() && *distance > 0.0),
+        "hits": distance.is_finite(),
+    }))
+}
+
+/// A frame for a client.
+pub struct Framed<'a> {
+    /// The frame.
+    pub shown: &'a Shown,
+    /// Number of the update, by which the client says that it shows it.
+    pub update: u64,
+    /// Who gets it.
+    pub client: u32,
+    /// Where that one's cursor is.
+    pub cursor: Option<(f64, f64)>,
+    /// Factor from radiance to display values.
+    pub exposure: f32,
+    /// Whether the screen now shows exactly the frame's colours.
+    pub is_exact: bool,
+    /// How the parts are encoded.
+    pub coding: Coding,
+}
+
+impl Framed<'_> {
+    /// Returns the message: the header's length in four bytes, the header, and the parts.
+    pub fn message(&self, parts: &[(Rect, impl AsRef<[u8]>)]) -> Vec<u8> {
+        let shown = self.shown;
+        let (client, number) = shown.input;
+        let (view, frame) = (&shown.view, &shown.frame);
+        let (across, along) = view.extent();
+        let kind = if self.coding == Coding::Png { "image/png" } else { "image/jpeg" };
+        let places: Vec<Value> = parts
+            .iter()
+            .map(|(rect, bytes)| {
+                json!([rect.x, rect.y, rect.width, rect.height, bytes.as_ref().len()])
+            })
+            .collect();
+        let pixels = f64::from(frame.picture.width) * f64::from(frame.picture.height);
+        let header = json!({
+            "update": self.update,
+            "frame": shown.number,
+            "input": if client == self.client { number } else { 0 },
+            "size": frame.picture.size(),
+            "type": kind,
+            "parts": places,
+            "rest": shown.is_at_rest,
+            "exact": self.is_exact,
+            "options": shown.options,
+            "view": {
+                "kind": view.kind.letter().to_string(),
+                "eye": view.eye().to_array(),
+                "right": view.right().to_array(),
+                "up": view.up().to_array(),
+                "direction": view.vd.to_array(),
+                "extent": [across, along],
+                "shift": [view.vs, view.vl],
+            },
+            "exposure": self.exposure,
+            "milliseconds": shown.milliseconds,
+            "unknown": frame.empty_pixels as f64 / pixels.max(1.0),
+            "under": self.cursor.and_then(|cursor| under(shown, cursor)),
+        });
+        let header = header.to_string().into_bytes();
+        let mut message = (header.len() as u32).to_le_bytes().to_vec();
+        message.extend_from_slice(&header);
+        parts.iter().for_each(|(_, bytes)| message.extend_from_slice(bytes.as_ref()));
+        message
+    }
+}
+
+/// Returns the text that greets a client.
+pub fn hello(client: u32) -> String {
+    json!({ "is": "hello", "client": client }).to_string()
+}
+
+/// Returns the text of who drives.
+pub fn roles(drives: bool, clients: usize) -> String {
+    json!({ "is": "roles", "drives": drives, "clients": clients }).to_string()
+}
+
+/// Returns the text of what is under a client's cursor.
+pub fn under_cursor(shown: &Shown, cursor: (f64, f64)) -> Option<String> {
+    under(shown, cursor).map(|under| json!({ "is": "under", "under": under }).to_string())
+}
+
+/// Returns the text of something that went wrong.
+pub fn error(text: &str) -> String {
+    json!({ "is": "error", "text": text }).to_string()
+}
+
+/// Returns the text of how things are.
+pub fn state(state: &State) -> String {
+    let (phase, text) = match &state.phase {
+        Phase::Connecting => ("loading", "connecting to the server"),
+        Phase::Loading(text) => ("loading", text.as_str()),
+        Phase::Running => ("running", ""),
+        Phase::Ended(text) => ("ended", text.as_str()),
+    };
+    json!({
+        "is": "state",
+        "phase": phase,
+        "text": text,
+        "trouble": state.trouble,
+        "options": state.options,
+        "pose": state.pose,
+        "locked": state.height_is_locked,
+        "paused": state.is_paused,
+        "traces": state.traces,
+        "view_samples": state.view_samples,
+        "samples": state.samples,
+        "samples_per_second": state.samples_per_second.round(),
+        "workers": state.workers,
+        "driver": state.driver,
+        "memory": memory(),
+    })
+    .to_string()
+}
+
+/// Returns the text of what never changes.
+pub fn facts(state: &State) -> String {
+    let sections: Vec<Value> = state.sections.iter().map(section).collect();
+    let views: Vec<&(String, String)> = state.views.iter().collect();
+    json!({ "is": "facts", "sections": sections, "views": views, "up": state.up }).to_string()
+}
+
+fn section(spec: &SectionSpec) -> Value {
+    let is_interior = matches!(spec.class, holo_section::ViewClass::Interior);
+    json!({
+        "origin": spec.origin, "axes": spec.axes, "grid": spec.grid, "interior": is_interior,
+        "valid": Section::new(spec.clone()).is_ok(),
+    })
+}
+
+/// Returns the memory that this process uses, bytes, if the system says.
+fn memory() -> Option<u64> {
+    let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
+    let pages: u64 = pages.split(' ').nth(1)?.parse().ok()?;
+    Some(pages * 4096)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_page_says_is_bounded() {
+        let turn = parse(r#"{"n": 3, "say": {"do": "turn", "right": 1e300, "up": 0}}"#).unwrap();
+        assert_eq!(turn, (3, Asked::Input(Input::Turn(MOST_ANGLE, 0.0))));
+        let hold = parse(r#"{"n": 4, "say": {"do": "hold", "ahead": 5}}"#).unwrap().1;
+        let controls = Controls { ahead: 1.0, ..Controls::default() };
+        assert_eq!(hold, Asked::Input(Input::Hold(controls)));
+        let cursor = parse(r#"{"n": 5, "say": {"do": "cursor", "at": [2, 0]}}"#).unwrap().1;
+        assert_eq!(cursor, Asked::Input(Input::Cursor(None)));
+    }
+
+    #[test]
+    fn what_is_no_message_is_refused_with_a_reason() {
+        for (text, reason) in [
+            ("", "EOF"),
+            ("{}", "missing field"),
+            (r#"{"n": 1, "say": {"do": "fly"}}"#, "unknown variant"),
+            (r#"{"n": -1, "say": {"do": "home"}}"#, "invalid value"),
+            (r#"{"n": 1, "say": {"do": "home", "now": 1}}"#, "unknown field"),
+            (r#"{"n": 1, "say": {"do": "view", "options": "-vp 1 2"}}"#, "-vp"),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert!(error.contains(reason), "{text}: {error}");
+        }
+    }
+}

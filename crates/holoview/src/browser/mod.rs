@@ -1,0 +1,129 @@
+//! The browser front end: a page, and a WebSocket for each who looks.
+//!
+//! What always holds:
+//! - Nothing is served to another origin or under another name than this machine's own: a page of
+//!   some other site reaches neither pictures nor controls.
+//! - At most one frame is under way to a client. The next one is the latest there is by then.
+//! - One client drives; the inputs of others move nothing.
+//! - Everything that a client sends is bounded, and garbage ends its own connection only.
+
+mod client;
+mod encode;
+mod guard;
+mod hub;
+mod messages;
+mod page;
+mod saved;
+mod screen;
+#[cfg(test)]
+mod tests;
+
+use std::{net::SocketAddr, path::PathBuf, process::Stdio, sync::Arc};
+
+use anyhow::{Context, Result};
+use axum::{Router, middleware, routing::get};
+use clap::Args;
+use holo_net::{NetError, Shutdown};
+use tokio::net::TcpListener;
+
+use crate::{
+    Config, DriverArgs, session,
+    stage::{Front, Wishes, stage},
+};
+use hub::Hub;
+
+/// How the page is served.
+#[derive(Args, Clone, Debug)]
+pub struct BrowserArgs {
+    /// Serve the page here; port 0 is any free one. Only this machine's own addresses
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0")]
+    pub http: String,
+    /// Print the page's address, and open no browser
+    #[arg(long)]
+    pub no_open: bool,
+    /// Record the walk in this file, as a script for --script
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+}
+
+impl Default for BrowserArgs {
+    fn default() -> BrowserArgs {
+        BrowserArgs { http: "127.0.0.1:0".into(), no_open: false, record: None }
+    }
+}
+
+/// Shows a server's holodeck in a browser until somebody quits or `shutdown` is triggered.
+///
+/// # Errors
+/// If the page cannot be served, or the server cannot be reached or is lost.
+pub async fn run(config: Config, args: BrowserArgs, unit: f64, shutdown: Shutdown) -> Result<()> {
+    config.driver.check().map_err(anyhow::Error::msg)?;
+    let listener = listen(&args.http).await?;
+    let address = listener.local_addr().context("the page's address")?;
+    let server: SocketAddr = holo_net::loopback(&config.connect)?;
+    let driver = DriverArgs { walks: true, ..config.driver };
+    let connected =
+        session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;
+    let wishes = Wishes { view: config.view, unit, record: args.record };
+    let (stage, front) = stage(connected, wishes);
+    println!("http://{address}/");
+    if !args.no_open {
+        open(&format!("http://{address}/"));
+    }
+    let ending = Shutdown::new();
+    let pages = tokio::spawn(serve(listener, front, ending.clone()));
+    // Drawing takes the processor for a while; sockets must not wait for it.
+    let played = tokio::task::spawn_blocking(move || stage.run()).await?;
+    ending.trigger();
+    pages.await??;
+    played
+}
+
+/// Listens at a loopback address.
+async fn listen(address: &str) -> Result<TcpListener> {
+    let address = holo_net::loopback(address).map_err(|error| match error {
+        NetError::NotLoopback(address) => anyhow::anyhow!(
+            "the page cannot be served at {address} yet: connections are not encrypted. Serve it \
+             at 127.0.0.1, and reach it from elsewhere through a tunnel, such as \
+             ssh -L 8080:127.0.0.1:8080"
+        ),
+        error => error.into(),
+    })?;
+    TcpListener::bind(address).await.with_context(|| format!("listening on {address}"))
+}
+
+/// Serves pages for a stage until `ending` is triggered and everyone was told.
+pub async fn serve(listener: TcpListener, front: Front, ending: Shutdown) -> Result<()> {
+    let address = listener.local_addr().context("the page's address")?;
+    let hub = Arc::new(Hub::new(front));
+    let router = Router::new()
+        .route("/", get(page::index))
+        .route("/walk.css", get(page::style))
+        .route("/walk.js", get(page::script))
+        .route("/picture.png", get(saved::png))
+        .route("/picture.hdr", get(saved::hdr))
+        .route("/picture.exr", get(saved::exr))
+        .route("/session", get(client::connect))
+        .layer(middleware::from_fn_with_state(address.port(), guard::guard))
+        .with_state(Arc::clone(&hub));
+    let served = axum::serve(listener, router).into_future();
+    tokio::select! {
+        result = served => result.context("serving the page"),
+        () = hub.everyone_has_left(&ending) => Ok(()),
+    }
+}
+
+/// Opens a browser. If there is none, the address that was printed has to do.
+fn open(address: &str) {
+    let program = if cfg!(target_os = "macos") {
+        "open"
+    } else if cfg!(windows) {
+        "explorer"
+    } else {
+        "xdg-open"
+    };
+    let mut command = std::process::Command::new(program);
+    command.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    // Whether a browser opens is seen by whoever waits for it.
+    let _ = command.spawn();
+}

@@ -1,0 +1,38 @@
+//! The page: one document, one style and one script, all in this program.
+
+use axum::{
+    http::header,
+    response::{Html, IntoResponse},
+};
+
+/// The document.
+pub async fn index() -> Html<&'static str> {
+    Html(include_str!("page/index.html"))
+}
+
+/// The style.
+pub async fn style() -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, "text/css; charset=utf-8")], include_str!("page/walk.css"))
+}
+
+/// The script.
+pub async fn script() -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, "text/javascript; charset=utf-8")], include_str!("page/walk.js"))
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_page_is_small_and_loads_nothing_from_elsewhere() {
+        let parts = [
+            include_str!("page/index.html"),
+            include_str!("page/walk.css"),
+            include_str!("page/walk.js"),
+        ];
+        assert!(parts.iter().map(|part| part.len()).sum::<usize>() <= 200_000);
+        for part in parts {
+            let elsewhere = part.replace("http://www.w3.org/2000/svg", "");
+            assert!(!elsewhere.contains("http://") && !elsewhere.contains("https://"));
+        }
+    }
+}

@@ -1,0 +1,690 @@
+// The page of a session: sends what a person does, shows the frames that come.
+'use strict';
+
+const $ = id => document.getElementById(id);
+const stage = $('stage'), picture = $('picture'), overlay = $('overlay');
+const pen = picture.getContext('2d', { alpha: false }), grid = overlay.getContext('2d');
+
+/** Most pixels of a picture at rest: more would take long, and few see the difference. */
+const MOST_PIXELS = 2.1e6;
+/** A frame is moving if it came within so many milliseconds of one that moved. */
+const MOVING = 180;
+
+let socket = null, retry = 400, client = 0, number = 0, drives = false, ended = false;
+let header = null, facts = null, state = null, hasPicture = false;
+let display = { locked: null, stops: 0 }, gridMode = 'auto', movedAt = -1e9;
+const sentAt = new Map(), latencies = [], drawnAt = [];
+
+// ---- connection
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/session`);
+  socket.binaryType = 'arraybuffer';
+  socket.onopen = () => { retry = 400; ended = false; };
+  socket.onmessage = event => {
+    if (typeof event.data === 'string') told(JSON.parse(event.data));
+    else frameCame(event.data);
+  };
+  socket.onclose = () => {
+    drives = false;
+    loading(ended ? '' : 'Lost the connection. Trying again …');
+    setTimeout(connect, retry);
+    retry = Math.min(retry * 1.6, 4000);
+  };
+}
+
+function say(what, more = {}) {
+  if (!socket || socket.readyState !== WebSocket.OPEN) return 0;
+  number += 1;
+  socket.send(JSON.stringify({ n: number, say: { do: what, ...more } }));
+  return number;
+}
+
+/** Says something that changes the view: its latency is measured. */
+function act(what, more) {
+  const n = say(what, more);
+  if (n && drives) {
+    sentAt.set(n, performance.now());
+    if (sentAt.size > 500) sentAt.delete(sentAt.keys().next().value);
+  }
+  $('welcome').classList.add('gone');
+}
+
+function told(message) {
+  switch (message.is) {
+    case 'hello': client = message.client; say('display', display); break;
+    case 'facts': facts = message; listViews(); drawPlan(); break;
+    case 'state': state = message; showState(); break;
+    case 'roles': roles(message); break;
+    case 'under': showUnder(message.under); break;
+    case 'error': notice(message.text, 6000); break;
+  }
+}
+
+function roles({ drives: now, clients }) {
+  const began = now && !drives;
+  drives = now;
+  $('s-role').textContent = clients > 1 ? (now ? `you drive, ${clients - 1} watch` : 'you watch') : '';
+  $('b-take').hidden = now;
+  if (began) sendSize();
+}
+
+// ---- frames
+
+/** Frames are drawn one after the other, as they came. */
+let drawing = Promise.resolve();
+
+function frameCame(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const next = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  let at = 4 + length;
+  const parts = next.parts.map(([x, y, w, h, bytes]) => {
+    const blob = new Blob([new Uint8Array(buffer, at, bytes)], { type: next.type });
+    at += bytes;
+    return createImageBitmap(blob).then(bitmap => ({ x, y, w, h, bitmap }));
+  });
+  drawing = drawing.then(() => Promise.all(parts)).then(decoded => draw(next, decoded))
+    .catch(error => notice(`A frame cannot be shown: ${error}`, 6000))
+    .then(() => say('shown', { update: next.update }));
+}
+
+function draw(next, parts) {
+  fit(next.size, next.rest);
+  const sx = picture.width / next.size[0], sy = picture.height / next.size[1];
+  pen.imageSmoothingEnabled = sx !== 1 || sy !== 1;
+  pen.imageSmoothingQuality = 'high';
+  for (const { x, y, w, h, bitmap } of parts) {
+    pen.drawImage(bitmap, x * sx, y * sy, w * sx, h * sy);
+    bitmap.close();
+  }
+  const now = performance.now();
+  const isNew = !header || header.frame !== next.frame;
+  if (!next.rest) movedAt = now;
+  header = next;
+  if (isNew) {
+    drawnAt.push(now);
+    measure(now);
+  }
+  hasPicture = true;
+  loading('');
+  if (next.under) showUnder(next.under);
+  if (document.activeElement !== $('t-view')) $('t-view').value = next.options;
+  $('s-png').href = `picture.png?exposure=${next.exposure}`;
+  document.body.dataset.frame = next.frame;
+  document.body.dataset.rest = next.rest;
+  document.body.dataset.exact = next.exact;
+  document.body.dataset.options = next.options;
+  drawGrid();
+  drawEye();
+  showStatus();
+}
+
+/** Gives the canvas the picture's shape, and at rest its pixels. What it shows stays. */
+function fit([width, height], isAtRest) {
+  const turned = Math.abs(width / height / (picture.width / picture.height) - 1) > 0.02;
+  if (!(isAtRest || turned) || (picture.width === width && picture.height === height)) return;
+  const before = document.createElement('canvas');
+  [before.width, before.height] = [picture.width, picture.height];
+  before.getContext('2d').drawImage(picture, 0, 0);
+  [picture.width, picture.height] = [width, height];
+  if (hasPicture) pen.drawImage(before, 0, 0, width, height);
+}
+
+function measure(now) {
+  const sent = sentAt.get(header.input);
+  if (sent !== undefined) {
+    latencies.push(now - sent);
+    if (latencies.length > 200) latencies.shift();
+    for (const n of [...sentAt.keys()]) if (n <= header.input) sentAt.delete(n);
+  }
+  while (drawnAt.length && drawnAt[0] < now - 1000) drawnAt.shift();
+}
+
+function median(values) {
+  const sorted = [...values].sort((a, b) => a - b);
+  return sorted.length ? sorted[sorted.length >> 1] : null;
+}
+
+function sendSize() {
+  const ratio = Math.min(window.devicePixelRatio || 1, 2);
+  let width = stage.clientWidth * ratio, height = stage.clientHeight * ratio;
+  const share = Math.min(1, Math.sqrt(MOST_PIXELS / (width * height)));
+  [width, height] = [width, height].map(side => Math.max(16, Math.round(side * share)));
+  say('size', { width, height });
+}
+
+// ---- status and notices
+
+function short(count) {
+  for (const [unit, size] of [['G', 1e9], ['M', 1e6], ['k', 1e3]])
+    if (count >= size) return `${(count / size).toPrecision(3)} ${unit}`;
+  return `${Math.round(count)}`;
+}
+
+function field(id, value, unit) {
+  const at = $(id);
+  at.replaceChildren();
+  if (value === null || value === undefined) return;
+  const bold = document.createElement('b');
+  bold.textContent = value;
+  at.append(bold, unit ? ` ${unit}` : '');
+}
+
+function showStatus() {
+  const now = performance.now();
+  const moving = now - movedAt < 1000 && drawnAt.length > 3;
+  field('s-fps', moving ? drawnAt.length : null, 'frames/s');
+  const latency = median(latencies.slice(-60));
+  field('s-latency', latency === null ? null : Math.round(latency), 'ms from hand to eye');
+  field('s-size', header ? `${header.size[0]}×${header.size[1]}` : null);
+}
+
+function showState() {
+  const { phase, text, trouble } = state;
+  if (phase === 'loading') loading(text ? text[0].toUpperCase() + text.slice(1) + ' …' : 'Loading …');
+  if (phase === 'ended') {
+    ended = true;
+    notice(`${text} Start holodeck again, and this page goes on.`, 0);
+    return;
+  }
+  if (phase === 'running' && hasPicture) loading('');
+  field('s-view', state.view_samples ? short(state.view_samples) : null, 'samples of this view');
+  const traced = state.traces ? `${short(state.samples_per_second)}/s` : null;
+  field('s-traced', state.paused ? 'paused' : traced, state.paused ? '' : 'traced');
+  const none = state.traces && state.workers === 0;
+  const workers = state.workers === 1 ? 'worker' : 'workers';
+  field('s-workers', state.traces ? (none ? 'no worker' : state.workers) : 'stored rays only',
+    none ? 'traces: it is starting, or has died' : state.traces ? workers : '');
+  $('s-workers').classList.toggle('bad', none);
+  field('s-memory', state.memory ? Math.round(state.memory / 1048576) : null, 'MiB');
+  press('b-pause', state.paused);
+  press('b-lock', state.locked);
+  $('b-pause').disabled = !state.traces;
+  if (trouble) notice(trouble, 0, 'trouble');
+  else if ($('notice').dataset.of === 'trouble') $('notice').hidden = true;
+  drawEye();
+  drawGrid();
+  showStatus();
+}
+
+function press(id, on) { $(id).setAttribute('aria-pressed', on); }
+
+function loading(text) {
+  $('loading').hidden = !text;
+  $('loading-text').textContent = text;
+}
+
+let noticeTimer = 0;
+function notice(text, milliseconds, of = '') {
+  const at = $('notice');
+  at.textContent = text;
+  at.dataset.of = of;
+  at.hidden = false;
+  clearTimeout(noticeTimer);
+  if (milliseconds) noticeTimer = setTimeout(() => { at.hidden = true; }, milliseconds);
+}
+
+function showUnder(under) {
+  const number = value => value === 0 ? '0' : value >= 1e5 || value < 1e-3 ? value.toExponential(2) : value.toPrecision(4);
+  $('p-luminance').textContent = `${number(under.luminance)} cd/m²`;
+  $('p-radiance').textContent = `${under.radiance.map(number).join('  ')} W/sr/m²`;
+  $('p-distance').textContent = under.distance ? number(under.distance) : under.hits ? 'not known' : 'nothing hit';
+}
+
+// ---- geometry
+
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const minus = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+const plus = (a, b, f = 1) => [a[0] + f * b[0], a[1] + f * b[1], a[2] + f * b[2]];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = a => { const l = Math.hypot(...a) || 1; return a.map(x => x / l); };
+
+/** A point of a section, by shares of its axes. */
+function pointOf({ origin, axes }, [a, b, c]) {
+  return plus(plus(plus(origin, axes[0], a), axes[1], b), axes[2], c);
+}
+
+/** Shares of a section's axes at which a point lies. */
+function sharesOf({ origin, axes: [a, b, c] }, point) {
+  const d = minus(point, origin), volume = dot(a, cross(b, c));
+  return [dot(d, cross(b, c)), dot(d, cross(c, a)), dot(d, cross(a, b))].map(x => x / volume);
+}
+
+/** Camera coordinates of a point: right, up, forward. */
+function toCamera(view, point) {
+  const d = minus(point, view.eye);
+  return [dot(d, view.right), dot(d, view.up), dot(d, view.direction)];
+}
+
+/** The eye as it is now, even if its view cannot be shown. */
+function eyeNow() {
+  if (state && state.trouble && state.pose) {
+    const [eye, direction, up] = state.pose, right = unit(cross(direction, up));
+    return { kind: 'v', eye, direction, right, up: cross(right, direction), extent: [1.2, 0.7], shift: [0, 0] };
+  }
+  return header && header.view;
+}
+
+// ---- grids of sections
+
+function drawGrid() {
+  const view = eyeNow(), now = performance.now();
+  const width = overlay.width = stage.clientWidth, height = overlay.height = stage.clientHeight;
+  grid.clearRect(0, 0, width, height);
+  if (!view || !facts || view.kind !== 'v') return;
+  const moving = now - movedAt < MOVING, unknown = header ? header.unknown : 1;
+  const strength = gridMode === 'on' ? 0.5 : gridMode === 'off' ? 0 :
+    state && state.trouble ? 0.5 : unknown > 0.5 ? 0.35 : moving ? 0.14 : 0;
+  if (!strength) return;
+  if (moving && gridMode === 'auto') setTimeout(() => { if (performance.now() - movedAt >= MOVING) drawGrid(); }, MOVING + 20);
+  const scale = Math.min(width / picture.width, height / picture.height);
+  const shown = [picture.width * scale, picture.height * scale];
+  const corner = [(width - shown[0]) / 2, (height - shown[1]) / 2];
+  const near = 1e-3 * Math.hypot(...facts.sections[0].axes[0]);
+  const place = ([x, y, z]) => [
+    corner[0] + shown[0] * (0.5 - view.shift[0] + x / z / view.extent[0]),
+    corner[1] + shown[1] * (0.5 + view.shift[1] - y / z / view.extent[1])];
+  const line = (from, to) => {
+    let [a, b] = [toCamera(view, from), toCamera(view, to)];
+    if (a[2] < near && b[2] < near) return;
+    const cut = (p, q) => p[2] >= near ? p : plus(p, minus(q, p), (near - p[2]) / (q[2] - p[2]));
+    [a, b] = [cut(a, b), cut(b, a)];
+    grid.moveTo(...place(a));
+    grid.lineTo(...place(b));
+  };
+  grid.strokeStyle = getComputedStyle(document.documentElement).getPropertyValue('--accent');
+  for (const section of facts.sections) {
+    for (let axis = 0; axis < 3; axis++) {
+      const [p, q] = [(axis + 1) % 3, (axis + 2) % 3];
+      for (const [across, along] of [[p, q], [q, p]]) {
+        const cells = Math.min(section.grid[across], 64);
+        for (let cell = 0; cell <= cells; cell++) {
+          const edge = cell === 0 || cell === cells;
+          grid.globalAlpha = strength * (edge ? 1 : 0.35);
+          grid.lineWidth = edge ? 1.4 : 0.7;
+          for (const side of [0, 1]) {
+            const from = [0, 0, 0];
+            from[axis] = side;
+            from[across] = cell / cells;
+            const to = [...from];
+            to[along] = 1;
+            grid.beginPath();
+            line(pointOf(section, from), pointOf(section, to));
+            grid.stroke();
+          }
+        }
+      }
+    }
+  }
+  grid.globalAlpha = 1;
+}
+
+// ---- plan
+
+let plane = null;
+
+function drawPlan() {
+  if (!facts || !facts.sections.length) return;
+  const up = unit(facts.up);
+  const u = Math.abs(up[0]) < 0.9 ? unit(minus([1, 0, 0], up.map(x => x * up[0]))) : unit(minus([0, 1, 0], up.map(x => x * up[1])));
+  const v = cross(up, u);
+  plane = { u, v, flat: point => [dot(point, u), -dot(point, v)] };
+  const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(i => [i & 1, i >> 1 & 1, i >> 2]);
+  const outlines = facts.sections.map(section => hull(corners.map(corner => plane.flat(pointOf(section, corner)))));
+  const all = outlines.flat(), xs = all.map(p => p[0]), ys = all.map(p => p[1]);
+  const size = Math.max(Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys)) || 1;
+  const margin = 0.12 * size;
+  plane.size = size;
+  const svg = $('plan');
+  svg.setAttribute('viewBox', [Math.min(...xs) - margin, Math.min(...ys) - margin,
+    Math.max(...xs) - Math.min(...xs) + 2 * margin, Math.max(...ys) - Math.min(...ys) + 2 * margin].join(' '));
+  const make = (name, attributes) => {
+    const node = document.createElementNS('http://www.w3.org/2000/svg', name);
+    for (const key in attributes) node.setAttribute(key, attributes[key]);
+    return node;
+  };
+  svg.replaceChildren(...outlines.map((outline, i) => make('polygon', {
+    points: outline.map(p => p.join(',')).join(' '), class: facts.sections[i].interior ? 'section' : 'section exterior' })),
+    make('path', { class: 'gaze', id: 'gaze' }), make('circle', { class: 'eye', id: 'eye', r: 0.022 * size }));
+  drawEye();
+}
+
+function hull(points) {
+  const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+  const side = (o, a, b) => (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
+  const half = list => {
+    const kept = [];
+    for (const point of list) {
+      while (kept.length > 1 && side(kept[kept.length - 2], kept[kept.length - 1], point) <= 0) kept.pop();
+      kept.push(point);
+    }
+    return kept.slice(0, -1);
+  };
+  return [...half(sorted), ...half(sorted.reverse())];
+}
+
+function drawEye() {
+  const view = eyeNow();
+  if (!view || !facts) return;
+  showLost(view);
+  if (!plane || !$('eye')) return;
+  const [x, y] = plane.flat(view.eye), length = 0.22 * plane.size;
+  const half = view.extent[0] / 2;
+  const ends = [-half, half].map(s => plane.flat(plus(view.direction, view.right, s))).map(([a, b]) => {
+    const l = Math.hypot(a, b) || 1;
+    return [x + a / l * length, y + b / l * length];
+  });
+  $('eye').setAttribute('cx', x);
+  $('eye').setAttribute('cy', y);
+  $('gaze').setAttribute('d', `M${x} ${y}L${ends[0].join(' ')}L${ends[1].join(' ')}Z`);
+}
+
+/** The sign that shows the way back when the eye has left all sections. */
+function showLost(view) {
+  const inside = section => sharesOf(section, view.eye).every(x => x >= 0 && x <= 1);
+  const onlyInteriors = facts.sections.every(section => section.interior);
+  const lost = (state && state.trouble) || onlyInteriors && !facts.sections.some(inside);
+  $('lost').hidden = !lost;
+  if (!lost) return;
+  const middles = facts.sections.map(section => pointOf(section, [0.5, 0.5, 0.5]));
+  middles.sort((a, b) => Math.hypot(...minus(a, view.eye)) - Math.hypot(...minus(b, view.eye)));
+  const [x, y, z] = toCamera(view, middles[0]);
+  const angle = z > 0 && Math.hypot(x, y) < 0.2 * z ? null : Math.atan2(x, y);
+  $('lost-arrow').textContent = angle === null ? '◎' : '↑';
+  $('lost-arrow').style.transform = angle === null ? '' : `rotate(${angle}rad)`;
+  const distance = Math.hypot(...minus(middles[0], view.eye)).toPrecision(3);
+  $('lost-text').textContent = angle === null ? `Outside all sections: the next one is ahead, ${distance} away`
+    : z < 0 ? `Outside all sections: the next one is behind you, ${distance} away` : `Outside all sections: turn to the next one, ${distance} away`;
+}
+
+$('plan').addEventListener('click', event => {
+  const view = eyeNow();
+  if (!plane || !view) return;
+  const svg = $('plan'), point = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+  const [x, y] = plane.flat(view.eye);
+  act('go_to', { eye: plus(plus(view.eye, plane.u, point.x - x), plane.v, -(point.y - y)) });
+  stage.focus();
+});
+
+// ---- keys
+
+const KEYS = [
+  ['W A S D, arrows', 'walk'], ['Shift', 'run'], ['C', 'slowly'], ['Q E', 'turn'], ['R F', 'look up, down'],
+  ['PgUp PgDn', 'rise, sink'], ['Space', 'towards the cursor’s point'], ['B', 'away from it'],
+  ['O + arrows', 'orbit that point'], ['drag', 'look around'], ['right drag', 'orbit'], ['middle drag', 'shift'],
+  ['wheel', 'approach, back off'], ['M', 'look with the mouse'], ['H', 'home'], [', .', 'back, forward'], ['L', 'lock eye height'],
+  ['1 … 9', 'named view'], ['P', 'pause tracing'], ['X', 'exposure auto, locked'], ['+ −', 'brighter, darker'],
+  ['G', 'section grids'], ['K', 'save PNG'], ['V', 'panel'], ['I', 'hide all but the picture'], ['Z', 'full screen'], ['T', 'theme'],
+  ['?', 'these keys'], ['Esc', 'close']];
+
+/** What a held key does: part of the controls, and how much. */
+const HELD = {
+  KeyW: ['ahead', 1], ArrowUp: ['ahead', 1], KeyS: ['ahead', -1], ArrowDown: ['ahead', -1],
+  KeyD: ['right', 1], ArrowRight: ['right', 1], KeyA: ['right', -1], ArrowLeft: ['right', -1],
+  KeyE: ['turn', 1], KeyQ: ['turn', -1], KeyR: ['tilt', 1], KeyF: ['tilt', -1],
+  PageUp: ['rise', 1], PageDown: ['rise', -1], Space: ['glide', 1], KeyB: ['glide', -1],
+};
+const MODIFIERS = ['ShiftLeft', 'ShiftRight', 'KeyC', 'KeyO'];
+const held = new Set();
+let lastHold = '{}';
+
+function sendHeld() {
+  const controls = {};
+  for (const key of held) if (HELD[key]) {
+    let [part, amount] = HELD[key];
+    if (held.has('KeyO')) part = part === 'right' ? 'around' : part === 'ahead' ? 'over' : part;
+    if (part === 'over') amount = -amount;
+    controls[part] = (controls[part] || 0) + amount;
+  }
+  if (held.has('ShiftLeft') || held.has('ShiftRight')) controls.pace = 3;
+  if (held.has('KeyC')) controls.pace = 0.25;
+  const text = JSON.stringify(controls);
+  if (text !== lastHold) act('hold', controls);
+  lastHold = text;
+}
+
+const PRESSED = {
+  KeyH: () => act('home'), Comma: () => act('back'), Period: () => act('forward'),
+  KeyL: () => act('lock_height', { on: !(state && state.locked) }),
+  KeyP: () => say('pause', { on: !(state && state.paused) }),
+  KeyG: () => toggleGrid(), KeyX: () => lockExposure(display.locked === null), KeyM: () => lookWithMouse(),
+  KeyZ: () => fullScreen(), KeyV: () => togglePanel(), KeyI: () => document.body.classList.toggle('bare'),
+  KeyT: () => theme(), KeyK: () => $('s-png').click(),
+};
+
+function isTyping(target) {
+  return target.closest('input, textarea, dialog') !== null;
+}
+
+addEventListener('keydown', event => {
+  if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
+  const onButton = event.target.closest('button, a') && (event.code === 'Space' || event.code === 'Enter');
+  if (onButton) return;
+  if (event.key === '?') { $('help').showModal(); return; }
+  if (event.key === '+' || event.key === '=') { stops(display.stops + 0.5); return; }
+  if (event.key === '-') { stops(display.stops - 0.5); return; }
+  if (/^Digit[1-9]$/.test(event.code)) { recall(Number(event.code[5]) - 1); return; }
+  if (HELD[event.code] || MODIFIERS.includes(event.code)) {
+    event.preventDefault();
+    if (!held.has(event.code)) { held.add(event.code); sendHeld(); }
+    return;
+  }
+  if (PRESSED[event.code] && !event.repeat) { event.preventDefault(); PRESSED[event.code](); }
+});
+addEventListener('keyup', event => { if (held.delete(event.code)) sendHeld(); });
+addEventListener('blur', () => { held.clear(); sendHeld(); });
+
+// ---- pointer
+
+const pointers = new Map();
+let button = 0, cursorAt = 0;
+
+/** Shares of the picture under a pointer. */
+function shares(event) {
+  const box = stage.getBoundingClientRect(), scale = Math.min(box.width / picture.width, box.height / picture.height);
+  const [w, h] = [picture.width * scale, picture.height * scale];
+  return [(event.clientX - box.left - (box.width - w) / 2) / w, (event.clientY - box.top - (box.height - h) / 2) / h];
+}
+
+/** Angles of the whole picture. */
+function angles() {
+  if (!header || header.view.kind !== 'v') return [1, 0.6];
+  return header.view.extent.map(side => 2 * Math.atan(side / 2));
+}
+
+function sendCursor(event) {
+  const now = performance.now();
+  if (now - cursorAt < 33) return;
+  cursorAt = now;
+  const at = shares(event);
+  say('cursor', { at: at.every(x => x >= 0 && x <= 1) ? at : null });
+}
+
+stage.addEventListener('pointerdown', event => {
+  if (event.target.closest('button')) return;
+  stage.focus({ preventScroll: true });
+  if (pointers.size === 0) { cursorAt = 0; sendCursor(event); button = event.button; }
+  pointers.set(event.pointerId, event);
+  stage.setPointerCapture(event.pointerId);
+  stage.classList.add('grabbing');
+});
+stage.addEventListener('pointermove', event => {
+  const before = pointers.get(event.pointerId);
+  if (document.pointerLockElement === stage) {
+    act('turn', { right: event.movementX * 0.0025, up: -event.movementY * 0.0025 });
+    return;
+  }
+  if (!before) { sendCursor(event); return; }
+  pointers.set(event.pointerId, event);
+  if (pointers.size > 1) { twoFingers(event, before); return; }
+  const [x, y] = shares(event), [bx, by] = shares(before), [across, along] = angles();
+  const [dx, dy] = [x - bx, y - by];
+  if (!dx && !dy) return;
+  if (button === 2) act('orbit', { right: dx * Math.PI, up: -dy * Math.PI / 2 });
+  else if (button === 1) act('slide', { right: -dx, up: dy });
+  else act('turn', { right: -dx * across, up: dy * along });
+});
+for (const type of ['pointerup', 'pointercancel']) stage.addEventListener(type, event => {
+  pointers.delete(event.pointerId);
+  if (pointers.size === 0) stage.classList.remove('grabbing');
+});
+stage.addEventListener('pointerleave', () => say('cursor', { at: null }));
+stage.addEventListener('contextmenu', event => event.preventDefault());
+
+/** Two fingers: apart is towards what is between them, together is back; both sideways shift. */
+function twoFingers(event, before) {
+  const other = [...pointers.values()].find(pointer => pointer.pointerId !== event.pointerId);
+  const apart = (a, b) => Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) || 1;
+  const steps = Math.log(apart(event, other) / apart(before, other)) / -Math.log(0.9);
+  const [x, y] = shares(event), [bx, by] = shares(before), [ox, oy] = shares(other);
+  say('cursor', { at: [(x + ox) / 2, (y + oy) / 2].map(share => Math.min(1, Math.max(0, share))) });
+  if (Math.abs(steps) > 1e-3) act('wheel', { steps });
+  act('slide', { right: -(x - bx) / 2, up: (y - by) / 2 });
+}
+
+stage.addEventListener('wheel', event => {
+  event.preventDefault();
+  const lines = event.deltaMode === 1 ? event.deltaY / 3 : event.deltaY / 100;
+  cursorAt = 0;
+  sendCursor(event);
+  act('wheel', { steps: Math.max(-4, Math.min(4, -lines)) });
+}, { passive: false });
+
+function lookWithMouse() {
+  if (document.pointerLockElement) document.exitPointerLock();
+  else stage.requestPointerLock();
+}
+
+// ---- tools
+
+function lockExposure(on) {
+  if (on && header) {
+    display.locked = header.exposure / 2 ** display.stops;
+  } else display.locked = null;
+  sendDisplay();
+}
+
+function stops(value) {
+  display.stops = Math.max(-8, Math.min(8, value));
+  sendDisplay();
+}
+
+function sendDisplay() {
+  press('b-auto', display.locked === null);
+  press('b-locked', display.locked !== null);
+  $('r-stops').value = display.stops;
+  $('o-stops').textContent = display.stops > 0 ? `+${display.stops}` : display.stops;
+  say('display', display);
+}
+
+function toggleGrid() {
+  gridMode = { auto: 'on', on: 'off', off: 'auto' }[gridMode];
+  press('b-grid', gridMode === 'on');
+  notice(`Section grids: ${{ auto: 'while moving, and where nothing is known', on: 'always', off: 'never' }[gridMode]}`, 1800);
+  drawGrid();
+}
+
+function togglePanel() {
+  const panel = $('panel');
+  panel.hidden = !panel.hidden;
+  $('b-panel').setAttribute('aria-expanded', !panel.hidden);
+  drawPlan();
+}
+
+function fullScreen() {
+  if (document.fullscreenElement) document.exitFullscreen();
+  else document.documentElement.requestFullscreen().catch(() => notice('This browser allows no full screen here.', 4000));
+}
+
+function theme(name) {
+  const root = document.documentElement;
+  root.dataset.theme = name || (root.dataset.theme === 'light' ? 'dark' : 'light');
+  $('b-theme').textContent = root.dataset.theme === 'light' ? 'Dark theme' : 'Light theme';
+  store('theme', root.dataset.theme);
+  drawGrid();
+}
+
+function store(key, value) { try { localStorage.setItem(`holodeck ${key}`, JSON.stringify(value)); } catch { /* a browser that keeps nothing */ } }
+function stored(key) { try { return JSON.parse(localStorage.getItem(`holodeck ${key}`)); } catch { return null; } }
+
+// ---- views
+
+/** Views that this browser keeps are those of the same sections. */
+function viewsKey() { return `views ${JSON.stringify(facts.sections.map(({ origin, axes }) => [origin, axes]))}`; }
+function kept() { return facts && stored(viewsKey()) || []; }
+function allViews() { return facts ? [...facts.views, ...kept()] : []; }
+
+function recall(index) {
+  const view = allViews()[index];
+  if (view) act('view', { options: view[1] });
+}
+
+function listViews() {
+  const own = facts.views.length;
+  $('views').replaceChildren(...allViews().map(([name], index) => {
+    const item = document.createElement('li'), go = document.createElement('button');
+    go.type = 'button';
+    go.className = 'name';
+    go.textContent = index < 9 ? `${index + 1}  ${name}` : name;
+    go.onclick = () => recall(index);
+    item.append(go);
+    if (index >= own) {
+      const forget = document.createElement('button');
+      forget.type = 'button';
+      forget.className = 'forget';
+      forget.textContent = '×';
+      forget.setAttribute('aria-label', `Forget ${name}`);
+      forget.onclick = () => { store(viewsKey(), kept().filter((_, i) => i !== index - own)); listViews(); };
+      item.append(forget);
+    }
+    return item;
+  }));
+}
+
+$('f-view').addEventListener('submit', event => {
+  event.preventDefault();
+  act('view', { options: $('t-view').value.trim().replace(/\s+/g, ' ') });
+  $('t-view').blur();
+});
+$('t-view').addEventListener('keydown', event => {
+  if (event.key === 'Enter' && !event.shiftKey) { event.preventDefault(); $('f-view').requestSubmit(); }
+  if (event.key === 'Escape') stage.focus();
+});
+$('f-name').addEventListener('submit', event => {
+  event.preventDefault();
+  const name = $('t-name').value.trim();
+  if (!name || !header || !facts) return;
+  store(viewsKey(), [...kept().filter(([other]) => other !== name), [name, header.options]]);
+  $('t-name').value = '';
+  listViews();
+});
+$('b-copy').onclick = () => { $('t-view').select(); navigator.clipboard.writeText($('t-view').value).catch(() => document.execCommand('copy')); };
+
+// ---- buttons
+
+for (const [id, key] of [['b-home', 'KeyH'], ['b-back', 'Comma'], ['b-forward', 'Period'], ['b-pause', 'KeyP'], ['b-lock', 'KeyL'],
+  ['b-grid', 'KeyG'], ['b-panel', 'KeyV'], ['b-full', 'KeyZ'], ['lost-home', 'KeyH'], ['b-theme', 'KeyT']]) $(id).onclick = () => PRESSED[key]();
+$('b-help').onclick = () => $('help').showModal();
+$('b-take').onclick = () => say('take_over');
+$('b-auto').onclick = () => lockExposure(false);
+$('b-locked').onclick = () => lockExposure(true);
+$('r-stops').oninput = () => stops(Number($('r-stops').value));
+$('b-quit').onclick = () => $('quit').showModal();
+$('quit').addEventListener('close', () => { if ($('quit').returnValue === 'quit') say('quit'); });
+$('keys').replaceChildren(...KEYS.map(([keys, what]) => {
+  const row = document.createElement('div'), key = document.createElement('kbd'), text = document.createElement('span');
+  key.textContent = keys;
+  text.textContent = what;
+  row.append(key, text);
+  return row;
+}));
+
+let resizing = 0;
+new ResizeObserver(() => {
+  clearTimeout(resizing);
+  resizing = setTimeout(() => { if (drives) sendSize(); drawGrid(); }, 150);
+}).observe(stage);
+
+theme(stored('theme') || (matchMedia('(prefers-color-scheme: light)').matches ? 'light' : 'dark'));
+stage.focus();
+connect();

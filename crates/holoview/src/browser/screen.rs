@@ -1,0 +1,150 @@
+//! What a client's screen shows, and what to send it next.
+
+use std::sync::Arc;
+
+use super::encode::{Coding, Rect, Tiles};
+
+/// Bytes of a second to a client of whom nothing is known yet.
+const FIRST_BANDWIDTH: f64 = 20e6;
+
+/// Seconds that an update may be under way.
+const UPDATE_SECONDS: f64 = 0.1;
+
+/// Bytes of a pixel in a PNG of a noisy picture.
+const PNG_BYTES: f64 = 2.0;
+
+/// Qualities of JPEG, and the bytes of a pixel that each takes about.
+const QUALITIES: [(u8, f64); 4] = [(90, 0.35), (80, 0.22), (65, 0.14), (45, 0.0)];
+
+/// Updates of fewer bytes tell nothing of the bandwidth: decoding takes longer than their way.
+const TELLING_BYTES: usize = 30_000;
+
+/// Weight of the last update in the mean bandwidth.
+const NEWEST: f64 = 0.3;
+
+/// A client's screen.
+pub struct Screen {
+    shown: Option<Picture>,
+    /// Bytes per second.
+    bandwidth: f64,
+}
+
+/// The picture on it.
+struct Picture {
+    colours: Arc<Vec<u8>>,
+    size: (u32, u32),
+    /// Tiles that JPEG has changed.
+    inexact: Tiles,
+}
+
+/// Parts to send, all of one coding.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Update {
+    /// The parts; none if the screen shows the picture already.
+    pub rects: Vec<Rect>,
+    /// Their coding.
+    pub coding: Coding,
+}
+
+impl Default for Screen {
+    fn default() -> Screen {
+        Screen { shown: None, bandwidth: FIRST_BANDWIDTH }
+    }
+}
+
+impl Screen {
+    /// Notes how long an update was under way.
+    pub fn note(&mut self, bytes: usize, seconds: f64) {
+        if bytes >= TELLING_BYTES {
+            let newest = bytes as f64 / seconds.max(1e-4);
+            self.bandwidth += NEWEST * (newest - self.bandwidth);
+        }
+    }
+
+    /// Returns whether the screen shows exactly its picture's colours.
+    pub fn is_exact(&self) -> bool {
+        self.shown.as_ref().is_none_or(|shown| shown.inexact.is_empty())
+    }
+
+    /// Returns what has to be sent so that the screen shows this picture, about.
+    pub fn show(&mut self, colours: Arc<Vec<u8>>, size: (u32, u32)) -> Update {
+        let all = Tiles::new(size, true);
+        let before = self.shown.take().filter(|before| before.size == size);
+        let changed = match &before {
+            Some(before) => Tiles::changed(&before.colours, &colours, size),
+            None => all,
+        };
+        let affordable = self.bandwidth * UPDATE_SECONDS / changed.pixels().max(1.0);
+        let fits = |&&(_, bytes): &&(u8, f64)| bytes <= affordable;
+        let quality = QUALITIES.iter().find(fits).map_or(1, |(quality, _)| *quality);
+        let mut inexact = before.map_or(Tiles::new(size, false), |before| before.inexact);
+        inexact.add(&changed);
+        self.shown = Some(Picture { colours, size, inexact });
+        Update { rects: changed.rects(), coding: Coding::Jpeg(quality) }
+    }
+
+    /// Returns what has to be sent so that more of the screen is exact.
+    pub fn improve(&mut self) -> Update {
+        let Some(shown) = &mut self.shown else {
+            return Update { rects: Vec::new(), coding: Coding::Png };
+        };
+        let tile = f64::from(super::encode::TILE).powi(2) * PNG_BYTES;
+        let most = (self.bandwidth * UPDATE_SECONDS / tile).max(1.0) as usize;
+        let next = shown.inexact.first(most);
+        shown.inexact.remove(&next);
+        Update { rects: next.rects(), coding: Coding::Png }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: (u32, u32) = (640, 360);
+
+    fn picture(byte: u8) -> Arc<Vec<u8>> {
+        Arc::new(vec![byte; 640 * 360 * 3])
+    }
+
+    #[test]
+    fn a_new_picture_comes_whole_then_what_changed_then_exactly() {
+        let mut screen = Screen::default();
+        let whole = vec![Rect { x: 0, y: 0, width: 640, height: 360 }];
+        assert_eq!(screen.show(picture(1), SIZE).rects, whole);
+        assert!(!screen.is_exact());
+        assert_eq!(screen.improve(), Update { rects: whole.clone(), coding: Coding::Png });
+        assert!(screen.is_exact());
+        assert_eq!(screen.show(picture(1), SIZE).rects, []);
+        assert!(screen.is_exact());
+        let mut other = picture(1).to_vec();
+        other[0] = 2;
+        let corner = vec![Rect { x: 0, y: 0, width: 64, height: 64 }];
+        assert_eq!(screen.show(Arc::new(other), SIZE).rects, corner);
+        assert_eq!(screen.improve(), Update { rects: corner, coding: Coding::Png });
+        assert!(screen.is_exact());
+        // Of another size, all is new.
+        let small = vec![Rect { x: 0, y: 0, width: 320, height: 180 }];
+        assert_eq!(screen.show(Arc::new(vec![1; 320 * 180 * 3]), (320, 180)).rects, small);
+    }
+
+    #[test]
+    fn a_slow_link_gets_less_quality_and_exact_tiles_a_few_at_a_time() {
+        let mut screen = Screen::default();
+        let (fast, slow) = (screen.show(picture(1), SIZE), 20_000.0);
+        for _ in 0..50 {
+            screen.note(40_000, 40_000.0 / slow);
+        }
+        let later = screen.show(picture(2), SIZE);
+        let quality = |update: &Update| match update.coding {
+            Coding::Jpeg(quality) => quality,
+            Coding::Png => 100,
+        };
+        assert!(quality(&later) < quality(&fast), "{later:?} {fast:?}");
+        let mut updates = 0;
+        while !screen.is_exact() {
+            assert!(!screen.improve().rects.is_empty());
+            updates += 1;
+        }
+        assert!(updates > 10, "{updates}");
+    }
+}

@@ -1,0 +1,355 @@
+//! The page's protocol over real sockets, with a stage that the test plays itself.
+
+use std::{
+    sync::{Arc, mpsc},
+    time::Duration,
+};
+
+use futures_util::{SinkExt, StreamExt};
+use glam::DVec3;
+use holo_display::Frame;
+use holo_net::Shutdown;
+use holo_picture::View;
+use serde_json::{Value, json};
+use tokio::{
+    io::{AsyncReadExt, AsyncWriteExt},
+    net::{TcpListener, TcpStream},
+    time::timeout,
+};
+use tokio_tungstenite::{
+    WebSocketStream, client_async,
+    tungstenite::{Error, Message, client::IntoClientRequest},
+};
+
+use super::serve;
+use crate::stage::{Front, Input, Inputs, Numbered, Phase, Shown, State};
+
+/// No test waits for longer.
+const LIMIT: Duration = Duration::from_secs(20);
+
+const SIZE: (u32, u32) = (320, 180);
+
+/// A served page whose stage is the test.
+struct Server {
+    front: Front,
+    inputs: mpsc::Receiver<Numbered>,
+    port: u16,
+    ending: Shutdown,
+    served: tokio::task::JoinHandle<anyhow::Result<()>>,
+    frames: u64,
+}
+
+impl Server {
+    async fn start() -> Server {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let (inputs, receiver) = Inputs::new(Arc::new(|| {}));
+        let front = Front { inputs, frames: Arc::default(), state: Arc::default() };
+        let ending = Shutdown::new();
+        let served = tokio::spawn(serve(listener, front.clone(), ending.clone()));
+        Server { front, inputs: receiver, port, ending, served, frames: 0 }
+    }
+
+    /// Publishes a frame of one radiance, which shows an input.
+    fn publish(&mut self, radiance: f32, input: (u32, u64)) -> u64 {
+        self.frames += 1;
+        let view = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, Some(60.0), None, SIZE).unwrap();
+        let mut frame = Frame::black(SIZE);
+        frame.picture.pixels.fill([radiance; 3]);
+        frame.depth.fill(2.0);
+        let shown = Shown {
+            number: self.frames,
+            input,
+            view,
+            options: "-vtv".into(),
+            frame,
+            is_at_rest: true,
+            exposure: 1.0,
+            milliseconds: 1.0,
+        };
+        self.front.frames.send_replace(Some(Arc::new(shown)));
+        self.frames
+    }
+
+    fn change_state(&self, change: impl FnOnce(&mut State)) {
+        self.front.state.send_modify(|state| change(Arc::make_mut(state)));
+    }
+
+    async fn connect(&self, host: &str, origin: Option<&str>) -> Result<Page, Error> {
+        let mut request = format!("ws://{host}/session").into_client_request().unwrap();
+        if let Some(origin) = origin {
+            request.headers_mut().insert("origin", origin.parse().unwrap());
+        }
+        let stream = TcpStream::connect(("127.0.0.1", self.port)).await.unwrap();
+        let (socket, _) = client_async(request, stream).await?;
+        Ok(Page { socket, client: 0, number: 0 })
+    }
+
+    async fn page(&self) -> Page {
+        let here = format!("127.0.0.1:{}", self.port);
+        let mut page = self.connect(&here, Some(&format!("http://{here}"))).await.unwrap();
+        page.client = page.told("hello").await["client"].as_u64().unwrap() as u32;
+        page
+    }
+
+    /// The next input that the stage gets.
+    fn input(&self) -> Numbered {
+        self.inputs.recv_timeout(LIMIT).unwrap()
+    }
+
+    async fn end(self) {
+        self.ending.trigger();
+        timeout(LIMIT, self.served).await.unwrap().unwrap().unwrap();
+    }
+
+    /// The answer to a plain request.
+    async fn get(&self, path: &str, host: &str) -> String {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).await.unwrap();
+        let request = format!("GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
+        stream.write_all(request.as_bytes()).await.unwrap();
+        let mut answer = Vec::new();
+        timeout(LIMIT, stream.read_to_end(&mut answer)).await.unwrap().unwrap();
+        String::from_utf8_lossy(&answer).into_owned()
+    }
+}
+
+/// A page's end of a connection.
+struct Page {
+    socket: WebSocketStream<TcpStream>,
+    client: u32,
+    number: u64,
+}
+
+/// What came of an update.
+struct Update {
+    header: Value,
+    parts: Vec<Vec<u8>>,
+}
+
+impl Page {
+    async fn say(&mut self, what: Value) -> u64 {
+        self.number += 1;
+        let text = json!({ "n": self.number, "say": what }).to_string();
+        self.socket.send(Message::Text(text.into())).await.unwrap();
+        self.number
+    }
+
+    async fn next(&mut self) -> Option<Message> {
+        timeout(LIMIT, self.socket.next()).await.unwrap().and_then(Result::ok)
+    }
+
+    /// The next text of a kind.
+    async fn told(&mut self, kind: &str) -> Value {
+        loop {
+            if let Message::Text(text) = self.next().await.unwrap() {
+                let value: Value = serde_json::from_str(&text).unwrap();
+                if value["is"] == kind {
+                    return value;
+                }
+            }
+        }
+    }
+
+    /// The next update; the server is not told that it is shown.
+    async fn update(&mut self) -> Update {
+        loop {
+            if let Message::Binary(bytes) = self.next().await.unwrap() {
+                let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
+                let header: Value = serde_json::from_slice(&bytes[4..4 + length]).unwrap();
+                let mut rest = &bytes[4 + length..];
+                let mut parts = Vec::new();
+                for part in header["parts"].as_array().unwrap() {
+                    let (part, others) = rest.split_at(part[4].as_u64().unwrap() as usize);
+                    parts.push(part.to_vec());
+                    rest = others;
+                }
+                assert!(rest.is_empty());
+                return Update { header, parts };
+            }
+        }
+    }
+
+    async fn shown(&mut self, update: &Update) {
+        self.say(json!({ "do": "shown", "update": update.header["update"] })).await;
+    }
+
+    /// Waits until the server has ended the connection.
+    async fn is_left(&mut self) {
+        while let Some(message) = self.next().await {
+            if matches!(message, Message::Close(_)) {
+                return;
+            }
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_frame_comes_at_once_then_exactly_and_names_the_input_that_it_shows() {
+    let mut server = Server::start().await;
+    let mut page = server.page().await;
+    let number = page.say(json!({ "do": "wheel", "steps": 2 })).await;
+    assert_eq!(server.input().from, (page.client, number));
+    let frame = server.publish(0.5, (page.client, number));
+    let first = page.update().await;
+    assert_eq!(first.header["frame"], frame);
+    assert_eq!(first.header["input"], number);
+    assert_eq!(first.header["type"], "image/jpeg");
+    assert_eq!(first.parts[0][..2], [0xff, 0xd8]);
+    page.shown(&first).await;
+    let exact = page.update().await;
+    assert_eq!(exact.header["type"], "image/png");
+    assert_eq!(exact.header["exact"], true);
+    let mut png = png::Decoder::new(std::io::Cursor::new(&exact.parts[0])).read_info().unwrap();
+    let mut pixels = vec![0; png.output_buffer_size().unwrap()];
+    png.next_frame(&mut pixels).unwrap();
+    // sRGB of 0.5 by IEC 61966-2-1 is 187.5.
+    assert!(pixels.iter().all(|byte| byte.abs_diff(188) <= 1), "{}", pixels[0]);
+    page.shown(&exact).await;
+    // A brighter display of the same frame needs nothing of the stage.
+    page.say(json!({ "do": "display", "locked": 0.1, "stops": 0 })).await;
+    let darker = page.update().await;
+    assert_eq!(darker.header["frame"], frame);
+    assert!((darker.header["exposure"].as_f64().unwrap() - 0.1).abs() < 1e-6);
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_that_has_not_shown_a_frame_gets_no_other_and_then_the_latest() {
+    let mut server = Server::start().await;
+    let (mut stalled, mut quick) = (server.page().await, server.page().await);
+    server.publish(0.1, (0, 0));
+    let first = stalled.update().await;
+    for step in 2..=5_u16 {
+        let update = quick.update().await;
+        quick.shown(&update).await;
+        let frame = server.publish(0.1 * f32::from(step), (0, 0));
+        // Meanwhile the quick one goes on, and may get the last frame exactly before the next one.
+        loop {
+            let update = quick.update().await;
+            let number = update.header["frame"].as_u64().unwrap();
+            if number == frame {
+                quick.shown(&update).await;
+                break;
+            }
+            quick.shown(&update).await;
+        }
+        server.publish(0.1 * f32::from(step) + 0.05, (0, 0));
+    }
+    stalled.shown(&first).await;
+    let next = stalled.update().await;
+    assert_eq!(next.header["frame"], server.frames, "the latest, and none between");
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_drives_others_watch_and_may_take_over() {
+    let mut server = Server::start().await;
+    let mut first = server.page().await;
+    assert_eq!(first.told("roles").await["drives"], true);
+    let mut second = server.page().await;
+    assert_eq!(second.told("roles").await["drives"], false);
+    server.publish(1.0, (0, 0));
+    // What a watcher does moves nothing, but its cursor tells it what it points at.
+    second.say(json!({ "do": "home" })).await;
+    second.say(json!({ "do": "cursor", "at": [0.5, 0.5] })).await;
+    let under = second.told("under").await["under"].clone();
+    assert!((under["luminance"].as_f64().unwrap() - 179.0).abs() < 0.1, "{under}");
+    assert_eq!(under["distance"], 2.0);
+    second.say(json!({ "do": "take_over" })).await;
+    assert_eq!(second.told("roles").await["drives"], true);
+    let number = second.say(json!({ "do": "home" })).await;
+    let input = server.input();
+    assert_eq!((input.from, input.input), ((second.client, number), Input::Home));
+    // Who comes first is next when the one who drives leaves.
+    drop(second);
+    loop {
+        let roles = first.told("roles").await;
+        if roles["clients"] == 1 {
+            assert_eq!(roles["drives"], true);
+            break;
+        }
+    }
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn garbage_ends_its_own_connection_and_no_other() {
+    let mut server = Server::start().await;
+    let (mut good, mut bad) = (server.page().await, server.page().await);
+    bad.say(json!({ "do": "explode" })).await;
+    assert!(bad.told("error").await["text"].as_str().unwrap().contains("unknown variant"));
+    for _ in 0..20 {
+        // It may be over before all of it is sent.
+        let _ = bad.socket.send(Message::Binary(vec![0; 100].into())).await;
+    }
+    bad.is_left().await;
+    let mut large = server.page().await;
+    let _ = large.socket.send(Message::Text("x".repeat(1 << 20).into())).await;
+    large.is_left().await;
+    server.publish(0.3, (0, 0));
+    assert_eq!(good.update().await.header["frame"], 1);
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pages_of_other_origins_and_other_names_get_nothing() {
+    let mut server = Server::start().await;
+    server.publish(0.3, (0, 0));
+    let here = format!("127.0.0.1:{}", server.port);
+    for (host, origin) in [
+        (here.as_str(), Some("http://evil.example")),
+        (here.as_str(), None),
+        ("evil.example", Some("http://evil.example")),
+    ] {
+        match server.connect(host, origin).await {
+            Err(Error::Http(answer)) => assert_eq!(answer.status(), 403),
+            Err(other) => panic!("{host} {origin:?}: {other}"),
+            Ok(_) => panic!("{host} {origin:?} was let in"),
+        }
+    }
+    assert!(server.get("/", "evil.example").await.starts_with("HTTP/1.1 403"));
+    let page = server.get("/", &here).await;
+    assert!(page.starts_with("HTTP/1.1 200") && page.contains("content-security-policy"));
+    assert!(page.contains("x-frame-options: DENY"), "{page}");
+    let saved = server.get("/picture.hdr", &here).await;
+    assert!(saved.contains("#?RADIANCE"), "{}", &saved[..200.min(saved.len())]);
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn twenty_watchers_one_of_them_stalled_all_see_the_last_frame() {
+    let mut server = Server::start().await;
+    let stalled = server.page().await;
+    let mut pages = Vec::new();
+    for _ in 0..19 {
+        pages.push(server.page().await);
+    }
+    let last = (1..=10_u16).map(|i| server.publish(0.05 * f32::from(i), (0, 0))).last();
+    for page in &mut pages {
+        loop {
+            let update = page.update().await;
+            page.shown(&update).await;
+            if update.header["frame"].as_u64() == last && update.header["exact"] == true {
+                break;
+            }
+        }
+    }
+    drop(stalled);
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn everyone_is_told_why_the_session_has_ended() {
+    let server = Server::start().await;
+    let mut page = server.page().await;
+    server.change_state(|state| state.phase = Phase::Ended("lost the server".into()));
+    loop {
+        let state = page.told("state").await;
+        if state["phase"] == "ended" {
+            assert_eq!(state["text"], "lost the server");
+            break;
+        }
+    }
+    page.is_left().await;
+    server.end().await;
+}

@@ -1,0 +1,416 @@
+//! The stage's loop: inputs, then the eye, then a frame, then what the server sent.
+
+use std::{
+    sync::{Arc, mpsc},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result};
+use glam::DVec3;
+use holo_display::{Look, Resolution};
+use holo_net::NetError;
+use holo_picture::{View, ViewSpec};
+use holo_walk::Walker;
+
+use super::{
+    detail::Detail,
+    input::{Input, Numbered},
+    record::Record,
+    shown::{Phase, Publisher, Shown, State},
+};
+use crate::session::{Session, Waited};
+
+/// The eye rests once it has not moved for so long, at least.
+const REST: Duration = Duration::from_millis(80);
+
+/// And at most. Between, it is as long as a frame at rest takes: whoever only pauses must not wait
+/// for one.
+const LATEST_REST: Duration = Duration::from_millis(200);
+
+/// Least time between the beginnings of two frames while the eye moves: screens show no more.
+const FRAME: Duration = Duration::from_millis(16);
+
+/// Longest step of a motion, seconds: after a frame that took longer, one moves on, not ahead.
+const LONGEST_STEP: f64 = 0.25;
+
+/// Least time between two frames of a view at rest.
+const REDRAW: Duration = Duration::from_millis(100);
+
+/// Longest time between two frames of a view at rest for which samples come.
+const LATEST_REDRAW: Duration = Duration::from_secs(2);
+
+/// Frames at rest wait for this share of the time that the view has been looked at: the longer it
+/// is, the less a moment's samples change.
+const REDRAW_SHARE: f64 = 0.1;
+
+/// Frames at rest take at most one part in so many of the time: the rest is for tracing.
+const DRAWING_PART: u32 = 4;
+
+/// How often the stage looks for news of the server while it rests.
+const NEWS: Duration = Duration::from_millis(100);
+
+/// How often the state is published.
+const STATE: Duration = Duration::from_millis(250);
+
+/// Largest picture, pixels: four of a usual screen.
+const MOST_PIXELS: u64 = 1 << 23;
+
+/// Runs a stage whose session has begun.
+pub struct Player {
+    session: Session,
+    walker: Walker,
+    inputs: mpsc::Receiver<Numbered>,
+    publisher: Publisher,
+    record: Option<Record>,
+    detail: Detail,
+    /// The picture at rest, pixels at the most.
+    size: (u32, u32),
+    cursor: Option<(f64, f64)>,
+    /// The last input that was taken.
+    input: (u32, u64),
+    is_paused: bool,
+    /// Whether the program is to end.
+    stops: bool,
+    /// Why the current view is not shown.
+    trouble: Option<String>,
+    /// Why the last view that was asked for is none.
+    refusal: Option<String>,
+    last: Option<Arc<Shown>>,
+    times: Times,
+    /// Samples in the last frame's view when it was drawn.
+    drawn_samples: u64,
+    facts: State,
+}
+
+/// When things happened last.
+struct Times {
+    advanced: Instant,
+    moved: Instant,
+    /// When the last frame was begun.
+    begun: Instant,
+    /// When it was done.
+    frame: Instant,
+    /// How long the last frame took.
+    drawn_in: Duration,
+    /// How long the last one at rest took.
+    rest_drawn_in: Duration,
+    state: Instant,
+}
+
+/// Whether the stage goes on.
+#[derive(PartialEq, Eq)]
+enum Flow {
+    GoOn,
+    Quit,
+}
+
+impl Player {
+    /// Returns a stage that begins with the view `first`.
+    ///
+    /// # Errors
+    /// If `first` is no view.
+    pub fn new(
+        session: Session,
+        first: ViewSpec,
+        unit: f64,
+        size: (u32, u32),
+        inputs: mpsc::Receiver<Numbered>,
+        publisher: Publisher,
+        record: Option<Record>,
+    ) -> Result<Player> {
+        first.resolve(size).context("the first view")?;
+        let walker = Walker::new(first, unit).context("the first view has no direction")?;
+        let now = Instant::now();
+        let facts = State {
+            phase: Phase::Running,
+            traces: session.traces(),
+            views: Arc::new(session.named_views().to_vec()),
+            sections: Arc::new(session.sections().iter().map(|s| s.spec().clone()).collect()),
+            up: session.up().to_array(),
+            ..State::default()
+        };
+        let times = Times {
+            advanced: now,
+            moved: now,
+            begun: now,
+            frame: now,
+            drawn_in: Duration::ZERO,
+            rest_drawn_in: Duration::ZERO,
+            state: now,
+        };
+        Ok(Player {
+            session,
+            walker,
+            inputs,
+            publisher,
+            record,
+            detail: Detail::default(),
+            size,
+            cursor: None,
+            input: (0, 0),
+            is_paused: false,
+            stops: false,
+            trouble: None,
+            refusal: None,
+            last: None,
+            times,
+            drawn_samples: 0,
+            facts,
+        })
+    }
+
+    /// Shows views until somebody quits, then lets everything under way be stored.
+    ///
+    /// # Errors
+    /// If the server is lost.
+    pub fn play(mut self) -> Result<()> {
+        self.frame(true)?;
+        self.walker.stay();
+        loop {
+            let before = *self.walker.view();
+            if self.take_inputs()? == Flow::Quit {
+                break;
+            }
+            self.advance();
+            if *self.walker.view() != before {
+                self.times.moved = Instant::now();
+                self.frame(false)?;
+            } else if self.is_due() {
+                self.frame(true)?;
+                self.walker.stay();
+            }
+            self.publish_state(*self.walker.view() == before);
+            self.stops = self.stops || self.session.wait(self.next_due())? == Waited::Stop;
+            if self.stops {
+                break;
+            }
+        }
+        if let Some(record) = &mut self.record {
+            record.end(Instant::now())?;
+        }
+        self.session.settle()
+    }
+
+    /// Moves by what is held.
+    fn advance(&mut self) {
+        let now = Instant::now();
+        let seconds = now.saturating_duration_since(self.times.advanced).as_secs_f64();
+        self.times.advanced = now;
+        let (under, towards) = self.under_cursor();
+        self.walker.advance(seconds.min(LONGEST_STEP), under, towards);
+    }
+
+    /// Takes all inputs that wait.
+    fn take_inputs(&mut self) -> Result<Flow> {
+        while let Ok(Numbered { from, input }) = self.inputs.try_recv() {
+            self.input = from;
+            if input == Input::Quit {
+                return Ok(Flow::Quit);
+            }
+            self.take(input)?;
+        }
+        Ok(Flow::GoOn)
+    }
+
+    fn take(&mut self, input: Input) -> Result<()> {
+        let (under, towards) = self.under_cursor();
+        let walker = &mut self.walker;
+        match input {
+            Input::Hold(controls) => {
+                if !walker.controls.moves() {
+                    // What is held counts from now on.
+                    self.times.advanced = Instant::now();
+                }
+                walker.controls = controls;
+            }
+            Input::Cursor(at) => self.cursor = at,
+            Input::Turn(right, up) => _ = walker.turn(right, up),
+            Input::Orbit(right, up) => _ = walker.orbit(right, up, under, towards),
+            Input::Wheel(steps) => _ = walker.wheel(steps, under, towards),
+            Input::Slide(right, up) => self.slide(right, up, under),
+            Input::View(change) => self.look(&change),
+            Input::GoTo(eye) => _ = walker.go_to(eye),
+            Input::Home => _ = walker.go_home(),
+            Input::Back => _ = walker.back(),
+            Input::Forward => _ = walker.forward(),
+            Input::LockHeight(lock) => walker.height_is_locked = lock,
+            Input::Pause(pause) => {
+                self.session.pause(pause)?;
+                self.is_paused = pause;
+            }
+            Input::Size(width, height) => self.resize((width, height)),
+            Input::Quit => {}
+        }
+        Ok(())
+    }
+
+    /// Goes to a view, or says why it is none.
+    fn look(&mut self, change: &ViewSpec) {
+        let view = self.walker.view().overridden_by(change);
+        match view.resolve(self.size) {
+            Ok(_) => {
+                self.walker.look(change);
+                self.refusal = None;
+            }
+            Err(error) => self.refusal = Some(error.to_string()),
+        }
+    }
+
+    fn slide(&mut self, right: f64, up: f64, under: Option<DVec3>) {
+        let Some(last) = &self.last else { return };
+        let (across, along) = last.view.extent();
+        let distance = under.map_or(1.0, |point| (point - last.view.eye()).dot(last.view.vd));
+        let distance = if last.view.kind.has_eye() { distance.max(0.0) } else { 1.0 };
+        self.walker.shift(0.0, right * across * distance, up * along * distance);
+    }
+
+    fn resize(&mut self, size: (u32, u32)) {
+        let is_sound = size.0 > 0
+            && size.1 > 0
+            && u64::from(size.0) * u64::from(size.1) <= MOST_PIXELS
+            && self.walker.view().resolve(size).is_ok();
+        if is_sound && size != self.size {
+            self.size = size;
+            // A frame of the new size is due at once.
+            self.last = None;
+        }
+    }
+
+    /// Returns the point under the cursor, if a frame knows it, and the direction of its ray. In
+    /// the middle of the picture if the cursor is elsewhere.
+    fn under_cursor(&self) -> (Option<DVec3>, DVec3) {
+        let Some(last) = &self.last else { return (None, self.walker.pose().direction) };
+        let (x, y) = self.cursor.unwrap_or((0.5, 0.5));
+        let (origin, towards) = last.view.ray(x, 1.0 - y);
+        let known = last.radiance_at(x, y).map(|(_, distance)| f64::from(distance));
+        let known = known.filter(|distance| *distance > 0.0 && distance.is_finite());
+        (known.map(|distance| origin + towards * distance), towards)
+    }
+
+    /// Returns whether a frame at rest is due.
+    fn is_due(&self) -> bool {
+        if self.trouble.is_some() {
+            return false;
+        }
+        let now = Instant::now();
+        let Some(last) = &self.last else { return true };
+        if !last.is_at_rest {
+            return now >= self.times.moved + self.rest();
+        }
+        self.publisher.is_watched()
+            && self.samples() != self.drawn_samples
+            && now >= self.next_redraw()
+    }
+
+    /// How long the eye has not moved when it rests.
+    fn rest(&self) -> Duration {
+        self.times.rest_drawn_in.clamp(REST, LATEST_REST)
+    }
+
+    fn next_redraw(&self) -> Instant {
+        let looked = self.times.frame.saturating_duration_since(self.times.moved);
+        let pause = looked.mul_f64(REDRAW_SHARE).clamp(REDRAW, LATEST_REDRAW);
+        self.times.frame + pause.max(self.times.drawn_in * DRAWING_PART)
+    }
+
+    /// Returns until when the stage waits for the server, unless an input comes.
+    fn next_due(&self) -> Instant {
+        let now = Instant::now();
+        if self.walker.controls.moves() {
+            return now.max(self.times.begun + FRAME);
+        }
+        match &self.last {
+            Some(last) if !last.is_at_rest && self.trouble.is_none() => {
+                self.times.moved + self.rest()
+            }
+            _ => self.next_redraw().max(now + NEWS),
+        }
+    }
+
+    /// Samples that have arrived for the current view.
+    fn samples(&self) -> u64 {
+        let counts = self.session.counts();
+        counts.stored + counts.traced + self.session.live_rays()
+    }
+
+    /// Shows the current view and publishes a frame of it.
+    fn frame(&mut self, is_at_rest: bool) -> Result<()> {
+        let begin = Instant::now();
+        let spec = *self.walker.view();
+        let (view, full) = spec.resolve(self.size)?;
+        let size = if is_at_rest { full } else { self.detail.size(full) };
+        self.session.set_moving(!is_at_rest);
+        let is_shown = self.last.as_ref().is_some_and(|last| {
+            last.view == view && last.frame.picture.size() == size && self.trouble.is_none()
+        });
+        if !is_shown && !self.show(view, size)? {
+            return Ok(());
+        }
+        self.stops |= self.session.wait(begin)? == Waited::Stop;
+        self.drawn_samples = self.samples();
+        let (frame, _) = self.session.draw();
+        let end = Instant::now();
+        let took = end.saturating_duration_since(begin);
+        if is_at_rest {
+            self.times.rest_drawn_in = took;
+        } else {
+            self.detail.note(size, full, took.as_secs_f64());
+        }
+        let since = begin.saturating_duration_since(self.times.frame).as_secs_f64();
+        (self.times.begun, self.times.frame, self.times.drawn_in) = (begin, end, took);
+        let shown = Shown {
+            number: 0,
+            input: self.input,
+            view,
+            options: holo_walk::options(&spec),
+            frame,
+            is_at_rest,
+            exposure: 1.0,
+            milliseconds: 1e3 * took.as_secs_f64(),
+        };
+        self.last = Some(self.publisher.frame(shown, since));
+        if let Some(record) = &mut self.record {
+            record.view(&spec, begin, is_at_rest)?;
+        }
+        Ok(())
+    }
+
+    /// Has the session look at a view. Returns whether it can be shown.
+    fn show(&mut self, view: View, size: (u32, u32)) -> Result<bool> {
+        match self.session.look(Look { view, size, resolution: Resolution::Full }) {
+            Ok(()) => {
+                self.trouble = None;
+                Ok(true)
+            }
+            Err(error) if error.downcast_ref::<NetError>().is_some() => Err(error),
+            Err(error) => {
+                self.trouble = Some(format!("{error:#}"));
+                Ok(false)
+            }
+        }
+    }
+
+    /// Publishes how things are, at once if `is_at_rest` has it wait for nothing better.
+    fn publish_state(&mut self, is_at_rest: bool) {
+        let now = Instant::now();
+        if now < self.times.state + STATE && !is_at_rest {
+            return;
+        }
+        self.times.state = now;
+        let pose = self.walker.pose();
+        let status = self.session.status().copied();
+        self.publisher.state(State {
+            trouble: self.trouble.clone().or_else(|| self.refusal.clone()),
+            options: holo_walk::options(self.walker.view()),
+            pose: [pose.eye, pose.direction, pose.up].map(|vector| vector.to_array()),
+            height_is_locked: self.walker.height_is_locked,
+            is_paused: self.is_paused,
+            view_samples: self.samples(),
+            samples: status.map_or(0, |status| status.samples),
+            samples_per_second: status.map_or(0.0, |status| status.samples_per_second),
+            workers: status.map(|status| status.workers),
+            driver: self.session.driver_name(),
+            ..self.facts.clone()
+        });
+    }
+}

@@ -1,0 +1,185 @@
+//! What a stage publishes: frames, and how things are.
+
+use std::sync::Arc;
+
+use holo_display::Frame;
+use holo_picture::{Picture, View, auto_exposure};
+use holo_section::SectionSpec;
+
+use super::Front;
+
+/// Seconds in which the automatic exposure covers most of the way to a new view's.
+const ADAPTATION: f64 = 0.4;
+
+/// Every so many columns and rows count for the exposure.
+const EXPOSURE_STEP: usize = 4;
+
+/// A frame, and what it shows.
+#[derive(Debug)]
+pub struct Shown {
+    /// Its number: later frames have larger ones.
+    pub number: u64,
+    /// Who sent the last input that it shows, and that one's number of it.
+    pub input: (u32, u64),
+    /// The view.
+    pub view: View,
+    /// The view in Radiance's options.
+    pub options: String,
+    /// Radiance and depth; fewer pixels than asked for while moving.
+    pub frame: Frame,
+    /// Whether the eye rests, so that the frame has every pixel.
+    pub is_at_rest: bool,
+    /// Steady automatic exposure.
+    pub exposure: f32,
+    /// How long it took to look and to draw, milliseconds.
+    pub milliseconds: f64,
+}
+
+impl Shown {
+    /// Returns radiance and distance at shares of the picture from its left and from its top.
+    pub fn radiance_at(&self, x: f64, y: f64) -> Option<([f32; 3], f32)> {
+        let picture = &self.frame.picture;
+        let (column, row) = View::pixel_at(picture.size(), x, 1.0 - y)?;
+        let at = row as usize * picture.width as usize + column as usize;
+        Some((picture.get(column, row)?, *self.frame.depth.get(at)?))
+    }
+}
+
+/// How a stage is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Phase {
+    /// It waits for the server or the scene: what for.
+    #[default]
+    Connecting,
+    /// As [`Connecting`](Self::Connecting), with a word about it.
+    Loading(String),
+    /// It shows views.
+    Running,
+    /// It has ended: why.
+    Ended(String),
+}
+
+/// How things are, besides the frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct State {
+    /// What the stage does.
+    pub phase: Phase,
+    /// Why the view that one went to is not shown, if so.
+    pub trouble: Option<String>,
+    /// The current view in Radiance's options, even if it cannot be shown.
+    pub options: String,
+    /// Eye, direction and up of that view.
+    pub pose: [[f64; 3]; 3],
+    /// Whether the eye's height is locked.
+    pub height_is_locked: bool,
+    /// Whether tracing is paused.
+    pub is_paused: bool,
+    /// Whether there is anything to trace with.
+    pub traces: bool,
+    /// Samples that have arrived for the current view.
+    pub view_samples: u64,
+    /// Samples in the holodeck.
+    pub samples: u64,
+    /// Samples traced per second.
+    pub samples_per_second: f64,
+    /// Workers connected, if the server has said.
+    pub workers: Option<u32>,
+    /// The driver's name.
+    pub driver: &'static str,
+    /// Named views of the holodeck: name and options.
+    pub views: Arc<Vec<(String, String)>>,
+    /// The holodeck's sections.
+    pub sections: Arc<Vec<SectionSpec>>,
+    /// The scene's up axis.
+    pub up: [f64; 3],
+}
+
+/// Publishes frames and states.
+pub struct Publisher {
+    front: Front,
+    number: u64,
+    /// Exposure of the last frame, if there was one.
+    exposure: Option<f32>,
+}
+
+impl Publisher {
+    /// Publishes to `front`.
+    pub fn new(front: Front) -> Publisher {
+        Publisher { front, number: 0, exposure: None }
+    }
+
+    /// Returns whether anybody takes frames.
+    pub fn is_watched(&self) -> bool {
+        self.front.frames.receiver_count() > 0
+    }
+
+    /// Publishes what the stage does.
+    pub fn phase(&self, phase: Phase) {
+        self.front.state.send_modify(|state| Arc::make_mut(state).phase = phase);
+    }
+
+    /// Publishes how things are, if that has changed.
+    pub fn state(&self, state: State) {
+        self.front.state.send_if_modified(|before| {
+            let is_new = **before != state;
+            if is_new {
+                *before = Arc::new(state);
+            }
+            is_new
+        });
+    }
+
+    /// Publishes a frame, `seconds` after the one before.
+    pub fn frame(&mut self, mut shown: Shown, seconds: f64) -> Arc<Shown> {
+        self.number += 1;
+        shown.number = self.number;
+        shown.exposure = adapted(self.exposure, exposure(&shown.frame.picture), seconds);
+        self.exposure = Some(shown.exposure);
+        let shown = Arc::new(shown);
+        self.front.frames.send_replace(Some(Arc::clone(&shown)));
+        shown
+    }
+}
+
+/// Returns the exposure that suits a picture.
+fn exposure(picture: &Picture) -> f32 {
+    let width = picture.width.max(1) as usize;
+    let rows = picture.pixels.chunks(width).step_by(EXPOSURE_STEP);
+    let pixels: Vec<_> = rows.flat_map(|row| row.iter().step_by(EXPOSURE_STEP).copied()).collect();
+    let few = Picture { width: pixels.len() as u32, height: 1, pixels, ..Picture::new(0, 0) };
+    auto_exposure(&few)
+}
+
+/// Returns the exposure on the way from the one `before` to `next`, `seconds` later: an eye adapts,
+/// and a picture must not flicker.
+fn adapted(before: Option<f32>, next: f32, seconds: f64) -> f32 {
+    let Some(before) = before else { return next };
+    let share = 1.0 - (-seconds / ADAPTATION).exp();
+    let (from, to) = (f64::from(before).ln(), f64::from(next).ln());
+    (from + (to - from) * share).exp() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_exposure_adapts_steadily_whatever_the_frame_rate() {
+        assert_eq!(adapted(None, 4.0, 0.0), 4.0);
+        assert_eq!(adapted(Some(1.0), 4.0, 0.0), 1.0);
+        let mut exposure = 1.0;
+        for _ in 0..10 {
+            exposure = adapted(Some(exposure), 4.0, 0.04);
+        }
+        assert!((exposure - adapted(Some(1.0), 4.0, 0.4)).abs() < 1e-4);
+        assert!((adapted(Some(1.0), 4.0, 100.0) - 4.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn the_exposure_of_some_pixels_is_that_of_all() {
+        let pixels = (0..640 * 480).map(|i| [0.5 + (i % 640) as f32 / 640.0; 3]).collect();
+        let picture = Picture::from_pixels(640, 480, pixels).unwrap();
+        let all = auto_exposure(&picture);
+        assert!((exposure(&picture) / all - 1.0).abs() < 0.01);
+    }
+}

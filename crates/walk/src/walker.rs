@@ -1,0 +1,240 @@
+//! Somebody who walks: a view, what is held down, a home, and the views before and after.
+
+use glam::DVec3;
+use holo_picture::ViewSpec;
+
+use crate::{History, NEAREST, Pose};
+
+/// Walking pace, metres per second: a person's, indoors.
+const WALKING: f64 = 1.4;
+
+/// Turning pace, radians per second: half a turn in two seconds.
+const TURNING: f64 = std::f64::consts::FRAC_PI_2;
+
+/// Distance of what a glide heads for where nothing is known or hit, metres.
+const AFAR: f64 = 10.0;
+
+/// Seconds that one step of a wheel glides.
+const WHEEL_SECONDS: f64 = 0.1;
+
+/// What is held down. Parts are from -1 to 1 unless they say otherwise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Controls {
+    /// Ahead on the level plane; negative: back.
+    pub ahead: f64,
+    /// To the right.
+    pub right: f64,
+    /// Up.
+    pub rise: f64,
+    /// Turn to the right.
+    pub turn: f64,
+    /// Look upwards.
+    pub tilt: f64,
+    /// Towards the point under the cursor; negative: away from it.
+    pub glide: f64,
+    /// Around the point under the cursor, to the right.
+    pub around: f64,
+    /// Around the point under the cursor, upwards.
+    pub over: f64,
+    /// How much faster than at walking pace, above 0.
+    pub pace: f64,
+}
+
+impl Default for Controls {
+    fn default() -> Controls {
+        Controls {
+            ahead: 0.0,
+            right: 0.0,
+            rise: 0.0,
+            turn: 0.0,
+            tilt: 0.0,
+            glide: 0.0,
+            around: 0.0,
+            over: 0.0,
+            pace: 1.0,
+        }
+    }
+}
+
+impl Controls {
+    /// Returns whether anything is held that moves.
+    pub fn moves(&self) -> bool {
+        Controls { pace: 1.0, ..*self } != Controls::default()
+    }
+}
+
+/// Somebody who walks.
+#[derive(Clone, Debug)]
+pub struct Walker {
+    spec: ViewSpec,
+    pose: Pose,
+    home: ViewSpec,
+    history: History,
+    /// Scene units per metre.
+    metre: f64,
+    /// What is held down from now on.
+    pub controls: Controls,
+    /// Whether no motion changes the eye's height.
+    pub height_is_locked: bool,
+    /// Where one last stayed, until one moves on.
+    stayed: Option<ViewSpec>,
+}
+
+impl Walker {
+    /// Returns somebody at `home`, or `None` if it has no eye and direction that a view can have.
+    /// `unit` is the length of a scene unit in metres.
+    pub fn new(home: ViewSpec, unit: f64) -> Option<Walker> {
+        let pose = pose(&home)?;
+        let metre = if unit.is_finite() && unit > 0.0 { 1.0 / unit } else { 1.0 };
+        Some(Walker {
+            spec: at(&home, &pose),
+            pose,
+            home,
+            history: History::default(),
+            metre,
+            controls: Controls::default(),
+            height_is_locked: false,
+            stayed: None,
+        })
+    }
+
+    /// Returns the view.
+    pub fn view(&self) -> &ViewSpec {
+        &self.spec
+    }
+
+    /// Returns where the eye is and looks.
+    pub fn pose(&self) -> &Pose {
+        &self.pose
+    }
+
+    /// Moves as long as `seconds` by what is held. `under` is the point under the cursor if one is
+    /// known, and `towards` the direction of its ray. Returns whether anything moved.
+    pub fn advance(&mut self, seconds: f64, under: Option<DVec3>, towards: DVec3) -> bool {
+        let held = self.controls;
+        if !held.moves() || seconds.is_nan() || seconds <= 0.0 {
+            return false;
+        }
+        let pace = held.pace;
+        let step = WALKING * pace * self.metre * seconds;
+        let angle = TURNING * pace.min(2.0) * seconds;
+        let length = held.ahead.hypot(held.right).max(1.0);
+        let point = self.target(under, towards);
+        let mut next = self.pose.turn(held.turn * angle, held.tilt * angle);
+        next = next.walk(held.ahead / length * step, held.right / length * step, held.rise * step);
+        if held.around != 0.0 || held.over != 0.0 {
+            next = self.orbited(next, point, held.around * angle, held.over * angle);
+        }
+        if held.glide != 0.0 {
+            next = next.glide(point, held.glide * pace * seconds, NEAREST * self.metre);
+        }
+        self.go(next)
+    }
+
+    /// Turns in place, by radians to the right and upwards.
+    pub fn turn(&mut self, right: f64, up: f64) -> bool {
+        self.go(self.pose.turn(right, up))
+    }
+
+    /// Moves around the point under the cursor, as in [`advance`](Self::advance), by radians.
+    pub fn orbit(&mut self, right: f64, up: f64, under: Option<DVec3>, towards: DVec3) -> bool {
+        let point = self.target(under, towards);
+        self.go(self.orbited(self.pose, point, right, up))
+    }
+
+    /// Moves towards the point under the cursor by steps of a wheel; negative: away from it.
+    pub fn wheel(&mut self, steps: f64, under: Option<DVec3>, towards: DVec3) -> bool {
+        let point = self.target(under, towards);
+        let seconds = (steps * WHEEL_SECONDS).clamp(-2.0, 2.0);
+        self.go(self.pose.glide(point, seconds, NEAREST * self.metre))
+    }
+
+    /// Moves by scene units: ahead and to the right on the level plane, and up.
+    pub fn shift(&mut self, ahead: f64, right: f64, rise: f64) -> bool {
+        self.go(self.pose.walk(ahead, right, rise))
+    }
+
+    /// Goes to a view. What it does not say stays. Returns whether it is one.
+    pub fn look(&mut self, change: &ViewSpec) -> bool {
+        self.jump(self.spec.overridden_by(change))
+    }
+
+    /// Goes to a place, and keeps the direction.
+    pub fn go_to(&mut self, eye: DVec3) -> bool {
+        self.jump(ViewSpec { vp: Some(eye), ..self.spec })
+    }
+
+    /// Goes to where one began.
+    pub fn go_home(&mut self) -> bool {
+        self.jump(self.home)
+    }
+
+    /// Goes back to the view before.
+    pub fn back(&mut self) -> bool {
+        let view = self.history.back(self.spec);
+        view.is_some_and(|view| self.set(view))
+    }
+
+    /// Goes to the view that one came back from.
+    pub fn forward(&mut self) -> bool {
+        let view = self.history.forward(self.spec);
+        view.is_some_and(|view| self.set(view))
+    }
+
+    /// Notes that one stays here: when one moves on, the history gets this view.
+    pub fn stay(&mut self) {
+        self.stayed = Some(self.spec);
+    }
+
+    fn target(&self, under: Option<DVec3>, towards: DVec3) -> DVec3 {
+        let afar = self.pose.eye + towards.normalize_or(self.pose.direction) * AFAR * self.metre;
+        under.filter(|point| point.is_finite()).unwrap_or(afar)
+    }
+
+    fn orbited(&self, pose: Pose, point: DVec3, right: f64, up: f64) -> Pose {
+        pose.orbit(point, right, if self.height_is_locked { 0.0 } else { up })
+    }
+
+    fn go(&mut self, next: Pose) -> bool {
+        let next = if self.height_is_locked { next.at_height_of(&self.pose) } else { next };
+        if next == self.pose {
+            return false;
+        }
+        if let Some(stayed) = self.stayed.take() {
+            self.history.leave(stayed);
+        }
+        self.pose = next;
+        self.spec = at(&self.spec, &next);
+        true
+    }
+
+    fn jump(&mut self, view: ViewSpec) -> bool {
+        let before = self.spec;
+        let can = self.set(view);
+        if can {
+            self.history.leave(before);
+        }
+        can
+    }
+
+    fn set(&mut self, view: ViewSpec) -> bool {
+        let Some(pose) = pose(&view) else { return false };
+        self.stayed = None;
+        self.pose = pose;
+        self.spec = at(&view, &pose);
+        true
+    }
+}
+
+/// Returns the pose of a view that has one.
+fn pose(spec: &ViewSpec) -> Option<Pose> {
+    let eye = spec.vp.filter(|eye| eye.is_finite())?;
+    let direction = spec.vd?.try_normalize()?;
+    let up = spec.vu.unwrap_or(DVec3::Z).try_normalize()?;
+    let is_sound = direction.cross(up).length() > 1e-6;
+    is_sound.then_some(Pose { eye, direction, up })
+}
+
+fn at(spec: &ViewSpec, pose: &Pose) -> ViewSpec {
+    ViewSpec { vp: Some(pose.eye), vd: Some(pose.direction), vu: Some(pose.up), ..*spec }
+}

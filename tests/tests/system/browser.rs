@@ -1,0 +1,165 @@
+//! A walk in a real browser, as a person has it.
+
+use holo_picture::{Picture, luminance};
+use holo_tests::{CORNELL_SMALL_SECTION, Chromium, Place, Process, wait_until};
+use rustix::process::Signal;
+
+const VIEW: [&str; 6] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60"];
+
+/// The address that a session prints first.
+#[track_caller]
+fn address(session: &mut Process) -> String {
+    format!("http:{}", session.wait_for_line("http:"))
+}
+
+/// Waits until the picture at rest is exact.
+#[track_caller]
+fn wait_for_rest(browser: &mut Chromium) {
+    browser.wait("document.body.dataset.rest === 'true' && document.body.dataset.exact === 'true'");
+}
+
+/// Does something, then waits until the view is another and its picture at rest is exact.
+#[track_caller]
+fn changes_view(browser: &mut Chromium, action: impl FnOnce(&mut Chromium)) -> String {
+    let before = options(browser);
+    action(browser);
+    browser.wait(&format!("document.body.dataset.options !== {before:?}"));
+    wait_for_rest(browser);
+    options(browser)
+}
+
+#[track_caller]
+fn options(browser: &mut Chromium) -> String {
+    browser.value("document.body.dataset.options").as_str().unwrap().to_owned()
+}
+
+/// The mean of the colours that the page shows, from 0 to 255.
+#[track_caller]
+fn brightness(browser: &mut Chromium) -> f64 {
+    let mean = "(() => { const p = document.getElementById('picture'); \
+        const d = p.getContext('2d').getImageData(0, 0, p.width, p.height).data; \
+        let sum = 0; for (let i = 0; i < d.length; i += 4) sum += d[i] + d[i + 1] + d[i + 2]; \
+        return sum / d.length * 4 / 3; })()";
+    browser.value(mean).as_f64().unwrap()
+}
+
+#[test]
+fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
+    let place = Place::new();
+    place.fill_small_with("a.holo", "200k", &["--bounces", "0"]);
+    let words = ["replay", "{}/a.holo", "--no-open", "--driver", "voronoi", "--record", "{}/w.txt"];
+    let mut session = place.start(&[&words[..], &VIEW].concat());
+    let browser = &mut Chromium::open(&address(&mut session));
+    wait_for_rest(browser);
+    // What the page shows under the cursor is what `picture` makes of the same view, once all that
+    // is stored has come.
+    browser.mouse("mouseMoved", (640, 360), 0);
+    let picture = ["picture", "{}/a.holo", "-o", "{}/p.pfm", "--size", "1280x720"];
+    place.run(&[&picture[..], &VIEW].concat()).ok();
+    let truth = luminance(Picture::read(place.path("p.pfm")).unwrap().get(640, 360).unwrap());
+    let shown = "parseFloat(document.getElementById('p-luminance').textContent)";
+    browser.wait(&format!("Math.abs({shown} / {truth} - 1) < 0.01"));
+
+    let home = options(browser);
+    let turned = changes_view(browser, |browser| browser.drag((640, 360), (700, 380), 1));
+    assert_eq!(turned.split(" -vd").next(), home.split(" -vd").next(), "a drag turns in place");
+    changes_view(browser, |browser| browser.drag((640, 360), (700, 360), 2));
+    changes_view(browser, |browser| browser.wheel((640, 360), -100));
+    changes_view(browser, |browser| browser.press("Comma", ","));
+    let back = changes_view(browser, |browser| browser.press("KeyH", "h"));
+    assert_eq!(back, home);
+
+    // A key that is held walks until it is released.
+    browser.key("KeyW", "w", true);
+    browser.wait("document.body.dataset.rest === 'false'");
+    browser.key("KeyW", "w", false);
+    wait_for_rest(browser);
+    let walked = options(browser);
+    assert_ne!(walked, home);
+
+    // A view is kept by name, left through the field and recalled.
+    browser.press("KeyV", "v");
+    browser.value("document.getElementById('t-name').value = 'here'");
+    browser.value("document.getElementById('f-name').requestSubmit()");
+    changes_view(browser, |browser| {
+        browser.value("document.getElementById('t-view').value = '-vp 2.78 2.73 -2 -vd .1 0 1'");
+        browser.value("document.getElementById('f-view').requestSubmit()");
+    });
+    let recalled = changes_view(browser, |browser| {
+        browser.value("[...document.querySelectorAll('#views .name')].pop().click()");
+    });
+    assert_eq!(recalled, walked);
+
+    // Two stops brighter, without a new frame.
+    let (before, frame) = (brightness(browser), "document.body.dataset.frame");
+    let frame_before = browser.value(frame);
+    browser.value("stops(2)");
+    browser.wait(
+        "header.exact && Math.abs(Number(document.getElementById('o-stops').textContent) - 2) < .1",
+    );
+    browser.wait("performance.now() - drawnAt[drawnAt.length - 1] >= 0");
+    wait_until("a brighter picture", || (brightness(browser) > 1.2 * before).then_some(()));
+    assert_eq!(browser.value(frame), frame_before);
+
+    let saved = browser.value("fetch('picture.hdr').then(r => r.text()).then(t => t.slice(0, 10))");
+    assert_eq!(saved, "#?RADIANCE");
+    let saved = browser.value("fetch('picture.png').then(r => r.blob()).then(b => b.size)");
+    assert!(saved.as_u64().unwrap() > 10_000, "{saved}");
+
+    browser.value("say('quit')");
+    session.wait().ok();
+    // The recorded walk can be played.
+    let script = std::fs::read_to_string(place.path("w.txt")).unwrap();
+    assert!(script.lines().filter(|line| line.contains(" view ")).count() > 5, "{script}");
+    let words = ["replay", "{}/a.holo", "--headless", "--script", "{}/w.txt", "--size", "64x36"];
+    place.run(&words).ok();
+}
+
+#[test]
+fn a_scene_gets_clearer_while_one_looks_and_the_page_comes_back_by_itself() {
+    let place = Place::new();
+    let words = [
+        "view",
+        "--config",
+        "{}/cornell.toml",
+        "--section",
+        CORNELL_SMALL_SECTION,
+        "--threads",
+        "1",
+        "--no-open",
+    ];
+    let start = |more: &[&str]| place.start(&[&words[..], &VIEW, more].concat());
+    let mut session = start(&[]);
+    let at = address(&mut session);
+    let browser = &mut Chromium::open(&at);
+    browser.wait("state && state.view_samples > 20000");
+    wait_until("a lit picture", || (brightness(browser) > 20.0).then_some(()));
+    // Paused, nothing more is traced; what was under way arrives.
+    browser.press("KeyP", "p");
+    browser.wait("state.paused && state.samples_per_second === 0");
+    browser.press("KeyP", "p");
+    browser.wait("!state.paused && state.samples_per_second > 0");
+    // The session is lost, without a word. What the page shows stays until there is another one.
+    session.signal(Signal::KILL);
+    drop(session.wait());
+    browser.wait("!document.getElementById('loading').hidden");
+    assert!(brightness(browser) > 20.0, "the picture has gone");
+    let http = at.trim_start_matches("http://").trim_end_matches('/').to_owned();
+    let session = start(&["--http", &http]);
+    browser.wait("document.getElementById('loading').hidden && drives");
+    wait_for_rest(browser);
+    browser.value("say('quit')");
+    session.wait().ok();
+}
+
+#[test]
+fn a_page_is_served_to_this_machine_alone() {
+    let place = Place::new();
+    place.fill_small_with("a.holo", "10k", &["--bounces", "0"]);
+    let refused = place.run(&["replay", "{}/a.holo", "--http", "0.0.0.0:0", "--no-open"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(refused.stderr.contains("connections are not encrypted"), "{}", refused.stderr);
+    let refused = place.run(&["replay", "{}/a.holo", "--script", "w.txt"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(refused.stderr.contains("add --headless"), "{}", refused.stderr);
+}
