@@ -107,13 +107,15 @@ fn main() {
         store.add(&placed);
         for size in [(size.0 / 2, size.1 / 2), size] {
             let start = seconds();
-            let view = View::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye, size);
-            let view = if size.0 == 1280 { view.with_edges() } else { view };
+            let mut view = View::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye, size);
+            if size.0 == 1280 {
+                view.look_into_edges();
+            }
             let middle = seconds();
             store.begin_round();
-            let gathered = Gathered::new(view, &store);
+            let gathered = Gathered::new(&view, &store);
             let summed = seconds();
-            let drawn = gathered.draw(&store, denoiser.as_mut());
+            let drawn = gathered.draw(&view, &store, denoiser.as_mut());
             let end = seconds();
             println!(
                 "{count} live, {} x {}: cast {:.0} ms, gathered {:.0} ms, drawn {:.0} ms",

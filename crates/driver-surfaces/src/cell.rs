@@ -115,6 +115,11 @@ impl Face {
         Face(face & ((1 << FACE_BITS) - 1))
     }
 
+    /// Returns the face as a number.
+    pub fn number(self) -> u64 {
+        self.0
+    }
+
     /// Returns whether samples of this face are of use where a surface of this material is seen
     /// with this normal, from this direction.
     #[inline]

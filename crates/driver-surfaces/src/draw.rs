@@ -6,6 +6,7 @@
 use crate::cell::{Face, Sums, luminance};
 use crate::filter::{Estimate, Squares, alike};
 use crate::gather::Gathered;
+use crate::known::Known;
 use crate::store::Store;
 use crate::view::{Edge, POINTS, Seen, View, point_of};
 use glam::Vec3;
@@ -24,60 +25,43 @@ pub struct Drawn {
 /// Samples a pixel, on the mean, from which squares of 2 and of 1 pixel are filtered.
 const DENSE: [f32; 2] = [0.3, 4.0];
 
+/// Squares at half resolution whose known light is looked up, pixels a side.
+const MOVING: usize = 2;
+
 impl Gathered {
     /// Draws the view. `store` tells of light around where no pixel has any. With a denoiser, light
-    /// is denoised instead of filtered. Standard errors are the filter's in any case.
+    /// is denoised instead of filtered. Standard errors are the filter's in any case. Keeps what it
+    /// finds in `known`.
     #[must_use]
-    pub fn draw(&self, store: &Store, denoiser: Option<&mut Denoiser>) -> Drawn {
-        let view = &self.view;
-        let (width, height) = view.size;
-        let step = self.step();
-        let size = (width.div_ceil(step), height.div_ceil(step));
-        let middle = |at: usize, size: usize| (at * step + step / 2).min(size - 1);
-        let seen: Vec<Seen> = (0..size.0 * size.1)
-            .map(|at| view.seen[middle(at / size.0, height) * width + middle(at % size.0, width)])
-            .collect();
+    pub(crate) fn draw_and_learn(
+        &self,
+        view: &View,
+        store: &Store,
+        denoiser: Option<&mut Denoiser>,
+        known: &mut Known,
+    ) -> Drawn {
+        let step = self.step(view);
+        let (size, seen) = view.middles(step);
         let squares = Squares { size, seen: &seen, step };
         let sums = view.sums_of_squares(&squares, &self.sums);
         let mut lights = squares.filter(&sums);
         if let Some(denoiser) = denoiser {
             squares.denoise(&sums, &mut lights, denoiser);
         }
-        let mut pixels = vec![[0.0; 3]; width * height];
-        let mut errors = vec![0.0; width * height];
-        let rows = pixels.par_chunks_mut(width).zip(errors.par_chunks_mut(width)).enumerate();
-        rows.for_each(|(y, (pixels, errors))| {
-            for x in 0..width {
-                let seen = &view.seen[y * width + x];
-                let at = (x as f32, y as f32);
-                let light = view.brought(store, &squares, &lights, at, seen);
-                (pixels[x], errors[x]) = view.painted(seen, light);
-            }
-        });
-        let edges: Vec<_> = view
-            .edges
-            .par_iter()
-            .map(|edge| (edge.pixel, view.edge(store, &squares, &lights, edge)))
-            .collect();
-        for (pixel, shown) in edges {
-            (pixels[pixel], errors[pixel]) = shown;
-        }
-        let mirrored: Vec<_> = view
-            .mirrored
-            .par_iter()
-            .map(|(pixel, seen)| (*pixel as usize, view.painted(seen, view.wide(store, seen))))
-            .collect();
-        for (pixel, (more, error)) in mirrored {
-            (0..3).for_each(|c| pixels[pixel][c] += more[c]);
-            errors[pixel] += error;
-        }
-        Drawn { pixels, errors }
+        known.learn(view, &squares, &lights);
+        view.lit(store, &squares, &lights)
+    }
+
+    /// Draws the view, as the driver does at rest.
+    #[must_use]
+    pub fn draw(&self, view: &View, store: &Store, denoiser: Option<&mut Denoiser>) -> Drawn {
+        self.draw_and_learn(view, store, denoiser, &mut Known::default())
     }
 
     /// Returns the side of the squares that are filtered, pixels: fewer samples want wider ones.
-    fn step(&self) -> usize {
+    fn step(&self, view: &View) -> usize {
         let samples: f32 = self.sums.par_iter().map(|sums| sums.count as f32).sum();
-        let pixels = self.view.seen.iter().filter(|seen| seen.is_surface()).count();
+        let pixels = view.seen.iter().filter(|seen| seen.is_surface()).count();
         let dense = samples / pixels.max(1) as f32;
         if dense < DENSE[0] {
             4
@@ -90,6 +74,56 @@ impl Gathered {
 }
 
 impl View {
+    /// Draws the view from light that earlier pictures found, if they found most of it.
+    pub(crate) fn draw_known(&self, store: &Store, known: &Known) -> Option<Drawn> {
+        let (size, seen) = self.middles(MOVING);
+        let squares = Squares { size, seen: &seen, step: MOVING };
+        let lights = known.lights(self, &squares)?;
+        Some(self.lit(store, &squares, &lights))
+    }
+
+    /// Returns columns and rows of squares of `step` pixels a side, and what their middles see.
+    fn middles(&self, step: usize) -> ((usize, usize), Vec<Seen>) {
+        let (width, height) = self.size;
+        let size = (width.div_ceil(step), height.div_ceil(step));
+        let middle = |at: usize, size: usize| (at * step + step / 2).min(size - 1);
+        let of_square = |at: usize| {
+            let (row, column) = (middle(at / size.0, height), middle(at % size.0, width));
+            self.seen[row * width + column]
+        };
+        (size, (0..size.0 * size.1).map(of_square).collect())
+    }
+
+    /// Brings the light of squares to all pixels.
+    fn lit(&self, store: &Store, squares: &Squares, lights: &[Estimate]) -> Drawn {
+        let (width, height) = self.size;
+        let mut pixels = vec![[0.0; 3]; width * height];
+        let mut errors = vec![0.0; width * height];
+        let rows = pixels.par_chunks_mut(width).zip(errors.par_chunks_mut(width)).enumerate();
+        rows.for_each(|(y, (pixels, errors))| {
+            for x in 0..width {
+                let seen = &self.seen[y * width + x];
+                let light = self.brought(store, squares, lights, (x as f32, y as f32), seen);
+                (pixels[x], errors[x]) = self.painted(seen, light);
+            }
+        });
+        let edges = self.edges.par_iter();
+        let edges: Vec<_> =
+            edges.map(|edge| (edge.pixel, self.edge(store, squares, lights, edge))).collect();
+        for (pixel, shown) in edges {
+            (pixels[pixel], errors[pixel]) = shown;
+        }
+        let mirrored = self.mirrored.par_iter();
+        let mirrored: Vec<_> = mirrored
+            .map(|(pixel, seen)| (*pixel as usize, self.painted(seen, self.wide(store, seen))))
+            .collect();
+        for (pixel, (more, error)) in mirrored {
+            (0..3).for_each(|c| pixels[pixel][c] += more[c]);
+            errors[pixel] += error;
+        }
+        Drawn { pixels, errors }
+    }
+
     /// What a surface shows in this light, and its standard error.
     fn painted(&self, seen: &Seen, light: Estimate) -> ([f32; 3], f32) {
         let (scale, radiance) = self.paint(seen);

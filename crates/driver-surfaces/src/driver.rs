@@ -3,6 +3,8 @@
 //! Unlike other drivers it keeps every sample for the whole session: a frame depends on the set of
 //! samples inserted since the session began, in any order.
 
+use crate::draw::Drawn;
+use crate::known::Known;
 use crate::place::Placed;
 use crate::{Gathered, Materials, Placer, RaySample, Seen, Store, View};
 use glam::DVec3;
@@ -45,6 +47,8 @@ pub struct SurfacesDriver {
     materials: Arc<Materials>,
     denoiser: Option<Denoiser>,
     store: Store,
+    /// Light that frames have found.
+    known: Known,
     /// Samples that are not in the store yet, and the beams that they belong to, in pieces.
     waiting: Vec<Sample>,
     waiting_of: Vec<(BeamKey, u16, Range<usize>)>,
@@ -54,7 +58,12 @@ pub struct SurfacesDriver {
 /// The view that is shown.
 struct Shown {
     look: Look,
-    gathered: Gathered,
+    view: View,
+    /// `None` until a frame needs it.
+    gathered: Option<Gathered>,
+    /// Whether the next frame at rest looks into pixels on edges. The first one does not: it is to
+    /// be there soon.
+    wants_edges: bool,
     covered: Vec<bool>,
 }
 
@@ -74,6 +83,7 @@ impl SurfacesDriver {
             raycaster,
             denoiser,
             store: Store::new(finest, MOST_BYTES),
+            known: Known::default(),
             waiting: Vec::new(),
             waiting_of: Vec::new(),
             shown: None,
@@ -98,11 +108,34 @@ impl SurfacesDriver {
         self.keep(&placed);
     }
 
+    /// Returns the pixels of the view that is shown.
+    ///
+    /// While the eye moves, light that earlier frames found does where it is known.
+    fn drawn(&mut self) -> Option<Drawn> {
+        let shown = self.shown.as_ref()?;
+        let is_moving = shown.look.resolution == Resolution::Half;
+        if is_moving && let Some(drawn) = shown.view.draw_known(&self.store, &self.known) {
+            return Some(drawn);
+        }
+        self.place_waiting();
+        let shown = self.shown.as_mut()?;
+        if !is_moving {
+            if shown.wants_edges && shown.view.edges.is_empty() {
+                shown.view.look_into_edges();
+            }
+            shown.wants_edges = true;
+        }
+        let (view, store) = (&shown.view, &self.store);
+        let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
+        let denoiser = self.denoiser.as_mut().filter(|_| !is_moving);
+        Some(gathered.draw_and_learn(view, store, denoiser, &mut self.known))
+    }
+
     /// Puts placed samples into the store, and into the view that is shown.
     fn keep(&mut self, placed: &[Placed]) {
         self.store.add(placed);
-        if let Some(shown) = &mut self.shown {
-            shown.gathered.add(placed);
+        if let Some(Shown { view, gathered: Some(gathered), .. }) = &mut self.shown {
+            gathered.add(view, placed);
         }
     }
 }
@@ -113,17 +146,17 @@ impl Shown {
         if !seen.is_surface() {
             return f32::INFINITY;
         }
-        let size = (self.gathered.view.size.0 as u32, self.gathered.view.size.1 as u32);
+        let size = (self.view.size.0 as u32, self.view.size.1 as u32);
         seen.width / self.look.view.pixel_footprint(size, 1.0) as f32
     }
 
     fn depth(&self) -> Vec<f32> {
-        self.gathered.view.seen.iter().map(|seen| self.distance(seen)).collect()
+        self.view.seen.iter().map(|seen| self.distance(seen)).collect()
     }
 
     /// Returns the surface points that are seen, in the scene.
     fn ends(&self, origin: DVec3) -> Vec<End> {
-        let surfaces = self.gathered.view.seen.iter().filter(|seen| seen.is_surface());
+        let surfaces = self.view.seen.iter().filter(|seen| seen.is_surface());
         let end = |seen: &Seen| End {
             point: origin + seen.point.as_dvec3(),
             normal: Some(seen.normal.as_dvec3()),
@@ -148,15 +181,11 @@ impl Driver for SurfacesDriver {
         }
         let size = look.resolution.computed(look.size);
         let raycaster = Arc::clone(&self.raycaster);
-        let mut view = View::new(raycaster, Arc::clone(&self.materials), &look.view, size);
-        if look.resolution == Resolution::Full {
-            view = view.with_edges();
-        }
+        let view = View::new(raycaster, Arc::clone(&self.materials), &look.view, size);
         let covered = covered(&self.sections, &look.view, size);
-        self.place_waiting();
         self.store.begin_round();
-        let gathered = Gathered::new(view, &self.store);
-        self.shown = Some(Shown { look: *look, gathered, covered });
+        let look = *look;
+        self.shown = Some(Shown { look, view, gathered: None, wants_edges: false, covered });
         Ok(())
     }
 
@@ -190,12 +219,16 @@ impl Driver for SurfacesDriver {
         self.keep(&placed);
     }
 
+    fn settle(&mut self) {
+        if let Some(shown) = &mut self.shown {
+            shown.wants_edges = true;
+        }
+    }
+
     fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
-        self.place_waiting();
+        let Some(drawn) = self.drawn() else { return Frame::black((1, 1)) };
         let Some(shown) = &self.shown else { return Frame::black((1, 1)) };
         let Look { view, size, resolution } = shown.look;
-        let denoiser = self.denoiser.as_mut().filter(|_| resolution == Resolution::Full);
-        let drawn = shown.gathered.draw(&self.store, denoiser);
         let mut frame = Frame::black(resolution.computed(size));
         frame.picture.view = Some(view);
         frame.picture.pixels = drawn.pixels;
@@ -221,13 +254,13 @@ impl Driver for SurfacesDriver {
 
     fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
         let shown = self.shown.as_ref()?;
-        let (size, cast) = (shown.look.size, shown.gathered.view.size);
+        let (size, cast) = (shown.look.size, shown.view.size);
         if column >= size.0 || row >= size.1 {
             return None;
         }
         let at = |at: u32, size: u32, cast: usize| at as usize * cast / size as usize;
         let pixel = at(row, size.1, cast.1) * cast.0 + at(column, size.0, cast.0);
-        let distance = shown.distance(&shown.gathered.view.seen[pixel]);
+        let distance = shown.distance(&shown.view.seen[pixel]);
         Some(SurfaceAt { distance, triangle: None })
     }
 

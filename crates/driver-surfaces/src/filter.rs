@@ -49,7 +49,7 @@ pub(crate) struct Lit {
 }
 
 /// Light of a square, and the standard error of its luminance. Nothing is known where the error is infinite.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Estimate {
     pub light: Vec3,
     pub error: f32,

@@ -24,11 +24,9 @@ const CUBES: usize = 16;
 /// Parts of the picture whose sums are made at the same time.
 const PARTS: usize = 4;
 
-/// A view, and the sums of its pixels.
+/// The sums of a view's pixels.
 #[derive(Debug)]
 pub struct Gathered {
-    /// The view.
-    pub view: View,
     pub(crate) sums: Vec<Sums>,
     owners: Owners,
 }
@@ -42,10 +40,10 @@ struct Claim {
 impl Gathered {
     /// Gathers all samples of a store that the view sees.
     #[must_use]
-    pub fn new(view: View, store: &Store) -> Gathered {
-        let owners = Owners::new(&view, store.grid());
+    pub fn new(view: &View, store: &Store) -> Gathered {
+        let owners = Owners::new(view, store.grid());
         let sums = vec![Sums::default(); view.seen.len()];
-        let mut gathered = Gathered { view, sums, owners };
+        let mut gathered = Gathered { sums, owners };
         let cubes: Vec<Cube> = gathered.owners.cubes.iter().copied().collect();
         let of_cubes = |cubes: &[Cube]| {
             let mut claims = Vec::new();
@@ -53,7 +51,7 @@ impl Gathered {
                 let Some(bucket) = store.bucket(cube) else { continue };
                 let mirrored = gathered.owners.mirrors.get(&cube);
                 for record in &bucket.records {
-                    gathered.claim(cube, mirrored, record, &mut claims);
+                    gathered.claim(view, (cube, record), mirrored, &mut claims);
                 }
             }
             claims
@@ -63,8 +61,9 @@ impl Gathered {
         gathered
     }
 
-    /// Adds samples that have come since. The sums are what [`new`](Self::new) would make of all.
-    pub fn add(&mut self, placed: &[Placed]) {
+    /// Adds samples that have come since, for the same view. The sums are what
+    /// [`new`](Self::new) would make of all.
+    pub fn add(&mut self, view: &View, placed: &[Placed]) {
         let grid = self.owners.grid;
         let of_samples = |samples: &[Placed]| {
             let mut claims = Vec::new();
@@ -72,7 +71,7 @@ impl Gathered {
                 let (cube, record) = grid.record(sample);
                 if self.owners.cubes.contains(&cube) {
                     let mirrored = self.owners.mirrors.get(&cube);
-                    self.claim(cube, mirrored, &record, &mut claims);
+                    self.claim(view, (cube, &record), mirrored, &mut claims);
                 }
             }
             claims
@@ -85,16 +84,15 @@ impl Gathered {
     #[inline]
     fn claim(
         &self,
-        cube: Cube,
+        view: &View,
+        (cube, record): (Cube, &Record),
         mirrored: Option<&Mirrored>,
-        record: &Record,
         claims: &mut Vec<Claim>,
     ) {
         let point = self.owners.grid.point(cube, record.key);
         let face = record.key.face();
-        let straight = self.owners.straight(&self.view, point, face);
-        let mirrored =
-            mirrored.and_then(|m| m.owner(&self.view, point, face, self.owners.grid.unit));
+        let straight = self.owners.straight(view, point, face);
+        let mirrored = mirrored.and_then(|m| m.owner(view, point, face, self.owners.grid.unit));
         for pixel in straight.into_iter().chain(mirrored) {
             claims.push(Claim { pixel, light: record.light });
         }

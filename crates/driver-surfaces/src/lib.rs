@@ -13,6 +13,7 @@ mod draw;
 mod driver;
 mod filter;
 mod gather;
+mod known;
 mod materials;
 mod place;
 mod store;

@@ -2,6 +2,7 @@
 //!
 //! Invariant: what a pixel sees is a function of the view and the scene.
 
+use crate::cell::Face;
 use crate::materials::{Kind, Materials};
 use crate::trail::{AtPanes, End, Follower, Shown};
 use glam::{DVec3, Vec3};
@@ -171,8 +172,7 @@ impl View {
     }
 
     /// Looks several times into each pixel that lies on an edge.
-    #[must_use]
-    pub fn with_edges(mut self) -> View {
+    pub fn look_into_edges(&mut self) {
         let pixels: Vec<usize> = on_edges(&self.seen, self.size);
         let looked: Vec<[Shown; POINTS]> =
             pixels.par_iter().map(|&pixel| self.look_into(pixel)).collect();
@@ -181,7 +181,6 @@ impl View {
             let seen = shown.map(|shown| self.seen_of(shown, pixel_width));
             self.edges.push(Edge { pixel, seen });
         }
-        self
     }
 
     fn look_into(&self, pixel: usize) -> [Shown; POINTS] {
@@ -298,6 +297,12 @@ impl View {
     #[inline]
     pub(crate) fn way(&self, seen: &Seen) -> &Way {
         &self.ways[seen.way as usize]
+    }
+
+    /// Returns the face that samples of a surface have.
+    pub(crate) fn face(&self, seen: &Seen) -> Face {
+        let is_glossy = self.follower().finish(seen.material).kind == Kind::Glossy;
+        Face::new(seen.normal, seen.material, is_glossy.then(|| self.way(seen).direction))
     }
 
     /// Returns the projection of points to pixels, and the eye relative to the scene's origin.

@@ -56,7 +56,7 @@ fn drawn(raycaster: &Arc<Raycaster>, batches: &[&[RaySample]]) -> Vec<[f32; 3]> 
         store.add(&placed);
     }
     let view = View::new(Arc::clone(raycaster), Arc::clone(&materials), &eye(), (64, 64));
-    Gathered::new(view, &store).draw(&store, None).pixels
+    Gathered::new(&view, &store).draw(&view, &store, None).pixels
 }
 
 #[test]

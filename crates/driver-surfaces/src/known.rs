@@ -1,0 +1,104 @@
+//! Light that earlier pictures found, kept by place: what a moving eye sees of it costs a look-up.
+//!
+//! Pictures at rest never read it.
+//!
+//! What always holds:
+//! - What was found last for a place counts.
+//! - At most twice [`MOST`] places are kept. Those found longest ago go first.
+
+use crate::cell::Face;
+use crate::filter::{Estimate, Squares};
+use crate::view::View;
+use glam::{IVec3, Vec3};
+use holo_display::split_mix;
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+/// Places of one generation, 28 bytes each.
+const MOST: usize = 1 << 20;
+
+/// Share of the squares that may be unknown in a picture of known light.
+const MOST_UNKNOWN: f32 = 0.1;
+
+/// Light found by earlier pictures.
+#[derive(Debug, Default)]
+pub(crate) struct Known {
+    young: FxHashMap<u64, Estimate>,
+    old: FxHashMap<u64, Estimate>,
+}
+
+/// Returns the level of places as wide as a square: their width is 2 to this power.
+fn level_of(width: f32) -> i32 {
+    width.max(f32::MIN_POSITIVE).log2().round() as i32
+}
+
+/// Returns the number of a place of this level, on this face.
+fn number(place: IVec3, level: i32, face: Face) -> u64 {
+    let [x, y, z] = place.to_array().map(|c| u64::from(c as u32));
+    let at = split_mix(split_mix(x << 32 | y) ^ z << 32 ^ u64::from(level as u32));
+    split_mix(at ^ face.number())
+}
+
+impl Known {
+    /// Keeps what a picture found.
+    pub fn learn(&mut self, view: &View, squares: &Squares, lights: &[Estimate]) {
+        let mut sums: FxHashMap<u64, (Estimate, f32)> = FxHashMap::default();
+        for (seen, light) in squares.seen.iter().zip(lights) {
+            if !seen.is_surface() || light.error.is_infinite() {
+                continue;
+            }
+            let width = seen.width * squares.step as f32;
+            let level = level_of(width);
+            let place = (seen.point / (level as f32).exp2()).floor().as_ivec3();
+            let sum =
+                sums.entry(number(place, level, view.face(seen))).or_insert(Default::default());
+            sum.0.light += light.light;
+            sum.0.error += light.error;
+            sum.1 += 1.0;
+        }
+        if self.young.len() + sums.len() > MOST {
+            self.old = std::mem::take(&mut self.young);
+        }
+        self.young.extend(sums.into_iter().map(|(number, (sum, count))| {
+            (number, Estimate { light: sum.light / count, error: sum.error / count })
+        }));
+    }
+
+    /// Returns the light of all squares, if most of it is known.
+    pub fn lights(&self, view: &View, squares: &Squares) -> Option<Vec<Estimate>> {
+        let unknown = Estimate { light: Vec3::ZERO, error: f32::INFINITY };
+        let light = |seen: &crate::Seen| {
+            if !seen.is_surface() {
+                return unknown;
+            }
+            let (face, level) = (view.face(seen), level_of(seen.width * squares.step as f32));
+            let found = [level, level + 1, level - 1, level + 2];
+            let found = found.into_iter().find_map(|level| self.around(seen.point, level, face));
+            found.unwrap_or(unknown)
+        };
+        let lights: Vec<Estimate> = squares.seen.par_iter().map(light).collect();
+        let surfaces = squares.seen.iter().filter(|seen| seen.is_surface()).count();
+        let known = lights.iter().filter(|light| light.error.is_finite()).count();
+        (known as f32 >= (1.0 - MOST_UNKNOWN) * surfaces as f32).then_some(lights)
+    }
+
+    /// Returns the light between the places around a point.
+    fn around(&self, point: Vec3, level: i32, face: Face) -> Option<Estimate> {
+        let at = point / (level as f32).exp2() - 0.5;
+        let (low, share) = (at.floor().as_ivec3(), at - at.floor());
+        let (mut sum, mut total) = (Estimate { light: Vec3::ZERO, error: 0.0 }, 0.0);
+        for corner in 0..8 {
+            let side = IVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
+            let near = Vec3::select(side.cmpeq(IVec3::ONE), share, 1.0 - share);
+            let weight = near.element_product();
+            let number = number(low + side, level, face);
+            if let Some(light) = self.young.get(&number).or_else(|| self.old.get(&number)) {
+                sum.light += weight * light.light;
+                sum.error += weight * light.error;
+                total += weight;
+            }
+        }
+        // A corner far away says little.
+        (total > 0.05).then(|| Estimate { light: sum.light / total, error: sum.error / total })
+    }
+}
