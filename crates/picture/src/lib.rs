@@ -16,6 +16,7 @@ mod error;
 mod files;
 mod kind;
 mod picture;
+mod size;
 mod tonemap;
 mod view;
 mod view_error;
@@ -29,7 +30,8 @@ pub use compare::{
 pub use error::PictureError;
 pub use files::Format;
 pub use kind::ViewKind;
-pub use picture::{MAX_PIXELS, MAX_SIDE, Picture, luminance};
+pub use picture::{Picture, luminance};
+pub use size::{MAX_PIXELS, MAX_SIDE};
 pub use tonemap::ToneMap;
 pub use view::{DEFAULT_VH, View, ViewParams};
 pub use view_error::ViewError;
