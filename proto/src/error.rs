@@ -30,7 +30,7 @@ pub enum ProtoError {
     #[error("a {kind:?} message of {length} bytes, more than the {limit} allowed")]
     TooLong {
         /// The frame's kind.
-        kind: crate::frame::Kind,
+        kind: crate::kind::Kind,
         /// Its stated length, bytes.
         length: u64,
         /// The limit, bytes.

@@ -20,6 +20,7 @@ pub mod control;
 mod error;
 pub mod frame;
 pub mod hello;
+mod kind;
 pub mod stand_ins;
 
 pub use error::ProtoError;

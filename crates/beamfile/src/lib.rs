@@ -19,9 +19,12 @@
 //! - This crate never looks inside a radiance: a sample is ten bytes.
 
 mod append;
+mod appender;
 mod batch;
+mod blob_list;
 mod blobs;
 mod cache;
+mod checksums;
 mod directory;
 mod error;
 mod file;
@@ -31,6 +34,7 @@ mod load;
 mod open;
 mod plan;
 mod read;
+mod refresh;
 mod scan;
 mod shared;
 mod state;

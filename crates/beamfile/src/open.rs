@@ -8,8 +8,9 @@ use std::hash::{BuildHasher, Hasher};
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use crate::appender::Appender;
+use crate::checksums::bad_chunks;
 use crate::error::io_error;
-use crate::file::BeamFile;
 use crate::format::{
     FIRST_BLOCK, FORMAT, FileHeader, HEADER_COPY_BYTES, HeaderCopy, MAX_SECTIONS, aligned,
 };
@@ -17,8 +18,6 @@ use crate::scan::{ScanEnd, Tail, scan};
 use crate::state::State;
 use crate::storage::Storage;
 use crate::types::{Damage, DamageKind, OpenReport};
-use crate::verify::bad_chunks;
-use crate::writer::Appender;
 use crate::{Error, Result};
 
 /// What opening a file gives, before threads share it.
@@ -174,48 +173,5 @@ pub(crate) fn read_header(
         (Some(header), _) => Ok(header),
         (None, Some(found)) => Err(Error::Version { path: path.to_owned(), found, known: FORMAT }),
         (None, None) => Err(Error::NoHeader { path: path.to_owned(), bytes: length }),
-    }
-}
-
-impl BeamFile {
-    /// Takes in the blocks that another process completed since, and returns their number.
-    ///
-    /// Returns 0 for a file that was not opened read-only.
-    ///
-    /// # Errors
-    /// If the disk cannot be read.
-    pub fn refresh(&self) -> Result<u64> {
-        if !self.shared.read_only {
-            return Ok(0);
-        }
-        let mut appender = self.shared.appender();
-        let mut found = Vec::new();
-        let mut damage = Vec::new();
-        let end = scan(
-            &*self.shared.storage,
-            &self.shared.path,
-            &self.shared.header,
-            appender.at,
-            appender.sequence,
-            &mut damage,
-            &mut |block, table| -> Result<()> {
-                found.push((block, table));
-                Ok(())
-            },
-        )?;
-        // Bytes at the end that were no block before may be one now.
-        if let Tail::Damaged(tail) = &end.tail {
-            damage.push(tail.clone());
-        }
-        let new = found.len() as u64;
-        let mut state = self.shared.state();
-        state.damage.retain(|old| old.offset < appender.at);
-        for (block, table) in found {
-            state.found(block, table)?;
-        }
-        state.damage.append(&mut damage);
-        appender.at = end.resume;
-        appender.sequence = end.sequence;
-        Ok(new)
     }
 }

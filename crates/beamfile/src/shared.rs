@@ -8,13 +8,13 @@ use std::path::PathBuf;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use crate::appender::Appender;
 use crate::batch::Body;
 use crate::cache::Cache;
 use crate::directory::Block;
 use crate::format::{FileHeader, aligned};
 use crate::state::State;
 use crate::storage::Storage;
-use crate::writer::Appender;
 use crate::{Error, FileLoss, Result};
 
 /// One open file, without the handle of its writer's thread.

@@ -11,7 +11,7 @@ use std::time::Instant;
 use holo_section::{BeamKey, Sample};
 
 use crate::batch::Batch;
-use crate::blobs::Blobs;
+use crate::blob_list::Blobs;
 use crate::directory::{Block, Directory};
 use crate::format::{Class, Entry, Table};
 use crate::types::{Damage, DamageKind};

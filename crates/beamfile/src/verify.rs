@@ -1,52 +1,9 @@
 //! Comparing the whole file with its checksums.
 
-use std::io;
-
-use crate::directory::Block;
+use crate::checksums::{bad_chunks, block_damage};
 use crate::file::BeamFile;
-use crate::format::{BLOCK_HEADER_BYTES, BlockHeader, CHUNK_BYTES, FileHeader, decode_table};
-use crate::storage::Storage;
 use crate::types::{Damage, DamageKind};
 use crate::{Result, open};
-
-/// Chunks read at a time: about one mebibyte.
-const CHUNKS_TOGETHER: usize = 256;
-
-/// Returns the chunks of the block's payload that do not match their checksums.
-pub(crate) fn bad_chunks(storage: &dyn Storage, block: &Block) -> io::Result<Vec<u32>> {
-    let mut bad = Vec::new();
-    let mut buffer = Vec::new();
-    for (group, crcs) in block.crcs.chunks(CHUNKS_TOGETHER).enumerate() {
-        let first = (group * CHUNKS_TOGETHER) as u32;
-        let (begin, _) = block.chunk_range(first);
-        let (_, end) = block.chunk_range(first + crcs.len() as u32 - 1);
-        buffer.resize((end - begin) as usize, 0);
-        storage.read_exact_at(&mut buffer, begin)?;
-        let found = buffer.chunks(CHUNK_BYTES as usize).map(crc32fast::hash);
-        let compared = (first..).zip(crcs.iter().zip(found));
-        bad.extend(compared.filter(|(_, (want, have))| *want != have).map(|(chunk, _)| chunk));
-    }
-    Ok(bad)
-}
-
-/// Returns the damage that the block's header or table took since it was read.
-pub(crate) fn block_damage(
-    storage: &dyn Storage,
-    file: &FileHeader,
-    block: &Block,
-) -> io::Result<Option<Damage>> {
-    let bytes = block.header.block_bytes();
-    let mut head = [0; BLOCK_HEADER_BYTES];
-    storage.read_exact_at(&mut head, block.offset)?;
-    if BlockHeader::decode(&head, file.file_id) != Some(block.header) {
-        return Ok(Some(Damage { offset: block.offset, bytes, what: DamageKind::BlockHeader }));
-    }
-    let mut table = vec![0; block.header.table_bytes as usize];
-    storage.read_exact_at(&mut table, block.offset + BLOCK_HEADER_BYTES as u64)?;
-    let sound = decode_table(&block.header, &table, file).is_some();
-    let what = DamageKind::BlockTable(block.header.sequence);
-    Ok((!sound).then_some(Damage { offset: block.offset, bytes, what }))
-}
 
 impl BeamFile {
     /// Reads the whole file, compares it with its checksums, and returns every damaged part in file

@@ -1,19 +1,17 @@
-//! The writer: the end of the file, and the thread that brings samples there.
+//! The writer: the thread that brings samples to the end of the file.
 //!
-//! Invariants: a block's header is written after its body. Samples leave the memory only when the
-//! disk has them. After a failed write the file is cut off where the block began, and the same
+//! Invariant: samples leave the memory only when the disk has them. After a failed write the same
 //! samples are tried again.
 
 use std::sync::{Arc, MutexGuard};
 use std::time::{Duration, Instant};
 
 use crate::Result;
-use crate::batch::{Batch, Body};
+use crate::batch::Batch;
 use crate::directory::Block;
-use crate::format::{BLOCK_HEADER_BYTES, BlockHeader, CHUNK_BYTES, Entry, aligned};
+use crate::format::Entry;
 use crate::shared::Shared;
 use crate::state::State;
-use crate::storage::Storage;
 
 /// Longest wait of samples before they are written. The write itself then still fits in the
 /// promised second, even on a slow disk.
@@ -24,59 +22,6 @@ const RETRY_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Extents listed under one lock, which takes well below a millisecond.
 const EXTENTS_TOGETHER: usize = 1024;
-
-/// The end of the file.
-pub(crate) struct Appender {
-    /// Where the next block begins.
-    pub at: u64,
-    /// Sequence number of the last block.
-    pub sequence: u64,
-}
-
-impl Appender {
-    /// Appends one block. It is on the disk itself when this returns.
-    pub fn write(
-        &mut self,
-        storage: &dyn Storage,
-        file_id: u64,
-        body: &Body,
-    ) -> std::io::Result<Block> {
-        let header = BlockHeader {
-            file_id,
-            sequence: self.sequence + 1,
-            kind: body.kind,
-            entries: body.entries,
-            table_bytes: body.table.len() as u32,
-            table_crc: crc32fast::hash(&body.table),
-            payload_bytes: body.payload.len() as u32,
-        };
-        let mut rest = Vec::with_capacity(header.block_bytes() as usize - BLOCK_HEADER_BYTES);
-        rest.extend_from_slice(&body.table);
-        rest.resize(header.payload_offset() as usize - BLOCK_HEADER_BYTES, 0);
-        let crcs_at = body.table.len() - 4 * body.payload.len().div_ceil(CHUNK_BYTES as usize);
-        let crcs = body.table[crcs_at..]
-            .chunks_exact(4)
-            .map(|crc| u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]));
-        let block = Block { header, offset: self.at, crcs: crcs.collect(), blob: None };
-        rest.extend_from_slice(&body.payload);
-        rest.resize(header.block_bytes() as usize - BLOCK_HEADER_BYTES, 0);
-
-        let written = storage
-            .write_all_at(&rest, self.at + BLOCK_HEADER_BYTES as u64)
-            .and_then(|()| storage.write_all_at(&header.encode(), self.at))
-            .and_then(|()| storage.sync_data());
-        if let Err(error) = written {
-            // If this fails, too, the next attempt overwrites the bytes, or opening finds them
-            // incomplete.
-            let _ = storage.set_len(self.at);
-            return Err(error);
-        }
-        debug_assert_eq!(self.at, aligned(self.at));
-        self.at += header.block_bytes();
-        self.sequence += 1;
-        Ok(block)
-    }
-}
 
 /// Wakes those who wait for the writer when it ends, even by a panic.
 struct Gone<'a>(&'a Shared);

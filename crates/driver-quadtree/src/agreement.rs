@@ -10,9 +10,9 @@
 
 use crate::blend::own_surface;
 use crate::leaf::{KAPPA, KAPPA_LINEAR, Reader};
-use crate::paint::BAND;
 use crate::surface::Bins;
 use glam::Vec4;
+use std::ops::Range;
 
 /// Effective samples that a comparison needs.
 const FEWEST: f32 = 8.0;
@@ -29,14 +29,19 @@ const SMALLEST: usize = 2;
 /// the share.
 pub(crate) struct Agreement {
     across: usize,
+    /// The first row of smallest leaves.
+    first: usize,
     known: Vec<Option<(u16, f32)>>,
 }
 
 impl Agreement {
-    /// Returns an agreement that knows nothing, for a picture of so many columns.
-    pub fn new(width: usize) -> Self {
+    /// Returns an agreement that knows nothing, for these rows of a picture of `width`
+    /// columns.
+    pub fn new(width: usize, rows: Range<usize>) -> Self {
         let across = width.div_ceil(1 << SMALLEST);
-        Self { across, known: vec![None; across * (BAND >> SMALLEST)] }
+        let first = rows.start >> SMALLEST;
+        let down = rows.end.div_ceil(1 << SMALLEST) - first;
+        Self { across, first, known: vec![None; across * down] }
     }
 
     /// Returns how far all samples of a surface may be used at a pixel: 1 wholly, 0 not at all.
@@ -47,7 +52,7 @@ impl Agreement {
         (column, row): (usize, usize),
         bins: Bins,
     ) -> f32 {
-        let place = ((row % BAND) >> SMALLEST) * self.across + (column >> SMALLEST);
+        let place = ((row >> SMALLEST) - self.first) * self.across + (column >> SMALLEST);
         if let Some((bin, share)) = self.known[place]
             && bin.abs_diff(bins.first) <= 1
         {

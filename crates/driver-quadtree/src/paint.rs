@@ -12,9 +12,10 @@ use crate::pyramid::{Level, pyramid};
 use crate::surface::{Bins, Surface, gap_allowed, of_pixel};
 use holo_display::Frame;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Rows of pixels that are drawn one after the other.
-pub(crate) const BAND: usize = 16;
+const BAND: usize = 16;
 
 /// What a pixel shows.
 #[derive(Clone, Copy)]
@@ -80,12 +81,17 @@ pub(crate) struct Painter<'a> {
 }
 
 impl<'a> Painter<'a> {
-    fn new(tree: &'a Quadtree, unseen: &'a [bool], pyramids: &'a Pyramids) -> Self {
+    fn new(
+        tree: &'a Quadtree,
+        unseen: &'a [bool],
+        pyramids: &'a Pyramids,
+        rows: Range<usize>,
+    ) -> Self {
         let aligned = Reader::new(&pyramids.aligned, tree.params.leaf);
         let (all, aligned) = match &pyramids.all {
             None => (aligned, None),
             Some(all) => {
-                let agreement = Agreement::new(tree.size.0 as usize);
+                let agreement = Agreement::new(tree.size.0 as usize, rows);
                 (Reader::new(all, tree.params.leaf), Some((aligned, agreement)))
             }
         };
@@ -157,10 +163,11 @@ impl Quadtree {
         let colours = frame.picture.pixels.par_chunks_mut((BAND * width).max(1));
         let depths = frame.depth.par_chunks_mut((BAND * width).max(1));
         let draw_band = |(band, (colours, depths)): (usize, (&mut [[f32; 3]], &mut [f32]))| {
-            let mut painter = Painter::new(self, &unseen, &pyramids);
+            let rows = band * BAND..(band + 1) * BAND;
+            let mut painter = Painter::new(self, &unseen, &pyramids, rows.clone());
             let mut counts = Counts::default();
             for (at, (colour, depth)) in colours.iter_mut().zip(depths).enumerate() {
-                let (column, row) = (at % width, band * BAND + at / width);
+                let (column, row) = (at % width, rows.start + at / width);
                 let shown = painter.paint(column, row, &mut counts);
                 (*colour, *depth) = (shown.colour, shown.depth);
             }

@@ -15,7 +15,7 @@ use crate::predict::Occupancy;
 use crate::project::Buckets;
 use crate::sample::{Request, Sample};
 use crate::stage::{Stage, Stages};
-use crate::{Frame, cull, prefilter, zbuffer};
+use crate::{cull, prefilter, zbuffer};
 
 /// What a frame is made from.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +55,12 @@ pub struct PointImage {
     /// Whether the picture is not what the points would give.
     is_dirty: bool,
     pub(crate) requests: Vec<Request>,
+}
+
+/// A picture, and the rays that would improve the next one most.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    pub(crate) cache: &'a PointImage,
 }
 
 impl PointImage {

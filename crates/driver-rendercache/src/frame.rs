@@ -10,13 +10,8 @@ use holo_display::{WantedBeam, best_beam};
 use holo_picture::Picture;
 use holo_section::{BeamKey, RayCoords, Section};
 
-use crate::{PointImage, Tag, colour};
-
-/// A picture, and the rays that would improve the next one most.
-#[derive(Clone, Copy, Debug)]
-pub struct Frame<'a> {
-    pub(crate) cache: &'a PointImage,
-}
+use crate::cache::Frame;
+use crate::{Tag, colour};
 
 impl<'a> Frame<'a> {
     /// Returns the picture, with its view.

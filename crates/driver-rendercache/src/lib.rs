@@ -101,9 +101,8 @@ mod stage;
 mod take;
 mod zbuffer;
 
-pub use cache::{Moment, PointImage};
+pub use cache::{Frame, Moment, PointImage};
 pub use driver::RenderCacheDriver;
-pub use frame::Frame;
 pub use frameless_driver::FramelessDriver;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing};
 pub use sample::{Place, Sample, Tag};

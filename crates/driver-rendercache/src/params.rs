@@ -2,7 +2,6 @@
 
 use holo_picture::PictureError;
 
-use crate::settings::SETTINGS;
 use crate::stage::Stages;
 
 /// The reason why a [`PointImage`](crate::PointImage) cannot be made or changed.
@@ -53,7 +52,7 @@ pub enum Smoothing {
 }
 
 /// Settings of a [`PointImage`](crate::PointImage): every number of the two papers, theirs being
-/// the default. [`set`](Self::set) changes a number by its name in [`SETTINGS`].
+/// the default. [`set`](Self::set) changes a number by its name in [`SETTINGS`](crate::SETTINGS).
 ///
 /// Some of the papers' numbers are the method itself, and fixed:
 /// - Depths are compared with those of 3×3 pixels (1999, §3.1). Farther off there are other
@@ -153,25 +152,5 @@ impl Default for PointImageParams {
             check_every: 8,
             seed: 0,
         }
-    }
-}
-
-impl PointImageParams {
-    /// Changes a number by its name in [`SETTINGS`]; `-` stands for `_` too.
-    ///
-    /// # Errors
-    /// If no number has this name, or if it is outside its range.
-    pub fn set(&mut self, name: &str, value: f64) -> Result<(), PointImageError> {
-        let wanted = name.replace('-', "_");
-        let Some(setting) = SETTINGS.iter().find(|setting| setting.name == wanted) else {
-            let known: Vec<_> = SETTINGS.iter().map(|setting| setting.name).collect();
-            let known = known.join(", ");
-            return Err(PointImageError::Unknown { name: name.to_owned(), known });
-        };
-        setting.put(self, value)
-    }
-
-    pub(crate) fn check(&self) -> Result<(), PointImageError> {
-        SETTINGS.iter().try_for_each(|setting| setting.check(setting.value(self)))
     }
 }

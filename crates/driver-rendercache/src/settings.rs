@@ -1,4 +1,4 @@
-//! The numbers that can be chosen, by name, with what each may be.
+//! The numbers that can be chosen: set by name, with what each may be.
 //!
 //! Invariant: a cache can be made of any [`PointImageParams`] whose numbers pass these checks.
 
@@ -42,6 +42,26 @@ impl Setting {
         } else {
             Err(PointImageError::Parameter { name, value, wanted })
         }
+    }
+}
+
+impl PointImageParams {
+    /// Changes a number by its name in [`SETTINGS`]; `-` stands for `_` too.
+    ///
+    /// # Errors
+    /// If no number has this name, or if it is outside its range.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), PointImageError> {
+        let wanted = name.replace('-', "_");
+        let Some(setting) = SETTINGS.iter().find(|setting| setting.name == wanted) else {
+            let known: Vec<_> = SETTINGS.iter().map(|setting| setting.name).collect();
+            let known = known.join(", ");
+            return Err(PointImageError::Unknown { name: name.to_owned(), known });
+        };
+        setting.put(self, value)
+    }
+
+    pub(crate) fn check(&self) -> Result<(), PointImageError> {
+        SETTINGS.iter().try_for_each(|setting| setting.check(setting.value(self)))
     }
 }
 

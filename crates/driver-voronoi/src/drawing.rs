@@ -7,10 +7,9 @@ use super::Voronoi;
 use super::edges::{Behind, EdgePoints, Shows, alike, open, polished};
 use super::follow::number_of;
 use super::indirect::Indirect;
-use super::lit::{Lit, plain};
+use super::lit::{BLOCK, Lit, plain};
 use super::reconstruct;
 use super::surfaces::{Caster, NO_IMAGE, Seen};
-use super::upscale::{FinePoints, Scale};
 use holo_display::for_bands;
 use holo_raycast::{Hit, Ray};
 use rustc_hash::FxHashMap;
@@ -25,9 +24,6 @@ const POLISHED: usize = 2;
 
 /// Samples along the eye's ray that what a metal reflects by geometry counts for.
 const REFLECTION_COUNTS: f32 = 4.0;
-
-/// Pixels a side of blocks in which a surface without samples near has one light.
-pub(crate) const BLOCK: usize = 8;
 
 /// Pixels to the right and down at which a surface is looked for that something before it may hide, nearest first.
 const AROUND: [(f32, f32); 57] = [
@@ -166,19 +162,6 @@ impl<'a> Drawing<'a> {
         }
     }
 
-    /// A picture of more pixels than were cast, from these colours of those.
-    pub fn upscale(&self, scale: &Scale, coarse: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let mut fine = vec![[0.0; 3]; scale.fine.0 * scale.fine.1];
-        scale.interpolate(coarse, &mut fine);
-        let points = self
-            .voronoi
-            .once
-            .fine_points
-            .get_or_init(|| FinePoints::cast(self, scale, &self.caster, &self.edges()));
-        points.paint(self, scale, coarse, &mut fine);
-        fine
-    }
-
     /// A pixel in or beside this one that sees nothing of the scene, but perhaps what is beyond a portal.
     pub fn open(&self, pixel: usize) -> Option<usize> {
         self.layers.first().and_then(|main| open(&main.layer.surfaces, pixel))
@@ -189,7 +172,7 @@ impl<'a> Drawing<'a> {
     }
 
     /// Pixels that have something else beside them.
-    fn edges(&self) -> Vec<bool> {
+    pub fn edges(&self) -> Vec<bool> {
         let edges = |number: usize| self.layers.get(number).map(|lit| &lit.layer.surfaces.edges);
         let mut all = edges(0).cloned().unwrap_or_default();
         if let Some(panes) = edges(IN_PANES) {

@@ -50,7 +50,7 @@ use shade::Shadings;
 pub use stand_ins::{StandIn, StandIns};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use surfaces::{Caster, Seen, Surfaces};
-use upscale::{FinePoints, Scale};
+use upscale::{FinePoints, Scale, upscale};
 
 /// Rows of which depths are found together.
 const DEPTH_ROWS: usize = 32;
@@ -356,7 +356,8 @@ impl Voronoi {
             frame.empty_pixels = of_all(frame.empty_pixels);
             frame.guessed_pixels = of_all(frame.guessed_pixels);
             frame.depth = scale.spread(&frame.depth);
-            let pixels = drawing.upscale(scale, &frame.picture.pixels);
+            let points = &self.once.fine_points;
+            let pixels = upscale(&drawing, points, scale, &frame.picture.pixels);
             frame.picture = Picture { pixels, ..Picture::new(width as u32, height as u32) };
             frame.picture.view = Some(self.view);
         }

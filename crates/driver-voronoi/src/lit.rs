@@ -3,7 +3,6 @@
 //! Invariant: light is kept from the last picture only as far as no new samples have a part in it.
 
 use super::blocks::{self, Mask};
-use super::drawing::BLOCK;
 use super::guess::{Guesses, Mean};
 use super::indirect::Indirect;
 use super::light::Light;
@@ -22,6 +21,9 @@ const PLAIN_SKY: u32 = u32::MAX;
 
 /// A material's number where a mirror or pane is looked through.
 const NOT_PLAIN: u32 = u32::MAX - 1;
+
+/// Pixels a side of blocks in which a surface without samples near has one light.
+pub(crate) const BLOCK: usize = 8;
 
 /// A layer whose light is known.
 pub(crate) struct Lit<'a> {

@@ -15,6 +15,7 @@ use super::surfaces::Caster;
 use holo_display::for_bands;
 use holo_raycast::{Hit, MAX_TILE, Ray};
 use std::ops::Range;
+use std::sync::OnceLock;
 
 /// Coarse pixels a side of a tile whose edges' rays are cast together: each has at most 2 × 2 of the picture's.
 const SIDE: usize = 4;
@@ -223,6 +224,22 @@ impl FinePoints {
                 .for_each(|(point, colour)| fine[point.pixel as usize] = colour);
         }
     }
+}
+
+/// Returns a picture of more pixels than were cast, from these colours of those. `points` gets the
+/// view's edges the first time.
+pub(crate) fn upscale(
+    drawing: &Drawing,
+    points: &OnceLock<FinePoints>,
+    scale: &Scale,
+    coarse: &[[f32; 3]],
+) -> Vec<[f32; 3]> {
+    let mut fine = vec![[0.0; 3]; scale.fine.0 * scale.fine.1];
+    scale.interpolate(coarse, &mut fine);
+    let points =
+        points.get_or_init(|| FinePoints::cast(drawing, scale, drawing.caster(), &drawing.edges()));
+    points.paint(drawing, scale, coarse, &mut fine);
+    fine
 }
 
 /// Adds the points of the edges among some coarse columns and rows.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use clap::ValueEnum;
 use holo_proto::control::Engine;
 use serde::Deserialize;
 
@@ -35,7 +36,7 @@ pub struct Config {
     /// Views by name. A display begins with the first.
     pub view: Vec<View>,
     /// `auto`, `on` or `off`.
-    pub obstructions: Option<crate::scene_args::Obstructions>,
+    pub obstructions: Option<Obstructions>,
     /// Whether distances are those of what flat mirrors and glass show.
     pub virtual_distance: Option<bool>,
     /// The engine that traces.
@@ -78,6 +79,19 @@ pub struct Section {
     pub geometry: Option<PathBuf>,
     /// Invisible surfaces beyond which all samples are shown, relative to this file.
     pub portals: Option<PathBuf>,
+}
+
+/// Whether what stands inside a section is seen: whether rays begin at the entry wall.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Obstructions {
+    /// On for sections that have geometry inside
+    #[default]
+    Auto,
+    /// Rays begin at the entry wall
+    On,
+    /// Rays of interior sections begin at the exit wall
+    Off,
 }
 
 /// One view.

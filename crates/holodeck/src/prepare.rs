@@ -16,10 +16,10 @@ use holo_section::{Section, SectionSpec, ViewClass};
 use holo_server::{About, Holodeck};
 
 use crate::{
-    config::{self, Config},
+    config::{self, Config, Obstructions},
     differences,
     loading::{load, load_file},
-    scene_args::{Obstructions, check_units, scene_path, settings},
+    scene_args::{check_units, scene_path, settings},
 };
 
 /// Memory for beams while a file is only made or looked into.

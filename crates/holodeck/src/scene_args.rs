@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use holo_proto::control::{Engine, RenderSettings};
-use serde::Deserialize;
 
-use crate::config::{self, Config};
+use crate::config::{self, Config, Obstructions};
 
 /// The error of somebody who called the program wrongly: exit status 2.
 #[derive(Debug)]
@@ -20,19 +19,6 @@ impl std::fmt::Display for Usage {
 }
 
 impl std::error::Error for Usage {}
-
-/// Whether what stands inside a section is seen: whether rays begin at the entry wall.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Obstructions {
-    /// On for sections that have geometry inside
-    #[default]
-    Auto,
-    /// Rays begin at the entry wall
-    On,
-    /// Rays of interior sections begin at the exit wall
-    Off,
-}
 
 /// What is traced.
 #[derive(Args, Clone, Debug, Default)]

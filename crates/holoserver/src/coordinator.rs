@@ -12,12 +12,12 @@
 //! - No better sample replaces one in a beam that a display looks at.
 
 mod dealing;
+mod display;
 mod fill;
 mod live;
 mod peers;
 mod results;
 mod saver;
-mod schedule;
 mod sharing;
 mod views;
 
@@ -31,28 +31,24 @@ use std::{
 };
 
 use anyhow::{Result, bail};
-use holo_net::{Message, Outbox};
+use holo_net::Message;
 use holo_progress::said_once;
-use holo_proto::{
-    control::{Control, Status},
-    hello::Role,
-};
-
-pub use schedule::{Goal, Schedule};
+use holo_proto::control::{Control, Status};
 
 use crate::{
     allotment::Allotment,
     batch::BatchOrder,
     damage::DamageReport,
+    events::{ConnectionId, Event},
     holodeck::Holodeck,
-    listen::ConnectionId,
     progress::{Progress, Totals},
     recall::{send_scene, send_stand_ins},
+    schedule::{Goal, Schedule},
     workers::{Assignment, Worker},
 };
+use display::Display;
 use fill::Fill;
 use saver::Saver;
-use views::Display;
 
 /// How often displays get a status.
 const STATUS_EVERY: Duration = Duration::from_millis(500);
@@ -66,25 +62,6 @@ const EVENTS_PER_TURN: usize = 256;
 /// Bytes of samples that may wait for a failing disk. Above, nothing more is traced. What is under
 /// way then still fits in the memory that the beam file allows itself.
 const STALLED_BYTES: u64 = 64 << 20;
-
-/// Something that has happened.
-#[derive(Debug)]
-pub enum Event {
-    /// The server has taken somebody.
-    Joined { id: ConnectionId, role: Role, name: String, outbox: Outbox },
-    /// It has sent a message.
-    Message { id: ConnectionId, message: Message },
-    /// It is gone; with a reason unless it closed its connection.
-    Left { id: ConnectionId, reason: Option<String> },
-    /// It broke the protocol.
-    Broke { id: ConnectionId, reason: String },
-    /// All stored samples of a view are sent.
-    Recalled { id: ConnectionId, view: u32, result: Result<(), String> },
-    /// For a display that settles: everything that was stored before is on disk.
-    Flushed { id: ConnectionId, view: u32 },
-    /// The server must end.
-    Shutdown,
-}
 
 /// How the server fills the file when no display wants anything.
 #[derive(Clone, Copy, Debug)]

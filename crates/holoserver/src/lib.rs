@@ -10,6 +10,7 @@ mod batch;
 mod better;
 mod coordinator;
 mod damage;
+mod events;
 mod file_size;
 mod holodeck;
 mod light;
@@ -17,6 +18,7 @@ mod listen;
 mod live;
 mod progress;
 mod recall;
+mod schedule;
 mod unseen;
 mod wishes;
 mod workers;
@@ -25,7 +27,6 @@ use std::{net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result};
 use clap::Args;
-pub use coordinator::Goal;
 pub use file_size::outlive_file_size_limit;
 use holo_net::Shutdown;
 pub use holodeck::{About, Holodeck};
@@ -33,8 +34,11 @@ pub use light::LightRecords;
 use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 
-use coordinator::{Coordinator, Event, FillOptions};
+use coordinator::{Coordinator, FillOptions};
+use events::Event;
 use progress::Progress;
+pub use progress::superseded_bytes;
+pub use schedule::Goal;
 pub use unseen::UnseenBeams;
 
 /// Options of `holoserver`.
@@ -154,11 +158,6 @@ pub struct Summary {
     pub bytes_per_hour: f64,
     /// Seconds since tracing began; 0 if no worker was ever ready.
     pub seconds: f64,
-}
-
-/// Returns the bytes of a file's samples that better ones have replaced.
-pub fn superseded_bytes(stats: &holo_beamfile::Stats) -> u64 {
-    stats.superseded * size_of::<holo_section::Sample>() as u64
 }
 
 /// Serves a holodeck until its goal is reached or `shutdown` is triggered. It calls `ready` with

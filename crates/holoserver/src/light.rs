@@ -11,7 +11,7 @@ use holo_light::{MAX_RECORDS, Record};
 use holo_proto::bulk::Light;
 use rustc_hash::FxHashSet;
 
-use crate::listen::ConnectionId;
+use crate::events::ConnectionId;
 
 /// The blobs of records are named so, followed by a number. New records go into a new blob, so that
 /// none is written twice. Blobs `light/0/0/` to `light-3/0/0/` are of earlier versions, whose

@@ -2,7 +2,7 @@
 
 use std::sync::{
     Arc,
-    atomic::{AtomicU64, AtomicUsize, Ordering},
+    atomic::{AtomicUsize, Ordering},
     mpsc::Sender,
 };
 
@@ -10,17 +10,14 @@ use holo_net::NetError;
 use holo_proto::hello::Role;
 use tokio::net::{TcpListener, TcpStream};
 
-use crate::{coordinator::Event, holodeck::Holodeck};
+use crate::{
+    events::{ConnectionId, Event},
+    holodeck::Holodeck,
+};
 
 /// Connections at a time: a render farm's workers and a few displays. Each costs at most the memory
 /// of one bulk message.
 const MAX_CONNECTIONS: usize = 256;
-
-/// The number of a connection. None is used twice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct ConnectionId(u64);
-
-static NEXT: AtomicU64 = AtomicU64::new(1);
 
 /// Takes connections until the task is dropped.
 pub async fn listen(listener: TcpListener, holodeck: Arc<Holodeck>, events: Sender<Event>) {
@@ -50,7 +47,7 @@ async fn serve(stream: TcpStream, holodeck: &Holodeck, events: &Sender<Event>, o
     if holo_net::welcome(&outbox, holodeck.welcome()).is_err() {
         return;
     }
-    let id = ConnectionId(NEXT.fetch_add(1, Ordering::Relaxed));
+    let id = ConnectionId::next();
     let joined = Event::Joined { id, role: hello.role, name: hello.name, outbox };
     if events.send(joined).is_err() {
         return;

@@ -11,7 +11,7 @@ use holo_proto::{
     bulk::{LiveRay, MAX_LIVE_RAYS_HELD},
 };
 
-use crate::listen::ConnectionId;
+use crate::events::ConnectionId;
 
 /// Least share of a display's work for its live rays, and for its beams. A few pixels at the edge
 /// of a view must not wait for ever.

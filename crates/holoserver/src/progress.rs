@@ -9,7 +9,7 @@ use holo_beamfile::Stats;
 use holo_progress::{HumanBytes, Meter};
 use holo_proto::control::Status;
 
-use crate::{coordinator::Schedule, superseded_bytes};
+use crate::schedule::Schedule;
 
 /// The time over which rates are measured: shorter ones jump, longer ones lag.
 const WINDOW: Duration = Duration::from_secs(3);
@@ -125,6 +125,11 @@ impl Progress {
     pub fn finish(&self) {
         self.meter.finish();
     }
+}
+
+/// Returns the bytes of a file's samples that better ones have replaced.
+pub fn superseded_bytes(stats: &Stats) -> u64 {
+    stats.superseded * size_of::<holo_section::Sample>() as u64
 }
 
 /// Returns a file's length, its growth, and its superseded bytes, for people.

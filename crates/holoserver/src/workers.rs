@@ -7,7 +7,7 @@ use holo_proto::bulk::{LivePacket, LiveWork, Packet, Traced, Work};
 use holo_section::{BeamKey, Run, SampleKind, Viewpoint};
 use thiserror::Error;
 
-use crate::{listen::ConnectionId, live::LiveAssignment};
+use crate::{events::ConnectionId, live::LiveAssignment};
 
 /// Work that a worker gets ahead. It is long enough that the worker never waits for the server, and
 /// short enough that a new view is traced at once (the paper allowed five seconds, §2.2).

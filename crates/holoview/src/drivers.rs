@@ -8,13 +8,12 @@ use holo_display::Driver;
 use holo_driver_quadtree::{Filling, QuadtreeDriver};
 use holo_driver_rendercache::{FramelessDriver, RenderCacheDriver};
 use holo_driver_surfaces::SurfacesDriver;
-use holo_driver_voronoi::VoronoiDriver;
+use holo_driver_voronoi::{StandIns, VoronoiDriver};
+use holo_light::Store;
+use holo_raycast::Raycaster;
 use holo_section::Section;
 
-use crate::{
-    args::{CellsArg, DriverArg, DriverArgs, PointArgs},
-    session::LoadedScene,
-};
+use crate::args::{CellsArg, DriverArg, DriverArgs, PointArgs};
 
 /// Parts of drivers that a script may switch, by name.
 pub const SWITCHES: &[&str] = &holo_driver_rendercache::Stages::NAMES;
@@ -40,6 +39,16 @@ pub enum SceneUse {
     IfThere,
     /// It cannot draw without.
     Required,
+}
+
+/// A scene ready to be drawn from.
+pub struct LoadedScene {
+    /// Casts rays against the scene.
+    pub raycaster: Arc<Raycaster>,
+    /// What is cast instead for views of some sections.
+    pub stand_ins: StandIns,
+    /// Indirect light on the scene's surfaces; grows while the session lasts.
+    pub records: Arc<Store>,
 }
 
 impl DriverChoice {

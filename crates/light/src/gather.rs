@@ -8,7 +8,7 @@ use std::f32::consts::{PI, TAU};
 
 use glam::Vec3;
 
-use crate::record::Record;
+use crate::record::{Record, luminance};
 
 /// The result of one ray over the hemisphere.
 #[derive(Clone, Copy, Debug, Default)]
@@ -217,9 +217,4 @@ impl Hemisphere {
 fn mean_tangent(low: f32, high: f32) -> f32 {
     let integral = |sine2: f32| sine2.sqrt().asin() - (sine2 * (1.0 - sine2)).max(0.0).sqrt();
     (integral(high.min(1.0)) - integral(low)) / (high - low)
-}
-
-/// Returns the luminance, with Radiance's weights of the channels.
-pub(crate) fn luminance(c: Vec3) -> f32 {
-    c.dot(Vec3::new(0.265, 0.670, 0.065))
 }

@@ -3,8 +3,6 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use crate::gather::luminance;
-
 /// Standard errors of both records above which their difference is a contradiction. With 2, records
 /// that are too bright by chance lose so much of the surface that a bedroom is 0.3 % too dark. With
 /// 3 there is no such bias.
@@ -100,4 +98,10 @@ impl Record {
             1.0
         }
     }
+}
+
+/// Returns the luminance, with Radiance's weights of the channels.
+#[inline]
+pub(crate) fn luminance(c: Vec3) -> f32 {
+    c.dot(Vec3::new(0.265, 0.670, 0.065))
 }

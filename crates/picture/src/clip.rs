@@ -11,7 +11,6 @@
 
 use crate::kind::ViewKind;
 use crate::view::View;
-use crate::view_error::ViewError;
 use glam::DVec3;
 
 /// The position of a point relative to a view's clipping surfaces.
@@ -102,21 +101,4 @@ impl View {
         let fore = if self.kind.has_eye() { self.vo } else { 0.0 };
         [fore, if self.va == 0.0 { f64::INFINITY } else { self.va - self.vo + fore }]
     }
-}
-
-/// Checks the clipping distances of a view.
-pub(crate) fn check(kind: ViewKind, vo: f64, va: f64) -> Result<(), ViewError> {
-    for (option, value) in [("-vo", vo), ("-va", va)] {
-        if !value.is_finite() {
-            return Err(ViewError::NotFinite { option });
-        }
-    }
-    if vo < 0.0 && kind.has_eye() {
-        return Err(ViewError::ForeBehindEye { vo });
-    }
-    // As in Radiance's `setview`, 0 means none.
-    if va < 0.0 || (va > 0.0 && va <= vo) {
-        return Err(ViewError::AftBeforeFore { vo, va });
-    }
-    Ok(())
 }

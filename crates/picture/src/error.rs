@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::picture::{MAX_PIXELS, MAX_SIDE};
+use crate::size::{MAX_PIXELS, MAX_SIDE};
 
 /// The reason why a picture could not be read, written or made.
 #[derive(Debug, thiserror::Error)]

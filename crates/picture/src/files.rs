@@ -10,7 +10,8 @@ mod pfm;
 
 use crate::error::PictureError;
 use crate::look::{Image, Look};
-use crate::picture::{MAX_PIXELS, Picture};
+use crate::picture::Picture;
+use crate::size::MAX_PIXELS;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{Read, Write};
@@ -58,7 +59,53 @@ impl Format {
     }
 }
 
-pub(crate) fn read(path: &Path) -> Result<Picture, PictureError> {
+impl Picture {
+    /// Reads a picture. The first bytes decide about the format; the extension decides only if they
+    /// do not.
+    ///
+    /// - `.hdr`, `.pic`: Radiance RGBE, flat or with either run-length encoding. `EXPOSURE=` and
+    ///   `COLORCORR=` are divided out, `VIEW=` is kept.
+    /// - `.pfm`: colour or grey, either byte order, multiplied by the magnitude of its scale.
+    /// - `.exr`: R, G and B of the first layer that has them.
+    ///
+    /// # Errors
+    /// The file cannot be read, is of another format, is damaged, or has more than [`MAX_PIXELS`]
+    /// pixels. The error names the file.
+    pub fn read(path: impl AsRef<Path>) -> Result<Picture, PictureError> {
+        read(path.as_ref())
+    }
+
+    /// Decodes a picture from the bytes of a file. `.png` is not supported.
+    ///
+    /// # Errors
+    /// As [`Picture::read`].
+    pub fn decode(bytes: &[u8], format: Format) -> Result<Picture, PictureError> {
+        decode(bytes, format)
+    }
+
+    /// Writes `.hdr` (or `.pic`), `.pfm`, `.exr` (32-bit floats) or `.png`, depending on the
+    /// extension. A `.png` has the default [`Look`](crate::Look); [`Image::write`] writes others.
+    ///
+    /// The file appears whole or not at all: it is written under another name, flushed, and
+    /// renamed.
+    ///
+    /// # Errors
+    /// An unknown extension, a picture whose fields disagree, or a failure of the disk. The error
+    /// names the file.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PictureError> {
+        write(self, path.as_ref())
+    }
+
+    /// Encodes the picture as the bytes of a file.
+    ///
+    /// # Errors
+    /// A picture whose fields disagree.
+    pub fn encode(&self, format: Format) -> Result<Vec<u8>, PictureError> {
+        encode(self, format)
+    }
+}
+
+fn read(path: &Path) -> Result<Picture, PictureError> {
     let result = read_bytes(path).and_then(|bytes| {
         // Pictures older than 1991 lack `#?`. For them alone, Radiance's extension decides.
         let by_name = Format::of_path(path).filter(|format| *format == Format::Hdr);
@@ -67,7 +114,7 @@ pub(crate) fn read(path: &Path) -> Result<Picture, PictureError> {
     result.map_err(|error| named(path, error))
 }
 
-pub(crate) fn decode(bytes: &[u8], format: Format) -> Result<Picture, PictureError> {
+fn decode(bytes: &[u8], format: Format) -> Result<Picture, PictureError> {
     match format {
         Format::Hdr => hdr::decode(bytes),
         Format::Pfm => pfm::decode(bytes),
@@ -76,7 +123,7 @@ pub(crate) fn decode(bytes: &[u8], format: Format) -> Result<Picture, PictureErr
     }
 }
 
-pub(crate) fn write(picture: &Picture, path: &Path) -> Result<(), PictureError> {
+fn write(picture: &Picture, path: &Path) -> Result<(), PictureError> {
     let written = Format::of_path(path)
         .ok_or_else(|| {
             PictureError::UnknownExtension(
@@ -88,7 +135,7 @@ pub(crate) fn write(picture: &Picture, path: &Path) -> Result<(), PictureError> 
     written.map_err(|error| named(path, error))
 }
 
-pub(crate) fn encode(picture: &Picture, format: Format) -> Result<Vec<u8>, PictureError> {
+fn encode(picture: &Picture, format: Format) -> Result<Vec<u8>, PictureError> {
     picture.check()?;
     match format {
         Format::Hdr => Ok(hdr::encode(picture)),
@@ -98,9 +145,16 @@ pub(crate) fn encode(picture: &Picture, format: Format) -> Result<Vec<u8>, Pictu
     }
 }
 
-pub(crate) fn write_image(image: &Image, path: &Path) -> Result<(), PictureError> {
-    let written = image.png().and_then(|bytes| write_whole(path, &bytes));
-    written.map_err(|error| named(path, error))
+impl Image {
+    /// Writes the image as a `.png`, without its legend. The file appears whole or not at all.
+    ///
+    /// # Errors
+    /// As [`Image::png`], or a failure of the disk. The error names the file.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PictureError> {
+        let path = path.as_ref();
+        let written = self.png().and_then(|bytes| write_whole(path, &bytes));
+        written.map_err(|error| named(path, error))
+    }
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>, PictureError> {

@@ -92,16 +92,6 @@ impl ViewKind {
         self != ViewKind::Parallel
     }
 
-    /// Returns `-vh` for views that state no size. `None` for lengths, which have no default.
-    pub(crate) fn default_vh(self) -> Option<f64> {
-        match self {
-            ViewKind::Perspective => Some(crate::view::DEFAULT_VH),
-            ViewKind::Parallel => None,
-            ViewKind::Cylindrical => Some(360.0),
-            ViewKind::Angular | ViewKind::Hemispherical => Some(180.0),
-        }
-    }
-
     /// Returns the size of a side on the plane, from its option.
     pub(crate) fn extent(
         self,

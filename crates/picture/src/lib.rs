@@ -17,6 +17,7 @@ mod files;
 mod kind;
 mod look;
 mod picture;
+mod size;
 mod view;
 mod view_error;
 mod view_spec;
@@ -33,7 +34,8 @@ pub use look::{
     Adaptation, Exposure, Image, Legend, Look, Scale, ScaleError, Scaling, Tick, Tone,
     auto_exposure,
 };
-pub use picture::{MAX_PIXELS, MAX_SIDE, Picture, luminance};
+pub use picture::{Picture, luminance};
+pub use size::{MAX_PIXELS, MAX_SIDE};
 pub use view::{DEFAULT_VH, View, ViewParams};
 pub use view_error::ViewError;
 pub use view_spec::ViewSpec;

@@ -4,15 +4,8 @@
 //! the exposure of a file was.
 
 use crate::error::PictureError;
-use crate::files::{self, Format};
-use crate::view::{View, check_size};
-use std::path::Path;
-
-/// Most pixels of a picture: 2²⁶ take 805 MB, far more than any display needs.
-pub const MAX_PIXELS: u64 = 1 << 26;
-
-/// Most pixels on one side of a picture. Bounds the memory for one scanline.
-pub const MAX_SIDE: u32 = 65_535;
+use crate::size::is_size;
+use crate::view::View;
 
 /// Returns the luminance in cd/m² of a radiance in W·sr⁻¹·m⁻² per RGB channel: 179·(0.265R + 0.670G
 /// + 0.065B), as in Radiance.
@@ -59,14 +52,17 @@ impl Picture {
         Ok(picture)
     }
 
-    /// Checks the size of a picture: each side from 1 to [`MAX_SIDE`], and at most [`MAX_PIXELS`]
-    /// in all.
+    /// Checks the size of a picture: each side from 1 to [`MAX_SIDE`](crate::MAX_SIDE), and at
+    /// most [`MAX_PIXELS`](crate::MAX_PIXELS) in all.
     ///
     /// # Errors
     /// [`PictureError::Size`].
     pub fn check_size(width: u32, height: u32) -> Result<(), PictureError> {
-        check_size((width, height))
-            .map_err(|_| PictureError::Size { width: width.into(), height: height.into() })
+        if is_size((width, height)) {
+            Ok(())
+        } else {
+            Err(PictureError::Size { width: width.into(), height: height.into() })
+        }
     }
 
     /// Returns (width, height).
@@ -80,51 +76,6 @@ impl Picture {
             return None;
         }
         self.pixels.get(row as usize * self.width as usize + column as usize).copied()
-    }
-
-    /// Reads a picture. The first bytes decide about the format; the extension decides only if they
-    /// do not.
-    ///
-    /// - `.hdr`, `.pic`: Radiance RGBE, flat or with either run-length encoding. `EXPOSURE=` and
-    ///   `COLORCORR=` are divided out, `VIEW=` is kept.
-    /// - `.pfm`: colour or grey, either byte order, multiplied by the magnitude of its scale.
-    /// - `.exr`: R, G and B of the first layer that has them.
-    ///
-    /// # Errors
-    /// The file cannot be read, is of another format, is damaged, or has more than [`MAX_PIXELS`]
-    /// pixels. The error names the file.
-    pub fn read(path: impl AsRef<Path>) -> Result<Picture, PictureError> {
-        files::read(path.as_ref())
-    }
-
-    /// Decodes a picture from the bytes of a file. `.png` is not supported.
-    ///
-    /// # Errors
-    /// As [`Picture::read`].
-    pub fn decode(bytes: &[u8], format: Format) -> Result<Picture, PictureError> {
-        files::decode(bytes, format)
-    }
-
-    /// Writes `.hdr` (or `.pic`), `.pfm`, `.exr` (32-bit floats) or `.png`, depending on the
-    /// extension. A `.png` has the default [`Look`](crate::Look); [`Image::write`](crate::Image::write)
-    /// writes others.
-    ///
-    /// The file appears whole or not at all: it is written under another name, flushed, and
-    /// renamed.
-    ///
-    /// # Errors
-    /// An unknown extension, a picture whose fields disagree, or a failure of the disk. The error
-    /// names the file.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PictureError> {
-        files::write(self, path.as_ref())
-    }
-
-    /// Encodes the picture as the bytes of a file.
-    ///
-    /// # Errors
-    /// A picture whose fields disagree.
-    pub fn encode(&self, format: Format) -> Result<Vec<u8>, PictureError> {
-        files::encode(self, format)
     }
 
     /// Checks that size, pixels and exposure agree, because the fields are public.

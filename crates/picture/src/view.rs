@@ -4,9 +4,8 @@
 //! Always true: a [`View`] is finite and not degenerate. Its axes are orthonormal, and both sides
 //! of its picture are valid for its type. Its parameters can be read like fields but never changed.
 
-use crate::clip;
 use crate::kind::{ACROSS, ALONG, ViewKind};
-use crate::picture::{MAX_PIXELS, MAX_SIDE};
+use crate::size::is_size;
 use crate::view_error::ViewError;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -165,7 +164,10 @@ impl View {
         frame: &Frame,
         size: (u32, u32),
     ) -> Result<View, ViewError> {
-        check_size(size)?;
+        if !is_size(size) {
+            let (width, height) = size;
+            return Err(ViewError::Size { width, height });
+        }
         let Frame { kind, vh, vv, vs, vl, vo, va } = *frame;
         let aspect = f64::from(size.1) / f64::from(size.0);
         let from_width = |vh: f64| Ok((vh, other_size(kind, (ACROSS, vh), ALONG, aspect)?));
@@ -174,7 +176,7 @@ impl View {
             (Some(vh), None) => from_width(vh)?,
             (None, Some(vv)) => (other_size(kind, (ALONG, vv), ACROSS, 1.0 / aspect)?, vv),
             (None, None) => from_width(
-                kind.default_vh()
+                default_vh(kind)
                     .ok_or(ViewError::Missing("-vh: how wide it is, in scene units"))?,
             )?,
         };
@@ -381,7 +383,7 @@ impl View {
                 return Err(ViewError::NotFinite { option });
             }
         }
-        clip::check(kind, vo, va)?;
+        check_clipping(kind, vo, va)?;
         let vd = unit("-vd", vd)?;
         let vu = unit("-vu", vu)?;
         let extent = [kind.extent(ACROSS, vh)?, kind.extent(ALONG, vv)?];
@@ -395,15 +397,31 @@ impl View {
     }
 }
 
-/// Checks the size of a picture.
-pub(crate) fn check_size(size: (u32, u32)) -> Result<(), ViewError> {
-    let (width, height) = size;
-    let sides = (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height);
-    if sides && u64::from(width) * u64::from(height) <= MAX_PIXELS {
-        Ok(())
-    } else {
-        Err(ViewError::Size { width, height })
+/// Returns `-vh` for views that state no size. `None` for lengths, which have no default.
+fn default_vh(kind: ViewKind) -> Option<f64> {
+    match kind {
+        ViewKind::Perspective => Some(DEFAULT_VH),
+        ViewKind::Parallel => None,
+        ViewKind::Cylindrical => Some(360.0),
+        ViewKind::Angular | ViewKind::Hemispherical => Some(180.0),
     }
+}
+
+/// Checks the clipping distances of a view.
+fn check_clipping(kind: ViewKind, vo: f64, va: f64) -> Result<(), ViewError> {
+    for (option, value) in [("-vo", vo), ("-va", va)] {
+        if !value.is_finite() {
+            return Err(ViewError::NotFinite { option });
+        }
+    }
+    if vo < 0.0 && kind.has_eye() {
+        return Err(ViewError::ForeBehindEye { vo });
+    }
+    // As in Radiance's `setview`, 0 means none.
+    if va < 0.0 || (va > 0.0 && va <= vo) {
+        return Err(ViewError::AftBeforeFore { vo, va });
+    }
+    Ok(())
 }
 
 fn unit(option: &'static str, v: DVec3) -> Result<DVec3, ViewError> {

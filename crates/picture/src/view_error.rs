@@ -1,6 +1,6 @@
 //! Errors of views, in words for the person who stated the view.
 
-use crate::picture::{MAX_PIXELS, MAX_SIDE};
+use crate::size::{MAX_PIXELS, MAX_SIDE};
 
 /// The reason why a view cannot be used or understood.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

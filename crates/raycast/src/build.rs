@@ -14,8 +14,8 @@ use obvhs::splits::split_aabbs_preset;
 use obvhs::triangle::Triangle;
 
 use crate::dispatch::LARGE_STACK;
+use crate::facet::Facet;
 use crate::node::{Block, Hierarchy, LANES, LEAF, Node, SmallScene, WIDTH};
-use crate::raycaster::Facet;
 
 /// Padding of boxes, as a share of the greatest coordinate.
 ///

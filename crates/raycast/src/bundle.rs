@@ -4,8 +4,9 @@
 //! excludes no box or triangle that a ray may meet.
 
 use crate::node::{Block, LANES, Node, ROW, WIDTH};
+use crate::prepared::{LENGTH_SQUARED, Prepared};
 use crate::simd::Near;
-use crate::triangle::{Directions, LENGTH_SQUARED, Prepared};
+use crate::triangle::Directions;
 use crate::{MAX_TILE, Ray};
 
 /// Margin of the pyramid, as a share of the scene's size and of distances: about fifty roundings.

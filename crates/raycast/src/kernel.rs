@@ -5,8 +5,9 @@
 //! for the rounding of the triangle test.
 
 use crate::node::{FEW, Hierarchy, LEAF, ROW, SmallScene, WIDTH};
+use crate::prepared::Prepared;
 use crate::simd::{STRETCH, Simd, unpack};
-use crate::triangle::{Prepared, consider, intersect};
+use crate::triangle::{consider, intersect};
 use crate::{Hit, NO_TRIANGLE};
 
 /// One query.

@@ -21,9 +21,11 @@
 mod build;
 mod bundle;
 mod dispatch;
+mod facet;
 mod kernel;
 mod node;
 mod packet;
+mod prepared;
 mod raycaster;
 mod shaft;
 mod simd;
@@ -33,7 +35,8 @@ mod triangle;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub use raycaster::{BuildError, MAX_COORDINATE, MAX_TRIANGLES, Raycaster};
+pub use facet::{BuildError, MAX_COORDINATE, MAX_TRIANGLES};
+pub use raycaster::Raycaster;
 pub use shaft::Shaft;
 pub use surface::{SurfacePoint, spawn};
 

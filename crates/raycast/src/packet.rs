@@ -11,7 +11,7 @@
 use crate::Hit;
 use crate::kernel::{Query, advance};
 use crate::node::{Hierarchy, LEAF, WIDTH};
-use crate::simd::{Near, RAYS, RayBytes, STRETCH, Simd, entry, unpack};
+use crate::simd::{Limits, Near, RAYS, RayBytes, STRETCH, Simd, entry, unpack};
 use crate::triangle::intersect;
 
 /// A subtree to visit and the rays that enter it.
@@ -23,11 +23,6 @@ struct Pending {
     /// Least distance at which any of them enters.
     near: f32,
 }
-
-/// Farthest distances that still matter, by ray.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-pub(crate) struct Limits(pub [f32; RAYS]);
 
 /// Subtrees that at most so many rays enter are traversed by each ray alone. Testing a box for many
 /// rays no longer pays.

@@ -5,8 +5,7 @@
 //! necessary does not change a result.
 
 use crate::node::{Block, LANES, Node, ROW, Row, WIDTH};
-use crate::packet::Limits;
-use crate::triangle::Prepared;
+use crate::prepared::Prepared;
 
 /// Rays of a packet, rounded up to the bits of a mask.
 pub(crate) const RAYS: usize = 32;
@@ -23,6 +22,11 @@ pub(crate) struct Near(pub [f32; WIDTH]);
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 pub(crate) struct RayBytes(pub [u8; RAYS]);
+
+/// Farthest distances that still matter, by ray.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct Limits(pub [f32; RAYS]);
 
 /// The triangles that a ray may meet, one bit per lane.
 #[derive(Clone, Copy)]

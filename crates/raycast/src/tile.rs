@@ -7,8 +7,9 @@
 
 use crate::bundle::{ROWS, SLACK, greater};
 use crate::node::{Block, Hierarchy, LANES, LEAF, ROW, WIDTH};
+use crate::prepared::Prepared;
 use crate::simd::{Simd, unpack};
-use crate::triangle::{Located, Prepared, consider, inside_exactly, locate_row};
+use crate::triangle::{Located, consider, inside_exactly, locate_row};
 use crate::{Hit, NO_TRIANGLE};
 
 pub(crate) use crate::bundle::Bundle;

@@ -10,77 +10,9 @@
 use glam::{DVec3, Vec3};
 
 use crate::node::{Block, ROW};
+use crate::prepared::Prepared;
 use crate::simd::Simd;
 use crate::{Hit, NO_TRIANGLE};
-
-/// A ray, transformed once for all tests.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Prepared {
-    pub origin: [f32; 3],
-    /// Finite, not 0 in any axis, and so small that its product with any coordinate is finite.
-    pub inverse: [f32; 3],
-    /// 1 for an axis along which the direction is negative: the first row of `Node::bounds` to use.
-    pub reversed: [usize; 3],
-    /// The two minor axes and, last, the main axis, along which the direction is greatest.
-    pub axes: [usize; 3],
-    /// The origin along `axes`.
-    pub sheared_origin: [f32; 3],
-    /// Slopes of the direction along the two minor axes against the main axis.
-    pub shear: [f32; 2],
-    pub direction: [f32; 3],
-}
-
-/// Squared lengths of acceptable directions; for others, inverses and products overflow.
-pub(crate) const LENGTH_SQUARED: std::ops::Range<f32> = 1e-24..1e24;
-
-impl Prepared {
-    /// A placeholder that fills arrays.
-    pub(crate) const NONE: Self = Self {
-        origin: [0.0; 3],
-        inverse: [0.0; 3],
-        reversed: [0; 3],
-        axes: [0; 3],
-        sheared_origin: [0.0; 3],
-        shear: [0.0; 2],
-        direction: [0.0; 3],
-    };
-
-    /// Prepares a ray. `None` if it cannot hit anything: it is not finite, or its direction has no
-    /// usable length.
-    #[inline(always)]
-    pub(crate) fn new(origin: Vec3, direction: Vec3) -> Option<Self> {
-        // The range test rejects a direction with NaN or infinity.
-        if !origin.is_finite() || !LENGTH_SQUARED.contains(&direction.length_squared()) {
-            return None;
-        }
-        let d = direction.to_array();
-        let a = d.map(f32::abs);
-        let axes = if a[0] >= a[1] && a[0] >= a[2] {
-            [1, 2, 0]
-        } else if a[1] >= a[2] {
-            [2, 0, 1]
-        } else {
-            [0, 1, 2]
-        };
-        let z = d[axes[2]];
-        // For boxes only. Over the whole scene, a slope of 1e-12 moves the ray by far less than the
-        // padding of boxes. Directions are longer than 1e-12, so inverses stay below 2e24.
-        let least = z.abs() * 1e-12;
-        let inverse = d.map(|c| 1.0 / c.abs().max(least).copysign(c));
-        let reversed = inverse.map(|i| usize::from(i < 0.0));
-        let shear = [d[axes[0]] / z, d[axes[1]] / z];
-        let origin = origin.to_array();
-        Some(Self {
-            origin,
-            inverse,
-            reversed,
-            axes,
-            sheared_origin: axes.map(|k| origin[k]),
-            shear,
-            direction: d,
-        })
-    }
-}
 
 /// The nearest hit so far. If there is none, it has no triangle, and `t` is the end of the ray.
 pub(crate) type Nearest = Hit;

@@ -14,9 +14,8 @@ use std::arch::x86_64::*;
 use holo_cpu::Instructions;
 
 use crate::node::{Block, Node, ROW, Row, WIDTH};
-use crate::packet::Limits;
-use crate::simd::{EdgeSigns, Near, RAYS, RayBytes, STRETCH, Simd, stack_scalar};
-use crate::triangle::Prepared;
+use crate::prepared::Prepared;
+use crate::simd::{EdgeSigns, Limits, Near, RAYS, RayBytes, STRETCH, Simd, stack_scalar};
 
 // There are no closures below. A closure lacks the target features of its function, so its
 // instructions become calls, which is three times slower.

@@ -12,6 +12,7 @@ mod pool;
 mod report;
 mod sending;
 mod session;
+mod unexpected;
 mod unseen;
 
 use std::{net::SocketAddr, path::PathBuf, time::Duration};

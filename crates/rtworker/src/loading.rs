@@ -17,7 +17,7 @@ use holo_tracer::{Settings, Tracer};
 use crate::{
     cache::{SceneCache, unpack},
     report::{Reporter, transfer_text},
-    session::unexpected,
+    unexpected::unexpected,
 };
 
 /// The time between two reports of a step that does not say how far it is.

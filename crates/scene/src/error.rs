@@ -1,6 +1,5 @@
 //! Errors and warnings about scenes.
 
-use std::fmt;
 use std::path::PathBuf;
 
 /// The reason why a scene could not be read, made or unpacked.
@@ -174,8 +173,13 @@ pub enum PackedError {
     #[error("it does not begin with the magic bytes")]
     Magic,
     /// Their version is unknown to this program.
-    #[error("its version is {0}, this program reads {known}", known = crate::VERSION)]
-    Version(u32),
+    #[error("its version is {found}, this program reads {known}")]
+    Version {
+        /// Their version.
+        found: u32,
+        /// The version that this program reads.
+        known: u32,
+    },
     /// Their length differs from the header.
     #[error("{found} bytes, its header says {expected}")]
     Length {
@@ -190,24 +194,4 @@ pub enum PackedError {
     /// The bytes of the materials are malformed.
     #[error("material {0} is malformed")]
     Material(usize),
-}
-
-/// Something in a file that the scene does not represent exactly. Displayed as `path:line: text`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Warning {
-    /// The file.
-    pub path: PathBuf,
-    /// The first line concerned, counted from 1; `None` if it is about the whole file.
-    pub line: Option<usize>,
-    /// What differs from the file, and what is done instead.
-    pub text: String,
-}
-
-impl fmt::Display for Warning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.line {
-            Some(line) => write!(f, "{}:{line}: {}", self.path.display(), self.text),
-            None => write!(f, "{}: {}", self.path.display(), self.text),
-        }
-    }
 }

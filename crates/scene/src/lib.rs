@@ -30,9 +30,12 @@ pub mod pack;
 mod polygon;
 mod scene;
 mod text;
+mod warnings;
 
-pub use error::{PackedError, SceneError, Warning};
-pub use load::{LoadOptions, LoadProgress, Loaded, load_obj, load_obj_watched};
+pub use error::{PackedError, SceneError};
+pub use load::{LoadOptions, Loaded, load_obj, load_obj_watched};
 pub use material::{Bsdf, Material, Rgb};
+pub use obj_text::LoadProgress;
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use scene::{Features, Scene};
+pub use warnings::Warning;

@@ -4,12 +4,14 @@
 //! is an error with its line. What is omitted or replaced is a warning. A missing MTL file or
 //! material becomes grey diffuse 0.5.
 
-use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES, MAX_OBJ_BYTES, MAX_WARNINGS};
+use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES, MAX_OBJ_BYTES};
 use crate::mtl::MtlMaterial;
 use crate::mtl_text::parse_mtl;
 use crate::obj::{ObjFile, parse_obj};
+use crate::obj_text::LoadProgress;
 use crate::text::{excerpt, name_without_comment, read_text};
-use crate::{Material, Rgb, Scene, SceneError, Warning};
+use crate::warnings::{Warning, Warnings};
+use crate::{Material, Rgb, Scene, SceneError};
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -32,17 +34,6 @@ pub struct Loaded {
     pub scene: Scene,
     /// What was ignored or replaced.
     pub warnings: Vec<Warning>,
-}
-
-/// How much of an OBJ file has been read.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LoadProgress {
-    /// Bytes read.
-    pub bytes: u64,
-    /// Bytes in the file.
-    pub total_bytes: u64,
-    /// Triangles read.
-    pub triangles: u64,
 }
 
 /// Reads a scene from an OBJ file and the MTL files that it names (relative to its folder).
@@ -219,29 +210,4 @@ fn library_paths(folder: &Path, names: &str) -> Vec<PathBuf> {
     let whole = file(names);
     let parts: Vec<PathBuf> = names.split_ascii_whitespace().map(file).collect();
     if whole.exists() || !parts.iter().any(|part| part.exists()) { vec![whole] } else { parts }
-}
-
-/// Collects at most [`MAX_WARNINGS`] warnings.
-#[derive(Default)]
-pub(crate) struct Warnings {
-    listed: Vec<Warning>,
-    more: usize,
-}
-
-impl Warnings {
-    pub(crate) fn push(&mut self, path: &Path, line: Option<usize>, text: String) {
-        if self.listed.len() < MAX_WARNINGS {
-            self.listed.push(Warning { path: path.to_owned(), line, text });
-        } else {
-            self.more += 1;
-        }
-    }
-
-    fn finish(mut self, path: &Path) -> Vec<Warning> {
-        if self.more > 0 {
-            let text = format!("{} more warnings", self.more);
-            self.listed.push(Warning { path: path.to_owned(), line: None, text });
-        }
-        self.listed
-    }
 }

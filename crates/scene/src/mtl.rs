@@ -22,8 +22,8 @@
 //!   case.
 
 use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
-use crate::load::Warnings;
 use crate::text::excerpt;
+use crate::warnings::Warnings;
 use crate::{Bsdf, Material, Rgb};
 use std::path::PathBuf;
 

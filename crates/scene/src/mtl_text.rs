@@ -7,9 +7,9 @@
 
 use crate::SceneError;
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES};
-use crate::load::Warnings;
 use crate::mtl::{MtlMaterial, Stated};
 use crate::text::{excerpt, keyword, logical_lines, number, without_comment};
+use crate::warnings::Warnings;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 

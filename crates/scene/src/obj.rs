@@ -6,9 +6,9 @@
 
 use crate::SceneError;
 use crate::faces::Faces;
-use crate::load::{LoadProgress, Warnings};
-use crate::obj_text::{CROSSED, CleanObj, MaterialUse};
+use crate::obj_text::{CROSSED, CleanObj, LoadProgress, MaterialUse};
 use crate::polygon::triangulate;
+use crate::warnings::Warnings;
 use glam::DVec3;
 use std::path::Path;
 

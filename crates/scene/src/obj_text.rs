@@ -18,8 +18,8 @@ use crate::faces::Faces;
 use crate::limits::{
     MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES,
 };
-use crate::load::{LoadProgress, Warnings};
 use crate::text::{LogicalLines, excerpt, keyword, logical_lines, number, without_comment};
+use crate::warnings::Warnings;
 use std::collections::HashMap;
 use std::io::{BufRead, Read};
 use std::path::Path;
@@ -56,6 +56,17 @@ const WEIGHT: &str = "v weight";
 const COLOUR: &str = "v colour";
 /// A polygon that cannot be divided properly.
 pub(crate) const CROSSED: &str = "f crossed";
+
+/// How much of an OBJ file has been read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadProgress {
+    /// Bytes read.
+    pub bytes: u64,
+    /// Bytes in the file.
+    pub total_bytes: u64,
+    /// Triangles read.
+    pub triangles: u64,
+}
 
 /// The clean text of an OBJ file.
 pub(crate) struct CleanObj<'a> {

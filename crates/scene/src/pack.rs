@@ -135,8 +135,9 @@ impl Scene {
             return Err(PackedError::Magic.into());
         }
         let (header, rest) = split::<Header>(packed).ok_or(too_short)?;
-        if u32::from_le_bytes(header.version) != VERSION {
-            return Err(PackedError::Version(u32::from_le_bytes(header.version)).into());
+        let version = u32::from_le_bytes(header.version);
+        if version != VERSION {
+            return Err(PackedError::Version { found: version, known: VERSION }.into());
         }
         if header.reserved != [0; 4] || header.padding != [0; 4] {
             return Err(PackedError::Reserved.into());

@@ -18,10 +18,11 @@ use holo_scene::Bsdf;
 use crate::albedo::Table;
 use crate::coat::{Coat, Layer};
 use crate::conductor::Conductor;
-use crate::fresnel::{dielectric, pane, refract};
+use crate::fresnel::{dielectric, mirrored, pane, refract};
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::interface::Interface;
 use crate::microfacet::Ggx;
+use crate::sampled::Sampled;
 use crate::sampler::Sampler;
 
 /// Difference of the relative index from 1 below which a boundary bends nothing. The half vector of
@@ -70,25 +71,6 @@ fn shared<T>(
     make: impl FnOnce() -> T,
 ) -> Arc<T> {
     made.entry(key.map(f32::to_bits)).or_insert_with(|| Arc::new(make())).clone()
-}
-
-/// A sampled direction.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sampled {
-    pub wi: Vec3,
-    /// Value over density.
-    pub weight: Vec3,
-    /// Density per solid angle. `None` for a direction without a density (mirror, smooth glass).
-    pub pdf: Option<f32>,
-    /// Squared index of refraction beyond the surface over the one before it; 1 unless the
-    /// direction refracts into or out of a solid.
-    pub eta2: f32,
-}
-
-impl Sampled {
-    fn delta(wi: Vec3, weight: Vec3) -> Option<Self> {
-        Some(Self { wi, weight, pdf: None, eta2: 1.0 })
-    }
 }
 
 impl Scatter {
@@ -263,14 +245,4 @@ impl Scatter {
             Self::Coated(coat) => coat.sample(wo, sampler),
         }
     }
-}
-
-#[inline]
-pub(crate) fn mirrored(wo: Vec3) -> Vec3 {
-    Vec3::new(-wo.x, -wo.y, wo.z)
-}
-
-#[inline]
-pub(crate) fn reflect(wo: Vec3, m: Vec3) -> Vec3 {
-    m * (2.0 * wo.dot(m)) - wo
 }

@@ -19,10 +19,10 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::albedo::Table;
-use crate::bsdf::Sampled;
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::interface::Interface;
 use crate::microfacet::Ggx;
+use crate::sampled::Sampled;
 use crate::sampler::Sampler;
 
 /// The tables that coats of one index and roughness share.

@@ -12,10 +12,11 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::albedo::{Table, over_normals};
-use crate::bsdf::{Sampled, reflect};
+use crate::fresnel::reflect;
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::interface::reflection;
 use crate::microfacet::Ggx;
+use crate::sampled::Sampled;
 use crate::sampler::Sampler;
 
 /// A rough metal.

@@ -1,17 +1,17 @@
-//! Direct light at one vertex: samples of the lights, and weights that combine them with samples of
-//! the material.
+//! Direct light at one vertex: samples of the lights, and the densities by which they combine with
+//! samples of the material.
 //!
-//! Always true: the weights are those of the power heuristic for n samples of the lights and one of
-//! the material (Veach 1997, §9.2.2 and §9.2.4). Both sides use the same density functions.
+//! Always true: both sides use the same density functions.
 
 use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 
 use crate::bsdf::Scatter;
-use crate::engine::{Direct, PathEngine};
+use crate::engine::PathEngine;
 use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf};
 use crate::lights::{Aim, Chosen, Lights, VertexLights};
 use crate::sampler::Sampler;
+use crate::weighting::Direct;
 
 /// A vertex whose surface scatters with a density.
 pub(crate) struct LitVertex<'a> {
@@ -218,30 +218,4 @@ impl LitVertex<'_> {
             * emitter.emission
             * (direct.light_weight(density * count as f32, pdf) / density)
     }
-}
-
-impl Direct {
-    /// Returns the weight of light that the material found, from the expected numbers of samples
-    /// per solid angle of the material and of the lights.
-    #[inline]
-    pub(crate) fn material_weight(self, pdf: f32, lights: f32) -> f32 {
-        match self {
-            Self::Both => power_heuristic(pdf, lights),
-            Self::Lights => 0.0,
-            Self::Materials => 1.0,
-        }
-    }
-
-    #[inline]
-    fn light_weight(self, lights: f32, pdf: f32) -> f32 {
-        if self == Self::Lights { 1.0 } else { power_heuristic(lights, pdf) }
-    }
-}
-
-/// Returns Veach's power heuristic with exponent 2; densities may be so large that squares
-/// overflow.
-#[inline]
-pub(crate) fn power_heuristic(chosen: f32, other: f32) -> f32 {
-    let ratio = other / chosen;
-    1.0 / (1.0 + ratio * ratio)
 }

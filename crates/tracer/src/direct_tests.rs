@@ -7,8 +7,8 @@ use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 
-use crate::engine::Direct;
 use crate::sampler::Sampler;
+use crate::weighting::Direct;
 use crate::{Settings, Tracer};
 
 /// A floor of the given material, a large lamp nearby, a small one seen from behind, and a sky.

@@ -5,8 +5,8 @@ use glam::Vec3;
 use holo_scene::Bsdf;
 
 use crate::albedo::{Table, over_normals};
-use crate::bsdf::{Scatter, Tables, reflect};
-use crate::fresnel::dielectric;
+use crate::bsdf::{Scatter, Tables};
+use crate::fresnel::{dielectric, reflect};
 use crate::microfacet::Ggx;
 use crate::sampler::Sampler;
 

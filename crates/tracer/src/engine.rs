@@ -4,35 +4,14 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
-use holo_scene::{Bsdf, Scene};
+use holo_scene::Scene;
 
-use crate::bsdf::{Scatter, Tables};
 use crate::lights::Lights;
 use crate::medium::{Inside, Nesting};
 use crate::panes::Panes;
 use crate::secondary::SecondarySources;
-
-/// How direct light is found. Tests compare the three: each is unbiased if no material is specular.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Direct {
-    /// By samples of the lights and of the material, combined.
-    Both,
-    /// By samples of the lights alone.
-    Lights,
-    /// By samples of the material alone.
-    #[cfg_attr(not(test), allow(dead_code, reason = "only for comparison"))]
-    Materials,
-}
-
-/// A material, prepared for tracing.
-#[derive(Clone, Debug)]
-pub(crate) struct Surface {
-    pub scatter: Scatter,
-    pub emission: Vec3,
-    pub emits: bool,
-    /// Whether the back emits too.
-    pub two_sided: bool,
-}
+use crate::surface::{Surface, surfaces};
+use crate::weighting::Direct;
 
 /// The path tracer of one scene.
 #[derive(Debug)]
@@ -64,25 +43,7 @@ impl PathEngine {
         light_samples: u32,
     ) -> Self {
         let scene: &Scene = raycaster.scene();
-        let mut used = vec![false; scene.materials.len()];
-        scene.material_ids.iter().for_each(|&m| used[m as usize] = true);
-        let mut tables = Tables::default();
-        let surfaces: Vec<Surface> = scene
-            .materials
-            .iter()
-            .zip(used)
-            .map(|(m, used)| Surface {
-                scatter: match m.bsdf {
-                    // What a solid does depends on the media on both sides (`nesting`).
-                    Bsdf::Dielectric { .. } => Scatter::Black,
-                    _ if !used => Scatter::Black,
-                    bsdf => Scatter::new(&bsdf, &mut tables),
-                },
-                emission: m.emission.into(),
-                emits: m.emits(),
-                two_sided: m.two_sided_emission,
-            })
-            .collect();
+        let surfaces = surfaces(scene);
         let panes = Arc::new(Panes::new(scene));
         let lights = Lights::new(scene).with_cells(raycaster, &panes);
         Self {

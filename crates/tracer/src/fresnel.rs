@@ -1,4 +1,5 @@
-//! Reflection of unpolarised light at the smooth boundary between dielectrics.
+//! Reflection and refraction at a smooth boundary: directions, and shares of unpolarised light
+//! between dielectrics.
 
 use glam::Vec3;
 
@@ -36,6 +37,18 @@ pub(crate) fn pane(cosine: f32, ior: f32) -> f32 {
 #[inline]
 pub(crate) fn refract(wo: Vec3, m: Vec3, beyond: f32, eta: f32) -> Vec3 {
     (m * (wo.dot(m) / eta - beyond) - wo / eta).normalize()
+}
+
+/// Returns the direction that a surface of normal +z reflects to `wo`.
+#[inline]
+pub(crate) fn mirrored(wo: Vec3) -> Vec3 {
+    Vec3::new(-wo.x, -wo.y, wo.z)
+}
+
+/// Returns the direction that a surface of normal `m` reflects to `wo`.
+#[inline]
+pub(crate) fn reflect(wo: Vec3, m: Vec3) -> Vec3 {
+    m * (2.0 * wo.dot(m)) - wo
 }
 
 #[cfg(test)]

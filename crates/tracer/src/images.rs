@@ -13,10 +13,11 @@
 use glam::Vec3;
 use holo_raycast::{Hit, Raycaster, SurfacePoint};
 
-use crate::direct::power_heuristic;
-use crate::lights::{Aim, Lights, Subtree, luminance};
+use crate::lights::{Aim, Lights, Subtree};
+use crate::luminance::luminance;
 use crate::mirrors::Mirrors;
 use crate::panes::Panes;
+use crate::weighting::power_heuristic;
 
 /// A plane that shows lamps to a point, and the mirror image of that point.
 #[derive(Clone, Copy, Debug)]

@@ -8,10 +8,11 @@ use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, Ray, Raycaster};
 use holo_scene::{Bsdf, Material, Scene};
 
-use crate::engine::{Direct, PathEngine};
+use crate::engine::PathEngine;
 use crate::images::Images;
 use crate::mirrors::Mirrors;
 use crate::sampler::{Purpose, Sampler};
+use crate::weighting::Direct;
 
 /// A floor at z = 0 on which a mirror (x = 2) and a pane (y = 2) stand. Above it are `lamps` lamps
 /// of two triangles each, at heights of 1 to 2, facing all sides.

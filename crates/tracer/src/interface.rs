@@ -15,8 +15,7 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 
 use crate::albedo::{Table, over_normals};
-use crate::bsdf::reflect;
-use crate::fresnel::{dielectric, refract};
+use crate::fresnel::{dielectric, reflect, refract};
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::microfacet::Ggx;
 use crate::sampler::Sampler;

@@ -38,6 +38,7 @@ mod images;
 mod images_tests;
 mod interface;
 mod lights;
+mod luminance;
 mod mean_irradiance;
 mod medium;
 mod microfacet;
@@ -45,11 +46,14 @@ mod mirrors;
 mod panes;
 mod path;
 mod policy;
+mod sampled;
 mod sampler;
 mod secondary;
 #[cfg(test)]
 mod secondary_tests;
+mod surface;
 mod virtual_distance;
+mod weighting;
 
 pub use cached::{ACCURACIES, DEFAULT_ACCURACY};
 pub use sampler::Sampler;
@@ -65,9 +69,10 @@ use holo_scene::Scene;
 use serde::{Deserialize, Serialize};
 
 use cached::Cached;
-use engine::{Direct, PathEngine};
+use engine::PathEngine;
 use path::Start;
 use virtual_distance::VirtualDistance;
+use weighting::Direct;
 
 /// Most paths per sample. More would make one call take seconds, and a worker could not be stopped.
 pub const MAX_PATHS: u32 = 1 << 16;

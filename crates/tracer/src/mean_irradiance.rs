@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
 use holo_light::Store;
 
-use crate::lights::luminance;
+use crate::luminance::luminance;
 
 /// Records from which the mean is known.
 const MIN_RECORDS: usize = 16;

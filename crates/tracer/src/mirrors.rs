@@ -9,9 +9,9 @@ use glam::Vec3;
 use holo_scene::Scene;
 
 use crate::bsdf::Scatter;
-use crate::engine::Surface;
 use crate::fresnel::pane;
-use crate::lights::luminance;
+use crate::luminance::luminance;
+use crate::surface::Surface;
 
 /// Most planes that are distinguished. A curved mirror has one for each triangle.
 const PLANES: usize = 64;

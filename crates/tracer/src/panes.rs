@@ -10,8 +10,8 @@ use holo_scene::{Bsdf, Scene};
 
 use crate::fresnel::pane;
 
-/// Most panes on a shadow ray: as many as a path has surfaces.
-const MOST: u32 = crate::path::MAX_DEPTH;
+/// Most surfaces of a path, and most panes on one of its shadow rays.
+pub(crate) const MAX_DEPTH: u32 = 1024;
 
 /// A material of thin glass.
 #[derive(Clone, Copy, Debug)]
@@ -84,7 +84,7 @@ impl Panes {
     ) -> Option<(SurfacePoint, Vec3)> {
         let mut share = Vec3::ONE;
         let mut from = *from;
-        for _ in 0..MOST {
+        for _ in 0..MAX_DEPTH {
             let ray = Ray::new(spawn(from.point, from.error, from.normal, direction), direction);
             let hit = raycaster.nearest_from(&ray, from.triangle)?;
             from = raycaster.surface(hit.triangle, hit.u, hit.v);
@@ -106,7 +106,7 @@ impl Panes {
     #[cold]
     fn through(&self, raycaster: &Raycaster, mut from: SurfacePoint, to: &SurfacePoint) -> Vec3 {
         let mut share = Vec3::ONE;
-        for _ in 0..MOST {
+        for _ in 0..MAX_DEPTH {
             let Some(hit) = raycaster.nearest_between(&from, to) else { return share };
             let Some(pane) = self.at(raycaster, hit.triangle) else { break };
             from = raycaster.surface(hit.triangle, hit.u, hit.v);

@@ -18,15 +18,19 @@
 use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, SurfacePoint, spawn};
 
-use crate::bsdf::{Sampled, Scatter};
+use crate::bsdf::Scatter;
 use crate::direct::{self, LightSampling, LitVertex, MaterialSample};
-use crate::engine::{Direct, PathEngine, Surface};
+use crate::engine::PathEngine;
 use crate::geometry::Frame;
 use crate::images::{ImageMirror, ImageSampling};
 use crate::medium::{Crossing, Inside, TOUCH};
+use crate::panes::MAX_DEPTH;
 use crate::policy::{PathPolicy, ShadingPoint, Unbiased};
+use crate::sampled::Sampled;
 use crate::sampler::{Purpose, Sampler};
 use crate::secondary::{AimedVertex, Choice};
+use crate::surface::Surface;
+use crate::weighting::Direct;
 
 /// Number of scatterings, mirrors and glass not counted, from which roulette applies.
 const ROULETTE_SCATTERINGS: u32 = 2;
@@ -36,8 +40,6 @@ const ROULETTE_FACTOR: f32 = 2.0;
 const ROULETTE_DEPTH: u32 = 5;
 /// Greatest probability of survival.
 const ROULETTE_CEILING: f32 = 0.95;
-/// Most surfaces of a path.
-pub(crate) const MAX_DEPTH: u32 = 1024;
 
 /// Where a path begins: at an eye's first hit, which all paths of a sample share, or along a ray
 /// that leaves a surface.

@@ -19,11 +19,12 @@ use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::Scene;
 
-use crate::engine::Surface;
 use crate::geometry::{Frame, cosine_hemisphere, triangle};
-use crate::lights::{Aim, Chosen, Emitter, Lights, VertexLights, luminance};
+use crate::lights::{Aim, Chosen, Emitter, Lights, VertexLights};
+use crate::luminance::luminance;
 use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
+use crate::surface::Surface;
 
 /// Number of light paths: about 50 ms of work.
 const PATHS: u32 = 1 << 16;

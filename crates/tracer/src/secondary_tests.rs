@@ -6,10 +6,11 @@ use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 
-use crate::engine::{Direct, PathEngine};
+use crate::engine::PathEngine;
 use crate::path::{Start, first_hit};
 use crate::sampler::Sampler;
 use crate::secondary::OutgoingFlux;
+use crate::weighting::Direct;
 
 /// A floor that receives the light of a lamp only by way of a small plate above it.
 fn scene(floor: Bsdf, plate: Bsdf) -> Arc<Raycaster> {

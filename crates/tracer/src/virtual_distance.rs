@@ -16,11 +16,11 @@ use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, spawn};
 use holo_scene::{Bsdf, Scene};
 
-use crate::bsdf::{Scatter, mirrored};
+use crate::bsdf::Scatter;
 use crate::engine::PathEngine;
-use crate::fresnel::{dielectric, pane, refract};
+use crate::fresnel::{dielectric, mirrored, pane, refract};
 use crate::geometry::Frame;
-use crate::lights::luminance;
+use crate::luminance::luminance;
 use crate::medium::{Crossing, TOUCH};
 use crate::path::Start;
 

@@ -5,9 +5,9 @@
 use holo_proto::bulk::Packet;
 use holo_section::{BeamKey, RayCoords, SampleKind, Viewpoint};
 
-use super::{Coordinator, fill::Known, views::is_looked_at};
+use super::{Coordinator, display::is_looked_at, fill::Known};
 use crate::{
-    listen::ConnectionId,
+    events::ConnectionId,
     live::LiveAssignment,
     wishes::RayPacket,
     workers::{Assignment, Worker},

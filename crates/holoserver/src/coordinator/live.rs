@@ -8,9 +8,9 @@ use holo_proto::{
     frame::Kind,
 };
 
-use super::{Coordinator, Display};
+use super::{Coordinator, display::Display};
 use crate::{
-    listen::ConnectionId,
+    events::ConnectionId,
     live::LiveAssignment,
     workers::{ResultsError, Worker},
 };

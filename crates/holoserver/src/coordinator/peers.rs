@@ -5,8 +5,8 @@ use std::sync::atomic::Ordering;
 use holo_net::Outbox;
 use holo_proto::{control::Control, hello::Role};
 
-use super::{Coordinator, views::Display};
-use crate::{listen::ConnectionId, workers::Worker};
+use super::{Coordinator, display::Display};
+use crate::{events::ConnectionId, workers::Worker};
 
 impl Coordinator {
     /// Takes somebody in.

@@ -10,10 +10,10 @@ use holo_proto::{
 };
 use holo_section::{BeamKey, Run, Sample};
 
-use super::{Coordinator, views::is_looked_at};
+use super::{Coordinator, display::is_looked_at};
 use crate::{
     better,
-    listen::ConnectionId,
+    events::ConnectionId,
     recall::send_unseen,
     workers::{Assignment, ResultsError},
 };

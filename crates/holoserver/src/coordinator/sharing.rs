@@ -6,7 +6,7 @@ use anyhow::{Result, ensure};
 use holo_proto::{bulk::Light, control::Engine, frame::Kind};
 
 use super::Coordinator;
-use crate::listen::ConnectionId;
+use crate::events::ConnectionId;
 
 /// Records in one message: a megabyte, so that other messages come in between.
 const MESSAGE_RECORDS: usize = 1 << 13;

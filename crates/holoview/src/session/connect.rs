@@ -20,11 +20,11 @@ use super::{
     incoming::{Incoming, Reader},
     lights::Lights,
     pace::Pace,
-    scene::{LoadedScene, SceneLoader},
+    scene::SceneLoader,
 };
 use crate::{
     args::{DriverArgs, PointArgs},
-    drivers::{DriverChoice, SceneUse},
+    drivers::{DriverChoice, LoadedScene, SceneUse},
 };
 
 /// How long a session waits for the next piece of the scene before it draws without. What comes

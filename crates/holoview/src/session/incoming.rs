@@ -11,8 +11,9 @@ use holo_proto::control::Control;
 
 use super::{
     lights::Lights,
-    scene::{Blobs, LoadedScene, SceneLoader},
+    scene::{Blobs, SceneLoader},
 };
+use crate::drivers::LoadedScene;
 
 /// What a session waits for.
 pub enum Incoming {

@@ -34,7 +34,7 @@ use holo_picture::ViewSpec;
 use holo_proto::control::{Control, Status, Welcome};
 
 use crate::{
-    drivers::{DriverChoice, SceneUse},
+    drivers::{DriverChoice, LoadedScene, SceneUse},
     report::StageTime,
 };
 pub use connect::Connected;
@@ -45,7 +45,6 @@ use incoming::Incoming;
 use lights::Lights;
 use pace::Pace;
 use received::Received;
-pub use scene::LoadedScene;
 
 /// How long messages that have arrived are taken after the time for a picture has come.
 const LATE: Duration = Duration::from_millis(20);

@@ -17,18 +17,10 @@ use holo_proto::{
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
 
+use crate::drivers::LoadedScene;
+
 /// Least radius of records that are told apart, as a share of the scene's size.
 const LEAST_RADIUS: f64 = 1e-5;
-
-/// A scene ready to be drawn from.
-pub struct LoadedScene {
-    /// Casts rays against the scene.
-    pub raycaster: Arc<Raycaster>,
-    /// What is cast instead for views of some sections.
-    pub stand_ins: StandIns,
-    /// Indirect light on the scene's surfaces; grows while the session lasts.
-    pub records: Arc<Store>,
-}
 
 /// Collects the blobs of a scene.
 pub struct SceneLoader {

@@ -4,7 +4,8 @@
 //! Always true: sizes and channels of the header are bounded before any pixel is decoded.
 
 use crate::error::PictureError;
-use crate::picture::{MAX_PIXELS, Picture};
+use crate::picture::Picture;
+use crate::size::MAX_PIXELS;
 use crate::view::View;
 use exr::compression::Compression;
 use exr::meta::MetaData;

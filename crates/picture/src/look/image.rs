@@ -1,11 +1,8 @@
 //! A picture as a display shows it, and its legend.
 
-use std::path::Path;
-
 use super::glyphs;
 use super::legend::Legend;
 use crate::error::PictureError;
-use crate::files;
 use crate::picture::Picture;
 
 /// An sRGB picture of 8 bits.
@@ -74,14 +71,6 @@ impl Image {
         writer.write_image_data(&self.rgb).map_err(failed)?;
         writer.finish().map_err(failed)?;
         Ok(bytes)
-    }
-
-    /// Writes the image as a `.png`, without its legend. The file appears whole or not at all.
-    ///
-    /// # Errors
-    /// As [`Image::png`], or a failure of the disk. The error names the file.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PictureError> {
-        files::write_image(self, path.as_ref())
     }
 }
 

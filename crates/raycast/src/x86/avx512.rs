@@ -5,9 +5,8 @@ use std::arch::x86_64::*;
 
 use super::Avx512;
 use crate::node::{Block, Node, ROW, Row, WIDTH};
-use crate::packet::Limits;
-use crate::simd::{EdgeSigns, Near, RayBytes, STRETCH, Simd};
-use crate::triangle::Prepared;
+use crate::prepared::Prepared;
+use crate::simd::{EdgeSigns, Limits, Near, RayBytes, STRETCH, Simd};
 
 // As in the parent module, there are no closures.
 

@@ -10,7 +10,6 @@ use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 
 use super::settings::{AIMED, Kind};
 use super::{CachePolicy, Cached, Role};
-use crate::direct::power_heuristic;
 use crate::engine::PathEngine;
 use crate::geometry::Frame;
 use crate::images::{ImageSampling, Images};
@@ -19,6 +18,7 @@ use crate::path::{EmissionWeight, Start};
 use crate::policy::ShadingPoint;
 use crate::sampler::{Purpose, Sampler, mix};
 use crate::secondary::AimedVertex;
+use crate::weighting::power_heuristic;
 
 impl Cached {
     /// Traces the rays of a record over the hemisphere, and aims more at secondary sources and at

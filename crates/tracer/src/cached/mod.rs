@@ -37,7 +37,7 @@ use holo_raycast::Raycaster;
 use crate::bsdf::Scatter;
 use crate::deviations::Deviations;
 use crate::engine::PathEngine;
-use crate::lights::luminance;
+use crate::luminance::luminance;
 use crate::mean_irradiance::MeanIrradiance;
 use crate::mirrors::Mirrors;
 use crate::path::Start;

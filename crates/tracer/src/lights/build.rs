@@ -6,7 +6,6 @@
 
 use glam::Vec3;
 
-use super::Emission;
 use super::cone::Cone;
 use super::node::{Bound, Child, Node, WIDTH};
 
@@ -16,6 +15,15 @@ const BUCKETS: usize = 12;
 const HALVING_DEPTH: usize = 24;
 /// Share of the coordinates by which a plane is lowered, for rounding.
 const SLACK: f32 = 4e-6;
+
+/// The emission of one triangle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Emission {
+    /// Luminance, in the unit of the tree's powers.
+    pub radiance: f32,
+    /// The side of the triangle's normal that emits: 1 or -1, or 0 for both.
+    pub side: f32,
+}
 
 /// A triangle that emits, or a group of them.
 #[derive(Clone, Copy, Debug)]

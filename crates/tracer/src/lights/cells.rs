@@ -14,10 +14,12 @@ use std::sync::{Arc, OnceLock};
 use glam::{IVec3, Vec3};
 use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
 
+use super::build::Emission;
 use super::node::{Child, Node, WIDTH};
-use super::{Emission, Lights, Weights, descend};
+use super::tree::{ONE_BELOW, Tree, Weights, below_one};
+use super::triangle::Aim;
 use crate::geometry::{Frame, cosine_hemisphere};
-use crate::lights::{Aim, luminance};
+use crate::luminance::luminance;
 use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
 
@@ -75,6 +77,9 @@ pub(super) struct Cell {
 pub(super) struct Cells {
     raycaster: Arc<Raycaster>,
     panes: Arc<Panes>,
+    /// Luminance of the irradiance of a surface that sees all of the sky, in the unit of the tree's
+    /// powers.
+    sky: f32,
     low: Vec3,
     side: f32,
     size: IVec3,
@@ -91,7 +96,7 @@ impl Cell {
         if seen.total() > 0.0 {
             let blind = f64::from(UNSEEN);
             if *uniform >= blind {
-                *uniform = ((*uniform - blind) / (1.0 - blind)).min(super::ONE_BELOW);
+                *uniform = ((*uniform - blind) / (1.0 - blind)).min(ONE_BELOW);
                 return usize::from(self.seen_clusters[seen.pick(uniform)]);
             }
             *uniform /= blind;
@@ -99,7 +104,7 @@ impl Cell {
         let i =
             self.sums.partition_point(|&sum| f64::from(sum) <= *uniform).min(self.sums.len() - 1);
         *uniform = ((*uniform - f64::from(self.before(i))) / f64::from(self.share(i)))
-            .clamp(0.0, super::ONE_BELOW);
+            .clamp(0.0, ONE_BELOW);
         i
     }
 
@@ -125,17 +130,19 @@ impl Cell {
 }
 
 impl Cells {
-    /// Divides space into cells. `None` if the tree is too small to need them.
+    /// Divides space into cells, for a tree and the irradiance of its sky. `None` if the tree is too
+    /// small to need them.
     pub(super) fn new(
-        lights: &Lights,
+        tree: &Tree,
+        sky: f32,
         raycaster: &Arc<Raycaster>,
         panes: &Arc<Panes>,
     ) -> Option<Self> {
-        if lights.nodes.len() < 2 {
+        if tree.nodes.len() < 2 {
             return None;
         }
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for corner in lights.triangles.iter().flat_map(|&t| raycaster.vertices(t)) {
+        for corner in tree.triangles.iter().flat_map(|&t| raycaster.vertices(t)) {
             (low, high) = (low.min(corner), high.max(corner));
         }
         let margin = (high - low).max_element() * MARGIN;
@@ -145,10 +152,10 @@ impl Cells {
             return None;
         }
         let size = (extent / side).ceil().as_ivec3().max(IVec3::ONE);
-        let clusters = cut(&lights.nodes, side * side);
-        let mut cluster_of = vec![0; lights.triangles.len()];
+        let clusters = cut(&tree.nodes, side * side);
+        let mut cluster_of = vec![0; tree.triangles.len()];
         for (emitter, cluster_of) in cluster_of.iter_mut().enumerate() {
-            let mut place = lights.places[emitter];
+            let mut place = tree.places[emitter];
             loop {
                 if let Some(i) = clusters.iter().position(|&c| c == place) {
                     *cluster_of = i as u16;
@@ -157,7 +164,7 @@ impl Cells {
                 if place.node == 0 {
                     break;
                 }
-                place = lights.nodes[place.node as usize].parent;
+                place = tree.nodes[place.node as usize].parent;
             }
         }
         let count = size.x as usize * size.y as usize * size.z as usize * FACINGS;
@@ -165,6 +172,7 @@ impl Cells {
         Some(Self {
             raycaster: raycaster.clone(),
             panes: panes.clone(),
+            sky,
             low,
             side,
             size,
@@ -188,8 +196,8 @@ impl Cells {
     }
 
     #[inline]
-    pub(super) fn get(&self, lights: &Lights, number: u32) -> &Cell {
-        self.cells[number as usize].get_or_init(|| self.probe(lights, number))
+    pub(super) fn get(&self, tree: &Tree, number: u32) -> &Cell {
+        self.cells[number as usize].get_or_init(|| self.probe(tree, number))
     }
 
     /// Picks a cluster by a uniform number; returns it and its probability.
@@ -208,7 +216,7 @@ impl Cells {
 
     /// Estimates a cell: probes send shadow rays to all clusters.
     #[cold]
-    fn probe(&self, lights: &Lights, number: u32) -> Cell {
+    fn probe(&self, tree: &Tree, number: u32) -> Cell {
         let (cell, facing) = (number / FACINGS as u32, number % FACINGS as u32);
         let (x, y) = (self.size.x as u32, self.size.y as u32);
         let corner = Vec3::new((cell % x) as f32, (cell / x % y) as f32, (cell / x / y) as f32);
@@ -222,12 +230,12 @@ impl Cells {
             sampler.turn((1 + k) as u32, Purpose::Light);
             for (i, &cluster) in self.clusters.iter().enumerate() {
                 for _ in 0..repeats {
-                    let (value, passed) = self.look(lights, probe, facing, cluster, &mut sampler);
+                    let (value, passed) = self.look(tree, probe, facing, cluster, &mut sampler);
                     open[i] += value;
                     seen[i] += value * passed;
                 }
             }
-            if lights.sky > 0.0 {
+            if self.sky > 0.0 {
                 sampler.turn((1 + k) as u32, Purpose::Scatter);
                 let frame = Frame::new(if facing == EVERYWHERE { Vec3::Z } else { probe.normal });
                 for _ in 0..SKY_RAYS {
@@ -239,7 +247,7 @@ impl Cells {
                 }
             }
         }
-        let power = |c: &Child| lights.nodes[c.node as usize].power(c.slot as usize);
+        let power = |c: &Child| tree.nodes[c.node as usize].power(c.slot as usize);
         let all_power: f32 = self.clusters.iter().map(power).sum();
         let (all_seen, all_open): (f32, f32) = (seen.iter().sum(), open.iter().sum());
         let share = |i: usize| {
@@ -252,7 +260,7 @@ impl Cells {
             .clusters
             .iter()
             .map(|c| {
-                let (middle, radius) = lights.nodes[c.node as usize].sphere(c.slot as usize);
+                let (middle, radius) = tree.nodes[c.node as usize].sphere(c.slot as usize);
                 middle.distance(center) < radius + NEAR * self.side
             })
             .collect();
@@ -264,12 +272,7 @@ impl Cells {
         let mut seen_as = vec![u8::MAX; seen.len()].into_boxed_slice();
         for (place, &i) in order.iter().enumerate() {
             let Child { node, slot } = self.clusters[i];
-            nodes[place / WIDTH].copy(
-                place % WIDTH,
-                &lights.nodes[node as usize],
-                slot as usize,
-                i,
-            );
+            nodes[place / WIDTH].copy(place % WIDTH, &tree.nodes[node as usize], slot as usize, i);
             seen_as[i] = place as u8;
             seen_clusters[place] = i as u8;
         }
@@ -308,7 +311,7 @@ impl Cells {
             let count = sums.len() as f32;
             sums.iter_mut().zip(1_u8..).for_each(|(s, i)| *s = f32::from(i) / count);
         }
-        let sky = lights.sky * sky as f32 / (PROBES * SKY_RAYS) as f32;
+        let sky = self.sky * sky as f32 / (PROBES * SKY_RAYS) as f32;
         Cell {
             total: all_seen / (PROBES * repeats) as f32,
             sky,
@@ -363,7 +366,7 @@ impl Cells {
     /// it that arrives.
     fn look(
         &self,
-        lights: &Lights,
+        tree: &Tree,
         probe: &SurfacePoint,
         facing: u32,
         cluster: Child,
@@ -372,18 +375,18 @@ impl Cells {
         let (first, second) = sampler.pairs(1).at(0);
         let mut rest = first;
         let Some((emitter, probability)) =
-            descend(&lights.nodes, cluster, probe.point, Vec3::ZERO, 1.0, &mut rest)
+            tree.descend(cluster, probe.point, Vec3::ZERO, 1.0, &mut rest)
         else {
             return (0.0, 0.0);
         };
-        let triangle = lights.triangles[emitter];
+        let triangle = tree.triangles[emitter];
         let aim = Aim::new(probe.point, self.raycaster.vertices(triangle));
-        let (u, v) = aim.sample([super::below_one(rest), second]);
+        let (u, v) = aim.sample([below_one(rest), second]);
         let light = self.raycaster.surface(triangle, u, v);
         let towards = light.point - probe.point;
         let distance2 = towards.length_squared();
         let cosine = -towards.dot(light.normal) / distance2.sqrt();
-        let Emission { radiance, side } = lights.emissions[emitter];
+        let Emission { radiance, side } = tree.emissions[emitter];
         let shining = if side == 0.0 { cosine.abs() } else { cosine * side };
         if !(distance2 > 0.0 && shining > 0.0) || triangle == probe.triangle {
             return (0.0, 0.0);

@@ -16,6 +16,7 @@ mod cells;
 mod cone;
 mod node;
 mod subtrees;
+mod tree;
 mod triangle;
 
 use std::collections::{HashMap, HashSet};
@@ -28,10 +29,12 @@ use holo_scene::Scene;
 
 pub(crate) use build::Emitter;
 use cells::{Cell, Cells};
-use node::{Child, Node, WIDTH};
+use node::Child;
 pub(crate) use subtrees::Subtree;
+use tree::{Tree, Weights, below_one};
 pub(crate) use triangle::Aim;
 
+use crate::luminance::luminance;
 use crate::panes::Panes;
 
 /// Least share of samples for the sky and for the emitters, if a scene has both: which of them a
@@ -41,30 +44,10 @@ const LEAST_SHARE: f32 = 0.1;
 /// Least share of samples for the sky in a cell, which knows more.
 const LEAST_SKY_OF_CELL: f32 = 0.02;
 
-/// Returns the luminance of radiance, with Radiance's photopic weights.
-pub(crate) fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.265 * r + 0.670 * g + 0.065 * b
-}
-
-/// The emission of one triangle.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Emission {
-    /// Luminance, in the unit of the tree's powers.
-    radiance: f32,
-    /// The side of the triangle's normal that emits: 1 or -1, or 0 for both.
-    side: f32,
-}
-
 /// The lights of a scene: a tree of emitting triangles, and the sky.
 #[derive(Debug)]
 pub(crate) struct Lights {
-    /// The triangles of all emitters, ascending.
-    triangles: Vec<u32>,
-    nodes: Vec<Node>,
-    /// The leaf of each emitter.
-    places: Vec<Child>,
-    /// Indexed by emitter.
-    emissions: Vec<Emission>,
+    tree: Tree,
     cells: Option<Cells>,
     /// Luminance of the irradiance of a surface that sees all of the sky, in the unit of the tree's
     /// powers.
@@ -84,54 +67,11 @@ pub(crate) struct VertexLights {
     cell: Option<u32>,
 }
 
-/// Importances of the root's children, or of a cell's clusters.
-#[derive(Clone, Copy, Debug, Default)]
-struct Weights {
-    rows: [[f32; WIDTH]; 2],
-    totals: [f32; 2],
-}
-
 /// A light that was chosen. `rest` is what remains of the random number, uniform in [0, 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Chosen {
     Sky { rest: f32 },
     Triangle { triangle: u32, probability: f32, rest: f32 },
-}
-
-impl Weights {
-    #[inline]
-    fn set(&mut self, row: usize, importances: [f32; WIDTH]) {
-        self.totals[row] = importances.iter().sum();
-        self.rows[row] = importances;
-    }
-
-    #[inline]
-    fn total(&self) -> f32 {
-        self.totals[0] + self.totals[1]
-    }
-
-    /// Returns the probability of a child; 0 for unused ones, and if all importances are 0.
-    #[inline]
-    fn share(&self, place: usize) -> f32 {
-        let total = self.total();
-        let importance = self.rows.get(place / WIDTH).map_or(0.0, |row| row[place % WIDTH]);
-        if total > 0.0 { importance / total } else { 0.0 }
-    }
-
-    /// Picks a child by importance and makes the number uniform again. Some importance must be
-    /// positive.
-    #[inline]
-    fn pick(&self, uniform: &mut f64) -> usize {
-        if self.totals[1] == 0.0 {
-            return pick(&self.rows[0], self.totals[0], uniform);
-        }
-        let first = f64::from(self.totals[0]) / f64::from(self.total());
-        let second = *uniform >= first;
-        *uniform = if second { (*uniform - first) / (1.0 - first) } else { *uniform / first };
-        *uniform = uniform.clamp(0.0, ONE_BELOW);
-        let row = usize::from(second);
-        row * WIDTH + pick(&self.rows[row], self.totals[row], uniform)
-    }
 }
 
 /// Removes the emitters that a triangle of lower index with the same corners hides. Rays meet the
@@ -192,31 +132,29 @@ impl Lights {
 
     /// Makes a tree of the given triangles (ascending), with one emitter for each.
     pub(crate) fn over(triangles: Vec<u32>, emitters: Vec<Emitter>) -> Self {
-        let emissions = emitters.iter().map(Emitter::emission).collect();
-        let (nodes, places) = build::tree(emitters);
-        Self { triangles, nodes, places, emissions, cells: None, sky: 0.0 }
+        Self { tree: Tree::new(triangles, emitters), cells: None, sky: 0.0 }
     }
 
     /// Adds cells: where there are many lights, choices follow what each part of the scene receives
     /// through these panes.
     pub(crate) fn with_cells(mut self, raycaster: &Arc<Raycaster>, panes: &Arc<Panes>) -> Self {
-        self.cells = Cells::new(&self, raycaster, panes);
+        self.cells = Cells::new(&self.tree, self.sky, raycaster, panes);
         self
     }
 
     /// Returns the triangles, ascending.
     pub(crate) fn triangles(&self) -> &[u32] {
-        &self.triangles
+        &self.tree.triangles
     }
 
     /// Returns whether there is any light to sample.
     pub(crate) fn any(&self) -> bool {
-        self.sky > 0.0 || !self.nodes.is_empty()
+        self.sky > 0.0 || !self.tree.nodes.is_empty()
     }
 
     /// Returns whether all light comes from one quad or triangle.
     pub(crate) fn is_one(&self) -> bool {
-        self.sky == 0.0 && self.triangles.len() <= 2
+        self.sky == 0.0 && self.tree.triangles.len() <= 2
     }
 
     /// Returns the lights as seen from `point`. `normal` is the only side on which the surface is
@@ -225,14 +163,14 @@ impl Lights {
     pub(crate) fn at_vertex(&self, point: Vec3, normal: Vec3) -> VertexLights {
         let mut seen =
             VertexLights { point, normal, sky: 0.0, first: Weights::default(), cell: None };
-        let Some(root) = self.nodes.first() else {
+        let Some(root) = self.tree.nodes.first() else {
             seen.sky = if self.sky > 0.0 { 1.0 } else { 0.0 };
             return seen;
         };
         if let Some((cells, number)) =
             self.cells.as_ref().and_then(|cells| Some((cells, cells.find(point, normal)?)))
         {
-            let cell = cells.get(self, number);
+            let cell = cells.get(&self.tree, number);
             seen.sky = self.sky_share(cell.sky, cell.total, LEAST_SKY_OF_CELL);
             for (i, node) in cell.seen.iter().enumerate().take(2) {
                 seen.first.set(i, node.importances(point, normal));
@@ -257,7 +195,7 @@ impl Lights {
         match self
             .cells
             .as_ref()
-            .and_then(|cells| Some(cells.get(self, cells.find(point, normal)?)))
+            .and_then(|cells| Some(cells.get(&self.tree, cells.find(point, normal)?)))
         {
             Some(cell) => !cell.seen.is_empty(),
             None => self.at_vertex(point, normal).first.total() > 0.0,
@@ -281,7 +219,7 @@ impl Lights {
     #[inline]
     fn cell(&self, seen: &VertexLights) -> Option<(&Cells, &Cell)> {
         let cells = self.cells.as_ref()?;
-        Some((cells, cells.get(self, seen.cell?)))
+        Some((cells, cells.get(&self.tree, seen.cell?)))
     }
 
     /// Chooses a light by a uniform number in [0, 1). `None` if the descent ends at a node that
@@ -296,17 +234,17 @@ impl Lights {
         let probability = 1.0 - seen.sky;
         let (emitter, probability) = if let Some((cells, cell)) = self.cell(seen) {
             let (cluster, share) = cells.pick(cell, &seen.first, &mut rest);
-            descend(&self.nodes, cluster, seen.point, seen.normal, probability * share, &mut rest)?
+            self.tree.descend(cluster, seen.point, seen.normal, probability * share, &mut rest)?
         } else if seen.first.total() > 0.0 {
             let slot = seen.first.pick(&mut rest);
             let probability = probability * seen.first.share(slot);
             let from = Child { node: 0, slot: slot as u32 };
-            descend(&self.nodes, from, seen.point, seen.normal, probability, &mut rest)?
+            self.tree.descend(from, seen.point, seen.normal, probability, &mut rest)?
         } else {
             return None;
         };
         Some(Chosen::Triangle {
-            triangle: self.triangles[emitter],
+            triangle: self.tree.triangles[emitter],
             probability,
             rest: below_one(rest),
         })
@@ -315,16 +253,16 @@ impl Lights {
     /// Returns the probability with which [`choose`](Self::choose) gives a triangle.
     #[inline]
     pub(crate) fn probability(&self, seen: &VertexLights, triangle: u32) -> f32 {
-        let Ok(emitter) = self.triangles.binary_search(&triangle) else { return 0.0 };
+        let Ok(emitter) = self.tree.triangles.binary_search(&triangle) else { return 0.0 };
         let mut probability = 1.0 - seen.sky;
         let mut end = None;
         if let Some((cells, cell)) = self.cell(seen) {
             let (cluster, share) = cells.share(cell, &seen.first, emitter);
             (probability, end) = (probability * share, Some(cluster));
         }
-        let mut place = self.places[emitter];
+        let mut place = self.tree.places[emitter];
         while Some(place) != end && (end.is_some() || place.node != 0) {
-            let node = &self.nodes[place.node as usize];
+            let node = &self.tree.nodes[place.node as usize];
             let importances = node.importances(seen.point, seen.normal);
             let total: f32 = importances.iter().sum();
             if total <= 0.0 {
@@ -339,58 +277,6 @@ impl Lights {
             probability * seen.first.share(place.slot as usize)
         }
     }
-}
-
-/// Chooses an emitter below `from` by importance. Returns it and its probability times
-/// `probability`. `None` if the descent ends at a node that contributes nothing.
-#[inline]
-fn descend(
-    nodes: &[Node],
-    from: Child,
-    point: Vec3,
-    normal: Vec3,
-    mut probability: f32,
-    rest: &mut f64,
-) -> Option<(usize, f32)> {
-    let mut place = nodes.get(from.node as usize)?.child(from.slot as usize);
-    loop {
-        match place {
-            Err(emitter) => return Some((emitter, probability)),
-            Ok(next) => {
-                let node = nodes.get(next)?;
-                let importances = node.importances(point, normal);
-                let total: f32 = importances.iter().sum();
-                if total <= 0.0 {
-                    return None;
-                }
-                let slot = pick(&importances, total, rest);
-                probability *= importances[slot] / total;
-                place = node.child(slot);
-            }
-        }
-    }
-}
-
-/// Picks a child by importance and makes the number uniform again within the child's interval.
-#[inline]
-fn pick(importances: &[f32; WIDTH], total: f32, uniform: &mut f64) -> usize {
-    let target = *uniform * f64::from(total);
-    let (mut sum, mut chosen, mut start) = (0.0, 0, 0.0);
-    // Rounding may put the target beyond the last child's end: the last child is taken then.
-    for (i, &importance) in importances.iter().enumerate() {
-        if importance > 0.0 && sum <= target {
-            (chosen, start) = (i, sum);
-        }
-        sum += f64::from(importance);
-    }
-    *uniform = ((target - start) / f64::from(importances[chosen])).clamp(0.0, ONE_BELOW);
-    chosen
-}
-
-const ONE_BELOW: f64 = 1.0 - f64::EPSILON;
-
-fn below_one(x: f64) -> f32 {
-    (x as f32).min(1.0 - f32::EPSILON / 2.0)
 }
 
 #[cfg(test)]

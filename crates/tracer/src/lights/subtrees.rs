@@ -3,7 +3,9 @@
 
 use glam::Vec3;
 
-use super::{Child, Lights, Node, below_one, descend};
+use super::Lights;
+use super::node::{Child, Node};
+use super::tree::below_one;
 
 /// A subtree is divided while its radius exceeds this share of its distance.
 const OPEN: f32 = 0.2;
@@ -30,9 +32,9 @@ impl Lights {
         visible: impl Fn(Vec3, f32) -> bool,
     ) -> Vec<Subtree> {
         let mut subtrees = Vec::new();
-        let mut waiting: Vec<usize> = if self.nodes.is_empty() { Vec::new() } else { vec![0] };
+        let mut waiting: Vec<usize> = if self.tree.nodes.is_empty() { Vec::new() } else { vec![0] };
         while let Some(at) = waiting.pop() {
-            let node: &Node = &self.nodes[at];
+            let node: &Node = &self.tree.nodes[at];
             let importances = node.importances(point, normal);
             for (slot, &importance) in importances.iter().enumerate().take(node.used()) {
                 let (center, radius) = node.sphere(slot);
@@ -68,8 +70,8 @@ impl Lights {
     ) -> Option<(u32, f32, f32)> {
         let mut rest = uniform;
         let (emitter, probability) =
-            descend(&self.nodes, subtree.child, point, normal, 1.0, &mut rest)?;
-        Some((self.triangles[emitter], probability, below_one(rest)))
+            self.tree.descend(subtree.child, point, normal, 1.0, &mut rest)?;
+        Some((self.tree.triangles[emitter], probability, below_one(rest)))
     }
 
     /// Returns which of the subtrees contains a triangle, and the probability with which
@@ -81,9 +83,9 @@ impl Lights {
         normal: Vec3,
         triangle: u32,
     ) -> Option<(usize, f32)> {
-        let emitter = self.triangles.binary_search(&triangle).ok()?;
+        let emitter = self.tree.triangles.binary_search(&triangle).ok()?;
         let mut probability = 1.0;
-        let mut place = self.places[emitter];
+        let mut place = self.tree.places[emitter];
         loop {
             if let Some(subtree) = subtrees.iter().position(|subtree| subtree.child == place) {
                 return Some((subtree, probability));
@@ -91,7 +93,7 @@ impl Lights {
             if place.node == 0 {
                 return None;
             }
-            let node = &self.nodes[place.node as usize];
+            let node = &self.tree.nodes[place.node as usize];
             let importances = node.importances(point, normal);
             let total: f32 = importances.iter().sum();
             if total <= 0.0 {

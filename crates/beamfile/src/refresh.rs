@@ -1,0 +1,48 @@
+//! Taking in what another process adds to the file.
+
+use crate::Result;
+use crate::file::BeamFile;
+use crate::scan::{Tail, scan};
+
+impl BeamFile {
+    /// Takes in the blocks that another process completed since, and returns their number.
+    ///
+    /// Returns 0 for a file that was not opened read-only.
+    ///
+    /// # Errors
+    /// If the disk cannot be read.
+    pub fn refresh(&self) -> Result<u64> {
+        if !self.shared.read_only {
+            return Ok(0);
+        }
+        let mut appender = self.shared.appender();
+        let mut found = Vec::new();
+        let mut damage = Vec::new();
+        let end = scan(
+            &*self.shared.storage,
+            &self.shared.path,
+            &self.shared.header,
+            appender.at,
+            appender.sequence,
+            &mut damage,
+            &mut |block, table| -> Result<()> {
+                found.push((block, table));
+                Ok(())
+            },
+        )?;
+        // Bytes at the end that were no block before may be one now.
+        if let Tail::Damaged(tail) = &end.tail {
+            damage.push(tail.clone());
+        }
+        let new = found.len() as u64;
+        let mut state = self.shared.state();
+        state.damage.retain(|old| old.offset < appender.at);
+        for (block, table) in found {
+            state.found(block, table)?;
+        }
+        state.damage.append(&mut damage);
+        appender.at = end.resume;
+        appender.sequence = end.sequence;
+        Ok(new)
+    }
+}

@@ -1,0 +1,55 @@
+//! A connected display, and what its view needs.
+
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, atomic::AtomicU32},
+};
+
+use holo_net::Outbox;
+use holo_section::BeamKey;
+
+use crate::{events::ConnectionId, live::LiveQueue, wishes::Wishes};
+
+/// A connected display.
+pub struct Display {
+    pub outbox: Outbox,
+    /// Its name, for people.
+    pub name: String,
+    /// What it wants for its present view; `None` before the first view and once it has settled.
+    pub wishes: Option<Wishes>,
+    /// Live rays of its view.
+    pub live: LiveQueue,
+    /// The number of its newest view, for the thread that recalls an older one.
+    pub newest: Arc<AtomicU32>,
+    /// Whether stored samples of its view are still being sent.
+    pub recalling: bool,
+    /// If it settles: the last packet that was given out before. Later ones do not delay it,
+    /// because a file that is filled at the same time always has some of the view's beams under
+    /// way.
+    pub settling: Option<u64>,
+}
+
+impl Display {
+    /// Returns a display without a view.
+    pub fn new(outbox: Outbox, name: String) -> Display {
+        Display {
+            outbox,
+            name,
+            wishes: None,
+            live: LiveQueue::default(),
+            newest: Arc::default(),
+            recalling: false,
+            settling: None,
+        }
+    }
+
+    /// Returns whether its view crosses the beam.
+    pub fn looks_at(&self, key: BeamKey) -> bool {
+        self.wishes.as_ref().is_some_and(|wishes| wishes.contains(key))
+    }
+}
+
+/// Returns whether a display may show samples of the beam.
+pub fn is_looked_at(displays: &BTreeMap<ConnectionId, Display>, key: BeamKey) -> bool {
+    displays.values().any(|display| display.looks_at(key))
+}

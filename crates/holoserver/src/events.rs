@@ -1,0 +1,37 @@
+//! What happens to a server: events, and the connections that they come from.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use holo_net::{Message, Outbox};
+use holo_proto::hello::Role;
+
+/// The number of a connection. None is used twice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ConnectionId(u64);
+
+impl ConnectionId {
+    /// Returns the number of a new connection.
+    pub fn next() -> ConnectionId {
+        static NEXT: AtomicU64 = AtomicU64::new(1);
+        ConnectionId(NEXT.fetch_add(1, Ordering::Relaxed))
+    }
+}
+
+/// Something that has happened.
+#[derive(Debug)]
+pub enum Event {
+    /// The server has taken somebody.
+    Joined { id: ConnectionId, role: Role, name: String, outbox: Outbox },
+    /// It has sent a message.
+    Message { id: ConnectionId, message: Message },
+    /// It is gone; with a reason unless it closed its connection.
+    Left { id: ConnectionId, reason: Option<String> },
+    /// It broke the protocol.
+    Broke { id: ConnectionId, reason: String },
+    /// All stored samples of a view are sent.
+    Recalled { id: ConnectionId, view: u32, result: Result<(), String> },
+    /// For a display that settles: everything that was stored before is on disk.
+    Flushed { id: ConnectionId, view: u32 },
+    /// The server must end.
+    Shutdown,
+}

@@ -1,0 +1,86 @@
+//! Facets: the triangles of a scene, checked, with their normals.
+//!
+//! Always true: every coordinate is finite and at most [`MAX_COORDINATE`].
+
+use std::fmt;
+
+use glam::Vec3;
+
+use crate::surface::edge_margin;
+
+/// Most triangles of a scene. Spatial splits may refer to each several times, and references have
+/// 31 bits.
+pub const MAX_TRIANGLES: usize = 1 << 27;
+
+/// Greatest coordinate relative to the scene's origin, because the triangle test multiplies three
+/// of them in f32.
+pub const MAX_COORDINATE: f32 = 1e12;
+
+/// The reason why a hierarchy cannot be built.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BuildError {
+    /// There are more than [`MAX_TRIANGLES`].
+    TooManyTriangles(usize),
+    /// A triangle refers to a vertex that does not exist.
+    Index {
+        /// Index of the triangle.
+        triangle: usize,
+    },
+    /// A vertex is not finite or beyond [`MAX_COORDINATE`].
+    Coordinate {
+        /// Index of the triangle.
+        triangle: usize,
+    },
+}
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooManyTriangles(found) => {
+                write!(f, "{found} triangles; at most {MAX_TRIANGLES} can be traced")
+            }
+            Self::Index { triangle } => {
+                write!(f, "triangle {triangle} names a vertex that does not exist")
+            }
+            Self::Coordinate { triangle } => {
+                write!(f, "triangle {triangle} has a vertex too far out to be traced")
+            }
+        }
+    }
+}
+
+impl std::error::Error for BuildError {}
+
+/// Vertices and normal of a triangle. They share a cache line because they are used together.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Facet {
+    pub vertices: [Vec3; 3],
+    pub normal: Vec3,
+    /// Least barycentric coordinate of a surface point: see [`edge_margin`].
+    pub margin: f32,
+}
+
+/// Returns the facets of a scene's triangles, in the same order.
+pub(crate) fn facets(
+    positions: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+) -> Result<Vec<Facet>, BuildError> {
+    if triangles.len() > MAX_TRIANGLES {
+        return Err(BuildError::TooManyTriangles(triangles.len()));
+    }
+    let facet = |(triangle, indices): (usize, &[u32; 3])| {
+        let mut vertices = [Vec3::ZERO; 3];
+        for (vertex, &index) in vertices.iter_mut().zip(indices) {
+            *vertex =
+                Vec3::from(*positions.get(index as usize).ok_or(BuildError::Index { triangle })?);
+            if !vertex.is_finite() || vertex.abs().max_element() > MAX_COORDINATE {
+                return Err(BuildError::Coordinate { triangle });
+            }
+        }
+        // In f64, because the normal of a sliver is a difference of nearly equal products.
+        let [a, b, c] = vertices.map(|v| v.as_dvec3());
+        let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
+        Ok(Facet { vertices, normal, margin: edge_margin(vertices) })
+    };
+    triangles.iter().enumerate().map(facet).collect()
+}

@@ -1,0 +1,127 @@
+//! The light tree: its emitters, and the choice of one by a descent.
+//!
+//! Always true: a choice leaves a random number uniform, so that it can be used again.
+
+use glam::Vec3;
+
+use super::build::{self, Emission, Emitter};
+use super::node::{Child, Node, WIDTH};
+
+/// A tree of emitting triangles.
+#[derive(Debug)]
+pub(super) struct Tree {
+    /// The triangles of all emitters, ascending.
+    pub triangles: Vec<u32>,
+    pub nodes: Vec<Node>,
+    /// The leaf of each emitter.
+    pub places: Vec<Child>,
+    /// Indexed by emitter.
+    pub emissions: Vec<Emission>,
+}
+
+impl Tree {
+    /// Makes a tree of the given triangles (ascending), with one emitter for each.
+    pub(super) fn new(triangles: Vec<u32>, emitters: Vec<Emitter>) -> Self {
+        let emissions = emitters.iter().map(Emitter::emission).collect();
+        let (nodes, places) = build::tree(emitters);
+        Self { triangles, nodes, places, emissions }
+    }
+
+    /// Chooses an emitter below `from` by importance. Returns it and its probability times
+    /// `probability`. `None` if the descent ends at a node that contributes nothing.
+    #[inline]
+    pub(super) fn descend(
+        &self,
+        from: Child,
+        point: Vec3,
+        normal: Vec3,
+        mut probability: f32,
+        rest: &mut f64,
+    ) -> Option<(usize, f32)> {
+        let mut place = self.nodes.get(from.node as usize)?.child(from.slot as usize);
+        loop {
+            match place {
+                Err(emitter) => return Some((emitter, probability)),
+                Ok(next) => {
+                    let node = self.nodes.get(next)?;
+                    let importances = node.importances(point, normal);
+                    let total: f32 = importances.iter().sum();
+                    if total <= 0.0 {
+                        return None;
+                    }
+                    let slot = pick(&importances, total, rest);
+                    probability *= importances[slot] / total;
+                    place = node.child(slot);
+                }
+            }
+        }
+    }
+}
+
+/// Importances of the root's children, or of a cell's clusters.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Weights {
+    rows: [[f32; WIDTH]; 2],
+    totals: [f32; 2],
+}
+
+impl Weights {
+    #[inline]
+    pub(super) fn set(&mut self, row: usize, importances: [f32; WIDTH]) {
+        self.totals[row] = importances.iter().sum();
+        self.rows[row] = importances;
+    }
+
+    #[inline]
+    pub(super) fn total(&self) -> f32 {
+        self.totals[0] + self.totals[1]
+    }
+
+    /// Returns the probability of a child; 0 for unused ones, and if all importances are 0.
+    #[inline]
+    pub(super) fn share(&self, place: usize) -> f32 {
+        let total = self.total();
+        let importance = self.rows.get(place / WIDTH).map_or(0.0, |row| row[place % WIDTH]);
+        if total > 0.0 { importance / total } else { 0.0 }
+    }
+
+    /// Picks a child by importance and makes the number uniform again. Some importance must be
+    /// positive.
+    #[inline]
+    pub(super) fn pick(&self, uniform: &mut f64) -> usize {
+        if self.totals[1] == 0.0 {
+            return pick(&self.rows[0], self.totals[0], uniform);
+        }
+        let first = f64::from(self.totals[0]) / f64::from(self.total());
+        let second = *uniform >= first;
+        *uniform = if second { (*uniform - first) / (1.0 - first) } else { *uniform / first };
+        *uniform = uniform.clamp(0.0, ONE_BELOW);
+        let row = usize::from(second);
+        row * WIDTH + pick(&self.rows[row], self.totals[row], uniform)
+    }
+}
+
+/// Picks a child by importance and makes the number uniform again within the child's interval.
+#[inline]
+fn pick(importances: &[f32; WIDTH], total: f32, uniform: &mut f64) -> usize {
+    let target = *uniform * f64::from(total);
+    let (mut sum, mut chosen, mut start) = (0.0, 0, 0.0);
+    // Rounding may put the target beyond the last child's end: the last child is taken then.
+    for (i, &importance) in importances.iter().enumerate() {
+        if importance > 0.0 && sum <= target {
+            (chosen, start) = (i, sum);
+        }
+        sum += f64::from(importance);
+    }
+    *uniform = ((target - start) / f64::from(importances[chosen])).clamp(0.0, ONE_BELOW);
+    chosen
+}
+
+/// A number just below 1.
+pub(super) const ONE_BELOW: f64 = 1.0 - f64::EPSILON;
+
+/// Returns a number of [0, 1) with fewer bits, below 1 still.
+#[inline]
+pub(super) fn below_one(x: f64) -> f32 {
+    (x as f32).min(1.0 - f32::EPSILON / 2.0)
+}

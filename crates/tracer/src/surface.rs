@@ -1,0 +1,39 @@
+//! The materials of a scene, prepared for tracing.
+
+use glam::Vec3;
+use holo_scene::{Bsdf, Scene};
+
+use crate::bsdf::{Scatter, Tables};
+
+/// A material, prepared for tracing.
+#[derive(Clone, Debug)]
+pub(crate) struct Surface {
+    pub scatter: Scatter,
+    pub emission: Vec3,
+    pub emits: bool,
+    /// Whether the back emits too.
+    pub two_sided: bool,
+}
+
+/// Returns the materials of a scene, in order.
+pub(crate) fn surfaces(scene: &Scene) -> Vec<Surface> {
+    let mut used = vec![false; scene.materials.len()];
+    scene.material_ids.iter().for_each(|&m| used[m as usize] = true);
+    let mut tables = Tables::default();
+    scene
+        .materials
+        .iter()
+        .zip(used)
+        .map(|(m, used)| Surface {
+            scatter: match m.bsdf {
+                // What a solid does depends on the media on both sides (`nesting`).
+                Bsdf::Dielectric { .. } => Scatter::Black,
+                _ if !used => Scatter::Black,
+                bsdf => Scatter::new(&bsdf, &mut tables),
+            },
+            emission: m.emission.into(),
+            emits: m.emits(),
+            two_sided: m.two_sided_emission,
+        })
+        .collect()
+}

@@ -1,0 +1,91 @@
+//! Kinds of frames, and the longest payload of each.
+
+/// Longest control message. A welcome with 1024 sections and their texts fits many times over.
+pub const MAX_CONTROL_BYTES: u64 = 1 << 20;
+/// Longest bulk message: a million wanted beams, or 1.6 million samples.
+pub const MAX_BULK_BYTES: u64 = 16 << 20;
+/// Longest message of live rays: [`crate::bulk::MAX_LIVE_RAYS`] of them.
+pub const MAX_LIVE_WANTED_BYTES: u64 = 1 << 20;
+/// Longest hello or answer. It is small, because strangers send it.
+pub const MAX_HELLO_BYTES: u64 = 4096;
+
+/// What a frame carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Kind {
+    /// [`crate::hello::Hello`], the first frame from whoever connects.
+    Hello = 1,
+    /// [`crate::hello::Answer`], the first frame back.
+    Answer = 2,
+    /// [`crate::control::Control`], either way.
+    Control = 3,
+    /// [`crate::bulk::Work`], server to worker.
+    Work = 4,
+    /// [`crate::bulk::Results`], worker to server.
+    Results = 5,
+    /// [`crate::bulk::ViewRequest`], display to server.
+    View = 6,
+    /// [`crate::bulk::Samples`], server to display.
+    Samples = 7,
+    /// [`crate::bulk::BlobChunk`], server to worker or display: a piece of the packed scene.
+    BlobChunk = 8,
+    /// [`crate::bulk::Unseen`], server to display.
+    Unseen = 9,
+    /// [`crate::bulk::Light`], worker to server, and server to whoever asked for light.
+    Light = 10,
+    /// [`crate::bulk::RaysWanted`], display to server.
+    Rays = 11,
+    /// [`crate::bulk::LiveWanted`], display to server.
+    LiveWanted = 12,
+    /// [`crate::bulk::LiveWork`], server to worker.
+    LiveWork = 13,
+    /// [`crate::bulk::LiveResults`], worker to server.
+    LiveResults = 14,
+    /// [`crate::bulk::LiveSamples`], server to display.
+    LiveSamples = 15,
+}
+
+impl Kind {
+    /// Returns the kind with this number, if there is one.
+    pub fn from_byte(byte: u8) -> Option<Kind> {
+        [
+            Kind::Hello,
+            Kind::Answer,
+            Kind::Control,
+            Kind::Work,
+            Kind::Results,
+            Kind::View,
+            Kind::Samples,
+            Kind::BlobChunk,
+            Kind::Unseen,
+            Kind::Light,
+            Kind::Rays,
+            Kind::LiveWanted,
+            Kind::LiveWork,
+            Kind::LiveResults,
+            Kind::LiveSamples,
+        ]
+        .into_iter()
+        .find(|&kind| kind as u8 == byte)
+    }
+
+    /// Returns the longest payload of this kind, bytes.
+    pub fn max_bytes(self) -> u64 {
+        match self {
+            Kind::Hello | Kind::Answer => MAX_HELLO_BYTES,
+            Kind::Control => MAX_CONTROL_BYTES,
+            Kind::Work
+            | Kind::Results
+            | Kind::View
+            | Kind::Samples
+            | Kind::BlobChunk
+            | Kind::Unseen
+            | Kind::Light
+            | Kind::Rays
+            | Kind::LiveWork
+            | Kind::LiveResults
+            | Kind::LiveSamples => MAX_BULK_BYTES,
+            Kind::LiveWanted => MAX_LIVE_WANTED_BYTES,
+        }
+    }
+}
