@@ -30,9 +30,8 @@ def interactive(bench: Bench) -> Part:
             "the start*: the first view of a "
             "new session, whose worker still has to take the scene. *After moving*: the same view after five seconds "
             "at another. "
-            "The tracer alone is `render --time` for the same seconds, its scene loaded before the clock starts; it "
-            "ends after the pass "
-            "that fits, and its shortest picture is one pass of four paths per pixel.",
+            "The tracer alone is `render --time` for the same seconds, its scene loaded before the clock starts; its "
+            "shortest picture is one path per pixel.",
             "*Taken at* is when the picture was written, seconds after the view was asked for; *ratio* is of the two "
             "relMSE. The last picture "
             "is taken again by `replay`, without tracing, and has to be the same byte for byte, but for pixels that no section covers: those "

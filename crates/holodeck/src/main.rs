@@ -11,6 +11,7 @@ mod differences;
 mod fill;
 mod info;
 mod loading;
+mod passes;
 mod prepare;
 mod processes;
 mod render;

@@ -2,10 +2,7 @@
 
 use std::{
     path::PathBuf,
-    sync::{
-        Arc, Mutex, PoisonError,
-        atomic::{AtomicU32, Ordering},
-    },
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -20,6 +17,7 @@ use holo_view::{LookArgs, ViewArgs};
 use crate::{
     arguments::picture_path,
     loading,
+    passes::{Job, Limit, Progress, Sums},
     scene_args::{SceneArgs, Usage, settings},
 };
 
@@ -60,18 +58,19 @@ pub struct Args {
     quiet: bool,
 }
 
-/// Rows that a thread takes at a time.
-const ROWS: u32 = 4;
-
-/// Paths per pixel in one pass: so many that passes cost nothing, so few that `--time` is kept.
-const PASS: u32 = 4;
+/// A picture that took more than this factor over its time says why.
+const TOLERANCE: f64 = 1.1;
 
 /// See [`Args`].
 pub async fn run(args: Args) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
-    if args.spp.is_none() && args.time.is_none() {
-        return Err(Usage("how many paths? Say --spp 256 or --time 60s".into()).into());
-    }
+    let limit = match (args.spp, args.time) {
+        (Some(paths), _) => Limit::Paths(paths),
+        (None, Some(time)) => Limit::Time(time),
+        (None, None) => {
+            return Err(Usage("how many paths? Say --spp 256 or --time 60s".into()).into());
+        }
+    };
     args.look.check(&args.output).map_err(Usage)?;
     let named: Vec<_> =
         config.view.iter().map(|view| (view.name.clone(), view.to_options())).collect();
@@ -93,17 +92,9 @@ pub async fn run(args: Args) -> Result<()> {
     let threads = args.threads.or(config.threads).map_or_else(cores, usize::from).max(1);
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
-    let job = Job {
-        tracer,
-        view,
-        size,
-        seed: settings.seed,
-        spp: args.spp,
-        time: args.time,
-        threads,
-        quiet: args.quiet,
-    };
-    let rendered = tokio::task::spawn_blocking(move || job.run(&shutdown)).await?;
+    let job = Job { tracer, view, size, seed: settings.seed, threads, limit };
+    let quiet = args.quiet;
+    let rendered = tokio::task::spawn_blocking(move || render(&job, quiet, &shutdown)).await?;
     rendered.write(&args)
 }
 
@@ -111,190 +102,72 @@ fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-struct Job {
-    tracer: Tracer,
-    view: View,
-    size: (u32, u32),
-    seed: u64,
-    spp: Option<u32>,
-    time: Option<Duration>,
-    threads: usize,
-    quiet: bool,
-}
-
-/// Sums over a pixel's paths, for each channel.
-#[derive(Clone, Copy, Default)]
-struct Sums {
-    first: [f64; 3],
-    second: [f64; 3],
-}
-
+/// A picture that was traced.
 struct Rendered {
     view: View,
     size: (u32, u32),
     sums: Vec<Sums>,
-    spp: u32,
     seconds: f64,
     nonfinite: u64,
 }
 
-impl Job {
-    /// Traces passes until there are enough paths, the time is up, or Ctrl-C.
-    fn run(self, shutdown: &Shutdown) -> Rendered {
-        let pixels = self.size.0 as usize * self.size.1 as usize;
-        let sums = Mutex::new(vec![Sums::default(); pixels]);
-        let start = Instant::now();
-        let mut meter = Meter::new(self.quiet);
-        let mut spp = 0;
-        while self.spp.is_none_or(|wanted| spp < wanted) && !shutdown.is_triggered() {
-            // A pass that would end after the time is not begun.
-            let elapsed = start.elapsed();
-            let next = elapsed + elapsed.checked_div(spp.div_ceil(PASS)).unwrap_or_default() / 2;
-            if self.time.is_some_and(|time| next >= time) {
-                break;
-            }
-            let count = self.spp.map_or(PASS, |wanted| PASS.min(wanted - spp));
-            self.pass(&sums, spp, count);
-            spp += count;
-            let share = match (self.spp, self.time) {
-                (Some(wanted), _) => f64::from(spp) / f64::from(wanted),
-                (None, Some(time)) => start.elapsed().as_secs_f64() / time.as_secs_f64(),
-                (None, None) => 1.0,
-            };
-            let seconds = start.elapsed().as_secs_f64();
-            let rate = pixels as f64 * f64::from(spp) / seconds / 1e6;
-            meter.show(share, &format!("{spp} paths per pixel, {rate:.2} M/s"));
-        }
-        meter.finish();
-        Rendered {
-            view: self.view,
-            size: self.size,
-            sums: sums.into_inner().unwrap_or_else(PoisonError::into_inner),
-            spp,
-            seconds: start.elapsed().as_secs_f64(),
-            nonfinite: self.tracer.nonfinite_paths(),
-        }
-    }
-
-    fn pass(&self, sums: &Mutex<Vec<Sums>>, first: u32, count: u32) {
-        let next = AtomicU32::new(0);
-        std::thread::scope(|scope| {
-            for _ in 0..self.threads {
-                scope.spawn(|| {
-                    let width = self.size.0 as usize;
-                    let mut rows = vec![Sums::default(); width * ROWS as usize];
-                    loop {
-                        let row = next.fetch_add(ROWS, Ordering::Relaxed);
-                        if row >= self.size.1 {
-                            return;
-                        }
-                        let end = (row + ROWS).min(self.size.1);
-                        rows.fill(Sums::default());
-                        for (offset, row) in (row..end).enumerate() {
-                            self.row(
-                                row,
-                                first,
-                                count,
-                                &mut rows[offset * width..(offset + 1) * width],
-                            );
-                        }
-                        let mut all = sums.lock().unwrap_or_else(PoisonError::into_inner);
-                        for (sum, new) in
-                            all[row as usize * width..end as usize * width].iter_mut().zip(&rows)
-                        {
-                            for channel in 0..3 {
-                                sum.first[channel] += new.first[channel];
-                                sum.second[channel] += new.second[channel];
-                            }
-                        }
-                    }
-                });
-            }
-        });
-    }
-
-    fn row(&self, row: u32, first: u32, count: u32, sums: &mut [Sums]) {
-        for (column, sums) in (0u32..).zip(sums) {
-            let pixel = u64::from(row) << 32 | u64::from(column);
-            let turn = mix(pixel ^ self.seed.rotate_left(17));
-            for path in first..first + count {
-                let [dx, dy] = jitter(path, turn);
-                let x = (f64::from(column) + dx) / f64::from(self.size.0);
-                let y = 1.0 - (f64::from(row) + dy) / f64::from(self.size.1);
-                // Corners of fisheyes have no direction: they are black.
-                let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) else {
-                    continue;
-                };
-                let traced = self.tracer.trace_path(origin, direction, turn, u64::from(path));
-                if reach.is_finite() && traced.distance > reach {
-                    // Beyond the aft clipping surface everything is black.
-                    continue;
-                }
-                let radiance = traced.radiance;
-                for (channel, value) in radiance.into_iter().enumerate() {
-                    sums.first[channel] += f64::from(value);
-                    sums.second[channel] += f64::from(value) * f64::from(value);
-                }
-            }
-        }
-    }
-}
-
-/// Returns where in the pixel path `index` goes: the R2 sequence (Roberts 2018), shifted by the
-/// pixel's own offset. Any number of paths is well spread over the box filter.
-fn jitter(index: u32, turn: u64) -> [f64; 2] {
-    /// Powers of the plastic number ρ: 1/ρ and 1/ρ².
-    const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
-    let offset = [(turn >> 32) as f64, f64::from(turn as u32)].map(|bits| bits / 4_294_967_296.0);
-    [0, 1].map(|axis| (offset[axis] + STEP[axis] * f64::from(index)).fract())
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea & Flood 2014).
-fn mix(mut x: u64) -> u64 {
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
+/// Traces until there are enough paths, the time is up, or Ctrl-C.
+fn render(job: &Job, quiet: bool, shutdown: &Shutdown) -> Rendered {
+    let start = Instant::now();
+    let mut meter = Meter::new(quiet);
+    let pixels = f64::from(job.size.0) * f64::from(job.size.1);
+    let sums = job.run(
+        || start.elapsed(),
+        || shutdown.is_triggered(),
+        |Progress { share, paths, elapsed }| {
+            let rate = pixels * f64::from(paths) / elapsed.as_secs_f64() / 1e6;
+            meter.show(share, &format!("{paths} paths per pixel, {rate:.2} M/s"));
+        },
+    );
+    let seconds = start.elapsed().as_secs_f64();
+    meter.finish();
+    let nonfinite = job.tracer.nonfinite_paths();
+    Rendered { view: job.view, size: job.size, sums, seconds, nonfinite }
 }
 
 impl Rendered {
     fn write(&self, args: &Args) -> Result<()> {
-        let n = f64::from(self.spp.max(1));
         let mut picture = Picture::new(self.size.0, self.size.1);
         picture.view = Some(self.view);
         for (pixel, sums) in picture.pixels.iter_mut().zip(&self.sums) {
-            *pixel = sums.first.map(|sum| (sum / n) as f32);
+            *pixel = sums.mean();
         }
         args.look.write(&picture, &args.output)?;
         if let Some(path) = &args.se {
             let mut errors = Picture::new(self.size.0, self.size.1);
             for (pixel, sums) in errors.pixels.iter_mut().zip(&self.sums) {
-                for (channel, error) in pixel.iter_mut().enumerate() {
-                    let mean = sums.first[channel] / n;
-                    let variance =
-                        (sums.second[channel] / n - mean * mean).max(0.0) / (n - 1.0).max(1.0);
-                    *error = variance.sqrt() as f32;
-                }
+                *pixel = sums.standard_error();
             }
             errors.write(path)?;
         }
         if self.nonfinite > 0 {
             eprintln!("{} paths were not finite and count as black", self.nonfinite);
         }
-        let paths = n * self.sums.len() as f64;
+        let paths: f64 = self.sums.iter().map(|sums| f64::from(sums.paths)).sum();
+        let (rate, seconds) = (paths / self.seconds, self.seconds);
+        let least = self.sums.iter().map(|sums| sums.paths).min().unwrap_or(0);
+        let most = self.sums.iter().map(|sums| sums.paths).max().unwrap_or(0);
         if args.json {
             let report = serde_json::json!({
-                "picture": args.output, "spp": self.spp, "seconds": self.seconds,
-                "paths_per_second": paths / self.seconds, "nonfinite_paths": self.nonfinite,
+                "picture": args.output, "spp": least, "paths": paths, "seconds": seconds,
+                "paths_per_second": rate, "nonfinite_paths": self.nonfinite,
             });
             println!("{report}");
         } else if !args.quiet {
-            let rate = paths / self.seconds / 1e6;
-            println!(
-                "{}: {} paths per pixel in {:.1} s, {rate:.2} M/s",
-                args.output.display(),
-                self.spp,
-                self.seconds
-            );
+            let count = if least == most { most.to_string() } else { format!("{least} to {most}") };
+            let (output, rate) = (args.output.display(), rate / 1e6);
+            println!("{output}: {count} paths per pixel in {seconds:.1} s, {rate:.2} M/s");
+        }
+        if let Some(time) = args.time.map(|time| time.as_secs_f64())
+            && most == 1
+            && seconds > TOLERANCE * time
+        {
+            eprintln!("one path per pixel takes longer than --time {time} s: {seconds:.1} s");
         }
         Ok(())
     }

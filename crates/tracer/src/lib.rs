@@ -212,7 +212,7 @@ impl Tracer {
     /// A sample that needs a record of indirect light where there is none becomes a path instead,
     /// nearly as noisy as those of the engine `path`. Each such sample allows `effort` rays for
     /// records, and records are made as these allow. Unless this is called, every such sample makes
-    /// a record, however long that takes, and no sample is noisy.
+    /// a record, however long that takes, and no sample is noisy. An effort of 0 makes no records.
     pub fn set_effort(&self, effort: u32) {
         if let Some(cached) = &self.cached {
             cached.set_effort(effort);

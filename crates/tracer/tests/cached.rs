@@ -414,7 +414,7 @@ fn limited_effort_gives_paths_until_there_are_records() {
     // begun whenever none are owed.
     let (waited, eagerly) = (made(&waiting), made(&eager));
     assert!((1..=3).contains(&waited) && eagerly > 3, "{eagerly} and {waited}");
-    // Effort 0 still makes one record, at the first sample. It alone cannot shift the mean.
+    assert_eq!(made(&never), 0);
     let mean = sums.map(|sum| sum / f64::from(rays));
     let variance: f64 =
         (0..2).map(|n| (squares[n] / f64::from(rays) - mean[n] * mean[n]) / f64::from(rays)).sum();

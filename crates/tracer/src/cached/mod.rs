@@ -162,8 +162,10 @@ impl Cached {
         if effort == UNLIMITED {
             return true;
         }
-        let allowed = self.allowed_rays.fetch_add(u64::from(effort), Ordering::Relaxed);
-        self.traced_rays.load(Ordering::Relaxed) <= allowed
+        let effort = u64::from(effort);
+        let allowed = self.allowed_rays.fetch_add(effort, Ordering::Relaxed) + effort;
+        // Without effort there is never a record, not even the first.
+        self.traced_rays.load(Ordering::Relaxed) < allowed
     }
 
     /// Interpolates the irradiance by indirect light between records that reach the point and see

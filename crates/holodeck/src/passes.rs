@@ -1,0 +1,338 @@
+//! Passes of `holodeck render`: each adds paths to every pixel, until there are enough.
+//!
+//! Always true:
+//! - Every pixel has at least one path.
+//! - A pixel's value is a function of its number of paths (engine `path`).
+//! - A time limit ends the work after the block of pixels that a thread is at. So it holds however
+//!   long a pass takes, except that the first pass is always whole.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use holo_picture::View;
+use holo_tracer::Tracer;
+
+/// Pixels that a thread takes at a time: some milliseconds of work.
+const BLOCK: usize = 64;
+
+/// Most paths per pixel in one pass.
+const PASS: u32 = 4;
+
+/// Rays for records of indirect light, for each sample in a place without records, if there is a
+/// time limit: see [`Tracer::set_effort`].
+const EFFORT: u32 = 2;
+
+/// Share of a limited time in which records may be begun. Later ones would serve few samples.
+const RECORD_SHARE: f64 = 0.75;
+
+/// Least time that is left when a record is begun. The first of a scene makes a hundred coarse ones
+/// and takes up to a second.
+const RECORD_TIME: Duration = Duration::from_secs(1);
+
+/// A picture to be traced.
+pub struct Job {
+    /// The engine, with the scene.
+    pub tracer: Tracer,
+    /// The view.
+    pub view: View,
+    /// Width and height in pixels.
+    pub size: (u32, u32),
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Threads that trace.
+    pub threads: usize,
+    /// What ends the work.
+    pub limit: Limit,
+}
+
+/// What ends the work, besides an interruption.
+#[derive(Clone, Copy, Debug)]
+pub enum Limit {
+    /// So many paths per pixel.
+    Paths(u32),
+    /// So much time since the work began.
+    Time(Duration),
+}
+
+/// Sums over a pixel's paths, for each channel.
+#[derive(Clone, Copy, Default)]
+pub struct Sums {
+    /// Number of paths.
+    pub paths: u32,
+    /// Of their radiances.
+    pub first: [f64; 3],
+    /// Of the squares of these.
+    pub second: [f64; 3],
+}
+
+/// How far the work is.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// Share of the limit that is used up, 0 to 1.
+    pub share: f64,
+    /// Paths of every pixel.
+    pub paths: u32,
+    /// Since the work began.
+    pub elapsed: Duration,
+}
+
+impl Job {
+    /// Traces passes until the limit is reached or `is_interrupted`. `clock` returns the time since
+    /// the work began. Returns the sums of all pixels, in rows from the top.
+    pub fn run(
+        &self,
+        clock: impl Fn() -> Duration + Sync,
+        is_interrupted: impl Fn() -> bool + Sync,
+        mut show: impl FnMut(Progress),
+    ) -> Vec<Sums> {
+        let sums = vec![Sums::default(); self.size.0 as usize * self.size.1 as usize];
+        let sums = Mutex::new(sums);
+        let is_over = || match self.limit {
+            Limit::Time(time) => {
+                let elapsed = clock();
+                let last = time.mul_f64(RECORD_SHARE).min(time.saturating_sub(RECORD_TIME));
+                self.tracer.set_effort(if elapsed < last { EFFORT } else { 0 });
+                is_interrupted() || elapsed >= time
+            }
+            Limit::Paths(_) => is_interrupted(),
+        };
+        let mut paths = 0;
+        loop {
+            let count = match self.limit {
+                Limit::Paths(wanted) => PASS.min(wanted - paths),
+                // The least picture, as soon as possible: no sample waits for records of light.
+                Limit::Time(_) if paths == 0 => 1,
+                Limit::Time(_) => PASS,
+            };
+            if paths == 0 && matches!(self.limit, Limit::Time(_)) {
+                self.tracer.set_effort(0);
+            }
+            self.pass(&sums, paths, count, || paths > 0 && is_over());
+            paths += count;
+            let elapsed = clock();
+            let share = match self.limit {
+                Limit::Paths(wanted) => f64::from(paths) / f64::from(wanted),
+                Limit::Time(time) => elapsed.as_secs_f64() / time.as_secs_f64(),
+            };
+            show(Progress { share: share.min(1.0), paths, elapsed });
+            if matches!(self.limit, Limit::Paths(wanted) if paths >= wanted) || is_over() {
+                break;
+            }
+        }
+        sums.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds paths to all pixels, or to some if the time is up.
+    fn pass(
+        &self,
+        sums: &Mutex<Vec<Sums>>,
+        first: u32,
+        count: u32,
+        is_over: impl Fn() -> bool + Sync,
+    ) {
+        let pixels = self.size.0 as usize * self.size.1 as usize;
+        let blocks = pixels.div_ceil(BLOCK);
+        let stride = stride(blocks);
+        let next = AtomicUsize::new(0);
+        let work = || {
+            loop {
+                let turn = next.fetch_add(1, Ordering::Relaxed);
+                if turn >= blocks || is_over() {
+                    return;
+                }
+                let start = turn * stride % blocks * BLOCK;
+                let block = start..(start + BLOCK).min(pixels);
+                let new: Vec<Sums> =
+                    block.clone().map(|pixel| self.pixel(pixel, first, count)).collect();
+                let mut all = sums.lock().unwrap_or_else(PoisonError::into_inner);
+                all[block].iter_mut().zip(&new).for_each(|(sum, new)| sum.add(new));
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 0..self.threads {
+                scope.spawn(work);
+            }
+        });
+    }
+
+    fn pixel(&self, pixel: usize, first: u32, count: u32) -> Sums {
+        let (column, row) = (pixel as u32 % self.size.0, pixel as u32 / self.size.0);
+        let turn = mix((u64::from(row) << 32 | u64::from(column)) ^ self.seed.rotate_left(17));
+        let mut sums = Sums { paths: count, ..Sums::default() };
+        for path in first..first + count {
+            let [dx, dy] = jitter(path, turn);
+            let x = (f64::from(column) + dx) / f64::from(self.size.0);
+            let y = 1.0 - (f64::from(row) + dy) / f64::from(self.size.1);
+            // Corners of fisheyes have no direction: they are black.
+            let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) else { continue };
+            let traced = self.tracer.trace_path(origin, direction, turn, u64::from(path));
+            if reach.is_finite() && traced.distance > reach {
+                // Beyond the aft clipping surface everything is black.
+                continue;
+            }
+            for (channel, value) in traced.radiance.into_iter().enumerate() {
+                sums.first[channel] += f64::from(value);
+                sums.second[channel] += f64::from(value) * f64::from(value);
+            }
+        }
+        sums
+    }
+}
+
+impl Sums {
+    fn add(&mut self, other: &Sums) {
+        self.paths += other.paths;
+        for channel in 0..3 {
+            self.first[channel] += other.first[channel];
+            self.second[channel] += other.second[channel];
+        }
+    }
+
+    /// Returns the mean radiance.
+    pub fn mean(&self) -> [f32; 3] {
+        let n = f64::from(self.paths.max(1));
+        self.first.map(|sum| (sum / n) as f32)
+    }
+
+    /// Returns the standard error of the mean, as if paths were independent.
+    pub fn standard_error(&self) -> [f32; 3] {
+        let n = f64::from(self.paths.max(1));
+        std::array::from_fn(|channel| {
+            let mean = self.first[channel] / n;
+            let variance = (self.second[channel] / n - mean * mean).max(0.0);
+            (variance / (n - 1.0).max(1.0)).sqrt() as f32
+        })
+    }
+}
+
+/// Returns the step between blocks that are traced one after the other: about 0.618 of their
+/// number, and coprime to it. So a pass that ends early has spread its paths over the picture.
+fn stride(blocks: usize) -> usize {
+    let coprime = |step: &usize| {
+        let (mut a, mut b) = (blocks, *step);
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a == 1
+    };
+    ((blocks as f64 * 0.618) as usize..blocks).find(coprime).unwrap_or(1)
+}
+
+/// Returns where in the pixel path `index` goes: the R2 sequence (Roberts 2018), shifted by the
+/// pixel's own offset. Any number of paths is well spread over the box filter.
+fn jitter(index: u32, turn: u64) -> [f64; 2] {
+    /// Powers of the plastic number ρ: 1/ρ and 1/ρ².
+    const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+    let offset = [(turn >> 32) as f64, f64::from(turn as u32)].map(|bits| bits / 4_294_967_296.0);
+    [0, 1].map(|axis| (offset[axis] + STEP[axis] * f64::from(index)).fract())
+}
+
+/// The finaliser of SplitMix64 (Steele, Lea & Flood 2014).
+fn mix(mut x: u64) -> u64 {
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::AtomicU64;
+
+    use holo_picture::ViewSpec;
+    use holo_scenes::Bundled;
+    use holo_tracer::Settings;
+
+    use super::*;
+
+    const SIZE: (u32, u32) = (32, 24);
+    const BLOCKS: u64 = 12;
+    const THREADS: u64 = 2;
+
+    fn job(is_cached: bool, limit: Limit) -> Job {
+        let folder = tempfile::tempdir().unwrap();
+        let written = holo_scenes::write(Bundled::Cornell, folder.path()).unwrap();
+        let scene = holo_scene::load_obj(&written.obj, &Default::default()).unwrap().scene;
+        let tracer = Tracer::new(Arc::new(scene), Settings::default()).unwrap();
+        let mut spec = ViewSpec::default();
+        spec.apply_line("-vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60").unwrap();
+        let (view, size) = spec.resolve(SIZE).unwrap();
+        let tracer = if is_cached { tracer.with_cache(0.03, 1) } else { tracer };
+        Job { tracer, view, size, seed: 1, threads: THREADS as usize, limit }
+    }
+
+    /// Traces by a clock that goes on by a second whenever somebody reads it.
+    fn run(job: &Job) -> Vec<Sums> {
+        let readings = AtomicU64::new(0);
+        job.run(
+            || Duration::from_secs(readings.fetch_add(1, Ordering::Relaxed)),
+            || false,
+            |progress| assert!((0.0..=1.0).contains(&progress.share)),
+        )
+    }
+
+    #[test]
+    fn a_time_limit_ends_the_work_within_a_pass() {
+        // A thread reads the clock before each block; after each pass it is read twice.
+        for seconds in [0, 1, 5, 20, 100] {
+            let sums = run(&job(false, Limit::Time(Duration::from_secs(seconds))));
+            assert!(sums.iter().all(|sums| sums.paths >= 1 && sums.paths % PASS == 1));
+            let blocks: u64 =
+                sums.iter().map(|sums| u64::from(sums.paths / PASS)).sum::<u64>() / BLOCK as u64;
+            let passes = 1 + seconds / BLOCKS;
+            let least = seconds.saturating_sub(3 * passes + THREADS);
+            assert!((least..=seconds).contains(&blocks), "{seconds}: {blocks}");
+        }
+    }
+
+    #[test]
+    fn a_pixel_with_as_many_paths_has_the_same_value() {
+        let uneven = run(&job(false, Limit::Time(Duration::from_secs(20))));
+        for count in [1 + PASS, 1 + 2 * PASS] {
+            let even = run(&job(false, Limit::Paths(count)));
+            assert!(even.iter().all(|sums| sums.paths == count));
+            let mut compared = 0;
+            for (a, b) in uneven.iter().zip(&even).filter(|(a, _)| a.paths == count) {
+                for (a, b) in
+                    a.first.into_iter().chain(a.second).zip(b.first.into_iter().chain(b.second))
+                {
+                    assert!((a - b).abs() <= 1e-12 * b.abs(), "{a} {b}");
+                }
+                compared += 1;
+            }
+            assert!(compared > 0, "{count}");
+        }
+    }
+
+    #[test]
+    fn the_first_picture_under_a_time_limit_waits_for_no_records_of_light() {
+        let hurried = job(true, Limit::Time(Duration::ZERO));
+        assert!(run(&hurried).iter().all(|sums| sums.paths == 1));
+        let records = |job: &Job| job.tracer.light().map_or(0, |light| light.len());
+        assert_eq!(records(&hurried), 0);
+        let patient = job(true, Limit::Paths(1));
+        run(&patient);
+        assert!(records(&patient) > 100, "{}", records(&patient));
+        let longer = job(true, Limit::Time(Duration::from_secs(200)));
+        run(&longer);
+        assert!(records(&longer) > 0, "later passes make records");
+    }
+
+    #[test]
+    fn an_interruption_leaves_a_whole_picture() {
+        let job = job(false, Limit::Paths(1000));
+        let sums = job.run(|| Duration::ZERO, || true, |_| {});
+        assert!(sums.iter().all(|sums| sums.paths == PASS));
+    }
+
+    #[test]
+    fn strides_reach_every_block() {
+        for blocks in 1..300 {
+            let mut reached: Vec<usize> =
+                (0..blocks).map(|i| i * stride(blocks) % blocks).collect();
+            reached.sort_unstable();
+            assert_eq!(reached, (0..blocks).collect::<Vec<_>>());
+        }
+    }
+}
