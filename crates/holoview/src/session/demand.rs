@@ -42,6 +42,18 @@ const MOVING_EVERY: Duration = Duration::from_millis(150);
 /// How often single rays are asked for, of drivers that can say which.
 const RAYS_EVERY: Duration = Duration::from_millis(50);
 
+/// The error that no section covers anything of a view.
+#[derive(Debug)]
+pub struct Uncovered(String);
+
+impl std::fmt::Display for Uncovered {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "no section of the holodeck covers anything of this view ({})", self.0)
+    }
+}
+
+impl std::error::Error for Uncovered {}
+
 impl Session {
     /// Shows a view in a picture of at most `size` pixels.
     ///
@@ -83,10 +95,7 @@ impl Session {
         let Selection { beams, covered } =
             select_beams(sections, &view, size, &SelectOptions::default());
         if covered.covered_rays == 0 {
-            bail!(
-                "no section of the holodeck covers anything of this view ({})",
-                view.to_vf_options()
-            );
+            bail!(Uncovered(view.to_vf_options()));
         }
         let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         let nearest = GUESSED_DISTANCE * diagonal;
@@ -116,6 +125,7 @@ impl Session {
             nearest_is_seen: false,
             live: LiveRays::new(uncovered, view, size, paths),
             asked: Asked::Crossed,
+            asks_later: false,
             also: Vec::new(),
             first_request: self.request_number,
             received: received.unwrap_or_default(),
@@ -177,11 +187,12 @@ impl Session {
     /// rays may end on it. Those are for what is stored: when it has been sent, workers turn back
     /// to the view's own, unless the session ends.
     pub(super) fn stored_sent(&mut self, ending: bool) -> Result<()> {
+        let Some(current) = &mut self.current else { return Ok(()) };
         if self.is_moving && !ending {
             // Finding out takes longer than the view lasts. Where the eye rests, it is asked again.
+            current.asks_later = true;
             return Ok(());
         }
-        let Some(current) = &mut self.current else { return Ok(()) };
         let before = current.asked;
         match before {
             Asked::Crossed => {

@@ -41,6 +41,7 @@ pub use connect::Connected;
 pub use current_view::Counts;
 use current_view::CurrentView;
 pub use default_view::default_view;
+pub use demand::Uncovered;
 use incoming::Incoming;
 use lights::Lights;
 use pace::Pace;
@@ -212,8 +213,9 @@ impl Session {
     /// # Errors
     /// If the server does not settle, or is lost.
     pub fn settle(&mut self) -> Result<()> {
-        let Some(current) = &self.current else { return Ok(()) };
-        if self.welcome.tracing && !current.also.is_empty() {
+        let Some(current) = &mut self.current else { return Ok(()) };
+        let asks_on = std::mem::take(&mut current.asks_later);
+        if asks_on || (self.welcome.tracing && !current.also.is_empty()) {
             // Samples of beams that the view does not cross may have been stored without being sent.
             self.ask_for_all()?;
         }
