@@ -39,6 +39,10 @@ const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
 /// next ones, and one that was asked for at once would never send any.
 const MOVING_EVERY: Duration = Duration::from_millis(150);
 
+/// How long somebody who walks has looked at a view when the session searches for beams that end on
+/// what is seen.
+const SEARCH_AFTER: Duration = Duration::from_millis(400);
+
 /// How often single rays are asked for, of drivers that can say which.
 const RAYS_EVERY: Duration = Duration::from_millis(50);
 
@@ -161,12 +165,18 @@ impl Session {
         let rests = current.since + AT_REST;
         let nearest = (!current.nearest_is_seen).then(|| current.since + NEAREST_AFTER);
         let rays = current.rays_asked + RAYS_EVERY;
+        let search = current.since + SEARCH_AFTER;
+        let searches = current.asks_later && !self.is_moving;
         let is_moving = current.look.resolution == Resolution::Half;
         if is_moving && now >= rests {
             self.rest()?;
         }
         if nearest.is_some_and(|at| now >= at) {
             self.see_nearest()?;
+        }
+        if searches && now >= search {
+            self.current.iter_mut().for_each(|current| current.asks_later = false);
+            self.stored_sent(ending)?;
         }
         let asks_rays = !ending && self.driver.wants_rays();
         if asks_rays && now >= rays {
@@ -177,7 +187,7 @@ impl Session {
             self.ask_live()?;
         }
         let rays = if now >= rays { now + RAYS_EVERY } else { rays };
-        let due = [Some(rests), nearest, asks_rays.then_some(rays)];
+        let due = [Some(rests), searches.then_some(search), nearest, asks_rays.then_some(rays)];
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 
@@ -188,8 +198,9 @@ impl Session {
     /// to the view's own, unless the session ends.
     pub(super) fn stored_sent(&mut self, ending: bool) -> Result<()> {
         let Some(current) = &mut self.current else { return Ok(()) };
-        if self.is_moving && !ending {
-            // Finding out takes longer than the view lasts. Where the eye rests, it is asked again.
+        let is_fresh = current.since.elapsed() < SEARCH_AFTER;
+        if (self.is_moving || (self.is_walked && is_fresh)) && !ending {
+            // Searching takes longer than a frame may: whoever only pauses must not wait for it.
             current.asks_later = true;
             return Ok(());
         }

@@ -66,6 +66,8 @@ pub struct Session {
     /// Number of the last request.
     request_number: u32,
     pace: Pace,
+    /// Whether somebody walks, who waits for the session.
+    is_walked: bool,
     /// Whether the eye moves, so that the current view is soon another.
     is_moving: bool,
     /// Whether nothing is traced for this display.
