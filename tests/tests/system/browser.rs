@@ -148,6 +148,9 @@ fn a_scene_gets_clearer_while_one_looks_and_the_page_comes_back_by_itself() {
     let session = start(&["--http", &http]);
     browser.wait("document.getElementById('loading').hidden && drives");
     wait_for_rest(browser);
+    // Somebody ends it while walking: everything is stored all the same.
+    browser.key("KeyE", "e", true);
+    browser.wait("document.body.dataset.rest === 'false'");
     browser.value("say('quit')");
     session.wait().ok();
 }

@@ -272,6 +272,7 @@ pub fn state(state: &State) -> String {
         "is": "state",
         "phase": phase,
         "text": text,
+        "uncovered": state.is_uncovered,
         "trouble": state.trouble,
         "options": state.options,
         "pose": state.pose,

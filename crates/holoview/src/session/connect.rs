@@ -147,6 +147,7 @@ impl Connected {
             current: None,
             request_number: 0,
             pace: Pace::default(),
+            is_walked: false,
             is_moving: false,
             is_paused: false,
             status: None,

@@ -22,9 +22,10 @@ impl Session {
         self.welcome.tracing
     }
 
-    /// Notes whether the eye moves. Whatever takes long and serves only the current view then waits
-    /// until it rests.
+    /// Notes that somebody walks, and whether the eye moves. Whatever takes long and serves only the
+    /// current view then waits until the eye has rested for a while.
     pub fn set_moving(&mut self, is_moving: bool) {
+        self.is_walked = true;
         self.is_moving = is_moving;
     }
 

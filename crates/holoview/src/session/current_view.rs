@@ -21,6 +21,8 @@ pub struct CurrentView {
     pub live: Option<LiveRays>,
     /// How far its stored samples have been asked for.
     pub asked: Asked,
+    /// Whether it would have asked on, if the eye had not moved.
+    pub asks_later: bool,
     /// Beams that it does not cross but whose rays may end on what it sees, once asked for.
     pub also: Vec<BeamKey>,
     /// Number of its first request: samples of earlier requests are dropped.

@@ -39,8 +39,24 @@ const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
 /// next ones, and one that was asked for at once would never send any.
 const MOVING_EVERY: Duration = Duration::from_millis(150);
 
+/// How long somebody who walks has looked at a view when the session searches for beams that end on
+/// what is seen.
+const SEARCH_AFTER: Duration = Duration::from_millis(400);
+
 /// How often single rays are asked for, of drivers that can say which.
 const RAYS_EVERY: Duration = Duration::from_millis(50);
+
+/// The error that no section covers anything of a view.
+#[derive(Debug)]
+pub struct Uncovered(String);
+
+impl std::fmt::Display for Uncovered {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "no section of the holodeck covers anything of this view ({})", self.0)
+    }
+}
+
+impl std::error::Error for Uncovered {}
 
 impl Session {
     /// Shows a view in a picture of at most `size` pixels.
@@ -83,10 +99,7 @@ impl Session {
         let Selection { beams, covered } =
             select_beams(sections, &view, size, &SelectOptions::default());
         if covered.covered_rays == 0 {
-            bail!(
-                "no section of the holodeck covers anything of this view ({})",
-                view.to_vf_options()
-            );
+            bail!(Uncovered(view.to_vf_options()));
         }
         let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         let nearest = GUESSED_DISTANCE * diagonal;
@@ -116,6 +129,7 @@ impl Session {
             nearest_is_seen: false,
             live: LiveRays::new(uncovered, view, size, paths),
             asked: Asked::Crossed,
+            asks_later: false,
             also: Vec::new(),
             first_request: self.request_number,
             received: received.unwrap_or_default(),
@@ -151,12 +165,18 @@ impl Session {
         let rests = current.since + AT_REST;
         let nearest = (!current.nearest_is_seen).then(|| current.since + NEAREST_AFTER);
         let rays = current.rays_asked + RAYS_EVERY;
+        let search = current.since + SEARCH_AFTER;
+        let searches = current.asks_later && !self.is_moving;
         let is_moving = current.look.resolution == Resolution::Half;
         if is_moving && now >= rests {
             self.rest()?;
         }
         if nearest.is_some_and(|at| now >= at) {
             self.see_nearest()?;
+        }
+        if searches && now >= search {
+            self.current.iter_mut().for_each(|current| current.asks_later = false);
+            self.stored_sent(ending)?;
         }
         let asks_rays = !ending && self.driver.wants_rays();
         if asks_rays && now >= rays {
@@ -167,7 +187,7 @@ impl Session {
             self.ask_live()?;
         }
         let rays = if now >= rays { now + RAYS_EVERY } else { rays };
-        let due = [Some(rests), nearest, asks_rays.then_some(rays)];
+        let due = [Some(rests), searches.then_some(search), nearest, asks_rays.then_some(rays)];
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 
@@ -177,11 +197,13 @@ impl Session {
     /// rays may end on it. Those are for what is stored: when it has been sent, workers turn back
     /// to the view's own, unless the session ends.
     pub(super) fn stored_sent(&mut self, ending: bool) -> Result<()> {
-        if self.is_moving && !ending {
-            // Finding out takes longer than the view lasts. Where the eye rests, it is asked again.
+        let Some(current) = &mut self.current else { return Ok(()) };
+        let is_fresh = current.since.elapsed() < SEARCH_AFTER;
+        if (self.is_moving || (self.is_walked && is_fresh)) && !ending {
+            // Searching takes longer than a frame may: whoever only pauses must not wait for it.
+            current.asks_later = true;
             return Ok(());
         }
-        let Some(current) = &mut self.current else { return Ok(()) };
         let before = current.asked;
         match before {
             Asked::Crossed => {

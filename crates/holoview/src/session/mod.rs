@@ -41,6 +41,7 @@ pub use connect::Connected;
 pub use current_view::Counts;
 use current_view::CurrentView;
 pub use default_view::default_view;
+pub use demand::Uncovered;
 use incoming::Incoming;
 use lights::Lights;
 use pace::Pace;
@@ -64,6 +65,8 @@ pub struct Session {
     /// Number of the last request.
     request_number: u32,
     pace: Pace,
+    /// Whether somebody walks, who waits for the session.
+    is_walked: bool,
     /// Whether the eye moves, so that the current view is soon another.
     is_moving: bool,
     /// Whether nothing is traced for this display.
@@ -216,8 +219,9 @@ impl Session {
     /// # Errors
     /// If the server does not settle, or is lost.
     pub fn settle(&mut self) -> Result<()> {
-        let Some(current) = &self.current else { return Ok(()) };
-        if self.welcome.tracing && !current.also.is_empty() {
+        let Some(current) = &mut self.current else { return Ok(()) };
+        let asks_on = std::mem::take(&mut current.asks_later);
+        if asks_on || (self.welcome.tracing && !current.also.is_empty()) {
             // Samples of beams that the view does not cross may have been stored without being sent.
             self.ask_for_all()?;
         }

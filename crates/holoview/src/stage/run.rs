@@ -18,7 +18,7 @@ use super::{
     record::Record,
     shown::{Phase, Publisher, Shown, State},
 };
-use crate::session::{Session, Waited};
+use crate::session::{Session, Uncovered, Waited};
 
 /// The eye rests once it has not moved for so long, at least.
 const REST: Duration = Duration::from_millis(80);
@@ -71,7 +71,9 @@ pub struct Player {
     is_paused: bool,
     /// Whether the program is to end.
     stops: bool,
-    /// Why the current view is not shown.
+    /// Whether the current view is not shown because no section covers anything of it.
+    is_uncovered: bool,
+    /// Why the current view is not shown otherwise.
     trouble: Option<String>,
     /// Why the last view that was asked for is none.
     refusal: Option<String>,
@@ -150,6 +152,7 @@ impl Player {
             input: (0, 0),
             is_paused: false,
             stops: false,
+            is_uncovered: false,
             trouble: None,
             refusal: None,
             last: None,
@@ -289,7 +292,7 @@ impl Player {
 
     /// Returns whether a frame at rest is due.
     fn is_due(&self) -> bool {
-        if self.trouble.is_some() {
+        if !self.is_shown() {
             return false;
         }
         let now = Instant::now();
@@ -320,9 +323,7 @@ impl Player {
             return now.max(self.times.begun + FRAME);
         }
         match &self.last {
-            Some(last) if !last.is_at_rest && self.trouble.is_none() => {
-                self.times.moved + self.rest()
-            }
+            Some(last) if !last.is_at_rest && self.is_shown() => self.times.moved + self.rest(),
             _ => self.next_redraw().max(now + NEWS),
         }
     }
@@ -341,7 +342,7 @@ impl Player {
         let size = if is_at_rest { full } else { self.detail.size(full) };
         self.session.set_moving(!is_at_rest);
         let is_shown = self.last.as_ref().is_some_and(|last| {
-            last.view == view && last.frame.picture.size() == size && self.trouble.is_none()
+            last.view == view && last.frame.picture.size() == size && self.is_shown()
         });
         if !is_shown && !self.show(view, size)? {
             return Ok(());
@@ -377,17 +378,19 @@ impl Player {
 
     /// Has the session look at a view. Returns whether it can be shown.
     fn show(&mut self, view: View, size: (u32, u32)) -> Result<bool> {
+        (self.is_uncovered, self.trouble) = (false, None);
         match self.session.look(Look { view, size, resolution: Resolution::Full }) {
-            Ok(()) => {
-                self.trouble = None;
-                Ok(true)
-            }
-            Err(error) if error.downcast_ref::<NetError>().is_some() => Err(error),
-            Err(error) => {
-                self.trouble = Some(format!("{error:#}"));
-                Ok(false)
-            }
+            Ok(()) => {}
+            Err(error) if error.is::<NetError>() => return Err(error),
+            Err(error) if error.is::<Uncovered>() => self.is_uncovered = true,
+            Err(error) => self.trouble = Some(format!("{error:#}")),
         }
+        Ok(self.is_shown())
+    }
+
+    /// Returns whether the current view can be shown.
+    fn is_shown(&self) -> bool {
+        !self.is_uncovered && self.trouble.is_none()
     }
 
     /// Publishes how things are, at once if `is_at_rest` has it wait for nothing better.
@@ -400,6 +403,7 @@ impl Player {
         let pose = self.walker.pose();
         let status = self.session.status().copied();
         self.publisher.state(State {
+            is_uncovered: self.is_uncovered,
             trouble: self.trouble.clone().or_else(|| self.refusal.clone()),
             options: holo_walk::options(self.walker.view()),
             pose: [pose.eye, pose.direction, pose.up].map(|vector| vector.to_array()),

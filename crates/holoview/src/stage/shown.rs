@@ -64,7 +64,9 @@ pub enum Phase {
 pub struct State {
     /// What the stage does.
     pub phase: Phase,
-    /// Why the view that one went to is not shown, if so.
+    /// Whether no section covers anything of the view that one went to.
+    pub is_uncovered: bool,
+    /// Why that view is not shown otherwise, or is none.
     pub trouble: Option<String>,
     /// The current view in Radiance's options, even if it cannot be shown.
     pub options: String,

@@ -258,7 +258,7 @@ function toCamera(view, point) {
 
 /** The eye as it is now, even if its view cannot be shown. */
 function eyeNow() {
-  if (state && state.trouble && state.pose) {
+  if (state && (state.uncovered || state.trouble) && state.pose) {
     const [eye, direction, up] = state.pose, right = unit(cross(direction, up));
     return { kind: 'v', eye, direction, right, up: cross(right, direction), extent: [1.2, 0.7], shift: [0, 0] };
   }
@@ -274,7 +274,7 @@ function drawGrid() {
   if (!view || !facts || view.kind !== 'v') return;
   const moving = now - movedAt < MOVING, unknown = header ? header.unknown : 1;
   const strength = gridMode === 'on' ? 0.5 : gridMode === 'off' ? 0 :
-    state && state.trouble ? 0.5 : unknown > 0.5 ? 0.35 : moving ? 0.14 : 0;
+    state && state.uncovered ? 0.5 : unknown > 0.5 ? 0.35 : moving ? 0.14 : 0;
   if (!strength) return;
   if (moving && gridMode === 'auto') setTimeout(() => { if (performance.now() - movedAt >= MOVING) drawGrid(); }, MOVING + 20);
   const scale = Math.min(width / picture.width, height / picture.height);
@@ -383,7 +383,7 @@ function drawEye() {
 function showLost(view) {
   const inside = section => sharesOf(section, view.eye).every(x => x >= 0 && x <= 1);
   const onlyInteriors = facts.sections.every(section => section.interior);
-  const lost = (state && state.trouble) || onlyInteriors && !facts.sections.some(inside);
+  const lost = (state && state.uncovered) || onlyInteriors && !facts.sections.some(inside);
   $('lost').hidden = !lost;
   if (!lost) return;
   const middles = facts.sections.map(section => pointOf(section, [0.5, 0.5, 0.5]));
