@@ -50,8 +50,7 @@ impl Known {
             let width = seen.width * squares.step as f32;
             let level = level_of(width);
             let place = (seen.point / (level as f32).exp2()).floor().as_ivec3();
-            let sum =
-                sums.entry(number(place, level, view.face(seen))).or_insert(Default::default());
+            let sum = sums.entry(number(place, level, view.face(seen))).or_default();
             sum.0.light += light.light;
             sum.0.error += light.error;
             sum.1 += 1.0;
