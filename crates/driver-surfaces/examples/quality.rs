@@ -1,7 +1,8 @@
 //! Measures pictures of a file's samples and of live ones traced besides, and what they take.
 //!
-//! `quality FILE.holo VIEW OUT [LIVE...]` writes OUT-LIVE.pfm at 1280 × 720 for each number of live samples, in rising
-//! order; 0 is the file alone. Times are of the processor, all threads together.
+//! `quality FILE.holo VIEW OUT [LIVE...]` writes OUT-LIVE-1280.pfm for each number of live samples,
+//! in rising order, and the same at half resolution. 0 is the file alone. The variable `OIDN` may
+//! name the library of Open Image Denoise. Times are of the processor, all threads together.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 

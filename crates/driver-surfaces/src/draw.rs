@@ -1,7 +1,6 @@
-//! Pictures: light of squares of pixels, summed over samples, filtered, brought to every pixel,
-//! times its material.
+//! Pictures: brings the light of squares to every pixel, and multiplies it by the material.
 //!
-//! Invariant: a picture is a function of the store's sums and the view; threads change no bit.
+//! Invariant: a picture at rest is a function of the store and the view. Threads change no bit.
 
 use crate::cell::{Face, Sums, luminance};
 use crate::filter::{Estimate, Squares, alike};
@@ -16,22 +15,23 @@ use rayon::prelude::*;
 /// What a view shows.
 #[derive(Clone, Debug)]
 pub struct Drawn {
-    /// Radiance by pixel, rows from the top.
+    /// Radiance of each pixel, rows from the top.
     pub pixels: Vec<[f32; 3]>,
-    /// Standard error of its luminance; infinite where nothing is known.
+    /// Standard error of each pixel's luminance; infinite where nothing is known.
     pub errors: Vec<f32>,
 }
 
-/// Samples a pixel, on the mean, from which squares of 2 and of 1 pixel are filtered.
+/// Mean numbers of samples per pixel from which squares have sides of 2 pixels and of 1 pixel.
 const DENSE: [f32; 2] = [0.3, 4.0];
 
-/// Squares at half resolution whose known light is looked up, pixels a side.
+/// The side of the squares whose known light is looked up, in pixels of half resolution.
 const MOVING: usize = 2;
 
 impl Gathered {
-    /// Draws the view. `store` tells of light around where no pixel has any. With a denoiser, light
-    /// is denoised instead of filtered. Standard errors are the filter's in any case. Keeps what it
-    /// finds in `known`.
+    /// Draws the view, and keeps the light that it finds in `known`.
+    ///
+    /// Where no pixel nearby has light, `store` gives a mean over a larger place. A denoiser
+    /// replaces the filter's light, but not its standard errors.
     #[must_use]
     pub(crate) fn draw_and_learn(
         &self,
@@ -52,7 +52,7 @@ impl Gathered {
         view.lit(store, &squares, &lights)
     }
 
-    /// Draws the view, as the driver does at rest.
+    /// Draws the view at rest.
     #[must_use]
     pub fn draw(&self, view: &View, store: &Store, denoiser: Option<&mut Denoiser>) -> Drawn {
         self.draw_and_learn(view, store, denoiser, &mut Known::default())
@@ -74,7 +74,7 @@ impl Gathered {
 }
 
 impl View {
-    /// Draws the view from light that earlier pictures found, if they found most of it.
+    /// Draws the view from light that earlier pictures found. `None` if they found too little.
     pub(crate) fn draw_known(&self, store: &Store, known: &Known) -> Option<Drawn> {
         let (size, seen) = self.middles(MOVING);
         let squares = Squares { size, seen: &seen, step: MOVING };
@@ -94,7 +94,7 @@ impl View {
         (size, (0..size.0 * size.1).map(of_square).collect())
     }
 
-    /// Brings the light of squares to all pixels.
+    /// Draws the view with this light of its squares.
     fn lit(&self, store: &Store, squares: &Squares, lights: &[Estimate]) -> Drawn {
         let (width, height) = self.size;
         let mut pixels = vec![[0.0; 3]; width * height];
@@ -124,7 +124,7 @@ impl View {
         Drawn { pixels, errors }
     }
 
-    /// What a surface shows in this light, and its standard error.
+    /// Returns what a surface shows in this light, and the standard error.
     fn painted(&self, seen: &Seen, light: Estimate) -> ([f32; 3], f32) {
         let (scale, radiance) = self.paint(seen);
         let unit = self.unit();
@@ -154,7 +154,7 @@ impl View {
         (0..squares.seen.len()).into_par_iter().map(square).collect()
     }
 
-    /// Light of the squares around a pixel, as far as they see the same surface.
+    /// Returns the light at a point of the picture: of the squares around it that see its surface.
     fn brought(
         &self,
         store: &Store,

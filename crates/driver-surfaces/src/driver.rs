@@ -1,7 +1,7 @@
 //! The driver of a whole session: one store of light, and a view of it at a time.
 //!
-//! Unlike other drivers it keeps every sample for the whole session: a frame depends on the set of
-//! samples inserted since the session began, in any order.
+//! Unlike other drivers it keeps every sample for the whole session. A frame at rest depends on the
+//! set of samples inserted since the session began, in any order.
 
 use crate::draw::Drawn;
 use crate::known::Known;

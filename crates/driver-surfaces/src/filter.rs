@@ -1,13 +1,14 @@
-//! The last filter: light of squares of pixels, smoothed along surfaces as widely as its noise asks.
+//! The filter: smooths the light of squares of pixels along surfaces, as widely as its noise needs.
 //!
-//! Sums of squares are added up over ever wider neighbourhoods (à-trous), and each square takes the narrowest one whose
-//! standard error is small enough. This is done twice. The first time, weights follow from geometry alone; the second
-//! time, also from how much the light found first differs. `docs/notes/surface-light.md` says what else was measured.
+//! It adds sums over ever wider neighbourhoods (à-trous). Each square takes the narrowest one with
+//! a small enough standard error. This happens twice. At first, weights depend on geometry alone. The
+//! second time they also depend on how much the light found at first differs.
 //!
 //! What always holds:
-//! - No light crosses a crease or a sheet: weights fall to 0 with the distance from the plane and with the normals' angle.
-//! - A sample brings at most a tenth of the light of its wide neighbourhood. The limit grows with the number of samples,
-//!   so the bias that it causes vanishes as they grow.
+//! - No light crosses a crease or a sheet. Weights fall to 0 with the distance from the plane and
+//!   with the angle between normals.
+//! - A sample brings at most a tenth of the light of its wide neighbourhood. The limit grows with
+//!   the number of samples, so the bias that it causes vanishes as they grow.
 
 use crate::cell::{Sums, luminance};
 use crate::view::Seen;
@@ -15,40 +16,43 @@ use glam::Vec3;
 use holo_denoise::Denoiser;
 use rayon::prelude::*;
 
-/// Neighbourhoods: each is twice as wide as the one before.
+/// The number of neighbourhoods. Each is twice as wide as the one before.
 const SCALES: usize = 6;
 
-/// Share of its wide neighbourhood's light that a sample brings at most.
+/// The most that a sample brings, as a share of the light of its wide neighbourhood.
 const MOST_SHARE: f32 = 0.1;
 
-/// Relative standard errors at which a neighbourhood begins to count and at which it counts fully: first and second time.
+/// Relative standard errors at which a neighbourhood begins to count and at which it counts fully,
+/// for the first and for the second time.
 const NOISE: [[f32; 2]; 2] = [[0.25, 0.08], [0.1, 0.03]];
 
-/// Ratio of two squares' light, as a natural logarithm, at which the second time neither counts for the other.
+/// The natural logarithm of the ratio of light at which two squares no longer count for each other.
+/// Used the second time.
 const DIFFERENT: f32 = 0.5;
 
-/// Sums of a square's neighbours by which a neighbourhood grows.
+/// The number of squares around one.
 const AROUND: usize = 8;
 
-/// Samples from which a variance is taken as it was measured.
+/// The number of samples from which a measured variance is believed.
 const RELIABLE: f32 = 16.0;
 
-/// Least variance of samples, relative to their squared mean: few samples are alike by chance.
+/// The least variance of samples, relative to their squared mean: a few may be alike by chance.
 const LEAST_VARIANCE: f32 = 0.2;
 
-/// Fixed-point steps that the denoiser takes for 1: its numbers are small ones.
+/// Fixed-point steps that the denoiser sees as 1.
 const SCALE: f32 = 1024.0;
 
-/// What is known of the light of one square, in floating-point steps.
+/// Sums over the samples of a square or of its neighbourhood, in fixed-point steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Lit {
     pub light: Vec3,
     pub count: f32,
-    /// Of squared luminance.
+    /// Sum of squared luminance.
     pub square: f32,
 }
 
-/// Light of a square, and the standard error of its luminance. Nothing is known where the error is infinite.
+/// The light of a square, and the standard error of its luminance. Where the error is infinite,
+/// nothing is known.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Estimate {
     pub light: Vec3,
@@ -66,7 +70,7 @@ impl Lit {
     }
 }
 
-/// Squares of pixels, what each sees and its sums.
+/// The squares of a picture, and what each sees.
 pub(crate) struct Squares<'a> {
     pub size: (usize, usize),
     pub seen: &'a [Seen],
@@ -74,7 +78,7 @@ pub(crate) struct Squares<'a> {
     pub step: usize,
 }
 
-/// By square, the weights of the 8 squares around it at one distance.
+/// For each square, the weights of the 8 squares around it at one distance.
 type Weights = Vec<[f32; AROUND]>;
 
 impl Squares<'_> {
@@ -83,7 +87,7 @@ impl Squares<'_> {
         if self.step == 4 { 4 } else { 5 }
     }
 
-    /// The light of every square.
+    /// Returns the light of every square.
     pub fn filter(&self, sums: &[Sums]) -> Vec<Estimate> {
         let raw: Vec<Lit> = sums.par_iter().map(Lit::new).collect();
         let weights: Vec<Weights> = (0..SCALES).map(|scale| self.weights(1 << scale)).collect();
@@ -125,7 +129,7 @@ impl Squares<'_> {
         }
     }
 
-    /// Light on the narrowest scale with little enough noise.
+    /// Returns the light of the narrowest neighbourhoods with little enough noise.
     fn smooth(
         &self,
         lit: &[Lit],
@@ -140,7 +144,7 @@ impl Squares<'_> {
         (0..lit.len()).into_par_iter().map(|at| choose(&scales, at, &wide[at], noise)).collect()
     }
 
-    /// Sums over the 3 × 3 squares at this distance.
+    /// Adds to each square the 8 squares at this distance.
     fn widen(&self, lit: &[Lit], distance: usize, weights: &[[f32; AROUND]]) -> Vec<Lit> {
         let at = |number: usize| {
             let mut wider = lit[number];
@@ -157,7 +161,8 @@ impl Squares<'_> {
         (0..lit.len()).into_par_iter().map(at).collect()
     }
 
-    /// The numbers of the 8 squares around one; its own in place of those outside the picture.
+    /// Returns the numbers of the 8 squares around one. Its own number stands for those outside the
+    /// picture.
     #[inline]
     fn around(&self, number: usize, distance: usize) -> [usize; AROUND] {
         let (width, height) = self.size;
@@ -177,7 +182,7 @@ impl Squares<'_> {
         places.map(|(x, y)| if x < width && y < height { y * width + x } else { number })
     }
 
-    /// Weights by geometry alone.
+    /// Returns weights by geometry alone.
     fn weights(&self, distance: usize) -> Weights {
         const KERNEL: [f32; AROUND] = [0.25, 0.5, 0.25, 0.5, 0.5, 0.25, 0.5, 0.25];
         let at = |number: usize| {
@@ -198,7 +203,7 @@ impl Squares<'_> {
         (0..self.seen.len()).into_par_iter().map(at).collect()
     }
 
-    /// Weights by geometry and by logarithms of luminance.
+    /// Returns weights by geometry and by the logarithms of luminance.
     fn weights_of_light(&self, weights: &Weights, distance: usize, bright: &[f32]) -> Weights {
         let at = |number: usize| {
             let mut weights = weights[number];
@@ -213,8 +218,10 @@ impl Squares<'_> {
     }
 }
 
-/// Weight of a point's light on another point of a surface: 1 on the same plane nearby; 0 farther off the plane than
-/// `width`, beyond `reach`, or where normals differ by a right angle.
+/// Returns the weight of one point's light at another.
+///
+/// It is 1 nearby on the same plane. It is 0 farther than `width` off the plane, beyond `reach`,
+/// and where normals differ by a right angle.
 #[inline]
 pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
     let cosine = here.normal.dot(other.normal);

@@ -3,7 +3,7 @@
 //! Pictures at rest never read it.
 //!
 //! What always holds:
-//! - What was found last for a place counts.
+//! - The light that was found last for a place counts.
 //! - At most twice [`MOST`] places are kept. Those found longest ago go first.
 
 use crate::cell::Face;

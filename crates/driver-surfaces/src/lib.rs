@@ -1,7 +1,16 @@
-//! Light kept on surfaces: what samples tell of it, wherever they looked from, and pictures of it from any eye.
+//! The driver `surfaces`: keeps light on the scene's surfaces, where it does not depend on the eye.
 //!
-//! A [`Store`] sums the light that samples bring, divided by what their surfaces reflect, in cells of several sizes. A
-//! [`View`] finds the surfaces that its pixels see, looks their light up, filters it, and multiplies it by the materials.
+//! 1. A [`Placer`] finds the surface of each sample once, when the sample arrives. It divides the
+//!    sample's radiance by what the material reflects.
+//! 2. A [`Store`] keeps these samples by place for the whole session.
+//! 3. A [`View`] finds what its pixels see, through mirrors and panes.
+//! 4. [`Gathered`] sums the samples on seen surfaces, each in one pixel. Noise is then independent
+//!    from pixel to pixel.
+//! 5. A filter, or Open Image Denoise, smooths the sums of small squares of pixels. Pictures are
+//!    this light times the materials.
+//! 6. While the eye moves, light that earlier pictures found is looked up by place.
+//!
+//! `docs/notes/surface-light.md` has the figures of every filter that was tried.
 //!
 //! What always holds:
 //! - Sums are of integers: the order and the batches of samples change no bit of a picture.

@@ -1,43 +1,44 @@
-//! What a surface's light is divided by before it is stored, and multiplied by before it is shown.
+//! Materials as the store sees them: what radiance is divided by before it is kept, and multiplied
+//! by before it is shown.
 //!
-//! Invariant: what is divided by is what is multiplied by, and is never near 0.
+//! Invariant: both are the same number, and it is never near 0.
 
 use holo_scene::{Bsdf, Material, Rgb, Scene};
 
-/// Reflectances below this are taken as this: a black surface shows nothing of the light on it.
+/// The least reflectance. A black surface shows nothing of the light on it.
 const LEAST_REFLECTANCE: f32 = 0.02;
 
-/// Rough metals up to this GGX roughness are shown as mirrors.
+/// The greatest GGX roughness of a metal that is shown as a mirror.
 const SMOOTH_METAL: f32 = 0.05;
 
-/// Fixed-point steps of the brightest light of the scene.
+/// The brightest light of the scene, in fixed-point steps.
 const STEPS: f32 = (1_u64 << 26) as f32;
 
-/// What becomes of a ray that meets a surface.
+/// How a surface shows light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Kind {
-    /// Light is kept on it, the same towards all directions.
+    /// It keeps light, the same for all directions.
     Diffuse,
-    /// Light is kept on it, apart for each range of directions.
+    /// It keeps light for each range of directions.
     Glossy,
-    /// The ray goes on, mirrored, and this share of it comes back.
+    /// It mirrors rays, and this share of their light.
     Mirror(Rgb),
-    /// The ray goes on straight and mirrored: a thin pane.
+    /// It is a thin pane: rays go straight on, and are mirrored too.
     Pane {
         /// Index of refraction.
         ior: f32,
-        /// Colour of what goes through.
+        /// The share of light that goes through.
         transmittance: Rgb,
     },
 }
 
-/// One material, as the store needs it.
+/// A material as the store sees it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Finish {
     pub kind: Kind,
-    /// Stored light times this is radiance.
+    /// The ratio of radiance to stored light.
     pub reflectance: Rgb,
-    /// Radiance that the front emits; the back emits it too if `emits_back`.
+    /// Radiance that the front emits. If `emits_back`, the back emits it too.
     pub emission: Rgb,
     pub emits: bool,
     pub emits_back: bool,
@@ -48,7 +49,7 @@ pub(crate) struct Finish {
 pub struct Materials {
     pub(crate) finishes: Vec<Finish>,
     pub(crate) sky: Rgb,
-    /// Light of one fixed-point step: a power of two.
+    /// The light of one fixed-point step, a power of two.
     pub(crate) unit: f32,
 }
 
@@ -72,14 +73,14 @@ impl Finish {
         }
     }
 
-    /// Whether this side shines.
+    /// Returns whether this side emits light.
     pub fn shines(&self, front: bool) -> bool {
         self.emits && (front || self.emits_back)
     }
 }
 
 impl Materials {
-    /// Reads a scene's materials.
+    /// Returns the materials of a scene.
     #[must_use]
     pub fn new(scene: &Scene) -> Materials {
         let lights = scene.materials.iter().flat_map(|m| m.emission).chain(scene.sky);
@@ -92,7 +93,8 @@ impl Materials {
     }
 }
 
-/// The share of unpolarised light that a thin pane reflects at this cosine, all passes between its faces together.
+/// Returns the share of unpolarised light that a thin pane reflects at this cosine, over all passes
+/// between its faces.
 pub(crate) fn pane_reflectance(cosine: f32, ior: f32) -> f32 {
     let inside = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).max(0.0).sqrt();
     let parallel = (ior * cosine - inside) / (ior * cosine + inside);

@@ -1,8 +1,9 @@
-//! Samples onto surfaces: the short piece of a sample's ray around its stored distance is cast against the scene.
+//! Places samples on surfaces: casts the short piece of a sample's ray around its stored distance.
 //!
 //! What always holds:
-//! - A sample is placed by itself: which others arrive with it changes nothing.
-//! - A sample whose surface is not found near its stored distance is left out, as is one that shows a lamp or the sky.
+//! - Samples that arrive together do not influence each other.
+//! - A sample is left out if no surface lies near its stored distance, and if it shows a lamp or
+//!   the sky.
 
 use crate::cell::{Face, Light};
 use crate::materials::{Kind, Materials};
@@ -11,29 +12,30 @@ use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
 use holo_section::{BeamId, Sample, Section, distance};
 
-/// Most fixed-point light of a sample: a thousand times the brightest lamp.
+/// The most light of a sample, in fixed-point steps: a thousand times the brightest lamp.
 const MOST_LIGHT: f32 = (1_u64 << 36) as f32;
 
-/// Rounding of distances, relative.
+/// The relative rounding of distances.
 const ROUNDING: f64 = 2e-4;
 
-/// Share of a mirror's or pane's light below which a sample says nothing of what is behind.
+/// The least share of light that comes back through mirrors and panes. Samples with less say too
+/// little of the surface.
 const LEAST_SHARE: f32 = 0.05;
 
-/// A sample by its geometry, world coordinates.
+/// A sample as a ray of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RaySample {
-    /// Where the ray begins.
+    /// The ray's origin.
     pub origin: DVec3,
-    /// Where it goes, unit.
+    /// The ray's unit direction.
     pub direction: DVec3,
-    /// Distance to the first surface; infinite if there is none.
+    /// Distance to the first surface, scene units; infinite if there is none.
     pub distance: f64,
-    /// How far the true distance may be from that.
+    /// The greatest error of that distance.
     pub uncertainty: f64,
     /// Radiance, finite and not negative.
     pub radiance: [f32; 3],
-    /// How many paths that is the mean of.
+    /// The number of paths whose mean the radiance is.
     pub paths: u32,
 }
 
@@ -53,13 +55,13 @@ pub struct Placer<'a> {
 }
 
 impl<'a> Placer<'a> {
-    /// Places samples in the scene that the ray caster was built from.
+    /// Returns a placer for the scene that the ray caster was built from.
     #[must_use]
     pub fn new(raycaster: &'a Raycaster, materials: &'a Materials) -> Self {
         Self { raycaster, follower: Follower { raycaster, materials } }
     }
 
-    /// Appends a beam's samples to `placed`. Samples of a beam that the section has not are left out.
+    /// Appends a beam's samples to `placed`. A beam that the section does not have adds nothing.
     pub fn place_beam(
         &self,
         section: &Section,
@@ -120,7 +122,7 @@ impl<'a> Placer<'a> {
         }
     }
 
-    /// The piece of a sample's ray that its surface lies on.
+    /// Returns the piece of a sample's ray that its surface lies on.
     fn piece(&self, sample: &RaySample) -> Ray {
         let reach = 2.0 * sample.uncertainty + ROUNDING * sample.distance;
         let start = sample.origin + sample.direction * (sample.distance - reach);
@@ -128,7 +130,7 @@ impl<'a> Placer<'a> {
         Ray { t_max: 2.0 * reach as f32, ..Ray::new(start, sample.direction.as_vec3()) }
     }
 
-    /// A sample whose ray meets this, if it tells of light on a surface.
+    /// Returns the sample whose ray hits this. `None` if it shows no light on a surface.
     fn on_surface(&self, ray: &Ray, hit: Hit, shown: Light) -> Option<Placed> {
         match self.follower.follow(*ray, hit, AtPanes::PassAll) {
             Shown::Surface(end) => self.on_end(&end, shown),

@@ -2,7 +2,7 @@
 //!
 //! What always holds:
 //! - What the store holds does not depend on the order in which samples came, while they fit.
-//! - Samples take at most the memory that was asked for. The buckets that no view looked at longest
+//! - Samples take at most the memory that they may. The buckets that no view looked at longest
 //!   go first. If all were looked at last, every other sample goes, whatever its light.
 
 use crate::cell::{Face, Key, Light, PLACES, Sums};

@@ -1,4 +1,4 @@
-//! Rays followed through mirrors and panes to the surface whose light they show.
+//! Follows rays through mirrors and panes to the surface whose light they show.
 //!
 //! Invariant: where a ray ends is a function of the ray and the scene.
 
@@ -7,46 +7,47 @@ use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, spawn};
 use holo_scene::Rgb;
 
-/// Mirrors and panes that are followed at the most.
+/// The greatest number of mirrors and panes on a ray's way.
 const MOST: usize = 8;
 
 /// A surface that a ray ends on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct End {
     pub point: Vec3,
-    /// Unit, towards where the ray came from.
+    /// The unit normal on the side that the ray meets.
     pub normal: Vec3,
-    /// Whether the counter-clockwise side is met.
+    /// Whether the ray meets the counter-clockwise side.
     pub front: bool,
     pub material: u32,
-    /// Where the ray was going when it met the surface.
+    /// The ray's unit direction when it meets the surface.
     pub direction: Vec3,
-    /// Share of the surface's light that comes back along the whole way.
+    /// The share of the surface's light that comes back along the whole way.
     pub share: Rgb,
-    /// Length of the way.
+    /// The length of the way, scene units.
     pub length: f32,
     /// Whether the way turns at a mirror or at a pane.
     pub is_mirrored: bool,
 }
 
-/// What a ray shows in the end.
+/// What a ray shows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Shown {
     Surface(End),
-    /// The sky, this share of it.
+    /// This share of the sky.
     Sky(Rgb),
-    /// Nothing that can be told: there are too many mirrors on the way.
+    /// Unknown: there are too many mirrors on the way.
     Unknown,
 }
 
-/// What a pane does with the rays that meet it.
+/// What panes do with a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AtPanes {
-    /// Rays go through, with the share that goes through.
+    /// They let it pass, with the share of light that passes.
     Pass,
-    /// Rays go through, with the share of all that the pane shows: what it reflects is taken to be as bright.
+    /// They let it pass, with the share of all light that they show. The reflection counts as if it
+    /// were as bright.
     PassAll,
-    /// The first pane reflects; further ones let pass.
+    /// The first pane reflects it. Further ones let it pass.
     ReflectFirst,
 }
 
@@ -66,7 +67,7 @@ impl<'a> Follower<'a> {
         self.raycaster.scene().material_ids[triangle as usize]
     }
 
-    /// The surface of a hit.
+    /// Returns the surface that a ray hits.
     #[inline]
     pub fn end(&self, ray: &Ray, hit: Hit) -> End {
         let normal = self.raycaster.geometric_normal(hit.triangle);

@@ -1,4 +1,4 @@
-//! What a view's pixels see: the surfaces behind mirrors and panes, found once for a view.
+//! Finds what a view's pixels see, through mirrors and panes. Done once for a view.
 //!
 //! Invariant: what a pixel sees is a function of the view and the scene.
 
@@ -13,41 +13,41 @@ use holo_scene::Rgb;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Pixels a side of a tile that is cast together.
+/// The side of a tile of pixels whose rays are cast together.
 const SIDE: usize = 8;
 const _: () = assert!(SIDE * SIDE == MAX_TILE);
 
-/// The number of no material: the sky, or nothing.
+/// Stands for no material: the sky, or nothing.
 pub(crate) const NO_MATERIAL: u32 = u32::MAX;
 
-/// The number of no way: the surface is seen through nothing, and only reflects.
+/// The way of a surface that is seen through nothing and does not shine.
 pub(crate) const PLAIN: u32 = 0;
 
 /// A surface point that a pixel sees, relative to the scene's origin.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen {
-    /// Where it is.
+    /// The point.
     pub point: Vec3,
-    /// Unit, on the side that is seen.
+    /// The unit normal on the side that is seen.
     pub normal: Vec3,
-    /// How wide a pixel is there, scene units.
+    /// The width of a pixel there, scene units.
     pub width: f32,
     /// The material's number; `u32::MAX` where there is no surface.
     pub material: u32,
-    /// Which [`Way`]; 0 if it is seen through nothing and does not shine.
+    /// The number of its [`Way`]; 0 if it is seen through nothing and does not shine.
     pub way: u32,
 }
 
-/// How a surface is seen that is not plain.
+/// How a surface is seen through mirrors or panes, or that shines.
 #[derive(Clone, Copy, Debug)]
 pub struct Way {
-    /// Share of the surface's light that comes back through mirrors and panes.
+    /// The share of the surface's light that comes back through mirrors and panes.
     pub share: Rgb,
-    /// Radiance besides: of the sky, or of a lamp.
+    /// Further radiance: of the sky, or of a lamp.
     pub radiance: Rgb,
-    /// Where the ray went when it met the surface.
+    /// The ray's unit direction when it meets the surface.
     pub direction: Vec3,
-    /// Whether the ray turned on its way. If not, the surface lies in the pixel's direction.
+    /// Whether a mirror turned the ray. If not, the surface lies in the pixel's direction.
     pub is_mirrored: bool,
 }
 
@@ -57,27 +57,27 @@ pub struct View {
     raycaster: Arc<Raycaster>,
     materials: Arc<Materials>,
     eye: Eye,
-    /// Columns and rows.
+    /// The number of columns and of rows.
     pub size: (usize, usize),
-    /// By pixel.
+    /// What each pixel sees.
     pub seen: Vec<Seen>,
-    /// By number; the first one is not used.
+    /// All ways, by number. The first one is not used.
     pub ways: Vec<Way>,
-    /// What panes mirror, besides what is seen through them: pixels and what they see.
+    /// Pixels that see a pane, and what it mirrors.
     pub mirrored: Vec<(u32, Seen)>,
-    /// Pixels that see several surfaces.
+    /// Pixels that see several surfaces. Empty before [`look_into_edges`](Self::look_into_edges).
     pub edges: Vec<Edge>,
 }
 
-/// Points of a pixel at which surfaces are looked up where it sees several.
+/// The number of rays through a pixel that sees several surfaces.
 pub const POINTS: usize = 8;
 
-/// What a pixel sees that lies on an edge.
+/// What a pixel on an edge sees.
 #[derive(Clone, Copy, Debug)]
 pub struct Edge {
     /// The pixel's number.
     pub pixel: usize,
-    /// At each of its [`POINTS`].
+    /// What each of its rays sees.
     pub seen: [Seen; POINTS],
 }
 
@@ -114,14 +114,14 @@ impl Seen {
         !is_nothing && (!is_same || self.away(other.point, 0.0).is_none())
     }
 
-    /// Whether there is a surface.
+    /// Returns whether there is a surface.
     #[must_use]
     pub fn is_surface(&self) -> bool {
         self.material != NO_MATERIAL
     }
 }
 
-/// Pixels of some rows that need more than a cast, in the order of the pixels.
+/// A pixel whose ray has to be followed further.
 struct Special {
     pixel: usize,
     ray: Ray,
@@ -129,7 +129,7 @@ struct Special {
 }
 
 impl View {
-    /// Casts the rays of all pixels; `size` as from [`View::resolve`](Eye::resolve).
+    /// Casts the rays of all pixels. `size` is one that [`View::resolve`](Eye::resolve) returns.
     #[must_use]
     pub fn new(
         raycaster: Arc<Raycaster>,
@@ -163,7 +163,7 @@ impl View {
         Follower { raycaster: &self.raycaster, materials: &self.materials }
     }
 
-    /// The ray through the middle of a pixel, and how wide a pixel is at distance 1.
+    /// Returns the ray through a point of the picture, in pixels from its left and from its top.
     pub fn ray(&self, column: f64, row: f64) -> Ray {
         let (x, y) = (column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
         let (origin, direction) = self.eye.ray(x, y);
@@ -171,7 +171,7 @@ impl View {
         local.map_or(Ray::new(Vec3::ZERO, Vec3::ZERO), |(ray, _)| ray)
     }
 
-    /// Looks several times into each pixel that lies on an edge.
+    /// Casts [`POINTS`] rays through each pixel on an edge.
     pub fn look_into_edges(&mut self) {
         let pixels: Vec<usize> = on_edges(&self.seen, self.size);
         let looked: Vec<[Shown; POINTS]> =
@@ -312,7 +312,7 @@ impl View {
         (camera, eye)
     }
 
-    /// What light on a surface is multiplied by to be what its pixel shows, and what is added.
+    /// Returns the factor from light on a surface to what its pixel shows, and further radiance.
     #[must_use]
     pub fn paint(&self, seen: &Seen) -> (Rgb, Rgb) {
         let way = &self.ways[seen.way as usize];
@@ -324,7 +324,7 @@ impl View {
         (scale, way.radiance)
     }
 
-    /// Light of one fixed-point step.
+    /// Returns the light of one fixed-point step.
     #[must_use]
     pub fn unit(&self) -> f32 {
         self.materials.unit

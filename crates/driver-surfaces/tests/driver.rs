@@ -87,6 +87,39 @@ fn a_new_view_shows_the_light_that_earlier_views_brought() {
 }
 
 #[test]
+fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
+    let (sections, raycaster) = floor();
+    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    for (beam, sample) in samples(&sections[0], 60_000) {
+        driver.insert(beam, 1, &[sample]);
+    }
+    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    let at_rest = draw(&mut driver);
+    driver.look(&look(DOWN, Resolution::Half)).unwrap();
+    let moving = draw(&mut driver);
+    assert_eq!(moving.picture.pixels.len(), at_rest.picture.pixels.len());
+    let mean = |frame: &Frame| {
+        let sum: f32 = frame.picture.pixels.iter().map(|pixel| pixel[1]).sum();
+        sum / frame.picture.pixels.len() as f32
+    };
+    assert!((mean(&moving) / mean(&at_rest) - 1.0).abs() < 0.02);
+    // Samples that come meanwhile are seen at the next rest.
+    let bright = |(beam, _): (BeamKey, Sample)| {
+        let coords = RayCoords([9, 9, 9, 9]);
+        let section = &sections[0];
+        let ray = section.ray(section.cells(beam.beam)?, coords);
+        let distance = -ray.origin.z / ray.direction.z;
+        let sample = Sample::encode(coords, [4.0 * LIGHT; 3], distance, section.diagonal(), 0);
+        (distance > 0.0).then_some((beam, sample))
+    };
+    for (beam, sample) in samples(&sections[0], 60_000).into_iter().filter_map(bright) {
+        driver.insert(beam, 1, &[sample]);
+    }
+    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    assert!(mean(&draw(&mut driver)) > 1.5 * mean(&at_rest));
+}
+
+#[test]
 fn the_order_of_samples_changes_no_bit() {
     let (sections, raycaster) = floor();
     let mut all = samples(&sections[0], 20_000);

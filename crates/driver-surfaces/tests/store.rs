@@ -9,7 +9,7 @@ use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 use std::sync::Arc;
 
-/// A floor of 4 × 4 at height 0, albedo 0.5, and a sheet of 1 × 1 that lies 1 mm above its middle.
+/// A floor of 4 × 4 at height 0, of albedo 0.5, and a sheet of 1 × 1 that lies 1 mm above it.
 fn room() -> Arc<Raycaster> {
     let square = |half: f64, height: f64| {
         [(-half, -half), (half, -half), (half, half), (-half, half)]
@@ -67,6 +67,105 @@ fn a_picture_does_not_depend_on_the_order_and_batches_of_samples() {
     reversed.reverse();
     let (first, second) = reversed.split_at(1234);
     assert_eq!(drawn(&raycaster, &[&all]), drawn(&raycaster, &[first, second]));
+}
+
+#[test]
+fn samples_that_come_later_count_as_if_they_had_been_there() {
+    let raycaster = room();
+    let all = rays(100, |x, y| (1.5 + x.sin() + y * 0.3).max(0.0) as f32);
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let placer = Placer::new(&raycaster, &materials);
+    let mut placed = Vec::new();
+    placer.place_rays(&all, &mut placed);
+    let view = View::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye(), (64, 64));
+    let mut store = Store::new(0.001, 64 << 20);
+    let (first, later) = placed.split_at(3456);
+    store.add(first);
+    let mut gathered = Gathered::new(&view, &store);
+    store.add(later);
+    gathered.add(&view, later);
+    let at_once = Gathered::new(&view, &store);
+    let pixels = |gathered: &Gathered| gathered.draw(&view, &store, None).pixels;
+    assert_eq!(pixels(&gathered), pixels(&at_once));
+}
+
+/// A white floor in front of a mirror: a square of 4 × 4 at y = 2, upright.
+fn mirrored_room() -> Arc<Raycaster> {
+    let floor = [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)];
+    let mirror = [(-2.0, 0.0), (2.0, 0.0), (2.0, 4.0), (-2.0, 4.0)];
+    let positions: Vec<DVec3> = floor
+        .iter()
+        .map(|&(x, y)| DVec3::new(x, y, 0.0))
+        .chain(mirror.iter().map(|&(x, z)| DVec3::new(x, 2.0, z)))
+        .collect();
+    let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    let (mut white, mut glass) = (Material::grey("floor"), Material::grey("mirror"));
+    white.bsdf = Bsdf::Diffuse { kd: [0.5; 3] };
+    glass.bsdf = Bsdf::Mirror { ks: [0.8; 3] };
+    let ids = [0, 0, 1, 1];
+    let made = Scene::from_world(&positions, &triangles, &ids, vec![white, glass], [1.0; 3]);
+    Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap())
+}
+
+#[test]
+fn a_mirror_shows_the_light_of_what_it_mirrors() {
+    let raycaster = mirrored_room();
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let placer = Placer::new(&raycaster, &materials);
+    let mut placed = Vec::new();
+    let straight_down = rays(100, |_, _| 0.25).into_iter();
+    let floor: Vec<RaySample> =
+        straight_down.map(|ray| RaySample { distance: 2.0, ..ray }).collect();
+    placer.place_rays(&floor, &mut placed);
+    let mut store = Store::new(0.001, 64 << 20);
+    store.add(&placed);
+    let to_mirror = Eye::new(
+        DVec3::new(0.0, -1.0, 1.0),
+        DVec3::new(0.0, 1.0, -0.1),
+        DVec3::Z,
+        Some(40.0),
+        None,
+        (64, 64),
+    );
+    let view = View::new(Arc::clone(&raycaster), materials, &to_mirror.unwrap(), (64, 64));
+    let pixels = Gathered::new(&view, &store).draw(&view, &store, None).pixels;
+    let mut found = 0;
+    for (seen, pixel) in view.seen.iter().zip(pixels) {
+        if seen.is_surface() && seen.way > 0 {
+            assert!((pixel[1] - 0.2).abs() < 1e-3, "{pixel:?}");
+            found += 1;
+        }
+    }
+    assert!(found > 200, "{found} pixels see the floor in the mirror");
+}
+
+#[test]
+fn pixels_on_edges_show_the_mean_of_what_they_see() {
+    let raycaster = mirrored_room();
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let placer = Placer::new(&raycaster, &materials);
+    let mut placed = Vec::new();
+    let floor = rays(100, |_, _| 0.25).into_iter().map(|ray| RaySample { distance: 2.0, ..ray });
+    placer.place_rays(&floor.collect::<Vec<_>>(), &mut placed);
+    let mut store = Store::new(0.001, 64 << 20);
+    store.add(&placed);
+    // The floor's edge at x = 2 goes through pixels; the sky beyond has radiance 1.
+    let at = DVec3::new(2.0, -1.0, 3.0);
+    let down = DVec3::new(0.0, 0.0, -1.0);
+    let eye = Eye::new(at, down, DVec3::new(0.1, 1.0, 0.0), Some(20.0), None, (64, 64)).unwrap();
+    let mut view = View::new(Arc::clone(&raycaster), materials, &eye, (64, 64));
+    let draw = |view: &View| Gathered::new(view, &store).draw(view, &store, None).pixels;
+    let jagged = draw(&view);
+    assert!(jagged.iter().all(|p| (p[1] - 0.25).abs() < 1e-3 || (p[1] - 1.0).abs() < 1e-3));
+    view.look_into_edges();
+    let smooth = draw(&view);
+    let between = smooth.iter().filter(|p| p[1] > 0.3 && p[1] < 0.95).count();
+    assert!(between > 40, "{between} pixels lie between floor and sky");
+    for edge in &view.edges {
+        let sky = edge.seen.iter().filter(|seen| !seen.is_surface()).count() as f32 / 8.0;
+        let shown = smooth[edge.pixel][1];
+        assert!((shown - (0.25 + 0.75 * sky)).abs() < 2e-3, "{shown} for {sky} of sky");
+    }
 }
 
 #[test]
