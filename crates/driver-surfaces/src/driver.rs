@@ -34,6 +34,10 @@ const BATCH: usize = 1 << 16;
 /// Beams that are asked for first.
 const FIRST_BEAMS: f64 = 8_000.0;
 
+/// Pixels between points whose beams are looked for. Beams are many pixels wide, and finding them
+/// must not hold up the first picture.
+const APART: usize = 4;
+
 /// How far behind a section's wall a point may seem to lie that lies on it, relative to the ray.
 const SLACK: f64 = 0.01;
 
@@ -154,14 +158,15 @@ impl Shown {
         self.view.seen.iter().map(|seen| self.distance(seen)).collect()
     }
 
-    /// Returns the surface points that are seen, in the scene.
+    /// Returns surface points that are seen, in the scene: of every [`APART`]th column and row.
     fn ends(&self, origin: DVec3) -> Vec<End> {
-        let surfaces = self.view.seen.iter().filter(|seen| seen.is_surface());
+        let rows = self.view.seen.chunks(self.view.size.0.max(1)).step_by(APART);
+        let seen = rows.flat_map(|row| row.iter().step_by(APART));
         let end = |seen: &Seen| End {
             point: origin + seen.point.as_dvec3(),
             normal: Some(seen.normal.as_dvec3()),
         };
-        surfaces.map(end).collect()
+        seen.filter(|seen| seen.is_surface()).map(end).collect()
     }
 }
 
