@@ -4,9 +4,12 @@ use std::{path::Path, time::Instant};
 
 use anyhow::Result;
 use holo_progress::{HumanBytes, HumanCount, Meter};
-use holo_scene::{LoadOptions, LoadProgress, Scene, load_obj_watched};
+use holo_scene::{Bsdf, LoadOptions, LoadProgress, Material, Scene, load_obj_watched};
 
 use crate::{config::Config, scene_args::scene_path};
+
+/// Greatest albedo that gives no warning. Above, the tracer does not promise a finite variance.
+const MOST_ALBEDO: f32 = 0.99;
 
 /// Loads the configuration's scene. Warnings go to standard error, and unless `quiet`, how far it
 /// is.
@@ -24,7 +27,26 @@ pub fn load(config: &Config, quiet: bool) -> Result<Scene> {
             path.display()
         );
     }
+    for name in white_materials(&scene) {
+        eprintln!(
+            "{}: material `{name}` reflects all light, which no paint does: rooms closed by it stay \
+             noisy for long; use a `Kd` of at most 0.95",
+            path.display()
+        );
+    }
     Ok(scene)
+}
+
+/// Returns the names of diffuse materials whose faces absorb less than 1 % of some channel.
+fn white_materials(scene: &Scene) -> Vec<&str> {
+    let is_used = |index: usize| scene.material_ids.iter().any(|&id| id as usize == index);
+    let is_white = |material: &Material| match material.bsdf {
+        Bsdf::Diffuse { kd } | Bsdf::Coated { kd, .. } => kd.iter().any(|&kd| kd > MOST_ALBEDO),
+        _ => false,
+    };
+    let materials = scene.materials.iter().enumerate();
+    let white = materials.filter(|(index, material)| is_white(material) && is_used(*index));
+    white.map(|(_, material)| material.name.as_str()).collect()
 }
 
 /// Loads any OBJ file with the configuration's options.
@@ -62,6 +84,19 @@ fn progress_words(path: &Path, progress: LoadProgress, seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn materials_that_absorb_nothing_are_named_if_they_are_used() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("room.obj");
+        let mtl = "newmtl snow\nKd 1 1 1\nnewmtl paint\nKd 0.9 0.9 0.9\nnewmtl spare\nKd 1 1 1\n";
+        std::fs::write(folder.path().join("room.mtl"), mtl).unwrap();
+        let obj = "mtllib room.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n\
+                   usemtl snow\nf 1 2 3\nusemtl paint\nf 1 2 4\n";
+        std::fs::write(&path, obj).unwrap();
+        let scene = load_file(&path, &Config::default(), true).unwrap();
+        assert_eq!(white_materials(&scene), ["snow"]);
+    }
 
     #[test]
     fn a_long_load_says_how_far_it_is_and_how_fast() {

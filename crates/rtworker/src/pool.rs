@@ -27,8 +27,8 @@ const TAKE: usize = 4;
 /// waits. Two thirds of the time go into records while most samples lack them.
 const EFFORT: u32 = 2;
 
-/// The same while nobody waits. Nine tenths of the time go into records, so that few samples of a
-/// file are noisy.
+/// The most while nobody waits. Nine tenths of the time go into records where these serve nearly all
+/// samples, so that few samples of a file are noisy. Where they serve few, less time does.
 const EFFORT_UNWATCHED: u32 = 16;
 
 /// Makes the random numbers of live rays differ from those of samples, whose kinds are 0 to 2.
@@ -208,7 +208,11 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
         return Some(Finished::Unseen(job.packet.id));
     }
     let is_watched = job.packet.kind() != SampleKind::Uniform;
-    task.tracer.set_effort(if is_watched { EFFORT } else { EFFORT_UNWATCHED });
+    if is_watched {
+        task.tracer.set_effort(EFFORT);
+    } else {
+        task.tracer.set_measured_effort(EFFORT_UNWATCHED);
+    }
     let sampler = section.beam_sampler(index, beam, job.viewpoint.as_ref())?;
     // Samples of all kinds have the same numbers, but their random numbers must differ.
     let salt = job.seed ^ ((job.packet.kind() as u64) << 56);

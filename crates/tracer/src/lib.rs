@@ -215,7 +215,20 @@ impl Tracer {
     /// a record, however long that takes, and no sample is noisy. An effort of 0 makes no records.
     pub fn set_effort(&self, effort: u32) {
         if let Some(cached) = &self.cached {
-            cached.set_effort(effort);
+            cached.set_effort(effort, false);
+        }
+    }
+
+    /// Bounds the cost of samples of the engine `cached` from now on, as
+    /// [`set_effort`](Self::set_effort) does, but to less than `most` where records serve few
+    /// samples.
+    ///
+    /// The share of work that goes into records is the share of samples that find records, but at
+    /// least 30 %. So few records are made where each serves little, in clutter. Measurements are
+    /// in docs/notes/indirect-light.md.
+    pub fn set_measured_effort(&self, most: u32) {
+        if let Some(cached) = &self.cached {
+            cached.set_effort(most, true);
         }
     }
 

@@ -214,3 +214,31 @@ fn faces_without_area_are_left_out_and_named() {
     assert_eq!((dropped, scene.triangles.len()), (vec![0, 1], 1));
     assert!(Tracer::new(scene.into(), Settings::default()).is_ok());
 }
+
+/// In a closed room of albedo 1, only the black lamp absorbs light. So all walls are as bright as
+/// the lamp: it absorbs what it emits.
+#[test]
+fn a_room_that_absorbs_nothing_but_at_its_lamp_is_as_bright_as_the_lamp() {
+    let mut model = Model::default();
+    let white = model.material(Bsdf::Diffuse { kd: [1.0; 3] }, [0.0; 3]);
+    let lamp = model.material(BLACK, LE);
+    for face in faces(-1.0, 1.0).iter().filter(|face| face.iter().any(|corner| corner.z < 0.0)) {
+        model.polygon(&face.map(|corner| corner.to_array()), white);
+    }
+    // The lamp is the middle of nine parts of the ceiling: light meets some 54 surfaces.
+    let at = |i: u32, j: u32| [f64::from(i) / 1.5 - 1.0, f64::from(j) / 1.5 - 1.0, 1.0];
+    for (i, j) in (0..9).map(|part| (part / 3, part % 3)) {
+        let material = if (i, j) == (1, 1) { lamp } else { white };
+        model.polygon(&[at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)], material);
+    }
+    let tracer = model.tracer(None);
+    for direction in [DVec3::X, DVec3::new(-0.5, 0.7, -0.9)] {
+        let found = estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), direction, 4_000);
+        expect(found, LE.map(f64::from));
+        // What a user sees at 256 paths is within a tenth, most of the time.
+        for (error, lamp) in found.error.into_iter().zip(LE) {
+            let error = error / f64::from(lamp);
+            assert!(error * (4_000.0_f64 / 256.0).sqrt() < 0.1, "{error}");
+        }
+    }
+}

@@ -96,7 +96,7 @@ impl Cached {
             })
             .collect();
         record.add(&images);
-        self.traced_rays.fetch_add(u64::from(next), Ordering::Relaxed);
+        self.effort.add_rays(next);
         record.radius = (record.radius * self.quality.reach).min(self.quality.max_radius);
         record
     }

@@ -20,6 +20,7 @@
 //!   gradients miss within a radius. The other is the limit on single rays: in a cabin with bottles
 //!   and mirrors it takes 0.2 % of the light of exact records and 1.5 % of that of coarse ones.
 
+mod effort;
 mod gather;
 mod settings;
 
@@ -28,7 +29,7 @@ pub use settings::{ACCURACIES, DEFAULT_ACCURACY};
 use std::cell::Cell;
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::AtomicU64;
 
 use glam::Vec3;
 use holo_light::{Found, Record, Store};
@@ -43,6 +44,7 @@ use crate::mirrors::Mirrors;
 use crate::path::Start;
 use crate::policy::{PathPolicy, ShadingPoint};
 use crate::sampler::{Purpose, Sampler, mix};
+use effort::Effort;
 use settings::*;
 
 /// Quantities that follow from the accuracy.
@@ -73,12 +75,7 @@ pub(crate) struct Cached {
     mirrors: Mirrors,
     /// Whether mirrors or glass may focus light on surfaces.
     has_caustics: bool,
-    /// Rays of records that may be traced for each sample that lacks a record, or [`UNLIMITED`].
-    effort: AtomicU32,
-    /// Rays of records that all such samples have allowed so far.
-    allowed_rays: AtomicU64,
-    /// Rays of records that have been traced.
-    traced_rays: AtomicU64,
+    effort: Effort,
     deviations: Deviations,
     mean_irradiance: MeanIrradiance,
     /// Makes the ids of this engine's records differ from those of other engines.
@@ -104,9 +101,7 @@ impl Cached {
             quality: Quality { accuracy, reach, max_radius },
             mirrors: Mirrors::find(raycaster.scene(), &engine.surfaces),
             has_caustics,
-            effort: AtomicU32::new(UNLIMITED),
-            allowed_rays: AtomicU64::default(),
-            traced_rays: AtomicU64::default(),
+            effort: Effort::unlimited(),
             deviations: Deviations::default(),
             mean_irradiance: MeanIrradiance::new(),
             salt: mix(name),
@@ -118,9 +113,10 @@ impl Cached {
         &self.store
     }
 
-    /// Implements [`Tracer::set_effort`](crate::Tracer::set_effort).
-    pub(crate) fn set_effort(&self, effort: u32) {
-        self.effort.store(effort, Ordering::Relaxed);
+    /// Implements [`Tracer::set_effort`](crate::Tracer::set_effort) and
+    /// [`Tracer::set_measured_effort`](crate::Tracer::set_measured_effort).
+    pub(crate) fn set_effort(&self, most: u32, is_measured: bool) {
+        self.effort.set(most, is_measured);
     }
 
     /// Returns one estimate of the radiance that arrives against `start.direction`.
@@ -140,9 +136,10 @@ impl Cached {
     fn irradiance(&self, engine: &PathEngine, at: &ShadingPoint) -> Option<Vec3> {
         let found = self.look_up(at, Kind::Exact);
         if let Some(found) = found.filter(|found| found.weight >= MIN_WEIGHT) {
+            self.effort.add_served();
             return Some(found.irradiance);
         }
-        if self.store.is_full() || !self.affords_record() {
+        if self.store.is_full() || !self.effort.affords_record() {
             return found
                 .filter(|found| found.weight >= MIN_WEIGHT_WITHOUT_RECORD)
                 .map(|found| found.irradiance);
@@ -154,18 +151,6 @@ impl Cached {
                 (found.irradiance * found.weight + made) / (found.weight + 1.0)
             }),
         )
-    }
-
-    /// Counts a sample that lacks a record, and returns whether the effort allows to make one.
-    fn affords_record(&self) -> bool {
-        let effort = self.effort.load(Ordering::Relaxed);
-        if effort == UNLIMITED {
-            return true;
-        }
-        let effort = u64::from(effort);
-        let allowed = self.allowed_rays.fetch_add(effort, Ordering::Relaxed) + effort;
-        // Without effort there is never a record, not even the first.
-        self.traced_rays.load(Ordering::Relaxed) < allowed
     }
 
     /// Interpolates the irradiance by indirect light between records that reach the point and see

@@ -1,0 +1,161 @@
+//! How much work goes into records.
+//!
+//! Always true: the rays of records never exceed what samples have allowed by more than the records
+//! that threads are at. No clock decides: work is counted in rays and samples.
+
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+
+use super::settings::{FIRST_SHARE, RAY_COST, UNLIMITED, WINDOW};
+
+/// Fraction bits of [`Effort::allowed`].
+const FRACTION: u32 = 8;
+
+/// The effort of one tracer, shared by its threads.
+#[derive(Debug)]
+pub(super) struct Effort {
+    /// Most rays of records for each sample that lacks a record, or [`UNLIMITED`].
+    most: AtomicU32,
+    /// Whether the use of records decides about less than that.
+    is_measured: AtomicBool,
+    /// Samples that found records, of the latest [`WINDOW`] or more.
+    served: AtomicU64,
+    /// Samples that did not.
+    lacking: AtomicU64,
+    /// Rays of records that samples have allowed so far, with [`FRACTION`] bits.
+    allowed: AtomicU64,
+    /// Rays of records that have been traced.
+    traced: AtomicU64,
+}
+
+impl Effort {
+    pub fn unlimited() -> Effort {
+        Effort {
+            most: AtomicU32::new(UNLIMITED),
+            is_measured: AtomicBool::default(),
+            served: AtomicU64::default(),
+            lacking: AtomicU64::default(),
+            allowed: AtomicU64::default(),
+            traced: AtomicU64::default(),
+        }
+    }
+
+    pub fn set(&self, most: u32, is_measured: bool) {
+        self.most.store(most, Ordering::Relaxed);
+        self.is_measured.store(is_measured, Ordering::Relaxed);
+    }
+
+    /// Counts rays of records.
+    pub fn add_rays(&self, rays: u32) {
+        self.traced.fetch_add(rays.into(), Ordering::Relaxed);
+    }
+
+    /// Counts a sample that found records.
+    #[inline]
+    pub fn add_served(&self) {
+        if self.most.load(Ordering::Relaxed) != UNLIMITED {
+            self.served.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Counts a sample that lacks a record, and returns whether it may make one.
+    pub fn affords_record(&self) -> bool {
+        let most = self.most.load(Ordering::Relaxed);
+        if most == UNLIMITED {
+            return true;
+        }
+        let lacking = self.lacking.fetch_add(1, Ordering::Relaxed) + 1;
+        let served = self.served.load(Ordering::Relaxed);
+        if served + lacking >= WINDOW {
+            // Other threads may count meanwhile. What they lose is small beside the window.
+            self.served.store(served / 2, Ordering::Relaxed);
+            self.lacking.store(lacking / 2, Ordering::Relaxed);
+        }
+        let rays = match self.is_measured.load(Ordering::Relaxed) {
+            true => rays_per_lacking(served, lacking).min(f64::from(most)),
+            false => f64::from(most),
+        };
+        let more = (rays * f64::from(1 << FRACTION)) as u64;
+        let allowed = self.allowed.fetch_add(more, Ordering::Relaxed) + more;
+        // Without effort there is never a record, not even the first.
+        self.traced.load(Ordering::Relaxed) << FRACTION < allowed
+    }
+}
+
+/// Returns the rays of records that a sample without a record allows, if so many samples found
+/// records and so many did not.
+///
+/// Records may take as large a share of the time as the share of samples that they serve, but at
+/// least [`FIRST_SHARE`]. Large surfaces need few records, and much is served soon. In clutter a
+/// record serves few samples, and paths lower the error faster.
+fn rays_per_lacking(served: u64, lacking: u64) -> f64 {
+    let share = served as f64 / (served + lacking) as f64;
+    let time = share.max(FIRST_SHARE);
+    // Rays over samples whose times have that ratio; only those that lack records allow any.
+    time / (1.0 - time) / RAY_COST / (1.0 - share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lets a scene's samples allow records of 300 rays, each of which serves a share of the rest.
+    /// Returns the share of work in records, and of samples served.
+    fn simulate(samples: u64, serves: f64) -> (f64, f64) {
+        let effort = Effort::unlimited();
+        effort.set(16, true);
+        let (mut unserved, mut found, mut rays) = (1.0_f64, 0, 0);
+        for i in 0..samples {
+            // A low-discrepancy coin.
+            if (i as f64 * 0.618_034).fract() >= unserved {
+                effort.add_served();
+                found += 1;
+            } else if effort.affords_record() {
+                effort.add_rays(300);
+                rays += 300;
+                unserved *= 1.0 - serves;
+            }
+        }
+        let work = rays as f64 * RAY_COST;
+        (work / (work + samples as f64), found as f64 / samples as f64)
+    }
+
+    #[test]
+    fn records_that_serve_much_are_made_soon() {
+        let (work, served) = simulate(100_000, 0.02);
+        assert!(served > 0.8 && work < FIRST_SHARE, "{work} {served}");
+    }
+
+    #[test]
+    fn records_that_serve_little_take_little_work() {
+        let (work, served) = simulate(100_000, 1e-5);
+        assert!(work < 1.05 * FIRST_SHARE && served < 0.02, "{work} {served}");
+    }
+
+    #[test]
+    fn use_decides_between() {
+        let shares: Vec<(f64, f64)> =
+            [3e-5, 3e-4, 3e-3].map(|serves| simulate(300_000, serves)).to_vec();
+        assert!(shares.is_sorted_by(|a, b| a.1 < b.1), "{shares:?}");
+        for (work, served) in shares {
+            assert!(work < served.max(FIRST_SHARE) + 0.05, "{work} {served}");
+        }
+    }
+
+    #[test]
+    fn an_effort_that_is_not_measured_is_kept() {
+        let effort = Effort::unlimited();
+        assert!(effort.affords_record());
+        effort.set(2, false);
+        let made = (0..3000).filter(|_| {
+            let affords = effort.affords_record();
+            if affords {
+                effort.add_rays(300);
+            }
+            affords
+        });
+        assert_eq!(made.count(), 20);
+        effort.set(0, false);
+        effort.add_rays(10_000);
+        assert!((0..1000).all(|_| !effort.affords_record()));
+    }
+}
