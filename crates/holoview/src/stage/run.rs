@@ -182,7 +182,7 @@ impl Player {
                 self.frame(true)?;
                 self.walker.stay();
             }
-            self.publish_state(*self.walker.view() == before);
+            self.publish_state();
             self.stops = self.stops || self.session.wait(self.next_due())? == Waited::Stop;
             if self.stops {
                 break;
@@ -324,7 +324,7 @@ impl Player {
         }
         match &self.last {
             Some(last) if !last.is_at_rest && self.is_shown() => self.times.moved + self.rest(),
-            _ => self.next_redraw().max(now + NEWS),
+            _ => self.next_redraw().clamp(now + NEWS, now + STATE),
         }
     }
 
@@ -393,10 +393,10 @@ impl Player {
         !self.is_uncovered && self.trouble.is_none()
     }
 
-    /// Publishes how things are, at once if `is_at_rest` has it wait for nothing better.
-    fn publish_state(&mut self, is_at_rest: bool) {
+    /// Publishes how things are, unless that was done a moment ago.
+    fn publish_state(&mut self) {
         let now = Instant::now();
-        if now < self.times.state + STATE && !is_at_rest {
+        if now < self.times.state + STATE {
             return;
         }
         self.times.state = now;
