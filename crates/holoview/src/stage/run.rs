@@ -20,12 +20,9 @@ use super::{
 };
 use crate::session::{Session, Uncovered, Waited};
 
-/// The eye rests once it has not moved for so long, at least.
+/// The eye rests once it has not moved for so long: longer than between two inputs of a hand that
+/// moves, since whoever moves on waits for the frame at rest.
 const REST: Duration = Duration::from_millis(80);
-
-/// And at most. Between, it is as long as a frame at rest takes: whoever only pauses must not wait
-/// for one.
-const LATEST_REST: Duration = Duration::from_millis(200);
 
 /// Least time between the beginnings of two frames while the eye moves: screens show no more.
 const FRAME: Duration = Duration::from_millis(16);
@@ -94,8 +91,6 @@ struct Times {
     frame: Instant,
     /// How long the last frame took.
     drawn_in: Duration,
-    /// How long the last one at rest took.
-    rest_drawn_in: Duration,
     state: Instant,
 }
 
@@ -137,7 +132,6 @@ impl Player {
             begun: now,
             frame: now,
             drawn_in: Duration::ZERO,
-            rest_drawn_in: Duration::ZERO,
             state: now,
         };
         Ok(Player {
@@ -298,16 +292,11 @@ impl Player {
         let now = Instant::now();
         let Some(last) = &self.last else { return true };
         if !last.is_at_rest {
-            return now >= self.times.moved + self.rest();
+            return now >= self.times.moved + REST;
         }
         self.publisher.is_watched()
             && self.samples() != self.drawn_samples
             && now >= self.next_redraw()
-    }
-
-    /// How long the eye has not moved when it rests.
-    fn rest(&self) -> Duration {
-        self.times.rest_drawn_in.clamp(REST, LATEST_REST)
     }
 
     fn next_redraw(&self) -> Instant {
@@ -323,7 +312,7 @@ impl Player {
             return now.max(self.times.begun + FRAME);
         }
         match &self.last {
-            Some(last) if !last.is_at_rest && self.is_shown() => self.times.moved + self.rest(),
+            Some(last) if !last.is_at_rest && self.is_shown() => self.times.moved + REST,
             _ => self.next_redraw().clamp(now + NEWS, now + STATE),
         }
     }
@@ -352,9 +341,7 @@ impl Player {
         let (frame, _) = self.session.draw();
         let end = Instant::now();
         let took = end.saturating_duration_since(begin);
-        if is_at_rest {
-            self.times.rest_drawn_in = took;
-        } else {
+        if !is_at_rest {
             self.detail.note(size, full, took.as_secs_f64());
         }
         let since = begin.saturating_duration_since(self.times.frame).as_secs_f64();
