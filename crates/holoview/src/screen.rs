@@ -7,16 +7,16 @@ use holo_picture::ToneMap;
 
 use crate::stage::Shown;
 
-/// How a person wants frames to look. Nothing of it needs a new ray.
+/// A person's display settings. None of them needs a new ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Display {
-    /// What exposure is based on.
+    /// The exposure before `stops` are applied.
     pub exposure: Exposure,
     /// Brighter by so many stops, each a factor of 2.
     pub stops: f32,
 }
 
-/// What an exposure is based on.
+/// The base of an exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Exposure {
     /// The frame: it adapts as an eye does.
@@ -45,8 +45,8 @@ impl Display {
     }
 }
 
-/// The tone curve as a table by the bits of a value: a power for each of a million pixels' colours
-/// takes longer than their encoding.
+/// The tone curve as a table, indexed by the bits of a value. Computing a power for each colour of
+/// a million pixels takes longer than encoding them.
 struct Curve {
     bytes: Vec<u8>,
 }
@@ -57,7 +57,7 @@ const IGNORED_BITS: u32 = 23 - 12;
 /// Least value of the table: less is black.
 const LEAST: f32 = 1.0 / (1 << 16) as f32;
 
-/// Value from which all is as bright as can be.
+/// End of the table. From here on a value is shown as 255.
 const MOST: f32 = 64.0;
 
 static CURVE: LazyLock<Curve> = LazyLock::new(|| {

@@ -22,7 +22,7 @@ const MOST_CLIENTS: usize = 64;
 /// Encoded things that are kept for others who want the same.
 const MOST_KEPT: usize = 16;
 
-/// How long clients may take to leave once they were told that the session is over.
+/// Time that clients have to leave after the session's end.
 const LEAVING: Duration = Duration::from_secs(2);
 
 /// What is encoded: the number of a frame, how it looks, and which part of it.

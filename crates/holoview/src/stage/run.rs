@@ -20,8 +20,8 @@ use super::{
 };
 use crate::session::{Session, Uncovered, Waited};
 
-/// The eye rests once it has not moved for so long: longer than between two inputs of a hand that
-/// moves, since whoever moves on waits for the frame at rest.
+/// The eye rests once it has not moved for so long. Inputs of a moving hand follow each other
+/// faster. Whoever moves on after it has to wait for the frame at rest.
 const REST: Duration = Duration::from_millis(80);
 
 /// Least time between the beginnings of two frames while the eye moves: screens show no more.
@@ -36,8 +36,8 @@ const REDRAW: Duration = Duration::from_millis(100);
 /// Longest time between two frames of a view at rest for which samples come.
 const LATEST_REDRAW: Duration = Duration::from_secs(2);
 
-/// Frames at rest wait for this share of the time that the view has been looked at: the longer it
-/// is, the less a moment's samples change.
+/// Pause between frames at rest, as a share of the time since the eye moved. The longer one looks,
+/// the less a moment's samples change.
 const REDRAW_SHARE: f64 = 0.1;
 
 /// Frames at rest take at most one part in so many of the time: the rest is for tracing.
