@@ -7,7 +7,7 @@ use std::{
 
 use anyhow::{Context, Result};
 use glam::DVec3;
-use holo_display::{Look, Resolution};
+use holo_display::{Frame, Look, Resolution};
 use holo_net::NetError;
 use holo_picture::{View, ViewSpec};
 use holo_walk::Walker;
@@ -43,6 +43,13 @@ const REDRAW_SHARE: f64 = 0.1;
 /// Frames at rest take at most one part in so many of the time: the rest is for tracing.
 const DRAWING_PART: u32 = 4;
 
+/// Unknown share of a picture that is too much for a view to which one jumps: the picture before
+/// stays.
+const MOST_UNKNOWN: f64 = 0.4;
+
+/// Time after a jump when any picture is shown.
+const MOST_PATIENCE: Duration = Duration::from_secs(1);
+
 /// How often the stage looks for news of the server while it rests.
 const NEWS: Duration = Duration::from_millis(100);
 
@@ -74,7 +81,12 @@ pub struct Player {
     trouble: Option<String>,
     /// Why the last view that was asked for is none.
     refusal: Option<String>,
+    /// The view and size that the session looks at.
+    looked: Option<(View, (u32, u32))>,
+    /// The last frame that was published.
     last: Option<Arc<Shown>>,
+    /// Whether a later frame was not, because it shows less than that one.
+    is_held_back: bool,
     times: Times,
     /// Samples in the last frame's view when it was drawn.
     drawn_samples: u64,
@@ -85,6 +97,8 @@ pub struct Player {
 struct Times {
     advanced: Instant,
     moved: Instant,
+    /// When the eye last went to a view without walking there.
+    jumped: Option<Instant>,
     /// When the last frame was begun.
     begun: Instant,
     /// When it was done.
@@ -129,6 +143,7 @@ impl Player {
         let times = Times {
             advanced: now,
             moved: now,
+            jumped: None,
             begun: now,
             frame: now,
             drawn_in: Duration::ZERO,
@@ -149,7 +164,9 @@ impl Player {
             is_uncovered: false,
             trouble: None,
             refusal: None,
+            looked: None,
             last: None,
+            is_held_back: false,
             times,
             drawn_samples: 0,
             facts,
@@ -225,11 +242,9 @@ impl Player {
             Input::Orbit(right, up) => _ = walker.orbit(right, up, under, towards),
             Input::Wheel(steps) => _ = walker.wheel(steps, under, towards),
             Input::Slide(right, up) => self.slide(right, up, under),
-            Input::View(change) => self.look(&change),
-            Input::GoTo(eye) => _ = walker.go_to(eye),
-            Input::Home => _ = walker.go_home(),
-            Input::Back => _ = walker.back(),
-            Input::Forward => _ = walker.forward(),
+            Input::View(_) | Input::GoTo(_) | Input::Home | Input::Back | Input::Forward => {
+                self.jump(input)
+            }
             Input::LockHeight(lock) => walker.height_is_locked = lock,
             Input::Pause(pause) => {
                 self.session.pause(pause)?;
@@ -239,6 +254,19 @@ impl Player {
             Input::Quit => {}
         }
         Ok(())
+    }
+
+    /// Goes to another view at once.
+    fn jump(&mut self, input: Input) {
+        self.times.jumped = Some(Instant::now());
+        match input {
+            Input::View(change) => self.look(&change),
+            Input::GoTo(eye) => _ = self.walker.go_to(eye),
+            Input::Home => _ = self.walker.go_home(),
+            Input::Back => _ = self.walker.back(),
+            Input::Forward => _ = self.walker.forward(),
+            _ => {}
+        }
     }
 
     /// Goes to a view, or says why it is none.
@@ -291,6 +319,9 @@ impl Player {
         }
         let now = Instant::now();
         let Some(last) = &self.last else { return true };
+        if self.is_held_back {
+            return now >= self.times.frame + REDRAW;
+        }
         if !last.is_at_rest {
             return now >= self.times.moved + REST;
         }
@@ -313,6 +344,7 @@ impl Player {
         }
         match &self.last {
             Some(last) if !last.is_at_rest && self.is_shown() => self.times.moved + REST,
+            _ if self.is_held_back => self.times.frame + REDRAW,
             _ => self.next_redraw().clamp(now + NEWS, now + STATE),
         }
     }
@@ -330,9 +362,7 @@ impl Player {
         let (view, full) = spec.resolve(self.size)?;
         let size = if is_at_rest { full } else { self.detail.size(full) };
         self.session.set_moving(!is_at_rest);
-        let is_shown = self.last.as_ref().is_some_and(|last| {
-            last.view == view && last.frame.picture.size() == size && self.is_shown()
-        });
+        let is_shown = self.looked == Some((view, size)) && self.is_shown();
         if !is_shown && !self.show(view, size)? {
             return Ok(());
         }
@@ -345,7 +375,13 @@ impl Player {
             self.detail.note(size, full, took.as_secs_f64());
         }
         let since = begin.saturating_duration_since(self.times.frame).as_secs_f64();
+        let jumped = self.times.jumped.map(|jumped| end.saturating_duration_since(jumped));
+        let is_of_other = self.last.as_ref().is_some_and(|last| last.view != view);
+        self.is_held_back = is_of_other && !replaces(unknown(&frame), jumped);
         (self.times.begun, self.times.frame, self.times.drawn_in) = (begin, end, took);
+        if self.is_held_back {
+            return Ok(());
+        }
         let shown = Shown {
             number: 0,
             input: self.input,
@@ -366,6 +402,7 @@ impl Player {
     /// Has the session look at a view. Returns whether it can be shown.
     fn show(&mut self, view: View, size: (u32, u32)) -> Result<bool> {
         (self.is_uncovered, self.trouble) = (false, None);
+        self.looked = Some((view, size));
         match self.session.look(Look { view, size, resolution: Resolution::Full }) {
             Ok(()) => {}
             Err(error) if error.is::<NetError>() => return Err(error),
@@ -403,5 +440,32 @@ impl Player {
             driver: self.session.driver_name(),
             ..self.facts.clone()
         });
+    }
+}
+
+/// Returns the share of a frame's pixels of which nothing is known.
+fn unknown(frame: &Frame) -> f64 {
+    frame.empty_pixels as f64 / frame.depth.len().max(1) as f64
+}
+
+/// Returns whether a frame replaces one of another view. `jumped` is the time since the last jump:
+/// whoever walks always sees where.
+fn replaces(unknown: f64, jumped: Option<Duration>) -> bool {
+    unknown <= MOST_UNKNOWN || jumped.is_none_or(|jumped| jumped >= MOST_PATIENCE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_of_which_little_is_known_replaces_another_only_after_a_while() {
+        let mut frame = Frame::black((100, 100));
+        frame.empty_pixels = 9_000;
+        assert!(!replaces(unknown(&frame), Some(Duration::from_millis(100))));
+        assert!(replaces(unknown(&frame), Some(Duration::from_secs(2))));
+        assert!(replaces(unknown(&frame), None), "one walks");
+        frame.empty_pixels = 1_000;
+        assert!(replaces(unknown(&frame), Some(Duration::ZERO)));
     }
 }
