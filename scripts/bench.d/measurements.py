@@ -28,6 +28,7 @@ from rivals import rivals
 from scenes import Case
 from skips import skips
 from walk import walk
+from walk_live import walk_live
 from whole import whole
 
 # Half width of the 99 % interval of the bias that a render must reach.
@@ -306,6 +307,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "radiance": radiance,
     "replay": replay,
     "walk": walk,
+    "walk-live": walk_live,
     "skips": skips,
     "ablations": ablations,
     "viewpoint-share": viewpoint_share,

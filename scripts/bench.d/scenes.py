@@ -122,6 +122,12 @@ class Scenes:
         title = "bundled interior, living room"
         return Case("interior", title, scene, INTERIOR_LIVING, INTERIOR_BEDROOM, "320x240", None)
 
+    def interior(self) -> Case:
+        """Returns the bundled interior, as `holodeck` alone shows it."""
+        scene = ("--config", str(self.bundle() / "interior.toml"), "--engine", "path")
+        title = "bundled interior"
+        return Case("interior", title, scene, INTERIOR_LIVING, INTERIOR_BEDROOM, "320x240", None)
+
     def corridor(self) -> Case:
         """Returns the bundled corridor, lit only indirectly. It is small, because its converged
         picture must be rendered first.

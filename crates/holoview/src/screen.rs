@@ -5,16 +5,16 @@ use holo_picture::Look;
 
 use crate::stage::Shown;
 
-/// How a person wants frames to look. Nothing of it needs a new ray.
+/// A person's display settings. None of them needs a new ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Display {
-    /// What exposure is based on.
+    /// The exposure before `stops` are applied.
     pub exposure: Exposure,
     /// Brighter by so many stops, each a factor of 2.
     pub stops: f32,
 }
 
-/// What an exposure is based on.
+/// The base of an exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Exposure {
     /// The frame: it adapts as an eye does.

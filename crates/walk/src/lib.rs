@@ -1,5 +1,5 @@
-//! Moving through a scene: pure functions from a pose, what a person does and the time that passes
-//! to the next pose (Larson & Simmons 1999, §2.4.1).
+//! Moving through a scene (Larson & Simmons 1999, §2.4.1). Pure functions take a pose, an input and
+//! the time that passes, and return the next pose.
 //!
 //! - [`Pose`]: where the eye is and where it looks. Its methods are the single motions.
 //! - [`Walker`]: a pose with what is held down, a home, and the views before and after.
@@ -7,7 +7,7 @@
 //!
 //! What always holds:
 //! - Nothing here reads a clock. The same inputs and times give the same poses.
-//! - A motion by held keys depends on how long they are held, not on how many frames that is.
+//! - How far a held key moves the eye depends on the time, and not on the number of frames.
 //! - A pose is finite, and its direction is never along its up vector.
 
 mod history;

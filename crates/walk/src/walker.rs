@@ -36,7 +36,7 @@ pub struct Controls {
     pub around: f64,
     /// Around the point under the cursor, upwards.
     pub over: f64,
-    /// How much faster than at walking pace, above 0.
+    /// Factor of the walking pace, above 0.
     pub pace: f64,
 }
 
@@ -72,9 +72,9 @@ pub struct Walker {
     history: History,
     /// Scene units per metre.
     metre: f64,
-    /// What is held down from now on.
+    /// The controls that are held down.
     pub controls: Controls,
-    /// Whether no motion changes the eye's height.
+    /// True if no motion changes the eye's height.
     pub height_is_locked: bool,
     /// Where one last stayed, until one moves on.
     stayed: Option<ViewSpec>,
@@ -154,7 +154,8 @@ impl Walker {
         self.go(self.pose.walk(ahead, right, rise))
     }
 
-    /// Goes to a view. What it does not say stays. Returns whether it is one.
+    /// Goes to a view. Parts that `change` leaves out stay as they are. Returns false, and stays, if
+    /// the result has no eye and direction that a view can have.
     pub fn look(&mut self, change: &ViewSpec) -> bool {
         self.jump(self.spec.overridden_by(change))
     }

@@ -7,7 +7,7 @@ use holo_tests::Place;
 #[test]
 fn wrong_usage_ends_with_status_2() {
     let place = Place::new();
-    let cases: [(&[&str], &[&str]); 14] = [
+    let cases: [(&[&str], &[&str]); 15] = [
         (&["fil"], &["fil", "Usage"]),
         (&["fill", "{}/cornell.obj"], &["-o"]),
         (&["fill", "{}/cornell.obj", "-o", "{}/a.holo"], &["how long", "--time", "--samples"]),
@@ -19,7 +19,8 @@ fn wrong_usage_ends_with_status_2() {
         ),
         (&["render", "{}/cornell.obj", "-o", "{}/a.pfm"], &["--spp"]),
         (&["picture", "{}/a.holo", "-o", "{}/a.pfm", "--size", "0x7"], &["--size"]),
-        (&["view", "{}/cornell.obj"], &["--headless"]),
+        (&["view", "{}/cornell.obj", "--time", "2s"], &["--time", "--headless"]),
+        (&["view", "{}/cornell.obj", "--headless"], &["-o FILE", "--script FILE"]),
         (
             &["picture", "{}/a.holo", "-o", "{}/a.pfm", "--tone", "camera"],
             &["change .png pictures only", "a.pfm"],

@@ -1,8 +1,8 @@
 //! Who may ask: requests that name this machine itself, from the page that it serves.
 //!
-//! A page of another site can have its visitors' browser send requests to this machine, directly or
-//! by a name of its own that points here (DNS rebinding). The browser states both in `Origin` and
-//! `Host`.
+//! A page of another site can make its visitors' browsers send requests to this machine. It may use
+//! this machine's name, or a name of its own that points here (DNS rebinding). Browsers state the
+//! page's site in `Origin` and the name in `Host`.
 
 use axum::{
     extract::{Request, State},

@@ -7,12 +7,13 @@ use std::{
 
 use anyhow::Result;
 use holo_net::Shutdown;
+use holo_walk::Controls;
 use tokio::sync::watch;
 
 use super::encode::{Coding, Colours, Rect};
 use crate::{
     screen::Display,
-    stage::{Front, Shown},
+    stage::{Front, Input, Shown},
 };
 
 /// Clients at the most. Each costs a picture of memory.
@@ -21,7 +22,7 @@ const MOST_CLIENTS: usize = 64;
 /// Encoded things that are kept for others who want the same.
 const MOST_KEPT: usize = 16;
 
-/// How long clients may take to leave once they were told that the session is over.
+/// Time that clients have to leave after the session's end.
 const LEAVING: Duration = Duration::from_secs(2);
 
 /// What is encoded: the number of a frame, how it looks, and which part of it.
@@ -85,7 +86,14 @@ impl Hub {
 
     /// Has a client drive.
     pub fn take_over(&self, client: u32) {
+        self.let_go();
         self.roles.send_modify(|roles| roles.driver = Some(client));
+    }
+
+    /// Ends what the one who drives holds down: nobody else could.
+    fn let_go(&self) {
+        self.front.inputs.send(0, 0, Input::Hold(Controls::default()));
+        self.front.inputs.send(0, 0, Input::Cursor(None));
     }
 
     /// Returns who is there from now on.
@@ -143,6 +151,9 @@ impl Hub {
 
 impl Drop for Guest {
     fn drop(&mut self) {
+        if self.hub.drives(self.number) {
+            self.hub.let_go();
+        }
         self.hub.roles.send_modify(|roles| {
             roles.clients.retain(|&client| client != self.number);
             if roles.driver == Some(self.number) {

@@ -10,6 +10,7 @@ use glam::DVec3;
 use holo_display::Frame;
 use holo_net::Shutdown;
 use holo_picture::View;
+use holo_walk::Controls;
 use serde_json::{Value, json};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
@@ -255,13 +256,19 @@ async fn one_drives_others_watch_and_may_take_over() {
     let under = second.told("under").await["under"].clone();
     assert!((under["luminance"].as_f64().unwrap() - 179.0).abs() < 0.1, "{under}");
     assert_eq!(under["distance"], 2.0);
+    first.say(json!({ "do": "hold", "ahead": 1 })).await;
+    assert!(matches!(server.input().input, Input::Hold(controls) if controls.ahead == 1.0));
     second.say(json!({ "do": "take_over" })).await;
+    // What the first one held is let go.
+    assert_eq!(server.input().input, Input::Hold(Controls::default()));
+    assert_eq!(server.input().input, Input::Cursor(None));
     assert_eq!(second.told("roles").await["drives"], true);
     let number = second.say(json!({ "do": "home" })).await;
     let input = server.input();
     assert_eq!((input.from, input.input), ((second.client, number), Input::Home));
-    // Who comes first is next when the one who drives leaves.
+    // Who comes first is next when the one who drives leaves, whatever that one held.
     drop(second);
+    assert_eq!(server.input().input, Input::Hold(Controls::default()));
     loop {
         let roles = first.told("roles").await;
         if roles["clients"] == 1 {

@@ -26,17 +26,17 @@ use crate::session::Connected;
 use record::Record;
 use shown::Publisher;
 
-/// What a stage is asked for.
+/// Options of a stage.
 pub struct Wishes {
-    /// What is shown first, as on the command line.
+    /// The first view and the size, as on the command line.
     pub view: crate::ViewArgs,
     /// Metres per scene unit.
     pub unit: f64,
-    /// Where the walk is recorded, as a script.
+    /// The file that the walk is recorded in, as a script.
     pub record: Option<std::path::PathBuf>,
 }
 
-/// What front ends hold of a stage.
+/// A front end's access to a stage.
 #[derive(Clone)]
 pub struct Front {
     /// Takes inputs.

@@ -7,7 +7,7 @@ use std::{
 
 use anyhow::{Context, Result};
 use glam::DVec3;
-use holo_display::{Look, Resolution};
+use holo_display::{Frame, Look, Resolution};
 use holo_net::NetError;
 use holo_picture::{View, ViewSpec};
 use holo_walk::Walker;
@@ -20,12 +20,9 @@ use super::{
 };
 use crate::session::{Session, Uncovered, Waited};
 
-/// The eye rests once it has not moved for so long, at least.
+/// The eye rests once it has not moved for so long. Inputs of a moving hand follow each other
+/// faster. Whoever moves on after it has to wait for the frame at rest.
 const REST: Duration = Duration::from_millis(80);
-
-/// And at most. Between, it is as long as a frame at rest takes: whoever only pauses must not wait
-/// for one.
-const LATEST_REST: Duration = Duration::from_millis(200);
 
 /// Least time between the beginnings of two frames while the eye moves: screens show no more.
 const FRAME: Duration = Duration::from_millis(16);
@@ -39,12 +36,19 @@ const REDRAW: Duration = Duration::from_millis(100);
 /// Longest time between two frames of a view at rest for which samples come.
 const LATEST_REDRAW: Duration = Duration::from_secs(2);
 
-/// Frames at rest wait for this share of the time that the view has been looked at: the longer it
-/// is, the less a moment's samples change.
+/// Pause between frames at rest, as a share of the time since the eye moved. The longer one looks,
+/// the less a moment's samples change.
 const REDRAW_SHARE: f64 = 0.1;
 
 /// Frames at rest take at most one part in so many of the time: the rest is for tracing.
 const DRAWING_PART: u32 = 4;
+
+/// Unknown share of a picture that is too much for a view to which one jumps: the picture before
+/// stays.
+const MOST_UNKNOWN: f64 = 0.4;
+
+/// Time after a jump when any picture is shown.
+const MOST_PATIENCE: Duration = Duration::from_secs(1);
 
 /// How often the stage looks for news of the server while it rests.
 const NEWS: Duration = Duration::from_millis(100);
@@ -77,7 +81,12 @@ pub struct Player {
     trouble: Option<String>,
     /// Why the last view that was asked for is none.
     refusal: Option<String>,
+    /// The view and size that the session looks at.
+    looked: Option<(View, (u32, u32))>,
+    /// The last frame that was published.
     last: Option<Arc<Shown>>,
+    /// Whether a later frame was not, because it shows less than that one.
+    is_held_back: bool,
     times: Times,
     /// Samples in the last frame's view when it was drawn.
     drawn_samples: u64,
@@ -88,14 +97,14 @@ pub struct Player {
 struct Times {
     advanced: Instant,
     moved: Instant,
+    /// When the eye last went to a view without walking there.
+    jumped: Option<Instant>,
     /// When the last frame was begun.
     begun: Instant,
     /// When it was done.
     frame: Instant,
     /// How long the last frame took.
     drawn_in: Duration,
-    /// How long the last one at rest took.
-    rest_drawn_in: Duration,
     state: Instant,
 }
 
@@ -134,10 +143,10 @@ impl Player {
         let times = Times {
             advanced: now,
             moved: now,
+            jumped: None,
             begun: now,
             frame: now,
             drawn_in: Duration::ZERO,
-            rest_drawn_in: Duration::ZERO,
             state: now,
         };
         Ok(Player {
@@ -155,7 +164,9 @@ impl Player {
             is_uncovered: false,
             trouble: None,
             refusal: None,
+            looked: None,
             last: None,
+            is_held_back: false,
             times,
             drawn_samples: 0,
             facts,
@@ -182,7 +193,7 @@ impl Player {
                 self.frame(true)?;
                 self.walker.stay();
             }
-            self.publish_state(*self.walker.view() == before);
+            self.publish_state();
             self.stops = self.stops || self.session.wait(self.next_due())? == Waited::Stop;
             if self.stops {
                 break;
@@ -231,11 +242,9 @@ impl Player {
             Input::Orbit(right, up) => _ = walker.orbit(right, up, under, towards),
             Input::Wheel(steps) => _ = walker.wheel(steps, under, towards),
             Input::Slide(right, up) => self.slide(right, up, under),
-            Input::View(change) => self.look(&change),
-            Input::GoTo(eye) => _ = walker.go_to(eye),
-            Input::Home => _ = walker.go_home(),
-            Input::Back => _ = walker.back(),
-            Input::Forward => _ = walker.forward(),
+            Input::View(_) | Input::GoTo(_) | Input::Home | Input::Back | Input::Forward => {
+                self.jump(input)
+            }
             Input::LockHeight(lock) => walker.height_is_locked = lock,
             Input::Pause(pause) => {
                 self.session.pause(pause)?;
@@ -245,6 +254,19 @@ impl Player {
             Input::Quit => {}
         }
         Ok(())
+    }
+
+    /// Goes to another view at once.
+    fn jump(&mut self, input: Input) {
+        self.times.jumped = Some(Instant::now());
+        match input {
+            Input::View(change) => self.look(&change),
+            Input::GoTo(eye) => _ = self.walker.go_to(eye),
+            Input::Home => _ = self.walker.go_home(),
+            Input::Back => _ = self.walker.back(),
+            Input::Forward => _ = self.walker.forward(),
+            _ => {}
+        }
     }
 
     /// Goes to a view, or says why it is none.
@@ -297,17 +319,15 @@ impl Player {
         }
         let now = Instant::now();
         let Some(last) = &self.last else { return true };
+        if self.is_held_back {
+            return now >= self.times.frame + REDRAW;
+        }
         if !last.is_at_rest {
-            return now >= self.times.moved + self.rest();
+            return now >= self.times.moved + REST;
         }
         self.publisher.is_watched()
             && self.samples() != self.drawn_samples
             && now >= self.next_redraw()
-    }
-
-    /// How long the eye has not moved when it rests.
-    fn rest(&self) -> Duration {
-        self.times.rest_drawn_in.clamp(REST, LATEST_REST)
     }
 
     fn next_redraw(&self) -> Instant {
@@ -323,8 +343,9 @@ impl Player {
             return now.max(self.times.begun + FRAME);
         }
         match &self.last {
-            Some(last) if !last.is_at_rest && self.is_shown() => self.times.moved + self.rest(),
-            _ => self.next_redraw().max(now + NEWS),
+            Some(last) if !last.is_at_rest && self.is_shown() => self.times.moved + REST,
+            _ if self.is_held_back => self.times.frame + REDRAW,
+            _ => self.next_redraw().clamp(now + NEWS, now + STATE),
         }
     }
 
@@ -341,9 +362,7 @@ impl Player {
         let (view, full) = spec.resolve(self.size)?;
         let size = if is_at_rest { full } else { self.detail.size(full) };
         self.session.set_moving(!is_at_rest);
-        let is_shown = self.last.as_ref().is_some_and(|last| {
-            last.view == view && last.frame.picture.size() == size && self.is_shown()
-        });
+        let is_shown = self.looked == Some((view, size)) && self.is_shown();
         if !is_shown && !self.show(view, size)? {
             return Ok(());
         }
@@ -352,13 +371,17 @@ impl Player {
         let (frame, _) = self.session.draw();
         let end = Instant::now();
         let took = end.saturating_duration_since(begin);
-        if is_at_rest {
-            self.times.rest_drawn_in = took;
-        } else {
+        if !is_at_rest {
             self.detail.note(size, full, took.as_secs_f64());
         }
         let since = begin.saturating_duration_since(self.times.frame).as_secs_f64();
+        let jumped = self.times.jumped.map(|jumped| end.saturating_duration_since(jumped));
+        let is_of_other = self.last.as_ref().is_some_and(|last| last.view != view);
+        self.is_held_back = is_of_other && !replaces(unknown(&frame), jumped);
         (self.times.begun, self.times.frame, self.times.drawn_in) = (begin, end, took);
+        if self.is_held_back {
+            return Ok(());
+        }
         let shown = Shown {
             number: 0,
             input: self.input,
@@ -379,6 +402,7 @@ impl Player {
     /// Has the session look at a view. Returns whether it can be shown.
     fn show(&mut self, view: View, size: (u32, u32)) -> Result<bool> {
         (self.is_uncovered, self.trouble) = (false, None);
+        self.looked = Some((view, size));
         match self.session.look(Look { view, size, resolution: Resolution::Full }) {
             Ok(()) => {}
             Err(error) if error.is::<NetError>() => return Err(error),
@@ -393,10 +417,10 @@ impl Player {
         !self.is_uncovered && self.trouble.is_none()
     }
 
-    /// Publishes how things are, at once if `is_at_rest` has it wait for nothing better.
-    fn publish_state(&mut self, is_at_rest: bool) {
+    /// Publishes how things are, unless that was done a moment ago.
+    fn publish_state(&mut self) {
         let now = Instant::now();
-        if now < self.times.state + STATE && !is_at_rest {
+        if now < self.times.state + STATE {
             return;
         }
         self.times.state = now;
@@ -416,5 +440,32 @@ impl Player {
             driver: self.session.driver_name(),
             ..self.facts.clone()
         });
+    }
+}
+
+/// Returns the share of a frame's pixels of which nothing is known.
+fn unknown(frame: &Frame) -> f64 {
+    frame.empty_pixels as f64 / frame.depth.len().max(1) as f64
+}
+
+/// Returns whether a frame replaces one of another view. `jumped` is the time since the last jump:
+/// whoever walks always sees where.
+fn replaces(unknown: f64, jumped: Option<Duration>) -> bool {
+    unknown <= MOST_UNKNOWN || jumped.is_none_or(|jumped| jumped >= MOST_PATIENCE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_of_which_little_is_known_replaces_another_only_after_a_while() {
+        let mut frame = Frame::black((100, 100));
+        frame.empty_pixels = 9_000;
+        assert!(!replaces(unknown(&frame), Some(Duration::from_millis(100))));
+        assert!(replaces(unknown(&frame), Some(Duration::from_secs(2))));
+        assert!(replaces(unknown(&frame), None), "one walks");
+        frame.empty_pixels = 1_000;
+        assert!(replaces(unknown(&frame), Some(Duration::ZERO)));
     }
 }

@@ -76,7 +76,7 @@ pub struct State {
     pub height_is_locked: bool,
     /// Whether tracing is paused.
     pub is_paused: bool,
-    /// Whether there is anything to trace with.
+    /// Whether the server traces, or only shows what is stored.
     pub traces: bool,
     /// Samples that have arrived for the current view.
     pub view_samples: u64,

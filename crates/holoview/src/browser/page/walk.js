@@ -12,6 +12,7 @@ const MOVING = 180;
 
 let socket = null, retry = 400, client = 0, number = 0, drives = false, ended = false;
 let header = null, facts = null, state = null, hasPicture = false;
+let gridIsDrawn = false;
 let display = { locked: null, stops: 0 }, gridMode = 'auto', movedAt = -1e9;
 const sentAt = new Map(), latencies = [], drawnAt = [];
 
@@ -92,7 +93,6 @@ function draw(next, parts) {
   fit(next.size, next.rest);
   const sx = picture.width / next.size[0], sy = picture.height / next.size[1];
   pen.imageSmoothingEnabled = sx !== 1 || sy !== 1;
-  pen.imageSmoothingQuality = 'high';
   for (const { x, y, w, h, bitmap } of parts) {
     pen.drawImage(bitmap, x * sx, y * sy, w * sx, h * sy);
     bitmap.close();
@@ -269,8 +269,10 @@ function eyeNow() {
 
 function drawGrid() {
   const view = eyeNow(), now = performance.now();
-  const width = overlay.width = stage.clientWidth, height = overlay.height = stage.clientHeight;
-  grid.clearRect(0, 0, width, height);
+  const width = stage.clientWidth, height = stage.clientHeight;
+  if (overlay.width !== width || overlay.height !== height) [overlay.width, overlay.height] = [width, height];
+  if (gridIsDrawn) grid.clearRect(0, 0, width, height);
+  gridIsDrawn = false;
   if (!view || !facts || view.kind !== 'v') return;
   const moving = now - movedAt < MOVING, unknown = header ? header.unknown : 1;
   const strength = gridMode === 'on' ? 0.5 : gridMode === 'off' ? 0 :
@@ -284,39 +286,43 @@ function drawGrid() {
   const place = ([x, y, z]) => [
     corner[0] + shown[0] * (0.5 - view.shift[0] + x / z / view.extent[0]),
     corner[1] + shown[1] * (0.5 + view.shift[1] - y / z / view.extent[1])];
-  const line = (from, to) => {
+  // All lines of a kind are one path: a stroke for each would take longer than the picture.
+  const edges = new Path2D(), cells = new Path2D();
+  const line = (path, from, to) => {
     let [a, b] = [toCamera(view, from), toCamera(view, to)];
     if (a[2] < near && b[2] < near) return;
     const cut = (p, q) => p[2] >= near ? p : plus(p, minus(q, p), (near - p[2]) / (q[2] - p[2]));
     [a, b] = [cut(a, b), cut(b, a)];
-    grid.moveTo(...place(a));
-    grid.lineTo(...place(b));
+    path.moveTo(...place(a));
+    path.lineTo(...place(b));
   };
   grid.strokeStyle = getComputedStyle(document.documentElement).getPropertyValue('--accent');
   for (const section of facts.sections) {
     for (let axis = 0; axis < 3; axis++) {
       const [p, q] = [(axis + 1) % 3, (axis + 2) % 3];
       for (const [across, along] of [[p, q], [q, p]]) {
-        const cells = Math.min(section.grid[across], 64);
-        for (let cell = 0; cell <= cells; cell++) {
-          const edge = cell === 0 || cell === cells;
-          grid.globalAlpha = strength * (edge ? 1 : 0.35);
-          grid.lineWidth = edge ? 1.4 : 0.7;
+        const count = Math.min(section.grid[across], 64);
+        for (let cell = 0; cell <= count; cell++) {
+          const path = cell === 0 || cell === count ? edges : cells;
           for (const side of [0, 1]) {
             const from = [0, 0, 0];
             from[axis] = side;
-            from[across] = cell / cells;
+            from[across] = cell / count;
             const to = [...from];
             to[along] = 1;
-            grid.beginPath();
-            line(pointOf(section, from), pointOf(section, to));
-            grid.stroke();
+            line(path, pointOf(section, from), pointOf(section, to));
           }
         }
       }
     }
   }
+  for (const [path, share, thickness] of [[edges, 1, 1.4], [cells, 0.35, 0.7]]) {
+    grid.globalAlpha = strength * share;
+    grid.lineWidth = thickness;
+    grid.stroke(path);
+  }
   grid.globalAlpha = 1;
+  gridIsDrawn = true;
 }
 
 // ---- plan

@@ -1,0 +1,176 @@
+"""A walk in a real browser on the same machine, while workers trace."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+from devtools import Chromium
+from document import Bar, Part, Table
+from harness import Bench
+from scenes import Case
+
+# Seconds that one looks before one walks.
+LOOKING = 10.0
+# Seconds of each kind of walking.
+WALKING = 6.0
+# Seconds between two inputs of a drag: a mouse's at 60 Hz, every other one.
+INPUTS = 1 / 30
+# Seconds over which the cost of doing nothing is measured.
+IDLE = 10.0
+
+MOST_MEDIAN, MOST_LATE = 60.0, 120.0
+LEAST_FRAMES = 20.0
+MOST_REST = 200.0
+MOST_FIRST = 3.0
+MOST_PAGE = 200_000
+MOST_IDLE = 0.02
+
+# Keeps what the page's frames were: number, when, whether at rest, width.
+KEEP = (
+    "window.kept = []; const drawn = draw; draw = (next, parts) => { drawn(next, parts); "
+    "kept.push([next.frame, performance.now(), next.rest, next.size[0]]); }; latencies.length = 0; 0"
+)
+
+
+@dataclass
+class Found:
+    """What one walk showed."""
+
+    first: float
+    latencies: list[float]
+    frames: float
+    width: int
+    rest: float
+
+
+def walk_live(bench: Bench) -> Part:
+    """A walk in a browser while workers trace: latency, frames, full quality, page, idle cost."""
+    part = Part(
+        "A walk in a browser",
+        [
+            "`view` of a scene, with a worker on all cores and Chromium (without a window and without a GPU) on the "
+            "same ones, 1280 × 720. *Latency* is from an input in the page until the frame drawn from it is on the "
+            "page's canvas; the inputs are those of a mouse that drags, 30 in a second. *Frames* are distinct ones in a "
+            "second while a key is held. *Full quality* is the time from the last frame that moved until the first "
+            "one of all pixels. *First light* is from the program's start until a picture of which most is known.",
+            "*Idle* is the share of a core that `replay` takes with a page open and nothing to do.",
+        ],
+    )
+    table = Table(
+        "While one walks",
+        [["scene", ""], ["first light, s", ".2f"], ["latency, median ms", ".0f"], ["99 of 100, ms", ".0f"],
+         ["frames/s", ".1f"], ["least width, pixels", "d"], ["full quality, ms", ".0f"]],
+    )  # fmt: skip
+    for case in (bench.scenes.interior(), bench.scenes.room()):
+        found = walk(bench, case)
+        found.latencies.sort()
+        middle = median(found.latencies)
+        late = found.latencies[min(len(found.latencies) * 99 // 100, len(found.latencies) - 1)]
+        table.rows.append([case.title, found.first, middle, late, found.frames, found.width, found.rest])
+        for what, figure, unit, most in (
+            ("latency, median", middle, "ms", MOST_MEDIAN),
+            ("latency, 99 of 100", late, "ms", MOST_LATE),
+            ("full quality after stopping", found.rest, "ms", MOST_REST),
+            ("first light", found.first, "s", MOST_FIRST),
+        ):
+            digits = ".1f" if unit == "s" else ".0f"
+            bar = Bar(f"{what}, {case.title}", f"{figure:{digits}} {unit}", f"≤ {most:g} {unit}", figure <= most)
+            part.bars.append(bar)
+        frames, least = found.frames, LEAST_FRAMES
+        bar = Bar(f"frames while moving, {case.title}", f"{frames:.1f}/s", f"≥ {least:g}/s", frames >= least)
+        part.bars.append(bar)
+    part.tables.append(table)
+    page, idle = resting(bench)
+    part.tables.append(
+        Table("At rest", [["page, bytes", ",d"], ["idle, share of a core", ".2%"]], [[page, idle]])
+    )
+    part.bars.append(Bar("page", f"{page:,d} bytes", f"≤ {MOST_PAGE:,d} bytes", page <= MOST_PAGE))
+    part.bars.append(Bar("idle", f"{idle:.1%} of a core", f"≤ {MOST_IDLE:.0%}", idle <= MOST_IDLE))
+    return part
+
+
+class Served:
+    """A session with a page, and a browser that shows it."""
+
+    def __init__(self, command: list[str | Path]) -> None:
+        self.start = time.monotonic()
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        self.address = self.process.stdout.readline().strip()
+        self.browser = Chromium(self.address)
+
+    def __enter__(self) -> "Served":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.browser.close()
+        self.process.send_signal(signal.SIGINT)
+        self.process.wait(timeout=120)
+
+
+def walk(bench: Bench, case: Case) -> Found:
+    """Returns what a walk through a scene showed."""
+    with Served([bench.holodeck, "view", *case.scene, *case.view.any_shape().options(), "--no-open"]) as served:
+        browser = served.browser
+        browser.wait("header && header.unknown < 0.5")
+        first = time.monotonic() - served.start
+        time.sleep(bench.seconds(LOOKING))
+        browser.value(KEEP)
+        latencies = drag(browser, bench.seconds(WALKING))
+        browser.value("kept.length = 0; 0")
+        browser.key("KeyE", True)
+        time.sleep(bench.seconds(WALKING))
+        browser.key("KeyE", False)
+        browser.wait("kept.length && kept[kept.length - 1][2]")
+        kept = browser.value("kept")
+    moving = [frame for frame in kept if not frame[2]]
+    seconds = (moving[-1][1] - moving[0][1]) / 1e3
+    frames = (len({frame[0] for frame in moving}) - 1) / max(seconds, 1e-3)
+    rest = next(frame[1] for frame in kept if frame[2] and frame[1] > moving[-1][1]) - moving[-1][1]
+    return Found(first, latencies, frames, min(frame[3] for frame in moving), rest)
+
+
+def drag(browser: Chromium, seconds: float) -> list[float]:
+    """Drags to and fro; returns the latencies that the page measured, milliseconds."""
+    browser.mouse("mousePressed", 640, 360, 1)
+    end, step = time.monotonic() + seconds, 0
+    latencies: list[float] = []
+    while time.monotonic() < end:
+        step += 1
+        # A triangle: to the right for two seconds, then back.
+        across = abs(step % 120 - 60) * 5
+        began = time.monotonic()
+        browser.mouse("mouseMoved", 490 + across, 360, 1)
+        time.sleep(max(0.0, INPUTS - (time.monotonic() - began)))
+        if step % 100 == 0:
+            # The page keeps the last 200.
+            latencies += browser.value("latencies.splice(0)")
+    browser.mouse("mouseReleased", 640, 360, 0)
+    return latencies + browser.value("latencies.splice(0)")
+
+
+def resting(bench: Bench) -> tuple[int, float]:
+    """Returns the page's bytes, and the share of a core that a replay takes with nothing to do."""
+    file, _ = bench.room_filled()
+    with Served([bench.holodeck, "replay", file, "--no-open"]) as served:
+        browser = served.browser
+        browser.wait("document.body.dataset.exact === 'true'")
+        parts = "['', 'walk.css', 'walk.js'].map(p => fetch('/' + p).then(r => r.text()).then(t => t.length))"
+        page = browser.value(f"Promise.all({parts}).then(sizes => sizes.reduce((a, b) => a + b))")
+        # What is stored has come by then.
+        time.sleep(bench.seconds(LOOKING))
+        before, begin = processor_seconds(served.process.pid), time.monotonic()
+        time.sleep(bench.seconds(IDLE))
+        used = processor_seconds(served.process.pid) - before
+        return page, used / (time.monotonic() - begin)
+
+
+def processor_seconds(process: int) -> float:
+    """Returns the processor time that a process has used."""
+    fields = Path(f"/proc/{process}/stat").read_text(encoding="ascii").rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
