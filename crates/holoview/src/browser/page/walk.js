@@ -2,8 +2,8 @@
 'use strict';
 
 const $ = id => document.getElementById(id);
-const stage = $('stage'), picture = $('picture'), overlay = $('overlay');
-const pen = picture.getContext('2d', { alpha: false }), grid = overlay.getContext('2d');
+const stage = $('stage'), picture = $('picture'), moving = $('moving'), overlay = $('overlay');
+const grid = overlay.getContext('2d');
 
 /** Most pixels of a picture at rest: more would take long, and few see the difference. */
 const MOST_PIXELS = 2.1e6;
@@ -90,13 +90,12 @@ function frameCame(buffer) {
 }
 
 function draw(next, parts) {
-  fit(next.size, next.rest);
-  const sx = picture.width / next.size[0], sy = picture.height / next.size[1];
-  pen.imageSmoothingEnabled = sx !== 1 || sy !== 1;
-  for (const { x, y, w, h, bitmap } of parts) {
-    pen.drawImage(bitmap, x * sx, y * sy, w * sx, h * sy);
+  const canvas = canvasFor(next.size, next.rest), pen = canvas.getContext('2d', { alpha: false });
+  for (const { x, y, bitmap } of parts) {
+    pen.drawImage(bitmap, x, y);
     bitmap.close();
   }
+  moving.hidden = canvas !== moving;
   const now = performance.now();
   const isNew = !header || header.frame !== next.frame;
   if (!next.rest) movedAt = now;
@@ -119,16 +118,19 @@ function draw(next, parts) {
   showStatus();
 }
 
-/** Gives the canvas the picture's shape, and at rest its pixels. What it shows stays. */
-function fit([width, height], isAtRest) {
-  const turned = Math.abs(width / height / (picture.width / picture.height) - 1) > 0.02;
-  if (!(isAtRest || turned) || (picture.width === width && picture.height === height)) return;
-  const before = document.createElement('canvas');
-  [before.width, before.height] = [picture.width, picture.height];
-  before.getContext('2d').drawImage(picture, 0, 0);
-  [picture.width, picture.height] = [width, height];
-  if (hasPicture) pen.drawImage(before, 0, 0, width, height);
+/**
+ * The canvas for a frame: that of pictures at rest, or a smaller one above it that the browser
+ * enlarges. A frame of another size comes whole, so a canvas may change its size for it.
+ */
+function canvasFor([width, height], isAtRest) {
+  const has = canvas => canvas.width === width && canvas.height === height;
+  const canvas = isAtRest || has(picture) ? picture : moving;
+  if (!has(canvas)) [canvas.width, canvas.height] = [width, height];
+  return canvas;
 }
+
+/** The canvas that is seen. */
+function shown() { return moving.hidden ? picture : moving; }
 
 function measure(now) {
   const sent = sentAt.get(header.input);
@@ -172,8 +174,8 @@ function field(id, value, unit) {
 
 function showStatus() {
   const now = performance.now();
-  const moving = now - movedAt < 1000 && drawnAt.length > 3;
-  field('s-fps', moving ? drawnAt.length : null, 'frames/s');
+  const isWalking = now - movedAt < 1000 && drawnAt.length > 3;
+  field('s-fps', isWalking ? drawnAt.length : null, 'frames/s');
   const latency = median(latencies.slice(-60));
   field('s-latency', latency === null ? null : Math.round(latency), 'ms from hand to eye');
   field('s-size', header ? `${header.size[0]}×${header.size[1]}` : null);
@@ -274,18 +276,18 @@ function drawGrid() {
   if (gridIsDrawn) grid.clearRect(0, 0, width, height);
   gridIsDrawn = false;
   if (!view || !facts || view.kind !== 'v') return;
-  const moving = now - movedAt < MOVING, unknown = header ? header.unknown : 1;
+  const isMoving = now - movedAt < MOVING, unknown = header ? header.unknown : 1;
   const strength = gridMode === 'on' ? 0.5 : gridMode === 'off' ? 0 :
-    state && state.uncovered ? 0.5 : unknown > 0.5 ? 0.35 : moving ? 0.14 : 0;
+    state && state.uncovered ? 0.5 : unknown > 0.5 ? 0.35 : isMoving ? 0.14 : 0;
   if (!strength) return;
-  if (moving && gridMode === 'auto') setTimeout(() => { if (performance.now() - movedAt >= MOVING) drawGrid(); }, MOVING + 20);
-  const scale = Math.min(width / picture.width, height / picture.height);
-  const shown = [picture.width * scale, picture.height * scale];
-  const corner = [(width - shown[0]) / 2, (height - shown[1]) / 2];
+  if (isMoving && gridMode === 'auto') setTimeout(() => { if (performance.now() - movedAt >= MOVING) drawGrid(); }, MOVING + 20);
+  const canvas = shown(), scale = Math.min(width / canvas.width, height / canvas.height);
+  const sides = [canvas.width * scale, canvas.height * scale];
+  const corner = [(width - sides[0]) / 2, (height - sides[1]) / 2];
   const near = 1e-3 * Math.hypot(...facts.sections[0].axes[0]);
   const place = ([x, y, z]) => [
-    corner[0] + shown[0] * (0.5 - view.shift[0] + x / z / view.extent[0]),
-    corner[1] + shown[1] * (0.5 + view.shift[1] - y / z / view.extent[1])];
+    corner[0] + sides[0] * (0.5 - view.shift[0] + x / z / view.extent[0]),
+    corner[1] + sides[1] * (0.5 + view.shift[1] - y / z / view.extent[1])];
   // All lines of a kind are one path: a stroke for each would take longer than the picture.
   const edges = new Path2D(), cells = new Path2D();
   const line = (path, from, to) => {
@@ -487,8 +489,9 @@ let button = 0, cursorAt = 0;
 
 /** Shares of the picture under a pointer. */
 function shares(event) {
-  const box = stage.getBoundingClientRect(), scale = Math.min(box.width / picture.width, box.height / picture.height);
-  const [w, h] = [picture.width * scale, picture.height * scale];
+  const box = stage.getBoundingClientRect(), canvas = shown();
+  const scale = Math.min(box.width / canvas.width, box.height / canvas.height);
+  const [w, h] = [canvas.width * scale, canvas.height * scale];
   return [(event.clientX - box.left - (box.width - w) / 2) / w, (event.clientY - box.top - (box.height - h) / 2) / h];
 }
 
