@@ -135,17 +135,18 @@ fn a_holodeck_of_another_engine_takes_no_records() {
 #[test]
 fn a_fill_that_goes_on_uses_the_light_that_is_there() {
     let place = Place::new();
-    let records = |words: &[&str]| {
-        place.fill_small_with("a.holo", "300k", &[&["--engine", "cached"], words].concat());
-        place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json()["light_records"]
+    let records = |file: &str, samples: &str| {
+        place.fill_small_with(file, samples, &["--engine", "cached"]);
+        place.run(&["info", &format!("{{}}/{file}"), "--json"]).ok().whole_json()["light_records"]
             .as_u64()
             .unwrap()
     };
-    let first = records(&[]);
-    let second = records(&[]);
-    assert!(first > 100, "{first}");
+    let from_nothing = records("new.holo", "300k");
+    let before = records("a.holo", "3M");
+    let more = records("a.holo", "300k") - before;
+    assert!(from_nothing > 100, "{from_nothing}");
     // The same beams in the same box: new records are only for what is not covered yet.
-    assert!(second - first < first / 2, "{first}, then {second}");
+    assert!(more < from_nothing / 2, "{from_nothing} from nothing, {more} after {before}");
 }
 
 #[test]
