@@ -171,7 +171,7 @@ impl View {
         local.map_or(Ray::new(Vec3::ZERO, Vec3::ZERO), |(ray, _)| ray)
     }
 
-    /// Casts [`POINTS`] rays through each pixel on an edge.
+    /// Casts several rays through each pixel on an edge.
     pub fn look_into_edges(&mut self) {
         let pixels: Vec<usize> = on_edges(&self.seen, self.size);
         let looked: Vec<[Shown; POINTS]> =
