@@ -84,7 +84,7 @@ impl Picture {
     }
 
     /// Writes `.hdr` (or `.pic`), `.pfm`, `.exr` (32-bit floats) or `.png`, depending on the
-    /// extension. A `.png` has the default [`Look`](crate::Look); [`Image::write`] writes others.
+    /// extension. A `.png` has the default [`Look`]; [`Image::write`] writes others.
     ///
     /// The file appears whole or not at all: it is written under another name, flushed, and
     /// renamed.
