@@ -221,17 +221,17 @@ impl View {
         (colour, error)
     }
 
-    /// Returns the mean light around a surface.
+    /// Returns the mean light around a surface. Where nothing is known, it is the mean of all light:
+    /// plausible beats black.
     fn wide(&self, store: &Store, seen: &Seen) -> Estimate {
-        let nothing = Estimate { light: Vec3::ZERO, error: f32::INFINITY };
         if !seen.is_surface() {
-            return nothing;
+            return Estimate { light: Vec3::ZERO, error: f32::INFINITY };
         }
         let direction = self.way(seen).direction;
         let serves = |face: Face| face.serves(seen.normal, seen.material, direction);
         let sums = store.around(seen.point, serves);
         if sums.count == 0 {
-            return nothing;
+            return Estimate { light: store.total().mean(), error: f32::INFINITY };
         }
         let light = sums.mean();
         let bright = luminance(light.to_array());

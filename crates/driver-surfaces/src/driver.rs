@@ -65,15 +65,15 @@ struct Shown {
     view: View,
     /// `None` until a frame needs it.
     gathered: Option<Gathered>,
-    /// Whether the next frame at rest looks into pixels on edges. The first one does not: it is to
-    /// be there soon.
-    wants_edges: bool,
+    /// Whether the next frame at rest is refined: it looks into pixels on edges, and is denoised.
+    /// The first one is not, so that it is there soon.
+    is_refined: bool,
     covered: Vec<bool>,
 }
 
 impl SurfacesDriver {
     /// Returns a driver that keeps light on the surfaces of `raycaster`'s scene. A denoiser is used
-    /// at full resolution.
+    /// at rest.
     pub fn new(
         sections: Arc<[Section]>,
         raycaster: Arc<Raycaster>,
@@ -123,15 +123,14 @@ impl SurfacesDriver {
         }
         self.place_waiting();
         let shown = self.shown.as_mut()?;
-        if !is_moving {
-            if shown.wants_edges && shown.view.edges.is_empty() {
-                shown.view.look_into_edges();
-            }
-            shown.wants_edges = true;
+        let refines = shown.is_refined && !is_moving;
+        shown.is_refined |= !is_moving;
+        if refines && shown.view.edges.is_empty() {
+            shown.view.look_into_edges();
         }
         let (view, store) = (&shown.view, &self.store);
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
-        let denoiser = self.denoiser.as_mut().filter(|_| !is_moving);
+        let denoiser = self.denoiser.as_mut().filter(|_| refines);
         Some(gathered.draw_and_learn(view, store, denoiser, &mut self.known))
     }
 
@@ -190,7 +189,7 @@ impl Driver for SurfacesDriver {
         let covered = covered(&self.sections, &look.view, size);
         self.store.begin_round();
         let look = *look;
-        self.shown = Some(Shown { look, view, gathered: None, wants_edges: false, covered });
+        self.shown = Some(Shown { look, view, gathered: None, is_refined: false, covered });
         Ok(())
     }
 
@@ -226,7 +225,7 @@ impl Driver for SurfacesDriver {
 
     fn settle(&mut self) {
         if let Some(shown) = &mut self.shown {
-            shown.wants_edges = true;
+            shown.is_refined = true;
         }
     }
 

@@ -89,6 +89,8 @@ pub struct Store {
     thinned: u32,
     round: u32,
     samples: u64,
+    /// Of all samples that came.
+    total: Sums,
 }
 
 impl Cube {
@@ -143,6 +145,7 @@ impl Store {
             thinned: 0,
             round: 1,
             samples: 0,
+            total: Sums::default(),
         }
     }
 
@@ -150,6 +153,11 @@ impl Store {
     #[must_use]
     pub fn samples(&self) -> u64 {
         self.samples
+    }
+
+    /// Returns the sums of all samples that came.
+    pub(crate) fn total(&self) -> &Sums {
+        &self.total
     }
 
     /// Returns how many samples are kept.
@@ -174,6 +182,7 @@ impl Store {
             }
         });
         self.samples += placed.len() as u64;
+        placed.iter().for_each(|sample| self.total.add(&Sums::of(&sample.light)));
         if self.kept() > self.most_samples {
             self.shrink();
         }

@@ -169,6 +169,27 @@ fn pixels_on_edges_show_the_mean_of_what_they_see() {
 }
 
 #[test]
+fn what_is_not_known_is_as_bright_as_all_that_is() {
+    let raycaster = mirrored_room();
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let placer = Placer::new(&raycaster, &materials);
+    let mut placed = Vec::new();
+    // The floor's middle is known, its corners are not.
+    let floor = rays(20, |_, _| 0.25).into_iter().map(|ray| RaySample { distance: 2.0, ..ray });
+    let known: Vec<_> = floor.filter(|ray| ray.origin.truncate().length() < 0.2).collect();
+    placer.place_rays(&known, &mut placed);
+    let mut store = Store::new(0.0001, 64 << 20);
+    store.add(&placed);
+    let view = View::new(Arc::clone(&raycaster), materials, &eye(), (64, 64));
+    let drawn = Gathered::new(&view, &store).draw(&view, &store, None);
+    let unknown = drawn.errors.iter().filter(|error| error.is_infinite()).count();
+    assert!(unknown > 100, "{unknown}");
+    for (seen, pixel) in view.seen.iter().zip(drawn.pixels) {
+        assert!(!seen.is_surface() || (pixel[1] - 0.25).abs() < 1e-3, "{pixel:?}");
+    }
+}
+
+#[test]
 fn even_light_is_shown_as_it_is() {
     let raycaster = room();
     let pixels = drawn(&raycaster, &[&rays(100, |_, _| 0.25)]);

@@ -13,8 +13,8 @@ pub enum DriverArg {
     Auto,
     /// Edges from the scene itself, light from all samples on what is seen; where there is no scene, cells of the samples (`--cells`)
     Voronoi,
-    /// Light kept on the scene's surfaces for the whole session, smoothed: shows most of a new view
-    /// at once, but blurs what is small. An experiment
+    /// Light kept on the scene's surfaces for the whole session: shows all that is known of a new
+    /// view at once. What `auto` means for who walks in a browser
     Surfaces,
     /// Means over the leaves of a quadtree, as large as noise asks; needs no scene
     Quadtree,
@@ -86,7 +86,7 @@ impl DriverArgs {
     /// A text for people.
     pub fn check(&self) -> Result<(), String> {
         if let DenoiseArg::Library(_) = self.denoise {
-            if self.driver != DriverArg::Surfaces {
+            if !matches!(self.driver, DriverArg::Surfaces | DriverArg::Auto) {
                 return Err("--denoise is for --driver surfaces".to_owned());
             }
             self.denoise.load().map_err(|error| error.to_string())?;
