@@ -603,6 +603,7 @@ function drawLegend(legend) {
   box.hidden = !legend;
   if (!legend) return;
   $('legend-unit').textContent = legend.unit;
+  [$('t-least').placeholder, $('t-most').placeholder] = legend.range.map(end => Number(end.toPrecision(3)));
   $('legend-bar').style.background = `linear-gradient(to top, ${legend.colours.join()})`;
   const height = $('legend-bar').clientHeight;
   let last = -Infinity;
@@ -633,7 +634,6 @@ function sendDisplay() {
   press('b-log-off', !display.log);
   press('b-log-on', display.log);
   press('b-range', !display.range);
-  if (!display.range) $('t-least').value = $('t-most').value = '';
   $('r-stops').value = display.stops;
   $('o-stops').textContent = display.stops > 0 ? `+${display.stops}` : display.stops;
   say('display', display);
@@ -738,7 +738,7 @@ $('b-false').onclick = () => PRESSED.KeyJ();
 $('b-contours').onclick = () => PRESSED.KeyN();
 $('b-log-off').onclick = () => setScale(false, display.range);
 $('b-log-on').onclick = () => setScale(true, display.range);
-$('b-range').onclick = () => setScale(display.log, null);
+$('b-range').onclick = () => { $('t-least').value = $('t-most').value = ''; setScale(display.log, null); };
 $('f-scale').addEventListener('submit', event => {
   event.preventDefault();
   setScale(display.log, [numberIn('t-least'), numberIn('t-most')]);
