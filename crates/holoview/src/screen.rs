@@ -1,42 +1,51 @@
-//! From a frame's radiance to the colours of a screen: the one place where front ends say how a
-//! frame looks.
+//! From a frame's radiance to the colours of a screen: the one place where front ends make a frame
+//! visible.
 
-use holo_picture::Look;
+use std::time::Instant;
 
-use crate::stage::Shown;
+use holo_picture::{Adaptation, Image, Look, Picture};
 
-/// A person's display settings. None of them needs a new ray.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Display {
-    /// The exposure before `stops` are applied.
-    pub exposure: Exposure,
-    /// Brighter by so many stops, each a factor of 2.
-    pub stops: f32,
+/// One person who looks at a session's frames. What is automatic in a look adapts to what this
+/// person saw before.
+#[derive(Debug, Default)]
+pub struct Viewer {
+    adaptation: Adaptation,
+    /// When the last frame was seen.
+    last: Option<Instant>,
 }
 
-/// The base of an exposure.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Exposure {
-    /// The frame: it adapts as an eye does.
-    #[default]
-    Automatic,
-    /// This factor from radiance to linear display values.
-    Locked(f32),
-}
-
-impl Display {
-    /// Returns the factor from radiance to linear display values.
-    pub fn factor(&self, shown: &Shown) -> f32 {
-        let base = match self.exposure {
-            Exposure::Automatic => shown.exposure,
-            Exposure::Locked(factor) => factor,
-        };
-        base * self.stops.exp2()
+impl Viewer {
+    /// Returns the colours of a frame that is seen at `now`.
+    pub fn see(&mut self, picture: &Picture, look: &Look, now: Instant) -> Image {
+        let since = self.last.replace(now).map(|last| now.saturating_duration_since(last));
+        let seconds = since.unwrap_or_default().as_secs_f32();
+        look.follow(picture, &mut self.adaptation, seconds)
     }
+}
 
-    /// Returns the frame's sRGB bytes, rows from the top.
-    pub fn colours(&self, shown: &Shown) -> Vec<u8> {
-        let exposure = holo_picture::Exposure::Factor(self.factor(shown));
-        Look { exposure, ..Look::default() }.show(&shown.frame.picture).rgb
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn exposure_follows_the_light_steadily_at_any_frame_rate() {
+        let frame = |radiance| Picture::from_pixels(8, 8, vec![[radiance; 3]; 64]).unwrap();
+        let (dark, bright, look) = (frame(0.01), frame(1.0), Look::default());
+        let start = Instant::now();
+        let factor = |viewer: &mut Viewer, picture: &Picture, milliseconds| {
+            let now = start + Duration::from_millis(milliseconds);
+            viewer.see(picture, &look, now).exposure.unwrap()
+        };
+        let (mut slow, mut quick) = (Viewer::default(), Viewer::default());
+        let first = factor(&mut slow, &dark, 0);
+        assert_eq!(factor(&mut quick, &dark, 0), first);
+        let next = factor(&mut slow, &bright, 400);
+        let at_rest = look.show(&bright).exposure.unwrap();
+        assert!(at_rest < 0.5 * next && next < 0.5 * first, "{first} {next} {at_rest}");
+        let last = (1..=10).map(|step| factor(&mut quick, &bright, 40 * step)).last().unwrap();
+        assert!((last / next - 1.0).abs() < 1e-3, "{last} {next}");
+        assert!((factor(&mut slow, &bright, 60_000) / at_rest - 1.0).abs() < 1e-3);
     }
 }

@@ -101,6 +101,29 @@ fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     wait_until("a brighter picture", || (brightness(browser) > 1.2 * before).then_some(()));
     assert_eq!(browser.value(frame), frame_before);
 
+    // False colours, with a legend. A range that is none changes nothing.
+    let luminous = brightness(browser);
+    browser.press("KeyJ", "j");
+    browser.wait("header.exact && header.legend && !document.getElementById('legend').hidden");
+    wait_until("other colours", || ((brightness(browser) - luminous).abs() > 1.0).then_some(()));
+    browser.value("setScale(true, [0, 5])");
+    assert_eq!(browser.value("display.log"), false);
+    let fields = "for (const [id, end] of [['t-least', 1], ['t-most', 1000]]) \
+        document.getElementById(id).value = end; \
+        document.getElementById('b-log-on').click(); \
+        document.getElementById('f-scale').requestSubmit()";
+    browser.value(fields);
+    browser.wait("header.exact && header.legend.log && header.legend.range.join() === '1,1000'");
+    let labels = "document.getElementById('legend-ticks').textContent";
+    browser.wait(&format!("{labels}.endsWith('1000')"));
+    let width =
+        "createImageBitmap(await (await fetch(document.getElementById('s-png').href)).blob())";
+    let width = format!("(async () => (await {width}).width > header.size[0])()");
+    assert_eq!(browser.value(&width), true, "the saved picture has the legend");
+    browser.press("KeyN", "n");
+    browser.press("KeyJ", "j");
+    browser.wait("header.exact && header.legend && header.exposure > 0");
+
     let saved = browser.value("fetch('picture.hdr').then(r => r.text()).then(t => t.slice(0, 10))");
     assert_eq!(saved, "#?RADIANCE");
     let saved = browser.value("fetch('picture.png').then(r => r.blob()).then(b => b.size)");

@@ -1,6 +1,7 @@
 //! One client: a page's connection, from its first message to its last.
 
 use std::{
+    mem,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -17,6 +18,7 @@ use futures_util::{
     SinkExt, StreamExt,
     stream::{SplitSink, SplitStream},
 };
+use holo_picture::{Image, Look};
 use tokio::{
     sync::{mpsc, watch},
     time::{sleep_until, timeout},
@@ -24,12 +26,12 @@ use tokio::{
 
 use super::{
     encode::{Colours, Rect},
-    hub::{Guest, Hub},
+    hub::{Guest, Hub, Seen},
     messages::{self, Asked, Framed},
     screen::{Screen, Update},
 };
 use crate::{
-    screen::Display,
+    screen::Viewer,
     stage::{Input, Phase, Shown},
 };
 
@@ -76,7 +78,7 @@ pub async fn connect(upgrade: WebSocketUpgrade, State(hub): State<Arc<Hub>>) -> 
 struct Wanted {
     /// The last update that is on its screen.
     shown: u64,
-    display: Display,
+    look: Look,
     cursor: Option<(f64, f64)>,
 }
 
@@ -122,7 +124,7 @@ impl Reader<'_> {
         let mut answer = None;
         match asked {
             Asked::Shown(update) => self.wanted.send_modify(|wanted| wanted.shown = update),
-            Asked::Display(display) => self.wanted.send_modify(|wanted| wanted.display = display),
+            Asked::Look(look) => self.wanted.send_modify(|wanted| wanted.look = look),
             Asked::TakeOver => self.hub.take_over(self.guest.number),
             Asked::Input(input) => {
                 if let Input::Cursor(cursor) = input {
@@ -152,11 +154,19 @@ struct Writer<'a> {
     sink: SplitSink<WebSocket, Message>,
     wanted: watch::Receiver<Wanted>,
     screen: Screen,
-    /// What the client's screen shows or will show soon.
-    on_screen: Option<(Arc<Shown>, Display)>,
+    viewer: Viewer,
+    on_screen: Option<OnScreen>,
     under_way: Option<UnderWay>,
     /// Number of the last update.
     updates: u64,
+}
+
+/// What a client's screen shows or will show soon.
+#[derive(Clone)]
+struct OnScreen {
+    shown: Arc<Shown>,
+    look: Look,
+    image: Arc<Image>,
 }
 
 /// An update on its way.
@@ -173,9 +183,9 @@ impl<'a> Writer<'a> {
         sink: SplitSink<WebSocket, Message>,
         wanted: watch::Receiver<Wanted>,
     ) -> Writer<'a> {
-        let screen = Screen::default();
+        let (screen, viewer) = (Screen::default(), Viewer::default());
         let (on_screen, under_way, updates) = (None, None, 0);
-        Writer { hub, guest, sink, wanted, screen, on_screen, under_way, updates }
+        Writer { hub, guest, sink, wanted, screen, viewer, on_screen, under_way, updates }
     }
 
     /// Sends until the session is over or the client takes nothing any more.
@@ -240,45 +250,43 @@ impl<'a> Writer<'a> {
     }
 
     fn is_at_rest(&self) -> bool {
-        self.on_screen.as_ref().is_some_and(|(shown, _)| shown.is_at_rest)
+        self.on_screen.as_ref().is_some_and(|now| now.shown.is_at_rest)
     }
 
     /// Sends the latest frame, if the client's screen does not show it. Returns whether it did.
     async fn update(&mut self, latest: Option<Arc<Shown>>) -> Result<bool> {
         let Some(shown) = latest else { return Ok(false) };
-        let display = self.wanted.borrow().display;
-        let is_on_screen = self
-            .on_screen
-            .as_ref()
-            .is_some_and(|(before, with)| before.number == shown.number && *with == display);
-        if is_on_screen {
+        let look = self.wanted.borrow().look;
+        let shows = |now: &OnScreen| now.shown.number == shown.number && now.look == look;
+        if self.on_screen.as_ref().is_some_and(shows) {
             return Ok(false);
         }
-        let (hub, frame) = (Arc::clone(self.hub), Arc::clone(&shown));
-        let colours = tokio::task::spawn_blocking(move || hub.colours(&frame, display)).await?;
-        let update = self.screen.show(Arc::clone(&colours), shown.frame.picture.size());
-        self.on_screen = Some((shown, display));
-        self.send_update(update, colours).await?;
+        let (mut viewer, frame) = (mem::take(&mut self.viewer), Arc::clone(&shown));
+        let seeing = tokio::task::spawn_blocking(move || {
+            let image = viewer.see(&frame.frame.picture, &look, Instant::now());
+            (viewer, Arc::new(image))
+        });
+        let (viewer, image) = seeing.await?;
+        self.viewer = viewer;
+        self.guest.sees(Seen { frame: shown.number, image: Arc::clone(&image) });
+        let update = self.screen.show(Arc::clone(&image));
+        self.on_screen = Some(OnScreen { shown, look, image });
+        self.send_update(update).await?;
         Ok(true)
     }
 
     /// Sends the next tiles that are not exact.
     async fn improve(&mut self) -> Result<()> {
-        let Some((shown, display)) = self.on_screen.clone() else { return Ok(()) };
         let update = self.screen.improve();
-        let colours = self.hub.colours(&shown, display);
-        self.send_update(update, colours).await
+        self.send_update(update).await
     }
 
-    async fn send_update(&mut self, update: Update, colours: Arc<Vec<u8>>) -> Result<()> {
-        let Some((shown, display)) = self.on_screen.clone() else { return Ok(()) };
-        let (hub, coding) = (Arc::clone(self.hub), update.coding);
-        let (frame, size) = (shown.number, shown.frame.picture.size());
+    async fn send_update(&mut self, update: Update) -> Result<()> {
+        let Some(OnScreen { shown, image, .. }) = self.on_screen.clone() else { return Ok(()) };
+        let (coding, pixels) = (update.coding, Arc::clone(&image));
         let encoded = tokio::task::spawn_blocking(move || {
-            let colours = Colours { bytes: &colours, size };
-            let encode = |rect: Rect| {
-                Ok((rect, SharedBytes(hub.part((frame, display), colours, rect, coding)?)))
-            };
+            let colours = Colours { bytes: &pixels.rgb, size: (pixels.width, pixels.height) };
+            let encode = |rect: Rect| Ok((rect, colours.encode(rect, coding)?));
             update.rects.into_iter().map(encode).collect::<Result<Vec<_>>>()
         });
         let parts = encoded.await?.context("encoding a frame")?;
@@ -288,9 +296,9 @@ impl<'a> Writer<'a> {
             update: self.updates,
             client: self.guest.number,
             cursor: self.wanted.borrow().cursor,
-            exposure: display.factor(&shown),
+            image: &image,
             is_exact: self.screen.is_exact(),
-            coding: update.coding,
+            coding,
         };
         let message = framed.message(&parts);
         self.under_way =
@@ -301,15 +309,6 @@ impl<'a> Writer<'a> {
     async fn send(&mut self, message: Message) -> Result<()> {
         timeout(SENDING, self.sink.send(message)).await.context("the client takes nothing")??;
         Ok(())
-    }
-}
-
-/// Bytes that several clients get.
-struct SharedBytes(Arc<Vec<u8>>);
-
-impl AsRef<[u8]> for SharedBytes {
-    fn as_ref(&self) -> &[u8] {
-        &self.0
     }
 }
 

@@ -1,32 +1,23 @@
-//! Everyone who looks at one session: who drives, and what is encoded once for all.
+//! Everyone who looks at one session: who drives, and what each one sees.
 
 use std::{
-    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError},
+    collections::BTreeMap,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Duration,
 };
 
-use anyhow::Result;
 use holo_net::Shutdown;
+use holo_picture::Image;
 use holo_walk::Controls;
 use tokio::sync::watch;
 
-use super::encode::{Coding, Colours, Rect};
-use crate::{
-    screen::Display,
-    stage::{Front, Input, Shown},
-};
+use crate::stage::{Front, Input, Shown};
 
 /// Clients at the most. Each costs a picture of memory.
 const MOST_CLIENTS: usize = 64;
 
-/// Encoded things that are kept for others who want the same.
-const MOST_KEPT: usize = 16;
-
 /// Time that clients have to leave after the session's end.
 const LEAVING: Duration = Duration::from_secs(2);
-
-/// What is encoded: the number of a frame, how it looks, and which part of it.
-type PartKey = (u64, Display, Rect, Coding);
 
 /// Everyone who looks at one session.
 pub struct Hub {
@@ -34,8 +25,17 @@ pub struct Hub {
     pub front: Front,
     roles: watch::Sender<Roles>,
     next_client: Mutex<u32>,
-    colours: Shared<(u64, Display), Vec<u8>>,
-    parts: Shared<PartKey, Vec<u8>>,
+    /// What each client sees, by its number.
+    seen: Mutex<BTreeMap<u32, Seen>>,
+}
+
+/// A frame as a client sees it.
+#[derive(Clone)]
+pub struct Seen {
+    /// The frame's number.
+    pub frame: u64,
+    /// Its colours.
+    pub image: Arc<Image>,
 }
 
 /// Who is there, in order of arrival, and who drives.
@@ -61,8 +61,7 @@ impl Hub {
             front,
             roles: watch::Sender::default(),
             next_client: Mutex::new(1),
-            colours: Shared::default(),
-            parts: Shared::default(),
+            seen: Mutex::default(),
         }
     }
 
@@ -121,36 +120,22 @@ impl Hub {
         let _ = tokio::time::timeout(LEAVING, nobody).await;
     }
 
-    /// Returns a frame's colours, made once for all who want the same. Takes a moment.
-    pub fn colours(&self, shown: &Shown, display: Display) -> Arc<Vec<u8>> {
-        self.colours.get((shown.number, display), || display.colours(shown))
+    /// Returns what a client sees, if it has seen anything.
+    pub fn seen(&self, client: u32) -> Option<Seen> {
+        lock(&self.seen).get(&client).cloned()
     }
+}
 
-    /// Returns a part of a frame as encoded bytes, made once for all who want the same. Takes a
-    /// moment.
-    ///
-    /// # Errors
-    /// If the part cannot be encoded.
-    pub fn part(
-        &self,
-        (frame, display): (u64, Display),
-        colours: Colours,
-        rect: Rect,
-        coding: Coding,
-    ) -> Result<Arc<Vec<u8>>> {
-        let mut failure = None;
-        let part = self.parts.get((frame, display, rect, coding), || {
-            colours.encode(rect, coding).unwrap_or_else(|error| {
-                failure = Some(error);
-                Vec::new()
-            })
-        });
-        failure.map_or(Ok(part), Err)
+impl Guest {
+    /// Notes what the client sees from now on.
+    pub fn sees(&self, seen: Seen) {
+        lock(&self.hub.seen).insert(self.number, seen);
     }
 }
 
 impl Drop for Guest {
     fn drop(&mut self) {
+        lock(&self.hub.seen).remove(&self.number);
         if self.hub.drives(self.number) {
             self.hub.let_go();
         }
@@ -163,63 +148,7 @@ impl Drop for Guest {
     }
 }
 
-/// The last few results of something that several want.
-struct Shared<K, V>(Mutex<Vec<(K, Awaited<V>)>>);
-
-/// A result that one makes and others wait for.
-type Awaited<V> = Arc<OnceLock<Arc<V>>>;
-
-impl<K, V> Default for Shared<K, V> {
-    fn default() -> Self {
-        Shared(Mutex::default())
-    }
-}
-
-impl<K: PartialEq, V> Shared<K, V> {
-    /// Returns what `make` returns, or what it returned for the same key a moment ago.
-    fn get(&self, key: K, make: impl FnOnce() -> V) -> Arc<V> {
-        let cell = {
-            let mut kept = lock(&self.0);
-            let known = kept.iter().find(|(other, _)| *other == key).map(|(_, cell)| cell);
-            known.map(Arc::clone).unwrap_or_else(|| {
-                if kept.len() == MOST_KEPT {
-                    kept.remove(0);
-                }
-                let cell = Awaited::<V>::default();
-                kept.push((key, Arc::clone(&cell)));
-                cell
-            })
-        };
-        Arc::clone(cell.get_or_init(|| Arc::new(make())))
-    }
-}
-
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     // What it protects is whole between any two of its changes.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_several_want_is_made_once_and_not_kept_for_ever() {
-        let shared = Shared::<u32, u32>::default();
-        let mut made = 0;
-        for _ in 0..3 {
-            assert_eq!(
-                *shared.get(7, || {
-                    made += 1;
-                    49
-                }),
-                49
-            );
-        }
-        assert_eq!(made, 1);
-        (100..200).for_each(|key| {
-            shared.get(key, || key);
-        });
-        assert_eq!(lock(&shared.0).len(), MOST_KEPT);
-    }
 }

@@ -1,17 +1,14 @@
 //! Messages between page and server: JSON texts, and frames as a JSON header with parts behind it.
 
 use glam::DVec3;
-use holo_picture::{ViewSpec, luminance};
+use holo_picture::{Exposure, Image, Legend, Look, Scale, Scaling, Tone, ViewSpec, luminance};
 use holo_section::{Section, SectionSpec};
 use holo_walk::Controls;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::encode::{Coding, Rect};
-use crate::{
-    screen::{Display, Exposure},
-    stage::{Input, Phase, Shown, State},
-};
+use crate::stage::{Input, Phase, Shown, State};
 
 /// Greatest angle of one input, radians.
 const MOST_ANGLE: f64 = 7.0;
@@ -24,6 +21,9 @@ const MOST_PACE: f64 = 100.0;
 
 /// Most stops of exposure.
 const MOST_STOPS: f32 = 40.0;
+
+/// Colours of a legend that are sent. A page that blends them is off by less than a screen shows.
+const LEGEND_COLOURS: u8 = 33;
 
 /// A message of a page.
 #[derive(Debug, Deserialize)]
@@ -90,10 +90,85 @@ pub enum Said {
     Quit {},
     /// An update is on the screen: the next one may come.
     Shown { update: u64 },
-    /// How frames are to look: exposure is automatic if it is not locked.
-    Display { locked: Option<f32>, stops: f32 },
+    /// How frames are to look.
+    Display(Display),
     /// This page drives from now on.
     TakeOver {},
+}
+
+/// How a page wants its frames to look.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Display {
+    /// Factor from radiance to display light; the exposure is automatic without it.
+    locked: Option<f32>,
+    /// Stops brighter than that.
+    stops: f32,
+    #[serde(default)]
+    tone: ToneName,
+    #[serde(default)]
+    false_color: bool,
+    #[serde(default)]
+    contours: bool,
+    /// Whether the scale of false colours and contours is logarithmic.
+    #[serde(default)]
+    log: bool,
+    /// Ends of that scale in cd/m²; the picture chooses them otherwise.
+    range: Option<[f32; 2]>,
+}
+
+/// Names of tones: see [`Tone`].
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum ToneName {
+    #[default]
+    Soft,
+    Linear,
+    Camera,
+    Human,
+}
+
+impl ToneName {
+    fn tone(self) -> Tone {
+        match self {
+            ToneName::Soft => Tone::Soft,
+            ToneName::Linear => Tone::Linear,
+            ToneName::Camera => Tone::Camera,
+            ToneName::Human => Tone::Human,
+        }
+    }
+}
+
+impl Display {
+    /// Returns the look that a page wants.
+    ///
+    /// # Errors
+    /// A text for people, if a number is not finite or too large, or the range is no scale.
+    fn look(&self) -> Result<Look, String> {
+        // Also refuses NaN.
+        if !(-MOST_STOPS..=MOST_STOPS).contains(&self.stops) {
+            return Err(format!("{} stops: at most {MOST_STOPS} are possible", self.stops));
+        }
+        let factor = self.locked.map(|locked| locked * self.stops.exp2());
+        if let Some(factor) = factor.filter(|factor| !factor.is_normal() || *factor < 0.0) {
+            return Err(format!("an exposure of {factor} is none: it must be above 0"));
+        }
+        let tone = self.tone.tone();
+        let exposure = match factor {
+            Some(factor) if matches!(tone, Tone::Soft | Tone::Linear) => Exposure::Factor(factor),
+            // The other tones have no factor to lock.
+            _ => Exposure::Stops(self.stops),
+        };
+        let scaling = match self.range {
+            None => Scaling::Auto { log: self.log },
+            Some([least, most]) => {
+                let scale = Scale::new(least, most, self.log).map_err(|error| error.to_string())?;
+                Scaling::Fixed(scale)
+            }
+        };
+        let (false_color, contours) = (self.false_color, self.contours);
+        Ok(Look { exposure, tone, false_color, contours, scaling })
+    }
 }
 
 /// What a message asks for.
@@ -104,7 +179,7 @@ pub enum Asked {
     /// The next update may come.
     Shown(u64),
     /// Frames look like this.
-    Display(Display),
+    Look(Look),
     /// The page drives.
     TakeOver,
 }
@@ -155,11 +230,7 @@ fn asked(said: Said) -> Result<Asked, String> {
         Said::Quit {} => Input::Quit,
         Said::Shown { update } => return Ok(Asked::Shown(update)),
         Said::TakeOver {} => return Ok(Asked::TakeOver),
-        Said::Display { locked, stops } => {
-            let exposure = locked.map_or(Exposure::Automatic, Exposure::Locked);
-            let stops = stops.clamp(-MOST_STOPS, MOST_STOPS);
-            return Ok(Asked::Display(Display { exposure, stops }));
-        }
+        Said::Display(display) => return Ok(Asked::Look(display.look()?)),
     }))
 }
 
@@ -175,6 +246,25 @@ fn under(shown: &Shown, (x, y): (f64, f64)) -> Option<Value> {
     }))
 }
 
+/// Returns what colours mean: colours from the low end of the scale to its high one, and ticks.
+fn legend(legend: &Legend) -> Value {
+    let colour = |index| {
+        let [red, green, blue] = legend.color(f32::from(index) / f32::from(LEGEND_COLOURS - 1));
+        format!("#{red:02x}{green:02x}{blue:02x}")
+    };
+    let colours: Vec<String> = (0..LEGEND_COLOURS).map(colour).collect();
+    let ticks: Vec<Value> = legend
+        .ticks
+        .iter()
+        .map(|tick| json!({ "place": tick.place, "label": tick.label }))
+        .collect();
+    let scale = legend.scale;
+    json!({
+        "unit": legend.unit, "range": [scale.least(), scale.most()], "log": scale.is_log(),
+        "ticks": ticks, "colours": colours,
+    })
+}
+
 /// A frame for a client.
 pub struct Framed<'a> {
     /// The frame.
@@ -185,8 +275,8 @@ pub struct Framed<'a> {
     pub client: u32,
     /// Where that one's cursor is.
     pub cursor: Option<(f64, f64)>,
-    /// Factor from radiance to display values.
-    pub exposure: f32,
+    /// What it sees.
+    pub image: &'a Image,
     /// Whether the screen now shows exactly the frame's colours.
     pub is_exact: bool,
     /// How the parts are encoded.
@@ -227,7 +317,9 @@ impl Framed<'_> {
                 "extent": [across, along],
                 "shift": [view.vs, view.vl],
             },
-            "exposure": self.exposure,
+            // None with a look that has no such factor.
+            "exposure": self.image.exposure,
+            "legend": self.image.legend.as_ref().map(legend),
             "milliseconds": shown.milliseconds,
             "unknown": frame.empty_pixels as f64 / pixels.max(1.0),
             "under": self.cursor.and_then(|cursor| under(shown, cursor)),
@@ -324,6 +416,41 @@ mod tests {
         assert_eq!(hold, Asked::Input(Input::Hold(controls)));
         let cursor = parse(r#"{"n": 5, "say": {"do": "cursor", "at": [2, 0]}}"#).unwrap().1;
         assert_eq!(cursor, Asked::Input(Input::Cursor(None)));
+    }
+
+    #[test]
+    fn a_look_that_no_screen_can_show_is_refused() {
+        let look = |fields: &str| {
+            parse(&format!(r#"{{"n": 1, "say": {{"do": "display", {fields}}}}}"#))
+                .map(|(_, asked)| asked)
+        };
+        let all = r#""locked": 0.5, "stops": 1, "tone": "linear", "false_color": true,
+            "contours": true, "log": true, "range": [1, 100]"#;
+        let scaling = Scaling::Fixed(Scale::new(1.0, 100.0, true).unwrap());
+        let exposure = Exposure::Factor(1.0);
+        let (tone, false_color, contours) = (Tone::Linear, true, true);
+        let wanted = Look { exposure, tone, false_color, contours, scaling };
+        assert_eq!(look(all), Ok(Asked::Look(wanted)));
+        for (fields, reason) in [
+            (r#""stops": 41"#, "stops"),
+            (r#""stops": -1e300"#, "stops"),
+            (r#""stops": 1e999"#, "number out of range"),
+            (r#""stops": null"#, "invalid type"),
+            (r#""stops": 0, "locked": 0"#, "exposure"),
+            (r#""stops": 0, "locked": -1"#, "exposure"),
+            (r#""stops": 0, "locked": 1e300"#, "exposure"),
+            (r#""stops": 40, "locked": 1e38"#, "exposure"),
+            (r#""stops": 0, "tone": "loud""#, "unknown variant"),
+            (r#""stops": 0, "range": [5, 5]"#, "no range"),
+            (r#""stops": 0, "range": [-1, 5]"#, "no range"),
+            (r#""stops": 0, "range": [0, 1e300]"#, "no range"),
+            (r#""stops": 0, "range": [0, 5], "log": true"#, "logarithmic"),
+            (r#""stops": 0, "range": [1]"#, "invalid length"),
+            (r#""stops": 0, "colour": true"#, "unknown field"),
+        ] {
+            let error = look(fields).unwrap_err();
+            assert!(error.contains(reason), "{fields}: {error}");
+        }
     }
 
     #[test]

@@ -2,34 +2,32 @@
 
 use std::sync::Arc;
 
+use anyhow::Result;
 use axum::{
     extract::{RawQuery, State},
     http::{StatusCode, header},
     response::{IntoResponse, Response},
 };
-use holo_picture::Format;
+use holo_picture::{Format, Image, Look};
 
-use super::{
-    encode::{Coding, Colours, Rect},
-    hub::Hub,
-};
-use crate::{
-    screen::{Display, Exposure},
-    stage::Shown,
-};
+use super::hub::{Hub, Seen};
+use crate::stage::Shown;
 
-/// Answers with the latest frame as it looks: `?exposure=FACTOR`, else automatically exposed.
+/// Answers with what a client sees, `?client=NUMBER`, and its legend. Without a client, answers with
+/// the latest frame in the default look.
 pub async fn png(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Response {
     let query = query.unwrap_or_default();
-    let factor = query.strip_prefix("exposure=").and_then(|factor| factor.parse().ok());
-    let exposure = factor.map_or(Exposure::Automatic, Exposure::Locked);
-    answer(&hub, "png", "image/png", move |shown| {
-        let display = Display { exposure, stops: 0.0 };
-        let (bytes, size) = (display.colours(shown), shown.frame.picture.size());
-        let whole = Rect { x: 0, y: 0, width: size.0, height: size.1 };
-        Colours { bytes: &bytes, size }.encode(whole, Coding::Png)
-    })
-    .await
+    let client = query.strip_prefix("client=").and_then(|client| client.parse().ok());
+    let kind = "image/png";
+    match client.and_then(|client| hub.seen(client)) {
+        Some(Seen { frame, image }) => {
+            answer(frame, "png", kind, move || Ok(Image::clone(&image).with_legend().png()?)).await
+        }
+        None => {
+            let encode = |shown: &Shown| Ok(Look::default().show(&shown.frame.picture).png()?);
+            latest(&hub, "png", kind, encode).await
+        }
+    }
 }
 
 /// Answers with the latest frame's radiance as Radiance's RGBE.
@@ -43,21 +41,29 @@ pub async fn exr(State(hub): State<Arc<Hub>>) -> Response {
 }
 
 async fn radiance(hub: &Hub, end: &str, kind: &'static str, format: Format) -> Response {
-    answer(hub, end, kind, move |shown| Ok(shown.frame.picture.encode(format)?)).await
+    latest(hub, end, kind, move |shown| Ok(shown.frame.picture.encode(format)?)).await
 }
 
-async fn answer(
+async fn latest(
     hub: &Hub,
     end: &str,
     kind: &'static str,
-    encode: impl FnOnce(&Shown) -> anyhow::Result<Vec<u8>> + Send + 'static,
+    encode: impl FnOnce(&Shown) -> Result<Vec<u8>> + Send + 'static,
 ) -> Response {
-    let Some(shown) = hub.latest() else {
-        return (StatusCode::NOT_FOUND, "there is no picture yet").into_response();
-    };
-    let name = format!("attachment; filename=\"holodeck-{}.{end}\"", shown.number);
-    let encoded = tokio::task::spawn_blocking(move || encode(&shown)).await;
-    match encoded {
+    match hub.latest() {
+        Some(shown) => answer(shown.number, end, kind, move || encode(&shown)).await,
+        None => (StatusCode::NOT_FOUND, "there is no picture yet").into_response(),
+    }
+}
+
+async fn answer(
+    frame: u64,
+    end: &str,
+    kind: &'static str,
+    encode: impl FnOnce() -> Result<Vec<u8>> + Send + 'static,
+) -> Response {
+    let name = format!("attachment; filename=\"holodeck-{frame}.{end}\"");
+    match tokio::task::spawn_blocking(encode).await {
         Ok(Ok(bytes)) => {
             let headers =
                 [(header::CONTENT_TYPE, kind.to_owned()), (header::CONTENT_DISPOSITION, name)];

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use holo_picture::Image;
+
 use super::encode::{Coding, Rect, Tiles};
 
 /// Bytes of a second to a client of whom nothing is known yet.
@@ -31,8 +33,7 @@ pub struct Screen {
 
 /// The picture on it.
 struct Picture {
-    colours: Arc<Vec<u8>>,
-    size: (u32, u32),
+    image: Arc<Image>,
     /// Tiles that JPEG has changed.
     inexact: Tiles,
 }
@@ -67,19 +68,20 @@ impl Screen {
     }
 
     /// Returns what has to be sent so that the screen shows this picture, about.
-    pub fn show(&mut self, colours: Arc<Vec<u8>>, size: (u32, u32)) -> Update {
-        let all = Tiles::new(size, true);
-        let before = self.shown.take().filter(|before| before.size == size);
+    pub fn show(&mut self, image: Arc<Image>) -> Update {
+        let size = (image.width, image.height);
+        let has_size = |before: &Picture| (before.image.width, before.image.height) == size;
+        let before = self.shown.take().filter(has_size);
         let changed = match &before {
-            Some(before) => Tiles::changed(&before.colours, &colours, size),
-            None => all,
+            Some(before) => Tiles::changed(&before.image.rgb, &image.rgb, size),
+            None => Tiles::new(size, true),
         };
         let affordable = self.bandwidth * UPDATE_SECONDS / changed.pixels().max(1.0);
         let fits = |&&(_, bytes): &&(u8, f64)| bytes <= affordable;
         let quality = QUALITIES.iter().find(fits).map_or(1, |(quality, _)| *quality);
         let mut inexact = before.map_or(Tiles::new(size, false), |before| before.inexact);
         inexact.add(&changed);
-        self.shown = Some(Picture { colours, size, inexact });
+        self.shown = Some(Picture { image, inexact });
         Update { rects: changed.rects(), coding: Coding::Jpeg(quality) }
     }
 
@@ -100,41 +102,44 @@ impl Screen {
 mod tests {
     use super::*;
 
-    const SIZE: (u32, u32) = (640, 360);
+    fn picture(byte: u8) -> Arc<Image> {
+        sized(640, 360, byte)
+    }
 
-    fn picture(byte: u8) -> Arc<Vec<u8>> {
-        Arc::new(vec![byte; 640 * 360 * 3])
+    fn sized(width: u32, height: u32, byte: u8) -> Arc<Image> {
+        let rgb = vec![byte; (width * height * 3) as usize];
+        Arc::new(Image { width, height, rgb, legend: None, exposure: None })
     }
 
     #[test]
     fn a_new_picture_comes_whole_then_what_changed_then_exactly() {
         let mut screen = Screen::default();
         let whole = vec![Rect { x: 0, y: 0, width: 640, height: 360 }];
-        assert_eq!(screen.show(picture(1), SIZE).rects, whole);
+        assert_eq!(screen.show(picture(1)).rects, whole);
         assert!(!screen.is_exact());
         assert_eq!(screen.improve(), Update { rects: whole.clone(), coding: Coding::Png });
         assert!(screen.is_exact());
-        assert_eq!(screen.show(picture(1), SIZE).rects, []);
+        assert_eq!(screen.show(picture(1)).rects, []);
         assert!(screen.is_exact());
-        let mut other = picture(1).to_vec();
-        other[0] = 2;
+        let mut other = Image::clone(&picture(1));
+        other.rgb[0] = 2;
         let corner = vec![Rect { x: 0, y: 0, width: 64, height: 64 }];
-        assert_eq!(screen.show(Arc::new(other), SIZE).rects, corner);
+        assert_eq!(screen.show(Arc::new(other)).rects, corner);
         assert_eq!(screen.improve(), Update { rects: corner, coding: Coding::Png });
         assert!(screen.is_exact());
         // Of another size, all is new.
         let small = vec![Rect { x: 0, y: 0, width: 320, height: 180 }];
-        assert_eq!(screen.show(Arc::new(vec![1; 320 * 180 * 3]), (320, 180)).rects, small);
+        assert_eq!(screen.show(sized(320, 180, 1)).rects, small);
     }
 
     #[test]
     fn a_slow_link_gets_less_quality_and_exact_tiles_a_few_at_a_time() {
         let mut screen = Screen::default();
-        let (fast, slow) = (screen.show(picture(1), SIZE), 20_000.0);
+        let (fast, slow) = (screen.show(picture(1)), 20_000.0);
         for _ in 0..50 {
             screen.note(40_000, 40_000.0 / slow);
         }
-        let later = screen.show(picture(2), SIZE);
+        let later = screen.show(picture(2));
         let quality = |update: &Update| match update.coding {
             Coding::Jpeg(quality) => quality,
             Coding::Png => 100,

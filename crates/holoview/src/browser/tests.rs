@@ -65,7 +65,6 @@ impl Server {
             options: "-vtv".into(),
             frame,
             is_at_rest: true,
-            exposure: 1.0,
             milliseconds: 1.0,
         };
         self.front.frames.send_replace(Some(Arc::new(shown)));
@@ -105,13 +104,25 @@ impl Server {
 
     /// The answer to a plain request.
     async fn get(&self, path: &str, host: &str) -> String {
+        String::from_utf8_lossy(&self.bytes(path, host).await).into_owned()
+    }
+
+    async fn bytes(&self, path: &str, host: &str) -> Vec<u8> {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).await.unwrap();
         let request = format!("GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
         stream.write_all(request.as_bytes()).await.unwrap();
         let mut answer = Vec::new();
         timeout(LIMIT, stream.read_to_end(&mut answer)).await.unwrap().unwrap();
-        String::from_utf8_lossy(&answer).into_owned()
+        answer
     }
+}
+
+/// Width, height and bytes of a PNG.
+fn decoded(png: &[u8]) -> ((u32, u32), Vec<u8>) {
+    let mut png = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+    let mut pixels = vec![0; png.output_buffer_size().unwrap()];
+    png.next_frame(&mut pixels).unwrap();
+    ((png.info().width, png.info().height), pixels)
 }
 
 /// A page's end of a connection.
@@ -170,6 +181,17 @@ impl Page {
         }
     }
 
+    /// The next picture that is exact and whole.
+    async fn exact(&mut self) -> Update {
+        loop {
+            let update = self.update().await;
+            self.shown(&update).await;
+            if update.header["exact"] == true {
+                return update;
+            }
+        }
+    }
+
     async fn shown(&mut self, update: &Update) {
         self.say(json!({ "do": "shown", "update": update.header["update"] })).await;
     }
@@ -200,17 +222,77 @@ async fn a_frame_comes_at_once_then_exactly_and_names_the_input_that_it_shows() 
     let exact = page.update().await;
     assert_eq!(exact.header["type"], "image/png");
     assert_eq!(exact.header["exact"], true);
-    let mut png = png::Decoder::new(std::io::Cursor::new(&exact.parts[0])).read_info().unwrap();
-    let mut pixels = vec![0; png.output_buffer_size().unwrap()];
-    png.next_frame(&mut pixels).unwrap();
-    // sRGB of 0.5 by IEC 61966-2-1 is 187.5.
-    assert!(pixels.iter().all(|byte| byte.abs_diff(188) <= 1), "{}", pixels[0]);
+    let (_, pixels) = decoded(&exact.parts[0]);
+    // The picture's mean is a grey card of 18 %, whose sRGB by IEC 61966-2-1 is 117.6.
+    assert!(pixels.iter().all(|byte| byte.abs_diff(118) <= 1), "{}", pixels[0]);
     page.shown(&exact).await;
     // A brighter display of the same frame needs nothing of the stage.
     page.say(json!({ "do": "display", "locked": 0.1, "stops": 0 })).await;
     let darker = page.update().await;
     assert_eq!(darker.header["frame"], frame);
     assert!((darker.header["exposure"].as_f64().unwrap() - 0.1).abs() < 1e-6);
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn each_page_has_its_own_look_of_one_frame_and_saves_what_it_sees() {
+    let mut server = Server::start().await;
+    let (mut first, mut second) = (server.page().await, server.page().await);
+    let frame = server.publish(1.0, (0, 0));
+    let plain = first.exact().await;
+    assert!(plain.header["legend"].is_null() && plain.header["exposure"].is_number());
+    second.exact().await;
+    let colours = json!({ "do": "display", "locked": null, "stops": 0, "false_color": true,
+        "range": [0, 358], "tone": "camera" });
+    first.say(colours).await;
+    let coloured = first.exact().await;
+    assert_eq!(coloured.header["frame"], frame, "the stage draws nothing anew");
+    assert!(server.inputs.try_recv().is_err(), "the stage hears nothing of it");
+    assert!(coloured.header["exposure"].is_null());
+    let legend = &coloured.header["legend"];
+    assert_eq!((&legend["range"], &legend["log"]), (&json!([0.0, 358.0]), &json!(false)));
+    // White of radiance 1 is 179 cd/m², in the middle of the scale.
+    let (_, pixels) = decoded(&coloured.parts[0]);
+    let [red, green, blue] = [pixels[0], pixels[1], pixels[2]];
+    assert_eq!(legend["colours"][16], format!("#{red:02x}{green:02x}{blue:02x}"));
+    let tick = &legend["ticks"][2];
+    assert_eq!(tick["label"], "100");
+    assert!((tick["place"].as_f64().unwrap() - 100.0 / 358.0).abs() < 1e-6);
+
+    // What is saved is what its page sees, with the legend beside it.
+    let here = format!("127.0.0.1:{}", server.port);
+    let mut saved = Vec::new();
+    for client in [first.client, second.client] {
+        let answer = server.bytes(&format!("/picture.png?client={client}"), &here).await;
+        let begin = answer.windows(4).position(|bytes| bytes == b"\x89PNG").unwrap();
+        saved.push(decoded(&answer[begin..]));
+    }
+    let [(coloured, with_legend), (plain, grey)] = &saved[..] else { unreachable!() };
+    assert!(coloured.0 > SIZE.0 && coloured.1 == SIZE.1);
+    assert_eq!(with_legend[..3], [red, green, blue]);
+    assert_eq!(*plain, SIZE);
+    assert!(grey.iter().all(|byte| byte.abs_diff(118) <= 1), "{}", grey[0]);
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_look_with_garbage_numbers_changes_nothing() {
+    let mut server = Server::start().await;
+    let mut page = server.page().await;
+    server.publish(1.0, (0, 0));
+    page.exact().await;
+    for (range, log) in [(json!([10, 1]), false), (json!([0, 1]), true), (json!([0, 1e300]), false)]
+    {
+        page.say(json!({ "do": "display", "locked": null, "stops": 0, "false_color": true,
+            "log": log, "range": range }))
+            .await;
+        page.told("error").await;
+    }
+    page.say(json!({ "do": "display", "locked": null, "stops": 0, "contours": true })).await;
+    let next = page.update().await;
+    let [least, most] = [0, 1].map(|end| next.header["legend"]["range"][end].as_f64().unwrap());
+    assert!(least == 0.0 && (179.0..=500.0).contains(&most), "{least} {most}");
+    assert!(next.header["exposure"].is_number(), "contours lie over tones");
     server.end().await;
 }
 

@@ -374,7 +374,6 @@ impl Player {
         if !is_at_rest {
             self.detail.note(size, full, took.as_secs_f64());
         }
-        let since = begin.saturating_duration_since(self.times.frame).as_secs_f64();
         let jumped = self.times.jumped.map(|jumped| end.saturating_duration_since(jumped));
         let is_of_other = self.last.as_ref().is_some_and(|last| last.view != view);
         self.is_held_back = is_of_other && !replaces(unknown(&frame), jumped);
@@ -389,10 +388,9 @@ impl Player {
             options: holo_walk::options(&spec),
             frame,
             is_at_rest,
-            exposure: 1.0,
             milliseconds: 1e3 * took.as_secs_f64(),
         };
-        self.last = Some(self.publisher.frame(shown, since));
+        self.last = Some(self.publisher.frame(shown));
         if let Some(record) = &mut self.record {
             record.view(&spec, begin, is_at_rest)?;
         }

@@ -3,16 +3,10 @@
 use std::sync::Arc;
 
 use holo_display::Frame;
-use holo_picture::{Picture, View, auto_exposure};
+use holo_picture::View;
 use holo_section::SectionSpec;
 
 use super::Front;
-
-/// Seconds in which the automatic exposure covers most of the way to a new view's.
-const ADAPTATION: f64 = 0.4;
-
-/// Every so many columns and rows count for the exposure.
-const EXPOSURE_STEP: usize = 4;
 
 /// A frame, and what it shows.
 #[derive(Debug)]
@@ -29,8 +23,6 @@ pub struct Shown {
     pub frame: Frame,
     /// Whether the eye rests, so that the frame has every pixel.
     pub is_at_rest: bool,
-    /// Steady automatic exposure.
-    pub exposure: f32,
     /// How long it took to look and to draw, milliseconds.
     pub milliseconds: f64,
 }
@@ -100,14 +92,12 @@ pub struct State {
 pub struct Publisher {
     front: Front,
     number: u64,
-    /// Exposure of the last frame, if there was one.
-    exposure: Option<f32>,
 }
 
 impl Publisher {
     /// Publishes to `front`.
     pub fn new(front: Front) -> Publisher {
-        Publisher { front, number: 0, exposure: None }
+        Publisher { front, number: 0 }
     }
 
     /// Returns whether anybody takes frames.
@@ -131,57 +121,12 @@ impl Publisher {
         });
     }
 
-    /// Publishes a frame, `seconds` after the one before.
-    pub fn frame(&mut self, mut shown: Shown, seconds: f64) -> Arc<Shown> {
+    /// Publishes a frame.
+    pub fn frame(&mut self, mut shown: Shown) -> Arc<Shown> {
         self.number += 1;
         shown.number = self.number;
-        shown.exposure = adapted(self.exposure, exposure(&shown.frame.picture), seconds);
-        self.exposure = Some(shown.exposure);
         let shown = Arc::new(shown);
         self.front.frames.send_replace(Some(Arc::clone(&shown)));
         shown
-    }
-}
-
-/// Returns the exposure that suits a picture.
-fn exposure(picture: &Picture) -> f32 {
-    let width = picture.width.max(1) as usize;
-    let rows = picture.pixels.chunks(width).step_by(EXPOSURE_STEP);
-    let pixels: Vec<_> = rows.flat_map(|row| row.iter().step_by(EXPOSURE_STEP).copied()).collect();
-    let few = Picture { width: pixels.len() as u32, height: 1, pixels, ..Picture::new(0, 0) };
-    auto_exposure(&few)
-}
-
-/// Returns the exposure on the way from the one `before` to `next`, `seconds` later: an eye adapts,
-/// and a picture must not flicker.
-fn adapted(before: Option<f32>, next: f32, seconds: f64) -> f32 {
-    let Some(before) = before else { return next };
-    let share = 1.0 - (-seconds / ADAPTATION).exp();
-    let (from, to) = (f64::from(before).ln(), f64::from(next).ln());
-    (from + (to - from) * share).exp() as f32
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_exposure_adapts_steadily_whatever_the_frame_rate() {
-        assert_eq!(adapted(None, 4.0, 0.0), 4.0);
-        assert_eq!(adapted(Some(1.0), 4.0, 0.0), 1.0);
-        let mut exposure = 1.0;
-        for _ in 0..10 {
-            exposure = adapted(Some(exposure), 4.0, 0.04);
-        }
-        assert!((exposure - adapted(Some(1.0), 4.0, 0.4)).abs() < 1e-4);
-        assert!((adapted(Some(1.0), 4.0, 100.0) - 4.0).abs() < 1e-4);
-    }
-
-    #[test]
-    fn the_exposure_of_some_pixels_is_that_of_all() {
-        let pixels = (0..640 * 480).map(|i| [0.5 + (i % 640) as f32 / 640.0; 3]).collect();
-        let picture = Picture::from_pixels(640, 480, pixels).unwrap();
-        let all = auto_exposure(&picture);
-        assert!((exposure(&picture) / all - 1.0).abs() < 0.01);
     }
 }

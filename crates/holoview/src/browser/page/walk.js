@@ -13,7 +13,8 @@ const MOVING = 180;
 let socket = null, retry = 400, client = 0, number = 0, drives = false, ended = false;
 let header = null, facts = null, state = null, hasPicture = false;
 let gridIsDrawn = false;
-let display = { locked: null, stops: 0 }, gridMode = 'auto', movedAt = -1e9;
+let display = { locked: null, stops: 0, tone: 'soft', false_color: false, contours: false, log: false, range: null };
+let gridMode = 'auto', movedAt = -1e9;
 const sentAt = new Map(), latencies = [], drawnAt = [];
 
 // ---- connection
@@ -53,7 +54,7 @@ function act(what, more) {
 
 function told(message) {
   switch (message.is) {
-    case 'hello': client = message.client; say('display', display); break;
+    case 'hello': client = message.client; $('s-png').href = `picture.png?client=${client}`; sendDisplay(); break;
     case 'facts': facts = message; listViews(); drawPlan(); break;
     case 'state': state = message; showState(); break;
     case 'roles': roles(message); break;
@@ -108,7 +109,7 @@ function draw(next, parts) {
   loading('');
   if (next.under) showUnder(next.under);
   if (document.activeElement !== $('t-view')) $('t-view').value = next.options;
-  $('s-png').href = `picture.png?exposure=${next.exposure}`;
+  drawLegend(next.legend);
   document.body.dataset.frame = next.frame;
   document.body.dataset.rest = next.rest;
   document.body.dataset.exact = next.exact;
@@ -422,6 +423,7 @@ const KEYS = [
   ['O + arrows', 'orbit that point'], ['drag', 'look around'], ['right drag', 'orbit'], ['middle drag', 'shift'],
   ['wheel', 'approach, back off'], ['M', 'look with the mouse'], ['H', 'home'], [', .', 'back, forward'], ['L', 'lock eye height'],
   ['1 … 9', 'named view'], ['P', 'pause tracing'], ['X', 'exposure auto, locked'], ['+ −', 'brighter, darker'],
+  ['J', 'false colour'], ['N', 'contours'],
   ['G', 'section grids'], ['K', 'save PNG'], ['V', 'panel'], ['I', 'hide all but the picture'], ['Z', 'full screen'], ['T', 'theme'],
   ['?', 'these keys'], ['Esc', 'close']];
 
@@ -455,7 +457,8 @@ const PRESSED = {
   KeyH: () => act('home'), Comma: () => act('back'), Period: () => act('forward'),
   KeyL: () => act('lock_height', { on: !(state && state.locked) }),
   KeyP: () => say('pause', { on: !(state && state.paused) }),
-  KeyG: () => toggleGrid(), KeyX: () => lockExposure(display.locked === null), KeyM: () => lookWithMouse(),
+  KeyG: () => toggleGrid(), KeyX: () => lockExposure(display.locked === null),
+  KeyJ: () => toggleLook('false_color'), KeyN: () => toggleLook('contours'), KeyM: () => lookWithMouse(),
   KeyZ: () => fullScreen(), KeyV: () => togglePanel(), KeyI: () => document.body.classList.toggle('bare'),
   KeyT: () => theme(), KeyK: () => $('s-png').click(),
 };
@@ -567,10 +570,54 @@ function lookWithMouse() {
 // ---- tools
 
 function lockExposure(on) {
-  if (on && header) {
-    display.locked = header.exposure / 2 ** display.stops;
-  } else display.locked = null;
+  if (on && !(header && header.exposure)) { notice('Only the tones Soft and Linear have an exposure to lock.', 3000); return; }
+  display.locked = on ? header.exposure / 2 ** display.stops : null;
   sendDisplay();
+}
+
+function toggleLook(part) {
+  display[part] = !display[part];
+  sendDisplay();
+}
+
+/** The number in a field, rounded as the server rounds it; NaN if there is none. */
+function numberIn(id) { return $(id).value.trim() === '' ? NaN : Math.fround(Number($(id).value.replace(',', '.'))); }
+
+/** Sends the scale of false colour and contours, if its range can be one. */
+function setScale(log, range) {
+  const [least, most] = range || [0, 1];
+  const isRange = least >= 0 && least < most && most < Infinity;
+  if (!isRange) { notice('A range needs two numbers in cd/m², the smaller one first, such as 10 and 1000.', 5000); return; }
+  // The least number of which the server can take a logarithm.
+  if (range && log && least < 2 ** -126) { notice('A logarithmic scale cannot begin at 0: choose a low end above 0.', 5000); return; }
+  Object.assign(display, { log, range });
+  if (!display.false_color && !display.contours) display.false_color = true;
+  sendDisplay();
+}
+
+/** Draws what the colours mean: a bar of them, and the ticks that have room for their labels. */
+function drawLegend(legend) {
+  const text = JSON.stringify(legend), box = $('legend');
+  if (box.dataset.drawn === text) return;
+  box.dataset.drawn = text;
+  box.hidden = !legend;
+  if (!legend) return;
+  $('legend-unit').textContent = legend.unit;
+  [$('t-least').placeholder, $('t-most').placeholder] = legend.range.map(end => Number(end.toPrecision(3)));
+  $('legend-bar').style.background = `linear-gradient(to top, ${legend.colours.join()})`;
+  const height = $('legend-bar').clientHeight;
+  let last = -Infinity;
+  $('legend-ticks').replaceChildren(...legend.ticks.map(({ place, label }) => {
+    const tick = document.createElement('li');
+    tick.style.bottom = `${100 * place}%`;
+    if (place * height - last >= 14) {
+      const text = document.createElement('span');
+      text.textContent = label;
+      tick.append(text);
+      last = place * height;
+    }
+    return tick;
+  }));
 }
 
 function stops(value) {
@@ -581,6 +628,12 @@ function stops(value) {
 function sendDisplay() {
   press('b-auto', display.locked === null);
   press('b-locked', display.locked !== null);
+  for (const button of document.querySelectorAll('[data-tone]')) press(button.id, button.dataset.tone === display.tone);
+  press('b-false', display.false_color);
+  press('b-contours', display.contours);
+  press('b-log-off', !display.log);
+  press('b-log-on', display.log);
+  press('b-range', !display.range);
   $('r-stops').value = display.stops;
   $('o-stops').textContent = display.stops > 0 ? `+${display.stops}` : display.stops;
   say('display', display);
@@ -677,6 +730,19 @@ $('b-help').onclick = () => $('help').showModal();
 $('b-take').onclick = () => say('take_over');
 $('b-auto').onclick = () => lockExposure(false);
 $('b-locked').onclick = () => lockExposure(true);
+for (const button of document.querySelectorAll('[data-tone]')) button.onclick = () => {
+  Object.assign(display, { tone: button.dataset.tone, false_color: false });
+  sendDisplay();
+};
+$('b-false').onclick = () => PRESSED.KeyJ();
+$('b-contours').onclick = () => PRESSED.KeyN();
+$('b-log-off').onclick = () => setScale(false, display.range);
+$('b-log-on').onclick = () => setScale(true, display.range);
+$('b-range').onclick = () => { $('t-least').value = $('t-most').value = ''; setScale(display.log, null); };
+$('f-scale').addEventListener('submit', event => {
+  event.preventDefault();
+  setScale(display.log, [numberIn('t-least'), numberIn('t-most')]);
+});
 $('r-stops').oninput = () => stops(Number($('r-stops').value));
 $('b-quit').onclick = () => $('quit').showModal();
 $('quit').addEventListener('close', () => { if ($('quit').returnValue === 'quit') say('quit'); });
