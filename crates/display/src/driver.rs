@@ -111,6 +111,11 @@ pub trait Driver: Send {
     /// caller can measure the stages. Drivers without stages never call it.
     fn draw(&mut self, stage_ended: &mut dyn FnMut(&'static str)) -> Frame;
 
+    /// Returns whether drawing again would improve the frame without any new sample.
+    fn refines(&self) -> bool {
+        false
+    }
+
     /// Returns the known distances from the eye, scene units, of points spread over the picture.
     fn depth(&mut self) -> Vec<f32>;
 

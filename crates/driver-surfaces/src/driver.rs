@@ -68,6 +68,8 @@ struct Shown {
     /// Whether the next frame at rest is refined: it looks into pixels on edges, and is denoised.
     /// The first one is not, so that it is there soon.
     is_refined: bool,
+    /// Whether a refined frame was drawn.
+    was_refined: bool,
     covered: Vec<bool>,
 }
 
@@ -125,6 +127,7 @@ impl SurfacesDriver {
         let shown = self.shown.as_mut()?;
         let refines = shown.is_refined && !is_moving;
         shown.is_refined |= !is_moving;
+        shown.was_refined |= refines;
         if refines && shown.view.edges.is_empty() {
             shown.view.look_into_edges();
         }
@@ -189,7 +192,14 @@ impl Driver for SurfacesDriver {
         let covered = covered(&self.sections, &look.view, size);
         self.store.begin_round();
         let look = *look;
-        self.shown = Some(Shown { look, view, gathered: None, is_refined: false, covered });
+        self.shown = Some(Shown {
+            look,
+            view,
+            gathered: None,
+            is_refined: false,
+            was_refined: false,
+            covered,
+        });
         Ok(())
     }
 
@@ -246,6 +256,10 @@ impl Driver for SurfacesDriver {
         }
         frame.blank_corners(&view);
         frame
+    }
+
+    fn refines(&self) -> bool {
+        self.shown.as_ref().is_some_and(|shown| shown.is_refined && !shown.was_refined)
     }
 
     fn depth(&mut self) -> Vec<f32> {

@@ -62,6 +62,7 @@ fn draw(driver: &mut SurfacesDriver) -> Frame {
 }
 
 const DOWN: &str = "-vp 0 0 1 -vd 0 0.1 -1 -vu 0 1 0 -vh 60";
+const WIDE: &str = "-vp 0 0 1 -vd 1 0.1 -0.2 -vu 0 0 1 -vh 60";
 const ASIDE: &str = "-vp 0.3 -0.2 1.2 -vd 0.2 0 -1 -vu 0 1 0 -vh 50";
 
 #[test]
@@ -117,6 +118,31 @@ fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
     }
     driver.look(&look(DOWN, Resolution::Full)).unwrap();
     assert!(mean(&draw(&mut driver)) > 1.5 * mean(&at_rest));
+}
+
+#[test]
+fn the_second_picture_at_rest_is_the_refined_one() {
+    let (sections, raycaster) = floor();
+    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    for (beam, sample) in samples(&sections[0], 60_000) {
+        driver.insert(beam, 1, &[sample]);
+    }
+    assert!(!driver.refines());
+    // The floor's border goes through this view.
+    driver.look(&look(WIDE, Resolution::Full)).unwrap();
+    assert!(!driver.refines());
+    let first = draw(&mut driver).picture.pixels;
+    assert!(driver.refines());
+    let second = draw(&mut driver).picture.pixels;
+    assert!(!driver.refines() && first != second);
+    assert_eq!(draw(&mut driver).picture.pixels, second);
+    // Once all stored samples have come, the first picture is refined.
+    driver.look(&look(WIDE, Resolution::Full)).unwrap();
+    driver.settle();
+    assert_eq!(draw(&mut driver).picture.pixels, second);
+    driver.look(&look(WIDE, Resolution::Half)).unwrap();
+    draw(&mut driver);
+    assert!(!driver.refines());
 }
 
 #[test]

@@ -197,6 +197,11 @@ impl Session {
         (frame, stages)
     }
 
+    /// Returns whether drawing again would improve the frame without any new sample.
+    pub fn refines(&self) -> bool {
+        self.driver.refines()
+    }
+
     /// Returns the surface under a pixel of the current view.
     pub fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
         self.driver.surface_at(column, row)

@@ -326,7 +326,7 @@ impl Player {
             return now >= self.times.moved + REST;
         }
         self.publisher.is_watched()
-            && self.samples() != self.drawn_samples
+            && (self.samples() != self.drawn_samples || self.session.refines())
             && now >= self.next_redraw()
     }
 
