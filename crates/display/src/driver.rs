@@ -14,13 +14,16 @@ pub enum Resolution {
     /// Every other column and row, enlarged to the whole picture. It serves views that follow each
     /// other faster than full frames can be drawn.
     Half,
+    /// Every pixel of a view that is soon left. The front end has chosen as many pixels as the time
+    /// allows; a driver may trade accuracy for time.
+    Moving,
 }
 
 impl Resolution {
     /// Returns the number of columns and rows computed for a picture of `size` pixels.
     pub fn computed(self, size: (u32, u32)) -> (u32, u32) {
         match self {
-            Self::Full => size,
+            Self::Full | Self::Moving => size,
             Self::Half => (size.0.div_ceil(2), size.1.div_ceil(2)),
         }
     }
@@ -128,8 +131,8 @@ pub trait Driver: Send {
     fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt>;
 
     /// Returns the pixels that live rays can improve, by number, row by row from the top. No section
-    /// covers them, and their rays may hit something. None at half resolution: such a view is soon
-    /// left.
+    /// covers them, and their rays may hit something. None while the eye moves: such a view is
+    /// soon left.
     fn uncovered(&self) -> Vec<u32> {
         Vec::new()
     }

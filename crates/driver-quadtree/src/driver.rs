@@ -183,7 +183,7 @@ impl Driver for QuadtreeDriver {
     fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
         let Some(shown) = &mut self.shown else { return Frame::black((1, 1)) };
         let mut frame = shown.both.as_ref().unwrap_or(&shown.own).draw();
-        if shown.look.resolution != Resolution::Full {
+        if shown.look.resolution == Resolution::Half {
             frame = frame.enlarged(shown.look.size);
             frame.blank_corners(&shown.look.view);
         }

@@ -119,7 +119,7 @@ impl SurfacesDriver {
     /// While the eye moves, light that earlier frames found does where it is known.
     fn drawn(&mut self) -> Option<Drawn> {
         let shown = self.shown.as_ref()?;
-        let is_moving = shown.look.resolution == Resolution::Half;
+        let is_moving = shown.look.resolution != Resolution::Full;
         if is_moving && let Some(drawn) = shown.view.draw_known(&self.store, &self.known) {
             return Some(drawn);
         }
@@ -251,7 +251,7 @@ impl Driver for SurfacesDriver {
         let count = |is: &dyn Fn(usize) -> bool| (0..frame.depth.len()).filter(|&p| is(p)).count();
         frame.uncovered_pixels = count(&|pixel| !shown.covered[pixel]) as u64;
         frame.empty_pixels = count(&|pixel| drawn.errors[pixel].is_infinite()) as u64;
-        if resolution != Resolution::Full {
+        if resolution == Resolution::Half {
             frame = frame.enlarged(size);
         }
         frame.blank_corners(&view);

@@ -17,8 +17,9 @@ use rustc_hash::FxHashMap;
 /// Places of one generation, 28 bytes each.
 const MOST: usize = 1 << 20;
 
-/// Share of the squares that may be unknown in a picture of known light.
-const MOST_UNKNOWN: f32 = 0.1;
+/// Share of the squares that may be unknown in a picture of known light. They show the mean light
+/// around them.
+const MOST_UNKNOWN: f32 = 0.5;
 
 /// Light found by earlier pictures.
 #[derive(Debug, Default)]

@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use glam::DVec3;
 use holo_display::{Frame, Look, Resolution};
 use holo_net::NetError;
-use holo_picture::{View, ViewSpec};
+use holo_picture::ViewSpec;
 use holo_walk::Walker;
 
 use super::{
@@ -81,8 +81,8 @@ pub struct Player {
     trouble: Option<String>,
     /// Why the last view that was asked for is none.
     refusal: Option<String>,
-    /// The view and size that the session looks at.
-    looked: Option<(View, (u32, u32))>,
+    /// What the session looks at.
+    looked: Option<Look>,
     /// The last frame that was published.
     last: Option<Arc<Shown>>,
     /// Whether a later frame was not, because it shows less than that one.
@@ -362,8 +362,10 @@ impl Player {
         let (view, full) = spec.resolve(self.size)?;
         let size = if is_at_rest { full } else { self.detail.size(full) };
         self.session.set_moving(!is_at_rest);
-        let is_shown = self.looked == Some((view, size)) && self.is_shown();
-        if !is_shown && !self.show(view, size)? {
+        let resolution = if is_at_rest { Resolution::Full } else { Resolution::Moving };
+        let look = Look { view, size, resolution };
+        let is_shown = self.looked == Some(look) && self.is_shown();
+        if !is_shown && !self.show(look)? {
             return Ok(());
         }
         self.stops |= self.session.wait(begin)? == Waited::Stop;
@@ -398,10 +400,10 @@ impl Player {
     }
 
     /// Has the session look at a view. Returns whether it can be shown.
-    fn show(&mut self, view: View, size: (u32, u32)) -> Result<bool> {
+    fn show(&mut self, look: Look) -> Result<bool> {
         (self.is_uncovered, self.trouble) = (false, None);
-        self.looked = Some((view, size));
-        match self.session.look(Look { view, size, resolution: Resolution::Full }) {
+        self.looked = Some(look);
+        match self.session.look(look) {
             Ok(()) => {}
             Err(error) if error.is::<NetError>() => return Err(error),
             Err(error) if error.is::<Uncovered>() => self.is_uncovered = true,
