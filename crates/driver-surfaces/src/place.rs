@@ -47,6 +47,14 @@ pub struct Placed {
     pub(crate) light: Light,
 }
 
+impl Placed {
+    /// Returns where the sample lies, relative to the scene's origin.
+    #[must_use]
+    pub fn point(&self) -> Vec3 {
+        self.point
+    }
+}
+
 /// Finds the surfaces of samples.
 #[derive(Debug)]
 pub struct Placer<'a> {

@@ -140,6 +140,16 @@ fn the_second_picture_at_rest_is_the_refined_one() {
     let second = draw(&mut driver).picture.pixels;
     assert!(!driver.refines() && first != second);
     assert_eq!(draw(&mut driver).picture.pixels, second);
+    // Further samples change it.
+    let before = second;
+    for (beam, sample) in samples(&sections[0], 5_000) {
+        let bright = [4.0 * LIGHT; 3];
+        let distance = sample.distance(sections[0].diagonal());
+        let bright = Sample::encode(sample.coords, bright, distance, sections[0].diagonal(), 0);
+        driver.insert(beam, 1, &[bright]);
+    }
+    let second = draw(&mut driver).picture.pixels;
+    assert!(second != before);
     // Once all stored samples have come, the first picture is refined.
     driver.look(&look(WIDE, Resolution::Full)).unwrap();
     driver.settle();
