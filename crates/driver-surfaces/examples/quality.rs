@@ -6,64 +6,34 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use holo_beamfile::BeamFile;
+mod stored;
+
+use holo_beamfile::BeamSamples;
 use holo_denoise::Denoiser;
 use holo_driver_surfaces::{Gathered, Materials, Placer, RaySample, Store, View};
 use holo_picture::{Picture, View as Eye};
-use holo_raycast::Raycaster;
-use holo_scene::Scene;
-use holo_section::{BeamKey, Section, SectionSpec};
+use holo_section::BeamKey;
 use holo_tracer::{Settings, Tracer};
 use rayon::prelude::*;
-use rustix::time::{ClockId, clock_gettime};
 use std::sync::Arc;
+use stored::{Stored, seconds};
 
 /// Beams that are placed together.
 const BATCH: usize = 20_000;
 
-#[derive(serde::Deserialize)]
-struct About {
-    sections: Vec<SectionSpec>,
-    views: Vec<(String, String)>,
-}
-
-/// Seconds of the processor so far.
-fn seconds() -> f64 {
-    let time = clock_gettime(ClockId::ProcessCPUTime);
-    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
-}
-
 /// Adds all samples of the file.
-fn fill(store: &mut Store, file: &BeamFile, sections: &[Section], placer: &Placer) {
-    let mut keys: Vec<BeamKey> = Vec::new();
-    file.for_each_beam(&mut |key, _| keys.push(key));
-    let all: Vec<_> = keys.iter().map(|&key| (key, file.read(key).unwrap())).collect();
-    let total: usize = all.iter().map(|(_, read)| read.samples.len()).sum();
-    let (mut placing, mut adding) = (0.0, 0.0);
-    for batch in all.chunks(BATCH) {
-        let start = seconds();
-        let place = |beams: &[(BeamKey, Arc<_>)]| {
+fn fill(store: &mut Store, stored: &Stored, placer: &Placer) {
+    for batch in stored.beams.chunks(BATCH) {
+        let place = |(key, read): &(BeamKey, Arc<BeamSamples>)| {
             let mut placed = Vec::new();
-            for (key, read) in beams {
-                let read: &holo_beamfile::BeamSamples = read;
-                let section = &sections[usize::from(key.section)];
-                placer.place_beam(section, key.beam, 1, &read.samples, &mut placed);
-            }
+            let section = &stored.sections[usize::from(key.section)];
+            placer.place_beam(section, key.beam, 1, &read.samples, &mut placed);
             placed
         };
-        let placed: Vec<_> = batch.par_chunks(64).flat_map_iter(place).collect();
-        let middle = seconds();
+        let placed: Vec<_> = batch.par_iter().flat_map_iter(place).collect();
         store.add(&placed);
-        (placing, adding) = (placing + middle - start, adding + seconds() - middle);
     }
-    let each = |time: f64| time * 1e9 / total as f64;
-    println!(
-        "{total} samples, {} placed, {} kept; {:.0} + {:.0} ns each",
-        store.samples(),
-        store.kept(),
-        each(placing),
-        each(adding)
-    );
+    println!("{} samples placed, {} kept", store.samples(), store.kept());
 }
 
 /// Rays of the view, spread evenly over it (Roberts' R2 sequence), each of one path.
@@ -82,20 +52,15 @@ fn live(tracer: &Tracer, eye: &Eye, numbers: std::ops::Range<u64>) -> Vec<RaySam
 fn main() {
     let args: Vec<String> = std::env::args().collect();
     let [_, file, name, out, counts @ ..] = &args[..] else { panic!("see the source") };
-    let file = BeamFile::open_read_only(file, 64 << 20).unwrap();
-    let about: About = serde_json::from_slice(&file.blob("holodeck").unwrap().unwrap()).unwrap();
-    let scene = Arc::new(Scene::unpack(&file.blob("scene").unwrap().unwrap()).unwrap());
-    let raycaster = Arc::new(Raycaster::build(scene.clone()).unwrap());
-    let sections: Vec<Section> =
-        about.sections.into_iter().map(|spec| Section::new(spec).unwrap()).collect();
-    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let stored = Stored::read(file, name);
+    let raycaster = Arc::clone(&stored.raycaster);
+    let scene = raycaster.scene();
+    let materials = Arc::new(Materials::new(scene));
     let placer = Placer::new(&raycaster, &materials);
     let (low, high) = scene.bounds();
     let mut store = Store::new((1e-5 * low.distance(high)) as f32, 1 << 30);
-    fill(&mut store, &file, &sections, &placer);
-
-    let (_, spec) = about.views.iter().find(|(known, _)| known == name).unwrap();
-    let (eye, size) = Eye::parse_vf(spec).unwrap().resolve((1280, 720)).unwrap();
+    fill(&mut store, &stored, &placer);
+    let (eye, size) = (stored.view, stored.size);
     let tracer = Tracer::with_raycaster(raycaster.clone(), Settings::default()).unwrap();
     let mut traced = 0;
     let library = std::env::var_os("OIDN");

@@ -5,30 +5,16 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use holo_beamfile::BeamFile;
+mod stored;
+
 use holo_display::{Driver, Look, Resolution};
 use holo_driver_surfaces::SurfacesDriver;
 use holo_picture::View;
-use holo_raycast::Raycaster;
-use holo_scene::Scene;
-use holo_section::{BeamKey, Section, SectionSpec};
-use rustix::time::{ClockId, clock_gettime};
-use std::{sync::Arc, time::Instant};
+use std::time::Instant;
+use stored::{Stored, seconds};
 
 /// Frames while the eye moves.
 const FRAMES: u32 = 20;
-
-#[derive(serde::Deserialize)]
-struct About {
-    sections: Vec<SectionSpec>,
-    views: Vec<(String, String)>,
-}
-
-/// Seconds of the processor so far.
-fn seconds() -> f64 {
-    let time = clock_gettime(ClockId::ProcessCPUTime);
-    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
-}
 
 /// Prints what some work takes, divided by `parts`.
 fn timed(name: &str, parts: u32, unit: f64, work: impl FnOnce()) {
@@ -42,23 +28,13 @@ fn timed(name: &str, parts: u32, unit: f64, work: impl FnOnce()) {
 fn main() {
     let args: Vec<String> = std::env::args().collect();
     let [_, file, name] = &args[..] else { panic!("see the source") };
-    let file = BeamFile::open_read_only(file, 1 << 30).unwrap();
-    let about: About = serde_json::from_slice(&file.blob("holodeck").unwrap().unwrap()).unwrap();
-    let scene = Arc::new(Scene::unpack(&file.blob("scene").unwrap().unwrap()).unwrap());
-    let sections: Arc<[Section]> =
-        about.sections.into_iter().map(|spec| Section::new(spec).unwrap()).collect();
-    let raycaster = Arc::new(Raycaster::build(scene).unwrap());
+    let Stored { raycaster, sections, beams, view, size } = Stored::read(file, name);
     let mut driver = SurfacesDriver::new(sections, raycaster, None);
-    let mut keys: Vec<BeamKey> = Vec::new();
-    file.for_each_beam(&mut |key, _| keys.push(key));
-    let all: Vec<_> = keys.iter().map(|&key| (key, file.read(key).unwrap())).collect();
-    let count: usize = all.iter().map(|(_, read)| read.samples.len()).sum();
-    let (_, spec) = about.views.iter().find(|(known, _)| known == name).unwrap();
-    let (view, size) = View::parse_vf(spec).unwrap().resolve((1280, 720)).unwrap();
+    let count: usize = beams.iter().map(|(_, read)| read.samples.len()).sum();
     let look = |view: View, resolution| Look { view, size, resolution };
 
     timed("insertion, ns a sample", u32::try_from(count).unwrap(), 1e9, || {
-        all.iter().for_each(|(key, read)| driver.insert(*key, 1, &read.samples));
+        beams.iter().for_each(|(key, read)| driver.insert(*key, 1, &read.samples));
     });
     let half = look(view, Resolution::Half);
     timed("half, nothing known: look, ms", 1, 1e3, || driver.look(&half).unwrap());

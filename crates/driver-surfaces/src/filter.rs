@@ -5,8 +5,8 @@
 //! second time they also depend on how much the light found at first differs.
 //!
 //! What always holds:
-//! - No light crosses a crease or a sheet. Weights fall to 0 with the distance from the plane and
-//!   with the angle between normals.
+//! - No light crosses a crease or a sheet. Weights fall to 0 with the distance from either plane,
+//!   and are 0 between sides that face away from each other.
 //! - A sample brings at most a tenth of the light of its wide neighbourhood. The limit grows with
 //!   the number of samples, so the bias that it causes vanishes as they grow.
 
@@ -224,8 +224,7 @@ impl Squares<'_> {
 /// and where normals differ by a right angle.
 #[inline]
 pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
-    let cosine = here.normal.dot(other.normal);
-    if cosine <= 0.0 || !other.is_surface() {
+    if here.normal.dot(other.normal) <= 0.0 || !other.is_surface() {
         return 0.0;
     }
     let between = other.point - here.point;
@@ -234,9 +233,7 @@ pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
     let tolerance = width + 0.05 * away.sqrt();
     let flat = (1.0 - off * off / (tolerance * tolerance)).max(0.0);
     let near = (1.0 - away / (reach * reach)).max(0.0);
-    let turned = cosine * cosine;
-    let turned = turned * turned;
-    flat * flat * near * turned * turned
+    flat * flat * near
 }
 
 /// Returns the sums of a square with its brightest sample cut to a share of the light around. That

@@ -8,15 +8,11 @@
 use crate::cell::{Face, Light, Sums};
 use crate::place::Placed;
 use crate::store::{Cube, Grid, Record, Store};
-use crate::view::View;
+use crate::view::{Seen, View};
 use glam::{Mat3, Vec3};
 use holo_display::Camera;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
-
-/// How far a sample may lie from what the middle of its pixel sees, in widths of the pixel, if it
-/// is projected to a pixel beside it.
-const BESIDE: f32 = 3.0;
 
 /// Cubes whose samples are given to pixels together.
 const CUBES: usize = 16;
@@ -116,7 +112,7 @@ impl Gathered {
 struct Gate {
     /// How far from the eye the pixel's surface is.
     distance: f32,
-    /// How far from that a sample of it may be; infinite if pixels around may see another surface.
+    /// How far from that a sample of it may be.
     tolerance: f32,
 }
 
@@ -176,52 +172,24 @@ impl Owners {
         owners
     }
 
-    /// Returns the pixel that sees a sample's surface in its direction: the one that the sample is
-    /// projected to, or else the nearest one around that sees its surface.
+    /// Returns the pixel that sees a sample's surface in the sample's direction.
     #[inline]
     fn straight(&self, view: &View, point: Vec3, face: Face) -> Option<usize> {
         let from_eye = self.turn * (point - self.eye);
         let (x, y) = self.camera.pixel(from_eye)?;
-        let (width, height) = (view.size.0 as i32, view.size.1 as i32);
-        if !(x > -1.0 && y > -1.0 && x < width as f32 + 1.0 && y < height as f32 + 1.0) {
+        if !(x >= 0.0 && y >= 0.0 && x < view.size.0 as f32 && y < view.size.1 as f32) {
             return None;
         }
-        // Conversions round towards 0.
-        let (x, y) = ((x + 1.0) as i32 - 1, (y + 1.0) as i32 - 1);
-        let at = |x: i32, y: i32| {
-            let is_inside = (0..width).contains(&x) && (0..height).contains(&y);
-            is_inside.then_some((y * width + x) as usize)
-        };
-        let away = |pixel: usize| {
-            let seen = &view.seen[pixel];
-            let away = seen.away(point, self.grid.unit)?;
-            let way = view.way(seen);
-            let serves = face.serves(seen.normal, seen.material, way.direction);
-            (serves && !way.is_mirrored).then_some(away)
-        };
-        let own = at(x, y);
-        if let Some(pixel) = own {
-            let gate = &self.gates[pixel];
-            if (from_eye.length() - gate.distance).abs() > gate.tolerance {
-                return None;
-            }
-            if away(pixel).is_some() {
-                return own;
-            }
-            if gate.tolerance < f32::INFINITY {
-                return None;
-            }
+        let pixel = y as usize * view.size.0 + x as usize;
+        let gate = &self.gates[pixel];
+        if (from_eye.length() - gate.distance).abs() > gate.tolerance {
+            return None;
         }
-        let mut nearest = None;
-        for (x, y) in (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (x, y))) {
-            let Some(pixel) = at(x, y) else { continue };
-            let Some(away) = away(pixel) else { continue };
-            let limit = BESIDE * view.seen[pixel].width + 2.0 * self.grid.unit;
-            if away < limit && nearest.is_none_or(|(least, _)| away < least) {
-                nearest = Some((away, pixel));
-            }
-        }
-        nearest.map(|(_, pixel)| pixel)
+        let seen = &view.seen[pixel];
+        let way = view.way(seen);
+        seen.away(point, self.grid.unit)?;
+        let serves = face.serves(seen.normal, seen.material, way.direction);
+        (serves && !way.is_mirrored).then_some(pixel)
     }
 }
 
@@ -269,20 +237,11 @@ impl Mirrored {
 
 /// Returns the gates of all pixels.
 fn gates(view: &View, eye: Vec3, unit: f32) -> Vec<Gate> {
-    let (width, height) = view.size;
-    let gate = |x: usize, y: usize| {
-        let own = &view.seen[y * width + x];
-        let rows = y.saturating_sub(1)..(y + 2).min(height);
-        let columns = x.saturating_sub(1)..(x + 2).min(width);
-        let mut around = rows.flat_map(|y| columns.clone().map(move |x| &view.seen[y * width + x]));
-        let between = own.point - eye;
+    let gate = |seen: &Seen| {
+        let between = seen.point - eye;
         let distance = between.length();
-        let is_edge = own.is_surface() && around.any(|seen| own.differs(seen));
-        let cosine = (between.dot(own.normal) / distance).abs().max(1e-3);
-        let tolerance =
-            if is_edge { f32::INFINITY } else { (2.0 * own.width + 3.0 * unit) / cosine };
-        Gate { distance, tolerance }
+        let cosine = (between.dot(seen.normal) / distance).abs().max(1e-3);
+        Gate { distance, tolerance: (2.0 * seen.width + 3.0 * unit) / cosine }
     };
-    let of_row = |y: usize| (0..width).map(move |x| gate(x, y));
-    (0..height).into_par_iter().flat_map_iter(of_row).collect()
+    view.seen.par_iter().map(gate).collect()
 }
