@@ -24,6 +24,13 @@ pub struct Drawn {
 /// Mean numbers of samples per pixel from which squares have sides of 2 pixels and of 1 pixel.
 const DENSE: [f32; 2] = [0.3, 4.0];
 
+/// Light for surfaces of which no pixel nearby knows any.
+struct Around<'a> {
+    store: &'a Store,
+    /// Of all samples: for surfaces of which nothing is known.
+    mean: Vec3,
+}
+
 /// The side of the squares whose known light is looked up, in pixels of half resolution.
 const MOVING: usize = 2;
 
@@ -97,25 +104,26 @@ impl View {
     /// Draws the view with this light of its squares.
     fn lit(&self, store: &Store, squares: &Squares, lights: &[Estimate]) -> Drawn {
         let (width, height) = self.size;
+        let around = &Around { store, mean: store.mean() };
         let mut pixels = vec![[0.0; 3]; width * height];
         let mut errors = vec![0.0; width * height];
         let rows = pixels.par_chunks_mut(width).zip(errors.par_chunks_mut(width)).enumerate();
         rows.for_each(|(y, (pixels, errors))| {
             for x in 0..width {
                 let seen = &self.seen[y * width + x];
-                let light = self.brought(store, squares, lights, (x as f32, y as f32), seen);
+                let light = self.brought(around, squares, lights, (x as f32, y as f32), seen);
                 (pixels[x], errors[x]) = self.painted(seen, light);
             }
         });
         let edges = self.edges.par_iter();
         let edges: Vec<_> =
-            edges.map(|edge| (edge.pixel, self.edge(store, squares, lights, edge))).collect();
+            edges.map(|edge| (edge.pixel, self.edge(around, squares, lights, edge))).collect();
         for (pixel, shown) in edges {
             (pixels[pixel], errors[pixel]) = shown;
         }
         let mirrored = self.mirrored.par_iter();
         let mirrored: Vec<_> = mirrored
-            .map(|(pixel, seen)| (*pixel as usize, self.painted(seen, self.wide(store, seen))))
+            .map(|(pixel, seen)| (*pixel as usize, self.painted(seen, self.wide(around, seen))))
             .collect();
         for (pixel, (more, error)) in mirrored {
             (0..3).for_each(|c| pixels[pixel][c] += more[c]);
@@ -157,7 +165,7 @@ impl View {
     /// Returns the light at a point of the picture: of the squares around it that see its surface.
     fn brought(
         &self,
-        store: &Store,
+        around: &Around,
         squares: &Squares,
         lights: &[Estimate],
         (x, y): (f32, f32),
@@ -196,13 +204,13 @@ impl View {
         if total > 1e-3 {
             return Estimate { light: sum / total, error: error / total };
         }
-        self.wide(store, seen)
+        self.wide(around, seen)
     }
 
     /// Returns what a pixel on an edge shows, and its standard error: means over its points.
     fn edge(
         &self,
-        store: &Store,
+        around: &Around,
         squares: &Squares,
         lights: &[Estimate],
         edge: &Edge,
@@ -213,7 +221,7 @@ impl View {
             let (x, y) = point_of(point);
             // Pixels' own numbers are those of their middles.
             let at = (column as f32 + x - 0.5, row as f32 + y - 0.5);
-            let light = self.brought(store, squares, lights, at, seen);
+            let light = self.brought(around, squares, lights, at, seen);
             let (shown, more) = self.painted(seen, light);
             colour.iter_mut().zip(shown).for_each(|(sum, c)| *sum += c / POINTS as f32);
             error += more / POINTS as f32;
@@ -223,15 +231,15 @@ impl View {
 
     /// Returns the mean light around a surface. Where nothing is known, it is the mean of all light:
     /// plausible beats black.
-    fn wide(&self, store: &Store, seen: &Seen) -> Estimate {
+    fn wide(&self, around: &Around, seen: &Seen) -> Estimate {
         if !seen.is_surface() {
             return Estimate { light: Vec3::ZERO, error: f32::INFINITY };
         }
         let direction = self.way(seen).direction;
         let serves = |face: Face| face.serves(seen.normal, seen.material, direction);
-        let sums = store.around(seen.point, serves);
+        let sums = around.store.around(seen.point, serves);
         if sums.count == 0 {
-            return Estimate { light: store.total().mean(), error: f32::INFINITY };
+            return Estimate { light: around.mean, error: f32::INFINITY };
         }
         let light = sums.mean();
         let bright = luminance(light.to_array());

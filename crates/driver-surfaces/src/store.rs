@@ -89,8 +89,6 @@ pub struct Store {
     thinned: u32,
     round: u32,
     samples: u64,
-    /// Of all samples that came.
-    total: Sums,
 }
 
 impl Cube {
@@ -145,7 +143,6 @@ impl Store {
             thinned: 0,
             round: 1,
             samples: 0,
-            total: Sums::default(),
         }
     }
 
@@ -155,9 +152,12 @@ impl Store {
         self.samples
     }
 
-    /// Returns the sums of all samples that came.
-    pub(crate) fn total(&self) -> &Sums {
-        &self.total
+    /// Returns the mean light of all samples.
+    pub(crate) fn mean(&self) -> Vec3 {
+        let mut sums = Sums::default();
+        let buckets = self.shards.iter().flat_map(|shard| shard.values());
+        buckets.flat_map(|bucket| &bucket.faces).for_each(|(_, more)| sums.add(more));
+        sums.mean()
     }
 
     /// Returns how many samples are kept.
@@ -182,7 +182,6 @@ impl Store {
             }
         });
         self.samples += placed.len() as u64;
-        placed.iter().for_each(|sample| self.total.add(&Sums::of(&sample.light)));
         if self.kept() > self.most_samples {
             self.shrink();
         }
