@@ -74,7 +74,7 @@ fn main() {
         for size in [(size.0 / 2, size.1 / 2), size] {
             let start = seconds();
             let mut view = View::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye, size);
-            if size.0 == 1280 {
+            if size == stored.size {
                 view.look_into_edges();
             }
             let middle = seconds();

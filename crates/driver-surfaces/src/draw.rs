@@ -3,11 +3,12 @@
 //! Invariant: a picture at rest is a function of the store and the view. Threads change no bit.
 
 use crate::cell::{Face, Sums, luminance};
+use crate::edges::{Edge, Piece};
 use crate::filter::{Estimate, Squares, alike};
 use crate::gather::Gathered;
 use crate::known::Known;
 use crate::store::Store;
-use crate::view::{Edge, POINTS, Seen, View, point_of};
+use crate::view::{InPane, Seen, View};
 use glam::Vec3;
 use holo_denoise::Denoiser;
 use rayon::prelude::*;
@@ -24,11 +25,32 @@ pub struct Drawn {
 /// Mean numbers of samples per pixel from which squares have sides of 2 pixels and of 1 pixel.
 const DENSE: [f32; 2] = [0.3, 4.0];
 
+/// How much the light of a piece may differ from that of the squares around it, relative to it.
+const SPREAD: f32 = 0.1;
+
+/// The same if no square around sees its surface.
+const WIDE_SPREAD: f32 = 0.5;
+
 /// Light for surfaces of which no pixel nearby knows any.
 struct Around<'a> {
     store: &'a Store,
     /// Of all samples: for surfaces of which nothing is known.
     mean: Vec3,
+}
+
+/// Squares of a picture, and their light.
+struct Layer {
+    squares: Squares,
+    lights: Vec<Estimate>,
+}
+
+/// What a refined picture knows besides the light of its squares.
+#[derive(Default)]
+struct Further<'a> {
+    /// The sums of the view's pieces.
+    pieces: &'a [Sums],
+    /// The light of what panes mirror.
+    in_panes: Option<Layer>,
 }
 
 /// The side of the squares whose known light is looked up, in pixels of half resolution.
@@ -48,15 +70,31 @@ impl Gathered {
         known: &mut Known,
     ) -> Drawn {
         let step = self.step(view);
-        let (size, seen) = view.middles(step);
-        let squares = Squares { size, seen: &seen, step };
-        let sums = view.sums_of_squares(&squares, &self.sums);
+        let squares = Squares::new(&view.seen, view.size, step);
+        let sums = squares.sums(&view.seen, view.size, self.pixels());
         let mut lights = squares.filter(&sums);
         if let Some(denoiser) = denoiser {
             squares.denoise(&sums, &mut lights, denoiser);
         }
         known.learn(view, &squares, &lights);
-        view.lit(store, &squares, &lights)
+        let in_panes = self.layer_of_panes(view, step);
+        let further = Further { pieces: self.pieces(), in_panes };
+        view.lit(store, &Layer { squares, lights }, &further)
+    }
+
+    /// Returns the light of what panes mirror. `None` without panes.
+    fn layer_of_panes(&self, view: &View, step: usize) -> Option<Layer> {
+        if view.in_panes.is_empty() {
+            return None;
+        }
+        let mut seen = vec![Seen::NOTHING; view.seen.len()];
+        let mut of_pixels = vec![Sums::default(); view.seen.len()];
+        for (pane, sums) in view.in_panes.iter().zip(self.in_panes()) {
+            (seen[pane.pixel], of_pixels[pane.pixel]) = (pane.seen, *sums);
+        }
+        let squares = Squares::new(&seen, view.size, step);
+        let lights = squares.filter(&squares.sums(&seen, view.size, &of_pixels));
+        Some(Layer { squares, lights })
     }
 
     /// Draws the view at rest.
@@ -67,7 +105,7 @@ impl Gathered {
 
     /// Returns the side of the squares that are filtered, pixels: fewer samples want wider ones.
     fn step(&self, view: &View) -> usize {
-        let samples: f32 = self.sums.par_iter().map(|sums| sums.count as f32).sum();
+        let samples: f32 = self.pixels().par_iter().map(|sums| sums.count as f32).sum();
         let pixels = view.seen.iter().filter(|seen| seen.is_surface()).count();
         let dense = samples / pixels.max(1) as f32;
         if dense < DENSE[0] {
@@ -80,29 +118,87 @@ impl Gathered {
     }
 }
 
-impl View {
-    /// Draws the view from light that earlier pictures found. `None` if they found too little.
-    pub(crate) fn draw_known(&self, store: &Store, known: &Known) -> Option<Drawn> {
-        let (size, seen) = self.middles(MOVING);
-        let squares = Squares { size, seen: &seen, step: MOVING };
-        let lights = known.lights(self, &squares)?;
-        Some(self.lit(store, &squares, &lights))
-    }
-
-    /// Returns columns and rows of squares of `step` pixels a side, and what their middles see.
-    fn middles(&self, step: usize) -> ((usize, usize), Vec<Seen>) {
-        let (width, height) = self.size;
+impl Squares {
+    /// Returns the squares of `step` pixels a side of a picture of this size.
+    fn new(of_pixels: &[Seen], (width, height): (usize, usize), step: usize) -> Squares {
         let size = (width.div_ceil(step), height.div_ceil(step));
         let middle = |at: usize, size: usize| (at * step + step / 2).min(size - 1);
         let of_square = |at: usize| {
             let (row, column) = (middle(at / size.0, height), middle(at % size.0, width));
-            self.seen[row * width + column]
+            of_pixels[row * width + column]
         };
-        (size, (0..size.0 * size.1).map(of_square).collect())
+        Squares { size, seen: (0..size.0 * size.1).map(of_square).collect(), step }
+    }
+
+    /// Returns the sums of squares: of their pixels that see the same surface as the middle one.
+    fn sums(
+        &self,
+        seen: &[Seen],
+        (width, height): (usize, usize),
+        of_pixels: &[Sums],
+    ) -> Vec<Sums> {
+        let step = self.step;
+        let square = |number: usize| {
+            let middle = &self.seen[number];
+            let (left, top) = (number % self.size.0 * step, number / self.size.0 * step);
+            let rows = top..(top + step).min(height);
+            let columns = left..(left + step).min(width);
+            let mut sums = Sums::default();
+            for pixel in rows.flat_map(|y| columns.clone().map(move |x| y * width + x)) {
+                let reach = middle.width * step as f32;
+                if alike(middle, &seen[pixel], 0.5 * reach, 16.0 * reach) > 0.1 {
+                    sums.add(&of_pixels[pixel]);
+                }
+            }
+            sums
+        };
+        (0..self.seen.len()).into_par_iter().map(square).collect()
+    }
+}
+
+impl Layer {
+    /// Returns the light of the squares around a point of the picture that see its surface.
+    fn at(&self, (x, y): (f32, f32), seen: &Seen) -> Option<Estimate> {
+        let step = self.squares.step;
+        let (width, height) = self.squares.size;
+        // In squares, from the middle of the first one.
+        let at = |pixel: f32| (pixel - (step / 2) as f32) / step as f32;
+        let (across, down) = (at(x), at(y));
+        let (left, top) = (across.floor(), down.floor());
+        let reach = seen.width * step as f32;
+        let mut sum = Estimate::default();
+        let mut total = 0.0;
+        for (row, v) in [(top, 1.0 - (down - top)), (top + 1.0, down - top)] {
+            for (column, u) in [(left, 1.0 - (across - left)), (left + 1.0, across - left)] {
+                if row < 0.0 || column < 0.0 || row >= height as f32 || column >= width as f32 {
+                    continue;
+                }
+                let other = row as usize * width + column as usize;
+                let light = &self.lights[other];
+                if light.error.is_infinite() {
+                    continue;
+                }
+                let there = &self.squares.seen[other];
+                let near = (u + 0.02) * (v + 0.02);
+                let weight = near * alike(seen, there, 0.5 * reach, 16.0 * reach);
+                sum.add(weight, light);
+                total += weight;
+            }
+        }
+        (total > 1e-3).then(|| sum.divided(total))
+    }
+}
+
+impl View {
+    /// Draws the view from light that earlier pictures found. `None` if they found too little.
+    pub(crate) fn draw_known(&self, store: &Store, known: &Known) -> Option<Drawn> {
+        let squares = Squares::new(&self.seen, self.size, MOVING);
+        let lights = known.lights(self, &squares)?;
+        Some(self.lit(store, &Layer { squares, lights }, &Further::default()))
     }
 
     /// Draws the view with this light of its squares.
-    fn lit(&self, store: &Store, squares: &Squares, lights: &[Estimate]) -> Drawn {
+    fn lit(&self, store: &Store, layer: &Layer, further: &Further) -> Drawn {
         let (width, height) = self.size;
         let around = &Around { store, mean: store.mean() };
         let mut pixels = vec![[0.0; 3]; width * height];
@@ -111,23 +207,26 @@ impl View {
         rows.for_each(|(y, (pixels, errors))| {
             for x in 0..width {
                 let seen = &self.seen[y * width + x];
-                let light = self.brought(around, squares, lights, (x as f32, y as f32), seen);
+                let light = self.brought(around, Some(layer), (x as f32, y as f32), seen);
                 (pixels[x], errors[x]) = self.painted(seen, light);
             }
         });
-        let edges = self.edges.par_iter();
-        let edges: Vec<_> =
-            edges.map(|edge| (edge.pixel, self.edge(around, squares, lights, edge))).collect();
-        for (pixel, shown) in edges {
+        let on_edge = |edge: &Edge| {
+            let sums = further.pieces.get(edge.pieces.clone())?;
+            Some((edge.pixel, self.on_edge(around, layer, &self.pieces[edge.pieces.clone()], sums)))
+        };
+        let on_edges: Vec<_> = self.edges.par_iter().filter_map(on_edge).collect();
+        for (pixel, shown) in on_edges {
             (pixels[pixel], errors[pixel]) = shown;
         }
-        let mirrored = self.mirrored.par_iter();
-        let mirrored: Vec<_> = mirrored
-            .map(|(pixel, seen)| (*pixel as usize, self.painted(seen, self.wide(around, seen))))
-            .collect();
-        for (pixel, (more, error)) in mirrored {
-            (0..3).for_each(|c| pixels[pixel][c] += more[c]);
-            errors[pixel] += error;
+        let in_pane = |InPane { pixel, seen, .. }: &InPane| {
+            let at = ((pixel % width) as f32, (pixel / width) as f32);
+            self.painted(seen, self.brought(around, further.in_panes.as_ref(), at, seen))
+        };
+        let in_panes: Vec<_> = self.in_panes.par_iter().map(in_pane).collect();
+        for (&InPane { pixel, share, .. }, (more, error)) in self.in_panes.iter().zip(in_panes) {
+            (0..3).for_each(|c| pixels[pixel][c] += share * more[c]);
+            errors[pixel] += share * error;
         }
         Drawn { pixels, errors }
     }
@@ -141,109 +240,66 @@ impl View {
         (colour, if seen.is_surface() { bright * light.error * unit } else { 0.0 })
     }
 
-    /// Returns the sums of squares: of their pixels that see the same surface as the middle one.
-    fn sums_of_squares(&self, squares: &Squares, of_pixels: &[Sums]) -> Vec<Sums> {
-        let (width, height) = self.size;
-        let step = squares.step;
-        let square = |number: usize| {
-            let middle = &squares.seen[number];
-            let (left, top) = (number % squares.size.0 * step, number / squares.size.0 * step);
-            let rows = top..(top + step).min(height);
-            let columns = left..(left + step).min(width);
-            let mut sums = Sums::default();
-            for pixel in rows.flat_map(|y| columns.clone().map(move |x| y * width + x)) {
-                let reach = middle.width * step as f32;
-                if alike(middle, &self.seen[pixel], 0.5 * reach, 16.0 * reach) > 0.1 {
-                    sums.add(&of_pixels[pixel]);
-                }
-            }
-            sums
-        };
-        (0..squares.seen.len()).into_par_iter().map(square).collect()
-    }
-
-    /// Returns the light at a point of the picture: of the squares around it that see its surface.
+    /// Returns the light at a point of the picture: of the squares around it that see its surface,
+    /// or else the mean light around.
     fn brought(
         &self,
         around: &Around,
-        squares: &Squares,
-        lights: &[Estimate],
-        (x, y): (f32, f32),
+        layer: Option<&Layer>,
+        at: (f32, f32),
         seen: &Seen,
     ) -> Estimate {
         if !seen.is_surface() {
-            return Estimate { light: Vec3::ZERO, error: 0.0 };
+            return Estimate::default();
         }
-        let step = squares.step;
-        let (width, height) = squares.size;
-        // In squares, from the middle of the first one.
-        let at = |pixel: f32| (pixel - (step / 2) as f32) / step as f32;
-        let (across, down) = (at(x), at(y));
-        let (left, top) = (across.floor(), down.floor());
-        let reach = seen.width * step as f32;
-        let mut sum = Vec3::ZERO;
-        let mut error = 0.0;
-        let mut total = 0.0;
-        for (row, v) in [(top, 1.0 - (down - top)), (top + 1.0, down - top)] {
-            for (column, u) in [(left, 1.0 - (across - left)), (left + 1.0, across - left)] {
-                if row < 0.0 || column < 0.0 || row >= height as f32 || column >= width as f32 {
-                    continue;
-                }
-                let other = row as usize * width + column as usize;
-                let light = &lights[other];
-                if light.error.is_infinite() {
-                    continue;
-                }
-                let near = (u + 0.02) * (v + 0.02);
-                let weight = near * alike(seen, &squares.seen[other], 0.5 * reach, 16.0 * reach);
-                sum += weight * light.light;
-                error += weight * light.error;
-                total += weight;
-            }
-        }
-        if total > 1e-3 {
-            return Estimate { light: sum / total, error: error / total };
-        }
-        self.wide(around, seen)
+        let near = layer.and_then(|layer| layer.at(at, seen));
+        near.unwrap_or_else(|| self.wide(around, seen))
     }
 
-    /// Returns what a pixel on an edge shows, and its standard error: means over its points.
-    fn edge(
+    /// Returns what a pixel on an edge shows, and its standard error.
+    fn on_edge(
         &self,
         around: &Around,
-        squares: &Squares,
-        lights: &[Estimate],
-        edge: &Edge,
+        layer: &Layer,
+        pieces: &[Piece],
+        sums: &[Sums],
     ) -> ([f32; 3], f32) {
-        let (column, row) = (edge.pixel % self.size.0, edge.pixel / self.size.0);
         let (mut colour, mut error) = ([0.0; 3], 0.0);
-        for (point, seen) in edge.seen.iter().enumerate() {
-            let (x, y) = point_of(point);
-            // Pixels' own numbers are those of their middles.
-            let at = (column as f32 + x - 0.5, row as f32 + y - 0.5);
-            let light = self.brought(around, squares, lights, at, seen);
-            let (shown, more) = self.painted(seen, light);
-            colour.iter_mut().zip(shown).for_each(|(sum, c)| *sum += c / POINTS as f32);
-            error += more / POINTS as f32;
+        for (piece, sums) in pieces.iter().zip(sums) {
+            let light = self.on_piece(around, layer, piece, sums);
+            let (shown, more) = self.painted(&piece.seen, light);
+            colour.iter_mut().zip(shown).for_each(|(sum, c)| *sum += piece.share * c);
+            error += piece.share * more;
         }
         (colour, error)
+    }
+
+    /// Returns the light of a piece: that of squares around it, improved by its own samples.
+    fn on_piece(&self, around: &Around, layer: &Layer, piece: &Piece, sums: &Sums) -> Estimate {
+        if !piece.seen.is_surface() {
+            return Estimate::default();
+        }
+        match layer.at(piece.at, &piece.seen) {
+            Some(near) => near.improved(sums, SPREAD),
+            None => self.wide(around, &piece.seen).improved(sums, WIDE_SPREAD),
+        }
     }
 
     /// Returns the mean light around a surface. Where nothing is known, it is the mean of all light:
     /// plausible beats black.
     fn wide(&self, around: &Around, seen: &Seen) -> Estimate {
         if !seen.is_surface() {
-            return Estimate { light: Vec3::ZERO, error: f32::INFINITY };
+            return Estimate::UNKNOWN;
         }
         let direction = self.way(seen).direction;
         let serves = |face: Face| face.serves(seen.normal, seen.material, direction);
         let sums = around.store.around(seen.point, serves);
         if sums.count == 0 {
-            return Estimate { light: around.mean, error: f32::INFINITY };
+            return Estimate { light: around.mean, ..Estimate::UNKNOWN };
         }
         let light = sums.mean();
         let bright = luminance(light.to_array());
         let variance = (sums.mean_square() - bright * bright).max(bright * bright);
-        Estimate { light, error: (variance / sums.count as f32).sqrt() }
+        Estimate { light, error: (variance / sums.count as f32).sqrt(), variance }
     }
 }

@@ -130,6 +130,8 @@ impl SurfacesDriver {
         shown.was_refined |= refines;
         if refines && shown.view.edges.is_empty() {
             shown.view.look_into_edges();
+            // Its pieces have sums too.
+            shown.gathered = None;
         }
         let (view, store) = (&shown.view, &self.store);
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));

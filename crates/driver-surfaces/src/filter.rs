@@ -30,6 +30,9 @@ const NOISE: [[f32; 2]; 2] = [[0.25, 0.08], [0.1, 0.03]];
 /// Used the second time.
 const DIFFERENT: f32 = 0.5;
 
+/// The share of the first error that the second light keeps: weights follow the light found first.
+const KEPT: f32 = 0.25;
+
 /// The number of squares around one.
 const AROUND: usize = 8;
 
@@ -38,6 +41,9 @@ const RELIABLE: f32 = 16.0;
 
 /// The least variance of samples, relative to their squared mean: a few may be alike by chance.
 const LEAST_VARIANCE: f32 = 0.2;
+
+/// Standard errors by which samples have to differ from an estimate to be another light.
+const SIGNIFICANT: f32 = 3.0;
 
 /// Fixed-point steps that the denoiser sees as 1.
 const SCALE: f32 = 1024.0;
@@ -57,6 +63,50 @@ pub(crate) struct Lit {
 pub(crate) struct Estimate {
     pub light: Vec3,
     pub error: f32,
+    /// The variance of one sample's luminance.
+    pub variance: f32,
+}
+
+impl Estimate {
+    /// Nothing is known.
+    pub const UNKNOWN: Estimate =
+        Estimate { light: Vec3::ZERO, error: f32::INFINITY, variance: 0.0 };
+
+    /// Adds a share of another one.
+    pub fn add(&mut self, share: f32, other: &Estimate) {
+        self.light += share * other.light;
+        self.error += share * other.error;
+        self.variance += share * other.variance;
+    }
+
+    /// Returns a sum divided by the total of its shares.
+    pub fn divided(self, total: f32) -> Estimate {
+        let Estimate { light, error, variance } = self;
+        Estimate { light: light / total, error: error / total, variance: variance / total }
+    }
+
+    /// Returns this estimate improved by samples of the same light. `spread` is how much that light
+    /// may differ from the estimate, relative to it, besides its error.
+    pub fn improved(&self, sums: &Sums, spread: f32) -> Estimate {
+        if sums.count == 0 {
+            return *self;
+        }
+        let lit = Lit::new(sums);
+        let (bright, own) = (luminance(self.light.to_array()), luminance(lit.mean().to_array()));
+        let differs = (own - bright) * (own - bright);
+        // Few samples say little of their own variance.
+        let spread_out = (lit.square - lit.count * own * own).max(0.0);
+        let usual = RELIABLE * (self.variance + differs);
+        let variance = (spread_out + usual) / (lit.count + RELIABLE);
+        let noise = variance / lit.count;
+        // What differs by three standard errors is another light.
+        let before = (self.error * self.error + spread * spread * bright * bright)
+            .max(differs - SIGNIFICANT * SIGNIFICANT * noise);
+        let share =
+            if before.is_finite() { before / (before + noise).max(f32::MIN_POSITIVE) } else { 1.0 };
+        let light = self.light + share * (lit.mean() - self.light);
+        Estimate { light, error: (share * noise).sqrt(), variance }
+    }
 }
 
 impl Lit {
@@ -68,12 +118,27 @@ impl Lit {
     fn mean(&self) -> Vec3 {
         self.light / self.count.max(1e-9)
     }
+
+    /// Returns the variance of one sample's luminance in a wide neighbourhood.
+    fn variance_around(&self) -> f32 {
+        let bright = luminance(self.mean().to_array());
+        let least = LEAST_VARIANCE * bright * bright * RELIABLE / (RELIABLE + self.count);
+        (self.square / self.count.max(1e-9) - bright * bright).max(least)
+    }
+
+    /// Returns the variance of the mean. Few samples say little of their own variance, so `around`
+    /// counts too, that of one sample in a wide neighbourhood.
+    fn variance(&self, around: f32) -> f32 {
+        let own = luminance(self.mean().to_array());
+        let own = (self.square - self.count * own * own).max(0.0);
+        (own + RELIABLE * around) / (self.count + RELIABLE) / self.count.max(0.3)
+    }
 }
 
 /// The squares of a picture, and what each sees.
-pub(crate) struct Squares<'a> {
+pub(crate) struct Squares {
     pub size: (usize, usize),
-    pub seen: &'a [Seen],
+    pub seen: Vec<Seen>,
     /// Pixels a side of a square.
     pub step: usize,
 }
@@ -81,7 +146,7 @@ pub(crate) struct Squares<'a> {
 /// For each square, the weights of the 8 squares around it at one distance.
 type Weights = Vec<[f32; AROUND]>;
 
-impl Squares<'_> {
+impl Squares {
     /// Returns the number of scales that judge brightest samples: as many pixels at any step.
     fn wide(&self) -> usize {
         if self.step == 4 { 4 } else { 5 }
@@ -102,7 +167,7 @@ impl Squares<'_> {
             .map(|((raw, usual), sums)| hold_back(raw, usual, sums))
             .collect();
         let wide = widest(held.clone());
-        let first = self.smooth(&held, &weights, &wide, NOISE[0]);
+        let first = self.smooth(&held, &weights, &wide, NOISE[0], false);
         let bright: Vec<f32> =
             first.par_iter().map(|e| luminance(e.light.to_array()).max(1.0).ln()).collect();
         let weights: Vec<Weights> = weights
@@ -110,7 +175,11 @@ impl Squares<'_> {
             .enumerate()
             .map(|(scale, weights)| self.weights_of_light(weights, 1 << scale, &bright))
             .collect();
-        self.smooth(&held, &weights, &wide, NOISE[1])
+        let mut lights = self.smooth(&held, &weights, &wide, NOISE[1], true);
+        for (light, first) in lights.iter_mut().zip(&first) {
+            light.error = light.error.hypot(KEPT * first.error);
+        }
+        lights
     }
 
     /// Replaces filtered light by the denoised means of all samples. Where a square has none, its
@@ -136,12 +205,62 @@ impl Squares<'_> {
         weights: &[Weights],
         wide: &[Lit],
         noise: [f32; 2],
+        finds_detail: bool,
     ) -> Vec<Estimate> {
         let mut scales = vec![lit.to_vec()];
         for (scale, weights) in weights.iter().enumerate() {
             scales.push(self.widen(&scales[scale], 1 << scale, weights));
         }
-        (0..lit.len()).into_par_iter().map(|at| choose(&scales, at, &wide[at], noise)).collect()
+        let around: Vec<f32> = wide.par_iter().map(Lit::variance_around).collect();
+        let details: Vec<Vec<Detail>> = if finds_detail {
+            (0..weights.len())
+                .map(|k| self.details(&scales[k], &scales[k + 1], 1 << k, &weights[k], &around))
+                .collect()
+        } else {
+            Vec::new()
+        };
+        let choose = |at: usize| {
+            let detail = |scale: usize| details.get(scale).map(|details| details[at]);
+            choose(&scales, at, (&wide[at], around[at]), noise, detail)
+        };
+        (0..lit.len()).into_par_iter().map(choose).collect()
+    }
+
+    fn details(
+        &self,
+        narrow: &[Lit],
+        wide: &[Lit],
+        distance: usize,
+        weights: &Weights,
+        around: &[f32],
+    ) -> Vec<Detail> {
+        let own: Vec<Detail> = (0..narrow.len())
+            .into_par_iter()
+            .map(|at| {
+                let (n, w) = (&narrow[at], &wide[at]);
+                if n.count <= 0.0 || w.count <= n.count {
+                    return Detail::default();
+                }
+                let d = luminance((n.mean() - w.mean()).to_array());
+                let noise = n.variance(around[at]) * (1.0 - n.count / w.count);
+                Detail { signal: d * d, noise, weight: 1.0 }
+            })
+            .collect();
+        (0..narrow.len())
+            .into_par_iter()
+            .map(|at| {
+                let mut sum = own[at];
+                for (other, weight) in self.around(at, distance).into_iter().zip(weights[at]) {
+                    if weight > 0.0 {
+                        let o = &own[other];
+                        sum.signal += weight * o.signal;
+                        sum.noise += weight * o.noise;
+                        sum.weight += weight * o.weight;
+                    }
+                }
+                sum
+            })
+            .collect()
     }
 
     /// Adds to each square the 8 squares at this distance.
@@ -254,30 +373,46 @@ fn hold_back(raw: &Lit, wide: &Lit, sums: &Sums) -> Lit {
     }
 }
 
+/// What the light of a scale says beyond the next wider one, around a square.
+#[derive(Clone, Copy, Debug, Default)]
+struct Detail {
+    signal: f32,
+    noise: f32,
+    weight: f32,
+}
+
 /// Returns the light of a square from its sums on all scales, the narrowest first.
-fn choose(scales: &[Vec<Lit>], at: usize, wide: &Lit, [high, low]: [f32; 2]) -> Estimate {
+fn choose(
+    scales: &[Vec<Lit>],
+    at: usize,
+    (wide, around): (&Lit, f32),
+    [high, low]: [f32; 2],
+    detail: impl Fn(usize) -> Option<Detail>,
+) -> Estimate {
     let Some(last) = scales.last().map(|scale| &scale[at]).filter(|lit| lit.count > 0.0) else {
-        return Estimate { light: Vec3::ZERO, error: f32::INFINITY };
+        return Estimate::UNKNOWN;
     };
-    let wide = if wide.count > 0.0 { wide } else { last };
+    let (wide, around) =
+        if wide.count > 0.0 { (wide, around) } else { (last, last.variance_around()) };
     let bright = luminance(wide.mean().to_array());
-    let least = LEAST_VARIANCE * bright * bright * RELIABLE / (RELIABLE + wide.count);
-    let around = (wide.square / wide.count - bright * bright).max(least);
-    let error = |lit: &Lit| {
-        // Few samples say little of their own variance.
-        let own = luminance(lit.mean().to_array());
-        let own = (lit.square - lit.count * own * own).max(0.0);
-        ((own + RELIABLE * around) / (lit.count + RELIABLE) / lit.count.max(0.3)).sqrt()
-    };
-    let mut estimate = Estimate { light: last.mean(), error: error(last) };
-    for scale in scales[..scales.len() - 1].iter().rev() {
+    let mut estimate =
+        Estimate { light: last.mean(), error: last.variance(around).sqrt(), variance: around };
+    let mut blur = 0.0;
+    for (number, scale) in scales[..scales.len() - 1].iter().enumerate().rev() {
         let lit = &scale[at];
-        let own = error(lit);
-        let share = ((high * bright - own) / ((high - low) * bright)).clamp(0.0, 1.0);
+        let own = lit.variance(around).sqrt();
+        let mut share = ((high * bright - own) / ((high - low) * bright)).clamp(0.0, 1.0);
+        if let Some(detail) = detail(number).filter(|detail| detail.weight > 0.0) {
+            let (signal, noise) = (detail.signal / detail.weight, detail.noise / detail.weight);
+            let real = (signal - noise).max(0.0);
+            share *= real / (real + noise).max(f32::MIN_POSITIVE);
+            blur = (1.0 - share) * (1.0 - share) * (blur + real);
+        }
         if lit.count > 0.0 && share > 0.0 {
             estimate.light += share * (lit.mean() - estimate.light);
             estimate.error += share * (own - estimate.error);
         }
     }
+    estimate.error = (estimate.error * estimate.error + blur).sqrt();
     estimate
 }

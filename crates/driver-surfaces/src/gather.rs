@@ -1,18 +1,21 @@
 //! Sums of a view's pixels: each sample on a surface that the view sees counts in one pixel, and in
-//! one more if a mirror shows it too.
+//! one more if a mirror shows it too. There are further sums for the surfaces that pixels on edges
+//! see beside their middle, and for what panes mirror.
 //!
 //! Noise is therefore independent from pixel to pixel, which the last filter relies on.
 //!
 //! Invariant: which pixels a sample counts in is a function of the sample and the view.
 
 use crate::cell::{Face, Light, Sums};
+use crate::edges::{Edge, Piece};
 use crate::place::Placed;
 use crate::store::{Cube, Grid, Record, Store};
-use crate::view::{Seen, View};
+use crate::view::{InPane, Seen, View};
 use glam::{Mat3, Vec3};
 use holo_display::Camera;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
+use std::ops::Range;
 
 /// Cubes whose samples are given to pixels together.
 const CUBES: usize = 16;
@@ -20,16 +23,18 @@ const CUBES: usize = 16;
 /// Parts of the picture whose sums are made at the same time.
 const PARTS: usize = 4;
 
-/// The sums of a view's pixels.
+/// The sums of a view's pixels, then those of its pieces, then those of what panes mirror.
 #[derive(Debug)]
 pub struct Gathered {
-    pub(crate) sums: Vec<Sums>,
+    sums: Vec<Sums>,
+    pixels: usize,
+    pieces: usize,
     owners: Owners,
 }
 
-/// A sample and the pixel that it counts in.
+/// A sample and the number of the sums that it counts in.
 struct Claim {
-    pixel: usize,
+    owner: usize,
     light: Light,
 }
 
@@ -38,8 +43,9 @@ impl Gathered {
     #[must_use]
     pub fn new(view: &View, store: &Store) -> Gathered {
         let owners = Owners::new(view, store.grid());
-        let sums = vec![Sums::default(); view.seen.len()];
-        let mut gathered = Gathered { sums, owners };
+        let (pixels, pieces) = (view.seen.len(), view.pieces.len());
+        let sums = vec![Sums::default(); pixels + pieces + view.in_panes.len()];
+        let mut gathered = Gathered { sums, pixels, pieces, owners };
         let cubes: Vec<Cube> = gathered.owners.cubes.iter().copied().collect();
         let of_cubes = |cubes: &[Cube]| {
             let mut claims = Vec::new();
@@ -55,6 +61,21 @@ impl Gathered {
         let claims: Vec<Vec<Claim>> = cubes.par_chunks(CUBES).map(of_cubes).collect();
         gathered.sum(&claims);
         gathered
+    }
+
+    /// Returns the sums of all pixels.
+    pub(crate) fn pixels(&self) -> &[Sums] {
+        &self.sums[..self.pixels]
+    }
+
+    /// Returns the sums of all pieces of pixels on edges. Only those that are apart have samples.
+    pub(crate) fn pieces(&self) -> &[Sums] {
+        &self.sums[self.pixels..][..self.pieces]
+    }
+
+    /// Returns the sums of all that panes mirror.
+    pub(crate) fn in_panes(&self) -> &[Sums] {
+        &self.sums[self.pixels + self.pieces..]
     }
 
     /// Adds samples that have come since, for the same view. The sums are what
@@ -76,7 +97,7 @@ impl Gathered {
         self.sum(&claims);
     }
 
-    /// Appends the pixels that a sample counts in.
+    /// Appends the sums that a sample counts in.
     #[inline]
     fn claim(
         &self,
@@ -89,8 +110,8 @@ impl Gathered {
         let face = record.key.face();
         let straight = self.owners.straight(view, point, face);
         let mirrored = mirrored.and_then(|m| m.owner(view, point, face, self.owners.grid.unit));
-        for pixel in straight.into_iter().chain(mirrored) {
-            claims.push(Claim { pixel, light: record.light });
+        for owner in straight.into_iter().chain(mirrored) {
+            claims.push(Claim { owner, light: record.light });
         }
     }
 
@@ -98,7 +119,7 @@ impl Gathered {
         let part = self.sums.len().div_ceil(PARTS).max(1);
         self.sums.par_chunks_mut(part).enumerate().for_each(|(number, sums)| {
             for claim in claims.iter().flatten() {
-                let at = claim.pixel.wrapping_sub(number * part);
+                let at = claim.owner.wrapping_sub(number * part);
                 if let Some(sum) = sums.get_mut(at) {
                     sum.add(&Sums::of(&claim.light));
                 }
@@ -112,7 +133,7 @@ impl Gathered {
 struct Gate {
     /// How far from the eye the pixel's surface is.
     distance: f32,
-    /// How far from that a sample of it may be.
+    /// How far from that a sample may be; infinite if the pixel has pieces apart.
     tolerance: f32,
 }
 
@@ -125,18 +146,23 @@ struct Owners {
     turn: Mat3,
     /// By pixel.
     gates: Vec<Gate>,
+    /// The numbers of the pieces of pixels that have any apart.
+    pieces: FxHashMap<usize, Range<usize>>,
     /// The cubes of all that is seen.
     cubes: FxHashSet<Cube>,
     /// What is seen in mirrors, by cube.
     mirrors: FxHashMap<Cube, Mirrored>,
 }
 
-/// Pixels that see surfaces of one cube in a mirror, by the place of these surfaces.
+/// A surface seen in a mirror, and the number of its sums.
+type InMirror = (usize, Seen);
+
+/// What mirrors and panes show of one cube, by place.
 #[derive(Debug)]
 struct Mirrored {
     /// Width of a place, scene units.
     width: f32,
-    pixels: FxHashMap<u64, Vec<usize>>,
+    shown: FxHashMap<u64, Vec<InMirror>>,
 }
 
 impl Owners {
@@ -149,12 +175,21 @@ impl Owners {
             camera,
             eye: eye.as_vec3(),
             turn,
-            gates: Vec::new(),
+            gates: gates(view, eye.as_vec3(), grid.unit),
+            pieces: FxHashMap::default(),
             cubes: FxHashSet::default(),
             mirrors: FxHashMap::default(),
         };
-        owners.gates = gates(view, owners.eye, grid.unit);
-        let mut in_mirrors: FxHashMap<Cube, Vec<usize>> = FxHashMap::default();
+        for Edge { pixel, pieces } in &view.edges {
+            let apart = view.pieces[pieces.clone()].iter().filter(|piece| piece.is_apart);
+            let cubes: Vec<Cube> = apart.map(|piece| grid.cube(piece.seen.point)).collect();
+            if !cubes.is_empty() {
+                owners.gates[*pixel].tolerance = f32::INFINITY;
+                owners.pieces.insert(*pixel, pieces.clone());
+                owners.cubes.extend(cubes);
+            }
+        }
+        let mut in_mirrors: FxHashMap<Cube, Vec<InMirror>> = FxHashMap::default();
         let mut last = None;
         for (pixel, seen) in view.seen.iter().enumerate().filter(|(_, seen)| seen.is_surface()) {
             let cube = grid.cube(seen.point);
@@ -163,16 +198,24 @@ impl Owners {
                 last = Some(cube);
             }
             if view.way(seen).is_mirrored {
-                in_mirrors.entry(cube).or_default().push(pixel);
+                in_mirrors.entry(cube).or_default().push((pixel, *seen));
+            }
+        }
+        let first = view.seen.len() + view.pieces.len();
+        for (number, InPane { seen, .. }) in view.in_panes.iter().enumerate() {
+            if seen.is_surface() {
+                let cube = grid.cube(seen.point);
+                owners.cubes.insert(cube);
+                in_mirrors.entry(cube).or_default().push((first + number, *seen));
             }
         }
         let mirrors = in_mirrors.into_par_iter();
-        let mirrors = mirrors.map(|(cube, pixels)| (cube, Mirrored::new(view, &pixels, grid)));
+        let mirrors = mirrors.map(|(cube, shown)| (cube, Mirrored::new(&shown, grid)));
         owners.mirrors = mirrors.collect();
         owners
     }
 
-    /// Returns the pixel that sees a sample's surface in the sample's direction.
+    /// Returns which sums a sample counts in: those of the pixel in its direction, or of a piece of it.
     #[inline]
     fn straight(&self, view: &View, point: Vec3, face: Face) -> Option<usize> {
         let from_eye = self.turn * (point - self.eye);
@@ -185,20 +228,30 @@ impl Owners {
         if (from_eye.length() - gate.distance).abs() > gate.tolerance {
             return None;
         }
-        let seen = &view.seen[pixel];
-        let way = view.way(seen);
-        seen.away(point, self.grid.unit)?;
-        let serves = face.serves(seen.normal, seen.material, way.direction);
-        (serves && !way.is_mirrored).then_some(pixel)
+        let is_on = |seen: &Seen| {
+            let way = view.way(seen);
+            seen.away(point, self.grid.unit).is_some()
+                && face.serves(seen.normal, seen.material, way.direction)
+                && !way.is_mirrored
+        };
+        if is_on(&view.seen[pixel]) {
+            return Some(pixel);
+        }
+        if gate.tolerance < f32::INFINITY {
+            return None;
+        }
+        let serves = |piece: &Piece| piece.is_apart && is_on(&piece.seen);
+        let mut pieces = self.pieces.get(&pixel)?.clone();
+        pieces.find(|&piece| serves(&view.pieces[piece])).map(|piece| view.seen.len() + piece)
     }
 }
 
 impl Mirrored {
-    fn new(view: &View, pixels: &[usize], grid: Grid) -> Mirrored {
-        let widest = pixels.iter().map(|&pixel| view.seen[pixel].width).fold(grid.unit, f32::max);
-        let mut mirrored = Mirrored { width: 2.0 * widest, pixels: FxHashMap::default() };
-        for &pixel in pixels {
-            let point = view.seen[pixel].point;
+    fn new(all: &[InMirror], grid: Grid) -> Mirrored {
+        let widest = all.iter().map(|(_, seen)| seen.width).fold(grid.unit, f32::max);
+        let mut mirrored = Mirrored { width: 2.0 * widest, shown: FxHashMap::default() };
+        for &(owner, seen) in all {
+            let point = seen.point;
             let mut places: Vec<u64> = (0..8)
                 .map(|corner| {
                     let side = [corner & 1, corner >> 1 & 1, corner >> 2];
@@ -209,7 +262,7 @@ impl Mirrored {
             places.sort_unstable();
             places.dedup();
             for place in places {
-                mirrored.pixels.entry(place).or_default().push(pixel);
+                mirrored.shown.entry(place).or_default().push((owner, seen));
             }
         }
         mirrored
@@ -222,16 +275,15 @@ impl Mirrored {
         x << 42 | y << 21 | z
     }
 
-    /// Returns the pixel that sees a sample's surface.
+    /// Returns the sums that a sample counts in.
     fn owner(&self, view: &View, point: Vec3, face: Face, unit: f32) -> Option<usize> {
-        let candidates = self.pixels.get(&self.place(point))?;
-        let nearest = candidates.iter().filter_map(|&pixel| {
-            let seen = &view.seen[pixel];
-            let serves = face.serves(seen.normal, seen.material, view.way(seen).direction);
+        let candidates = self.shown.get(&self.place(point))?;
+        let nearest = candidates.iter().filter_map(|&(owner, seen)| {
+            let serves = face.serves(seen.normal, seen.material, view.way(&seen).direction);
             let away = seen.away(point, unit)?;
-            (serves && away < seen.width + 2.0 * unit).then_some((away, pixel))
+            (serves && away < seen.width + 2.0 * unit).then_some((away, owner))
         });
-        nearest.min_by(|(a, i), (b, j)| a.total_cmp(b).then(i.cmp(j))).map(|(_, pixel)| pixel)
+        nearest.min_by(|(a, i), (b, j)| a.total_cmp(b).then(i.cmp(j))).map(|(_, owner)| owner)
     }
 }
 

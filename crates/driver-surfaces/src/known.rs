@@ -52,29 +52,26 @@ impl Known {
             let level = level_of(width);
             let place = (seen.point / (level as f32).exp2()).floor().as_ivec3();
             let sum = sums.entry(number(place, level, view.face(seen))).or_default();
-            sum.0.light += light.light;
-            sum.0.error += light.error;
+            sum.0.add(1.0, light);
             sum.1 += 1.0;
         }
         if self.young.len() + sums.len() > MOST {
             self.old = std::mem::take(&mut self.young);
         }
-        self.young.extend(sums.into_iter().map(|(number, (sum, count))| {
-            (number, Estimate { light: sum.light / count, error: sum.error / count })
-        }));
+        self.young
+            .extend(sums.into_iter().map(|(number, (sum, count))| (number, sum.divided(count))));
     }
 
     /// Returns the light of all squares, if most of it is known.
     pub fn lights(&self, view: &View, squares: &Squares) -> Option<Vec<Estimate>> {
-        let unknown = Estimate { light: Vec3::ZERO, error: f32::INFINITY };
         let light = |seen: &crate::Seen| {
             if !seen.is_surface() {
-                return unknown;
+                return Estimate::UNKNOWN;
             }
             let (face, level) = (view.face(seen), level_of(seen.width * squares.step as f32));
             let found = [level, level + 1, level - 1, level + 2];
             let found = found.into_iter().find_map(|level| self.around(seen.point, level, face));
-            found.unwrap_or(unknown)
+            found.unwrap_or(Estimate::UNKNOWN)
         };
         let lights: Vec<Estimate> = squares.seen.par_iter().map(light).collect();
         let surfaces = squares.seen.iter().filter(|seen| seen.is_surface()).count();
@@ -86,19 +83,18 @@ impl Known {
     fn around(&self, point: Vec3, level: i32, face: Face) -> Option<Estimate> {
         let at = point / (level as f32).exp2() - 0.5;
         let (low, share) = (at.floor().as_ivec3(), at - at.floor());
-        let (mut sum, mut total) = (Estimate { light: Vec3::ZERO, error: 0.0 }, 0.0);
+        let (mut sum, mut total) = (Estimate::default(), 0.0);
         for corner in 0..8 {
             let side = IVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
             let near = Vec3::select(side.cmpeq(IVec3::ONE), share, 1.0 - share);
             let weight = near.element_product();
             let number = number(low + side, level, face);
             if let Some(light) = self.young.get(&number).or_else(|| self.old.get(&number)) {
-                sum.light += weight * light.light;
-                sum.error += weight * light.error;
+                sum.add(weight, light);
                 total += weight;
             }
         }
         // A corner far away says little.
-        (total > 0.05).then(|| Estimate { light: sum.light / total, error: sum.error / total })
+        (total > 0.05).then(|| sum.divided(total))
     }
 }

@@ -20,6 +20,7 @@
 mod cell;
 mod draw;
 mod driver;
+mod edges;
 mod filter;
 mod gather;
 mod known;
@@ -32,8 +33,9 @@ mod view;
 pub use cell::Sums;
 pub use draw::Drawn;
 pub use driver::SurfacesDriver;
+pub use edges::{Edge, Piece};
 pub use gather::Gathered;
 pub use materials::Materials;
 pub use place::{Placed, Placer, RaySample};
 pub use store::Store;
-pub use view::{Seen, View, Way};
+pub use view::{InPane, Seen, View, Way};

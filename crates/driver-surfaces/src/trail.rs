@@ -67,6 +67,11 @@ impl<'a> Follower<'a> {
         self.raycaster.scene().material_ids[triangle as usize]
     }
 
+    /// Returns whether a ray hits a pane.
+    pub fn is_pane(&self, hit: Hit) -> bool {
+        matches!(self.finish(self.material(hit.triangle)).kind, Kind::Pane { .. })
+    }
+
     /// Returns the surface that a ray hits.
     #[inline]
     pub fn end(&self, ray: &Ray, hit: Hit) -> End {

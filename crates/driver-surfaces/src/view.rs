@@ -3,6 +3,7 @@
 //! Invariant: what a pixel sees is a function of the view and the scene.
 
 use crate::cell::Face;
+use crate::edges::{Edge, Piece};
 use crate::materials::{Kind, Materials};
 use crate::trail::{AtPanes, End, Follower, Shown};
 use glam::{DVec3, Vec3};
@@ -16,6 +17,9 @@ use std::sync::Arc;
 /// The side of a tile of pixels whose rays are cast together.
 const SIDE: usize = 8;
 const _: () = assert!(SIDE * SIDE == MAX_TILE);
+
+/// How much colours of the same pane or mirror differ between neighbouring pixels, relative to them.
+const SAME_COLOUR: f32 = 0.03;
 
 /// Stands for no material: the sky, or nothing.
 pub(crate) const NO_MATERIAL: u32 = u32::MAX;
@@ -38,6 +42,17 @@ pub struct Seen {
     pub way: u32,
 }
 
+/// What a pixel sees mirrored in a pane.
+#[derive(Clone, Copy, Debug)]
+pub struct InPane {
+    /// The pixel's number.
+    pub pixel: usize,
+    /// What the pane mirrors.
+    pub seen: Seen,
+    /// The share of the pixel that the pane takes.
+    pub share: f32,
+}
+
 /// How a surface is seen through mirrors or panes, or that shines.
 #[derive(Clone, Copy, Debug)]
 pub struct Way {
@@ -54,7 +69,7 @@ pub struct Way {
 /// The surfaces of a view.
 #[derive(Debug)]
 pub struct View {
-    raycaster: Arc<Raycaster>,
+    pub(crate) raycaster: Arc<Raycaster>,
     materials: Arc<Materials>,
     eye: Eye,
     /// The number of columns and of rows.
@@ -63,22 +78,12 @@ pub struct View {
     pub seen: Vec<Seen>,
     /// All ways, by number. The first one is not used.
     pub ways: Vec<Way>,
-    /// Pixels that see a pane, and what it mirrors.
-    pub mirrored: Vec<(u32, Seen)>,
-    /// Pixels that see several surfaces. Empty before [`look_into_edges`](Self::look_into_edges).
+    /// What pixels see mirrored in panes.
+    pub in_panes: Vec<InPane>,
+    /// Pixels that see several things. Empty before [`look_into_edges`](Self::look_into_edges).
     pub edges: Vec<Edge>,
-}
-
-/// The number of rays through a pixel that sees several surfaces.
-pub const POINTS: usize = 8;
-
-/// What a pixel on an edge sees.
-#[derive(Clone, Copy, Debug)]
-pub struct Edge {
-    /// The pixel's number.
-    pub pixel: usize,
-    /// What each of its rays sees.
-    pub seen: [Seen; POINTS],
+    /// What these pixels see.
+    pub pieces: Vec<Piece>,
 }
 
 impl Way {
@@ -106,12 +111,12 @@ impl Seen {
         (self.is_surface() && between.dot(self.normal).abs() < tolerance).then_some(away)
     }
 
-    /// Returns whether another pixel, beside this one's, sees another surface.
+    /// Returns whether a surface differs from that of another ray, beside this one.
     #[inline]
     pub(crate) fn differs(&self, other: &Seen) -> bool {
-        let is_same = self.material == other.material && self.normal.dot(other.normal) > 0.9;
-        let is_nothing = !self.is_surface() && !other.is_surface() && self.way == other.way;
-        !is_nothing && (!is_same || self.away(other.point, 0.0).is_none())
+        self.material != other.material
+            || self.normal.dot(other.normal) <= 0.9
+            || self.away(other.point, 0.0).is_none()
     }
 
     /// Returns whether there is a surface.
@@ -145,8 +150,9 @@ impl View {
             size,
             seen: Vec::new(),
             ways: vec![Way::PLAIN],
-            mirrored: Vec::new(),
+            in_panes: Vec::new(),
             edges: Vec::new(),
+            pieces: Vec::new(),
         };
         let mut seen = vec![Seen::NOTHING; size.0 * size.1];
         let special: Vec<Special> = seen
@@ -171,47 +177,27 @@ impl View {
         local.map_or(Ray::new(Vec3::ZERO, Vec3::ZERO), |(ray, _)| ray)
     }
 
-    /// Casts several rays through each pixel on an edge.
-    pub fn look_into_edges(&mut self) {
-        let pixels: Vec<usize> = on_edges(&self.seen, self.size);
-        let looked: Vec<[Shown; POINTS]> =
-            pixels.par_iter().map(|&pixel| self.look_into(pixel)).collect();
-        let pixel_width = self.pixel_width();
-        for (pixel, shown) in pixels.into_iter().zip(looked) {
-            let seen = shown.map(|shown| self.seen_of(shown, pixel_width));
-            self.edges.push(Edge { pixel, seen });
-        }
-    }
-
-    fn look_into(&self, pixel: usize) -> [Shown; POINTS] {
-        let (column, row) = ((pixel % self.size.0) as f64, (pixel / self.size.0) as f64);
-        let rays: [Ray; POINTS] = std::array::from_fn(|point| {
-            let (x, y) = point_of(point);
-            self.ray(column + f64::from(x), row + f64::from(y))
-        });
-        let mut hits = [None; POINTS];
-        self.raycaster.nearest_tile(&rays, &mut hits);
-        let follower = self.follower();
-        std::array::from_fn(|point| match hits[point] {
-            Some(hit) => follower.follow(rays[point], hit, AtPanes::Pass),
-            None => Shown::Sky([1.0; 3]),
-        })
-    }
-
     /// Returns the width of a pixel at distance 1.
-    fn pixel_width(&self) -> f32 {
+    pub(crate) fn pixel_width(&self) -> f32 {
         self.eye.pixel_footprint((self.size.0 as u32, self.size.1 as u32), 1.0) as f32
     }
 
-    fn seen_of(&mut self, shown: Shown, pixel_width: f32) -> Seen {
+    /// Returns what a ray shows, with the way that it goes.
+    pub(crate) fn seen_of(&mut self, shown: Shown) -> Seen {
         if let Shown::Surface(end) = &shown {
             let finish = self.follower().finish(end.material);
             let is_direct = end.share == [1.0; 3] && !end.is_mirrored;
             if is_direct && finish.kind == Kind::Diffuse && !finish.emits {
-                return seen(end, pixel_width, PLAIN);
+                return seen(end, self.pixel_width(), PLAIN);
             }
         }
-        self.special(shown, pixel_width)
+        self.special(shown)
+    }
+
+    /// Notes what a pane mirrors into a share of a pixel.
+    pub(crate) fn add_in_pane(&mut self, pixel: usize, shown: Shown, share: f32) {
+        let seen = self.special(shown);
+        self.in_panes.push(InPane { pixel, seen, share });
     }
 
     fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Vec<Special> {
@@ -248,29 +234,26 @@ impl View {
     }
 
     fn follow_special(&mut self, special: &[Special]) {
-        let pixel_width = self.pixel_width();
         let follower = self.follower();
         let shown: Vec<(Shown, Option<Shown>)> = special
             .par_iter()
             .map(|&Special { ray, hit, .. }| {
                 let Some(hit) = hit else { return (Shown::Sky([1.0; 3]), None) };
                 let through = follower.follow(ray, hit, AtPanes::Pass);
-                let finish = follower.finish(follower.material(hit.triangle));
-                let in_pane = matches!(finish.kind, Kind::Pane { .. })
-                    .then(|| follower.follow(ray, hit, AtPanes::ReflectFirst));
+                let in_pane =
+                    follower.is_pane(hit).then(|| follower.follow(ray, hit, AtPanes::ReflectFirst));
                 (through, in_pane)
             })
             .collect();
         for (special, (through, in_pane)) in special.iter().zip(shown) {
-            self.seen[special.pixel] = self.special(through, pixel_width);
+            self.seen[special.pixel] = self.special(through);
             if let Some(in_pane) = in_pane {
-                let seen = self.special(in_pane, pixel_width);
-                self.mirrored.push((special.pixel as u32, seen));
+                self.add_in_pane(special.pixel, in_pane, 1.0);
             }
         }
     }
 
-    fn special(&mut self, shown: Shown, pixel_width: f32) -> Seen {
+    fn special(&mut self, shown: Shown) -> Seen {
         let way = self.ways.len() as u32;
         let times = |a: Rgb, b: Rgb| [0, 1, 2].map(|channel: usize| a[channel] * b[channel]);
         let mut how = Way::PLAIN;
@@ -283,7 +266,7 @@ impl View {
                 if finish.shines(end.front) {
                     how.radiance = times(end.share, finish.emission);
                 } else {
-                    at = seen(&end, pixel_width, way);
+                    at = seen(&end, self.pixel_width(), way);
                 }
             }
             Shown::Sky(share) => how.radiance = times(share, self.materials.sky),
@@ -297,6 +280,20 @@ impl View {
     #[inline]
     pub(crate) fn way(&self, seen: &Seen) -> &Way {
         &self.ways[seen.way as usize]
+    }
+
+    /// Returns whether two pixels beside each other see different things.
+    #[inline]
+    pub(crate) fn differ(&self, one: &Seen, other: &Seen) -> bool {
+        if one.way == other.way && !one.is_surface() && !other.is_surface() {
+            return false;
+        }
+        let (through, by) = (self.way(one), self.way(other));
+        let is_same_way = one.way == other.way
+            || (through.is_mirrored == by.is_mirrored
+                && are_near(through.share, by.share)
+                && are_near(through.radiance, by.radiance));
+        !is_same_way || (one.is_surface() || other.is_surface()) && one.differs(other)
     }
 
     /// Returns the face that samples of a surface have.
@@ -331,7 +328,12 @@ impl View {
     }
 }
 
-fn seen(end: &End, pixel_width: f32, way: u32) -> Seen {
+/// Returns whether colours are the same but for what a pane's angle changes from pixel to pixel.
+pub(crate) fn are_near(one: Rgb, other: Rgb) -> bool {
+    one.iter().zip(other).all(|(a, b)| (a - b).abs() <= SAME_COLOUR * a.max(b))
+}
+
+pub(crate) fn seen(end: &End, pixel_width: f32, way: u32) -> Seen {
     Seen {
         point: end.point,
         normal: end.normal,
@@ -339,23 +341,4 @@ fn seen(end: &End, pixel_width: f32, way: u32) -> Seen {
         material: end.material,
         way,
     }
-}
-
-/// Returns where a point of a pixel lies in it: each in a row and a column of its own.
-pub(crate) fn point_of(point: usize) -> (f32, f32) {
-    const ROWS: [u8; POINTS] = [3, 6, 0, 5, 2, 7, 1, 4];
-    let part = |number: f32| (number + 0.5) / POINTS as f32;
-    (part(point as f32), part(f32::from(ROWS[point])))
-}
-
-/// Returns the numbers of the pixels that see another surface than one around them.
-fn on_edges(seen: &[Seen], (width, height): (usize, usize)) -> Vec<usize> {
-    let is_edge = |pixel: &usize| {
-        let (x, y) = (pixel % width, pixel / width);
-        let rows = y.saturating_sub(1)..(y + 2).min(height);
-        let columns = x.saturating_sub(1)..(x + 2).min(width);
-        let mut around = rows.flat_map(|y| columns.clone().map(move |x| &seen[y * width + x]));
-        around.any(|other| seen[*pixel].differs(other))
-    };
-    (0..seen.len()).into_par_iter().filter(is_edge).collect()
 }

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use glam::DVec3;
-use holo_driver_surfaces::{Drawn, Gathered, Materials, Placer, RaySample, Store, View};
+use holo_driver_surfaces::{Drawn, Gathered, InPane, Materials, Placer, RaySample, Store, View};
 use holo_picture::View as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
@@ -172,10 +172,10 @@ fn a_pane_shows_what_it_mirrors_besides_what_is_behind() {
     let pane = Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] };
     let (view, drawn) = seen_by(&walled_room(pane), &floor_rays(100, |_, _| 100.0), &to_wall());
     // Behind the pane is the sky, of radiance 1; the bright floor is mirrored by some 8 %.
-    let mirrored: Vec<_> = view.mirrored.iter().filter(|(_, seen)| seen.is_surface()).collect();
+    let mirrored: Vec<_> = view.in_panes.iter().filter(|pane| pane.seen.is_surface()).collect();
     assert!(mirrored.len() > 200, "{}", mirrored.len());
-    for (pixel, _) in mirrored {
-        let shown = drawn.pixels[*pixel as usize][1];
+    for pane in mirrored {
+        let shown = drawn.pixels[pane.pixel][1];
         assert!((5.0..20.0).contains(&shown), "{shown}");
     }
 }
@@ -292,7 +292,8 @@ fn pixels_on_edges_show_the_mean_of_what_they_see() {
     let between = smooth.iter().filter(|p| p[1] > 0.3 && p[1] < 0.95).count();
     assert!(between > 40, "{between} pixels lie between floor and sky");
     for edge in &view.edges {
-        let sky = edge.seen.iter().filter(|seen| !seen.is_surface()).count() as f32 / 8.0;
+        let pieces = &view.pieces[edge.pieces.clone()];
+        let sky: f32 = pieces.iter().filter(|p| !p.seen.is_surface()).map(|p| p.share).sum();
         let shown = smooth[edge.pixel][1];
         assert!((shown - (0.25 + 0.75 * sky)).abs() < 2e-3, "{shown} for {sky} of sky");
     }
@@ -326,10 +327,125 @@ fn pixels_between_two_materials_of_a_plane_are_edges() {
     let made = Scene::from_world(&positions, &triangles, &ids, vec![dark, light], [1.0; 3]);
     let raycaster = Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap());
     let materials = Arc::new(Materials::new(raycaster.scene()));
-    let mut view = View::new(Arc::clone(&raycaster), materials, &eye(), (64, 64));
+    // The border goes through the middles of a column of pixels.
+    let (at, down) = (DVec3::new(0.027, 0.0, 3.0), DVec3::new(0.0, 0.0, -1.0));
+    let eye = Eye::new(at, down, DVec3::Y, Some(60.0), None, (64, 64)).unwrap();
+    let mut view = View::new(Arc::clone(&raycaster), materials, &eye, (64, 64));
     view.look_into_edges();
-    let is_beside = |pixel: usize| (31..=32).contains(&(pixel % 64));
-    assert!(view.edges.len() > 60 && view.edges.iter().all(|edge| is_beside(edge.pixel)));
+    assert!(view.edges.len() > 60 && view.edges.iter().all(|edge| edge.pixel % 64 == 31));
+}
+
+#[test]
+fn a_strip_thinner_than_a_pixel_shows_its_own_light() {
+    let quad = |x: f64, to: f64, z: f64| {
+        [(x, -2.0), (to, -2.0), (to, 2.0), (x, 2.0)].map(|(x, y)| DVec3::new(x, y, z))
+    };
+    let positions = [quad(-2.0, 2.0, 0.0), quad(0.005, 0.015, 0.5)].concat();
+    let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    let (mut floor, mut strip) = (Material::grey("floor"), Material::grey("strip"));
+    floor.bsdf = Bsdf::Diffuse { kd: [0.5; 3] };
+    strip.bsdf = Bsdf::Diffuse { kd: [0.8; 3] };
+    let ids = [0, 0, 1, 1];
+    let made = Scene::from_world(&positions, &triangles, &ids, vec![floor, strip], [1.0; 3]);
+    let raycaster = Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap());
+    let light = |y: f64| if y < 0.0 { 0.3 } else { 0.9 };
+    let on_strip = (0..4000).map(|n| RaySample {
+        origin: DVec3::new(0.01, (f64::from(n) + 0.5) / 4000.0 * 3.8 - 1.9, 2.0),
+        radiance: [light((f64::from(n) + 0.5) / 4000.0 * 3.8 - 1.9); 3],
+        distance: 1.5,
+        ..floor_rays(1, |_, _| 0.0)[0]
+    });
+    let rays: Vec<RaySample> = floor_rays(200, |_, _| 0.1).into_iter().chain(on_strip).collect();
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let mut placed = Vec::new();
+    Placer::new(&raycaster, &materials).place_rays(&rays, &mut placed);
+    let mut store = Store::new(0.001, 64 << 20);
+    store.add(&placed);
+    // Turned a little: middles of some pixels see the strip, so that the others are looked into.
+    let (at, down, up) = (DVec3::Z * 3.0, DVec3::NEG_Z, DVec3::new(0.05, 1.0, 0.0));
+    let eye = Eye::new(at, down, up, Some(60.0), None, (64, 64)).unwrap();
+    let mut view = View::new(raycaster, materials, &eye, (64, 64));
+    view.look_into_edges();
+    let pixels = Gathered::new(&view, &store).draw(&view, &store, None).pixels;
+    let mut strips = 0;
+    for row in (4..60).filter(|row| !(30..34).contains(row)) {
+        for edge in view.edges.iter().filter(|edge| edge.pixel / 64 == row) {
+            let pieces = view.pieces[edge.pieces.clone()].iter();
+            let share: f32 = pieces.filter(|p| p.seen.material == 1).map(|p| p.share).sum();
+            let expected = 0.1 + share * (light(31.5 - row as f64) - 0.1);
+            let shown = pixels[edge.pixel][1];
+            assert!((shown / expected - 1.0).abs() < 0.05, "row {row}: {shown}, not {expected}");
+            strips += 1;
+        }
+    }
+    assert!(strips > 15, "{strips}");
+}
+
+#[test]
+fn a_pane_mirrors_into_the_share_of_a_pixel_that_it_takes() {
+    let raycaster = walled_room(Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] });
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let mut placed = Vec::new();
+    Placer::new(&raycaster, &materials).place_rays(&floor_rays(100, |_, _| 100.0), &mut placed);
+    let mut store = Store::new(0.001, 64 << 20);
+    store.add(&placed);
+    // The pane ends at x = 2 before a sky of radiance 1, and below before the floor.
+    let (at, ahead) = (DVec3::new(2.3, -1.0, 2.2), DVec3::new(-0.11, 1.0, -0.5));
+    let eye = Eye::new(at, ahead, DVec3::Z, Some(20.0), None, (64, 64)).unwrap();
+    let mut view = View::new(raycaster, materials, &eye, (64, 64));
+    let rough = Gathered::new(&view, &store).draw(&view, &store, None).pixels;
+    view.look_into_edges();
+    let fine = Gathered::new(&view, &store).draw(&view, &store, None).pixels;
+    let mut found = 0;
+    let beside_sky = |pane: &&InPane| {
+        pane.share < 1.0 && rough[pane.pixel + 2][1] == 1.0 && pane.pixel < 64 * 56
+    };
+    for pane in view.in_panes.iter().filter(|pane| pane.seen.is_surface()).filter(beside_sky) {
+        // Pixels well inside the pane beside it show what all of it would show.
+        let inside = rough[pane.pixel - 2][1];
+        let expected = 1.0 + pane.share * (inside - 1.0);
+        let shown = fine[pane.pixel][1];
+        assert!((shown / expected - 1.0).abs() < 0.05, "{shown}, not {expected}");
+        found += 1;
+    }
+    assert!(found > 30, "{found}");
+}
+
+/// Draws noisy rays of this radiance. Returns the squares of errors, and which are within two
+/// standard errors, each as a mean over pixels away from all edges.
+fn errors_of(count: u32, radiance: impl Fn(f64, f64) -> f32 + Copy) -> (f32, f32) {
+    let raycaster = walled_room(Bsdf::Diffuse { kd: [0.8; 3] });
+    let (view, drawn) = seen_by(&raycaster, &noisy(floor_rays(count, radiance)), &eye());
+    let (mut squares, mut within, mut pixels) = (0.0, 0.0, 0.0);
+    for pixel in (0..64 * 64).filter(|p| (8..56).contains(&(p % 64)) && (8..56).contains(&(p / 64)))
+    {
+        let at = view.seen[pixel].point;
+        let truth = radiance(f64::from(at.x), f64::from(at.y));
+        let error = drawn.pixels[pixel][1] - truth;
+        squares += error * error / (truth * truth);
+        within += f32::from(u8::from(error.abs() < 2.0 * drawn.errors[pixel]));
+        pixels += 1.0;
+    }
+    (squares / pixels, within / pixels)
+}
+
+#[test]
+fn many_samples_of_even_light_leave_less_noise_than_those_of_a_pixel() {
+    // 75 samples of a pixel of standard deviation 1 alone have a mean square error of 0.013.
+    let (even, _) = errors_of(600, |_, _| 0.25);
+    assert!(even < 0.0013, "{even}");
+}
+
+#[test]
+fn standard_errors_contain_noise_and_blur() {
+    let even = |_: f64, _: f64| 0.25;
+    let waves = |x: f64, y: f64| (0.5 + 0.3 * (0.8 * x).sin() * (0.6 * y).cos()) as f32;
+    for count in [100, 200, 300, 600] {
+        for light in [even, waves] {
+            let (_, within) = errors_of(count, light);
+            assert!(within > 0.85, "{count}: {within} are within two standard errors");
+        }
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use holo_section::{BeamKey, Section, SectionSpec};
 use rustix::time::{ClockId, clock_gettime};
 use std::sync::Arc;
 
-/// Columns and rows of the pictures.
+/// Columns and rows of pictures whose size is not given.
 const SIZE: (u32, u32) = (1280, 720);
 
 #[derive(serde::Deserialize)]
@@ -27,7 +27,8 @@ pub struct Stored {
 }
 
 impl Stored {
-    /// Reads everything from the file at `path`, and its view of this name.
+    /// Reads everything from the file at `path`. The view is one of its names, or Radiance's options.
+    /// A size may follow, as in `living@320x240`.
     pub fn read(path: &str, view: &str) -> Stored {
         let file = BeamFile::open_read_only(path, 1 << 30).unwrap();
         let about: About =
@@ -35,8 +36,16 @@ impl Stored {
         let scene = Arc::new(Scene::unpack(&file.blob("scene").unwrap().unwrap()).unwrap());
         let mut keys: Vec<BeamKey> = Vec::new();
         file.for_each_beam(&mut |key, _| keys.push(key));
-        let (_, spec) = about.views.iter().find(|(name, _)| name == view).unwrap();
-        let (view, size) = View::parse_vf(spec).unwrap().resolve(SIZE).unwrap();
+        let (view, size) = match view.split_once('@') {
+            Some((view, size)) => {
+                let (width, height) = size.split_once('x').unwrap();
+                (view, (width.parse().unwrap(), height.parse().unwrap()))
+            }
+            None => (view, SIZE),
+        };
+        let named = about.views.iter().find(|(name, _)| name == view);
+        let spec = named.map_or(view, |(_, spec)| spec);
+        let (view, size) = View::parse_vf(spec).unwrap().resolve(size).unwrap();
         Stored {
             raycaster: Arc::new(Raycaster::build(scene).unwrap()),
             sections: about.sections.into_iter().map(|spec| Section::new(spec).unwrap()).collect(),

@@ -1,0 +1,216 @@
+//! Pixels on edges: finds all that they see, by several rays through each.
+//!
+//! Invariant: the shares of a pixel's pieces add up to 1.
+
+use crate::trail::{AtPanes, Shown};
+use crate::view::{PLAIN, Seen, View, are_near, seen};
+use holo_raycast::Ray;
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+use std::ops::Range;
+
+/// Rays through a pixel whose first [`FIRST`] rays see several things.
+const POINTS: usize = 16;
+
+/// Rays through every pixel on an edge.
+const FIRST: usize = 8;
+
+/// A pixel that sees several things.
+#[derive(Clone, Debug)]
+pub struct Edge {
+    /// The pixel's number.
+    pub pixel: usize,
+    /// The numbers of its pieces.
+    pub pieces: Range<usize>,
+}
+
+/// One of the things that a pixel on an edge sees.
+#[derive(Clone, Copy, Debug)]
+pub struct Piece {
+    /// What it is.
+    pub seen: Seen,
+    /// The share of the pixel that it takes.
+    pub share: f32,
+    /// The middle of that share in the picture. The middle of the first pixel is at 0.
+    pub at: (f32, f32),
+    /// Whether its samples are summed apart from the pixel's: it is not what the pixel's middle
+    /// sees, and no mirror shows it.
+    pub is_apart: bool,
+}
+
+/// A piece while the rays of its pixel are looked at.
+struct Found {
+    shown: Shown,
+    seen: Seen,
+    points: usize,
+    /// The sum of the points' places in the pixel.
+    sum: (f32, f32),
+}
+
+/// All that a pixel on an edge sees.
+struct Looked {
+    found: Vec<Found>,
+    points: usize,
+    /// How many rays meet a pane first.
+    at_panes: usize,
+    /// What the first of these shows mirrored.
+    in_pane: Option<Shown>,
+}
+
+impl View {
+    /// Casts several rays through each pixel on an edge.
+    pub fn look_into_edges(&mut self) {
+        let pixels = self.on_edges();
+        let looked: Vec<Looked> = pixels.par_iter().map(|&pixel| self.look_into(pixel)).collect();
+        let known = self.in_panes.iter().enumerate().map(|(number, pane)| (pane.pixel, number));
+        let known: FxHashMap<usize, usize> = known.collect();
+        for (pixel, looked) in pixels.into_iter().zip(looked) {
+            let share = looked.at_panes as f32 / looked.points as f32;
+            match (known.get(&pixel), looked.in_pane) {
+                (Some(&number), _) => self.in_panes[number].share = share,
+                (None, Some(in_pane)) => self.add_in_pane(pixel, in_pane, share),
+                (None, None) => {}
+            }
+            if looked.found.len() > 1 {
+                self.add_edge(pixel, looked);
+            }
+        }
+    }
+
+    /// Returns the numbers of the pixels that see something else than one around them.
+    fn on_edges(&self) -> Vec<usize> {
+        let (width, height) = self.size;
+        let is_edge = |pixel: &usize| {
+            let (x, y) = (pixel % width, pixel / width);
+            let rows = y.saturating_sub(1)..(y + 2).min(height);
+            let columns = x.saturating_sub(1)..(x + 2).min(width);
+            let mut around = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
+            around.any(|other| self.differ(&self.seen[*pixel], &self.seen[other]))
+        };
+        (0..self.seen.len()).into_par_iter().filter(is_edge).collect()
+    }
+
+    fn add_edge(&mut self, pixel: usize, looked: Looked) {
+        let first = self.pieces.len();
+        let (column, row) = ((pixel % self.size.0) as f32, (pixel / self.size.0) as f32);
+        for Found { shown, points, sum, .. } in looked.found {
+            let seen = self.seen_of(shown);
+            let of = points as f32;
+            let is_apart = seen.is_surface()
+                && !self.way(&seen).is_mirrored
+                && self.differ(&self.seen[pixel], &seen);
+            self.pieces.push(Piece {
+                seen,
+                share: of / looked.points as f32,
+                at: (column + sum.0 / of - 0.5, row + sum.1 / of - 0.5),
+                is_apart,
+            });
+        }
+        self.edges.push(Edge { pixel, pieces: first..self.pieces.len() });
+    }
+
+    fn look_into(&self, pixel: usize) -> Looked {
+        let mut looked = Looked { found: Vec::new(), points: 0, at_panes: 0, in_pane: None };
+        self.look_at(pixel, 0..FIRST, &mut looked);
+        if looked.found.len() > 1 {
+            self.look_at(pixel, FIRST..POINTS, &mut looked);
+        }
+        looked
+    }
+
+    /// Casts rays through these points of a pixel.
+    fn look_at(&self, pixel: usize, points: Range<usize>, looked: &mut Looked) {
+        let (column, row) = ((pixel % self.size.0) as f64, (pixel / self.size.0) as f64);
+        let ray = |point: usize| {
+            let (x, y) = place_of(point);
+            self.ray(column + f64::from(x), row + f64::from(y))
+        };
+        let rays: [Ray; FIRST] = std::array::from_fn(|number| ray(points.start + number));
+        let mut hits = [None; FIRST];
+        self.raycaster.nearest_tile(&rays, &mut hits);
+        let follower = self.follower();
+        for ((point, ray), hit) in points.zip(rays).zip(hits) {
+            let shown = hit.map_or(Shown::Sky([1.0; 3]), |hit| {
+                if follower.is_pane(hit) {
+                    looked.at_panes += 1;
+                    let mirrored = || follower.follow(ray, hit, AtPanes::ReflectFirst);
+                    looked.in_pane.get_or_insert_with(mirrored);
+                }
+                follower.follow(ray, hit, AtPanes::Pass)
+            });
+            looked.add(shown, place_of(point), self.pixel_width());
+        }
+    }
+}
+
+impl Looked {
+    /// Adds what a ray shows to the piece that shows the same, or makes a new one.
+    fn add(&mut self, shown: Shown, (x, y): (f32, f32), pixel_width: f32) {
+        let seen = match &shown {
+            Shown::Surface(end) => seen(end, pixel_width, PLAIN),
+            Shown::Sky(_) | Shown::Unknown => Seen::NOTHING,
+        };
+        self.points += 1;
+        let is_same = |found: &&mut Found| match (&found.shown, &shown) {
+            (Shown::Surface(a), Shown::Surface(b)) => {
+                a.is_mirrored == b.is_mirrored
+                    && a.front == b.front
+                    && are_near(a.share, b.share)
+                    && !found.seen.differs(&seen)
+            }
+            (Shown::Sky(a), Shown::Sky(b)) => are_near(*a, *b),
+            (Shown::Unknown, Shown::Unknown) => true,
+            _ => false,
+        };
+        match self.found.iter_mut().find(is_same) {
+            Some(found) => {
+                found.points += 1;
+                found.sum = (found.sum.0 + x, found.sum.1 + y);
+            }
+            None => self.found.push(Found { shown, seen, points: 1, sum: (x, y) }),
+        }
+    }
+}
+
+/// Columns and rows of the points in their pixel, one in each. A random search found them: they tell
+/// the shares of half planes with an error of 2.7 % (Sobol's points: 4 %), and the first 8 miss few.
+const PLACES: [(u8, u8); POINTS] = [
+    (0, 1),
+    (15, 11),
+    (2, 12),
+    (13, 0),
+    (4, 6),
+    (11, 7),
+    (6, 8),
+    (9, 15),
+    (1, 9),
+    (14, 5),
+    (3, 3),
+    (12, 13),
+    (5, 14),
+    (10, 4),
+    (7, 2),
+    (8, 10),
+];
+
+/// Returns where a point of a pixel lies in it.
+fn place_of(point: usize) -> (f32, f32) {
+    let (column, row) = PLACES[point];
+    let part = |number: u8| (f32::from(number) + 0.5) / POINTS as f32;
+    (part(column), part(row))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_point_has_a_row_and_a_column_of_its_own() {
+        for axis in [|at: (f32, f32)| at.0, |at: (f32, f32)| at.1] {
+            let mut places: Vec<usize> =
+                (0..POINTS).map(|point| (axis(place_of(point)) * POINTS as f32) as usize).collect();
+            places.sort_unstable();
+            assert_eq!(places, (0..POINTS).collect::<Vec<_>>());
+        }
+    }
+}
