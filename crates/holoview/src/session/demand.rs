@@ -218,10 +218,10 @@ impl Session {
                 self.ask_for_all()?;
             }
             Asked::Best => {
-                self.driver.settle();
                 current.also = self.driver.surface_beams();
                 if current.also.is_empty() {
                     current.asked = Asked::All;
+                    self.driver.settle();
                 } else {
                     current.asked = Asked::Surfaces;
                     self.ask_for_all()?;
@@ -229,6 +229,7 @@ impl Session {
             }
             Asked::Surfaces => {
                 current.asked = Asked::All;
+                self.driver.settle();
                 let wanted = current.wanted.clone();
                 if self.welcome.tracing && !ending {
                     self.ask_anew(wanted)?;
