@@ -14,11 +14,13 @@
 pub mod args;
 mod browser;
 mod drivers;
+mod keys;
 mod report;
 mod screen;
 mod script;
 mod session;
 mod stage;
+mod window;
 
 use std::{net::SocketAddr, path::PathBuf};
 
@@ -35,6 +37,7 @@ pub use browser::{BrowserArgs, run as run_in_browser};
 pub use report::{PictureReport, StageTime};
 pub use script::{Command, Script, Step, parse_seconds};
 pub use session::default_view;
+pub use window::{Desk, Screen, check_desktop, desk, run as run_in_window};
 
 /// Options of `holoview`.
 #[derive(Args, Clone, Debug)]

@@ -86,7 +86,7 @@ impl Stage {
         let record = self.wishes.record.as_deref().map(Record::create).transpose()?;
         let stated = self.wishes.view.spec(session.named_views())?;
         let first = session.first_view()?.overridden_by(&stated);
-        let size = self.wishes.view.size;
+        let size = self.wishes.view.size();
         run::Player::new(session, first, self.wishes.unit, size, self.inputs, publisher, record)?
             .play()
     }
