@@ -184,7 +184,7 @@ impl App {
     fn send(&mut self, input: Input) {
         let now = Instant::now();
         self.number += 1;
-        if !matches!(input, Input::Cursor(_) | Input::Size(..)) {
+        if moves(&input) {
             self.model.pace.sent(self.number, now);
         }
         if !self.front.inputs.send(SENDER, self.number, input) {
@@ -279,6 +279,15 @@ impl App {
                 event_loop.exit();
             }
         }
+    }
+}
+
+/// Returns whether an input moves the eye at once, so that its latency can be measured.
+fn moves(input: &Input) -> bool {
+    match input {
+        Input::Hold(controls) => controls.moves(),
+        Input::Cursor(_) | Input::Size(..) | Input::Pause(_) | Input::LockHeight(_) => false,
+        _ => true,
     }
 }
 

@@ -343,7 +343,7 @@ fn strength(model: &Model, now: Instant) -> f32 {
     match model.modes.grids {
         Grids::Never => 0.0,
         Grids::Always => ALWAYS,
-        Grids::Auto if model.state.phase != Phase::Running => 0.0,
+        Grids::Auto if model.modes.is_bare || model.state.phase != Phase::Running => 0.0,
         Grids::Auto if model.state.is_uncovered => ALWAYS,
         Grids::Auto if unknown > MOST_UNKNOWN => WHERE_UNKNOWN,
         Grids::Auto if model.is_moving(now) => WHILE_MOVING,

@@ -8,10 +8,10 @@ use super::{
 use crate::window::{canvas::Point, model::Model, text::Font};
 
 /// Signs in a line of the panel.
-const SIGNS: i32 = 32;
+const SIGNS: i32 = 36;
 
 /// Signs before a value.
-const NAME_SIGNS: i32 = 10;
+const NAME_SIGNS: i32 = 11;
 
 /// Lines above the plan: a heading, five values and the plan's heading, with gaps.
 const LINES_ABOVE: i32 = 8;
