@@ -322,6 +322,7 @@ impl Model {
 
     /// Returns what an action does.
     pub fn act(&mut self, action: Action, now: Instant) -> Vec<Effect> {
+        self.has_acted = true;
         let exposure = self.seen.as_ref().and_then(|seen| seen.image.exposure);
         match self.display.act(action, exposure) {
             Some(Ok(())) => {

@@ -28,8 +28,8 @@ const MOST_UNKNOWN: f64 = 0.5;
 const GLASS: f32 = 0.86;
 
 /// How text columns of the help lie: keys, and what they do.
-const KEY_SIGNS: i32 = 17;
-const HELP_SIGNS: i32 = 27;
+const KEY_SIGNS: i32 = 16;
+const HELP_SIGNS: i32 = 26;
 
 /// Colours of what is drawn over the picture.
 struct Theme {
@@ -82,7 +82,7 @@ pub fn draw(canvas: &mut Canvas, model: &Model, now: Instant) {
     page.notice(model, now);
     page.loading(model);
     if model.modes.has_help {
-        page.help();
+        page.help(model.scale);
     }
 }
 
@@ -311,27 +311,46 @@ impl Page<'_, '_> {
         }
     }
 
-    fn help(&mut self) {
-        let (high, sign) = (self.font.height(), self.font.width());
+    /// Lists the keys, in text as small as the window asks for.
+    fn help(&mut self, scale: f64) {
+        let (font, columns) = help_fitting(self.size(), scale);
+        self.font = font;
+        let (high, sign) = (font.height(), font.width());
         let column = sign * (KEY_SIGNS + HELP_SIGNS + 2);
-        let columns = ((self.size().0 - 4 * high) / column).clamp(1, 2);
         let rows = (HELP.len() as i32 + columns - 1) / columns;
-        let (width, height) = (columns * column + 2 * high - 2 * sign, (rows + 4) * high);
-        let (x, y) = ((self.size().0 - width) / 2, ((self.size().1 - height) / 2).max(0));
-        self.canvas.fill(
-            Rect { x: 0, y: 0, width: self.size().0, height: self.size().1 },
-            [0; 3],
-            0.45,
-        );
+        let (width, height) = help_size(font, columns);
+        let (x, y) = ((self.size().0 - width) / 2, (self.size().1 - height) / 2);
+        let (all_wide, all_high) = self.size();
+        let all = Rect { x: 0, y: 0, width: all_wide, height: all_high };
+        self.canvas.fill(all, [0; 3], 0.45);
         self.glass(Rect { x, y, width, height }, Some(self.theme.dim));
         let theme = self.theme;
-        self.write((x + high, y + high), "Keys", Weight::Bold, theme.accent);
+        self.write((x + high, y + high / 2), "Keys", Weight::Bold, theme.accent);
         for (index, (keys, what)) in (0..).zip(HELP) {
-            let at = (x + high + index / rows * column, y + high * 5 / 2 + index % rows * high);
+            let at = (x + high + index / rows * column, y + high * 2 + index % rows * high);
             self.write(at, keys, Weight::Bold, theme.text);
             self.write((at.0 + KEY_SIGNS * sign, at.1), what, Weight::Regular, theme.dim);
         }
     }
+}
+
+/// Returns the largest font, and a number of columns, in which the list of keys fits.
+fn help_fitting(size: (i32, i32), scale: f64) -> (Font, i32) {
+    let fonts = [1.0, 0.8, 0.6, 0.4].map(|part| Font::for_scale(part * scale));
+    let choices = fonts.into_iter().flat_map(|font| [2, 1, 3].map(|columns| (font, columns)));
+    let fits = |&(font, columns): &(Font, i32)| {
+        let (width, height) = help_size(font, columns);
+        width <= size.0 && height <= size.1
+    };
+    let mut choices = choices.filter(fits);
+    choices.next().unwrap_or((Font::for_scale(0.0), 2))
+}
+
+/// Returns the width and height of the list of keys.
+fn help_size(font: Font, columns: i32) -> (i32, i32) {
+    let rows = (HELP.len() as i32 + columns - 1) / columns;
+    let signs = columns * (KEY_SIGNS + HELP_SIGNS + 2) - 2;
+    (signs * font.width() + 2 * font.height(), (rows + 3) * font.height())
 }
 
 /// Returns how strong the grids of sections are drawn.

@@ -16,6 +16,12 @@ const NAME_SIGNS: i32 = 11;
 /// Lines above the plan: a heading, five values and the plan's heading, with gaps.
 const LINES_ABOVE: i32 = 8;
 
+/// Lines that the plan is high at the most.
+const PLAN_LINES: i32 = 14;
+
+/// Lines of the lowest plan in which one can see anything.
+const LEAST_PLAN_LINES: i32 = 3;
+
 /// Named views at the most: those that have a key.
 const MOST_VIEWS: usize = 9;
 
@@ -43,7 +49,7 @@ impl Layout {
         // The plan gives way if the window is low.
         let lines = LINES_ABOVE + if views > 0 { views + 2 } else { 0 };
         let room = size.1 as i32 - 2 * margin - (lines + 2) * high;
-        let side = inner.min(room).max(0);
+        let side = inner.min(PLAN_LINES * high).min(room).max(0);
         let (width, height) = (inner + 2 * margin, (lines + 1) * high + side);
         let rect = Rect { x: size.0 as i32 - margin - width, y: margin, width, height };
         let x = rect.x + margin;
@@ -94,6 +100,9 @@ impl Page<'_, '_> {
     /// Draws the sections from above, the eye and where it looks.
     fn plan(&mut self, model: &Model, square: Rect) {
         let theme = self.theme;
+        if square.width < LEAST_PLAN_LINES * self.font.height() {
+            return;
+        }
         self.canvas.rounded(square, self.font.height() * 3 / 10, theme.text, 0.07);
         let Some(plan) = Plan::new(&model.state) else { return };
         let at = |place: Point| square.at(plan.place(place));
@@ -137,10 +146,8 @@ mod tests {
             };
             assert!(layout.views.iter().all(inside) && inside(&layout.plan), "{layout:?}");
         }
-        assert!(
-            Layout::new((1280, 720), 1.0, 9).plan.width
-                < Layout::new((1280, 720), 1.0, 0).plan.width
-        );
+        let side = |height| Layout::new((1280, height), 1.0, 9).plan.width;
+        assert!(side(500) < side(720) && side(800) == side(1000));
         assert_eq!(Layout::new((1280, 720), 1.0, 100).views.len(), MOST_VIEWS);
     }
 }

@@ -101,3 +101,18 @@ fn it_draws_in_windows_of_any_size() {
         }
     }
 }
+
+#[test]
+fn all_keys_fit_into_the_window_at_any_scale() {
+    for (size, scale) in [((1280, 720), 1.0), ((960, 540), 1.0), ((2560, 1440), 2.0)] {
+        let (font, columns) = help_fitting(size, scale);
+        assert_eq!(font, Font::for_scale(scale), "{size:?}");
+        let (width, height) = help_size(font, columns);
+        assert!(width <= size.0 && height <= size.1, "{size:?} {width}×{height}");
+    }
+    for (size, scale) in [((1280, 720), 2.0), ((640, 480), 1.0), ((700, 900), 1.5)] {
+        let (font, columns) = help_fitting(size, scale);
+        let (width, height) = help_size(font, columns);
+        assert!(width <= size.0 && height <= size.1, "{size:?} {width}×{height}");
+    }
+}
