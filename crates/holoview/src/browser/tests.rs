@@ -333,7 +333,7 @@ async fn one_drives_others_watch_and_may_take_over() {
     assert_eq!(second.told("roles").await["drives"], false);
     server.publish(1.0, (0, 0));
     // What a watcher does moves nothing, but its cursor tells it what it points at.
-    second.say(json!({ "do": "home" })).await;
+    second.say(json!({ "do": "command", "line": "home" })).await;
     second.say(json!({ "do": "cursor", "at": [0.5, 0.5] })).await;
     let under = second.told("under").await["under"].clone();
     assert!((under["luminance"].as_f64().unwrap() - 179.0).abs() < 0.1, "{under}");
@@ -345,7 +345,7 @@ async fn one_drives_others_watch_and_may_take_over() {
     assert_eq!(server.input().input, Input::Hold(Controls::default()));
     assert_eq!(server.input().input, Input::Cursor(None));
     assert_eq!(second.told("roles").await["drives"], true);
-    let number = second.say(json!({ "do": "home" })).await;
+    let number = second.say(json!({ "do": "command", "line": "home" })).await;
     let input = server.input();
     assert_eq!((input.from, input.input), ((second.client, number), Input::Home));
     // Who comes first is next when the one who drives leaves, whatever that one held.

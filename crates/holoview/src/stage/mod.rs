@@ -19,7 +19,7 @@ use std::sync::{Arc, mpsc};
 use anyhow::Result;
 use tokio::sync::watch;
 
-pub use input::{Input, Inputs, Numbered};
+pub use input::{Input, Inputs, Named, Numbered};
 pub use shown::{Phase, Shown, State};
 
 use crate::session::Connected;

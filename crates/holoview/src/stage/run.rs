@@ -251,7 +251,8 @@ impl Player {
                 self.is_paused = pause;
             }
             Input::Size(width, height) => self.resize((width, height)),
-            Input::Quit => {}
+            Input::Quit | Input::Cancel => {}
+            _ => self.refusal = Some("this cannot be done yet".to_owned()),
         }
         Ok(())
     }
