@@ -137,7 +137,7 @@ mod tests {
             ("go 1 2", "three numbers"),
             ("go 1 2 inf", "three numbers"),
             ("size 0x5", ""),
-            ("driver fast", "drivers: auto, voronoi"),
+            ("driver fast", "drivers: voronoi, surfaces"),
             ("picture", "needs a file"),
         ] {
             let error = parse(line).unwrap_err();
