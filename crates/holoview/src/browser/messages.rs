@@ -3,7 +3,7 @@
 use holo_picture::{Exposure, Image, Legend, Look, Scale, Scaling, Tone, luminance};
 use holo_section::{Section, SectionSpec};
 use holo_walk::Controls;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::encode::{Coding, Rect};
@@ -273,6 +273,23 @@ pub struct Framed<'a> {
     pub is_exact: bool,
     /// How the parts are encoded.
     pub coding: Coding,
+    /// Where the time went, milliseconds.
+    pub times: Times,
+}
+
+/// How long the parts of a frame's way took, milliseconds.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Times {
+    /// Looking at the view.
+    pub look: f64,
+    /// Drawing it.
+    pub draw: f64,
+    /// Waiting until the client took the frame before.
+    pub wait: f64,
+    /// Making colours of radiance.
+    pub tone: f64,
+    /// Encoding them.
+    pub encode: f64,
 }
 
 impl Framed<'_> {
@@ -312,7 +329,7 @@ impl Framed<'_> {
             // None with a look that has no such factor.
             "exposure": self.image.exposure,
             "legend": self.image.legend.as_ref().map(legend),
-            "milliseconds": shown.milliseconds,
+            "times": self.times,
             "unknown": frame.empty_pixels as f64 / pixels.max(1.0),
             "under": self.cursor.and_then(|cursor| under(shown, cursor)),
         });

@@ -2,7 +2,7 @@
 
 use std::{
     sync::{Arc, mpsc},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use futures_util::{SinkExt, StreamExt};
@@ -65,7 +65,8 @@ impl Server {
             options: "-vtv".into(),
             frame,
             is_at_rest: true,
-            milliseconds: 1.0,
+            took: [0.0; 2],
+            done: Instant::now(),
         };
         self.front.frames.send_replace(Some(Arc::new(shown)));
         self.frames

@@ -370,6 +370,7 @@ impl Player {
             return Ok(());
         }
         self.stops |= self.session.wait(begin)? == Waited::Stop;
+        let looked = Instant::now();
         self.drawn_samples = self.samples();
         let (frame, _) = self.session.draw();
         let end = Instant::now();
@@ -391,7 +392,9 @@ impl Player {
             options: holo_walk::options(&spec),
             frame,
             is_at_rest,
-            milliseconds: 1e3 * took.as_secs_f64(),
+            took: [looked - begin, end.saturating_duration_since(looked)]
+                .map(|took| took.as_secs_f64()),
+            done: end,
         };
         self.last = Some(self.publisher.frame(shown));
         if let Some(record) = &mut self.record {

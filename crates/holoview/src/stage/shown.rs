@@ -1,6 +1,6 @@
 //! What a stage publishes: frames, and how things are.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 
 use holo_display::Frame;
 use holo_picture::View;
@@ -23,8 +23,10 @@ pub struct Shown {
     pub frame: Frame,
     /// Whether the eye rests, so that the frame has every pixel.
     pub is_at_rest: bool,
-    /// How long it took to look and to draw, milliseconds.
-    pub milliseconds: f64,
+    /// How long the session took to look at the view, and the driver to draw it, seconds.
+    pub took: [f64; 2],
+    /// When it was done.
+    pub done: Instant,
 }
 
 impl Shown {
