@@ -19,6 +19,7 @@ use futures_util::{
     stream::{SplitSink, SplitStream},
 };
 use holo_picture::{Image, Look};
+use rayon::prelude::*;
 use tokio::{
     sync::{mpsc, watch},
     time::{sleep_until, timeout},
@@ -31,7 +32,7 @@ use super::{
     screen::{Screen, Update},
 };
 use crate::{
-    screen::Viewer,
+    screen::{Viewer, visibly},
     stage::{Input, Phase, Shown},
 };
 
@@ -300,7 +301,8 @@ impl<'a> Writer<'a> {
         let encoded = tokio::task::spawn_blocking(move || {
             let colours = Colours { bytes: &pixels.rgb, size: (pixels.width, pixels.height) };
             let encode = |rect: Rect| Ok((rect, colours.encode(rect, coding)?));
-            update.rects.into_iter().map(encode).collect::<Result<Vec<_>>>()
+            let strips: Vec<Rect> = update.rects.into_iter().flat_map(Rect::strips).collect();
+            visibly(|| strips.into_par_iter().map(encode).collect::<Result<Vec<_>>>())
         });
         let parts = encoded.await?.context("encoding a frame")?;
         self.updates += 1;

@@ -63,7 +63,7 @@ impl Server {
             input,
             view,
             options: "-vtv".into(),
-            frame,
+            frame: Arc::new(frame),
             is_at_rest: true,
             took: [0.0; 2],
             done: Instant::now(),
