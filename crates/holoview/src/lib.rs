@@ -4,6 +4,7 @@
 //! - `session` holds the connection, asks for samples, and feeds a driver. It knows no screen.
 //! - A front end (`script`, or `browser` on a `stage`) tells the session which view to show. It
 //!   knows no socket and no driver.
+//! - `commands` is the one list of what a person can do, for all front ends.
 //! - `drivers` is the one list of drivers.
 //!
 //! What always holds:
@@ -13,8 +14,8 @@
 
 pub mod args;
 mod browser;
+pub mod commands;
 mod drivers;
-mod keys;
 mod report;
 mod screen;
 mod script;

@@ -129,7 +129,7 @@ fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     let saved = browser.value("fetch('picture.png').then(r => r.blob()).then(b => b.size)");
     assert!(saved.as_u64().unwrap() > 10_000, "{saved}");
 
-    browser.value("say('quit')");
+    browser.value("command('quit')");
     session.wait().ok();
     // The recorded walk can be played.
     let script = std::fs::read_to_string(place.path("w.txt")).unwrap();
@@ -174,7 +174,7 @@ fn a_scene_gets_clearer_while_one_looks_and_the_page_comes_back_by_itself() {
     // Somebody ends it while walking: everything is stored all the same.
     browser.key("KeyE", "e", true);
     browser.wait("document.body.dataset.rest === 'false'");
-    browser.value("say('quit')");
+    browser.value("command('quit')");
     session.wait().ok();
 }
 

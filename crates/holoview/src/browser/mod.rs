@@ -27,7 +27,9 @@ use holo_net::{NetError, Shutdown};
 use tokio::net::TcpListener;
 
 use crate::{
-    Config, DriverArgs, session,
+    Config, DriverArgs,
+    commands::follow_standard_input,
+    session,
     stage::{Front, Wishes, stage},
 };
 use hub::Hub;
@@ -70,6 +72,7 @@ pub async fn run(config: Config, args: BrowserArgs, unit: f64, shutdown: Shutdow
     if !args.no_open {
         open(&format!("http://{address}/"));
     }
+    follow_standard_input(front.inputs.clone());
     let ending = Shutdown::new();
     let pages = tokio::spawn(serve(listener, front, ending.clone()));
     // Drawing takes the processor for a while; sockets must not wait for it.

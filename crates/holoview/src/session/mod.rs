@@ -37,7 +37,7 @@ use crate::{
     drivers::{DriverChoice, LoadedScene, SceneUse},
     report::StageTime,
 };
-pub use connect::Connected;
+pub use connect::{Connected, Waker};
 pub use current_view::Counts;
 use current_view::CurrentView;
 pub use default_view::default_view;

@@ -1,30 +1,40 @@
-//! The stage: a thread that owns a session and moves its eye, for front ends that people use.
+//! The stage: moves the eye of a session, for front ends that people use.
 //!
-//! Front ends send inputs and take frames; they meet neither the session nor each other.
+//! Front ends send inputs and take frames; they meet neither the session nor each other. Two threads
+//! share the work: the hand takes inputs and shows what is known from where the eye is, and the
+//! painter owns the session and draws.
 //!
 //! What always holds:
-//! - An input never waits for the server, a disk or a front end: only for the frame under way.
+//! - An input waits for no server, no disk, no driver and no front end.
 //! - Front ends take frames from a place that holds the latest one. Whoever is slow misses some.
 //! - With nothing new, nothing is drawn.
 //! - A frame names the last input that it shows.
 
+mod bell;
 mod detail;
+mod hand;
 mod input;
+mod painter;
 mod record;
-mod run;
 mod shown;
+mod warp;
 
-use std::sync::{Arc, mpsc};
+use std::{
+    sync::{Arc, mpsc},
+    thread,
+};
 
-use anyhow::Result;
+use anyhow::{Context, Result, anyhow};
 use tokio::sync::watch;
 
-pub use input::{Input, Inputs, Numbered};
+pub use input::{Input, Inputs, Named, Numbered};
 pub use shown::{Phase, Shown, State};
 
 use crate::session::Connected;
-use record::Record;
-use shown::Publisher;
+use bell::Bell;
+use hand::Hand;
+use painter::Painter;
+use shown::{Publisher, Watched};
 
 /// Options of a stage.
 pub struct Wishes {
@@ -52,15 +62,17 @@ pub struct Stage {
     connected: Connected,
     wishes: Wishes,
     inputs: mpsc::Receiver<Numbered>,
+    bell: Arc<Bell>,
     front: Front,
 }
 
 /// Returns a stage, and what front ends need of it.
 pub fn stage(connected: Connected, wishes: Wishes) -> (Stage, Front) {
-    let waker = connected.waker();
-    let (inputs, receiver) = Inputs::new(Arc::new(move || waker.wake()));
+    let bell = Arc::<Bell>::default();
+    let ringing = Arc::clone(&bell);
+    let (inputs, receiver) = Inputs::new(Arc::new(move || ringing.ring()));
     let front = Front { inputs, frames: Arc::default(), state: Arc::default() };
-    (Stage { connected, wishes, inputs: receiver, front: front.clone() }, front)
+    (Stage { connected, wishes, inputs: receiver, bell, front: front.clone() }, front)
 }
 
 impl Stage {
@@ -80,14 +92,28 @@ impl Stage {
     }
 
     fn play(self) -> Result<()> {
+        let watched = Watched(Arc::clone(&self.front.frames));
         let publisher = Publisher::new(self.front);
+        let waker = self.connected.waker();
         let loading = |text: &str| publisher.phase(Phase::Loading(text.to_owned()));
         let Some(session) = self.connected.begin(loading)? else { return Ok(()) };
-        let record = self.wishes.record.as_deref().map(Record::create).transpose()?;
         let stated = self.wishes.view.spec(session.named_views())?;
         let first = session.first_view()?.overridden_by(&stated);
-        let size = self.wishes.view.size();
-        run::Player::new(session, first, self.wishes.unit, size, self.inputs, publisher, record)?
-            .play()
+        let facts = State {
+            phase: Phase::Running,
+            traces: session.traces(),
+            views: Arc::new(session.named_views().to_vec()),
+            sections: Arc::new(session.sections().iter().map(|s| s.spec().clone()).collect()),
+            up: session.up().to_array(),
+            ..State::default()
+        };
+        let (painter, desk) = Painter::new(session, waker, Arc::clone(&self.bell), watched);
+        let shared = (self.bell, desk);
+        let hand = Hand::new(first, &self.wishes, self.inputs, shared, publisher, facts)?;
+        let painter = thread::Builder::new().name("painter".into()).spawn(|| painter.run());
+        let painter = painter.context("starting a thread")?;
+        let played = hand.play();
+        let painted = painter.join().map_err(|_| anyhow!("drawing failed: see above"))?;
+        played.and(painted)
     }
 }

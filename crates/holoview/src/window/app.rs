@@ -21,14 +21,11 @@ use winit::{
 use super::{
     canvas::Canvas,
     hand::Drag,
-    model::{Effect, Model},
+    model::{Effect, Model, Modifiers},
     overlay, saved,
     seen::Seen,
 };
-use crate::{
-    keys::Modifiers,
-    stage::{Front, Input},
-};
+use crate::stage::{Front, Input};
 
 /// This window's number as a sender of inputs.
 const SENDER: u32 = 1;
@@ -348,8 +345,7 @@ impl ApplicationHandler<Event> for App {
             WindowEvent::ModifiersChanged(modifiers) => {
                 let state = modifiers.state();
                 let other = state.alt_key() || state.super_key();
-                let (shift, ctrl) = (state.shift_key(), state.control_key());
-                self.model.set_modifiers(Modifiers { shift, ctrl, other });
+                self.model.set_modifiers(Modifiers { ctrl: state.control_key(), other });
                 Vec::new()
             }
             // The system makes up presses of what is held when the window gets the keyboard.

@@ -2,7 +2,7 @@
 
 use holo_picture::{Exposure, Look, Scale, ScaleError, Scaling, Tone};
 
-use crate::keys::Action;
+use crate::commands::Local;
 
 /// Most stops over or under the automatic or locked exposure.
 const MOST_STOPS: f32 = 8.0;
@@ -41,22 +41,22 @@ impl Display {
         Look { exposure, ..self.rest }
     }
 
-    /// Does what an action says, if it is about looks. `exposure` is the factor of the frame on the
-    /// screen. Returns whether it was done, or why it cannot be.
-    pub fn act(&mut self, action: Action, exposure: Option<f32>) -> Option<Result<(), String>> {
+    /// Does something that is about looks. `exposure` is the factor of the frame on the screen.
+    /// Returns whether it was done, or why it cannot be; `None` if it is about something else.
+    pub fn act(&mut self, local: Local, exposure: Option<f32>) -> Option<Result<(), String>> {
         let stops = |stops: f32| stops.clamp(-MOST_STOPS, MOST_STOPS);
-        match action {
-            Action::Brighter => self.stops = stops(self.stops + STEP),
-            Action::Darker => self.stops = stops(self.stops - STEP),
-            Action::LockExposure if self.locked.is_some() => self.locked = None,
-            Action::LockExposure => match exposure {
+        match local {
+            Local::Brighter => self.stops = stops(self.stops + STEP),
+            Local::Darker => self.stops = stops(self.stops - STEP),
+            Local::Exposure if self.locked.is_some() => self.locked = None,
+            Local::Exposure => match exposure {
                 Some(factor) => self.locked = Some(factor / self.stops.exp2()),
                 None => {
                     let reason = "Only the tones Soft and Linear have an exposure to lock.";
                     return Some(Err(reason.to_owned()));
                 }
             },
-            Action::Tone => {
+            Local::NextTone => {
                 self.rest.tone = match self.rest.tone {
                     Tone::Soft => Tone::Linear,
                     Tone::Linear => Tone::Camera,
@@ -65,9 +65,9 @@ impl Display {
                 };
                 self.rest.false_color = false;
             }
-            Action::FalseColor => self.rest.false_color = !self.rest.false_color,
-            Action::Contours => self.rest.contours = !self.rest.contours,
-            Action::LogScale => match other_scale(self.rest.scaling) {
+            Local::FalseColor => self.rest.false_color = !self.rest.false_color,
+            Local::Contours => self.rest.contours = !self.rest.contours,
+            Local::LogScale => match other_scale(self.rest.scaling) {
                 Ok(scaling) => self.rest.scaling = scaling,
                 Err(error) => return Some(Err(error.to_string())),
             },
@@ -115,19 +115,19 @@ mod tests {
     fn a_locked_exposure_is_the_one_on_the_screen_and_stops_go_on_from_it() {
         let mut display = Display::new(Look::default());
         // A whole stop is an exact factor of 2.
-        (0..2).for_each(|_| display.act(Action::Brighter, None).unwrap().unwrap());
-        display.act(Action::LockExposure, Some(0.5)).unwrap().unwrap();
+        (0..2).for_each(|_| display.act(Local::Brighter, None).unwrap().unwrap());
+        display.act(Local::Exposure, Some(0.5)).unwrap().unwrap();
         assert_eq!(display.look().exposure, Exposure::Factor(0.5));
-        (0..2).for_each(|_| display.act(Action::Darker, None).unwrap().unwrap());
+        (0..2).for_each(|_| display.act(Local::Darker, None).unwrap().unwrap());
         assert_eq!(display.look().exposure, Exposure::Factor(0.25));
-        display.act(Action::LockExposure, Some(0.5)).unwrap().unwrap();
+        display.act(Local::Exposure, Some(0.5)).unwrap().unwrap();
         assert_eq!(display.look().exposure, Exposure::Stops(0.0));
     }
 
     #[test]
     fn a_tone_without_a_factor_cannot_be_locked_and_says_so() {
         let mut display = Display::new(Look { tone: Tone::Camera, ..Look::default() });
-        assert!(display.act(Action::LockExposure, None).unwrap().is_err());
+        assert!(display.act(Local::Exposure, None).unwrap().is_err());
         assert_eq!(display.look().exposure, Exposure::Stops(0.0));
     }
 
@@ -136,21 +136,21 @@ mod tests {
         let mut display = Display::new(Look::default());
         let before = display.look();
         for tone in [Tone::Linear, Tone::Camera, Tone::Human, Tone::Soft] {
-            display.act(Action::Tone, None);
+            display.act(Local::NextTone, None);
             assert_eq!(display.look().tone, tone);
         }
-        for action in [Action::FalseColor, Action::Contours, Action::LogScale] {
+        for action in [Local::FalseColor, Local::Contours, Local::LogScale] {
             display.act(action, None);
         }
         let after = display.look();
         assert!(after.false_color && after.contours);
         assert_eq!(after.scaling, Scaling::Auto { log: true });
-        for action in [Action::FalseColor, Action::Contours, Action::LogScale] {
+        for action in [Local::FalseColor, Local::Contours, Local::LogScale] {
             display.act(action, None);
         }
         assert_eq!(display.look(), before);
-        assert_eq!(display.act(Action::Home, None), None);
-        (0..100).for_each(|_| _ = display.act(Action::Brighter, None));
+        assert_eq!(display.act(Local::Panel, None), None);
+        (0..100).for_each(|_| _ = display.act(Local::Brighter, None));
         assert_eq!(display.look().exposure, Exposure::Stops(MOST_STOPS));
     }
 
@@ -158,10 +158,10 @@ mod tests {
     fn a_range_that_begins_at_0_stays_linear_and_the_reason_is_given() {
         let fixed = |least, log| Scaling::Fixed(Scale::new(least, 100.0, log).unwrap());
         let mut display = Display::new(Look { scaling: fixed(0.0, false), ..Look::default() });
-        assert!(display.act(Action::LogScale, None).unwrap().is_err());
+        assert!(display.act(Local::LogScale, None).unwrap().is_err());
         assert_eq!(display.look().scaling, fixed(0.0, false));
         let mut display = Display::new(Look { scaling: fixed(1.0, false), ..Look::default() });
-        display.act(Action::LogScale, None).unwrap().unwrap();
+        display.act(Local::LogScale, None).unwrap().unwrap();
         assert_eq!(display.look().scaling, fixed(1.0, true));
     }
 

@@ -27,7 +27,9 @@ use tokio::sync::{oneshot, watch};
 use winit::event_loop::EventLoopProxy;
 
 use crate::{
-    Config, DriverArgs, ViewArgs, session,
+    Config, DriverArgs, ViewArgs,
+    commands::follow_standard_input,
+    session,
     stage::{Wishes, stage},
 };
 use app::{Event, Opening};
@@ -123,6 +125,7 @@ pub async fn run(
     screen.0.send(window).ok().context("the main thread has ended")?;
     let opened = opening.await.context("the window was closed at once")?;
     let proxy = opened.with_context(|| format!("no window can be opened; {INSTEAD}"))?;
+    follow_standard_input(front.inputs.clone());
     let mut ending = Ending {
         proxy: proxy.clone(),
         reason: Some("The session has ended: the terminal says why.".to_owned()),

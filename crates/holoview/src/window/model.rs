@@ -4,11 +4,12 @@
 //! [`Effect`]s.
 
 use std::{
+    collections::BTreeSet,
     sync::Arc,
     time::{Duration, Instant},
 };
 
-use holo_picture::{Look, ViewSpec};
+use holo_picture::Look;
 use holo_walk::Controls;
 
 use super::{
@@ -24,7 +25,8 @@ use super::{
     seen::Seen,
 };
 use crate::{
-    keys::{self, Action, Held, Key, Modifiers},
+    args::DriverArg,
+    commands::{self, Action, Does, Local, action_of},
     stage::{Input, State},
 };
 
@@ -69,6 +71,15 @@ pub enum Grids {
     Never,
 }
 
+/// What is held beside keys.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Modifiers {
+    /// Whether Ctrl is held.
+    pub ctrl: bool,
+    /// Whether one is held whose combinations belong to the desktop.
+    pub other: bool,
+}
+
 /// What is shown and hidden.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Modes {
@@ -106,7 +117,8 @@ pub struct Model {
     pub modes: Modes,
     /// Whether the person has done anything.
     pub has_acted: bool,
-    held: Held,
+    /// Keys that are held down, by their places.
+    held: BTreeSet<String>,
     controls: Controls,
     modifiers: Modifiers,
     hand: Hand,
@@ -117,6 +129,8 @@ pub struct Model {
     redraw: Option<Instant>,
     /// Number of the frame on the screen.
     presented: u64,
+    /// Whether the person was asked whether to end.
+    asks_to_quit: bool,
     /// Whether the session is over; the window then stays only to say why.
     is_over: bool,
     is_stale: bool,
@@ -134,7 +148,7 @@ impl Model {
             scale,
             modes: Modes::default(),
             has_acted: false,
-            held: Held::default(),
+            held: BTreeSet::new(),
             controls: Controls::default(),
             modifiers: Modifiers::default(),
             hand: Hand::default(),
@@ -142,6 +156,7 @@ impl Model {
             resized: None,
             redraw: None,
             presented: 0,
+            asks_to_quit: false,
             is_over: false,
             is_stale: true,
         }
@@ -286,25 +301,48 @@ impl Model {
 
     /// Notes that a key is up.
     pub fn release(&mut self, name: &str) -> Vec<Effect> {
-        self.held.release(name);
+        self.held.remove(name);
         self.hold()
     }
 
     /// Returns what a key does: `name` by its place, `sign` by what it writes.
     pub fn press(&mut self, name: &str, sign: &str, repeats: bool, now: Instant) -> Vec<Effect> {
-        match keys::key(name, sign, self.modifiers) {
-            Some(Key::Moves(..) | Key::Changes(_)) => {
-                self.held.press(name);
+        let Modifiers { ctrl, other } = self.modifiers;
+        if ctrl && name == "KeyQ" {
+            return vec![Effect::Leave];
+        }
+        let named = action_of(name).map(|action| (name, action));
+        let known = named.or_else(|| action_of(sign).map(|action| (sign, action)));
+        let Some((key, action)) = known.filter(|_| !ctrl && !other) else { return Vec::new() };
+        match action.does {
+            Does::Hold(..) | Does::Pace(_) | Does::Orbit => {
+                self.held.insert(name.to_owned());
                 self.hold()
             }
-            Some(Key::Does(action @ (Action::Brighter | Action::Darker))) => self.act(action, now),
-            Some(Key::Does(action)) if !repeats => self.act(action, now),
-            _ => Vec::new(),
+            Does::Local(local @ (Local::Brighter | Local::Darker)) => self.act(local, now),
+            _ if repeats => Vec::new(),
+            Does::Local(local) => self.act(local, now),
+            _ if name == "Escape" && self.has_open() => self.close(),
+            Does::Stage | Does::Toggle(..) | Does::NamedView => {
+                let line = action.line(key, &self.state);
+                line.map(|line| self.command(&line, now)).unwrap_or_default()
+            }
+        }
+    }
+
+    /// Has the stage do what a line says.
+    fn command(&mut self, line: &str, now: Instant) -> Vec<Effect> {
+        match commands::parse(line) {
+            Ok(input) => self.send(input),
+            Err(reason) => {
+                self.tell(reason, now);
+                Vec::new()
+            }
         }
     }
 
     fn hold(&mut self) -> Vec<Effect> {
-        let controls = self.held.controls();
+        let controls = Action::controls(self.held.iter().map(String::as_str));
         if controls == self.controls {
             return Vec::new();
         }
@@ -320,11 +358,11 @@ impl Model {
         vec![Effect::Send(input)]
     }
 
-    /// Returns what an action does.
-    pub fn act(&mut self, action: Action, now: Instant) -> Vec<Effect> {
+    /// Returns what this window does by itself.
+    fn act(&mut self, local: Local, now: Instant) -> Vec<Effect> {
         self.has_acted = true;
         let exposure = self.seen.as_ref().and_then(|seen| seen.image.exposure);
-        match self.display.act(action, exposure) {
+        match self.display.act(local, exposure) {
             Some(Ok(())) => {
                 self.touch();
                 return vec![Effect::Look(self.display.look())];
@@ -336,87 +374,81 @@ impl Model {
             None => {}
         }
         self.touch();
-        match action {
-            Action::Home => self.send(Input::Home),
-            Action::Back => self.send(Input::Back),
-            Action::Forward => self.send(Input::Forward),
-            Action::View(index) => self.recall(index, now),
-            Action::LockHeight => {
-                let lock = !self.state.height_is_locked;
-                self.tell(if lock { "Eye height locked." } else { "Eye height free." }, now);
-                self.send(Input::LockHeight(lock))
-            }
-            Action::Pause => self.send(Input::Pause(!self.state.is_paused)),
-            Action::MouseLook => {
+        match local {
+            Local::MouseLook => {
                 self.modes.looks = !self.modes.looks;
                 vec![Effect::Grab(self.modes.looks)]
             }
-            Action::Grids => {
-                let (grids, when) = match self.modes.grids {
-                    Grids::Auto => (Grids::Always, "always"),
-                    Grids::Always => (Grids::Never, "never"),
-                    Grids::Never => (Grids::Auto, "while moving, and where nothing is known"),
-                };
-                self.modes.grids = grids;
-                self.tell(format!("Section grids: {when}."), now);
+            Local::Grid => {
+                self.next_grids(now);
                 Vec::new()
             }
-            Action::SavePng => vec![Effect::Save(Kind::Seen)],
-            Action::SaveExr => vec![Effect::Save(Kind::Radiance)],
-            Action::FullScreen => {
+            Local::Save => vec![Effect::Save(Kind::Seen)],
+            Local::SaveRadiance => vec![Effect::Save(Kind::Radiance)],
+            Local::NextDriver => {
+                let line = format!("driver {}", next_driver(self.state.driver));
+                self.command(&line, now)
+            }
+            Local::FullScreen => {
                 self.modes.is_full = !self.modes.is_full;
                 vec![Effect::FullScreen(self.modes.is_full)]
             }
-            Action::Quit => vec![Effect::Leave],
-            Action::Close => self.close(),
+            Local::Quit if self.is_over || self.asks_to_quit => vec![Effect::Leave],
+            Local::Quit => {
+                self.asks_to_quit = true;
+                let question = "End the session? Every sample is stored. End: quit. Esc: stay.";
+                self.notice = Some((question.to_owned(), None));
+                Vec::new()
+            }
             _ => {
-                self.show(action);
+                self.show(local);
                 Vec::new()
             }
         }
     }
 
+    fn next_grids(&mut self, now: Instant) {
+        let (grids, when) = match self.modes.grids {
+            Grids::Auto => (Grids::Always, "always"),
+            Grids::Always => (Grids::Never, "never"),
+            Grids::Never => (Grids::Auto, "while moving, and where nothing is known"),
+        };
+        self.modes.grids = grids;
+        self.tell(format!("Section grids: {when}."), now);
+    }
+
     /// Shows or hides what lies over the picture.
-    fn show(&mut self, action: Action) {
+    fn show(&mut self, local: Local) {
         let modes = &mut self.modes;
-        let mode = match action {
-            Action::Panel => &mut modes.has_panel,
-            Action::Bare => &mut modes.is_bare,
-            Action::Theme => &mut modes.is_light,
-            Action::Help => &mut modes.has_help,
+        let mode = match local {
+            Local::Panel => &mut modes.has_panel,
+            Local::Bare => &mut modes.is_bare,
+            Local::Theme => &mut modes.is_light,
+            Local::Help => &mut modes.has_help,
             _ => return,
         };
         *mode = !*mode;
     }
 
-    fn recall(&mut self, index: usize, now: Instant) -> Vec<Effect> {
-        let mut view = ViewSpec::default();
-        let known = self.state.views.get(index).map(|(_, options)| view.apply_line(options));
-        match known {
-            Some(Ok(())) => self.send(Input::View(Box::new(view))),
-            Some(Err(error)) => {
-                self.tell(error.to_string(), now);
-                Vec::new()
-            }
-            None => {
-                self.tell(format!("No view has the number {}.", index + 1), now);
-                Vec::new()
-            }
-        }
+    /// Returns whether there is anything that Esc closes.
+    fn has_open(&self) -> bool {
+        let Modes { looks, has_help, is_full, .. } = self.modes;
+        self.is_over || looks || has_help || is_full || self.notice.is_some()
     }
 
     fn close(&mut self) -> Vec<Effect> {
         if self.is_over {
             return vec![Effect::Leave];
         }
-        if std::mem::take(&mut self.modes.looks) {
+        self.touch();
+        let modes = &mut self.modes;
+        if std::mem::take(&mut modes.looks) {
             return vec![Effect::Grab(false)];
         }
-        let modes = &mut self.modes;
-        let is_open = modes.has_help || self.notice.is_some();
-        modes.has_help = false;
+        let closes = modes.has_help || self.notice.is_some();
+        (modes.has_help, self.asks_to_quit) = (false, false);
         self.notice = None;
-        if !is_open && std::mem::take(&mut modes.is_full) {
+        if !closes && std::mem::take(&mut modes.is_full) {
             return vec![Effect::FullScreen(false)];
         }
         Vec::new()
@@ -476,7 +508,7 @@ impl Model {
             return None;
         }
         if let Some(index) = layout.views.iter().position(|line| line.contains(at)) {
-            return Some(self.recall(index, Instant::now()));
+            return Some(self.command(&format!("view {}", index + 1), Instant::now()));
         }
         let view = self.seen.as_ref().map(|seen| &seen.shown.view);
         let camera = Camera::now(&self.state, view);
@@ -515,6 +547,13 @@ impl Model {
     fn target(&self) -> Target {
         Target::new(self.picture(), self.seen.as_ref().map(|seen| &seen.shown.view))
     }
+}
+
+/// Returns the driver after the one of this name.
+fn next_driver(now: &str) -> &'static str {
+    let names = DriverArg::names();
+    let at = names.iter().position(|name| *name == now).map_or(0, |at| at + 1);
+    names[at % names.len()]
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ pub fn seen(size: (u32, u32), radiance: [f32; 3], look: &Look) -> Seen {
     let image = Viewer::default().see(&frame.picture, look, Instant::now());
     let view = view(size);
     let (options, input) = ("-vtv".to_owned(), (1, 1));
-    let shown =
-        Shown { number: 1, input, view, options, frame, is_at_rest: true, milliseconds: 1.0 };
+    let (frame, took, done) = (Arc::new(frame), [0.0; 2], Instant::now());
+    let shown = Shown { number: 1, input, view, options, frame, is_at_rest: true, took, done };
     Seen { shown: Arc::new(shown), image }
 }

@@ -95,6 +95,10 @@ fn written(text: &str) -> impl Iterator<Item = char> {
             '–' | '—' | '−' => "-",
             '’' | '‘' => "'",
             '“' | '”' => "\"",
+            '↑' => "Up",
+            '↓' => "Down",
+            '←' => "Left",
+            '→' => "Right",
             '\n' | '\t' => " ",
             _ => "",
         };
@@ -157,6 +161,7 @@ mod tests {
     #[test]
     fn a_sign_that_the_font_lacks_is_replaced() {
         assert_eq!(written("a…–’日\n").collect::<String>(), "a...-'? ");
+        assert_eq!(written("W ↑").collect::<String>(), "W Up");
         assert_eq!(written("cd/m² 3×4").collect::<String>(), "cd/m² 3×4");
         assert_eq!(Font::for_scale(1.0).width_of("…"), 3 * Font::for_scale(1.0).width());
     }

@@ -13,7 +13,10 @@ use super::{
     model::{Grids, Model},
     text::{self, Font, Weight},
 };
-use crate::{keys::HELP, stage::Phase};
+use crate::{
+    commands::{ACTIONS, GESTURES},
+    stage::Phase,
+};
 use space::{Camera, Lost};
 
 /// How strong grids are, of 1.
@@ -27,9 +30,8 @@ const MOST_UNKNOWN: f64 = 0.5;
 /// Opacity of what text stands on.
 const GLASS: f32 = 0.86;
 
-/// How text columns of the help lie: keys, and what they do.
-const KEY_SIGNS: i32 = 16;
-const HELP_SIGNS: i32 = 26;
+/// Keys that windows have on every desktop.
+const OF_DESKTOP: [(&str, &str); 1] = [("Ctrl Q", "quit at once")];
 
 /// Colours of what is drawn over the picture.
 struct Theme {
@@ -313,44 +315,71 @@ impl Page<'_, '_> {
 
     /// Lists the keys, in text as small as the window asks for.
     fn help(&mut self, scale: f64) {
-        let (font, columns) = help_fitting(self.size(), scale);
+        let (font, list) = HelpList::fitting(self.size(), scale);
         self.font = font;
         let (high, sign) = (font.height(), font.width());
-        let column = sign * (KEY_SIGNS + HELP_SIGNS + 2);
-        let rows = (HELP.len() as i32 + columns - 1) / columns;
-        let (width, height) = help_size(font, columns);
-        let (x, y) = ((self.size().0 - width) / 2, (self.size().1 - height) / 2);
+        let (width, height) = list.size(font);
         let (all_wide, all_high) = self.size();
+        let (x, y) = ((all_wide - width) / 2, (all_high - height) / 2);
         let all = Rect { x: 0, y: 0, width: all_wide, height: all_high };
         self.canvas.fill(all, [0; 3], 0.45);
         self.glass(Rect { x, y, width, height }, Some(self.theme.dim));
         let theme = self.theme;
-        self.write((x + high, y + high / 2), "Keys", Weight::Bold, theme.accent);
-        for (index, (keys, what)) in (0..).zip(HELP) {
-            let at = (x + high + index / rows * column, y + high * 2 + index % rows * high);
+        self.write((x + high / 2, y + high / 2), "Keys", Weight::Bold, theme.accent);
+        for (index, (keys, what)) in (0..).zip(rows()) {
+            let (column, row) = (index / list.rows(), index % list.rows());
+            let at = (x + high / 2 + column * list.column() * sign, y + high * 2 + row * high);
             self.write(at, keys, Weight::Bold, theme.text);
-            self.write((at.0 + KEY_SIGNS * sign, at.1), what, Weight::Regular, theme.dim);
+            self.write((at.0 + list.key_signs * sign, at.1), what, Weight::Regular, theme.dim);
         }
     }
 }
 
-/// Returns the largest font, and a number of columns, in which the list of keys fits.
-fn help_fitting(size: (i32, i32), scale: f64) -> (Font, i32) {
-    let fonts = [1.0, 0.8, 0.6, 0.4].map(|part| Font::for_scale(part * scale));
-    let choices = fonts.into_iter().flat_map(|font| [2, 1, 3].map(|columns| (font, columns)));
-    let fits = |&(font, columns): &(Font, i32)| {
-        let (width, height) = help_size(font, columns);
-        width <= size.0 && height <= size.1
-    };
-    let mut choices = choices.filter(fits);
-    choices.next().unwrap_or((Font::for_scale(0.0), 2))
+/// Returns all keys and gestures, and what they do.
+fn rows() -> impl Iterator<Item = (&'static str, &'static str)> {
+    let keys = ACTIONS.iter().map(|action| (action.shown, action.help));
+    keys.chain(GESTURES.iter().copied()).chain(OF_DESKTOP)
 }
 
-/// Returns the width and height of the list of keys.
-fn help_size(font: Font, columns: i32) -> (i32, i32) {
-    let rows = (HELP.len() as i32 + columns - 1) / columns;
-    let signs = columns * (KEY_SIGNS + HELP_SIGNS + 2) - 2;
-    (signs * font.width() + 2 * font.height(), (rows + 3) * font.height())
+/// How the list of keys lies, in signs.
+struct HelpList {
+    key_signs: i32,
+    help_signs: i32,
+    columns: i32,
+}
+
+impl HelpList {
+    /// Returns the largest font in which the list fits, and how it then lies.
+    fn fitting(size: (i32, i32), scale: f64) -> (Font, HelpList) {
+        let one = Font::for_scale(1.0);
+        let signs = |text: &str| one.width_of(text) / one.width();
+        let key_signs = rows().map(|(keys, _)| signs(keys)).max().unwrap_or(0) + 1;
+        let help_signs = rows().map(|(_, what)| signs(what)).max().unwrap_or(0);
+        let list = |columns| HelpList { key_signs, help_signs, columns };
+        let fonts = [1.0, 0.8, 0.6, 0.4].map(|part| Font::for_scale(part * scale));
+        let choices = fonts.into_iter().flat_map(|font| [2, 1, 3].map(|count| (font, list(count))));
+        let fits = |(font, list): &(Font, HelpList)| {
+            let (width, height) = list.size(*font);
+            width <= size.0 && height <= size.1
+        };
+        let mut fitting = choices.filter(fits);
+        fitting.next().unwrap_or((Font::for_scale(0.0), list(2)))
+    }
+
+    fn rows(&self) -> i32 {
+        (rows().count() as i32 + self.columns - 1) / self.columns
+    }
+
+    /// Returns the signs from one column to the next.
+    fn column(&self) -> i32 {
+        self.key_signs + self.help_signs + 1
+    }
+
+    /// Returns the width and height in pixels.
+    fn size(&self, font: Font) -> (i32, i32) {
+        let signs = self.columns * self.column() - 1;
+        (signs * font.width() + font.height(), (self.rows() * 2 + 5) * font.height() / 2)
+    }
 }
 
 /// Returns how strong the grids of sections are drawn.

@@ -13,8 +13,8 @@ const SIGNS: i32 = 36;
 /// Signs before a value.
 const NAME_SIGNS: i32 = 11;
 
-/// Lines above the plan: a heading, five values and the plan's heading, with gaps.
-const LINES_ABOVE: i32 = 8;
+/// Lines above the plan: a heading, six values and the plan's heading, with gaps.
+const LINES_ABOVE: i32 = 9;
 
 /// Lines that the plan is high at the most.
 const PLAN_LINES: i32 = 14;
@@ -73,7 +73,8 @@ impl Page<'_, '_> {
         let x = layout.rect.x + high * 7 / 10;
         let (exposure, tone) = model.display.words();
         let seen = model.seen.as_deref();
-        let light = [("Exposure", exposure), ("Shown", tone.to_owned())];
+        let driver = model.state.driver.to_owned();
+        let light = [("Driver", driver), ("Exposure", exposure), ("Shown", tone.to_owned())];
         self.write((x, layout.rect.y + high / 2), "LIGHT", Weight::Bold, theme.dim);
         let values = light.into_iter().chain(words::under_cursor(seen, model.cursor()));
         for (row, (name, value)) in (0..).zip(values) {
@@ -147,7 +148,7 @@ mod tests {
             assert!(layout.views.iter().all(inside) && inside(&layout.plan), "{layout:?}");
         }
         let side = |height| Layout::new((1280, height), 1.0, 9).plan.width;
-        assert!(side(500) < side(720) && side(800) == side(1000));
+        assert!(side(520) < side(720) && side(800) == side(1000));
         assert_eq!(Layout::new((1280, 720), 1.0, 100).views.len(), MOST_VIEWS);
     }
 }

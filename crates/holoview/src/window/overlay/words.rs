@@ -39,6 +39,9 @@ pub fn status(state: &State, seen: Option<&Seen>, pace: &Pace, now: Instant) -> 
     if state.view_samples > 0 {
         fields.push(field(short(state.view_samples as f64), "samples of this view"));
     }
+    if state.height_is_locked {
+        fields.push(field("eye height locked".into(), ""));
+    }
     if !state.traces {
         fields.push(field("stored rays only".into(), ""));
         return fields;
@@ -169,7 +172,8 @@ mod tests {
         let dead = State { workers: Some(0), ..running() };
         let fields = status(&dead, None, &Pace::default(), Instant::now());
         assert!(fields.iter().any(|field| field.is_bad && field.value == "no worker"));
-        assert_eq!(say(&State { traces: false, ..running() }), "stored rays only ");
+        let locked = State { traces: false, height_is_locked: true, ..running() };
+        assert_eq!(say(&locked), "eye height locked; stored rays only ");
     }
 
     #[test]
