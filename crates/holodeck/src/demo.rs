@@ -94,6 +94,7 @@ fn viewer(address: SocketAddr, size: (u32, u32), script: Option<PathBuf>) -> hol
         json: false,
         quiet: false,
         with_parent: false,
+        crew: None,
     }
 }
 
