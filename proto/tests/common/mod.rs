@@ -274,7 +274,7 @@ pub fn control() -> impl Strategy<Value = Control> {
         Just(Control::StandInsWanted),
         ("[a-z ]{1,60}", "[-a-z0-9 ]{0,80}")
             .prop_map(|(name, options)| Control::KeepView { name, options }),
-        collection::vec((text(), text()), 0..4).prop_map(Control::Views),
+        vec((text(), text()), 0..4).prop_map(Control::Views),
         text().prop_map(|reason| Control::Refused { reason }),
     ]
 }
