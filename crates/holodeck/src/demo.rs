@@ -98,6 +98,7 @@ fn viewer(
         json: false,
         quiet: false,
         with_parent: false,
+        crew: None,
     }
 }
 

@@ -6,6 +6,7 @@
 mod arguments;
 mod compare;
 mod config;
+mod crew;
 mod demo;
 mod differences;
 mod fill;

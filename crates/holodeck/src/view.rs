@@ -14,10 +14,10 @@ use tokio::sync::oneshot;
 
 use crate::{
     arguments::picture_path,
+    crew::{Crew, WorkerArgs},
     prepare::{self, SMALL_CACHE},
-    processes::Server,
     scene_args::{SceneArgs, Usage},
-    worker::{KeptWorker, NICE, NICE_WHILE_WALKING},
+    worker::{NICE, NICE_WHILE_WALKING},
 };
 
 /// How a session is shown and followed.
@@ -71,6 +71,7 @@ impl SessionArgs {
             json: self.json,
             quiet: self.quiet,
             with_parent: false,
+            crew: None,
         }
     }
 
@@ -258,17 +259,18 @@ impl LiveSession {
     /// # Errors
     /// Whatever failed first.
     pub async fn run(self, viewer: impl FnOnce(SocketAddr) -> holo_view::Config) -> Result<()> {
-        let mut arguments: Vec<OsString> = vec![self.file.into(), "--quiet".into()];
+        let mut arguments: Vec<OsString> = vec!["--quiet".into()];
         if let Some(cache) = self.cache {
             arguments.extend(["--cache".into(), cache.to_string().into()]);
         }
         let shutdown = Shutdown::new();
         shutdown.on_signals(false)?;
-        let mut server = Server::start(arguments).await?;
         let nice = if self.front_end.walks() { NICE_WHILE_WALKING } else { NICE };
-        let mut worker = KeptWorker::start(server.address, self.threads, nice, self.quiet)?;
+        let (threads, quiet) = (self.threads, self.quiet);
+        let mut crew =
+            Crew::start(self.file, arguments, WorkerArgs { threads, nice, quiet }).await?;
         let (sender, ready) = oneshot::channel();
-        let (is_ready, shutdown_before) = (worker.ready(), shutdown.clone());
+        let (is_ready, shutdown_before) = (crew.worker_is_ready(), shutdown.clone());
         tokio::spawn(async move {
             tokio::select! {
                 () = is_ready => {
@@ -278,16 +280,10 @@ impl LiveSession {
                 () = shutdown_before.wait() => {}
             }
         });
-        let config = viewer(server.address);
+        let config = holo_view::Config { crew: Some(crew.orders()), ..viewer(crew.address()) };
         let viewing = self.front_end.show(config, self.unit, shutdown.clone(), ready);
-        let result = tokio::select! {
-            result = viewing => result,
-            error = worker.keep() => Err(error),
-            Err(error) = server.process.wait() => Err(error),
-        };
-        let ended = server.process.end().await;
-        worker.end().await;
-        result.and(ended)
+        let result = crew.keep(viewing).await;
+        result.and(crew.end().await)
     }
 }
 
@@ -355,6 +351,7 @@ pub async fn picture(args: PictureCommand) -> Result<()> {
         json: args.json,
         quiet: args.quiet,
         with_parent: false,
+        crew: None,
     })
     .await
 }

@@ -15,6 +15,7 @@
 pub mod args;
 mod browser;
 pub mod commands;
+mod crew;
 mod drivers;
 mod report;
 mod screen;
@@ -35,6 +36,7 @@ pub use args::{
     ViewArgs, parse_size,
 };
 pub use browser::{BrowserArgs, run as run_in_browser};
+pub use crew::{Crew, CrewOrder, crew};
 pub use report::{PictureReport, StageTime};
 pub use script::{Command, Script, Step, parse_seconds};
 pub use session::default_view;
@@ -77,6 +79,9 @@ pub struct Config {
     /// End when standard input ends (set by the program that starts this one)
     #[arg(long, hide = true)]
     pub with_parent: bool,
+    /// Whoever has started server and workers, if it takes orders.
+    #[arg(skip)]
+    pub crew: Option<Crew>,
 }
 
 /// Shows a server's holodeck until the script, the time or the session ends, or `shutdown` is

@@ -281,7 +281,7 @@ impl<'a> Writer<'a> {
             tone: milliseconds(begin, Instant::now()),
             encode: 0.0,
         };
-        self.guest.sees(Seen { frame: shown.number, image: Arc::clone(&image) });
+        self.guest.sees(Seen { frame: shown.number, image: Arc::clone(&image), look });
         let update = self.screen.show(Arc::clone(&image));
         self.on_screen = Some(OnScreen { shown, look, image });
         self.send_update(update).await?;

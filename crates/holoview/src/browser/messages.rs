@@ -221,7 +221,7 @@ fn asked(said: Said) -> Result<Asked, String> {
 fn for_pages(input: Input) -> Result<Input, String> {
     match input {
         // A page saves what it has got; it chooses no file of this machine.
-        Input::Picture(_) => Err("a page saves pictures by its own links".to_owned()),
+        Input::Picture(..) => Err("a page saves pictures by its own links".to_owned()),
         input => Ok(input),
     }
 }
@@ -379,6 +379,9 @@ pub fn state(state: &State) -> String {
         "text": text,
         "uncovered": state.is_uncovered,
         "trouble": state.trouble,
+        "question": state.question,
+        "crew": state.has_crew,
+        "views": *state.views,
         "options": state.options,
         "pose": state.pose,
         "locked": state.height_is_locked,
@@ -397,8 +400,7 @@ pub fn state(state: &State) -> String {
 /// Returns the text of what never changes.
 pub fn facts(state: &State) -> String {
     let sections: Vec<Value> = state.sections.iter().map(section).collect();
-    let views: Vec<&(String, String)> = state.views.iter().collect();
-    json!({ "is": "facts", "sections": sections, "views": views, "up": state.up }).to_string()
+    json!({ "is": "facts", "sections": sections, "up": state.up }).to_string()
 }
 
 fn section(spec: &SectionSpec) -> Value {

@@ -66,7 +66,7 @@ pub async fn run(config: Config, args: BrowserArgs, unit: f64, shutdown: Shutdow
     let driver = DriverArgs { walks: true, ..config.driver };
     let connected =
         session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;
-    let wishes = Wishes { view: config.view, unit, record: args.record };
+    let wishes = Wishes { view: config.view, unit, record: args.record, crew: config.crew };
     let (stage, front) = stage(connected, wishes);
     println!("http://{address}/");
     if !args.no_open {

@@ -1,8 +1,10 @@
 //! Lines: what the stage does, in words.
 
+use std::path::Path;
+
 use clap::ValueEnum;
 use glam::DVec3;
-use holo_picture::ViewSpec;
+use holo_picture::{Format, ViewSpec};
 
 use crate::{
     args::{DriverArg, parse_size},
@@ -15,7 +17,7 @@ const MOST_NAME: usize = 60;
 /// Every line that there is: what one writes, for people.
 const LINES: &str = "home, back, forward, view OPTIONS, view NAME, go X Y Z, lock, unlock, \
     size WxH, pause, resume, kill workers, restart workers, driver NAME, keep NAME, forget NAME, \
-    picture FILE, start over (twice), cancel, quit";
+    picture FILE, picture FILE WxH, start over (twice), cancel, quit";
 
 /// Parses a line.
 ///
@@ -51,9 +53,18 @@ pub fn parse(line: &str) -> Result<Input, String> {
         "driver" => driver(rest).map(Input::Driver),
         "keep" => name(rest).map(Input::Keep),
         "forget" => name(rest).map(Input::Forget),
-        "picture" if rest.is_empty() => Err("`picture` needs a file, such as view.png".to_owned()),
-        "picture" => Ok(Input::Picture(rest.into())),
+        "picture" => picture(rest),
         _ => Err(format!("`{line}` is no command. Commands: {LINES}")),
+    }
+}
+
+fn picture(text: &str) -> Result<Input, String> {
+    let sized = text.rsplit_once(char::is_whitespace);
+    let sized = sized.and_then(|(file, size)| Some((file.trim_end(), parse_size(size).ok()?)));
+    let (file, size) = sized.map_or((text, None), |(file, size)| (file, Some(size)));
+    match Format::of_path(Path::new(file)) {
+        Some(_) => Ok(Input::Picture(file.into(), size)),
+        None => Err("`picture` needs a file that ends with .png, .exr, .hdr or .pfm".to_owned()),
     }
 }
 
@@ -114,7 +125,8 @@ mod tests {
             ("keep the hall", Input::Keep("the hall".to_owned())),
             ("go 1 -2 1.6", Input::GoTo(DVec3::new(1.0, -2.0, 1.6))),
             ("size 640x480", Input::Size(640, 480)),
-            ("picture a b.png", Input::Picture("a b.png".into())),
+            ("picture a b.png", Input::Picture("a b.png".into(), None)),
+            ("picture a b.exr 64x36", Input::Picture("a b.exr".into(), Some((64, 36)))),
             ("quit", Input::Quit),
         ] {
             assert_eq!(parse(line), Ok(input), "{line}");
@@ -139,6 +151,7 @@ mod tests {
             ("size 0x5", ""),
             ("driver fast", "drivers: voronoi, surfaces"),
             ("picture", "needs a file"),
+            ("picture a.txt 64x36", "needs a file"),
         ] {
             let error = parse(line).unwrap_err();
             assert!(error.contains(reason), "{line}: {error}");

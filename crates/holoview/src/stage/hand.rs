@@ -5,7 +5,9 @@
 
 use std::{
     collections::VecDeque,
+    path::PathBuf,
     sync::{Arc, mpsc},
+    thread,
     time::{Duration, Instant},
 };
 
@@ -17,12 +19,13 @@ use holo_walk::{Pose, Walker};
 
 use super::{
     bell::Bell,
-    input::{Input, Named, Numbered},
+    input::{Input, Named, Numbered, Reply},
     painter::{Desk, Done, News, Order, Painted, Wanted},
     record::Record,
     shown::{Publisher, Shown, State},
     warp::{Source, can_show, warp},
 };
+use crate::Crew;
 
 /// The eye rests once it has not moved for so long. Inputs of a moving hand follow each other
 /// faster. Whoever moves on sees earlier frames until the frame at rest is done.
@@ -53,12 +56,28 @@ const MOTION: Duration = Duration::from_millis(100);
 /// Longest time for which the motion is taken to go on.
 const MOST_AHEAD: Duration = Duration::from_millis(250);
 
+/// How long it is said why something was not done.
+const REFUSAL: Duration = Duration::from_secs(8);
+
+/// How long a question waits for its answer.
+const ANSWER: Duration = Duration::from_secs(15);
+
+const QUESTION: &str = "Start over? All samples of this holodeck are forgotten.";
+
+const NO_CREW: &str = "this program has not started the server and the workers: whoever has can";
+
 /// Takes inputs and shows frames.
 pub struct Hand {
     walker: Walker,
     inputs: mpsc::Receiver<Numbered>,
     bell: Arc<Bell>,
-    desk: Desk,
+    /// The painter's desk, while there is one.
+    desk: Option<Desk>,
+    crew: Option<Crew>,
+    /// When it was asked whether all samples are to be forgotten.
+    question: Option<Instant>,
+    /// Why this ends, once it does.
+    ending: Option<Ending>,
     publisher: Publisher,
     record: Option<Record>,
     /// The picture at rest, pixels at the most.
@@ -66,8 +85,8 @@ pub struct Hand {
     cursor: Option<(f64, f64)>,
     /// The last input that was taken.
     input: (u32, u64),
-    /// Why the last view that was asked for is none.
-    refusal: Option<String>,
+    /// Why the last thing that was asked for is not done, and since when that is said.
+    refusal: Option<(String, Instant)>,
     news: News,
     /// The size of frames while the eye moves.
     moving_size: Option<(u32, u32)>,
@@ -89,6 +108,15 @@ pub struct Hand {
     facts: State,
 }
 
+/// Why a hand has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// Somebody quits, or the painter has ended.
+    Quit,
+    /// All samples are to be forgotten.
+    StartOver,
+}
+
 /// When things happened last.
 struct Times {
     advanced: Instant,
@@ -102,7 +130,7 @@ struct Times {
 }
 
 impl Hand {
-    /// Returns a hand that begins with the view `first`. `facts` is what never changes.
+    /// Returns a hand that begins with the view `first`.
     ///
     /// # Errors
     /// If `first` is no view.
@@ -110,9 +138,8 @@ impl Hand {
         first: ViewSpec,
         wishes: &super::Wishes,
         inputs: mpsc::Receiver<Numbered>,
-        (bell, desk): (Arc<Bell>, Desk),
+        bell: Arc<Bell>,
         publisher: Publisher,
-        facts: State,
     ) -> Result<Hand> {
         let size = wishes.view.size();
         first.resolve(size).context("the first view")?;
@@ -131,7 +158,10 @@ impl Hand {
             walker,
             inputs,
             bell,
-            desk,
+            desk: None,
+            crew: wishes.crew.clone(),
+            question: None,
+            ending: None,
             publisher,
             record: wishes.record.as_deref().map(Record::create).transpose()?,
             size,
@@ -148,29 +178,35 @@ impl Hand {
             has_news: false,
             trail: VecDeque::new(),
             times,
-            facts,
+            facts: State::default(),
         })
     }
 
-    /// Shows views until somebody quits or the painter ends.
+    /// Shows views of a painter until somebody ends it or the painter ends. `facts` is what never
+    /// changes meanwhile.
     ///
     /// # Errors
     /// If the walk cannot be recorded.
-    pub fn play(mut self) -> Result<()> {
+    pub fn play(&mut self, desk: Desk, facts: State) -> Result<Ending> {
+        (self.desk, self.facts, self.ending) = (Some(desk), facts, None);
+        (self.sources, self.held_back, self.has_news) = (VecDeque::new(), None, false);
         self.walker.stay();
         self.want();
-        let mut quits = false;
         loop {
             let before = *self.walker.view();
-            if !quits && self.take_inputs() {
-                quits = true;
-                self.desk.order(Order::Quit);
+            if self.ending.is_none() {
+                self.take_inputs();
+                match self.ending {
+                    Some(Ending::Quit) => self.order(Order::Quit),
+                    Some(Ending::StartOver) => self.order(Order::Leave),
+                    None => {}
+                }
             }
             self.advance();
             if *self.walker.view() != before {
                 self.has_moved();
             }
-            let done = self.desk.take();
+            let Some(done) = self.desk.as_ref().map(Desk::take) else { break };
             let is_over = done.is_over;
             self.take_frames(done)?;
             if is_over {
@@ -181,9 +217,24 @@ impl Hand {
             self.publish_state();
             self.bell.wait(self.next_due());
         }
+        self.publish_state();
+        Ok(self.ending.unwrap_or(Ending::Quit))
+    }
+
+    /// Ends the record of the walk.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn end(mut self) -> Result<()> {
         match &mut self.record {
             Some(record) => record.end(Instant::now()),
             None => Ok(()),
+        }
+    }
+
+    fn order(&self, order: Order) {
+        if let Some(desk) = &self.desk {
+            desk.order(order);
         }
     }
 
@@ -206,16 +257,14 @@ impl Hand {
         }
     }
 
-    /// Takes all inputs that wait. Returns whether somebody quits.
-    fn take_inputs(&mut self) -> bool {
-        while let Ok(Numbered { from, input }) = self.inputs.try_recv() {
+    /// Takes all inputs that wait, until one ends this.
+    fn take_inputs(&mut self) {
+        while self.ending.is_none()
+            && let Ok(Numbered { from, input }) = self.inputs.try_recv()
+        {
             self.input = from;
-            if input == Input::Quit {
-                return true;
-            }
             self.take(input);
         }
-        false
     }
 
     fn take(&mut self, input: Input) {
@@ -245,11 +294,64 @@ impl Hand {
             Input::Back => self.jump(Walker::back),
             Input::Forward => self.jump(Walker::forward),
             Input::LockHeight(lock) => walker.height_is_locked = lock,
-            Input::Pause(pause) => self.desk.order(Order::Pause(pause)),
-            Input::Driver(driver) => self.desk.order(Order::Driver(driver)),
+            Input::Pause(pause) => self.order(Order::Pause(pause)),
+            Input::Driver(driver) => self.order(Order::Driver(driver)),
             Input::Size(width, height) => self.resize((width, height)),
-            Input::Quit | Input::Cancel => {}
-            _ => self.refusal = Some("this cannot be done yet".to_owned()),
+            Input::KillWorkers => self.order_crew(Crew::kill_workers),
+            Input::RestartWorkers => self.order_crew(Crew::restart_workers),
+            Input::StartOver => self.ask_to_start_over(),
+            Input::Cancel => (self.question, self.refusal) = (None, None),
+            Input::Picture(path, size) => self.save(path, size),
+            Input::Render(size, reply) => self.render(size, reply),
+            Input::Keep(name) => {
+                let options = holo_walk::options(self.walker.view());
+                self.order(Order::KeepView(name, options));
+            }
+            Input::Forget(name) => self.order(Order::KeepView(name, String::new())),
+            Input::Quit => self.ending = Some(Ending::Quit),
+            _ => self.refuse("this cannot be done yet".to_owned()),
+        }
+    }
+
+    fn refuse(&mut self, reason: String) {
+        self.refusal = Some((reason, Instant::now()));
+    }
+
+    fn order_crew(&mut self, order: impl FnOnce(&Crew)) {
+        match &self.crew {
+            Some(crew) => order(crew),
+            None => self.refuse(NO_CREW.to_owned()),
+        }
+    }
+
+    /// Asks whether all samples are to be forgotten, or ends for that if it has been asked.
+    fn ask_to_start_over(&mut self) {
+        if self.crew.is_none() {
+            self.refuse(NO_CREW.to_owned());
+        } else if self.question.take().is_some_and(|asked| asked.elapsed() < ANSWER) {
+            self.ending = Some(Ending::StartOver);
+        } else {
+            self.question = Some(Instant::now());
+        }
+    }
+
+    /// Writes a picture of the current view to a file, on a thread of its own.
+    fn save(&mut self, path: PathBuf, size: Option<(u32, u32)>) {
+        let reply = Reply::new(move |frame| {
+            let path = path.clone();
+            thread::spawn(move || match frame.picture.write(&path) {
+                Ok(()) => eprintln!("wrote {}", path.display()),
+                Err(error) => eprintln!("{error}"),
+            });
+        });
+        self.render(size.unwrap_or(self.size), reply);
+    }
+
+    fn render(&mut self, size: (u32, u32), reply: Reply) {
+        let spec = *self.walker.view();
+        match spec.resolve(size) {
+            Ok((view, size)) => self.order(Order::Render(view, size, reply)),
+            Err(error) => self.refuse(error.to_string()),
         }
     }
 
@@ -273,13 +375,13 @@ impl Hand {
                 self.jump(|walker| walker.look(change));
                 self.refusal = None;
             }
-            Err(error) => self.refusal = Some(error.to_string()),
+            Err(error) => self.refuse(error.to_string()),
         }
     }
 
     /// Goes to a view that the holodeck knows.
     fn recall(&mut self, named: &Named) {
-        let views = Arc::clone(&self.facts.views);
+        let views = Arc::clone(&self.news.views);
         let found = match named {
             Named::Number(number) => number.checked_sub(1).and_then(|at| views.get(at)),
             Named::Name(name) => views.iter().find(|(other, _)| other == name),
@@ -287,8 +389,8 @@ impl Hand {
         let mut change = ViewSpec::default();
         match found.map(|(_, options)| change.apply_line(options)) {
             Some(Ok(())) => self.look(&change),
-            Some(Err(error)) => self.refusal = Some(error.to_string()),
-            None => self.refusal = Some("the holodeck has no view of this name".to_owned()),
+            Some(Err(error)) => self.refuse(error.to_string()),
+            None => self.refuse("the holodeck has no view of this name".to_owned()),
         }
     }
 
@@ -331,7 +433,9 @@ impl Hand {
         let is_moving = self.is_moving();
         let spec = if is_moving { self.ahead() } else { *self.walker.view() };
         let (size, jumps) = (self.size, self.jumps);
-        self.desk.want(Wanted { spec, size, is_moving, jumps });
+        if let Some(desk) = &self.desk {
+            desk.want(Wanted { spec, size, is_moving, jumps });
+        }
     }
 
     /// Returns where the eye will be after the time that a frame takes, if it goes on so.
@@ -350,6 +454,9 @@ impl Hand {
     /// Takes what the painter has done.
     fn take_frames(&mut self, done: Done) -> Result<()> {
         self.news = done.news;
+        if let Some(refusal) = done.refusal {
+            self.refuse(refusal);
+        }
         self.moving_size = done.moving_size.or(self.moving_size);
         if let Some(painted) = done.painted.filter(|painted| painted.wanted.jumps == self.jumps) {
             if painted.wanted.is_moving {
@@ -374,7 +481,7 @@ impl Hand {
     fn show(&mut self, painted: Painted) -> Result<()> {
         self.awaits_jump = false;
         let is_of_now = painted.wanted.spec == *self.walker.view();
-        let is_resting = is_of_now && !painted.wanted.is_moving;
+        let is_resting = is_of_now && !painted.has_few;
         let cannot_wait = self
             .walker
             .view()
@@ -456,11 +563,16 @@ impl Hand {
             return;
         }
         self.times.state = now;
+        self.refusal.take_if(|(_, since)| since.elapsed() >= REFUSAL);
+        self.question = self.question.filter(|asked| asked.elapsed() < ANSWER);
         let pose = self.walker.pose();
         let news = self.news.clone();
         self.publisher.state(State {
             is_uncovered: news.is_uncovered,
-            trouble: news.trouble.or_else(|| self.refusal.clone()),
+            trouble: news.trouble.or_else(|| self.refusal.clone().map(|(refusal, _)| refusal)),
+            views: news.views,
+            question: self.question.map(|_| QUESTION.to_owned()),
+            has_crew: self.crew.is_some(),
             options: holo_walk::options(self.walker.view()),
             pose: [pose.eye, pose.direction, pose.up].map(|vector| vector.to_array()),
             height_is_locked: self.walker.height_is_locked,

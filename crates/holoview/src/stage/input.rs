@@ -6,6 +6,7 @@ use std::{
 };
 
 use glam::DVec3;
+use holo_display::Frame;
 use holo_picture::ViewSpec;
 use holo_walk::Controls;
 
@@ -61,8 +62,11 @@ pub enum Input {
     Keep(String),
     /// Remove a named view from the holodeck.
     Forget(String),
-    /// Write the latest frame to a file.
-    Picture(PathBuf),
+    /// Write a picture of the current view to a file, of this size if one is given. Its shape is
+    /// the view's.
+    Picture(PathBuf, Option<(u32, u32)>),
+    /// Draw the current view in a picture of at most this size, for whoever waits for it.
+    Render((u32, u32), Reply),
     /// Trace a part of the picture first: shares of it from its left and top to its right and
     /// bottom. `None`: all of it alike.
     Focus(Option<[f64; 4]>),
@@ -70,6 +74,34 @@ pub enum Input {
     Size(u32, u32),
     /// End the session.
     Quit,
+}
+
+/// Takes a picture that somebody asked for.
+#[derive(Clone)]
+pub struct Reply(Arc<dyn Fn(Arc<Frame>) + Send + Sync>);
+
+impl Reply {
+    /// Has `take` called with the picture.
+    pub fn new(take: impl Fn(Arc<Frame>) + Send + Sync + 'static) -> Reply {
+        Reply(Arc::new(take))
+    }
+
+    /// Gives the picture.
+    pub fn give(&self, frame: Arc<Frame>) {
+        (self.0)(frame);
+    }
+}
+
+impl std::fmt::Debug for Reply {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Reply")
+    }
+}
+
+impl PartialEq for Reply {
+    fn eq(&self, other: &Reply) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
 }
 
 /// A view that the holodeck knows.

@@ -27,12 +27,15 @@ use std::{
 use anyhow::{Context, Result, anyhow};
 use tokio::sync::watch;
 
-pub use input::{Input, Inputs, Named, Numbered};
+pub use input::{Input, Inputs, Named, Numbered, Reply};
 pub use shown::{Phase, Shown, State};
 
-use crate::session::Connected;
+use crate::{
+    Crew,
+    session::{Connected, Session},
+};
 use bell::Bell;
-use hand::Hand;
+use hand::{Ending, Hand};
 use painter::Painter;
 use shown::{Publisher, Watched};
 
@@ -44,6 +47,8 @@ pub struct Wishes {
     pub unit: f64,
     /// The file that the walk is recorded in, as a script.
     pub record: Option<std::path::PathBuf>,
+    /// Whoever has started server and workers, if it takes orders.
+    pub crew: Option<Crew>,
 }
 
 /// A front end's access to a stage.
@@ -92,28 +97,47 @@ impl Stage {
     }
 
     fn play(self) -> Result<()> {
-        let watched = Watched(Arc::clone(&self.front.frames));
-        let publisher = Publisher::new(self.front);
-        let waker = self.connected.waker();
-        let loading = |text: &str| publisher.phase(Phase::Loading(text.to_owned()));
-        let Some(session) = self.connected.begin(loading)? else { return Ok(()) };
-        let stated = self.wishes.view.spec(session.named_views())?;
-        let first = session.first_view()?.overridden_by(&stated);
-        let facts = State {
-            phase: Phase::Running,
-            traces: session.traces(),
-            views: Arc::new(session.named_views().to_vec()),
-            sections: Arc::new(session.sections().iter().map(|s| s.spec().clone()).collect()),
-            up: session.up().to_array(),
-            ..State::default()
+        let Stage { connected, wishes, inputs, bell, front } = self;
+        let watched = Watched(Arc::clone(&front.frames));
+        let publisher = Publisher::new(front.clone());
+        let loading = |text: &str| {
+            let phase = Phase::Loading(text.to_owned());
+            front.state.send_modify(|state| Arc::make_mut(state).phase = phase);
         };
-        let (painter, desk) = Painter::new(session, waker, Arc::clone(&self.bell), watched);
-        let shared = (self.bell, desk);
-        let hand = Hand::new(first, &self.wishes, self.inputs, shared, publisher, facts)?;
-        let painter = thread::Builder::new().name("painter".into()).spawn(|| painter.run());
-        let painter = painter.context("starting a thread")?;
-        let played = hand.play();
-        let painted = painter.join().map_err(|_| anyhow!("drawing failed: see above"))?;
-        played.and(painted)
+        let (again, waker) = (connected.again(), connected.waker());
+        let Some(session) = connected.begin(loading)? else { return Ok(()) };
+        let stated = wishes.view.spec(session.named_views())?;
+        let first = session.first_view()?.overridden_by(&stated);
+        let mut hand = Hand::new(first, &wishes, inputs, Arc::clone(&bell), publisher)?;
+        let mut next = Some((session, waker));
+        while let Some((session, waker)) = next.take() {
+            let facts = facts(&session);
+            let bell = Arc::clone(&bell);
+            let (painter, desk) = Painter::new(session, waker, bell, watched.clone());
+            let painter = thread::Builder::new().name("painter".into()).spawn(|| painter.run());
+            let painter = painter.context("starting a thread")?;
+            let played = hand.play(desk, facts);
+            painter.join().map_err(|_| anyhow!("drawing failed: see above"))??;
+            if played? == Ending::StartOver
+                && let Some(crew) = &wishes.crew
+            {
+                loading("starting over");
+                let connected = again.connect(crew.start_over()?)?;
+                let waker = connected.waker();
+                next = connected.begin(loading)?.map(|session| (session, waker));
+            }
+        }
+        hand.end()
+    }
+}
+
+/// Returns what does not change while a session lasts.
+fn facts(session: &Session) -> State {
+    State {
+        phase: Phase::Running,
+        traces: session.traces(),
+        sections: Arc::new(session.sections().iter().map(|s| s.spec().clone()).collect()),
+        up: session.up().to_array(),
+        ..State::default()
     }
 }

@@ -14,7 +14,7 @@ use holo_display::{Frame, Look, Resolution};
 use holo_net::NetError;
 use holo_picture::{View, ViewSpec};
 
-use super::{Watched, bell::Bell, detail::Detail};
+use super::{Watched, bell::Bell, detail::Detail, input::Reply};
 use crate::{
     args::DriverArg,
     session::{Session, Uncovered, Waited, Waker},
@@ -32,6 +32,19 @@ const REDRAW_SHARE: f64 = 0.1;
 
 /// Frames at rest take at most one part in so many of the time: the rest is for tracing.
 const DRAWING_PART: u32 = 4;
+
+/// How long a picture that somebody asked for waits for what is stored.
+const RENDER_PATIENCE: Duration = Duration::from_secs(3);
+
+/// A picture at rest is drawn anew at once when it has so many times the samples that it shows.
+const MANY_MORE: u64 = 2;
+
+/// Samples of a pixel below which a picture at rest is a sketch of fewer pixels, for so little light
+/// needs no more.
+const SKETCHY: f64 = 0.15;
+
+/// Time at rest after which a picture has all its pixels, however little is known.
+const SKETCHING: Duration = Duration::from_secs(2);
 
 /// How often the painter looks for news of the server while it rests.
 const NEWS: Duration = Duration::from_millis(100);
@@ -56,8 +69,14 @@ pub enum Order {
     Pause(bool),
     /// Draws with another driver.
     Driver(DriverArg),
-    /// Ends.
+    /// Keeps a view in the holodeck by name; removes it if it has no options.
+    KeepView(String, String),
+    /// Draws a picture of this view and size for somebody.
+    Render(View, (u32, u32), Reply),
+    /// Lets everything under way be stored, and ends.
     Quit,
+    /// Ends: nothing is to stay.
+    Leave,
 }
 
 /// A frame of the driver.
@@ -71,6 +90,8 @@ pub struct Painted {
     pub frame: Arc<Frame>,
     /// How long the session took to look at the view, and the driver to draw it.
     pub took: [Duration; 2],
+    /// Whether it has fewer pixels than it may have.
+    pub has_few: bool,
 }
 
 /// How the session is.
@@ -78,8 +99,10 @@ pub struct Painted {
 pub struct News {
     /// Whether no section covers anything of the wanted view.
     pub is_uncovered: bool,
-    /// Why the wanted view is not shown otherwise, or an order not followed.
+    /// Why the wanted view is not shown otherwise.
     pub trouble: Option<String>,
+    /// The holodeck's named views, with Radiance's options.
+    pub views: Arc<Vec<(String, String)>>,
     /// Samples that have arrived for the view.
     pub view_samples: u64,
     /// Samples in the holodeck.
@@ -102,6 +125,8 @@ struct Papers {
     /// Whether the painter was woken, and has not looked yet.
     is_woken: bool,
     painted: Option<Painted>,
+    /// Why the last order was not followed.
+    refusal: Option<String>,
     news: News,
     /// The size of frames while the eye moves.
     moving_size: Option<(u32, u32)>,
@@ -118,6 +143,8 @@ pub struct Desk {
 pub struct Done {
     /// The latest frame.
     pub painted: Option<Painted>,
+    /// Why an order was not followed.
+    pub refusal: Option<String>,
     /// How the session is.
     pub news: News,
     /// The size of frames while the eye moves.
@@ -154,6 +181,7 @@ impl Desk {
         let mut papers = lock(&self.papers);
         Done {
             painted: papers.painted.take(),
+            refusal: papers.refusal.take(),
             news: papers.news.clone(),
             moving_size: papers.moving_size,
             is_over: papers.is_over,
@@ -175,6 +203,8 @@ pub struct Painter {
     times: Times,
     /// Samples in the last frame's view when it was drawn.
     drawn_samples: u64,
+    /// Whether the last picture at rest had fewer pixels than it may have.
+    is_sketch: bool,
     news: News,
 }
 
@@ -220,6 +250,7 @@ impl Painter {
             drawn: None,
             times,
             drawn_samples: 0,
+            is_sketch: false,
             news: News::default(),
         };
         (painter, desk)
@@ -233,18 +264,19 @@ impl Painter {
         let _end = AtEnd(Arc::clone(&self.papers), Arc::clone(&self.bell));
         loop {
             if self.session.wait(self.next_due())? == Waited::Stop {
-                break;
+                return self.session.settle();
             }
             let (wanted, orders) = {
                 let mut papers = lock(&self.papers);
                 papers.is_woken = false;
                 (papers.wanted.clone(), std::mem::take(&mut papers.orders))
             };
-            if orders.contains(&Order::Quit) {
-                break;
-            }
             for order in orders {
-                self.follow(order)?;
+                match order {
+                    Order::Quit => return self.session.settle(),
+                    Order::Leave => return Ok(()),
+                    order => self.follow(order)?,
+                }
             }
             if let Some(wanted) = wanted
                 && self.is_due(&wanted)
@@ -253,7 +285,6 @@ impl Painter {
             }
             self.tell();
         }
-        self.session.settle()
     }
 
     fn follow(&mut self, order: Order) -> Result<()> {
@@ -262,7 +293,19 @@ impl Painter {
                 self.session.pause(pause)?;
                 self.news.is_paused = pause;
             }
-            Order::Driver(_) | Order::Quit => {}
+            Order::Driver(driver) => {
+                (self.looked, self.drawn) = (None, None);
+                if let Err(error) = self.session.change_driver(driver) {
+                    self.refuse(error)?;
+                }
+            }
+            Order::KeepView(name, options) => {
+                if let Err(error) = self.session.keep_view(&name, &options) {
+                    self.refuse(error)?;
+                }
+            }
+            Order::Render(view, size, reply) => self.render(view, size, &reply)?,
+            Order::Quit | Order::Leave => {}
         }
         Ok(())
     }
@@ -271,15 +314,31 @@ impl Painter {
     fn is_due(&mut self, wanted: &Wanted) -> bool {
         match &self.drawn {
             Some((drawn, is_shown)) if drawn == wanted => {
-                let is_new = self.samples() != self.drawn_samples || self.session.refines();
+                let samples = self.samples();
+                let is_new = samples != self.drawn_samples || self.session.refines();
+                let now = Instant::now();
+                let is_much = samples / MANY_MORE > self.drawn_samples
+                    && now >= self.times.frame + self.times.drawn_in;
                 *is_shown
                     && !wanted.is_moving
-                    && is_new
                     && self.watched.is_watched()
-                    && Instant::now() >= self.next_redraw()
+                    && (self.is_overdue_sketch()
+                        || (is_new && now >= self.next_redraw())
+                        || is_much)
             }
             _ => true,
         }
+    }
+
+    /// Returns whether the last picture had few pixels and it is time for all of them.
+    fn is_overdue_sketch(&self) -> bool {
+        self.is_sketch && self.times.moved.elapsed() >= SKETCHING
+    }
+
+    /// Returns whether so little is known of the view that a picture of fewer pixels shows it all.
+    fn is_sketchy(&self, full: (u32, u32)) -> bool {
+        let pixels = f64::from(full.0) * f64::from(full.1);
+        self.samples() as f64 / pixels < SKETCHY && self.times.moved.elapsed() < SKETCHING
     }
 
     fn next_redraw(&self) -> Instant {
@@ -295,7 +354,7 @@ impl Painter {
             .wanted
             .as_ref()
             .is_some_and(|wanted| self.drawn.as_ref().is_none_or(|(drawn, _)| drawn != wanted));
-        if is_other { now } else { self.next_redraw().clamp(now + NEWS, now + 2 * NEWS) }
+        if is_other { now } else { now + NEWS }
     }
 
     /// Samples that have arrived for the current view.
@@ -309,13 +368,14 @@ impl Painter {
         let begin = Instant::now();
         let (view, full) = wanted.spec.resolve(wanted.size)?;
         let is_moving = wanted.is_moving;
-        let size = if is_moving { self.detail.size(full) } else { full };
         let is_same = |(drawn, _): &(Wanted, bool)| {
             (&drawn.spec, drawn.jumps) == (&wanted.spec, wanted.jumps)
         };
         if !self.drawn.as_ref().is_some_and(is_same) {
             self.times.moved = begin;
         }
+        let has_few = is_moving || self.is_sketchy(full);
+        let size = if has_few { self.detail.size(full) } else { full };
         self.session.set_moving(is_moving);
         let resolution = if is_moving { Resolution::Moving } else { Resolution::Full };
         let look = Look { view, size, resolution };
@@ -327,14 +387,19 @@ impl Painter {
         }
         let looked = Instant::now();
         self.drawn_samples = self.samples();
-        let (frame, _) = self.session.draw();
+        let (mut frame, _) = self.session.draw();
+        if frame.samples_used == 0 {
+            // A guess is no light.
+            frame.empty_pixels = frame.depth.len() as u64;
+        }
         let end = Instant::now();
         let took = [looked - begin, end - looked];
         (self.times.frame, self.times.drawn_in) = (end, end - begin);
+        self.is_sketch = has_few && !is_moving;
         if is_moving {
             self.detail.note(size, full, self.times.drawn_in.as_secs_f64());
         }
-        let painted = Painted { wanted, view, frame: Arc::new(frame), took };
+        let painted = Painted { wanted, view, frame: Arc::new(frame), took, has_few };
         let mut papers = lock(&self.papers);
         papers.painted = Some(painted);
         papers.moving_size = Some(self.detail.size(full));
@@ -348,17 +413,62 @@ impl Painter {
         (self.news.is_uncovered, self.news.trouble) = (false, None);
         self.looked = Some(look);
         match self.session.look(look) {
-            Ok(()) => return Ok(true),
-            Err(error) if error.is::<NetError>() => return Err(error),
-            Err(error) if error.is::<Uncovered>() => self.news.is_uncovered = true,
-            Err(error) => self.news.trouble = Some(format!("{error:#}")),
+            Ok(()) => Ok(true),
+            Err(error) => self.note(error).map(|()| false),
         }
-        Ok(false)
+    }
+
+    /// Draws a picture for somebody, once what is stored for it has come.
+    fn render(&mut self, view: View, size: (u32, u32), reply: &Reply) -> Result<()> {
+        self.drawn = None;
+        self.session.set_moving(false);
+        if self.look(Look { view, size, resolution: Resolution::Full })? {
+            let end = Instant::now() + RENDER_PATIENCE;
+            while !self.session.has_stored() && Instant::now() < end {
+                // Whoever wakes the painter now waits until the picture is done.
+                self.session.wait(end.min(Instant::now() + NEWS))?;
+            }
+            let mut frame = self.session.draw().0;
+            if self.session.refines() {
+                frame = self.session.draw().0;
+            }
+            reply.give(Arc::new(frame));
+        }
+        self.looked = None;
+        Ok(())
+    }
+
+    /// Notes why an order is not followed. Only a lost server is an error.
+    fn refuse(&mut self, error: anyhow::Error) -> Result<()> {
+        if error.is::<NetError>() {
+            return Err(error);
+        }
+        lock(&self.papers).refusal = Some(format!("{error:#}"));
+        Ok(())
+    }
+
+    /// Notes why a view is not shown. Only a lost server is an error.
+    fn note(&mut self, error: anyhow::Error) -> Result<()> {
+        if error.is::<NetError>() {
+            return Err(error);
+        }
+        if error.is::<Uncovered>() {
+            self.news.is_uncovered = true;
+        } else {
+            self.news.trouble = Some(format!("{error:#}"));
+        }
+        Ok(())
     }
 
     /// Says how the session is.
     fn tell(&mut self) {
         let status = self.session.status().copied();
+        if let Some(refusal) = self.session.take_refusal() {
+            lock(&self.papers).refusal = Some(refusal);
+        }
+        if *self.news.views != self.session.named_views() {
+            self.news.views = Arc::new(self.session.named_views().to_vec());
+        }
         self.news = News {
             view_samples: self.samples(),
             samples: status.map_or(0, |status| status.samples),

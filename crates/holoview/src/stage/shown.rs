@@ -64,6 +64,10 @@ pub struct State {
     pub is_uncovered: bool,
     /// Why that view is not shown otherwise, or is none.
     pub trouble: Option<String>,
+    /// What somebody has to confirm by doing it once more.
+    pub question: Option<String>,
+    /// Whether this program has started server and workers, and can end them.
+    pub has_crew: bool,
     /// The current view in Radiance's options, even if it cannot be shown.
     pub options: String,
     /// Eye, direction and up of that view.
@@ -93,6 +97,7 @@ pub struct State {
 }
 
 /// Knows whether anybody takes frames.
+#[derive(Clone)]
 pub struct Watched(pub Arc<watch::Sender<Option<Arc<Shown>>>>);
 
 impl Watched {
@@ -112,11 +117,6 @@ impl Publisher {
     /// Publishes to `front`.
     pub fn new(front: Front) -> Publisher {
         Publisher { front, number: 0 }
-    }
-
-    /// Publishes what the stage does.
-    pub fn phase(&self, phase: Phase) {
-        self.front.state.send_modify(|state| Arc::make_mut(state).phase = phase);
     }
 
     /// Publishes how things are, if that has changed.

@@ -54,8 +54,8 @@ function act(what, more) {
 
 function told(message) {
   switch (message.is) {
-    case 'hello': client = message.client; learn(message); $('s-png').href = `picture.png?client=${client}`; sendDisplay(); break;
-    case 'facts': facts = message; listViews(); drawPlan(); break;
+    case 'hello': client = message.client; learn(message); pictureLinks(); sendDisplay(); break;
+    case 'facts': facts = message; drawPlan(); break;
     case 'state': state = message; showState(); break;
     case 'roles': roles(message); break;
     case 'under': showUnder(message.under); break;
@@ -203,6 +203,13 @@ function showState() {
   press('b-pause', state.paused);
   press('b-lock', state.locked);
   $('b-pause').disabled = !state.traces;
+  listViews();
+  for (const id of ['b-kill', 'b-restart', 'b-over']) $(id).disabled = !state.crew;
+  if (document.activeElement !== $('l-driver')) $('l-driver').value = state.driver;
+  if (state.question && drives && !$('question').open) {
+    $('question-text').textContent = state.question;
+    $('question').showModal();
+  } else if (!state.question && $('question').open) $('question').close('no');
   if (trouble) notice(trouble, 0, 'trouble');
   else if ($('notice').dataset.of === 'trouble') $('notice').hidden = true;
   drawEye();
@@ -428,6 +435,7 @@ function learn({ actions: all, gestures, drivers: names }) {
   drivers = names;
   actionOf.clear();
   for (const action of actions) for (const key of action.keys) actionOf.set(key, action);
+  $('l-driver').replaceChildren(...drivers.map(name => new Option(name, name)));
   const rows = [...actions.map(({ shown, help }) => [shown, help]), ...gestures];
   $('keys').replaceChildren(...rows.map(([keys, what]) => {
     const row = document.createElement('div'), key = document.createElement('kbd'), text = document.createElement('span');
@@ -436,6 +444,13 @@ function learn({ actions: all, gestures, drivers: names }) {
     row.append(key, text);
     return row;
   }));
+}
+
+/** Links to the picture as it is seen and in radiance, of the size that is wanted. */
+function pictureLinks() {
+  const size = $('t-size').value.trim().replace('×', 'x');
+  const wish = /^\d+x\d+$/.test(size) ? `&size=${size}` : '';
+  for (const end of ['png', 'exr', 'hdr']) $(`s-${end}`).href = `picture.${end}?client=${client}${wish}`;
 }
 
 /** Has the stage do what a line says. */
@@ -486,7 +501,7 @@ function perform({ name, does }, key = '') {
 }
 
 function isTyping(target) {
-  return target.closest('input, textarea, dialog') !== null;
+  return target.closest('input, textarea, select, dialog') !== null;
 }
 
 addEventListener('keydown', event => {
@@ -689,36 +704,28 @@ function stored(key) { try { return JSON.parse(localStorage.getItem(`holodeck ${
 
 // ---- views
 
-/** Views that this browser keeps are those of the same sections. */
-function viewsKey() { return `views ${JSON.stringify(facts.sections.map(({ origin, axes }) => [origin, axes]))}`; }
-function kept() { return facts && stored(viewsKey()) || []; }
-function allViews() { return facts ? [...facts.views, ...kept()] : []; }
-
-function recall(index) {
-  const view = allViews()[index];
-  if (view) command(`view ${view[1]}`);
-}
+let listed = '';
 
 function listViews() {
-  const own = facts.views.length;
-  $('views').replaceChildren(...allViews().map(([name], index) => {
-    const item = document.createElement('li'), go = document.createElement('button');
-    go.type = 'button';
+  const text = JSON.stringify([state.views, state.traces]);
+  if (text === listed) return;
+  listed = text;
+  $('views').replaceChildren(...state.views.map(([name], index) => {
+    const item = document.createElement('li'), go = document.createElement('button'), forget = document.createElement('button');
+    go.type = forget.type = 'button';
     go.className = 'name';
     go.textContent = index < 9 ? `${index + 1}  ${name}` : name;
-    go.onclick = () => recall(index);
-    item.append(go);
-    if (index >= own) {
-      const forget = document.createElement('button');
-      forget.type = 'button';
-      forget.className = 'forget';
-      forget.textContent = '×';
-      forget.setAttribute('aria-label', `Forget ${name}`);
-      forget.onclick = () => { store(viewsKey(), kept().filter((_, i) => i !== index - own)); listViews(); };
-      item.append(forget);
-    }
+    go.onclick = () => command(`view ${index + 1}`);
+    forget.className = 'forget';
+    forget.textContent = '×';
+    forget.hidden = !state.traces;
+    forget.setAttribute('aria-label', `Remove ${name}`);
+    forget.onclick = () => command(`forget ${name}`);
+    item.append(go, forget);
     return item;
   }));
+  $('f-name').hidden = !state.traces;
+  $('views-hint').textContent = state.traces ? 'Views that you keep stay in the holodeck.' : 'A replay only reads the holodeck, and keeps no views.';
 }
 
 $('f-view').addEventListener('submit', event => {
@@ -733,10 +740,9 @@ $('t-view').addEventListener('keydown', event => {
 $('f-name').addEventListener('submit', event => {
   event.preventDefault();
   const name = $('t-name').value.trim();
-  if (!name || !header || !facts) return;
-  store(viewsKey(), [...kept().filter(([other]) => other !== name), [name, header.options]]);
+  if (!name) return;
+  command(`keep ${name}`);
   $('t-name').value = '';
-  listViews();
 });
 $('b-copy').onclick = () => { $('t-view').select(); navigator.clipboard.writeText($('t-view').value).catch(() => document.execCommand('copy')); };
 
@@ -759,6 +765,11 @@ $('f-scale').addEventListener('submit', event => {
   setScale(display.log, [numberIn('t-least'), numberIn('t-most')]);
 });
 $('r-stops').oninput = () => stops(Number($('r-stops').value));
+$('question').addEventListener('close', () => {
+  if ($('question').returnValue === 'yes') command('start over'); else if (state && state.question) command('cancel');
+});
+$('l-driver').onchange = () => { command(`driver ${$('l-driver').value}`); stage.focus(); };
+$('t-size').oninput = pictureLinks;
 $('quit').addEventListener('close', () => { if ($('quit').returnValue === 'quit') command('quit'); });
 let resizing = 0;
 new ResizeObserver(() => {
