@@ -14,7 +14,7 @@ use winit::{
         TouchPhase, WindowEvent,
     },
     event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy, OwnedDisplayHandle},
-    keyboard::{Key, PhysicalKey},
+    keyboard::PhysicalKey,
     window::{CursorGrabMode, CursorIcon, Fullscreen, Window, WindowId},
 };
 
@@ -212,10 +212,9 @@ impl App {
         let PhysicalKey::Code(code) = event.physical_key else { return Vec::new() };
         // The names are those of the W3C.
         let name = format!("{code:?}");
-        let sign = match &event.logical_key {
-            Key::Character(sign) => sign.as_str(),
-            _ => "",
-        };
+        // Enter and the like write signs that nobody sees.
+        let sign = event.text.as_deref().filter(|text| !text.contains(char::is_control));
+        let sign = sign.unwrap_or_default();
         match event.state {
             ElementState::Pressed => self.model.press(&name, sign, event.repeat, Instant::now()),
             ElementState::Released => self.model.release(&name),

@@ -36,6 +36,9 @@ const RESIZING: Duration = Duration::from_millis(150);
 /// Most pixels of a picture at rest: more would take long, and few see the difference.
 const MOST_PIXELS: f64 = 2.1e6;
 
+/// Longest line that is typed, bytes.
+const MOST_TYPED: usize = 1000;
+
 /// How long notices stay.
 const NOTICE: Duration = Duration::from_secs(4);
 
@@ -129,6 +132,8 @@ pub struct Model {
     redraw: Option<Instant>,
     /// Number of the frame on the screen.
     presented: u64,
+    /// The line that is being typed, if one is.
+    typed: Option<String>,
     /// Whether the person was asked whether to end.
     asks_to_quit: bool,
     /// Whether the session is over; the window then stays only to say why.
@@ -156,6 +161,7 @@ impl Model {
             resized: None,
             redraw: None,
             presented: 0,
+            typed: None,
             asks_to_quit: false,
             is_over: false,
             is_stale: true,
@@ -182,7 +188,13 @@ impl Model {
     /// Returns what the person has to be told.
     pub fn notice(&self, now: Instant) -> Option<&str> {
         let own = self.notice.as_ref().filter(|(_, end)| end.is_none_or(|end| now < end));
-        own.map(|(text, _)| text.as_str()).or(self.state.trouble.as_deref())
+        let question = self.state.question.as_deref();
+        question.or(own.map(|(text, _)| text.as_str())).or(self.state.trouble.as_deref())
+    }
+
+    /// Returns the line that is being typed.
+    pub fn typed(&self) -> Option<&str> {
+        self.typed.as_deref()
     }
 
     /// Returns whether the eye moves.
@@ -311,6 +323,16 @@ impl Model {
         if ctrl && name == "KeyQ" {
             return vec![Effect::Leave];
         }
+        if self.typed.is_some() {
+            let sign = if ctrl || other { "" } else { sign };
+            return self.type_key(name, sign, now);
+        }
+        if name == "Enter" && !ctrl && !other {
+            self.typed = Some(String::new());
+            self.touch();
+            self.held.clear();
+            return self.hold();
+        }
         let named = action_of(name).map(|action| (name, action));
         let known = named.or_else(|| action_of(sign).map(|action| (sign, action)));
         let Some((key, action)) = known.filter(|_| !ctrl && !other) else { return Vec::new() };
@@ -328,6 +350,30 @@ impl Model {
                 line.map(|line| self.command(&line, now)).unwrap_or_default()
             }
         }
+    }
+
+    /// Takes a key into the line that is being typed.
+    fn type_key(&mut self, name: &str, sign: &str, now: Instant) -> Vec<Effect> {
+        self.touch();
+        let Some(line) = &mut self.typed else { return Vec::new() };
+        match name {
+            "Escape" => self.typed = None,
+            "Backspace" => _ = line.pop(),
+            "Enter" | "NumpadEnter" => {
+                let line = std::mem::take(line);
+                self.typed = None;
+                if line.trim().is_empty() {
+                    return Vec::new();
+                }
+                let effects = self.command(&line, now);
+                // A line that is none can be mended.
+                self.typed = effects.is_empty().then_some(line);
+                return effects;
+            }
+            _ if line.len() < MOST_TYPED => line.push_str(sign),
+            _ => {}
+        }
+        Vec::new()
     }
 
     /// Has the stage do what a line says.
@@ -433,7 +479,8 @@ impl Model {
     /// Returns whether there is anything that Esc closes.
     fn has_open(&self) -> bool {
         let Modes { looks, has_help, is_full, .. } = self.modes;
-        self.is_over || looks || has_help || is_full || self.notice.is_some()
+        let has_own = looks || has_help || is_full || self.notice.is_some();
+        self.is_over || has_own && self.state.question.is_none()
     }
 
     fn close(&mut self) -> Vec<Effect> {

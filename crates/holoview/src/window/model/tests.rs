@@ -211,3 +211,43 @@ fn the_next_driver_follows_in_the_list() {
     }
     assert_eq!(next_driver("none"), names[0]);
 }
+
+fn write(model: &mut Model, text: &str) {
+    for sign in text.chars() {
+        let sign = sign.to_string();
+        // Keys that walk otherwise write here.
+        assert_eq!(press(model, "KeyW", &sign), []);
+    }
+}
+
+#[test]
+fn a_line_is_typed_mended_and_done() {
+    let mut model = model();
+    let ahead = press(&mut model, "KeyW", "w");
+    assert_eq!(ahead.len(), 1);
+    let stops = [Effect::Send(Input::Hold(Controls::default()))];
+    assert_eq!(press(&mut model, "Enter", ""), stops, "what was held is let go");
+    write(&mut model, "kep hall");
+    assert_eq!(press(&mut model, "Enter", ""), []);
+    assert!(model.notice(Instant::now()).unwrap().contains("no command"));
+    assert_eq!(model.typed(), Some("kep hall"));
+    (0..6).for_each(|_| _ = press(&mut model, "Backspace", ""));
+    write(&mut model, "ep hall");
+    let kept = [Effect::Send(Input::Keep("hall".to_owned()))];
+    assert_eq!(press(&mut model, "Enter", ""), kept);
+    assert_eq!(model.typed(), None);
+    press(&mut model, "Enter", "");
+    write(&mut model, "home");
+    assert_eq!(press(&mut model, "Escape", ""), []);
+    assert_eq!(model.typed(), None);
+}
+
+#[test]
+fn a_question_of_the_stage_is_shown_and_escape_answers_it() {
+    let mut model = model();
+    let question = Some("Start over?".to_owned());
+    model.set_state(Arc::new(State { question, ..State::default() }));
+    model.tell("Saved", Instant::now());
+    assert_eq!(model.notice(Instant::now()), Some("Start over?"));
+    assert_eq!(press(&mut model, "Escape", ""), [Effect::Send(Input::Cancel)]);
+}

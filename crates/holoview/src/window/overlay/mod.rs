@@ -30,8 +30,12 @@ const MOST_UNKNOWN: f64 = 0.5;
 /// Opacity of what text stands on.
 const GLASS: f32 = 0.86;
 
-/// Keys that windows have on every desktop.
-const OF_DESKTOP: [(&str, &str); 1] = [("Ctrl Q", "quit at once")];
+/// Keys that windows have besides.
+const OF_WINDOWS: [(&str, &str); 2] = [("Enter", "type a line"), ("Ctrl Q", "quit at once")];
+
+/// What lines say.
+const LINES: &str = "keep NAME · view NAME · view -vp 1 2 3 · picture FILE.exr 1920x1080 · \
+                     driver NAME · go X Y Z";
 
 /// Colours of what is drawn over the picture.
 struct Theme {
@@ -83,6 +87,7 @@ pub fn draw(canvas: &mut Canvas, model: &Model, now: Instant) {
     page.lost(model);
     page.notice(model, now);
     page.loading(model);
+    page.typed(model);
     if model.modes.has_help {
         page.help(model.scale);
     }
@@ -313,6 +318,15 @@ impl Page<'_, '_> {
         }
     }
 
+    /// Shows the line that is being typed, and what lines can say.
+    fn typed(&mut self, model: &Model) {
+        let Some(line) = model.typed() else { return };
+        let mut lines = self.wrapped(&format!("> {line}_"));
+        lines.extend(self.wrapped(LINES));
+        let height = (lines.len() as i32 + 5) * self.font.height();
+        self.message(self.size().1 - height, &lines, Some(self.theme.accent));
+    }
+
     /// Lists the keys, in text as small as the window asks for.
     fn help(&mut self, scale: f64) {
         let (font, list) = HelpList::fitting(self.size(), scale);
@@ -338,7 +352,7 @@ impl Page<'_, '_> {
 /// Returns all keys and gestures, and what they do.
 fn rows() -> impl Iterator<Item = (&'static str, &'static str)> {
     let keys = ACTIONS.iter().map(|action| (action.shown, action.help));
-    keys.chain(GESTURES.iter().copied()).chain(OF_DESKTOP)
+    keys.chain(GESTURES.iter().copied()).chain(OF_WINDOWS)
 }
 
 /// How the list of keys lies, in signs.
