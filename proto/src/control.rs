@@ -14,6 +14,15 @@ use crate::{
 /// Most sections in one holodeck: enough for the rooms of a large building.
 pub const MAX_SECTIONS: usize = 1024;
 
+/// Most named views in one holodeck.
+pub const MAX_VIEWS: usize = 256;
+
+/// Most bytes of a view's name.
+pub const MAX_VIEW_NAME: usize = 60;
+
+/// Most bytes of a view's options.
+pub const MAX_VIEW_OPTIONS: usize = 512;
+
 /// The way in which workers compute a ray's radiance and distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -178,6 +187,21 @@ pub enum Control {
     StandIns(SceneInfo),
     /// Display: send the stand-ins, in pieces as for the scene.
     StandInsWanted,
+    /// Display: keep a view in the file, in place of one with the same name.
+    KeepView {
+        /// Its name: 1 to [`MAX_VIEW_NAME`] bytes.
+        name: String,
+        /// The view, as Radiance's options, at most [`MAX_VIEW_OPTIONS`] bytes. Empty: remove the
+        /// view of this name.
+        options: String,
+    },
+    /// Server to display: all named views, after one was kept or removed.
+    Views(Vec<(String, String)>),
+    /// Server to display: it has not done what was asked for.
+    Refused {
+        /// Why, for people.
+        reason: String,
+    },
 }
 
 type Wire = Configuration<LittleEndian, Fixint, Limit<{ MAX_CONTROL_BYTES as usize }>>;
@@ -222,11 +246,37 @@ impl Control {
         }
         match &mut message {
             Control::Welcome(welcome) => welcome.check()?,
-            Control::Bye { reason } | Control::Failed { reason } => *reason = printable(reason),
+            Control::Bye { reason } | Control::Failed { reason } | Control::Refused { reason } => {
+                *reason = printable(reason)
+            }
+            Control::KeepView { name, options } => {
+                (*name, *options) = (printable(name), printable(options));
+                check_view(name, options)?;
+            }
+            Control::Views(views) => {
+                if views.len() > MAX_VIEWS {
+                    let (found, limit) = (views.len() as u64, MAX_VIEWS as u64);
+                    return Err(ProtoError::TooMany { what: "views", found, limit });
+                }
+                for text in views.iter_mut().flat_map(|(name, options)| [name, options]) {
+                    *text = printable(text);
+                }
+            }
             _ => {}
         }
         Ok(message)
     }
+}
+
+/// Checks the lengths of a view's name and options.
+fn check_view(name: &str, options: &str) -> Result<(), ProtoError> {
+    if !(1..=MAX_VIEW_NAME).contains(&name.len()) {
+        return Err(ProtoError::Number("the length of a view's name"));
+    }
+    if options.len() > MAX_VIEW_OPTIONS {
+        return Err(ProtoError::Number("the length of a view's options"));
+    }
+    Ok(())
 }
 
 impl Welcome {

@@ -343,6 +343,12 @@ fn cases() -> Vec<(&'static str, Any)> {
             Any::Control(Control::StandIns(SceneInfo { hash: [0xAB; 32], bytes: 258 })),
         ),
         ("control-stand-ins-wanted", Any::Control(Control::StandInsWanted)),
+        (
+            "control-keep-view",
+            Any::Control(Control::KeepView { name: "ab".into(), options: "-vtv".into() }),
+        ),
+        ("control-views", Any::Control(Control::Views(vec![("ab".into(), "-vtv".into())]))),
+        ("control-refused", Any::Control(Control::Refused { reason: "no".into() })),
         ("work", work()),
         ("work-named", work_named()),
         ("work-empty", Any::Work(Work::default())),
@@ -426,11 +432,11 @@ fn every_kind_and_every_control_message_has_a_file() {
         .filter(|f| f[4] == 3)
         .map(|f| f[8])
         .collect();
-    assert_eq!(controls, (0..=13).collect());
+    assert_eq!(controls, (0..=16).collect());
     let mut next = vec![0; 64];
-    next[0] = 14;
+    next[0] = 17;
     let error = Control::decode(&next).unwrap_err().to_string();
-    assert!(error.contains("14"), "{error}");
+    assert!(error.contains("17"), "{error}");
 }
 
 #[test]

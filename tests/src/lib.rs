@@ -15,12 +15,14 @@ mod files;
 mod place;
 mod process;
 mod program;
+mod xvfb;
 
 pub use chromium::Chromium;
 pub use files::{Stored, beam, stored};
 pub use place::{CORNELL_SMALL_SECTION, Place, Server, listen_address};
 pub use process::{Ended, Process};
 pub use program::{cargo, program, workspace};
+pub use xvfb::Desktop;
 
 use std::time::{Duration, Instant};
 

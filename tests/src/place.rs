@@ -59,10 +59,24 @@ impl Place {
 
     /// Starts the program with these words; `{}` in a word stands for this folder.
     pub fn start(&self, words: &[&str]) -> Process {
+        self.start_with(words, &[])
+    }
+
+    /// Starts the program on a desktop of X, which has this name.
+    pub fn start_on(&self, desktop: &str, words: &[&str]) -> Process {
+        self.start_with(
+            words,
+            &[("DISPLAY", desktop), ("WAYLAND_DISPLAY", ""), ("WAYLAND_SOCKET", "")],
+        )
+    }
+
+    fn start_with(&self, words: &[&str], environment: &[(&str, &str)]) -> Process {
         let folder = self.folder.path().to_str().expect("temporary folders have plain names");
         let words: Vec<OsString> =
             words.iter().map(|word| word.replace("{}", folder).into()).collect();
-        Process::start(program().to_owned(), &words, &[("XDG_CACHE_HOME", self.path("cache"))])
+        let mut all = vec![("XDG_CACHE_HOME", self.path("cache"))];
+        all.extend(environment.iter().map(|(name, value)| (*name, PathBuf::from(value))));
+        Process::start(program().to_owned(), &words, &all)
     }
 
     /// Runs the program with these words until it ends.

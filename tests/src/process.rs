@@ -2,7 +2,7 @@
 
 use std::{
     ffi::OsStr,
-    io::{BufRead, BufReader, Read},
+    io::{BufRead, BufReader, Read, Write},
     os::unix::process::ExitStatusExt,
     path::PathBuf,
     process::{Child, Command, ExitStatus, Stdio},
@@ -104,6 +104,16 @@ impl Process {
             collect(child.stderr.take().expect("it is piped"), Arc::clone(&stderr)),
         ];
         Process { child, what, stdout, stderr, readers }
+    }
+
+    /// Writes a line to its standard input.
+    ///
+    /// # Panics
+    /// If it does not read it.
+    #[track_caller]
+    pub fn write_line(&mut self, line: &str) {
+        let input = self.child.stdin.as_mut().expect("it is piped");
+        writeln!(input, "{line}").expect("the process reads its input");
     }
 
     /// Its id.

@@ -10,12 +10,12 @@ use std::{
 use anyhow::{Context, Result};
 use holo_proto::control::Engine;
 use holo_scenes::Bundled;
-use holo_view::{BrowserArgs, DriverArgs, LookArgs, PointArgs, ViewArgs};
+use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
 
 use crate::{
     config::{Config, View},
     prepare,
-    view::LiveSession,
+    view::{FrontEnd, LiveSession},
 };
 
 /// Trace the bundled house with everything on this machine, and write pictures as it refines
@@ -56,17 +56,17 @@ pub fn has_desktop() -> bool {
     has_screen && std::io::stdout().is_terminal()
 }
 
-/// Walks through the bundled house in a browser. Its file is kept, so that all of it is there
-/// again the next time.
-pub async fn walk() -> Result<()> {
+/// Walks through the bundled house. Its file is kept, so that all of it is there again the next
+/// time.
+pub async fn walk(front_end: FrontEnd) -> Result<()> {
+    front_end.check()?;
     let out = Args::default().out;
     let config = house(&out)?;
     let file = out.join("interior.holo");
     let unit = prepare::make(&file, &config, true)?.about.unit;
     eprintln!("everything is kept in {}", file.display());
-    let page = Some((BrowserArgs::default(), unit));
-    let session = LiveSession { file, threads: None, cache: None, quiet: true, page };
-    session.run(|address| viewer(address, Args::default().size, None)).await
+    let session = LiveSession { file, threads: None, cache: None, quiet: true, front_end, unit };
+    session.run(|address| viewer(address, None, None)).await
 }
 
 /// Writes the bundled house to a folder, and returns its configuration.
@@ -81,7 +81,11 @@ fn house(folder: &Path) -> Result<Config> {
     Ok(config)
 }
 
-fn viewer(address: SocketAddr, size: (u32, u32), script: Option<PathBuf>) -> holo_view::Config {
+fn viewer(
+    address: SocketAddr,
+    size: Option<(u32, u32)>,
+    script: Option<PathBuf>,
+) -> holo_view::Config {
     holo_view::Config {
         connect: address.to_string(),
         view: ViewArgs { size, ..ViewArgs::default() },
@@ -94,6 +98,7 @@ fn viewer(address: SocketAddr, size: (u32, u32), script: Option<PathBuf>) -> hol
         json: false,
         quiet: false,
         with_parent: false,
+        crew: None,
     }
 }
 
@@ -115,9 +120,10 @@ pub async fn run(args: Args) -> Result<()> {
         threads: args.threads,
         cache: None,
         quiet: false,
-        page: None,
+        front_end: FrontEnd::Script,
+        unit: 1.0,
     };
-    session.run(|address| viewer(address, args.size, Some(path))).await?;
+    session.run(|address| viewer(address, Some(args.size), Some(path))).await?;
     let names: Vec<&str> = config.view.iter().map(|view| view.name.as_str()).collect();
     println!("{}", farewell(&args.out, &file, &names));
     Ok(())

@@ -6,6 +6,7 @@
 mod arguments;
 mod compare;
 mod config;
+mod crew;
 mod demo;
 mod differences;
 mod fill;
@@ -22,6 +23,12 @@ mod worker;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use holo_view::{BrowserArgs, Screen};
+
+use view::FrontEnd;
+
+/// Stack of the thread that does the work, bytes: what systems give to the main thread.
+const STACK: usize = 8 << 20;
 
 /// An interactive ray cache: trace a scene's view rays once, and walk through it ever after
 #[derive(Parser)]
@@ -30,13 +37,18 @@ use clap::{Parser, Subcommand};
     version,
     after_help = "Examples:
   holodeck                                        walk through the bundled house
+  holodeck --window                               the same, in a window
   holodeck view room.obj                          walk through a scene while it is traced
   holodeck fill room.obj -o room.holo --time 8h   trace overnight
   holodeck picture room.holo --vp 1,2,1.6 --vd 0,1,0 --vh 60 -o view.png
 
 View options may be written as in Radiance, too: -vtc -vp 1 2 1.6 -vd 0 1 0"
 )]
+#[command(args_conflicts_with_subcommands = true)]
 struct Program {
+    /// Walk through the bundled house in a window, instead of a browser
+    #[arg(long)]
+    window: bool,
     #[command(subcommand)]
     command: Option<Command>,
 }
@@ -77,6 +89,23 @@ impl Command {
 fn main() -> ExitCode {
     // On wrong usage, clap ends the process with status 2.
     let program = Program::parse_from(arguments::with_view_options(std::env::args_os()));
+    // Windows belong to the main thread, so everything else runs on another one.
+    let (screen, desk) = holo_view::desk();
+    let work = std::thread::Builder::new().stack_size(STACK).spawn(|| work(program, screen));
+    desk.serve();
+    match work.map(std::thread::JoinHandle::join) {
+        Ok(Ok(code)) => code,
+        // A panic has said what went wrong.
+        Ok(Err(_)) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("holodeck: starting a thread: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Does what was typed, on a thread of its own.
+fn work(program: Program, screen: Screen) -> ExitCode {
     let speaker = program.command.as_ref().map_or("holodeck", Command::speaker);
     let runtime =
         match tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build() {
@@ -86,7 +115,7 @@ fn main() -> ExitCode {
                 return ExitCode::FAILURE;
             }
         };
-    let result = runtime.block_on(run(program.command));
+    let result = runtime.block_on(run(program, screen));
     // A thread that reads standard input would hold up an orderly end for ever.
     runtime.shutdown_background();
     let is_usage =
@@ -95,20 +124,22 @@ fn main() -> ExitCode {
     if is_usage { ExitCode::from(2) } else { code }
 }
 
-async fn run(command: Option<Command>) -> anyhow::Result<()> {
+async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
     holo_server::outlive_file_size_limit()?;
-    let Some(command) = command else {
-        return if demo::has_desktop() {
-            demo::walk().await
+    let Some(command) = program.command else {
+        return if program.window {
+            demo::walk(FrontEnd::Window { record: None, screen }).await
+        } else if demo::has_desktop() {
+            demo::walk(FrontEnd::Browser(BrowserArgs::default())).await
         } else {
             demo::run(demo::Args::default()).await
         };
     };
     match command {
         Command::Demo(args) => demo::run(args).await,
-        Command::View(args) => view::view(args).await,
+        Command::View(args) => view::view(args, screen).await,
         Command::Fill(args) => fill::run(args).await,
-        Command::Replay(args) => view::replay(args).await,
+        Command::Replay(args) => view::replay(args, screen).await,
         Command::Picture(args) => view::picture(args).await,
         Command::Render(args) => render::run(args).await,
         Command::Compare(args) => compare::run(&args),

@@ -82,13 +82,21 @@ impl Process {
     ///
     /// # Errors
     /// If its exit status is not 0, or it had to be killed.
-    pub async fn end(mut self) -> Result<()> {
+    pub async fn end(&mut self) -> Result<()> {
         drop(self.input.take());
         if let Ok(ended) = timeout(END_TIME, self.wait()).await {
             return ended;
         }
-        self.child.kill().await.with_context(|| format!("ending {}", self.name))?;
+        self.kill().await?;
         bail!("{} did not end within {} seconds", self.name, END_TIME.as_secs());
+    }
+
+    /// Ends it at once, whatever it does.
+    ///
+    /// # Errors
+    /// If the system does not end it.
+    pub async fn kill(&mut self) -> Result<()> {
+        self.child.kill().await.with_context(|| format!("ending {}", self.name))
     }
 }
 

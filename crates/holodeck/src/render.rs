@@ -78,7 +78,7 @@ pub async fn run(args: Args) -> Result<()> {
     if let Some((_, first)) = named.first() {
         spec.apply_line(first)?;
     }
-    let (view, size) = spec.overridden_by(&args.view.spec(&named)?).resolve(args.view.size)?;
+    let (view, size) = spec.overridden_by(&args.view.spec(&named)?).resolve(args.view.size())?;
     let scene = loading::load(&config, args.quiet)?;
     let settings = settings(&config, Engine::Path);
     let tracer = Tracer::new(

@@ -9,15 +9,15 @@ use std::{
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
 use holo_server::Holodeck;
-use holo_view::{BrowserArgs, DriverArgs, LookArgs, PointArgs, ViewArgs};
+use holo_view::{BrowserArgs, DriverArgs, LookArgs, PointArgs, Screen, ViewArgs};
 use tokio::sync::oneshot;
 
 use crate::{
     arguments::picture_path,
+    crew::{Crew, WorkerArgs},
     prepare::{self, SMALL_CACHE},
-    processes::Server,
     scene_args::{SceneArgs, Usage},
-    worker::{KeptWorker, NICE, NICE_WHILE_WALKING},
+    worker::{NICE, NICE_WHILE_WALKING},
 };
 
 /// How a session is shown and followed.
@@ -33,8 +33,11 @@ pub struct SessionArgs {
     look: LookArgs,
     #[command(flatten)]
     browser: BrowserArgs,
-    /// Serve no page: follow a script and write pictures
-    #[arg(long, conflicts_with_all = ["http", "no_open", "record"])]
+    /// Open a window, and serve no page
+    #[arg(long, conflicts_with_all = ["http", "no_open"])]
+    window: bool,
+    /// Show nothing: follow a script and write pictures
+    #[arg(long, conflicts_with_all = ["http", "no_open", "record", "window"])]
     headless: bool,
     /// Follow the lines of this file, each `SECONDS COMMAND` (`-`: standard input). Commands: view,
     /// picture FILE, with PART,…, without PART,… (of the render cache), quit
@@ -68,6 +71,7 @@ impl SessionArgs {
             json: self.json,
             quiet: self.quiet,
             with_parent: false,
+            crew: None,
         }
     }
 
@@ -77,7 +81,7 @@ impl SessionArgs {
         self.driver.check().map_err(Usage)?;
         self.look.look().map_err(Usage)?;
         if !self.headless {
-            return self.check_browser(example);
+            return self.check_walk(example);
         }
         let fills = keeps && self.time > 0.0;
         if self.script.is_none() && self.output.is_none() && !fills {
@@ -88,8 +92,8 @@ impl SessionArgs {
         Ok(())
     }
 
-    /// Refuses what a browser's session does not do.
-    fn check_browser(&self, example: &str) -> Result<(), Usage> {
+    /// Refuses what a session does not do in which somebody walks.
+    fn check_walk(&self, example: &str) -> Result<(), Usage> {
         let said = [
             ("--script", self.script.is_some()),
             ("--time", self.time > 0.0),
@@ -99,20 +103,82 @@ impl SessionArgs {
         match said.into_iter().find(|(_, is_said)| *is_said) {
             None => Ok(()),
             Some((option, _)) => Err(Usage(format!(
-                "{option} is for sessions without a page: add --headless, as in\n  {example}"
+                "{option} is for sessions in which nobody walks: add --headless, as in\n  {example}"
             ))),
         }
     }
 
-    /// Returns how the page is served, and metres per scene unit; `None` if there is no page.
-    fn page(&self, unit: impl FnOnce() -> Result<f64>) -> Result<Option<(BrowserArgs, f64)>> {
-        (!self.headless).then(|| Ok((self.browser.clone(), unit()?))).transpose()
+    /// Returns what shows the session.
+    ///
+    /// # Errors
+    /// If it cannot be shown here.
+    fn front_end(&self, screen: Screen) -> Result<FrontEnd> {
+        let front_end = if self.headless {
+            FrontEnd::Script
+        } else if self.window {
+            FrontEnd::Window { record: self.browser.record.clone(), screen }
+        } else {
+            FrontEnd::Browser(self.browser.clone())
+        };
+        front_end.check()?;
+        Ok(front_end)
     }
 }
 
-/// Walk through a scene or a holodeck in a browser, with everything on this machine
+/// What shows a session.
+pub enum FrontEnd {
+    /// A page in a browser.
+    Browser(BrowserArgs),
+    /// A window.
+    Window {
+        /// The file that the walk is recorded in, as a script.
+        record: Option<PathBuf>,
+        /// The way to the thread that windows belong to.
+        screen: Screen,
+    },
+    /// Nothing: a script is followed.
+    Script,
+}
+
+impl FrontEnd {
+    /// Returns whether somebody walks.
+    fn walks(&self) -> bool {
+        !matches!(self, FrontEnd::Script)
+    }
+
+    /// Checks early that a session can be shown so, before anything else is done for it.
+    ///
+    /// # Errors
+    /// Why it cannot.
+    pub fn check(&self) -> Result<()> {
+        if let FrontEnd::Window { .. } = self { holo_view::check_desktop() } else { Ok(()) }
+    }
+
+    /// Shows a session until it ends. `unit` is the length of a scene unit in metres; a script's
+    /// seconds begin when `ready` says so.
+    async fn show(
+        self,
+        config: holo_view::Config,
+        unit: f64,
+        shutdown: Shutdown,
+        ready: oneshot::Receiver<()>,
+    ) -> Result<()> {
+        match self {
+            FrontEnd::Browser(browser) => {
+                holo_view::run_in_browser(config, browser, unit, shutdown).await
+            }
+            FrontEnd::Window { record, screen } => {
+                holo_view::run_in_window(config, record, unit, shutdown, screen).await
+            }
+            FrontEnd::Script => holo_view::run(config, shutdown, ready).await,
+        }
+    }
+}
+
+/// Walk through a scene or a holodeck in a browser or a window, with everything on this machine
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck view room.obj\n  \
+    holodeck view room.obj --window\n  \
     holodeck view room.obj --headless --time 20s -o view.png\n  holodeck view room.holo --headless --script walk.txt --size 640x480")]
 pub struct ViewCommand {
     /// The scene, or a holodeck to go on with
@@ -134,18 +200,19 @@ pub struct ViewCommand {
 }
 
 /// See [`ViewCommand`].
-pub async fn view(args: ViewCommand) -> Result<()> {
+pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
     let is_holodeck =
         args.what.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "holo"));
     args.session.check(
         is_holodeck || args.keep.is_some(),
         "holodeck view room.obj --headless --time 20s -o view.png",
     )?;
+    let front_end = args.session.front_end(screen)?;
     let quiet = args.session.quiet || args.session.json;
     if let Some(file) = args.what.as_ref().filter(|_| is_holodeck) {
         let (threads, cache) = (args.threads, args.cache);
-        let page = args.session.page(|| unit_of(file))?;
-        let session = LiveSession { file: file.clone(), threads, cache, quiet, page };
+        let unit = unit_of(file, &front_end)?;
+        let session = LiveSession { file: file.clone(), threads, cache, quiet, front_end, unit };
         return session.run(|address| args.session.viewer(address)).await;
     }
     let config = args.scene_args.resolve(args.what.as_ref())?;
@@ -154,8 +221,7 @@ pub async fn view(args: ViewCommand) -> Result<()> {
     let file = args.keep.clone().unwrap_or_else(|| temporary.path().join("session.holo"));
     let unit = prepare::make(&file, &config, quiet)?.about.unit;
     let (threads, cache) = (args.threads.or(config.threads), args.cache.or(config.cache));
-    let page = args.session.page(|| Ok(unit))?;
-    let session = LiveSession { file, threads, cache, quiet, page };
+    let session = LiveSession { file, threads, cache, quiet, front_end, unit };
     session.run(|address| args.session.viewer(address)).await
 }
 
@@ -169,12 +235,17 @@ pub struct LiveSession {
     pub cache: Option<u64>,
     /// Hides how far the worker has loaded.
     pub quiet: bool,
-    /// How the page is served and metres per scene unit; without, a script is followed.
-    pub page: Option<(BrowserArgs, f64)>,
+    /// What shows the session.
+    pub front_end: FrontEnd,
+    /// Length of a scene unit, metres.
+    pub unit: f64,
 }
 
-/// Returns the length of a holodeck's scene unit, metres.
-fn unit_of(file: &Path) -> Result<f64> {
+/// Returns the length of a holodeck's scene unit, metres, if somebody walks.
+fn unit_of(file: &Path, front_end: &FrontEnd) -> Result<f64> {
+    if !front_end.walks() {
+        return Ok(1.0);
+    }
     Ok(Holodeck::open_read_only(file, SMALL_CACHE)?.about.unit)
 }
 
@@ -183,22 +254,23 @@ impl LiveSession {
     /// ends all of them.
     ///
     /// The viewer prepares the scene while the worker does. Its script starts once the worker is
-    /// ready, so that its seconds are seconds of tracing. A page is there at once.
+    /// ready, so that its seconds are seconds of tracing. A page or window is there at once.
     ///
     /// # Errors
     /// Whatever failed first.
     pub async fn run(self, viewer: impl FnOnce(SocketAddr) -> holo_view::Config) -> Result<()> {
-        let mut arguments: Vec<OsString> = vec![self.file.into(), "--quiet".into()];
+        let mut arguments: Vec<OsString> = vec!["--quiet".into()];
         if let Some(cache) = self.cache {
             arguments.extend(["--cache".into(), cache.to_string().into()]);
         }
         let shutdown = Shutdown::new();
         shutdown.on_signals(false)?;
-        let mut server = Server::start(arguments).await?;
-        let nice = if self.page.is_some() { NICE_WHILE_WALKING } else { NICE };
-        let mut worker = KeptWorker::start(server.address, self.threads, nice, self.quiet)?;
+        let nice = if self.front_end.walks() { NICE_WHILE_WALKING } else { NICE };
+        let (threads, quiet) = (self.threads, self.quiet);
+        let mut crew =
+            Crew::start(self.file, arguments, WorkerArgs { threads, nice, quiet }).await?;
         let (sender, ready) = oneshot::channel();
-        let (is_ready, shutdown_before) = (worker.ready(), shutdown.clone());
+        let (is_ready, shutdown_before) = (crew.worker_is_ready(), shutdown.clone());
         tokio::spawn(async move {
             tokio::select! {
                 () = is_ready => {
@@ -208,23 +280,10 @@ impl LiveSession {
                 () = shutdown_before.wait() => {}
             }
         });
-        let config = viewer(server.address);
-        let viewing = async {
-            match self.page {
-                Some((browser, unit)) => {
-                    holo_view::run_in_browser(config, browser, unit, shutdown.clone()).await
-                }
-                None => holo_view::run(config, shutdown.clone(), ready).await,
-            }
-        };
-        let result = tokio::select! {
-            result = viewing => result,
-            error = worker.keep() => Err(error),
-            Err(error) = server.process.wait() => Err(error),
-        };
-        let ended = server.process.end().await;
-        worker.end().await;
-        result.and(ended)
+        let config = holo_view::Config { crew: Some(crew.orders()), ..viewer(crew.address()) };
+        let viewing = self.front_end.show(config, self.unit, shutdown.clone(), ready);
+        let result = crew.keep(viewing).await;
+        result.and(crew.end().await)
     }
 }
 
@@ -241,10 +300,11 @@ pub struct ReplayCommand {
 }
 
 /// See [`ReplayCommand`].
-pub async fn replay(args: ReplayCommand) -> Result<()> {
+pub async fn replay(args: ReplayCommand, screen: Screen) -> Result<()> {
     args.session.check(false, "holodeck replay room.holo --headless -o view.png")?;
-    let page = args.session.page(|| unit_of(&args.file))?;
-    show_stored(args.file, page, |address| args.session.viewer(address)).await
+    let front_end = args.session.front_end(screen)?;
+    let unit = unit_of(&args.file, &front_end)?;
+    show_stored(args.file, front_end, unit, |address| args.session.viewer(address)).await
 }
 
 /// Make a picture from what a holodeck holds, without tracing anything
@@ -279,7 +339,7 @@ pub struct PictureCommand {
 pub async fn picture(args: PictureCommand) -> Result<()> {
     args.driver.check().map_err(Usage)?;
     args.look.check(&args.output).map_err(Usage)?;
-    show_stored(args.file, None, |address| holo_view::Config {
+    show_stored(args.file, FrontEnd::Script, 1.0, |address| holo_view::Config {
         connect: address.to_string(),
         view: args.view,
         driver: args.driver,
@@ -291,6 +351,7 @@ pub async fn picture(args: PictureCommand) -> Result<()> {
         json: args.json,
         quiet: args.quiet,
         with_parent: false,
+        crew: None,
     })
     .await
 }
@@ -298,7 +359,8 @@ pub async fn picture(args: PictureCommand) -> Result<()> {
 /// Runs a display-only server and a viewer, both in this process.
 async fn show_stored(
     file: PathBuf,
-    page: Option<(BrowserArgs, f64)>,
+    front_end: FrontEnd,
+    unit: f64,
     viewer: impl FnOnce(SocketAddr) -> holo_view::Config,
 ) -> Result<()> {
     let config = holo_server::Config { display_only: true, ..holo_server::Config::new(file) };
@@ -314,10 +376,7 @@ async fn show_stored(
         return server.await?.map(|_| ());
     };
     let config = viewer(address);
-    let result = match page {
-        Some((browser, unit)) => holo_view::run_in_browser(config, browser, unit, shutdown).await,
-        None => holo_view::run(config, shutdown, holo_view::at_once()).await,
-    };
+    let result = front_end.show(config, unit, shutdown, holo_view::at_once()).await;
     ending.trigger();
     server.await??;
     result

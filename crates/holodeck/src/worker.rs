@@ -45,6 +45,8 @@ pub struct KeptWorker {
     deaths: Deaths,
     ready: watch::Sender<bool>,
     meter: Meter,
+    /// False once somebody has ended it.
+    is_wanted: bool,
 }
 
 /// A running worker process.
@@ -81,6 +83,7 @@ impl KeptWorker {
             deaths: Deaths::default(),
             ready,
             meter: Meter::new(quiet),
+            is_wanted: true,
         })
     }
 
@@ -100,6 +103,9 @@ impl KeptWorker {
     /// A worker that ends in order ends with its server, which the caller watches. So every end
     /// counts as a death here.
     pub async fn keep(&mut self) -> Error {
+        if !self.is_wanted {
+            return future::pending().await;
+        }
         loop {
             let life = match &mut self.life {
                 Some(life) => life,
@@ -124,6 +130,28 @@ impl KeptWorker {
         }
     }
 
+    /// Ends the worker at once, and starts no other one.
+    ///
+    /// # Errors
+    /// If the system does not end it.
+    pub async fn kill(&mut self) -> Result<()> {
+        self.is_wanted = false;
+        match self.life.take() {
+            Some(mut life) => life.process.kill().await,
+            None => Ok(()),
+        }
+    }
+
+    /// Ends the worker if it runs, and has [`keep`](Self::keep) start another one.
+    ///
+    /// # Errors
+    /// If the system does not end it.
+    pub async fn restart(&mut self) -> Result<()> {
+        self.kill().await?;
+        (self.is_wanted, self.deaths) = (true, Deaths::default());
+        Ok(())
+    }
+
     /// Returns the error for a worker that is given up.
     async fn last_death(&mut self, status: ExitStatus) -> Error {
         let words = match self.life.take() {
@@ -140,7 +168,7 @@ impl KeptWorker {
 
     /// Asks the worker to end, and waits. Its samples are stored: trouble is only reported.
     pub async fn end(self) {
-        if let Some(life) = self.life
+        if let Some(mut life) = self.life
             && let Err(error) = life.process.end().await
         {
             eprintln!("{}", said_once(error.as_ref()));

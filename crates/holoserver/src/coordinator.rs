@@ -262,6 +262,7 @@ impl Coordinator {
                     let _ = display.outbox.control(&Control::Settled { view });
                 }
             }
+            Event::ViewKept { id, result } => self.view_kept(id, result),
             Event::Shutdown => self.schedule.end(),
         }
         Ok(())
@@ -303,6 +304,10 @@ impl Coordinator {
             Message::LiveWanted(request) => self.live_wanted(id, &request),
             Message::Control(Control::Settle { view }) => {
                 self.settle(id, view);
+                Ok(())
+            }
+            Message::Control(Control::KeepView { name, options }) => {
+                self.keep_view(id, name, options);
                 Ok(())
             }
             Message::Control(Control::StandInsWanted) => self.outbox(id).map_or(Ok(()), |outbox| {

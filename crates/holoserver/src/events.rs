@@ -32,6 +32,8 @@ pub enum Event {
     Recalled { id: ConnectionId, view: u32, result: Result<(), String> },
     /// For a display that settles: everything that was stored before is on disk.
     Flushed { id: ConnectionId, view: u32 },
+    /// A view was kept for a display, or not: all views, or why not.
+    ViewKept { id: ConnectionId, result: Result<Vec<(String, String)>, String> },
     /// The server must end.
     Shutdown,
 }

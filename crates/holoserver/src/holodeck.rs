@@ -9,7 +9,7 @@ use std::{
 use anyhow::{Context, Result, bail, ensure};
 use holo_beamfile::{BeamFile, Options};
 use holo_proto::{
-    control::{MAX_SECTIONS, RenderSettings, SceneInfo, Welcome},
+    control::{MAX_SECTIONS, MAX_VIEWS, RenderSettings, SceneInfo, Welcome},
     stand_ins::{self, StandIn, StandInKind},
 };
 use holo_scene::Scene;
@@ -27,6 +27,8 @@ const ABOUT: &str = "holodeck";
 const SCENE: &str = "scene";
 /// Name of the blob that holds the beams that see nothing.
 const UNSEEN: &str = "unseen";
+/// Name of the blob that holds the named views, as JSON, once one was kept.
+const VIEWS: &str = "views";
 /// Name of the blob that holds the stand-ins.
 const STAND_INS: &str = "stand-ins";
 /// Version of [`About`].
@@ -109,6 +111,8 @@ pub struct Holodeck {
     pub warnings: Vec<String>,
     path: PathBuf,
     scene: OnceLock<Arc<[u8]>>,
+    /// The named views. Locked while they are written.
+    views: Mutex<Vec<(String, String)>>,
     unseen: RwLock<UnseenBeams>,
     /// The number of unseen beams in the file. Locked while they are written.
     unseen_saved: Mutex<u64>,
@@ -137,6 +141,28 @@ impl Holodeck {
         Ok(Self::new(path, about, sections, file, true))
     }
 
+    /// Replaces a file by one with the same description and scene, and without samples.
+    ///
+    /// # Errors
+    /// If it is no holodeck, or the new one cannot be written. The file is then as before.
+    pub fn start_over(path: &Path) -> Result<()> {
+        let old = Self::open_read_only(path, 0)?;
+        let mut name = path.as_os_str().to_owned();
+        name.push(".new");
+        let fresh = PathBuf::from(name);
+        if fresh.exists() {
+            std::fs::remove_file(&fresh)
+                .with_context(|| format!("removing {}", fresh.display()))?;
+        }
+        let new = Self::create(&fresh, old.about.clone(), &old.packed_scene()?, 0)?;
+        if let Some(stand_ins) = old.stand_ins()? {
+            new.file.put_blob(STAND_INS, &stand_ins)?;
+        }
+        new.file.flush()?;
+        drop((old, new));
+        std::fs::rename(&fresh, path).with_context(|| format!("replacing {}", path.display()))
+    }
+
     fn new(
         path: &Path,
         about: About,
@@ -145,6 +171,7 @@ impl Holodeck {
         writable: bool,
     ) -> Holodeck {
         Holodeck {
+            views: Mutex::new(about.views.clone()),
             about,
             sections,
             file: Arc::new(file),
@@ -191,6 +218,12 @@ impl Holodeck {
             about.format
         );
         let sections = sections(&about)?;
+        let mut about = about;
+        if let Some(views) = file.blob(VIEWS)? {
+            about.views = serde_json::from_slice(&views).with_context(|| {
+                format!("{}: the list of named views is damaged", path.display())
+            })?;
+        }
         let mut holodeck = Self::new(path, about, sections, file, writable);
         // Workers find them again, so the file can be opened all the same.
         if let Err(error) = holodeck.load_unseen() {
@@ -262,6 +295,29 @@ impl Holodeck {
         self.file.put_blob_once(UNSEEN, &bytes)?;
         *saved = count;
         Ok(())
+    }
+
+    /// Keeps a view by name, in place of one of the same name; removes it if `options` is empty.
+    /// Returns all views. Waits for the disk.
+    ///
+    /// # Errors
+    /// If the file is only shown or cannot be written, there are too many views, or none has the
+    /// name of one to be removed.
+    pub fn keep_view(&self, name: &str, options: &str) -> Result<Vec<(String, String)>> {
+        ensure!(self.writable, "this holodeck is only shown: no view can be kept in it");
+        let mut kept = self.views.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut views = kept.clone();
+        let at = views.iter().position(|(other, _)| other == name);
+        match (at, options) {
+            (None, "") => bail!("the holodeck has no view named `{name}`"),
+            (Some(at), "") => _ = views.remove(at),
+            (Some(at), options) => options.clone_into(&mut views[at].1),
+            (None, options) => views.push((name.to_owned(), options.to_owned())),
+        }
+        ensure!(views.len() <= MAX_VIEWS, "a holodeck has at most {MAX_VIEWS} named views");
+        self.file.put_blob(VIEWS, serde_json::to_string_pretty(&views)?.as_bytes())?;
+        kept.clone_from(&views);
+        Ok(views)
     }
 
     /// Returns the records of indirect light of the file and of all workers.
@@ -363,7 +419,7 @@ impl Holodeck {
             settings: self.about.settings,
             scene: self.about.scene,
             up: self.about.up,
-            views: self.about.views.clone(),
+            views: self.views.lock().unwrap_or_else(PoisonError::into_inner).clone(),
             samples: self.file.stats().samples,
             tracing: self.writable,
             sky: self.about.sky,

@@ -4,6 +4,7 @@
 //! - `session` holds the connection, asks for samples, and feeds a driver. It knows no screen.
 //! - A front end (`script`, or `browser` on a `stage`) tells the session which view to show. It
 //!   knows no socket and no driver.
+//! - `commands` is the one list of what a person can do, for all front ends.
 //! - `drivers` is the one list of drivers.
 //!
 //! What always holds:
@@ -13,12 +14,15 @@
 
 pub mod args;
 mod browser;
+pub mod commands;
+mod crew;
 mod drivers;
 mod report;
 mod screen;
 mod script;
 mod session;
 mod stage;
+mod window;
 
 use std::{net::SocketAddr, path::PathBuf};
 
@@ -32,9 +36,11 @@ pub use args::{
     ViewArgs, parse_size,
 };
 pub use browser::{BrowserArgs, run as run_in_browser};
+pub use crew::{Crew, CrewOrder, crew};
 pub use report::{PictureReport, StageTime};
 pub use script::{Command, Script, Step, parse_seconds};
 pub use session::default_view;
+pub use window::{Desk, Screen, check_desktop, desk, run as run_in_window};
 
 /// Options of `holoview`.
 #[derive(Args, Clone, Debug)]
@@ -73,6 +79,9 @@ pub struct Config {
     /// End when standard input ends (set by the program that starts this one)
     #[arg(long, hide = true)]
     pub with_parent: bool,
+    /// Whoever has started server and workers, if it takes orders.
+    #[arg(skip)]
+    pub crew: Option<Crew>,
 }
 
 /// Shows a server's holodeck until the script, the time or the session ends, or `shutdown` is

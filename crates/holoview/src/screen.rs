@@ -1,9 +1,27 @@
 //! From a frame's radiance to the colours of a screen: the one place where front ends make a frame
 //! visible.
 
-use std::time::Instant;
+use std::{num::NonZero, sync::OnceLock, thread, time::Instant};
 
 use holo_picture::{Adaptation, Image, Look, Picture};
+
+/// Most threads that make frames visible.
+const MOST_THREADS: usize = 4;
+
+/// Does work by which frames become visible, on threads of its own: those on which drivers draw are
+/// busy for longer than a frame may wait.
+pub fn visibly<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    static THREADS: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
+    let threads = THREADS.get_or_init(|| {
+        let count = thread::available_parallelism().map_or(1, NonZero::get).min(MOST_THREADS);
+        let name = |number| format!("screen {number}");
+        rayon::ThreadPoolBuilder::new().num_threads(count).thread_name(name).build().ok()
+    });
+    match threads {
+        Some(threads) => threads.install(work),
+        None => work(),
+    }
+}
 
 /// One person who looks at a session's frames. What is automatic in a look adapts to what this
 /// person saw before.
@@ -19,7 +37,7 @@ impl Viewer {
     pub fn see(&mut self, picture: &Picture, look: &Look, now: Instant) -> Image {
         let since = self.last.replace(now).map(|last| now.saturating_duration_since(last));
         let seconds = since.unwrap_or_default().as_secs_f32();
-        look.follow(picture, &mut self.adaptation, seconds)
+        visibly(|| look.follow(picture, &mut self.adaptation, seconds))
     }
 }
 

@@ -80,6 +80,15 @@ impl Pose {
         self.up.cross(self.right())
     }
 
+    /// Returns the pose that follows if the motion since `before` goes on, `share` of its way.
+    #[must_use]
+    pub fn ahead(self, before: &Pose, share: f64) -> Pose {
+        let turned = DQuat::from_rotation_arc(before.direction, self.direction);
+        let (axis, angle) = turned.to_axis_angle();
+        let rotation = DQuat::from_axis_angle(axis, share * angle);
+        self.turned(rotation, self.eye + share * (self.eye - before.eye))
+    }
+
     /// Returns the rotation of the whole camera that turns its direction to the right and upwards.
     fn rotation(&self, right: f64, up: f64) -> DQuat {
         if !(right.is_finite() && up.is_finite()) {

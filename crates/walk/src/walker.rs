@@ -108,6 +108,11 @@ impl Walker {
         &self.pose
     }
 
+    /// Returns where one will be if one goes on as since `before`: `share` of that way farther.
+    pub fn ahead(&self, before: &Pose, share: f64) -> ViewSpec {
+        at(&self.spec, &self.pose.ahead(before, share))
+    }
+
     /// Moves as long as `seconds` by what is held. `under` is the point under the cursor if one is
     /// known, and `towards` the direction of its ray. Returns whether anything moved.
     pub fn advance(&mut self, seconds: f64, under: Option<DVec3>, towards: DVec3) -> bool {

@@ -201,3 +201,14 @@ fn a_view_that_is_none_is_refused_and_changes_nothing() {
     }
     assert!(Walker::new(ViewSpec::default(), 1.0).is_none());
 }
+
+#[test]
+fn a_motion_that_goes_on_ends_where_it_would() {
+    let start = Pose { eye: DVec3::ZERO, direction: DVec3::Y, up: DVec3::Z };
+    let half = start.walk(1.0, 0.5, 0.0).turn(0.2, 0.0);
+    let end = half.ahead(&start, 1.0);
+    assert!((end.eye - 2.0 * half.eye).length() < 1e-12);
+    let angle = start.direction.angle_between(end.direction);
+    assert!((angle - 0.4).abs() < 1e-6, "{angle}");
+    assert_eq!(start.ahead(&start, 5.0), start);
+}

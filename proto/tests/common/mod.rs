@@ -272,5 +272,9 @@ pub fn control() -> impl Strategy<Value = Control> {
         (any::<[u8; 32]>(), any::<u64>())
             .prop_map(|(hash, bytes)| Control::StandIns(SceneInfo { hash, bytes })),
         Just(Control::StandInsWanted),
+        ("[a-z ]{1,60}", "[-a-z0-9 ]{0,80}")
+            .prop_map(|(name, options)| Control::KeepView { name, options }),
+        vec((text(), text()), 0..4).prop_map(Control::Views),
+        text().prop_map(|reason| Control::Refused { reason }),
     ]
 }

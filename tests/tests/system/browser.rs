@@ -74,21 +74,18 @@ fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     browser.wait("document.body.dataset.rest === 'false'");
     browser.key("KeyW", "w", false);
     wait_for_rest(browser);
-    let walked = options(browser);
-    assert_ne!(walked, home);
+    assert_ne!(options(browser), home);
 
-    // A view is kept by name, left through the field and recalled.
+    // A replay keeps no views, and says so.
     browser.press("KeyV", "v");
-    browser.value("document.getElementById('t-name').value = 'here'");
-    browser.value("document.getElementById('f-name').requestSubmit()");
+    browser.value("command('keep here')");
+    browser.wait("document.getElementById('notice').textContent.includes('only reads')");
+    assert_eq!(browser.value("state.views.length"), 0);
+    // The view is left through the field.
     changes_view(browser, |browser| {
         browser.value("document.getElementById('t-view').value = '-vp 2.78 2.73 -2 -vd .1 0 1'");
         browser.value("document.getElementById('f-view').requestSubmit()");
     });
-    let recalled = changes_view(browser, |browser| {
-        browser.value("[...document.querySelectorAll('#views .name')].pop().click()");
-    });
-    assert_eq!(recalled, walked);
 
     // Two stops brighter, without a new frame.
     let (before, frame) = (brightness(browser), "document.body.dataset.frame");
@@ -126,10 +123,13 @@ fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
 
     let saved = browser.value("fetch('picture.hdr').then(r => r.text()).then(t => t.slice(0, 10))");
     assert_eq!(saved, "#?RADIANCE");
+    let saved = "fetch('picture.exr?size=300x200').then(r => r.arrayBuffer()) \
+        .then(b => new DataView(b).getUint32(0))";
+    assert_eq!(browser.value(saved), 0x762f_3101);
     let saved = browser.value("fetch('picture.png').then(r => r.blob()).then(b => b.size)");
     assert!(saved.as_u64().unwrap() > 10_000, "{saved}");
 
-    browser.value("say('quit')");
+    browser.value("command('quit')");
     session.wait().ok();
     // The recorded walk can be played.
     let script = std::fs::read_to_string(place.path("w.txt")).unwrap();
@@ -174,8 +174,75 @@ fn a_scene_gets_clearer_while_one_looks_and_the_page_comes_back_by_itself() {
     // Somebody ends it while walking: everything is stored all the same.
     browser.key("KeyE", "e", true);
     browser.wait("document.body.dataset.rest === 'false'");
-    browser.value("say('quit')");
+    browser.value("command('quit')");
     session.wait().ok();
+}
+
+#[test]
+fn one_commands_a_session_by_buttons_keys_and_lines() {
+    let place = Place::new();
+    let words = [
+        "view",
+        "--config",
+        "{}/cornell.toml",
+        "--section",
+        CORNELL_SMALL_SECTION,
+        "--keep",
+        "{}/a.holo",
+        "--threads",
+        "1",
+        "--no-open",
+    ];
+    let mut session = place.start(&[&words[..], &VIEW].concat());
+    let browser = &mut Chromium::open(&address(&mut session));
+    browser.wait("state && state.workers === 1 && state.view_samples > 5000");
+    // Workers, by a button and by a key.
+    browser.value("document.getElementById('b-kill').click()");
+    browser.wait("state.workers === 0");
+    browser.press("Insert", "Insert");
+    browser.wait("state.workers === 1 && state.samples_per_second > 0");
+    // Drivers, and back.
+    let driver = "const l = document.getElementById('l-driver'); \
+        l.value = 'quadtree'; l.onchange()";
+    browser.value(driver);
+    browser.wait("state.driver === 'quadtree'");
+    wait_for_rest(browser);
+    session.write_line("driver surfaces");
+    browser.wait("state.driver === 'surfaces'");
+    session.write_line("pause");
+    browser.wait("state.paused");
+    session.write_line("dance");
+    session.wait_for_error("`dance` is no command");
+    session.write_line("resume");
+    // A view is kept in the file, left and recalled by its number.
+    wait_for_rest(browser);
+    let home = options(browser);
+    browser.value("document.getElementById('t-name').value = 'the corner'");
+    browser.value("document.getElementById('f-name').requestSubmit()");
+    browser.wait("state.views.length === 1 && state.views[0][0] === 'the corner'");
+    changes_view(browser, |browser| browser.drag((640, 360), (700, 380), 1));
+    let recalled = changes_view(browser, |browser| browser.press("Digit1", "1"));
+    assert_eq!(recalled, home);
+    // A picture is written.
+    session.write_line(&format!("picture {} 160x90", place.path("p.exr").display()));
+    session.wait_for_error("wrote");
+    assert_eq!(Picture::read(place.path("p.exr")).unwrap().size(), (160, 90));
+    // Starting over is asked for first.
+    browser.press("Backspace", "Backspace");
+    browser.wait("document.getElementById('question').open");
+    browser.value("document.querySelector('#question button[value=no]').click()");
+    browser.wait("state.question === null");
+    browser.press("Backspace", "Backspace");
+    browser.wait("document.getElementById('question').open");
+    let samples = browser.value("state.samples").as_u64().unwrap();
+    browser.value("document.querySelector('#question button[value=yes]').click()");
+    browser.wait("state.phase === 'loading'");
+    browser.wait(&format!("state.phase === 'running' && state.samples < {samples}"));
+    browser.wait("state.workers === 1 && state.view_samples > 1000");
+    session.write_line("quit");
+    session.wait().ok();
+    let info = place.run(&["info", "{}/a.holo", "--json"]).ok().json();
+    assert_eq!(info["views"][0][0], "the corner");
 }
 
 #[test]

@@ -26,4 +26,5 @@ mod unseen;
 mod usage;
 mod view_types;
 mod virtual_distance;
+mod window;
 mod worker_deaths;

@@ -3,6 +3,7 @@
 use std::sync::{Arc, atomic::Ordering};
 
 use anyhow::{Result, ensure};
+use holo_progress::said_once;
 use holo_proto::{
     bulk::{RaysWanted, ViewRequest},
     control::Control,
@@ -129,6 +130,38 @@ impl Coordinator {
                 let _ = holodeck.writable.then(|| holodeck.file.flush());
                 let _ = events.send(Event::Flushed { id, view });
             });
+        }
+    }
+
+    /// Keeps a named view in the file. Writing waits for the disk, so a thread of its own does.
+    pub(super) fn keep_view(&mut self, id: ConnectionId, name: String, options: String) {
+        let (holodeck, events) = (Arc::clone(&self.holodeck), self.events.clone());
+        std::thread::spawn(move || {
+            let kept = holodeck.keep_view(&name, &options);
+            let result = kept.map_err(|error| said_once(error.as_ref()));
+            // A server that has ended needs to know nothing.
+            let _ = events.send(Event::ViewKept { id, result });
+        });
+    }
+
+    /// Says which views there are, or to the one who asked why there is no other one.
+    pub(super) fn view_kept(
+        &mut self,
+        id: ConnectionId,
+        result: Result<Vec<(String, String)>, String>,
+    ) {
+        match result {
+            Ok(views) => {
+                let views = Control::Views(views);
+                for display in self.displays.values() {
+                    let _ = display.outbox.control(&views);
+                }
+            }
+            Err(reason) => {
+                if let Some(display) = self.displays.get(&id) {
+                    let _ = display.outbox.control(&Control::Refused { reason });
+                }
+            }
         }
     }
 

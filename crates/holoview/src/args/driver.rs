@@ -24,6 +24,26 @@ pub enum DriverArg {
     Frameless,
 }
 
+impl DriverArg {
+    /// Returns the drivers' names, without `auto`, which is one of the others.
+    pub fn names() -> Vec<&'static str> {
+        let named = DriverArg::value_variants().iter().filter(|driver| **driver != Self::Auto);
+        named.map(|driver| driver.name()).collect()
+    }
+
+    /// Returns the driver's name, as on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Voronoi => "voronoi",
+            Self::Surfaces => "surfaces",
+            Self::Quadtree => "quadtree",
+            Self::Pointimage => "pointimage",
+            Self::Frameless => "frameless",
+        }
+    }
+}
+
 /// Which driver, and what it is told.
 #[derive(Args, Clone, Debug, Default)]
 pub struct DriverArgs {
@@ -94,9 +114,7 @@ impl DriverArgs {
         match (self.driver, self.cells) {
             (DriverArg::Auto | DriverArg::Voronoi, _) | (_, None) => Ok(()),
             (driver, Some(_)) => {
-                let name = driver
-                    .to_possible_value()
-                    .map_or_else(String::new, |value| value.get_name().to_owned());
+                let name = driver.name();
                 Err(format!("--cells is for --driver voronoi; {name} has no cells"))
             }
         }
@@ -110,4 +128,17 @@ pub enum CellsArg {
     Smooth,
     /// Each the colour of its sample, as in the paper (Larson & Simmons 1999)
     Constant,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drivers_have_the_names_of_the_command_line() {
+        for name in DriverArg::names() {
+            assert_eq!(DriverArg::from_str(name, false).map(DriverArg::name), Ok(name));
+        }
+        assert_eq!(DriverArg::names().len() + 1, DriverArg::value_variants().len());
+    }
 }

@@ -46,12 +46,20 @@ pub struct ViewArgs {
     /// A view that the holodeck knows by name
     #[arg(long, value_name = "NAME")]
     pub view: Option<String>,
-    /// Size of the picture, pixels
-    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = parse_size)]
-    pub size: (u32, u32),
+    /// Size of the picture, pixels [default: 640x480; of a window 1280x720]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<(u32, u32)>,
 }
 
+/// Size of a picture of which none was stated, pixels.
+const SIZE: (u32, u32) = (640, 480);
+
 impl ViewArgs {
+    /// Returns the size of the picture, pixels.
+    pub fn size(&self) -> (u32, u32) {
+        self.size.unwrap_or(SIZE)
+    }
+
     /// What was said of the view, over what the named views and a view file say.
     ///
     /// # Errors

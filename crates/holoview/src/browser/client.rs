@@ -19,6 +19,7 @@ use futures_util::{
     stream::{SplitSink, SplitStream},
 };
 use holo_picture::{Image, Look};
+use rayon::prelude::*;
 use tokio::{
     sync::{mpsc, watch},
     time::{sleep_until, timeout},
@@ -27,11 +28,11 @@ use tokio::{
 use super::{
     encode::{Colours, Rect},
     hub::{Guest, Hub, Seen},
-    messages::{self, Asked, Framed},
+    messages::{self, Asked, Framed, Times},
     screen::{Screen, Update},
 };
 use crate::{
-    screen::Viewer,
+    screen::{Viewer, visibly},
     stage::{Input, Phase, Shown},
 };
 
@@ -159,6 +160,8 @@ struct Writer<'a> {
     under_way: Option<UnderWay>,
     /// Number of the last update.
     updates: u64,
+    /// How long the last frame's parts took, without encoding.
+    times: Times,
 }
 
 /// What a client's screen shows or will show soon.
@@ -185,7 +188,8 @@ impl<'a> Writer<'a> {
     ) -> Writer<'a> {
         let (screen, viewer) = (Screen::default(), Viewer::default());
         let (on_screen, under_way, updates) = (None, None, 0);
-        Writer { hub, guest, sink, wanted, screen, viewer, on_screen, under_way, updates }
+        let times = Times::default();
+        Writer { hub, guest, sink, wanted, screen, viewer, on_screen, under_way, updates, times }
     }
 
     /// Sends until the session is over or the client takes nothing any more.
@@ -262,13 +266,22 @@ impl<'a> Writer<'a> {
             return Ok(false);
         }
         let (mut viewer, frame) = (mem::take(&mut self.viewer), Arc::clone(&shown));
+        let begin = Instant::now();
         let seeing = tokio::task::spawn_blocking(move || {
             let image = viewer.see(&frame.frame.picture, &look, Instant::now());
             (viewer, Arc::new(image))
         });
         let (viewer, image) = seeing.await?;
         self.viewer = viewer;
-        self.guest.sees(Seen { frame: shown.number, image: Arc::clone(&image) });
+        let [look_took, draw_took] = shown.took.map(|seconds| 1e3 * seconds);
+        self.times = Times {
+            look: look_took,
+            draw: draw_took,
+            wait: milliseconds(shown.done, begin),
+            tone: milliseconds(begin, Instant::now()),
+            encode: 0.0,
+        };
+        self.guest.sees(Seen { frame: shown.number, image: Arc::clone(&image), look });
         let update = self.screen.show(Arc::clone(&image));
         self.on_screen = Some(OnScreen { shown, look, image });
         self.send_update(update).await?;
@@ -283,11 +296,13 @@ impl<'a> Writer<'a> {
 
     async fn send_update(&mut self, update: Update) -> Result<()> {
         let Some(OnScreen { shown, image, .. }) = self.on_screen.clone() else { return Ok(()) };
+        let begin = Instant::now();
         let (coding, pixels) = (update.coding, Arc::clone(&image));
         let encoded = tokio::task::spawn_blocking(move || {
             let colours = Colours { bytes: &pixels.rgb, size: (pixels.width, pixels.height) };
             let encode = |rect: Rect| Ok((rect, colours.encode(rect, coding)?));
-            update.rects.into_iter().map(encode).collect::<Result<Vec<_>>>()
+            let strips: Vec<Rect> = update.rects.into_iter().flat_map(Rect::strips).collect();
+            visibly(|| strips.into_par_iter().map(encode).collect::<Result<Vec<_>>>())
         });
         let parts = encoded.await?.context("encoding a frame")?;
         self.updates += 1;
@@ -299,6 +314,7 @@ impl<'a> Writer<'a> {
             image: &image,
             is_exact: self.screen.is_exact(),
             coding,
+            times: Times { encode: milliseconds(begin, Instant::now()), ..self.times },
         };
         let message = framed.message(&parts);
         self.under_way =
@@ -310,6 +326,11 @@ impl<'a> Writer<'a> {
         timeout(SENDING, self.sink.send(message)).await.context("the client takes nothing")??;
         Ok(())
     }
+}
+
+/// Returns how long it is from one moment to another, milliseconds.
+fn milliseconds(from: Instant, to: Instant) -> f64 {
+    1e3 * to.saturating_duration_since(from).as_secs_f64()
 }
 
 fn text(text: String) -> Message {

@@ -19,6 +19,18 @@ pub struct Rect {
     pub height: u32,
 }
 
+/// Rows of a strip that is encoded on a thread of its own: fewer would take longer to begin with.
+const STRIP: u32 = 3 * TILE;
+
+impl Rect {
+    /// Returns strips that hold each of its pixels once. They are encoded and decoded side by side.
+    pub fn strips(self) -> impl Iterator<Item = Rect> {
+        let end = self.y + self.height;
+        let tops = (self.y..end).step_by(STRIP as usize);
+        tops.map(move |y| Rect { y, height: STRIP.min(end - y), ..self })
+    }
+}
+
 /// How a part is encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coding {
@@ -203,6 +215,19 @@ mod tests {
                 assert_eq!(covered, u32::from(is_in));
             }
         }
+    }
+
+    #[test]
+    fn strips_are_a_rectangle_without_gaps() {
+        let rect = Rect { x: 64, y: 128, width: 100, height: 2 * STRIP + 5 };
+        let strips: Vec<Rect> = rect.strips().collect();
+        assert_eq!(strips.len(), 3);
+        let mut next = rect.y;
+        for strip in strips {
+            assert_eq!((strip.x, strip.width, strip.y), (rect.x, rect.width, next));
+            next += strip.height;
+        }
+        assert_eq!(next, rect.y + rect.height);
     }
 
     #[test]

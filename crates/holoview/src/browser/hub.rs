@@ -7,7 +7,7 @@ use std::{
 };
 
 use holo_net::Shutdown;
-use holo_picture::Image;
+use holo_picture::{Image, Look};
 use holo_walk::Controls;
 use tokio::sync::watch;
 
@@ -36,6 +36,8 @@ pub struct Seen {
     pub frame: u64,
     /// Its colours.
     pub image: Arc<Image>,
+    /// The look that made them.
+    pub look: Look,
 }
 
 /// Who is there, in order of arrival, and who drives.

@@ -1,13 +1,14 @@
 //! Messages between page and server: JSON texts, and frames as a JSON header with parts behind it.
 
-use glam::DVec3;
-use holo_picture::{Exposure, Image, Legend, Look, Scale, Scaling, Tone, ViewSpec, luminance};
+use holo_picture::{Exposure, Image, Legend, Look, Scale, Scaling, Tone, luminance};
 use holo_section::{Section, SectionSpec};
 use holo_walk::Controls;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::encode::{Coding, Rect};
+use crate::args::DriverArg;
+use crate::commands::{self, ACTIONS, GESTURES};
 use crate::stage::{Input, Phase, Shown, State};
 
 /// Greatest angle of one input, radians.
@@ -70,24 +71,12 @@ pub enum Said {
     Slide { right: f64, up: f64 },
     /// See [`Input::Wheel`].
     Wheel { steps: f64 },
-    /// See [`Input::View`].
-    View { options: String },
-    /// See [`Input::GoTo`].
-    GoTo { eye: [f64; 3] },
-    /// See [`Input::Home`].
-    Home {},
-    /// See [`Input::Back`].
-    Back {},
-    /// See [`Input::Forward`].
-    Forward {},
-    /// See [`Input::LockHeight`].
-    LockHeight { on: bool },
-    /// See [`Input::Pause`].
-    Pause { on: bool },
+    /// A line as on standard input.
+    Command { line: String },
+    /// See [`Input::Focus`].
+    Focus { part: Option<[f64; 4]> },
     /// See [`Input::Size`].
     Size { width: u32, height: u32 },
-    /// See [`Input::Quit`].
-    Quit {},
     /// An update is on the screen: the next one may come.
     Shown { update: u64 },
     /// How frames are to look.
@@ -215,23 +204,26 @@ fn asked(said: Said) -> Result<Asked, String> {
         Said::Orbit { right, up } => Input::Orbit(angle(right), angle(up)),
         Said::Slide { right, up } => Input::Slide(part(right), part(up)),
         Said::Wheel { steps } => Input::Wheel(steps.clamp(-MOST_STEPS, MOST_STEPS)),
-        Said::View { options } => {
-            let mut view = ViewSpec::default();
-            view.apply_line(&options).map_err(|error| error.to_string())?;
-            Input::View(Box::new(view))
+        Said::Command { line } => commands::parse(&line).and_then(for_pages)?,
+        Said::Focus { part } => {
+            let inside = |part: &[f64; 4]| part.iter().all(|share| (0.0..=1.0).contains(share));
+            let is_whole = |[left, top, right, bottom]: &[f64; 4]| left < right && top < bottom;
+            Input::Focus(part.filter(inside).filter(is_whole))
         }
-        Said::GoTo { eye } => Input::GoTo(DVec3::from_array(eye)),
-        Said::Home {} => Input::Home,
-        Said::Back {} => Input::Back,
-        Said::Forward {} => Input::Forward,
-        Said::LockHeight { on } => Input::LockHeight(on),
-        Said::Pause { on } => Input::Pause(on),
         Said::Size { width, height } => Input::Size(width, height),
-        Said::Quit {} => Input::Quit,
         Said::Shown { update } => return Ok(Asked::Shown(update)),
         Said::TakeOver {} => return Ok(Asked::TakeOver),
         Said::Display(display) => return Ok(Asked::Look(display.look()?)),
     }))
+}
+
+/// Refuses what only people at this machine may say.
+fn for_pages(input: Input) -> Result<Input, String> {
+    match input {
+        // A page saves what it has got; it chooses no file of this machine.
+        Input::Picture(..) => Err("a page saves pictures by its own links".to_owned()),
+        input => Ok(input),
+    }
 }
 
 /// Returns what is under a cursor.
@@ -281,6 +273,23 @@ pub struct Framed<'a> {
     pub is_exact: bool,
     /// How the parts are encoded.
     pub coding: Coding,
+    /// Where the time went, milliseconds.
+    pub times: Times,
+}
+
+/// How long the parts of a frame's way took, milliseconds.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Times {
+    /// Looking at the view.
+    pub look: f64,
+    /// Drawing it.
+    pub draw: f64,
+    /// Waiting until the client took the frame before.
+    pub wait: f64,
+    /// Making colours of radiance.
+    pub tone: f64,
+    /// Encoding them.
+    pub encode: f64,
 }
 
 impl Framed<'_> {
@@ -320,7 +329,7 @@ impl Framed<'_> {
             // None with a look that has no such factor.
             "exposure": self.image.exposure,
             "legend": self.image.legend.as_ref().map(legend),
-            "milliseconds": shown.milliseconds,
+            "times": self.times,
             "unknown": frame.empty_pixels as f64 / pixels.max(1.0),
             "under": self.cursor.and_then(|cursor| under(shown, cursor)),
         });
@@ -334,7 +343,11 @@ impl Framed<'_> {
 
 /// Returns the text that greets a client.
 pub fn hello(client: u32) -> String {
-    json!({ "is": "hello", "client": client }).to_string()
+    json!({
+        "is": "hello", "client": client, "actions": ACTIONS, "gestures": GESTURES,
+        "drivers": DriverArg::names(),
+    })
+    .to_string()
 }
 
 /// Returns the text of who drives.
@@ -366,6 +379,9 @@ pub fn state(state: &State) -> String {
         "text": text,
         "uncovered": state.is_uncovered,
         "trouble": state.trouble,
+        "question": state.question,
+        "crew": state.has_crew,
+        "views": *state.views,
         "options": state.options,
         "pose": state.pose,
         "locked": state.height_is_locked,
@@ -384,8 +400,7 @@ pub fn state(state: &State) -> String {
 /// Returns the text of what never changes.
 pub fn facts(state: &State) -> String {
     let sections: Vec<Value> = state.sections.iter().map(section).collect();
-    let views: Vec<&(String, String)> = state.views.iter().collect();
-    json!({ "is": "facts", "sections": sections, "views": views, "up": state.up }).to_string()
+    json!({ "is": "facts", "sections": sections, "up": state.up }).to_string()
 }
 
 fn section(spec: &SectionSpec) -> Value {
@@ -416,6 +431,14 @@ mod tests {
         assert_eq!(hold, Asked::Input(Input::Hold(controls)));
         let cursor = parse(r#"{"n": 5, "say": {"do": "cursor", "at": [2, 0]}}"#).unwrap().1;
         assert_eq!(cursor, Asked::Input(Input::Cursor(None)));
+        for (part, focus) in [
+            ("[0.1, 0.2, 0.5, 0.6]", Some([0.1, 0.2, 0.5, 0.6])),
+            ("[0.5, 0.2, 0.1, 0.6]", None),
+            ("[0.1, 0.2, 0.5, 7]", None),
+        ] {
+            let text = format!(r#"{{"n": 6, "say": {{"do": "focus", "part": {part}}}}}"#);
+            assert_eq!(parse(&text).unwrap().1, Asked::Input(Input::Focus(focus)), "{part}");
+        }
     }
 
     #[test]
@@ -459,9 +482,11 @@ mod tests {
             ("", "EOF"),
             ("{}", "missing field"),
             (r#"{"n": 1, "say": {"do": "fly"}}"#, "unknown variant"),
-            (r#"{"n": -1, "say": {"do": "home"}}"#, "invalid value"),
-            (r#"{"n": 1, "say": {"do": "home", "now": 1}}"#, "unknown field"),
-            (r#"{"n": 1, "say": {"do": "view", "options": "-vp 1 2"}}"#, "-vp"),
+            (r#"{"n": -1, "say": {"do": "take_over"}}"#, "invalid value"),
+            (r#"{"n": 1, "say": {"do": "take_over", "now": 1}}"#, "unknown field"),
+            (r#"{"n": 1, "say": {"do": "command", "line": "fly"}}"#, "no command"),
+            (r#"{"n": 1, "say": {"do": "command", "line": "view -vp 1 2"}}"#, "-vp"),
+            (r#"{"n": 1, "say": {"do": "command", "line": "picture /a.png"}}"#, "own links"),
         ] {
             let error = parse(text).unwrap_err();
             assert!(error.contains(reason), "{text}: {error}");

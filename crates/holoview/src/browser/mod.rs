@@ -27,7 +27,9 @@ use holo_net::{NetError, Shutdown};
 use tokio::net::TcpListener;
 
 use crate::{
-    Config, DriverArgs, session,
+    Config, DriverArgs,
+    commands::follow_standard_input,
+    session,
     stage::{Front, Wishes, stage},
 };
 use hub::Hub;
@@ -64,12 +66,13 @@ pub async fn run(config: Config, args: BrowserArgs, unit: f64, shutdown: Shutdow
     let driver = DriverArgs { walks: true, ..config.driver };
     let connected =
         session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;
-    let wishes = Wishes { view: config.view, unit, record: args.record };
+    let wishes = Wishes { view: config.view, unit, record: args.record, crew: config.crew };
     let (stage, front) = stage(connected, wishes);
     println!("http://{address}/");
     if !args.no_open {
         open(&format!("http://{address}/"));
     }
+    follow_standard_input(front.inputs.clone());
     let ending = Shutdown::new();
     let pages = tokio::spawn(serve(listener, front, ending.clone()));
     // Drawing takes the processor for a while; sockets must not wait for it.

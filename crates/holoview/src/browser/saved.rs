@@ -1,6 +1,6 @@
 //! Pictures that a person saves: as seen, or in radiance.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use anyhow::Result;
 use axum::{
@@ -8,52 +8,119 @@ use axum::{
     http::{StatusCode, header},
     response::{IntoResponse, Response},
 };
-use holo_picture::{Format, Image, Look};
+use holo_display::Frame;
+use holo_picture::{Format, Image};
+use tokio::{sync::mpsc, time::timeout};
 
 use super::hub::{Hub, Seen};
-use crate::stage::Shown;
+use crate::{
+    args::parse_size,
+    screen::visibly,
+    stage::{Input, Reply},
+};
 
-/// Answers with what a client sees, `?client=NUMBER`, and its legend. Without a client, answers with
-/// the latest frame in the default look.
+/// Longest wait for a picture of a stated size.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// What a saved picture is to be.
+#[derive(Debug, Default)]
+struct Wish {
+    /// Whose look it has.
+    client: Option<u32>,
+    /// Its size, such as `1920x1080`; without one, it is the latest frame.
+    size: Option<String>,
+}
+
+impl Wish {
+    /// Parses a query such as `client=3&size=1920x1080`. Parts that it does not know count for
+    /// nothing.
+    fn parse(query: Option<&str>) -> Wish {
+        let mut wish = Wish::default();
+        let parts = query.unwrap_or_default().split('&');
+        for (name, value) in parts.filter_map(|part| part.split_once('=')) {
+            match name {
+                "client" => wish.client = value.parse().ok(),
+                "size" => wish.size = Some(value.to_owned()),
+                _ => {}
+            }
+        }
+        wish
+    }
+}
+
+/// Answers with a PNG as a client sees it, with its legend.
 pub async fn png(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Response {
-    let query = query.unwrap_or_default();
-    let client = query.strip_prefix("client=").and_then(|client| client.parse().ok());
+    let wish = Wish::parse(query.as_deref());
+    let seen = wish.client.and_then(|client| hub.seen(client));
     let kind = "image/png";
-    match client.and_then(|client| hub.seen(client)) {
-        Some(Seen { frame, image }) => {
+    match (wish.size, seen) {
+        (None, Some(Seen { frame, image, .. })) => {
             answer(frame, "png", kind, move || Ok(Image::clone(&image).with_legend().png()?)).await
         }
-        None => {
-            let encode = |shown: &Shown| Ok(Look::default().show(&shown.frame.picture).png()?);
-            latest(&hub, "png", kind, encode).await
+        (size, seen) => {
+            let look = seen.map(|seen| seen.look).unwrap_or_default();
+            let encode = move |frame: &Frame| {
+                Ok(visibly(|| look.show(&frame.picture)).with_legend().png()?)
+            };
+            drawn(&hub, size, "png", kind, encode).await
         }
     }
 }
 
-/// Answers with the latest frame's radiance as Radiance's RGBE.
-pub async fn hdr(State(hub): State<Arc<Hub>>) -> Response {
-    radiance(&hub, "hdr", "image/vnd.radiance", Format::Hdr).await
+/// Answers with radiance as Radiance's RGBE.
+pub async fn hdr(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Response {
+    let wish = Wish::parse(query.as_deref());
+    radiance(&hub, wish, "hdr", "image/vnd.radiance", Format::Hdr).await
 }
 
-/// Answers with the latest frame's radiance as OpenEXR.
-pub async fn exr(State(hub): State<Arc<Hub>>) -> Response {
-    radiance(&hub, "exr", "image/x-exr", Format::Exr).await
+/// Answers with radiance as OpenEXR.
+pub async fn exr(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Response {
+    let wish = Wish::parse(query.as_deref());
+    radiance(&hub, wish, "exr", "image/x-exr", Format::Exr).await
 }
 
-async fn radiance(hub: &Hub, end: &str, kind: &'static str, format: Format) -> Response {
-    latest(hub, end, kind, move |shown| Ok(shown.frame.picture.encode(format)?)).await
-}
-
-async fn latest(
+async fn radiance(
     hub: &Hub,
+    wish: Wish,
     end: &str,
     kind: &'static str,
-    encode: impl FnOnce(&Shown) -> Result<Vec<u8>> + Send + 'static,
+    format: Format,
 ) -> Response {
-    match hub.latest() {
-        Some(shown) => answer(shown.number, end, kind, move || encode(&shown)).await,
+    let encode = move |frame: &Frame| Ok(frame.picture.encode(format)?);
+    drawn(hub, wish.size, end, kind, encode).await
+}
+
+/// Answers with a picture of a stated size, or with the latest frame.
+async fn drawn(
+    hub: &Hub,
+    size: Option<String>,
+    end: &str,
+    kind: &'static str,
+    encode: impl FnOnce(&Frame) -> Result<Vec<u8>> + Send + 'static,
+) -> Response {
+    let number = hub.latest().map_or(0, |shown| shown.number);
+    let frame = match size {
+        None => hub.latest().map(|shown| Arc::clone(&shown.frame)),
+        Some(size) => match parse_size(&size) {
+            Ok(size) => rendered(hub, size).await,
+            Err(reason) => return (StatusCode::BAD_REQUEST, reason).into_response(),
+        },
+    };
+    match frame {
+        Some(frame) => answer(number, end, kind, move || encode(&frame)).await,
         None => (StatusCode::NOT_FOUND, "there is no picture yet").into_response(),
     }
+}
+
+/// Has the stage draw a picture.
+async fn rendered(hub: &Hub, size: (u32, u32)) -> Option<Arc<Frame>> {
+    let (sender, mut frames) = mpsc::channel(1);
+    let reply = Reply::new(move |frame| {
+        // Whoever has gone needs no picture.
+        let _ = sender.try_send(frame);
+    });
+    hub.front.inputs.send(0, 0, Input::Render(size, reply));
+    timeout(PATIENCE, frames.recv()).await.ok().flatten()
 }
 
 async fn answer(

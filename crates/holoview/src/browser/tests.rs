@@ -2,7 +2,7 @@
 
 use std::{
     sync::{Arc, mpsc},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use futures_util::{SinkExt, StreamExt};
@@ -63,9 +63,10 @@ impl Server {
             input,
             view,
             options: "-vtv".into(),
-            frame,
+            frame: Arc::new(frame),
             is_at_rest: true,
-            milliseconds: 1.0,
+            took: [0.0; 2],
+            done: Instant::now(),
         };
         self.front.frames.send_replace(Some(Arc::new(shown)));
         self.frames
@@ -333,7 +334,7 @@ async fn one_drives_others_watch_and_may_take_over() {
     assert_eq!(second.told("roles").await["drives"], false);
     server.publish(1.0, (0, 0));
     // What a watcher does moves nothing, but its cursor tells it what it points at.
-    second.say(json!({ "do": "home" })).await;
+    second.say(json!({ "do": "command", "line": "home" })).await;
     second.say(json!({ "do": "cursor", "at": [0.5, 0.5] })).await;
     let under = second.told("under").await["under"].clone();
     assert!((under["luminance"].as_f64().unwrap() - 179.0).abs() < 0.1, "{under}");
@@ -345,7 +346,7 @@ async fn one_drives_others_watch_and_may_take_over() {
     assert_eq!(server.input().input, Input::Hold(Controls::default()));
     assert_eq!(server.input().input, Input::Cursor(None));
     assert_eq!(second.told("roles").await["drives"], true);
-    let number = second.say(json!({ "do": "home" })).await;
+    let number = second.say(json!({ "do": "command", "line": "home" })).await;
     let input = server.input();
     assert_eq!((input.from, input.input), ((second.client, number), Input::Home));
     // Who comes first is next when the one who drives leaves, whatever that one held.

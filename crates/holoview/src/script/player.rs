@@ -97,7 +97,7 @@ impl Player {
     }
 
     fn show(&mut self, spec: &ViewSpec) -> Result<()> {
-        self.session.show(spec, self.config.view.size)
+        self.session.show(spec, self.config.view.size())
     }
 
     /// Waits until `deadline`, showing how things go.

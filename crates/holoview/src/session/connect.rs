@@ -43,9 +43,30 @@ pub struct Connected {
     waker: Waker,
     lights: Arc<OnceLock<Lights>>,
     awaits_scene: bool,
+    again: Again,
     /// Ends when the connection does, or with the session.
     reader: tokio::task::JoinHandle<()>,
     stopper: tokio::task::JoinHandle<()>,
+}
+
+/// Connects as before, to a server at another address.
+#[derive(Clone)]
+pub struct Again {
+    args: DriverArgs,
+    points: PointArgs,
+    shutdown: Shutdown,
+    runtime: tokio::runtime::Handle,
+}
+
+impl Again {
+    /// Connects. Blocks: to be called on a thread that runs no tasks.
+    ///
+    /// # Errors
+    /// As [`Connected::new`].
+    pub fn connect(&self, address: SocketAddr) -> Result<Connected> {
+        let Again { args, points, shutdown, runtime } = self.clone();
+        runtime.block_on(Connected::new(address, args, points, shutdown))
+    }
 }
 
 /// Ends a session's wait, from any thread.
@@ -78,12 +99,20 @@ impl Connected {
         let sections = welcome.sections.iter().cloned().map(Section::new);
         let sections: Arc<[Section]> =
             sections.collect::<Result<_, _>>().context("the server's sections")?;
-        let choice = DriverChoice { args, points, sections, sky: welcome.sky };
-        let loader = match choice.scene_use() {
-            SceneUse::None => None,
-            SceneUse::IfThere | SceneUse::Required => SceneLoader::ask(welcome.scene, &outbox)?,
+        let again = Again {
+            args: args.clone(),
+            points: points.clone(),
+            shutdown: shutdown.clone(),
+            runtime: tokio::runtime::Handle::current(),
         };
-        let awaits_scene = loader.is_some();
+        let choice = DriverChoice { args, points, sections, sky: welcome.sky };
+        let uses_scene = choice.scene_use() != SceneUse::None;
+        // Whoever walks may change to a driver that draws from the scene.
+        let loader = match uses_scene || choice.args.walks {
+            true => SceneLoader::ask(welcome.scene, &outbox)?,
+            false => None,
+        };
+        let awaits_scene = uses_scene && loader.is_some();
         let lights = Arc::<OnceLock<Lights>>::default();
         let (sender, messages) = mpsc::channel();
         let reader = Reader {
@@ -108,6 +137,7 @@ impl Connected {
             waker,
             lights,
             awaits_scene,
+            again,
             reader,
             stopper,
         })
@@ -116,6 +146,11 @@ impl Connected {
     /// Returns what ends the session's waits.
     pub fn waker(&self) -> Waker {
         self.waker.clone()
+    }
+
+    /// Returns what connects as this was.
+    pub fn again(&self) -> Again {
+        self.again.clone()
     }
 
     /// Begins the session, once the scene is here if the driver wants it; `None` if the user ended
@@ -139,6 +174,7 @@ impl Connected {
         let driver = self.choice.make(scene.as_deref());
         Ok(Some(Session {
             driver,
+            scene,
             welcome: self.welcome,
             choice: self.choice,
             lights: self.lights,
@@ -151,6 +187,7 @@ impl Connected {
             is_moving: false,
             is_paused: false,
             status: None,
+            refusal: None,
             start: Instant::now(),
             tasks: [self.reader, self.stopper],
         }))

@@ -1,10 +1,19 @@
-//! What a front end asks a session besides views: facts of the holodeck, and to pause tracing.
+//! What a front end asks a session besides views: facts of the holodeck, to pause tracing,
+//! and to draw otherwise.
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use glam::DVec3;
+use holo_proto::control::Control;
 use holo_section::Section;
 
-use super::Session;
+use super::{
+    Session,
+    current_view::{Asked, CurrentView},
+};
+use crate::{
+    args::{DriverArg, DriverArgs},
+    drivers::SceneUse,
+};
 
 impl Session {
     /// Returns the holodeck's sections.
@@ -29,6 +38,12 @@ impl Session {
         self.is_moving = is_moving;
     }
 
+    /// Returns whether everything has come that is stored for the current view's own beams.
+    pub fn has_stored(&self) -> bool {
+        let waits = |current: &CurrentView| current.asked == Asked::Crossed && !current.asks_later;
+        self.current.as_ref().is_some_and(|current| !waits(current))
+    }
+
     /// Pauses tracing for this display, or resumes it. Stored samples are asked for all the same.
     ///
     /// # Errors
@@ -41,5 +56,39 @@ impl Session {
         let Some(current) = &self.current else { return Ok(()) };
         // A request of the same number would change the viewpoint alone.
         self.ask_anew(current.wanted.clone())
+    }
+
+    /// Keeps a named view in the holodeck, by Radiance's options; removes it if there are none.
+    ///
+    /// # Errors
+    /// If the holodeck is only shown, or the server is lost.
+    pub fn keep_view(&self, name: &str, options: &str) -> Result<()> {
+        if !self.welcome.tracing {
+            bail!(
+                "a replay only reads the holodeck: no view can be kept or removed. \
+                 `holodeck view FILE.holo` can"
+            );
+        }
+        let (name, options) = (name.to_owned(), options.to_owned());
+        Ok(self.outbox.control(&Control::KeepView { name, options })?)
+    }
+
+    /// Returns what the server has not done, and why, once.
+    pub fn take_refusal(&mut self) -> Option<String> {
+        self.refusal.take()
+    }
+
+    /// Draws with another driver from now on.
+    ///
+    /// # Errors
+    /// If it needs the scene and that is not here, or it cannot show the view.
+    pub fn change_driver(&mut self, driver: DriverArg) -> Result<()> {
+        let args = DriverArgs { driver, cells: None, ..self.choice.args.clone() };
+        let before = std::mem::replace(&mut self.choice.args, args);
+        if self.choice.scene_use() == SceneUse::Required && self.scene.is_none() {
+            self.choice.args = before;
+            bail!("driver {} draws from the scene, which is not here", driver.name());
+        }
+        self.make_driver()
     }
 }

@@ -37,7 +37,7 @@ use crate::{
     drivers::{DriverChoice, LoadedScene, SceneUse},
     report::StageTime,
 };
-pub use connect::Connected;
+pub use connect::{Connected, Waker};
 pub use current_view::Counts;
 use current_view::CurrentView;
 pub use default_view::default_view;
@@ -58,6 +58,8 @@ pub struct Session {
     welcome: Welcome,
     choice: DriverChoice,
     driver: Box<dyn Driver>,
+    /// The scene, once it is here.
+    scene: Option<Box<LoadedScene>>,
     lights: Arc<OnceLock<Lights>>,
     outbox: Outbox,
     messages: mpsc::Receiver<Incoming>,
@@ -72,6 +74,8 @@ pub struct Session {
     /// Whether nothing is traced for this display.
     is_paused: bool,
     status: Option<Status>,
+    /// What the server has not done, and why.
+    refusal: Option<String>,
     start: Instant,
     tasks: [tokio::task::JoinHandle<()>; 2],
 }
@@ -314,6 +318,8 @@ impl Session {
             }
             Control::Bye { reason } => bail!("the server ended the session: {reason}"),
             Control::Status(status) => self.status = Some(status),
+            Control::Views(views) => self.welcome.views = views,
+            Control::Refused { reason } => self.refusal = Some(reason),
             Control::StoredSent { view } if view == self.request_number => {
                 self.stored_sent(for_settled)?;
             }
@@ -329,7 +335,13 @@ impl Session {
             Err(error) if self.choice.scene_use() == SceneUse::Required => return Err(error),
             Err(_) => return Ok(()),
         };
-        self.driver = self.choice.make(Some(&scene));
+        self.scene = Some(scene);
+        if self.choice.scene_use() == SceneUse::None { Ok(()) } else { self.make_driver() }
+    }
+
+    /// Makes the chosen driver anew, and has it show the current view.
+    fn make_driver(&mut self) -> Result<()> {
+        self.driver = self.choice.make(self.scene.as_deref());
         if let Some(current) = &mut self.current {
             current.received = Received::default();
         }

@@ -1,11 +1,11 @@
 //! How many pixels a frame gets while the eye moves: as many as the time allows, by what earlier
 //! frames took.
 
-/// Time for a frame while the eye moves, seconds: 25 frames in a second leave some for encoding.
-const FRAME_SECONDS: f64 = 0.040;
+/// Time for a frame of the driver while the eye moves, seconds. Earlier ones are shown meanwhile.
+const FRAME_SECONDS: f64 = 0.060;
 
 /// Least share of each side of the picture.
-const LEAST: f64 = 0.4;
+const LEAST: f64 = 0.5;
 
 /// Shares are multiples of this, so that the size does not change with every frame.
 const STEP: f64 = 0.1;
@@ -71,10 +71,10 @@ mod tests {
     #[test]
     fn a_fast_machine_draws_every_pixel_and_a_slow_one_as_many_as_it_can() {
         assert_eq!(settled(1e9), FULL);
-        assert_eq!(settled(1e3), (512, 288));
+        assert_eq!(settled(1e3), (640, 360));
         let (width, height) = settled(1e7);
         let seconds = f64::from(width * height) / 1e7;
-        assert!((0.02..0.05).contains(&seconds), "{width}×{height}: {seconds} s");
+        assert!((0.03..0.07).contains(&seconds), "{width}×{height}: {seconds} s");
     }
 
     #[test]

@@ -1,30 +1,43 @@
-//! The stage: a thread that owns a session and moves its eye, for front ends that people use.
+//! The stage: moves the eye of a session, for front ends that people use.
 //!
-//! Front ends send inputs and take frames; they meet neither the session nor each other.
+//! Front ends send inputs and take frames; they meet neither the session nor each other. Two threads
+//! share the work: the hand takes inputs and shows what is known from where the eye is, and the
+//! painter owns the session and draws.
 //!
 //! What always holds:
-//! - An input never waits for the server, a disk or a front end: only for the frame under way.
+//! - An input waits for no server, no disk, no driver and no front end.
 //! - Front ends take frames from a place that holds the latest one. Whoever is slow misses some.
 //! - With nothing new, nothing is drawn.
 //! - A frame names the last input that it shows.
 
+mod bell;
 mod detail;
+mod hand;
 mod input;
+mod painter;
 mod record;
-mod run;
 mod shown;
+mod warp;
 
-use std::sync::{Arc, mpsc};
+use std::{
+    sync::{Arc, mpsc},
+    thread,
+};
 
-use anyhow::Result;
+use anyhow::{Context, Result, anyhow};
 use tokio::sync::watch;
 
-pub use input::{Input, Inputs, Numbered};
+pub use input::{Input, Inputs, Named, Numbered, Reply};
 pub use shown::{Phase, Shown, State};
 
-use crate::session::Connected;
-use record::Record;
-use shown::Publisher;
+use crate::{
+    Crew,
+    session::{Connected, Session},
+};
+use bell::Bell;
+use hand::{Ending, Hand};
+use painter::Painter;
+use shown::{Publisher, Watched};
 
 /// Options of a stage.
 pub struct Wishes {
@@ -34,6 +47,8 @@ pub struct Wishes {
     pub unit: f64,
     /// The file that the walk is recorded in, as a script.
     pub record: Option<std::path::PathBuf>,
+    /// Whoever has started server and workers, if it takes orders.
+    pub crew: Option<Crew>,
 }
 
 /// A front end's access to a stage.
@@ -52,15 +67,17 @@ pub struct Stage {
     connected: Connected,
     wishes: Wishes,
     inputs: mpsc::Receiver<Numbered>,
+    bell: Arc<Bell>,
     front: Front,
 }
 
 /// Returns a stage, and what front ends need of it.
 pub fn stage(connected: Connected, wishes: Wishes) -> (Stage, Front) {
-    let waker = connected.waker();
-    let (inputs, receiver) = Inputs::new(Arc::new(move || waker.wake()));
+    let bell = Arc::<Bell>::default();
+    let ringing = Arc::clone(&bell);
+    let (inputs, receiver) = Inputs::new(Arc::new(move || ringing.ring()));
     let front = Front { inputs, frames: Arc::default(), state: Arc::default() };
-    (Stage { connected, wishes, inputs: receiver, front: front.clone() }, front)
+    (Stage { connected, wishes, inputs: receiver, bell, front: front.clone() }, front)
 }
 
 impl Stage {
@@ -80,14 +97,47 @@ impl Stage {
     }
 
     fn play(self) -> Result<()> {
-        let publisher = Publisher::new(self.front);
-        let loading = |text: &str| publisher.phase(Phase::Loading(text.to_owned()));
-        let Some(session) = self.connected.begin(loading)? else { return Ok(()) };
-        let record = self.wishes.record.as_deref().map(Record::create).transpose()?;
-        let stated = self.wishes.view.spec(session.named_views())?;
+        let Stage { connected, wishes, inputs, bell, front } = self;
+        let watched = Watched(Arc::clone(&front.frames));
+        let publisher = Publisher::new(front.clone());
+        let loading = |text: &str| {
+            let phase = Phase::Loading(text.to_owned());
+            front.state.send_modify(|state| Arc::make_mut(state).phase = phase);
+        };
+        let (again, waker) = (connected.again(), connected.waker());
+        let Some(session) = connected.begin(loading)? else { return Ok(()) };
+        let stated = wishes.view.spec(session.named_views())?;
         let first = session.first_view()?.overridden_by(&stated);
-        let size = self.wishes.view.size;
-        run::Player::new(session, first, self.wishes.unit, size, self.inputs, publisher, record)?
-            .play()
+        let mut hand = Hand::new(first, &wishes, inputs, Arc::clone(&bell), publisher)?;
+        let mut next = Some((session, waker));
+        while let Some((session, waker)) = next.take() {
+            let facts = facts(&session);
+            let bell = Arc::clone(&bell);
+            let (painter, desk) = Painter::new(session, waker, bell, watched.clone());
+            let painter = thread::Builder::new().name("painter".into()).spawn(|| painter.run());
+            let painter = painter.context("starting a thread")?;
+            let played = hand.play(desk, facts);
+            painter.join().map_err(|_| anyhow!("drawing failed: see above"))??;
+            if played? == Ending::StartOver
+                && let Some(crew) = &wishes.crew
+            {
+                loading("starting over");
+                let connected = again.connect(crew.start_over()?)?;
+                let waker = connected.waker();
+                next = connected.begin(loading)?.map(|session| (session, waker));
+            }
+        }
+        hand.end()
+    }
+}
+
+/// Returns what does not change while a session lasts.
+fn facts(session: &Session) -> State {
+    State {
+        phase: Phase::Running,
+        traces: session.traces(),
+        sections: Arc::new(session.sections().iter().map(|s| s.spec().clone()).collect()),
+        up: session.up().to_array(),
+        ..State::default()
     }
 }

@@ -1,10 +1,11 @@
 //! What a stage publishes: frames, and how things are.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 
 use holo_display::Frame;
 use holo_picture::View;
 use holo_section::SectionSpec;
+use tokio::sync::watch;
 
 use super::Front;
 
@@ -20,11 +21,14 @@ pub struct Shown {
     /// The view in Radiance's options.
     pub options: String,
     /// Radiance and depth; fewer pixels than asked for while moving.
-    pub frame: Frame,
+    pub frame: Arc<Frame>,
     /// Whether the eye rests, so that the frame has every pixel.
     pub is_at_rest: bool,
-    /// How long it took to look and to draw, milliseconds.
-    pub milliseconds: f64,
+    /// How long the session took to look at the view, and the driver to draw it, seconds. While the
+    /// eye moves, how long it took to show earlier frames from here, and 0.
+    pub took: [f64; 2],
+    /// When it was done.
+    pub done: Instant,
 }
 
 impl Shown {
@@ -60,6 +64,10 @@ pub struct State {
     pub is_uncovered: bool,
     /// Why that view is not shown otherwise, or is none.
     pub trouble: Option<String>,
+    /// What somebody has to confirm by doing it once more.
+    pub question: Option<String>,
+    /// Whether this program has started server and workers, and can end them.
+    pub has_crew: bool,
     /// The current view in Radiance's options, even if it cannot be shown.
     pub options: String,
     /// Eye, direction and up of that view.
@@ -88,6 +96,17 @@ pub struct State {
     pub up: [f64; 3],
 }
 
+/// Knows whether anybody takes frames.
+#[derive(Clone)]
+pub struct Watched(pub Arc<watch::Sender<Option<Arc<Shown>>>>);
+
+impl Watched {
+    /// Returns whether anybody takes frames.
+    pub fn is_watched(&self) -> bool {
+        self.0.receiver_count() > 0
+    }
+}
+
 /// Publishes frames and states.
 pub struct Publisher {
     front: Front,
@@ -98,16 +117,6 @@ impl Publisher {
     /// Publishes to `front`.
     pub fn new(front: Front) -> Publisher {
         Publisher { front, number: 0 }
-    }
-
-    /// Returns whether anybody takes frames.
-    pub fn is_watched(&self) -> bool {
-        self.front.frames.receiver_count() > 0
-    }
-
-    /// Publishes what the stage does.
-    pub fn phase(&self, phase: Phase) {
-        self.front.state.send_modify(|state| Arc::make_mut(state).phase = phase);
     }
 
     /// Publishes how things are, if that has changed.

@@ -54,8 +54,8 @@ function act(what, more) {
 
 function told(message) {
   switch (message.is) {
-    case 'hello': client = message.client; $('s-png').href = `picture.png?client=${client}`; sendDisplay(); break;
-    case 'facts': facts = message; listViews(); drawPlan(); break;
+    case 'hello': client = message.client; learn(message); pictureLinks(); sendDisplay(); break;
+    case 'facts': facts = message; drawPlan(); break;
     case 'state': state = message; showState(); break;
     case 'roles': roles(message); break;
     case 'under': showUnder(message.under); break;
@@ -203,6 +203,13 @@ function showState() {
   press('b-pause', state.paused);
   press('b-lock', state.locked);
   $('b-pause').disabled = !state.traces;
+  listViews();
+  for (const id of ['b-kill', 'b-restart', 'b-over']) $(id).disabled = !state.crew;
+  if (document.activeElement !== $('l-driver')) $('l-driver').value = state.driver;
+  if (state.question && drives && !$('question').open) {
+    $('question-text').textContent = state.question;
+    $('question').showModal();
+  } else if (!state.question && $('question').open) $('question').close('no');
   if (trouble) notice(trouble, 0, 'trouble');
   else if ($('notice').dataset.of === 'trouble') $('notice').hidden = true;
   drawEye();
@@ -411,76 +418,102 @@ $('plan').addEventListener('click', event => {
   if (!plane || !view) return;
   const svg = $('plan'), point = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
   const [x, y] = plane.flat(view.eye);
-  act('go_to', { eye: plus(plus(view.eye, plane.u, point.x - x), plane.v, -(point.y - y)) });
+  command(`go ${plus(plus(view.eye, plane.u, point.x - x), plane.v, -(point.y - y)).join(' ')}`);
   stage.focus();
 });
 
 // ---- keys
 
-const KEYS = [
-  ['W A S D, arrows', 'walk'], ['Shift', 'run'], ['C', 'slowly'], ['Q E', 'turn'], ['R F', 'look up, down'],
-  ['PgUp PgDn', 'rise, sink'], ['Space', 'towards the cursor’s point'], ['B', 'away from it'],
-  ['O + arrows', 'orbit that point'], ['drag', 'look around'], ['right drag', 'orbit'], ['middle drag', 'shift'],
-  ['wheel', 'approach, back off'], ['M', 'look with the mouse'], ['H', 'home'], [', .', 'back, forward'], ['L', 'lock eye height'],
-  ['1 … 9', 'named view'], ['P', 'pause tracing'], ['X', 'exposure auto, locked'], ['+ −', 'brighter, darker'],
-  ['J', 'false colour'], ['N', 'contours'],
-  ['G', 'section grids'], ['K', 'save PNG'], ['V', 'panel'], ['I', 'hide all but the picture'], ['Z', 'full screen'], ['T', 'theme'],
-  ['?', 'these keys'], ['Esc', 'close']];
-
-/** What a held key does: part of the controls, and how much. */
-const HELD = {
-  KeyW: ['ahead', 1], ArrowUp: ['ahead', 1], KeyS: ['ahead', -1], ArrowDown: ['ahead', -1],
-  KeyD: ['right', 1], ArrowRight: ['right', 1], KeyA: ['right', -1], ArrowLeft: ['right', -1],
-  KeyE: ['turn', 1], KeyQ: ['turn', -1], KeyR: ['tilt', 1], KeyF: ['tilt', -1],
-  PageUp: ['rise', 1], PageDown: ['rise', -1], Space: ['glide', 1], KeyB: ['glide', -1],
-};
-const MODIFIERS = ['ShiftLeft', 'ShiftRight', 'KeyC', 'KeyO'];
+/** All actions, as the server lists them, and each by its keys. */
+let actions = [], drivers = [];
+const actionOf = new Map();
 const held = new Set();
 let lastHold = '{}';
 
+function learn({ actions: all, gestures, drivers: names }) {
+  actions = all;
+  drivers = names;
+  actionOf.clear();
+  for (const action of actions) for (const key of action.keys) actionOf.set(key, action);
+  $('l-driver').replaceChildren(...drivers.map(name => new Option(name, name)));
+  const rows = [...actions.map(({ shown, help }) => [shown, help]), ...gestures];
+  $('keys').replaceChildren(...rows.map(([keys, what]) => {
+    const row = document.createElement('div'), key = document.createElement('kbd'), text = document.createElement('span');
+    key.textContent = keys;
+    text.textContent = what;
+    row.append(key, text);
+    return row;
+  }));
+}
+
+/** Links to the picture as it is seen and in radiance, of the size that is wanted. */
+function pictureLinks() {
+  const size = $('t-size').value.trim().replace('×', 'x');
+  const wish = /^\d+x\d+$/.test(size) ? `&size=${size}` : '';
+  for (const end of ['png', 'exr', 'hdr']) $(`s-${end}`).href = `picture.${end}?client=${client}${wish}`;
+}
+
+/** Has the stage do what a line says. */
+function command(line) { act('command', { line }); }
+
 function sendHeld() {
-  const controls = {};
-  for (const key of held) if (HELD[key]) {
-    let [part, amount] = HELD[key];
-    if (held.has('KeyO')) part = part === 'right' ? 'around' : part === 'ahead' ? 'over' : part;
+  const controls = {}, doing = [...held].map(key => actionOf.get(key).does), orbits = doing.includes('orbit');
+  for (const { hold, pace } of doing) {
+    if (pace) controls.pace = pace;
+    if (!hold) continue;
+    let [part, amount] = hold;
+    if (orbits) part = part === 'right' ? 'around' : part === 'ahead' ? 'over' : part;
     if (part === 'over') amount = -amount;
     controls[part] = (controls[part] || 0) + amount;
   }
-  if (held.has('ShiftLeft') || held.has('ShiftRight')) controls.pace = 3;
-  if (held.has('KeyC')) controls.pace = 0.25;
   const text = JSON.stringify(controls);
   if (text !== lastHold) act('hold', controls);
   lastHold = text;
 }
 
-const PRESSED = {
-  KeyH: () => act('home'), Comma: () => act('back'), Period: () => act('forward'),
-  KeyL: () => act('lock_height', { on: !(state && state.locked) }),
-  KeyP: () => say('pause', { on: !(state && state.paused) }),
-  KeyG: () => toggleGrid(), KeyX: () => lockExposure(display.locked === null),
-  KeyJ: () => toggleLook('false_color'), KeyN: () => toggleLook('contours'), KeyM: () => lookWithMouse(),
-  KeyZ: () => fullScreen(), KeyV: () => togglePanel(), KeyI: () => document.body.classList.toggle('bare'),
-  KeyT: () => theme(), KeyK: () => $('s-png').click(),
+function nextDriver() {
+  const at = drivers.indexOf(state && state.driver);
+  command(`driver ${drivers[(at + 1) % drivers.length]}`);
+}
+
+function nextTone() {
+  const buttons = [...document.querySelectorAll('[data-tone]')];
+  buttons[(buttons.findIndex(button => button.dataset.tone === display.tone) + 1) % buttons.length].click();
+}
+
+/** What this page does by itself. */
+const LOCAL = {
+  grid: () => toggleGrid(), exposure: () => lockExposure(display.locked === null),
+  brighter: () => stops(display.stops + 0.5), darker: () => stops(display.stops - 0.5),
+  false_color: () => toggleLook('false_color'), contours: () => toggleLook('contours'),
+  next_tone: () => nextTone(), log_scale: () => setScale(!display.log, display.range), save_radiance: () => document.querySelector('[href^="picture.exr"]').click(),
+  mouse_look: () => lookWithMouse(), next_driver: () => nextDriver(),
+  full_screen: () => fullScreen(), panel: () => togglePanel(), bare: () => document.body.classList.toggle('bare'),
+  theme: () => theme(), save: () => $('s-png').click(), help: () => $('help').showModal(), quit: () => $('quit').showModal(),
 };
 
+/** Does what an action says; `key` is the key that was pressed. */
+function perform({ name, does }, key = '') {
+  if (does === 'stage') command(name);
+  else if (does === 'named_view') command(`view ${key.slice(-1)}`);
+  else if (does.toggle) command(does.toggle[state && state[does.toggle[0]] ? 2 : 1]);
+  else if (does.local) LOCAL[does.local]();
+}
+
 function isTyping(target) {
-  return target.closest('input, textarea, dialog') !== null;
+  return target.closest('input, textarea, select, dialog') !== null;
 }
 
 addEventListener('keydown', event => {
   if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
   const onButton = event.target.closest('button, a') && (event.code === 'Space' || event.code === 'Enter');
   if (onButton) return;
-  if (event.key === '?') { $('help').showModal(); return; }
-  if (event.key === '+' || event.key === '=') { stops(display.stops + 0.5); return; }
-  if (event.key === '-') { stops(display.stops - 0.5); return; }
-  if (/^Digit[1-9]$/.test(event.code)) { recall(Number(event.code[5]) - 1); return; }
-  if (HELD[event.code] || MODIFIERS.includes(event.code)) {
-    event.preventDefault();
-    if (!held.has(event.code)) { held.add(event.code); sendHeld(); }
-    return;
-  }
-  if (PRESSED[event.code] && !event.repeat) { event.preventDefault(); PRESSED[event.code](); }
+  const key = actionOf.has(event.code) ? event.code : event.key, action = actionOf.get(key);
+  if (!action) return;
+  event.preventDefault();
+  if (action.does.hold || action.does.pace || action.does === 'orbit') {
+    if (!held.has(key)) { held.add(key); sendHeld(); }
+  } else if (!event.repeat || key === '+' || key === '-') perform(action, key);
 });
 addEventListener('keyup', event => { if (held.delete(event.code)) sendHeld(); });
 addEventListener('blur', () => { held.clear(); sendHeld(); });
@@ -671,41 +704,33 @@ function stored(key) { try { return JSON.parse(localStorage.getItem(`holodeck ${
 
 // ---- views
 
-/** Views that this browser keeps are those of the same sections. */
-function viewsKey() { return `views ${JSON.stringify(facts.sections.map(({ origin, axes }) => [origin, axes]))}`; }
-function kept() { return facts && stored(viewsKey()) || []; }
-function allViews() { return facts ? [...facts.views, ...kept()] : []; }
-
-function recall(index) {
-  const view = allViews()[index];
-  if (view) act('view', { options: view[1] });
-}
+let listed = '';
 
 function listViews() {
-  const own = facts.views.length;
-  $('views').replaceChildren(...allViews().map(([name], index) => {
-    const item = document.createElement('li'), go = document.createElement('button');
-    go.type = 'button';
+  const text = JSON.stringify([state.views, state.traces]);
+  if (text === listed) return;
+  listed = text;
+  $('views').replaceChildren(...state.views.map(([name], index) => {
+    const item = document.createElement('li'), go = document.createElement('button'), forget = document.createElement('button');
+    go.type = forget.type = 'button';
     go.className = 'name';
     go.textContent = index < 9 ? `${index + 1}  ${name}` : name;
-    go.onclick = () => recall(index);
-    item.append(go);
-    if (index >= own) {
-      const forget = document.createElement('button');
-      forget.type = 'button';
-      forget.className = 'forget';
-      forget.textContent = '×';
-      forget.setAttribute('aria-label', `Forget ${name}`);
-      forget.onclick = () => { store(viewsKey(), kept().filter((_, i) => i !== index - own)); listViews(); };
-      item.append(forget);
-    }
+    go.onclick = () => command(`view ${index + 1}`);
+    forget.className = 'forget';
+    forget.textContent = '×';
+    forget.hidden = !state.traces;
+    forget.setAttribute('aria-label', `Remove ${name}`);
+    forget.onclick = () => command(`forget ${name}`);
+    item.append(go, forget);
     return item;
   }));
+  $('f-name').hidden = !state.traces;
+  $('views-hint').textContent = state.traces ? 'Views that you keep stay in the holodeck.' : 'A replay only reads the holodeck, and keeps no views.';
 }
 
 $('f-view').addEventListener('submit', event => {
   event.preventDefault();
-  act('view', { options: $('t-view').value.trim().replace(/\s+/g, ' ') });
+  command(`view ${$('t-view').value.trim().replace(/\s+/g, ' ')}`);
   $('t-view').blur();
 });
 $('t-view').addEventListener('keydown', event => {
@@ -715,18 +740,16 @@ $('t-view').addEventListener('keydown', event => {
 $('f-name').addEventListener('submit', event => {
   event.preventDefault();
   const name = $('t-name').value.trim();
-  if (!name || !header || !facts) return;
-  store(viewsKey(), [...kept().filter(([other]) => other !== name), [name, header.options]]);
+  if (!name) return;
+  command(`keep ${name}`);
   $('t-name').value = '';
-  listViews();
 });
 $('b-copy').onclick = () => { $('t-view').select(); navigator.clipboard.writeText($('t-view').value).catch(() => document.execCommand('copy')); };
 
 // ---- buttons
 
-for (const [id, key] of [['b-home', 'KeyH'], ['b-back', 'Comma'], ['b-forward', 'Period'], ['b-pause', 'KeyP'], ['b-lock', 'KeyL'],
-  ['b-grid', 'KeyG'], ['b-panel', 'KeyV'], ['b-full', 'KeyZ'], ['lost-home', 'KeyH'], ['b-theme', 'KeyT']]) $(id).onclick = () => PRESSED[key]();
-$('b-help').onclick = () => $('help').showModal();
+for (const button of document.querySelectorAll('[data-action]'))
+  button.onclick = () => perform(actions.find(({ name }) => name === button.dataset.action));
 $('b-take').onclick = () => say('take_over');
 $('b-auto').onclick = () => lockExposure(false);
 $('b-locked').onclick = () => lockExposure(true);
@@ -734,8 +757,6 @@ for (const button of document.querySelectorAll('[data-tone]')) button.onclick = 
   Object.assign(display, { tone: button.dataset.tone, false_color: false });
   sendDisplay();
 };
-$('b-false').onclick = () => PRESSED.KeyJ();
-$('b-contours').onclick = () => PRESSED.KeyN();
 $('b-log-off').onclick = () => setScale(false, display.range);
 $('b-log-on').onclick = () => setScale(true, display.range);
 $('b-range').onclick = () => { $('t-least').value = $('t-most').value = ''; setScale(display.log, null); };
@@ -744,16 +765,12 @@ $('f-scale').addEventListener('submit', event => {
   setScale(display.log, [numberIn('t-least'), numberIn('t-most')]);
 });
 $('r-stops').oninput = () => stops(Number($('r-stops').value));
-$('b-quit').onclick = () => $('quit').showModal();
-$('quit').addEventListener('close', () => { if ($('quit').returnValue === 'quit') say('quit'); });
-$('keys').replaceChildren(...KEYS.map(([keys, what]) => {
-  const row = document.createElement('div'), key = document.createElement('kbd'), text = document.createElement('span');
-  key.textContent = keys;
-  text.textContent = what;
-  row.append(key, text);
-  return row;
-}));
-
+$('question').addEventListener('close', () => {
+  if ($('question').returnValue === 'yes') command('start over'); else if (state && state.question) command('cancel');
+});
+$('l-driver').onchange = () => { command(`driver ${$('l-driver').value}`); stage.focus(); };
+$('t-size').oninput = pictureLinks;
+$('quit').addEventListener('close', () => { if ($('quit').returnValue === 'quit') command('quit'); });
 let resizing = 0;
 new ResizeObserver(() => {
   clearTimeout(resizing);

@@ -1,0 +1,285 @@
+//! The table of actions.
+
+use holo_walk::Controls;
+use serde::Serialize;
+
+use crate::stage::State;
+
+/// Something that a person can do by a key.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Action {
+    /// Its name: of those that the stage does, what one types on standard input.
+    pub name: &'static str,
+    /// Its keys.
+    pub keys: &'static [&'static str],
+    /// The keys, as people write them.
+    pub shown: &'static str,
+    /// What it does, in a few words.
+    pub help: &'static str,
+    /// What happens.
+    pub does: Does,
+}
+
+/// What an action does.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Does {
+    /// Moves the eye while the key is held: a part of the controls, and how much.
+    Hold(Part, f64),
+    /// Multiplies the pace while the key is held.
+    Pace(f64),
+    /// Makes [`Part::Right`] and [`Part::Ahead`] orbit while the key is held.
+    Orbit,
+    /// The stage does it: its name is the line.
+    Stage,
+    /// The stage switches it on or off, by the first or the second line.
+    Toggle(Toggle, &'static str, &'static str),
+    /// Goes to the named view of the key's number: the line is `view NUMBER`.
+    NamedView,
+    /// The front end does it.
+    Local(Local),
+}
+
+/// Parts of [`Controls`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// [`Controls::ahead`]; [`Controls::over`] downwards while one orbits.
+    Ahead,
+    /// [`Controls::right`]; [`Controls::around`] while one orbits.
+    Right,
+    /// [`Controls::rise`].
+    Rise,
+    /// [`Controls::turn`].
+    Turn,
+    /// [`Controls::tilt`].
+    Tilt,
+    /// [`Controls::glide`].
+    Glide,
+}
+
+/// What the stage has switched on or off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Toggle {
+    /// [`State::is_paused`].
+    Paused,
+    /// [`State::height_is_locked`].
+    Locked,
+}
+
+impl Toggle {
+    /// Returns whether it is on.
+    pub fn is_on(self, state: &State) -> bool {
+        match self {
+            Toggle::Paused => state.is_paused,
+            Toggle::Locked => state.height_is_locked,
+        }
+    }
+}
+
+/// What a front end does by itself. One that lacks something leaves it out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Local {
+    /// Locks the exposure, or has it follow the light.
+    Exposure,
+    /// Half a stop brighter.
+    Brighter,
+    /// Half a stop darker.
+    Darker,
+    /// Luminance as colours, or the picture.
+    FalseColor,
+    /// Lines of equal luminance, or none.
+    Contours,
+    /// The next tone mapping.
+    NextTone,
+    /// A logarithmic scale of luminance, or a linear one.
+    LogScale,
+    /// Grids of sections: when they help, always, or never.
+    Grid,
+    /// Saves the picture as seen.
+    Save,
+    /// Saves the picture's radiance.
+    SaveRadiance,
+    /// Looks with the mouse, without a button.
+    MouseLook,
+    /// The next driver.
+    NextDriver,
+    /// Shows the panel, or hides it.
+    Panel,
+    /// Hides all but the picture.
+    Bare,
+    /// The whole screen.
+    FullScreen,
+    /// Dark or light.
+    Theme,
+    /// The keys.
+    Help,
+    /// Asks whether to end.
+    Quit,
+}
+
+/// All actions, in the order in which they are shown.
+pub const ACTIONS: &[Action] = &[
+    on("ahead", &["KeyW", "ArrowUp"], "W ↑", "walk ahead", Does::Hold(Part::Ahead, 1.0)),
+    on("behind", &["KeyS", "ArrowDown"], "S ↓", "walk back", Does::Hold(Part::Ahead, -1.0)),
+    on("left", &["KeyA", "ArrowLeft"], "A ←", "walk left", Does::Hold(Part::Right, -1.0)),
+    on("right", &["KeyD", "ArrowRight"], "D →", "walk right", Does::Hold(Part::Right, 1.0)),
+    on("run", &["ShiftLeft", "ShiftRight"], "Shift", "run", Does::Pace(3.0)),
+    on("slow", &["KeyC"], "C", "slowly", Does::Pace(0.25)),
+    on("turn left", &["KeyQ"], "Q", "turn left", Does::Hold(Part::Turn, -1.0)),
+    on("turn right", &["KeyE"], "E", "turn right", Does::Hold(Part::Turn, 1.0)),
+    on("look up", &["KeyR"], "R", "look up", Does::Hold(Part::Tilt, 1.0)),
+    on("look down", &["KeyF"], "F", "look down", Does::Hold(Part::Tilt, -1.0)),
+    on("rise", &["PageUp"], "PgUp", "rise", Does::Hold(Part::Rise, 1.0)),
+    on("sink", &["PageDown"], "PgDn", "sink", Does::Hold(Part::Rise, -1.0)),
+    on("near", &["Space"], "Space", "towards the cursor’s point", Does::Hold(Part::Glide, 1.0)),
+    on("away", &["KeyB"], "B", "away from it", Does::Hold(Part::Glide, -1.0)),
+    on("orbit", &["KeyO"], "O + arrows", "orbit that point", Does::Orbit),
+    on("home", &["KeyH"], "H", "home", Does::Stage),
+    on("back", &["Comma"], ",", "back to the view before", Does::Stage),
+    on("forward", &["Period"], ".", "forward again", Does::Stage),
+    on("view", DIGITS, "1 … 9", "named view", Does::NamedView),
+    on("lock", &["KeyL"], "L", "lock eye height", LOCK),
+    on("pause", &["KeyP"], "P", "pause tracing, resume", PAUSE),
+    on("kill workers", &["Delete"], "Del", "kill the workers", Does::Stage),
+    on("restart workers", &["Insert"], "Ins", "start the workers again", Does::Stage),
+    on("start over", &["Backspace"], "Backspace", "forget all samples (asks first)", Does::Stage),
+    on("cancel", &["Escape"], "Esc", "cancel, close", Does::Stage),
+    on("driver", &["KeyY"], "Y", "next driver", Does::Local(Local::NextDriver)),
+    on("exposure", &["KeyX"], "X", "exposure auto, locked", Does::Local(Local::Exposure)),
+    on("brighter", &["+", "="], "+", "brighter", Does::Local(Local::Brighter)),
+    on("darker", &["-"], "−", "darker", Does::Local(Local::Darker)),
+    on("false colour", &["KeyJ"], "J", "false colour", Does::Local(Local::FalseColor)),
+    on("contours", &["KeyN"], "N", "contours", Does::Local(Local::Contours)),
+    on("tone", &["KeyU"], "U", "next tone mapping", Does::Local(Local::NextTone)),
+    on("scale", &["/"], "/", "scale linear, logarithmic", Does::Local(Local::LogScale)),
+    on("grid", &["KeyG"], "G", "section grids", Does::Local(Local::Grid)),
+    on("save", &["KeyK"], "K", "save PNG", Does::Local(Local::Save)),
+    on("save radiance", &["F2"], "F2", "save EXR", Does::Local(Local::SaveRadiance)),
+    on("mouse", &["KeyM"], "M", "look with the mouse", Does::Local(Local::MouseLook)),
+    on("panel", &["KeyV"], "V", "panel", Does::Local(Local::Panel)),
+    on("bare", &["KeyI"], "I", "hide all but the picture", Does::Local(Local::Bare)),
+    on("full screen", &["KeyZ"], "Z", "full screen", Does::Local(Local::FullScreen)),
+    on("theme", &["KeyT"], "T", "dark, light", Does::Local(Local::Theme)),
+    on("keys", &["?"], "?", "these keys", Does::Local(Local::Help)),
+    on("quit", &["End"], "End", "quit", Does::Local(Local::Quit)),
+];
+
+const LOCK: Does = Does::Toggle(Toggle::Locked, "lock", "unlock");
+
+const PAUSE: Does = Does::Toggle(Toggle::Paused, "pause", "resume");
+
+/// What a mouse does: the gesture and its effect.
+pub const GESTURES: &[(&str, &str)] = &[
+    ("drag", "look around"),
+    ("right drag", "orbit"),
+    ("middle drag", "shift"),
+    ("Ctrl drag", "trace here first"),
+    ("wheel", "approach, back off"),
+];
+
+const DIGITS: &[&str] =
+    &["Digit1", "Digit2", "Digit3", "Digit4", "Digit5", "Digit6", "Digit7", "Digit8", "Digit9"];
+
+const fn on(
+    name: &'static str,
+    keys: &'static [&'static str],
+    shown: &'static str,
+    help: &'static str,
+    does: Does,
+) -> Action {
+    Action { name, keys, shown, help, does }
+}
+
+/// Returns the action of a key: its place on the keyboard, or what it types.
+pub fn action_of(key: &str) -> Option<&'static Action> {
+    ACTIONS.iter().find(|action| action.keys.contains(&key))
+}
+
+impl Action {
+    /// Returns the line by which the stage does it, if the stage does it. `key` is the key that was
+    /// pressed.
+    pub fn line(&self, key: &str, state: &State) -> Option<String> {
+        match self.does {
+            Does::Stage => Some(self.name.to_owned()),
+            Does::Toggle(toggle, _, off) if toggle.is_on(state) => Some(off.to_owned()),
+            Does::Toggle(_, on, _) => Some(on.to_owned()),
+            Does::NamedView => key.strip_prefix("Digit").map(|number| format!("view {number}")),
+            Does::Hold(..) | Does::Pace(_) | Does::Orbit | Does::Local(_) => None,
+        }
+    }
+
+    /// Returns the controls of the keys that are held down.
+    pub fn controls<'a>(held: impl Iterator<Item = &'a str> + Clone) -> Controls {
+        let actions = held.filter_map(action_of);
+        let orbits = actions.clone().any(|action| action.does == Does::Orbit);
+        let mut controls = Controls::default();
+        for action in actions {
+            match action.does {
+                Does::Hold(part, amount) => {
+                    let (part, amount) = match part {
+                        Part::Ahead if orbits => (&mut controls.over, -amount),
+                        Part::Right if orbits => (&mut controls.around, amount),
+                        Part::Ahead => (&mut controls.ahead, amount),
+                        Part::Right => (&mut controls.right, amount),
+                        Part::Rise => (&mut controls.rise, amount),
+                        Part::Turn => (&mut controls.turn, amount),
+                        Part::Tilt => (&mut controls.tilt, amount),
+                        Part::Glide => (&mut controls.glide, amount),
+                    };
+                    *part = (*part + amount).clamp(-1.0, 1.0);
+                }
+                Does::Pace(factor) => controls.pace = factor,
+                _ => {}
+            }
+        }
+        controls
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::commands::parse;
+
+    #[test]
+    fn a_key_means_one_thing_and_a_name_too() {
+        let mut seen = BTreeSet::new();
+        for action in ACTIONS {
+            assert!(seen.insert(action.name), "{}", action.name);
+            assert!(action.keys.iter().all(|key| seen.insert(key)), "{:?}", action.keys);
+        }
+    }
+
+    #[test]
+    fn every_key_of_the_stage_says_a_line_that_it_understands() {
+        let (rests, mut paused) = (State::default(), State::default());
+        paused.is_paused = true;
+        let mut lines = 0;
+        for action in ACTIONS {
+            for key in action.keys {
+                for state in [&rests, &paused] {
+                    let Some(line) = action.line(key, state) else { continue };
+                    assert!(parse(&line).is_ok(), "{line}");
+                    lines += 1;
+                }
+            }
+        }
+        assert!(lines > 20, "{lines}");
+        let pause = action_of("KeyP").unwrap();
+        assert_ne!(pause.line("KeyP", &rests), pause.line("KeyP", &paused));
+    }
+
+    #[test]
+    fn held_keys_add_up_to_controls() {
+        let controls = |keys: &[&str]| Action::controls(keys.iter().copied());
+        let walk = controls(&["KeyW", "ArrowUp", "KeyD", "KeyA", "ShiftLeft", "KeyH"]);
+        assert_eq!(walk, Controls { ahead: 1.0, pace: 3.0, ..Controls::default() });
+        let orbit = controls(&["ArrowUp", "ArrowLeft", "KeyO"]);
+        assert_eq!(orbit, Controls { over: -1.0, around: -1.0, ..Controls::default() });
+    }
+}

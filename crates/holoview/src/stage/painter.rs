@@ -1,0 +1,490 @@
+//! The painter: a thread that owns the session and draws frames of the views that are wanted.
+//!
+//! Whatever takes long happens here: searching for beams, placing samples, drawing. The hand
+//! ([`super::hand`]) writes what it wants on a desk and takes frames from it. Neither waits for the
+//! other.
+
+use std::{
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::{Duration, Instant},
+};
+
+use anyhow::Result;
+use holo_display::{Frame, Look, Resolution};
+use holo_net::NetError;
+use holo_picture::{View, ViewSpec};
+
+use super::{Watched, bell::Bell, detail::Detail, input::Reply};
+use crate::{
+    args::DriverArg,
+    session::{Session, Uncovered, Waited, Waker},
+};
+
+/// Least time between two frames of a view at rest.
+const REDRAW: Duration = Duration::from_millis(100);
+
+/// Longest time between two frames of a view at rest for which samples come.
+const LATEST_REDRAW: Duration = Duration::from_secs(2);
+
+/// Pause between frames at rest, as a share of the time since the eye moved. The longer one looks,
+/// the less a moment's samples change.
+const REDRAW_SHARE: f64 = 0.1;
+
+/// Frames at rest take at most one part in so many of the time: the rest is for tracing.
+const DRAWING_PART: u32 = 4;
+
+/// How long a picture that somebody asked for waits for what is stored.
+const RENDER_PATIENCE: Duration = Duration::from_secs(3);
+
+/// A picture at rest is drawn anew at once when it has so many times the samples that it shows.
+const MANY_MORE: u64 = 2;
+
+/// Samples of a pixel below which a picture at rest is a sketch of fewer pixels, for so little light
+/// needs no more.
+const SKETCHY: f64 = 0.15;
+
+/// Time at rest after which a picture has all its pixels, however little is known.
+const SKETCHING: Duration = Duration::from_secs(2);
+
+/// How often the painter looks for news of the server while it rests.
+const NEWS: Duration = Duration::from_millis(100);
+
+/// The view that is wanted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wanted {
+    /// The view; [`View::resolve`](holo_picture::View) has accepted it.
+    pub spec: ViewSpec,
+    /// Pixels at the most.
+    pub size: (u32, u32),
+    /// Whether it is soon left.
+    pub is_moving: bool,
+    /// How often the eye has gone somewhere without walking there.
+    pub jumps: u64,
+}
+
+/// Something besides views that the session does.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Order {
+    /// Pauses tracing, or resumes it.
+    Pause(bool),
+    /// Draws with another driver.
+    Driver(DriverArg),
+    /// Keeps a view in the holodeck by name; removes it if it has no options.
+    KeepView(String, String),
+    /// Draws a picture of this view and size for somebody.
+    Render(View, (u32, u32), Reply),
+    /// Lets everything under way be stored, and ends.
+    Quit,
+    /// Ends: nothing is to stay.
+    Leave,
+}
+
+/// A frame of the driver.
+#[derive(Clone, Debug)]
+pub struct Painted {
+    /// What was wanted.
+    pub wanted: Wanted,
+    /// Its view.
+    pub view: View,
+    /// Its frame.
+    pub frame: Arc<Frame>,
+    /// How long the session took to look at the view, and the driver to draw it.
+    pub took: [Duration; 2],
+    /// Whether it has fewer pixels than it may have.
+    pub has_few: bool,
+}
+
+/// How the session is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct News {
+    /// Whether no section covers anything of the wanted view.
+    pub is_uncovered: bool,
+    /// Why the wanted view is not shown otherwise.
+    pub trouble: Option<String>,
+    /// The holodeck's named views, with Radiance's options.
+    pub views: Arc<Vec<(String, String)>>,
+    /// Samples that have arrived for the view.
+    pub view_samples: u64,
+    /// Samples in the holodeck.
+    pub samples: u64,
+    /// Samples traced per second.
+    pub samples_per_second: f64,
+    /// Workers connected, if the server has said.
+    pub workers: Option<u32>,
+    /// The driver's name.
+    pub driver: &'static str,
+    /// Whether tracing is paused.
+    pub is_paused: bool,
+}
+
+/// What hand and painter share.
+#[derive(Default)]
+struct Papers {
+    wanted: Option<Wanted>,
+    orders: Vec<Order>,
+    /// Whether the painter was woken, and has not looked yet.
+    is_woken: bool,
+    painted: Option<Painted>,
+    /// Why the last order was not followed.
+    refusal: Option<String>,
+    news: News,
+    /// The size of frames while the eye moves.
+    moving_size: Option<(u32, u32)>,
+    is_over: bool,
+}
+
+/// The hand's side of the desk.
+pub struct Desk {
+    papers: Arc<Mutex<Papers>>,
+    waker: Waker,
+}
+
+/// What the painter has done since the hand last looked.
+pub struct Done {
+    /// The latest frame.
+    pub painted: Option<Painted>,
+    /// Why an order was not followed.
+    pub refusal: Option<String>,
+    /// How the session is.
+    pub news: News,
+    /// The size of frames while the eye moves.
+    pub moving_size: Option<(u32, u32)>,
+    /// Whether the painter has ended.
+    pub is_over: bool,
+}
+
+impl Desk {
+    /// Says which view is wanted from now on.
+    pub fn want(&self, wanted: Wanted) {
+        let mut papers = lock(&self.papers);
+        if papers.wanted.as_ref() != Some(&wanted) {
+            papers.wanted = Some(wanted);
+            self.wake(papers);
+        }
+    }
+
+    /// Gives an order.
+    pub fn order(&self, order: Order) {
+        let mut papers = lock(&self.papers);
+        papers.orders.push(order);
+        self.wake(papers);
+    }
+
+    fn wake(&self, mut papers: MutexGuard<'_, Papers>) {
+        if !std::mem::replace(&mut papers.is_woken, true) {
+            self.waker.wake();
+        }
+    }
+
+    /// Takes what the painter has done.
+    pub fn take(&self) -> Done {
+        let mut papers = lock(&self.papers);
+        Done {
+            painted: papers.painted.take(),
+            refusal: papers.refusal.take(),
+            news: papers.news.clone(),
+            moving_size: papers.moving_size,
+            is_over: papers.is_over,
+        }
+    }
+}
+
+/// Draws what is wanted.
+pub struct Painter {
+    session: Session,
+    papers: Arc<Mutex<Papers>>,
+    bell: Arc<Bell>,
+    watched: Watched,
+    detail: Detail,
+    /// What the session looks at.
+    looked: Option<Look>,
+    /// What was drawn last, and whether it could be shown.
+    drawn: Option<(Wanted, bool)>,
+    times: Times,
+    /// Samples in the last frame's view when it was drawn.
+    drawn_samples: u64,
+    /// Whether the last picture at rest had fewer pixels than it may have.
+    is_sketch: bool,
+    news: News,
+}
+
+/// When things happened last.
+struct Times {
+    /// When another view was wanted.
+    moved: Instant,
+    /// When the last frame was done.
+    frame: Instant,
+    /// How long it took.
+    drawn_in: Duration,
+}
+
+/// Marks the end of the painter's work, however it ends.
+struct AtEnd(Arc<Mutex<Papers>>, Arc<Bell>);
+
+impl Drop for AtEnd {
+    fn drop(&mut self) {
+        lock(&self.0).is_over = true;
+        self.1.ring();
+    }
+}
+
+impl Painter {
+    /// Returns a painter and its desk. It rings `bell` when there is something to take.
+    pub fn new(
+        session: Session,
+        waker: Waker,
+        bell: Arc<Bell>,
+        watched: Watched,
+    ) -> (Painter, Desk) {
+        let papers = Arc::<Mutex<Papers>>::default();
+        let desk = Desk { papers: Arc::clone(&papers), waker };
+        let now = Instant::now();
+        let times = Times { moved: now, frame: now, drawn_in: Duration::ZERO };
+        let painter = Painter {
+            session,
+            papers,
+            bell,
+            watched,
+            detail: Detail::default(),
+            looked: None,
+            drawn: None,
+            times,
+            drawn_samples: 0,
+            is_sketch: false,
+            news: News::default(),
+        };
+        (painter, desk)
+    }
+
+    /// Draws until it is ordered to quit, then lets everything under way be stored.
+    ///
+    /// # Errors
+    /// If the server is lost.
+    pub fn run(mut self) -> Result<()> {
+        let _end = AtEnd(Arc::clone(&self.papers), Arc::clone(&self.bell));
+        loop {
+            if self.session.wait(self.next_due())? == Waited::Stop {
+                return self.session.settle();
+            }
+            let (wanted, orders) = {
+                let mut papers = lock(&self.papers);
+                papers.is_woken = false;
+                (papers.wanted.clone(), std::mem::take(&mut papers.orders))
+            };
+            for order in orders {
+                match order {
+                    Order::Quit => return self.session.settle(),
+                    Order::Leave => return Ok(()),
+                    order => self.follow(order)?,
+                }
+            }
+            if let Some(wanted) = wanted
+                && self.is_due(&wanted)
+            {
+                self.paint(wanted)?;
+            }
+            self.tell();
+        }
+    }
+
+    fn follow(&mut self, order: Order) -> Result<()> {
+        match order {
+            Order::Pause(pause) => {
+                self.session.pause(pause)?;
+                self.news.is_paused = pause;
+            }
+            Order::Driver(driver) => {
+                (self.looked, self.drawn) = (None, None);
+                if let Err(error) = self.session.change_driver(driver) {
+                    self.refuse(error)?;
+                }
+            }
+            Order::KeepView(name, options) => {
+                if let Err(error) = self.session.keep_view(&name, &options) {
+                    self.refuse(error)?;
+                }
+            }
+            Order::Render(view, size, reply) => self.render(view, size, &reply)?,
+            Order::Quit | Order::Leave => {}
+        }
+        Ok(())
+    }
+
+    /// Returns whether a frame of the wanted view is due.
+    fn is_due(&mut self, wanted: &Wanted) -> bool {
+        match &self.drawn {
+            Some((drawn, is_shown)) if drawn == wanted => {
+                let samples = self.samples();
+                let is_new = samples != self.drawn_samples || self.session.refines();
+                let now = Instant::now();
+                let is_much = samples / MANY_MORE > self.drawn_samples
+                    && now >= self.times.frame + self.times.drawn_in;
+                *is_shown
+                    && !wanted.is_moving
+                    && self.watched.is_watched()
+                    && (self.is_overdue_sketch()
+                        || (is_new && now >= self.next_redraw())
+                        || is_much)
+            }
+            _ => true,
+        }
+    }
+
+    /// Returns whether the last picture had few pixels and it is time for all of them.
+    fn is_overdue_sketch(&self) -> bool {
+        self.is_sketch && self.times.moved.elapsed() >= SKETCHING
+    }
+
+    /// Returns whether so little is known of the view that a picture of fewer pixels shows it all.
+    fn is_sketchy(&self, full: (u32, u32)) -> bool {
+        let pixels = f64::from(full.0) * f64::from(full.1);
+        self.samples() as f64 / pixels < SKETCHY && self.times.moved.elapsed() < SKETCHING
+    }
+
+    fn next_redraw(&self) -> Instant {
+        let looked = self.times.frame.saturating_duration_since(self.times.moved);
+        let pause = looked.mul_f64(REDRAW_SHARE).clamp(REDRAW, LATEST_REDRAW);
+        self.times.frame + pause.max(self.times.drawn_in * DRAWING_PART)
+    }
+
+    /// Returns until when the painter waits for the server, unless the hand wants something.
+    fn next_due(&self) -> Instant {
+        let now = Instant::now();
+        let is_other = lock(&self.papers)
+            .wanted
+            .as_ref()
+            .is_some_and(|wanted| self.drawn.as_ref().is_none_or(|(drawn, _)| drawn != wanted));
+        if is_other { now } else { now + NEWS }
+    }
+
+    /// Samples that have arrived for the current view.
+    fn samples(&self) -> u64 {
+        let counts = self.session.counts();
+        counts.stored + counts.traced + self.session.live_rays()
+    }
+
+    /// Draws a frame of the wanted view.
+    fn paint(&mut self, wanted: Wanted) -> Result<()> {
+        let begin = Instant::now();
+        let (view, full) = wanted.spec.resolve(wanted.size)?;
+        let is_moving = wanted.is_moving;
+        let is_same = |(drawn, _): &(Wanted, bool)| {
+            (&drawn.spec, drawn.jumps) == (&wanted.spec, wanted.jumps)
+        };
+        if !self.drawn.as_ref().is_some_and(is_same) {
+            self.times.moved = begin;
+        }
+        let has_few = is_moving || self.is_sketchy(full);
+        let size = if has_few { self.detail.size(full) } else { full };
+        self.session.set_moving(is_moving);
+        let resolution = if is_moving { Resolution::Moving } else { Resolution::Full };
+        let look = Look { view, size, resolution };
+        let was_shown = self.drawn.as_ref().is_some_and(|(_, is_shown)| *is_shown);
+        let is_shown = (self.looked == Some(look) && was_shown) || self.look(look)?;
+        self.drawn = Some((wanted.clone(), is_shown));
+        if !is_shown {
+            return Ok(());
+        }
+        let looked = Instant::now();
+        self.drawn_samples = self.samples();
+        let (mut frame, _) = self.session.draw();
+        if frame.samples_used == 0 {
+            // A guess is no light.
+            frame.empty_pixels = frame.depth.len() as u64;
+        }
+        let end = Instant::now();
+        let took = [looked - begin, end - looked];
+        (self.times.frame, self.times.drawn_in) = (end, end - begin);
+        self.is_sketch = has_few && !is_moving;
+        if is_moving {
+            self.detail.note(size, full, self.times.drawn_in.as_secs_f64());
+        }
+        let painted = Painted { wanted, view, frame: Arc::new(frame), took, has_few };
+        let mut papers = lock(&self.papers);
+        papers.painted = Some(painted);
+        papers.moving_size = Some(self.detail.size(full));
+        drop(papers);
+        self.bell.ring();
+        Ok(())
+    }
+
+    /// Has the session look at a view. Returns whether it can be shown.
+    fn look(&mut self, look: Look) -> Result<bool> {
+        (self.news.is_uncovered, self.news.trouble) = (false, None);
+        self.looked = Some(look);
+        match self.session.look(look) {
+            Ok(()) => Ok(true),
+            Err(error) => self.note(error).map(|()| false),
+        }
+    }
+
+    /// Draws a picture for somebody, once what is stored for it has come.
+    fn render(&mut self, view: View, size: (u32, u32), reply: &Reply) -> Result<()> {
+        self.drawn = None;
+        self.session.set_moving(false);
+        if self.look(Look { view, size, resolution: Resolution::Full })? {
+            let end = Instant::now() + RENDER_PATIENCE;
+            while !self.session.has_stored() && Instant::now() < end {
+                // Whoever wakes the painter now waits until the picture is done.
+                self.session.wait(end.min(Instant::now() + NEWS))?;
+            }
+            let mut frame = self.session.draw().0;
+            if self.session.refines() {
+                frame = self.session.draw().0;
+            }
+            reply.give(Arc::new(frame));
+        }
+        self.looked = None;
+        Ok(())
+    }
+
+    /// Notes why an order is not followed. Only a lost server is an error.
+    fn refuse(&mut self, error: anyhow::Error) -> Result<()> {
+        if error.is::<NetError>() {
+            return Err(error);
+        }
+        lock(&self.papers).refusal = Some(format!("{error:#}"));
+        Ok(())
+    }
+
+    /// Notes why a view is not shown. Only a lost server is an error.
+    fn note(&mut self, error: anyhow::Error) -> Result<()> {
+        if error.is::<NetError>() {
+            return Err(error);
+        }
+        if error.is::<Uncovered>() {
+            self.news.is_uncovered = true;
+        } else {
+            self.news.trouble = Some(format!("{error:#}"));
+        }
+        Ok(())
+    }
+
+    /// Says how the session is.
+    fn tell(&mut self) {
+        let status = self.session.status().copied();
+        if let Some(refusal) = self.session.take_refusal() {
+            lock(&self.papers).refusal = Some(refusal);
+        }
+        if *self.news.views != self.session.named_views() {
+            self.news.views = Arc::new(self.session.named_views().to_vec());
+        }
+        self.news = News {
+            view_samples: self.samples(),
+            samples: status.map_or(0, |status| status.samples),
+            samples_per_second: status.map_or(0.0, |status| status.samples_per_second),
+            workers: status.map(|status| status.workers),
+            driver: self.session.driver_name(),
+            ..std::mem::take(&mut self.news)
+        };
+        let mut papers = lock(&self.papers);
+        if papers.news != self.news {
+            papers.news = self.news.clone();
+        }
+    }
+}
+
+fn lock(papers: &Mutex<Papers>) -> MutexGuard<'_, Papers> {
+    // What it protects is whole between any two of its changes.
+    papers.lock().unwrap_or_else(PoisonError::into_inner)
+}

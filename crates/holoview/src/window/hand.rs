@@ -1,0 +1,211 @@
+//! What pointers do: mouse buttons and fingers that move over the picture.
+
+use std::collections::BTreeMap;
+
+use holo_picture::View;
+
+use super::canvas::{Point, Rect};
+use crate::stage::Input;
+
+/// Radians of a turn to a pixel while one looks without a pressed button.
+const LOOKING: f64 = 0.0025;
+
+/// Angles of a whole picture that is no perspective view, radians.
+const OTHER_ANGLES: (f64, f64) = (1.0, 0.6);
+
+/// Share of a distance that one step of a wheel leaves.
+const STEP_LEAVES: f64 = 0.9;
+
+/// Most steps of a wheel in one event.
+const MOST_STEPS: f64 = 4.0;
+
+/// What a pressed button does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drag {
+    /// Turn in place.
+    Turn,
+    /// Move around the point under the cursor.
+    Orbit,
+    /// Move the picture.
+    Slide,
+}
+
+/// The picture that pointers move over.
+#[derive(Clone, Copy, Debug)]
+pub struct Target {
+    /// Where it is.
+    pub rect: Rect,
+    /// Its angles, radians.
+    pub angles: (f64, f64),
+}
+
+impl Target {
+    /// Returns a picture's target.
+    pub fn new(rect: Rect, view: Option<&View>) -> Target {
+        let perspective = view.filter(|view| view.kind.letter() == 'v');
+        let angles = perspective.map_or(OTHER_ANGLES, |view| {
+            let (across, along) = view.extent();
+            (2.0 * (across / 2.0).atan(), 2.0 * (along / 2.0).atan())
+        });
+        Target { rect, angles }
+    }
+
+    /// Returns where the cursor is in the picture, if it is.
+    pub fn cursor(&self, at: Point) -> Input {
+        Input::Cursor(self.rect.contains(at).then(|| self.rect.shares(at)))
+    }
+}
+
+/// A hand: the mouse and fingers.
+#[derive(Clone, Debug, Default)]
+pub struct Hand {
+    /// Where the mouse is, while it is in the window.
+    at: Option<Point>,
+    drag: Option<Drag>,
+    fingers: BTreeMap<u64, Point>,
+}
+
+impl Hand {
+    /// Returns where the mouse is.
+    pub fn at(&self) -> Option<Point> {
+        self.at
+    }
+
+    /// Returns what a pressed button does.
+    pub fn drag(&self) -> Option<Drag> {
+        self.drag
+    }
+
+    /// Notes that the mouse has left the window.
+    pub fn left(&mut self) {
+        self.at = None;
+    }
+
+    /// Notes that a button is pressed over the picture.
+    pub fn press(&mut self, drag: Drag) {
+        self.drag = self.drag.or(Some(drag));
+    }
+
+    /// Notes that a button is released.
+    pub fn release(&mut self, drag: Drag) {
+        self.drag = self.drag.filter(|now| *now != drag);
+    }
+
+    /// Returns what a motion of the mouse to a place does.
+    pub fn move_to(&mut self, at: Point, target: &Target) -> Option<Input> {
+        let before = self.at.replace(at);
+        let (Some(before), Some(drag)) = (before, self.drag) else {
+            return Some(target.cursor(at));
+        };
+        dragged(drag, before, at, target)
+    }
+
+    /// Returns what a finger's touch or motion does.
+    pub fn finger(&mut self, finger: u64, at: Point, target: &Target) -> Vec<Input> {
+        let Some(before) = self.fingers.insert(finger, at) else {
+            return if self.fingers.len() == 1 { vec![target.cursor(at)] } else { Vec::new() };
+        };
+        let other = self.fingers.iter().find(|(other, _)| **other != finger);
+        match other {
+            None => dragged(Drag::Turn, before, at, target).into_iter().collect(),
+            Some((_, &other)) => two_fingers(before, at, other, target),
+        }
+    }
+
+    /// Notes that a finger is lifted.
+    pub fn lift(&mut self, finger: u64) {
+        self.fingers.remove(&finger);
+    }
+}
+
+/// Returns what a motion does while one looks without a pressed button, by pixels to the right and
+/// down.
+pub fn looked(right: f64, down: f64) -> Input {
+    Input::Turn(right * LOOKING, -down * LOOKING)
+}
+
+/// Returns what steps of a wheel do.
+pub fn wheeled(steps: f64) -> Input {
+    Input::Wheel(steps.clamp(-MOST_STEPS, MOST_STEPS))
+}
+
+fn dragged(drag: Drag, from: Point, to: Point, target: &Target) -> Option<Input> {
+    let (from, to) = (target.rect.shares(from), target.rect.shares(to));
+    let (right, down) = (to.0 - from.0, to.1 - from.1);
+    if right == 0.0 && down == 0.0 {
+        return None;
+    }
+    let (across, along) = target.angles;
+    let half_turn = std::f64::consts::PI;
+    Some(match drag {
+        // What was taken hold of stays under the hand.
+        Drag::Turn => Input::Turn(-right * across, down * along),
+        Drag::Orbit => Input::Orbit(right * half_turn, -down * half_turn / 2.0),
+        Drag::Slide => Input::Slide(-right, down),
+    })
+}
+
+/// Returns what one of two fingers does. Apart is towards what is between them, together is back.
+/// Both to one side shifts the picture.
+fn two_fingers(from: Point, to: Point, other: Point, target: &Target) -> Vec<Input> {
+    let apart = |a: Point, b: Point| (a.0 - b.0).hypot(a.1 - b.1).max(1.0);
+    let steps = (apart(to, other) / apart(from, other)).ln() / -STEP_LEAVES.ln();
+    let middle = ((to.0 + other.0) / 2.0, (to.1 + other.1) / 2.0);
+    let (from, to) = (target.rect.shares(from), target.rect.shares(to));
+    vec![
+        target.cursor(middle),
+        wheeled(steps),
+        Input::Slide(-(to.0 - from.0) / 2.0, (to.1 - from.1) / 2.0),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn target() -> Target {
+        let rect = Rect { x: 100, y: 0, width: 800, height: 400 };
+        Target { rect, angles: (1.6, 0.8) }
+    }
+
+    #[test]
+    fn a_drag_turns_by_the_angle_that_the_cursor_passes() {
+        let mut hand = Hand::default();
+        let target = target();
+        let moved = hand.move_to((500.0, 200.0), &target);
+        assert_eq!(moved, Some(Input::Cursor(Some((0.5, 0.5)))));
+        hand.press(Drag::Turn);
+        let turned = hand.move_to((600.0, 100.0), &target);
+        assert_eq!(turned, Some(Input::Turn(-0.125 * 1.6, -0.25 * 0.8)));
+        assert_eq!(hand.move_to((600.0, 100.0), &target), None);
+        // Another button changes nothing until the first is released.
+        hand.press(Drag::Orbit);
+        hand.release(Drag::Orbit);
+        assert_eq!(hand.drag(), Some(Drag::Turn));
+        hand.release(Drag::Turn);
+        assert_eq!(hand.move_to((0.0, 0.0), &target), Some(Input::Cursor(None)));
+    }
+
+    #[test]
+    fn one_finger_turns_and_two_approach_what_is_between_them() {
+        let mut hand = Hand::default();
+        let target = target();
+        assert_eq!(hand.finger(1, (500.0, 200.0), &target).len(), 1);
+        let turned = hand.finger(1, (580.0, 200.0), &target);
+        assert!(matches!(turned[..], [Input::Turn(right, _)] if right < 0.0), "{turned:?}");
+        assert_eq!(hand.finger(2, (680.0, 200.0), &target), []);
+        let inputs = hand.finger(2, (780.0, 200.0), &target);
+        assert_eq!(inputs[0], Input::Cursor(Some((0.725, 0.5))));
+        assert!(matches!(inputs[1], Input::Wheel(steps) if steps > 1.0), "{inputs:?}");
+        hand.lift(1);
+        let turned = hand.finger(2, (700.0, 200.0), &target);
+        assert!(matches!(turned[..], [Input::Turn(..)]), "{turned:?}");
+    }
+
+    #[test]
+    fn a_flood_of_wheel_steps_is_bounded() {
+        assert_eq!(wheeled(1e9), Input::Wheel(MOST_STEPS));
+        let inputs = two_fingers((0.0, 0.0), (1e9, 0.0), (1.0, 0.0), &target());
+        assert_eq!(inputs[1], Input::Wheel(MOST_STEPS));
+    }
+}

@@ -1,0 +1,163 @@
+//! The window front end: draws frames and text into a window, without a GPU.
+//!
+//! - `model` answers events, `overlay` draws the model on a `canvas`. Both know no desktop.
+//! - `app` is the event loop, on the main thread: some systems allow it nowhere else.
+//! - `seen` makes frames visible on another thread.
+//!
+//! What always holds:
+//! - The event loop waits for neither the stage nor a tone mapping nor a file.
+//! - With nothing new, nothing is drawn.
+
+mod app;
+mod canvas;
+mod display;
+mod hand;
+mod model;
+mod overlay;
+mod pace;
+mod saved;
+mod seen;
+mod text;
+
+use std::{net::SocketAddr, path::PathBuf, sync::mpsc};
+
+use anyhow::{Context, Result};
+use holo_net::Shutdown;
+use tokio::sync::{oneshot, watch};
+use winit::event_loop::EventLoopProxy;
+
+use crate::{
+    Config, DriverArgs, ViewArgs,
+    commands::follow_standard_input,
+    session,
+    stage::{Wishes, stage},
+};
+use app::{Event, Opening};
+
+/// Size of a window of which none was stated, in pixels of a usual screen.
+const SIZE: (u32, u32) = (1280, 720);
+
+/// What to do where no window can be opened.
+const INSTEAD: &str = "walk in a browser instead of --window: say --http 127.0.0.1:8080 --no-open \
+                       and open that address, from elsewhere through a tunnel; or write pictures \
+                       with --headless";
+
+/// The main thread's part: it shows windows, because some systems allow that nowhere else.
+pub struct Desk(mpsc::Receiver<Opening>);
+
+/// Asks the main thread for a window.
+pub struct Screen(mpsc::Sender<Opening>);
+
+/// Returns the two ends of the way to the main thread.
+pub fn desk() -> (Screen, Desk) {
+    let (sender, receiver) = mpsc::channel();
+    (Screen(sender), Desk(receiver))
+}
+
+impl Desk {
+    /// Shows windows until the [`Screen`] is dropped. To be called on the main thread.
+    pub fn serve(self) {
+        self.0.into_iter().for_each(app::show);
+    }
+}
+
+/// Checks that a desktop could show a window. It finds most reasons early; opening the window finds
+/// the others.
+///
+/// # Errors
+/// Why no window can be opened, and what to do instead.
+pub fn check_desktop() -> Result<()> {
+    find_desktop().map_err(|reason| anyhow::anyhow!("no window can be opened: {reason}; {INSTEAD}"))
+}
+
+#[cfg(any(windows, target_os = "macos"))]
+fn find_desktop() -> Result<(), &'static str> {
+    Ok(())
+}
+
+#[cfg(not(any(windows, target_os = "macos")))]
+fn find_desktop() -> Result<(), &'static str> {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let has_wayland = is_set("WAYLAND_DISPLAY") || is_set("WAYLAND_SOCKET");
+    if !has_wayland && !is_set("DISPLAY") {
+        return Err("there is no desktop here (neither WAYLAND_DISPLAY nor DISPLAY is set)");
+    }
+    if xkbcommon_dl::xkbcommon_option().is_none() {
+        return Err("the library libxkbcommon.so.0 is missing (Debian's package libxkbcommon0)");
+    }
+    if !has_wayland && xkbcommon_dl::x11::xkbcommon_x11_option().is_none() {
+        return Err("the library libxkbcommon-x11.so.0 is missing (Debian's package \
+                    libxkbcommon-x11-0)");
+    }
+    Ok(())
+}
+
+/// Shows a server's holodeck in a window until that is closed or `shutdown` is triggered. Closing
+/// the window triggers it.
+///
+/// If the session fails, the window says why and stays until it is closed.
+///
+/// # Errors
+/// If no window can be opened, or the server cannot be reached or is lost.
+pub async fn run(
+    config: Config,
+    record: Option<PathBuf>,
+    unit: f64,
+    shutdown: Shutdown,
+    screen: Screen,
+) -> Result<()> {
+    check_desktop()?;
+    config.driver.check().map_err(anyhow::Error::msg)?;
+    let look = config.look.look().map_err(anyhow::Error::msg)?;
+    let server: SocketAddr = holo_net::loopback(&config.connect)?;
+    let driver = DriverArgs { walks: true, ..config.driver };
+    let connected =
+        session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;
+    let size = config.view.size.unwrap_or(SIZE);
+    let view = ViewArgs { size: Some(size), ..config.view };
+    let (stage, front) = stage(connected, Wishes { view, unit, record, crew: config.crew });
+    let (looks, wanted) = watch::channel(look);
+    let (sender, seen) = watch::channel(None);
+    let (opened, opening) = oneshot::channel();
+    let closing = shutdown.clone();
+    let closed = Box::new(move || closing.trigger());
+    let window = Opening { front: front.clone(), seen, looks, size, opened, closed };
+    screen.0.send(window).ok().context("the main thread has ended")?;
+    let opened = opening.await.context("the window was closed at once")?;
+    let proxy = opened.with_context(|| format!("no window can be opened; {INSTEAD}"))?;
+    follow_standard_input(front.inputs.clone());
+    let mut ending = Ending {
+        proxy: proxy.clone(),
+        reason: Some("The session has ended: the terminal says why.".to_owned()),
+    };
+    tokio::spawn(seen::see(front, wanted, sender, {
+        let proxy = proxy.clone();
+        // A window that was closed needs no news.
+        move || _ = proxy.send_event(Event::News)
+    }));
+    tokio::spawn(async move {
+        shutdown.wait().await;
+        let _ = proxy.send_event(Event::Leave);
+    });
+    // Drawing takes the processor for a while; sockets must not wait for it.
+    let played = tokio::task::spawn_blocking(move || stage.run()).await?;
+    ending.reason = played.as_ref().err().map(|error| format!("{error:#}."));
+    played
+}
+
+/// Tells the window that the session is over, however it ends.
+struct Ending {
+    proxy: EventLoopProxy<Event>,
+    /// Why, if somebody has to know.
+    reason: Option<String>,
+}
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        // A window that was closed need not know.
+        let _ = self.proxy.send_event(Event::Over(self.reason.take()));
+    }
+}
+
+#[cfg(test)]
+mod tests;

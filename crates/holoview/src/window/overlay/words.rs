@@ -1,0 +1,203 @@
+//! What the window says, as text.
+
+use std::time::Instant;
+
+use super::{
+    super::{pace::Pace, seen::Seen},
+    space::Lost,
+};
+use crate::stage::{Phase, State};
+
+/// A part of the status line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// What is measured.
+    pub value: String,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Whether it is trouble.
+    pub is_bad: bool,
+}
+
+/// Returns the status line.
+pub fn status(state: &State, seen: Option<&Seen>, pace: &Pace, now: Instant) -> Vec<Field> {
+    let field = |value: String, unit| Field { value, unit, is_bad: false };
+    let mut fields = Vec::new();
+    if let Some(frames) = pace.frames_per_second(now) {
+        fields.push(field(frames.to_string(), "frames/s"));
+    }
+    if let Some(latency) = pace.latency() {
+        fields.push(field(latency.as_millis().to_string(), "ms from hand to eye"));
+    }
+    if let Some(seen) = seen {
+        let (width, height) = seen.shown.frame.picture.size();
+        fields.push(field(format!("{width}×{height}"), ""));
+    }
+    if state.phase != Phase::Running {
+        return fields;
+    }
+    if state.view_samples > 0 {
+        fields.push(field(short(state.view_samples as f64), "samples of this view"));
+    }
+    if state.height_is_locked {
+        fields.push(field("eye height locked".into(), ""));
+    }
+    if !state.traces {
+        fields.push(field("stored rays only".into(), ""));
+        return fields;
+    }
+    if state.is_paused {
+        fields.push(field("paused".into(), ""));
+    } else {
+        fields.push(field(format!("{}/s", short(state.samples_per_second)), "traced"));
+    }
+    match state.workers {
+        Some(0) => fields.push(Field {
+            value: "no worker".into(),
+            unit: "traces: it is starting, or has died",
+            is_bad: true,
+        }),
+        Some(1) => fields.push(field("1".into(), "worker")),
+        Some(workers) => fields.push(field(workers.to_string(), "workers")),
+        None => {}
+    }
+    fields
+}
+
+/// Returns what is under the cursor: names and values.
+pub fn under_cursor(
+    seen: Option<&Seen>,
+    cursor: Option<(f64, f64)>,
+) -> [(&'static str, String); 3] {
+    let (x, y) = cursor.unwrap_or((0.5, 0.5));
+    let known = seen.and_then(|seen| seen.shown.radiance_at(x, y));
+    let value = |text: &dyn Fn([f32; 3], f32) -> String| {
+        known.map_or_else(|| "-".to_owned(), |(radiance, distance)| text(radiance, distance))
+    };
+    [
+        (
+            "Luminance",
+            value(&|radiance, _| {
+                format!("{} cd/m²", number(f64::from(holo_picture::luminance(radiance))))
+            }),
+        ),
+        ("Radiance", value(&|radiance, _| radiance.map(|part| number(f64::from(part))).join(" "))),
+        (
+            "Distance",
+            value(&|_, distance| match distance {
+                distance if distance.is_infinite() => "nothing hit".to_owned(),
+                distance if distance > 0.0 => number(f64::from(distance)),
+                _ => "not known".to_owned(),
+            }),
+        ),
+    ]
+}
+
+/// Returns what the stage waits for or why it has ended, if it does not run.
+pub fn loading(state: &State, has_picture: bool) -> Option<String> {
+    match &state.phase {
+        Phase::Connecting => Some("Connecting to the server …".to_owned()),
+        Phase::Loading(text) => {
+            let mut signs = text.chars();
+            let first = signs.next().map(|first| first.to_uppercase().to_string());
+            Some(format!("{}{} …", first.unwrap_or_default(), signs.as_str()))
+        }
+        Phase::Running if !has_picture => Some("The first picture comes …".to_owned()),
+        Phase::Running | Phase::Ended(_) => None,
+    }
+}
+
+/// Returns the way back to the sections in words.
+pub fn lost(lost: &Lost) -> String {
+    let distance = number(lost.distance);
+    let way = match lost {
+        Lost { turn: None, .. } => format!("the next one is ahead, {distance} away"),
+        Lost { is_behind: true, .. } => format!("the next one is behind you, {distance} away"),
+        _ => format!("turn to the next one, {distance} away"),
+    };
+    format!("Outside all sections: {way}. H goes home")
+}
+
+/// Returns a count in three digits.
+fn short(count: f64) -> String {
+    for (unit, size) in [("G", 1e9), ("M", 1e6), ("k", 1e3)] {
+        if count >= size {
+            return format!("{} {unit}", digits(count / size, 3));
+        }
+    }
+    format!("{count:.0}")
+}
+
+/// Returns a quantity in four digits.
+fn number(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 {
+        "0".to_owned()
+    } else if (1e-3..1e5).contains(&size) {
+        digits(value, 4)
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
+fn digits(value: f64, count: i32) -> String {
+    let whole = value.abs().max(1e-300).log10().floor() as i32 + 1;
+    let decimals = usize::try_from(count - whole).unwrap_or(0);
+    format!("{value:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(fields: &[Field]) -> String {
+        let words: Vec<String> =
+            fields.iter().map(|field| format!("{} {}", field.value, field.unit)).collect();
+        words.join("; ").replace(" ;", ";")
+    }
+
+    fn running() -> State {
+        State { phase: Phase::Running, traces: true, ..State::default() }
+    }
+
+    #[test]
+    fn the_status_says_what_is_known_and_what_is_wrong() {
+        let say = |state: &State| text(&status(state, None, &Pace::default(), Instant::now()));
+        assert_eq!(say(&State::default()), "");
+        let (view_samples, samples_per_second) = (1_234_567, 12_345.0);
+        let busy = State { view_samples, samples_per_second, workers: Some(1), ..running() };
+        assert_eq!(say(&busy), "1.23 M samples of this view; 12.3 k/s traced; 1 worker");
+        let paused = State { is_paused: true, workers: Some(2), ..running() };
+        assert_eq!(say(&paused), "paused; 2 workers");
+        let dead = State { workers: Some(0), ..running() };
+        let fields = status(&dead, None, &Pace::default(), Instant::now());
+        assert!(fields.iter().any(|field| field.is_bad && field.value == "no worker"));
+        let locked = State { traces: false, height_is_locked: true, ..running() };
+        assert_eq!(say(&locked), "eye height locked; stored rays only ");
+    }
+
+    #[test]
+    fn what_is_waited_for_is_said_until_there_is_a_picture() {
+        let phase = |phase| State { phase, ..State::default() };
+        let loaded = loading(&phase(Phase::Loading("reading the scene".into())), false);
+        assert_eq!(loaded.unwrap(), "Reading the scene …");
+        assert!(loading(&running(), false).is_some());
+        assert_eq!(loading(&running(), true), None);
+    }
+
+    #[test]
+    fn the_way_back_is_said_in_words() {
+        let at = |turn, is_behind| lost(&Lost { turn, is_behind, distance: 12.3456 });
+        assert!(at(None, false).contains("ahead, 12.35 away"));
+        assert!(at(Some(3.0), true).contains("behind you"));
+        assert!(at(Some(1.0), false).contains("turn to"));
+    }
+
+    #[test]
+    fn numbers_keep_their_digits() {
+        assert_eq!([999.4, 1000.0, 1.5e9].map(short), ["999", "1.00 k", "1.50 G"]);
+        let numbers = [0.0, 12.345_67, 0.012_345, 123_456.0, 1e-9, 99_999.0];
+        let texts = ["0", "12.35", "0.01235", "1.23e5", "1.00e-9", "99999"];
+        assert_eq!(numbers.map(number), texts);
+    }
+}

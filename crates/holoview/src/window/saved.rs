@@ -1,0 +1,69 @@
+//! Pictures that a person saves: as seen, or in radiance.
+
+use std::{
+    fs::OpenOptions,
+    io::{ErrorKind, Write},
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, Result, bail};
+use holo_picture::{Format, Image};
+
+use super::seen::Seen;
+
+/// What of a frame is saved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Its colours as seen, with the legend, as `.png`.
+    Seen,
+    /// Its radiance, as `.exr`.
+    Radiance,
+}
+
+/// Files of one kind in a folder at the most.
+const MOST_FILES: u32 = 100_000;
+
+/// Writes a frame to a new file, such as `holodeck-1.png`. Returns the file.
+///
+/// # Errors
+/// If the picture cannot be encoded or the file not be written.
+pub fn save(seen: &Seen, kind: Kind, folder: &Path) -> Result<PathBuf> {
+    let (end, bytes) = match kind {
+        Kind::Seen => ("png", Image::clone(&seen.image).with_legend().png()?),
+        Kind::Radiance => ("exr", seen.shown.frame.picture.encode(Format::Exr)?),
+    };
+    for number in 1..=MOST_FILES {
+        let path = folder.join(format!("holodeck-{number}.{end}"));
+        let mut file = match OpenOptions::new().write(true).create_new(true).open(&path) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
+            file => file.with_context(|| format!("creating {}", path.display()))?,
+        };
+        file.write_all(&bytes).with_context(|| format!("writing {}", path.display()))?;
+        return Ok(path);
+    }
+    bail!("{} has {MOST_FILES} saved pictures already", folder.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_picture::{Look, Picture};
+
+    use super::{super::tests::seen, *};
+
+    #[test]
+    fn pictures_are_saved_as_seen_and_in_radiance_and_none_is_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let seen = seen((70, 80), [0.25, 0.5, 1.0], &Look { contours: true, ..Look::default() });
+        let first = save(&seen, Kind::Seen, folder.path()).unwrap();
+        let second = save(&seen, Kind::Seen, folder.path()).unwrap();
+        assert_eq!(first.file_name().unwrap(), "holodeck-1.png");
+        assert_eq!(second.file_name().unwrap(), "holodeck-2.png");
+        let decoder =
+            png::Decoder::new(std::io::BufReader::new(std::fs::File::open(first).unwrap()));
+        let width = decoder.read_info().unwrap().info().width;
+        assert!(width > 70, "the legend is beside the picture");
+        let exr = save(&seen, Kind::Radiance, folder.path()).unwrap();
+        assert_eq!(Picture::read(exr).unwrap().get(3, 3), Some([0.25, 0.5, 1.0]));
+        assert!(save(&seen, Kind::Seen, &folder.path().join("none")).is_err());
+    }
+}

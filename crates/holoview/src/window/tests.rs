@@ -1,0 +1,30 @@
+//! What the window's tests share.
+
+use std::{sync::Arc, time::Instant};
+
+use holo_display::Frame;
+use holo_picture::{Look, Picture, View, ViewSpec};
+
+use super::seen::Seen;
+use crate::{screen::Viewer, stage::Shown};
+
+/// A view along y from the origin.
+pub fn view(size: (u32, u32)) -> View {
+    let mut spec = ViewSpec::default();
+    spec.apply_line("-vp 0 0 0 -vd 0 1 0 -vu 0 0 1 -vh 60").unwrap();
+    spec.resolve(size).unwrap().0
+}
+
+/// A frame of one radiance at distance 2.
+pub fn seen(size: (u32, u32), radiance: [f32; 3], look: &Look) -> Seen {
+    let pixels = (size.0 * size.1) as usize;
+    let mut frame = Frame::black(size);
+    frame.picture = Picture::from_pixels(size.0, size.1, vec![radiance; pixels]).unwrap();
+    frame.depth = vec![2.0; pixels];
+    let image = Viewer::default().see(&frame.picture, look, Instant::now());
+    let view = view(size);
+    let (options, input) = ("-vtv".to_owned(), (1, 1));
+    let (frame, took, done) = (Arc::new(frame), [0.0; 2], Instant::now());
+    let shown = Shown { number: 1, input, view, options, frame, is_at_rest: true, took, done };
+    Seen { shown: Arc::new(shown), image }
+}
