@@ -24,6 +24,7 @@ mod load;
 mod material;
 pub mod mtl;
 mod mtl_text;
+mod named_file;
 mod obj;
 mod obj_text;
 pub mod pack;

@@ -1,12 +1,13 @@
 //! Loading a scene from an OBJ file and its MTL files.
 //!
 //! `tobj` parses text that has been checked and simplified line by line. What cannot be interpreted
-//! is an error with its line. What is omitted or replaced is a warning. A missing MTL file or
-//! material becomes grey diffuse 0.5.
+//! is left out. What is left out or replaced is a warning with its line and a count. A missing MTL
+//! file or material becomes grey diffuse 0.5.
 
 use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES, MAX_OBJ_BYTES};
 use crate::mtl::MtlMaterial;
 use crate::mtl_text::parse_mtl;
+use crate::named_file::beside;
 use crate::obj::{ObjFile, parse_obj};
 use crate::obj_text::LoadProgress;
 use crate::text::{excerpt, name_without_comment, read_text};
@@ -45,9 +46,8 @@ pub struct Loaded {
 /// radiance.
 ///
 /// # Errors
-/// A file that cannot be read (except MTL files). With its line: a malformed number, or a face with
-/// fewer than three corners or with a vertex that does not exist. A file without triangles; a sky
-/// that is not plausible; more of anything than [`crate::limits`] allow.
+/// A file that cannot be read (except MTL files) or has no triangle; a sky that is not plausible;
+/// more of anything than [`crate::limits`] allow.
 pub fn load_obj(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     load_obj_watched(path, options, &mut |_| {})
 }
@@ -65,8 +65,8 @@ pub fn load_obj_watched(
     let text = read_text(path, MAX_OBJ_BYTES)?;
     let obj = parse_obj(path, &text, watch, &mut warnings)?;
     drop(text);
-    if obj.triangles.is_empty() {
-        return Err(SceneError::Empty { path: path.to_owned() });
+    if let Some(instead) = obj.instead {
+        return Err(SceneError::Empty { path: path.to_owned(), instead });
     }
     let materials = materials(path, &obj, options, &mut warnings)?;
     let (scene, left_out) = Scene::from_world(
@@ -81,7 +81,8 @@ pub fn load_obj_watched(
         warnings.push(path, Some(obj.faces.line(first)), text);
     }
     if scene.triangles.is_empty() {
-        return Err(SceneError::Empty { path: path.to_owned() });
+        let instead = format!("none of its triangles ({}) has an area", left_out.len());
+        return Err(SceneError::Empty { path: path.to_owned(), instead });
     }
     Ok(Loaded { scene, warnings: warnings.finish(path) })
 }
@@ -185,6 +186,13 @@ fn read_libraries(
             }
         }
     }
+    let own = obj_path.with_extension("mtl");
+    if !any_file && own.is_file() && !seen.contains(&own) {
+        let text = format!("materials are taken from {}, which lies beside it", own.display());
+        warnings.push(obj_path, None, text);
+        library = parse_mtl(&own, &read_library(&own)?, warnings)?;
+        any_file = true;
+    }
     Ok((library, any_file))
 }
 
@@ -202,12 +210,8 @@ fn read_library(path: &Path) -> Result<String, SceneError> {
 /// file.
 fn library_paths(folder: &Path, names: &str) -> Vec<PathBuf> {
     let names = name_without_comment(names).trim_matches('"');
-    let file = |name: &str| {
-        let as_written = folder.join(name);
-        // Written on Windows. Its separator is an ordinary character elsewhere.
-        if as_written.exists() { as_written } else { folder.join(name.replace('\\', "/")) }
-    };
-    let whole = file(names);
-    let parts: Vec<PathBuf> = names.split_ascii_whitespace().map(file).collect();
-    if whole.exists() || !parts.iter().any(|part| part.exists()) { vec![whole] } else { parts }
+    let whole = beside(folder, names, "mtl");
+    let parts: Vec<_> =
+        names.split_ascii_whitespace().map(|name| beside(folder, name, "mtl")).collect();
+    if whole.is_file() || !parts.iter().any(|part| part.is_file()) { vec![whole] } else { parts }
 }

@@ -15,8 +15,8 @@
 //! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a
 //!   warning.
 //! - **`Kd` absent** is 0.5, with a warning if it matters, but 0 for a lamp (`Ke` above zero).
-//! - **Implausible values** are clamped with a warning. A value that is not a finite number is an
-//!   error. So is a wrong number of values.
+//! - **Implausible values** are clamped with a warning. A statement is left out with a warning if a
+//!   value is not a finite number, or if their number is wrong.
 //! - **`Ke`** is radiance, on the counter-clockwise side. `Ka` and `sharpness` have no effect.
 //!   Textures and unknown statements are ignored with a warning. Keywords may be in upper or lower
 //!   case.

@@ -6,7 +6,7 @@
 
 use crate::SceneError;
 use crate::faces::Faces;
-use crate::obj_text::{CROSSED, CleanObj, LoadProgress, MaterialUse};
+use crate::obj_text::{CROSSED, Checked, CleanObj, LoadProgress, MaterialUse};
 use crate::polygon::triangulate;
 use crate::warnings::Warnings;
 use glam::DVec3;
@@ -24,6 +24,8 @@ pub(crate) struct ObjFile {
     pub uses: Vec<MaterialUse>,
     /// The text after each `mtllib`, with its line.
     pub libraries: Vec<(usize, String)>,
+    /// What the file is, for people, if it has no triangle.
+    pub instead: Option<String>,
 }
 
 /// Reads OBJ text; `path` is for messages.
@@ -67,6 +69,7 @@ pub(crate) fn parse_obj(
             triangles.extend(cut.iter().map(|t| t.map(|k| face[k])));
         }
     }
+    let instead = triangles.is_empty().then(|| recognise(text, &checked));
     checked.ignored.warn(path, warnings);
     Ok(ObjFile {
         positions,
@@ -74,5 +77,58 @@ pub(crate) fn parse_obj(
         faces: checked.faces,
         uses: checked.uses,
         libraries: checked.libraries,
+        instead,
     })
+}
+
+/// First bytes of formats that are not OBJ, and what to say.
+const OTHERS: [(&str, &str); 17] = [
+    ("glTF", "it is binary glTF: give it the ending .glb"),
+    ("ply", "it is a PLY file"),
+    ("solid", "it is an STL file"),
+    ("Kaydara FBX", "it is an FBX file"),
+    ("; FBX", "it is an FBX file"),
+    ("BLENDER", "it is a Blender file"),
+    ("PK\u{3}\u{4}", "it is a zip archive: unpack it"),
+    ("<?xml", "it is XML, perhaps COLLADA"),
+    ("<COLLADA", "it is a COLLADA file"),
+    ("<!DOCTYPE", "it is a web page"),
+    ("<html", "it is a web page"),
+    ("#VRML", "it is a VRML file"),
+    ("#?RADIANCE", "it is a Radiance picture or octree"),
+    ("ISO-10303-21", "it is a STEP or IFC file"),
+    ("newmtl", "it is an MTL file: name the .obj file that uses it"),
+    ("3D Geometry File Format", "it is a 3DM file"),
+    ("version https://git-lfs", "it is a pointer of Git LFS: fetch the file itself"),
+];
+
+/// Returns what a file without triangles is, and what to do.
+fn recognise(text: &str, checked: &Checked) -> String {
+    let start = text.trim_start_matches(['\u{feff}', ' ', '\t', '\r', '\n']);
+    let begins = |with: &str| start.get(..with.len()).is_some_and(|s| s.eq_ignore_ascii_case(with));
+    if let Some((line, example)) = checked.ignored.first_left_out()
+        && checked.faces_left_out > 0
+    {
+        let count = checked.faces_left_out;
+        return format!(
+            "all faces ({count}) are left out; the first reason, line {line}: {example}"
+        );
+    }
+    if let Some((_, what)) = OTHERS.iter().find(|(with, _)| begins(with)) {
+        return (*what).to_owned();
+    }
+    if begins("{") && start.contains("\"asset\"") {
+        return "it is glTF: give it the ending .gltf".to_owned();
+    }
+    if checked.vertices > 0 {
+        let kind = if checked.ignored.has_lines() { "points and lines" } else { "points" };
+        return format!("it has only {kind} ({} `v` lines) and no face", checked.vertices);
+    }
+    if start.is_empty() {
+        return "it is empty".to_owned();
+    }
+    if text.chars().take(4096).any(|c| c == '\0' || c == char::REPLACEMENT_CHARACTER) {
+        return "it is a binary file, and OBJ is text".to_owned();
+    }
+    "it has no `v` and no `f` line, so it is no OBJ file".to_owned()
 }

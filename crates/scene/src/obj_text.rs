@@ -5,23 +5,28 @@
 //! at texture coordinates that it cannot read. It drops the names of materials that it does not
 //! find, and copies vertices that two groups share. So it reads through [`CleanObj`], which checks
 //! each line and remembers lines and materials. It passes on only `v` with three numbers and `f`
-//! with three or more vertices, both in the words of the file.
+//! with three or more vertices.
 //!
 //! Always true:
 //! - What is passed on is finite, within [`MAX_COORDINATE`], and has indices in range at its line.
-//! - At most one logical line of it is in memory.
-//! - The first error ends the text; [`CleanObj::finish`] returns it.
-//! - Statements that a faceted scene does not use are counted, and reported once each.
+//! - A vertex that cannot be read keeps its number; faces that name it are left out.
+//! - Faces that name vertices of later lines are passed on at the end of the text.
+//! - Of other lines, at most one logical line is in memory.
+//! - What is left out or ignored is counted, and reported once for each kind with its first line.
+//! - Only a limit of [`crate::limits`] is an error. It ends the text; [`CleanObj::finish`] returns
+//!   it.
 
 use crate::SceneError;
 use crate::faces::Faces;
 use crate::limits::{
     MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES,
 };
-use crate::text::{LogicalLines, excerpt, keyword, logical_lines, number, without_comment};
+use crate::text::{
+    LogicalLines, excerpt, keyword, logical_lines, loose_number, number, without_comment,
+};
 use crate::warnings::Warnings;
-use std::collections::HashMap;
-use std::io::{BufRead, Read};
+use std::collections::{HashMap, HashSet};
+use std::io::{BufRead, Read, Write};
 use std::path::Path;
 
 /// A material as an OBJ file names it.
@@ -42,6 +47,10 @@ pub(crate) struct Checked {
     /// The text after each `mtllib`, with its line.
     pub libraries: Vec<(usize, String)>,
     pub ignored: Ignored,
+    /// Number of `v` lines.
+    pub vertices: usize,
+    /// Number of faces that were left out.
+    pub faces_left_out: usize,
 }
 
 /// Number of faces that `tobj` gets as one object. It takes over 100 bytes for a face until an
@@ -51,7 +60,14 @@ pub(crate) const FACES_AT_ONCE: usize = 1 << 20;
 /// Lines between two reports of progress: some hundredths of a second.
 const LINES_BETWEEN_REPORTS: usize = 1 << 16;
 
-/// Ignored details other than whole statements; no keyword contains a space.
+/// Kinds of statements that are left out; no keyword contains a space.
+const BAD_VERTEX: &str = "v bad";
+const BAD_CORNER: &str = "f corner";
+const FEW_CORNERS: &str = "f few";
+const NO_VERTEX: &str = "f vertex";
+const SPOILT_VERTEX: &str = "f spoilt";
+const NO_LIBRARY: &str = "mtllib none";
+/// Ignored details other than whole statements.
 const WEIGHT: &str = "v weight";
 const COLOUR: &str = "v colour";
 /// A polygon that cannot be divided properly.
@@ -68,6 +84,14 @@ pub struct LoadProgress {
     pub triangles: u64,
 }
 
+/// A face that names vertices of later lines.
+struct LaterFace {
+    line: usize,
+    material: u32,
+    /// Numbers of its vertices, from 1.
+    vertices: Vec<usize>,
+}
+
 /// The clean text of an OBJ file.
 pub(crate) struct CleanObj<'a> {
     path: &'a Path,
@@ -81,8 +105,13 @@ pub(crate) struct CleanObj<'a> {
     taken: usize,
     failed: Option<SceneError>,
     checked: Checked,
-    vertices: usize,
+    /// Numbers, from 1, of vertices that could not be read.
+    spoilt: HashSet<usize>,
+    /// Faces that name vertices of later lines.
+    later: Vec<LaterFace>,
     faces_in_hand: usize,
+    /// Reused for all faces, because allocating takes longer than reading most of them.
+    corners: Vec<usize>,
     /// The latest `usemtl`, and its index in `checked.uses` once a face uses it.
     current: Option<String>,
     current_line: usize,
@@ -108,8 +137,10 @@ impl<'a> CleanObj<'a> {
             taken: 0,
             failed: None,
             checked: Checked::default(),
-            vertices: 0,
+            spoilt: HashSet::new(),
+            later: Vec::new(),
             faces_in_hand: 0,
+            corners: Vec::new(),
             current: None,
             current_line: 0,
             current_id: None,
@@ -155,58 +186,114 @@ impl<'a> CleanObj<'a> {
         }
     }
 
+    /// Passes on a vertex. One that cannot be read is passed on as zero, to keep its number.
     fn vertex(&mut self, rest: &str) -> Result<(), SceneError> {
+        if self.checked.vertices == MAX_POSITIONS {
+            return Err(self.limit("vertices", MAX_POSITIONS));
+        }
+        self.checked.vertices += 1;
         self.clean.push(b'v');
         let mut found = 0;
         let mut fourth = "1";
         for token in rest.split_ascii_whitespace() {
-            if !is_coordinate(token) {
-                return Err(self.bad_value("v", "finite numbers of at most 1e12", token));
-            }
             match found {
-                0..=2 => self.pass_on(token),
+                0..=2 if is_plainly_small(token.as_bytes()) => self.pass_on(token),
+                0..=2 => match loose_number(token).filter(|n| n.abs() <= MAX_COORDINATE) {
+                    Some(number) => self.pass_on(&number.to_string()),
+                    None => break,
+                },
                 3 => fourth = token,
                 _ => {}
             }
             found += 1;
         }
-        match found {
-            3 => {}
-            4 if number(fourth) == Some(1.0) => {}
-            4 => self.checked.ignored.count(WEIGHT, self.line),
-            6 | 7 => self.checked.ignored.count(COLOUR, self.line),
-            _ => return Err(self.bad_count("v", "three numbers", found)),
+        if found < 3 {
+            self.clean.clear();
+            self.clean.extend_from_slice(b"v 0 0 0");
+            self.spoilt.insert(self.checked.vertices);
+            self.checked.ignored.example(BAD_VERTEX, self.line, || {
+                format!("`v` takes three numbers of at most 1e12, found `{}`", excerpt(rest))
+            });
+        } else if found == 4 && number(fourth) != Some(1.0) {
+            self.checked.ignored.count(WEIGHT, self.line);
+        } else if found > 4 {
+            self.checked.ignored.count(COLOUR, self.line);
         }
-        if self.vertices == MAX_POSITIONS {
-            return Err(self.limit("vertices", MAX_POSITIONS));
-        }
-        self.vertices += 1;
         self.clean.push(b'\n');
         Ok(())
     }
 
+    /// Passes on a face, or remembers it if it names vertices of later lines.
     fn face(&mut self, rest: &str) -> Result<(), SceneError> {
+        let mut vertices = std::mem::take(&mut self.corners);
+        vertices.clear();
+        let mut is_well_formed = true;
+        for token in rest.split_ascii_whitespace() {
+            let Some(vertex) = self.corner(token) else {
+                is_well_formed = false;
+                break;
+            };
+            vertices.push(vertex);
+        }
+        if !is_well_formed {
+            self.checked.faces_left_out += 1;
+        } else if vertices.len() < 3 {
+            self.leave_out(FEW_CORNERS, self.line, || {
+                format!("`f` takes at least three corners, found {}", vertices.len())
+            });
+        } else if vertices.iter().any(|&vertex| vertex > self.checked.vertices) {
+            let (line, material) = (self.line, self.material_id()?);
+            self.later.push(LaterFace { line, material, vertices: vertices.clone() });
+        } else {
+            let material = self.material_id()?;
+            self.pass_on_face(&vertices, self.line, material)?;
+        }
+        self.corners = vertices;
+        Ok(())
+    }
+
+    /// Passes on a face whose vertices, numbered from 1, have all been passed on.
+    fn pass_on_face(
+        &mut self,
+        vertices: &[usize],
+        line: usize,
+        material: u32,
+    ) -> Result<(), SceneError> {
+        if let Some(vertex) = vertices.iter().find(|vertex| self.spoilt.contains(vertex)) {
+            self.leave_out(SPOILT_VERTEX, line, || {
+                format!("`f` names vertex {vertex}, which could not be read")
+            });
+            return Ok(());
+        }
+        if vertices.len() - 2 > MAX_TRIANGLES - self.checked.faces.triangles() {
+            return Err(self.limit("triangles", MAX_TRIANGLES));
+        }
         if self.faces_in_hand == FACES_AT_ONCE {
             self.faces_in_hand = 0;
             self.clean.extend_from_slice(b"o\n");
         }
         self.faces_in_hand += 1;
         self.clean.push(b'f');
-        let mut n = 0;
-        for token in rest.split_ascii_whitespace() {
-            let vertex = self.corner(token)?;
-            self.pass_on(vertex);
-            n += 1;
+        for vertex in vertices {
+            // Writing to a vector cannot fail.
+            let _ = write!(self.clean, " {vertex}");
         }
-        if n < 3 {
-            return Err(self.bad_count("f", "at least three corners", n));
-        }
-        if n - 2 > MAX_TRIANGLES - self.checked.faces.triangles() {
-            return Err(self.limit("triangles", MAX_TRIANGLES));
-        }
-        let material = self.material_id()?;
-        self.checked.faces.push(n - 2, self.line, material);
+        self.checked.faces.push(vertices.len() - 2, line, material);
         self.clean.push(b'\n');
+        Ok(())
+    }
+
+    /// Passes on the faces that named vertices of later lines, now that all lines are known.
+    fn pass_on_later(&mut self) -> Result<(), SceneError> {
+        for LaterFace { line, material, vertices } in std::mem::take(&mut self.later) {
+            let count = self.checked.vertices;
+            match vertices.iter().find(|&&vertex| vertex > count) {
+                Some(vertex) => self.leave_out(NO_VERTEX, line, || {
+                    format!("`f` names vertex {vertex}, but there are {count}")
+                }),
+                None => self.pass_on_face(&vertices, line, material)?,
+            }
+        }
         Ok(())
     }
 
@@ -215,29 +302,37 @@ impl<'a> CleanObj<'a> {
         self.clean.extend_from_slice(token.as_bytes());
     }
 
-    /// Returns the vertex, as written, of a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Only the form
-    /// of the others is checked.
-    fn corner<'t>(&self, token: &'t str) -> Result<&'t str, SceneError> {
+    fn leave_out(&mut self, kind: &'static str, line: usize, example: impl FnOnce() -> String) {
+        self.checked.faces_left_out += 1;
+        self.checked.ignored.example(kind, line, example);
+    }
+
+    /// Returns the number, from 1, of the vertex of a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Only
+    /// the form of the others is checked. `None`, and counted, if there can be no such corner.
+    fn corner(&mut self, token: &str) -> Option<usize> {
         let mut parts = token.split('/');
-        let bad = || self.bad_value("f", "corners as v, v/vt, v//vn or v/vt/vn", token);
-        let vertex = parts.next().unwrap_or("");
-        let index: i64 = vertex.parse().map_err(|_| bad())?;
-        let (texture, normal) = (parts.next().unwrap_or(""), parts.next().unwrap_or(""));
-        let well_formed = |part: &str| part.is_empty() || part.parse::<i64>().is_ok();
-        if parts.next().is_some() || !well_formed(texture) || !well_formed(normal) {
-            return Err(bad());
-        }
-        // Negative indices count back from the latest vertex (-1), as in `tobj`.
-        let count = self.vertices;
-        if index == 0 || index.unsigned_abs() > count as u64 {
-            return Err(SceneError::VertexIndex {
-                path: self.path.to_owned(),
-                line: self.line,
-                index,
-                count,
+        let index = parts.next().and_then(|vertex| vertex.parse::<i64>().ok());
+        let is_index = |part: &str| part.is_empty() || part.parse::<i64>().is_ok();
+        let well_formed = parts.clone().count() <= 2 && parts.all(is_index);
+        let Some(index) = index.filter(|_| well_formed) else {
+            self.checked.ignored.example(BAD_CORNER, self.line, || {
+                format!(
+                    "`f` takes corners as v, v/vt, v//vn or v/vt/vn, found `{}`",
+                    excerpt(token)
+                )
             });
+            return None;
+        };
+        // Negative indices count back from the latest vertex (-1).
+        let count = self.checked.vertices;
+        let vertex = if index < 0 { count as i64 + 1 + index.max(i64::MIN / 2) } else { index };
+        if vertex < 1 {
+            self.checked.ignored.example(NO_VERTEX, self.line, || {
+                format!("`f` names vertex {index} after {count} (the first is 1)")
+            });
+            return None;
         }
-        Ok(vertex)
+        Some(vertex as usize)
     }
 
     fn use_material(&mut self, name: &str) -> Result<(), SceneError> {
@@ -274,23 +369,15 @@ impl<'a> CleanObj<'a> {
 
     fn library(&mut self, names: &str) -> Result<(), SceneError> {
         if names.is_empty() {
-            return Err(self.bad_count("mtllib", "the name of a file", 0));
+            let text = || "`mtllib` names no file".to_owned();
+            self.checked.ignored.example(NO_LIBRARY, self.line, text);
+            return Ok(());
         }
         if self.checked.libraries.len() == MAX_MTL_FILES {
             return Err(self.limit("`mtllib` lines", MAX_MTL_FILES));
         }
         self.checked.libraries.push((self.line, names.to_owned()));
         Ok(())
-    }
-
-    fn bad_value(&self, keyword: &str, expected: &'static str, found: &str) -> SceneError {
-        let (path, keyword) = (self.path.to_owned(), keyword.to_owned());
-        SceneError::Value { path, line: self.line, keyword, expected, found: excerpt(found) }
-    }
-
-    fn bad_count(&self, keyword: &str, expected: &'static str, found: usize) -> SceneError {
-        let (path, keyword) = (self.path.to_owned(), keyword.to_owned());
-        SceneError::Count { path, line: self.line, keyword, expected, found }
     }
 
     fn limit(&self, what: &'static str, limit: usize) -> SceneError {
@@ -303,13 +390,19 @@ impl BufRead for CleanObj<'_> {
         while self.taken == self.clean.len() && self.failed.is_none() {
             self.clean.clear();
             self.taken = 0;
-            let Some((line, content)) = self.lines.next() else { break };
-            self.line = line;
-            self.unwatched += 1;
-            if self.unwatched == LINES_BETWEEN_REPORTS {
-                self.report();
-            }
-            if let Err(error) = self.statement(&content) {
+            let done = match self.lines.next() {
+                Some((line, content)) => {
+                    self.line = line;
+                    self.unwatched += 1;
+                    if self.unwatched == LINES_BETWEEN_REPORTS {
+                        self.report();
+                    }
+                    self.statement(&content)
+                }
+                None if self.later.is_empty() => break,
+                None => self.pass_on_later(),
+            };
+            if let Err(error) = done {
                 self.clean.clear();
                 self.failed = Some(error);
             }
@@ -330,13 +423,6 @@ impl Read for CleanObj<'_> {
     }
 }
 
-/// Returns whether a token is a finite number of at most [`MAX_COORDINATE`]. Most are plain
-/// decimals, which are recognised without parsing.
-fn is_coordinate(token: &str) -> bool {
-    is_plainly_small(token.as_bytes())
-        || number(token).is_some_and(|value| value.abs() <= MAX_COORDINATE)
-}
-
 /// Returns whether a token is a decimal without exponent with one to twelve digits before the
 /// point: at most 1e12.
 fn is_plainly_small(token: &[u8]) -> bool {
@@ -347,36 +433,72 @@ fn is_plainly_small(token: &[u8]) -> bool {
     (1..=12).contains(&whole) && fraction.iter().all(u8::is_ascii_digit)
 }
 
-/// Ignored statements: how many of each, and where the first is.
+/// Statements that are ignored or left out: how many of each kind, and where the first is.
 #[derive(Default)]
 pub(crate) struct Ignored {
-    kinds: HashMap<String, (usize, usize)>,
+    kinds: HashMap<String, Kind>,
+}
+
+struct Kind {
+    line: usize,
+    count: usize,
+    /// What is wrong with the first one, for people.
+    example: Option<String>,
 }
 
 impl Ignored {
     /// Most kinds that are named. A file that is no OBJ file may have any number of keywords.
     const MAX_KINDS: usize = 32;
 
+    /// Counts a statement of a kind that is ignored.
     pub(crate) fn count(&mut self, kind: &str, line: usize) {
         // No allocation for known kinds: there are as many normals as vertices.
-        if let Some((_, count)) = self.kinds.get_mut(kind) {
-            *count += 1;
+        if let Some(known) = self.kinds.get_mut(kind) {
+            known.count += 1;
         } else if self.kinds.len() < Self::MAX_KINDS || kind == CROSSED {
-            self.kinds.insert(kind.to_owned(), (line, 1));
+            self.kinds.insert(kind.to_owned(), Kind { line, count: 1, example: None });
         }
+    }
+
+    /// Counts a statement that is left out. `example` says what is wrong with the first one.
+    pub(crate) fn example(
+        &mut self,
+        kind: &'static str,
+        line: usize,
+        example: impl FnOnce() -> String,
+    ) {
+        match self.kinds.get_mut(kind) {
+            Some(known) => known.count += 1,
+            None => {
+                let kind_of_first = Kind { line, count: 1, example: Some(example()) };
+                self.kinds.insert(kind.to_owned(), kind_of_first);
+            }
+        }
+    }
+
+    /// Returns what is wrong with the first of the statements that were left out, and its line.
+    pub(crate) fn first_left_out(&self) -> Option<(usize, &str)> {
+        let examples = self.kinds.values().filter_map(|k| Some((k.line, k.example.as_deref()?)));
+        examples.min()
+    }
+
+    /// Returns whether there were lines or points.
+    pub(crate) fn has_lines(&self) -> bool {
+        self.kinds.contains_key("l")
     }
 
     pub(crate) fn warn(self, path: &Path, warnings: &mut Warnings) {
         let mut kinds: Vec<_> = self.kinds.into_iter().collect();
-        kinds.sort_by_key(|(_, (line, _))| *line);
-        for (kind, (line, count)) in kinds {
-            let why = match kind.as_str() {
-                "vn" => "`vn` is ignored: surfaces are faceted, as modelled".to_owned(),
-                "vt" => "`vt` is ignored: there are no textures".to_owned(),
-                "l" => "lines and points (`l`, `p`) are ignored".to_owned(),
-                WEIGHT => "the weight of `v` is ignored".to_owned(),
-                COLOUR => "colours of vertices are ignored".to_owned(),
-                CROSSED => {
+        kinds.sort_by(|a, b| (a.1.line, &a.0).cmp(&(b.1.line, &b.0)));
+        for (kind, Kind { line, count, example }) in kinds {
+            let why = match (kind.as_str(), example) {
+                (_, Some(example)) => example + "; it is left out",
+                ("vn", _) => "`vn` is ignored: surfaces are faceted, as modelled".to_owned(),
+                ("vt", _) => "`vt` is ignored: there are no textures".to_owned(),
+                ("l", _) => "lines and points (`l`, `p`) are ignored".to_owned(),
+                (WEIGHT, _) => "the weight of `v` is ignored".to_owned(),
+                (COLOUR, _) => "colours of vertices are ignored".to_owned(),
+                (CROSSED, _) => {
                     "a polygon crosses itself or is very long: its triangles may overlap".to_owned()
                 }
                 _ => format!("`{}` is unknown and ignored", excerpt(&kind)),
