@@ -18,6 +18,7 @@
 
 mod error;
 mod faces;
+mod header;
 mod inside;
 pub mod limits;
 mod load;
@@ -34,6 +35,7 @@ mod text;
 mod warnings;
 
 pub use error::{PackedError, SceneError};
+pub use header::{About, Camera, Said};
 pub use load::{LoadOptions, Loaded, load_obj, load_obj_watched};
 pub use material::{Bsdf, Material, Rgb};
 pub use obj_text::LoadProgress;

@@ -12,7 +12,7 @@ use crate::obj::{ObjFile, parse_obj};
 use crate::obj_text::LoadProgress;
 use crate::text::{excerpt, name_without_comment, read_text};
 use crate::warnings::{Warning, Warnings};
-use crate::{Material, Rgb, Scene, SceneError};
+use crate::{About, Material, Rgb, Scene, SceneError};
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -35,6 +35,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// What was ignored or replaced.
     pub warnings: Vec<Warning>,
+    /// What the file says about its unit, its up axis and its cameras.
+    pub about: About,
 }
 
 /// Reads a scene from an OBJ file and the MTL files that it names (relative to its folder).
@@ -64,6 +66,7 @@ pub fn load_obj_watched(
     let mut warnings = Warnings::default();
     let text = read_text(path, MAX_OBJ_BYTES)?;
     let obj = parse_obj(path, &text, watch, &mut warnings)?;
+    let about = crate::header::read(&text);
     drop(text);
     if let Some(instead) = obj.instead {
         return Err(SceneError::Empty { path: path.to_owned(), instead });
@@ -84,7 +87,7 @@ pub fn load_obj_watched(
         let instead = format!("none of its triangles ({}) has an area", left_out.len());
         return Err(SceneError::Empty { path: path.to_owned(), instead });
     }
-    Ok(Loaded { scene, warnings: warnings.finish(path) })
+    Ok(Loaded { scene, warnings: warnings.finish(path), about })
 }
 
 /// Returns the materials of `obj.uses`, in that order.
