@@ -29,7 +29,7 @@ use crate::{
     holodeck fill statue.obj -o statue.holo --exterior --sky 1,1,1 --samples 20M")]
 pub struct Args {
     /// The scene
-    #[arg(value_name = "SCENE.obj")]
+    #[arg(value_name = "MODEL")]
     scene: Option<PathBuf>,
     /// The holodeck [default: the scene's name with .holo, in this folder]
     #[arg(short, value_name = "FILE.holo")]

@@ -4,7 +4,7 @@ use std::{path::Path, time::Instant};
 
 use anyhow::Result;
 use holo_progress::{HumanBytes, HumanCount, Meter};
-use holo_scene::{Bsdf, LoadOptions, LoadProgress, Loaded, Material, Scene, load_obj_watched};
+use holo_scene::{Bsdf, LoadOptions, LoadProgress, Loaded, Material, Scene, load_watched};
 
 use crate::{config::Config, scene_args::scene_path};
 
@@ -53,7 +53,7 @@ pub fn load_file(path: &Path, config: &Config, quiet: bool) -> Result<Loaded> {
         let share = progress.bytes as f64 / progress.total_bytes as f64;
         meter.show(share, &progress_words(path, progress, start.elapsed().as_secs_f64()));
     };
-    let loaded = load_obj_watched(path, &options, &mut watch);
+    let loaded = load_watched(path, &options, &mut watch);
     meter.finish();
     let loaded = loaded?;
     for warning in &loaded.warnings {

@@ -27,7 +27,7 @@ use crate::{
     holodeck render room.obj --vp 1,2,1.6 --vd 0,1,0 --vh 60 --spp 256 -o truth.pfm")]
 pub struct Args {
     /// The scene
-    #[arg(value_name = "SCENE.obj")]
+    #[arg(value_name = "MODEL")]
     scene: Option<PathBuf>,
     /// The picture (.exr .hdr .pfm .png)
     /// [default: the scene's name with .png, in this folder]

@@ -44,6 +44,14 @@ pub enum SceneError {
         /// The error of `tobj`.
         source: tobj::LoadError,
     },
+    /// A glTF file is not valid, or a part of it is missing.
+    #[error("{path}: {problem}")]
+    Gltf {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, where, and what to do.
+        problem: String,
+    },
     /// A file has no triangle with an area.
     #[error("{path}: no triangle in it: {instead}")]
     Empty {

@@ -126,10 +126,11 @@ fn read_comment(comment: &str, about: &mut About) {
     if let Some(value) = up.or(joined) {
         about.up.get_or_insert_with(|| Said { value, words: shown() });
     }
-    let speaks_of_units = words.iter().any(|word| word.starts_with("unit")) || words.len() <= 3;
+    let names_units = words.iter().any(|word| *word == "unit" || *word == "units");
+    let speaks_of_units = names_units || words.len() <= 3;
     let unit = words.iter().find_map(|word| UNITS.iter().find(|(name, _)| name == word));
     // Single letters and "in" are words of other sentences, too.
-    let is_sure = |name: &str| name.len() > 2 || words.iter().any(|word| word.starts_with("unit"));
+    let is_sure = |name: &str| name.len() > 2 || names_units;
     if let Some((_, value)) = unit.filter(|(name, _)| speaks_of_units && is_sure(name)) {
         about.unit.get_or_insert_with(|| Said { value: *value, words: shown() });
     }

@@ -4,11 +4,14 @@
 //! finite and within [`crate::limits::MAX_COORDINATE`]. Faces arrive with all their corners.
 //! Polygons are divided here, because `tobj` only makes fans, which are wrong for concave polygons.
 
-use crate::SceneError;
 use crate::faces::Faces;
+use crate::limits::MAX_OBJ_BYTES;
 use crate::obj_text::{CROSSED, Checked, CleanObj, LoadProgress, MaterialUse};
 use crate::polygon::triangulate;
+use crate::reader::{Model, Reader};
+use crate::text::read_text;
 use crate::warnings::Warnings;
+use crate::{LoadOptions, SceneError, libraries};
 use glam::DVec3;
 use std::path::Path;
 
@@ -26,6 +29,33 @@ pub(crate) struct ObjFile {
     pub libraries: Vec<(usize, String)>,
     /// What the file is, for people, if it has no triangle.
     pub instead: Option<String>,
+}
+
+pub(crate) const READER: Reader = Reader { recognises: |_, _| true, read };
+
+fn read(
+    path: &Path,
+    options: &LoadOptions,
+    watch: &mut dyn FnMut(LoadProgress),
+    warnings: &mut Warnings,
+) -> Result<Model, SceneError> {
+    let text = read_text(path, MAX_OBJ_BYTES)?;
+    let about = crate::header::read(&text);
+    let obj = parse_obj(path, &text, watch, warnings)?;
+    drop(text);
+    let materials = match obj.instead {
+        None => libraries::materials(path, &obj, options, warnings)?,
+        Some(_) => Vec::new(),
+    };
+    Ok(Model {
+        positions: obj.positions,
+        triangles: obj.triangles,
+        material_ids: obj.faces.material_ids(),
+        materials,
+        about,
+        lines: obj.faces,
+        instead: obj.instead,
+    })
 }
 
 /// Reads OBJ text; `path` is for messages.
@@ -64,7 +94,8 @@ pub(crate) fn parse_obj(
             corners.extend(face.iter().map(|&k| positions[k as usize]));
             cut.clear();
             if !triangulate(&corners, &mut cut) {
-                checked.ignored.count(CROSSED, checked.faces.line(triangles.len()));
+                let line = checked.faces.line(triangles.len()).unwrap_or(0);
+                checked.ignored.count(CROSSED, line);
             }
             triangles.extend(cut.iter().map(|t| t.map(|k| face[k])));
         }
@@ -82,8 +113,7 @@ pub(crate) fn parse_obj(
 }
 
 /// First bytes of formats that are not OBJ, and what to say.
-const OTHERS: [(&str, &str); 17] = [
-    ("glTF", "it is binary glTF: give it the ending .glb"),
+const OTHERS: [(&str, &str); 16] = [
     ("ply", "it is a PLY file"),
     ("solid", "it is an STL file"),
     ("Kaydara FBX", "it is an FBX file"),
@@ -116,9 +146,6 @@ fn recognise(text: &str, checked: &Checked) -> String {
     }
     if let Some((_, what)) = OTHERS.iter().find(|(with, _)| begins(with)) {
         return (*what).to_owned();
-    }
-    if begins("{") && start.contains("\"asset\"") {
-        return "it is glTF: give it the ending .gltf".to_owned();
     }
     if checked.vertices > 0 {
         let kind = if checked.ignored.has_lines() { "points and lines" } else { "points" };

@@ -105,7 +105,7 @@ fn failures_end_with_status_1_and_name_the_file() {
         .failed(1, &["none.holo"]);
     let fill = |scene: &str| place.run(&["fill", scene, "-o", "{}/new.holo", "--samples", "1k"]);
     fill("{}/none.obj").failed(1, &["none.obj"]);
-    fill("{}/broken.obj").failed(1, &["broken.obj:4"]);
+    fill("{}/broken.obj").failed(1, &["broken.obj", "line 4", "vertex 9"]);
     place
         .run(&["fill", "--config", "{}/wrong.toml", "-o", "{}/new.holo", "--samples", "1k"])
         .failed(1, &["wrong.toml", "bouncs"]);
