@@ -201,7 +201,10 @@ fn parse_section(text: &str) -> Result<config::Section, String> {
 pub fn scene_path(config: &Config) -> Result<&PathBuf> {
     let path = config.scene.as_ref();
     path.ok_or_else(|| {
-        Usage("no scene: name a model (.obj, .gltf, .glb), or a configuration with a `scene`".into()).into()
+        Usage(
+            "no scene: name a model (.obj, .gltf, .glb), or a configuration with a `scene`".into(),
+        )
+        .into()
     })
 }
 

@@ -115,6 +115,12 @@ pub enum SceneError {
         /// What is wrong.
         problem: &'static str,
     },
+    /// Normals or textures do not fit the scene.
+    #[error("normals or textures: {problem}")]
+    Shading {
+        /// What is wrong.
+        problem: &'static str,
+    },
     /// The sky's radiance is negative, not finite or too large.
     #[error("the sky's radiance must be finite numbers from 0 to {}", crate::limits::MAX_RADIANCE)]
     Sky,
@@ -152,4 +158,10 @@ pub enum PackedError {
     /// The bytes of the materials are malformed.
     #[error("material {0} is malformed")]
     Material(usize),
+    /// The bytes of normals and textures are malformed.
+    #[error("its normals or textures are malformed")]
+    Shading,
+    /// A texture cannot be decoded.
+    #[error("texture {0} cannot be decoded")]
+    Texture(usize),
 }

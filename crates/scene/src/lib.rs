@@ -26,16 +26,23 @@ mod libraries;
 pub mod limits;
 mod load;
 mod material;
+mod model;
 pub mod mtl;
+mod mtl_maps;
 mod mtl_text;
 mod named_file;
 mod obj;
+mod obj_model;
 mod obj_text;
 pub mod pack;
 mod polygon;
-mod reader;
 mod scene;
+mod shaded;
+mod shading;
+mod smooth;
 mod text;
+mod texture;
+mod texture_files;
 mod warnings;
 
 pub use error::{PackedError, SceneError};
@@ -45,4 +52,8 @@ pub use material::{Bsdf, Material, Rgb};
 pub use obj_text::LoadProgress;
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use scene::{Features, Scene};
+pub use shading::{
+    CUT_OUT, MAX_TEXTURES, Maps, Octahedral, Shading, from_octahedral, to_octahedral,
+};
+pub use texture::{MAX_SIDE, MAX_TEXTURE_BYTES, Texture, Wrap};
 pub use warnings::Warning;

@@ -2,27 +2,42 @@
 
 use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES};
 use crate::mtl::MtlMaterial;
+use crate::mtl_maps::{Placement, textures};
 use crate::mtl_text::parse_mtl;
 use crate::named_file::beside;
 use crate::obj::ObjFile;
 use crate::text::{excerpt, name_without_comment, read_text};
+use crate::texture_files::TextureFiles;
 use crate::warnings::Warnings;
-use crate::{LoadOptions, Material, SceneError};
+use crate::{LoadOptions, Maps, Material, SceneError, Texture};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// Returns the materials of `obj.uses`, in that order.
+/// The textures of an OBJ file's materials.
+#[derive(Default)]
+pub(crate) struct Looks {
+    pub textures: Vec<Texture>,
+    /// For each material. Empty if none has a texture.
+    pub maps: Vec<Maps>,
+    /// How textures lie on the surfaces of each material.
+    pub placements: Vec<Placement>,
+}
+
+/// Returns the materials of `obj.uses`, in that order, and their textures.
 pub(crate) fn materials(
     path: &Path,
     obj: &ObjFile,
     options: &LoadOptions,
     warnings: &mut Warnings,
-) -> Result<Vec<Material>, SceneError> {
+) -> Result<(Vec<Material>, Looks), SceneError> {
     let (library, any_file) = read_libraries(path, obj, warnings)?;
     let by_name = index(&library, warnings);
     let mut undefined = Vec::new();
+    let (mut files, mut looks) = (TextureFiles::default(), Looks::default());
     let mut materials = Vec::with_capacity(obj.uses.len());
     for wanted in &obj.uses {
+        looks.maps.push(Maps::default());
+        looks.placements.push(Placement::default());
         let Some(name) = wanted.name.as_deref() else {
             let text = "faces before any `usemtl`; grey diffuse 0.5 is taken".to_owned();
             warnings.push(path, Some(wanted.line), text);
@@ -31,7 +46,15 @@ pub(crate) fn materials(
         };
         let found = by_name.get(name).or_else(|| by_name.get(name_without_comment(name)));
         materials.push(match found {
-            Some(&id) => library[id].resolve(options.two_sided_lights, warnings),
+            Some(&id) => {
+                let material = &library[id];
+                let (maps, placement) =
+                    textures(&material.path, &material.maps, &mut files, warnings);
+                (looks.maps.pop(), looks.placements.pop());
+                looks.maps.push(maps);
+                looks.placements.push(placement);
+                library[id].resolve(options.two_sided_lights, warnings)
+            }
             None => {
                 undefined.push(wanted);
                 Material::grey(name)
@@ -52,7 +75,11 @@ pub(crate) fn materials(
         );
         warnings.push(path, Some(first.line), text);
     }
-    Ok(materials)
+    looks.textures = files.textures;
+    if looks.textures.is_empty() {
+        looks.maps.clear();
+    }
+    Ok((materials, looks))
 }
 
 /// Returns an index of the materials by name, with and without what looks like a comment. Of

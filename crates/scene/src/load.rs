@@ -3,11 +3,12 @@
 //! What cannot be interpreted is left out. What is left out or replaced is a warning with its line,
 //! if the format has lines, and a count. A missing material is grey diffuse 0.5.
 
+use crate::model::Reader;
 use crate::obj_text::LoadProgress;
-use crate::reader::reader_for;
 use crate::warnings::{Warning, Warnings};
-use crate::{About, Rgb, Scene, SceneError};
+use crate::{About, Rgb, Scene, SceneError, Shading, gltf_file, obj_model};
 use serde::{Deserialize, Serialize};
+use std::io::Read;
 use std::path::Path;
 
 /// Options for what a file cannot express.
@@ -77,5 +78,39 @@ pub fn load_watched(
         let instead = format!("none of its triangles ({}) has an area", left_out.len());
         return Err(SceneError::Empty { path: path.to_owned(), instead });
     }
+    let scene = scene.with_shading(without(model.shading, &left_out))?;
     Ok(Loaded { scene, warnings: warnings.finish(path), about: model.about })
+}
+
+/// All readers. The last one takes every file, and says what it is if it cannot read it.
+const READERS: [Reader; 2] = [gltf_file::READER, obj_model::READER];
+
+/// Bytes by which a format is recognised.
+const FIRST_BYTES: u64 = 256;
+
+/// Returns the reader for a file.
+fn reader_for(path: &Path) -> Result<Reader, SceneError> {
+    let io = |source| SceneError::Io { path: path.to_owned(), source };
+    let mut first = Vec::new();
+    let file = std::fs::File::open(path).map_err(io)?;
+    // A pipe can be read only once.
+    if file.metadata().map_err(io)?.is_file() {
+        file.take(FIRST_BYTES).read_to_end(&mut first).map_err(io)?;
+    }
+    let found = READERS.into_iter().find(|reader| (reader.recognises)(&first, path));
+    Ok(found.unwrap_or(obj_model::READER))
+}
+
+/// Leaves triangles out of a shading, too.
+fn without(mut shading: Shading, left_out: &[usize]) -> Shading {
+    fn keep<T>(all: &mut Vec<T>, left_out: &[usize]) {
+        let (mut triangle, mut left_out) = (0, left_out.iter().peekable());
+        all.retain(|_| {
+            triangle += 1;
+            left_out.next_if(|&&out| out == triangle - 1).is_none()
+        });
+    }
+    keep(&mut shading.uvs, left_out);
+    keep(&mut shading.normals, left_out);
+    shading
 }

@@ -8,6 +8,7 @@
 use crate::SceneError;
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES};
 use crate::mtl::{MtlMaterial, Stated};
+use crate::mtl_maps::{MapStatement, Slot};
 use crate::text::{excerpt, keyword, logical_lines, loose_number, number, without_comment};
 use crate::warnings::Warnings;
 use std::collections::{HashMap, HashSet};
@@ -48,6 +49,7 @@ struct Header {
     line: usize,
     /// The line of each statement; the last one if there are several.
     lines: HashMap<&'static str, usize>,
+    maps: Vec<MapStatement>,
 }
 
 /// The clean text of an MTL file, and what it leaves out.
@@ -101,9 +103,16 @@ impl CleanMtl<'_> {
                 return Err(statement.limit("bytes in a name", MAX_NAME_BYTES));
             }
             self.clean.extend(["newmtl ", &self.headers.len().to_string(), "\n"]);
-            self.headers.push(Header { name: rest.to_owned(), line, lines: HashMap::new() });
+            let (name, lines) = (rest.to_owned(), HashMap::new());
+            self.headers.push(Header { name, line, lines, maps: Vec::new() });
+        } else if let Some(slot) = Slot::of(&lower)
+            && let Some(header) = self.headers.last_mut()
+            && let Some(map) = MapStatement::read(slot, line, rest)
+        {
+            header.maps.retain(|earlier| earlier.slot != slot);
+            header.maps.push(map);
         } else if is_texture(&lower) {
-            let text = format!("`{}` is ignored: there are no textures", excerpt(content));
+            let text = format!("`{}` is ignored: this texture is not supported", excerpt(content));
             warnings.push(self.path, Some(line), text);
         } else if !["ka", "sharpness"].contains(&lower.as_str())
             && self.unknown.len() < MAX_UNKNOWN
@@ -207,6 +216,7 @@ impl Header {
             d: self.stated("d", parsed.dissolve),
             tr: self.stated("Tr", tr),
             illum: self.stated("illum", parsed.illumination_model),
+            maps: self.maps,
             name: self.name,
             path: path.to_owned(),
             line: self.line,

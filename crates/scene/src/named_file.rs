@@ -3,7 +3,11 @@
 //! Always true: a file outside the model's folder is never read. A model from elsewhere must not
 //! choose which files of this machine are opened.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Component, Path, PathBuf};
+
+use crate::SceneError;
 
 /// Returns the file that a model in `folder` names.
 ///
@@ -32,6 +36,19 @@ pub(crate) fn beside(folder: &Path, name: &str, usual: &str) -> PathBuf {
         }
     }
     folder.join(path.unwrap_or(bare))
+}
+
+/// Reads a file of at most `limit` bytes.
+pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
+    let io = |source| SceneError::Io { path: path.to_owned(), source };
+    let file = File::open(path).map_err(io)?;
+    let announced = file.metadata().map_err(io)?.len();
+    let mut bytes = Vec::with_capacity(announced.min(limit) as usize + 1);
+    file.take(limit + 1).read_to_end(&mut bytes).map_err(io)?;
+    if bytes.len() as u64 > limit {
+        return Err(SceneError::FileTooLarge { path: path.to_owned(), limit });
+    }
+    Ok(bytes)
 }
 
 /// Returns a relative path that does not leave the folder it is relative to.

@@ -4,15 +4,12 @@
 //! finite and within [`crate::limits::MAX_COORDINATE`]. Faces arrive with all their corners.
 //! Polygons are divided here, because `tobj` only makes fans, which are wrong for concave polygons.
 
+use crate::SceneError;
 use crate::faces::Faces;
-use crate::limits::MAX_OBJ_BYTES;
 use crate::obj_text::{CROSSED, Checked, CleanObj, LoadProgress, MaterialUse};
 use crate::polygon::triangulate;
-use crate::reader::{Model, Reader};
-use crate::text::read_text;
 use crate::warnings::Warnings;
-use crate::{LoadOptions, SceneError, libraries};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::path::Path;
 
 /// The contents of an OBJ file.
@@ -27,35 +24,16 @@ pub(crate) struct ObjFile {
     pub uses: Vec<MaterialUse>,
     /// The text after each `mtllib`, with its line.
     pub libraries: Vec<(usize, String)>,
+    /// For each triangle, which corners of the file's faces it has. Empty without `attributes`.
+    pub corners: Vec<[u32; 3]>,
+    /// Texture coordinate and normal of each corner of the file's faces.
+    pub attributes: Vec<[u32; 2]>,
+    pub texcoords: Vec<[f32; 2]>,
+    pub normals: Vec<Vec3>,
+    /// The smoothing group of each triangle. Empty if there is none.
+    pub groups: Vec<u32>,
     /// What the file is, for people, if it has no triangle.
     pub instead: Option<String>,
-}
-
-pub(crate) const READER: Reader = Reader { recognises: |_, _| true, read };
-
-fn read(
-    path: &Path,
-    options: &LoadOptions,
-    watch: &mut dyn FnMut(LoadProgress),
-    warnings: &mut Warnings,
-) -> Result<Model, SceneError> {
-    let text = read_text(path, MAX_OBJ_BYTES)?;
-    let about = crate::header::read(&text);
-    let obj = parse_obj(path, &text, watch, warnings)?;
-    drop(text);
-    let materials = match obj.instead {
-        None => libraries::materials(path, &obj, options, warnings)?,
-        Some(_) => Vec::new(),
-    };
-    Ok(Model {
-        positions: obj.positions,
-        triangles: obj.triangles,
-        material_ids: obj.faces.material_ids(),
-        materials,
-        about,
-        lines: obj.faces,
-        instead: obj.instead,
-    })
 }
 
 /// Reads OBJ text; `path` is for messages.
@@ -77,12 +55,20 @@ pub(crate) fn parse_obj(
     let mut triangles = Vec::with_capacity(checked.faces.triangles());
     // Reused for all faces: allocating them costs more than a face.
     let (mut corners, mut cut) = (Vec::new(), Vec::new());
+    // Corners of faces so far, and those of each triangle.
+    let (mut passed, mut corners_of) = (0u32, Vec::new());
+    let has_attributes = !checked.corners.is_empty();
     for tobj::Model { mesh, .. } in models {
         let first = positions.len() as u32;
         positions.extend(mesh.positions.chunks_exact(3).map(DVec3::from_slice));
         if mesh.face_arities.is_empty() {
             let triangle = |t: &[u32]| [first + t[0], first + t[1], first + t[2]];
             triangles.extend(mesh.indices.chunks_exact(3).map(triangle));
+            if has_attributes {
+                let added = mesh.indices.len() as u32 / 3;
+                corners_of.extend((0..added).map(|k| [0, 1, 2].map(|j| passed + 3 * k + j)));
+            }
+            passed += mesh.indices.len() as u32;
             continue;
         }
         let mut indices = mesh.indices.iter().map(|index| first + index);
@@ -98,6 +84,10 @@ pub(crate) fn parse_obj(
                 checked.ignored.count(CROSSED, line);
             }
             triangles.extend(cut.iter().map(|t| t.map(|k| face[k])));
+            if has_attributes {
+                corners_of.extend(cut.iter().map(|t| t.map(|k| passed + k as u32)));
+            }
+            passed += arity;
         }
     }
     let instead = triangles.is_empty().then(|| recognise(text, &checked));
@@ -108,6 +98,11 @@ pub(crate) fn parse_obj(
         faces: checked.faces,
         uses: checked.uses,
         libraries: checked.libraries,
+        corners: corners_of,
+        attributes: checked.corners,
+        texcoords: checked.texcoords,
+        normals: checked.normals,
+        groups: checked.groups,
         instead,
     })
 }

@@ -25,6 +25,7 @@ use crate::text::{
     LogicalLines, excerpt, keyword, logical_lines, loose_number, number, without_comment,
 };
 use crate::warnings::Warnings;
+use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 use std::io::{BufRead, Read, Write};
 use std::path::Path;
@@ -47,6 +48,14 @@ pub(crate) struct Checked {
     /// The text after each `mtllib`, with its line.
     pub libraries: Vec<(usize, String)>,
     pub ignored: Ignored,
+    /// `vt` and `vn`; a normal that cannot be read is 0.
+    pub texcoords: Vec<[f32; 2]>,
+    pub normals: Vec<Vec3>,
+    /// Texture coordinate and normal of each corner of each face that was passed on; [`NONE`] if it
+    /// has none. Empty if no corner has any.
+    pub corners: Vec<[u32; 2]>,
+    /// The smoothing group of each triangle. Empty if there is none but 0.
+    pub groups: Vec<u32>,
     /// Number of `v` lines.
     pub vertices: usize,
     /// Number of faces that were left out.
@@ -60,8 +69,21 @@ pub(crate) const FACES_AT_ONCE: usize = 1 << 20;
 /// Lines between two reports of progress: some hundredths of a second.
 const LINES_BETWEEN_REPORTS: usize = 1 << 16;
 
+/// No texture coordinate, or no normal.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// A corner of a face.
+#[derive(Clone, Copy)]
+struct Corner {
+    /// The number of its vertex, from 1.
+    vertex: usize,
+    /// Texture coordinate and normal; from 0, or [`NONE`]. They may be on later lines.
+    attributes: [u32; 2],
+}
+
 /// Kinds of statements that are left out; no keyword contains a space.
 const BAD_VERTEX: &str = "v bad";
+const BAD_ATTRIBUTE: &str = "vt or vn bad";
 const BAD_CORNER: &str = "f corner";
 const FEW_CORNERS: &str = "f few";
 const NO_VERTEX: &str = "f vertex";
@@ -88,8 +110,8 @@ pub struct LoadProgress {
 struct LaterFace {
     line: usize,
     material: u32,
-    /// Numbers of its vertices, from 1.
-    vertices: Vec<usize>,
+    group: u32,
+    corners: Vec<Corner>,
 }
 
 /// The clean text of an OBJ file.
@@ -111,7 +133,11 @@ pub(crate) struct CleanObj<'a> {
     later: Vec<LaterFace>,
     faces_in_hand: usize,
     /// Reused for all faces, because allocating takes longer than reading most of them.
-    corners: Vec<usize>,
+    corners: Vec<Corner>,
+    /// Number of corners passed on.
+    corner_count: usize,
+    /// The latest `s`.
+    group: u32,
     /// The latest `usemtl`, and its index in `checked.uses` once a face uses it.
     current: Option<String>,
     current_line: usize,
@@ -141,6 +167,8 @@ impl<'a> CleanObj<'a> {
             later: Vec::new(),
             faces_in_hand: 0,
             corners: Vec::new(),
+            corner_count: 0,
+            group: 0,
             current: None,
             current_line: 0,
             current_id: None,
@@ -152,7 +180,16 @@ impl<'a> CleanObj<'a> {
     pub(crate) fn finish(self) -> Result<Checked, SceneError> {
         match self.failed {
             Some(error) => Err(error),
-            None => Ok(self.checked),
+            None => {
+                let mut checked = self.checked;
+                if !checked.corners.is_empty() {
+                    checked.corners.resize(self.corner_count, [NONE; 2]);
+                }
+                if !checked.groups.is_empty() {
+                    checked.groups.resize(checked.faces.triangles(), 0);
+                }
+                Ok(checked)
+            }
         }
     }
 
@@ -174,7 +211,13 @@ impl<'a> CleanObj<'a> {
             "f" | "fo" => self.face(without_comment(rest)),
             "usemtl" => self.use_material(rest),
             "mtllib" => self.library(rest),
-            "g" | "o" | "s" | "mg" => Ok(()),
+            "vt" => self.texture_coordinate(without_comment(rest)),
+            "vn" => self.normal(without_comment(rest)),
+            "s" => {
+                self.group = without_comment(rest).parse().unwrap_or(0);
+                Ok(())
+            }
+            "g" | "o" | "mg" => Ok(()),
             "l" | "p" => {
                 self.checked.ignored.count("l", self.line);
                 Ok(())
@@ -223,49 +266,87 @@ impl<'a> CleanObj<'a> {
         Ok(())
     }
 
-    /// Passes on a face, or remembers it if it names vertices of later lines.
-    fn face(&mut self, rest: &str) -> Result<(), SceneError> {
-        let mut vertices = std::mem::take(&mut self.corners);
-        vertices.clear();
-        let mut is_well_formed = true;
-        for token in rest.split_ascii_whitespace() {
-            let Some(vertex) = self.corner(token) else {
-                is_well_formed = false;
-                break;
-            };
-            vertices.push(vertex);
+    /// Remembers `vt`. One that cannot be read keeps its number.
+    fn texture_coordinate(&mut self, rest: &str) -> Result<(), SceneError> {
+        if self.checked.texcoords.len() == MAX_POSITIONS {
+            return Err(self.limit("texture coordinates", MAX_POSITIONS));
         }
-        if !is_well_formed {
-            self.checked.faces_left_out += 1;
-        } else if vertices.len() < 3 {
-            self.leave_out(FEW_CORNERS, self.line, || {
-                format!("`f` takes at least three corners, found {}", vertices.len())
-            });
-        } else if vertices.iter().any(|&vertex| vertex > self.checked.vertices) {
-            let (line, material) = (self.line, self.material_id()?);
-            self.later.push(LaterFace { line, material, vertices: vertices.clone() });
-        } else {
-            let material = self.material_id()?;
-            self.pass_on_face(&vertices, self.line, material)?;
-        }
-        self.corners = vertices;
+        let mut numbers = rest.split_ascii_whitespace().map(single);
+        let pair = match (numbers.next(), numbers.next()) {
+            (Some(Some(u)), Some(Some(v))) => [u, v],
+            (Some(Some(u)), None) => [u, 0.0],
+            _ => self.bad_attribute("vt", rest, [0.0; 2]),
+        };
+        self.checked.texcoords.push(pair);
         Ok(())
     }
 
-    /// Passes on a face whose vertices, numbered from 1, have all been passed on.
+    /// Remembers `vn`. One that cannot be read keeps its number.
+    fn normal(&mut self, rest: &str) -> Result<(), SceneError> {
+        if self.checked.normals.len() == MAX_POSITIONS {
+            return Err(self.limit("normals", MAX_POSITIONS));
+        }
+        let mut numbers = rest.split_ascii_whitespace().map(single);
+        let normal = match [numbers.next(), numbers.next(), numbers.next()] {
+            [Some(Some(x)), Some(Some(y)), Some(Some(z))] => Vec3::new(x, y, z),
+            _ => self.bad_attribute("vn", rest, Vec3::ZERO),
+        };
+        self.checked.normals.push(normal);
+        Ok(())
+    }
+
+    fn bad_attribute<T>(&mut self, keyword: &str, rest: &str, instead: T) -> T {
+        self.checked.ignored.example(BAD_ATTRIBUTE, self.line, || {
+            format!("`{keyword}` takes finite numbers, found `{}`", excerpt(rest))
+        });
+        instead
+    }
+
+    /// Passes on a face, or remembers it if it names vertices of later lines.
+    fn face(&mut self, rest: &str) -> Result<(), SceneError> {
+        let mut corners = std::mem::take(&mut self.corners);
+        corners.clear();
+        let mut is_well_formed = true;
+        for token in rest.split_ascii_whitespace() {
+            let Some(corner) = self.corner(token) else {
+                is_well_formed = false;
+                break;
+            };
+            corners.push(corner);
+        }
+        if !is_well_formed {
+            self.checked.faces_left_out += 1;
+        } else if corners.len() < 3 {
+            self.leave_out(FEW_CORNERS, self.line, || {
+                format!("`f` takes at least three corners, found {}", corners.len())
+            });
+        } else if corners.iter().any(|corner| corner.vertex > self.checked.vertices) {
+            let (line, material, group) = (self.line, self.material_id()?, self.group);
+            self.later.push(LaterFace { line, material, group, corners: corners.clone() });
+        } else {
+            let material = self.material_id()?;
+            self.pass_on_face(&corners, self.line, material, self.group)?;
+        }
+        self.corners = corners;
+        Ok(())
+    }
+
+    /// Passes on a face whose vertices have all been passed on.
     fn pass_on_face(
         &mut self,
-        vertices: &[usize],
+        corners: &[Corner],
         line: usize,
         material: u32,
+        group: u32,
     ) -> Result<(), SceneError> {
-        if let Some(vertex) = vertices.iter().find(|vertex| self.spoilt.contains(vertex)) {
+        if let Some(corner) = corners.iter().find(|corner| self.spoilt.contains(&corner.vertex)) {
             self.leave_out(SPOILT_VERTEX, line, || {
-                format!("`f` names vertex {vertex}, which could not be read")
+                format!("`f` names vertex {}, which could not be read", corner.vertex)
             });
             return Ok(());
         }
-        if vertices.len() - 2 > MAX_TRIANGLES - self.checked.faces.triangles() {
+        let triangles = corners.len() - 2;
+        if triangles > MAX_TRIANGLES - self.checked.faces.triangles() {
             return Err(self.limit("triangles", MAX_TRIANGLES));
         }
         if self.faces_in_hand == FACES_AT_ONCE {
@@ -274,24 +355,39 @@ impl<'a> CleanObj<'a> {
         }
         self.faces_in_hand += 1;
         self.clean.push(b'f');
-        for vertex in vertices {
+        for corner in corners {
             // Writing to a vector cannot fail.
-            let _ = write!(self.clean, " {vertex}");
+            let _ = write!(self.clean, " {}", corner.vertex);
         }
-        self.checked.faces.push(vertices.len() - 2, line, material);
         self.clean.push(b'\n');
+        self.remember_attributes(corners, group);
+        self.checked.faces.push(triangles, line, material);
         Ok(())
+    }
+
+    /// Remembers what else the corners of a face have. Files without anything pay nothing.
+    fn remember_attributes(&mut self, corners: &[Corner], group: u32) {
+        let Checked { corners: known, groups, faces, .. } = &mut self.checked;
+        if corners.iter().any(|corner| corner.attributes != [NONE; 2]) {
+            known.resize(self.corner_count, [NONE; 2]);
+            known.extend(corners.iter().map(|corner| corner.attributes));
+        }
+        self.corner_count += corners.len();
+        if group != 0 {
+            groups.resize(faces.triangles(), 0);
+            groups.extend(std::iter::repeat_n(group, corners.len() - 2));
+        }
     }
 
     /// Passes on the faces that named vertices of later lines, now that all lines are known.
     fn pass_on_later(&mut self) -> Result<(), SceneError> {
-        for LaterFace { line, material, vertices } in std::mem::take(&mut self.later) {
+        for LaterFace { line, material, group, corners } in std::mem::take(&mut self.later) {
             let count = self.checked.vertices;
-            match vertices.iter().find(|&&vertex| vertex > count) {
-                Some(vertex) => self.leave_out(NO_VERTEX, line, || {
-                    format!("`f` names vertex {vertex}, but there are {count}")
+            match corners.iter().find(|corner| corner.vertex > count) {
+                Some(corner) => self.leave_out(NO_VERTEX, line, || {
+                    format!("`f` names vertex {}, but there are {count}", corner.vertex)
                 }),
-                None => self.pass_on_face(&vertices, line, material)?,
+                None => self.pass_on_face(&corners, line, material, group)?,
             }
         }
         Ok(())
@@ -307,32 +403,48 @@ impl<'a> CleanObj<'a> {
         self.checked.ignored.example(kind, line, example);
     }
 
-    /// Returns the number, from 1, of the vertex of a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Only
-    /// the form of the others is checked. `None`, and counted, if there can be no such corner.
-    fn corner(&mut self, token: &str) -> Option<usize> {
+    /// Returns a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. `None`, and counted, if there can be no
+    /// such corner. A texture coordinate or normal that cannot be is none.
+    fn corner(&mut self, token: &str) -> Option<Corner> {
         let mut parts = token.split('/');
-        let index = parts.next().and_then(|vertex| vertex.parse::<i64>().ok());
-        let is_index = |part: &str| part.is_empty() || part.parse::<i64>().is_ok();
-        let well_formed = parts.clone().count() <= 2 && parts.all(is_index);
-        let Some(index) = index.filter(|_| well_formed) else {
-            self.checked.ignored.example(BAD_CORNER, self.line, || {
-                format!(
-                    "`f` takes corners as v, v/vt, v//vn or v/vt/vn, found `{}`",
-                    excerpt(token)
-                )
-            });
-            return None;
+        let index = |part: Option<&str>| match part {
+            None | Some("") => Some(None),
+            Some(part) => part.parse::<i64>().ok().map(Some),
         };
-        // Negative indices count back from the latest vertex (-1).
+        let read = [index(parts.next()), index(parts.next()), index(parts.next())];
+        let [Some(Some(index)), Some(texture), Some(normal)] = read else {
+            return self.bad_corner(token);
+        };
+        if parts.next().is_some() {
+            return self.bad_corner(token);
+        }
+        // Negative indices count back from the latest (-1).
+        let from_latest = |index: i64, count: usize| match index {
+            ..0 => count as i64 + 1 + index.max(i64::MIN / 2),
+            _ => index,
+        };
         let count = self.checked.vertices;
-        let vertex = if index < 0 { count as i64 + 1 + index.max(i64::MIN / 2) } else { index };
+        let vertex = from_latest(index, count);
         if vertex < 1 {
             self.checked.ignored.example(NO_VERTEX, self.line, || {
                 format!("`f` names vertex {index} after {count} (the first is 1)")
             });
             return None;
         }
-        Some(vertex as usize)
+        let attribute = |index: Option<i64>, count: usize| {
+            let number = index.map_or(0, |index| from_latest(index, count));
+            u32::try_from(number - 1).unwrap_or(NONE)
+        };
+        let texture = attribute(texture, self.checked.texcoords.len());
+        let normal = attribute(normal, self.checked.normals.len());
+        Some(Corner { vertex: vertex as usize, attributes: [texture, normal] })
+    }
+
+    fn bad_corner<T>(&mut self, token: &str) -> Option<T> {
+        self.checked.ignored.example(BAD_CORNER, self.line, || {
+            format!("`f` takes corners as v, v/vt, v//vn or v/vt/vn, found `{}`", excerpt(token))
+        });
+        None
     }
 
     fn use_material(&mut self, name: &str) -> Result<(), SceneError> {
@@ -423,6 +535,11 @@ impl Read for CleanObj<'_> {
     }
 }
 
+/// Returns a finite number.
+fn single(token: &str) -> Option<f32> {
+    loose_number(token).map(|number| number as f32).filter(|number| number.is_finite())
+}
+
 /// Returns whether a token is a decimal without exponent with one to twelve digits before the
 /// point: at most 1e12.
 fn is_plainly_small(token: &[u8]) -> bool {
@@ -493,8 +610,6 @@ impl Ignored {
         for (kind, Kind { line, count, example }) in kinds {
             let why = match (kind.as_str(), example) {
                 (_, Some(example)) => example + "; it is left out",
-                ("vn", _) => "`vn` is ignored: surfaces are faceted, as modelled".to_owned(),
-                ("vt", _) => "`vt` is ignored: there are no textures".to_owned(),
                 ("l", _) => "lines and points (`l`, `p`) are ignored".to_owned(),
                 (WEIGHT, _) => "the weight of `v` is ignored".to_owned(),
                 (COLOUR, _) => "colours of vertices are ignored".to_owned(),

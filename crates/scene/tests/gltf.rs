@@ -290,6 +290,50 @@ fn files_that_lie_are_refused_with_the_place() {
 }
 
 #[test]
+fn textures_lie_as_their_transform_says_and_masks_are_cut_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.png");
+    let texels = vec![255, 0, 0, 255, 0, 0, 255, 0];
+    image::RgbaImage::from_raw(2, 1, texels).unwrap().save(&path).unwrap();
+    let file = base64::engine::general_purpose::STANDARD.encode(std::fs::read(&path).unwrap());
+    // The corner at (1, 0, 0) lies at u = 1 of the texture, and the others at 0.
+    let load = |transform: &str, mode: &str| {
+        let more = format!(
+            r#""images":[{{"uri":"data:image/png;base64,{file}"}}],"samplers":[{{"wrapS":33071}}],
+            "textures":[{{"source":0,"sampler":0}}],
+            "materials":[{{{mode}"pbrMetallicRoughness":{{"metallicFactor":0,"baseColorFactor":[0.5,1,1,1],
+              "baseColorTexture":{{"index":0{transform}}}}}}}]"#
+        );
+        let json = triangle(&more).replace(r#""POSITION":0"#, r#""POSITION":0,"TEXCOORD_0":0"#);
+        load(&json).unwrap()
+    };
+    let scene = load("", "").scene;
+    assert_eq!(scene.reflectance(0, 0.0, 0.0, 0.0), [0.5, 0.0, 0.0]);
+    assert_eq!(scene.reflectance(0, 1.0, 0.0, 0.0), [0.0, 0.0, 1.0]);
+    assert!(!scene.has_cut_outs());
+    let moved = r#","extensions":{"KHR_texture_transform":{"offset":[0.5,0],"scale":[-0.5,1]}}"#;
+    let scene = load(moved, r#""alphaMode":"MASK","#).scene;
+    assert_eq!(scene.reflectance(0, 1.0, 0.0, 0.0), [0.5, 0.0, 0.0]);
+    assert!(!scene.is_cut_out(0, 1.0, 0.0));
+}
+
+#[test]
+fn normals_turn_with_their_node() {
+    let normals = triangle(GREY).replace(r#""POSITION":0"#, r#""POSITION":0,"NORMAL":0"#);
+    let flat = load(&normals).unwrap().scene;
+    // Positions as normals: 0, x and y. The first is the facet's.
+    let near = |found: Option<Vec3>, expected: Vec3| found.unwrap().distance(expected) < 2e-4;
+    assert!(near(flat.smooth_normal(0, 0.0, 0.0), Vec3::Z));
+    assert!(near(flat.smooth_normal(0, 1.0, 0.0), Vec3::X));
+    let turned = normals.replace(
+        r#""nodes":[{"mesh":0}]"#,
+        r#""nodes":[{"mesh":0,"rotation":[0,0,0.70710678,0.70710678]}]"#,
+    );
+    let turned = load(&turned).unwrap().scene;
+    assert!(near(turned.smooth_normal(0, 1.0, 0.0), Vec3::Y));
+}
+
+#[test]
 fn triangles_that_name_no_vertex_are_left_out_and_counted() {
     let json = triangle(GREY)
         .replace(r#""componentType":5121,"count":3"#, r#""componentType":5121,"count":4"#);

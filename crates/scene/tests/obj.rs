@@ -241,8 +241,6 @@ fn ignored_statements_give_one_warning_with_the_first_line() {
     let loaded = load(obj).unwrap();
     assert_eq!(loaded.scene.triangles.len(), 1);
     let expected = [
-        "s.obj:5: `vn` is ignored: surfaces are faceted, as modelled (2 lines)",
-        "s.obj:7: `vt` is ignored: there are no textures",
         "s.obj:12: lines and points (`l`, `p`) are ignored (2 lines)",
         "s.obj:14: `curv` is unknown and ignored (2 lines)",
         "s.obj:16: the weight of `v` is ignored",

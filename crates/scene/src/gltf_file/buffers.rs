@@ -1,7 +1,5 @@
 //! The buffers of a glTF file: in it, or in files beside it.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use base64::Engine as _;
@@ -9,7 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use crate::SceneError;
 use crate::limits::MAX_OBJ_BYTES;
-use crate::named_file::beside;
+use crate::named_file::{beside, read_file};
 use crate::text::excerpt;
 
 /// The bytes of all buffers, by index. A buffer that cannot be read is an error.
@@ -71,19 +69,6 @@ pub(super) fn bytes_of(path: &Path, uri: &str, limit: u64) -> Result<Vec<u8>, Sc
         )));
     }
     read_file(&file, limit)
-}
-
-/// Reads a file of at most `limit` bytes.
-pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
-    let io = |source| SceneError::Io { path: path.to_owned(), source };
-    let file = File::open(path).map_err(io)?;
-    let announced = file.metadata().map_err(io)?.len();
-    let mut bytes = Vec::with_capacity(announced.min(limit) as usize + 1);
-    file.take(limit + 1).read_to_end(&mut bytes).map_err(io)?;
-    if bytes.len() as u64 > limit {
-        return Err(SceneError::FileTooLarge { path: path.to_owned(), limit });
-    }
-    Ok(bytes)
 }
 
 /// Returns a URI's path with `%20` and the like decoded.

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use glam::{DMat4, DVec3};
 use gltf::khr_lights_punctual::{Kind, Light};
 
-use super::Reading;
+use super::reading::Reading;
 use crate::limits::MAX_RADIANCE;
 use crate::text::excerpt;
 use crate::{Bsdf, Material, Rgb};

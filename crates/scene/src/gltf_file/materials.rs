@@ -40,9 +40,11 @@ pub(super) const READ_EXTENSIONS: [&str; 11] = [
 const MIRROR: f32 = 0.03;
 const DIFFUSE: f32 = 0.75;
 
-/// Makes a material. `counts` collects what is not represented.
+/// Makes a material. `finish` are factors to its metalness and roughness. `counts` collects what is
+/// not represented.
 pub(super) fn make(
     material: &gltf::Material,
+    finish: Option<[f32; 2]>,
     options: &LoadOptions,
     counts: &mut BTreeMap<String, usize>,
 ) -> Material {
@@ -59,7 +61,7 @@ pub(super) fn make(
     let emission = emission.map(|c| share(c as f32, MAX_RADIANCE));
     let two_sided = material.double_sided() || options.two_sided_lights;
     let two_sided_emission = two_sided && emission.iter().any(|&c| c > 0.0);
-    Material { name, bsdf: bsdf(material, &mut count), emission, two_sided_emission }
+    Material { name, bsdf: bsdf(material, finish, &mut count), emission, two_sided_emission }
 }
 
 /// Returns a number clamped to 0 and `most`; 0 for NaN.
@@ -67,10 +69,12 @@ fn share(value: f32, most: f32) -> f32 {
     if value > 0.0 { value.min(most) } else { 0.0 }
 }
 
-fn bsdf(material: &gltf::Material, count: &mut impl FnMut(&str)) -> Bsdf {
+fn bsdf(material: &gltf::Material, finish: Option<[f32; 2]>, count: &mut impl FnMut(&str)) -> Bsdf {
     let pbr = material.pbr_metallic_roughness();
     let mut base = pbr.base_color_factor();
-    let (mut metallic, mut roughness) = (pbr.metallic_factor(), pbr.roughness_factor());
+    let [metalness, rough] = finish.unwrap_or([1.0; 2]);
+    let (mut metallic, mut roughness) =
+        (pbr.metallic_factor() * metalness, pbr.roughness_factor() * rough);
     if let Some(specular) = material.pbr_specular_glossiness() {
         count("specular-glossiness materials are taken as plastic or metal");
         (base, roughness) = (specular.diffuse_factor(), 1.0 - specular.glossiness_factor());

@@ -10,7 +10,10 @@
 mod accessor;
 mod buffers;
 mod lights;
+mod look;
 mod materials;
+mod reading;
+mod textures;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,13 +22,16 @@ use glam::{DMat4, DVec3, Vec3};
 use gltf::mesh::Mode;
 
 use crate::header::{Camera, Said};
-use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_OBJ_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
+use crate::limits::{MAX_COORDINATE, MAX_OBJ_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
+use crate::model::{Model, Reader};
+use crate::named_file::read_file;
 use crate::obj_text::LoadProgress;
-use crate::reader::{Model, Reader};
 use crate::text::excerpt;
+use crate::texture_files::TextureFiles;
 use crate::warnings::Warnings;
-use crate::{About, LoadOptions, Material, SceneError};
+use crate::{About, LoadOptions, SceneError, smooth};
 use buffers::Buffers;
+use reading::Reading;
 
 pub(crate) const READER: Reader = Reader { recognises, read };
 
@@ -44,7 +50,7 @@ fn read(
     watch: &mut dyn FnMut(LoadProgress),
     warnings: &mut Warnings,
 ) -> Result<Model, SceneError> {
-    let bytes = buffers::read_file(path, MAX_OBJ_BYTES)?;
+    let bytes = read_file(path, MAX_OBJ_BYTES)?;
     let (document, blob) = parse(path, &bytes)?;
     let buffers = Buffers::load(path, &document, blob)?;
     let mut reading = Reading {
@@ -53,6 +59,8 @@ fn read(
         buffers,
         model: Model { about: about(), ..Model::default() },
         materials: BTreeMap::new(),
+        looks: Vec::new(),
+        files: TextureFiles::default(),
         visited: vec![false; document.nodes().len()],
         counts: BTreeMap::new(),
         bytes: bytes.len() as u64,
@@ -76,6 +84,7 @@ fn read(
     for (what, count) in &reading.counts {
         warnings.push(path, None, format!("{what} ({count})"));
     }
+    reading.finish_shading();
     let mut model = reading.model;
     if model.triangles.is_empty() {
         let meshes = document.meshes().len();
@@ -114,30 +123,7 @@ fn about() -> About {
     }
 }
 
-/// A file while it is read.
-struct Reading<'a> {
-    path: &'a Path,
-    options: &'a LoadOptions,
-    buffers: Buffers,
-    model: Model,
-    /// Index into the model's materials, by the file's index; `None` is the default material.
-    materials: BTreeMap<Option<usize>, u32>,
-    visited: Vec<bool>,
-    /// What is not represented, with a count.
-    counts: BTreeMap<String, usize>,
-    bytes: u64,
-    watch: &'a mut dyn FnMut(LoadProgress),
-}
-
 impl Reading<'_> {
-    fn problem(&self, problem: String) -> SceneError {
-        SceneError::Gltf { path: self.path.to_owned(), problem }
-    }
-
-    fn count(&mut self, what: impl Into<String>) {
-        *self.counts.entry(what.into()).or_default() += 1;
-    }
-
     fn note_extensions(&mut self, document: &gltf::Document) {
         for name in document.extensions_used() {
             if !materials::READ_EXTENSIONS.contains(&name) {
@@ -223,6 +209,18 @@ impl Reading<'_> {
         let count = positions.len() as u32;
         let placed: Vec<DVec3> =
             positions.iter().map(|p| matrix.transform_point3(Vec3::from(*p).as_dvec3())).collect();
+        let problem = |problem: String| SceneError::Gltf { path: self.path.to_owned(), problem };
+        let normals = self.normals(primitive, matrix).map_err(problem)?;
+        let uvs = self.coordinates(primitive, material).map_err(|text| self.problem(text))?;
+        if uvs.is_some() {
+            self.model.shading.uvs.resize(self.model.triangles.len(), [[0.0; 2]; 3]);
+        }
+        if normals.is_some() {
+            self.fill_normals();
+        }
+        // All positions first, because facets are made of them. Unusable ones are in no triangle.
+        let finite = |p: &DVec3| if p.is_finite() { *p } else { DVec3::ZERO };
+        self.model.positions.extend(placed.iter().map(finite));
         let is_usable = |corner: u32| {
             placed.get(corner as usize).is_some_and(|p| p.abs().max_element() <= MAX_COORDINATE)
         };
@@ -233,17 +231,25 @@ impl Reading<'_> {
                 bad += 1;
                 continue;
             }
-            let [b, c] = if turned { [c, b] } else { [b, c] };
-            self.model.triangles.push([a, b, c].map(|corner| first as u32 + corner));
+            let corners = if turned { [a, c, b] } else { [a, b, c] };
+            let triangle = corners.map(|corner| first as u32 + corner);
+            self.model.triangles.push(triangle);
             self.model.material_ids.push(material);
+            let shading = &mut self.model.shading;
+            if let Some(uvs) = &uvs {
+                let of = |corner: u32| uvs.get(corner as usize).copied().unwrap_or([0.0; 2]);
+                shading.uvs.push(corners.map(of));
+            }
+            if let Some(normals) = &normals {
+                let of = |corner: u32| normals.get(corner as usize).copied().unwrap_or(Vec3::ZERO);
+                let facet = smooth::facet(&self.model.positions, triangle);
+                shading.normals.push(smooth::packed(facet, corners.map(of)));
+            }
         }
         if bad > 0 {
             let what = "triangles that name no vertex, or one beyond 1e12, are left out";
             *self.counts.entry(what.to_owned()).or_default() += bad;
         }
-        // Unusable positions are named by no triangle.
-        let finite = |p: DVec3| if p.is_finite() { p } else { DVec3::ZERO };
-        self.model.positions.extend(placed.into_iter().map(finite));
         Ok(())
     }
 
@@ -252,19 +258,28 @@ impl Reading<'_> {
         if let Some(&index) = self.materials.get(&material.index()) {
             return Ok(index);
         }
-        let made = materials::make(material, self.options, &mut self.counts);
-        self.add_material(material.index(), made)
+        let finish = self.mean_finish(material);
+        let made = materials::make(material, finish, self.options, &mut self.counts);
+        let look = self.look(material);
+        let id = self.add_material(material.index(), made)?;
+        self.looks[id as usize] = look;
+        Ok(id)
     }
 
-    fn add_material(&mut self, key: Option<usize>, made: Material) -> Result<u32, SceneError> {
-        let index = self.model.materials.len();
-        if index == MAX_MATERIALS {
-            let (count, limit) = (index as u64 + 1, MAX_MATERIALS as u64);
-            return Err(SceneError::Limit { what: "materials", count, limit });
+    /// Completes the attributes of triangles that have none.
+    fn finish_shading(&mut self) {
+        if !self.model.shading.normals.is_empty() {
+            self.fill_normals();
         }
-        self.model.materials.push(made);
-        self.materials.insert(key, index as u32);
-        Ok(index as u32)
+        let shading = &mut self.model.shading;
+        if !shading.normals.iter().any(smooth::is_curved) {
+            shading.normals.clear();
+        }
+        shading.textures = std::mem::take(&mut self.files.textures);
+        if !shading.textures.is_empty() {
+            shading.uvs.resize(self.model.triangles.len(), [[0.0; 2]; 3]);
+            shading.maps = self.looks.iter().map(|look| look.maps).collect();
+        }
     }
 
     fn camera(&mut self, camera: &gltf::Camera, node: &str, matrix: DMat4) {

@@ -1,15 +1,14 @@
-//! Readers of model files, one for each format, behind one interface.
+//! What readers of model files have in common, one for each format.
 //!
-//! A format is one module that has a [`Reader`], and an entry in [`READERS`].
+//! A format is one module that has a [`Reader`], and an entry in the list of `load`.
 
-use std::io::Read as _;
 use std::path::Path;
 
 use glam::DVec3;
 
 use crate::obj_text::LoadProgress;
 use crate::warnings::Warnings;
-use crate::{About, LoadOptions, Material, SceneError, gltf_file, obj};
+use crate::{About, LoadOptions, Material, SceneError, Shading};
 
 /// What a reader finds in a file, in world coordinates.
 #[derive(Default)]
@@ -19,6 +18,8 @@ pub(crate) struct Model {
     /// An index into `materials` for each triangle.
     pub material_ids: Vec<u32>,
     pub materials: Vec<Material>,
+    /// Attributes of `triangles` and `materials`.
+    pub shading: Shading,
     pub about: About,
     /// The line of each triangle, for messages. Empty if the format has no lines.
     pub lines: crate::faces::Faces,
@@ -40,23 +41,4 @@ pub(crate) struct Reader {
     pub recognises: fn(&[u8], &Path) -> bool,
     /// Reads a file.
     pub read: Read,
-}
-
-/// All readers. The last one takes every file, and says what it is if it cannot read it.
-const READERS: [Reader; 2] = [gltf_file::READER, obj::READER];
-
-/// Bytes by which a format is recognised.
-const FIRST_BYTES: u64 = 256;
-
-/// Returns the reader for a file.
-pub(crate) fn reader_for(path: &Path) -> Result<Reader, SceneError> {
-    let io = |source| SceneError::Io { path: path.to_owned(), source };
-    let mut first = Vec::new();
-    let file = std::fs::File::open(path).map_err(io)?;
-    // A pipe can be read only once.
-    if file.metadata().map_err(io)?.is_file() {
-        file.take(FIRST_BYTES).read_to_end(&mut first).map_err(io)?;
-    }
-    let found = READERS.into_iter().find(|reader| (reader.recognises)(&first, path));
-    Ok(found.unwrap_or(obj::READER))
 }
