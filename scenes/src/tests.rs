@@ -6,7 +6,7 @@ use crate::material::{ALL, Material};
 use crate::rooms::{Object, SHELL, interior};
 use crate::{Bundled, config, cornell, corridor, obj_and_mtl, write};
 use glam::DVec3;
-use holo_scene::{LoadOptions, Scene, load_obj};
+use holo_scene::{LoadOptions, Scene, load};
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
@@ -207,7 +207,7 @@ fn every_section_lies_in_its_room_clear_of_walls_and_every_eye_in_a_section() {
 fn the_interior_loads_without_a_warning_and_its_sections_are_empty() {
     let dir = tempfile::tempdir().unwrap();
     let written = write(Bundled::Interior, dir.path()).unwrap();
-    let loaded = load_obj(&written.obj, &LoadOptions::default()).unwrap();
+    let loaded = load(&written.obj, &LoadOptions::default()).unwrap();
     assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
     // As many as in the mesh, except for slivers that rounding to 10 µm flattens.
     let made = triangles().count();
@@ -239,7 +239,7 @@ fn the_interior_loads_without_a_warning_and_its_sections_are_empty() {
 fn cornell_loads_and_has_the_published_measurements() {
     let dir = tempfile::tempdir().unwrap();
     let written = write(Bundled::Cornell, dir.path()).unwrap();
-    let loaded = load_obj(&written.obj, &LoadOptions::default()).unwrap();
+    let loaded = load(&written.obj, &LoadOptions::default()).unwrap();
     assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
     assert_eq!((loaded.scene.triangles.len(), loaded.scene.materials.len()), (32, 4));
     let features = loaded.scene.features();
@@ -298,7 +298,7 @@ fn cornell_equals_the_shared_one() {
 fn the_corridor_is_small_closed_and_loads_without_a_warning() {
     let dir = tempfile::tempdir().unwrap();
     let written = write(Bundled::Corridor, dir.path()).unwrap();
-    let loaded = load_obj(&written.obj, &LoadOptions::default()).unwrap();
+    let loaded = load(&written.obj, &LoadOptions::default()).unwrap();
     assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
     assert_eq!(loaded.scene.triangles.len(), 70);
     let all = corridor_triangles();
@@ -350,8 +350,7 @@ fn corridor_triangles() -> Vec<Triangle> {
 fn sections_of_the_corridor_are_empty() {
     let dir = tempfile::tempdir().unwrap();
     let loaded =
-        load_obj(&write(Bundled::Corridor, dir.path()).unwrap().obj, &LoadOptions::default())
-            .unwrap();
+        load(&write(Bundled::Corridor, dir.path()).unwrap().obj, &LoadOptions::default()).unwrap();
     let numbers = |line: &str| -> Vec<f64> {
         line.split(|c: char| !"-.0123456789".contains(c))
             .filter_map(|word| word.parse().ok())

@@ -6,7 +6,7 @@
 use glam::{DVec3, Vec3};
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
-use holo_scene::{LoadOptions, load_obj};
+use holo_scene::{LoadOptions, load};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let size = size.to_string_lossy();
     let (width, height) = size.split_once('x').ok_or("a size is written 320x240")?;
     let (view, size) = spec.resolve((width.parse()?, height.parse()?))?;
-    let raycaster = Raycaster::build(Arc::new(load_obj(&path, &LoadOptions::default())?.scene))?;
+    let raycaster = Raycaster::build(Arc::new(load(&path, &LoadOptions::default())?.scene))?;
     let (width, height) = (size.0 as usize, size.1 as usize);
     let seen: Vec<Seen> = (0..width * height)
         .map(|pixel| look(&raycaster, &view, pixel % width, pixel / width, size))

@@ -6,7 +6,7 @@ use holo_display::Resolution;
 use holo_driver_voronoi::Voronoi;
 use holo_picture::View;
 use holo_raycast::Raycaster;
-use holo_scene::{LoadOptions, load_obj};
+use holo_scene::{LoadOptions, load};
 use holo_section::{BeamId, BeamKey, Sample, Section, SectionSpec, ViewClass};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let default =
         || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes/cabin/cabin.obj");
     let path = std::env::args_os().nth(1).map_or_else(default, PathBuf::from);
-    let scene = Arc::new(load_obj(&path, &LoadOptions::default())?.scene);
+    let scene = Arc::new(load(&path, &LoadOptions::default())?.scene);
     let raycaster = Arc::new(Raycaster::build(Arc::clone(&scene))?);
     let spec = SectionSpec {
         origin: [14.0, 1.0, 3.0],

@@ -1,6 +1,9 @@
 //! The configuration file, `--config holodeck.toml`. Options on the command line override it.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    str::FromStr,
+};
 
 use anyhow::{Context, Result};
 use clap::ValueEnum;
@@ -14,10 +17,10 @@ use serde::Deserialize;
 pub struct Config {
     /// The scene, relative to this file.
     pub scene: Option<PathBuf>,
-    /// Up axis of the scene.
-    pub up: Option<[f64; 3]>,
-    /// Metres per scene unit.
-    pub unit: Option<f64>,
+    /// Up axis of the scene: a direction, or "y" or "z".
+    pub up: Option<Up>,
+    /// The scene's unit: metres, or a name such as "mm".
+    pub unit: Option<Unit>,
     /// Radiance of the sky, W·sr⁻¹·m⁻².
     pub sky: Option<[f32; 3]>,
     /// Whether lights shine from both sides.
@@ -35,6 +38,9 @@ pub struct Config {
     pub portals: Vec<(usize, PathBuf)>,
     /// Views by name. A display begins with the first.
     pub view: Vec<View>,
+    /// Views of a file that exists, as Radiance options. They count if `view` is empty.
+    #[serde(skip)]
+    pub named_views: Vec<(String, String)>,
     /// `auto`, `on` or `off`.
     pub obstructions: Option<Obstructions>,
     /// Whether distances are those of what flat mirrors and glass show.
@@ -59,6 +65,88 @@ pub struct Config {
     pub seed: Option<u64>,
 }
 
+/// An up axis.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "UpText")]
+pub struct Up(pub [f64; 3]);
+
+/// An up axis as people write it.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum UpText {
+    Direction([f64; 3]),
+    Name(String),
+}
+
+impl TryFrom<UpText> for Up {
+    type Error = String;
+
+    fn try_from(up: UpText) -> Result<Up, String> {
+        match up {
+            UpText::Direction(up) => Ok(Up(up)),
+            UpText::Name(name) => name.parse(),
+        }
+    }
+}
+
+impl FromStr for Up {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Up, String> {
+        match text {
+            "x" => return Ok(Up([1.0, 0.0, 0.0])),
+            "y" => return Ok(Up([0.0, 1.0, 0.0])),
+            "z" => return Ok(Up([0.0, 0.0, 1.0])),
+            _ => {}
+        }
+        let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+        let triple = numbers.and_then(|numbers| numbers.try_into().ok());
+        triple.map(Up).ok_or_else(|| format!("`{text}` is no up axis; write y, z or X,Y,Z"))
+    }
+}
+
+/// Metres in a scene's unit.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "UnitText")]
+pub struct Unit(pub f64);
+
+/// A unit as people write it.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum UnitText {
+    Metres(f64),
+    Name(String),
+}
+
+impl TryFrom<UnitText> for Unit {
+    type Error = String;
+
+    fn try_from(unit: UnitText) -> Result<Unit, String> {
+        match unit {
+            UnitText::Metres(metres) => Ok(Unit(metres)),
+            UnitText::Name(name) => name.parse(),
+        }
+    }
+}
+
+impl FromStr for Unit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Unit, String> {
+        let metres = match text {
+            "mm" => Some(0.001),
+            "cm" => Some(0.01),
+            "m" => Some(1.0),
+            "in" => Some(0.0254),
+            "ft" => Some(0.3048),
+            _ => text.parse().ok(),
+        };
+        metres.map(Unit).ok_or_else(|| {
+            format!("`{text}` is no unit; write mm, cm, m, in, ft or a number of metres")
+        })
+    }
+}
+
 /// One section.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -79,6 +167,17 @@ pub struct Section {
     pub geometry: Option<PathBuf>,
     /// Invisible surfaces beyond which all samples are shown, relative to this file.
     pub portals: Option<PathBuf>,
+}
+
+impl Section {
+    /// Returns the section as the value of `--section`.
+    pub fn to_option(&self) -> String {
+        let triple = |v: [f64; 3]| format!("{},{},{}", v[0], v[1], v[2]);
+        let mut groups = vec![triple(self.origin)];
+        groups.extend(self.axes.map(triple));
+        groups.extend(self.grid.map(|[w, d, h]| format!("{w},{d},{h}")));
+        groups.join(" ")
+    }
 }
 
 /// Whether what stands inside a section is seen: whether rays begin at the entry wall.
@@ -141,6 +240,14 @@ impl View {
 }
 
 impl Config {
+    /// Returns the views by name, as Radiance options.
+    pub fn views(&self) -> Vec<(String, String)> {
+        match self.view.is_empty() {
+            true => self.named_views.clone(),
+            false => self.view.iter().map(|view| (view.name.clone(), view.to_options())).collect(),
+        }
+    }
+
     /// Reads a configuration. Paths in it are relative to its folder.
     ///
     /// # Errors
@@ -161,5 +268,21 @@ impl Config {
             *path = folder.join(&*path);
         }
         Ok(config)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn up_and_unit_are_numbers_or_names() {
+        let read = |text: &str| toml::from_str::<Config>(text);
+        let config = read("up = [0, 1, 0]\nunit = 0.3").unwrap();
+        assert_eq!((config.up, config.unit), (Some(Up([0.0, 1.0, 0.0])), Some(Unit(0.3))));
+        let config = read("up = \"z\"\nunit = \"in\"").unwrap();
+        assert_eq!((config.up, config.unit), (Some(Up([0.0, 0.0, 1.0])), Some(Unit(0.0254))));
+        assert!(read("up = \"north\"").unwrap_err().to_string().contains("y, z or X,Y,Z"));
+        assert!(read("unit = \"ell\"").unwrap_err().to_string().contains("mm, cm, m"));
     }
 }

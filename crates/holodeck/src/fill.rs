@@ -1,6 +1,10 @@
 //! `holodeck fill`: trace a scene into a file with nobody looking.
 
-use std::{ffi::OsString, path::PathBuf, time::Duration};
+use std::{
+    ffi::OsString,
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use anyhow::Result;
 use holo_net::Shutdown;
@@ -11,7 +15,7 @@ use crate::{
     config::Config,
     prepare,
     processes::Server,
-    scene_args::{SceneArgs, Usage},
+    scene_args::{SceneArgs, Usage, scene_path},
     worker::{KeptWorker, NICE},
 };
 
@@ -25,12 +29,13 @@ use crate::{
     holodeck fill statue.obj -o statue.holo --exterior --sky 1,1,1 --samples 20M")]
 pub struct Args {
     /// The scene
-    #[arg(value_name = "SCENE.obj")]
+    #[arg(value_name = "MODEL")]
     scene: Option<PathBuf>,
-    /// The holodeck
+    /// The holodeck [default: the scene's name with .holo, in this folder]
     #[arg(short, value_name = "FILE.holo")]
-    output: PathBuf,
-    /// Stop after tracing for so long, such as 30s, 10m or 8h; loading does not count
+    output: Option<PathBuf>,
+    /// Stop after tracing for so long, such as 30s, 10m or 8h; loading does not count [default: 1m
+    /// if --samples is not said]
     #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time)]
     time: Option<Duration>,
     /// Stop after so many samples, such as 20M; those traced again count
@@ -60,12 +65,19 @@ pub struct Args {
     quiet: bool,
 }
 
+/// How long a file is filled if nobody says.
+const DEFAULT_TIME: Duration = Duration::from_secs(60);
+
 /// See [`Args`].
 pub async fn run(args: Args) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
-    let arguments = server_arguments(&args, &config)?;
+    let output = match &args.output {
+        Some(output) => output.clone(),
+        None => scene_path(&config)?.with_extension("holo").file_name().unwrap_or_default().into(),
+    };
+    let arguments = server_arguments(&args, &config, &output)?;
     // It is only made, checked and closed here: the server writes it.
-    drop(prepare::make(&args.output, &config, args.quiet)?);
+    drop(prepare::make(&output, &config, args.quiet)?);
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
     let mut server = Server::start(arguments).await?;
@@ -88,19 +100,17 @@ pub async fn run(args: Args) -> Result<()> {
     if args.json {
         println!("{last}");
     } else if let Ok(summary) = serde_json::from_str::<Summary>(last) {
-        println!("{}: {}", args.output.display(), summary_words(&summary));
+        println!("{}: {}", output.display(), summary_words(&summary));
     }
     Ok(())
 }
 
 /// Returns the server's arguments.
-fn server_arguments(args: &Args, config: &Config) -> Result<Vec<OsString>> {
+fn server_arguments(args: &Args, config: &Config, output: &Path) -> Result<Vec<OsString>> {
     let configured =
         config.time.as_deref().map(holo_server::parse_time).transpose().map_err(Usage)?;
     let time = args.time.or(configured.filter(|_| args.samples.is_none()));
-    if time.is_none() && args.samples.is_none() {
-        return Err(Usage("how long? Say --time 30m or --samples 20M".into()).into());
-    }
+    let time = time.or(args.samples.is_none().then_some(DEFAULT_TIME));
     let configured =
         config.enough.as_deref().map(holo_server::parse_count).transpose().map_err(Usage)?;
     let numbers = [
@@ -109,8 +119,7 @@ fn server_arguments(args: &Args, config: &Config) -> Result<Vec<OsString>> {
         ("--enough", args.enough.or(configured).map(|enough| enough.to_string())),
         ("--cache", args.cache.or(config.cache).map(|cache| cache.to_string())),
     ];
-    let mut arguments: Vec<OsString> =
-        vec![args.output.clone().into(), "--fill".into(), "--json".into()];
+    let mut arguments: Vec<OsString> = vec![output.into(), "--fill".into(), "--json".into()];
     for (name, number) in numbers {
         arguments.extend(number.into_iter().flat_map(|number| [name.into(), number.into()]));
     }

@@ -67,6 +67,8 @@ struct Info {
     /// Rays traced for these records.
     light_rays: u64,
     views: Vec<(String, String)>,
+    /// What was chosen because nobody said, and why.
+    choices: Vec<String>,
     /// Simpler scenes for displays: section, `geometry` or `portals`, and where it came from.
     stand_ins: Vec<(u16, String, String)>,
     up: [f64; 3],
@@ -137,6 +139,7 @@ fn collect(file: &Path) -> Result<Info> {
         light_records: holodeck.light().len(),
         light_rays: holodeck.light().rays(),
         views: about.views.clone(),
+        choices: about.choices.clone(),
         stand_ins: about
             .stand_ins
             .as_ref()
@@ -247,6 +250,9 @@ pub fn info(args: &InfoArgs) -> Result<()> {
     }
     for (section, kind, source) in &info.stand_ins {
         println!("section {section}: {kind} from {source}");
+    }
+    for choice in &info.choices {
+        println!("chosen: {choice}");
     }
     for (name, options) in &info.views {
         println!("view {name}: {options}");

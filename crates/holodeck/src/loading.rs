@@ -4,7 +4,7 @@ use std::{path::Path, time::Instant};
 
 use anyhow::Result;
 use holo_progress::{HumanBytes, HumanCount, Meter};
-use holo_scene::{Bsdf, LoadOptions, LoadProgress, Material, Scene, load_obj_watched};
+use holo_scene::{Bsdf, LoadOptions, LoadProgress, Loaded, Material, Scene, load_watched};
 
 use crate::{config::Config, scene_args::scene_path};
 
@@ -16,25 +16,17 @@ const MOST_ALBEDO: f32 = 0.99;
 ///
 /// # Errors
 /// If there is no scene or it cannot be loaded.
-pub fn load(config: &Config, quiet: bool) -> Result<Scene> {
+pub fn load(config: &Config, quiet: bool) -> Result<Loaded> {
     let path = scene_path(config)?;
-    let scene = load_file(path, config, quiet)?;
-    let features = scene.features();
-    if features.emitters == 0 && !features.sky {
-        eprintln!(
-            "{}: nothing gives light, so all pictures will be black: give a material `Ke` in the \
-             MTL file, or add a sky, such as --sky 1,1,1",
-            path.display()
-        );
-    }
-    for name in white_materials(&scene) {
+    let loaded = load_file(path, config, quiet)?;
+    for name in white_materials(&loaded.scene) {
         eprintln!(
             "{}: material `{name}` reflects all light, which no paint does: rooms closed by it stay \
              noisy for long; use a `Kd` of at most 0.95",
             path.display()
         );
     }
-    Ok(scene)
+    Ok(loaded)
 }
 
 /// Returns the names of diffuse materials whose faces absorb less than 1 % of some channel.
@@ -50,7 +42,7 @@ fn white_materials(scene: &Scene) -> Vec<&str> {
 }
 
 /// Loads any OBJ file with the configuration's options.
-pub fn load_file(path: &Path, config: &Config, quiet: bool) -> Result<Scene> {
+pub fn load_file(path: &Path, config: &Config, quiet: bool) -> Result<Loaded> {
     let options = LoadOptions {
         sky: config.sky.unwrap_or([0.0; 3]),
         two_sided_lights: config.two_sided_lights.unwrap_or(false),
@@ -61,13 +53,13 @@ pub fn load_file(path: &Path, config: &Config, quiet: bool) -> Result<Scene> {
         let share = progress.bytes as f64 / progress.total_bytes as f64;
         meter.show(share, &progress_words(path, progress, start.elapsed().as_secs_f64()));
     };
-    let loaded = load_obj_watched(path, &options, &mut watch);
+    let loaded = load_watched(path, &options, &mut watch);
     meter.finish();
     let loaded = loaded?;
     for warning in &loaded.warnings {
         eprintln!("{warning}");
     }
-    Ok(loaded.scene)
+    Ok(loaded)
 }
 
 fn progress_words(path: &Path, progress: LoadProgress, seconds: f64) -> String {
@@ -94,7 +86,7 @@ mod tests {
         let obj = "mtllib room.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n\
                    usemtl snow\nf 1 2 3\nusemtl paint\nf 1 2 4\n";
         std::fs::write(&path, obj).unwrap();
-        let scene = load_file(&path, &Config::default(), true).unwrap();
+        let scene = load_file(&path, &Config::default(), true).unwrap().scene;
         assert_eq!(white_materials(&scene), ["snow"]);
     }
 

@@ -12,11 +12,13 @@ mod differences;
 mod fill;
 mod info;
 mod loading;
+mod opening;
 mod passes;
 mod prepare;
 mod processes;
 mod render;
 mod scene_args;
+mod sections;
 mod view;
 mod worker;
 
@@ -39,6 +41,7 @@ const STACK: usize = 8 << 20;
   holodeck                                        walk through the bundled house
   holodeck --window                               the same, in a window
   holodeck view room.obj                          walk through a scene while it is traced
+  holodeck render room.obj                        a picture of a scene, straight from the tracer
   holodeck fill room.obj -o room.holo --time 8h   trace overnight
   holodeck picture room.holo --vp 1,2,1.6 --vd 0,1,0 --vh 60 -o view.png
 
@@ -61,6 +64,7 @@ enum Command {
     Replay(view::ReplayCommand),
     Picture(view::PictureCommand),
     Render(render::Args),
+    Sections(sections::Args),
     Compare(compare::Args),
     Info(info::InfoArgs),
     Verify(info::VerifyArgs),
@@ -142,6 +146,7 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
         Command::Replay(args) => view::replay(args, screen).await,
         Command::Picture(args) => view::picture(args).await,
         Command::Render(args) => render::run(args).await,
+        Command::Sections(args) => sections::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::info(&args),
         Command::Verify(args) => info::verify(&args),

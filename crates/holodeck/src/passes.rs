@@ -253,7 +253,7 @@ mod tests {
     fn job(is_cached: bool, limit: Limit) -> Job {
         let folder = tempfile::tempdir().unwrap();
         let written = holo_scenes::write(Bundled::Cornell, folder.path()).unwrap();
-        let scene = holo_scene::load_obj(&written.obj, &Default::default()).unwrap().scene;
+        let scene = holo_scene::load(&written.obj, &Default::default()).unwrap().scene;
         let tracer = Tracer::new(Arc::new(scene), Settings::default()).unwrap();
         let mut spec = ViewSpec::default();
         spec.apply_line("-vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60").unwrap();

@@ -18,16 +18,13 @@ use holo_server::{About, Holodeck};
 use crate::{
     config::{self, Config, Obstructions},
     differences,
-    loading::{load, load_file},
+    loading::load_file,
+    opening::{Opened, Wanted, open},
     scene_args::{check_units, scene_path, settings},
 };
 
 /// Memory for beams while a file is only made or looked into.
 pub const SMALL_CACHE: u64 = 16 << 20;
-
-/// Share of the scene's size between its bounds and a default section, on each side. An interior
-/// section is smaller by that, an exterior one larger.
-const MARGIN: f64 = 0.05;
 
 /// Records of indirect light are worth making if this share of a scene's surface is diffuse.
 const DIFFUSE: f64 = 0.1;
@@ -38,20 +35,28 @@ const DIFFUSE: f64 = 0.1;
 /// If the scene cannot be loaded, the file cannot be written, or it has another scene.
 pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
     check_units(config)?;
-    let scene = load(config, quiet)?;
-    let packed = scene.pack();
-    let sections = sections(config, &scene)?;
-    let source = scene_path(config)?.display().to_string();
-    let mut about =
-        About::new(sections, settings(config, engine_for(&scene, config.bounces)), &packed, source);
-    about.up = config.up.unwrap_or(about.up);
-    about.sky = scene.sky;
-    about.unit = config.unit.unwrap_or(about.unit);
-    about.views = config.view.iter().map(|view| (view.name.clone(), view.to_options())).collect();
     let existing = path.exists().then(|| Holodeck::open(path, SMALL_CACHE)).transpose()?;
-    if let Some(file) = &existing {
-        about.settings.engine = config.engine.unwrap_or(file.about.settings.engine);
-        check_same(path, file, &about, &scene)?;
+    let opened = match &existing {
+        None => open(config, Wanted::Sections, quiet)?,
+        // What was chosen for the file stays chosen.
+        Some(file) => open(&chosen_before(config, &file.about), Wanted::Sections, true)?,
+    };
+    let packed = opened.scene.pack();
+    let sections = sections(config, &opened)?;
+    let source = scene_path(config)?.display().to_string();
+    let engine = engine_for(&opened.scene, config.bounces);
+    let mut about = About::new(sections, settings(config, engine), &packed, source);
+    about.up = opened.up;
+    about.sky = opened.scene.sky;
+    about.unit = opened.unit;
+    about.views.clone_from(&opened.views);
+    about.choices.clone_from(&opened.choices);
+    match &existing {
+        None => opened.say(config)?,
+        Some(file) => {
+            about.settings.engine = config.engine.unwrap_or(file.about.settings.engine);
+            check_same(path, file, &about, &opened.scene)?;
+        }
     }
     // If one of them is wrong, no file is made.
     let stand_ins = stand_ins(config, about.sections.len(), quiet)?;
@@ -69,6 +74,29 @@ pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
         holodeck.set_stand_ins(&stand_ins)?;
     }
     Ok(holodeck)
+}
+
+/// Returns a configuration in which what a file's maker left open is as it was chosen then.
+fn chosen_before(config: &Config, about: &About) -> Config {
+    let mut config = config.clone();
+    config.up = config.up.or(Some(config::Up(about.up)));
+    config.unit = config.unit.or(Some(config::Unit(about.unit)));
+    if config.section.is_empty() && !config.exterior {
+        let section = |spec: &SectionSpec| config::Section {
+            name: None,
+            origin: spec.origin,
+            axes: spec.axes,
+            grid: Some(spec.grid),
+            exterior: spec.class == ViewClass::Exterior,
+            geometry: None,
+            portals: None,
+        };
+        config.section = about.sections.iter().map(section).collect();
+    }
+    if config.view.is_empty() {
+        config.named_views.clone_from(&about.views);
+    }
+    config
 }
 
 /// Checks that a file holds samples of this scene, by these settings and sections.
@@ -120,10 +148,11 @@ fn stand_ins(config: &Config, sections: usize, quiet: bool) -> Result<Vec<(Stand
                 section < sections,
                 "--{name}: there is no section {section}; there are {sections}, the first is 0"
             );
-            let scene = load_file(&file, config, quiet)
+            let loaded = load_file(&file, config, quiet)
                 .with_context(|| format!("{name} of section {section}"))?;
             let section = u16::try_from(section)?;
-            Ok((StandIn { section, kind, packed: scene.pack() }, file.display().to_string()))
+            let packed = loaded.scene.pack();
+            Ok((StandIn { section, kind, packed }, file.display().to_string()))
         };
         files.into_iter().map(load)
     };
@@ -154,18 +183,11 @@ fn engine_words(engine: Engine) -> &'static str {
     }
 }
 
-fn sections(config: &Config, scene: &Scene) -> Result<Vec<SectionSpec>> {
-    let given = match config.section.is_empty() {
-        true => vec![default_section(scene, config.exterior)?],
-        false => config.section.clone(),
-    };
-    given
-        .iter()
-        .enumerate()
-        .map(|(index, section)| {
-            spec(config, scene, section, index).with_context(|| format!("section {index}"))
-        })
-        .collect()
+fn sections(config: &Config, opened: &Opened) -> Result<Vec<SectionSpec>> {
+    let specs = opened.sections.iter().enumerate().map(|(index, section)| {
+        spec(config, &opened.scene, section, index).with_context(|| format!("section {index}"))
+    });
+    specs.collect()
 }
 
 fn spec(
@@ -199,64 +221,4 @@ fn spec(
     };
     eprintln!("section {name}: grid {w}x{d}x{h}, {beams} beams, {seen}");
     Ok(spec)
-}
-
-/// Returns the section for users who name none: within the scene's bounds, or around them.
-fn default_section(scene: &Scene, exterior: bool) -> Result<config::Section> {
-    let (low, high) = scene.bounds();
-    let size = high - low;
-    let (low, high) = if exterior {
-        // A flat scene, too, gets a section that has a volume.
-        let margin = DVec3::splat(MARGIN * size.max_element());
-        (low - margin, high + margin)
-    } else {
-        if size.min_element() <= 0.0 {
-            bail!(
-                "the scene is flat: name a section with --section, or look at it with --exterior"
-            );
-        }
-        (low + size * MARGIN, high - size * MARGIN)
-    };
-    let how = if exterior { "around the scene" } else { "the scene's bounds shrunk by 10 %" };
-    eprintln!("no section given: it is {how}, from {low} to {high}");
-    let size = high - low;
-    Ok(config::Section {
-        name: None,
-        origin: low.to_array(),
-        axes: [[size.x, 0.0, 0.0], [0.0, size.y, 0.0], [0.0, 0.0, size.z]],
-        grid: None,
-        exterior,
-        geometry: None,
-        portals: None,
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use holo_scene::Material;
-
-    use super::*;
-
-    fn triangle(corner: DVec3) -> Scene {
-        let corners = [DVec3::ZERO, DVec3::X * 2.0, corner];
-        Scene::from_world(&corners, &[[0, 1, 2]], &[0], vec![Material::grey("a")], [1.0; 3])
-            .unwrap()
-            .0
-    }
-
-    #[test]
-    fn an_exterior_section_of_its_own_is_around_the_scene_even_if_that_is_flat() {
-        for corner in [DVec3::new(0.0, 1.0, 4.0), DVec3::Y] {
-            let scene = triangle(corner);
-            let section = default_section(&scene, true).unwrap();
-            assert!(section.exterior);
-            let (low, high) = scene.bounds();
-            for axis in 0..3 {
-                let (from, size) = (section.origin[axis], section.axes[axis][axis]);
-                assert!(from < low[axis] && from + size > high[axis], "{section:?}");
-            }
-        }
-        let flat = default_section(&triangle(DVec3::Y), false).unwrap_err().to_string();
-        assert!(flat.contains("--section") && flat.contains("--exterior"), "{flat}");
-    }
 }

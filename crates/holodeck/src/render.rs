@@ -1,8 +1,7 @@
 //! `holodeck render`: a picture straight from the tracer, with which holodecks are compared.
 
 use std::{
-    path::PathBuf,
-    sync::Arc,
+    path::{Path, PathBuf},
     time::{Duration, Instant},
 };
 
@@ -16,22 +15,24 @@ use holo_view::{LookArgs, ViewArgs};
 
 use crate::{
     arguments::picture_path,
-    loading,
+    config::Config,
+    opening::{Opened, Wanted, open},
     passes::{Job, Limit, Progress, Sums},
-    scene_args::{SceneArgs, Usage, settings},
+    scene_args::{SceneArgs, Usage, check_units, scene_path, settings},
 };
 
 /// Make a picture straight from the tracer
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  \
+#[command(after_help = "Examples:\n  holodeck render room.obj\n  \
     holodeck render room.obj --vp 1,2,1.6 --vd 0,1,0 --vh 60 --spp 256 -o truth.pfm")]
 pub struct Args {
     /// The scene
-    #[arg(value_name = "SCENE.obj")]
+    #[arg(value_name = "MODEL")]
     scene: Option<PathBuf>,
     /// The picture (.exr .hdr .pfm .png)
+    /// [default: the scene's name with .png, in this folder]
     #[arg(short, value_name = "FILE", value_parser = picture_path)]
-    output: PathBuf,
+    output: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
     #[command(flatten)]
@@ -39,7 +40,7 @@ pub struct Args {
     /// Paths per pixel
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     spp: Option<u32>,
-    /// As many paths as fit into this time, such as 60s; loading does not count
+    /// As many paths as fit into this time, such as 60s; loading does not count [default: 10s]
     #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time, conflicts_with = "spp")]
     time: Option<Duration>,
     /// Also write every pixel's standard error to this file, as if its paths were independent
@@ -58,31 +59,29 @@ pub struct Args {
     quiet: bool,
 }
 
+/// How long a picture is traced if nobody says.
+const DEFAULT_TIME: Duration = Duration::from_secs(10);
+
 /// A picture that took more than this factor over its time says why.
 const TOLERANCE: f64 = 1.1;
 
 /// See [`Args`].
 pub async fn run(args: Args) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
+    check_units(&config)?;
     let limit = match (args.spp, args.time) {
         (Some(paths), _) => Limit::Paths(paths),
-        (None, Some(time)) => Limit::Time(time),
-        (None, None) => {
-            return Err(Usage("how many paths? Say --spp 256 or --time 60s".into()).into());
-        }
+        (None, time) => Limit::Time(time.unwrap_or(DEFAULT_TIME)),
     };
-    args.look.check(&args.output).map_err(Usage)?;
-    let named: Vec<_> =
-        config.view.iter().map(|view| (view.name.clone(), view.to_options())).collect();
-    let mut spec = ViewSpec { vu: config.up.map(glam::DVec3::from_array), ..ViewSpec::default() };
-    if let Some((_, first)) = named.first() {
-        spec.apply_line(first)?;
-    }
-    let (view, size) = spec.overridden_by(&args.view.spec(&named)?).resolve(args.view.size())?;
-    let scene = loading::load(&config, args.quiet)?;
+    let output = match &args.output {
+        Some(output) => output.clone(),
+        None => scene_path(&config)?.with_extension("png").file_name().unwrap_or_default().into(),
+    };
+    args.look.check(&output).map_err(Usage)?;
+    let (mut opened, view, size) = open_view(&args, &config)?;
     let settings = settings(&config, Engine::Path);
-    let tracer = Tracer::new(
-        Arc::new(scene),
+    let tracer = Tracer::with_raycaster(
+        opened.raycaster()?,
         Settings { bounces: settings.bounces, ..Settings::default() },
     )?;
     let tracer = match settings.engine {
@@ -95,7 +94,35 @@ pub async fn run(args: Args) -> Result<()> {
     let job = Job { tracer, view, size, seed: settings.seed, threads, limit };
     let quiet = args.quiet;
     let rendered = tokio::task::spawn_blocking(move || render(&job, quiet, &shutdown)).await?;
-    rendered.write(&args)
+    rendered.write(&args, &output)
+}
+
+/// Opens the scene, and returns it with the view and the size of the picture. A view that people
+/// state in full needs no other.
+fn open_view(args: &Args, config: &Config) -> Result<(Opened, View, (u32, u32))> {
+    let stated = args.view.spec(&config.views()).ok();
+    let is_whole = stated.is_some_and(|view| view.vp.is_some() && view.vd.is_some());
+    let mut config = config.clone();
+    if is_whole && config.views().is_empty() {
+        // No view has to be looked for.
+        config.named_views = vec![("stated".to_owned(), String::new())];
+    }
+    let opened = open(&config, Wanted::View, args.quiet)?;
+    if !args.quiet {
+        opened.say(&config)?;
+    }
+    let up = Some(glam::DVec3::from_array(opened.up));
+    let mut spec = ViewSpec { vu: up, ..ViewSpec::default() };
+    if let Some((_, first)) = opened.views.first() {
+        spec.apply_line(first)?;
+    }
+    let stated = args.view.spec(&opened.views)?;
+    // The first view's place does not suit another direction, nor its up another place.
+    if stated.vp.is_some() {
+        spec.vu = up;
+    }
+    let (view, size) = spec.overridden_by(&stated).resolve(args.view.size())?;
+    Ok((opened, view, size))
 }
 
 fn cores() -> usize {
@@ -131,13 +158,13 @@ fn render(job: &Job, quiet: bool, shutdown: &Shutdown) -> Rendered {
 }
 
 impl Rendered {
-    fn write(&self, args: &Args) -> Result<()> {
+    fn write(&self, args: &Args, path: &Path) -> Result<()> {
         let mut picture = Picture::new(self.size.0, self.size.1);
         picture.view = Some(self.view);
         for (pixel, sums) in picture.pixels.iter_mut().zip(&self.sums) {
             *pixel = sums.mean();
         }
-        args.look.write(&picture, &args.output)?;
+        let exposure = args.look.write(&picture, path)?;
         if let Some(path) = &args.se {
             let mut errors = Picture::new(self.size.0, self.size.1);
             for (pixel, sums) in errors.pixels.iter_mut().zip(&self.sums) {
@@ -154,14 +181,17 @@ impl Rendered {
         let most = self.sums.iter().map(|sums| sums.paths).max().unwrap_or(0);
         if args.json {
             let report = serde_json::json!({
-                "picture": args.output, "spp": least, "paths": paths, "seconds": seconds,
-                "paths_per_second": rate, "nonfinite_paths": self.nonfinite,
+                "picture": path, "spp": least, "paths": paths, "seconds": seconds,
+                "paths_per_second": rate, "nonfinite_paths": self.nonfinite, "exposure": exposure,
             });
             println!("{report}");
         } else if !args.quiet {
             let count = if least == most { most.to_string() } else { format!("{least} to {most}") };
-            let (output, rate) = (args.output.display(), rate / 1e6);
+            let (output, rate) = (path.display(), rate / 1e6);
             println!("{output}: {count} paths per pixel in {seconds:.1} s, {rate:.2} M/s");
+            if let Some(factor) = exposure {
+                println!("{output}: radiance times {factor:.4} (--exposure ={factor:.4})");
+            }
         }
         if let Some(time) = args.time.map(|time| time.as_secs_f64())
             && most == 1

@@ -26,8 +26,8 @@ pub struct SceneArgs {
     /// Read scene, sections, views and settings from this file; options override it
     #[arg(long, value_name = "FILE.toml")]
     pub config: Option<PathBuf>,
-    /// A section: origin, three axes and, if wanted, the grid. May be repeated [default: the
-    /// scene's bounds shrunk by 10 %, or a box around it with --exterior]
+    /// A section: origin, three axes and, if wanted, the grid. May be repeated [default: boxes in
+    /// the scene's rooms, or a box around it if it has none or with --exterior]
     #[arg(long, value_name = "\"OX,OY,OZ AX,AY,AZ BX,BY,BZ CX,CY,CZ [NX,NY,NZ]\"", value_parser = parse_section, allow_hyphen_values = true)]
     pub section: Vec<config::Section>,
     /// A simpler scene that displays use for views of a section [default: 0]. Samples that do not
@@ -44,6 +44,12 @@ pub struct SceneArgs {
     /// Whether what stands inside sections is seen [default: auto]
     #[arg(long, value_enum)]
     pub obstructions: Option<Obstructions>,
+    /// Which way is up: y, z or a direction [default: said by the file, or guessed with a reason]
+    #[arg(long, value_name = "y|z|X,Y,Z", allow_hyphen_values = true)]
+    pub up: Option<config::Up>,
+    /// How long the scene's unit is [default: said by the file, or guessed with a reason]
+    #[arg(long, value_name = "mm|cm|m|in|ft|METRES")]
+    pub unit: Option<config::Unit>,
     /// Surround the scene with a sky of this radiance, such as 1,1,1
     #[arg(long, value_name = "R,G,B", value_parser = parse_colour)]
     pub sky: Option<[f32; 3]>,
@@ -89,6 +95,8 @@ impl SceneArgs {
         }
         config.geometry.clone_from(&self.geometry);
         config.portals.clone_from(&self.portals);
+        config.up = self.up.or(config.up);
+        config.unit = self.unit.or(config.unit);
         config.sky = self.sky.or(config.sky);
         config.two_sided_lights = self.two_sided_lights.then_some(true).or(config.two_sided_lights);
         config.obstructions = self.obstructions.or(config.obstructions);
@@ -193,17 +201,20 @@ fn parse_section(text: &str) -> Result<config::Section, String> {
 pub fn scene_path(config: &Config) -> Result<&PathBuf> {
     let path = config.scene.as_ref();
     path.ok_or_else(|| {
-        Usage("no scene: name an .obj file, or a configuration with a `scene`".into()).into()
+        Usage(
+            "no scene: name a model (.obj, .gltf, .glb), or a configuration with a `scene`".into(),
+        )
+        .into()
     })
 }
 
 /// Checks that the unit and the up axis can be used.
 pub fn check_units(config: &Config) -> Result<()> {
     ensure!(
-        config.unit.is_none_or(|unit| unit.is_finite() && unit > 0.0),
+        config.unit.is_none_or(|unit| unit.0.is_finite() && unit.0 > 0.0),
         "`unit` must be a positive number of metres"
     );
-    let usable = |up: [f64; 3]| up.iter().all(|x| x.is_finite()) && up.iter().any(|&x| x != 0.0);
+    let usable = |config::Up(up)| up.iter().all(|x| x.is_finite()) && up.iter().any(|&x| x != 0.0);
     ensure!(config.up.is_none_or(usable), "`up` must be a direction");
     Ok(())
 }

@@ -182,7 +182,7 @@ impl FrontEnd {
     holodeck view room.obj --headless --time 20s -o view.png\n  holodeck view room.holo --headless --script walk.txt --size 640x480")]
 pub struct ViewCommand {
     /// The scene, or a holodeck to go on with
-    #[arg(value_name = "SCENE.obj|FILE.holo")]
+    #[arg(value_name = "MODEL|FILE.holo")]
     what: Option<PathBuf>,
     /// Keep the samples in this file [default for a scene: forget them at the end]
     #[arg(long, value_name = "FILE.holo")]

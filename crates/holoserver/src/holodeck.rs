@@ -55,6 +55,9 @@ pub struct About {
     pub unit: f64,
     /// Named views, as Radiance view options; the first is where a display begins.
     pub views: Vec<(String, String)>,
+    /// What was chosen because nobody said, and why, for people.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub choices: Vec<String>,
     /// Simpler scenes that displays use in place of the scene, if there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_ins: Option<AboutStandIns>,
@@ -90,6 +93,7 @@ impl About {
             sky: [0.0; 3],
             unit: 1.0,
             views: Vec::new(),
+            choices: Vec::new(),
             stand_ins: None,
         }
     }

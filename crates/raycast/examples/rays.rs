@@ -257,7 +257,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let name = path
             .file_stem()
             .map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned());
-        return measure(&name, holo_scene::load_obj(path, &Default::default())?.scene, &arguments);
+        return measure(&name, holo_scene::load(path, &Default::default())?.scene, &arguments);
     }
     for &triangles in &arguments.triangles {
         measure(&format!("sphere{triangles}"), bumpy_sphere(triangles)?, &arguments)?;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 /// The reason why a scene could not be read, made or unpacked.
 ///
-/// Lines count from 1. `found` holds at most a few dozen characters of the file.
+/// Lines count from 1.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneError {
@@ -23,58 +23,6 @@ pub enum SceneError {
         path: PathBuf,
         /// The limit of [`crate::limits`] in bytes.
         limit: u64,
-    },
-    /// A statement has a wrong number of values.
-    #[error("{path}:{line}: `{keyword}` takes {expected}, found {found}")]
-    Count {
-        /// The file.
-        path: PathBuf,
-        /// The line.
-        line: usize,
-        /// The statement.
-        keyword: String,
-        /// What it takes, in words.
-        expected: &'static str,
-        /// The number found.
-        found: usize,
-    },
-    /// A value is not a finite number (or integer) of reasonable size.
-    #[error("{path}:{line}: `{keyword}` takes {expected}, found `{found}`")]
-    Value {
-        /// The file.
-        path: PathBuf,
-        /// The line.
-        line: usize,
-        /// The statement.
-        keyword: String,
-        /// What it takes, in words.
-        expected: &'static str,
-        /// The text found.
-        found: String,
-    },
-    /// A face refers to a vertex that does not exist.
-    #[error(
-        "{path}:{line}: `f` names vertex {index}, but {count} are defined before this line (the first is 1)"
-    )]
-    VertexIndex {
-        /// The file.
-        path: PathBuf,
-        /// The line.
-        line: usize,
-        /// The index as written: 0, too large, or too negative.
-        index: i64,
-        /// The number of vertices up to that line.
-        count: usize,
-    },
-    /// An MTL file sets a property before it names a material.
-    #[error("{path}:{line}: `{keyword}` comes before any `newmtl`")]
-    BeforeNewmtl {
-        /// The file.
-        path: PathBuf,
-        /// The line.
-        line: usize,
-        /// The statement.
-        keyword: String,
     },
     /// A file exceeds a limit of scenes.
     #[error("{path}:{line}: more than {limit} {what}")]
@@ -96,11 +44,21 @@ pub enum SceneError {
         /// The error of `tobj`.
         source: tobj::LoadError,
     },
+    /// A glTF file is not valid, or a part of it is missing.
+    #[error("{path}: {problem}")]
+    Gltf {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, where, and what to do.
+        problem: String,
+    },
     /// A file has no triangle with an area.
-    #[error("{path}: no triangle with an area in it")]
+    #[error("{path}: no triangle in it: {instead}")]
     Empty {
         /// The file.
         path: PathBuf,
+        /// What it is instead, for people.
+        instead: String,
     },
     /// A scene would exceed a limit.
     #[error("{count} {what} are more than the limit of {limit}")]
@@ -157,6 +115,12 @@ pub enum SceneError {
         /// What is wrong.
         problem: &'static str,
     },
+    /// Normals or textures do not fit the scene.
+    #[error("normals or textures: {problem}")]
+    Shading {
+        /// What is wrong.
+        problem: &'static str,
+    },
     /// The sky's radiance is negative, not finite or too large.
     #[error("the sky's radiance must be finite numbers from 0 to {}", crate::limits::MAX_RADIANCE)]
     Sky,
@@ -194,4 +158,10 @@ pub enum PackedError {
     /// The bytes of the materials are malformed.
     #[error("material {0} is malformed")]
     Material(usize),
+    /// The bytes of normals and textures are malformed.
+    #[error("its normals or textures are malformed")]
+    Shading,
+    /// A texture cannot be decoded.
+    #[error("texture {0} cannot be decoded")]
+    Texture(usize),
 }

@@ -40,11 +40,11 @@ impl Faces {
         self.triangles += triangles;
     }
 
-    /// Returns the line of a triangle's face.
-    pub(crate) fn line(&self, triangle: usize) -> usize {
+    /// Returns the line of a triangle's face; `None` if there is no such face.
+    pub(crate) fn line(&self, triangle: usize) -> Option<usize> {
         let after = self.runs.partition_point(|run| run.triangle as usize <= triangle);
-        let run = &self.runs[after - 1];
-        run.line + (triangle - run.triangle as usize) / run.triangles_per_face as usize
+        let run = &self.runs[after.checked_sub(1)?];
+        Some(run.line + (triangle - run.triangle as usize) / run.triangles_per_face as usize)
     }
 
     /// Returns the material of each triangle.
@@ -68,7 +68,7 @@ mod tests {
     fn similar_faces_on_consecutive_lines_are_one_run() {
         let mut faces = Faces::default();
         (10..1010).for_each(|line| faces.push(2, line, 7));
-        assert_eq!((faces.runs.len(), faces.triangles(), faces.line(1999)), (1, 2000, 1009));
+        assert_eq!((faces.runs.len(), faces.triangles(), faces.line(1999)), (1, 2000, Some(1009)));
     }
 
     proptest! {
@@ -81,7 +81,7 @@ mod tests {
                 lines.extend(std::iter::repeat_n(line, triangles));
                 ids.extend(std::iter::repeat_n(material, triangles));
             }
-            prop_assert_eq!((0..faces.triangles()).map(|t| faces.line(t)).collect::<Vec<_>>(), lines);
+            prop_assert_eq!((0..faces.triangles()).filter_map(|t| faces.line(t)).collect::<Vec<_>>(), lines);
             prop_assert_eq!(faces.material_ids(), ids);
         }
     }

@@ -1,9 +1,10 @@
-//! Scenes: reads OBJ/MTL files into a validated, packed [`Scene`] and determines which features it
-//! uses.
+//! Scenes: reads model files (OBJ/MTL, glTF 2.0) into a validated, packed [`Scene`] and determines
+//! which features it uses.
 //!
 //! A [`Scene`] is a set of triangles, each with a material. Coordinates are f32 around an `f64`
-//! origin, so a building at map coordinates loses no precision. [`load_obj`] reads a scene from a
-//! file; `tobj` parses it after each line has been checked. [`Scene::pack`] makes the bytes that
+//! origin, so a building at map coordinates loses no precision. [`load()`] reads a scene from a
+//! file: `tobj` parses OBJ after each line has been checked, and `gltf` parses glTF.
+//! [`Scene::pack`] makes the bytes that
 //! are sent to workers and stored in a holodeck file. [`Scene::unpack`] reads those bytes without
 //! trusting them.
 //!
@@ -18,24 +19,41 @@
 
 mod error;
 mod faces;
+mod gltf_file;
+mod header;
 mod inside;
+mod libraries;
 pub mod limits;
 mod load;
 mod material;
+mod model;
 pub mod mtl;
+mod mtl_maps;
 mod mtl_text;
+mod named_file;
 mod obj;
+mod obj_model;
 mod obj_text;
 pub mod pack;
 mod polygon;
 mod scene;
+mod shaded;
+mod shading;
+mod smooth;
 mod text;
+mod texture;
+mod texture_files;
 mod warnings;
 
 pub use error::{PackedError, SceneError};
-pub use load::{LoadOptions, Loaded, load_obj, load_obj_watched};
+pub use header::{About, Camera, Said};
+pub use load::{LoadOptions, Loaded, load, load_watched};
 pub use material::{Bsdf, Material, Rgb};
 pub use obj_text::LoadProgress;
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use scene::{Features, Scene};
+pub use shading::{
+    CUT_OUT, MAX_TEXTURES, Maps, Octahedral, Shading, from_octahedral, to_octahedral,
+};
+pub use texture::{MAX_SIDE, MAX_TEXTURE_BYTES, Texture, Wrap};
 pub use warnings::Warning;

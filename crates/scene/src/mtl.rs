@@ -15,13 +15,15 @@
 //! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a
 //!   warning.
 //! - **`Kd` absent** is 0.5, with a warning if it matters, but 0 for a lamp (`Ke` above zero).
-//! - **Implausible values** are clamped with a warning. A value that is not a finite number is an
-//!   error. So is a wrong number of values.
+//! - **Implausible values** are clamped with a warning. A statement is left out with a warning if a
+//!   value is not a finite number, or if their number is wrong.
 //! - **`Ke`** is radiance, on the counter-clockwise side. `Ka` and `sharpness` have no effect.
-//!   Textures and unknown statements are ignored with a warning. Keywords may be in upper or lower
-//!   case.
+//!   `map_Kd`, `map_Ke` and `map_d` are textures: factors to `Kd` and `Ke`, and what is cut out. `Kd`
+//!   or `Ke` of zero beside its texture is 1. Other textures and unknown statements are ignored with
+//!   a warning. Keywords may be in upper or lower case.
 
 use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
+use crate::mtl_maps::{MapStatement, Slot};
 use crate::text::excerpt;
 use crate::warnings::Warnings;
 use crate::{Bsdf, Material, Rgb};
@@ -49,6 +51,7 @@ pub(crate) struct MtlMaterial {
     pub d: Option<Stated<f64>>,
     pub tr: Option<Stated<f64>>,
     pub illum: Option<Stated<u8>>,
+    pub maps: Vec<MapStatement>,
 }
 
 /// `Ns` from which a highlight is a mirror image.
@@ -60,8 +63,12 @@ impl MtlMaterial {
     /// Returns the material of the scene, by the table of this module.
     pub(crate) fn resolve(&self, two_sided_lights: bool, warnings: &mut Warnings) -> Material {
         let mut warn = |line: usize, text: String| warnings.push(&self.path, Some(line), text);
-        let emission =
-            self.ke.map_or([0.0; 3], |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut warn));
+        let has_map = self.has_map(Slot::Emission);
+        let is_dark = |ke: &Stated<[f64; 3]>| ke.value.iter().all(|&c| c <= 0.0);
+        let ke = self.ke.filter(|ke| !(has_map && is_dark(ke)));
+        // A texture of emission without `Ke` shines as it is.
+        let plain = if has_map { [1.0; 3] } else { [0.0; 3] };
+        let emission = ke.map_or(plain, |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut warn));
         let emits = emission.iter().any(|&e| e > 0.0);
         let bsdf = self.bsdf(emits, &mut warn);
         Material {
@@ -136,6 +143,10 @@ impl MtlMaterial {
         }
     }
 
+    fn has_map(&self, slot: Slot) -> bool {
+        self.maps.iter().any(|map| map.slot == slot)
+    }
+
     fn called(&self) -> String {
         format!("material `{}`", excerpt(&self.name))
     }
@@ -183,7 +194,11 @@ impl MtlMaterial {
     }
 
     fn kd(&self, emits: bool, warn: &mut impl FnMut(usize, String)) -> Rgb {
+        let is_black = |kd: &Stated<[f64; 3]>| kd.value == [0.0; 3];
         match self.kd {
+            // Exporters write a black `Kd` beside a texture, or none, and mean the texture.
+            None if self.has_map(Slot::Base) => [1.0; 3],
+            Some(kd) if is_black(&kd) && self.has_map(Slot::Base) => [1.0; 3],
             Some(kd) => clamped("Kd", kd, 1.0, warn),
             None if emits => [0.0; 3],
             None => {

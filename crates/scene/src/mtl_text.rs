@@ -8,7 +8,8 @@
 use crate::SceneError;
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES};
 use crate::mtl::{MtlMaterial, Stated};
-use crate::text::{excerpt, keyword, logical_lines, number, without_comment};
+use crate::mtl_maps::{MapStatement, Slot};
+use crate::text::{excerpt, keyword, logical_lines, loose_number, number, without_comment};
 use crate::warnings::Warnings;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
@@ -48,6 +49,7 @@ struct Header {
     line: usize,
     /// The line of each statement; the last one if there are several.
     lines: HashMap<&'static str, usize>,
+    maps: Vec<MapStatement>,
 }
 
 /// The clean text of an MTL file, and what it leaves out.
@@ -67,24 +69,31 @@ impl CleanMtl<'_> {
         warnings: &mut Warnings,
     ) -> Result<(), SceneError> {
         let (keyword, rest) = keyword(content);
-        let statement = Statement { path: self.path, line, keyword, values: without_comment(rest) };
+        let statement = Statement { path: self.path, line, values: without_comment(rest) };
         let lower = keyword.to_ascii_lowercase();
         let same = |known: &&&str| known.eq_ignore_ascii_case(keyword);
         let colour = COLOURS.iter().find(same);
         if let Some(property) = colour.or(NUMBERS.iter().find(same)) {
             let Some(header) = self.headers.last_mut() else {
-                let keyword = keyword.to_owned();
-                return Err(SceneError::BeforeNewmtl { path: self.path.to_owned(), line, keyword });
+                let text = format!("`{keyword}` comes before any `newmtl`; it is left out");
+                warnings.push(self.path, Some(line), text);
+                return Ok(());
             };
             let values = match *property {
-                _ if colour.is_some() => statement.colour(warnings)?,
-                "illum" => Some(statement.illum()?),
-                "d" => Some(statement.without_halo().number()?.to_owned()),
-                _ => Some(statement.number()?.to_owned()),
+                _ if colour.is_some() => statement.colour(),
+                "illum" => statement.illum(),
+                "d" => statement.without_halo().number(),
+                _ => statement.number(),
             };
-            if let Some(values) = values {
-                header.lines.insert(property, line);
-                self.clean.extend([property, " ", &values, "\n"]);
+            match values {
+                Ok(values) => {
+                    header.lines.insert(property, line);
+                    self.clean.extend([property, " ", &values, "\n"]);
+                }
+                Err(problem) => {
+                    let text = format!("`{keyword}` {problem}; it is left out");
+                    warnings.push(self.path, Some(line), text);
+                }
             }
         } else if lower == "newmtl" {
             if self.headers.len() == MAX_MATERIALS {
@@ -94,9 +103,16 @@ impl CleanMtl<'_> {
                 return Err(statement.limit("bytes in a name", MAX_NAME_BYTES));
             }
             self.clean.extend(["newmtl ", &self.headers.len().to_string(), "\n"]);
-            self.headers.push(Header { name: rest.to_owned(), line, lines: HashMap::new() });
+            let (name, lines) = (rest.to_owned(), HashMap::new());
+            self.headers.push(Header { name, line, lines, maps: Vec::new() });
+        } else if let Some(slot) = Slot::of(&lower)
+            && let Some(header) = self.headers.last_mut()
+            && let Some(map) = MapStatement::read(slot, line, rest)
+        {
+            header.maps.retain(|earlier| earlier.slot != slot);
+            header.maps.push(map);
         } else if is_texture(&lower) {
-            let text = format!("`{}` is ignored: there are no textures", excerpt(content));
+            let text = format!("`{}` is ignored: this texture is not supported", excerpt(content));
             warnings.push(self.path, Some(line), text);
         } else if !["ka", "sharpness"].contains(&lower.as_str())
             && self.unknown.len() < MAX_UNKNOWN
@@ -118,21 +134,10 @@ fn is_texture(keyword: &str) -> bool {
 struct Statement<'a> {
     path: &'a Path,
     line: usize,
-    keyword: &'a str,
     values: &'a str,
 }
 
 impl<'a> Statement<'a> {
-    fn count(&self, expected: &'static str, found: usize) -> SceneError {
-        let (path, keyword) = (self.path.to_owned(), self.keyword.to_owned());
-        SceneError::Count { path, line: self.line, keyword, expected, found }
-    }
-
-    fn bad_value(&self, expected: &'static str, found: &str) -> SceneError {
-        let (path, keyword) = (self.path.to_owned(), self.keyword.to_owned());
-        SceneError::Value { path, line: self.line, keyword, expected, found: excerpt(found) }
-    }
-
     fn limit(&self, what: &'static str, limit: usize) -> SceneError {
         SceneError::FileLimit { path: self.path.to_owned(), line: self.line, what, limit }
     }
@@ -143,46 +148,55 @@ impl<'a> Statement<'a> {
         Statement { values, ..self }
     }
 
-    /// Returns the only value: a finite number.
-    fn number(&self) -> Result<&'a str, SceneError> {
+    /// Returns the only value, a finite number. Errors are for people.
+    fn number(&self) -> Result<String, String> {
         let mut tokens = self.values.split_ascii_whitespace();
         let (first, more) = (tokens.next(), tokens.count());
         let Some(token) = first.filter(|_| more == 0) else {
             let found = if first.is_some() { 1 + more } else { 0 };
-            return Err(self.count("one number", found));
+            return Err(format!("takes one number, found {found}"));
         };
-        number(token).map(|_| token).ok_or_else(|| self.bad_value("a finite number", token))
+        plain(token).ok_or_else(|| format!("takes a finite number, found `{}`", excerpt(token)))
     }
 
     /// Returns an integer. `tobj` knows 0 to 255; all others are equally unknown here.
-    fn illum(&self) -> Result<String, SceneError> {
+    fn illum(&self) -> Result<String, String> {
         let illum =
-            number(self.number()?).filter(|value| value.fract() == 0.0 && value.abs() <= 1e6);
-        let illum = illum.ok_or_else(|| self.bad_value("an integer", self.values))?;
+            number(&self.number()?).filter(|value| value.fract() == 0.0 && value.abs() <= 1e6);
+        let illum =
+            illum.ok_or_else(|| format!("takes an integer, found `{}`", excerpt(self.values)))?;
         let unknown = f64::from(u8::MAX);
         Ok(if (0.0..unknown).contains(&illum) { illum.abs() } else { unknown }.to_string())
     }
 
-    /// Returns three numbers; one stands for three. `None` for unknown kinds of colour, with a
-    /// warning.
-    fn colour(&self, warnings: &mut Warnings) -> Result<Option<String>, SceneError> {
-        let mut found = 0;
+    /// Returns three numbers; one stands for three.
+    fn colour(&self) -> Result<String, String> {
+        let mut numbers = Vec::new();
         for token in self.values.split_ascii_whitespace() {
-            if found == 0 && (token == "spectral" || token == "xyz") {
-                let text =
-                    format!("`{} {token}` is ignored: only RGB colours are known", self.keyword);
-                warnings.push(self.path, Some(self.line), text);
-                return Ok(None);
+            if numbers.is_empty() && (token == "spectral" || token == "xyz") {
+                return Err(format!("takes RGB colours, and this is `{token}`"));
             }
-            number(token).ok_or_else(|| self.bad_value("finite numbers", token))?;
-            found += 1;
+            let number = plain(token);
+            numbers.push(
+                number
+                    .ok_or_else(|| format!("takes finite numbers, found `{}`", excerpt(token)))?,
+            );
         }
-        match found {
-            1 => Ok(Some([self.values; 3].join(" "))),
-            3 => Ok(Some(self.values.to_owned())),
-            _ => Err(self.count("three numbers", found)),
+        match &numbers[..] {
+            [all] => Ok([all.as_str(); 3].join(" ")),
+            // Some exporters write an alpha after the colour.
+            [r, g, b] | [r, g, b, _] => Ok([r.as_str(), g, b].join(" ")),
+            _ => Err(format!("takes three numbers, found {}", numbers.len())),
         }
     }
+}
+
+/// Returns a finite number as `tobj` reads it: the token itself if possible.
+fn plain(token: &str) -> Option<String> {
+    if number(token).is_some() {
+        return Some(token.to_owned());
+    }
+    loose_number(token).map(|number| number.to_string())
 }
 
 impl Header {
@@ -202,6 +216,7 @@ impl Header {
             d: self.stated("d", parsed.dissolve),
             tr: self.stated("Tr", tr),
             illum: self.stated("illum", parsed.illumination_model),
+            maps: self.maps,
             name: self.name,
             path: path.to_owned(),
             line: self.line,

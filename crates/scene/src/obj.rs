@@ -6,10 +6,10 @@
 
 use crate::SceneError;
 use crate::faces::Faces;
-use crate::obj_text::{CROSSED, CleanObj, LoadProgress, MaterialUse};
+use crate::obj_text::{CROSSED, Checked, CleanObj, LoadProgress, MaterialUse};
 use crate::polygon::triangulate;
 use crate::warnings::Warnings;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::path::Path;
 
 /// The contents of an OBJ file.
@@ -24,6 +24,16 @@ pub(crate) struct ObjFile {
     pub uses: Vec<MaterialUse>,
     /// The text after each `mtllib`, with its line.
     pub libraries: Vec<(usize, String)>,
+    /// For each triangle, which corners of the file's faces it has. Empty without `attributes`.
+    pub corners: Vec<[u32; 3]>,
+    /// Texture coordinate and normal of each corner of the file's faces.
+    pub attributes: Vec<[u32; 2]>,
+    pub texcoords: Vec<[f32; 2]>,
+    pub normals: Vec<Vec3>,
+    /// The smoothing group of each triangle. Empty if there is none.
+    pub groups: Vec<u32>,
+    /// What the file is, for people, if it has no triangle.
+    pub instead: Option<String>,
 }
 
 /// Reads OBJ text; `path` is for messages.
@@ -45,12 +55,20 @@ pub(crate) fn parse_obj(
     let mut triangles = Vec::with_capacity(checked.faces.triangles());
     // Reused for all faces: allocating them costs more than a face.
     let (mut corners, mut cut) = (Vec::new(), Vec::new());
+    // Corners of faces so far, and those of each triangle.
+    let (mut passed, mut corners_of) = (0u32, Vec::new());
+    let has_attributes = !checked.corners.is_empty();
     for tobj::Model { mesh, .. } in models {
         let first = positions.len() as u32;
         positions.extend(mesh.positions.chunks_exact(3).map(DVec3::from_slice));
         if mesh.face_arities.is_empty() {
             let triangle = |t: &[u32]| [first + t[0], first + t[1], first + t[2]];
             triangles.extend(mesh.indices.chunks_exact(3).map(triangle));
+            if has_attributes {
+                let added = mesh.indices.len() as u32 / 3;
+                corners_of.extend((0..added).map(|k| [0, 1, 2].map(|j| passed + 3 * k + j)));
+            }
+            passed += mesh.indices.len() as u32;
             continue;
         }
         let mut indices = mesh.indices.iter().map(|index| first + index);
@@ -62,11 +80,17 @@ pub(crate) fn parse_obj(
             corners.extend(face.iter().map(|&k| positions[k as usize]));
             cut.clear();
             if !triangulate(&corners, &mut cut) {
-                checked.ignored.count(CROSSED, checked.faces.line(triangles.len()));
+                let line = checked.faces.line(triangles.len()).unwrap_or(0);
+                checked.ignored.count(CROSSED, line);
             }
             triangles.extend(cut.iter().map(|t| t.map(|k| face[k])));
+            if has_attributes {
+                corners_of.extend(cut.iter().map(|t| t.map(|k| passed + k as u32)));
+            }
+            passed += arity;
         }
     }
+    let instead = triangles.is_empty().then(|| recognise(text, &checked));
     checked.ignored.warn(path, warnings);
     Ok(ObjFile {
         positions,
@@ -74,5 +98,59 @@ pub(crate) fn parse_obj(
         faces: checked.faces,
         uses: checked.uses,
         libraries: checked.libraries,
+        corners: corners_of,
+        attributes: checked.corners,
+        texcoords: checked.texcoords,
+        normals: checked.normals,
+        groups: checked.groups,
+        instead,
     })
+}
+
+/// First bytes of formats that are not OBJ, and what to say.
+const OTHERS: [(&str, &str); 16] = [
+    ("ply", "it is a PLY file"),
+    ("solid", "it is an STL file"),
+    ("Kaydara FBX", "it is an FBX file"),
+    ("; FBX", "it is an FBX file"),
+    ("BLENDER", "it is a Blender file"),
+    ("PK\u{3}\u{4}", "it is a zip archive: unpack it"),
+    ("<?xml", "it is XML, perhaps COLLADA"),
+    ("<COLLADA", "it is a COLLADA file"),
+    ("<!DOCTYPE", "it is a web page"),
+    ("<html", "it is a web page"),
+    ("#VRML", "it is a VRML file"),
+    ("#?RADIANCE", "it is a Radiance picture or octree"),
+    ("ISO-10303-21", "it is a STEP or IFC file"),
+    ("newmtl", "it is an MTL file: name the .obj file that uses it"),
+    ("3D Geometry File Format", "it is a 3DM file"),
+    ("version https://git-lfs", "it is a pointer of Git LFS: fetch the file itself"),
+];
+
+/// Returns what a file without triangles is, and what to do.
+fn recognise(text: &str, checked: &Checked) -> String {
+    let start = text.trim_start_matches(['\u{feff}', ' ', '\t', '\r', '\n']);
+    let begins = |with: &str| start.get(..with.len()).is_some_and(|s| s.eq_ignore_ascii_case(with));
+    if let Some((line, example)) = checked.ignored.first_left_out()
+        && checked.faces_left_out > 0
+    {
+        let count = checked.faces_left_out;
+        return format!(
+            "all faces ({count}) are left out; the first reason, line {line}: {example}"
+        );
+    }
+    if let Some((_, what)) = OTHERS.iter().find(|(with, _)| begins(with)) {
+        return (*what).to_owned();
+    }
+    if checked.vertices > 0 {
+        let kind = if checked.ignored.has_lines() { "points and lines" } else { "points" };
+        return format!("it has only {kind} ({} `v` lines) and no face", checked.vertices);
+    }
+    if start.is_empty() {
+        return "it is empty".to_owned();
+    }
+    if text.chars().take(4096).any(|c| c == '\0' || c == char::REPLACEMENT_CHARACTER) {
+        return "it is a binary file, and OBJ is text".to_owned();
+    }
+    "it has no `v` and no `f` line, so it is no OBJ file".to_owned()
 }

@@ -5,23 +5,29 @@
 //! at texture coordinates that it cannot read. It drops the names of materials that it does not
 //! find, and copies vertices that two groups share. So it reads through [`CleanObj`], which checks
 //! each line and remembers lines and materials. It passes on only `v` with three numbers and `f`
-//! with three or more vertices, both in the words of the file.
+//! with three or more vertices.
 //!
 //! Always true:
 //! - What is passed on is finite, within [`MAX_COORDINATE`], and has indices in range at its line.
-//! - At most one logical line of it is in memory.
-//! - The first error ends the text; [`CleanObj::finish`] returns it.
-//! - Statements that a faceted scene does not use are counted, and reported once each.
+//! - A vertex that cannot be read keeps its number; faces that name it are left out.
+//! - Faces that name vertices of later lines are passed on at the end of the text.
+//! - Of other lines, at most one logical line is in memory.
+//! - What is left out or ignored is counted, and reported once for each kind with its first line.
+//! - Only a limit of [`crate::limits`] is an error. It ends the text; [`CleanObj::finish`] returns
+//!   it.
 
 use crate::SceneError;
 use crate::faces::Faces;
 use crate::limits::{
     MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES,
 };
-use crate::text::{LogicalLines, excerpt, keyword, logical_lines, number, without_comment};
+use crate::text::{
+    LogicalLines, excerpt, keyword, logical_lines, loose_number, number, without_comment,
+};
 use crate::warnings::Warnings;
-use std::collections::HashMap;
-use std::io::{BufRead, Read};
+use glam::Vec3;
+use std::collections::{HashMap, HashSet};
+use std::io::{BufRead, Read, Write};
 use std::path::Path;
 
 /// A material as an OBJ file names it.
@@ -42,6 +48,18 @@ pub(crate) struct Checked {
     /// The text after each `mtllib`, with its line.
     pub libraries: Vec<(usize, String)>,
     pub ignored: Ignored,
+    /// `vt` and `vn`; a normal that cannot be read is 0.
+    pub texcoords: Vec<[f32; 2]>,
+    pub normals: Vec<Vec3>,
+    /// Texture coordinate and normal of each corner of each face that was passed on; [`NONE`] if it
+    /// has none. Empty if no corner has any.
+    pub corners: Vec<[u32; 2]>,
+    /// The smoothing group of each triangle. Empty if there is none but 0.
+    pub groups: Vec<u32>,
+    /// Number of `v` lines.
+    pub vertices: usize,
+    /// Number of faces that were left out.
+    pub faces_left_out: usize,
 }
 
 /// Number of faces that `tobj` gets as one object. It takes over 100 bytes for a face until an
@@ -51,7 +69,27 @@ pub(crate) const FACES_AT_ONCE: usize = 1 << 20;
 /// Lines between two reports of progress: some hundredths of a second.
 const LINES_BETWEEN_REPORTS: usize = 1 << 16;
 
-/// Ignored details other than whole statements; no keyword contains a space.
+/// No texture coordinate, or no normal.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// A corner of a face.
+#[derive(Clone, Copy)]
+struct Corner {
+    /// The number of its vertex, from 1.
+    vertex: usize,
+    /// Texture coordinate and normal; from 0, or [`NONE`]. They may be on later lines.
+    attributes: [u32; 2],
+}
+
+/// Kinds of statements that are left out; no keyword contains a space.
+const BAD_VERTEX: &str = "v bad";
+const BAD_ATTRIBUTE: &str = "vt or vn bad";
+const BAD_CORNER: &str = "f corner";
+const FEW_CORNERS: &str = "f few";
+const NO_VERTEX: &str = "f vertex";
+const SPOILT_VERTEX: &str = "f spoilt";
+const NO_LIBRARY: &str = "mtllib none";
+/// Ignored details other than whole statements.
 const WEIGHT: &str = "v weight";
 const COLOUR: &str = "v colour";
 /// A polygon that cannot be divided properly.
@@ -68,6 +106,14 @@ pub struct LoadProgress {
     pub triangles: u64,
 }
 
+/// A face that names vertices of later lines.
+struct LaterFace {
+    line: usize,
+    material: u32,
+    group: u32,
+    corners: Vec<Corner>,
+}
+
 /// The clean text of an OBJ file.
 pub(crate) struct CleanObj<'a> {
     path: &'a Path,
@@ -81,8 +127,17 @@ pub(crate) struct CleanObj<'a> {
     taken: usize,
     failed: Option<SceneError>,
     checked: Checked,
-    vertices: usize,
+    /// Numbers, from 1, of vertices that could not be read.
+    spoilt: HashSet<usize>,
+    /// Faces that name vertices of later lines.
+    later: Vec<LaterFace>,
     faces_in_hand: usize,
+    /// Reused for all faces, because allocating takes longer than reading most of them.
+    corners: Vec<Corner>,
+    /// Number of corners passed on.
+    corner_count: usize,
+    /// The latest `s`.
+    group: u32,
     /// The latest `usemtl`, and its index in `checked.uses` once a face uses it.
     current: Option<String>,
     current_line: usize,
@@ -108,8 +163,12 @@ impl<'a> CleanObj<'a> {
             taken: 0,
             failed: None,
             checked: Checked::default(),
-            vertices: 0,
+            spoilt: HashSet::new(),
+            later: Vec::new(),
             faces_in_hand: 0,
+            corners: Vec::new(),
+            corner_count: 0,
+            group: 0,
             current: None,
             current_line: 0,
             current_id: None,
@@ -121,7 +180,16 @@ impl<'a> CleanObj<'a> {
     pub(crate) fn finish(self) -> Result<Checked, SceneError> {
         match self.failed {
             Some(error) => Err(error),
-            None => Ok(self.checked),
+            None => {
+                let mut checked = self.checked;
+                if !checked.corners.is_empty() {
+                    checked.corners.resize(self.corner_count, [NONE; 2]);
+                }
+                if !checked.groups.is_empty() {
+                    checked.groups.resize(checked.faces.triangles(), 0);
+                }
+                Ok(checked)
+            }
         }
     }
 
@@ -143,7 +211,13 @@ impl<'a> CleanObj<'a> {
             "f" | "fo" => self.face(without_comment(rest)),
             "usemtl" => self.use_material(rest),
             "mtllib" => self.library(rest),
-            "g" | "o" | "s" | "mg" => Ok(()),
+            "vt" => self.texture_coordinate(without_comment(rest)),
+            "vn" => self.normal(without_comment(rest)),
+            "s" => {
+                self.group = without_comment(rest).parse().unwrap_or(0);
+                Ok(())
+            }
+            "g" | "o" | "mg" => Ok(()),
             "l" | "p" => {
                 self.checked.ignored.count("l", self.line);
                 Ok(())
@@ -155,58 +229,167 @@ impl<'a> CleanObj<'a> {
         }
     }
 
+    /// Passes on a vertex. One that cannot be read is passed on as zero, to keep its number.
     fn vertex(&mut self, rest: &str) -> Result<(), SceneError> {
+        if self.checked.vertices == MAX_POSITIONS {
+            return Err(self.limit("vertices", MAX_POSITIONS));
+        }
+        self.checked.vertices += 1;
         self.clean.push(b'v');
         let mut found = 0;
         let mut fourth = "1";
         for token in rest.split_ascii_whitespace() {
-            if !is_coordinate(token) {
-                return Err(self.bad_value("v", "finite numbers of at most 1e12", token));
-            }
             match found {
-                0..=2 => self.pass_on(token),
+                0..=2 if is_plainly_small(token.as_bytes()) => self.pass_on(token),
+                0..=2 => match loose_number(token).filter(|n| n.abs() <= MAX_COORDINATE) {
+                    Some(number) => self.pass_on(&number.to_string()),
+                    None => break,
+                },
                 3 => fourth = token,
                 _ => {}
             }
             found += 1;
         }
-        match found {
-            3 => {}
-            4 if number(fourth) == Some(1.0) => {}
-            4 => self.checked.ignored.count(WEIGHT, self.line),
-            6 | 7 => self.checked.ignored.count(COLOUR, self.line),
-            _ => return Err(self.bad_count("v", "three numbers", found)),
+        if found < 3 {
+            self.clean.clear();
+            self.clean.extend_from_slice(b"v 0 0 0");
+            self.spoilt.insert(self.checked.vertices);
+            self.checked.ignored.example(BAD_VERTEX, self.line, || {
+                format!("`v` takes three numbers of at most 1e12, found `{}`", excerpt(rest))
+            });
+        } else if found == 4 && number(fourth) != Some(1.0) {
+            self.checked.ignored.count(WEIGHT, self.line);
+        } else if found > 4 {
+            self.checked.ignored.count(COLOUR, self.line);
         }
-        if self.vertices == MAX_POSITIONS {
-            return Err(self.limit("vertices", MAX_POSITIONS));
-        }
-        self.vertices += 1;
         self.clean.push(b'\n');
         Ok(())
     }
 
+    /// Remembers `vt`. One that cannot be read keeps its number.
+    fn texture_coordinate(&mut self, rest: &str) -> Result<(), SceneError> {
+        if self.checked.texcoords.len() == MAX_POSITIONS {
+            return Err(self.limit("texture coordinates", MAX_POSITIONS));
+        }
+        let mut numbers = rest.split_ascii_whitespace().map(single);
+        let pair = match (numbers.next(), numbers.next()) {
+            (Some(Some(u)), Some(Some(v))) => [u, v],
+            (Some(Some(u)), None) => [u, 0.0],
+            _ => self.bad_attribute("vt", rest, [0.0; 2]),
+        };
+        self.checked.texcoords.push(pair);
+        Ok(())
+    }
+
+    /// Remembers `vn`. One that cannot be read keeps its number.
+    fn normal(&mut self, rest: &str) -> Result<(), SceneError> {
+        if self.checked.normals.len() == MAX_POSITIONS {
+            return Err(self.limit("normals", MAX_POSITIONS));
+        }
+        let mut numbers = rest.split_ascii_whitespace().map(single);
+        let normal = match [numbers.next(), numbers.next(), numbers.next()] {
+            [Some(Some(x)), Some(Some(y)), Some(Some(z))] => Vec3::new(x, y, z),
+            _ => self.bad_attribute("vn", rest, Vec3::ZERO),
+        };
+        self.checked.normals.push(normal);
+        Ok(())
+    }
+
+    fn bad_attribute<T>(&mut self, keyword: &str, rest: &str, instead: T) -> T {
+        self.checked.ignored.example(BAD_ATTRIBUTE, self.line, || {
+            format!("`{keyword}` takes finite numbers, found `{}`", excerpt(rest))
+        });
+        instead
+    }
+
+    /// Passes on a face, or remembers it if it names vertices of later lines.
     fn face(&mut self, rest: &str) -> Result<(), SceneError> {
+        let mut corners = std::mem::take(&mut self.corners);
+        corners.clear();
+        let mut is_well_formed = true;
+        for token in rest.split_ascii_whitespace() {
+            let Some(corner) = self.corner(token) else {
+                is_well_formed = false;
+                break;
+            };
+            corners.push(corner);
+        }
+        if !is_well_formed {
+            self.checked.faces_left_out += 1;
+        } else if corners.len() < 3 {
+            self.leave_out(FEW_CORNERS, self.line, || {
+                format!("`f` takes at least three corners, found {}", corners.len())
+            });
+        } else if corners.iter().any(|corner| corner.vertex > self.checked.vertices) {
+            let (line, material, group) = (self.line, self.material_id()?, self.group);
+            self.later.push(LaterFace { line, material, group, corners: corners.clone() });
+        } else {
+            let material = self.material_id()?;
+            self.pass_on_face(&corners, self.line, material, self.group)?;
+        }
+        self.corners = corners;
+        Ok(())
+    }
+
+    /// Passes on a face whose vertices have all been passed on.
+    fn pass_on_face(
+        &mut self,
+        corners: &[Corner],
+        line: usize,
+        material: u32,
+        group: u32,
+    ) -> Result<(), SceneError> {
+        if let Some(corner) = corners.iter().find(|corner| self.spoilt.contains(&corner.vertex)) {
+            self.leave_out(SPOILT_VERTEX, line, || {
+                format!("`f` names vertex {}, which could not be read", corner.vertex)
+            });
+            return Ok(());
+        }
+        let triangles = corners.len() - 2;
+        if triangles > MAX_TRIANGLES - self.checked.faces.triangles() {
+            return Err(self.limit("triangles", MAX_TRIANGLES));
+        }
         if self.faces_in_hand == FACES_AT_ONCE {
             self.faces_in_hand = 0;
             self.clean.extend_from_slice(b"o\n");
         }
         self.faces_in_hand += 1;
         self.clean.push(b'f');
-        let mut n = 0;
-        for token in rest.split_ascii_whitespace() {
-            let vertex = self.corner(token)?;
-            self.pass_on(vertex);
-            n += 1;
+        for corner in corners {
+            // Writing to a vector cannot fail.
+            let _ = write!(self.clean, " {}", corner.vertex);
         }
-        if n < 3 {
-            return Err(self.bad_count("f", "at least three corners", n));
-        }
-        if n - 2 > MAX_TRIANGLES - self.checked.faces.triangles() {
-            return Err(self.limit("triangles", MAX_TRIANGLES));
-        }
-        let material = self.material_id()?;
-        self.checked.faces.push(n - 2, self.line, material);
         self.clean.push(b'\n');
+        self.remember_attributes(corners, group);
+        self.checked.faces.push(triangles, line, material);
+        Ok(())
+    }
+
+    /// Remembers what else the corners of a face have. Files without anything pay nothing.
+    fn remember_attributes(&mut self, corners: &[Corner], group: u32) {
+        let Checked { corners: known, groups, faces, .. } = &mut self.checked;
+        if corners.iter().any(|corner| corner.attributes != [NONE; 2]) {
+            known.resize(self.corner_count, [NONE; 2]);
+            known.extend(corners.iter().map(|corner| corner.attributes));
+        }
+        self.corner_count += corners.len();
+        if group != 0 {
+            groups.resize(faces.triangles(), 0);
+            groups.extend(std::iter::repeat_n(group, corners.len() - 2));
+        }
+    }
+
+    /// Passes on the faces that named vertices of later lines, now that all lines are known.
+    fn pass_on_later(&mut self) -> Result<(), SceneError> {
+        for LaterFace { line, material, group, corners } in std::mem::take(&mut self.later) {
+            let count = self.checked.vertices;
+            match corners.iter().find(|corner| corner.vertex > count) {
+                Some(corner) => self.leave_out(NO_VERTEX, line, || {
+                    format!("`f` names vertex {}, but there are {count}", corner.vertex)
+                }),
+                None => self.pass_on_face(&corners, line, material, group)?,
+            }
+        }
         Ok(())
     }
 
@@ -215,29 +398,53 @@ impl<'a> CleanObj<'a> {
         self.clean.extend_from_slice(token.as_bytes());
     }
 
-    /// Returns the vertex, as written, of a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Only the form
-    /// of the others is checked.
-    fn corner<'t>(&self, token: &'t str) -> Result<&'t str, SceneError> {
+    fn leave_out(&mut self, kind: &'static str, line: usize, example: impl FnOnce() -> String) {
+        self.checked.faces_left_out += 1;
+        self.checked.ignored.example(kind, line, example);
+    }
+
+    /// Returns a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. `None`, and counted, if there can be no
+    /// such corner. A texture coordinate or normal that cannot be is none.
+    fn corner(&mut self, token: &str) -> Option<Corner> {
         let mut parts = token.split('/');
-        let bad = || self.bad_value("f", "corners as v, v/vt, v//vn or v/vt/vn", token);
-        let vertex = parts.next().unwrap_or("");
-        let index: i64 = vertex.parse().map_err(|_| bad())?;
-        let (texture, normal) = (parts.next().unwrap_or(""), parts.next().unwrap_or(""));
-        let well_formed = |part: &str| part.is_empty() || part.parse::<i64>().is_ok();
-        if parts.next().is_some() || !well_formed(texture) || !well_formed(normal) {
-            return Err(bad());
+        let index = |part: Option<&str>| match part {
+            None | Some("") => Some(None),
+            Some(part) => part.parse::<i64>().ok().map(Some),
+        };
+        let read = [index(parts.next()), index(parts.next()), index(parts.next())];
+        let [Some(Some(index)), Some(texture), Some(normal)] = read else {
+            return self.bad_corner(token);
+        };
+        if parts.next().is_some() {
+            return self.bad_corner(token);
         }
-        // Negative indices count back from the latest vertex (-1), as in `tobj`.
-        let count = self.vertices;
-        if index == 0 || index.unsigned_abs() > count as u64 {
-            return Err(SceneError::VertexIndex {
-                path: self.path.to_owned(),
-                line: self.line,
-                index,
-                count,
+        // Negative indices count back from the latest (-1).
+        let from_latest = |index: i64, count: usize| match index {
+            ..0 => count as i64 + 1 + index.max(i64::MIN / 2),
+            _ => index,
+        };
+        let count = self.checked.vertices;
+        let vertex = from_latest(index, count);
+        if vertex < 1 {
+            self.checked.ignored.example(NO_VERTEX, self.line, || {
+                format!("`f` names vertex {index} after {count} (the first is 1)")
             });
+            return None;
         }
-        Ok(vertex)
+        let attribute = |index: Option<i64>, count: usize| {
+            let number = index.map_or(0, |index| from_latest(index, count));
+            u32::try_from(number - 1).unwrap_or(NONE)
+        };
+        let texture = attribute(texture, self.checked.texcoords.len());
+        let normal = attribute(normal, self.checked.normals.len());
+        Some(Corner { vertex: vertex as usize, attributes: [texture, normal] })
+    }
+
+    fn bad_corner<T>(&mut self, token: &str) -> Option<T> {
+        self.checked.ignored.example(BAD_CORNER, self.line, || {
+            format!("`f` takes corners as v, v/vt, v//vn or v/vt/vn, found `{}`", excerpt(token))
+        });
+        None
     }
 
     fn use_material(&mut self, name: &str) -> Result<(), SceneError> {
@@ -274,23 +481,15 @@ impl<'a> CleanObj<'a> {
 
     fn library(&mut self, names: &str) -> Result<(), SceneError> {
         if names.is_empty() {
-            return Err(self.bad_count("mtllib", "the name of a file", 0));
+            let text = || "`mtllib` names no file".to_owned();
+            self.checked.ignored.example(NO_LIBRARY, self.line, text);
+            return Ok(());
         }
         if self.checked.libraries.len() == MAX_MTL_FILES {
             return Err(self.limit("`mtllib` lines", MAX_MTL_FILES));
         }
         self.checked.libraries.push((self.line, names.to_owned()));
         Ok(())
-    }
-
-    fn bad_value(&self, keyword: &str, expected: &'static str, found: &str) -> SceneError {
-        let (path, keyword) = (self.path.to_owned(), keyword.to_owned());
-        SceneError::Value { path, line: self.line, keyword, expected, found: excerpt(found) }
-    }
-
-    fn bad_count(&self, keyword: &str, expected: &'static str, found: usize) -> SceneError {
-        let (path, keyword) = (self.path.to_owned(), keyword.to_owned());
-        SceneError::Count { path, line: self.line, keyword, expected, found }
     }
 
     fn limit(&self, what: &'static str, limit: usize) -> SceneError {
@@ -303,13 +502,19 @@ impl BufRead for CleanObj<'_> {
         while self.taken == self.clean.len() && self.failed.is_none() {
             self.clean.clear();
             self.taken = 0;
-            let Some((line, content)) = self.lines.next() else { break };
-            self.line = line;
-            self.unwatched += 1;
-            if self.unwatched == LINES_BETWEEN_REPORTS {
-                self.report();
-            }
-            if let Err(error) = self.statement(&content) {
+            let done = match self.lines.next() {
+                Some((line, content)) => {
+                    self.line = line;
+                    self.unwatched += 1;
+                    if self.unwatched == LINES_BETWEEN_REPORTS {
+                        self.report();
+                    }
+                    self.statement(&content)
+                }
+                None if self.later.is_empty() => break,
+                None => self.pass_on_later(),
+            };
+            if let Err(error) = done {
                 self.clean.clear();
                 self.failed = Some(error);
             }
@@ -330,11 +535,9 @@ impl Read for CleanObj<'_> {
     }
 }
 
-/// Returns whether a token is a finite number of at most [`MAX_COORDINATE`]. Most are plain
-/// decimals, which are recognised without parsing.
-fn is_coordinate(token: &str) -> bool {
-    is_plainly_small(token.as_bytes())
-        || number(token).is_some_and(|value| value.abs() <= MAX_COORDINATE)
+/// Returns a finite number.
+fn single(token: &str) -> Option<f32> {
+    loose_number(token).map(|number| number as f32).filter(|number| number.is_finite())
 }
 
 /// Returns whether a token is a decimal without exponent with one to twelve digits before the
@@ -347,36 +550,70 @@ fn is_plainly_small(token: &[u8]) -> bool {
     (1..=12).contains(&whole) && fraction.iter().all(u8::is_ascii_digit)
 }
 
-/// Ignored statements: how many of each, and where the first is.
+/// Statements that are ignored or left out: how many of each kind, and where the first is.
 #[derive(Default)]
 pub(crate) struct Ignored {
-    kinds: HashMap<String, (usize, usize)>,
+    kinds: HashMap<String, Kind>,
+}
+
+struct Kind {
+    line: usize,
+    count: usize,
+    /// What is wrong with the first one, for people.
+    example: Option<String>,
 }
 
 impl Ignored {
     /// Most kinds that are named. A file that is no OBJ file may have any number of keywords.
     const MAX_KINDS: usize = 32;
 
+    /// Counts a statement of a kind that is ignored.
     pub(crate) fn count(&mut self, kind: &str, line: usize) {
         // No allocation for known kinds: there are as many normals as vertices.
-        if let Some((_, count)) = self.kinds.get_mut(kind) {
-            *count += 1;
+        if let Some(known) = self.kinds.get_mut(kind) {
+            known.count += 1;
         } else if self.kinds.len() < Self::MAX_KINDS || kind == CROSSED {
-            self.kinds.insert(kind.to_owned(), (line, 1));
+            self.kinds.insert(kind.to_owned(), Kind { line, count: 1, example: None });
         }
+    }
+
+    /// Counts a statement that is left out. `example` says what is wrong with the first one.
+    pub(crate) fn example(
+        &mut self,
+        kind: &'static str,
+        line: usize,
+        example: impl FnOnce() -> String,
+    ) {
+        match self.kinds.get_mut(kind) {
+            Some(known) => known.count += 1,
+            None => {
+                let kind_of_first = Kind { line, count: 1, example: Some(example()) };
+                self.kinds.insert(kind.to_owned(), kind_of_first);
+            }
+        }
+    }
+
+    /// Returns what is wrong with the first of the statements that were left out, and its line.
+    pub(crate) fn first_left_out(&self) -> Option<(usize, &str)> {
+        let examples = self.kinds.values().filter_map(|k| Some((k.line, k.example.as_deref()?)));
+        examples.min()
+    }
+
+    /// Returns whether there were lines or points.
+    pub(crate) fn has_lines(&self) -> bool {
+        self.kinds.contains_key("l")
     }
 
     pub(crate) fn warn(self, path: &Path, warnings: &mut Warnings) {
         let mut kinds: Vec<_> = self.kinds.into_iter().collect();
-        kinds.sort_by_key(|(_, (line, _))| *line);
-        for (kind, (line, count)) in kinds {
-            let why = match kind.as_str() {
-                "vn" => "`vn` is ignored: surfaces are faceted, as modelled".to_owned(),
-                "vt" => "`vt` is ignored: there are no textures".to_owned(),
-                "l" => "lines and points (`l`, `p`) are ignored".to_owned(),
-                WEIGHT => "the weight of `v` is ignored".to_owned(),
-                COLOUR => "colours of vertices are ignored".to_owned(),
-                CROSSED => {
+        kinds.sort_by(|a, b| (a.1.line, &a.0).cmp(&(b.1.line, &b.0)));
+        for (kind, Kind { line, count, example }) in kinds {
+            let why = match (kind.as_str(), example) {
+                (_, Some(example)) => example + "; it is left out",
+                ("l", _) => "lines and points (`l`, `p`) are ignored".to_owned(),
+                (WEIGHT, _) => "the weight of `v` is ignored".to_owned(),
+                (COLOUR, _) => "colours of vertices are ignored".to_owned(),
+                (CROSSED, _) => {
                     "a polygon crosses itself or is very long: its triangles may overlap".to_owned()
                 }
                 _ => format!("`{}` is unknown and ignored", excerpt(&kind)),

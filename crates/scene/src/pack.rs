@@ -5,7 +5,7 @@
 //! ```text
 //! offset          bytes  what
 //! 0               8      magic "holoscn\n" (the newline shows transfers that translate line ends)
-//! 8               4      version, u32: 1
+//! 8               4      version, u32: 1 or 2
 //! 12              4      zero
 //! 16              8      P, number of positions, u64
 //! 24              8      T, number of triangles, u64
@@ -37,19 +37,44 @@
 //! 5 coated        8      kd, ks, ior, alpha
 //! ```
 //!
+//! Version 2 follows the materials with normals and textures. Scenes without them have version 1.
+//!
+//! ```text
+//! 0               4      flags, u32: bit 0 texture coordinates, bit 1 normals
+//! 4               4      N, number of textures, u32
+//! 8               24·T   if bit 0: coordinates, 3 corners × 2 × f32 for each triangle
+//!                 12·T   if bit 1: normals, 3 corners × 2 × i16 for each triangle (octahedral)
+//!                 12·M   if bit 0: base, emission and cut-out texture of each material, u32 each;
+//!                        2³²-1 for none
+//!                 N ×    textures, one after another; then the end
+//!
+//! a texture:
+//! 0               4      n, bytes of its file, u32
+//! 4               2      wrap across and down, u8 each: 0 repeat, 1 clamp, 2 mirror
+//! 6               1      1 if its bytes are linear, 0 if they are sRGB
+//! 7               1      1 if its brightness is an opacity, else 0
+//! 8               n      its file: PNG, JPEG, Radiance HDR, EXR, BMP or TGA
+//! ```
+//!
 //! A scene has exactly one packing. Damage is found by the content hash, not here: what `unpack`
 //! promises of any bytes is a valid scene or an error.
 
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
-use crate::{Bsdf, Material, PackedError, Rgb, Scene, SceneError};
+use crate::shading::MAX_TEXTURES;
+use crate::texture::MAX_TEXTURE_BYTES;
+use crate::{Bsdf, Maps, Material, PackedError, Rgb, Scene, SceneError, Shading, Texture, Wrap};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 /// The first bytes of a packed scene.
 pub const MAGIC: [u8; 8] = *b"holoscn\n";
 
-/// The version of the format that this program writes and reads.
+/// The versions of the format that this program writes and reads: of plain scenes, and of scenes
+/// with normals or textures.
 pub const VERSION: u32 = 1;
+
+/// See [`VERSION`].
+pub const SHADED_VERSION: u32 = 2;
 
 /// Bytes of a packed scene before its arrays.
 pub const HEADER_BYTES: usize = 88;
@@ -97,9 +122,10 @@ impl Scene {
         for material in &self.materials {
             pack_material(material, &mut materials);
         }
+        let version = if self.shading.is_some() { SHADED_VERSION } else { VERSION };
         let header = Header {
             magic: MAGIC,
-            version: VERSION.to_le_bytes(),
+            version: version.to_le_bytes(),
             reserved: [0; 4],
             positions: (self.positions.len() as u64).to_le_bytes(),
             triangles: (self.triangles.len() as u64).to_le_bytes(),
@@ -120,6 +146,9 @@ impl Scene {
             .for_each(|t| packed.extend_from_slice(bytemuck::bytes_of(&t.map(u32::to_le_bytes))));
         self.material_ids.iter().for_each(|id| packed.extend_from_slice(&id.to_le_bytes()));
         packed.extend_from_slice(&materials);
+        if let Some(shading) = &self.shading {
+            pack_shading(shading, &mut packed);
+        }
         packed
     }
 
@@ -136,7 +165,7 @@ impl Scene {
         }
         let (header, rest) = split::<Header>(packed).ok_or(too_short)?;
         let version = u32::from_le_bytes(header.version);
-        if version != VERSION {
+        if version != VERSION && version != SHADED_VERSION {
             return Err(PackedError::Version { found: version, known: VERSION }.into());
         }
         if header.reserved != [0; 4] || header.padding != [0; 4] {
@@ -152,14 +181,16 @@ impl Scene {
         // At most 12·2²⁸ + 16·2²⁸ + 2²⁷. This fits into u64, and into usize once it equals a
         // length.
         let expected = 12 * positions as u64 + 16 * triangles as u64 + material_bytes as u64;
-        if rest.len() as u64 != expected {
+        let has_shading = version == SHADED_VERSION;
+        if (rest.len() as u64) < expected || (!has_shading && rest.len() as u64 != expected) {
             let (expected, found) = (expected + HEADER_BYTES as u64, packed.len() as u64);
             return Err(PackedError::Length { expected, found }.into());
         }
         let (position_bytes, rest) = rest.split_at(12 * positions);
         let (triangle_bytes, rest) = rest.split_at(12 * triangles);
-        let (id_bytes, material_bytes) = rest.split_at(4 * triangles);
-        Scene::new(
+        let (id_bytes, rest) = rest.split_at(4 * triangles);
+        let (material_bytes, shading_bytes) = rest.split_at(material_bytes);
+        let scene = Scene::new(
             DVec3::from_array(header.origin.map(f64::from_le_bytes)),
             bytemuck::cast_slice::<u8, Words3>(position_bytes)
                 .iter()
@@ -175,7 +206,13 @@ impl Scene {
                 .collect(),
             unpack_materials(material_bytes, materials)?,
             header.sky.map(f32::from_le_bytes),
-        )
+        )?;
+        if !has_shading {
+            return Ok(scene);
+        }
+        let scene = scene.with_shading(unpack_shading(shading_bytes, triangles, materials)?)?;
+        // A shading with nothing in it has no packing.
+        if scene.shading.is_none() { Err(PackedError::Shading.into()) } else { Ok(scene) }
     }
 
     /// Returns the BLAKE3 hash of a packed scene, by which processes identify it.
@@ -288,6 +325,102 @@ fn unpack_material(bytes: &[u8]) -> Option<(Material, &[u8])> {
         two_sided_emission: header.flags & TWO_SIDED != 0,
     };
     Some((material, rest))
+}
+
+const HAS_UVS: u32 = 1;
+const HAS_NORMALS: u32 = 2;
+const NO_TEXTURE: u32 = u32::MAX;
+
+fn pack_shading(shading: &Shading, out: &mut Vec<u8>) {
+    let has_uvs = !shading.maps.is_empty();
+    let mut flags = if has_uvs { HAS_UVS } else { 0 };
+    flags |= if shading.normals.is_empty() { 0 } else { HAS_NORMALS };
+    let textures = if has_uvs { &shading.textures[..] } else { &[] };
+    out.extend(flags.to_le_bytes());
+    out.extend((textures.len() as u32).to_le_bytes());
+    if has_uvs {
+        let numbers = shading.uvs.as_flattened().as_flattened();
+        numbers.iter().for_each(|c| out.extend(c.to_le_bytes()));
+    }
+    let numbers = shading.normals.as_flattened().as_flattened();
+    numbers.iter().for_each(|c| out.extend(c.to_le_bytes()));
+    for map in shading.maps.iter().flat_map(Maps::all) {
+        out.extend(map.unwrap_or(NO_TEXTURE).to_le_bytes());
+    }
+    for texture in textures {
+        out.extend((texture.encoded.len() as u32).to_le_bytes());
+        out.extend(texture.wrap.map(|wrap| match wrap {
+            Wrap::Repeat => 0,
+            Wrap::Clamp => 1,
+            Wrap::Mirror => 2,
+        }));
+        out.extend([u8::from(texture.is_linear), u8::from(texture.is_mask)]);
+        out.extend_from_slice(&texture.encoded);
+    }
+}
+
+/// Takes `count` values off the front of `bytes`.
+fn take<'a, T: Pod>(bytes: &mut &'a [u8], count: usize) -> Result<&'a [T], PackedError> {
+    let length = count.checked_mul(size_of::<T>()).ok_or(PackedError::Shading)?;
+    let (head, rest) = bytes.split_at_checked(length).ok_or(PackedError::Shading)?;
+    *bytes = rest;
+    bytemuck::try_cast_slice(head).map_err(|_| PackedError::Shading)
+}
+
+fn unpack_shading(
+    mut bytes: &[u8],
+    triangles: usize,
+    materials: usize,
+) -> Result<Shading, SceneError> {
+    let [flags, count] =
+        *take::<[[u8; 4]; 2]>(&mut bytes, 1)?.first().ok_or(PackedError::Shading)?;
+    let (flags, count) = (u32::from_le_bytes(flags), u32::from_le_bytes(count) as usize);
+    let has_uvs = flags & HAS_UVS != 0;
+    if flags & !(HAS_UVS | HAS_NORMALS) != 0 || count > MAX_TEXTURES || (!has_uvs && count > 0) {
+        return Err(PackedError::Shading.into());
+    }
+    let mut shading = Shading::default();
+    if has_uvs {
+        let corners = take::<[[[u8; 4]; 2]; 3]>(&mut bytes, triangles)?;
+        shading.uvs = corners.iter().map(|c| c.map(|uv| uv.map(f32::from_le_bytes))).collect();
+    }
+    if flags & HAS_NORMALS != 0 {
+        let corners = take::<[[[u8; 2]; 2]; 3]>(&mut bytes, triangles)?;
+        shading.normals = corners.iter().map(|c| c.map(|n| n.map(i16::from_le_bytes))).collect();
+    }
+    if has_uvs {
+        let map = |map: [u8; 4]| Some(u32::from_le_bytes(map)).filter(|&map| map != NO_TEXTURE);
+        let all = take::<[[u8; 4]; 3]>(&mut bytes, materials)?;
+        shading.maps = all
+            .iter()
+            .map(|m| Maps { base: map(m[0]), emission: map(m[1]), cut_out: map(m[2]) })
+            .collect();
+    }
+    let mut encoded = Vec::new();
+    for _ in 0..count {
+        let header = *take::<[u8; 8]>(&mut bytes, 1)?.first().ok_or(PackedError::Shading)?;
+        let [a, b, c, d, across, down, linear, mask] = header;
+        let wrap = |code: u8| match code {
+            0 => Ok(Wrap::Repeat),
+            1 => Ok(Wrap::Clamp),
+            2 => Ok(Wrap::Mirror),
+            _ => Err(PackedError::Shading),
+        };
+        let length = u32::from_le_bytes([a, b, c, d]) as usize;
+        if mask > 1 || linear > 1 || length > MAX_TEXTURE_BYTES {
+            return Err(PackedError::Shading.into());
+        }
+        let file = take::<u8>(&mut bytes, length)?;
+        encoded.push((file, [wrap(across)?, wrap(down)?], linear == 1, mask == 1));
+    }
+    if !bytes.is_empty() {
+        return Err(PackedError::Shading.into());
+    }
+    for (id, (file, wrap, linear, mask)) in encoded.into_iter().enumerate() {
+        let texture = Texture::decode(file.into(), wrap, linear, mask);
+        shading.textures.push(texture.map_err(|_| PackedError::Texture(id))?);
+    }
+    Ok(shading)
 }
 
 fn number(bytes: &mut &[u8]) -> Option<f32> {

@@ -5,7 +5,7 @@
 use crate::inside::OpenBox;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::material::is_radiance;
-use crate::{Bsdf, Material, Rgb, SceneError};
+use crate::{Bsdf, Material, Rgb, SceneError, Shading};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
@@ -29,6 +29,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Radiance of the sky, the same in every direction, W·sr⁻¹·m⁻².
     pub sky: Rgb,
+    /// Normals and textures, if there are any.
+    pub shading: Option<Box<Shading>>,
 }
 
 /// The features that a scene uses. Materials that no triangle has do not count.
@@ -55,6 +57,10 @@ pub struct Features {
     pub two_sided_emission: bool,
     /// The sky is not black.
     pub sky: bool,
+    /// Some surface is smoothly curved.
+    pub smooth: bool,
+    /// Some surface has a texture.
+    pub textures: bool,
 }
 
 impl Scene {
@@ -71,7 +77,8 @@ impl Scene {
         materials: Vec<Material>,
         sky: Rgb,
     ) -> Result<Scene, SceneError> {
-        let scene = Scene { origin, positions, triangles, material_ids, materials, sky };
+        let scene =
+            Scene { origin, positions, triangles, material_ids, materials, sky, shading: None };
         scene.validate()?;
         Ok(scene)
     }
@@ -245,6 +252,10 @@ impl Scene {
         }
         let mut features =
             Features { sky: self.sky.iter().any(|&c| c > 0.0), ..Features::default() };
+        if let Some(shading) = &self.shading {
+            features.smooth = !shading.normals.is_empty();
+            features.textures = !shading.textures.is_empty();
+        }
         for (material, &count) in
             self.materials.iter().zip(&triangles_of).filter(|(_, count)| **count > 0)
         {

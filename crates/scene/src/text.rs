@@ -9,8 +9,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Reads a text file of at most `limit` bytes. Bytes that are not UTF-8 (such as old comments)
-/// become U+FFFD.
+/// Reads a text file of at most `limit` bytes: UTF-8, or UTF-16 with or without a byte order mark.
+/// Bytes that are neither (such as old comments) become U+FFFD.
 pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, SceneError> {
     let io = |source| SceneError::Io { path: path.to_owned(), source };
     let file = File::open(path).map_err(io)?;
@@ -25,8 +25,25 @@ pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, SceneError> {
     if bytes.len() as u64 > limit {
         return Err(too_large());
     }
+    if let Some(unit) = utf16_unit(&bytes) {
+        let (pairs, _) = bytes.as_chunks::<2>();
+        let units = char::decode_utf16(pairs.iter().map(|pair| unit(*pair)));
+        return Ok(units.map(|unit| unit.unwrap_or(char::REPLACEMENT_CHARACTER)).collect());
+    }
     Ok(String::from_utf8(bytes)
         .unwrap_or_else(|bad| String::from_utf8_lossy(bad.as_bytes()).into_owned()))
+}
+
+/// Returns how two bytes make a unit of UTF-16, if the text is UTF-16.
+fn utf16_unit(bytes: &[u8]) -> Option<fn([u8; 2]) -> u16> {
+    match *bytes {
+        [0xff, 0xfe, ..] => Some(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => Some(u16::from_be_bytes),
+        // Without a mark: plain text in UTF-8 has no zero bytes.
+        [a, 0, b, 0, ..] if a != 0 && b != 0 => Some(u16::from_le_bytes),
+        [0, a, 0, b, ..] if a != 0 && b != 0 => Some(u16::from_be_bytes),
+        _ => None,
+    }
 }
 
 /// Iterates over the logical lines of `text` with their numbers.
@@ -124,6 +141,26 @@ pub(crate) fn number(token: &str) -> Option<f64> {
     token.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
+/// Parses a finite number that is written as some exporters do, but not as Rust does: `3.1+e2` (the
+/// sign before the exponent), `1.5d3` (Fortran), `1,5` (a decimal comma), `1.5f`.
+pub(crate) fn loose_number(token: &str) -> Option<f64> {
+    if let Some(number) = number(token) {
+        return Some(number);
+    }
+    if !token.is_ascii() || token.len() > 64 {
+        return None;
+    }
+    let mut plain = token.to_ascii_lowercase().replace(',', ".").replace('d', "e");
+    for sign in ["+e", "-e"] {
+        if let Some((whole, exponent)) = plain.split_once(sign) {
+            plain = format!("{whole}e{}{exponent}", &sign[..1]);
+        }
+    }
+    let plain = plain.strip_suffix('f').unwrap_or(&plain);
+    let looks_numeric = plain.bytes().all(|b| b.is_ascii_digit() || b"+-.e".contains(&b));
+    number(plain).filter(|_| looks_numeric)
+}
+
 /// Returns at most the first few dozen characters of a text, for messages.
 pub(crate) fn excerpt(text: &str) -> String {
     const SHOWN: usize = 40;
@@ -134,6 +171,7 @@ pub(crate) fn excerpt(text: &str) -> String {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -148,6 +186,40 @@ mod tests {
             let text = ["\u{feff}# a comment", "  v 1 2 3\t ", "", "f 1 2 3"].join(end);
             assert_eq!(lines(&text), expected);
             assert_eq!(lines(&(text + end)), expected);
+        }
+    }
+
+    #[test]
+    fn numbers_are_read_as_exporters_write_them() {
+        for (token, value) in [
+            ("3.1+e2", 310.0),
+            ("3.1-e2", 0.031),
+            ("1.5d3", 1500.0),
+            ("1,5", 1.5),
+            ("1.5f", 1.5),
+            ("+2", 2.0),
+            (".5", 0.5),
+        ] {
+            assert_eq!(loose_number(token), Some(value), "{token}");
+        }
+        for token in ["nan", "inf", "1e999", "x", "", "1.#IND", "1,2,3", "--1", "infinity"] {
+            assert_eq!(loose_number(token), None, "{token}");
+        }
+    }
+
+    #[test]
+    fn utf16_is_read_in_either_order_with_and_without_a_mark() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t");
+        let text = "v 1 2 3\nusemtl grün";
+        for big in [false, true] {
+            for mark in ["", "\u{feff}"] {
+                let units = (mark.to_owned() + text).encode_utf16().collect::<Vec<_>>();
+                let bytes = |unit: &u16| if big { unit.to_be_bytes() } else { unit.to_le_bytes() };
+                std::fs::write(&path, units.iter().flat_map(bytes).collect::<Vec<u8>>()).unwrap();
+                let read = read_text(&path, 1000).unwrap();
+                assert_eq!(read.strip_prefix(mark), Some(text));
+            }
         }
     }
 

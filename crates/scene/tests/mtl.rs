@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{error, load_with, messages};
+use common::{load_with, messages};
 use holo_scene::{Bsdf, LoadOptions, Loaded, Material, SceneError};
 
 fn try_load(mtl: &str) -> Result<Loaded, SceneError> {
@@ -198,14 +198,10 @@ fn unsupported_statements_give_warnings_with_their_line() {
     let cases = [
         (
             "Kd 1 1 1\nmap_Kd -s 1 1 1 my wood.png",
-            "s.mtl:3: `map_Kd -s 1 1 1 my wood.png` is ignored: there are no textures",
+            "s.mtl:3: `my wood.png`: texture `my wood.png` is not in the model's folder; it is left out",
         ),
-        ("Kd 1 1 1\nbump b.png", "s.mtl:3: `bump b.png` is ignored: there are no textures"),
+        ("Kd 1 1 1\nbump b.png", "s.mtl:3: `bump b.png` is ignored: this texture is not supported"),
         ("Kd 1 1 1\nPr 0.5\nPr 0.6", "s.mtl:3: `Pr` is unknown and ignored (reported once)"),
-        (
-            "Kd 1 1 1\nKd spectral f.rfl 1",
-            "s.mtl:3: `Kd spectral` is ignored: only RGB colours are known",
-        ),
         ("Kd .5\nillum 300", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
         ("Kd .5\nillum -4", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
         ("Kd .5\nillum 5", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
@@ -220,23 +216,27 @@ fn unsupported_statements_give_warnings_with_their_line() {
 }
 
 #[test]
-fn malformed_values_are_errors_with_their_line() {
+fn malformed_statements_are_left_out_with_their_line() {
     let cases = [
-        ("Kd 1 2", "s.mtl:2: `Kd` takes three numbers, found 2"),
-        ("Kd", "s.mtl:2: `Kd` takes three numbers, found 0"),
-        ("Kd 1 nan 1", "s.mtl:2: `Kd` takes finite numbers, found `nan`"),
-        ("Ke inf 0 0", "s.mtl:2: `Ke` takes finite numbers, found `inf`"),
-        ("Ns", "s.mtl:2: `Ns` takes one number, found 0"),
-        ("Ni 1 2", "s.mtl:2: `Ni` takes one number, found 2"),
-        ("d x", "s.mtl:2: `d` takes a finite number, found `x`"),
-        ("Tf 1 1 nan", "s.mtl:2: `Tf` takes finite numbers, found `nan`"),
-        ("Tr inf", "s.mtl:2: `Tr` takes a finite number, found `inf`"),
-        ("illum 1.5", "s.mtl:2: `illum` takes an integer, found `1.5`"),
+        ("Kd 1 2", "`Kd` takes three numbers, found 2"),
+        ("Kd", "`Kd` takes three numbers, found 0"),
+        ("Kd 1 nan 1", "`Kd` takes finite numbers, found `nan`"),
+        ("Ke inf 0 0", "`Ke` takes finite numbers, found `inf`"),
+        ("Ns", "`Ns` takes one number, found 0"),
+        ("Ni 1 2", "`Ni` takes one number, found 2"),
+        ("d x", "`d` takes a finite number, found `x`"),
+        ("Tf 1 1 nan", "`Tf` takes finite numbers, found `nan`"),
+        ("Tr inf", "`Tr` takes a finite number, found `inf`"),
+        ("illum 1.5", "`illum` takes an integer, found `1.5`"),
+        ("Kd spectral f.rfl 1", "`Kd` takes RGB colours, and this is `spectral`"),
     ];
-    for (statements, expected) in cases {
-        assert_eq!(error(try_load(&format!("newmtl m\n{statements}\n"))), expected);
+    for (statement, problem) in cases {
+        let (material, warnings) = material(&format!("Kd .1 .2 .3\n{statement}"));
+        assert_eq!(material.bsdf, Bsdf::Diffuse { kd: KD }, "{statement}");
+        assert_eq!(warnings, [format!("s.mtl:3: {problem}; it is left out")], "{statement}");
     }
-    assert_eq!(error(try_load("Kd 1 1 1\n")), "s.mtl:1: `Kd` comes before any `newmtl`");
+    let loaded = try_load("Kd 1 1 1\nnewmtl m\nKd 0.5\n").unwrap();
+    assert_eq!(messages(&loaded), ["s.mtl:1: `Kd` comes before any `newmtl`; it is left out"]);
 }
 
 #[test]

@@ -6,7 +6,7 @@ mod common;
 
 use common::{error, load, load_in, load_with, messages};
 use glam::DVec3;
-use holo_scene::{LoadOptions, Scene, SceneError, load_obj_watched};
+use holo_scene::{LoadOptions, Scene, SceneError, load_watched};
 use proptest::prelude::*;
 
 const SQUARE: &str = "v 0 0 0\nv 2 0 0\nv 2 4 0\nv 0 4 0\n";
@@ -51,7 +51,7 @@ fn whoever_waits_for_a_long_file_sees_how_far_it_is() {
     let text = SQUARE.to_owned() + &"f 1 2 3 4\n".repeat(300_000);
     std::fs::write(&path, &text).unwrap();
     let mut reports = Vec::new();
-    load_obj_watched(&path, &LoadOptions::default(), &mut |report| reports.push(report)).unwrap();
+    load_watched(&path, &LoadOptions::default(), &mut |report| reports.push(report)).unwrap();
     assert_eq!(reports.len(), 4, "one for every 65,536 lines");
     assert!(reports.is_sorted_by(|a, b| a.bytes < b.bytes && a.triangles < b.triangles));
     let last = reports[3];
@@ -134,64 +134,91 @@ fn more_faces_than_are_parsed_at_once_keep_their_corners_and_materials() {
     assert_eq!((corners.len(), scene.positions.len()), (at, 8));
 }
 
+/// A triangle that is always read, before statements that cannot be.
+const GOOD: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
 #[test]
-fn errors_name_the_line_and_what_was_found() {
+fn what_cannot_be_read_is_left_out_with_its_line_and_a_count() {
     let cases = [
-        ("v 1 2\n", "s.obj:1: `v` takes three numbers, found 2"),
-        ("v 1 2 3 4 5\n", "s.obj:1: `v` takes three numbers, found 5"),
-        ("\nv 1 2 x\n", "s.obj:2: `v` takes finite numbers of at most 1e12, found `x`"),
-        ("v 1 2 nan\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `nan`"),
-        ("v 1 -inf 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `-inf`"),
-        ("v 1 1e999 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1e999`"),
-        ("v 1 1e13 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1e13`"),
+        ("v 1 2", "`v` takes three numbers of at most 1e12, found `1 2`"),
+        ("v 1 2 x", "`v` takes three numbers of at most 1e12, found `1 2 x`"),
+        ("v 1 2 nan", "`v` takes three numbers of at most 1e12, found `1 2 nan`"),
+        ("v 1 1e999 2", "`v` takes three numbers of at most 1e12, found `1 1e999 2`"),
+        ("v 1 1e13 2", "`v` takes three numbers of at most 1e12, found `1 1e13 2`"),
+        ("v 1 . 2", "`v` takes three numbers of at most 1e12, found `1 . 2`"),
+        ("f 1 2", "`f` takes at least three corners, found 2"),
+        ("f", "`f` takes at least three corners, found 0"),
+        ("f 1 0 1", "`f` names vertex 0 after 3 (the first is 1)"),
+        ("f 1 1 9", "`f` names vertex 9, but there are 3"),
+        ("f 1 1 -9", "`f` names vertex -9 after 3 (the first is 1)"),
         (
-            "v 1 2 1000000000001\n",
-            "s.obj:1: `v` takes finite numbers of at most 1e12, found `1000000000001`",
+            "f 1 1 -9223372036854775808",
+            "`f` names vertex -9223372036854775808 after 3 (the first is 1)",
         ),
-        ("v 1 . 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `.`"),
-        ("v 1 --1 2\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `--1`"),
-        ("v 1 2 3 nan\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `nan`"),
-        ("v 1,5 2 3\n", "s.obj:1: `v` takes finite numbers of at most 1e12, found `1,5`"),
-        ("v 0 0 0\nv 1 0 0\n#\nf 1 2\n", "s.obj:4: `f` takes at least three corners, found 2"),
-        ("f\n", "s.obj:1: `f` takes at least three corners, found 0"),
-        (
-            "v 0 0 0\nf 1 0 1\n",
-            "s.obj:2: `f` names vertex 0, but 1 are defined before this line (the first is 1)",
-        ),
-        (
-            "v 0 0 0\nf 1 1 2\n",
-            "s.obj:2: `f` names vertex 2, but 1 are defined before this line (the first is 1)",
-        ),
-        (
-            "v 0 0 0\nf 1 1 -2\n",
-            "s.obj:2: `f` names vertex -2, but 1 are defined before this line (the first is 1)",
-        ),
-        (
-            "v 0 0 0\nf 1 1 -9223372036854775808\n",
-            "s.obj:2: `f` names vertex -9223372036854775808, but 1 are defined before this line (the first is 1)",
-        ),
-        (
-            "v 0 0 0\nf 1 1 1.5\n",
-            "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1.5`",
-        ),
-        (
-            "v 0 0 0\nf 1 1 1/x\n",
-            "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1/x`",
-        ),
-        (
-            "v 0 0 0\nf 1 1 1/1/1/1\n",
-            "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1/1/1/1`",
-        ),
-        (
-            "v 0 0 0\nf 1 1 99999999999999999999\n",
-            "s.obj:2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `99999999999999999999`",
-        ),
-        ("mtllib\n", "s.obj:1: `mtllib` takes the name of a file, found 0"),
-        ("", "s.obj: no triangle with an area in it"),
-        ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "s.obj: no triangle with an area in it"),
+        ("f 1 1 1.5", "`f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1.5`"),
+        ("f 1 1 1/x", "`f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1/x`"),
+        ("f 1 1 1/1/1/1", "`f` takes corners as v, v/vt, v//vn or v/vt/vn, found `1/1/1/1`"),
+        ("mtllib", "`mtllib` names no file"),
     ];
-    for (obj, expected) in cases {
-        assert_eq!(error(load(obj)), expected, "{obj:?}");
+    for (statement, problem) in cases {
+        let loaded = load(format!("{GOOD}{statement}\n{statement}\n")).unwrap();
+        assert_eq!(loaded.scene.triangles.len(), 1, "{statement}");
+        let expected = format!("s.obj:5: {problem}; it is left out (2 lines)");
+        assert!(messages(&loaded).contains(&expected), "{statement}: {:?}", messages(&loaded));
+    }
+}
+
+#[test]
+fn a_vertex_that_cannot_be_read_keeps_its_number_and_spoils_only_its_faces() {
+    let obj =
+        "v 0 0 0\nv 1 0 0\nv 0 nan 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 5 3 1\nf -1 -4 -5\n";
+    let loaded = load(obj).unwrap();
+    let [o, x, y, z] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+    assert_eq!(world(&loaded.scene), [[o, x, y], [z, x, o]]);
+    assert_eq!(
+        messages(&loaded)[1],
+        "s.obj:6: `f` names vertex 3, which could not be read; it is left out (2 lines)"
+    );
+}
+
+#[test]
+fn a_face_may_name_vertices_of_later_lines() {
+    let obj = "usemtl a\nf 1 2 4\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl b\nf 1 2 3\nv 0 0 1\n";
+    let scene = load(obj).unwrap().scene;
+    let [o, x, y, z] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+    assert_eq!(world(&scene), [[o, x, y], [o, x, z]]);
+    let names = scene.material_ids.iter().map(|&id| scene.materials[id as usize].name.as_str());
+    assert_eq!(names.collect::<Vec<_>>(), ["b", "a"]);
+}
+
+#[test]
+fn numbers_and_utf16_are_read_as_exporters_write_them() {
+    let plain = load("v 0 0 0\nv 310 0 0\nv 0 1.5 0\nf 1 2 3\n").unwrap().scene;
+    let odd = "v 0 0 +0\nv 3.1+e2 0 0\nv 0 1,5 0\nf 1 2 3\n";
+    assert_eq!(load(odd).unwrap().scene, plain);
+    let utf16: Vec<u8> =
+        "\u{feff}".chars().chain(odd.chars()).flat_map(|c| (c as u16).to_le_bytes()).collect();
+    assert_eq!(load(utf16).unwrap().scene, plain);
+}
+
+#[test]
+fn a_file_without_triangles_is_refused_by_what_it_is() {
+    let cases = [
+        ("", "it is empty"),
+        ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "none of its triangles (1) has an area"),
+        ("v 0 0 0\nv 1 0 0\n", "it has only points (2 `v` lines) and no face"),
+        ("v 0 0 0\nv 1 0 0\nl 1 2\n", "it has only points and lines (2 `v` lines) and no face"),
+        (
+            "v 0 0 0\nf 1 1 x\nf 1 2 3\n",
+            "all faces (2) are left out; the first reason, line 2: `f` takes corners as v, v/vt, v//vn or v/vt/vn, found `x`",
+        ),
+        ("solid cube\nfacet normal 0 0 1\n", "it is an STL file"),
+        ("newmtl a\nKd 1 1 1\n", "it is an MTL file: name the .obj file that uses it"),
+        ("\u{1}\0\0\0binary", "it is a binary file, and OBJ is text"),
+        ("dear diary", "it has no `v` and no `f` line, so it is no OBJ file"),
+    ];
+    for (obj, instead) in cases {
+        assert_eq!(error(load(obj)), format!("s.obj: no triangle in it: {instead}"), "{obj:?}");
     }
 }
 
@@ -199,7 +226,7 @@ fn errors_name_the_line_and_what_was_found() {
 fn a_missing_file_and_a_folder_are_errors_with_their_path() {
     let folder = tempfile::tempdir().unwrap();
     for path in [folder.path().join("no.obj"), folder.path().to_owned()] {
-        let error = holo_scene::load_obj(&path, &LoadOptions::default()).unwrap_err();
+        let error = holo_scene::load(&path, &LoadOptions::default()).unwrap_err();
         assert!(matches!(error, SceneError::Io { .. }), "{error}");
         assert!(error.to_string().starts_with(&*path.to_string_lossy()), "{error}");
     }
@@ -214,8 +241,6 @@ fn ignored_statements_give_one_warning_with_the_first_line() {
     let loaded = load(obj).unwrap();
     assert_eq!(loaded.scene.triangles.len(), 1);
     let expected = [
-        "s.obj:5: `vn` is ignored: surfaces are faceted, as modelled (2 lines)",
-        "s.obj:7: `vt` is ignored: there are no textures",
         "s.obj:12: lines and points (`l`, `p`) are ignored (2 lines)",
         "s.obj:14: `curv` is unknown and ignored (2 lines)",
         "s.obj:16: the weight of `v` is ignored",
@@ -257,6 +282,8 @@ fn materials_are_found_under_all_names_of_files_and_materials() {
         ("sub/b.mtl", "mtllib sub\\b.mtl"),
         ("b.mtl", "mtllib a.mtl b.mtl"),
         ("b.mtl", "mtllib b.mtl # written by hand"),
+        ("b.mtl", "mtllib b.mat"),
+        ("b.mtl", "mtllib C:\\Users\\me\\b.mtl"),
     ];
     for (file, statement) in names {
         let folder = tempfile::tempdir().unwrap();
@@ -316,6 +343,15 @@ fn a_missing_mtl_file_and_a_folder_give_warnings() {
         warnings[2],
         "s.obj:8: no MTL file was read; grey diffuse 0.5 is taken for all materials (2)"
     );
+}
+
+#[test]
+fn without_a_readable_mtllib_the_mtl_file_of_the_same_name_is_taken() {
+    let obj = format!("{SQUARE}usemtl a\nf 1 2 3\n");
+    let loaded = load_with(obj, "newmtl a\nKd 0.25\n", &LoadOptions::default()).unwrap();
+    assert_eq!(loaded.scene.materials[0].bsdf, holo_scene::Bsdf::Diffuse { kd: [0.25; 3] });
+    let warnings = messages(&loaded);
+    assert!(warnings[0].starts_with("s.obj: materials are taken from "), "{warnings:?}");
 }
 
 #[test]

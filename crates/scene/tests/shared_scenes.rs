@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use glam::DVec3;
-use holo_scene::{LoadOptions, Loaded, Scene, load_obj};
+use holo_scene::{LoadOptions, Loaded, Scene};
 use std::path::{Path, PathBuf};
 
 fn shared(path: &str) -> PathBuf {
@@ -11,7 +11,7 @@ fn shared(path: &str) -> PathBuf {
 }
 
 fn load(path: &str) -> Loaded {
-    load_obj(&shared(path), &LoadOptions::default()).unwrap()
+    holo_scene::load(&shared(path), &LoadOptions::default()).unwrap()
 }
 
 fn close(bounds: (DVec3, DVec3), low: [f64; 3], high: [f64; 3]) -> bool {

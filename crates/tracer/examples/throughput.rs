@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let up = if forward.z.abs() < 0.9 { DVec3::Z } else { DVec3::Y };
     let right = forward.cross(up).normalize();
     let up = right.cross(forward);
-    let loaded = holo_scene::load_obj(path.as_ref(), &Default::default())?;
+    let loaded = holo_scene::load(path.as_ref(), &Default::default())?;
     let tracer = Tracer::new(loaded.scene.into(), Settings::default())?;
     for threads in [1, 2] {
         let next = AtomicU64::new(0);

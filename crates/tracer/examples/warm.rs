@@ -79,7 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let up = if forward.z.abs() < 0.9 { DVec3::Z } else { DVec3::Y };
     let right = forward.cross(up).normalize();
     let view = View { eye, forward, right: right * half, up: right.cross(forward) * half };
-    let loaded = holo_scene::load_obj(path.as_ref(), &Default::default())?;
+    let loaded = holo_scene::load(path.as_ref(), &Default::default())?;
     let raycaster = Arc::new(Raycaster::build(loaded.scene.into())?);
     let paths = Tracer::with_raycaster(Arc::clone(&raycaster), Settings::default())?;
     let cached =

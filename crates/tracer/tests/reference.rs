@@ -70,7 +70,7 @@ fn compare(scene: &str, picture: &str, bounces: Option<u32>, view: &View) {
     let reference = shared.join("reference").join(format!("{picture}.pfm"));
     let errors = shared.join("reference").join(format!("{picture}_se.pfm"));
     let (reference, errors) = (pfm(&reference), pfm(&errors));
-    let loaded = holo_scene::load_obj(&obj, &Default::default()).expect("a scene");
+    let loaded = holo_scene::load(&obj, &Default::default()).expect("a scene");
     let tracer =
         Tracer::new(loaded.scene.into(), Settings { bounces, paths: 1 }).expect("a tracer");
     let (width, height) = (reference.width, reference.height);

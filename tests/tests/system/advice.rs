@@ -49,7 +49,7 @@ fn a_session_that_would_write_nothing_is_refused_with_an_example() {
 }
 
 #[test]
-fn a_scene_without_light_is_named_and_what_to_do() {
+fn a_scene_without_light_gets_a_sky_which_is_said() {
     let place = Place::new();
     let render = |words: &[&str]| {
         let always = ["render", "{}/squares.obj", "--spp", "1", "-o", "{}/a.pfm"];
@@ -58,12 +58,15 @@ fn a_scene_without_light_is_named_and_what_to_do() {
     };
     squares(&place, "");
     let dark = render(&[]);
-    for word in ["squares.obj", "black", "Ke", "--sky 1,1,1"] {
+    for word in ["squares.obj", "preview sky", "luminances mean nothing", "--sky R,G,B"] {
         assert!(dark.contains(word), "{word}: {dark}");
     }
-    assert!(!render(&["--sky", "1,1,1"]).contains("black"));
+    let lit = Picture::read(place.path("a.pfm")).unwrap();
+    assert!(lit.pixels.iter().any(|rgb| rgb[0] > 0.0));
+    assert!(!render(&["--sky", "1,1,1"]).contains("preview"));
+    assert!(!render(&["--sky", "0,0,0"]).contains("preview"), "darkness may be wanted");
     squares(&place, "Ke 1 1 1\n");
-    assert!(!render(&[]).contains("black"));
+    assert!(!render(&[]).contains("preview"));
 }
 
 #[test]

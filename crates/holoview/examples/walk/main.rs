@@ -94,9 +94,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&arguments.truths)?;
     std::fs::create_dir_all(&arguments.out)?;
     let options = LoadOptions { sky: walk.sky, ..LoadOptions::default() };
-    let raycaster = Arc::new(Raycaster::build(Arc::new(
-        holo_scene::load_obj(&arguments.scene, &options)?.scene,
-    ))?);
+    let raycaster =
+        Arc::new(Raycaster::build(Arc::new(holo_scene::load(&arguments.scene, &options)?.scene))?);
     let settings = Settings { bounces: arguments.bounces, paths: arguments.paths };
     let first = walk.view(arguments.frames.0, SIZE)?;
     let tracer = Tracer::with_raycaster(Arc::clone(&raycaster), settings)?;

@@ -2,7 +2,7 @@
 
 #![allow(dead_code, clippy::unwrap_used)]
 
-use holo_scene::{LoadOptions, Loaded, SceneError, Warning, load_obj};
+use holo_scene::{LoadOptions, Loaded, SceneError, Warning};
 use std::path::Path;
 
 /// Loads `s.obj` with this text and `s.mtl` with that text, from a folder of their own.
@@ -29,7 +29,7 @@ pub fn load_in(
 ) -> Result<Loaded, SceneError> {
     let path = folder.join("s.obj");
     std::fs::write(&path, obj).unwrap();
-    load_obj(&path, options)
+    holo_scene::load(&path, options)
 }
 
 /// The messages of warnings, with only the name of the file.

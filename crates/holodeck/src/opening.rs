@@ -1,0 +1,271 @@
+//! Opening a scene that says little about itself: its up axis, its unit, light, sections and views
+//! are chosen where nobody has named them.
+//!
+//! Always true: each choice is said once in words, with the option that overrides it.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use glam::DVec3;
+use holo_raycast::Raycaster;
+use holo_scene::{Camera, Loaded, Scene};
+use holo_survey::{Frame, Room, Sight, Survey, unit_words};
+
+use crate::config::{self, Config};
+use crate::{loading, scene_args::scene_path};
+
+/// Radiance of the sky that lights a scene without lamps, W·sr⁻¹·m⁻².
+const PREVIEW_SKY: [f32; 3] = [1.0; 3];
+
+/// Share of the scene's size between its bounds and the section around it, on each side.
+const MARGIN: f64 = 0.05;
+
+/// A scene with all that it needs to be shown.
+pub struct Opened {
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// Its up axis.
+    pub up: [f64; 3],
+    /// Metres in its unit.
+    pub unit: f64,
+    /// Views by name; the first is where one begins.
+    pub views: Vec<(String, String)>,
+    /// Sections. Empty if only a picture is wanted.
+    pub sections: Vec<config::Section>,
+    /// What was chosen and why, for people.
+    pub choices: Vec<String>,
+    raycaster: Option<Arc<Raycaster>>,
+    survey: Option<Survey>,
+}
+
+/// What somebody needs of a scene.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Wanted {
+    /// A view to begin with.
+    View,
+    /// Sections, too.
+    Sections,
+}
+
+/// Opens the configuration's scene, and chooses what it leaves open.
+///
+/// # Errors
+/// If there is no scene, or it cannot be loaded.
+pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
+    let Loaded { mut scene, about, .. } = loading::load(config, quiet)?;
+    let mut choices = Vec::new();
+    let features = scene.features();
+    if features.emitters == 0 && !features.sky && config.sky.is_none() {
+        scene.sky = PREVIEW_SKY;
+        choices.push(
+            "light: a preview sky of radiance 1, because nothing in the scene gives light; its \
+             luminances mean nothing (--sky R,G,B)"
+                .to_owned(),
+        );
+    }
+    let up = config.up.map_or_else(
+        || {
+            let guess = holo_survey::guess_up(&scene, &about);
+            choices.push(format!("up: {} (--up y|z)", guess.reason));
+            guess.value
+        },
+        |up| DVec3::from_array(up.0),
+    );
+    let mut views = config.views();
+    if views.is_empty() && !about.cameras.is_empty() {
+        let names: Vec<_> = about.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        choices.push(format!("views: the file's cameras {}", names.join(", ")));
+        views = about.cameras.iter().map(camera_view).collect();
+    }
+    let mut opened = Opened {
+        scene: Arc::new(scene),
+        up: up.to_array(),
+        unit: config.unit.map_or(1.0, |unit| unit.0),
+        views,
+        sections: config.section.clone(),
+        choices,
+        raycaster: None,
+        survey: None,
+    };
+    let needs_sections = wanted == Wanted::Sections && opened.sections.is_empty();
+    if needs_sections || opened.views.is_empty() {
+        let raycaster = opened.raycaster()?;
+        let unit = config.unit.map(|unit| unit.0);
+        let survey = Survey::new(&raycaster, Frame::new(up), unit, &about);
+        opened.unit = survey.unit.value;
+        if unit.is_none() {
+            opened.choices.push(format!("unit: {} (--unit mm|cm|m|in|ft)", survey.unit.reason));
+        }
+        if needs_sections {
+            opened.choose_sections(config, &survey)?;
+        }
+        if opened.views.is_empty() {
+            opened.choose_views(config, &survey);
+        }
+        opened.survey = Some(survey);
+    } else if let Some(said) = about.unit.filter(|_| config.unit.is_none()) {
+        opened.unit = said.value;
+        opened.choices.push(format!(
+            "unit: {}, as the file says: `{}` (--unit mm|cm|m|in|ft)",
+            unit_words(said.value),
+            said.words
+        ));
+    }
+    Ok(opened)
+}
+
+impl Opened {
+    /// Returns the scene's raycaster, which is built once.
+    pub fn raycaster(&mut self) -> Result<Arc<Raycaster>> {
+        if let Some(raycaster) = &self.raycaster {
+            return Ok(raycaster.clone());
+        }
+        let built = Raycaster::build(self.scene.clone()).context("the scene cannot be traced")?;
+        Ok(self.raycaster.insert(Arc::new(built)).clone())
+    }
+
+    /// Returns the survey, if one was needed.
+    pub fn survey(&self) -> Option<&Survey> {
+        self.survey.as_ref()
+    }
+
+    /// Prints what was chosen.
+    pub fn say(&self, config: &Config) -> Result<()> {
+        let name = scene_path(config)?.display();
+        self.choices.iter().for_each(|choice| eprintln!("{name}: {choice}"));
+        Ok(())
+    }
+
+    fn choose_sections(&mut self, config: &Config, survey: &Survey) -> Result<()> {
+        let rooms: &[Room] = if config.exterior { &[] } else { &survey.rooms };
+        if rooms.is_empty() {
+            let how = if config.exterior { "as stated" } else { "because it has no rooms" };
+            self.choices.push(format!("section: around the scene, {how} (--section)"));
+            self.sections = vec![around(&self.scene)?];
+            return Ok(());
+        }
+        let sections = rooms.iter().enumerate().map(|(n, room)| config::Section {
+            name: Some(format!("room {}", n + 1)),
+            ..section(room.origin, room.axes, false)
+        });
+        self.sections = sections.collect();
+        let sizes: Vec<String> = rooms
+            .iter()
+            .map(|room| format!("{:.3} by {:.3}", room.axes[0].length(), room.axes[1].length()))
+            .collect();
+        let rooms = if rooms.len() == 1 { "1 room" } else { &format!("{} rooms", rooms.len()) };
+        self.choices.push(format!(
+            "sections: free boxes at eye height in {rooms}: {} units (--section, --exterior)",
+            sizes.join(", ")
+        ));
+        Ok(())
+    }
+
+    fn choose_views(&mut self, config: &Config, survey: &Survey) {
+        let views = match config.exterior {
+            true => vec![("outside".to_owned(), survey.outside)],
+            false => survey.views(),
+        };
+        self.views = views.into_iter().map(|(name, sight)| (name, sight_options(&sight))).collect();
+        if let Some((name, options)) = self.views.first() {
+            let more = match self.views.len() {
+                1 => String::new(),
+                n => format!("; --view takes room 1 to {n}"),
+            };
+            self.choices.push(format!("view: {name}, {options}{more} (--vp, --vd)"));
+        }
+    }
+}
+
+/// Returns a section with nothing else said of it.
+fn section(origin: DVec3, axes: [DVec3; 3], exterior: bool) -> config::Section {
+    config::Section {
+        name: None,
+        origin: origin.to_array(),
+        axes: axes.map(|axis| axis.to_array()),
+        grid: None,
+        exterior,
+        geometry: None,
+        portals: None,
+    }
+}
+
+/// Returns the section around a scene, to look into. A flat scene, too, gets one with a volume.
+fn around(scene: &Scene) -> Result<config::Section> {
+    let (low, high) = scene.bounds();
+    let margin = DVec3::splat(MARGIN * (high - low).max_element());
+    let size = high - low + margin * 2.0;
+    if size.min_element() <= 0.0 {
+        bail!("the scene is a point: name a section with --section");
+    }
+    let axes = [DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z];
+    Ok(section(low - margin, axes, true))
+}
+
+/// Returns up to four significant decimals of a length.
+fn rounded(value: f64, scale: f64) -> f64 {
+    let step = 10f64.powf((scale.max(f64::MIN_POSITIVE)).log10().floor() - 4.0);
+    let rounded = (value / step).round() * step;
+    // Decimal, so that it prints as it was rounded.
+    let places = (-step.log10()).max(0.0).round() as usize;
+    format!("{rounded:.places$}").parse().unwrap_or(value) + 0.0
+}
+
+fn sight_options(sight: &Sight) -> String {
+    let scale = sight.eye.abs().max_element();
+    let triple = |name: &str, v: DVec3, scale: f64| {
+        let [x, y, z] = v.to_array().map(|c| rounded(c, scale));
+        format!("-{name} {x} {y} {z}")
+    };
+    [
+        "-vtv".to_owned(),
+        triple("vp", sight.eye, scale),
+        triple("vd", sight.direction, 1.0),
+        triple("vu", sight.up, 1.0),
+        format!("-vh {}", sight.angle),
+    ]
+    .join(" ")
+}
+
+fn camera_view(camera: &Camera) -> (String, String) {
+    let triple = |name: &str, [x, y, z]: [f64; 3]| format!("-{name} {x} {y} {z}");
+    let kind = if camera.is_parallel { "-vtl" } else { "-vtv" };
+    let options = [
+        kind.to_owned(),
+        triple("vp", camera.eye),
+        triple("vd", camera.direction),
+        triple("vu", camera.up),
+        format!("-vv {}", camera.height),
+    ];
+    (camera.name.clone(), options.join(" "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use holo_scene::Material;
+
+    #[test]
+    fn a_section_around_a_scene_has_a_volume_even_if_the_scene_is_flat() {
+        for corner in [DVec3::new(0.0, 1.0, 4.0), DVec3::Y] {
+            let corners = [DVec3::ZERO, DVec3::X * 2.0, corner];
+            let materials = vec![Material::grey("a")];
+            let scene =
+                Scene::from_world(&corners, &[[0, 1, 2]], &[0], materials, [1.0; 3]).unwrap().0;
+            let section = around(&scene).unwrap();
+            assert!(section.exterior);
+            let (low, high) = scene.bounds();
+            for axis in 0..3 {
+                let (from, size) = (section.origin[axis], section.axes[axis][axis]);
+                assert!(from < low[axis] && from + size > high[axis], "{section:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_are_printed_as_short_as_they_need_to_be() {
+        assert_eq!(rounded(12.345_678, 12.0), 12.346);
+        assert_eq!(rounded(-0.000_01, 1.0), 0.0);
+        assert_eq!(rounded(123_456.7, 123_456.0), 123_460.0);
+    }
+}

@@ -1,0 +1,66 @@
+//! `holodeck sections`: where a scene's rooms are, as options and as a plan.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use holo_picture::Image;
+
+use crate::{
+    arguments::picture_path,
+    config::Section,
+    opening::{Wanted, open},
+    scene_args::{SceneArgs, check_units},
+};
+
+/// Find the rooms of a scene: prints sections as options to paste, and draws a plan
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  holodeck sections house.obj -o plan.png")]
+pub struct Args {
+    /// The scene
+    #[arg(value_name = "MODEL")]
+    scene: Option<PathBuf>,
+    /// Draw a plan of each storey: rooms in colours, a dot and a line for each view (.png)
+    #[arg(short, value_name = "FILE.png", value_parser = picture_path)]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    scene_args: SceneArgs,
+    /// Report as JSON
+    #[arg(long)]
+    json: bool,
+    /// Print less
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// See [`Args`].
+pub fn run(args: &Args) -> Result<()> {
+    let config = args.scene_args.resolve(args.scene.as_ref())?;
+    check_units(&config)?;
+    let opened = open(&config, Wanted::Sections, args.quiet || args.json)?;
+    if args.json {
+        let sections: Vec<_> = opened.sections.iter().map(Section::to_option).collect();
+        let report = serde_json::json!({
+            "up": opened.up, "unit": opened.unit, "sections": sections,
+            "exterior": opened.sections.iter().any(|section| section.exterior),
+            "views": opened.views, "choices": opened.choices,
+        });
+        println!("{report}");
+    } else {
+        if !args.quiet {
+            opened.say(&config)?;
+        }
+        for section in &opened.sections {
+            let exterior = if section.exterior { " --exterior" } else { "" };
+            println!("--section \"{}\"{exterior}", section.to_option());
+        }
+    }
+    let Some(path) = &args.output else { return Ok(()) };
+    match opened.survey().and_then(holo_survey::Survey::plan) {
+        None => eprintln!("no plan is drawn: the scene has no rooms, or its sections are stated"),
+        Some(plan) => {
+            let (width, height) = (plan.width as u32, plan.height as u32);
+            Image { width, height, rgb: plan.rgb, legend: None, exposure: None }.write(path)?;
+        }
+    }
+    Ok(())
+}

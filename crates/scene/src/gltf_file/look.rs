@@ -1,0 +1,45 @@
+//! How textures lie on the surfaces of a glTF material.
+
+use glam::{Mat2, Vec2};
+use gltf::texture::TextureTransform;
+
+use crate::Maps;
+
+/// The textures of a material, and where their coordinates come from.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Look {
+    pub maps: Maps,
+    /// Number of the set of texture coordinates.
+    pub set: u32,
+    pub placement: Placement,
+}
+
+/// How a texture lies on a surface (`KHR_texture_transform`).
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct Placement {
+    turn: Mat2,
+    offset: Vec2,
+}
+
+impl Default for Placement {
+    fn default() -> Placement {
+        Placement { turn: Mat2::IDENTITY, offset: Vec2::ZERO }
+    }
+}
+
+impl Placement {
+    pub(super) fn new(transform: Option<TextureTransform>) -> Placement {
+        let Some(transform) = transform else { return Placement::default() };
+        // Counter-clockwise in the file's coordinates, whose v runs down.
+        let turn = Mat2::from_angle(-transform.rotation());
+        let turn = turn * Mat2::from_diagonal(transform.scale().into());
+        let placement = Placement { turn, offset: transform.offset().into() };
+        let is_finite = placement.turn.is_finite() && placement.offset.is_finite();
+        if is_finite { placement } else { Placement::default() }
+    }
+
+    pub(super) fn of(&self, uv: [f32; 2]) -> [f32; 2] {
+        let placed = self.turn * Vec2::from(uv) + self.offset;
+        if placed.is_finite() { placed.to_array() } else { [0.0; 2] }
+    }
+}

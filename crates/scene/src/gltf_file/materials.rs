@@ -1,0 +1,137 @@
+//! Metallic-roughness materials, as materials of the tracer.
+//!
+//! | glTF | material |
+//! | --- | --- |
+//! | `KHR_materials_transmission` ≥ 0.5 with a volume | solid dielectric of `KHR_materials_ior` |
+//! | the same without a volume | thin pane of the base colour |
+//! | metallic ≥ 0.5 | mirror if roughness < 0.03, else GGX metal, alpha = roughness² |
+//! | `KHR_materials_clearcoat` ≥ 0.5 | diffuse base below a coat of the clearcoat's roughness |
+//! | roughness < 0.75 | diffuse base below a coat of alpha = roughness² |
+//! | else | diffuse |
+//! | `alphaMode` `BLEND`, alpha < 0.5 | thin pane; a greater alpha is opaque |
+//!
+//! Emission is in cd/m², which 179 lm/W converts to radiance. It is on both sides if the material is
+//! double sided.
+
+use std::collections::BTreeMap;
+
+use gltf::material::AlphaMode;
+
+use super::lights::EFFICACY;
+use crate::limits::{MAX_IOR, MAX_NAME_BYTES, MAX_RADIANCE, MIN_IOR};
+use crate::{Bsdf, LoadOptions, Material, Rgb};
+
+/// Extensions that are read, at least in part.
+pub(super) const READ_EXTENSIONS: [&str; 11] = [
+    "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// Roughness below which a metal is a mirror, and from which a plastic is diffuse.
+const MIRROR: f32 = 0.03;
+const DIFFUSE: f32 = 0.75;
+
+/// Makes a material. `finish` are factors to its metalness and roughness. `counts` collects what is
+/// not represented.
+pub(super) fn make(
+    material: &gltf::Material,
+    finish: Option<[f32; 2]>,
+    options: &LoadOptions,
+    counts: &mut BTreeMap<String, usize>,
+) -> Material {
+    let mut name = material.name().unwrap_or("default").to_owned();
+    while name.len() > MAX_NAME_BYTES {
+        name.pop();
+    }
+    let mut count = |what: &str| *counts.entry(what.to_owned()).or_default() += 1;
+    if material.unlit() {
+        count("materials without lighting are taken as diffuse");
+    }
+    let strength = material.emissive_strength().unwrap_or(1.0);
+    let emission = material.emissive_factor().map(|c| f64::from(c * strength) / EFFICACY);
+    let emission = emission.map(|c| share(c as f32, MAX_RADIANCE));
+    let two_sided = material.double_sided() || options.two_sided_lights;
+    let two_sided_emission = two_sided && emission.iter().any(|&c| c > 0.0);
+    Material { name, bsdf: bsdf(material, finish, &mut count), emission, two_sided_emission }
+}
+
+/// Returns a number clamped to 0 and `most`; 0 for NaN.
+fn share(value: f32, most: f32) -> f32 {
+    if value > 0.0 { value.min(most) } else { 0.0 }
+}
+
+fn bsdf(material: &gltf::Material, finish: Option<[f32; 2]>, count: &mut impl FnMut(&str)) -> Bsdf {
+    let pbr = material.pbr_metallic_roughness();
+    let mut base = pbr.base_color_factor();
+    let [metalness, rough] = finish.unwrap_or([1.0; 2]);
+    let (mut metallic, mut roughness) =
+        (pbr.metallic_factor() * metalness, pbr.roughness_factor() * rough);
+    if let Some(specular) = material.pbr_specular_glossiness() {
+        count("specular-glossiness materials are taken as plastic or metal");
+        (base, roughness) = (specular.diffuse_factor(), 1.0 - specular.glossiness_factor());
+        metallic = 0.0;
+        let shine = specular.specular_factor();
+        if shine.iter().any(|&c| c > 0.5) {
+            metallic = 1.0;
+            base[..3].copy_from_slice(&shine);
+        }
+    }
+    let alpha_value = share(base[3], 1.0);
+    let base: Rgb = [base[0], base[1], base[2]].map(|c| share(c, 1.0));
+    let roughness = share(roughness, 1.0);
+    let ior = share(material.ior().unwrap_or(1.5), MAX_IOR).max(MIN_IOR);
+    let alpha = (roughness * roughness).max(1e-4);
+    if (0.05..0.95).contains(&metallic) {
+        count("materials that are partly metal are taken as metal from a half on");
+    }
+    let transmission = material.transmission().map_or(0.0, |t| t.transmission_factor());
+    if transmission >= 0.5 {
+        return glass(material, base, ior, roughness);
+    }
+    if material.alpha_mode() == AlphaMode::Blend && alpha_value < 0.5 {
+        count("blended materials are taken as panes below an alpha of a half");
+        let transmittance = base.map(|c| c * (1.0 - alpha_value));
+        return Bsdf::ThinGlass { ior, transmittance };
+    }
+    if metallic >= 0.5 {
+        return match roughness < MIRROR {
+            true => Bsdf::Mirror { ks: base },
+            false => Bsdf::Conductor { ks: base, alpha },
+        };
+    }
+    let coat = material.extension_value("KHR_materials_clearcoat");
+    let number = |name: &str| coat.and_then(|c| c.get(name)?.as_f64()).map_or(0.0, |n| n as f32);
+    if number("clearcoatFactor") >= 0.5 {
+        let alpha = share(number("clearcoatRoughnessFactor"), 1.0).powi(2).max(1e-4);
+        return Bsdf::Coated { kd: base, ks: [1.0; 3], ior: 1.5, alpha };
+    }
+    let specular = material.specular();
+    let strength = specular.as_ref().map_or(1.0, |s| s.specular_factor());
+    let tint = specular.as_ref().map_or([1.0; 3], |s| s.specular_color_factor());
+    let ks = tint.map(|c| share(c * strength, 1.0));
+    if roughness >= DIFFUSE || ks == [0.0; 3] || ior <= 1.0 {
+        return Bsdf::Diffuse { kd: base };
+    }
+    Bsdf::Coated { kd: base, ks, ior, alpha }
+}
+
+fn glass(material: &gltf::Material, base: Rgb, ior: f32, roughness: f32) -> Bsdf {
+    let volume = material.volume().filter(|volume| volume.thickness_factor() > 0.0);
+    let Some(volume) = volume else { return Bsdf::ThinGlass { ior, transmittance: base } };
+    // Half of the absorption on each of the two boundaries that light crosses.
+    let lengths = volume.thickness_factor() / volume.attenuation_distance();
+    let colour = volume.attenuation_color();
+    let absorbed = |k: usize| share(colour[k], 1.0).powf(0.5 * share(lengths, 100.0));
+    let transmittance = std::array::from_fn(|k| share(base[k] * absorbed(k), 1.0));
+    let alpha = if roughness < MIRROR { 0.0 } else { roughness * roughness };
+    Bsdf::Dielectric { ior, transmittance, alpha }
+}

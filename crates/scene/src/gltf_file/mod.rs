@@ -1,0 +1,316 @@
+//! Reading glTF 2.0: `.gltf` and `.glb`, with buffers inside or beside them.
+//!
+//! The crate `gltf` reads and validates the JSON. Buffers are read here, because every offset and
+//! length in a file is a claim that must be checked.
+//!
+//! Always true:
+//! - Nodes are visited once, to a bounded depth: cyclic files are errors.
+//! - What is not represented is counted, and reported once for each kind.
+
+mod accessor;
+mod buffers;
+mod lights;
+mod look;
+mod materials;
+mod reading;
+mod textures;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::{DMat4, DVec3, Vec3};
+use gltf::mesh::Mode;
+
+use crate::header::{Camera, Said};
+use crate::limits::{MAX_COORDINATE, MAX_OBJ_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
+use crate::model::{Model, Reader};
+use crate::named_file::read_file;
+use crate::obj_text::LoadProgress;
+use crate::text::excerpt;
+use crate::texture_files::TextureFiles;
+use crate::warnings::Warnings;
+use crate::{About, LoadOptions, SceneError, smooth};
+use buffers::Buffers;
+use reading::Reading;
+
+pub(crate) const READER: Reader = Reader { recognises, read };
+
+/// Deepest hierarchy of nodes. Exporters have a few dozen.
+const MAX_DEPTH: usize = 512;
+
+fn recognises(first: &[u8], path: &Path) -> bool {
+    let text = first.strip_prefix(b"\xef\xbb\xbf").unwrap_or(first);
+    let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf"));
+    first.starts_with(b"glTF") || text.trim_ascii_start().starts_with(b"{") || named
+}
+
+fn read(
+    path: &Path,
+    options: &LoadOptions,
+    watch: &mut dyn FnMut(LoadProgress),
+    warnings: &mut Warnings,
+) -> Result<Model, SceneError> {
+    let bytes = read_file(path, MAX_OBJ_BYTES)?;
+    let (document, blob) = parse(path, &bytes)?;
+    let buffers = Buffers::load(path, &document, blob)?;
+    let mut reading = Reading {
+        path,
+        options,
+        buffers,
+        model: Model { about: about(), ..Model::default() },
+        materials: BTreeMap::new(),
+        looks: Vec::new(),
+        files: TextureFiles::default(),
+        visited: vec![false; document.nodes().len()],
+        counts: BTreeMap::new(),
+        bytes: bytes.len() as u64,
+        watch,
+    };
+    reading.note_extensions(&document);
+    let scene = document.default_scene().or_else(|| document.scenes().next());
+    match scene {
+        Some(scene) => {
+            scene.nodes().try_for_each(|node| reading.node(&node, DMat4::IDENTITY, 0))?
+        }
+        // Without scenes, a library of nodes: those that are nobody's children.
+        None => {
+            let children: Vec<usize> =
+                document.nodes().flat_map(|node| node.children().map(|c| c.index())).collect();
+            for node in document.nodes().filter(|node| !children.contains(&node.index())) {
+                reading.node(&node, DMat4::IDENTITY, 0)?;
+            }
+        }
+    }
+    for (what, count) in &reading.counts {
+        warnings.push(path, None, format!("{what} ({count})"));
+    }
+    reading.finish_shading();
+    let mut model = reading.model;
+    if model.triangles.is_empty() {
+        let meshes = document.meshes().len();
+        model.instead =
+            Some(format!("it is glTF whose meshes ({meshes}) have no triangle in view"));
+    }
+    Ok(model)
+}
+
+/// Parses and validates the JSON, and returns it with the binary chunk of a `.glb`.
+fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>), SceneError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let problem = |problem: String| SceneError::Gltf { path: path.to_owned(), problem };
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes)
+        .map_err(|error| problem(format!("it is not valid glTF: {error}")))?;
+    let known = |name: &&str| materials::READ_EXTENSIONS.contains(name);
+    if let Some(name) = document.extensions_required().find(|name| !known(name)) {
+        let what = format!("it requires `{name}`, which is not read: export it without that");
+        return Err(problem(what));
+    }
+    // Required extensions that are read here but unknown to the crate would fail its validation.
+    let mut json = document.into_json();
+    json.extensions_required.clear();
+    let document = gltf::Document::from_json(json)
+        .map_err(|error| problem(format!("it is not valid glTF: {error}")))?;
+    Ok((document, blob))
+}
+
+/// What the format says of all its files.
+fn about() -> About {
+    let said = "glTF 2.0".to_owned();
+    About {
+        up: Some(Said { value: [0.0, 1.0, 0.0], words: said.clone() }),
+        unit: Some(Said { value: 1.0, words: said }),
+        ..About::default()
+    }
+}
+
+impl Reading<'_> {
+    fn note_extensions(&mut self, document: &gltf::Document) {
+        for name in document.extensions_used() {
+            if !materials::READ_EXTENSIONS.contains(&name) {
+                self.count(format!("the extension `{}` is ignored", excerpt(name)));
+            }
+        }
+        for (what, count) in [
+            ("animations are ignored: the scene stands still", document.animations().len()),
+            ("skins are ignored: meshes have their pose at rest", document.skins().len()),
+        ] {
+            if count > 0 {
+                self.counts.insert(what.to_owned(), count);
+            }
+        }
+    }
+
+    fn node(&mut self, node: &gltf::Node, parent: DMat4, depth: usize) -> Result<(), SceneError> {
+        let name = node.name().map_or_else(|| node.index().to_string(), excerpt);
+        if depth > MAX_DEPTH {
+            return Err(self.problem(format!("node {name} lies more than {MAX_DEPTH} nodes deep")));
+        }
+        if std::mem::replace(&mut self.visited[node.index()], true) {
+            let text = format!("node {name} has two parents, or is its own descendant");
+            return Err(self.problem(text));
+        }
+        let own = DMat4::from_cols_array_2d(&node.transform().matrix().map(|c| c.map(f64::from)));
+        let matrix = parent * own;
+        if !matrix.is_finite() {
+            return Err(self.problem(format!("the transform of node {name} is not finite")));
+        }
+        if let Some(mesh) = node.mesh() {
+            for primitive in mesh.primitives() {
+                let mesh_name = mesh.name().map_or_else(|| mesh.index().to_string(), excerpt);
+                self.primitive(&primitive, matrix).map_err(|error| match error {
+                    SceneError::Gltf { path, problem } => {
+                        let problem = format!("node {name}, mesh {mesh_name}: {problem}");
+                        SceneError::Gltf { path, problem }
+                    }
+                    other => other,
+                })?;
+            }
+        }
+        if let Some(camera) = node.camera() {
+            self.camera(&camera, &name, matrix);
+        }
+        if let Some(light) = node.light() {
+            lights::add(self, &light, matrix);
+        }
+        let triangles = self.model.triangles.len() as u64;
+        (self.watch)(LoadProgress { bytes: self.bytes, total_bytes: self.bytes, triangles });
+        node.children().try_for_each(|child| self.node(&child, matrix, depth + 1))
+    }
+
+    fn primitive(&mut self, primitive: &gltf::Primitive, matrix: DMat4) -> Result<(), SceneError> {
+        let mode = primitive.mode();
+        if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
+            self.count("points and lines are ignored");
+            return Ok(());
+        }
+        if primitive.morph_targets().next().is_some() {
+            self.count("morph targets are ignored: meshes have their basic shape");
+        }
+        let Some(positions) = primitive.get(&gltf::Semantic::Positions) else {
+            self.count("primitives without positions are ignored");
+            return Ok(());
+        };
+        let positions = accessor::floats::<3>(&positions, &self.buffers)
+            .map_err(|problem| self.problem(problem))?;
+        let indices = match primitive.indices() {
+            Some(accessor) => accessor::indices(&accessor, &self.buffers)
+                .map_err(|problem| self.problem(problem))?,
+            None => (0..positions.len() as u32).collect(),
+        };
+        let first = self.model.positions.len();
+        if first + positions.len() > MAX_POSITIONS
+            || self.model.triangles.len() + indices.len() > MAX_TRIANGLES
+        {
+            let limit = MAX_TRIANGLES as u64;
+            let count = (self.model.triangles.len() + indices.len()) as u64;
+            return Err(SceneError::Limit { what: "triangles", count, limit });
+        }
+        let material = self.material(&primitive.material())?;
+        let count = positions.len() as u32;
+        let placed: Vec<DVec3> =
+            positions.iter().map(|p| matrix.transform_point3(Vec3::from(*p).as_dvec3())).collect();
+        let problem = |problem: String| SceneError::Gltf { path: self.path.to_owned(), problem };
+        let normals = self.normals(primitive, matrix).map_err(problem)?;
+        let uvs = self.coordinates(primitive, material).map_err(|text| self.problem(text))?;
+        if uvs.is_some() {
+            self.model.shading.uvs.resize(self.model.triangles.len(), [[0.0; 2]; 3]);
+        }
+        if normals.is_some() {
+            self.fill_normals();
+        }
+        // All positions first, because facets are made of them. Unusable ones are in no triangle.
+        let finite = |p: &DVec3| if p.is_finite() { *p } else { DVec3::ZERO };
+        self.model.positions.extend(placed.iter().map(finite));
+        let is_usable = |corner: u32| {
+            placed.get(corner as usize).is_some_and(|p| p.abs().max_element() <= MAX_COORDINATE)
+        };
+        let turned = matrix.determinant() < 0.0;
+        let mut bad = 0;
+        for [a, b, c] in corners(mode, &indices) {
+            if ![a, b, c].into_iter().all(|corner| corner < count && is_usable(corner)) {
+                bad += 1;
+                continue;
+            }
+            let corners = if turned { [a, c, b] } else { [a, b, c] };
+            let triangle = corners.map(|corner| first as u32 + corner);
+            self.model.triangles.push(triangle);
+            self.model.material_ids.push(material);
+            let shading = &mut self.model.shading;
+            if let Some(uvs) = &uvs {
+                let of = |corner: u32| uvs.get(corner as usize).copied().unwrap_or([0.0; 2]);
+                shading.uvs.push(corners.map(of));
+            }
+            if let Some(normals) = &normals {
+                let of = |corner: u32| normals.get(corner as usize).copied().unwrap_or(Vec3::ZERO);
+                let facet = smooth::facet(&self.model.positions, triangle);
+                shading.normals.push(smooth::packed(facet, corners.map(of)));
+            }
+        }
+        if bad > 0 {
+            let what = "triangles that name no vertex, or one beyond 1e12, are left out";
+            *self.counts.entry(what.to_owned()).or_default() += bad;
+        }
+        Ok(())
+    }
+
+    /// Returns the index of a material, which is made once.
+    fn material(&mut self, material: &gltf::Material) -> Result<u32, SceneError> {
+        if let Some(&index) = self.materials.get(&material.index()) {
+            return Ok(index);
+        }
+        let finish = self.mean_finish(material);
+        let made = materials::make(material, finish, self.options, &mut self.counts);
+        let look = self.look(material);
+        let id = self.add_material(material.index(), made)?;
+        self.looks[id as usize] = look;
+        Ok(id)
+    }
+
+    /// Completes the attributes of triangles that have none.
+    fn finish_shading(&mut self) {
+        if !self.model.shading.normals.is_empty() {
+            self.fill_normals();
+        }
+        let shading = &mut self.model.shading;
+        if !shading.normals.iter().any(smooth::is_curved) {
+            shading.normals.clear();
+        }
+        shading.textures = std::mem::take(&mut self.files.textures);
+        if !shading.textures.is_empty() {
+            shading.uvs.resize(self.model.triangles.len(), [[0.0; 2]; 3]);
+            shading.maps = self.looks.iter().map(|look| look.maps).collect();
+        }
+    }
+
+    fn camera(&mut self, camera: &gltf::Camera, node: &str, matrix: DMat4) {
+        let vector = |v: DVec3| matrix.transform_vector3(v).normalize_or_zero().to_array();
+        let (height, is_parallel) = match camera.projection() {
+            gltf::camera::Projection::Perspective(p) => (f64::from(p.yfov()).to_degrees(), false),
+            gltf::camera::Projection::Orthographic(o) => (2.0 * f64::from(o.ymag()), true),
+        };
+        let (direction, up) = (vector(DVec3::NEG_Z), vector(DVec3::Y));
+        let plausible = if is_parallel { height > 0.0 } else { (0.1..170.0).contains(&height) };
+        if direction == [0.0; 3] || up == [0.0; 3] || !plausible || !height.is_finite() {
+            self.count("cameras without a plausible view are ignored");
+            return;
+        }
+        let name = camera.name().map_or_else(|| node.to_owned(), excerpt);
+        let eye = matrix.transform_point3(DVec3::ZERO).to_array();
+        self.model.about.cameras.push(Camera { name, eye, direction, up, height, is_parallel });
+    }
+}
+
+/// Returns the corners of each triangle of a primitive.
+fn corners(mode: Mode, indices: &[u32]) -> Box<dyn Iterator<Item = [u32; 3]> + '_> {
+    match mode {
+        Mode::TriangleStrip => Box::new(indices.windows(3).enumerate().map(|(k, w)| {
+            // Every other triangle of a strip is turned.
+            if k % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] }
+        })),
+        Mode::TriangleFan => {
+            let first = indices.first().copied().unwrap_or(0);
+            Box::new(indices.get(1..).unwrap_or(&[]).windows(2).map(move |w| [first, w[0], w[1]]))
+        }
+        _ => Box::new(indices.as_chunks::<3>().0.iter().copied()),
+    }
+}

@@ -1,0 +1,68 @@
+//! The state of a glTF file while it is read.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::Vec3;
+
+use super::buffers::Buffers;
+use super::look::Look;
+use crate::limits::MAX_MATERIALS;
+use crate::model::Model;
+use crate::obj_text::LoadProgress;
+use crate::texture_files::TextureFiles;
+use crate::{LoadOptions, Material, SceneError, smooth};
+
+/// A file while it is read.
+pub(super) struct Reading<'a> {
+    pub path: &'a Path,
+    pub options: &'a LoadOptions,
+    pub buffers: Buffers,
+    pub model: Model,
+    /// Index into the model's materials, by the file's index; `None` is the default material.
+    pub materials: BTreeMap<Option<usize>, u32>,
+    /// The textures of each of the model's materials.
+    pub looks: Vec<Look>,
+    pub files: TextureFiles,
+    pub visited: Vec<bool>,
+    /// What is not represented, with a count.
+    pub counts: BTreeMap<String, usize>,
+    pub bytes: u64,
+    pub watch: &'a mut dyn FnMut(LoadProgress),
+}
+
+impl Reading<'_> {
+    pub(super) fn problem(&self, problem: String) -> SceneError {
+        SceneError::Gltf { path: self.path.to_owned(), problem }
+    }
+
+    pub(super) fn count(&mut self, what: impl Into<String>) {
+        *self.counts.entry(what.into()).or_default() += 1;
+    }
+
+    pub(super) fn add_material(
+        &mut self,
+        key: Option<usize>,
+        made: Material,
+    ) -> Result<u32, SceneError> {
+        let index = self.model.materials.len();
+        if index == MAX_MATERIALS {
+            let (count, limit) = (index as u64 + 1, MAX_MATERIALS as u64);
+            return Err(SceneError::Limit { what: "materials", count, limit });
+        }
+        self.model.materials.push(made);
+        self.looks.push(Look::default());
+        self.materials.insert(key, index as u32);
+        Ok(index as u32)
+    }
+
+    /// Gives all triangles so far without normals those of their facets.
+    pub(super) fn fill_normals(&mut self) {
+        let model = &mut self.model;
+        let normals = &mut model.shading.normals;
+        for &triangle in &model.triangles[normals.len()..] {
+            let facet = smooth::facet(&model.positions, triangle);
+            normals.push(smooth::packed(facet, [Vec3::ZERO; 3]));
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! The MTL files of an OBJ file, and the materials that its faces use.
+
+use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES};
+use crate::mtl::MtlMaterial;
+use crate::mtl_maps::{Placement, textures};
+use crate::mtl_text::parse_mtl;
+use crate::named_file::beside;
+use crate::obj::ObjFile;
+use crate::text::{excerpt, name_without_comment, read_text};
+use crate::texture_files::TextureFiles;
+use crate::warnings::Warnings;
+use crate::{LoadOptions, Maps, Material, SceneError, Texture};
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+/// The textures of an OBJ file's materials.
+#[derive(Default)]
+pub(crate) struct Looks {
+    pub textures: Vec<Texture>,
+    /// For each material. Empty if none has a texture.
+    pub maps: Vec<Maps>,
+    /// How textures lie on the surfaces of each material.
+    pub placements: Vec<Placement>,
+}
+
+/// Returns the materials of `obj.uses`, in that order, and their textures.
+pub(crate) fn materials(
+    path: &Path,
+    obj: &ObjFile,
+    options: &LoadOptions,
+    warnings: &mut Warnings,
+) -> Result<(Vec<Material>, Looks), SceneError> {
+    let (library, any_file) = read_libraries(path, obj, warnings)?;
+    let by_name = index(&library, warnings);
+    let mut undefined = Vec::new();
+    let (mut files, mut looks) = (TextureFiles::default(), Looks::default());
+    let mut materials = Vec::with_capacity(obj.uses.len());
+    for wanted in &obj.uses {
+        looks.maps.push(Maps::default());
+        looks.placements.push(Placement::default());
+        let Some(name) = wanted.name.as_deref() else {
+            let text = "faces before any `usemtl`; grey diffuse 0.5 is taken".to_owned();
+            warnings.push(path, Some(wanted.line), text);
+            materials.push(Material::grey("default"));
+            continue;
+        };
+        let found = by_name.get(name).or_else(|| by_name.get(name_without_comment(name)));
+        materials.push(match found {
+            Some(&id) => {
+                let material = &library[id];
+                let (maps, placement) =
+                    textures(&material.path, &material.maps, &mut files, warnings);
+                (looks.maps.pop(), looks.placements.pop());
+                looks.maps.push(maps);
+                looks.placements.push(placement);
+                library[id].resolve(options.two_sided_lights, warnings)
+            }
+            None => {
+                undefined.push(wanted);
+                Material::grey(name)
+            }
+        });
+    }
+    if any_file {
+        for wanted in undefined {
+            let name = excerpt(wanted.name.as_deref().unwrap_or_default());
+            let text = format!("no MTL file has a material `{name}`; grey diffuse 0.5 is taken");
+            warnings.push(path, Some(wanted.line), text);
+        }
+    } else if let Some(first) = undefined.first() {
+        // One message for all materials, because the reason is the same.
+        let text = format!(
+            "no MTL file was read; grey diffuse 0.5 is taken for all materials ({})",
+            undefined.len()
+        );
+        warnings.push(path, Some(first.line), text);
+    }
+    looks.textures = files.textures;
+    if looks.textures.is_empty() {
+        looks.maps.clear();
+    }
+    Ok((materials, looks))
+}
+
+/// Returns an index of the materials by name, with and without what looks like a comment. Of
+/// several materials with one name, the last counts.
+fn index<'a>(library: &'a [MtlMaterial], warnings: &mut Warnings) -> HashMap<&'a str, usize> {
+    let mut by_name = HashMap::new();
+    for (id, material) in library.iter().enumerate() {
+        if let Some(earlier) = by_name.insert(material.name.as_str(), id) {
+            let earlier: &MtlMaterial = &library[earlier];
+            let (name, line) = (excerpt(&material.name), earlier.line);
+            let text = format!(
+                "material `{name}` again; this one counts, not {}:{line}",
+                earlier.path.display()
+            );
+            warnings.push(&material.path, Some(material.line), text);
+        }
+    }
+    for (id, material) in library.iter().enumerate() {
+        by_name.entry(name_without_comment(&material.name)).or_insert(id);
+    }
+    by_name
+}
+
+/// Returns all materials of all MTL files, and whether any file was read.
+fn read_libraries(
+    obj_path: &Path,
+    obj: &ObjFile,
+    warnings: &mut Warnings,
+) -> Result<(Vec<MtlMaterial>, bool), SceneError> {
+    let folder = obj_path.parent().unwrap_or(Path::new(""));
+    let mut library = Vec::new();
+    let mut seen = HashSet::new();
+    let mut any_file = false;
+    for (line, names) in &obj.libraries {
+        for path in library_paths(folder, names) {
+            if !seen.insert(path.clone()) {
+                continue;
+            }
+            match read_library(&path) {
+                Ok(text) => {
+                    any_file = true;
+                    library.extend(parse_mtl(&path, &text, warnings)?);
+                    if library.len() > MAX_MATERIALS {
+                        let (path, line) = (obj_path.to_owned(), *line);
+                        let (what, limit) = ("materials in MTL files", MAX_MATERIALS);
+                        return Err(SceneError::FileLimit { path, line, what, limit });
+                    }
+                }
+                Err(error @ SceneError::FileTooLarge { .. }) => return Err(error),
+                Err(error) => warnings.push(
+                    obj_path,
+                    Some(*line),
+                    format!("`mtllib` cannot be read: {error}"),
+                ),
+            }
+        }
+    }
+    let own = obj_path.with_extension("mtl");
+    if !any_file && own.is_file() && !seen.contains(&own) {
+        let text = format!("materials are taken from {}, which lies beside it", own.display());
+        warnings.push(obj_path, None, text);
+        library = parse_mtl(&own, &read_library(&own)?, warnings)?;
+        any_file = true;
+    }
+    Ok((library, any_file))
+}
+
+/// Reads the text of an MTL file. Only regular files are read: a pipe or device might never end.
+fn read_library(path: &Path) -> Result<String, SceneError> {
+    if path.exists() && !path.is_file() {
+        let source = std::io::Error::new(std::io::ErrorKind::InvalidInput, "not a file");
+        return Err(SceneError::Io { path: path.to_owned(), source });
+    }
+    read_text(path, MAX_MTL_BYTES)
+}
+
+/// Returns the files that a `mtllib` line names. Spaces separate names in the format, but are
+/// common within names. So the whole is one name if that file exists, or if no part of it is a
+/// file.
+fn library_paths(folder: &Path, names: &str) -> Vec<PathBuf> {
+    let names = name_without_comment(names).trim_matches('"');
+    let whole = beside(folder, names, "mtl");
+    let parts: Vec<_> =
+        names.split_ascii_whitespace().map(|name| beside(folder, name, "mtl")).collect();
+    if whole.is_file() || !parts.iter().any(|part| part.is_file()) { vec![whole] } else { parts }
+}

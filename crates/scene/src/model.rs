@@ -1,0 +1,44 @@
+//! What readers of model files have in common, one for each format.
+//!
+//! A format is one module that has a [`Reader`], and an entry in the list of `load`.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::obj_text::LoadProgress;
+use crate::warnings::Warnings;
+use crate::{About, LoadOptions, Material, SceneError, Shading};
+
+/// What a reader finds in a file, in world coordinates.
+#[derive(Default)]
+pub(crate) struct Model {
+    pub positions: Vec<DVec3>,
+    pub triangles: Vec<[u32; 3]>,
+    /// An index into `materials` for each triangle.
+    pub material_ids: Vec<u32>,
+    pub materials: Vec<Material>,
+    /// Attributes of `triangles` and `materials`.
+    pub shading: Shading,
+    pub about: About,
+    /// The line of each triangle, for messages. Empty if the format has no lines.
+    pub lines: crate::faces::Faces,
+    /// What the file is, for people, if it has no triangle.
+    pub instead: Option<String>,
+}
+
+/// Reads a file, and reports how far it is.
+pub(crate) type Read = fn(
+    &Path,
+    &LoadOptions,
+    &mut dyn FnMut(LoadProgress),
+    &mut Warnings,
+) -> Result<Model, SceneError>;
+
+/// Reads one format.
+pub(crate) struct Reader {
+    /// Returns whether a file is of this format, by its first bytes and its name.
+    pub recognises: fn(&[u8], &Path) -> bool,
+    /// Reads a file.
+    pub read: Read,
+}

@@ -1,0 +1,190 @@
+//! Textures in MTL files: `map_Kd` (colour), `map_Ke` (emission), `map_d` (opacity).
+//!
+//! Options before a file's name that count are `-s` and `-o` (how the texture lies) and `-clamp`.
+//! Others are skipped. The file is found beside the model as any file that it names.
+
+use std::path::Path;
+
+use crate::Maps;
+use crate::text::{excerpt, number};
+use crate::texture::Wrap;
+use crate::texture_files::{TextureFiles, Use};
+use crate::warnings::Warnings;
+
+/// What a texture changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Slot {
+    Base,
+    Emission,
+    Opacity,
+}
+
+impl Slot {
+    /// Returns the slot of a keyword in lower case.
+    pub(crate) fn of(keyword: &str) -> Option<Slot> {
+        match keyword {
+            "map_kd" => Some(Slot::Base),
+            "map_ke" => Some(Slot::Emission),
+            "map_d" | "map_opacity" => Some(Slot::Opacity),
+            _ => None,
+        }
+    }
+}
+
+/// How a texture lies on a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Placement {
+    scale: [f32; 2],
+    offset: [f32; 2],
+}
+
+impl Default for Placement {
+    fn default() -> Placement {
+        Placement { scale: [1.0; 2], offset: [0.0; 2] }
+    }
+}
+
+impl Placement {
+    /// Returns the texture's coordinates, down from its top, at `vt`, which counts from its bottom.
+    pub(crate) fn of(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        let [x, y] = [u * self.scale[0] + self.offset[0], v * self.scale[1] + self.offset[1]];
+        let [x, y] = [x, 1.0 - y];
+        [x, y].map(|c| if c.is_finite() { c } else { 0.0 })
+    }
+}
+
+/// A statement about a texture.
+#[derive(Clone, Debug)]
+pub(crate) struct MapStatement {
+    pub slot: Slot,
+    pub line: usize,
+    file: String,
+    placement: Placement,
+    wrap: Wrap,
+}
+
+impl MapStatement {
+    /// Reads what follows the keyword; `None` if it names no file.
+    pub(crate) fn read(slot: Slot, line: usize, text: &str) -> Option<MapStatement> {
+        let (mut placement, mut wrap, mut rest) = (Placement::default(), Wrap::Repeat, text.trim());
+        while let Some((option, after)) =
+            rest.split_once(char::is_whitespace).filter(|(option, _)| option.starts_with('-'))
+        {
+            rest = after.trim_start();
+            match option {
+                "-s" => numbers(&mut rest, &mut placement.scale),
+                "-o" => numbers(&mut rest, &mut placement.offset),
+                "-t" => numbers(&mut rest, &mut []),
+                "-mm" => {
+                    word(&mut rest);
+                    word(&mut rest);
+                }
+                "-clamp" if word(&mut rest) == "on" => wrap = Wrap::Clamp,
+                "-clamp" => {}
+                _ => {
+                    word(&mut rest);
+                }
+            }
+        }
+        let file = rest.trim_matches('"').to_owned();
+        (!file.is_empty()).then_some(MapStatement { slot, line, file, placement, wrap })
+    }
+}
+
+/// Takes the next word off a text.
+fn word<'a>(text: &mut &'a str) -> &'a str {
+    let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+    *text = rest.trim_start();
+    word
+}
+
+/// Takes up to three numbers off a text, and keeps the first ones.
+fn numbers(text: &mut &str, kept: &mut [f32]) {
+    for k in 0..3 {
+        let next = text.split_whitespace().next().and_then(number);
+        // The last word is the file's name, even if it is a number.
+        let Some(next) = next.filter(|_| text.contains(char::is_whitespace)) else { return };
+        word(text);
+        if let Some(place) = kept.get_mut(k) {
+            *place = next as f32;
+        }
+    }
+}
+
+/// Returns the textures of a material of the MTL file `path`, and how they lie. One that cannot
+/// be read is a warning.
+pub(crate) fn textures(
+    path: &Path,
+    statements: &[MapStatement],
+    files: &mut TextureFiles,
+    warnings: &mut Warnings,
+) -> (Maps, Placement) {
+    let mut maps = Maps::default();
+    for statement in statements {
+        let how = Use {
+            wrap: [statement.wrap; 2],
+            is_linear: statement.slot == Slot::Opacity,
+            is_mask: statement.slot == Slot::Opacity,
+        };
+        let found = files.file(path, &statement.file, how).unwrap_or_else(|problem| {
+            let text = format!("`{}`: {problem}; it is left out", excerpt(&statement.file));
+            warnings.push(path, Some(statement.line), text);
+            None
+        });
+        match statement.slot {
+            Slot::Base => maps.base = found,
+            Slot::Emission => maps.emission = found,
+            Slot::Opacity => maps.cut_out = found,
+        }
+    }
+    // One placement for all: a triangle has one set of coordinates.
+    let first = statements.iter().min_by_key(|statement| statement.slot as u8);
+    (maps, first.map_or(Placement::default(), |statement| statement.placement))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_and_names_are_told_apart() {
+        let read = |text: &str| MapStatement::read(Slot::Base, 1, text).unwrap();
+        let plain = Placement::default();
+        for (text, file, placement, wrap) in [
+            ("wood.png", "wood.png", plain, Wrap::Repeat),
+            ("my wood.png", "my wood.png", plain, Wrap::Repeat),
+            ("-clamp on \"my wood.png\"", "my wood.png", plain, Wrap::Clamp),
+            (
+                "-s 2 3 1 -o 0.5 0 0 7",
+                "7",
+                Placement { scale: [2.0, 3.0], offset: [0.5, 0.0] },
+                Wrap::Repeat,
+            ),
+            (
+                "-bm 0.3 -mm 0 1 -s 4 -imfchan l a.jpg",
+                "a.jpg",
+                Placement { scale: [4.0, 1.0], ..plain },
+                Wrap::Repeat,
+            ),
+        ] {
+            let found = read(text);
+            assert_eq!(
+                (found.file.as_str(), found.placement, found.wrap),
+                (file, placement, wrap),
+                "{text}"
+            );
+        }
+        assert!(
+            MapStatement::read(Slot::Base, 1, "-s 1 1 1 ").is_none_or(|found| found.file == "1")
+        );
+        assert!(MapStatement::read(Slot::Base, 1, "").is_none());
+    }
+
+    #[test]
+    fn textures_count_from_the_top() {
+        let placement = Placement { scale: [2.0, 3.0], offset: [0.5, 0.25] };
+        assert_eq!(placement.of([1.0, 0.0]), [2.5, 0.75]);
+        assert_eq!(placement.of([f32::MAX, f32::MIN]), [0.0, 0.0]);
+    }
+}

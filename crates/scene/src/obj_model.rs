@@ -1,0 +1,87 @@
+//! A model from an OBJ file and its MTL files.
+
+use std::path::Path;
+
+use glam::Vec3;
+
+use crate::libraries::{self, Looks};
+use crate::limits::MAX_OBJ_BYTES;
+use crate::model::{Model, Reader};
+use crate::obj::{ObjFile, parse_obj};
+use crate::obj_text::{LoadProgress, NONE};
+use crate::text::read_text;
+use crate::warnings::Warnings;
+use crate::{LoadOptions, Octahedral, SceneError, Shading, smooth};
+
+pub(crate) const READER: Reader = Reader { recognises: |_, _| true, read };
+
+fn read(
+    path: &Path,
+    options: &LoadOptions,
+    watch: &mut dyn FnMut(LoadProgress),
+    warnings: &mut Warnings,
+) -> Result<Model, SceneError> {
+    let text = read_text(path, MAX_OBJ_BYTES)?;
+    let about = crate::header::read(&text);
+    let obj = parse_obj(path, &text, watch, warnings)?;
+    drop(text);
+    let (materials, looks) = match obj.instead {
+        None => libraries::materials(path, &obj, options, warnings)?,
+        Some(_) => (Vec::new(), Looks::default()),
+    };
+    let material_ids = obj.faces.material_ids();
+    let shading = Shading {
+        uvs: texture_coordinates(&obj, &looks, &material_ids),
+        normals: normals(&obj),
+        textures: looks.textures,
+        maps: looks.maps,
+    };
+    Ok(Model {
+        shading,
+        positions: obj.positions,
+        triangles: obj.triangles,
+        material_ids,
+        materials,
+        about,
+        lines: obj.faces,
+        instead: obj.instead,
+    })
+}
+
+/// Returns the texture coordinates of each triangle's corners, down from the top of textures. Empty
+/// if no material has a texture.
+fn texture_coordinates(obj: &ObjFile, looks: &Looks, material_ids: &[u32]) -> Vec<[[f32; 2]; 3]> {
+    if looks.maps.is_empty() {
+        return Vec::new();
+    }
+    let of = |corner: u32| {
+        let [texture, _] = obj.attributes.get(corner as usize)?;
+        obj.texcoords.get(*texture as usize).copied()
+    };
+    let place = |(triangle, material): (usize, &u32)| {
+        let placement = looks.placements[*material as usize];
+        let corners = obj.corners.get(triangle).copied().unwrap_or([NONE; 3]);
+        corners.map(|corner| placement.of(of(corner).unwrap_or([0.0; 2])))
+    };
+    material_ids.iter().enumerate().map(place).collect()
+}
+
+/// Returns the normals of each triangle's corners: those of the file, or else those of its smoothing
+/// groups. Empty if all are faceted.
+fn normals(obj: &ObjFile) -> Vec<[Octahedral; 3]> {
+    let normals = if !obj.normals.is_empty() && !obj.corners.is_empty() {
+        let of = |corner: u32| {
+            let normal = obj.attributes.get(corner as usize).map_or(NONE, |[_, normal]| *normal);
+            obj.normals.get(normal as usize).copied().unwrap_or(Vec3::ZERO)
+        };
+        let packed = |(triangle, corners): (&[u32; 3], &[u32; 3])| {
+            smooth::packed(smooth::facet(&obj.positions, *triangle), corners.map(of))
+        };
+        obj.triangles.iter().zip(&obj.corners).map(packed).collect()
+    } else if !obj.groups.is_empty() {
+        smooth::from_groups(&obj.positions, &obj.triangles, &obj.groups)
+    } else {
+        Vec::new()
+    };
+    if normals.iter().any(smooth::is_curved) { normals } else { Vec::new() }
+}

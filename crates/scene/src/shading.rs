@@ -1,0 +1,118 @@
+//! What makes a triangle look other than flat and plain: normals of curved surfaces, and textures.
+//!
+//! A scene without them has no [`Shading`], and pays nothing.
+
+use glam::Vec3;
+
+use crate::SceneError;
+use crate::limits::MAX_MATERIALS;
+use crate::texture::Texture;
+
+/// Most textures of a scene.
+pub const MAX_TEXTURES: usize = 4096;
+
+/// Opacity below which a cut-out surface is not there.
+pub const CUT_OUT: f32 = 0.5;
+
+/// A unit vector as two shares of an octahedron (Cigolle et al. 2014), within 0.0001 rad.
+pub type Octahedral = [i16; 2];
+
+/// Attributes of a scene's triangles and materials.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shading {
+    /// Texture coordinates of each triangle's corners; (0, 0) is a texture's top left corner. Empty
+    /// if there is no texture.
+    pub uvs: Vec<[[f32; 2]; 3]>,
+    /// Normals of each triangle's corners. Empty if all surfaces are faceted.
+    pub normals: Vec<[Octahedral; 3]>,
+    /// Pictures.
+    pub textures: Vec<Texture>,
+    /// Textures of each material. Empty if there is no texture.
+    pub maps: Vec<Maps>,
+}
+
+/// The textures of a material, as indices into [`Shading::textures`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Maps {
+    /// Factor to the colour: `kd` of diffuse and coated surfaces, `ks` of metals.
+    pub base: Option<u32>,
+    /// Factor to the emission.
+    pub emission: Option<u32>,
+    /// The surface is not there if the opacity of this texture is below [`CUT_OUT`].
+    pub cut_out: Option<u32>,
+}
+
+impl Maps {
+    /// Returns all textures.
+    pub(crate) fn all(&self) -> [Option<u32>; 3] {
+        [self.base, self.emission, self.cut_out]
+    }
+}
+
+impl Shading {
+    /// Returns whether there is nothing in it.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.normals.is_empty() && self.maps.iter().all(|maps| *maps == Maps::default())
+    }
+
+    /// Checks that it fits a scene.
+    pub(crate) fn validate(&self, triangles: usize, materials: usize) -> Result<(), SceneError> {
+        let fits = |length: usize, count: usize| length == 0 || length == count;
+        let has_maps = !self.maps.is_empty();
+        let exists = |map: Option<u32>| map.is_none_or(|map| (map as usize) < self.textures.len());
+        let finite = |uv: &[f32; 2]| uv.iter().all(|c| c.is_finite());
+        let problem = if !fits(self.uvs.len(), triangles) || !fits(self.normals.len(), triangles) {
+            "their number differs from the triangles'"
+        } else if !fits(self.maps.len(), materials) || materials > MAX_MATERIALS {
+            "their number differs from the materials'"
+        } else if has_maps && self.uvs.is_empty() && triangles > 0 {
+            "textures have no coordinates"
+        } else if !self.maps.iter().flat_map(Maps::all).all(exists) {
+            "a material names a texture that does not exist"
+        } else if self.textures.len() > MAX_TEXTURES {
+            "there are too many textures"
+        } else if !self.uvs.iter().flatten().all(finite) {
+            "a texture coordinate is not finite"
+        } else {
+            return Ok(());
+        };
+        Err(SceneError::Shading { problem })
+    }
+}
+
+/// Packs a unit vector.
+#[must_use]
+pub fn to_octahedral(v: Vec3) -> Octahedral {
+    let sum = v.abs().element_sum().max(f32::MIN_POSITIVE);
+    let (x, y) = (v.x / sum, v.y / sum);
+    let folded = |a: f32, b: f32| (1.0 - b.abs()).copysign(a);
+    let (x, y) = if v.z < 0.0 { (folded(x, y), folded(y, x)) } else { (x, y) };
+    [x, y].map(|c| (c.clamp(-1.0, 1.0) * 32767.0).round() as i16)
+}
+
+/// Returns the unit vector of its packed form.
+#[must_use]
+#[inline]
+pub fn from_octahedral(packed: Octahedral) -> Vec3 {
+    let [x, y] = packed.map(|c| f32::from(c) * (1.0 / 32767.0));
+    let z = 1.0 - x.abs() - y.abs();
+    let fold = (-z).max(0.0);
+    Vec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize_or_zero()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packed_normals_are_nearly_exact() {
+        for k in 0..10_000 {
+            let (z, angle) = (-1.0 + k as f32 / 5000.0, k as f32 * 2.399);
+            let level = (1.0 - z * z).max(0.0).sqrt();
+            let v = Vec3::new(level * angle.cos(), level * angle.sin(), z);
+            let error = from_octahedral(to_octahedral(v)).cross(v).length();
+            assert!(error < 1e-4 && from_octahedral(to_octahedral(v)).dot(v) > 0.0, "{v} {error}");
+        }
+    }
+}

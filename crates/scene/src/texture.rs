@@ -1,0 +1,353 @@
+//! Textures: pictures on surfaces, decoded once, with ever smaller copies for distant looks.
+//!
+//! Always true:
+//! - The encoded file is kept: it is smaller than its texels, and packs without loss.
+//! - A picture larger than [`MAX_SIDE`] is halved until it fits, so memory is bounded.
+//! - Colours are linear when they are looked up.
+
+use std::io::Cursor;
+use std::sync::{Arc, OnceLock};
+
+use image::{DynamicImage, ImageReader, Limits};
+
+/// Greatest side of a texture in texels; larger ones are halved. Four bytes a texel, and a third
+/// more for smaller copies, are 89 MB.
+pub const MAX_SIDE: u32 = 4096;
+
+/// Greatest side of a picture that is decoded at all, and most memory for that.
+const MAX_DECODED_SIDE: u32 = 16384;
+const MAX_DECODED_BYTES: u64 = 1 << 30;
+
+/// Greatest size of a texture's file in bytes.
+pub const MAX_TEXTURE_BYTES: usize = 256 << 20;
+
+/// How a texture continues beyond its edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Wrap {
+    /// It repeats.
+    #[default]
+    Repeat,
+    /// Its edge texels continue.
+    Clamp,
+    /// It repeats, and every other copy is mirrored.
+    Mirror,
+}
+
+impl Wrap {
+    /// Returns the texel of a side of `size` texels.
+    #[inline]
+    fn texel(self, at: i32, size: i32) -> usize {
+        let texel = match self {
+            Wrap::Repeat => at.rem_euclid(size),
+            Wrap::Clamp => at.clamp(0, size - 1),
+            Wrap::Mirror => {
+                let at = at.rem_euclid(2 * size);
+                at.min(2 * size - 1 - at)
+            }
+        };
+        texel as usize
+    }
+}
+
+/// A texture.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    /// The picture's file: PNG, JPEG, Radiance HDR, EXR, BMP or TGA.
+    pub encoded: Arc<[u8]>,
+    /// How it continues to the right and below.
+    pub wrap: [Wrap; 2],
+    /// Whether its bytes are linear, not sRGB.
+    pub is_linear: bool,
+    /// Whether its brightness is an opacity, unless it has opacity itself.
+    pub is_mask: bool,
+    levels: Arc<Vec<Level>>,
+}
+
+impl PartialEq for Texture {
+    fn eq(&self, other: &Texture) -> bool {
+        let key = |t: &Texture| (t.wrap, t.is_linear, t.is_mask);
+        key(self) == key(other) && self.encoded == other.encoded
+    }
+}
+
+/// A picture of a texture, in rows from the top.
+#[derive(Debug)]
+struct Level {
+    width: usize,
+    height: usize,
+    texels: Texels,
+}
+
+#[derive(Debug)]
+enum Texels {
+    /// Red, green, blue and opacity.
+    Bytes(Vec<[u8; 4]>),
+    /// Radiances of pictures with a high dynamic range.
+    Floats(Vec<[f32; 4]>),
+}
+
+impl Texture {
+    /// Decodes a picture.
+    ///
+    /// # Errors
+    /// A text for people, if it is damaged, too large or of an unknown format.
+    pub fn decode(
+        encoded: Arc<[u8]>,
+        wrap: [Wrap; 2],
+        is_linear: bool,
+        is_mask: bool,
+    ) -> Result<Texture, String> {
+        if encoded.len() > MAX_TEXTURE_BYTES {
+            return Err(format!(
+                "it has {} bytes, and at most {MAX_TEXTURE_BYTES} are read",
+                encoded.len()
+            ));
+        }
+        let reader = ImageReader::new(Cursor::new(&encoded[..])).with_guessed_format();
+        let mut reader = reader.map_err(|error| error.to_string())?;
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(MAX_DECODED_SIDE);
+        limits.max_image_height = Some(MAX_DECODED_SIDE);
+        limits.max_alloc = Some(MAX_DECODED_BYTES);
+        reader.limits(limits);
+        let image = reader.decode().map_err(|error| error.to_string())?;
+        let mut level = Level::new(image)?;
+        if is_mask {
+            level.take_brightness_as_opacity();
+        }
+        while level.width.max(level.height) > MAX_SIDE as usize {
+            level = level.halved(is_linear);
+        }
+        let mut levels = vec![level];
+        while let Some(last) = levels.last().filter(|last| last.width.max(last.height) > 1) {
+            let next = last.halved(is_linear);
+            levels.push(next);
+        }
+        Ok(Texture { encoded, wrap, is_linear, is_mask, levels: Arc::new(levels) })
+    }
+
+    /// Returns width and height in texels.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        self.levels.first().map_or([1; 2], |level| [level.width, level.height])
+    }
+
+    /// Returns the bytes of memory that it takes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let texels = |level: &Level| match &level.texels {
+            Texels::Bytes(texels) => 4 * texels.len(),
+            Texels::Floats(texels) => 16 * texels.len(),
+        };
+        self.encoded.len() + self.levels.iter().map(texels).sum::<usize>()
+    }
+
+    /// Returns linear red, green, blue and opacity at a place: (0, 0) is the top left corner and
+    /// (1, 1) the bottom right one. `footprint` is the width that is looked at, as a share of the
+    /// texture's side.
+    #[must_use]
+    #[inline]
+    pub fn at(&self, [u, v]: [f32; 2], footprint: f32) -> [f32; 4] {
+        let [width, height] = self.size();
+        let texels = footprint * width.max(height) as f32;
+        let last = self.levels.len() - 1;
+        let level = texels.max(1.0).log2().min(last as f32);
+        let (fine, share) = (level as usize, level.fract());
+        let near = self.levels[fine].at(u, v, self.wrap, self.is_linear);
+        if share == 0.0 || fine == last {
+            return near;
+        }
+        let far = self.levels[fine + 1].at(u, v, self.wrap, self.is_linear);
+        std::array::from_fn(|k| near[k] + (far[k] - near[k]) * share)
+    }
+}
+
+impl Level {
+    fn new(image: DynamicImage) -> Result<Level, String> {
+        let (width, height) = (image.width() as usize, image.height() as usize);
+        if width == 0 || height == 0 {
+            return Err("it has no pixels".to_owned());
+        }
+        let texels = match image {
+            DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
+                let finite = |c: f32| if c.is_finite() { c.clamp(0.0, 1e6) } else { 0.0 };
+                let floats = image.into_rgba32f().into_raw();
+                Texels::Floats(floats.as_chunks::<4>().0.iter().map(|t| t.map(finite)).collect())
+            }
+            other => Texels::Bytes(other.into_rgba8().into_raw().as_chunks::<4>().0.to_vec()),
+        };
+        Ok(Level { width, height, texels })
+    }
+
+    fn take_brightness_as_opacity(&mut self) {
+        if let Texels::Bytes(texels) = &mut self.texels
+            && texels.iter().all(|texel| texel[3] == u8::MAX)
+        {
+            texels.iter_mut().for_each(|texel| texel[3] = texel[0]);
+        }
+    }
+
+    /// Returns a picture of half the size, rounded up, whose texels are means of four.
+    fn halved(&self, is_linear: bool) -> Level {
+        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        let mean = |index: usize| -> [f32; 4] {
+            let (x, y) = (2 * (index % width), 2 * (index / width));
+            let (right, below) = ((x + 1).min(self.width - 1), (y + 1).min(self.height - 1));
+            let four = [(x, y), (right, y), (x, below), (right, below)]
+                .map(|(x, y)| self.texel(x, y, is_linear));
+            std::array::from_fn(|k| four.iter().map(|texel| texel[k]).sum::<f32>() * 0.25)
+        };
+        let texels = match &self.texels {
+            Texels::Floats(_) => Texels::Floats((0..width * height).map(mean).collect()),
+            Texels::Bytes(_) => Texels::Bytes(
+                (0..width * height)
+                    .map(|index| {
+                        let [r, g, b, a] = mean(index);
+                        let [r, g, b] = [r, g, b].map(|c| if is_linear { c } else { to_srgb(c) });
+                        [r, g, b, a].map(|c| (c * 255.0 + 0.5) as u8)
+                    })
+                    .collect(),
+            ),
+        };
+        Level { width, height, texels }
+    }
+
+    /// Returns a texel as linear numbers.
+    #[inline]
+    fn texel(&self, x: usize, y: usize, is_linear: bool) -> [f32; 4] {
+        let index = y * self.width + x;
+        match &self.texels {
+            Texels::Floats(texels) => texels[index],
+            Texels::Bytes(texels) => {
+                let [r, g, b, a] = texels[index];
+                let share = |byte: u8| f32::from(byte) * (1.0 / 255.0);
+                if is_linear {
+                    return [r, g, b, a].map(share);
+                }
+                let table = linear_table();
+                [table[r as usize], table[g as usize], table[b as usize], share(a)]
+            }
+        }
+    }
+
+    /// Interpolates between four texels.
+    #[inline]
+    fn at(&self, u: f32, v: f32, wrap: [Wrap; 2], is_linear: bool) -> [f32; 4] {
+        // Far from 0, floats have no fractions: such coordinates come from damaged files.
+        let place = |c: f32, size: usize| (c.clamp(-1e4, 1e4) * size as f32) - 0.5;
+        let (x, y) = (place(u, self.width), place(v, self.height));
+        let (left, top) = (x.floor(), y.floor());
+        let (along, down) = (x - left, y - top);
+        let column = |at: i32| wrap[0].texel(at, self.width as i32);
+        let row = |at: i32| wrap[1].texel(at, self.height as i32);
+        let columns = [column(left as i32), column(left as i32 + 1)];
+        let rows = [row(top as i32), row(top as i32 + 1)];
+        let [a, b] = columns.map(|x| self.texel(x, rows[0], is_linear));
+        let [c, d] = columns.map(|x| self.texel(x, rows[1], is_linear));
+        std::array::from_fn(|k| {
+            let (above, below) = (a[k] + (b[k] - a[k]) * along, c[k] + (d[k] - c[k]) * along);
+            above + (below - above) * down
+        })
+    }
+}
+
+/// Returns the linear values of all bytes of sRGB (IEC 61966-2-1).
+fn linear_table() -> &'static [f32; 256] {
+    static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        std::array::from_fn(|byte| {
+            let c = byte as f32 / 255.0;
+            if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+        })
+    })
+}
+
+fn to_srgb(c: f32) -> f32 {
+    if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// A PNG of these texels.
+    fn texture(
+        width: u32,
+        height: u32,
+        texels: &[[u8; 4]],
+        wrap: [Wrap; 2],
+        linear: bool,
+    ) -> Texture {
+        let mut bytes = Vec::new();
+        let raw = texels.concat();
+        let image = image::RgbaImage::from_raw(width, height, raw).unwrap();
+        image.write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
+        Texture::decode(bytes.into(), wrap, linear, false).unwrap()
+    }
+
+    #[test]
+    fn texels_are_interpolated_between_their_middles_and_linear() {
+        let row = [[0, 0, 0, 255], [255, 255, 255, 255]];
+        let found = texture(2, 1, &row, [Wrap::Clamp; 2], false);
+        for (u, expected) in [(0.0, 0.0), (0.25, 0.0), (0.5, 0.5), (0.75, 1.0), (9.0, 1.0)] {
+            assert!((found.at([u, 0.5], 0.0)[0] - expected).abs() < 1e-6, "{u}");
+        }
+        let grey = [[188, 188, 188, 128]];
+        let srgb = texture(1, 1, &grey, [Wrap::Repeat; 2], false).at([0.3, 0.7], 0.0);
+        assert!((srgb[0] - 0.5029).abs() < 1e-3 && (srgb[3] - 128.0 / 255.0).abs() < 1e-6);
+        let linear = texture(1, 1, &grey, [Wrap::Repeat; 2], true).at([0.3, 0.7], 0.0);
+        assert!((linear[0] - 188.0 / 255.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn textures_repeat_clamp_or_mirror() {
+        let row = [10u8, 20, 30, 40].map(|c| [c, c, c, 255]);
+        let at = |wrap: Wrap, u: f32| {
+            let found = texture(4, 1, &row, [wrap, Wrap::Repeat], true).at([u, 0.5], 0.0)[0];
+            (found * 255.0).round() as u8
+        };
+        let middles = [-0.375, -0.125, 0.125, 0.875, 1.125, 1.375, 2.125];
+        let all = |wrap| middles.map(|u| at(wrap, u));
+        assert_eq!(all(Wrap::Repeat), [30, 40, 10, 40, 10, 20, 10]);
+        assert_eq!(all(Wrap::Clamp), [10, 10, 10, 40, 40, 40, 40]);
+        assert_eq!(all(Wrap::Mirror), [20, 10, 10, 40, 40, 30, 10]);
+    }
+
+    #[test]
+    fn a_wide_look_sees_the_mean_of_light() {
+        let board: Vec<[u8; 4]> = (0..64 * 64)
+            .map(|k| if (k % 64 + k / 64) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] })
+            .collect();
+        let found = texture(64, 64, &board, [Wrap::Repeat; 2], false);
+        for footprint in [4.0 / 64.0, 0.3, 1.0, 7.0] {
+            let seen = found.at([0.37, 0.61], footprint)[0];
+            // Bytes of sRGB are up to 0.0042 apart there.
+            assert!((seen - 0.5).abs() < 0.006, "{footprint}: {seen}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_picture_or_too_large_is_refused() {
+        let refused = |bytes: &[u8]| {
+            Texture::decode(bytes.into(), [Wrap::Repeat; 2], false, false).unwrap_err()
+        };
+        assert!(!refused(b"no picture").is_empty());
+        // The header of a PNG of 65,535 by 65,535 pixels.
+        let mut png = Vec::new();
+        let image = image::GrayImage::new(1, 1);
+        image.write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
+        png[16..24].copy_from_slice(&[0, 0, 255, 255, 0, 0, 255, 255]);
+        let crc = crc32(&png[12..29]);
+        png[29..33].copy_from_slice(&crc.to_be_bytes());
+        assert!(!refused(&png).is_empty());
+    }
+
+    fn crc32(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0u32, |crc, &byte| {
+            (0..8).fold(crc ^ u32::from(byte), |crc, _| {
+                if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 }
+            })
+        })
+    }
+}

@@ -1,0 +1,123 @@
+//! A scene as cubic cells, each free or touched by a surface.
+//!
+//! Always true: surfaces are closed for steps between cells that share a face. Of two such cells on
+//! both sides of a surface, at least one is touched.
+
+use glam::DVec3;
+use holo_raycast::Raycaster;
+
+use crate::clip;
+use crate::frame::Frame;
+
+/// Most cells of a grid: one byte of memory each.
+pub const MAX_CELLS: f64 = 4e6;
+
+/// Most cells along an axis.
+const MAX_SIDE: f64 = 400.0;
+
+/// Share of corners beyond each end of an axis that may be far outliers, such as the ground plane
+/// below a house.
+const OUTLIERS: f64 = 0.01;
+
+/// Factor by which the bounds must exceed the corners without outliers to be cut to these.
+const FAR: f64 = 4.0;
+
+/// The cells of a scene, in local coordinates relative to the scene's origin.
+pub(crate) struct Grid {
+    pub frame: Frame,
+    /// The lowest corner.
+    pub low: DVec3,
+    /// The side of a cell.
+    pub cell: f64,
+    /// Number of cells to the right, ahead and up.
+    pub size: [usize; 3],
+    touched: Vec<bool>,
+}
+
+impl Grid {
+    /// Makes the grid of a scene. `None` if it has no triangle or is a point.
+    pub(crate) fn new(raycaster: &Raycaster, frame: Frame) -> Option<Grid> {
+        let scene = raycaster.scene();
+        let local = |p: &[f32; 3]| frame.to_local(glam::Vec3::from(*p).as_dvec3());
+        let points: Vec<DVec3> = scene.positions.iter().map(local).collect();
+        let (low, high) = extent(&points)?;
+        let size = high - low;
+        if size.max_element() <= 0.0 || !size.is_finite() {
+            return None;
+        }
+        // A flat scene, too, gets cells.
+        let thick = size.max(DVec3::splat(size.max_element() * 0.01));
+        let volume = thick.x * thick.y * thick.z;
+        let cell = (volume / MAX_CELLS).cbrt().max(thick.max_element() / MAX_SIDE);
+        let counts = (thick / cell).ceil() + 2.0;
+        let low = low - (counts * cell - size) * 0.5;
+        let size = counts.to_array().map(|n| n as usize);
+        let touched = vec![false; size.iter().product()];
+        let mut grid = Grid { frame, low, cell, size, touched };
+        for triangle in &scene.triangles {
+            grid.touch(triangle.map(|corner| points[corner as usize]));
+        }
+        Some(grid)
+    }
+
+    /// Marks the cells that a triangle touches, by points on it at most half a cell apart.
+    fn touch(&mut self, triangle: [DVec3; 3]) {
+        let size = DVec3::from_array(self.size.map(|n| n as f64));
+        let polygon = clip::to_box(triangle.map(|p| (p - self.low) / self.cell), size);
+        for k in 2..polygon.len() {
+            let (a, p, q) = (polygon[0], polygon[k - 1] - polygon[0], polygon[k] - polygon[0]);
+            let steps = |side: DVec3| (2.0 * side.length()).ceil().max(1.0);
+            let (along, across) = (steps(p), steps(q).max(steps(q - p)));
+            for i in 0..=along as usize {
+                let u = i as f64 / along;
+                for j in 0..=across as usize {
+                    let v = j as f64 / across * (1.0 - u);
+                    self.touch_point(a + p * u + q * v);
+                }
+            }
+        }
+    }
+
+    fn touch_point(&mut self, point: DVec3) {
+        let at = point.to_array().map(|c| c.max(0.0) as usize);
+        let within = [0, 1, 2].map(|axis| at[axis].min(self.size[axis] - 1));
+        let index = self.index(within);
+        self.touched[index] = true;
+    }
+
+    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+        (x * self.size[1] + y) * self.size[2] + z
+    }
+
+    /// Returns the column of cells at a place, from below.
+    pub(crate) fn column(&self, x: usize, y: usize) -> &[bool] {
+        &self.touched[self.index([x, y, 0])..][..self.size[2]]
+    }
+
+    /// Returns the middle of a cell.
+    pub(crate) fn middle(&self, at: [usize; 3]) -> DVec3 {
+        self.low + (DVec3::from_array(at.map(|c| c as f64)) + 0.5) * self.cell
+    }
+}
+
+/// Returns the least and greatest coordinates, without a few corners that lie far outside.
+fn extent(points: &[DVec3]) -> Option<(DVec3, DVec3)> {
+    if points.is_empty() {
+        return None;
+    }
+    let (mut low, mut high) = (DVec3::ZERO, DVec3::ZERO);
+    for axis in 0..3 {
+        let mut sorted: Vec<f64> = points.iter().map(|p| p[axis]).collect();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let few = (sorted.len() as f64 * OUTLIERS) as usize;
+        let (first, last) = (sorted[0], sorted[sorted.len() - 1]);
+        let (near, far) = (sorted[few], sorted[sorted.len() - 1 - few]);
+        let margin = 0.1 * (far - near);
+        let is_spread = far > near && last - first > FAR * (far - near);
+        (low[axis], high[axis]) = match is_spread {
+            true => ((near - margin).max(first), (far + margin).min(last)),
+            false => (first, last),
+        };
+    }
+    Some((low, high))
+}

@@ -1,0 +1,215 @@
+//! Storeys: the places of one level where eyes can be, and which of them are indoors.
+
+use std::collections::BTreeSet;
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use holo_raycast::{Ray, Raycaster};
+
+use crate::columns::Run;
+use crate::grid::Grid;
+
+/// Directions in which a place looks around.
+const DIRECTIONS: usize = 26;
+
+/// A place is indoors if so many of its directions meet something.
+const ENCLOSED: f64 = 0.62;
+
+/// Most places of a level that look around. Others take the answer of a neighbour.
+const MAX_PROBES: usize = 4000;
+
+/// Share of places above a level floor from which a region may be a room.
+const FLAT: f64 = 0.6;
+
+/// Share of back faces seen from which a region may be the inside of a solid.
+const BACKS: f64 = 0.55;
+
+/// Number of materials in sight that make even a region of back faces a room.
+const FURNISHED: usize = 3;
+
+/// The free places of one storey.
+pub(crate) struct Level {
+    /// The cell at eye height.
+    pub eye: usize,
+    /// For each place, the free cells around the eye: lowest, and the one above the highest.
+    pub runs: Vec<Option<(u32, u32)>>,
+    /// Places in rooms.
+    pub indoors: Vec<bool>,
+}
+
+/// What a place sees around it.
+#[derive(Default)]
+struct Seen {
+    hits: usize,
+    backs: usize,
+    is_flat: bool,
+    has_lamp: bool,
+    materials: BTreeSet<u32>,
+}
+
+/// Heights in cells.
+#[derive(Clone, Copy)]
+pub(crate) struct Heights {
+    /// Eyes above floors.
+    pub eye: u32,
+    /// What must be free below eyes, above chairs and beds.
+    pub below: u32,
+    /// How much floors of one storey may differ.
+    pub slack: u32,
+}
+
+/// Most storeys, and the least area of one, as a share of the largest.
+const MAX_LEVELS: usize = 12;
+const LEAST_AREA: f64 = 0.2;
+
+/// Returns the storeys that have rooms, from below.
+pub(crate) fn levels(
+    grid: &Grid,
+    raycaster: &Raycaster,
+    runs: &[Run],
+    heights: Heights,
+) -> Vec<Level> {
+    let headroom = (heights.eye / 10).max(1);
+    let mut left: Vec<Run> = runs.to_vec();
+    let mut levels: Vec<Level> = Vec::new();
+    for _ in 0..MAX_LEVELS {
+        let mut floors = vec![0usize; grid.size[2] + 1];
+        let tall = left.iter().filter(|run| run.height() > heights.eye + headroom);
+        tall.for_each(|run| floors[run.from as usize] += 1);
+        let commonest = (0..floors.len()).rev().max_by_key(|&floor| floors[floor]);
+        let Some(floor) = commonest.filter(|&floor| floors[floor] > 0) else { break };
+        let floor = floor as u32;
+        let eye = floor + heights.eye;
+        // Also above furniture. Whoever stands on a table is on no storey of its own.
+        let is_here = |run: &Run| {
+            (run.from + heights.below..run.to).contains(&eye) && run.from + heights.slack >= floor
+        };
+        let mut level = Level::new(grid, eye as usize, left.iter().filter(|run| is_here(run)));
+        left.retain(|run| !is_here(run) && run.from != floor);
+        level.find_rooms(grid, raycaster);
+        levels.push(level);
+    }
+    let most = levels.iter().map(Level::area).max().unwrap_or(0);
+    levels.retain(|level| level.area() as f64 > LEAST_AREA * most as f64);
+    levels.sort_by_key(|level| level.eye);
+    levels
+}
+
+impl Level {
+    fn new<'a>(grid: &Grid, eye: usize, runs: impl Iterator<Item = &'a Run>) -> Level {
+        let mut places = vec![None; grid.size[0] * grid.size[1]];
+        for run in runs {
+            places[run.x as usize * grid.size[1] + run.y as usize] = Some((run.from, run.to));
+        }
+        Level { eye, indoors: vec![false; places.len()], runs: places }
+    }
+
+    /// Returns the number of places in rooms.
+    fn area(&self) -> usize {
+        self.indoors.iter().filter(|&&is_indoors| is_indoors).count()
+    }
+
+    /// Decides which places are in rooms.
+    fn find_rooms(&mut self, grid: &Grid, raycaster: &Raycaster) {
+        let width = grid.size[1];
+        let count = self.runs.iter().filter(|run| run.is_some()).count();
+        let stride = (count as f64 / MAX_PROBES as f64).sqrt().ceil().max(1.0) as usize;
+        let probed = |place: usize| {
+            (place / width / stride) * stride * width + (place % width / stride) * stride
+        };
+        let mut seen: Vec<Option<Seen>> = Vec::new();
+        seen.resize_with(self.runs.len(), || None);
+        let mut inside = vec![false; self.runs.len()];
+        let free = self.runs.iter().enumerate().filter_map(|(place, run)| run.map(|_| place));
+        for place in free {
+            // The first free place of a square looks around for all of it.
+            let corner = probed(place);
+            let answer = seen[corner].get_or_insert_with(|| {
+                look_around(grid, raycaster, grid.middle([place / width, place % width, self.eye]))
+            });
+            inside[place] = answer.hits as f64 >= ENCLOSED * DIRECTIONS as f64;
+        }
+        for region in regions(&inside, width) {
+            let corners: BTreeSet<usize> = region.iter().map(|&place| probed(place)).collect();
+            let views: Vec<&Seen> =
+                corners.iter().filter_map(|&corner| seen[corner].as_ref()).collect();
+            if is_room(&views) {
+                region.iter().for_each(|&place| self.indoors[place] = true);
+            }
+        }
+    }
+}
+
+fn is_room(views: &[&Seen]) -> bool {
+    let sum = |of: fn(&Seen) -> usize| views.iter().map(|seen| of(seen)).sum::<usize>() as f64;
+    let (hits, backs) = (sum(|seen| seen.hits), sum(|seen| seen.backs));
+    let flat = sum(|seen| usize::from(seen.is_flat));
+    let materials: BTreeSet<u32> = views.iter().flat_map(|seen| &seen.materials).copied().collect();
+    if views.iter().any(|seen| seen.has_lamp) {
+        return true;
+    }
+    flat >= FLAT * views.len() as f64 && (backs <= BACKS * hits || materials.len() >= FURNISHED)
+}
+
+fn look_around(grid: &Grid, raycaster: &Raycaster, from: DVec3) -> Seen {
+    let scene = raycaster.scene();
+    let origin = grid.frame.to_world(from).as_vec3();
+    let mut seen = Seen::default();
+    for direction in directions() {
+        let world = grid.frame.to_world(direction).as_vec3();
+        let Some(hit) = raycaster.nearest(&Ray::new(origin, world)) else { continue };
+        let normal = raycaster.geometric_normal(hit.triangle);
+        let material = scene.material_ids[hit.triangle as usize];
+        seen.hits += 1;
+        seen.backs += usize::from(normal.dot(world) > 0.0);
+        seen.has_lamp |= scene.materials[material as usize].emits();
+        seen.materials.insert(material);
+        if direction.z < -0.999 {
+            seen.is_flat = normal.as_dvec3().dot(grid.frame.up).abs() > 0.99;
+        }
+    }
+    seen
+}
+
+/// Returns directions that are spread evenly (a spiral), the first of them straight down.
+fn directions() -> impl Iterator<Item = DVec3> {
+    let golden = PI * (3.0 - 5f64.sqrt());
+    (0..DIRECTIONS).map(move |i| {
+        let z = if i == 0 { -1.0 } else { -1.0 + 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64 };
+        let (sin, cos) = (golden * i as f64).sin_cos();
+        let level = (1.0 - z * z).max(0.0).sqrt();
+        DVec3::new(level * cos, level * sin, z)
+    })
+}
+
+/// Returns the connected regions of set places in rows of `width`.
+fn regions(mask: &[bool], width: usize) -> Vec<Vec<usize>> {
+    let mut left = mask.to_vec();
+    let mut regions = Vec::new();
+    for start in 0..mask.len() {
+        if !left[start] {
+            continue;
+        }
+        left[start] = false;
+        let mut region = vec![start];
+        let mut next = 0;
+        while let Some(&place) = region.get(next) {
+            next += 1;
+            let (row, column) = (place / width, place % width);
+            let neighbours = [
+                (row > 0).then(|| place - width),
+                (place + width < mask.len()).then_some(place + width),
+                (column > 0).then(|| place - 1),
+                (column + 1 < width).then_some(place + 1),
+            ];
+            for neighbour in neighbours.into_iter().flatten() {
+                if left[neighbour] {
+                    left[neighbour] = false;
+                    region.push(neighbour);
+                }
+            }
+        }
+        regions.push(region);
+    }
+    regions
+}

@@ -1,0 +1,46 @@
+//! Survey: what a person would see at first sight in a scene that says nothing about itself. Which
+//! way is up, how long its unit is, where its rooms are, and where to stand.
+//!
+//! A [`Frame`] says which way is up. [`Survey::new`] divides the scene into cells, finds the places
+//! where a person's eyes can be, and puts boxes into the rooms among them. Without rooms the scene
+//! is an object, which is looked at from outside.
+//!
+//! Always true:
+//! - Each guess comes with its reason, in words for people.
+//! - A result is a function of the scene, the frame and the stated unit: not of threads or clocks.
+//! - Memory is bounded by [`grid::MAX_CELLS`], time by the number of triangles and cells.
+
+mod clip;
+mod columns;
+mod frame;
+pub mod grid;
+mod level;
+mod names;
+mod plan;
+mod rectangle;
+mod rooms;
+mod sight;
+mod unit;
+mod up;
+
+pub use frame::Frame;
+pub use plan::Plan;
+pub use rooms::{Room, Survey};
+pub use sight::Sight;
+pub use unit::{Unit, unit_words};
+pub use up::guess_up;
+
+/// Something that was chosen, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Guess<T> {
+    /// What was chosen.
+    pub value: T,
+    /// The reason, for people.
+    pub reason: String,
+}
+
+impl<T> Guess<T> {
+    pub(crate) fn new(value: T, reason: impl Into<String>) -> Guess<T> {
+        Guess { value, reason: reason.into() }
+    }
+}

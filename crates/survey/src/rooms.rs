@@ -1,0 +1,228 @@
+//! Rooms: boxes at eye height that are free, brought in from walls and furniture.
+
+use glam::DVec3;
+use holo_raycast::Raycaster;
+use holo_scene::{About, Said};
+
+use crate::Guess;
+use crate::columns::{runs, storey};
+use crate::frame::Frame;
+use crate::grid::Grid;
+use crate::level::{Heights, Level, levels};
+use crate::rectangle::{Rectangle, largest};
+use crate::sight::{self, Sight};
+use crate::unit::{Unit, by_extent, by_storey, unit_words};
+
+/// Height of eyes above floors, metres.
+const EYE: f64 = 1.6;
+
+/// Height of eyes in storeys that are too low for a person, as in doll's houses.
+const EYE_SHARE: f64 = 0.55;
+
+/// How far floors of one storey may differ, as a share of the eye's height: steps and thresholds.
+const STEPS: f64 = 0.25;
+
+/// Distance that boxes keep from walls and furniture, as a share of the eye's height.
+const OFF_WALLS: f64 = 0.1;
+
+/// How far boxes reach below and above the eye, as shares of its height.
+const BELOW: f64 = 0.35;
+const ABOVE: f64 = 0.25;
+
+/// Least side of a room's box, as a share of the eye's height, and least area, as a share of the
+/// largest room's.
+const LEAST_SIDE: f64 = 0.35;
+const LEAST_AREA: f64 = 0.03;
+
+/// Most rooms.
+const MAX_ROOMS: usize = 8;
+
+/// A free box at eye height.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Room {
+    /// World coordinates of one corner.
+    pub origin: DVec3,
+    /// The three edges from that corner.
+    pub axes: [DVec3; 3],
+    /// The view along its longest sight line.
+    pub sight: Sight,
+    /// Index of its storey, from below.
+    pub level: usize,
+    pub(crate) rectangle: Rectangle,
+}
+
+/// The rooms of a scene and where to stand.
+pub struct Survey {
+    /// Free boxes, the largest first. Empty for an object on its own.
+    pub rooms: Vec<Room>,
+    /// The length of the scene's unit. If it was stated, it is that.
+    pub unit: Guess<Unit>,
+    /// A view of the whole from outside.
+    pub outside: Sight,
+    pub(crate) levels: Vec<Level>,
+    pub(crate) grid: Option<Grid>,
+    /// The scene's origin in world coordinates.
+    pub(crate) origin: DVec3,
+}
+
+impl Survey {
+    /// Surveys a scene. `unit` is the unit that a person has stated, in metres. Otherwise it follows
+    /// from what its file says, the height of its rooms, the habits of the program that wrote it, or
+    /// the scene's size.
+    #[must_use]
+    pub fn new(raycaster: &Raycaster, frame: Frame, unit: Option<Unit>, about: &About) -> Survey {
+        let scene = raycaster.scene();
+        let (unit, usual) = known_unit(unit, about);
+        let (low, high) = scene.bounds();
+        let outside = sight::from_outside(&frame, low, high);
+        let extent = (high - low).max_element();
+        let Some(grid) = Grid::new(raycaster, frame) else {
+            let unit = unit.or(usual).unwrap_or_else(|| by_extent(extent));
+            return Survey {
+                rooms: Vec::new(),
+                unit,
+                outside,
+                levels: Vec::new(),
+                grid: None,
+                origin: scene.origin,
+            };
+        };
+        let runs = runs(&grid);
+        let height = storey(&runs).map(|cells| cells * grid.cell);
+        let metres = match &unit {
+            Some(unit) => unit.value,
+            None => height.and_then(by_storey).map_or(1.0, |unit| unit.value),
+        };
+        let eye = eye_height(metres, height);
+        let cells = |length: f64| (length / grid.cell).round().max(1.0) as u32;
+        let heights =
+            Heights { eye: cells(eye), below: cells(BELOW * eye), slack: cells(STEPS * eye) };
+        let levels = levels(&grid, raycaster, &runs, heights);
+        let rooms = rooms(&grid, raycaster, &levels, eye);
+        let unit = unit.unwrap_or_else(|| {
+            let by_storey = height.and_then(by_storey).filter(|_| !rooms.is_empty());
+            by_storey.or(usual).unwrap_or_else(|| by_extent(extent))
+        });
+        Survey { rooms, unit, outside, levels, grid: Some(grid), origin: scene.origin }
+    }
+
+    /// Returns the views of the survey by name: one for each room, the largest first, or the one
+    /// from outside.
+    #[must_use]
+    pub fn views(&self) -> Vec<(String, Sight)> {
+        let rooms = self.rooms.iter().enumerate();
+        let views: Vec<_> =
+            rooms.map(|(n, room)| (format!("room {}", n + 1), room.sight)).collect();
+        if views.is_empty() { vec![("outside".to_owned(), self.outside)] } else { views }
+    }
+}
+
+/// Returns what is stated of the unit, by a person or else by the file, and what is usual.
+fn known_unit(unit: Option<Unit>, about: &About) -> (Option<Guess<Unit>>, Option<Guess<Unit>>) {
+    let said = |said: &Said<Unit>, how: &str| {
+        Guess::new(said.value, format!("{}, {how} `{}`", unit_words(said.value), said.words))
+    };
+    let by_person = unit.map(|unit| Guess::new(unit, format!("{}, as stated", unit_words(unit))));
+    let by_file = about.unit.as_ref().map(|unit| said(unit, "as the file says:"));
+    let usual = about.usual_unit.as_ref().map(|unit| said(unit, "as usual in files of"));
+    (by_person.or(by_file), usual)
+}
+
+/// Returns the height of eyes above floors, in scene units.
+fn eye_height(metres: Unit, storey: Option<f64>) -> f64 {
+    let person = EYE / metres;
+    match storey {
+        Some(height) if height < 1.2 * person => EYE_SHARE * height,
+        _ => person,
+    }
+}
+
+fn rooms(grid: &Grid, raycaster: &Raycaster, levels: &[Level], eye: f64) -> Vec<Room> {
+    let margin = (OFF_WALLS * eye / grid.cell).ceil().max(1.0) as usize;
+    let reach = ((BELOW * eye / grid.cell) as u32, (ABOVE * eye / grid.cell) as u32);
+    let least = (LEAST_SIDE * eye / grid.cell).max(2.0);
+    let mut masks: Vec<Vec<bool>> =
+        levels.iter().map(|level| free_mask(grid, level, margin)).collect();
+    let mut rooms: Vec<Room> = Vec::new();
+    let mut first = 0;
+    while rooms.len() < MAX_ROOMS {
+        let found = masks.iter().enumerate().filter_map(|(level, mask)| {
+            largest(mask, grid.size[1]).map(|rectangle| (level, rectangle))
+        });
+        let Some((level, rectangle)) = found.max_by_key(|(_, rectangle)| rectangle.cells()) else {
+            break;
+        };
+        first = first.max(rectangle.cells());
+        if (rectangle.cells() as f64) < LEAST_AREA * first as f64 {
+            break;
+        }
+        rectangle.places().for_each(|[x, y]| masks[level][x * grid.size[1] + y] = false);
+        let side = |axis: usize| (rectangle.high[axis] + 1 - rectangle.low[axis]) as f64;
+        if side(0).min(side(1)) < least {
+            continue;
+        }
+        let (low, high) = heights(grid, &levels[level], rectangle, reach);
+        rooms.push(room(grid, raycaster, level, levels[level].eye, rectangle, (low, high)));
+    }
+    rooms
+}
+
+/// Returns the places of a level that are indoors and `margin` cells away from all that are not.
+fn free_mask(grid: &Grid, level: &Level, margin: usize) -> Vec<bool> {
+    let [depth, width, _] = grid.size;
+    let mut mask = level.indoors.clone();
+    for _ in 0..margin {
+        let before = mask.clone();
+        let at = |x: usize, y: usize| before[x * width + y];
+        for x in 0..depth {
+            for y in 0..width {
+                let is_inner = x > 0 && y > 0 && x + 1 < depth && y + 1 < width;
+                mask[x * width + y] =
+                    is_inner && (x - 1..=x + 1).all(|x| (y - 1..=y + 1).all(|y| at(x, y)));
+            }
+        }
+    }
+    mask
+}
+
+/// Returns the cells around the eye that are free everywhere in a rectangle: the lowest, and the
+/// one above the highest.
+fn heights(grid: &Grid, level: &Level, rectangle: Rectangle, reach: (u32, u32)) -> (u32, u32) {
+    let eye = level.eye as u32;
+    let (mut low, mut high) = (eye.saturating_sub(reach.0), eye + reach.1 + 1);
+    for [x, y] in rectangle.places() {
+        if let Some((from, to)) = level.runs[x * grid.size[1] + y] {
+            // A cell of distance from floors and ceilings, too.
+            (low, high) =
+                (low.max((from + 1).min(eye)), high.min(to.saturating_sub(1).max(eye + 1)));
+        }
+    }
+    (low, high)
+}
+
+fn room(
+    grid: &Grid,
+    raycaster: &Raycaster,
+    level: usize,
+    eye: usize,
+    rectangle: Rectangle,
+    (low, high): (u32, u32),
+) -> Room {
+    let origin = raycaster.scene().origin;
+    let [x, y] = rectangle.low.map(|c| c as f64);
+    let corner = grid.low + DVec3::new(x, y, f64::from(low)) * grid.cell;
+    let side = |axis: usize| (rectangle.high[axis] + 1 - rectangle.low[axis]) as f64 * grid.cell;
+    let edges = [
+        DVec3::new(side(0), 0.0, 0.0),
+        DVec3::new(0.0, side(1), 0.0),
+        DVec3::new(0.0, 0.0, f64::from(high - low) * grid.cell),
+    ];
+    let sight = sight::in_room(grid, raycaster, rectangle, eye);
+    Room {
+        origin: origin + grid.frame.to_world(corner),
+        axes: edges.map(|edge| grid.frame.to_world(edge)),
+        sight: Sight { eye: origin + sight.eye, ..sight },
+        level,
+        rectangle,
+    }
+}

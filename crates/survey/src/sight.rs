@@ -1,0 +1,95 @@
+//! Where to stand, and where to look.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use holo_raycast::{Ray, Raycaster};
+
+use crate::frame::Frame;
+use crate::grid::Grid;
+use crate::rectangle::Rectangle;
+
+/// A view that was chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sight {
+    /// World coordinates of the eye.
+    pub eye: DVec3,
+    /// Unit direction of the view.
+    pub direction: DVec3,
+    /// Up.
+    pub up: DVec3,
+    /// Horizontal angle, degrees.
+    pub angle: f64,
+}
+
+/// Horizontal angles of views in rooms and of objects, degrees.
+const IN_ROOM: f64 = 75.0;
+const OF_OBJECT: f64 = 45.0;
+
+/// Level directions that each place tries.
+const AROUND: usize = 48;
+
+/// Number of directions on each side of a view that count: up to its edges.
+const FAN: usize = 5;
+
+/// Most places that are tried.
+const MAX_PLACES: usize = 120;
+
+/// Downward slope of a view in a room: floors say more than ceilings.
+const DOWN: f64 = 0.08;
+
+/// Returns the view along the longest sight lines of a rectangle at eye height, relative to the
+/// scene's origin. All lines of a view count, so it is not one through a gap between chairs.
+pub(crate) fn in_room(grid: &Grid, raycaster: &Raycaster, room: Rectangle, eye: usize) -> Sight {
+    let stride = ((room.cells() as f64 / MAX_PLACES as f64).sqrt().ceil() as usize).max(1);
+    let farthest = grid.cell * grid.size.map(|n| n as f64).into_iter().fold(0.0, f64::max);
+    let mut best: Option<(f64, DVec3, DVec3)> = None;
+    let on_stride = |[x, y]: [usize; 2]| {
+        (x - room.low[0]).is_multiple_of(stride) && (y - room.low[1]).is_multiple_of(stride)
+    };
+    // The corners of the room see most of it.
+    let corners = [room.low, [room.low[0], room.high[1]], [room.high[0], room.low[1]], room.high];
+    for [x, y] in corners.into_iter().chain(room.places().filter(|&place| on_stride(place))) {
+        let from = grid.middle([x, y, eye]);
+        let origin = grid.frame.to_world(from).as_vec3();
+        let level = |i: usize| {
+            let (sin, cos) = (i as f64 / AROUND as f64 * TAU).sin_cos();
+            DVec3::new(cos, sin, 0.0)
+        };
+        let lengths: Vec<f64> = (0..AROUND)
+            .map(|i| {
+                let ray = Ray::new(origin, grid.frame.to_world(level(i)).as_vec3());
+                // A look out of a window is worth something, but it is not the room.
+                raycaster.nearest(&ray).map_or(0.3 * farthest, |hit| f64::from(hit.t).min(farthest))
+            })
+            .collect();
+        for i in 0..AROUND {
+            // The middle of the view counts most.
+            let share = |by: usize| (FAN + 1 - by.abs_diff(FAN)) as f64;
+            let length = |by: usize| lengths[(i + AROUND + by - FAN) % AROUND];
+            let score: f64 = (0..=2 * FAN).map(|by| length(by) * share(by)).sum();
+            if best.is_none_or(|(most, ..)| score > most * (1.0 + 1e-6)) {
+                best = Some((score, from, level(i)));
+            }
+        }
+    }
+    let middle = grid.middle([room.low[0], room.low[1], eye]);
+    let (_, eye, ahead) = best.unwrap_or((0.0, middle, DVec3::Y));
+    let direction = (ahead - DVec3::Z * DOWN).normalize();
+    Sight {
+        eye: grid.frame.to_world(eye),
+        direction: grid.frame.to_world(direction),
+        up: grid.frame.up,
+        angle: IN_ROOM,
+    }
+}
+
+/// Returns a view of everything between two world corners, from the front, the right and above.
+pub(crate) fn from_outside(frame: &Frame, low: DVec3, high: DVec3) -> Sight {
+    let towards = DVec3::new(-0.5, 0.85, -0.38).normalize();
+    let radius = 0.5 * low.distance(high);
+    let distance = radius / (0.42 * OF_OBJECT.to_radians()).sin();
+    let direction = frame.to_world(towards);
+    let eye = (low + high) * 0.5 - direction * distance;
+    Sight { eye, direction, up: frame.up, angle: OF_OBJECT }
+}

@@ -1,0 +1,241 @@
+//! Surveys of small scenes whose rooms, units and up axes are known.
+
+#![allow(clippy::unwrap_used)]
+
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+use glam::DVec3;
+use holo_raycast::{Ray, Raycaster};
+use holo_scene::{About, Material, Said, Scene};
+use holo_survey::{Frame, Survey, guess_up};
+
+/// Triangles with named materials.
+#[derive(Default)]
+struct Model {
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    ids: Vec<u32>,
+    materials: Vec<Material>,
+}
+
+impl Model {
+    fn material(&mut self, name: &str, emission: f32) -> u32 {
+        self.materials.push(Material { emission: [emission; 3], ..Material::grey(name) });
+        self.materials.len() as u32 - 1
+    }
+
+    fn quad(&mut self, corners: [DVec3; 4], material: u32) {
+        let first = self.positions.len() as u32;
+        self.positions.extend(corners);
+        self.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        self.ids.extend([material; 2]);
+    }
+
+    /// A box whose front faces look inwards or outwards.
+    fn cuboid(&mut self, low: DVec3, high: DVec3, inwards: bool, material: u32) {
+        for axis in 0..3 {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            for side in [low, high] {
+                let corner = |a: f64, b: f64| {
+                    let mut p = side;
+                    (p[u], p[v]) = (a, b);
+                    p
+                };
+                let mut corners = [
+                    corner(low[u], low[v]),
+                    corner(high[u], low[v]),
+                    corner(high[u], high[v]),
+                    corner(low[u], high[v]),
+                ];
+                if (side == low) != inwards {
+                    corners.reverse();
+                }
+                self.quad(corners, material);
+            }
+        }
+    }
+
+    /// A sphere, seen from outside.
+    fn sphere(&mut self, middle: DVec3, radius: f64, material: u32) {
+        let at = |i: usize, j: usize| {
+            let (sin, cos) = (j as f64 / 48.0 * PI).sin_cos();
+            let (y, x) = (i as f64 / 96.0 * TAU).sin_cos();
+            middle + DVec3::new(x * sin, y * sin, cos) * radius
+        };
+        for (i, j) in (0..96).flat_map(|i| (0..48).map(move |j| (i, j))) {
+            self.quad([at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)], material);
+        }
+    }
+
+    fn scene(&self) -> Scene {
+        let materials = self.materials.clone();
+        Scene::from_world(&self.positions, &self.triangles, &self.ids, materials, [0.0; 3])
+            .unwrap()
+            .0
+    }
+
+    fn survey(&self, up: DVec3, unit: Option<f64>) -> (Survey, Raycaster) {
+        let raycaster = Raycaster::build(Arc::new(self.scene())).unwrap();
+        (Survey::new(&raycaster, Frame::new(up), unit, &About::default()), raycaster)
+    }
+}
+
+/// Two rooms of 5 by 4 and 3 by 4 metres with a door between, and a table in the larger one.
+/// Lengths are multiplied by `scale`, and the axes turned by `turn`.
+fn flat(scale: f64, turn: fn(DVec3) -> DVec3) -> Model {
+    let mut model = Model::default();
+    let wall = model.material("plaster", 0.0);
+    let wood = model.material("oak", 0.0);
+    model.cuboid(DVec3::ZERO, DVec3::new(8.0, 4.0, 2.5), true, wall);
+    for (from, to) in [(0.0, 1.5), (2.4, 4.0)] {
+        model.cuboid(DVec3::new(4.95, from, 0.0), DVec3::new(5.05, to, 2.5), false, wall);
+    }
+    model.cuboid(DVec3::new(2.0, 1.5, 0.7), DVec3::new(3.0, 2.5, 0.75), false, wood);
+    model.positions.iter_mut().for_each(|p| *p = turn(*p) * scale);
+    model
+}
+
+#[test]
+fn rooms_are_free_boxes_at_eye_height_the_largest_first() {
+    let (survey, raycaster) = flat(1.0, |p| p).survey(DVec3::Z, None);
+    assert_eq!(survey.rooms.len(), 2);
+    for (room, [from, to]) in survey.rooms.iter().zip([[0.0, 4.95], [5.05, 8.0]]) {
+        let low = room.origin;
+        let high = low + room.axes.iter().sum::<DVec3>();
+        assert!(low.x > from && high.x < to && low.y > 0.0 && high.y < 4.0, "{low} {high}");
+        assert!(low.z > 0.75 && low.z < 1.6 && high.z > 1.6 && high.z < 2.5, "{low} {high}");
+        assert!(high.x - low.x > to - from - 0.6 && high.y - low.y > 3.4, "{low} {high}");
+        assert!(!raycaster.scene().geometry_inside(low, room.axes));
+    }
+    assert_eq!(survey.unit.value, 1.0);
+}
+
+#[test]
+fn the_unit_follows_from_the_height_of_rooms_unless_it_is_stated() {
+    for unit in [0.001, 0.01, 0.0254, 0.3048, 1.0] {
+        let (survey, _) = flat(1.0 / unit, |p| p).survey(DVec3::Z, None);
+        assert_eq!(survey.unit.value, unit, "{}", survey.unit.reason);
+        assert_eq!(survey.rooms.len(), 2, "{unit}");
+    }
+    let (survey, _) = flat(1.0, |p| p).survey(DVec3::Z, Some(0.5));
+    assert_eq!(survey.unit.value, 0.5);
+    assert!(!survey.rooms.is_empty(), "rooms too low for a person have eyes, too");
+}
+
+#[test]
+fn a_room_is_seen_along_its_longest_line_from_within() {
+    let (survey, raycaster) = flat(1.0, |p| p).survey(DVec3::Z, None);
+    let sight = survey.rooms[0].sight;
+    assert!((sight.eye.z - 1.6).abs() < 0.1, "{sight:?}");
+    let (ray, _) = raycaster.localize(sight.eye, sight.direction).unwrap();
+    let ahead = raycaster.nearest(&Ray { t_max: f32::INFINITY, ..ray }).unwrap().t;
+    assert!(ahead > 4.5, "{ahead}");
+    assert_eq!(survey.views()[0], ("room 1".to_owned(), sight));
+}
+
+#[test]
+fn scenes_may_lie_on_their_side() {
+    // Up is +y, as in most model files: z points towards the viewer.
+    let model = flat(1.0, |p| DVec3::new(p.x, p.z, -p.y));
+    let (survey, _) = model.survey(DVec3::Y, None);
+    assert_eq!(survey.rooms.len(), 2);
+    assert!((survey.rooms[0].sight.eye.y - 1.6).abs() < 0.1);
+    assert_eq!(survey.rooms[0].sight.up, DVec3::Y);
+}
+
+#[test]
+fn faces_turned_round_do_not_hide_a_room() {
+    let mut model = flat(1.0, |p| p);
+    model.triangles.iter_mut().step_by(2).for_each(|t| t.reverse());
+    assert_eq!(model.survey(DVec3::Z, None).0.rooms.len(), 2);
+}
+
+#[test]
+fn objects_have_no_rooms_and_are_seen_whole_from_outside() {
+    let mut ball = Model::default();
+    let steel = ball.material("steel", 0.0);
+    ball.sphere(DVec3::new(10.0, 20.0, 30.0), 3.0, steel);
+    let mut crate_of_wood = Model::default();
+    let wood = crate_of_wood.material("wood", 0.0);
+    crate_of_wood.cuboid(DVec3::ZERO, DVec3::splat(3.0), false, wood);
+    for model in [ball, crate_of_wood] {
+        let (survey, _) = model.survey(DVec3::Z, None);
+        assert!(survey.rooms.is_empty() && survey.plan().is_none());
+        let (name, sight) = &survey.views()[0];
+        assert_eq!(name, "outside");
+        let half = (sight.angle / 2.0).to_radians();
+        for corner in &model.positions {
+            let towards = (*corner - sight.eye).normalize();
+            assert!(towards.angle_between(sight.direction) < half, "{corner}");
+        }
+    }
+}
+
+#[test]
+fn a_lamp_in_a_box_makes_it_a_room_whichever_way_its_faces_look() {
+    let mut model = Model::default();
+    let (wall, lamp) = (model.material("w", 0.0), model.material("l", 5.0));
+    model.cuboid(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5), false, wall);
+    model.cuboid(DVec3::new(1.8, 1.4, 2.3), DVec3::new(2.2, 1.6, 2.4), false, lamp);
+    assert_eq!(model.survey(DVec3::Z, None).0.rooms.len(), 1);
+}
+
+#[test]
+fn a_distant_ground_plane_does_not_hide_the_house() {
+    let mut model = flat(1.0, |p| p);
+    let grass = model.material("meadow", 0.0);
+    // Trinkets along the walls: most corners of a scene are in its house.
+    for k in 0..200 {
+        let (x, up) = (0.05 + 0.039 * f64::from(k), f64::from(k % 3) * 1.2);
+        let y = if k % 2 == 0 { 0.05 } else { 3.9 };
+        let low = DVec3::new(x, y, 0.01 + up);
+        model.cuboid(low, low + 0.02, false, 0);
+    }
+    let far = 2000.0;
+    let corner = |x: f64, y: f64| DVec3::new(x * far, y * far, -0.2);
+    model.quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)], grass);
+    assert_eq!(model.survey(DVec3::Z, None).0.rooms.len(), 2);
+}
+
+#[test]
+fn a_plan_shows_walls_rooms_and_views() {
+    let (survey, _) = flat(1.0, |p| p).survey(DVec3::Z, None);
+    let plan = survey.plan().unwrap();
+    assert_eq!(plan.rgb.len(), 3 * plan.width * plan.height);
+    let mut colours: Vec<&[u8]> = plan.rgb.chunks(3).collect();
+    colours.sort_unstable();
+    colours.dedup();
+    assert_eq!(colours.len(), 6, "outside, indoors, solid, two rooms, views");
+}
+
+#[test]
+fn up_follows_from_the_file_names_lamps_habits_or_shape_in_this_order() {
+    let said = |value| Some(Said { value, words: "so".to_owned() });
+    let (y, z) = ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    let low = |sides: DVec3, name: &str| {
+        let mut model = Model::default();
+        let material = model.material(name, 0.0);
+        model.cuboid(DVec3::ZERO, sides, false, material);
+        model
+    };
+    let up = |model: &Model, about: &About| guess_up(&model.scene(), about).value.to_array();
+    let about = About::default();
+    assert_eq!(up(&low(DVec3::new(3.0, 3.0, 1.0), "a"), &about), z);
+    assert_eq!(up(&low(DVec3::new(3.0, 1.0, 3.0), "a"), &about), y);
+    assert_eq!(up(&low(DVec3::ONE, "a"), &about), y, "as in most files");
+    let usual = About { usual_up: said(y), ..About::default() };
+    let mut model = low(DVec3::new(3.0, 3.0, 1.0), "a");
+    assert_eq!(up(&model, &usual), y);
+    let lamp = model.material("lamp", 1.0);
+    let corners = [[1.0, 1.0], [1.0, 2.0], [2.0, 2.0], [2.0, 1.0]];
+    model.quad(corners.map(|[x, y]| DVec3::new(x, y, 0.9)), lamp);
+    assert_eq!(up(&model, &usual), z, "the lamp shines down");
+    let floor = model.material("Floor_01", 0.0);
+    model.quad(
+        [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]].map(|[x, z]| DVec3::new(x, 0.5, z)),
+        floor,
+    );
+    assert_eq!(up(&model, &usual), y);
+    assert_eq!(up(&model, &About { up: said(z), ..usual }), z);
+}
