@@ -50,7 +50,8 @@ pub(crate) fn materials(
                 let material = &library[id];
                 let (maps, placement) =
                     textures(&material.path, &material.maps, &mut files, warnings);
-                (looks.maps.pop(), looks.placements.pop());
+                looks.maps.pop();
+                looks.placements.pop();
                 looks.maps.push(maps);
                 looks.placements.push(placement);
                 library[id].resolve(options.two_sided_lights, warnings)
