@@ -62,9 +62,9 @@ pub enum Part {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Toggle {
-    /// [`State::is_paused`].
+    /// `State::is_paused`.
     Paused,
-    /// [`State::height_is_locked`].
+    /// `State::height_is_locked`.
     Locked,
 }
 
