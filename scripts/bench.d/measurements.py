@@ -25,6 +25,7 @@ from quadtree import quadtree
 from radiance import radiance
 from rendercache import rendercache
 from rivals import rivals
+from rooms import rooms
 from scenes import Case
 from skips import skips
 from walk import walk
@@ -302,6 +303,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "fill-cabin": fill_cabin,
     "interactive": interactive,
     "whole": whole,
+    "rooms": rooms,
     "edges": edges,
     "cached": cached,
     "radiance": radiance,

@@ -134,19 +134,30 @@ def without_floods(bench: Bench, mitsuba: Mitsuba, part: Part) -> Table:
     return table
 
 
+def environment_of(bench: Bench) -> Path:
+    """Returns the folder of the rivals' Python environment."""
+    return bench.root / "target/rivals"
+
+
+def environment(bench: Bench) -> Path:
+    """Returns the Python of an environment for rivals under target/, which is made if it is missing."""
+    folder = environment_of(bench)
+    if not (folder / "bin/python").exists():
+        run([sys.executable, "-m", "venv", folder])
+    return folder / "bin/python"
+
+
 class Mitsuba:
     """Mitsuba in its own Python environment under target/."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._folder = bench.root / "target/rivals"
-        self._python = self._folder / "bin/python"
+        self._python = environment_of(bench) / "bin/python"
 
     def install(self) -> str | None:
         """Makes the environment if it does not exist; returns the reason if that is impossible."""
         try:
-            if not self._python.exists():
-                run([sys.executable, "-m", "venv", self._folder])
+            environment(self._bench)
             run([self._python, "-m", "pip", "install", "--quiet", f"mitsuba=={MITSUBA}", "numpy"])
             run([self._python, "-c", "import mitsuba; mitsuba.set_variant('llvm_ad_rgb'); import drjit; drjit.sum(drjit.arange(mitsuba.Float, 3))"])
         except (Failed, OSError) as error:

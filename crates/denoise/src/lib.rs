@@ -54,11 +54,11 @@ pub enum DenoiseError {
     },
 }
 
-/// The denoiser for light on surfaces.
+/// The denoiser.
 pub struct Denoiser {
     filter: Filter,
-    /// A grey of 0.5: what is denoised has no texture.
-    albedo: Vec<[f32; 3]>,
+    /// A grey of 0.5, for light without texture.
+    grey: Vec<[f32; 3]>,
     output: Vec<[f32; 3]>,
 }
 
@@ -73,22 +73,42 @@ impl Denoiser {
             None => Api::load(Path::new(NAME))?,
         };
         let filter = Filter::new(Device::new(api)?)?;
-        Ok(Denoiser { filter, albedo: Vec::new(), output: Vec::new() })
+        Ok(Denoiser { filter, grey: Vec::new(), output: Vec::new() })
     }
 
-    /// Denoises `light`, in rows of `size.0` pixels: finite, not negative, of any unit. `normals`
-    /// are unit vectors, or 0 where there is no surface.
+    /// Denoises light on surfaces, which has no texture. See [`denoise`](Self::denoise).
+    ///
+    /// # Errors
+    /// If the sizes differ, or the library fails. `light` is then as it was.
+    pub fn denoise_light(
+        &mut self,
+        light: &mut [[f32; 3]],
+        normals: &[[f32; 3]],
+        size: (usize, usize),
+    ) -> Result<(), DenoiseError> {
+        let mut grey = std::mem::take(&mut self.grey);
+        grey.resize(light.len(), [0.5; 3]);
+        let denoised = self.denoise(light, &grey, normals, size);
+        self.grey = grey;
+        denoised
+    }
+
+    /// Denoises `light`, in rows of `size.0` pixels: finite, not negative, of any unit. `albedo` is
+    /// between 0 and 1. `normals` are unit vectors, or 0 where there is no surface.
     ///
     /// # Errors
     /// If the sizes differ, or the library fails. `light` is then as it was.
     pub fn denoise(
         &mut self,
         light: &mut [[f32; 3]],
+        albedo: &[[f32; 3]],
         normals: &[[f32; 3]],
         size: (usize, usize),
     ) -> Result<(), DenoiseError> {
         let (width, height) = size;
-        for (what, found) in [("light", light.len()), ("normals", normals.len())] {
+        let lengths =
+            [("light", light.len()), ("albedo", albedo.len()), ("normals", normals.len())];
+        for (what, found) in lengths {
             if width.checked_mul(height) != Some(found) {
                 return Err(DenoiseError::Size { what, found, width, height });
             }
@@ -96,11 +116,9 @@ impl Denoiser {
         if light.is_empty() {
             return Ok(());
         }
-        self.albedo.clear();
-        self.albedo.resize(light.len(), [0.5; 3]);
         self.output.clear();
         self.output.resize(light.len(), [0.0; 3]);
-        self.filter.run(light, &self.albedo, normals, &mut self.output, size)?;
+        self.filter.run(light, albedo, normals, &mut self.output, size)?;
         light.copy_from_slice(&self.output);
         Ok(())
     }

@@ -49,12 +49,12 @@ fn where_the_library_is_installed_noise_goes_and_edges_stay() {
         light.iter().enumerate().map(off).sum::<f64>() / light.len() as f64
     };
     let before = error(&light);
-    denoiser.denoise(&mut light, &normals, SIZE).unwrap();
+    denoiser.denoise_light(&mut light, &normals, SIZE).unwrap();
     assert!(error(&light) < 0.1 * before, "{} of {before}", error(&light));
     // Another size, and what does not fit.
     let mut few = vec![[1.0; 3]; 12];
-    denoiser.denoise(&mut few, &[[0.0; 3]; 12], (4, 3)).unwrap();
+    denoiser.denoise_light(&mut few, &[[0.0; 3]; 12], (4, 3)).unwrap();
     assert!(few.iter().flatten().all(|c| c.is_finite() && *c > 0.0), "{few:?}");
-    let wrong = denoiser.denoise(&mut few, &[[0.0; 3]; 11], (4, 3));
+    let wrong = denoiser.denoise_light(&mut few, &[[0.0; 3]; 11], (4, 3));
     assert!(matches!(wrong, Err(DenoiseError::Size { what: "normals", found: 11, .. })));
 }

@@ -154,12 +154,11 @@ impl Shown {
         if !seen.is_surface() {
             return f32::INFINITY;
         }
-        let size = (self.view.size.0 as u32, self.view.size.1 as u32);
-        seen.width / self.look.view.pixel_footprint(size, 1.0) as f32
+        self.view.length(seen)
     }
 
     fn depth(&self) -> Vec<f32> {
-        self.view.seen.iter().map(|seen| self.distance(seen)).collect()
+        self.view.seen.par_iter().map(|seen| self.distance(seen)).collect()
     }
 
     /// Returns surface points that are seen, in the scene: of every [`APART`]th column and row.
@@ -184,10 +183,6 @@ impl Driver for SurfacesDriver {
     }
 
     fn look(&mut self, look: &Look) -> Result<(), DriverError> {
-        if look.view.is_clipped() {
-            let reason = "views with -vo or -va are not drawn; use --driver voronoi".to_owned();
-            return Err(DriverError { driver: NAME, reason });
-        }
         let size = look.resolution.computed(look.size);
         let raycaster = Arc::clone(&self.raycaster);
         let view = View::new(raycaster, Arc::clone(&self.materials), &look.view, size);

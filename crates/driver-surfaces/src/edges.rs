@@ -125,29 +125,34 @@ impl View {
             let (x, y) = place_of(point);
             self.ray(column + f64::from(x), row + f64::from(y))
         };
-        let rays: [Ray; FIRST] = std::array::from_fn(|number| ray(points.start + number));
+        let rays: [(Ray, f32); FIRST] = std::array::from_fn(|number| ray(points.start + number));
         let mut hits = [None; FIRST];
-        self.raycaster.nearest_tile(&rays, &mut hits);
+        self.raycaster.nearest_tile(&rays.map(|(ray, _)| ray), &mut hits);
         let follower = self.follower();
-        for ((point, ray), hit) in points.zip(rays).zip(hits) {
-            let shown = hit.map_or(Shown::Sky([1.0; 3]), |hit| {
+        for ((point, (ray, before)), hit) in points.zip(rays).zip(hits) {
+            let shown = hit.map_or(self.nothing(), |hit| {
                 if follower.is_pane(hit) {
                     looked.at_panes += 1;
-                    let mirrored = || follower.follow(ray, hit, AtPanes::ReflectFirst);
+                    let mirrored =
+                        || follower.follow(ray, hit, AtPanes::ReflectFirst).farther(before);
                     looked.in_pane.get_or_insert_with(mirrored);
                 }
-                follower.follow(ray, hit, AtPanes::Pass)
+                follower.follow(ray, hit, AtPanes::Pass).farther(before)
             });
-            looked.add(shown, place_of(point), self.pixel_width());
+            let width = match &shown {
+                Shown::Surface(end) => self.pixel_width(end.length),
+                Shown::Sky(_) | Shown::Unknown => 0.0,
+            };
+            looked.add(shown, place_of(point), width);
         }
     }
 }
 
 impl Looked {
     /// Adds what a ray shows to the piece that shows the same, or makes a new one.
-    fn add(&mut self, shown: Shown, (x, y): (f32, f32), pixel_width: f32) {
+    fn add(&mut self, shown: Shown, (x, y): (f32, f32), width: f32) {
         let seen = match &shown {
-            Shown::Surface(end) => seen(end, pixel_width, PLAIN),
+            Shown::Surface(end) => seen(end, width, PLAIN),
             Shown::Sky(_) | Shown::Unknown => Seen::NOTHING,
         };
         self.points += 1;

@@ -191,7 +191,7 @@ impl Squares {
         };
         let mut pixels: Vec<[f32; 3]> = sums.iter().zip(&*lights).map(mean).collect();
         let normals: Vec<[f32; 3]> = self.seen.iter().map(|seen| seen.normal.to_array()).collect();
-        if denoiser.denoise(&mut pixels, &normals, self.size).is_ok() {
+        if denoiser.denoise_light(&mut pixels, &normals, self.size).is_ok() {
             for (light, pixel) in lights.iter_mut().zip(pixels) {
                 light.light = Vec3::from_array(pixel).max(Vec3::ZERO) * SCALE;
             }

@@ -39,6 +39,16 @@ pub(crate) enum Shown {
     Unknown,
 }
 
+impl Shown {
+    /// Returns the same at the end of a way that is longer by this.
+    pub fn farther(self, before: f32) -> Shown {
+        match self {
+            Shown::Surface(end) => Shown::Surface(End { length: end.length + before, ..end }),
+            other => other,
+        }
+    }
+}
+
 /// What panes do with a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AtPanes {

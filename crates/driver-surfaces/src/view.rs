@@ -72,6 +72,10 @@ pub struct View {
     pub(crate) raycaster: Arc<Raycaster>,
     materials: Arc<Materials>,
     eye: Eye,
+    /// The width of a pixel at distance 0, and by how much it grows with distance.
+    footprint: (f32, f32),
+    /// Whether rays that meet nothing are black.
+    clips_sky: bool,
     /// The number of columns and of rows.
     pub size: (usize, usize),
     /// What each pixel sees.
@@ -130,6 +134,7 @@ impl Seen {
 struct Special {
     pixel: usize,
     ray: Ray,
+    before: f32,
     hit: Option<Hit>,
 }
 
@@ -142,8 +147,14 @@ impl View {
         eye: &Eye,
         size: (u32, u32),
     ) -> View {
+        let footprint = |distance| eye.pixel_footprint(size, distance) as f32;
+        let grows = footprint(1.0) - footprint(0.0);
+        let clips_sky = Camera::new(eye, size).clips_sky();
+        let footprint = (footprint(0.0), grows);
         let size = (size.0 as usize, size.1 as usize);
         let mut view = View {
+            footprint,
+            clips_sky,
             raycaster,
             materials,
             eye: *eye,
@@ -169,17 +180,42 @@ impl View {
         Follower { raycaster: &self.raycaster, materials: &self.materials }
     }
 
-    /// Returns the ray through a point of the picture, in pixels from its left and from its top.
-    pub fn ray(&self, column: f64, row: f64) -> Ray {
+    /// Returns the ray through a point of the picture, in pixels from its left and from its top, and
+    /// how far from the eye it begins.
+    pub(crate) fn ray(&self, column: f64, row: f64) -> (Ray, f32) {
         let (x, y) = (column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
-        let (origin, direction) = self.eye.ray(x, y);
-        let local = self.raycaster.localize(origin, direction);
-        local.map_or(Ray::new(Vec3::ZERO, Vec3::ZERO), |(ray, _)| ray)
+        let nowhere = (Ray { t_max: 0.0, ..Ray::new(Vec3::ZERO, Vec3::ZERO) }, 0.0);
+        if !self.eye.is_clipped() {
+            let (origin, direction) = self.eye.ray(x, y);
+            let local = self.raycaster.localize(origin, direction);
+            return local.map_or(nowhere, |(ray, skipped)| (ray, skipped as f32));
+        }
+        let Some((origin, direction, reach)) = self.eye.clipped_ray(x, y) else { return nowhere };
+        let Some((ray, skipped)) = self.raycaster.localize(origin, direction) else {
+            return nowhere;
+        };
+        let before = self.eye.ray(x, y).0.distance(origin) + skipped;
+        (Ray { t_max: (reach - skipped) as f32, ..ray }, before as f32)
     }
 
-    /// Returns the width of a pixel at distance 1.
-    pub(crate) fn pixel_width(&self) -> f32 {
-        self.eye.pixel_footprint((self.size.0 as u32, self.size.1 as u32), 1.0) as f32
+    /// Returns what a ray of the view itself shows that meets nothing.
+    pub(crate) fn nothing(&self) -> Shown {
+        if self.clips_sky { Shown::Unknown } else { Shown::Sky([1.0; 3]) }
+    }
+
+    /// Returns the width of a pixel whose way to its surface has this length.
+    pub(crate) fn pixel_width(&self, length: f32) -> f32 {
+        self.footprint.0 + self.footprint.1 * length
+    }
+
+    /// Returns the length of a pixel's way to its surface.
+    pub(crate) fn length(&self, seen: &Seen) -> f32 {
+        let (width, grows) = self.footprint;
+        if grows > 0.0 {
+            return (seen.width - width) / grows;
+        }
+        let (camera, eye) = self.camera();
+        camera.sight(camera.to_camera(seen.point.as_dvec3() - eye).as_vec3()).length()
     }
 
     /// Returns what a ray shows, with the way that it goes.
@@ -188,7 +224,7 @@ impl View {
             let finish = self.follower().finish(end.material);
             let is_direct = end.share == [1.0; 3] && !end.is_mirrored;
             if is_direct && finish.kind == Kind::Diffuse && !finish.emits {
-                return seen(end, self.pixel_width(), PLAIN);
+                return seen(end, self.pixel_width(end.length), PLAIN);
             }
         }
         self.special(shown)
@@ -203,29 +239,31 @@ impl View {
     fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Vec<Special> {
         let width = self.size.0;
         let count = rows.len() / width;
-        let pixel_width = self.pixel_width();
         let mut special = Vec::new();
         for left in (0..width).step_by(SIDE) {
             let across = SIDE.min(width - left);
             let mut rays = [Ray::new(Vec3::ZERO, Vec3::ZERO); MAX_TILE];
+            let mut befores = [0.0; MAX_TILE];
             let mut hits = [None; MAX_TILE];
-            for (number, ray) in rays.iter_mut().enumerate().take(across * count) {
+            for number in 0..across * count {
                 let (x, y) = (left + number % across, top + number / across);
-                *ray = self.ray(x as f64 + 0.5, y as f64 + 0.5);
+                (rays[number], befores[number]) = self.ray(x as f64 + 0.5, y as f64 + 0.5);
             }
             let used = across * count;
             self.raycaster.nearest_tile(&rays[..used], &mut hits[..used]);
             for number in 0..used {
                 let at = number / across * width + left + number % across;
-                let (ray, hit) = (rays[number], hits[number]);
+                let (ray, before, hit) = (rays[number], befores[number], hits[number]);
                 let plain = hit.and_then(|hit| {
                     let finish = self.follower().finish(self.follower().material(hit.triangle));
                     let is_plain = finish.kind == Kind::Diffuse && !finish.emits;
                     is_plain.then(|| self.follower().end(&ray, hit))
                 });
                 match plain {
-                    Some(end) => rows[at] = seen(&end, pixel_width, PLAIN),
-                    None => special.push(Special { pixel: top * width + at, ray, hit }),
+                    Some(end) => {
+                        rows[at] = seen(&end, self.pixel_width(before + end.length), PLAIN);
+                    }
+                    None => special.push(Special { pixel: top * width + at, ray, before, hit }),
                 }
             }
         }
@@ -237,9 +275,9 @@ impl View {
         let follower = self.follower();
         let shown: Vec<(Shown, Option<Shown>)> = special
             .par_iter()
-            .map(|&Special { ray, hit, .. }| {
-                let Some(hit) = hit else { return (Shown::Sky([1.0; 3]), None) };
-                let through = follower.follow(ray, hit, AtPanes::Pass);
+            .map(|&Special { ray, before, hit, .. }| {
+                let Some(hit) = hit else { return (self.nothing(), None) };
+                let through = follower.follow(ray, hit, AtPanes::Pass).farther(before);
                 let in_pane =
                     follower.is_pane(hit).then(|| follower.follow(ray, hit, AtPanes::ReflectFirst));
                 (through, in_pane)
@@ -266,7 +304,7 @@ impl View {
                 if finish.shines(end.front) {
                     how.radiance = times(end.share, finish.emission);
                 } else {
-                    at = seen(&end, self.pixel_width(), way);
+                    at = seen(&end, self.pixel_width(end.length), way);
                 }
             }
             Shown::Sky(share) => how.radiance = times(share, self.materials.sky),
@@ -321,6 +359,18 @@ impl View {
         (scale, way.radiance)
     }
 
+    /// Returns each pixel's albedo, between 0 and 1, and its normal: what a denoiser wants to know of
+    /// a traced picture.
+    #[must_use]
+    pub fn features(&self) -> (Vec<Rgb>, Vec<[f32; 3]>) {
+        let feature = |seen: &Seen| {
+            let (scale, radiance) = self.paint(seen);
+            let albedo = [0, 1, 2].map(|c| (scale[c] + radiance[c]).clamp(0.0, 1.0));
+            (albedo, seen.normal.to_array())
+        };
+        self.seen.iter().map(feature).unzip()
+    }
+
     /// Returns the light of one fixed-point step.
     #[must_use]
     pub fn unit(&self) -> f32 {
@@ -333,12 +383,6 @@ pub(crate) fn are_near(one: Rgb, other: Rgb) -> bool {
     one.iter().zip(other).all(|(a, b)| (a - b).abs() <= SAME_COLOUR * a.max(b))
 }
 
-pub(crate) fn seen(end: &End, pixel_width: f32, way: u32) -> Seen {
-    Seen {
-        point: end.point,
-        normal: end.normal,
-        width: end.length * pixel_width,
-        material: end.material,
-        way,
-    }
+pub(crate) fn seen(end: &End, width: f32, way: u32) -> Seen {
+    Seen { point: end.point, normal: end.normal, width, material: end.material, way }
 }

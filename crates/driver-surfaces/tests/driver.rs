@@ -175,13 +175,34 @@ fn the_order_of_samples_changes_no_bit() {
 }
 
 #[test]
-fn depth_under_a_pixel_is_that_of_the_surface_and_clipped_views_are_refused() {
+fn depth_under_a_pixel_is_that_of_the_surface() {
     let (sections, raycaster) = floor();
     let mut driver = SurfacesDriver::new(sections, raycaster, None);
     assert!(driver.surface_at(0, 0).is_none(), "there is no view");
     driver.look(&look("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60", Resolution::Full)).unwrap();
     let middle = driver.surface_at(SIZE.0 / 2, SIZE.1 / 2).unwrap();
     assert!((middle.distance - 1.0).abs() < 1e-2, "{}", middle.distance);
-    let refused = driver.look(&look(&format!("{DOWN} -va 2"), Resolution::Full)).unwrap_err();
-    assert!(refused.to_string().contains("--driver voronoi"), "{refused}");
+    // A parallel view from the same height, and one of a far eye.
+    for (options, depth) in [
+        ("-vtl -vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 2", 1.0),
+        ("-vp 0 0 4000 -vd 0 0 -1 -vu 0 1 0 -vh 0.05", 4000.0),
+        ("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60 -vo 0.5", 1.0),
+    ] {
+        driver.look(&look(options, Resolution::Full)).unwrap();
+        let middle = driver.surface_at(SIZE.0 / 2, SIZE.1 / 2).unwrap();
+        assert!((middle.distance / depth - 1.0).abs() < 1e-2, "{options}: {}", middle.distance);
+    }
+}
+
+#[test]
+fn clipping_surfaces_cut_the_scene_and_the_sky() {
+    let (sections, raycaster) = floor();
+    let mut driver = SurfacesDriver::new(sections, raycaster, None);
+    // The floor lies at a depth of 1: nearer than the fore surface, farther than the aft one.
+    for (clip, shown) in [("-vo 2", [1.0; 3]), ("-va 0.5", [0.0; 3])] {
+        let options = format!("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60 {clip}");
+        driver.look(&look(&options, Resolution::Full)).unwrap();
+        let frame = draw(&mut driver);
+        assert!(frame.picture.pixels.iter().all(|pixel| *pixel == shown), "{clip}");
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::{
     path::{Path, PathBuf},
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -10,8 +11,9 @@ use holo_net::Shutdown;
 use holo_picture::{Picture, View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::control::Engine;
+use holo_raycast::Raycaster;
 use holo_tracer::{Settings, Tracer};
-use holo_view::{LookArgs, ViewArgs};
+use holo_view::{DenoiseArg, LookArgs, ViewArgs, denoise};
 
 use crate::{
     arguments::picture_path,
@@ -43,6 +45,10 @@ pub struct Args {
     /// As many paths as fit into this time, such as 60s; loading does not count [default: 10s]
     #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time, conflicts_with = "spp")]
     time: Option<Duration>,
+    /// Denoise the picture by Open Image Denoise. `auto`: if it is installed; `off`; or the file of
+    /// its library. Denoised pictures have a bias that nobody states
+    #[arg(long, value_name = "auto|off|FILE", default_value = "off")]
+    denoise: DenoiseArg,
     /// Also write every pixel's standard error to this file, as if its paths were independent
     #[arg(long, value_name = "FILE", value_parser = picture_path)]
     se: Option<PathBuf>,
@@ -80,8 +86,9 @@ pub async fn run(args: Args) -> Result<()> {
     args.look.check(&output).map_err(Usage)?;
     let (mut opened, view, size) = open_view(&args, &config)?;
     let settings = settings(&config, Engine::Path);
+    let raycaster = opened.raycaster()?;
     let tracer = Tracer::with_raycaster(
-        opened.raycaster()?,
+        Arc::clone(&raycaster),
         Settings { bounces: settings.bounces, ..Settings::default() },
     )?;
     let tracer = match settings.engine {
@@ -94,7 +101,7 @@ pub async fn run(args: Args) -> Result<()> {
     let job = Job { tracer, view, size, seed: settings.seed, threads, limit };
     let quiet = args.quiet;
     let rendered = tokio::task::spawn_blocking(move || render(&job, quiet, &shutdown)).await?;
-    rendered.write(&args, &output)
+    rendered.write(&args, raycaster, &output)
 }
 
 /// Opens the scene, and returns it with the view and the size of the picture. A view that people
@@ -158,12 +165,13 @@ fn render(job: &Job, quiet: bool, shutdown: &Shutdown) -> Rendered {
 }
 
 impl Rendered {
-    fn write(&self, args: &Args, path: &Path) -> Result<()> {
+    fn write(&self, args: &Args, raycaster: Arc<Raycaster>, path: &Path) -> Result<()> {
         let mut picture = Picture::new(self.size.0, self.size.1);
         picture.view = Some(self.view);
         for (pixel, sums) in picture.pixels.iter_mut().zip(&self.sums) {
             *pixel = sums.mean();
         }
+        denoise(&args.denoise, raycaster, &mut picture)?;
         let exposure = args.look.write(&picture, path)?;
         if let Some(path) = &args.se {
             let mut errors = Picture::new(self.size.0, self.size.1);

@@ -61,7 +61,7 @@ impl DriverChoice {
         }
     }
 
-    /// Makes the chosen driver. Without a scene, `voronoi` draws cells of the samples alone.
+    /// Makes the chosen driver. Without a scene, `auto` and `voronoi` draw cells of the samples alone.
     pub fn make(&self, scene: Option<&LoadedScene>) -> Box<dyn Driver> {
         let sections = Arc::clone(&self.sections);
         let sky = self.sky;
@@ -72,7 +72,7 @@ impl DriverChoice {
             }
             DriverArg::Frameless => Box::new(FramelessDriver::new(sections, sky)),
             DriverArg::Auto | DriverArg::Voronoi | DriverArg::Surfaces => match scene {
-                Some(scene) if self.keeps_light() => {
+                Some(scene) if self.keeps_light(scene) => {
                     // A library that was named has been loaded once before.
                     let denoiser = self.args.denoise.load().unwrap_or_default();
                     let raycaster = Arc::clone(&scene.raycaster);
@@ -84,9 +84,10 @@ impl DriverChoice {
         }
     }
 
-    fn keeps_light(&self) -> bool {
-        let is_chosen = self.args.walks && self.args.driver == DriverArg::Auto;
-        self.args.driver == DriverArg::Surfaces || is_chosen
+    /// Returns whether light is kept on surfaces. `surfaces` does not draw stand-ins.
+    fn keeps_light(&self, scene: &LoadedScene) -> bool {
+        let is_auto = self.args.driver == DriverArg::Auto;
+        self.args.driver == DriverArg::Surfaces || (is_auto && scene.stand_ins.0.is_empty())
     }
 
     fn voronoi(&self, scene: &LoadedScene) -> Box<dyn Driver> {

@@ -16,6 +16,7 @@ pub mod args;
 mod browser;
 pub mod commands;
 mod crew;
+mod denoised;
 mod drivers;
 mod report;
 mod screen;
@@ -32,11 +33,12 @@ use holo_net::Shutdown;
 use tokio::sync::oneshot;
 
 pub use args::{
-    CellsArg, DriverArg, DriverArgs, EmptyArg, LookArgs, PointArgs, Range, SmoothingArg, ToneArg,
-    ViewArgs, parse_size,
+    CellsArg, DenoiseArg, DriverArg, DriverArgs, EmptyArg, LookArgs, PointArgs, Range,
+    SmoothingArg, ToneArg, ViewArgs, parse_size,
 };
 pub use browser::{BrowserArgs, run as run_in_browser};
 pub use crew::{Crew, CrewOrder, crew};
+pub use denoised::denoise;
 pub use report::{PictureReport, StageTime};
 pub use script::{Command, Script, Step, parse_seconds};
 pub use session::default_view;

@@ -117,7 +117,7 @@ fn cells_are_used_where_there_is_a_scene_if_they_are_asked_for() {
         (report["driver"].as_str().unwrap().to_owned(), Picture::read(place.path(name)).unwrap())
     };
     let (name, scene) = picture("scene.pfm", &[]);
-    assert_eq!(name, "voronoi");
+    assert_eq!(name, "surfaces");
     let (name, smooth) = picture("smooth.pfm", &["--cells", "smooth"]);
     assert_eq!(name, "cells");
     let (name, constant) = picture("constant.pfm", &["--driver", "voronoi", "--cells", "constant"]);

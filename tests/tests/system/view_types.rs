@@ -25,7 +25,7 @@ fn every_type_of_view_is_shown_by_every_driver_as_the_tracer_renders_it() {
             words.split(' ').chain(["--vd", "0,0,1", "--size", "64x64"]).collect();
         let (truth, output) = (place.text("truth.pfm"), place.text("shown.pfm"));
         place.run(&[&RENDER[..], &["--spp", "100", "-o", &truth], &view].concat()).ok();
-        for driver in ["voronoi", "quadtree", "pointimage"] {
+        for driver in ["surfaces", "voronoi", "quadtree", "pointimage"] {
             let picture = ["picture", "{}/a.holo", "--json", "-o", &output, "--driver", driver];
             let report = place.run(&[&picture[..], &view].concat()).ok().json();
             assert_eq!(report["driver"], driver);
@@ -171,7 +171,7 @@ fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
         black("truth.pfm"),
         black("whole.pfm")
     );
-    for driver in ["voronoi", "quadtree", "pointimage"] {
+    for driver in ["surfaces", "voronoi", "quadtree", "pointimage"] {
         let words = [
             "picture",
             "{}/a.holo",
@@ -215,7 +215,7 @@ fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
         ])
         .ok();
     let quality = psnr(&place, "shown.pfm", "truth.pfm");
-    println!("voronoi, fore: {quality:.1} dB");
+    println!("surfaces, fore: {quality:.1} dB");
     assert!(quality > 14.0, "{quality}");
     let wrong = ["picture", "{}/a.holo", "-o", &output, "--vf", &file, "--vo", "8"];
     place.run(&wrong).failed(1, &["-va 7 must be larger than -vo 8, or 0 for none"]);

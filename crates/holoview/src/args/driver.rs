@@ -8,13 +8,13 @@ use holo_denoise::{DenoiseError, Denoiser};
 /// What turns samples into a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum DriverArg {
-    /// The same as `voronoi`, but that a scene which cannot be read is done without
+    /// `surfaces`; `voronoi` for stand-ins; cells of the samples for a scene that cannot be read
     #[default]
     Auto,
     /// Edges from the scene itself, light from all samples on what is seen; where there is no scene, cells of the samples (`--cells`)
     Voronoi,
     /// Light kept on the scene's surfaces for the whole session: shows all that is known of a new
-    /// view at once. What `auto` means for who walks in a browser
+    /// view at once
     Surfaces,
     /// Means over the leaves of a quadtree, as large as noise asks; needs no scene
     Quadtree,
@@ -57,8 +57,7 @@ pub struct DriverArgs {
     /// if it is installed; `off`; or the file of its library
     #[arg(long, value_name = "auto|off|FILE", default_value = "auto")]
     pub denoise: DenoiseArg,
-    /// Whether `auto` draws light that is kept on surfaces: whoever walks sees at once what was
-    /// seen before, from elsewhere.
+    /// Whether somebody walks, who may change to a driver that draws from the scene.
     #[arg(skip)]
     pub walks: bool,
 }

@@ -5,7 +5,7 @@ mod look;
 mod render_cache;
 mod view;
 
-pub use driver::{CellsArg, DriverArg, DriverArgs};
+pub use driver::{CellsArg, DenoiseArg, DriverArg, DriverArgs};
 pub use look::{LookArgs, Range, ToneArg};
 pub use render_cache::{EmptyArg, PointArgs, SmoothingArg};
 pub use view::{ViewArgs, parse_size};

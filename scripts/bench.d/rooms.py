@@ -1,0 +1,232 @@
+"""Furnished rooms at the size that people look at, beside a path tracer with a denoiser.
+
+Always true: all pictures are averaged down to the truth's size. The truth's own noise, which its two
+halves show, is taken off the error.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+import sys
+import tomllib
+import zlib
+from array import array
+from dataclasses import replace
+from pathlib import Path
+
+from document import Bar, Part, Plot, Table
+from harness import Bench
+from program import Failed, run
+from rivals import environment
+from scenes import Case, View
+
+SIZE = "1280x720"
+TRUTH_SIZE = "320x180"
+# Paths of a pixel of each half of the truth.
+TRUTH_PATHS = 256
+FILL = 60
+# Seconds after a move, the decibels wanted of the worst view, and of the path tracer by then.
+WANTED = {0.3: 23.0, 1.0: 26.0, 3.0: 28.5, 8.0: 30.5}
+SHOWN = (0.3, 1.0, 5.0, 20.0)
+ASKED = tuple(sorted({*WANTED, *SHOWN}))
+STAY = ASKED[-1] + 0.5
+# Seconds of the path tracer.
+TRACED = (1.0, 3.0, 8.0)
+# How far a picture may stay behind the rival where no denoiser is installed.
+BEHIND = 1.5
+PYOIDN = "pyoidn"
+WEIGHTS = (0.265, 0.670, 0.065)
+
+Pixels = list[tuple[float, float, float]]
+
+
+def rooms(bench: Bench) -> Part:
+    """Six views of the bundled interior at 1280 × 720, beside a denoised path tracer."""
+    part = Part(
+        "Furnished rooms, beside a path tracer with a denoiser",
+        [
+            f"The bundled interior, all rooms filled for {FILL} s together; then one session with a worker "
+            "that moves to each of the six named views in turn, at 1280 × 720. Decibels are the display PSNR "
+            "after averaging down to 320 × 180, the truth's own noise taken off; *written* is when the picture was "
+            "there. *Path tracer* is `render --engine path --time`, denoised by Open Image Denoise with albedo and "
+            "normals; the scene's loading and the denoiser's half second do not count.",
+        ],
+    )
+    library, reason = denoiser(bench)
+    if reason:
+        part.skipped.append(f"the path tracer and pictures with the denoiser: {reason}")
+    case = bench.scenes.interior()
+    views = named_views(Path(case.scene[1]))
+    looks = [replace(case, name=f"interior-{name}", title=name, view=view, size=TRUTH_SIZE) for name, view in views.items()]
+    truths = {look.name: truth(bench, look) for look in looks}
+    alone = {}
+    if library:
+        for look in looks:
+            for seconds in TRACED:
+                picture, _ = bench.render(look, f"rival-{seconds:g}", "--time", f"{bench.seconds(seconds)}s", "--denoise", library, size=SIZE)
+                alone[look.name, seconds] = picture
+    ways = [("own filter", "off")] + ([("Open Image Denoise", library)] if library else [])
+    sheets = []
+    for title, way in ways:
+        table, pictures = session(bench, part, case, looks, truths, (title, str(way)), alone)
+        part.tables.append(table)
+        sheets.append(pictures)
+    sheet = bench.plots / "rooms.png"
+    contact_sheet(sheet, looks, truths, sheets[-1], alone)
+    part.plots.append(Plot(f"benchmarks/{sheet.name}", f"Asked at {', '.join(f'{s:g}' for s in SHOWN)} s after a move; path tracer with the denoiser, 1 and 8 s"))
+    return part
+
+
+def denoiser(bench: Bench) -> tuple[Path | None, str]:
+    """Returns the library of Open Image Denoise, which is installed if it can be, or why not."""
+    try:
+        found = library(sys.executable)
+        if not found:
+            python = environment(bench)
+            run([python, "-m", "pip", "install", "--quiet", PYOIDN])
+            found = library(python)
+        return (found, "") if found else (None, f"{PYOIDN} has no library")
+    except (Failed, OSError) as error:
+        return None, str(error).strip().splitlines()[-1]
+
+
+def library(python: str | Path) -> Path | None:
+    """Returns the library that a Python's package holds."""
+    program = f"import importlib.util as u; s = u.find_spec('{PYOIDN}'); print(s.submodule_search_locations[0] if s else '')"
+    folder = run([python, "-c", program]).stdout.strip()
+    found = sorted(Path(folder).rglob("libOpenImageDenoise.so.2*")) if folder else []
+    return found[0] if found else None
+
+
+def named_views(config: Path) -> dict[str, View]:
+    """Returns the views that a scene's configuration names."""
+    views = tomllib.loads(config.read_text(encoding="utf-8"))["view"]
+    return {view["name"]: View(*(",".join(f"{x:g}" for x in view[key]) for key in ("vp", "vd", "vu")), view["vh"]) for view in views}
+
+
+def session(bench: Bench, part: Part, case: Case, looks: list[Case], truths: dict, way: tuple[str, str], alone: dict) -> tuple[Table, dict]:
+    title, denoise = way
+    filled, _ = bench.fill("interior-rooms", case, FILL)
+    name = title.split()[0].lower()
+    file = bench.work / f"rooms-{name}.holo"
+    file.write_bytes(filled.read_bytes())
+    lines, pictures = [f"0 view {looks[-1].view.line()}"], {}
+    for index, look in enumerate(looks):
+        lines.append(f"{bench.seconds(STAY) if index else 3} view {look.view.line()}")
+        for asked in ASKED:
+            pictures[look.name, asked] = bench.work / f"rooms-{name}-{look.name}-{asked}.pfm"
+            lines.append(f"{bench.seconds(asked)} picture {pictures[look.name, asked]}")
+    script = bench.work / f"rooms-{name}.txt"
+    script.write_text("\n".join([*lines, "quit", ""]), encoding="utf-8")
+    options = ["--headless", "--json", "--quiet", "--size", SIZE, "--driver", "surfaces", "--denoise", denoise]
+    said = run([bench.holodeck, "view", file, *options, "--script", script])
+    written = {line["picture"]: line["seconds"] for line in map(json.loads, filter(lambda l: l.startswith("{"), said.stdout.splitlines())) if "picture" in line}
+    columns = [["view", ""]]
+    for asked in ASKED:
+        columns += [[f"at {asked:g} s, dB", ".1f"], ["written, s", ".2f"]]
+    columns += [[f"path tracer {seconds:g} s, dB", ".1f"] for seconds in TRACED] if alone else []
+    table = Table(f"Driver `surfaces`, {title}", columns)
+    worst = {asked: math.inf for asked in ASKED}
+    ahead = {seconds: math.inf for seconds in TRACED}
+    for look in looks:
+        row: list = [look.title]
+        found = {asked: decibels(pictures[look.name, asked], truths[look.name]) for asked in ASKED}
+        for asked in ASKED:
+            worst[asked] = min(worst[asked], found[asked])
+            row += [found[asked], written.get(str(pictures[look.name, asked]), 0.0)]
+        for seconds in TRACED if alone else ():
+            rival = decibels(alone[look.name, seconds], truths[look.name])
+            ahead[seconds] = min(ahead[seconds], found[seconds] - rival)
+            row.append(rival)
+        table.rows.append(row)
+    for asked, want in WANTED.items():
+        part.bars.append(Bar(f"{title}, worst room at {asked:g} s", f"{worst[asked]:.1f} dB", f"≥ {want:g} dB", worst[asked] >= want))
+    least = 0.0 if denoise != "off" else -BEHIND
+    for seconds in TRACED if alone else ():
+        part.bars.append(Bar(f"{title}, ahead of the path tracer at {seconds:g} s, worst room", f"{ahead[seconds]:+.1f} dB", f"≥ {least:g} dB", ahead[seconds] >= least))
+    return table, pictures
+
+
+def truth(bench: Bench, look: Case) -> tuple[Pixels, Pixels]:
+    """Returns two independent converged pictures, which are kept until the scene changes."""
+    halves = []
+    folder = bench.root / "target/truths"
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = bench.paths(TRUTH_PATHS)
+    scene = Path(look.scene[1]).with_suffix(".obj")
+    stamp = zlib.crc32(scene.read_bytes() + scene.with_suffix(".mtl").read_bytes())
+    for seed in (1, 2):
+        kept = folder / f"{look.name}-{look.size}-{paths}-{seed}-{stamp:08x}.pfm"
+        if not kept.exists():
+            made, _ = bench.render(look, f"truth-{seed}", "--spp", str(paths), "--seed", str(seed))
+            kept.write_bytes(made.read_bytes())
+        halves.append(read(kept))
+    return halves[0], halves[1]
+
+
+def read(path: Path) -> Pixels:
+    """Returns a picture's pixels, rows from the bottom, averaged down to the truth's size."""
+    data = path.read_bytes()
+    head = data.split(b"\n", 3)
+    width, height = (int(side) for side in head[1].split())
+    values = array("f", head[3])
+    columns, rows = (int(side) for side in TRUTH_SIZE.split("x"))
+    step = width // columns
+    pixels = []
+    for y in range(rows):
+        for x in range(columns):
+            sums = [0.0, 0.0, 0.0]
+            for row in range(y * step, (y + 1) * step):
+                at = 3 * (row * width + x * step)
+                block = values[at : at + 3 * step]
+                for channel in range(3):
+                    sums[channel] += sum(block[channel::3])
+            pixels.append(tuple(total / step / step for total in sums))
+    return pixels
+
+
+def mean(halves: tuple[Pixels, Pixels]) -> Pixels:
+    return [tuple((a + b) / 2 for a, b in zip(*pair)) for pair in zip(*halves)]
+
+
+def white(truth: Pixels) -> float:
+    """Returns the luminance that pictures show as white: the truth's 95th percentile."""
+    bright = sorted(sum(w * c for w, c in zip(WEIGHTS, pixel)) for pixel in truth)
+    return bright[int(0.95 * (len(bright) - 1))]
+
+
+def shown(pixels: Pixels, white: float) -> list[float]:
+    return [min(max(c / white, 0.0), 1.0) ** (1 / 2.2) for pixel in pixels for c in pixel]
+
+
+def decibels(picture: Path, halves: tuple[Pixels, Pixels]) -> float:
+    """Returns the display PSNR of a picture, the truth's noise taken off."""
+    middle = mean(halves)
+    level = white(middle)
+    true, one, other = (shown(pixels, level) for pixels in (middle, *halves))
+    noise = sum((a - b) ** 2 for a, b in zip(one, other)) / 4
+    error = sum((a - b) ** 2 for a, b in zip(shown(read(picture), level), true)) - noise
+    return -10 * math.log10(max(error, 1e-6) / len(true))
+
+
+def contact_sheet(path: Path, looks: list[Case], truths: dict, pictures: dict, alone: dict) -> None:
+    """Writes what a person sees: a row for each view, a column for each time."""
+    columns, rows = (int(side) for side in TRUTH_SIZE.split("x"))
+    lines = []
+    for look in looks:
+        level = white(mean(truths[look.name]))
+        tiles = [pictures[look.name, asked] for asked in SHOWN]
+        tiles += [alone[look.name, seconds] for seconds in (TRACED[0], TRACED[-1])] if alone else []
+        shades = [shown(read(tile), level) for tile in tiles]
+        for y in reversed(range(rows)):
+            row = [shade for tile in shades for shade in tile[3 * y * columns : 3 * (y + 1) * columns]]
+            lines.append(b"\0" + bytes(round(255 * shade) for shade in row))
+    width, height = (len(lines[0]) - 1) // 3, len(lines)
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"".join(lines), 9)) + chunk(b"IEND", b""))
