@@ -79,6 +79,7 @@ let drawing = Promise.resolve();
 function frameCame(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const next = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  next.came = performance.now();
   let at = 4 + length;
   const parts = next.parts.map(([x, y, w, h, bytes]) => {
     const blob = new Blob([new Uint8Array(buffer, at, bytes)], { type: next.type });
@@ -240,7 +241,7 @@ function showUnder(under) {
   const error = under.error === null ? '' : ` ± ${number(Number(under.error.toPrecision(2)))}`;
   $('p-luminance').textContent = `${number(under.luminance)}${error} cd/m²`;
   $('p-samples').textContent = under.samples === null ? 'not said' : under.samples;
-  $('p-radiance').textContent = `${under.radiance.map(number).join('  ')} W/sr/m²`;
+  $('p-radiance').textContent = under.radiance.map(number).join('  ');
   $('p-distance').textContent = under.distance ? number(under.distance) : under.hits ? 'not known' : 'nothing hit';
 }
 
