@@ -31,11 +31,16 @@ MOST_FIRST = 3.0
 MOST_PAGE = 200_000
 MOST_IDLE = 0.02
 
-# Keeps what the page's frames were: number, when, whether at rest, width.
+# Keeps what the page's frames were: number, when, whether at rest, width, how long its parts took.
 KEEP = (
-    "window.kept = []; const drawn = draw; draw = (next, parts) => { drawn(next, parts); "
-    "kept.push([next.frame, performance.now(), next.rest, next.size[0]]); }; latencies.length = 0; 0"
+    "window.kept = []; const drawn = draw; draw = (next, parts) => { "
+    "next.times.decode = performance.now() - next.came; drawn(next, parts); "
+    "kept.push([next.frame, performance.now(), next.rest, next.size[0], next.times]); }; latencies.length = 0; 0"
 )
+
+# Parts of a moving frame's way, as frames state them.
+PARTS = {"look": "showing earlier frames from here", "wait": "waiting for the page", "tone": "tone mapping",
+         "encode": "encoding", "decode": "decoding in the page"}  # fmt: skip
 
 
 @dataclass
@@ -43,10 +48,16 @@ class Found:
     """What one walk showed."""
 
     first: float
+    # The same from the page's request on.
+    first_of_page: float
     latencies: list[float]
     frames: float
     width: int
     rest: float
+    # Medians over frames that moved, milliseconds.
+    parts: dict[str, float]
+    # The driver's look and draw of a frame at rest, milliseconds.
+    full: tuple[float, float]
 
 
 def walk_live(bench: Bench) -> Part:
@@ -58,21 +69,27 @@ def walk_live(bench: Bench) -> Part:
             "same ones, 1280 × 720. *Latency* is from an input in the page until the frame drawn from it is on the "
             "page's canvas; the inputs are those of a mouse that drags, 30 in a second. *Frames* are distinct ones in a "
             "second while a key is held. *Full quality* is the time from the last frame that moved until the first "
-            "one of all pixels. *First light* is from the program's start until a picture of which most is known.",
+            "one of all pixels. *First light* is from the program's start until a picture of which most is known; "
+            "*of the page*: from its request, without Chromium's own start.",
             "*Idle* is the share of a core that `replay` takes with a page open and nothing to do.",
         ],
     )
     table = Table(
         "While one walks",
-        [["scene", ""], ["first light, s", ".2f"], ["latency, median ms", ".0f"], ["99 of 100, ms", ".0f"],
+        [["scene", ""], ["first light, s", ".2f"], ["of the page, s", ".2f"], ["latency, median ms", ".0f"], ["99 of 100, ms", ".0f"],
          ["frames/s", ".1f"], ["least width, pixels", "d"], ["full quality, ms", ".0f"]],
     )  # fmt: skip
+    where = Table(
+        "Where the time of a frame goes, medians in ms",
+        [["scene", ""], *[[name, ".1f"] for name in PARTS.values()], ["at rest: casting", ".0f"], ["at rest: drawing", ".0f"]],
+    )
     for case in (bench.scenes.interior(), bench.scenes.room()):
         found = walk(bench, case)
         found.latencies.sort()
         middle = median(found.latencies)
         late = found.latencies[min(len(found.latencies) * 99 // 100, len(found.latencies) - 1)]
-        table.rows.append([case.title, found.first, middle, late, found.frames, found.width, found.rest])
+        table.rows.append([case.title, found.first, found.first_of_page, middle, late, found.frames, found.width, found.rest])
+        where.rows.append([case.title, *[found.parts[part] for part in PARTS], *found.full])
         for what, figure, unit, most in (
             ("latency, median", middle, "ms", MOST_MEDIAN),
             ("latency, 99 of 100", late, "ms", MOST_LATE),
@@ -85,7 +102,7 @@ def walk_live(bench: Bench) -> Part:
         frames, least = found.frames, LEAST_FRAMES
         bar = Bar(f"frames while moving, {case.title}", f"{frames:.1f}/s", f"≥ {least:g}/s", frames >= least)
         part.bars.append(bar)
-    part.tables.append(table)
+    part.tables += [table, where]
     page, idle = resting(bench)
     part.tables.append(
         Table("At rest", [["page, bytes", ",d"], ["idle, share of a core", ".2%"]], [[page, idle]])
@@ -119,6 +136,7 @@ def walk(bench: Bench, case: Case) -> Found:
         browser = served.browser
         browser.wait("header && header.unknown < 0.5")
         first = time.monotonic() - served.start
+        first_of_page = browser.value("performance.now() / 1e3")
         time.sleep(bench.seconds(LOOKING))
         browser.value(KEEP)
         latencies = drag(browser, bench.seconds(WALKING))
@@ -132,7 +150,10 @@ def walk(bench: Bench, case: Case) -> Found:
     seconds = (moving[-1][1] - moving[0][1]) / 1e3
     frames = (len({frame[0] for frame in moving}) - 1) / max(seconds, 1e-3)
     rest = next(frame[1] for frame in kept if frame[2] and frame[1] > moving[-1][1]) - moving[-1][1]
-    return Found(first, latencies, frames, min(frame[3] for frame in moving), rest)
+    parts = {part: median(frame[4][part] for frame in moving) for part in PARTS}
+    times = next(frame[4] for frame in kept if frame[2] and frame[1] > moving[-1][1])
+    least = min(frame[3] for frame in moving)
+    return Found(first, first_of_page, latencies, frames, least, rest, parts, (times["look"], times["draw"]))
 
 
 def drag(browser: Chromium, seconds: float) -> list[float]:

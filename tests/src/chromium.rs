@@ -142,6 +142,17 @@ impl Chromium {
         self.mouse("mouseReleased", to, buttons);
     }
 
+    /// Drags from one place to another while the control key is held.
+    #[track_caller]
+    pub fn drag_with_control(&mut self, from: (u32, u32), to: (u32, u32)) {
+        let steps = [("mousePressed", from, 1), ("mouseMoved", to, 1), ("mouseReleased", to, 0)];
+        for (kind, (x, y), buttons) in steps {
+            let event = json!({ "type": kind, "x": x, "y": y, "button": "left",
+                "buttons": buttons, "modifiers": 2 });
+            self.call("Input.dispatchMouseEvent", event);
+        }
+    }
+
     /// Turns the wheel at a place, `down` pixels.
     #[track_caller]
     pub fn wheel(&mut self, (x, y): (u32, u32), down: i32) {

@@ -16,6 +16,9 @@ use x11rb::{
 
 use crate::wait_until;
 
+/// Symbol of the key Shift.
+const SHIFT: u32 = 0xffe1;
+
 /// Size of its screen.
 const SCREEN: &str = "1280x720x24";
 
@@ -97,7 +100,7 @@ impl Desktop {
     #[track_caller]
     pub fn key(&self, symbol: u32, down: bool) {
         let kind = if down { xproto::KEY_PRESS_EVENT } else { xproto::KEY_RELEASE_EVENT };
-        self.fake(kind, self.code(symbol), (0, 0));
+        self.fake(kind, self.code(symbol).0, (0, 0));
     }
 
     /// Presses and releases a key.
@@ -105,6 +108,21 @@ impl Desktop {
     pub fn press(&self, symbol: u32) {
         self.key(symbol, true);
         self.key(symbol, false);
+    }
+
+    /// Types a text.
+    #[track_caller]
+    pub fn write(&self, text: &str) {
+        for symbol in text.chars().map(u32::from) {
+            let (_, is_shifted) = self.code(symbol);
+            if is_shifted {
+                self.key(SHIFT, true);
+            }
+            self.press(symbol);
+            if is_shifted {
+                self.key(SHIFT, false);
+            }
+        }
     }
 
     /// Moves the mouse to a place on the screen.
@@ -126,16 +144,18 @@ impl Desktop {
         fake.unwrap().check().expect("the server takes synthesised input");
     }
 
-    /// Returns the key that writes a symbol.
+    /// Returns the key that writes a symbol, and whether that needs Shift.
     #[track_caller]
-    fn code(&self, symbol: u32) -> u8 {
+    fn code(&self, symbol: u32) -> (u8, bool) {
         let setup = self.connection.setup();
         let (least, most) = (setup.min_keycode, setup.max_keycode);
         let keys = self.connection.get_keyboard_mapping(least, most - least + 1).unwrap();
         let keys = keys.reply().unwrap();
-        let mut symbols = keys.keysyms.chunks(usize::from(keys.keysyms_per_keycode));
-        let index = symbols.position(|symbols| symbols.contains(&symbol));
-        least + index.expect("the keyboard has the key") as u8
+        let columns = usize::from(keys.keysyms_per_keycode);
+        let index = keys.keysyms.iter().position(|&other| other == symbol);
+        let index = index.expect("the keyboard has the key");
+        // The first column is without Shift, the second one with it.
+        (least + (index / columns) as u8, index % columns == 1)
     }
 }
 

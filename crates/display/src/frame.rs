@@ -2,6 +2,17 @@
 
 use holo_picture::{Picture, View, ViewKind};
 
+/// How exact a pixel is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Certainty {
+    /// Standard error of the luminance 0.265R + 0.670G + 0.065B of the pixel's radiance; infinite
+    /// where nothing is known.
+    pub error: f32,
+    /// Number of samples on the surface that the pixel itself shows. Its radiance may also come from
+    /// pixels around it.
+    pub samples: u32,
+}
+
 /// A picture drawn from samples, with its depth and counts of its pixels.
 #[derive(Clone, Debug)]
 pub struct Frame {
@@ -10,6 +21,8 @@ pub struct Frame {
     /// Distance from the eye, scene units, for each pixel of the picture: infinite where the ray
     /// hit nothing, 0 where nothing is known.
     pub depth: Vec<f32>,
+    /// How exact each pixel is; empty if the driver does not say.
+    pub certainty: Vec<Certainty>,
     /// Pixels that no section covers.
     pub uncovered_pixels: u64,
     /// Covered pixels without samples of their own. They are filled from other pixels, or are 0.
@@ -28,6 +41,7 @@ impl Frame {
         let picture = Picture::new(size.0, size.1);
         Self {
             depth: vec![0.0; picture.pixels.len()],
+            certainty: Vec::new(),
             picture,
             uncovered_pixels: 0,
             empty_pixels: 0,

@@ -28,7 +28,7 @@ pub use candidates::{Candidate, best_beam, candidates, section_of};
 pub use covered::{covered, uncovered_pixels};
 pub use driver::{Driver, DriverError, Look, Resolution, SurfaceAt};
 pub use ending::{End, beams_ending_on, beams_mostly_ending_on};
-pub use frame::Frame;
+pub use frame::{Certainty, Frame};
 pub use live::LiveSample;
 pub use random::{mix, pair, split_mix};
 pub use select::{

@@ -10,8 +10,8 @@ use crate::{Gathered, Materials, Placer, RaySample, Seen, Store, View};
 use glam::DVec3;
 use holo_denoise::Denoiser;
 use holo_display::{
-    Driver, DriverError, End, Frame, LiveSample, Look, Resolution, SurfaceAt, beams_ending_on,
-    beams_mostly_ending_on, covered, uncovered_pixels,
+    Certainty, Driver, DriverError, End, Frame, LiveSample, Look, Resolution, SurfaceAt,
+    beams_ending_on, beams_mostly_ending_on, covered, uncovered_pixels,
 };
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, Sample, Section};
@@ -244,6 +244,11 @@ impl Driver for SurfacesDriver {
         frame.picture.view = Some(view);
         frame.picture.pixels = drawn.pixels;
         frame.depth = shown.depth();
+        if let Some(gathered) = &shown.gathered {
+            let errors = drawn.errors.iter().zip(&gathered.sums);
+            let certainty = errors.map(|(&error, sums)| Certainty { error, samples: sums.count });
+            frame.certainty = certainty.collect();
+        }
         frame.samples_used = self.store.samples();
         let count = |is: &dyn Fn(usize) -> bool| (0..frame.depth.len()).filter(|&p| is(p)).count();
         frame.uncovered_pixels = count(&|pixel| !shown.covered[pixel]) as u64;

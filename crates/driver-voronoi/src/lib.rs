@@ -333,6 +333,7 @@ impl Voronoi {
         let picture = Picture::new(0, 0);
         let (width, height) = self.size;
         let mut frame = Frame {
+            certainty: Vec::new(),
             depth: copied(self.once.depths.get_or_init(|| self.find_depth())),
             picture: Picture {
                 width,

@@ -8,7 +8,7 @@ const VIEW: [&str; 6] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60"];
 
 /// Symbols of keys that write no letter.
 const ESCAPE: u32 = 0xff1b;
-const SHIFT: u32 = 0xffe1;
+const ENTER: u32 = 0xff0d;
 const CONTROL: u32 = 0xffe3;
 
 fn letter(letter: char) -> u32 {
@@ -43,16 +43,14 @@ fn a_window_shows_the_picture_and_one_walks_approaches_and_quits_in_it() {
     let session = place.start_on(&desktop.name, &[&words[..], &VIEW, &more].concat());
     let window = desktop.window();
     // Without text over it, the window shows what `picture` makes of the same view.
-    desktop.press(letter('i'));
+    desktop.write("i");
     let wait_for_picture = || {
         desktop.wait_for_pixels("the whole picture", window, |pixels| pixels == shown(false));
     };
     wait_for_picture();
 
     // The keys lie over the picture until they are closed.
-    desktop.key(SHIFT, true);
-    desktop.press(letter('?'));
-    desktop.key(SHIFT, false);
+    desktop.write("?");
     desktop.wait_for_pixels("the keys", window, |pixels| {
         pixels[..300] != shown(false)[..300] && pixels.len() == 3 * 640 * 360
     });
@@ -60,12 +58,12 @@ fn a_window_shows_the_picture_and_one_walks_approaches_and_quits_in_it() {
     wait_for_picture();
 
     // Luminance as colours; the legend is on the left.
-    desktop.press(letter('j'));
+    desktop.write("j");
     let (colors, right) = (shown(true), 3 * 320..3 * 640);
     desktop.wait_for_pixels("false colours", window, |pixels| {
         pixels[right.clone()] == colors[right.clone()]
     });
-    desktop.press(letter('j'));
+    desktop.write("j");
     wait_for_picture();
 
     // A key that is held walks until it is released.
@@ -77,7 +75,7 @@ fn a_window_shows_the_picture_and_one_walks_approaches_and_quits_in_it() {
     desktop.key(letter('w'), false);
     let eyes = recorded(&place);
     assert!(eyes.iter().all(|eye| eye[..2] == home[..2]), "{eyes:?}");
-    desktop.press(letter('h'));
+    desktop.write("h");
     wait_for_picture();
 
     // The wheel approaches what is under the cursor.
@@ -87,8 +85,16 @@ fn a_window_shows_the_picture_and_one_walks_approaches_and_quits_in_it() {
     wait_until("an approach", || {
         recorded(&place).last().is_some_and(|eye| eye[0] != home[0]).then_some(())
     });
-    desktop.press(letter('h'));
+    desktop.write("h");
     wait_for_picture();
+
+    // A line that is typed: the picture is written in radiance, as `picture` does.
+    desktop.press(ENTER);
+    desktop.write(&format!("picture {}", place.text("w.pfm")));
+    desktop.press(ENTER);
+    wait_until("the picture's file", || {
+        Picture::read(place.path("w.pfm")).is_ok_and(|written| written == picture).then_some(())
+    });
 
     desktop.key(CONTROL, true);
     desktop.press(letter('q'));
@@ -106,7 +112,7 @@ fn a_window_gets_clearer_while_rays_are_traced_and_closes_when_the_program_is_as
     let more = ["--threads", "1", "--window", "--size", "320x180"];
     let session = place.start_on(&desktop.name, &[&words[..], &VIEW, &more].concat());
     let window = desktop.window();
-    desktop.press(letter('i'));
+    desktop.write("i");
     let mean = |pixels: &[u8]| {
         pixels.iter().map(|&byte| u64::from(byte)).sum::<u64>() / pixels.len() as u64
     };

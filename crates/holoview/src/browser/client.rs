@@ -1,7 +1,6 @@
 //! One client: a page's connection, from its first message to its last.
 
 use std::{
-    mem,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -19,22 +18,18 @@ use futures_util::{
     stream::{SplitSink, SplitStream},
 };
 use holo_picture::{Image, Look};
-use rayon::prelude::*;
 use tokio::{
     sync::{mpsc, watch},
     time::{sleep_until, timeout},
 };
 
 use super::{
-    encode::{Colours, Rect},
+    eyes::Eyes,
     hub::{Guest, Hub, Seen},
     messages::{self, Asked, Framed, Times},
     screen::{Screen, Update},
 };
-use crate::{
-    screen::{Viewer, visibly},
-    stage::{Input, Phase, Shown},
-};
+use crate::stage::{Input, Phase, Shown};
 
 /// Longest message of a page: they are lines of a few numbers.
 const MOST_BYTES: usize = 16 << 10;
@@ -47,6 +42,16 @@ const SENDING: Duration = Duration::from_secs(20);
 
 /// How long nothing newer comes until a picture at rest is made exact.
 const CALM: Duration = Duration::from_millis(250);
+
+/// How long eyes adapt to a frame at rest: from a thousandth of the light to less than a step of a
+/// display's colours.
+const ADAPTING: Duration = Duration::from_secs(4);
+
+/// How often the screen follows meanwhile.
+const ADAPTS_EVERY: Duration = Duration::from_millis(80);
+
+/// Relative change of exposure between two looks below which eyes have adapted.
+const SETTLED: f32 = 1e-3;
 
 /// Answers that wait for a client. It gets no more than it asks for.
 const MOST_ANSWERS: usize = 32;
@@ -155,7 +160,9 @@ struct Writer<'a> {
     sink: SplitSink<WebSocket, Message>,
     wanted: watch::Receiver<Wanted>,
     screen: Screen,
-    viewer: Viewer,
+    eyes: Arc<Eyes>,
+    /// Until when the eyes adapt to the frame on the screen, and when they next look.
+    adapts: Option<(Instant, Instant)>,
     on_screen: Option<OnScreen>,
     under_way: Option<UnderWay>,
     /// Number of the last update.
@@ -168,6 +175,8 @@ struct Writer<'a> {
 #[derive(Clone)]
 struct OnScreen {
     shown: Arc<Shown>,
+    /// How often it was seen since.
+    times: u32,
     look: Look,
     image: Arc<Image>,
 }
@@ -186,10 +195,23 @@ impl<'a> Writer<'a> {
         sink: SplitSink<WebSocket, Message>,
         wanted: watch::Receiver<Wanted>,
     ) -> Writer<'a> {
-        let (screen, viewer) = (Screen::default(), Viewer::default());
+        let (screen, eyes) = (Screen::default(), hub.eyes.of(Look::default()));
         let (on_screen, under_way, updates) = (None, None, 0);
         let times = Times::default();
-        Writer { hub, guest, sink, wanted, screen, viewer, on_screen, under_way, updates, times }
+        let adapts = None;
+        Writer {
+            hub,
+            guest,
+            sink,
+            wanted,
+            screen,
+            eyes,
+            adapts,
+            on_screen,
+            under_way,
+            updates,
+            times,
+        }
     }
 
     /// Sends until the session is over or the client takes nothing any more.
@@ -209,6 +231,7 @@ impl<'a> Writer<'a> {
                 sent_at = Instant::now();
                 continue;
             }
+            let adapts = self.adapts.map_or_else(Instant::now, |(_, next)| next);
             let calm = is_free && !self.screen.is_exact() && self.is_at_rest();
             tokio::select! {
                 changed = frames.changed(), if is_free => changed?,
@@ -237,6 +260,7 @@ impl<'a> Writer<'a> {
                     self.send(text(messages::roles(drives, clients))).await?;
                 }
                 Some(answer) = answers.recv() => self.send(text(answer)).await?,
+                () = sleep_until(adapts.into()), if is_free && self.adapts.is_some() => {}
                 () = sleep_until((sent_at + CALM).into()), if calm => {
                     self.improve().await?;
                     sent_at = Instant::now() - CALM;
@@ -261,29 +285,41 @@ impl<'a> Writer<'a> {
     async fn update(&mut self, latest: Option<Arc<Shown>>) -> Result<bool> {
         let Some(shown) = latest else { return Ok(false) };
         let look = self.wanted.borrow().look;
-        let shows = |now: &OnScreen| now.shown.number == shown.number && now.look == look;
-        if self.on_screen.as_ref().is_some_and(shows) {
+        let now = Instant::now();
+        let shows = |on: &&OnScreen| on.shown.number == shown.number && on.look == look;
+        let again = self.on_screen.as_ref().filter(shows).map(|on| on.times + 1);
+        let is_due = self.adapts.is_some_and(|(_, next)| now >= next);
+        if again.is_some() && !is_due {
             return Ok(false);
         }
-        let (mut viewer, frame) = (mem::take(&mut self.viewer), Arc::clone(&shown));
-        let begin = Instant::now();
-        let seeing = tokio::task::spawn_blocking(move || {
-            let image = viewer.see(&frame.frame.picture, &look, Instant::now());
-            (viewer, Arc::new(image))
-        });
-        let (viewer, image) = seeing.await?;
-        self.viewer = viewer;
+        if self.eyes.look() != look {
+            self.eyes = self.hub.eyes.of(look);
+        }
+        let times = again.unwrap_or(0);
+        let image = self.eyes.see(&shown, times).await?;
         let [look_took, draw_took] = shown.took.map(|seconds| 1e3 * seconds);
         self.times = Times {
             look: look_took,
             draw: draw_took,
-            wait: milliseconds(shown.done, begin),
-            tone: milliseconds(begin, Instant::now()),
+            wait: milliseconds(shown.done, now),
+            tone: milliseconds(now, Instant::now()),
             encode: 0.0,
         };
+        let until = match self.adapts.filter(|_| again.is_some()) {
+            Some((until, _)) => until,
+            None => now + ADAPTING,
+        };
+        self.adapts = (shown.is_at_rest && now < until).then_some((until, now + ADAPTS_EVERY));
         self.guest.sees(Seen { frame: shown.number, image: Arc::clone(&image), look });
         let update = self.screen.show(Arc::clone(&image));
-        self.on_screen = Some(OnScreen { shown, look, image });
+        let before = self.on_screen.as_ref().and_then(|on| on.image.exposure);
+        let settled = |before: f32, now: f32| (now / before - 1.0).abs() < SETTLED;
+        let has_adapted = before.zip(image.exposure).is_none_or(|(a, b)| settled(a, b));
+        self.on_screen = Some(OnScreen { shown, times, look, image });
+        if again.is_some() && update.rects.is_empty() {
+            self.adapts.take_if(|_| has_adapted);
+            return Ok(false);
+        }
         self.send_update(update).await?;
         Ok(true)
     }
@@ -297,14 +333,9 @@ impl<'a> Writer<'a> {
     async fn send_update(&mut self, update: Update) -> Result<()> {
         let Some(OnScreen { shown, image, .. }) = self.on_screen.clone() else { return Ok(()) };
         let begin = Instant::now();
-        let (coding, pixels) = (update.coding, Arc::clone(&image));
-        let encoded = tokio::task::spawn_blocking(move || {
-            let colours = Colours { bytes: &pixels.rgb, size: (pixels.width, pixels.height) };
-            let encode = |rect: Rect| Ok((rect, colours.encode(rect, coding)?));
-            let strips: Vec<Rect> = update.rects.into_iter().flat_map(Rect::strips).collect();
-            visibly(|| strips.into_par_iter().map(encode).collect::<Result<Vec<_>>>())
-        });
-        let parts = encoded.await?.context("encoding a frame")?;
+        let coding = update.coding;
+        let parts = self.eyes.encode(&image, update.rects, coding).await;
+        let parts = parts.context("encoding a frame")?;
         self.updates += 1;
         let framed = Framed {
             shown: &shown,

@@ -11,6 +11,7 @@ use holo_picture::{Image, Look};
 use holo_walk::Controls;
 use tokio::sync::watch;
 
+use super::eyes::AllEyes;
 use crate::stage::{Front, Input, Shown};
 
 /// Clients at the most. Each costs a picture of memory.
@@ -25,6 +26,8 @@ pub struct Hub {
     pub front: Front,
     roles: watch::Sender<Roles>,
     next_client: Mutex<u32>,
+    /// How everyone looks at frames.
+    pub eyes: AllEyes,
     /// What each client sees, by its number.
     seen: Mutex<BTreeMap<u32, Seen>>,
 }
@@ -63,6 +66,7 @@ impl Hub {
             front,
             roles: watch::Sender::default(),
             next_client: Mutex::new(1),
+            eyes: AllEyes::default(),
             seen: Mutex::default(),
         }
     }

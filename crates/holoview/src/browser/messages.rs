@@ -23,6 +23,9 @@ const MOST_PACE: f64 = 100.0;
 /// Most stops of exposure.
 const MOST_STOPS: f32 = 40.0;
 
+/// Lumens of a watt of white light, as Radiance counts them.
+const LUMENS: f32 = 179.0;
+
 /// Colours of a legend that are sent. A page that blends them is off by less than a screen shows.
 const LEGEND_COLOURS: u8 = 33;
 
@@ -229,7 +232,12 @@ fn for_pages(input: Input) -> Result<Input, String> {
 /// Returns what is under a cursor.
 fn under(shown: &Shown, (x, y): (f64, f64)) -> Option<Value> {
     let (radiance, distance) = shown.radiance_at(x, y)?;
+    let certainty = shown.certainty_at(x, y);
+    let error = certainty.map(|certainty| LUMENS * certainty.error);
     Some(json!({
+        // Neither is known of every driver and while the eye moves.
+        "error": error.filter(|error| error.is_finite()),
+        "samples": certainty.map(|certainty| certainty.samples),
         "radiance": radiance,
         "luminance": luminance(radiance),
         // JSON has no infinity; nothing known and nothing hit are both no distance.
@@ -386,6 +394,7 @@ pub fn state(state: &State) -> String {
         "pose": state.pose,
         "locked": state.height_is_locked,
         "paused": state.is_paused,
+        "focus": state.focus,
         "traces": state.traces,
         "view_samples": state.view_samples,
         "samples": state.samples,

@@ -9,6 +9,7 @@
 
 mod client;
 mod encode;
+mod eyes;
 mod guard;
 mod hub;
 mod messages;

@@ -277,6 +277,26 @@ async fn each_page_has_its_own_look_of_one_frame_and_saves_what_it_sees() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn eyes_adapt_to_a_frame_that_stays() {
+    let mut server = Server::start().await;
+    let mut page = server.page().await;
+    server.publish(0.05, (0, 0));
+    page.exact().await;
+    let frame = server.publish(1.0, (0, 0));
+    // At once it is too bright. Then, without another frame, it is a grey card of 18 %.
+    loop {
+        let update = page.exact().await;
+        if update.header["frame"] == frame {
+            let last = decoded(update.parts.last().unwrap()).1;
+            if last.iter().all(|byte| byte.abs_diff(118) <= 1) {
+                break;
+            }
+        }
+    }
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_look_with_garbage_numbers_changes_nothing() {
     let mut server = Server::start().await;
     let mut page = server.page().await;

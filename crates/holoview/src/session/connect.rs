@@ -186,6 +186,7 @@ impl Connected {
             is_walked: false,
             is_moving: false,
             is_paused: false,
+            focus: None,
             status: None,
             refusal: None,
             start: Instant::now(),

@@ -58,6 +58,20 @@ impl Session {
         self.ask_anew(current.wanted.clone())
     }
 
+    /// Has tracing concentrate on a part of the picture: shares from its left and top to its right
+    /// and bottom.
+    ///
+    /// # Errors
+    /// If the server is lost.
+    pub fn set_focus(&mut self, part: Option<[f64; 4]>) -> Result<()> {
+        if self.focus == part {
+            return Ok(());
+        }
+        self.focus = part;
+        let Some(current) = &self.current else { return Ok(()) };
+        self.ask_anew(current.wanted.clone())
+    }
+
     /// Keeps a named view in the holodeck, by Radiance's options; removes it if there are none.
     ///
     /// # Errors

@@ -17,6 +17,7 @@ use holo_section::{BeamKey, Section};
 use super::{
     Session,
     current_view::{Asked, Counts, CurrentView},
+    focus::concentrate,
     live::LiveRays,
     pace::AT_REST,
 };
@@ -276,6 +277,9 @@ impl Session {
         let radius = self.driver.viewpoint_radius(&look.view, look.size, nearest);
         let viewpoint = viewpoint(&self.choice.sections, &look.view, radius);
         let mut beams = beams;
+        if let Some(part) = self.focus {
+            concentrate(&self.choice.sections, look, part, &mut beams);
+        }
         if self.is_paused {
             beams.iter_mut().for_each(|beam| beam.weight = beam.weight.min(STORED_ONLY));
         }

@@ -14,6 +14,7 @@ mod control;
 mod current_view;
 mod default_view;
 mod demand;
+mod focus;
 mod incoming;
 mod lights;
 mod live;
@@ -73,6 +74,8 @@ pub struct Session {
     is_moving: bool,
     /// Whether nothing is traced for this display.
     is_paused: bool,
+    /// The part of the picture on which tracing concentrates.
+    focus: Option<[f64; 4]>,
     status: Option<Status>,
     /// What the server has not done, and why.
     refusal: Option<String>,

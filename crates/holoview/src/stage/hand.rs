@@ -83,6 +83,8 @@ pub struct Hand {
     /// The picture at rest, pixels at the most.
     size: (u32, u32),
     cursor: Option<(f64, f64)>,
+    /// The part of the picture that is traced first, until the eye moves.
+    focus: Option<[f64; 4]>,
     /// The last input that was taken.
     input: (u32, u64),
     /// Why the last thing that was asked for is not done, and since when that is said.
@@ -166,6 +168,7 @@ impl Hand {
             record: wishes.record.as_deref().map(Record::create).transpose()?,
             size,
             cursor: None,
+            focus: None,
             input: (0, 0),
             refusal: None,
             news: News::default(),
@@ -250,9 +253,10 @@ impl Hand {
     fn has_moved(&mut self) {
         let now = Instant::now();
         self.times.moved = now;
+        self.focus = None;
         self.trail.push_back((now, *self.walker.pose()));
         let is_old = |(at, _): &(Instant, Pose)| now.saturating_duration_since(*at) > MOTION;
-        while self.trail.len() > 2 && self.trail.front().is_some_and(is_old) {
+        while self.trail.len() > 1 && self.trail.front().is_some_and(is_old) {
             self.trail.pop_front();
         }
     }
@@ -300,7 +304,9 @@ impl Hand {
             Input::KillWorkers => self.order_crew(Crew::kill_workers),
             Input::RestartWorkers => self.order_crew(Crew::restart_workers),
             Input::StartOver => self.ask_to_start_over(),
-            Input::Cancel => (self.question, self.refusal) = (None, None),
+            Input::Cancel => {
+                (self.question, self.refusal, self.focus) = (None, None, None);
+            }
             Input::Picture(path, size) => self.save(path, size),
             Input::Render(size, reply) => self.render(size, reply),
             Input::Keep(name) => {
@@ -309,7 +315,7 @@ impl Hand {
             }
             Input::Forget(name) => self.order(Order::KeepView(name, String::new())),
             Input::Quit => self.ending = Some(Ending::Quit),
-            _ => self.refuse("this cannot be done yet".to_owned()),
+            Input::Focus(part) => self.focus = part,
         }
     }
 
@@ -434,7 +440,7 @@ impl Hand {
         let spec = if is_moving { self.ahead() } else { *self.walker.view() };
         let (size, jumps) = (self.size, self.jumps);
         if let Some(desk) = &self.desk {
-            desk.want(Wanted { spec, size, is_moving, jumps });
+            desk.want(Wanted { spec, size, is_moving, jumps, focus: self.focus });
         }
     }
 
@@ -571,6 +577,7 @@ impl Hand {
             is_uncovered: news.is_uncovered,
             trouble: news.trouble.or_else(|| self.refusal.clone().map(|(refusal, _)| refusal)),
             views: news.views,
+            focus: self.focus,
             question: self.question.map(|_| QUESTION.to_owned()),
             has_crew: self.crew.is_some(),
             options: holo_walk::options(self.walker.view()),

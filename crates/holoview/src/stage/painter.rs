@@ -60,6 +60,9 @@ pub struct Wanted {
     pub is_moving: bool,
     /// How often the eye has gone somewhere without walking there.
     pub jumps: u64,
+    /// The part of the picture that is traced first: shares from its left and top to its right and
+    /// bottom.
+    pub focus: Option<[f64; 4]>,
 }
 
 /// Something besides views that the session does.
@@ -375,8 +378,13 @@ impl Painter {
             self.times.moved = begin;
         }
         let has_few = is_moving || self.is_sketchy(full);
-        let size = if has_few { self.detail.size(full) } else { full };
+        let size = match has_few {
+            true if is_moving => self.detail.size(full),
+            true => (full.0.div_ceil(2), full.1.div_ceil(2)),
+            false => full,
+        };
         self.session.set_moving(is_moving);
+        self.session.set_focus(wanted.focus)?;
         let resolution = if is_moving { Resolution::Moving } else { Resolution::Full };
         let look = Look { view, size, resolution };
         let was_shown = self.drawn.as_ref().is_some_and(|(_, is_shown)| *is_shown);
@@ -396,7 +404,7 @@ impl Painter {
         let took = [looked - begin, end - looked];
         (self.times.frame, self.times.drawn_in) = (end, end - begin);
         self.is_sketch = has_few && !is_moving;
-        if is_moving {
+        if is_moving && frame.samples_used > 0 {
             self.detail.note(size, full, self.times.drawn_in.as_secs_f64());
         }
         let painted = Painted { wanted, view, frame: Arc::new(frame), took, has_few };

@@ -2,7 +2,7 @@
 
 use std::{sync::Arc, time::Instant};
 
-use holo_display::Frame;
+use holo_display::{Certainty, Frame};
 use holo_picture::View;
 use holo_section::SectionSpec;
 use tokio::sync::watch;
@@ -34,10 +34,19 @@ pub struct Shown {
 impl Shown {
     /// Returns radiance and distance at shares of the picture from its left and from its top.
     pub fn radiance_at(&self, x: f64, y: f64) -> Option<([f32; 3], f32)> {
-        let picture = &self.frame.picture;
-        let (column, row) = View::pixel_at(picture.size(), x, 1.0 - y)?;
-        let at = row as usize * picture.width as usize + column as usize;
-        Some((picture.get(column, row)?, *self.frame.depth.get(at)?))
+        let at = self.pixel_at(x, y)?;
+        Some((*self.frame.picture.pixels.get(at)?, *self.frame.depth.get(at)?))
+    }
+
+    /// Returns how exact that is, if the driver says.
+    pub fn certainty_at(&self, x: f64, y: f64) -> Option<Certainty> {
+        self.frame.certainty.get(self.pixel_at(x, y)?).copied()
+    }
+
+    fn pixel_at(&self, x: f64, y: f64) -> Option<usize> {
+        let size = self.frame.picture.size();
+        let (column, row) = View::pixel_at(size, x, 1.0 - y)?;
+        Some(row as usize * size.0 as usize + column as usize)
     }
 }
 
@@ -74,6 +83,9 @@ pub struct State {
     pub pose: [[f64; 3]; 3],
     /// Whether the eye's height is locked.
     pub height_is_locked: bool,
+    /// The part of the picture that is traced first: shares from its left and top to its right and
+    /// bottom.
+    pub focus: Option<[f64; 4]>,
     /// Whether tracing is paused.
     pub is_paused: bool,
     /// Whether the server traces, or only shows what is stored.

@@ -79,6 +79,7 @@ let drawing = Promise.resolve();
 function frameCame(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const next = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  next.came = performance.now();
   let at = 4 + length;
   const parts = next.parts.map(([x, y, w, h, bytes]) => {
     const blob = new Blob([new Uint8Array(buffer, at, bytes)], { type: next.type });
@@ -204,6 +205,7 @@ function showState() {
   press('b-lock', state.locked);
   $('b-pause').disabled = !state.traces;
   listViews();
+  if (!corner) showFocus(state.focus);
   for (const id of ['b-kill', 'b-restart', 'b-over']) $(id).disabled = !state.crew;
   if (document.activeElement !== $('l-driver')) $('l-driver').value = state.driver;
   if (state.question && drives && !$('question').open) {
@@ -236,8 +238,10 @@ function notice(text, milliseconds, of = '') {
 
 function showUnder(under) {
   const number = value => value === 0 ? '0' : value >= 1e5 || value < 1e-3 ? value.toExponential(2) : value.toPrecision(4);
-  $('p-luminance').textContent = `${number(under.luminance)} cd/m²`;
-  $('p-radiance').textContent = `${under.radiance.map(number).join('  ')} W/sr/m²`;
+  const error = under.error === null ? '' : ` ± ${number(Number(under.error.toPrecision(2)))}`;
+  $('p-luminance').textContent = `${number(under.luminance)}${error} cd/m²`;
+  $('p-samples').textContent = under.samples === null ? 'not said' : under.samples;
+  $('p-radiance').textContent = under.radiance.map(number).join('  ');
   $('p-distance').textContent = under.distance ? number(under.distance) : under.hits ? 'not known' : 'nothing hit';
 }
 
@@ -522,6 +526,8 @@ addEventListener('blur', () => { held.clear(); sendHeld(); });
 
 const pointers = new Map();
 let button = 0, cursorAt = 0;
+/** Where a rectangle begins that is dragged out, in shares of the picture. */
+let corner = null;
 
 /** Shares of the picture under a pointer. */
 function shares(event) {
@@ -549,6 +555,7 @@ stage.addEventListener('pointerdown', event => {
   if (event.target.closest('button')) return;
   stage.focus({ preventScroll: true });
   if (pointers.size === 0) { cursorAt = 0; sendCursor(event); button = event.button; }
+  corner = event.ctrlKey || event.metaKey ? shares(event) : null;
   pointers.set(event.pointerId, event);
   stage.setPointerCapture(event.pointerId);
   stage.classList.add('grabbing');
@@ -565,11 +572,37 @@ stage.addEventListener('pointermove', event => {
   const [x, y] = shares(event), [bx, by] = shares(before), [across, along] = angles();
   const [dx, dy] = [x - bx, y - by];
   if (!dx && !dy) return;
+  if (corner) { showFocus(between(corner, [x, y])); return; }
   if (button === 2) act('orbit', { right: dx * Math.PI, up: -dy * Math.PI / 2 });
   else if (button === 1) act('slide', { right: -dx, up: dy });
   else act('turn', { right: -dx * across, up: dy * along });
 });
+/** The rectangle between two corners, inside the picture: left, top, right, bottom. */
+function between(a, b) {
+  const inside = x => Math.min(1, Math.max(0, x));
+  return [Math.min(a[0], b[0]), Math.min(a[1], b[1]), Math.max(a[0], b[0]), Math.max(a[1], b[1])].map(inside);
+}
+
+/** Outlines the part of the picture that is traced first. */
+function showFocus(part) {
+  const box = $('focus'), canvas = shown();
+  box.hidden = !part;
+  if (!part) return;
+  const scale = Math.min(stage.clientWidth / canvas.width, stage.clientHeight / canvas.height);
+  const [w, h] = [canvas.width * scale, canvas.height * scale];
+  const [left, top] = [(stage.clientWidth - w) / 2, (stage.clientHeight - h) / 2];
+  Object.assign(box.style, { left: `${left + part[0] * w}px`, top: `${top + part[1] * h}px`,
+    width: `${(part[2] - part[0]) * w}px`, height: `${(part[3] - part[1]) * h}px` });
+}
+
 for (const type of ['pointerup', 'pointercancel']) stage.addEventListener(type, event => {
+  if (corner) {
+    const part = between(corner, shares(event));
+    const isLarge = part[2] - part[0] > 0.02 && part[3] - part[1] > 0.02;
+    say('focus', { part: isLarge && type === 'pointerup' ? part : null });
+    if (!isLarge) showFocus(null);
+    corner = null;
+  }
   pointers.delete(event.pointerId);
   if (pointers.size === 0) stage.classList.remove('grabbing');
 });
@@ -669,12 +702,14 @@ function sendDisplay() {
   press('b-range', !display.range);
   $('r-stops').value = display.stops;
   $('o-stops').textContent = display.stops > 0 ? `+${display.stops}` : display.stops;
+  store('display', display);
   say('display', display);
 }
 
 function toggleGrid() {
   gridMode = { auto: 'on', on: 'off', off: 'auto' }[gridMode];
   press('b-grid', gridMode === 'on');
+  store('grid', gridMode);
   notice(`Section grids: ${{ auto: 'while moving, and where nothing is known', on: 'always', off: 'never' }[gridMode]}`, 1800);
   drawGrid();
 }
@@ -683,6 +718,7 @@ function togglePanel() {
   const panel = $('panel');
   panel.hidden = !panel.hidden;
   $('b-panel').setAttribute('aria-expanded', !panel.hidden);
+  store('panel', !panel.hidden);
   drawPlan();
 }
 
@@ -777,6 +813,10 @@ new ResizeObserver(() => {
   resizing = setTimeout(() => { if (drives) sendSize(); drawGrid(); }, 150);
 }).observe(stage);
 
+Object.assign(display, stored('display'));
+gridMode = stored('grid') || gridMode;
+press('b-grid', gridMode === 'on');
+if (stored('panel')) togglePanel();
 theme(stored('theme') || (matchMedia('(prefers-color-scheme: light)').matches ? 'light' : 'dark'));
 stage.focus();
 connect();

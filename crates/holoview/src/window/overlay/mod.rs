@@ -15,6 +15,7 @@ use super::{
 };
 use crate::{
     commands::{ACTIONS, GESTURES},
+    screen::visibly,
     stage::Phase,
 };
 use space::{Camera, Lost};
@@ -34,8 +35,7 @@ const GLASS: f32 = 0.86;
 const OF_WINDOWS: [(&str, &str); 2] = [("Enter", "type a line"), ("Ctrl Q", "quit at once")];
 
 /// What lines say.
-const LINES: &str = "keep NAME · view NAME · view -vp 1 2 3 · picture FILE.exr 1920x1080 · \
-                     driver NAME · go X Y Z";
+const LINES: &str = "keep NAME · view NAME · view -vp 1 2 3 · picture FILE.exr 1920x1080";
 
 /// Colours of what is drawn over the picture.
 struct Theme {
@@ -73,7 +73,7 @@ pub fn draw(canvas: &mut Canvas, model: &Model, now: Instant) {
     page.canvas.clear(theme.back);
     let picture = model.picture();
     if let Some(seen) = &model.seen {
-        page.canvas.picture(&seen.image, picture);
+        visibly(|| page.canvas.picture(&seen.image, picture));
     }
     page.grids(model, picture, now);
     page.legend(model);
