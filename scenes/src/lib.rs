@@ -1,5 +1,5 @@
 //! The bundled scenes: a Cornell box, a corridor that is lit only indirectly, and a furnished
-//! interior. This crate generates them.
+//! interior; and models as other programs write them. This crate generates all of them.
 //!
 //! Always true: a scene has the same bytes each time that it is made. It is closed except for its
 //! windows. Lights shine on the counter-clockwise side of their faces, into the rooms.
@@ -12,12 +12,15 @@ mod furniture;
 mod garden;
 mod material;
 mod mesh;
+mod models;
 mod obj;
 mod random;
 mod rooms;
 mod shapes;
 #[cfg(test)]
 mod tests;
+
+pub use models::{MODELS, write_model};
 
 use std::fs;
 use std::io;

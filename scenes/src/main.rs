@@ -1,13 +1,14 @@
 //! Writes the bundled scenes to files.
 
-use holo_scenes::{Bundled, write};
+use holo_scenes::{Bundled, MODELS, write, write_model};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 const HELP: &str = "\
-Writes the bundled scenes: NAME.obj, NAME.mtl and NAME.toml each.
+Writes the bundled scenes: NAME.obj, NAME.mtl and NAME.toml each. `models` are small models as other
+programs write them, to be opened with no option.
 
-Usage: holo-scenes [cornell|corridor|interior|all] [--out DIR]
+Usage: holo-scenes [cornell|corridor|interior|all|models] [--out DIR]
 
 Options:
   --out DIR   where to write; created if it does not exist [default: the current directory]
@@ -23,7 +24,19 @@ fn main() -> ExitCode {
             print!("{HELP}");
             ExitCode::SUCCESS
         }
-        Ok(Some((scenes, dir))) => {
+        Ok(Some((scenes, models, dir))) => {
+            for name in if models { &MODELS[..] } else { &[] } {
+                match write_model(name, &dir) {
+                    Ok(file) => println!("{}", file.unwrap_or_default().display()),
+                    Err(error) => {
+                        eprintln!(
+                            "holo-scenes: cannot write {name} into {}: {error}",
+                            dir.display()
+                        );
+                        return ExitCode::FAILURE;
+                    }
+                }
+            }
             for scene in scenes {
                 match write(scene, &dir) {
                     Ok(written) => println!("{}", written.obj.display()),
@@ -49,20 +62,21 @@ fn main() -> ExitCode {
 /// Returns what to write and where; `None` if help was requested.
 fn parse(
     mut words: impl Iterator<Item = String>,
-) -> Result<Option<(Vec<Bundled>, PathBuf)>, String> {
-    let mut scenes = Vec::new();
+) -> Result<Option<(Vec<Bundled>, bool, PathBuf)>, String> {
+    let (mut scenes, mut models) = (Vec::new(), false);
     let mut dir = PathBuf::from(".");
     while let Some(word) = words.next() {
         match word.as_str() {
             "--help" | "-h" => return Ok(None),
             "--out" => dir = words.next().ok_or("`--out` takes a directory")?.into(),
+            "models" => models = true,
             "all" => scenes.extend(Bundled::ALL),
             name => scenes
                 .push(Bundled::named(name).ok_or_else(|| format!("there is no scene `{name}`"))?),
         }
     }
-    if scenes.is_empty() {
+    if scenes.is_empty() && !models {
         scenes.extend(Bundled::ALL);
     }
-    Ok(Some((scenes, dir)))
+    Ok(Some((scenes, models, dir)))
 }

@@ -371,3 +371,21 @@ fn sections_of_the_corridor_are_empty() {
     }
     assert_eq!(count, 3);
 }
+
+#[test]
+fn models_are_read_whole_and_have_the_same_bytes_each_time() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in crate::MODELS {
+        let file = crate::write_model(name, folder.path()).unwrap().unwrap();
+        let bytes = std::fs::read(&file).unwrap();
+        crate::write_model(name, folder.path()).unwrap();
+        assert!(bytes == std::fs::read(&file).unwrap(), "{name}");
+        let loaded = load(&file, &LoadOptions::default()).unwrap();
+        assert!(loaded.scene.triangles.len() > 40, "{name}");
+        let features = loaded.scene.features();
+        assert!(features.smooth, "{name}: its vase is round");
+        let has_tiles = !["rhino-vase", "revit-flat"].contains(&name);
+        assert_eq!(features.textures, has_tiles, "{name}: {:?}", loaded.warnings);
+    }
+    assert!(crate::write_model("none", folder.path()).unwrap().is_none());
+}

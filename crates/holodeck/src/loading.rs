@@ -29,6 +29,18 @@ pub fn load(config: &Config, quiet: bool) -> Result<Loaded> {
     Ok(loaded)
 }
 
+/// Loads the configuration's scene, and says nothing: the caller has the warnings.
+pub fn load_quietly(config: &Config) -> Result<Loaded> {
+    Ok(holo_scene::load(scene_path(config)?, &options(config))?)
+}
+
+fn options(config: &Config) -> LoadOptions {
+    LoadOptions {
+        sky: config.sky.unwrap_or([0.0; 3]),
+        two_sided_lights: config.two_sided_lights.unwrap_or(false),
+    }
+}
+
 /// Returns the names of diffuse materials whose faces absorb less than 1 % of some channel.
 fn white_materials(scene: &Scene) -> Vec<&str> {
     let is_used = |index: usize| scene.material_ids.iter().any(|&id| id as usize == index);
@@ -43,10 +55,7 @@ fn white_materials(scene: &Scene) -> Vec<&str> {
 
 /// Loads any OBJ file with the configuration's options.
 pub fn load_file(path: &Path, config: &Config, quiet: bool) -> Result<Loaded> {
-    let options = LoadOptions {
-        sky: config.sky.unwrap_or([0.0; 3]),
-        two_sided_lights: config.two_sided_lights.unwrap_or(false),
-    };
+    let options = options(config);
     let mut meter = Meter::new(quiet);
     let start = Instant::now();
     let mut watch = |progress: LoadProgress| {

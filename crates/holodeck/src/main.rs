@@ -4,6 +4,7 @@
 //! one program is enough.
 
 mod arguments;
+mod check;
 mod compare;
 mod config;
 mod crew;
@@ -65,6 +66,7 @@ enum Command {
     Picture(view::PictureCommand),
     Render(render::Args),
     Sections(sections::Args),
+    Check(check::Args),
     Compare(compare::Args),
     Info(info::InfoArgs),
     Verify(info::VerifyArgs),
@@ -147,6 +149,7 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
         Command::Picture(args) => view::picture(args).await,
         Command::Render(args) => render::run(args).await,
         Command::Sections(args) => sections::run(&args),
+        Command::Check(args) => check::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::info(&args),
         Command::Verify(args) => info::verify(&args),

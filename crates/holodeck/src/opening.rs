@@ -263,6 +263,38 @@ mod tests {
     }
 
     #[test]
+    fn models_of_other_programs_open_as_their_authors_meant() {
+        let folder = tempfile::tempdir().unwrap();
+        let (y, z) = ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        for (name, up, unit, rooms, lit) in [
+            ("blender-room", y, 1.0, 1, false),
+            ("sketchup-flat", z, 0.0254, 2, false),
+            ("rhino-vase", y, 0.001, 0, false),
+            ("max-lounge", y, 0.01, 1, true),
+            ("revit-flat", z, 0.3048, 2, false),
+            ("blender-kitchen", y, 1.0, 1, true),
+        ] {
+            let scene = holo_scenes::write_model(name, folder.path()).unwrap();
+            let config = Config { scene, ..Config::default() };
+            let opened = open(&config, Wanted::Sections, true).unwrap();
+            let said = opened.choices.join("\n");
+            assert_eq!((opened.up, opened.unit), (up, unit), "{name}: {said}");
+            let interior = opened.sections.iter().filter(|section| !section.exterior).count();
+            assert!(interior == rooms || rooms > 1 && interior > rooms, "{name}: {said}");
+            assert_eq!(said.contains("preview sky"), !lit, "{name}: {said}");
+            // Whoever begins there sees something, and stands in the open.
+            let mut view = holo_picture::ViewSpec::default();
+            view.apply_line(&opened.views[0].1).unwrap();
+            let mut opened = opened;
+            let raycaster = opened.raycaster().unwrap();
+            let (ray, _) =
+                raycaster.localize(view.vp.unwrap(), view.vd.unwrap().normalize()).unwrap();
+            let ahead = f64::from(raycaster.nearest(&ray).unwrap().t) * unit;
+            assert!(ahead > 0.3, "{name}: {ahead} m to what is seen");
+        }
+    }
+
+    #[test]
     fn numbers_are_printed_as_short_as_they_need_to_be() {
         assert_eq!(rounded(12.345_678, 12.0), 12.346);
         assert_eq!(rounded(-0.000_01, 1.0), 0.0);

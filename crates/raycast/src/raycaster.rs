@@ -15,6 +15,9 @@ use crate::simd::RAYS;
 use crate::surface::{SurfacePoint, interpolate, keep_off_edges, spawn};
 use crate::{Hit, MAX_TILE, MAX_TOGETHER, NO_TRIANGLE, Ray};
 
+/// Most cut-out parts that a ray passes; behind them it meets nothing. A tree has some dozens.
+const MAX_CUT_OUTS: usize = 1024;
+
 /// Answers ray queries on one scene. Threads share it by `Arc`.
 #[derive(Debug)]
 pub struct Raycaster {
@@ -24,6 +27,8 @@ pub struct Raycaster {
     isa: Isa,
     /// Half the side of the cube around the scene's origin that contains all vertices.
     reach: f32,
+    /// Whether surfaces have parts that are cut out, and that rays pass.
+    has_cut_outs: bool,
 }
 
 impl Raycaster {
@@ -39,7 +44,8 @@ impl Raycaster {
             .flat_map(|f| f.vertices)
             .fold(0.0, |reach: f32, v| reach.max(v.abs().max_element()));
         let hierarchy = build::hierarchy(&facets, reach);
-        Ok(Self { scene, facets, hierarchy, isa: Isa::detect(), reach })
+        let has_cut_outs = scene.has_cut_outs();
+        Ok(Self { scene, facets, hierarchy, isa: Isa::detect(), reach, has_cut_outs })
     }
 
     /// Returns the scene.
@@ -104,6 +110,11 @@ impl Raycaster {
         for (slot, best) in slots[..count].iter().zip(best) {
             hits[*slot] = (best.triangle != NO_TRIANGLE).then_some(best);
         }
+        if self.has_cut_outs {
+            for ((ray, &from), hit) in rays.iter().zip(from).zip(hits.iter_mut()) {
+                *hit = hit.and_then(|hit| self.not_cut_out(ray, [from, NO_TRIANGLE], hit));
+            }
+        }
     }
 
     /// Finds the first surface along each of many rays from one eye: the same bits as
@@ -117,6 +128,10 @@ impl Raycaster {
             let used = rays.len().min(hits.len());
             if !self.isa.trace_tile(&self.hierarchy, self.reach, &rays[..used], &mut hits[..used]) {
                 self.nearest_many(rays, hits);
+            } else if self.has_cut_outs {
+                for (ray, hit) in rays.iter().zip(hits.iter_mut()) {
+                    *hit = hit.and_then(|hit| self.not_cut_out(ray, [NO_TRIANGLE; 2], hit));
+                }
             }
         }
     }
@@ -268,6 +283,27 @@ impl Raycaster {
 
     #[inline]
     fn query(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
+        let hit = self.query_whole(ray, skip)?;
+        if self.has_cut_outs { self.not_cut_out(ray, skip, hit) } else { Some(hit) }
+    }
+
+    /// Returns a hit, or if the surface is cut out there, the next one that is not.
+    #[cold]
+    fn not_cut_out(&self, ray: &Ray, skip: [u32; 2], mut hit: Hit) -> Option<Hit> {
+        let mut rest = *ray;
+        for _ in 0..MAX_CUT_OUTS {
+            if !self.scene.is_cut_out(hit.triangle, hit.u, hit.v) {
+                return Some(hit);
+            }
+            rest.t_min = hit.t;
+            hit = self.query_whole(&rest, skip)?;
+        }
+        None
+    }
+
+    /// Returns the first hit with surfaces as if nothing were cut out of them.
+    #[inline]
+    fn query_whole(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
         if self.is_far(ray) {
             let (near, skipped) = self.brought_near(ray)?;
             let hit = self.isa.trace(&self.hierarchy, &prepare(&near, skip)?)?;
@@ -278,6 +314,9 @@ impl Raycaster {
 
     #[inline]
     fn any(&self, ray: &Ray, skip: [u32; 2]) -> Option<u32> {
+        if self.has_cut_outs {
+            return self.query(ray, skip).map(|hit| hit.triangle);
+        }
         let any =
             |ray: &Ray| prepare(ray, skip).and_then(|query| self.isa.any(&self.hierarchy, &query));
         if self.is_far(ray) {

@@ -80,7 +80,7 @@ const PROGRAMS: [(&str, [f64; 3], Option<f64>); 9] = [
     ("blender", Y, Some(1.0)),
     ("3ds max", Y, None),
     ("maya", Y, Some(0.01)),
-    ("rhino", Y, None),
+    ("rhino", Y, Some(0.001)),
     ("zbrush", Y, None),
     ("sweet home 3d", Y, Some(0.01)),
     ("cinema 4d", Y, Some(0.01)),

@@ -36,31 +36,28 @@ pub(crate) fn materials(
     let (mut files, mut looks) = (TextureFiles::default(), Looks::default());
     let mut materials = Vec::with_capacity(obj.uses.len());
     for wanted in &obj.uses {
-        looks.maps.push(Maps::default());
-        looks.placements.push(Placement::default());
-        let Some(name) = wanted.name.as_deref() else {
-            let text = "faces before any `usemtl`; grey diffuse 0.5 is taken".to_owned();
-            warnings.push(path, Some(wanted.line), text);
-            materials.push(Material::grey("default"));
-            continue;
-        };
-        let found = by_name.get(name).or_else(|| by_name.get(name_without_comment(name)));
-        materials.push(match found {
-            Some(&id) => {
+        let name = wanted.name.as_deref();
+        let found = name
+            .and_then(|name| by_name.get(name).or_else(|| by_name.get(name_without_comment(name))));
+        let (mut maps, mut placement) = (Maps::default(), Placement::default());
+        materials.push(match (found, name) {
+            (Some(&id), _) => {
                 let material = &library[id];
-                let (maps, placement) =
-                    textures(&material.path, &material.maps, &mut files, warnings);
-                looks.maps.pop();
-                looks.placements.pop();
-                looks.maps.push(maps);
-                looks.placements.push(placement);
-                library[id].resolve(options.two_sided_lights, warnings)
+                (maps, placement) = textures(&material.path, &material.maps, &mut files, warnings);
+                material.resolve(options.two_sided_lights, warnings)
             }
-            None => {
+            (None, Some(name)) => {
                 undefined.push(wanted);
                 Material::grey(name)
             }
+            (None, None) => {
+                let text = "faces before any `usemtl`; grey diffuse 0.5 is taken".to_owned();
+                warnings.push(path, Some(wanted.line), text);
+                Material::grey("default")
+            }
         });
+        looks.maps.push(maps);
+        looks.placements.push(placement);
     }
     if any_file {
         for wanted in undefined {

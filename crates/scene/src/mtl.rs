@@ -5,13 +5,15 @@
 //! | 3 | mirror of colour `Ks` if `Ns` ≥ 999 or absent; else a GGX conductor, alpha = √(2/(`Ns`+2)), no Fresnel. Without `Ks`: diffuse, with a warning |
 //! | 4 | thin pane of index `Ni` (1.5 if absent) and transmission `Tf` (1 if absent); `Kd`, `Ks`, `d` do not count |
 //! | 7 | solid dielectric of `Ni`, `Tf`; smooth if `Ns` ≥ 999 or absent, else rough with alpha as above |
+//! | any, with `Pm` ≥ 0.5 | GGX conductor of colour `Kd`, alpha = `Pr`² (a mirror below 0.03) |
+//! | any but 3 to 7, with `Pr` < 0.75 | diffuse `Kd` under a coat of colour 1, alpha = `Pr`² |
 //! | 2 | with `Ks` above zero: diffuse `Kd` under a coat of colour `Ks`, index `Ni` (1.5 if absent or, with a warning, ≤ 1), alpha as above (absent `Ns` = 0, the broadest highlight) |
 //! | else | diffuse `Kd` |
 //!
-//! - **`d` and `Tr` = 1 - `d`** (`d` counts if both exist) count only if `illum` is absent, 6 or 9.
-//!   Then `d` below 0.5 makes a thin pane of transmission `Tf`, or else (1 - `d`)·`Kd` (white if
-//!   `Kd` is zero or absent). From 0.5 on the surface is opaque, because no surface can be half of
-//!   each. Both give a warning. With other `illum` except 4 and 7, `d` is ignored with a warning.
+//! - **`d` and `Tr` = 1 - `d`** (`d` counts if both exist): below 0.5, `d` makes a thin pane of
+//!   transmission `Tf`, or else (1 - `d`)·`Kd` (white if `Kd` is zero or absent). From 0.5 on the
+//!   surface is opaque, because no surface can be half of each. Both give a warning. `Tr` of 1 without
+//!   `d` is opaque: programs that mean `d` write it so. With `illum` 3, 4 and 7, `d` does not count.
 //! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a
 //!   warning.
 //! - **`Kd` absent** is 0.5, with a warning if it matters, but 0 for a lamp (`Ke` above zero).
@@ -51,12 +53,20 @@ pub(crate) struct MtlMaterial {
     pub d: Option<Stated<f64>>,
     pub tr: Option<Stated<f64>>,
     pub illum: Option<Stated<u8>>,
+    /// Roughness and metalness, an extension of Blender and others.
+    pub pr: Option<Stated<f64>>,
+    pub pm: Option<Stated<f64>>,
     pub maps: Vec<MapStatement>,
 }
 
 /// `Ns` from which a highlight is a mirror image.
 const MIRROR_NS: f64 = 999.0;
 const DEFAULT_IOR: f64 = 1.5;
+/// `Pm` from which a surface is metal.
+const METAL: f32 = 0.5;
+/// `Pr` below which metal is a mirror, and from which a plastic is diffuse.
+const SMOOTH: f32 = 0.03;
+const MATT: f32 = 0.75;
 const GREY: f64 = 0.5;
 
 impl MtlMaterial {
@@ -82,6 +92,9 @@ impl MtlMaterial {
     fn bsdf(&self, emits: bool, warn: &mut impl FnMut(usize, String)) -> Bsdf {
         let illum = self.illum.map(|illum| illum.value);
         let illum_line = self.illum.map_or(self.line, |illum| illum.line);
+        if let Some(pbr) = self.metal_or_plastic(illum, emits, warn) {
+            return pbr;
+        }
         let shines = self.ks.is_some_and(|ks| ks.value.iter().any(|&c| c > 0.0));
         match (illum, self.ks) {
             (Some(3), Some(ks)) => {
@@ -105,7 +118,9 @@ impl MtlMaterial {
                 }
             }
             (Some(2), Some(ks)) if shines => {
-                self.ignore_opacity(warn);
+                if let Some(pane) = self.see_through(warn) {
+                    return pane;
+                }
                 let ns = self.ns.unwrap_or(Stated { value: 0.0, line: self.line });
                 Bsdf::Coated {
                     kd: self.kd(emits, warn),
@@ -126,7 +141,9 @@ impl MtlMaterial {
                 Bsdf::Diffuse { kd: self.kd(emits, warn) }
             }),
             _ => {
-                self.ignore_opacity(warn);
+                if let Some(pane) = self.see_through(warn) {
+                    return pane;
+                }
                 match illum {
                     Some(3) => warn(
                         illum_line,
@@ -151,9 +168,41 @@ impl MtlMaterial {
         format!("material `{}`", excerpt(&self.name))
     }
 
+    /// Returns the scattering by `Pm` and `Pr`, if these are stated.
+    fn metal_or_plastic(
+        &self,
+        illum: Option<u8>,
+        emits: bool,
+        warn: &mut impl FnMut(usize, String),
+    ) -> Option<Bsdf> {
+        let stated = |number: Option<Stated<f64>>| number.map(|n| n.value.clamp(0.0, 1.0) as f32);
+        let (rough, metal) = (stated(self.pr), stated(self.pm).unwrap_or(0.0));
+        let roughness = rough.unwrap_or(0.5);
+        let alpha = (roughness * roughness).max(1e-4);
+        if metal >= METAL {
+            let ks = self.kd(emits, warn);
+            let is_mirror = roughness < SMOOTH;
+            return Some(if is_mirror {
+                Bsdf::Mirror { ks }
+            } else {
+                Bsdf::Conductor { ks, alpha }
+            });
+        }
+        let is_plain = !matches!(illum, Some(3..=7)) && self.opacity().is_none();
+        (is_plain && rough.is_some_and(|rough| rough < MATT)).then(|| Bsdf::Coated {
+            kd: self.kd(emits, warn),
+            ks: [1.0; 3],
+            ior: self.coat_ior(warn),
+            alpha,
+        })
+    }
+
     /// Returns what `d` or `Tr` state, unless it is opaque.
     fn opacity(&self) -> Option<Stated<f64>> {
-        let from_tr = self.tr.map(|tr| Stated { value: 1.0 - tr.value, line: tr.line });
+        let from_tr = self
+            .tr
+            .filter(|tr| tr.value != 1.0)
+            .map(|tr| Stated { value: 1.0 - tr.value, line: tr.line });
         self.d.or(from_tr).filter(|d| d.value < 1.0)
     }
 

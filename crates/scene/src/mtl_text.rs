@@ -17,7 +17,7 @@ use std::path::Path;
 /// Colours, in the spelling of `tobj`.
 const COLOURS: [&str; 4] = ["Kd", "Ks", "Ke", "Tf"];
 /// Single numbers, with `illum`.
-const NUMBERS: [&str; 5] = ["Ns", "Ni", "d", "Tr", "illum"];
+const NUMBERS: [&str; 7] = ["Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm"];
 /// Most unknown statements that are named for one file.
 const MAX_UNKNOWN: usize = 32;
 
@@ -205,7 +205,8 @@ impl Header {
         // Properties without a field in `tobj` come as text, which is that of the clean text.
         let text = |property| parsed.unknown_param.get(property).map(String::as_str);
         let tf = text("Tf").and_then(numbers);
-        let tr = text("Tr").and_then(numbers).map(|[tr]| tr);
+        let single = |property| text(property).and_then(numbers).map(|[number]| number);
+        let (tr, pr, pm) = (single("Tr"), single("Pr"), single("Pm"));
         MtlMaterial {
             kd: self.stated("Kd", parsed.diffuse),
             ks: self.stated("Ks", parsed.specular),
@@ -215,6 +216,8 @@ impl Header {
             ni: self.stated("Ni", parsed.optical_density),
             d: self.stated("d", parsed.dissolve),
             tr: self.stated("Tr", tr),
+            pr: self.stated("Pr", pr),
+            pm: self.stated("Pm", pm),
             illum: self.stated("illum", parsed.illumination_model),
             maps: self.maps,
             name: self.name,

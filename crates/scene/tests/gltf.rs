@@ -105,6 +105,7 @@ fn sparse_accessors_strips_and_fans_are_read() {
         assert_eq!(with(r#""indices":1"#, mode), plain);
     }
     assert_eq!(with(r#""indices":1,"#, ""), plain, "without indices, in order");
+    assert_eq!(with(r#","min":[0,0,0],"max":[1,1,0]"#, ""), plain, "without bounds");
 }
 
 #[test]
@@ -277,6 +278,7 @@ fn files_that_lie_are_refused_with_the_place() {
             json.replace(r#""nodes":[{"mesh":0}]"#, r#""nodes":[{}]"#),
             "no triangle in it: it is glTF whose meshes (1) have no triangle in view",
         ),
+        (json.replace(r#""POSITION":0"#, r#""POSITION":9"#), "a mesh names accessor 9 of 3"),
         ("{".to_owned(), "it is not valid glTF"),
     ];
     for (json, expected) in cases {

@@ -12,6 +12,7 @@
 
 mod clip;
 mod columns;
+mod findings;
 mod frame;
 pub mod grid;
 mod level;
@@ -23,6 +24,7 @@ mod sight;
 mod unit;
 mod up;
 
+pub use findings::{Finding, findings, memory};
 pub use frame::Frame;
 pub use plan::Plan;
 pub use rooms::{Room, Survey};

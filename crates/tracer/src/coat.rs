@@ -57,6 +57,11 @@ impl Coat {
         Self { kd, ks, base: kd * FRAC_1_PI / below, layer }
     }
 
+    /// Returns the same coat over a base whose colour is multiplied by a texture's.
+    pub(crate) fn tinted(&self, texture: Vec3) -> Self {
+        Self::new(self.kd * texture, self.ks, self.layer.clone())
+    }
+
     /// Returns the share that the coat transmits at a cosine.
     fn through(&self, cosine: f32) -> Vec3 {
         Vec3::ONE - self.ks * self.layer.reflected.at(cosine)

@@ -49,6 +49,11 @@ impl Conductor {
         Self { ks, ggx, loss, several }
     }
 
+    /// Returns the same metal with its colour multiplied by a texture's.
+    pub(crate) fn tinted(&self, texture: Vec3) -> Self {
+        Self::new(self.ks * texture, self.ggx, self.loss.clone())
+    }
+
     /// Returns the probability of sampling the wide lobe: its share of the reflected light.
     #[inline]
     fn probability(&self, wo: Vec3) -> f32 {

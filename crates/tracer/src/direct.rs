@@ -11,6 +11,7 @@ use crate::engine::PathEngine;
 use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf};
 use crate::lights::{Aim, Chosen, Lights, VertexLights};
 use crate::sampler::Sampler;
+use crate::shading;
 use crate::weighting::Direct;
 
 /// A vertex whose surface scatters with a density.
@@ -144,6 +145,15 @@ impl LitVertex<'_> {
         sum / count as f32
     }
 
+    /// Returns the factor by which a smooth normal dims light from a direction; 1 on facets.
+    #[inline]
+    fn terminator(&self, direction: Vec3, z: f32) -> f32 {
+        match self.engine.is_shaded {
+            true => shading::terminator(self.frame, self.point.normal, direction, z, true),
+            false => 1.0,
+        }
+    }
+
     /// Returns value over density of one sample of the sky, weighed against the material's.
     #[inline]
     fn sky(&self, lights: &VertexLights, count: u32, direct: Direct, [mut x, y]: [f32; 2]) -> Vec3 {
@@ -162,6 +172,7 @@ impl LitVertex<'_> {
             return Vec3::ZERO;
         }
         let direction = self.frame.to_world(wi);
+        let value = value * self.terminator(direction, wi.z);
         let ray = Ray::new(
             spawn(self.point.point, self.point.error, self.point.normal, direction),
             direction,
@@ -203,8 +214,9 @@ impl LitVertex<'_> {
         if !(cosine > 0.0 || emitter.two_sided && cosine < 0.0) {
             return Vec3::ZERO;
         }
-        let (value, pdf) =
-            self.scatter.evaluate(self.wo, self.frame.to_local(direction), self.front);
+        let wi = self.frame.to_local(direction);
+        let (value, pdf) = self.scatter.evaluate(self.wo, wi, self.front);
+        let value = value * self.terminator(direction, wi.z);
         if value == Vec3::ZERO {
             return Vec3::ZERO;
         }
@@ -215,7 +227,7 @@ impl LitVertex<'_> {
         let density = probability * aim.density(distance2, cosine.abs());
         value
             * passed
-            * emitter.emission
+            * self.engine.emission_at(self.raycaster, triangle, [u, v], emitter.emission)
             * (direct.light_weight(density * count as f32, pdf) / density)
     }
 }

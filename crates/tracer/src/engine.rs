@@ -33,6 +33,8 @@ pub(crate) struct PathEngine {
     pub light_samples: u32,
     /// Number of continuations from that surface. They share the part of the path before it.
     pub branches: u32,
+    /// Whether any surface has a texture or a smooth normal.
+    pub is_shaded: bool,
 }
 
 impl PathEngine {
@@ -57,6 +59,7 @@ impl PathEngine {
             direct,
             light_samples,
             branches: 1,
+            is_shaded: scene.shading.is_some(),
         }
     }
 

@@ -51,6 +51,9 @@ mod sampler;
 mod secondary;
 #[cfg(test)]
 mod secondary_tests;
+mod shading;
+#[cfg(test)]
+mod shading_tests;
 mod surface;
 mod virtual_distance;
 mod weighting;

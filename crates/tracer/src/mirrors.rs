@@ -156,7 +156,12 @@ impl Mirrors {
     pub(crate) fn find(scene: &Scene, surfaces: &[Surface]) -> Self {
         let (low, high) = scene.bounds();
         let size = (high - low).max_element();
-        let face = |t: u32| Face::of(&surfaces[scene.material_ids[t as usize] as usize].scatter);
+        // A curved mirror has no plane, and a textured one no single reflectance.
+        let is_plain = |t: u32| !scene.has_texture(t) && scene.smooth_normal(t, 0.3, 0.3).is_none();
+        let face = |t: u32| {
+            let scatter = &surfaces[scene.material_ids[t as usize] as usize].scatter;
+            Face::of(scatter).filter(|_| is_plain(t))
+        };
         // The largest first, so that the many small triangles of a curved mirror do not displace a
         // flat mirror.
         let mut shining: Vec<(f64, u32, Face)> = (0..scene.triangles.len() as u32)

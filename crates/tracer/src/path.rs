@@ -31,6 +31,7 @@ use crate::policy::{PathPolicy, ShadingPoint, Unbiased};
 use crate::sampled::Sampled;
 use crate::sampler::{Purpose, Sampler};
 use crate::secondary::{AimedVertex, Choice};
+use crate::shading;
 use crate::surface::Surface;
 use crate::weighting::Direct;
 
@@ -43,6 +44,11 @@ const ROULETTE_DEPTH: u32 = 5;
 /// Greatest probability of survival. With 0.95, a closed room of albedo 1 came out a quarter too
 /// dark at 256 paths: few paths survived to meet what absorbs light, with unbounded weights.
 const ROULETTE_CEILING: f32 = 0.99;
+
+/// Growth of the width that a path looks at with distance, from an eye: a pixel of a common picture.
+const EYE_SPREAD: f32 = 1e-3;
+/// The same after a surface that scatters widely.
+const SCATTERED_SPREAD: f32 = 0.1;
 
 /// Where a path begins: at an eye's first hit, which all paths of a sample share, or along a ray
 /// that leaves a surface.
@@ -93,6 +99,9 @@ struct Path<'a> {
     eta2: f32,
     /// Factor by which aiming at secondary sources has lowered the throughput.
     aimed_by: f32,
+    /// The width that the path looks at where its ray began, and its growth with distance.
+    width: f32,
+    spread: f32,
 }
 
 /// A vertex that a path continues from.
@@ -170,6 +179,8 @@ impl PathEngine {
             throughput: Vec3::ONE,
             eta2: 1.0,
             aimed_by: 1.0,
+            width: 0.0,
+            spread: if depth == 0 { EYE_SPREAD } else { SCATTERED_SPREAD },
         };
         self.trace_rest(raycaster, path, policy, sampler)
     }
@@ -195,7 +206,13 @@ impl PathEngine {
                 .nesting
                 .as_ref()
                 .and_then(|n| n.cross(raycaster, &point, material, path.direction, &path.inside));
+            path.width += hit.t * path.spread;
+            let textured;
             let (scatter, beyond) = match &crossing {
+                None if self.is_shaded => {
+                    textured = self.textured(raycaster, &hit, surface, path.width);
+                    (textured.as_ref().unwrap_or(&surface.scatter), None)
+                }
                 None => (&surface.scatter, None),
                 Some(Crossing::Boundary { scatter, beyond }) => (scatter, Some(beyond)),
                 Some(Crossing::Opaque(touching)) => {
@@ -209,7 +226,11 @@ impl PathEngine {
             if surface.emits && (front || surface.two_sided) {
                 radiance += self.emission(raycaster, &path, &hit, cosine.abs(), surface, policy);
             }
-            let frame = Frame::new(if front { point.normal } else { -point.normal });
+            let facing = if front { point.normal } else { -point.normal };
+            let frame = Frame::new(match self.is_shaded {
+                true => shading::normal(raycaster, &hit, scatter, facing, -path.direction),
+                false => facing,
+            });
             let wo = frame.to_local(-path.direction);
             if wo.z <= 0.0 {
                 break;
@@ -278,6 +299,9 @@ impl PathEngine {
             {
                 path.forks += 1;
                 for (way, sampled) in (0..).zip(&ways) {
+                    if self.terminator(&vertex, sampled) == 0.0 {
+                        continue;
+                    }
                     let (mut path, policy) = (path, policy.clone());
                     path.throughput *= sampled.weight;
                     path.eta2 *= sampled.eta2;
@@ -335,7 +359,8 @@ impl PathEngine {
                 sample.emitter_density(&self.lights, raycaster, hit, cosine)
             }),
         };
-        let light = path.throughput * surface.emission * weight;
+        let emission = self.emission_at(raycaster, hit.triangle, [hit.u, hit.v], surface.emission);
+        let light = path.throughput * emission * weight;
         let only_this_path = matches!(path.emission_weight, EmissionWeight::Full)
             && path.image_mirror.is_none()
             && path.scatterings > 0;
@@ -369,7 +394,7 @@ impl PathEngine {
             Choice::Source(_) | Choice::Nothing => None,
         };
         let Some(sampled) = sampled else { return false };
-        path.throughput *= sampled.weight;
+        path.throughput *= sampled.weight * self.terminator(vertex, &sampled);
         path.eta2 *= sampled.eta2;
         if path.scatterings >= ROULETTE_SCATTERINGS || depth >= ROULETTE_DEPTH {
             // Radiance inside glass is greater by eta2: without that factor, roulette would end
@@ -399,6 +424,17 @@ impl PathEngine {
             }
         }
         true
+    }
+
+    /// Returns the factor by which a smooth normal dims a sampled direction; 1 on facets.
+    #[inline]
+    fn terminator(&self, vertex: &OutgoingVertex, sampled: &Sampled) -> f32 {
+        if !self.is_shaded {
+            return 1.0;
+        }
+        let direction = vertex.frame.to_world(sampled.wi);
+        let is_smooth = sampled.pdf.is_some();
+        shading::terminator(&vertex.frame, vertex.point.normal, direction, sampled.wi.z, is_smooth)
     }
 
     /// Traces the ray of a sampled direction to the next surface.
@@ -431,6 +467,9 @@ impl PathEngine {
                 }
                 None => EmissionWeight::Full,
             };
+        }
+        if sampled.pdf.is_some() {
+            path.spread = path.spread.max(SCATTERED_SPREAD);
         }
         path.direction = frame.to_world(sampled.wi);
         let ray = Ray::new(spawn(point.point, error, point.normal, path.direction), path.direction);

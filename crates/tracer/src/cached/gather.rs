@@ -18,6 +18,7 @@ use crate::path::{EmissionWeight, Start};
 use crate::policy::ShadingPoint;
 use crate::sampler::{Purpose, Sampler, mix};
 use crate::secondary::AimedVertex;
+use crate::shading;
 use crate::weighting::power_heuristic;
 
 impl Cached {
@@ -168,6 +169,7 @@ impl Gathering<'_> {
 
     /// Traces a ray over the hemisphere.
     fn hemisphere_ray(&self, direction: Vec3, sampler: &mut Sampler) -> Arrival {
+        let direction = shading::above(self.point.normal, self.normal, direction);
         let hit = self.nearest(direction);
         let distance = hit.map_or(f32::INFINITY, |hit| hit.t.max(f32::MIN_POSITIVE));
         let cosine = direction.dot(self.normal).max(0.0);
@@ -188,9 +190,10 @@ impl Gathering<'_> {
         let towards = target.point - self.point.point;
         let direction = towards.try_normalize()?;
         let cosine = direction.dot(self.normal);
+        let is_above = shading::is_above(self.point.normal, self.normal, direction);
         let hit = self
             .nearest(direction)
-            .filter(|hit| cosine > 0.0 && hit.triangle == target.triangle)?;
+            .filter(|hit| cosine > 0.0 && is_above && hit.triangle == target.triangle)?;
         let radiance = self.radiance(Some(hit), direction, sampler);
         let irradiance = radiance * (cosine / self.density(Some(&hit), cosine));
         let material = self.raycaster.scene().material_ids[target.triangle as usize] as usize;
@@ -212,8 +215,12 @@ impl Gathering<'_> {
             return None;
         }
         let material = self.raycaster.scene().material_ids[image.triangle as usize] as usize;
-        let radiance =
-            self.policy.engine.surfaces[material].emission * images.arriving(self.point, &image);
+        let radiance = self.policy.engine.emission_at(
+            self.raycaster,
+            image.triangle,
+            image.barycentrics,
+            self.policy.engine.surfaces[material].emission,
+        ) * images.arriving(self.point, &image);
         let density = self.image_rays as f32 * image.density;
         let weight = power_heuristic(density, self.hemisphere_density(cosine));
         let irradiance = radiance * (cosine * weight / density);

@@ -1,0 +1,125 @@
+//! Textures and smooth normals where a path meets a surface.
+//!
+//! Always true:
+//! - A scene without them takes none of these functions ([`PathEngine::is_shaded`]).
+//! - No direction passes a surface only because its smooth normal says so: light and paths stay on
+//!   the side of the triangle on which they are.
+//! - A smooth normal never makes a surface brighter than its material: [`terminator`] is at most 1.
+
+use glam::Vec3;
+use holo_raycast::{Hit, Raycaster};
+
+use crate::bsdf::Scatter;
+use crate::engine::PathEngine;
+use crate::geometry::Frame;
+use crate::surface::Surface;
+
+/// Least cosine between a smooth normal and the direction to the eye. Beyond, the normal is bent to
+/// the eye: a surface that is seen faces it.
+const LEAST_COSINE: f32 = 0.02;
+
+impl PathEngine {
+    /// Returns how a surface scatters light at a hit, if it has a texture there. `width` is what the
+    /// path looks at, in scene units.
+    pub(crate) fn textured(
+        &self,
+        raycaster: &Raycaster,
+        hit: &Hit,
+        surface: &Surface,
+        width: f32,
+    ) -> Option<Scatter> {
+        let texture = raycaster.scene().base_texture(hit.triangle, hit.u, hit.v, width)?;
+        let texture = Vec3::from(texture).clamp(Vec3::ZERO, Vec3::ONE);
+        match &surface.scatter {
+            Scatter::Diffuse(kd) => Some(Scatter::Diffuse(*kd * texture)),
+            Scatter::Mirror(ks) => Some(Scatter::Mirror(*ks * texture)),
+            Scatter::Conductor(metal) => Some(Scatter::Conductor(Box::new(metal.tinted(texture)))),
+            Scatter::Coated(coat) => Some(Scatter::Coated(Box::new(coat.tinted(texture)))),
+            _ => None,
+        }
+    }
+
+    /// Returns the radiance that a lamp emits at a point: `emission` times its texture.
+    #[inline]
+    pub(crate) fn emission_at(
+        &self,
+        raycaster: &Raycaster,
+        triangle: u32,
+        [u, v]: [f32; 2],
+        emission: Vec3,
+    ) -> Vec3 {
+        if !self.is_shaded {
+            return emission;
+        }
+        let texture = raycaster.scene().emission_texture(triangle, u, v, 0.0);
+        texture.map_or(emission, |texture| emission * Vec3::from(texture))
+    }
+}
+
+/// Returns the normal with which light is scattered at a hit: the smooth one, turned to the side that
+/// is seen, or `facing` if the surface is a facet or a pane. `wo` points to the eye.
+pub(crate) fn normal(
+    raycaster: &Raycaster,
+    hit: &Hit,
+    scatter: &Scatter,
+    facing: Vec3,
+    wo: Vec3,
+) -> Vec3 {
+    if matches!(scatter, Scatter::Pane { .. } | Scatter::Clear { .. }) {
+        return facing;
+    }
+    let Some(smooth) = raycaster.scene().smooth_normal(hit.triangle, hit.u, hit.v) else {
+        return facing;
+    };
+    let smooth = if smooth.dot(facing) < 0.0 { -smooth } else { smooth };
+    let cosine = smooth.dot(wo);
+    if cosine >= LEAST_COSINE {
+        return smooth;
+    }
+    (smooth + wo * (LEAST_COSINE - cosine)).try_normalize().unwrap_or(facing)
+}
+
+/// Returns the factor to light from `direction`, whose cosine to the smooth normal is `z`.
+///
+/// It is 0 if the triangle and its smooth normal disagree about the side that the light is on. Else,
+/// for light that is scattered with a density (`is_smooth`), it fades the light towards the edge of
+/// the shadow that facets cast on themselves (Chiang, Li and Burley 2019, "Taming the Shadow
+/// Terminator").
+#[inline]
+pub(crate) fn terminator(
+    frame: &Frame,
+    geometric: Vec3,
+    direction: Vec3,
+    z: f32,
+    is_smooth: bool,
+) -> f32 {
+    let between = frame.n.dot(geometric);
+    // The common case, a facet: both normals are the same but for their sign.
+    if frame.n == geometric || frame.n == -geometric {
+        return 1.0;
+    }
+    let cosine = direction.dot(geometric) * between.signum();
+    if cosine * z <= 0.0 {
+        return 0.0;
+    }
+    if z < 0.0 || !is_smooth {
+        return 1.0;
+    }
+    let g = (cosine / (z * between.abs())).min(1.0);
+    (g * g + g - g * g * g).min(1.0)
+}
+
+/// Returns whether a direction from a point leaves its surface. `normal` is on the side that counts.
+#[inline]
+pub(crate) fn is_above(geometric: Vec3, normal: Vec3, direction: Vec3) -> bool {
+    direction.dot(geometric) * normal.dot(geometric) > 0.0
+}
+
+/// Returns a direction that leaves the surface: one that would enter it is mirrored at its plane.
+#[inline]
+pub(crate) fn above(geometric: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
+    if is_above(geometric, normal, direction) {
+        return direction;
+    }
+    direction - geometric * (2.0 * direction.dot(geometric))
+}
