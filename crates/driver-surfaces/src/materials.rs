@@ -73,6 +73,11 @@ impl Finish {
         }
     }
 
+    /// Returns the ratio of radiance to stored light where a texture has this factor.
+    pub fn reflectance_by(&self, texture: Rgb) -> Rgb {
+        std::array::from_fn(|c| (self.reflectance[c] * texture[c]).max(LEAST_REFLECTANCE))
+    }
+
     /// Returns whether this side emits light.
     pub fn shines(&self, front: bool) -> bool {
         self.emits && (front || self.emits_back)

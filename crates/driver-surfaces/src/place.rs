@@ -152,8 +152,9 @@ impl<'a> Placer<'a> {
             return None;
         }
         let unit = self.follower.materials.unit;
+        let reflectance = finish.reflectance_by(self.follower.texture(end, 0.0));
         let rgb = [0, 1, 2].map(|channel: usize| {
-            let light = shown.rgb[channel] / end.share[channel] / finish.reflectance[channel];
+            let light = shown.rgb[channel] / end.share[channel] / reflectance[channel];
             (light / unit).min(MOST_LIGHT).round()
         });
         let leaving = (finish.kind == Kind::Glossy).then_some(end.direction);

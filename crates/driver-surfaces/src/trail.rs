@@ -27,6 +27,7 @@ pub(crate) struct End {
     pub length: f32,
     /// Whether the way turns at a mirror or at a pane.
     pub is_mirrored: bool,
+    pub hit: Hit,
 }
 
 /// What a ray shows.
@@ -96,7 +97,29 @@ impl<'a> Follower<'a> {
             share: [1.0; 3],
             length: hit.t,
             is_mirrored: false,
+            hit,
         }
+    }
+
+    /// Returns the factor of the texture where a way ends, of what this wide a place shows; 1 without
+    /// one.
+    pub fn texture(&self, end: &End, width: f32) -> Rgb {
+        let Hit { triangle, u, v, .. } = end.hit;
+        self.raycaster.scene().base_texture(triangle, u, v, width).unwrap_or([1.0; 3])
+    }
+
+    /// Returns the factor of a lamp's texture where a way ends; 1 without one.
+    pub fn glow(&self, end: &End, width: f32) -> Rgb {
+        let Hit { triangle, u, v, .. } = end.hit;
+        self.raycaster.scene().emission_texture(triangle, u, v, width).unwrap_or([1.0; 3])
+    }
+
+    /// Returns whether a hit is on a surface without mirrors, lamps and textures.
+    #[inline]
+    pub fn is_plain(&self, hit: Hit) -> bool {
+        let finish = self.finish(self.material(hit.triangle));
+        let is_diffuse = finish.kind == Kind::Diffuse && !finish.emits;
+        is_diffuse && !self.raycaster.scene().has_texture(hit.triangle)
     }
 
     /// Follows a ray from its first hit to a surface that keeps light.

@@ -38,7 +38,7 @@ pub struct Seen {
     pub width: f32,
     /// The material's number; `u32::MAX` where there is no surface.
     pub material: u32,
-    /// The number of its [`Way`]; 0 if it is seen through nothing and does not shine.
+    /// The number of its [`Way`]; 0 if it is seen through nothing, and has neither texture nor shine.
     pub way: u32,
 }
 
@@ -53,11 +53,13 @@ pub struct InPane {
     pub share: f32,
 }
 
-/// How a surface is seen through mirrors or panes, or that shines.
+/// How a surface is seen that has a texture, shines, or lies behind mirrors or panes.
 #[derive(Clone, Copy, Debug)]
 pub struct Way {
     /// The share of the surface's light that comes back through mirrors and panes.
     pub share: Rgb,
+    /// The factor of the surface's texture.
+    pub texture: Rgb,
     /// Further radiance: of the sky, or of a lamp.
     pub radiance: Rgb,
     /// The ray's unit direction when it meets the surface.
@@ -91,8 +93,13 @@ pub struct View {
 }
 
 impl Way {
-    const PLAIN: Way =
-        Way { share: [1.0; 3], radiance: [0.0; 3], direction: Vec3::ZERO, is_mirrored: false };
+    const PLAIN: Way = Way {
+        share: [1.0; 3],
+        texture: [1.0; 3],
+        radiance: [0.0; 3],
+        direction: Vec3::ZERO,
+        is_mirrored: false,
+    };
 }
 
 impl Seen {
@@ -221,9 +228,8 @@ impl View {
     /// Returns what a ray shows, with the way that it goes.
     pub(crate) fn seen_of(&mut self, shown: Shown) -> Seen {
         if let Shown::Surface(end) = &shown {
-            let finish = self.follower().finish(end.material);
             let is_direct = end.share == [1.0; 3] && !end.is_mirrored;
-            if is_direct && finish.kind == Kind::Diffuse && !finish.emits {
+            if is_direct && self.follower().is_plain(end.hit) {
                 return seen(end, self.pixel_width(end.length), PLAIN);
             }
         }
@@ -255,9 +261,8 @@ impl View {
                 let at = number / across * width + left + number % across;
                 let (ray, before, hit) = (rays[number], befores[number], hits[number]);
                 let plain = hit.and_then(|hit| {
-                    let finish = self.follower().finish(self.follower().material(hit.triangle));
-                    let is_plain = finish.kind == Kind::Diffuse && !finish.emits;
-                    is_plain.then(|| self.follower().end(&ray, hit))
+                    let follower = self.follower();
+                    follower.is_plain(hit).then(|| follower.end(&ray, hit))
                 });
                 match plain {
                     Some(end) => {
@@ -300,11 +305,14 @@ impl View {
             Shown::Surface(end) => {
                 let finish = self.follower().finish(end.material);
                 let End { share, direction, is_mirrored, .. } = end;
+                let width = self.pixel_width(end.length);
                 how = Way { share, direction, is_mirrored, ..how };
                 if finish.shines(end.front) {
-                    how.radiance = times(end.share, finish.emission);
+                    let emission = times(finish.emission, self.follower().glow(&end, width));
+                    how.radiance = times(end.share, emission);
                 } else {
-                    at = seen(&end, self.pixel_width(end.length), way);
+                    how.texture = self.follower().texture(&end, width);
+                    at = seen(&end, width, way);
                 }
             }
             Shown::Sky(share) => how.radiance = times(share, self.materials.sky),
@@ -355,7 +363,8 @@ impl View {
             return ([0.0; 3], way.radiance);
         }
         let finish = self.follower().finish(seen.material);
-        let scale = [0, 1, 2].map(|c| finish.reflectance[c] * way.share[c]);
+        let reflectance = finish.reflectance_by(way.texture);
+        let scale = [0, 1, 2].map(|c| reflectance[c] * way.share[c]);
         (scale, way.radiance)
     }
 
