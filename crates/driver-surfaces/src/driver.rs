@@ -245,7 +245,7 @@ impl Driver for SurfacesDriver {
         frame.picture.pixels = drawn.pixels;
         frame.depth = shown.depth();
         if let Some(gathered) = &shown.gathered {
-            let errors = drawn.errors.iter().zip(&gathered.sums);
+            let errors = drawn.errors.iter().zip(gathered.pixels());
             let certainty = errors.map(|(&error, sums)| Certainty { error, samples: sums.count });
             frame.certainty = certainty.collect();
         }
