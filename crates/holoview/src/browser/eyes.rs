@@ -61,7 +61,7 @@ impl Eyes {
         self.look
     }
 
-    /// Returns the colours of a frame. Whoever sees it for the `times`th time sees it with eyes that
+    /// Returns the colours of a frame. Whoever sees it again, for the `times`th time, has eyes that
     /// have adapted meanwhile.
     pub async fn see(self: &Arc<Self>, shown: &Arc<Shown>, times: u32) -> Result<Arc<Image>> {
         let (eyes, shown) = (Arc::clone(self), Arc::clone(shown));

@@ -1,8 +1,8 @@
-//! What a person can have a session do: one table of actions with their names and keys, and lines
-//! that say the same in words. Browser, window and standard input all use these.
+//! One table of all actions with their names and keys, and lines that say the same in words.
+//! Browser, window and standard input use both.
 //!
-//! A key has the name that browsers give it, such as `KeyW` or `ArrowUp`: the place on the keyboard.
-//! A key of one character, such as `?`, is what is typed, wherever it is on the keyboard.
+//! A key has the name that browsers give its place on the keyboard, such as `KeyW` or `ArrowUp`. A
+//! key of one character, such as `?`, is what is typed, wherever it is on the keyboard.
 
 mod line;
 mod table;

@@ -1,8 +1,9 @@
 //! The stage: moves the eye of a session, for front ends that people use.
 //!
-//! Front ends send inputs and take frames; they meet neither the session nor each other. Two threads
-//! share the work: the hand takes inputs and shows what is known from where the eye is, and the
-//! painter owns the session and draws.
+//! Front ends send inputs and take frames; they meet neither the session nor each other.
+//!
+//! Two threads share the work. The hand takes inputs, and shows what is known from where the eye is.
+//! The painter owns the session and draws.
 //!
 //! What always holds:
 //! - An input waits for no server, no disk, no driver and no front end.

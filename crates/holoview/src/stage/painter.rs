@@ -39,8 +39,8 @@ const RENDER_PATIENCE: Duration = Duration::from_secs(3);
 /// A picture at rest is drawn anew at once when it has so many times the samples that it shows.
 const MANY_MORE: u64 = 2;
 
-/// Samples of a pixel below which a picture at rest is a sketch of fewer pixels, for so little light
-/// needs no more.
+/// Samples of a pixel below which a picture at rest is a sketch. A sketch has fewer pixels, because
+/// so little light needs no more.
 const SKETCHY: f64 = 0.15;
 
 /// Time at rest after which a picture has all its pixels, however little is known.

@@ -1,8 +1,8 @@
 //! Shows earlier frames from where the eye is now: each pixel goes where its surface is seen.
 //!
-//! Whoever walks sees such pictures between two frames of the driver, which takes longer to draw
-//! than a hand may wait (the render cache of Walter, Drettakis & Parker 1999 projects points the same
-//! way). What neither of two earlier frames saw is filled from the farther side beside it.
+//! A driver takes longer to draw than a hand may wait. Between two of its frames, whoever walks sees
+//! such pictures. The render cache (Walter, Drettakis & Parker 1999) projects points the same way.
+//! What neither of two earlier frames saw is filled from the farther side beside it.
 //!
 //! What always holds:
 //! - Where a surface of an earlier frame hides another one, the nearer is shown.
@@ -50,8 +50,8 @@ pub fn can_show(source: &View, view: &View) -> bool {
 }
 
 /// Returns what `view` shows of earlier frames, in a picture of `size` pixels; `None` if they saw
-/// nothing of it. The first source is preferred to the second one. Its counts of pixels hold for the
-/// result as well.
+/// nothing of it. The first source is preferred to the second one, and its counts of pixels hold for
+/// the result as well.
 pub fn warp(sources: &[Source<'_>], view: &View, size: (u32, u32)) -> Option<Frame> {
     let mut frame = Frame::black(size);
     let mut targets = vec![EMPTY; frame.depth.len()];
