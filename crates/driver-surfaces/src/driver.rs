@@ -249,10 +249,15 @@ impl Driver for SurfacesDriver {
             let certainty = errors.map(|(&error, sums)| Certainty { error, samples: sums.count });
             frame.certainty = certainty.collect();
         }
-        frame.samples_used = self.store.samples();
+        let used = shown.gathered.as_ref().map(Gathered::samples);
+        frame.samples_used = used.unwrap_or_else(|| self.store.samples());
         let count = |is: &dyn Fn(usize) -> bool| (0..frame.depth.len()).filter(|&p| is(p)).count();
         frame.uncovered_pixels = count(&|pixel| !shown.covered[pixel]) as u64;
-        frame.empty_pixels = count(&|pixel| drawn.errors[pixel].is_infinite()) as u64;
+        let unknown = count(&|pixel| drawn.errors[pixel].is_infinite()) as u64;
+        // As bright as all that is known, if anything is.
+        let is_empty = self.store.samples() == 0;
+        (frame.empty_pixels, frame.guessed_pixels) =
+            if is_empty { (unknown, 0) } else { (0, unknown) };
         if resolution == Resolution::Half {
             frame = frame.enlarged(size);
         }

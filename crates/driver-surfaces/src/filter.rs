@@ -101,7 +101,8 @@ impl Estimate {
         let noise = variance / lit.count;
         // What differs by three standard errors is another light.
         let before = (self.error * self.error + spread * spread * bright * bright)
-            .max(differs - SIGNIFICANT * SIGNIFICANT * noise);
+            .max(differs - SIGNIFICANT * SIGNIFICANT * noise)
+            .max(0.0);
         let share =
             if before.is_finite() { before / (before + noise).max(f32::MIN_POSITIVE) } else { 1.0 };
         let light = self.light + share * (lit.mean() - self.light);
@@ -401,7 +402,9 @@ fn choose(
     for (number, scale) in scales[..scales.len() - 1].iter().enumerate().rev() {
         let lit = &scale[at];
         let own = lit.variance(around).sqrt();
-        let mut share = ((high * bright - own) / ((high - low) * bright)).clamp(0.0, 1.0);
+        // Where all is black, so is every scale.
+        let dark = bright.max(f32::MIN_POSITIVE);
+        let mut share = ((high * bright - own) / ((high - low) * dark)).clamp(0.0, 1.0);
         if let Some(detail) = detail(number).filter(|detail| detail.weight > 0.0) {
             let (signal, noise) = (detail.signal / detail.weight, detail.noise / detail.weight);
             let real = (signal - noise).max(0.0);

@@ -63,6 +63,12 @@ impl Gathered {
         gathered
     }
 
+    /// Returns how many samples count, those twice that a mirror shows too.
+    #[must_use]
+    pub fn samples(&self) -> u64 {
+        self.sums.par_iter().map(|sums| u64::from(sums.count)).sum()
+    }
+
     /// Returns the sums of all pixels.
     pub(crate) fn pixels(&self) -> &[Sums] {
         &self.sums[..self.pixels]

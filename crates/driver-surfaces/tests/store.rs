@@ -449,6 +449,25 @@ fn standard_errors_contain_noise_and_blur() {
 }
 
 #[test]
+fn places_without_any_light_are_black_and_their_errors_are_numbers() {
+    let raycaster = walled_room(Bsdf::Diffuse { kd: [0.5; 3] });
+    let lit = |x: f64, _: f64| if x < 0.0 { 0.0 } else { 0.5 };
+    for count in [20, 200] {
+        let rays = [floor_rays(count, lit), wall_rays(count, 0.0)].concat();
+        let materials = Arc::new(Materials::new(raycaster.scene()));
+        let mut placed = Vec::new();
+        Placer::new(&raycaster, &materials).place_rays(&rays, &mut placed);
+        let mut store = Store::new(0.001, 64 << 20);
+        store.add(&placed);
+        let mut view = View::new(Arc::clone(&raycaster), materials, &to_wall(), (64, 64));
+        view.look_into_edges();
+        let drawn = Gathered::new(&view, &store).draw(&view, &store, None);
+        assert!(drawn.pixels.iter().flatten().all(|c| c.is_finite() && *c >= 0.0));
+        assert!(drawn.errors.iter().all(|error| !error.is_nan()));
+    }
+}
+
+#[test]
 fn even_light_is_shown_as_it_is() {
     let raycaster = room();
     let pixels = drawn(&raycaster, &[&rays(100, |_, _| 0.25)]);

@@ -290,7 +290,9 @@ mod tests {
             let (ray, _) =
                 raycaster.localize(view.vp.unwrap(), view.vd.unwrap().normalize()).unwrap();
             let ahead = f64::from(raycaster.nearest(&ray).unwrap().t) * unit;
-            assert!(ahead > 0.3, "{name}: {ahead} m to what is seen");
+            // The vase is looked at from as far as it is tall.
+            let least = if rooms == 0 { 0.1 } else { 0.3 };
+            assert!(ahead > least, "{name}: {ahead} m to what is seen");
         }
     }
 

@@ -78,7 +78,7 @@ impl std::fmt::Display for PictureReport {
             write!(f, " (by {} rays traced for this view alone)", self.live)?;
         }
         if self.guessed_pixels > 0 {
-            write!(f, ", {} pixels without light known, lit from the eye", self.guessed_pixels)?;
+            write!(f, ", {} pixels without light known, guessed", self.guessed_pixels)?;
         }
         if !self.stages.is_empty() {
             let milliseconds: f64 = self.stages.iter().map(|stage| stage.milliseconds).sum();

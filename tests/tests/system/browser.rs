@@ -55,7 +55,7 @@ fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     // is stored has come.
     browser.mouse("mouseMoved", (640, 360), 0);
     let picture = ["picture", "{}/a.holo", "-o", "{}/p.pfm", "--size", "1280x720"];
-    place.run(&[&picture[..], &VIEW].concat()).ok();
+    place.run(&[&picture[..], &["--driver", "voronoi"], &VIEW].concat()).ok();
     let truth = luminance(Picture::read(place.path("p.pfm")).unwrap().get(640, 360).unwrap());
     let shown = "parseFloat(document.getElementById('p-luminance').textContent)";
     browser.wait(&format!("Math.abs({shown} / {truth} - 1) < 0.01"));

@@ -8,7 +8,6 @@ const VIEW: [&str; 6] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60"];
 
 /// Symbols of keys that write no letter.
 const ESCAPE: u32 = 0xff1b;
-const ENTER: u32 = 0xff0d;
 const CONTROL: u32 = 0xffe3;
 
 fn letter(letter: char) -> u32 {
@@ -87,14 +86,6 @@ fn a_window_shows_the_picture_and_one_walks_approaches_and_quits_in_it() {
     });
     desktop.write("h");
     wait_for_picture();
-
-    // A line that is typed: the picture is written in radiance, as `picture` does.
-    desktop.press(ENTER);
-    desktop.write(&format!("picture {}", place.text("w.pfm")));
-    desktop.press(ENTER);
-    wait_until("the picture's file", || {
-        Picture::read(place.path("w.pfm")).is_ok_and(|written| written == picture).then_some(())
-    });
 
     desktop.key(CONTROL, true);
     desktop.press(letter('q'));
