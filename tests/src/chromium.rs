@@ -95,6 +95,21 @@ impl Chromium {
         result["result"]["value"].clone()
     }
 
+    /// Loads the page again, and waits until an expression is true in the new one.
+    #[track_caller]
+    pub fn reload_until(&mut self, expression: &str) {
+        self.value("window.isOld = true");
+        self.call("Page.reload", json!({}));
+        // While one page gives way to the other, Chromium evaluates nothing.
+        wait_until("the page loaded again", || {
+            self.number += 1;
+            let expression = format!("Boolean(!window.isOld && {expression})");
+            let parameters = json!({ "expression": expression, "returnByValue": true });
+            let answer = answer(&mut self.page, self.number, "Runtime.evaluate", parameters);
+            (answer["result"]["result"]["value"] == true).then_some(())
+        });
+    }
+
     /// Waits until an expression is true in the page.
     ///
     /// # Panics
@@ -185,15 +200,26 @@ fn connect(port: u16, path: &str) -> WebSocket<TcpStream> {
 
 /// Calls a method and waits for its answer; events that come before it are left out.
 #[track_caller]
-fn call(socket: &mut WebSocket<TcpStream>, number: u64, method: &str, parameters: Value) -> Value {
+/// Returns the whole answer to a call.
+fn answer(
+    socket: &mut WebSocket<TcpStream>,
+    number: u64,
+    method: &str,
+    parameters: Value,
+) -> Value {
     let text = json!({ "id": number, "method": method, "params": parameters }).to_string();
     socket.send(Message::Text(text.into())).expect("Chromium takes a message");
     loop {
         let Message::Text(text) = socket.read().expect("Chromium answers") else { continue };
         let answer: Value = serde_json::from_str(&text).expect("Chromium speaks JSON");
         if answer["id"] == number {
-            assert!(answer.get("error").is_none(), "{method}: {answer}");
-            return answer["result"].clone();
+            return answer;
         }
     }
+}
+
+fn call(socket: &mut WebSocket<TcpStream>, number: u64, method: &str, parameters: Value) -> Value {
+    let answer = answer(socket, number, method, parameters);
+    assert!(answer.get("error").is_none(), "{method}: {answer}");
+    answer["result"].clone()
 }

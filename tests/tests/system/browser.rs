@@ -238,8 +238,8 @@ fn one_commands_a_session_by_buttons_keys_and_lines() {
     });
     assert_eq!(recalled, home);
     // What one has chosen stays when the page is loaded again.
-    browser.value("stops(1); location.reload()");
-    browser.wait("document.readyState === 'complete' && hasPicture && display.stops === 1");
+    browser.value("stops(1)");
+    browser.reload_until("document.readyState === 'complete' && hasPicture && display.stops === 1");
     browser.wait("drives && state.workers === 1");
     // A picture is written.
     session.write_line(&format!("picture {} 160x90", place.path("p.exr").display()));
