@@ -1,0 +1,172 @@
+//! What people ask for: motion, views, orders, pictures.
+
+use std::{path::PathBuf, sync::Arc, thread, time::Instant};
+
+use glam::DVec3;
+use holo_picture::ViewSpec;
+use holo_walk::Walker;
+
+use super::{ANSWER, Ending, Hand, REST};
+use crate::{
+    Crew,
+    stage::{
+        input::{Input, Named, Reply},
+        painter::Order,
+    },
+};
+
+/// Largest picture, pixels: four of a usual screen.
+const MOST_PIXELS: u64 = 1 << 23;
+
+const NO_CREW: &str = "this program has not started the server and the workers: whoever has can";
+
+impl Hand {
+    /// Does what somebody asks for.
+    pub(super) fn take(&mut self, input: Input) {
+        let (under, towards) = self.under_cursor();
+        let walker = &mut self.walker;
+        match input {
+            Input::Hold(controls) => {
+                let now = Instant::now();
+                if walker.controls.moves() && !controls.moves() {
+                    // Nothing more is to come of it.
+                    self.times.moved = now.checked_sub(REST).unwrap_or(now);
+                } else if !walker.controls.moves() {
+                    // What is held counts from now on.
+                    self.times.advanced = now;
+                }
+                walker.controls = controls;
+            }
+            Input::Cursor(at) => self.cursor = at,
+            Input::Turn(right, up) => _ = walker.turn(right, up),
+            Input::Orbit(right, up) => _ = walker.orbit(right, up, under, towards),
+            Input::Wheel(steps) => _ = walker.wheel(steps, under, towards),
+            Input::Slide(right, up) => self.slide(right, up, under),
+            Input::View(change) => self.look(&change),
+            Input::Recall(named) => self.recall(&named),
+            Input::GoTo(eye) => self.jump(|walker| walker.go_to(eye)),
+            Input::Home => self.jump(Walker::go_home),
+            Input::Back => self.jump(Walker::back),
+            Input::Forward => self.jump(Walker::forward),
+            Input::LockHeight(lock) => walker.height_is_locked = lock,
+            Input::Pause(pause) => self.order(Order::Pause(pause)),
+            Input::Driver(driver) => self.order(Order::Driver(driver)),
+            Input::Size(width, height) => self.resize((width, height)),
+            Input::KillWorkers => self.order_crew(Crew::kill_workers),
+            Input::RestartWorkers => self.order_crew(Crew::restart_workers),
+            Input::StartOver => self.ask_to_start_over(),
+            Input::Cancel => {
+                (self.question, self.refusal, self.focus) = (None, None, None);
+            }
+            Input::Picture(path, size) => self.save(path, size),
+            Input::Render(size, reply) => self.render(size, reply),
+            Input::Keep(name) => {
+                let options = holo_walk::options(self.walker.view());
+                self.order(Order::KeepView(name, options));
+            }
+            Input::Forget(name) => self.order(Order::KeepView(name, String::new())),
+            Input::Quit => self.ending = Some(Ending::Quit),
+            Input::Focus(part) => self.focus = part,
+        }
+    }
+
+    /// Says for a while why something is not done.
+    pub(super) fn refuse(&mut self, reason: String) {
+        self.refusal = Some((reason, Instant::now()));
+    }
+
+    fn order_crew(&mut self, order: impl FnOnce(&Crew)) {
+        match &self.crew {
+            Some(crew) => order(crew),
+            None => self.refuse(NO_CREW.to_owned()),
+        }
+    }
+
+    /// Asks whether all samples are to be forgotten, or ends for that if it has been asked.
+    fn ask_to_start_over(&mut self) {
+        if self.crew.is_none() {
+            self.refuse(NO_CREW.to_owned());
+        } else if self.question.take().is_some_and(|asked| asked.elapsed() < ANSWER) {
+            self.ending = Some(Ending::StartOver);
+        } else {
+            self.question = Some(Instant::now());
+        }
+    }
+
+    /// Writes a picture of the current view to a file, on a thread of its own.
+    fn save(&mut self, path: PathBuf, size: Option<(u32, u32)>) {
+        let reply = Reply::new(move |frame| {
+            let path = path.clone();
+            thread::spawn(move || match frame.picture.write(&path) {
+                Ok(()) => eprintln!("wrote {}", path.display()),
+                Err(error) => eprintln!("{error}"),
+            });
+        });
+        self.render(size.unwrap_or(self.size), reply);
+    }
+
+    fn render(&mut self, size: (u32, u32), reply: Reply) {
+        let spec = *self.walker.view();
+        match spec.resolve(size) {
+            Ok((view, size)) => self.order(Order::Render(view, size, reply)),
+            Err(error) => self.refuse(error.to_string()),
+        }
+    }
+
+    /// Goes to another view at once.
+    fn jump(&mut self, go: impl FnOnce(&mut Walker) -> bool) {
+        if go(&mut self.walker) {
+            self.jumps += 1;
+            self.awaits_jump = true;
+            self.times.jumped = Instant::now();
+            self.sources.clear();
+            self.held_back = None;
+            self.trail.clear();
+        }
+    }
+
+    /// Goes to a view, or says why it is none.
+    fn look(&mut self, change: &ViewSpec) {
+        let view = self.walker.view().overridden_by(change);
+        match view.resolve(self.size) {
+            Ok(_) => {
+                self.jump(|walker| walker.look(change));
+                self.refusal = None;
+            }
+            Err(error) => self.refuse(error.to_string()),
+        }
+    }
+
+    /// Goes to a view that the holodeck knows.
+    fn recall(&mut self, named: &Named) {
+        let views = Arc::clone(&self.news.views);
+        let found = match named {
+            Named::Number(number) => number.checked_sub(1).and_then(|at| views.get(at)),
+            Named::Name(name) => views.iter().find(|(other, _)| other == name),
+        };
+        let mut change = ViewSpec::default();
+        match found.map(|(_, options)| change.apply_line(options)) {
+            Some(Ok(())) => self.look(&change),
+            Some(Err(error)) => self.refuse(error.to_string()),
+            None => self.refuse("the holodeck has no view of this name".to_owned()),
+        }
+    }
+
+    fn slide(&mut self, right: f64, up: f64, under: Option<DVec3>) {
+        let Some(last) = &self.last else { return };
+        let (across, along) = last.view.extent();
+        let distance = under.map_or(1.0, |point| (point - last.view.eye()).dot(last.view.vd));
+        let distance = if last.view.kind.has_eye() { distance.max(0.0) } else { 1.0 };
+        self.walker.shift(0.0, right * across * distance, up * along * distance);
+    }
+
+    fn resize(&mut self, size: (u32, u32)) {
+        let is_sound = size.0 > 0
+            && size.1 > 0
+            && u64::from(size.0) * u64::from(size.1) <= MOST_PIXELS
+            && self.walker.view().resolve(size).is_ok();
+        if is_sound {
+            self.size = size;
+        }
+    }
+}
