@@ -33,7 +33,7 @@ const SENDER: u32 = 1;
 /// Pixels that a touchpad scrolls for one step of a wheel.
 const STEP_PIXELS: f64 = 100.0;
 
-/// What other threads tell the event loop.
+/// A message of another thread to the event loop.
 #[derive(Debug)]
 pub enum Event {
     /// There is a new frame or state.
@@ -197,7 +197,7 @@ impl App {
             let saved = std::env::current_dir()
                 .context("finding the current folder")
                 .and_then(|folder| saved::save(&seen, kind, &folder));
-            // A window that was closed meanwhile tells nobody.
+            // The window may be closed by then.
             let _ = proxy.send_event(Event::Saved(saved));
         });
     }
@@ -230,10 +230,7 @@ impl App {
         };
         let effects = match state {
             ElementState::Pressed => self.model.button(drag),
-            ElementState::Released => {
-                self.model.button_up(drag);
-                Vec::new()
-            }
+            ElementState::Released => self.model.button_up(drag),
         };
         if let Some(desk) = &self.desk {
             let icon = match self.model.is_dragging() {
@@ -283,6 +280,7 @@ fn moves(input: &Input) -> bool {
     match input {
         Input::Hold(controls) => controls.moves(),
         Input::Cursor(_) | Input::Size(..) | Input::Pause(_) | Input::LockHeight(_) => false,
+        Input::Focus(_) | Input::Cancel | Input::Keep(_) | Input::Picture(..) => false,
         _ => true,
     }
 }

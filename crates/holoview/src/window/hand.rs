@@ -19,6 +19,9 @@ const STEP_LEAVES: f64 = 0.9;
 /// Most steps of a wheel in one event.
 const MOST_STEPS: f64 = 4.0;
 
+/// Least sides of a part of the picture that is traced first, in shares: less is a click.
+const LEAST_PART: f64 = 0.02;
+
 /// What a pressed button does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Drag {
@@ -62,6 +65,8 @@ pub struct Hand {
     /// Where the mouse is, while it is in the window.
     at: Option<Point>,
     drag: Option<Drag>,
+    /// Where a rectangle begins that is dragged out.
+    corner: Option<Point>,
     fingers: BTreeMap<u64, Point>,
 }
 
@@ -91,9 +96,35 @@ impl Hand {
         self.drag = self.drag.filter(|now| *now != drag);
     }
 
+    /// Notes that a rectangle is dragged out from where the mouse is.
+    pub fn begin_part(&mut self) {
+        self.corner = self.at;
+    }
+
+    /// Returns the part of the picture that is dragged out: its left, top, right and bottom.
+    pub fn part(&self, target: &Target) -> Option<[f64; 4]> {
+        let inside = |(x, y): Point| (x.clamp(0.0, 1.0), y.clamp(0.0, 1.0));
+        let (a, b) = self.corner.zip(self.at)?;
+        let [a, b] = [a, b].map(|at| inside(target.rect.shares(at)));
+        Some([a.0.min(b.0), a.1.min(b.1), a.0.max(b.0), a.1.max(b.1)])
+    }
+
+    /// Ends the rectangle, if one is dragged out. Returns what it does.
+    pub fn end_part(&mut self, target: &Target) -> Option<Input> {
+        let part = self.part(target);
+        self.corner.take()?;
+        let is_large = |[left, top, right, bottom]: &[f64; 4]| {
+            right - left > LEAST_PART && bottom - top > LEAST_PART
+        };
+        Some(Input::Focus(part.filter(is_large)))
+    }
+
     /// Returns what a motion of the mouse to a place does.
     pub fn move_to(&mut self, at: Point, target: &Target) -> Option<Input> {
         let before = self.at.replace(at);
+        if self.corner.is_some() {
+            return None;
+        }
         let (Some(before), Some(drag)) = (before, self.drag) else {
             return Some(target.cursor(at));
         };
@@ -184,6 +215,21 @@ mod tests {
         assert_eq!(hand.drag(), Some(Drag::Turn));
         hand.release(Drag::Turn);
         assert_eq!(hand.move_to((0.0, 0.0), &target), Some(Input::Cursor(None)));
+    }
+
+    #[test]
+    fn a_rectangle_is_a_part_of_the_picture_and_a_click_is_none() {
+        let (mut hand, target) = (Hand::default(), target());
+        hand.move_to((500.0, 100.0), &target);
+        assert_eq!(hand.end_part(&target), None);
+        hand.begin_part();
+        assert_eq!(hand.move_to((300.0, 900.0), &target), None);
+        assert_eq!(hand.part(&target), Some([0.25, 0.25, 0.5, 1.0]));
+        let focus = Input::Focus(Some([0.25, 0.25, 0.5, 1.0]));
+        assert_eq!(hand.end_part(&target), Some(focus));
+        hand.begin_part();
+        assert_eq!(hand.end_part(&target), Some(Input::Focus(None)));
+        assert!(matches!(hand.move_to((310.0, 90.0), &target), Some(Input::Cursor(_))));
     }
 
     #[test]

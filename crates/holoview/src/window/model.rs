@@ -3,6 +3,9 @@
 //! It draws nothing, and speaks to neither the desktop nor the stage. It answers events with
 //! [`Effect`]s.
 
+mod keys;
+mod pointer;
+
 use std::{
     collections::BTreeSet,
     sync::Arc,
@@ -15,29 +18,19 @@ use holo_walk::Controls;
 use super::{
     canvas::{Point, Rect},
     display::Display,
-    hand::{Drag, Hand, Target, looked, wheeled},
-    overlay::{
-        Layout,
-        space::{Camera, Plan},
-    },
+    hand::Hand,
+    overlay::Layout,
     pace::Pace,
     saved::Kind,
     seen::Seen,
 };
-use crate::{
-    args::DriverArg,
-    commands::{self, Action, Does, Local, action_of},
-    stage::{Input, State},
-};
+use crate::stage::{Input, State};
 
 /// A new size counts once it has stayed for so long: whoever drags a border passes many.
 const RESIZING: Duration = Duration::from_millis(150);
 
 /// Most pixels of a picture at rest: more would take long, and few see the difference.
 const MOST_PIXELS: f64 = 2.1e6;
-
-/// Longest line that is typed, bytes.
-const MOST_TYPED: usize = 1000;
 
 /// How long notices stay.
 const NOTICE: Duration = Duration::from_secs(4);
@@ -185,7 +178,7 @@ impl Model {
         Layout::new(self.size, self.scale, self.state.views.len())
     }
 
-    /// Returns what the person has to be told.
+    /// Returns the notice that is shown.
     pub fn notice(&self, now: Instant) -> Option<&str> {
         let own = self.notice.as_ref().filter(|(_, end)| end.is_none_or(|end| now < end));
         let question = self.state.question.as_deref();
@@ -297,105 +290,6 @@ impl Model {
         [self.redraw, self.resized, notice].into_iter().flatten().min()
     }
 
-    /// Notes what is held beside keys.
-    pub fn set_modifiers(&mut self, modifiers: Modifiers) {
-        self.modifiers = modifiers;
-    }
-
-    /// Notes that the keyboard belongs to another window.
-    pub fn lose_focus(&mut self) -> Vec<Effect> {
-        self.held.clear();
-        let looks = std::mem::take(&mut self.modes.looks);
-        let mut effects = self.hold();
-        effects.extend(looks.then_some(Effect::Grab(false)));
-        effects
-    }
-
-    /// Notes that a key is up.
-    pub fn release(&mut self, name: &str) -> Vec<Effect> {
-        self.held.remove(name);
-        self.hold()
-    }
-
-    /// Returns what a key does: `name` by its place, `sign` by what it writes.
-    pub fn press(&mut self, name: &str, sign: &str, repeats: bool, now: Instant) -> Vec<Effect> {
-        let Modifiers { ctrl, other } = self.modifiers;
-        if ctrl && name == "KeyQ" {
-            return vec![Effect::Leave];
-        }
-        if self.typed.is_some() {
-            let sign = if ctrl || other { "" } else { sign };
-            return self.type_key(name, sign, now);
-        }
-        if name == "Enter" && !ctrl && !other {
-            self.typed = Some(String::new());
-            self.touch();
-            self.held.clear();
-            return self.hold();
-        }
-        let named = action_of(name).map(|action| (name, action));
-        let known = named.or_else(|| action_of(sign).map(|action| (sign, action)));
-        let Some((key, action)) = known.filter(|_| !ctrl && !other) else { return Vec::new() };
-        match action.does {
-            Does::Hold(..) | Does::Pace(_) | Does::Orbit => {
-                self.held.insert(name.to_owned());
-                self.hold()
-            }
-            Does::Local(local @ (Local::Brighter | Local::Darker)) => self.act(local, now),
-            _ if repeats => Vec::new(),
-            Does::Local(local) => self.act(local, now),
-            _ if name == "Escape" && self.has_open() => self.close(),
-            Does::Stage | Does::Toggle(..) | Does::NamedView => {
-                let line = action.line(key, &self.state);
-                line.map(|line| self.command(&line, now)).unwrap_or_default()
-            }
-        }
-    }
-
-    /// Takes a key into the line that is being typed.
-    fn type_key(&mut self, name: &str, sign: &str, now: Instant) -> Vec<Effect> {
-        self.touch();
-        let Some(line) = &mut self.typed else { return Vec::new() };
-        match name {
-            "Escape" => self.typed = None,
-            "Backspace" => _ = line.pop(),
-            "Enter" | "NumpadEnter" => {
-                let line = std::mem::take(line);
-                self.typed = None;
-                if line.trim().is_empty() {
-                    return Vec::new();
-                }
-                let effects = self.command(&line, now);
-                // A line that is none can be mended.
-                self.typed = effects.is_empty().then_some(line);
-                return effects;
-            }
-            _ if line.len() < MOST_TYPED => line.push_str(sign),
-            _ => {}
-        }
-        Vec::new()
-    }
-
-    /// Has the stage do what a line says.
-    fn command(&mut self, line: &str, now: Instant) -> Vec<Effect> {
-        match commands::parse(line) {
-            Ok(input) => self.send(input),
-            Err(reason) => {
-                self.tell(reason, now);
-                Vec::new()
-            }
-        }
-    }
-
-    fn hold(&mut self) -> Vec<Effect> {
-        let controls = Action::controls(self.held.iter().map(String::as_str));
-        if controls == self.controls {
-            return Vec::new();
-        }
-        self.controls = controls;
-        self.send(Input::Hold(controls))
-    }
-
     fn send(&mut self, input: Input) -> Vec<Effect> {
         if !self.has_acted && !matches!(input, Input::Cursor(_)) {
             self.has_acted = true;
@@ -403,204 +297,6 @@ impl Model {
         }
         vec![Effect::Send(input)]
     }
-
-    /// Returns what this window does by itself.
-    fn act(&mut self, local: Local, now: Instant) -> Vec<Effect> {
-        self.has_acted = true;
-        let exposure = self.seen.as_ref().and_then(|seen| seen.image.exposure);
-        match self.display.act(local, exposure) {
-            Some(Ok(())) => {
-                self.touch();
-                return vec![Effect::Look(self.display.look())];
-            }
-            Some(Err(reason)) => {
-                self.tell(reason, now);
-                return Vec::new();
-            }
-            None => {}
-        }
-        self.touch();
-        match local {
-            Local::MouseLook => {
-                self.modes.looks = !self.modes.looks;
-                vec![Effect::Grab(self.modes.looks)]
-            }
-            Local::Grid => {
-                self.next_grids(now);
-                Vec::new()
-            }
-            Local::Save => vec![Effect::Save(Kind::Seen)],
-            Local::SaveRadiance => vec![Effect::Save(Kind::Radiance)],
-            Local::NextDriver => {
-                let line = format!("driver {}", next_driver(self.state.driver));
-                self.command(&line, now)
-            }
-            Local::FullScreen => {
-                self.modes.is_full = !self.modes.is_full;
-                vec![Effect::FullScreen(self.modes.is_full)]
-            }
-            Local::Quit if self.is_over || self.asks_to_quit => vec![Effect::Leave],
-            Local::Quit => {
-                self.asks_to_quit = true;
-                let question = "End the session? Every sample is stored. End: quit. Esc: stay.";
-                self.notice = Some((question.to_owned(), None));
-                Vec::new()
-            }
-            _ => {
-                self.show(local);
-                Vec::new()
-            }
-        }
-    }
-
-    fn next_grids(&mut self, now: Instant) {
-        let (grids, when) = match self.modes.grids {
-            Grids::Auto => (Grids::Always, "always"),
-            Grids::Always => (Grids::Never, "never"),
-            Grids::Never => (Grids::Auto, "while moving, and where nothing is known"),
-        };
-        self.modes.grids = grids;
-        self.tell(format!("Section grids: {when}."), now);
-    }
-
-    /// Shows or hides what lies over the picture.
-    fn show(&mut self, local: Local) {
-        let modes = &mut self.modes;
-        let mode = match local {
-            Local::Panel => &mut modes.has_panel,
-            Local::Bare => &mut modes.is_bare,
-            Local::Theme => &mut modes.is_light,
-            Local::Help => &mut modes.has_help,
-            _ => return,
-        };
-        *mode = !*mode;
-    }
-
-    /// Returns whether there is anything that Esc closes.
-    fn has_open(&self) -> bool {
-        let Modes { looks, has_help, is_full, .. } = self.modes;
-        let has_own = looks || has_help || is_full || self.notice.is_some();
-        self.is_over || has_own && self.state.question.is_none()
-    }
-
-    fn close(&mut self) -> Vec<Effect> {
-        if self.is_over {
-            return vec![Effect::Leave];
-        }
-        self.touch();
-        let modes = &mut self.modes;
-        if std::mem::take(&mut modes.looks) {
-            return vec![Effect::Grab(false)];
-        }
-        let closes = modes.has_help || self.notice.is_some();
-        (modes.has_help, self.asks_to_quit) = (false, false);
-        self.notice = None;
-        if !closes && std::mem::take(&mut modes.is_full) {
-            return vec![Effect::FullScreen(false)];
-        }
-        Vec::new()
-    }
-
-    /// Returns what a motion of the mouse to a place does.
-    pub fn move_to(&mut self, at: Point) -> Vec<Effect> {
-        if self.modes.looks {
-            return Vec::new();
-        }
-        let target = self.target();
-        let input = self.hand.move_to(at, &target);
-        if self.modes.has_panel && !self.modes.is_bare {
-            self.touch();
-        }
-        input.map(|input| self.send(input)).unwrap_or_default()
-    }
-
-    /// Returns what a motion of the mouse by some pixels does, wherever it is.
-    pub fn move_by(&mut self, right: f64, down: f64) -> Vec<Effect> {
-        if self.modes.looks { self.send(looked(right, down)) } else { Vec::new() }
-    }
-
-    /// Notes that the mouse has left the window.
-    pub fn leave(&mut self) -> Vec<Effect> {
-        self.hand.left();
-        self.send(Input::Cursor(None))
-    }
-
-    /// Returns what a pressed button does.
-    pub fn button(&mut self, drag: Drag) -> Vec<Effect> {
-        if std::mem::take(&mut self.modes.has_help) {
-            self.touch();
-            return Vec::new();
-        }
-        match self.hand.at() {
-            Some(at) if drag == Drag::Turn => self.click(at).unwrap_or_else(|| {
-                self.hand.press(drag);
-                Vec::new()
-            }),
-            _ => {
-                self.hand.press(drag);
-                Vec::new()
-            }
-        }
-    }
-
-    /// Notes that a button is released.
-    pub fn button_up(&mut self, drag: Drag) {
-        self.hand.release(drag);
-    }
-
-    /// Returns what a click on the panel does; `None` beside it.
-    fn click(&mut self, at: Point) -> Option<Vec<Effect>> {
-        let layout = self.panel();
-        if self.modes.is_bare || !self.modes.has_panel || !layout.rect.contains(at) {
-            return None;
-        }
-        if let Some(index) = layout.views.iter().position(|line| line.contains(at)) {
-            return Some(self.command(&format!("view {}", index + 1), Instant::now()));
-        }
-        let view = self.seen.as_ref().map(|seen| &seen.shown.view);
-        let camera = Camera::now(&self.state, view);
-        let plan = Plan::new(&self.state).filter(|_| layout.plan.contains(at));
-        Some(match plan.zip(camera) {
-            Some((plan, camera)) => {
-                let eye = plan.point(layout.plan.shares(at), camera.eye);
-                self.send(Input::GoTo(eye))
-            }
-            None => Vec::new(),
-        })
-    }
-
-    /// Returns whether the mouse drags the picture.
-    pub fn is_dragging(&self) -> bool {
-        self.hand.drag().is_some()
-    }
-
-    /// Returns what steps of the wheel do.
-    pub fn wheel(&mut self, steps: f64) -> Vec<Effect> {
-        self.send(wheeled(steps))
-    }
-
-    /// Returns what a finger that touches or moves does.
-    pub fn finger(&mut self, finger: u64, at: Point) -> Vec<Effect> {
-        let target = self.target();
-        let inputs = self.hand.finger(finger, at, &target);
-        inputs.into_iter().flat_map(|input| self.send(input)).collect()
-    }
-
-    /// Notes that a finger is lifted.
-    pub fn lift(&mut self, finger: u64) {
-        self.hand.lift(finger);
-    }
-
-    fn target(&self) -> Target {
-        Target::new(self.picture(), self.seen.as_ref().map(|seen| &seen.shown.view))
-    }
-}
-
-/// Returns the driver after the one of this name.
-fn next_driver(now: &str) -> &'static str {
-    let names = DriverArg::names();
-    let at = names.iter().position(|name| *name == now).map_or(0, |at| at + 1);
-    names[at % names.len()]
 }
 
 #[cfg(test)]

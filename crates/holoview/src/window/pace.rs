@@ -11,7 +11,7 @@ const COUNTED: Duration = Duration::from_secs(1);
 /// Latencies whose median is told.
 const LATENCIES: usize = 60;
 
-/// Inputs that wait for their frame at the most. Of more, the oldest is forgotten.
+/// Most inputs that wait for their frame. A further one replaces the oldest.
 const MOST_WAITING: usize = 500;
 
 /// Frames shown and inputs sent.

@@ -11,7 +11,7 @@ use holo_picture::{Format, Image};
 
 use super::seen::Seen;
 
-/// What of a frame is saved.
+/// A way to save a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Its colours as seen, with the legend, as `.png`.

@@ -1,15 +1,26 @@
 //! Makes frames visible beside the window's thread, which so never waits for a tone mapping.
 
-use std::{mem, sync::Arc, time::Instant};
+use std::{
+    mem,
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use anyhow::Result;
 use holo_picture::{Image, Look};
-use tokio::sync::watch;
+use tokio::{sync::watch, time::sleep_until};
 
 use crate::{
     screen::Viewer,
     stage::{Front, Shown},
 };
+
+/// Time between two looks at a frame at rest, while the eyes adapt to it.
+const ADAPTS_EVERY: Duration = Duration::from_millis(80);
+
+/// Longest time that eyes adapt to a frame. From a thousandth of the light, what is left then is
+/// less than a step of a display's colours.
+const ADAPTING: Duration = Duration::from_secs(4);
 
 /// A frame as it is seen.
 #[derive(Debug)]
@@ -34,7 +45,9 @@ pub async fn see(
 ) -> Result<()> {
     let (mut frames, mut states) = (front.frames.subscribe(), front.state.subscribe());
     let mut viewer = Viewer::default();
+    let mut adapts: Option<Adapting> = None;
     loop {
+        let next = adapts.as_ref().map_or_else(Instant::now, |adapting| adapting.next);
         tokio::select! {
             changed = states.changed() => {
                 changed?;
@@ -44,6 +57,7 @@ pub async fn see(
             }
             changed = frames.changed() => changed?,
             changed = looks.changed() => changed?,
+            () = sleep_until(next.into()), if adapts.is_some() => {}
         }
         let look = *looks.borrow_and_update();
         let Some(shown) = frames.borrow_and_update().clone() else { continue };
@@ -54,7 +68,72 @@ pub async fn see(
         });
         let (own, new) = seeing.await?;
         viewer = own;
-        seen.send_replace(Some(Arc::new(new)));
-        wake();
+        let before = seen.borrow().clone();
+        let is_same = before.is_some_and(|before| {
+            before.shown.number == new.shown.number && before.image == new.image
+        });
+        adapts = Adapting::after(adapts, &new.shown, is_same);
+        if !is_same {
+            seen.send_replace(Some(Arc::new(new)));
+            wake();
+        }
+    }
+}
+
+/// Eyes that adapt to a frame at rest.
+struct Adapting {
+    /// The frame's number.
+    frame: u64,
+    /// When it is seen next.
+    next: Instant,
+    /// When the eyes have adapted.
+    end: Instant,
+}
+
+impl Adapting {
+    /// Returns how eyes adapt after a frame was seen, the same way as before if `is_same`.
+    fn after(before: Option<Adapting>, shown: &Shown, is_same: bool) -> Option<Adapting> {
+        let (now, frame) = (Instant::now(), shown.number);
+        let end = before.filter(|before| before.frame == frame).map(|before| before.end);
+        let end = end.unwrap_or(now + ADAPTING);
+        let goes_on = shown.is_at_rest && !is_same && now < end;
+        goes_on.then_some(Adapting { frame, next: now + ADAPTS_EVERY, end })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        stage::{Inputs, State},
+        window::tests::shown,
+    };
+
+    #[tokio::test]
+    async fn eyes_adapt_to_a_frame_at_rest_though_no_other_frame_comes() {
+        let (inputs, _receiver) = Inputs::new(Arc::new(|| {}));
+        let front = Front { inputs, frames: Arc::default(), state: Arc::default() };
+        let (_looks, looks) = watch::channel(Look::default());
+        let (sender, mut seen) = watch::channel(None);
+        let (woken, mut wakes) = watch::channel(0);
+        let wake = move || woken.send_modify(|count| *count += 1);
+        let seeing = tokio::spawn(see(front.clone(), looks, sender, wake));
+        front.state.send_replace(Arc::new(State { is_paused: true, ..State::default() }));
+        wakes.changed().await.unwrap();
+        let exposure = |seen: &Option<Arc<Seen>>, frame| {
+            let seen = seen.as_ref().filter(|seen| seen.shown.number == frame);
+            seen.and_then(|seen| seen.image.exposure)
+        };
+        for (number, radiance) in [(1, 0.01), (2, 1.0)] {
+            let frame = shown((8, 8), [radiance; 3], number);
+            let at_rest = Look::default().show(&frame.frame.picture).exposure.unwrap();
+            front.frames.send_replace(Some(Arc::new(frame)));
+            // A hundredth is less than one sees.
+            let adapted = |seen: &Option<Arc<Seen>>| {
+                exposure(seen, number).is_some_and(|now| (now / at_rest - 1.0).abs() < 1e-2)
+            };
+            seen.wait_for(adapted).await.unwrap();
+        }
+        seeing.abort();
     }
 }

@@ -15,16 +15,21 @@ pub fn view(size: (u32, u32)) -> View {
     spec.resolve(size).unwrap().0
 }
 
-/// A frame of one radiance at distance 2.
-pub fn seen(size: (u32, u32), radiance: [f32; 3], look: &Look) -> Seen {
+/// A frame at rest of one radiance at distance 2.
+pub fn shown(size: (u32, u32), radiance: [f32; 3], number: u64) -> Shown {
     let pixels = (size.0 * size.1) as usize;
     let mut frame = Frame::black(size);
     frame.picture = Picture::from_pixels(size.0, size.1, vec![radiance; pixels]).unwrap();
     frame.depth = vec![2.0; pixels];
-    let image = Viewer::default().see(&frame.picture, look, Instant::now());
-    let view = view(size);
+    let (view, frame) = (view(size), Arc::new(frame));
     let (options, input) = ("-vtv".to_owned(), (1, 1));
-    let (frame, took, done) = (Arc::new(frame), [0.0; 2], Instant::now());
-    let shown = Shown { number: 1, input, view, options, frame, is_at_rest: true, took, done };
+    let (is_at_rest, took, done) = (true, [0.0; 2], Instant::now());
+    Shown { number, input, view, options, frame, is_at_rest, took, done }
+}
+
+/// The same, as it is seen.
+pub fn seen(size: (u32, u32), radiance: [f32; 3], look: &Look) -> Seen {
+    let shown = shown(size, radiance, 1);
+    let image = Viewer::default().see(&shown.frame.picture, look, Instant::now());
     Seen { shown: Arc::new(shown), image }
 }

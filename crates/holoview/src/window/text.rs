@@ -36,7 +36,7 @@ impl Font {
         let sizes = (1..=8).flat_map(|factor| SIZES.map(|raster| Font { raster, factor }));
         let off = |font: &Font| (f64::from(font.height()) - wanted).abs();
         let base = Font { raster: RasterHeight::Size20, factor: 1 };
-        // Of two that are equally far off, the first has finer signs.
+        // The first of two equally good fonts has finer signs, and is kept.
         sizes.fold(base, |best, font| if off(&font) < off(&best) { font } else { best })
     }
 

@@ -5,7 +5,11 @@ use super::{
     super::tests::{seen, view},
     *,
 };
-use crate::stage::Named;
+use crate::{
+    commands,
+    stage::Named,
+    window::hand::{Drag, Target},
+};
 
 const SIZE: (u32, u32) = (1280, 720);
 
@@ -204,50 +208,19 @@ fn ending_is_asked_twice() {
 }
 
 #[test]
-fn the_next_driver_follows_in_the_list() {
-    let names = DriverArg::names();
-    for (at, name) in names.iter().enumerate() {
-        assert_eq!(next_driver(name), names[(at + 1) % names.len()]);
-    }
-    assert_eq!(next_driver("none"), names[0]);
-}
-
-fn write(model: &mut Model, text: &str) {
-    for sign in text.chars() {
-        let sign = sign.to_string();
-        // Keys that walk otherwise write here.
-        assert_eq!(press(model, "KeyW", &sign), []);
-    }
-}
-
-#[test]
-fn a_line_is_typed_mended_and_done() {
+fn a_rectangle_that_is_dragged_out_with_ctrl_is_traced_first() {
     let mut model = model();
-    let ahead = press(&mut model, "KeyW", "w");
-    assert_eq!(ahead.len(), 1);
-    let stops = [Effect::Send(Input::Hold(Controls::default()))];
-    assert_eq!(press(&mut model, "Enter", ""), stops, "what was held is let go");
-    write(&mut model, "kep hall");
-    assert_eq!(press(&mut model, "Enter", ""), []);
-    assert!(model.notice(Instant::now()).unwrap().contains("no command"));
-    assert_eq!(model.typed(), Some("kep hall"));
-    (0..6).for_each(|_| _ = press(&mut model, "Backspace", ""));
-    write(&mut model, "ep hall");
-    let kept = [Effect::Send(Input::Keep("hall".to_owned()))];
-    assert_eq!(press(&mut model, "Enter", ""), kept);
-    assert_eq!(model.typed(), None);
-    press(&mut model, "Enter", "");
-    write(&mut model, "home");
-    assert_eq!(press(&mut model, "Escape", ""), []);
-    assert_eq!(model.typed(), None);
-}
-
-#[test]
-fn a_question_of_the_stage_is_shown_and_escape_answers_it() {
-    let mut model = model();
-    let question = Some("Start over?".to_owned());
-    model.set_state(Arc::new(State { question, ..State::default() }));
-    model.tell("Saved", Instant::now());
-    assert_eq!(model.notice(Instant::now()), Some("Start over?"));
-    assert_eq!(press(&mut model, "Escape", ""), [Effect::Send(Input::Cancel)]);
+    model.move_to((320.0, 180.0));
+    model.set_modifiers(Modifiers { ctrl: true, ..Modifiers::default() });
+    assert_eq!(model.button(Drag::Turn), []);
+    model.take_stale();
+    assert_eq!(model.move_to((640.0, 360.0)), []);
+    assert_eq!(model.focus(), Some([0.25, 0.25, 0.5, 0.5]));
+    assert!(model.take_stale());
+    let focus = [Effect::Send(Input::Focus(Some([0.25, 0.25, 0.5, 0.5])))];
+    assert_eq!(model.button_up(Drag::Turn), focus);
+    assert_eq!(model.focus(), None);
+    let part = Some([0.1, 0.2, 0.3, 0.4]);
+    model.set_state(Arc::new(State { focus: part, ..State::default() }));
+    assert_eq!(model.focus(), part, "the stage traces it first");
 }

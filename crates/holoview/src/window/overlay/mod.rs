@@ -1,5 +1,6 @@
 //! What lies over the picture: a function of the window's model and the time.
 
+mod help;
 mod panel;
 pub mod space;
 mod words;
@@ -13,26 +14,19 @@ use super::{
     model::{Grids, Model},
     text::{self, Font, Weight},
 };
-use crate::{
-    commands::{ACTIONS, GESTURES},
-    screen::visibly,
-    stage::Phase,
-};
+use crate::{screen::visibly, stage::Phase};
 use space::{Camera, Lost};
 
-/// How strong grids are, of 1.
+/// Opacity of grids.
 const ALWAYS: f32 = 0.5;
 const WHERE_UNKNOWN: f32 = 0.35;
 const WHILE_MOVING: f32 = 0.14;
 
-/// Unknown share of a picture from which on grids are drawn.
+/// Grids are drawn if a greater share of the picture is unknown.
 const MOST_UNKNOWN: f64 = 0.5;
 
 /// Opacity of what text stands on.
 const GLASS: f32 = 0.86;
-
-/// Keys that windows have besides.
-const OF_WINDOWS: [(&str, &str); 2] = [("Enter", "type a line"), ("Ctrl Q", "quit at once")];
 
 /// What lines say.
 const LINES: &str = "keep NAME · view NAME · view -vp 1 2 3 · picture FILE.exr 1920x1080";
@@ -78,6 +72,7 @@ pub fn draw(canvas: &mut Canvas, model: &Model, now: Instant) {
     page.grids(model, picture, now);
     page.legend(model);
     if !model.modes.is_bare {
+        page.focus(model, picture);
         page.status(model, now);
         page.welcome(model);
         if model.modes.has_panel {
@@ -165,6 +160,16 @@ impl Page<'_, '_> {
             let share = if line.is_edge { strength } else { 0.5 * strength };
             let (from, to) = (picture.at(line.from), picture.at(line.to));
             self.canvas.line(from, to, self.theme.accent, share);
+        }
+    }
+
+    /// Outlines the part of the picture that is traced first.
+    fn focus(&mut self, model: &Model, picture: Rect) {
+        let Some([left, top, right, bottom]) = model.focus() else { return };
+        let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
+        let corners = corners.map(|corner| picture.at(corner));
+        for (from, to) in corners.iter().zip(corners.iter().cycle().skip(1)) {
+            self.canvas.line(*from, *to, self.theme.accent, 1.0);
         }
     }
 
@@ -325,74 +330,6 @@ impl Page<'_, '_> {
         lines.extend(self.wrapped(LINES));
         let height = (lines.len() as i32 + 5) * self.font.height();
         self.message(self.size().1 - height, &lines, Some(self.theme.accent));
-    }
-
-    /// Lists the keys, in text as small as the window asks for.
-    fn help(&mut self, scale: f64) {
-        let (font, list) = HelpList::fitting(self.size(), scale);
-        self.font = font;
-        let (high, sign) = (font.height(), font.width());
-        let (width, height) = list.size(font);
-        let (all_wide, all_high) = self.size();
-        let (x, y) = ((all_wide - width) / 2, (all_high - height) / 2);
-        let all = Rect { x: 0, y: 0, width: all_wide, height: all_high };
-        self.canvas.fill(all, [0; 3], 0.45);
-        self.glass(Rect { x, y, width, height }, Some(self.theme.dim));
-        let theme = self.theme;
-        self.write((x + high / 2, y + high / 2), "Keys", Weight::Bold, theme.accent);
-        for (index, (keys, what)) in (0..).zip(rows()) {
-            let (column, row) = (index / list.rows(), index % list.rows());
-            let at = (x + high / 2 + column * list.column() * sign, y + high * 2 + row * high);
-            self.write(at, keys, Weight::Bold, theme.text);
-            self.write((at.0 + list.key_signs * sign, at.1), what, Weight::Regular, theme.dim);
-        }
-    }
-}
-
-/// Returns all keys and gestures, and what they do.
-fn rows() -> impl Iterator<Item = (&'static str, &'static str)> {
-    let keys = ACTIONS.iter().map(|action| (action.shown, action.help));
-    keys.chain(GESTURES.iter().copied()).chain(OF_WINDOWS)
-}
-
-/// How the list of keys lies, in signs.
-struct HelpList {
-    key_signs: i32,
-    help_signs: i32,
-    columns: i32,
-}
-
-impl HelpList {
-    /// Returns the largest font in which the list fits, and how it then lies.
-    fn fitting(size: (i32, i32), scale: f64) -> (Font, HelpList) {
-        let one = Font::for_scale(1.0);
-        let signs = |text: &str| one.width_of(text) / one.width();
-        let key_signs = rows().map(|(keys, _)| signs(keys)).max().unwrap_or(0) + 1;
-        let help_signs = rows().map(|(_, what)| signs(what)).max().unwrap_or(0);
-        let list = |columns| HelpList { key_signs, help_signs, columns };
-        let fonts = [1.0, 0.8, 0.6, 0.4].map(|part| Font::for_scale(part * scale));
-        let choices = fonts.into_iter().flat_map(|font| [2, 1, 3].map(|count| (font, list(count))));
-        let fits = |(font, list): &(Font, HelpList)| {
-            let (width, height) = list.size(*font);
-            width <= size.0 && height <= size.1
-        };
-        let mut fitting = choices.filter(fits);
-        fitting.next().unwrap_or((Font::for_scale(0.0), list(2)))
-    }
-
-    fn rows(&self) -> i32 {
-        (rows().count() as i32 + self.columns - 1) / self.columns
-    }
-
-    /// Returns the signs from one column to the next.
-    fn column(&self) -> i32 {
-        self.key_signs + self.help_signs + 1
-    }
-
-    /// Returns the width and height in pixels.
-    fn size(&self, font: Font) -> (i32, i32) {
-        let signs = self.columns * self.column() - 1;
-        (signs * font.width() + font.height(), (self.rows() * 2 + 5) * font.height() / 2)
     }
 }
 

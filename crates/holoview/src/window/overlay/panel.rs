@@ -13,13 +13,13 @@ const SIGNS: i32 = 36;
 /// Signs before a value.
 const NAME_SIGNS: i32 = 11;
 
-/// Lines above the plan: a heading, six values and the plan's heading, with gaps.
-const LINES_ABOVE: i32 = 9;
+/// Lines above the plan: a heading, seven values and the plan's heading, with gaps.
+const LINES_ABOVE: i32 = 10;
 
 /// Lines that the plan is high at the most.
 const PLAN_LINES: i32 = 14;
 
-/// Lines of the lowest plan in which one can see anything.
+/// Least height of a plan, in lines. A lower one shows nothing.
 const LEAST_PLAN_LINES: i32 = 3;
 
 /// Named views at the most: those that have a key.

@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use holo_picture::luminance;
+
 use super::{
     super::{pace::Pace, seen::Seen},
     space::Lost,
@@ -64,32 +66,36 @@ pub fn status(state: &State, seen: Option<&Seen>, pace: &Pace, now: Instant) -> 
     fields
 }
 
-/// Returns what is under the cursor: names and values.
+/// Returns what is under the cursor, or in the middle of the picture: names and values.
 pub fn under_cursor(
     seen: Option<&Seen>,
     cursor: Option<(f64, f64)>,
-) -> [(&'static str, String); 3] {
+) -> [(&'static str, String); 4] {
     let (x, y) = cursor.unwrap_or((0.5, 0.5));
-    let known = seen.and_then(|seen| seen.shown.radiance_at(x, y));
-    let value = |text: &dyn Fn([f32; 3], f32) -> String| {
-        known.map_or_else(|| "-".to_owned(), |(radiance, distance)| text(radiance, distance))
+    let shown = seen.map(|seen| &seen.shown);
+    let known = shown.and_then(|shown| shown.radiance_at(x, y));
+    let certainty = shown.and_then(|shown| shown.certainty_at(x, y));
+    // Grey light has the luminance of its parts.
+    let error = certainty.map(|certainty| luminance([certainty.error; 3]));
+    let error = error.filter(|error| error.is_finite());
+    let error = error.map_or_else(String::new, |error| format!(" ± {}", precise(error, 2)));
+    let samples = match certainty {
+        Some(certainty) => certainty.samples.to_string(),
+        None => "not said".to_owned(),
     };
+    let unknown = || "-".to_owned();
+    let light = known.map(|(radiance, _)| precise(luminance(radiance), 4));
+    let parts = known.map(|(radiance, _)| radiance.map(|part| precise(part, 4)).join(" "));
+    let distance = known.map(|(_, distance)| match distance {
+        distance if distance.is_infinite() => "nothing hit".to_owned(),
+        distance if distance > 0.0 => precise(distance, 4),
+        _ => "not known".to_owned(),
+    });
     [
-        (
-            "Luminance",
-            value(&|radiance, _| {
-                format!("{} cd/m²", number(f64::from(holo_picture::luminance(radiance))))
-            }),
-        ),
-        ("Radiance", value(&|radiance, _| radiance.map(|part| number(f64::from(part))).join(" "))),
-        (
-            "Distance",
-            value(&|_, distance| match distance {
-                distance if distance.is_infinite() => "nothing hit".to_owned(),
-                distance if distance > 0.0 => number(f64::from(distance)),
-                _ => "not known".to_owned(),
-            }),
-        ),
+        ("Luminance", light.map_or_else(unknown, |light| format!("{light}{error} cd/m²"))),
+        ("Samples", samples),
+        ("Radiance", parts.unwrap_or_else(unknown)),
+        ("Distance", distance.unwrap_or_else(unknown)),
     ]
 }
 
@@ -109,7 +115,7 @@ pub fn loading(state: &State, has_picture: bool) -> Option<String> {
 
 /// Returns the way back to the sections in words.
 pub fn lost(lost: &Lost) -> String {
-    let distance = number(lost.distance);
+    let distance = number(lost.distance, 4);
     let way = match lost {
         Lost { turn: None, .. } => format!("the next one is ahead, {distance} away"),
         Lost { is_behind: true, .. } => format!("the next one is behind you, {distance} away"),
@@ -128,13 +134,17 @@ fn short(count: f64) -> String {
     format!("{count:.0}")
 }
 
-/// Returns a quantity in four digits.
-fn number(value: f64) -> String {
+fn precise(value: f32, count: i32) -> String {
+    number(f64::from(value), count)
+}
+
+/// Returns a quantity in so many digits.
+fn number(value: f64, count: i32) -> String {
     let size = value.abs();
     if value == 0.0 {
         "0".to_owned()
     } else if (1e-3..1e5).contains(&size) {
-        digits(value, 4)
+        digits(value, count)
     } else {
         format!("{value:.2e}")
     }
@@ -148,7 +158,13 @@ fn digits(value: f64, count: i32) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use holo_display::{Certainty, Frame};
+    use holo_picture::Look;
+
     use super::*;
+    use crate::window::tests::shown;
 
     fn text(fields: &[Field]) -> String {
         let words: Vec<String> =
@@ -186,6 +202,26 @@ mod tests {
     }
 
     #[test]
+    fn light_under_the_cursor_is_said_with_its_error() {
+        let say = |seen: &Seen| under_cursor(Some(seen), None).map(|(_, value)| value);
+        let frame = shown((2, 2), [0.5; 3], 1);
+        let look = Look::default();
+        let image = look.show(&frame.frame.picture);
+        let plain = Seen { shown: Arc::new(frame), image: image.clone() };
+        assert_eq!(say(&plain), ["89.50 cd/m²", "not said", "0.5000 0.5000 0.5000", "2.000"]);
+        let mut frame = shown((2, 2), [0.5; 3], 1);
+        let mut own = Frame::clone(&frame.frame);
+        own.certainty = vec![Certainty { error: 0.01, samples: 7 }; 4];
+        own.depth.fill(f32::INFINITY);
+        frame.frame = Arc::new(own);
+        let known = Seen { shown: Arc::new(frame), image };
+        let [light, samples, _, distance] = say(&known);
+        let expected = ["89.50 ± 1.8 cd/m²", "7", "nothing hit"];
+        assert_eq!([light.as_str(), &samples, &distance], expected);
+        assert_eq!(under_cursor(None, None)[0].1, "-");
+    }
+
+    #[test]
     fn the_way_back_is_said_in_words() {
         let at = |turn, is_behind| lost(&Lost { turn, is_behind, distance: 12.3456 });
         assert!(at(None, false).contains("ahead, 12.35 away"));
@@ -198,6 +234,6 @@ mod tests {
         assert_eq!([999.4, 1000.0, 1.5e9].map(short), ["999", "1.00 k", "1.50 G"]);
         let numbers = [0.0, 12.345_67, 0.012_345, 123_456.0, 1e-9, 99_999.0];
         let texts = ["0", "12.35", "0.01235", "1.23e5", "1.00e-9", "99999"];
-        assert_eq!(numbers.map(number), texts);
+        assert_eq!(numbers.map(|value| number(value, 4)), texts);
     }
 }
