@@ -49,7 +49,11 @@ fn white_materials(scene: &Scene) -> Vec<&str> {
         _ => false,
     };
     let materials = scene.materials.iter().enumerate();
-    let white = materials.filter(|(index, material)| is_white(material) && is_used(*index));
+    // Under a texture, white is a factor.
+    let maps = |index: usize| scene.shading.as_ref()?.maps.get(index)?.base;
+    let white = materials.filter(|(index, material)| {
+        is_white(material) && is_used(*index) && maps(*index).is_none()
+    });
     white.map(|(_, material)| material.name.as_str()).collect()
 }
 

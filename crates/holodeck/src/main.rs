@@ -16,6 +16,7 @@ mod loading;
 mod opening;
 mod passes;
 mod prepare;
+mod preview;
 mod processes;
 mod render;
 mod scene_args;

@@ -12,10 +12,7 @@ use holo_scene::{Camera, Loaded, Scene};
 use holo_survey::{Frame, Room, Sight, Survey, unit_words};
 
 use crate::config::{self, Config};
-use crate::{loading, scene_args::scene_path};
-
-/// Radiance of the sky that lights a scene without lamps, W·sr⁻¹·m⁻².
-const PREVIEW_SKY: [f32; 3] = [1.0; 3];
+use crate::{loading, preview, scene_args::scene_path};
 
 /// Share of the scene's size between its bounds and the section around it, on each side.
 const MARGIN: f64 = 0.05;
@@ -55,8 +52,9 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
     let Loaded { mut scene, about, .. } = loading::load(config, quiet)?;
     let mut choices = Vec::new();
     let features = scene.features();
-    if features.emitters == 0 && !features.sky && config.sky.is_none() {
-        scene.sky = PREVIEW_SKY;
+    let is_dark = features.emitters == 0 && !features.sky && config.sky.is_none();
+    if is_dark {
+        scene.sky = preview::SKY;
         choices.push(
             "light: a preview sky of radiance 1, because nothing in the scene gives light; its \
              luminances mean nothing (--sky R,G,B)"
@@ -88,13 +86,20 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
         survey: None,
     };
     let needs_sections = wanted == Wanted::Sections && opened.sections.is_empty();
-    if needs_sections || opened.views.is_empty() {
+    // A scene without light is surveyed always: its rooms may need lamps, the same ones each time.
+    if needs_sections || opened.views.is_empty() || is_dark {
         let raycaster = opened.raycaster()?;
         let unit = config.unit.map(|unit| unit.0);
         let survey = Survey::new(&raycaster, Frame::new(up), unit, &about);
         opened.unit = survey.unit.value;
         if unit.is_none() {
             opened.choices.push(format!("unit: {} (--unit mm|cm|m|in|ft)", survey.unit.reason));
+        }
+        if is_dark && let Some((lit, count)) = preview::with_lamps(&raycaster, &survey.rooms)? {
+            opened
+                .choices
+                .push(format!("light: preview lamps in {count} rooms that no sky reaches"));
+            (opened.scene, opened.raycaster) = (Arc::new(lit), None);
         }
         if needs_sections {
             opened.choose_sections(config, &survey)?;
@@ -282,6 +287,11 @@ mod tests {
             let interior = opened.sections.iter().filter(|section| !section.exterior).count();
             assert!(interior == rooms || rooms > 1 && interior > rooms, "{name}: {said}");
             assert_eq!(said.contains("preview sky"), !lit, "{name}: {said}");
+            // Without its MTL file, the panes of this one are walls.
+            let is_closed = name == "revit-flat";
+            assert_eq!(said.contains("preview lamps"), is_closed, "{name}: {said}");
+            let emitters = opened.scene.features().emitters;
+            assert!(!is_closed || emitters == 2 * interior, "{name}: {said}");
             // Whoever begins there sees something, and stands in the open.
             let mut view = holo_picture::ViewSpec::default();
             view.apply_line(&opened.views[0].1).unwrap();

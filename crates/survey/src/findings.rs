@@ -217,7 +217,13 @@ fn materials(scene: &Scene, found: &mut Vec<Finding>) {
         let odd: Vec<usize> = (0..scene.materials.len()).filter(|&id| is_odd(id)).collect();
         (odd.len(), odd.first().map(|&id| scene.materials[id].name.clone()))
     };
-    let (number, first) = count(&|id| used[id] && albedo(&scene.materials[id]) >= WHITE);
+    // Under a texture, white is a factor.
+    let is_textured = |id: usize| {
+        let maps = scene.shading.as_ref().and_then(|shading| shading.maps.get(id));
+        maps.is_some_and(|maps| maps.base.is_some())
+    };
+    let is_white = |id: usize| albedo(&scene.materials[id]) >= WHITE && !is_textured(id);
+    let (number, first) = count(&|id| used[id] && is_white(id));
     let means = "they reflect 95 % or more, which no paint does: rooms closed by them stay noisy";
     push(found, "materials that absorb hardly any light", number, None, first, means);
     let (number, first) = count(&|id| !used[id]);

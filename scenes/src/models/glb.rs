@@ -88,7 +88,7 @@ pub(super) fn glb(faces: &[Face]) -> Vec<u8> {
 "extensionsUsed":["KHR_lights_punctual","KHR_materials_transmission"],
 "extensions":{{"KHR_lights_punctual":{{"lights":[{{"name":"Lamp","type":"point","color":[1,0.9,0.75],"intensity":120}}]}}}},
 "scene":0,"scenes":[{{"name":"Scene","nodes":[0,1,2]}}],
-"nodes":[{{"mesh":0,"name":"Kitchen"}},{{"camera":0,"name":"Camera","translation":[0.5,1.5,-0.5],"rotation":[-0.0361,-0.8812,-0.0683,0.4664]}},
+"nodes":[{{"mesh":0,"name":"Kitchen"}},{{"camera":0,"name":"Camera","translation":[0.5,1.5,-0.5],"rotation":[-0.0825,-0.4287,-0.0393,0.8988]}},
 {{"extensions":{{"KHR_lights_punctual":{{"light":0}}}},"name":"Lamp","translation":[2.6,2.2,-1.8]}}],
 "cameras":[{{"name":"Camera","type":"perspective","perspective":{{"yfov":0.9,"znear":0.1}}}}],
 "materials":[{materials}],"textures":[{{"sampler":0,"source":0}}],"samplers":[{{}}],

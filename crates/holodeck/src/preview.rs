@@ -1,0 +1,100 @@
+//! Light for scenes that have none: a sky, and lamps in rooms that no sky reaches.
+
+use anyhow::Result;
+use glam::{DVec3, Vec3};
+use holo_raycast::{Ray, Raycaster};
+use holo_scene::{Bsdf, Material, Scene};
+use holo_survey::Room;
+
+/// Radiance of the sky that lights a scene without lamps, W·sr⁻¹·m⁻².
+pub const SKY: [f32; 3] = [1.0; 3];
+
+/// Radiance of the lamps: a panel of a twentieth of the ceiling is as bright as a window.
+const LAMP: [f32; 3] = [10.0; 3];
+
+/// Share of a room's width and depth that its lamp has.
+const SHARE: f64 = 0.25;
+
+/// Share of the way from the eye to the ceiling at which a lamp hangs.
+const HEIGHT: f64 = 0.9;
+
+/// Directions that look for the sky, and the share of them that must find it.
+const DIRECTIONS: usize = 256;
+const ENOUGH: f64 = 0.01;
+
+/// Returns the scene with a lamp in each room from which no sky is seen, and how many there are.
+/// `None` if every room sees it.
+pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene, usize)>> {
+    let dark: Vec<&Room> = rooms.iter().filter(|room| !sees_sky(raycaster, room)).collect();
+    if dark.is_empty() {
+        return Ok(None);
+    }
+    let scene: &Scene = raycaster.scene();
+    let (mut positions, mut triangles) = (scene.positions.clone(), scene.triangles.clone());
+    let (mut ids, mut materials) = (scene.material_ids.clone(), scene.materials.clone());
+    let lamp = materials.len() as u32;
+    materials.push(Material {
+        name: "preview lamp".to_owned(),
+        bsdf: Bsdf::Diffuse { kd: [0.0; 3] },
+        emission: LAMP,
+        two_sided_emission: false,
+    });
+    for room in &dark {
+        let first = positions.len() as u32;
+        let panel = panel(raycaster, room);
+        positions.extend(panel.map(|p| (p - scene.origin).as_vec3().to_array()));
+        triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        ids.extend([lamp; 2]);
+    }
+    let lit = Scene::new(scene.origin, positions, triangles, ids, materials, scene.sky)?;
+    let shading = scene.shading.as_deref().cloned().map(|mut shading| {
+        let (triangles, materials) = (lit.triangles.len(), lit.materials.len());
+        // Equal normals are those of facets.
+        let resize = |length: usize, count: usize| if length == 0 { 0 } else { count };
+        shading.uvs.resize(resize(shading.uvs.len(), triangles), [[0.0; 2]; 3]);
+        shading.normals.resize(resize(shading.normals.len(), triangles), [[0; 2]; 3]);
+        shading.maps.resize(resize(shading.maps.len(), materials), Default::default());
+        shading
+    });
+    let lit = match shading {
+        Some(shading) => lit.with_shading(shading)?,
+        None => lit,
+    };
+    Ok(Some((lit, dark.len())))
+}
+
+/// Returns whether enough of the sky is seen from where a room is looked at. Panes hide nothing.
+fn sees_sky(raycaster: &Raycaster, room: &Room) -> bool {
+    let scene = raycaster.scene();
+    let origin = (room.sight.eye - scene.origin).as_vec3();
+    let golden = std::f32::consts::PI * (3.0 - 5f32.sqrt());
+    let is_sky = |&i: &usize| {
+        let z = -1.0 + 2.0 * (i as f32 + 0.5) / DIRECTIONS as f32;
+        let (sin, cos) = (golden * i as f32).sin_cos();
+        let level = (1.0 - z * z).max(0.0).sqrt();
+        let mut ray = Ray::new(origin, Vec3::new(level * cos, level * sin, z));
+        for _ in 0..8 {
+            let Some(hit) = raycaster.nearest(&ray) else { return true };
+            if !matches!(scene.material(hit.triangle).bsdf, Bsdf::ThinGlass { .. }) {
+                return false;
+            }
+            ray.t_min = hit.t;
+        }
+        false
+    };
+    (0..DIRECTIONS).filter(is_sky).count() as f64 >= ENOUGH * DIRECTIONS as f64
+}
+
+/// Returns the corners of a room's lamp, which shines down.
+fn panel(raycaster: &Raycaster, room: &Room) -> [DVec3; 4] {
+    let [across, along, height] = room.axes;
+    let middle = room.origin + (across + along + height) * 0.5;
+    let up = room.sight.up;
+    let ceiling = raycaster
+        .localize(middle, up)
+        .and_then(|(ray, skipped)| Some(skipped + f64::from(raycaster.nearest(&ray)?.t)));
+    let middle = middle + up * (HEIGHT * ceiling.unwrap_or(height.length()));
+    let (a, b) = (across * (SHARE * 0.5), along * (SHARE * 0.5));
+    // Across, along and up are right-handed: seen from below, this runs counter-clockwise.
+    [middle - a - b, middle - a + b, middle + a + b, middle + a - b]
+}
