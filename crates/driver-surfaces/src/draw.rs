@@ -4,9 +4,10 @@
 
 use crate::cell::{Face, Sums, luminance};
 use crate::edges::{Edge, Piece};
-use crate::filter::{Estimate, Squares, alike};
+use crate::estimate::Estimate;
 use crate::gather::Gathered;
 use crate::known::Known;
+use crate::squares::{Layer, Squares};
 use crate::store::Store;
 use crate::view::{InPane, Seen, View};
 use glam::Vec3;
@@ -36,12 +37,6 @@ struct Around<'a> {
     store: &'a Store,
     /// Of all samples: for surfaces of which nothing is known.
     mean: Vec3,
-}
-
-/// Squares of a picture, and their light.
-struct Layer {
-    squares: Squares,
-    lights: Vec<Estimate>,
 }
 
 /// What a refined picture knows besides the light of its squares.
@@ -115,77 +110,6 @@ impl Gathered {
         } else {
             1
         }
-    }
-}
-
-impl Squares {
-    /// Returns the squares of `step` pixels a side of a picture of this size.
-    fn new(of_pixels: &[Seen], (width, height): (usize, usize), step: usize) -> Squares {
-        let size = (width.div_ceil(step), height.div_ceil(step));
-        let middle = |at: usize, size: usize| (at * step + step / 2).min(size - 1);
-        let of_square = |at: usize| {
-            let (row, column) = (middle(at / size.0, height), middle(at % size.0, width));
-            of_pixels[row * width + column]
-        };
-        Squares { size, seen: (0..size.0 * size.1).map(of_square).collect(), step }
-    }
-
-    /// Returns the sums of squares: of their pixels that see the same surface as the middle one.
-    fn sums(
-        &self,
-        seen: &[Seen],
-        (width, height): (usize, usize),
-        of_pixels: &[Sums],
-    ) -> Vec<Sums> {
-        let step = self.step;
-        let square = |number: usize| {
-            let middle = &self.seen[number];
-            let (left, top) = (number % self.size.0 * step, number / self.size.0 * step);
-            let rows = top..(top + step).min(height);
-            let columns = left..(left + step).min(width);
-            let mut sums = Sums::default();
-            for pixel in rows.flat_map(|y| columns.clone().map(move |x| y * width + x)) {
-                let reach = middle.width * step as f32;
-                if alike(middle, &seen[pixel], 0.5 * reach, 16.0 * reach) > 0.1 {
-                    sums.add(&of_pixels[pixel]);
-                }
-            }
-            sums
-        };
-        (0..self.seen.len()).into_par_iter().map(square).collect()
-    }
-}
-
-impl Layer {
-    /// Returns the light of the squares around a point of the picture that see its surface.
-    fn at(&self, (x, y): (f32, f32), seen: &Seen) -> Option<Estimate> {
-        let step = self.squares.step;
-        let (width, height) = self.squares.size;
-        // In squares, from the middle of the first one.
-        let at = |pixel: f32| (pixel - (step / 2) as f32) / step as f32;
-        let (across, down) = (at(x), at(y));
-        let (left, top) = (across.floor(), down.floor());
-        let reach = seen.width * step as f32;
-        let mut sum = Estimate::default();
-        let mut total = 0.0;
-        for (row, v) in [(top, 1.0 - (down - top)), (top + 1.0, down - top)] {
-            for (column, u) in [(left, 1.0 - (across - left)), (left + 1.0, across - left)] {
-                if row < 0.0 || column < 0.0 || row >= height as f32 || column >= width as f32 {
-                    continue;
-                }
-                let other = row as usize * width + column as usize;
-                let light = &self.lights[other];
-                if light.error.is_infinite() {
-                    continue;
-                }
-                let there = &self.squares.seen[other];
-                let near = (u + 0.02) * (v + 0.02);
-                let weight = near * alike(seen, there, 0.5 * reach, 16.0 * reach);
-                sum.add(weight, light);
-                total += weight;
-            }
-        }
-        (total > 1e-3).then(|| sum.divided(total))
     }
 }
 

@@ -2,7 +2,8 @@
 //!
 //! It adds sums over ever wider neighbourhoods (à-trous). Each square takes the narrowest one with
 //! a small enough standard error. This happens twice. At first, weights depend on geometry alone. The
-//! second time they also depend on how much the light found at first differs.
+//! second time they also depend on how much the light found at first differs, and a narrower
+//! neighbourhood counts only as far as it differs from the next wider one by more than noise.
 //!
 //! What always holds:
 //! - No light crosses a crease or a sheet. Weights fall to 0 with the distance from either plane,
@@ -11,7 +12,8 @@
 //!   the number of samples, so the bias that it causes vanishes as they grow.
 
 use crate::cell::{Sums, luminance};
-use crate::view::Seen;
+use crate::estimate::{Estimate, Lit};
+use crate::squares::{AROUND, Squares, alike};
 use glam::Vec3;
 use holo_denoise::Denoiser;
 use rayon::prelude::*;
@@ -33,116 +35,8 @@ const DIFFERENT: f32 = 0.5;
 /// The share of the first error that the second light keeps: weights follow the light found first.
 const KEPT: f32 = 0.25;
 
-/// The number of squares around one.
-const AROUND: usize = 8;
-
-/// The number of samples from which a measured variance is believed.
-const RELIABLE: f32 = 16.0;
-
-/// The least variance of samples, relative to their squared mean: a few may be alike by chance.
-const LEAST_VARIANCE: f32 = 0.2;
-
-/// Standard errors by which samples have to differ from an estimate to be another light.
-const SIGNIFICANT: f32 = 3.0;
-
 /// Fixed-point steps that the denoiser sees as 1.
 const SCALE: f32 = 1024.0;
-
-/// Sums over the samples of a square or of its neighbourhood, in fixed-point steps.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Lit {
-    pub light: Vec3,
-    pub count: f32,
-    /// Sum of squared luminance.
-    pub square: f32,
-}
-
-/// The light of a square, and the standard error of its luminance. Where the error is infinite,
-/// nothing is known.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Estimate {
-    pub light: Vec3,
-    pub error: f32,
-    /// The variance of one sample's luminance.
-    pub variance: f32,
-}
-
-impl Estimate {
-    /// Nothing is known.
-    pub const UNKNOWN: Estimate =
-        Estimate { light: Vec3::ZERO, error: f32::INFINITY, variance: 0.0 };
-
-    /// Adds a share of another one.
-    pub fn add(&mut self, share: f32, other: &Estimate) {
-        self.light += share * other.light;
-        self.error += share * other.error;
-        self.variance += share * other.variance;
-    }
-
-    /// Returns a sum divided by the total of its shares.
-    pub fn divided(self, total: f32) -> Estimate {
-        let Estimate { light, error, variance } = self;
-        Estimate { light: light / total, error: error / total, variance: variance / total }
-    }
-
-    /// Returns this estimate improved by samples of the same light. `spread` is how much that light
-    /// may differ from the estimate, relative to it, besides its error.
-    pub fn improved(&self, sums: &Sums, spread: f32) -> Estimate {
-        if sums.count == 0 {
-            return *self;
-        }
-        let lit = Lit::new(sums);
-        let (bright, own) = (luminance(self.light.to_array()), luminance(lit.mean().to_array()));
-        let differs = (own - bright) * (own - bright);
-        // Few samples say little of their own variance.
-        let spread_out = (lit.square - lit.count * own * own).max(0.0);
-        let usual = RELIABLE * (self.variance + differs);
-        let variance = (spread_out + usual) / (lit.count + RELIABLE);
-        let noise = variance / lit.count;
-        // What differs by three standard errors is another light.
-        let before = (self.error * self.error + spread * spread * bright * bright)
-            .max(differs - SIGNIFICANT * SIGNIFICANT * noise)
-            .max(0.0);
-        let share =
-            if before.is_finite() { before / (before + noise).max(f32::MIN_POSITIVE) } else { 1.0 };
-        let light = self.light + share * (lit.mean() - self.light);
-        Estimate { light, error: (share * noise).sqrt(), variance }
-    }
-}
-
-impl Lit {
-    pub fn new(sums: &Sums) -> Lit {
-        let count = sums.paths as f32;
-        Lit { light: count * sums.mean(), count, square: count * sums.mean_square() }
-    }
-
-    fn mean(&self) -> Vec3 {
-        self.light / self.count.max(1e-9)
-    }
-
-    /// Returns the variance of one sample's luminance in a wide neighbourhood.
-    fn variance_around(&self) -> f32 {
-        let bright = luminance(self.mean().to_array());
-        let least = LEAST_VARIANCE * bright * bright * RELIABLE / (RELIABLE + self.count);
-        (self.square / self.count.max(1e-9) - bright * bright).max(least)
-    }
-
-    /// Returns the variance of the mean. Few samples say little of their own variance, so `around`
-    /// counts too, that of one sample in a wide neighbourhood.
-    fn variance(&self, around: f32) -> f32 {
-        let own = luminance(self.mean().to_array());
-        let own = (self.square - self.count * own * own).max(0.0);
-        (own + RELIABLE * around) / (self.count + RELIABLE) / self.count.max(0.3)
-    }
-}
-
-/// The squares of a picture, and what each sees.
-pub(crate) struct Squares {
-    pub size: (usize, usize),
-    pub seen: Vec<Seen>,
-    /// Pixels a side of a square.
-    pub step: usize,
-}
 
 /// For each square, the weights of the 8 squares around it at one distance.
 type Weights = Vec<[f32; AROUND]>;
@@ -168,7 +62,7 @@ impl Squares {
             .map(|((raw, usual), sums)| hold_back(raw, usual, sums))
             .collect();
         let wide = widest(held.clone());
-        let first = self.smooth(&held, &weights, &wide, NOISE[0], false);
+        let first = choose_all(&self.scales(&held, &weights), &wide, NOISE[0], &[]);
         let bright: Vec<f32> =
             first.par_iter().map(|e| luminance(e.light.to_array()).max(1.0).ln()).collect();
         let weights: Vec<Weights> = weights
@@ -176,7 +70,9 @@ impl Squares {
             .enumerate()
             .map(|(scale, weights)| self.weights_of_light(weights, 1 << scale, &bright))
             .collect();
-        let mut lights = self.smooth(&held, &weights, &wide, NOISE[1], true);
+        let scales = self.scales(&held, &weights);
+        let details = self.details(&scales, &weights, &wide);
+        let mut lights = choose_all(&scales, &wide, NOISE[1], &details);
         for (light, first) in lights.iter_mut().zip(&first) {
             light.error = light.error.hypot(KEPT * first.error);
         }
@@ -199,69 +95,38 @@ impl Squares {
         }
     }
 
-    /// Returns the light of the narrowest neighbourhoods with little enough noise.
-    fn smooth(
-        &self,
-        lit: &[Lit],
-        weights: &[Weights],
-        wide: &[Lit],
-        noise: [f32; 2],
-        finds_detail: bool,
-    ) -> Vec<Estimate> {
+    /// Returns the sums of all scales, the narrowest first.
+    fn scales(&self, lit: &[Lit], weights: &[Weights]) -> Vec<Vec<Lit>> {
         let mut scales = vec![lit.to_vec()];
         for (scale, weights) in weights.iter().enumerate() {
             scales.push(self.widen(&scales[scale], 1 << scale, weights));
         }
-        let around: Vec<f32> = wide.par_iter().map(Lit::variance_around).collect();
-        let details: Vec<Vec<Detail>> = if finds_detail {
-            (0..weights.len())
-                .map(|k| self.details(&scales[k], &scales[k + 1], 1 << k, &weights[k], &around))
-                .collect()
-        } else {
-            Vec::new()
-        };
-        let choose = |at: usize| {
-            let detail = |scale: usize| details.get(scale).map(|details| details[at]);
-            choose(&scales, at, (&wide[at], around[at]), noise, detail)
-        };
-        (0..lit.len()).into_par_iter().map(choose).collect()
+        scales
     }
 
-    fn details(
-        &self,
-        narrow: &[Lit],
-        wide: &[Lit],
-        distance: usize,
-        weights: &Weights,
-        around: &[f32],
-    ) -> Vec<Detail> {
-        let own: Vec<Detail> = (0..narrow.len())
-            .into_par_iter()
-            .map(|at| {
-                let (n, w) = (&narrow[at], &wide[at]);
-                if n.count <= 0.0 || w.count <= n.count {
-                    return Detail::default();
+    /// Returns, for each scale but the widest, the detail of every square: a mean over the square and
+    /// the 8 around it, by weight.
+    fn details(&self, scales: &[Vec<Lit>], weights: &[Weights], wide: &[Lit]) -> Vec<Vec<Detail>> {
+        let of_scale = |scale: usize| {
+            let pairs = scales[scale].par_iter().zip(&scales[scale + 1]).zip(wide);
+            let own: Vec<Detail> =
+                pairs.map(|((narrow, wider), wide)| Detail::new(narrow, wider, wide)).collect();
+            let at = |number: usize| {
+                let around =
+                    self.around(number, 1 << scale).into_iter().zip(weights[scale][number]);
+                let mut mean = own[number];
+                let mut total = f32::from(u8::from(mean.noise > 0.0));
+                for (other, weight) in around.filter(|(other, _)| own[*other].noise > 0.0) {
+                    mean.difference += weight * own[other].difference;
+                    mean.noise += weight * own[other].noise;
+                    total += weight;
                 }
-                let d = luminance((n.mean() - w.mean()).to_array());
-                let noise = n.variance(around[at]) * (1.0 - n.count / w.count);
-                Detail { signal: d * d, noise, weight: 1.0 }
-            })
-            .collect();
-        (0..narrow.len())
-            .into_par_iter()
-            .map(|at| {
-                let mut sum = own[at];
-                for (other, weight) in self.around(at, distance).into_iter().zip(weights[at]) {
-                    if weight > 0.0 {
-                        let o = &own[other];
-                        sum.signal += weight * o.signal;
-                        sum.noise += weight * o.noise;
-                        sum.weight += weight * o.weight;
-                    }
-                }
-                sum
-            })
-            .collect()
+                let total = total.max(f32::MIN_POSITIVE);
+                Detail { difference: mean.difference / total, noise: mean.noise / total }
+            };
+            (0..own.len()).into_par_iter().map(at).collect()
+        };
+        (0..weights.len()).map(of_scale).collect()
     }
 
     /// Adds to each square the 8 squares at this distance.
@@ -279,27 +144,6 @@ impl Squares {
             wider
         };
         (0..lit.len()).into_par_iter().map(at).collect()
-    }
-
-    /// Returns the numbers of the 8 squares around one. Its own number stands for those outside the
-    /// picture.
-    #[inline]
-    fn around(&self, number: usize, distance: usize) -> [usize; AROUND] {
-        let (width, height) = self.size;
-        let (x, y) = (number % width, number / width);
-        let (left, up) = (x.wrapping_sub(distance), y.wrapping_sub(distance));
-        let (right, down) = (x + distance, y + distance);
-        let places = [
-            (left, up),
-            (x, up),
-            (right, up),
-            (left, y),
-            (right, y),
-            (left, down),
-            (x, down),
-            (right, down),
-        ];
-        places.map(|(x, y)| if x < width && y < height { y * width + x } else { number })
     }
 
     /// Returns weights by geometry alone.
@@ -338,24 +182,6 @@ impl Squares {
     }
 }
 
-/// Returns the weight of one point's light at another.
-///
-/// It is 1 nearby on the same plane. It is 0 farther than `width` off the plane, beyond `reach`,
-/// and where normals differ by a right angle.
-#[inline]
-pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
-    if here.normal.dot(other.normal) <= 0.0 || !other.is_surface() {
-        return 0.0;
-    }
-    let between = other.point - here.point;
-    let away = between.length_squared();
-    let off = between.dot(here.normal).abs().max(between.dot(other.normal).abs());
-    let tolerance = width + 0.05 * away.sqrt();
-    let flat = (1.0 - off * off / (tolerance * tolerance)).max(0.0);
-    let near = (1.0 - away / (reach * reach)).max(0.0);
-    flat * flat * near
-}
-
 /// Returns the sums of a square with its brightest sample cut to a share of the light around. That
 /// sample itself does not raise its limit.
 fn hold_back(raw: &Lit, wide: &Lit, sums: &Sums) -> Lit {
@@ -374,44 +200,78 @@ fn hold_back(raw: &Lit, wide: &Lit, sums: &Sums) -> Lit {
     }
 }
 
-/// What the light of a scale says beyond the next wider one, around a square.
+/// What the light of a scale says beyond the next wider one.
 #[derive(Clone, Copy, Debug, Default)]
 struct Detail {
-    signal: f32,
+    /// The square of the difference between both.
+    difference: f32,
+    /// What noise alone would make of that square.
     noise: f32,
-    weight: f32,
 }
 
-/// Returns the light of a square from its sums on all scales, the narrowest first.
+impl Detail {
+    /// Returns a square's own detail. The wider sums contain the narrow ones.
+    fn new(narrow: &Lit, wider: &Lit, wide: &Lit) -> Detail {
+        if narrow.count <= 0.0 || wider.count <= narrow.count {
+            return Detail::default();
+        }
+        let differs = luminance((narrow.mean() - wider.mean()).to_array());
+        let noise = narrow.variance(wide.variance_around());
+        Detail { difference: differs * differs, noise: noise * (1.0 - narrow.count / wider.count) }
+    }
+
+    /// Returns the part of the squared difference that noise does not explain.
+    fn real(&self) -> f32 {
+        (self.difference - self.noise).max(0.0)
+    }
+
+    /// Returns the share of the difference that has the least expected error (Wiener's filter).
+    fn share(&self) -> f32 {
+        self.real() / (self.real() + self.noise).max(f32::MIN_POSITIVE)
+    }
+}
+
+/// Returns the light of all squares from their sums on all scales.
+fn choose_all(
+    scales: &[Vec<Lit>],
+    wide: &[Lit],
+    noise: [f32; 2],
+    details: &[Vec<Detail>],
+) -> Vec<Estimate> {
+    let at = |at: usize| choose(scales, at, &wide[at], noise, details);
+    (0..wide.len()).into_par_iter().map(at).collect()
+}
+
+/// Returns the light of a square from its sums on all scales: of the narrowest one with little enough
+/// noise, and no more of it than its detail says. Without `details`, noise alone decides.
 fn choose(
     scales: &[Vec<Lit>],
     at: usize,
-    (wide, around): (&Lit, f32),
+    wide: &Lit,
     [high, low]: [f32; 2],
-    detail: impl Fn(usize) -> Option<Detail>,
+    details: &[Vec<Detail>],
 ) -> Estimate {
     let Some(last) = scales.last().map(|scale| &scale[at]).filter(|lit| lit.count > 0.0) else {
         return Estimate::UNKNOWN;
     };
-    let (wide, around) =
-        if wide.count > 0.0 { (wide, around) } else { (last, last.variance_around()) };
+    let wide = if wide.count > 0.0 { wide } else { last };
     let bright = luminance(wide.mean().to_array());
+    let variance = wide.variance_around();
     let mut estimate =
-        Estimate { light: last.mean(), error: last.variance(around).sqrt(), variance: around };
+        Estimate { light: last.mean(), error: last.variance(variance).sqrt(), variance };
+    // The square of what is lost by not taking the narrowest scale.
     let mut blur = 0.0;
     for (number, scale) in scales[..scales.len() - 1].iter().enumerate().rev() {
         let lit = &scale[at];
-        let own = lit.variance(around).sqrt();
+        let own = lit.variance(variance).sqrt();
         // Where all is black, so is every scale.
-        let dark = bright.max(f32::MIN_POSITIVE);
-        let mut share = ((high * bright - own) / ((high - low) * dark)).clamp(0.0, 1.0);
-        if let Some(detail) = detail(number).filter(|detail| detail.weight > 0.0) {
-            let (signal, noise) = (detail.signal / detail.weight, detail.noise / detail.weight);
-            let real = (signal - noise).max(0.0);
-            share *= real / (real + noise).max(f32::MIN_POSITIVE);
-            blur = (1.0 - share) * (1.0 - share) * (blur + real);
+        let range = (high - low) * bright.max(f32::MIN_POSITIVE);
+        let mut share = ((high * bright - own) / range).clamp(0.0, 1.0);
+        if let Some(detail) = details.get(number).map(|details| &details[at]) {
+            share *= detail.share();
+            blur = (1.0 - share) * (1.0 - share) * (blur + detail.real());
         }
-        if lit.count > 0.0 && share > 0.0 {
+        if lit.count > 0.0 {
             estimate.light += share * (lit.mean() - estimate.light);
             estimate.error += share * (own - estimate.error);
         }

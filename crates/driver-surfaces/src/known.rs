@@ -7,14 +7,15 @@
 //! - At most twice [`MOST`] places are kept. Those found longest ago go first.
 
 use crate::cell::Face;
-use crate::filter::{Estimate, Squares};
-use crate::view::View;
+use crate::estimate::Estimate;
+use crate::squares::Squares;
+use crate::view::{Seen, View};
 use glam::{IVec3, Vec3};
 use holo_display::split_mix;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-/// Places of one generation, 28 bytes each.
+/// Places of one generation, 32 bytes each.
 const MOST: usize = 1 << 20;
 
 /// Share of the squares that may be unknown in a picture of known light. They show the mean light
@@ -64,7 +65,7 @@ impl Known {
 
     /// Returns the light of all squares, if most of it is known.
     pub fn lights(&self, view: &View, squares: &Squares) -> Option<Vec<Estimate>> {
-        let light = |seen: &crate::Seen| {
+        let light = |seen: &Seen| {
             if !seen.is_surface() {
                 return Estimate::UNKNOWN;
             }

@@ -3,7 +3,8 @@
 //! 1. A [`Placer`] finds the surface of each sample once, when the sample arrives. It divides the
 //!    sample's radiance by what the material reflects.
 //! 2. A [`Store`] keeps these samples by place for the whole session.
-//! 3. A [`View`] finds what its pixels see, through mirrors and panes.
+//! 3. A [`View`] finds what its pixels see, through mirrors and panes. At rest it looks into pixels
+//!    on edges.
 //! 4. [`Gathered`] sums the samples on seen surfaces, each in one pixel. Noise is then independent
 //!    from pixel to pixel.
 //! 5. A filter, or Open Image Denoise, smooths the sums of small squares of pixels. Pictures are
@@ -21,11 +22,13 @@ mod cell;
 mod draw;
 mod driver;
 mod edges;
+mod estimate;
 mod filter;
 mod gather;
 mod known;
 mod materials;
 mod place;
+mod squares;
 mod store;
 mod trail;
 mod view;

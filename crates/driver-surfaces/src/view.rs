@@ -24,7 +24,7 @@ const SAME_COLOUR: f32 = 0.03;
 /// Stands for no material: the sky, or nothing.
 pub(crate) const NO_MATERIAL: u32 = u32::MAX;
 
-/// The way of a surface that is seen through nothing and does not shine.
+/// The way of a surface that is seen through nothing, and has neither texture nor shine.
 pub(crate) const PLAIN: u32 = 0;
 
 /// A surface point that a pixel sees, relative to the scene's origin.
@@ -141,6 +141,7 @@ impl Seen {
 struct Special {
     pixel: usize,
     ray: Ray,
+    /// How far from the eye the ray begins.
     before: f32,
     hit: Option<Hit>,
 }
@@ -283,8 +284,8 @@ impl View {
             .map(|&Special { ray, before, hit, .. }| {
                 let Some(hit) = hit else { return (self.nothing(), None) };
                 let through = follower.follow(ray, hit, AtPanes::Pass).farther(before);
-                let in_pane =
-                    follower.is_pane(hit).then(|| follower.follow(ray, hit, AtPanes::ReflectFirst));
+                let mirrored = || follower.follow(ray, hit, AtPanes::ReflectFirst).farther(before);
+                let in_pane = follower.is_pane(hit).then(mirrored);
                 (through, in_pane)
             })
             .collect();

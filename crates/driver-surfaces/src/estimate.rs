@@ -1,0 +1,101 @@
+//! Estimates of light from sums, with their standard errors.
+
+use crate::cell::{Sums, luminance};
+use glam::Vec3;
+
+/// The number of samples from which a measured variance is believed.
+const RELIABLE: f32 = 16.0;
+
+/// The least variance of samples, relative to their squared mean: a few may be alike by chance.
+const LEAST_VARIANCE: f32 = 0.2;
+
+/// Standard errors by which samples have to differ from an estimate to be another light.
+const SIGNIFICANT: f32 = 3.0;
+
+/// Sums over the samples of a square or of its neighbourhood, in fixed-point steps.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Lit {
+    pub light: Vec3,
+    pub count: f32,
+    /// Sum of squared luminance.
+    pub square: f32,
+}
+
+/// The light of a square, and the standard error of its luminance. Where the error is infinite,
+/// nothing is known.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Estimate {
+    pub light: Vec3,
+    pub error: f32,
+    /// The variance of one sample's luminance.
+    pub variance: f32,
+}
+
+impl Estimate {
+    /// Nothing is known.
+    pub const UNKNOWN: Estimate =
+        Estimate { light: Vec3::ZERO, error: f32::INFINITY, variance: 0.0 };
+
+    /// Adds a share of another one.
+    pub fn add(&mut self, share: f32, other: &Estimate) {
+        self.light += share * other.light;
+        self.error += share * other.error;
+        self.variance += share * other.variance;
+    }
+
+    /// Returns a sum divided by the total of its shares.
+    pub fn divided(self, total: f32) -> Estimate {
+        let Estimate { light, error, variance } = self;
+        Estimate { light: light / total, error: error / total, variance: variance / total }
+    }
+
+    /// Returns this estimate improved by samples of the same light. `spread` is how much that light
+    /// may differ from the estimate, relative to it, besides its error.
+    pub fn improved(&self, sums: &Sums, spread: f32) -> Estimate {
+        if sums.count == 0 {
+            return *self;
+        }
+        let lit = Lit::new(sums);
+        let (bright, own) = (luminance(self.light.to_array()), luminance(lit.mean().to_array()));
+        let differs = (own - bright) * (own - bright);
+        // Few samples say little of their own variance.
+        let spread_out = (lit.square - lit.count * own * own).max(0.0);
+        let usual = RELIABLE * (self.variance + differs);
+        let variance = (spread_out + usual) / (lit.count + RELIABLE);
+        let noise = variance / lit.count;
+        // What differs by three standard errors is another light.
+        let before = (self.error * self.error + spread * spread * bright * bright)
+            .max(differs - SIGNIFICANT * SIGNIFICANT * noise)
+            .max(0.0);
+        let share =
+            if before.is_finite() { before / (before + noise).max(f32::MIN_POSITIVE) } else { 1.0 };
+        let light = self.light + share * (lit.mean() - self.light);
+        Estimate { light, error: (share * noise).sqrt(), variance }
+    }
+}
+
+impl Lit {
+    pub fn new(sums: &Sums) -> Lit {
+        let count = sums.paths as f32;
+        Lit { light: count * sums.mean(), count, square: count * sums.mean_square() }
+    }
+
+    pub fn mean(&self) -> Vec3 {
+        self.light / self.count.max(1e-9)
+    }
+
+    /// Returns the variance of one sample's luminance in a wide neighbourhood.
+    pub fn variance_around(&self) -> f32 {
+        let bright = luminance(self.mean().to_array());
+        let least = LEAST_VARIANCE * bright * bright * RELIABLE / (RELIABLE + self.count);
+        (self.square / self.count.max(1e-9) - bright * bright).max(least)
+    }
+
+    /// Returns the variance of the mean. Few samples say little of their own variance, so `around`
+    /// counts too, that of one sample in a wide neighbourhood.
+    pub fn variance(&self, around: f32) -> f32 {
+        let own = luminance(self.mean().to_array());
+        let own = (self.square - self.count * own * own).max(0.0);
+        (own + RELIABLE * around) / (self.count + RELIABLE) / self.count.max(0.3)
+    }
+}

@@ -1,0 +1,133 @@
+//! Squares of a picture: what they see, their sums, and their light at any point of the picture.
+
+use crate::cell::Sums;
+use crate::estimate::Estimate;
+use crate::view::Seen;
+use rayon::prelude::*;
+
+/// The number of squares around one.
+pub(crate) const AROUND: usize = 8;
+
+/// The squares of a picture, and what each sees.
+pub(crate) struct Squares {
+    pub size: (usize, usize),
+    pub seen: Vec<Seen>,
+    /// Pixels a side of a square.
+    pub step: usize,
+}
+
+/// Squares of a picture, and their light.
+pub(crate) struct Layer {
+    pub squares: Squares,
+    pub lights: Vec<Estimate>,
+}
+
+impl Squares {
+    /// Returns the squares of `step` pixels a side of a picture of this size.
+    pub fn new(of_pixels: &[Seen], (width, height): (usize, usize), step: usize) -> Squares {
+        let size = (width.div_ceil(step), height.div_ceil(step));
+        let middle = |at: usize, size: usize| (at * step + step / 2).min(size - 1);
+        let of_square = |at: usize| {
+            let (row, column) = (middle(at / size.0, height), middle(at % size.0, width));
+            of_pixels[row * width + column]
+        };
+        Squares { size, seen: (0..size.0 * size.1).map(of_square).collect(), step }
+    }
+
+    /// Returns the sums of squares: of their pixels that see the same surface as the middle one.
+    pub fn sums(
+        &self,
+        seen: &[Seen],
+        (width, height): (usize, usize),
+        of_pixels: &[Sums],
+    ) -> Vec<Sums> {
+        let step = self.step;
+        let square = |number: usize| {
+            let middle = &self.seen[number];
+            let (left, top) = (number % self.size.0 * step, number / self.size.0 * step);
+            let rows = top..(top + step).min(height);
+            let columns = left..(left + step).min(width);
+            let mut sums = Sums::default();
+            for pixel in rows.flat_map(|y| columns.clone().map(move |x| y * width + x)) {
+                let reach = middle.width * step as f32;
+                if alike(middle, &seen[pixel], 0.5 * reach, 16.0 * reach) > 0.1 {
+                    sums.add(&of_pixels[pixel]);
+                }
+            }
+            sums
+        };
+        (0..self.seen.len()).into_par_iter().map(square).collect()
+    }
+
+    /// Returns the numbers of the 8 squares around one. Its own number stands for those outside the
+    /// picture.
+    #[inline]
+    pub fn around(&self, number: usize, distance: usize) -> [usize; AROUND] {
+        let (width, height) = self.size;
+        let (x, y) = (number % width, number / width);
+        let (left, up) = (x.wrapping_sub(distance), y.wrapping_sub(distance));
+        let (right, down) = (x + distance, y + distance);
+        let places = [
+            (left, up),
+            (x, up),
+            (right, up),
+            (left, y),
+            (right, y),
+            (left, down),
+            (x, down),
+            (right, down),
+        ];
+        places.map(|(x, y)| if x < width && y < height { y * width + x } else { number })
+    }
+}
+
+impl Layer {
+    /// Returns the light of the squares around a point of the picture that see its surface.
+    pub fn at(&self, (x, y): (f32, f32), seen: &Seen) -> Option<Estimate> {
+        let step = self.squares.step;
+        let (width, height) = self.squares.size;
+        // In squares, from the middle of the first one.
+        let at = |pixel: f32| (pixel - (step / 2) as f32) / step as f32;
+        let (across, down) = (at(x), at(y));
+        let (left, top) = (across.floor(), down.floor());
+        let reach = seen.width * step as f32;
+        let mut sum = Estimate::default();
+        let mut total = 0.0;
+        for (row, v) in [(top, 1.0 - (down - top)), (top + 1.0, down - top)] {
+            for (column, u) in [(left, 1.0 - (across - left)), (left + 1.0, across - left)] {
+                if row < 0.0 || column < 0.0 || row >= height as f32 || column >= width as f32 {
+                    continue;
+                }
+                let other = row as usize * width + column as usize;
+                let light = &self.lights[other];
+                if light.error.is_infinite() {
+                    continue;
+                }
+                let there = &self.squares.seen[other];
+                let near = (u + 0.02) * (v + 0.02);
+                let weight = near * alike(seen, there, 0.5 * reach, 16.0 * reach);
+                sum.add(weight, light);
+                total += weight;
+            }
+        }
+        (total > 1e-3).then(|| sum.divided(total))
+    }
+}
+
+/// Returns the weight of one point's light at another.
+///
+/// It is 1 nearby on the same plane. It is 0 farther than `width` off the plane, beyond `reach`,
+/// and where normals differ by a right angle.
+#[inline]
+pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
+    if here.normal.dot(other.normal) <= 0.0 || !other.is_surface() {
+        return 0.0;
+    }
+    let between = other.point - here.point;
+    let away = between.length_squared();
+    let off = between.dot(here.normal).abs().max(between.dot(other.normal).abs());
+    let tolerance = width + 0.05 * away.sqrt();
+    let flat = (1.0 - off * off / (tolerance * tolerance)).max(0.0);
+    let near = (1.0 - away / (reach * reach)).max(0.0);
+    flat * flat * near
+}
