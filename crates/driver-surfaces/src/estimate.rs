@@ -99,3 +99,48 @@ impl Lit {
         (own + RELIABLE * around) / (self.count + RELIABLE) / self.count.max(0.3)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cell::Light;
+
+    const BRIGHT: f32 = 1e6;
+
+    /// An estimate of 1 and its error, in units of [`BRIGHT`].
+    fn estimate(error: f32, variance: f32) -> Estimate {
+        let light = Vec3::splat(BRIGHT);
+        Estimate { light, error: error * BRIGHT, variance: variance * BRIGHT * BRIGHT }
+    }
+
+    fn improved(by: &[f32]) -> f32 {
+        let mut sums = Sums::default();
+        for light in by {
+            sums.add(&Sums::of(&Light { rgb: [light * BRIGHT; 3], paths: 1 }));
+        }
+        estimate(0.0, 0.5).improved(&sums, 0.1).light.y / BRIGHT
+    }
+
+    #[test]
+    fn samples_that_agree_hardly_change_it_and_none_do_not() {
+        assert_eq!(improved(&[]), 1.0);
+        let little = improved(&[1.5, 0.7]);
+        assert!((1.0..1.01).contains(&little), "{little}");
+    }
+
+    #[test]
+    fn many_samples_of_another_light_replace_it_and_one_does_not() {
+        let many = improved(&[3.0; 100]);
+        assert!((many - 3.0).abs() < 0.1, "{many}");
+        let one = improved(&[100.0]);
+        assert!(one < 1.1, "{one}");
+    }
+
+    #[test]
+    fn of_what_is_unknown_samples_tell_all() {
+        let mut sums = Sums::default();
+        sums.add(&Sums::of(&Light { rgb: [BRIGHT; 3], paths: 1 }));
+        let known = Estimate::UNKNOWN.improved(&sums, 0.5);
+        assert!(known.error.is_finite() && (known.light.y / BRIGHT - 1.0).abs() < 1e-3);
+    }
+}

@@ -195,9 +195,12 @@ fn depth_under_a_pixel_is_that_of_the_surface() {
 }
 
 #[test]
-fn clipping_surfaces_cut_the_scene_and_the_sky() {
+fn clipping_surfaces_cut_the_scene_its_light_and_the_sky() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(sections, raycaster, None);
+    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    for (beam, sample) in samples(&sections[0], 60_000) {
+        driver.insert(beam, 1, &[sample]);
+    }
     // The floor lies at a depth of 1: nearer than the fore surface, farther than the aft one.
     for (clip, shown) in [("-vo 2", [1.0; 3]), ("-va 0.5", [0.0; 3])] {
         let options = format!("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60 {clip}");
