@@ -162,7 +162,7 @@ fn a_pane_mirrors_into_the_share_of_a_pixel_that_it_takes() {
 fn a_pane_mirrors_light_without_its_noise() {
     let pane = Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] };
     let light = 100.0;
-    let of = |rays: Vec<RaySample>| seen_by(&walled_room(pane.clone()), &rays, &to_wall());
+    let of = |rays: Vec<RaySample>| seen_by(&walled_room(pane), &rays, &to_wall());
     let (view, even) = of(floor_rays(100, |_, _| light));
     let (_, noisy) = of(noisy(floor_rays(100, |_, _| light)));
     let mirroring = view.in_panes.iter().filter(|pane| pane.seen.is_surface());
