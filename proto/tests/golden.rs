@@ -369,8 +369,8 @@ fn cases() -> Vec<(&'static str, Any)> {
                 view: 7,
                 viewpoint: Viewpoint { eye: [0.5, -0.25, 1.75], radius: 0.001 },
                 beams: vec![
-                    WantedBeam { key: key(0, 0x01_0203_0405), weight: 12.5 },
-                    WantedBeam { key: key(1023, 9), weight: 0.125 },
+                    WantedBeam { key: key(0, 0x01_0203_0405), weight: 12.5, held: 42 },
+                    WantedBeam { key: key(1023, 9), weight: 0.125, held: u16::MAX },
                 ],
             }),
         ),

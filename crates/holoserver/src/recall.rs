@@ -40,7 +40,7 @@ const BLOB_QUEUE_BYTES: usize = 2 * SCENE_CHUNK_BYTES;
 /// How long to wait before a full queue is looked at again.
 const PAUSE: Duration = Duration::from_millis(1);
 
-/// A display's stored samples for one view.
+/// A view's stored samples, except those that its display has.
 pub struct Recall {
     pub holodeck: Arc<Holodeck>,
     pub outbox: Outbox,

@@ -147,11 +147,6 @@ impl Wishes {
         self.pixels
     }
 
-    /// Returns the view's beams.
-    pub fn keys(&self) -> Vec<BeamKey> {
-        self.beams.iter().map(|wish| wish.key).collect()
-    }
-
     /// Returns the most urgent beam and the rays to give it next; `None` once every beam has all it
     /// may get. Beams that are unseen by `is_unseen` get none.
     pub fn next(&mut self, is_unseen: impl Fn(BeamKey) -> bool) -> Option<(BeamKey, u8)> {

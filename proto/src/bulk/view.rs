@@ -13,6 +13,8 @@ pub struct WantedBeam {
     pub key: BeamKey,
     /// The number of pixels that it serves, positive.
     pub weight: f32,
+    /// How many of the beam's samples the display has; [`u16::MAX`] stands for all larger numbers.
+    pub held: u16,
 }
 
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -21,7 +23,7 @@ struct RawWantedBeam {
     beam: u64,
     weight: f32,
     section: u16,
-    reserved: u16,
+    held: u16,
 }
 const _: () = assert!(size_of::<RawWantedBeam>() == 16);
 
@@ -43,8 +45,8 @@ impl ViewRequest {
         let mut out = Vec::with_capacity(40 + self.beams.len() * 16);
         put(&mut out, &Head { first: self.view, second: self.beams.len() as u32 });
         put(&mut out, &RawViewpoint::new(&self.viewpoint));
-        for &WantedBeam { key: BeamKey { section, beam }, weight } in &self.beams {
-            put(&mut out, &RawWantedBeam { beam: beam.0, weight, section, reserved: 0 });
+        for &WantedBeam { key: BeamKey { section, beam }, weight, held } in &self.beams {
+            put(&mut out, &RawWantedBeam { beam: beam.0, weight, section, held });
         }
         out
     }
@@ -67,6 +69,7 @@ impl ViewRequest {
             .map(|raw| WantedBeam {
                 key: BeamKey { section: raw.section, beam: BeamId(raw.beam) },
                 weight: raw.weight,
+                held: raw.held,
             })
             .collect();
         Ok(ViewRequest { view: counts.first, viewpoint, beams })

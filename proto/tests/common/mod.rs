@@ -68,9 +68,9 @@ pub fn results() -> impl Strategy<Value = Results> {
 }
 
 pub fn view() -> impl Strategy<Value = ViewRequest> {
-    let wanted = (key(), prop::num::f32::POSITIVE | prop::num::f32::NORMAL)
-        .prop_filter("finite", |(_, weight)| weight.is_finite() && *weight != 0.0)
-        .prop_map(|(key, weight)| WantedBeam { key, weight: weight.abs() });
+    let wanted = (key(), prop::num::f32::POSITIVE | prop::num::f32::NORMAL, any::<u16>())
+        .prop_filter("finite", |(_, weight, _)| weight.is_finite() && *weight != 0.0)
+        .prop_map(|(key, weight, held)| WantedBeam { key, weight: weight.abs(), held });
     (any::<u32>(), viewpoint(), vec(wanted, 0..30))
         .prop_map(|(view, viewpoint, beams)| ViewRequest { view, viewpoint, beams })
 }

@@ -315,8 +315,10 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     // goes on.
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let mut shown = Samples::new();
-    let beams =
-        (0..7680).step_by(2).map(|number| WantedBeam { key: beam(number), weight: 1e-5 }).collect();
+    let beams = (0..7680)
+        .step_by(2)
+        .map(|number| WantedBeam { key: beam(number), weight: 1e-5, held: 0 })
+        .collect();
     let viewpoint = Viewpoint { eye: [2.7, 2.7, -2.0], radius: 1.0 };
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;

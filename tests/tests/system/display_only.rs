@@ -1,6 +1,16 @@
 //! Files that are only shown.
 
-use holo_tests::{CORNELL_SMALL_SECTION, Place, stored};
+use std::{collections::BTreeMap, net::SocketAddr};
+
+use holo_net::Message;
+use holo_proto::{
+    bulk::{ViewRequest, WantedBeam},
+    control::Control,
+    frame::Kind,
+    hello::Role,
+};
+use holo_section::{BeamKey, Viewpoint};
+use holo_tests::{CORNELL_SMALL_SECTION, LIMIT, Place, analytic::join, stored};
 use rustix::process::Signal;
 
 const VIEW: [&str; 6] = ["--vp", "2.78,2.73,-2", "--size", "48x48", "--json", "-o"];
@@ -59,4 +69,46 @@ fn a_file_is_read_while_another_process_fills_it() {
     assert_eq!(summary["samples"], after.count());
     assert!(after.count() > earlier);
     after.assert_no_gaps();
+}
+
+/// Returns how many stored samples of each beam a server sends to a display that holds some.
+async fn sent(address: SocketAddr, held: &BTreeMap<BeamKey, u16>) -> BTreeMap<BeamKey, usize> {
+    let (mut inbox, outbox, _) = join(address, Role::Display).await;
+    let wanted = |(&key, &held): (&BeamKey, &u16)| WantedBeam { key, weight: 1.0, held };
+    let beams = held.iter().map(wanted).collect();
+    let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
+    outbox.send(Kind::View, &ViewRequest { view: 1, viewpoint, beams }.encode()).unwrap();
+    let mut arrived = BTreeMap::new();
+    loop {
+        match tokio::time::timeout(LIMIT, inbox.next()).await.expect("in time").unwrap() {
+            Message::Samples(samples) => {
+                for (run, samples) in samples.iter() {
+                    *arrived.entry(run.key).or_default() += samples.len();
+                }
+            }
+            Message::Control(Control::StoredSent { view: 1 }) => return arrived,
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn a_display_is_sent_no_beam_of_which_it_holds_all_samples() {
+    let place = Place::new();
+    place.fill_small("a.holo", "50k");
+    let mut all: BTreeMap<BeamKey, usize> = BTreeMap::new();
+    for ((key, _), samples) in &stored(&place.path("a.holo")).beams {
+        *all.entry(*key).or_default() += samples.len();
+    }
+    let server = place.server("a.holo", &["--display-only"]);
+    // Of every third beam it holds nothing, of others all but one sample, and of the rest all.
+    let held = |(at, (&key, &count)): (usize, (&BeamKey, &usize))| {
+        (key, [0, count - 1, count][at % 3] as u16)
+    };
+    let held: BTreeMap<BeamKey, u16> = all.iter().enumerate().map(held).collect();
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let arrived = runtime.block_on(sent(server.address, &held));
+    let expected = all.into_iter().filter(|(key, count)| usize::from(held[key]) < *count);
+    assert_eq!(arrived, expected.collect());
+    server.process.end(Signal::INT).ok();
 }

@@ -143,7 +143,11 @@ fn displays_that_break_the_rules_are_dropped() {
             ViewRequest {
                 view: 1,
                 viewpoint,
-                beams: vec![WantedBeam { key: BeamKey { section, beam: BeamId(beam) }, weight }],
+                beams: vec![WantedBeam {
+                    key: BeamKey { section, beam: BeamId(beam) },
+                    weight,
+                    held: 0,
+                }],
             }
             .encode()
         };

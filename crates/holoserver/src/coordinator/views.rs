@@ -5,7 +5,7 @@ use std::sync::{Arc, atomic::Ordering};
 use anyhow::{Result, ensure};
 use holo_progress::said_once;
 use holo_proto::{
-    bulk::{RaysWanted, ViewRequest},
+    bulk::{RaysWanted, ViewRequest, WantedBeam},
     control::Control,
 };
 
@@ -28,15 +28,21 @@ impl Coordinator {
             return Ok(());
         }
         let file = &self.holodeck.file;
-        let beams =
-            request.beams.iter().map(|wanted| (wanted.key, wanted.weight, file.count(wanted.key)));
+        let mut keys = Vec::new();
+        let beams = request.beams.iter().map(|&WantedBeam { key, weight, held }| {
+            let stored = file.count(key);
+            if held == 0 || held == u16::MAX || stored > u64::from(held) {
+                keys.push(key);
+            }
+            (key, weight, stored)
+        });
         let wishes = Wishes::new(request.view, request.viewpoint, beams);
         display.newest.store(request.view, Ordering::Release);
         let recall = Recall {
             holodeck: Arc::clone(&self.holodeck),
             outbox: display.outbox.clone(),
             view: request.view,
-            keys: wishes.keys(),
+            keys,
             newest: Arc::clone(&display.newest),
         };
         display.wishes = Some(wishes);

@@ -20,6 +20,7 @@ use super::{
     focus::concentrate,
     live::LiveRays,
     pace::AT_REST,
+    received::Received,
 };
 
 /// Distance of the nearest visible surface, as a share of the shortest section's diagonal, before
@@ -105,15 +106,17 @@ impl Session {
         let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         let nearest = GUESSED_DISTANCE * diagonal;
         let beams = self.driver.weigh(&look, beams)?;
-        let wanted = beams.iter().map(|beam| WantedBeam { key: beam.key, weight: beam.weight });
+        let wanted =
+            beams.iter().map(|beam| WantedBeam { key: beam.key, weight: beam.weight, held: 0 });
         let wanted: Vec<WantedBeam> = wanted.collect();
         self.request_number += 1;
         let before = self.current.take();
         let had_live = before.as_ref().is_some_and(|before| before.live.is_some());
         let received = before.filter(|_| self.driver.keeps_samples()).map(|before| before.received);
+        let received = received.unwrap_or_default();
         let since = Instant::now();
         // Asked first: samples are under way while the driver looks at the scene.
-        self.request(&look, nearest, wanted.clone())?;
+        self.request(&look, nearest, wanted.clone(), &received)?;
         if had_live {
             // Live rays of the view before are of no use any more.
             let none = LiveWanted { view: self.request_number, pixels: 0, rays: Vec::new() };
@@ -133,7 +136,7 @@ impl Session {
             asks_later: false,
             also: Vec::new(),
             first_request: self.request_number,
-            received: received.unwrap_or_default(),
+            received,
             since,
             counts: Counts {
                 stored_of_section: vec![0; self.choice.sections.len()],
@@ -252,7 +255,7 @@ impl Session {
     /// Asks for everything stored that is of use to the view.
     pub(super) fn ask_for_all(&mut self) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
-        let also = |&key: &BeamKey| WantedBeam { key, weight: STORED_ONLY };
+        let also = |&key: &BeamKey| WantedBeam { key, weight: STORED_ONLY, held: 0 };
         let mut wanted = current.wanted.clone();
         wanted.extend(current.also.iter().map(also));
         // A stable sort: the view's own weight stands before the other's, which goes.
@@ -261,7 +264,7 @@ impl Session {
         self.ask_anew(wanted)
     }
 
-    /// Requests under a new number: what is stored of these beams is sent from the beginning.
+    /// Requests under a new number: what is stored of these beams and not here yet is sent.
     pub(super) fn ask_anew(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
         self.request_number += 1;
         self.request_current(wanted)
@@ -269,14 +272,21 @@ impl Session {
 
     fn request_current(&self, wanted: Vec<WantedBeam>) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
-        self.request(&current.look, current.nearest, wanted)
+        self.request(&current.look, current.nearest, wanted, &current.received)
     }
 
-    /// Sends a request for a view whose nearest visible surface is at distance `nearest`.
-    fn request(&self, look: &Look, nearest: f64, beams: Vec<WantedBeam>) -> Result<()> {
+    /// Sends a request for a view whose nearest visible surface is at distance `nearest`. Stored
+    /// samples of a beam are not sent if all of them are among the `received` ones.
+    fn request(
+        &self,
+        look: &Look,
+        nearest: f64,
+        mut beams: Vec<WantedBeam>,
+        received: &Received,
+    ) -> Result<()> {
         let radius = self.driver.viewpoint_radius(&look.view, look.size, nearest);
         let viewpoint = viewpoint(&self.choice.sections, &look.view, radius);
-        let mut beams = beams;
+        beams.iter_mut().for_each(|beam| beam.held = received.held(beam.key));
         if let Some(part) = self.focus {
             concentrate(&self.choice.sections, look, part, &mut beams);
         }

@@ -1,20 +1,37 @@
-//! Which samples have arrived: what is stored while it is sent may come twice, from the file and from the tracer.
+//! Which samples have arrived. A sample that is stored while stored ones are sent may come twice:
+//! from the file and from the tracer.
 
-use holo_section::{BeamKey, Run, SampleKind};
+use holo_section::{BeamKey, Run};
 use rustc_hash::FxHashMap;
 
-/// Ranges of sample numbers received, by beam and kind.
+/// Sample numbers received, by beam.
 #[derive(Default)]
 pub struct Received {
-    ranges: FxHashMap<(BeamKey, SampleKind), Vec<(u32, u32)>>,
+    beams: FxHashMap<BeamKey, OfBeam>,
+}
+
+/// The received samples of a beam.
+#[derive(Default)]
+struct OfBeam {
+    count: u64,
+    /// Ranges of numbers, by kind.
+    ranges: [Vec<(u32, u32)>; 3],
 }
 
 impl Received {
-    /// Adds a run; gives the parts of it that are new, as ranges of positions in the run.
+    /// Returns how many samples of a beam have arrived, at most [`u16::MAX`].
+    pub fn held(&self, key: BeamKey) -> u16 {
+        let count = self.beams.get(&key).map_or(0, |beam| beam.count);
+        u16::try_from(count).unwrap_or(u16::MAX)
+    }
+
+    /// Adds a run. Returns the parts of it that are new, as ranges of positions in the run.
     pub fn add(&mut self, run: &Run) -> Vec<std::ops::Range<usize>> {
-        let ranges = self.ranges.entry((run.key, run.kind)).or_default();
+        let OfBeam { count, ranges } = self.beams.entry(run.key).or_default();
+        let ranges = &mut ranges[run.kind as usize];
         let (first, end) = (run.first, run.first + run.count);
-        // Runs mostly arrive in order: look from the end. `at` is the first range that ends at or after `first`.
+        // Runs mostly arrive in order, so the search begins at the end. `at` is the first range
+        // that ends at or after `first`.
         let mut at = ranges.len();
         while at > 0 && ranges[at - 1].1 >= first {
             at -= 1;
@@ -33,6 +50,7 @@ impl Received {
             fresh.push((next - first) as usize..run.count as usize);
         }
         ranges.splice(at..upto, [merged]);
+        *count += fresh.iter().map(|part| part.len() as u64).sum::<u64>();
         fresh
     }
 }
@@ -41,7 +59,7 @@ impl Received {
 mod tests {
     use std::collections::HashSet;
 
-    use holo_section::BeamId;
+    use holo_section::{BeamId, SampleKind};
 
     use super::*;
 
@@ -65,9 +83,11 @@ mod tests {
             let expected: Vec<u32> =
                 (first..first + count).filter(|&number| model.insert((run.key, number))).collect();
             assert_eq!(fresh, expected);
+            let held = model.iter().filter(|(key, _)| *key == run.key).count();
+            assert_eq!(usize::from(received.held(run.key)), held);
         }
         let key = BeamKey { section: 0, beam: BeamId(0) };
-        let ranges = &received.ranges[&(key, SampleKind::Uniform)];
+        let ranges = &received.beams[&key].ranges[SampleKind::Uniform as usize];
         assert!(
             ranges.windows(2).all(|pair| pair[0].1 < pair[1].0),
             "touching ranges are merged: {ranges:?}"
