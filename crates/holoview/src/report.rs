@@ -18,7 +18,7 @@ pub struct StageTime {
 pub struct PictureReport {
     /// Where it is.
     pub picture: PathBuf,
-    /// Seconds since the view was asked for.
+    /// Seconds from the request of the view until the picture was written.
     pub seconds: f64,
     /// Samples in the picture.
     pub samples: u64,

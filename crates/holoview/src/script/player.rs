@@ -183,12 +183,12 @@ fn begins_with_view(next: &Next) -> bool {
 
 /// Draws the session's view, writes it to `path`, and returns what it is made of.
 fn write_picture(session: &mut Session, path: PathBuf, look: &LookArgs) -> Result<PictureReport> {
-    let seconds = session.since().elapsed().as_secs_f64();
     let (frame, stages) = session.draw();
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
     let exposure = look.write(&frame.picture, &path)?;
+    let seconds = session.since().elapsed().as_secs_f64();
     let counts = session.counts();
     Ok(PictureReport {
         picture: path,

@@ -44,6 +44,9 @@ pub async fn see(
     wake: impl Fn(),
 ) -> Result<()> {
     let (mut frames, mut states) = (front.frames.subscribe(), front.state.subscribe());
+    // What came before the subscription counts too.
+    frames.mark_changed();
+    states.mark_changed();
     let mut viewer = Viewer::default();
     let mut adapts: Option<Adapting> = None;
     loop {
