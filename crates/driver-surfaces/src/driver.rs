@@ -127,13 +127,13 @@ impl SurfacesDriver {
         let shown = self.shown.as_mut()?;
         let refines = shown.is_refined && !is_moving;
         shown.is_refined |= !is_moving;
-        shown.was_refined |= refines;
-        if refines && shown.view.edges.is_empty() {
+        let store = &self.store;
+        if refines && !shown.was_refined {
             shown.view.look_into_edges();
-            // Its pieces have sums too.
-            shown.gathered = None;
+            shown.gathered.iter_mut().for_each(|known| known.look_into_edges(&shown.view, store));
         }
-        let (view, store) = (&shown.view, &self.store);
+        shown.was_refined |= refines;
+        let view = &shown.view;
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
         let denoiser = self.denoiser.as_mut().filter(|_| refines);
         Some(gathered.draw_and_learn(view, store, denoiser, &mut self.known))

@@ -4,7 +4,8 @@
 
 use crate::trail::{AtPanes, Shown};
 use crate::view::{PLAIN, Seen, View, are_near, seen};
-use holo_raycast::Ray;
+use glam::Vec3;
+use holo_raycast::{Hit, MAX_TILE, Ray};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
@@ -14,6 +15,12 @@ const POINTS: usize = 16;
 
 /// Rays through every pixel on an edge.
 const FIRST: usize = 8;
+
+/// Pixels whose rays are cast together.
+const TOGETHER: usize = MAX_TILE / FIRST;
+
+// Further rays take as much room as the first ones.
+const _: () = assert!(POINTS == 2 * FIRST);
 
 /// A pixel that sees several things.
 #[derive(Clone, Debug)]
@@ -49,6 +56,7 @@ struct Found {
 
 /// All that a pixel on an edge sees.
 struct Looked {
+    pixel: usize,
     found: Vec<Found>,
     points: usize,
     /// How many rays meet a pane first.
@@ -60,25 +68,29 @@ struct Looked {
 impl View {
     /// Casts several rays through each pixel on an edge.
     pub fn look_into_edges(&mut self) {
-        let pixels = self.on_edges();
-        let looked: Vec<Looked> = pixels.par_iter().map(|&pixel| self.look_into(pixel)).collect();
+        let pixels = self.on_edges().par_chunks(TOGETHER);
+        let looked: Vec<Looked> = pixels.flat_map_iter(|pixels| self.look_into(pixels)).collect();
         let known = self.in_panes.iter().enumerate().map(|(number, pane)| (pane.pixel, number));
         let known: FxHashMap<usize, usize> = known.collect();
-        for (pixel, looked) in pixels.into_iter().zip(looked) {
+        for looked in looked {
             let share = looked.at_panes as f32 / looked.points as f32;
-            match (known.get(&pixel), looked.in_pane) {
+            match (known.get(&looked.pixel), looked.in_pane) {
                 (Some(&number), _) => self.in_panes[number].share = share,
-                (None, Some(in_pane)) => self.add_in_pane(pixel, in_pane, share),
+                (None, Some(in_pane)) => self.add_in_pane(looked.pixel, in_pane, share),
                 (None, None) => {}
             }
             if looked.found.len() > 1 {
-                self.add_edge(pixel, looked);
+                self.add_edge(looked);
             }
         }
     }
 
-    /// Returns the numbers of the pixels that see something else than one around them.
-    fn on_edges(&self) -> Vec<usize> {
+    /// Returns the numbers of the pixels that see something else than one around them, in order.
+    pub(crate) fn on_edges(&self) -> &[usize] {
+        self.on_edges.get_or_init(|| self.find_edges())
+    }
+
+    fn find_edges(&self) -> Vec<usize> {
         let (width, height) = self.size;
         let is_edge = |pixel: &usize| {
             let (x, y) = (pixel % width, pixel / width);
@@ -90,7 +102,8 @@ impl View {
         (0..self.seen.len()).into_par_iter().filter(is_edge).collect()
     }
 
-    fn add_edge(&mut self, pixel: usize, looked: Looked) {
+    fn add_edge(&mut self, looked: Looked) {
+        let pixel = looked.pixel;
         let first = self.pieces.len();
         let (column, row) = ((pixel % self.size.0) as f32, (pixel / self.size.0) as f32);
         for Found { shown, points, sum, .. } in looked.found {
@@ -109,42 +122,60 @@ impl View {
         self.edges.push(Edge { pixel, pieces: first..self.pieces.len() });
     }
 
-    fn look_into(&self, pixel: usize) -> Looked {
-        let mut looked = Looked { found: Vec::new(), points: 0, at_panes: 0, in_pane: None };
-        self.look_at(pixel, 0..FIRST, &mut looked);
-        if looked.found.len() > 1 {
-            self.look_at(pixel, FIRST..POINTS, &mut looked);
-        }
+    /// Looks into at most [`TOGETHER`] pixels.
+    fn look_into(&self, pixels: &[usize]) -> Vec<Looked> {
+        let new =
+            |&pixel| Looked { pixel, found: Vec::new(), points: 0, at_panes: 0, in_pane: None };
+        let mut looked: Vec<Looked> = pixels.iter().map(new).collect();
+        self.look_at(0, &mut looked.iter_mut().collect::<Vec<_>>());
+        let mut several: Vec<_> = looked.iter_mut().filter(|l| l.found.len() > 1).collect();
+        self.look_at(FIRST, &mut several);
         looked
     }
 
-    /// Casts rays through these points of a pixel.
-    fn look_at(&self, pixel: usize, points: Range<usize>, looked: &mut Looked) {
-        let (column, row) = ((pixel % self.size.0) as f64, (pixel / self.size.0) as f64);
-        let ray = |point: usize| {
-            let (x, y) = place_of(point);
-            self.ray(column + f64::from(x), row + f64::from(y))
-        };
-        let rays: [(Ray, f32); FIRST] = std::array::from_fn(|number| ray(points.start + number));
-        let mut hits = [None; FIRST];
-        self.raycaster.nearest_tile(&rays.map(|(ray, _)| ray), &mut hits);
-        let follower = self.follower();
-        for ((point, (ray, before)), hit) in points.zip(rays).zip(hits) {
-            let shown = hit.map_or(self.nothing(), |hit| {
-                if follower.is_pane(hit) {
-                    looked.at_panes += 1;
-                    let mirrored =
-                        || follower.follow(ray, hit, AtPanes::ReflectFirst).farther(before);
-                    looked.in_pane.get_or_insert_with(mirrored);
-                }
-                follower.follow(ray, hit, AtPanes::Pass).farther(before)
-            });
-            let width = match &shown {
-                Shown::Surface(end) => self.pixel_width(end.length),
-                Shown::Sky(_) | Shown::Unknown => 0.0,
-            };
-            looked.add(shown, place_of(point), width);
+    /// Casts [`FIRST`] rays through each of these pixels, from this point on.
+    fn look_at(&self, first: usize, looked: &mut [&mut Looked]) {
+        let mut rays = [Ray::new(Vec3::ZERO, Vec3::ZERO); MAX_TILE];
+        let mut befores = [0.0; MAX_TILE];
+        let mut hits = [None; MAX_TILE];
+        let used = looked.len() * FIRST;
+        for (number, (ray, before)) in rays.iter_mut().zip(&mut befores).take(used).enumerate() {
+            let pixel = looked[number / FIRST].pixel;
+            let (column, row) = ((pixel % self.size.0) as f64, (pixel / self.size.0) as f64);
+            let (x, y) = place_of(first + number % FIRST);
+            (*ray, *before) = self.ray(column + f64::from(x), row + f64::from(y));
         }
+        self.raycaster.nearest_tile(&rays[..used], &mut hits[..used]);
+        for number in 0..used {
+            let point = place_of(first + number % FIRST);
+            let looked = &mut looked[number / FIRST];
+            self.look_along(&rays[number], befores[number], hits[number], point, looked);
+        }
+    }
+
+    /// Adds what a ray shows that begins at this distance from the eye.
+    fn look_along(
+        &self,
+        ray: &Ray,
+        before: f32,
+        hit: Option<Hit>,
+        point: (f32, f32),
+        looked: &mut Looked,
+    ) {
+        let follower = self.follower();
+        let shown = hit.map_or(self.nothing(), |hit| {
+            if follower.is_pane(hit) {
+                looked.at_panes += 1;
+                let mirrored = || follower.follow(*ray, hit, AtPanes::ReflectFirst).farther(before);
+                looked.in_pane.get_or_insert_with(mirrored);
+            }
+            follower.follow(*ray, hit, AtPanes::Pass).farther(before)
+        });
+        let width = match &shown {
+            Shown::Surface(end) => self.pixel_width(end.length),
+            Shown::Sky(_) | Shown::Unknown => 0.0,
+        };
+        looked.add(shown, point, width);
     }
 }
 

@@ -51,18 +51,16 @@ impl Squares {
     pub fn filter(&self, sums: &[Sums]) -> Vec<Estimate> {
         let raw: Vec<Lit> = sums.par_iter().map(Lit::new).collect();
         let weights: Vec<Weights> = (0..SCALES).map(|scale| self.weights(1 << scale)).collect();
-        let widest = |lit: Vec<Lit>| {
-            (0..self.wide()).fold(lit, |lit, scale| self.widen(&lit, 1 << scale, &weights[scale]))
-        };
-        let usual = widest(raw.clone());
+        let usual = (0..self.wide())
+            .fold(raw.clone(), |lit, scale| self.widen(&lit, 1 << scale, &weights[scale]));
         let held: Vec<Lit> = raw
             .par_iter()
             .zip(&usual)
             .zip(sums)
             .map(|((raw, usual), sums)| hold_back(raw, usual, sums))
             .collect();
-        let wide = widest(held.clone());
-        let first = choose_all(&self.scales(&held, &weights), &wide, NOISE[0], &[]);
+        let mut scales = self.scales(held, &weights);
+        let first = choose_all(&scales, &scales[self.wide()], NOISE[0], &[]);
         let bright: Vec<f32> =
             first.par_iter().map(|e| luminance(e.light.to_array()).max(1.0).ln()).collect();
         let weights: Vec<Weights> = weights
@@ -70,7 +68,8 @@ impl Squares {
             .enumerate()
             .map(|(scale, weights)| self.weights_of_light(weights, 1 << scale, &bright))
             .collect();
-        let scales = self.scales(&held, &weights);
+        let wide = scales.swap_remove(self.wide());
+        let scales = self.scales(scales.swap_remove(0), &weights);
         let details = self.details(&scales, &weights, &wide);
         let mut lights = choose_all(&scales, &wide, NOISE[1], &details);
         for (light, first) in lights.iter_mut().zip(&first) {
@@ -95,9 +94,9 @@ impl Squares {
         }
     }
 
-    /// Returns the sums of all scales, the narrowest first.
-    fn scales(&self, lit: &[Lit], weights: &[Weights]) -> Vec<Vec<Lit>> {
-        let mut scales = vec![lit.to_vec()];
+    /// Returns the sums of all scales: first the narrowest, which are those of the squares.
+    fn scales(&self, of_squares: Vec<Lit>, weights: &[Weights]) -> Vec<Vec<Lit>> {
+        let mut scales = vec![of_squares];
         for (scale, weights) in weights.iter().enumerate() {
             scales.push(self.widen(&scales[scale], 1 << scale, weights));
         }
@@ -112,6 +111,9 @@ impl Squares {
             let own: Vec<Detail> =
                 pairs.map(|((narrow, wider), wide)| Detail::new(narrow, wider, wide)).collect();
             let at = |number: usize| {
+                if !self.seen[number].is_surface() {
+                    return Detail::default();
+                }
                 let around =
                     self.around(number, 1 << scale).into_iter().zip(weights[scale][number]);
                 let mut mean = own[number];
@@ -133,6 +135,9 @@ impl Squares {
     fn widen(&self, lit: &[Lit], distance: usize, weights: &[[f32; AROUND]]) -> Vec<Lit> {
         let at = |number: usize| {
             let mut wider = lit[number];
+            if !self.seen[number].is_surface() {
+                return wider;
+            }
             for (other, weight) in self.around(number, distance).into_iter().zip(weights[number]) {
                 if weight > 0.0 {
                     let more = &lit[other];
@@ -171,6 +176,9 @@ impl Squares {
     fn weights_of_light(&self, weights: &Weights, distance: usize, bright: &[f32]) -> Weights {
         let at = |number: usize| {
             let mut weights = weights[number];
+            if !self.seen[number].is_surface() {
+                return weights;
+            }
             for (weight, other) in weights.iter_mut().zip(self.around(number, distance)) {
                 let differ = (bright[number] - bright[other]) / DIFFERENT;
                 let same = (1.0 - differ * differ).max(0.0);

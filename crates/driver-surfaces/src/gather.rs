@@ -1,16 +1,17 @@
 //! Sums of a view's pixels: each sample on a surface that the view sees counts in one pixel, and in
-//! one more if a mirror shows it too. There are further sums for the surfaces that pixels on edges
-//! see beside their middle, and for what panes mirror.
+//! one more if a mirror shows it too. There are further sums for what panes mirror, and for the
+//! surfaces that pixels on edges see beside their middle. Panes that only such pixels see have none.
 //!
 //! Noise is therefore independent from pixel to pixel, which the last filter relies on.
 //!
-//! Invariant: which pixels a sample counts in is a function of the sample and the view.
+//! Invariant: which sums a sample counts in is a function of the sample, the view, and whether the
+//! view has looked into its edges.
 
 use crate::cell::{Face, Light, Sums};
 use crate::edges::{Edge, Piece};
 use crate::place::Placed;
 use crate::store::{Cube, Grid, Record, Store};
-use crate::view::{InPane, Seen, View};
+use crate::view::{Seen, View};
 use glam::{Mat3, Vec3};
 use holo_display::Camera;
 use rayon::prelude::*;
@@ -20,22 +21,54 @@ use std::ops::Range;
 /// Cubes whose samples are given to pixels together.
 const CUBES: usize = 16;
 
-/// Parts of the picture whose sums are made at the same time.
-const PARTS: usize = 4;
+/// Pixels whose surfaces are looked at together.
+const PIXELS: usize = 1 << 14;
 
-/// The sums of a view's pixels, then those of its pieces, then those of what panes mirror.
+/// Parts of the sums that are made at the same time.
+const PARTS: usize = 8;
+
+/// Sums whose numbers follow each other belong to one part.
+const STRIPE: usize = 1 << 12;
+
+/// The sums of a view's pixels, then those of what panes mirror, then those of its pieces.
 #[derive(Debug)]
 pub struct Gathered {
     sums: Vec<Sums>,
     pixels: usize,
-    pieces: usize,
+    panes: usize,
     owners: Owners,
+    /// Samples for which the pieces of pixels will be asked.
+    beside: Vec<Beside>,
 }
 
 /// A sample and the number of the sums that it counts in.
 struct Claim {
-    owner: usize,
+    owner: u32,
     light: Light,
+}
+
+/// A sample in the direction of a pixel on an edge that does not lie on what its middle sees.
+#[derive(Clone, Copy, Debug)]
+struct Beside {
+    pixel: usize,
+    point: Vec3,
+    face: Face,
+    light: Light,
+}
+
+/// The claims of some samples.
+#[derive(Default)]
+struct Claims {
+    /// By the part that their sums belong to.
+    parts: [Vec<Claim>; PARTS],
+    beside: Vec<Beside>,
+}
+
+impl Claims {
+    #[inline]
+    fn push(&mut self, owner: usize, light: Light) {
+        self.parts[owner / STRIPE % PARTS].push(Claim { owner: owner as u32, light });
+    }
 }
 
 impl Gathered {
@@ -43,24 +76,33 @@ impl Gathered {
     #[must_use]
     pub fn new(view: &View, store: &Store) -> Gathered {
         let owners = Owners::new(view, store.grid());
-        let (pixels, pieces) = (view.seen.len(), view.pieces.len());
-        let sums = vec![Sums::default(); pixels + pieces + view.in_panes.len()];
-        let mut gathered = Gathered { sums, pixels, pieces, owners };
+        let (pixels, panes) = (view.seen.len(), view.panes_of_middles);
+        let sums = vec![Sums::default(); pixels + panes];
+        let mut gathered = Gathered { sums, pixels, panes, owners, beside: Vec::new() };
         let cubes: Vec<Cube> = gathered.owners.cubes.iter().copied().collect();
-        let of_cubes = |cubes: &[Cube]| {
-            let mut claims = Vec::new();
-            for &cube in cubes {
-                let Some(bucket) = store.bucket(cube) else { continue };
-                let mirrored = gathered.owners.mirrors.get(&cube);
-                for record in &bucket.records {
-                    gathered.claim(view, (cube, record), mirrored, &mut claims);
-                }
+        gathered.take(view, store, &cubes);
+        if !view.edges.is_empty() {
+            gathered.look_into_edges(view, store);
+        }
+        gathered
+    }
+
+    /// Gathers the samples of the view's pieces, once it has looked into its edges.
+    pub fn look_into_edges(&mut self, view: &View, store: &Store) {
+        self.sums.truncate(self.pixels + self.panes);
+        self.sums.resize(self.pixels + self.panes + view.pieces.len(), Sums::default());
+        let new = self.owners.look_into_edges(view);
+        let beside = std::mem::take(&mut self.beside);
+        let claims = beside.par_chunks(4096).map(|samples| {
+            let mut claims = Claims::default();
+            for &Beside { pixel, point, face, light } in samples {
+                self.claim_piece(view, pixel, (point, face), light, &mut claims);
             }
             claims
-        };
-        let claims: Vec<Vec<Claim>> = cubes.par_chunks(CUBES).map(of_cubes).collect();
-        gathered.sum(&claims);
-        gathered
+        });
+        let claims = claims.collect();
+        self.sum(claims);
+        self.take(view, store, &new);
     }
 
     /// Returns how many samples count, those twice that a mirror shows too.
@@ -74,14 +116,14 @@ impl Gathered {
         &self.sums[..self.pixels]
     }
 
-    /// Returns the sums of all pieces of pixels on edges. Only those that are apart have samples.
-    pub(crate) fn pieces(&self) -> &[Sums] {
-        &self.sums[self.pixels..][..self.pieces]
+    /// Returns the sums of what panes mirror that the middles of pixels see.
+    pub(crate) fn in_panes(&self) -> &[Sums] {
+        &self.sums[self.pixels..][..self.panes]
     }
 
-    /// Returns the sums of all that panes mirror.
-    pub(crate) fn in_panes(&self) -> &[Sums] {
-        &self.sums[self.pixels + self.pieces..]
+    /// Returns the sums of all pieces of pixels on edges. Only those that are apart have samples.
+    pub(crate) fn pieces(&self) -> &[Sums] {
+        &self.sums[self.pixels + self.panes..]
     }
 
     /// Adds samples that have come since, for the same view. The sums are what
@@ -89,7 +131,7 @@ impl Gathered {
     pub fn add(&mut self, view: &View, placed: &[Placed]) {
         let grid = self.owners.grid;
         let of_samples = |samples: &[Placed]| {
-            let mut claims = Vec::new();
+            let mut claims = Claims::default();
             for sample in samples {
                 let (cube, record) = grid.record(sample);
                 if self.owners.cubes.contains(&cube) {
@@ -99,38 +141,85 @@ impl Gathered {
             }
             claims
         };
-        let claims: Vec<Vec<Claim>> = placed.par_chunks(4096).map(of_samples).collect();
-        self.sum(&claims);
+        let claims = placed.par_chunks(4096).map(of_samples).collect();
+        self.sum(claims);
     }
 
-    /// Appends the sums that a sample counts in.
+    /// Adds all samples of some cubes.
+    fn take(&mut self, view: &View, store: &Store, cubes: &[Cube]) {
+        let of_cubes = |cubes: &[Cube]| {
+            let mut claims = Claims::default();
+            for &cube in cubes {
+                let Some(bucket) = store.bucket(cube) else { continue };
+                let mirrored = self.owners.mirrors.get(&cube);
+                for record in &bucket.records {
+                    self.claim(view, (cube, record), mirrored, &mut claims);
+                }
+            }
+            claims
+        };
+        let claims = cubes.par_chunks(CUBES).map(of_cubes).collect();
+        self.sum(claims);
+    }
+
+    /// Adds the claims of a sample.
     #[inline]
     fn claim(
         &self,
         view: &View,
         (cube, record): (Cube, &Record),
         mirrored: Option<&Mirrored>,
-        claims: &mut Vec<Claim>,
+        claims: &mut Claims,
     ) {
-        let point = self.owners.grid.point(cube, record.key);
-        let face = record.key.face();
-        let straight = self.owners.straight(view, point, face);
-        let mirrored = mirrored.and_then(|m| m.owner(view, point, face, self.owners.grid.unit));
-        for owner in straight.into_iter().chain(mirrored) {
-            claims.push(Claim { owner, light: record.light });
+        let owners = &self.owners;
+        let (point, face) = (owners.grid.point(cube, record.key), record.key.face());
+        let light = record.light;
+        if let Some((pixel, is_near)) = owners.pixel(view, point) {
+            if is_near && owners.is_on(view, &view.seen[pixel], point, face) {
+                claims.push(pixel, light);
+            } else if owners.pieces.is_some() {
+                self.claim_piece(view, pixel, (point, face), light, claims);
+            } else if owners.on_edges[pixel] {
+                claims.beside.push(Beside { pixel, point, face, light });
+            }
+        }
+        let mirrored = mirrored.and_then(|m| m.owner(view, point, face, owners.grid.unit));
+        if let Some(owner) = mirrored {
+            claims.push(owner, light);
         }
     }
 
-    fn sum(&mut self, claims: &[Vec<Claim>]) {
-        let part = self.sums.len().div_ceil(PARTS).max(1);
-        self.sums.par_chunks_mut(part).enumerate().for_each(|(number, sums)| {
-            for claim in claims.iter().flatten() {
-                let at = claim.owner.wrapping_sub(number * part);
-                if let Some(sum) = sums.get_mut(at) {
-                    sum.add(&Sums::of(&claim.light));
-                }
+    /// Adds the claim of a sample in the direction of a pixel, if it lies on one of its pieces.
+    fn claim_piece(
+        &self,
+        view: &View,
+        pixel: usize,
+        (point, face): (Vec3, Face),
+        light: Light,
+        claims: &mut Claims,
+    ) {
+        let pieces = self.owners.pieces.as_ref().and_then(|pieces| pieces.get(&pixel));
+        let is_on = |piece: &usize| {
+            let Piece { seen, is_apart, .. } = &view.pieces[*piece];
+            *is_apart && self.owners.is_on(view, seen, point, face)
+        };
+        if let Some(piece) = pieces.and_then(|pieces| pieces.clone().find(is_on)) {
+            claims.push(self.pixels + self.panes + piece, light);
+        }
+    }
+
+    fn sum(&mut self, claims: Vec<Claims>) {
+        let mut stripes: [Vec<&mut [Sums]>; PARTS] = Default::default();
+        for (number, stripe) in self.sums.chunks_mut(STRIPE).enumerate() {
+            stripes[number % PARTS].push(stripe);
+        }
+        stripes.into_par_iter().enumerate().for_each(|(part, mut stripes)| {
+            for claim in claims.iter().flat_map(|claims| &claims.parts[part]) {
+                let owner = claim.owner as usize;
+                stripes[owner / STRIPE / PARTS][owner % STRIPE].add(&Sums::of(&claim.light));
             }
         });
+        self.beside.extend(claims.into_iter().flat_map(|claims| claims.beside));
     }
 }
 
@@ -139,7 +228,7 @@ impl Gathered {
 struct Gate {
     /// How far from the eye the pixel's surface is.
     distance: f32,
-    /// How far from that a sample may be; infinite if the pixel has pieces apart.
+    /// How far from that a sample may be.
     tolerance: f32,
 }
 
@@ -152,8 +241,11 @@ struct Owners {
     turn: Mat3,
     /// By pixel.
     gates: Vec<Gate>,
-    /// The numbers of the pieces of pixels that have any apart.
-    pieces: FxHashMap<usize, Range<usize>>,
+    /// By pixel: whether it lies on an edge.
+    on_edges: Vec<bool>,
+    /// The numbers of the pieces of pixels that have any apart. `None` until the view has looked
+    /// into its edges.
+    pieces: Option<FxHashMap<usize, Range<usize>>>,
     /// The cubes of all that is seen.
     cubes: FxHashSet<Cube>,
     /// What is seen in mirrors, by cube.
@@ -168,7 +260,16 @@ type InMirror = (usize, Seen);
 struct Mirrored {
     /// Width of a place, scene units.
     width: f32,
-    shown: FxHashMap<u64, Vec<InMirror>>,
+    /// What is shown of each place, in order of places.
+    shown: Vec<InMirror>,
+    places: FxHashMap<u64, Range<u32>>,
+}
+
+/// What some pixels see.
+#[derive(Default)]
+struct Found {
+    cubes: FxHashSet<Cube>,
+    in_mirrors: Vec<(Cube, InMirror)>,
 }
 
 impl Owners {
@@ -176,43 +277,32 @@ impl Owners {
         let (camera, eye) = view.camera();
         let rows = [camera.right, camera.up, camera.forward].map(|axis| axis.as_vec3());
         let turn = Mat3::from_cols(rows[0], rows[1], rows[2]).transpose();
+        let mut on_edges = vec![false; view.seen.len()];
+        view.on_edges().iter().for_each(|&pixel| on_edges[pixel] = true);
         let mut owners = Owners {
             grid,
             camera,
             eye: eye.as_vec3(),
             turn,
             gates: gates(view, eye.as_vec3(), grid.unit),
-            pieces: FxHashMap::default(),
+            on_edges,
+            pieces: None,
             cubes: FxHashSet::default(),
             mirrors: FxHashMap::default(),
         };
-        for Edge { pixel, pieces } in &view.edges {
-            let apart = view.pieces[pieces.clone()].iter().filter(|piece| piece.is_apart);
-            let cubes: Vec<Cube> = apart.map(|piece| grid.cube(piece.seen.point)).collect();
-            if !cubes.is_empty() {
-                owners.gates[*pixel].tolerance = f32::INFINITY;
-                owners.pieces.insert(*pixel, pieces.clone());
-                owners.cubes.extend(cubes);
-            }
-        }
+        let panes = view.in_panes[..view.panes_of_middles].iter().map(|pane| pane.seen);
+        let panes: Vec<Seen> = panes.collect();
         let mut in_mirrors: FxHashMap<Cube, Vec<InMirror>> = FxHashMap::default();
-        let mut last = None;
-        for (pixel, seen) in view.seen.iter().enumerate().filter(|(_, seen)| seen.is_surface()) {
-            let cube = grid.cube(seen.point);
-            if last != Some(cube) {
-                owners.cubes.insert(cube);
-                last = Some(cube);
-            }
-            if view.way(seen).is_mirrored {
-                in_mirrors.entry(cube).or_default().push((pixel, *seen));
-            }
-        }
-        let first = view.seen.len() + view.pieces.len();
-        for (number, InPane { seen, .. }) in view.in_panes.iter().enumerate() {
-            if seen.is_surface() {
-                let cube = grid.cube(seen.point);
-                owners.cubes.insert(cube);
-                in_mirrors.entry(cube).or_default().push((first + number, *seen));
+        for (first, seen, is_pane) in [(0, &view.seen, false), (view.seen.len(), &panes, true)] {
+            let found = |(part, seen): (usize, &[Seen])| {
+                Found::new(view, grid, first + part * PIXELS, seen, is_pane)
+            };
+            let found: Vec<Found> = seen.par_chunks(PIXELS).enumerate().map(found).collect();
+            for found in found {
+                owners.cubes.extend(found.cubes);
+                for (cube, shown) in found.in_mirrors {
+                    in_mirrors.entry(cube).or_default().push(shown);
+                }
             }
         }
         let mirrors = in_mirrors.into_par_iter();
@@ -221,9 +311,27 @@ impl Owners {
         owners
     }
 
-    /// Returns which sums a sample counts in: those of the pixel in its direction, or of a piece of it.
+    /// Takes the pieces of a view that has looked into its edges. Returns the cubes that only they
+    /// see.
+    fn look_into_edges(&mut self, view: &View) -> Vec<Cube> {
+        let mut all = FxHashMap::default();
+        let mut new = Vec::new();
+        for Edge { pixel, pieces } in &view.edges {
+            let apart = || view.pieces[pieces.clone()].iter().filter(|piece| piece.is_apart);
+            if apart().next().is_some() {
+                all.insert(*pixel, pieces.clone());
+            }
+            let cubes = apart().map(|piece| self.grid.cube(piece.seen.point));
+            new.extend(cubes.filter(|cube| self.cubes.insert(*cube)));
+        }
+        self.pieces = Some(all);
+        new
+    }
+
+    /// Returns the pixel in whose direction a point lies, and whether it lies about as far from the
+    /// eye as what the pixel sees.
     #[inline]
-    fn straight(&self, view: &View, point: Vec3, face: Face) -> Option<usize> {
+    fn pixel(&self, view: &View, point: Vec3) -> Option<(usize, bool)> {
         let from_eye = self.turn * (point - self.eye);
         let (x, y) = self.camera.pixel(from_eye)?;
         if !(x >= 0.0 && y >= 0.0 && x < view.size.0 as f32 && y < view.size.1 as f32) {
@@ -231,66 +339,79 @@ impl Owners {
         }
         let pixel = y as usize * view.size.0 + x as usize;
         let gate = &self.gates[pixel];
-        if (from_eye.length() - gate.distance).abs() > gate.tolerance {
-            return None;
+        Some((pixel, (from_eye.length() - gate.distance).abs() <= gate.tolerance))
+    }
+
+    /// Returns whether samples at a point, on a face, show the light of a surface that is seen in
+    /// no mirror.
+    #[inline]
+    fn is_on(&self, view: &View, seen: &Seen, point: Vec3, face: Face) -> bool {
+        let way = view.way(seen);
+        seen.away(point, self.grid.unit).is_some()
+            && face.serves(seen.normal, seen.material, way.direction)
+            && !way.is_mirrored
+    }
+}
+
+impl Found {
+    /// Returns what these pixels see, the sums of the first of which have the number `first`.
+    fn new(view: &View, grid: Grid, first: usize, seen: &[Seen], are_panes: bool) -> Found {
+        let mut found = Found::default();
+        let mut last = None;
+        for (owner, seen) in (first..).zip(seen).filter(|(_, seen)| seen.is_surface()) {
+            let cube = grid.cube(seen.point);
+            if last != Some(cube) {
+                found.cubes.insert(cube);
+                last = Some(cube);
+            }
+            if are_panes || view.way(seen).is_mirrored {
+                found.in_mirrors.push((cube, (owner, *seen)));
+            }
         }
-        let is_on = |seen: &Seen| {
-            let way = view.way(seen);
-            seen.away(point, self.grid.unit).is_some()
-                && face.serves(seen.normal, seen.material, way.direction)
-                && !way.is_mirrored
-        };
-        if is_on(&view.seen[pixel]) {
-            return Some(pixel);
-        }
-        if gate.tolerance < f32::INFINITY {
-            return None;
-        }
-        let serves = |piece: &Piece| piece.is_apart && is_on(&piece.seen);
-        let mut pieces = self.pieces.get(&pixel)?.clone();
-        pieces.find(|&piece| serves(&view.pieces[piece])).map(|piece| view.seen.len() + piece)
+        found
     }
 }
 
 impl Mirrored {
     fn new(all: &[InMirror], grid: Grid) -> Mirrored {
         let widest = all.iter().map(|(_, seen)| seen.width).fold(grid.unit, f32::max);
-        let mut mirrored = Mirrored { width: 2.0 * widest, shown: FxHashMap::default() };
-        for &(owner, seen) in all {
-            let point = seen.point;
-            let mut places: Vec<u64> = (0..8)
-                .map(|corner| {
-                    let side = [corner & 1, corner >> 1 & 1, corner >> 2];
-                    let side = Vec3::from_array(side.map(|bit| bit as f32 - 0.5));
-                    mirrored.place(point + side * mirrored.width)
-                })
-                .collect();
-            places.sort_unstable();
-            places.dedup();
-            for place in places {
-                mirrored.shown.entry(place).or_default().push((owner, seen));
+        let width = 2.0 * widest;
+        let mut at_places: Vec<(u64, u32)> = Vec::with_capacity(8 * all.len());
+        for (number, (_, seen)) in all.iter().enumerate() {
+            for corner in 0..8 {
+                let side = [corner & 1, corner >> 1 & 1, corner >> 2];
+                let side = Vec3::from_array(side.map(|bit| bit as f32 - 0.5));
+                at_places.push((place(seen.point + side * width, width), number as u32));
             }
         }
-        mirrored
-    }
-
-    #[inline]
-    fn place(&self, point: Vec3) -> u64 {
-        let [x, y, z] =
-            (point / self.width).to_array().map(|c| c.floor() as i64 as u64 & 0x1f_ffff);
-        x << 42 | y << 21 | z
+        at_places.sort_unstable();
+        at_places.dedup();
+        let mut places: FxHashMap<u64, Range<u32>> = FxHashMap::default();
+        for (at, &(place, _)) in (0..).zip(&at_places) {
+            places.entry(place).or_insert(at..at).end = at + 1;
+        }
+        let shown = at_places.iter().map(|&(_, number)| all[number as usize]).collect();
+        Mirrored { width, shown, places }
     }
 
     /// Returns the sums that a sample counts in.
     fn owner(&self, view: &View, point: Vec3, face: Face, unit: f32) -> Option<usize> {
-        let candidates = self.shown.get(&self.place(point))?;
-        let nearest = candidates.iter().filter_map(|&(owner, seen)| {
-            let serves = face.serves(seen.normal, seen.material, view.way(&seen).direction);
-            let away = seen.away(point, unit)?;
-            (serves && away < seen.width + 2.0 * unit).then_some((away, owner))
-        });
+        let Range { start, end } = *self.places.get(&place(point, self.width))?;
+        let nearest =
+            self.shown[start as usize..end as usize].iter().filter_map(|(owner, seen)| {
+                let serves = face.serves(seen.normal, seen.material, view.way(seen).direction);
+                let away = seen.away(point, unit)?;
+                (serves && away < seen.width + 2.0 * unit).then_some((away, *owner))
+            });
         nearest.min_by(|(a, i), (b, j)| a.total_cmp(b).then(i.cmp(j))).map(|(_, owner)| owner)
     }
+}
+
+/// Returns the number of the place of this width that a point lies in.
+#[inline]
+fn place(point: Vec3, width: f32) -> u64 {
+    let [x, y, z] = (point / width).to_array().map(|c| c.floor() as i64 as u64 & 0x1f_ffff);
+    x << 42 | y << 21 | z
 }
 
 /// Returns the gates of all pixels.

@@ -12,7 +12,7 @@ use holo_picture::View as Eye;
 use holo_raycast::{Hit, MAX_TILE, Ray, Raycaster};
 use holo_scene::Rgb;
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// The side of a tile of pixels whose rays are cast together.
 const SIDE: usize = 8;
@@ -84,8 +84,12 @@ pub struct View {
     pub seen: Vec<Seen>,
     /// All ways, by number. The first one is not used.
     pub ways: Vec<Way>,
-    /// What pixels see mirrored in panes.
+    /// What pixels see mirrored in panes: first those whose middle sees a pane.
     pub in_panes: Vec<InPane>,
+    /// How many pixels' middles see a pane.
+    pub(crate) panes_of_middles: usize,
+    /// See [`on_edges`](Self::on_edges).
+    pub(crate) on_edges: OnceLock<Vec<usize>>,
     /// Pixels that see several things. Empty before [`look_into_edges`](Self::look_into_edges).
     pub edges: Vec<Edge>,
     /// What these pixels see.
@@ -170,6 +174,8 @@ impl View {
             seen: Vec::new(),
             ways: vec![Way::PLAIN],
             in_panes: Vec::new(),
+            panes_of_middles: 0,
+            on_edges: OnceLock::new(),
             edges: Vec::new(),
             pieces: Vec::new(),
         };
@@ -181,6 +187,7 @@ impl View {
             .collect();
         view.seen = seen;
         view.follow_special(&special);
+        view.panes_of_middles = view.in_panes.len();
         view
     }
 
