@@ -17,7 +17,7 @@ use crate::{
     crew::{Crew, WorkerArgs},
     prepare::{self, SMALL_CACHE},
     scene_args::{SceneArgs, Usage},
-    worker::{NICE, NICE_WHILE_WALKING},
+    worker::NICE_BESIDE_DISPLAY,
 };
 
 /// How a session is shown and followed.
@@ -265,8 +265,7 @@ impl LiveSession {
         }
         let shutdown = Shutdown::new();
         shutdown.on_signals(false)?;
-        let nice = if self.front_end.walks() { NICE_WHILE_WALKING } else { NICE };
-        let (threads, quiet) = (self.threads, self.quiet);
+        let (threads, nice, quiet) = (self.threads, NICE_BESIDE_DISPLAY, self.quiet);
         let mut crew =
             Crew::start(self.file, arguments, WorkerArgs { threads, nice, quiet }).await?;
         let (sender, ready) = oneshot::channel();

@@ -25,9 +25,9 @@ use crate::processes::{Process, relay};
 /// How much local workers give way to other programs.
 pub const NICE: u8 = 5;
 
-/// How much they give way while somebody walks: drawing and encoding get nine tenths of a core for
-/// which both compete. More would starve workers beside a busy program.
-pub const NICE_WHILE_WALKING: u8 = 10;
+/// How much they give way to a display: drawing and encoding get nine tenths of a core for which
+/// both compete. More would starve workers beside a busy program.
+pub const NICE_BESIDE_DISPLAY: u8 = 10;
 
 /// A worker that traced for less than this died quickly: its next life may be as short.
 const QUICK: Duration = Duration::from_secs(10);

@@ -145,7 +145,12 @@ impl Session {
             rays_asked: since,
         });
         self.ask_rays()?;
-        if self.driver.knows_depth() { self.see_nearest() } else { Ok(()) }
+        if self.driver.knows_depth() {
+            self.see_nearest()?;
+            // What is seen is known already, so the search needs no sample.
+            self.stored_sent(false)?;
+        }
+        Ok(())
     }
 
     /// Shows a view while samples of the one before still arrive.
