@@ -10,7 +10,10 @@ use holo_proto::{
 };
 use tokio::{net::TcpStream, time::timeout};
 
-use crate::{HANDSHAKE_TIME, Inbox, NetError, Outbox, inbox::FrameReader};
+use crate::{
+    HANDSHAKE_TIME, Inbox, NetError, Outbox,
+    inbox::{FROM_A_PEER, FROM_THE_SERVER, FrameReader},
+};
 
 /// Connects to a server and is taken by it in `role`.
 ///
@@ -30,7 +33,8 @@ pub async fn connect(
         }
         match Control::decode(&reader.frame_of(Kind::Control).await?)? {
             Control::Welcome(welcome) => {
-                Ok((Inbox::start(reader, outbox.downgrade()), outbox, *welcome))
+                let inbox = Inbox::start(reader, outbox.downgrade(), FROM_THE_SERVER);
+                Ok((inbox, outbox, *welcome))
             }
             _ => Err(ProtoError::NotHolodeck.into()),
         }
@@ -57,7 +61,7 @@ pub async fn accept(stream: TcpStream) -> Result<(Inbox, Outbox, Hello), NetErro
         }
     };
     let hello = timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
-    Ok((Inbox::start(reader, outbox.downgrade()), outbox, hello))
+    Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello))
 }
 
 /// Takes whoever has connected, says what the holodeck is, and pings it from now on.

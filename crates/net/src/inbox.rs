@@ -15,20 +15,28 @@ use tokio::{
 
 use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox};
 
+/// Messages that a server reads before they are taken. A peer that sends more waits.
+pub(crate) const FROM_A_PEER: usize = 1;
+
+/// Messages that others read before they are taken: as many as come. A display that prepares a
+/// scene for a minute must go on answering pings, and its server sends no more than it reads.
+pub(crate) const FROM_THE_SERVER: usize = usize::MAX >> 4;
+
 /// The receiving half: messages that a task has read from the socket.
 ///
 /// The task answers the other side's keep-alive pings at once. So a process that builds a scene
 /// for a minute still shows that it lives. Dropping the inbox ends the task.
 #[derive(Debug)]
 pub struct Inbox {
-    messages: mpsc::UnboundedReceiver<Result<Message, NetError>>,
+    messages: mpsc::Receiver<Result<Message, NetError>>,
     task: AbortHandle,
 }
 
 impl Inbox {
-    /// Starts the task. It answers pings through `outbox`, which it does not keep open.
-    pub(crate) fn start(reader: FrameReader, outbox: WeakOutbox) -> Inbox {
-        let (sender, messages) = mpsc::unbounded_channel();
+    /// Starts the task. It answers pings through `outbox`, which it does not keep open. It reads at
+    /// most `ahead` messages before they are taken.
+    pub(crate) fn start(reader: FrameReader, outbox: WeakOutbox, ahead: usize) -> Inbox {
+        let (sender, messages) = mpsc::channel(ahead);
         let task = tokio::spawn(read(reader, outbox, sender)).abort_handle();
         Inbox { messages, task }
     }
@@ -53,7 +61,7 @@ impl Drop for Inbox {
 async fn read(
     mut reader: FrameReader,
     outbox: WeakOutbox,
-    messages: mpsc::UnboundedSender<Result<Message, NetError>>,
+    messages: mpsc::Sender<Result<Message, NetError>>,
 ) {
     loop {
         let message = reader.message().await;
@@ -70,7 +78,7 @@ async fn read(
             _ => {}
         }
         let over = message.is_err();
-        if messages.send(message).is_err() || over {
+        if messages.send(message).await.is_err() || over {
             return;
         }
     }

@@ -2,6 +2,8 @@
 //!
 //! Displays take turns. A display's live rays and its beams share what is traced for it.
 
+use std::time::{Duration, Instant};
+
 use holo_proto::bulk::Packet;
 use holo_section::{BeamKey, RayCoords, SampleKind, Viewpoint};
 
@@ -19,6 +21,9 @@ const DISPLAY_QUEUE_BYTES: usize = 32 << 20;
 /// Packets in one message to a worker: half a megabyte, far below a frame's limit.
 const PACKETS_PER_MESSAGE: usize = 16_384;
 
+/// How often overdue packets are looked for.
+const OVERDUE_EVERY: Duration = Duration::from_millis(250);
+
 /// One piece of work for a worker.
 enum Work {
     /// A packet whose samples are stored.
@@ -34,18 +39,50 @@ impl Coordinator {
             return;
         }
         let mut left = self.samples_left();
-        let hungry: Vec<_> =
-            self.workers.iter().map(|(&id, worker)| (id, worker.hunger())).collect();
-        for (id, hunger) in hungry {
-            let (packets, live) = self.pick(hunger, &mut left);
+        let now = Instant::now();
+        let hungry: Vec<_> = self
+            .workers
+            .iter()
+            .map(|(&id, worker)| (id, worker.hunger(), worker.room().min(PACKETS_PER_MESSAGE)))
+            .collect();
+        for (id, hunger, room) in hungry {
+            let (packets, live) = self.pick(hunger, room, &mut left);
             let Some(worker) = self.workers.get_mut(&id) else { continue };
             if !live.is_empty() {
-                worker.assign_live(live);
+                worker.assign_live(live, now);
             }
             if !packets.is_empty() {
-                worker.assign(packets);
+                worker.assign(packets, now);
             }
         }
+    }
+
+    /// Takes overdue packets away from workers, so that others get them.
+    pub(super) fn take_overdue(&mut self) {
+        let now = Instant::now();
+        if now - self.last_overdue < OVERDUE_EVERY {
+            return;
+        }
+        self.last_overdue = now;
+        let mut lives = Vec::new();
+        for worker in self.workers.values_mut() {
+            let (packets, live) = worker.take_overdue(now, || {
+                self.last_packet += 1;
+                self.last_packet
+            });
+            let count = packets.len() + live.len();
+            if count > 0 {
+                let name = &worker.name;
+                self.progress.say(&format!(
+                    "{name} has not returned {count} packets in time: others may trace them"
+                ));
+            }
+            self.lost.extend(packets.into_iter().map(|lost| (lost.packet.id, lost)));
+            lives.extend(live);
+        }
+        self.live_again(lives);
+        self.forget_stale();
+        self.try_settle();
     }
 
     /// Returns how many more samples may be dealt. What is under way counts for the goal, so that
@@ -56,12 +93,17 @@ impl Coordinator {
         goal.map_or(f64::INFINITY, |goal| goal as f64 - self.progress.traced() as f64 - under_way)
     }
 
-    /// Takes work worth `hunger` rays, and takes its samples off `left`.
-    fn pick(&mut self, hunger: f64, left: &mut f64) -> (Vec<Assignment>, Vec<LiveAssignment>) {
+    /// Takes work worth `hunger` rays, at most `room` packets, and takes its samples off `left`.
+    fn pick(
+        &mut self,
+        hunger: f64,
+        room: usize,
+        left: &mut f64,
+    ) -> (Vec<Assignment>, Vec<LiveAssignment>) {
         let usual = self.holodeck.about.settings.paths_per_sample;
         let (mut packets, mut live) = (Vec::new(), Vec::new());
         let mut work = 0.0;
-        while work < hunger && *left > 0.0 && packets.len().max(live.len()) < PACKETS_PER_MESSAGE {
+        while work < hunger && *left > 0.0 && packets.len() + live.len() < room {
             match self.next_work() {
                 Some(Work::Packet(assignment)) => {
                     work += assignment.work(usual);
@@ -80,7 +122,7 @@ impl Coordinator {
 
     /// Returns the most urgent piece of work. At the end, that is only what lost workers had.
     fn next_work(&mut self) -> Option<Work> {
-        if let Some(assignment) = self.lost.pop_front() {
+        if let Some((_, assignment)) = self.lost.pop_first() {
             return Some(Work::Packet(assignment));
         }
         if self.schedule.is_ending() {

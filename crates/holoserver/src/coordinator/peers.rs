@@ -42,10 +42,14 @@ impl Coordinator {
     pub(super) fn leave(&mut self, id: ConnectionId, reason: Option<String>) {
         let reason = reason.unwrap_or_else(|| "it closed its connection".into());
         self.listeners.remove(&id);
+        if let Some(mailbox) = self.mailboxes.remove(&id) {
+            mailbox.close();
+        }
         if let Some(mut worker) = self.workers.remove(&id) {
             self.progress.say(&format!("{} left: {reason}", worker.name));
-            self.live_again(&mut worker);
-            self.lost.extend(worker.into_assignments());
+            self.live_again(worker.take_live());
+            let lost = worker.into_assignments();
+            self.lost.extend(lost.map(|assignment| (assignment.packet.id, assignment)));
         }
         if let Some(display) = self.displays.remove(&id) {
             self.progress.say(&format!("{} left: {reason}", display.name));

@@ -1,6 +1,9 @@
 //! What workers send back: stored once, and passed on to whoever looks at it.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    time::Instant,
+};
 
 use anyhow::{Context, Result, ensure};
 use holo_beamfile::Error as FileError;
@@ -15,7 +18,7 @@ use crate::{
     better,
     events::ConnectionId,
     recall::send_unseen,
-    workers::{Assignment, ResultsError},
+    workers::{Assignment, Finished, ResultsError},
 };
 
 impl Coordinator {
@@ -42,12 +45,19 @@ impl Coordinator {
         outgoing: &mut BTreeMap<ConnectionId, Samples>,
     ) -> Result<()> {
         let usual = self.holodeck.about.settings.paths_per_sample;
+        let now = Instant::now();
         let mut rest = results.samples.as_slice();
         for traced in &results.packets {
             let Some(worker) = self.workers.get_mut(&id) else { return Ok(()) };
-            let assignment = worker.finish(traced)?;
             let (samples, after) = rest.split_at(traced.count as usize);
             rest = after;
+            let finished = worker.finish(traced, now)?;
+            let Some(assignment) = self.still_open(finished) else { continue };
+            if assignment.packet.count as usize != samples.len() {
+                let asked = assignment.packet.count;
+                self.lost.insert(assignment.packet.id, assignment);
+                return Err(ResultsError::Count { found: traced.count, asked }.into());
+            }
             let is_better = assignment.packet.paths > usual;
             let stored = match is_better {
                 true => self.store_better(&assignment, samples),
@@ -57,7 +67,7 @@ impl Coordinator {
                 Ok(()) => {}
                 Err(FileError::NotWritten { .. }) => {
                     // A full disk, and no memory left. It is traced again when there is room.
-                    self.lost.push_back(assignment);
+                    self.lost.insert(assignment.packet.id, assignment);
                     continue;
                 }
                 Err(error) => return Err(error.into()),
@@ -71,11 +81,20 @@ impl Coordinator {
         Ok(())
     }
 
+    /// Returns the packet whose results have come; `None` if they are too late, because another
+    /// worker has the packet or has traced it, or nobody wants it any more.
+    fn still_open(&mut self, finished: Finished<Assignment>) -> Option<Assignment> {
+        match finished {
+            Finished::InTime(assignment) => Some(assignment),
+            Finished::Late(renamed) => self.lost.remove(&renamed?),
+        }
+    }
+
     /// Remembers beams that a worker found to see nothing, and tells displays that look at them.
     fn take_unseen(&mut self, id: ConnectionId, packets: &[u64]) -> Result<()> {
         let mut outgoing: BTreeMap<ConnectionId, BTreeSet<_>> = BTreeMap::new();
         let taken = packets.iter().try_for_each(|&packet| {
-            let key = self.finish_unseen(id, packet)?;
+            let Some(key) = self.finish_unseen(id, packet)? else { return Ok(()) };
             self.holodeck.unseen_mut().insert(key);
             for (&display, _) in self.displays.iter().filter(|(_, display)| display.looks_at(key)) {
                 // Several packets of one beam may have been under way.
@@ -93,12 +112,13 @@ impl Coordinator {
         taken
     }
 
-    fn finish_unseen(&mut self, id: ConnectionId, packet: u64) -> Result<BeamKey> {
+    fn finish_unseen(&mut self, id: ConnectionId, packet: u64) -> Result<Option<BeamKey>> {
         ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
         let worker = self.workers.get_mut(&id).context("it has left")?;
-        let assignment = worker.finish_unseen(packet)?;
+        let finished = worker.finish_unseen(packet, Instant::now())?;
+        let Some(assignment) = self.still_open(finished) else { return Ok(None) };
         self.finish_packet(&assignment);
-        Ok(assignment.key())
+        Ok(Some(assignment.key()))
     }
 
     /// Takes note that a packet's results have come, whatever they are.
