@@ -9,10 +9,11 @@
 //! - A packet's samples are stored once, whoever traces it and however often.
 //! - A display gets every sample of its view's beams, stored or traced, whatever it was traced for.
 //!   It also learns which of these beams see nothing.
-//! - No worker gets a packet of a beam that is known to see nothing.
+//! - No worker gets a packet of a beam that is known to see nothing, except to check that.
 //! - Live samples go to the display that asked for them, and nowhere else.
 //! - No better sample replaces one in a beam that a display looks at.
 
+mod checks;
 mod dealing;
 mod display;
 mod fill;
@@ -40,6 +41,7 @@ use holo_proto::control::{Control, Status};
 use crate::{
     allotment::Allotment,
     batch::BatchOrder,
+    claims::Claims,
     damage::DamageReport,
     events::{ConnectionId, Event},
     holodeck::Holodeck,
@@ -90,6 +92,9 @@ pub struct Coordinator {
     last_served: Option<ConnectionId>,
     /// Packets of lost workers, and overdue ones, by name.
     lost: BTreeMap<u64, Assignment>,
+    claims: Claims,
+    /// Packets that check claims and that nobody has yet, by name.
+    checks: BTreeMap<u64, Assignment>,
     allotment: Allotment,
     fill: Option<Fill>,
     last_packet: u64,
@@ -130,6 +135,8 @@ impl Coordinator {
             listeners: BTreeMap::new(),
             last_served: None,
             lost: BTreeMap::new(),
+            claims: Claims::default(),
+            checks: BTreeMap::new(),
             allotment: Allotment::default(),
             fill,
             last_packet: 0,

@@ -8,6 +8,7 @@
 mod allotment;
 mod batch;
 mod better;
+mod claims;
 mod coordinator;
 mod damage;
 mod events;

@@ -109,8 +109,7 @@ impl Wishes {
                 computed: u32::try_from(computed).unwrap_or(u32::MAX),
             })
             .collect();
-        let traced = beams.iter().zip(0..).filter(|(wish, _)| wish.weight >= LEAST_TRACED_WEIGHT);
-        let queue = traced.map(|(wish, index)| Reverse((wish.ratio(), index))).collect();
+        let queue = queue(&beams);
         let pixels: f64 = beams.iter().map(|wish| f64::from(wish.weight)).sum();
         let rays_left = (pixels * MAX_RAYS_PER_PIXEL) as u64;
         Wishes { view, viewpoint, beams, queue, rays: VecDeque::new(), rays_left, pixels }
@@ -165,6 +164,11 @@ impl Wishes {
         }
     }
 
+    /// Wants all beams again, because some that were thought unseen are not.
+    pub fn want_again(&mut self) {
+        self.queue = queue(&self.beams);
+    }
+
     /// Returns whether the view wants this beam.
     pub fn contains(&self, key: BeamKey) -> bool {
         self.beams.binary_search_by_key(&key, |wish| wish.key).is_ok()
@@ -199,6 +203,15 @@ impl Wishes {
         }
         Some((wish.key, count))
     }
+}
+
+/// Returns the beams that may get rays, the least filled first.
+fn queue(beams: &[Wish]) -> BinaryHeap<Reverse<(Ratio, u32)>> {
+    let may_get = |wish: &Wish| {
+        wish.weight >= LEAST_TRACED_WEIGHT && f64::from(wish.ratio().0) < MAX_RAYS_PER_PIXEL
+    };
+    let traced = beams.iter().zip(0..).filter(|(wish, _)| may_get(wish));
+    traced.map(|(wish, index)| Reverse((wish.ratio(), index))).collect()
 }
 
 impl Wish {

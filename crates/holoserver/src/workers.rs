@@ -16,7 +16,7 @@ use holo_proto::bulk::{LivePacket, LiveWork, Packet, Traced, Work};
 use holo_section::{BeamKey, Run, SampleKind, Viewpoint};
 use thiserror::Error;
 
-use crate::{events::ConnectionId, live::LiveAssignment, pace::Pace};
+use crate::{claims::Check, events::ConnectionId, live::LiveAssignment, pace::Pace};
 
 /// Work that a worker gets ahead. It is long enough that the worker never waits for the server, and
 /// short enough that a new view is traced at once (the paper allowed five seconds, §2.2).
@@ -46,9 +46,19 @@ pub struct Assignment {
     pub viewpoint: Option<Viewpoint>,
     /// The display whose view it serves, if any.
     pub display: Option<ConnectionId>,
+    /// What it checks, if its samples are for nothing else.
+    pub check: Option<Check>,
+    /// A worker that does not get it, unless there is no other.
+    pub not_for: Option<ConnectionId>,
 }
 
 impl Assignment {
+    /// Returns whether a worker may have it. `is_alone` says that there is no other worker.
+    pub fn is_for(&self, worker: ConnectionId, is_alone: bool) -> bool {
+        let is_party = |check: Check| check.claimer == worker || check.hitter == Some(worker);
+        !self.check.is_some_and(is_party) && (is_alone || self.not_for != Some(worker))
+    }
+
     /// Returns its beam.
     pub fn key(&self) -> BeamKey {
         self.packet.key
@@ -402,7 +412,13 @@ mod tests {
         let key = BeamKey { section: 0, beam: BeamId(0) };
         let packet =
             |id| Packet { id, key, first: 0, count: 21, paths: 1, viewpoint: None, rays: None };
-        let assignment = |&id| Assignment { packet: packet(id), viewpoint: None, display: None };
+        let assignment = |&id| Assignment {
+            packet: packet(id),
+            viewpoint: None,
+            display: None,
+            check: None,
+            not_for: None,
+        };
         worker.assign(names.iter().map(assignment).collect(), now);
         names
     }

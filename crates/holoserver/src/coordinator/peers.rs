@@ -48,8 +48,8 @@ impl Coordinator {
         if let Some(mut worker) = self.workers.remove(&id) {
             self.progress.say(&format!("{} left: {reason}", worker.name));
             self.live_again(worker.take_live());
-            let lost = worker.into_assignments();
-            self.lost.extend(lost.map(|assignment| (assignment.packet.id, assignment)));
+            self.lose(worker.into_assignments());
+            self.claims.left(id);
         }
         if let Some(display) = self.displays.remove(&id) {
             self.progress.say(&format!("{} left: {reason}", display.name));

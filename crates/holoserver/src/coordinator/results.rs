@@ -1,23 +1,19 @@
 //! What workers send back: stored once, and passed on to whoever looks at it.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    time::Instant,
-};
+use std::{collections::BTreeMap, time::Instant};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::Result;
 use holo_beamfile::Error as FileError;
 use holo_proto::{
     bulk::{Results, Samples, Source},
     frame::Kind,
 };
-use holo_section::{BeamKey, Run, Sample};
+use holo_section::{Run, Sample};
 
 use super::{Coordinator, display::is_looked_at};
 use crate::{
     better,
     events::ConnectionId,
-    recall::send_unseen,
     workers::{Assignment, Finished, ResultsError},
 };
 
@@ -55,8 +51,12 @@ impl Coordinator {
             let Some(assignment) = self.still_open(finished) else { continue };
             if assignment.packet.count as usize != samples.len() {
                 let asked = assignment.packet.count;
-                self.lost.insert(assignment.packet.id, assignment);
+                self.lose([assignment]);
                 return Err(ResultsError::Count { found: traced.count, asked }.into());
+            }
+            if let Some(check) = assignment.check {
+                self.check_traced(id, assignment.key(), check, samples)?;
+                continue;
             }
             let is_better = assignment.packet.paths > usual;
             let stored = match is_better {
@@ -67,7 +67,7 @@ impl Coordinator {
                 Ok(()) => {}
                 Err(FileError::NotWritten { .. }) => {
                     // A full disk, and no memory left. It is traced again when there is room.
-                    self.lost.insert(assignment.packet.id, assignment);
+                    self.lose([assignment]);
                     continue;
                 }
                 Err(error) => return Err(error.into()),
@@ -83,46 +83,18 @@ impl Coordinator {
 
     /// Returns the packet whose results have come; `None` if they are too late, because another
     /// worker has the packet or has traced it, or nobody wants it any more.
-    fn still_open(&mut self, finished: Finished<Assignment>) -> Option<Assignment> {
+    pub(super) fn still_open(&mut self, finished: Finished<Assignment>) -> Option<Assignment> {
         match finished {
             Finished::InTime(assignment) => Some(assignment),
-            Finished::Late(renamed) => self.lost.remove(&renamed?),
-        }
-    }
-
-    /// Remembers beams that a worker found to see nothing, and tells displays that look at them.
-    fn take_unseen(&mut self, id: ConnectionId, packets: &[u64]) -> Result<()> {
-        let mut outgoing: BTreeMap<ConnectionId, BTreeSet<_>> = BTreeMap::new();
-        let taken = packets.iter().try_for_each(|&packet| {
-            let Some(key) = self.finish_unseen(id, packet)? else { return Ok(()) };
-            self.holodeck.unseen_mut().insert(key);
-            for (&display, _) in self.displays.iter().filter(|(_, display)| display.looks_at(key)) {
-                // Several packets of one beam may have been under way.
-                outgoing.entry(display).or_default().insert(key);
-            }
-            Ok(())
-        });
-        // Even if a packet was refused, as with samples.
-        for (id, beams) in outgoing {
-            let display = self.displays.get(&id);
-            if let Some((display, wishes)) = display.and_then(|d| Some((d, d.wishes.as_ref()?))) {
-                send_unseen(&display.outbox, wishes.view, &Vec::from_iter(beams))?;
+            Finished::Late(renamed) => {
+                let renamed = renamed?;
+                self.lost.remove(&renamed).or_else(|| self.checks.remove(&renamed))
             }
         }
-        taken
-    }
-
-    fn finish_unseen(&mut self, id: ConnectionId, packet: u64) -> Result<Option<BeamKey>> {
-        ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
-        let worker = self.workers.get_mut(&id).context("it has left")?;
-        let finished = worker.finish_unseen(packet, Instant::now())?;
-        let Some(assignment) = self.still_open(finished) else { return Ok(None) };
-        self.finish_packet(&assignment);
-        Ok(Some(assignment.key()))
     }
 
     /// Takes note that a packet's results have come, whatever they are.
-    fn finish_packet(&mut self, assignment: &Assignment) {
+    pub(super) fn finish_packet(&mut self, assignment: &Assignment) {
         if let Some(fill) = self.fill.as_mut().filter(|_| assignment.display.is_none()) {
             fill.finish_packet();
         }

@@ -117,7 +117,8 @@ impl Coordinator {
             };
             let under_way = self.workers.values().any(|worker| {
                 worker.assignments().any(|assignment| {
-                    assignment.packet.id <= last && wishes.contains(assignment.key())
+                    let is_wanted = assignment.check.is_none() && wishes.contains(assignment.key());
+                    is_wanted && assignment.packet.id <= last
                 })
             });
             if under_way {
