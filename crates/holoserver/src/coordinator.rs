@@ -269,9 +269,9 @@ impl Coordinator {
     /// Handles an event. Only a failing disk is an error: the rest ends with the one who caused it.
     fn handle(&mut self, event: Event) -> Result<()> {
         match event {
-            Event::Joined { id, role, name, outbox, mailbox } => {
+            Event::Joined { id, hello, rights, outbox, mailbox } => {
                 self.mailboxes.insert(id, mailbox);
-                self.join(id, role, name, outbox);
+                self.join(id, hello, rights, outbox);
             }
             Event::Mail { id, mailbox } => {
                 let (mail, is_more) = mailbox.take();

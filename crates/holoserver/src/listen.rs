@@ -5,8 +5,8 @@ use std::{
     time::Duration,
 };
 
-use holo_net::{Inbox, NetError};
-use holo_proto::hello::Role;
+use holo_net::{Identity, Inbox, NetError, Outbox, Rights};
+use holo_proto::hello::{Hello, Role};
 use tokio::{
     net::{TcpListener, TcpStream},
     sync::Semaphore,
@@ -29,15 +29,23 @@ const LAST_WORDS: Duration = Duration::from_secs(1);
 
 /// What every connection needs.
 #[derive(Clone)]
-struct Shared {
+pub struct Shared {
     holodeck: Arc<Holodeck>,
     events: Sender<Event>,
     room: Arc<Semaphore>,
 }
 
-/// Takes connections until the task is dropped.
-pub async fn listen(listener: TcpListener, holodeck: Arc<Holodeck>, events: Sender<Event>) {
-    let shared = Shared { holodeck, events, room: Arc::new(Semaphore::new(MAX_CONNECTIONS)) };
+impl Shared {
+    /// Returns what connections to this holodeck need.
+    pub fn new(holodeck: Arc<Holodeck>, events: Sender<Event>) -> Shared {
+        Shared { holodeck, events, room: Arc::new(Semaphore::new(MAX_CONNECTIONS)) }
+    }
+}
+
+/// Takes connections until the task is dropped. With an identity, they are encrypted, and whoever
+/// connects must prove that it holds a token.
+pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: Shared) {
+    let identity = identity.map(Arc::new);
     let handshakes = Handshakes::default();
     loop {
         let Ok((stream, from)) = listener.accept().await else {
@@ -47,17 +55,35 @@ pub async fn listen(listener: TcpListener, holodeck: Arc<Holodeck>, events: Send
         };
         handshakes.begin(from.ip(), |number| {
             let (shared, handshakes) = (shared.clone(), handshakes.clone());
-            let finish = move || handshakes.finish(number);
-            tokio::spawn(async move { serve(stream, &shared, finish).await }).abort_handle()
+            let identity = identity.clone();
+            let task = async move {
+                let accepted = accept(stream, identity.as_deref()).await;
+                handshakes.finish(number);
+                if let Ok((inbox, outbox, hello, rights)) = accepted {
+                    serve(inbox, outbox, hello, rights, &shared).await;
+                }
+            };
+            tokio::spawn(task).abort_handle()
         });
     }
 }
 
-/// Serves one connection. Calls `finish` once it has said who it is, or will not.
-async fn serve(stream: TcpStream, shared: &Shared, finish: impl FnOnce()) {
-    let accepted = holo_net::accept(stream).await;
-    finish();
-    let Ok((inbox, outbox, hello)) = accepted else { return };
+/// Finds out who has connected, and what it may do.
+async fn accept(
+    stream: TcpStream,
+    identity: Option<&Identity>,
+) -> Result<(Inbox, Outbox, Hello, Rights), NetError> {
+    match identity {
+        Some(identity) => holo_net::accept_secure(stream, identity).await,
+        None => {
+            let (inbox, outbox, hello) = holo_net::accept(stream).await?;
+            Ok((inbox, outbox, hello, Rights::Admin))
+        }
+    }
+}
+
+/// Serves one connection.
+async fn serve(inbox: Inbox, outbox: Outbox, hello: Hello, rights: Rights, shared: &Shared) {
     let Shared { holodeck, events, room } = shared;
     let place = room.try_acquire();
     if let Some(reason) = refusal(holodeck, hello.role, place.is_err()) {
@@ -70,8 +96,7 @@ async fn serve(stream: TcpStream, shared: &Shared, finish: impl FnOnce()) {
     }
     let id = ConnectionId::next();
     let mailbox = Arc::new(Mailbox::new(hello.role));
-    let (role, name) = (hello.role, hello.name);
-    let joined = Event::Joined { id, role, name, outbox, mailbox: Arc::clone(&mailbox) };
+    let joined = Event::Joined { id, hello, rights, outbox, mailbox: Arc::clone(&mailbox) };
     if events.send(joined).is_ok() {
         deliver(id, inbox, &mailbox, events).await;
     }

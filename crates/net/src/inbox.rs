@@ -1,5 +1,7 @@
 //! The receiving half of a connection: a task reads the socket, whatever its owner is busy with.
 
+use std::io::ErrorKind;
+
 use holo_proto::{
     ProtoError,
     control::Control,
@@ -7,13 +9,12 @@ use holo_proto::{
 };
 use tokio::{
     io::{AsyncReadExt, BufReader},
-    net::tcp::OwnedReadHalf,
     sync::mpsc,
     task::AbortHandle,
     time::timeout,
 };
 
-use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox};
+use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox, tls::ReadHalf};
 
 /// Messages that a server reads before they are taken. A peer that sends more waits.
 pub(crate) const FROM_A_PEER: usize = 1;
@@ -85,13 +86,12 @@ async fn read(
 }
 
 /// Reads frames from a socket.
-#[derive(Debug)]
 pub(crate) struct FrameReader {
-    reader: BufReader<OwnedReadHalf>,
+    reader: BufReader<ReadHalf>,
 }
 
 impl FrameReader {
-    pub(crate) fn new(socket: OwnedReadHalf) -> FrameReader {
+    pub(crate) fn new(socket: ReadHalf) -> FrameReader {
         FrameReader { reader: BufReader::with_capacity(1 << 16, socket) }
     }
 
@@ -105,6 +105,19 @@ impl FrameReader {
             }
             Err(error) => Err(error),
         }
+    }
+
+    /// Reads a frame that must be of one of two kinds.
+    pub(crate) async fn frame_of_either(
+        &mut self,
+        one: Kind,
+        other: Kind,
+    ) -> Result<(Kind, Vec<u8>), NetError> {
+        let header = self.header().await?;
+        if header.kind != one && header.kind != other {
+            return Err(ProtoError::NotHolodeck.into());
+        }
+        Ok((header.kind, self.payload(header).await?))
     }
 
     async fn message(&mut self) -> Result<Message, NetError> {
@@ -129,8 +142,12 @@ impl FrameReader {
     /// sign of life.
     async fn fill(&mut self, mut room: &mut [u8]) -> Result<(), NetError> {
         while !room.is_empty() {
-            let read =
-                timeout(SILENCE, self.reader.read(room)).await.map_err(|_| NetError::Silent)??;
+            let read = timeout(SILENCE, self.reader.read(room)).await;
+            let read = match read.map_err(|_| NetError::Silent)? {
+                // An encrypted connection that ends without a farewell.
+                Err(error) if error.kind() == ErrorKind::UnexpectedEof => 0,
+                read => read?,
+            };
             if read == 0 {
                 return Err(NetError::Closed);
             }

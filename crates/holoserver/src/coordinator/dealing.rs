@@ -177,7 +177,8 @@ impl Coordinator {
             later.chain(self.displays.keys().filter(|id| !after(id))).copied().collect();
         for id in ids {
             let Some(display) = self.displays.get(&id) else { continue };
-            if display.settling.is_some() || display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES {
+            let is_behind = display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES;
+            if display.is_read_only || display.settling.is_some() || is_behind {
                 continue;
             }
             let work = if display.live.is_next() {

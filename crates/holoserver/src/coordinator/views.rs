@@ -140,6 +140,10 @@ impl Coordinator {
 
     /// Keeps a named view in the file. Writing waits for the disk, so a thread of its own does.
     pub(super) fn keep_view(&mut self, id: ConnectionId, name: String, options: String) {
+        if self.displays.get(&id).is_some_and(|display| display.is_read_only) {
+            let reason = "this display may only look: it keeps no views".to_owned();
+            return self.view_kept(id, Err(reason));
+        }
         let (holodeck, events) = (Arc::clone(&self.holodeck), self.events.clone());
         std::thread::spawn(move || {
             let kept = holodeck.keep_view(&name, &options);

@@ -4,7 +4,7 @@
 
 use std::{future::Future, net::SocketAddr, path::PathBuf, time::Duration};
 
-use holo_net::{Inbox, Message, NetError, Outbox, Shutdown};
+use holo_net::{Destination, Inbox, Invitation, Message, NetError, Outbox, Shutdown};
 use holo_proto::{
     bulk::{Packet, Results, Traced, Work},
     control::{Control, Engine, RenderSettings, Welcome},
@@ -12,7 +12,7 @@ use holo_proto::{
     hello::Role,
 };
 use holo_section::{BeamId, BeamKey, RayCoords, Sample, SectionSpec, ViewClass};
-use holo_server::{About, Config, Holodeck, Summary};
+use holo_server::{About, Config, Holodeck, Ready, Summary};
 use tokio::{sync::oneshot, task::JoinHandle, time::timeout};
 
 /// The limit of waits in real time. Only a hang reaches it.
@@ -74,18 +74,20 @@ impl Place {
         let mut config = Config::new(self.file());
         change(&mut config);
         let shutdown = Shutdown::new();
-        let (ready, address) = oneshot::channel();
-        let run = holo_server::run(config, shutdown.clone(), move |address| {
-            ready.send(address).unwrap();
+        let (sender, ready) = oneshot::channel();
+        let run = holo_server::run(config, shutdown.clone(), move |ready| {
+            sender.send(ready).unwrap();
         });
         let task = tokio::spawn(run);
-        Server { address: in_time(address).await.unwrap(), shutdown, task }
+        let Ready { address, invitation } = in_time(ready).await.unwrap();
+        Server { address, invitation, shutdown, task }
     }
 }
 
 /// A running server.
 pub struct Server {
     pub address: SocketAddr,
+    pub invitation: Option<Invitation>,
     pub shutdown: Shutdown,
     task: JoinHandle<anyhow::Result<Summary>>,
 }
@@ -111,8 +113,8 @@ pub struct Peer {
 }
 
 impl Peer {
-    pub async fn join(address: SocketAddr, role: Role) -> Peer {
-        let joined = in_time(holo_net::connect(address, role, "a test")).await;
+    pub async fn join(server: impl Into<Destination>, role: Role) -> Peer {
+        let joined = in_time(holo_net::connect(server, role, "a test")).await;
         let (inbox, outbox, welcome) = joined.expect("the server takes us");
         Peer { inbox, outbox, welcome }
     }
@@ -181,13 +183,16 @@ pub fn results<'a>(packets: impl IntoIterator<Item = &'a Packet>, hits: bool) ->
 }
 
 /// Joins as a worker whose rays all hit something, until the server says goodbye or goes.
-pub async fn work(address: SocketAddr) {
-    work_as(address, |work| results(&work.packets, true)).await;
+pub async fn work(server: impl Into<Destination>) {
+    work_as(server, |work| results(&work.packets, true)).await;
 }
 
 /// Joins as a worker that answers as `answer` says. Returns why the server ended the session.
-pub async fn work_as(address: SocketAddr, answer: impl Fn(&Work) -> Results) -> Option<String> {
-    let Peer { mut inbox, outbox, .. } = Peer::join(address, Role::Worker).await;
+pub async fn work_as(
+    server: impl Into<Destination>,
+    answer: impl Fn(&Work) -> Results,
+) -> Option<String> {
+    let Peer { mut inbox, outbox, .. } = Peer::join(server, Role::Worker).await;
     outbox.control(&Control::Ready { threads: 1 }).unwrap();
     loop {
         match inbox.next().await {
